@@ -1,0 +1,17 @@
+from setuptools import find_packages, setup
+
+PACKAGE = "crane_model"
+
+setup(
+    name=PACKAGE,
+    version="0.1.0",
+    license="Apache-2.0",
+    packages=find_packages(include=[PACKAGE, f"{PACKAGE}.*"]),
+    package_data={PACKAGE: ["data/*"]},
+    data_files=[
+        ("share/ament_index/resource_index/packages", [f"resource/{PACKAGE}"]),
+        (f"share/{PACKAGE}", ["package.xml"]),
+    ],
+    zip_safe=False,
+    entry_points={"console_scripts": []},
+)
