@@ -1,0 +1,81 @@
+"""Cylinders (17)-(27) on arrays: length, lever arm, and pressures to generalized forces and back."""
+
+import numpy as np
+
+from crane_model.errors import RangeError
+from crane_model.machine import JOINT_UNITS, JOINTS, PLANAR_JOINTS, Machine
+
+
+def cylinder_geometry(
+    machine: Machine, joint: str, q: np.ndarray
+) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+    """Length x [m], lever arm dx/dq and its derivative d2x/dq2 of one cylinder at q (n,).
+
+    Source: (20), (24). Raises `RangeError` where the linkage cannot be assembled or q is not
+    finite.
+    """
+    if joint not in JOINTS:
+        raise RangeError(f"no cylinder moves '{joint}'; the joints are {', '.join(JOINTS)}")
+    q = np.asarray(q, dtype=float)
+    flat = q.ravel()
+    values = machine.cylinder(joint, flat)
+    bad = ~np.isfinite(values).all(axis=1)
+    if bad.any():
+        limits = machine.limits[joint]
+        raise RangeError(
+            f"{joint}: the linkage cannot be assembled at q = {flat[bad][0]:.6g} "
+            f"{JOINT_UNITS[joint]}; its range is [{limits.position_min}, {limits.position_max}]"
+        )
+    length, lever, slope = values.T.reshape(3, *q.shape)
+    return length, lever, slope
+
+
+def cylinder_length(machine: Machine, joint: str, q: np.ndarray) -> np.ndarray:
+    """x(q) [m] of (20), (24); same shape as q."""
+    return cylinder_geometry(machine, joint, q)[0]
+
+
+def lever_arm(machine: Machine, joint: str, q: np.ndarray) -> np.ndarray:
+    """dx/dq of (18) [m/rad, or 1]; same shape as q; negative where extending lowers q."""
+    return cylinder_geometry(machine, joint, q)[1]
+
+
+def lever_arm_derivative(machine: Machine, joint: str, q: np.ndarray) -> np.ndarray:
+    """d2x/dq2 [m/rad2, or 0]; same shape as q."""
+    return cylinder_geometry(machine, joint, q)[2]
+
+
+def cylinder_force(
+    machine: Machine, joint: str, pressure_a: np.ndarray, pressure_b: np.ndarray
+) -> np.ndarray:
+    """F = A_A p_A - A_B p_B (19) [N] from chamber pressures [Pa]; positive extends."""
+    cylinder = machine.cylinders[joint]
+    return cylinder.area_a * np.asarray(pressure_a) - cylinder.area_b * np.asarray(pressure_b)
+
+
+def lever_arms(machine: Machine, q: np.ndarray) -> np.ndarray:
+    """(n, 3) planar coordinates to (n, 3) lever arms dx/dq."""
+    return np.stack(
+        [lever_arm(machine, joint, q[:, i]) for i, joint in enumerate(PLANAR_JOINTS)], axis=1
+    )
+
+
+def generalized_forces(
+    machine: Machine, q: np.ndarray, pressure_a: np.ndarray, pressure_b: np.ndarray
+) -> np.ndarray:
+    """(27): tau2, tau3 [N m], F4 [N] from planar coordinates and chamber pressures, each (n, 3)."""
+    forces = np.stack(
+        [
+            cylinder_force(machine, joint, pressure_a[:, i], pressure_b[:, i])
+            for i, joint in enumerate(PLANAR_JOINTS)
+        ],
+        axis=1,
+    )
+    return forces * lever_arms(machine, q)
+
+
+def cylinder_forces_from_generalized(
+    machine: Machine, q: np.ndarray, tau: np.ndarray
+) -> np.ndarray:
+    """Inverse of (27): (n, 3) generalized forces to (n, 3) cylinder forces [N]."""
+    return np.asarray(tau) / lever_arms(machine, q)

@@ -1,0 +1,180 @@
+"""Rigid-body dynamics (3)-(9) of the planar crane, linear in its inertial parameters.
+
+Directions phi = q2 + theta20 (inner boom) and psi = q2 + q3 (telescope axis), extension s = q4 and
+delta = psi - phi make the Lagrangian (3) linear in nine parameters:
+
+    L = 1/2 J_FL phi'^2 + 1/2 (J_SL + 2 s S_TL + m_TL s^2) psi'^2 + 1/2 m_TL s'^2 - N_TL psi' s'
+      + a2 phi' psi' [(S_SL + m_TL s) cos delta - N_SL sin delta] + a2 m_TL phi' s' sin delta
+      - g [S_FL sin phi + N_FL cos phi + (S_SL + m_TL s) sin psi + N_SL cos psi]
+
+with J an inertia about joint 2 or the elbow, S a mass moment along the link and N one normal to it:
+J_FL and S_FL include what the inner boom carries at the elbow, J_SL, S_SL, N_SL are those of outer
+boom, telescope and gripper together at q4 = 0, and m_TL, S_TL, N_TL those of telescope and gripper.
+With the centre of mass of telescope and gripper on the telescope's axis, N_TL = a3 m_TL and eight
+parameters are left: the base set.
+"""
+
+from typing import NamedTuple
+
+import numpy as np
+from numba import njit
+
+from crane_model.machine import Machine
+
+LAGRANGIAN_PARAMETERS = (
+    "J_FL",
+    "S_FL_along",
+    "S_FL_normal",
+    "J_SL",
+    "S_SL_along",
+    "S_SL_normal",
+    "m_TL",
+    "S_TL_along",
+    "S_TL_normal",
+)
+
+
+class Geometry(NamedTuple):
+    """The four constants that the planar dynamics need."""
+
+    theta_2_0: float
+    inner_boom_length: float
+    telescope_offset: float
+    gravity: float
+
+    @classmethod
+    def of(cls, machine: Machine) -> "Geometry":
+        """The constants of Table 1 that matter in the plane."""
+        dh = machine.denavit_hartenberg
+        return cls(dh.theta_2_0, dh.inner_boom_length, dh.telescope_offset, machine.gravity)
+
+
+@njit(cache=True)
+def _lagrangian_regressor(
+    q: np.ndarray, v: np.ndarray, acc: np.ndarray, theta: float, a: float, g: float
+) -> np.ndarray:
+    out = np.zeros((len(q), 3, 9))
+    for i in range(len(q)):
+        phi, psi, s = q[i, 0] + theta, q[i, 0] + q[i, 1], q[i, 2]
+        dphi, dpsi, ds = v[i, 0], v[i, 0] + v[i, 1], v[i, 2]
+        ddphi, ddpsi, dds = acc[i, 0], acc[i, 0] + acc[i, 1], acc[i, 2]
+        sin_d, cos_d = np.sin(psi - phi), np.cos(psi - phi)
+        sin_psi, cos_psi = np.sin(psi), np.cos(psi)
+        # Euler-Lagrange (4) in (phi, psi, s), parameter by parameter
+        phi_row, psi_row, s_row = np.zeros(9), np.zeros(9), np.zeros(9)
+        phi_row[0] = ddphi
+        phi_row[1] = g * np.cos(phi)
+        phi_row[2] = -g * np.sin(phi)
+        psi_row[3] = ddpsi
+        phi_row[4] = a * (ddpsi * cos_d - dpsi**2 * sin_d)
+        psi_row[4] = a * (ddphi * cos_d + dphi**2 * sin_d) + g * cos_psi
+        phi_row[5] = -a * (ddpsi * sin_d + dpsi**2 * cos_d)
+        psi_row[5] = -a * (ddphi * sin_d - dphi**2 * cos_d) - g * sin_psi
+        phi_row[6] = s * phi_row[4] + a * (2.0 * dpsi * ds * cos_d + dds * sin_d)
+        psi_row[6] = s * psi_row[4] + s**2 * ddpsi + 2.0 * s * ds * dpsi
+        s_row[6] = dds + a * (ddphi * sin_d - dphi**2 * cos_d) - s * dpsi**2 + g * sin_psi
+        psi_row[7] = 2.0 * (s * ddpsi + ds * dpsi)
+        s_row[7] = -(dpsi**2)
+        psi_row[8] = -dds
+        s_row[8] = -ddpsi
+        # virtual work: phi turns with q2 alone, psi with q2 and q3
+        out[i, 0] = phi_row + psi_row
+        out[i, 1] = psi_row
+        out[i, 2] = s_row
+    return out
+
+
+def lagrangian_regressor(
+    geometry: Geometry, q: np.ndarray, v: np.ndarray, acceleration: np.ndarray
+) -> np.ndarray:
+    """phi of (8) for the nine parameters: (n, 3) motion to (n, 3, 9); rows tau2, tau3, F4."""
+    theta, a, _, g = geometry
+    arrays = (np.ascontiguousarray(x, dtype=float) for x in (q, v, acceleration))
+    return _lagrangian_regressor(*arrays, theta, a, g)
+
+
+def mass_matrix(geometry: Geometry, parameters: np.ndarray, q: np.ndarray) -> np.ndarray:
+    """M(q) of (6): (n, 3) coordinates and the nine parameters to (n, 3, 3)."""
+    return _mass_matrix(geometry, parameters, q[:, 1], q[:, 2])
+
+
+def _mass_matrix(
+    geometry: Geometry, parameters: np.ndarray, q3: np.ndarray, q4: np.ndarray
+) -> np.ndarray:
+    j_fl, _, _, j_sl, s_sl, n_sl, m_tl, s_tl, n_tl = parameters
+    delta = q3 - geometry.theta_2_0
+    a, sin, cos = geometry.inner_boom_length, np.sin(delta), np.cos(delta)
+    phi_psi = a * ((s_sl + m_tl * q4) * cos - n_sl * sin)
+    psi_psi = j_sl + 2.0 * q4 * s_tl + m_tl * q4**2
+    phi_s = a * m_tl * sin
+    return _symmetric(
+        j_fl + 2.0 * phi_psi + psi_psi,
+        phi_psi + psi_psi,
+        phi_s - n_tl,
+        psi_psi,
+        np.full_like(q4, -n_tl),
+        np.full_like(q4, m_tl),
+    )
+
+
+def coriolis_matrix(
+    geometry: Geometry, parameters: np.ndarray, q: np.ndarray, v: np.ndarray
+) -> np.ndarray:
+    """C(q, v) of (6) by Christoffel symbols, so that dM/dt - 2C is skew: (n, 3) to (n, 3, 3)."""
+    _, _, _, _, s_sl, n_sl, m_tl, s_tl, _ = parameters
+    delta, q4 = q[:, 1] - geometry.theta_2_0, q[:, 2]
+    a, sin, cos = geometry.inner_boom_length, np.sin(delta), np.cos(delta)
+    zero = np.zeros_like(q4)
+    # M depends on q3 and q4 alone
+    phi_psi = -a * ((s_sl + m_tl * q4) * sin + n_sl * cos)
+    phi_s = a * m_tl * cos
+    by_q3 = _symmetric(2.0 * phi_psi, phi_psi, phi_s, zero, zero, zero)
+    phi_psi = a * m_tl * cos
+    psi_psi = 2.0 * (s_tl + m_tl * q4)
+    by_q4 = _symmetric(2.0 * phi_psi + psi_psi, phi_psi + psi_psi, zero, psi_psi, zero, zero)
+    slope = np.stack([np.zeros_like(by_q3), by_q3, by_q4], axis=-1)  # dM_ij / dq_k
+    return 0.5 * (
+        np.einsum("nijk,nk->nij", slope, v)
+        + np.einsum("nikj,nk->nij", slope, v)
+        - np.einsum("njki,nk->nij", slope, v)
+    )
+
+
+def gravity_vector(geometry: Geometry, parameters: np.ndarray, q: np.ndarray) -> np.ndarray:
+    """G(q) = dV/dq of (6): (n, 3) coordinates and the nine parameters to (n, 3)."""
+    still = np.zeros_like(q)
+    return lagrangian_regressor(geometry, q, still, still) @ parameters
+
+
+def energy(
+    geometry: Geometry, parameters: np.ndarray, q: np.ndarray, v: np.ndarray
+) -> tuple[np.ndarray, np.ndarray]:
+    """Kinetic (5) and potential energy [J] at n samples; V is zero at joint 2's height."""
+    _, s_fl, n_fl, _, s_sl, n_sl, m_tl, _, _ = parameters
+    kinetic = 0.5 * np.einsum("ni,nij,nj->n", v, mass_matrix(geometry, parameters, q), v)
+    phi, psi = q[:, 0] + geometry.theta_2_0, q[:, 0] + q[:, 1]
+    height = s_fl * np.sin(phi) + n_fl * np.cos(phi)
+    height = height + (s_sl + m_tl * q[:, 2]) * np.sin(psi) + n_sl * np.cos(psi)
+    return kinetic, geometry.gravity * height
+
+
+def inverse_dynamics(
+    geometry: Geometry,
+    parameters: np.ndarray,
+    q: np.ndarray,
+    v: np.ndarray,
+    acceleration: np.ndarray,
+) -> np.ndarray:
+    """tau of (6) by M, C and G, each (n, 3): the other way round from the regressor (8)."""
+    return (
+        np.einsum("nij,nj->ni", mass_matrix(geometry, parameters, q), acceleration)
+        + np.einsum("nij,nj->ni", coriolis_matrix(geometry, parameters, q, v), v)
+        + gravity_vector(geometry, parameters, q)
+    )
+
+
+def _symmetric(*upper: np.ndarray) -> np.ndarray:
+    """(n, 3, 3) from the upper triangle 11, 12, 13, 22, 23, 33, each (n,)."""
+    m11, m12, m13, m22, m23, m33 = upper
+    rows = [[m11, m12, m13], [m12, m22, m23], [m13, m23, m33]]
+    return np.stack([np.stack(row, axis=-1) for row in rows], axis=-2)

@@ -1,0 +1,174 @@
+"""The model: a sum of terms with values, standard deviations and provenance, kept in YAML."""
+
+from dataclasses import dataclass, replace
+from functools import cached_property
+from pathlib import Path
+from typing import Annotated, Any, Literal, Self
+
+import numpy as np
+from pydantic import BeforeValidator, Field, SerializeAsAny
+
+from crane_model.configuration import Schema, load, save
+from crane_model.errors import ConfigurationError
+from crane_model.machine import Machine, load_machine
+from crane_model.record import Record
+from crane_model.terms import Parameter, Term, term_from_mapping
+from crane_model.terms.term import Setting
+
+GRAVITY_FAMILIES = ("rigid body", "gravity and load")
+
+
+@dataclass(frozen=True)
+class Model:
+    """tau = sum of terms (16): its regressor Phi (28) and, once estimated, its Theta."""
+
+    name: str
+    setting: Setting
+    terms: tuple[Term, ...]
+    values: np.ndarray | None = None  # (p,) Theta
+    std_devs: np.ndarray | None = None  # (p,)
+    provenance: str = ""
+
+    @property
+    def joints(self) -> tuple[str, ...]:
+        """Names of the joints, the columns of every (n, j) array."""
+        return tuple(self.setting.units)
+
+    @property
+    def machine(self) -> Machine | None:
+        """The machine whose geometry the terms use; None for a machine without one."""
+        return self.setting.machine
+
+    @cached_property
+    def parameters(self) -> tuple[Parameter, ...]:
+        """Name, unit, sign and meaning of each of the p entries of Theta."""
+        parameters = [p for term in self.terms for p in term.parameters(self.setting)]
+        names = [p.name for p in parameters]
+        twice = sorted({name for name in names if names.count(name) > 1})
+        if twice:
+            raise ConfigurationError(
+                f"model '{self.name}': parameter {', '.join(twice)} stands twice; "
+                "list each term once per joint"
+            )
+        return tuple(parameters)
+
+    def regressor(self, record: Record) -> np.ndarray:
+        """Phi of (28) on n samples: (n, j, p)."""
+        return np.concatenate([t.columns(record, self.setting) for t in self.terms], axis=2)
+
+    def predict(self, record: Record) -> np.ndarray:
+        """Generalized forces Phi Theta on n samples: (n, j) [N m, N]."""
+        return self.regressor(record) @ self.theta
+
+    def gravity(self, record: Record) -> np.ndarray:
+        """The part of the force that gravity alone needs at the record's positions: (n, j)."""
+        still = record.at_rest()
+        parts = []
+        for term in self.terms:
+            columns = term.columns(still, self.setting)
+            parts.append(columns if term.family in GRAVITY_FAMILIES else np.zeros_like(columns))
+        return np.concatenate(parts, axis=2) @ self.theta
+
+    @property
+    def theta(self) -> np.ndarray:
+        """Theta (p,); `ConfigurationError` if the model has not been estimated."""
+        if self.values is None:
+            raise ConfigurationError(
+                f"model '{self.name}' has no values yet; fit it to data with identify"
+            )
+        return self.values
+
+    def with_estimate(self, values: np.ndarray, std_devs: np.ndarray, provenance: str) -> Self:
+        """The same model with Theta, its standard deviations and where they come from."""
+        return replace(self, values=values, std_devs=std_devs, provenance=provenance)
+
+    def with_term(self, term: Term) -> Self:
+        """The model extended by one term; its values are dropped, for all must be fitted anew."""
+        return replace(self, terms=(*self.terms, term), values=None, std_devs=None, provenance="")
+
+
+class _Value(Schema):
+    name: str
+    unit: str
+    value: float
+    std_dev: Annotated[float, Field(ge=0)]
+
+
+class _Estimate(Schema):
+    provenance: str
+    parameters: tuple[_Value, ...]
+
+
+class _ModelFile(Schema):
+    name: str
+    machine: Machine | str | None = None
+    joints: dict[str, Literal["rad", "m"]]
+    terms: tuple[Annotated[SerializeAsAny[Term], BeforeValidator(term_from_mapping)], ...] = Field(
+        min_length=1
+    )
+    estimate: _Estimate | None = None
+
+
+def load_model(path: Path | str) -> Model:
+    """Read a model file; `ConfigurationError` names file, key and what is wrong.
+
+    `machine` is a machine file beside the model file, the machine itself, `laboratory_crane` for
+    the one that ships with the suite, or absent for a machine without linkages.
+    """
+    path = Path(path)
+    content = load(path, _ModelFile)
+    model = Model(
+        content.name, Setting(content.joints, _machine(content.machine, path)), content.terms
+    )
+    try:
+        names = [(p.name, p.unit) for p in model.parameters]
+    except ConfigurationError as error:
+        raise ConfigurationError(f"{path}: {error}") from None
+    if content.estimate is None:
+        return model
+    given = [(p.name, p.unit) for p in content.estimate.parameters]
+    if given != names:
+        raise ConfigurationError(
+            f"{path}: key 'estimate.parameters': must list {_listed(names)} in this order, "
+            f"got {_listed(given)}"
+        )
+    return model.with_estimate(
+        np.array([p.value for p in content.estimate.parameters]),
+        np.array([p.std_dev for p in content.estimate.parameters]),
+        content.estimate.provenance,
+    )
+
+
+def save_model(path: Path | str, model: Model) -> None:
+    """Write a model file that `load_model` reads back; it carries its machine with it."""
+    estimate = None
+    if model.values is not None and model.std_devs is not None:
+        estimate = _Estimate(
+            provenance=model.provenance,
+            parameters=tuple(
+                _Value(name=p.name, unit=p.unit, value=float(value), std_dev=float(std_dev))
+                for p, value, std_dev in zip(
+                    model.parameters, model.values, model.std_devs, strict=True
+                )
+            ),
+        )
+    content: dict[str, Any] = {
+        "name": model.name,
+        "machine": model.machine,
+        "joints": dict(model.setting.units),
+        "terms": tuple(term.model_dump() for term in model.terms),
+        "estimate": estimate,
+    }
+    save(path, _ModelFile.model_validate(content))
+
+
+def _machine(given: Machine | str | None, model_path: Path) -> Machine | None:
+    if given is None or isinstance(given, Machine):
+        return given
+    if given == "laboratory_crane":
+        return load_machine()
+    return load_machine(model_path.parent / given)
+
+
+def _listed(parameters: list[tuple[str, str]]) -> str:
+    return ", ".join(f"{name} [{unit}]" for name, unit in parameters)

@@ -1,0 +1,79 @@
+"""A record: samples of motion and force as every term of the model receives them."""
+
+from dataclasses import dataclass, replace
+from functools import cached_property
+from typing import Self
+
+import numpy as np
+
+from crane_model.errors import DataError
+
+
+@dataclass(frozen=True)
+class Record:
+    """n samples of j joints. SI units; arrays that a machine does not log are None.
+
+    `run` numbers the recordings that the samples come from: memory of an effect ends where the run
+    changes. `velocity_resolution` (j,) is the speed below which the sign of the velocity is not
+    known. `direction_known` overrides the sign convention where a simulation knows better.
+    """
+
+    joints: tuple[str, ...]
+    time: np.ndarray  # (n,) s
+    position: np.ndarray  # (n, j)
+    velocity: np.ndarray  # (n, j)
+    acceleration: np.ndarray  # (n, j)
+    run: np.ndarray | None = None  # (n,) whole numbers; None: one run
+    force: np.ndarray | None = None  # (n, j) measured generalized force, N m or N
+    pressure_a: np.ndarray | None = None  # (n, j) Pa
+    pressure_b: np.ndarray | None = None  # (n, j) Pa
+    slew_position: np.ndarray | None = None  # (n,) rad
+    slew_velocity: np.ndarray | None = None  # (n,) rad/s
+    slew_acceleration: np.ndarray | None = None  # (n,) rad/s2
+    command: np.ndarray | None = None  # (n, j) spool command, -1..1
+    temperature: np.ndarray | None = None  # (n,) deg C
+    velocity_resolution: np.ndarray | None = None  # (j,)
+    direction_known: np.ndarray | None = None  # (n, j)
+
+    def __post_init__(self) -> None:
+        shape = self.position.shape
+        if len(shape) != 2 or shape[1] != len(self.joints):
+            raise DataError(
+                f"record: position has shape {shape}, but {len(self.joints)} joints "
+                f"({', '.join(self.joints)}) need (samples, {len(self.joints)})"
+            )
+        for name in ("velocity", "acceleration", "force", "pressure_a", "pressure_b", "command"):
+            value = getattr(self, name)
+            if value is not None and value.shape != shape:
+                raise DataError(f"record: {name} has shape {value.shape}, position has {shape}")
+
+    def __len__(self) -> int:
+        return len(self.position)
+
+    @cached_property
+    def direction(self) -> np.ndarray:
+        """sgn(q') of (10)-(13), (n, j).
+
+        sgn(0) = 0, and speeds below `velocity_resolution` count as 0: there (13) allows any force
+        between its two branches, and a sign read off noise would make the torque jump.
+        """
+        if self.direction_known is not None:
+            return self.direction_known
+        direction = np.sign(self.velocity)
+        if self.velocity_resolution is not None:
+            direction[np.abs(self.velocity) < self.velocity_resolution] = 0.0
+        return direction
+
+    def column(self, joint: str) -> int:
+        """Index of `joint`; `DataError` if the record does not have it."""
+        try:
+            return self.joints.index(joint)
+        except ValueError:
+            raise DataError(
+                f"record: no joint '{joint}'; it has {', '.join(self.joints)}"
+            ) from None
+
+    def at_rest(self) -> Self:
+        """The same positions without motion: what is left of the force is gravity."""
+        still = np.zeros_like(self.position)
+        return replace(self, velocity=still, acceleration=still, direction_known=still)

@@ -1,0 +1,69 @@
+"""The sensor chain: what encoders and pressure transducers make of the true signals."""
+
+from typing import Annotated
+
+import numpy as np
+from pydantic import Field
+
+from crane_model.configuration import Schema
+from crane_model.machine import JOINTS, Machine
+
+NonNegative = Annotated[float, Field(ge=0)]
+Positive = Annotated[float, Field(gt=0)]
+
+
+class EncoderResolution(Schema):
+    """One count of each encoder [rad; telescope m]."""
+
+    slew: Positive
+    inner_boom: Positive
+    outer_boom: Positive
+    telescope: Positive
+
+    def __getitem__(self, joint: str) -> float:
+        return getattr(self, joint)
+
+
+class SensorChain(Schema):
+    """Encoders, pressure transducers with their converter, and the clock that samples them."""
+
+    encoder_resolution: EncoderResolution
+    pressure_noise: NonNegative  # Pa, rms before the converter
+    pressure_range: Positive  # Pa, full scale; readings saturate at 0 and here
+    pressure_bits: Annotated[int, Field(ge=8, le=24)]
+    jitter: NonNegative  # s, rms of the sampling instant
+    period: Positive  # s
+
+    @property
+    def pressure_step(self) -> float:
+        """One count of the converter [Pa]."""
+        return self.pressure_range / (2**self.pressure_bits - 1)
+
+    def sample_times(self, rng: np.random.Generator, start: float, count: int) -> np.ndarray:
+        """(count,) increasing sampling instants [s]; jitter never reorders them."""
+        limit = 0.45 * self.period
+        deviation = np.clip(self.jitter * rng.standard_normal(count), -limit, limit)
+        return start + self.period * np.arange(count) + deviation
+
+    def measure_position(self, joint: str, q: np.ndarray) -> np.ndarray:
+        """Encoder reading of the coordinates q of `joint`, any shape [rad, m]."""
+        step = self.encoder_resolution[joint]
+        return step * np.round(np.asarray(q) / step)
+
+    def measure_positions(self, q: np.ndarray) -> np.ndarray:
+        """Encoder readings of all joints: (..., 4) to (..., 4) [rad, m]."""
+        steps = np.array([self.encoder_resolution[joint] for joint in JOINTS])
+        return steps * np.round(np.asarray(q) / steps)
+
+    def measure_pressure(self, rng: np.random.Generator, pressure: np.ndarray) -> np.ndarray:
+        """Transducer readings of any shape [Pa]: noise, saturation, quantisation."""
+        pressure = np.asarray(pressure, dtype=float)
+        noisy = pressure + self.pressure_noise * rng.standard_normal(pressure.shape)
+        counts = np.round(np.clip(noisy, 0.0, self.pressure_range) / self.pressure_step)
+        return counts * self.pressure_step
+
+    def force_noise(self, machine: Machine, joint: str) -> float:
+        """Standard deviation of a cylinder force (19) that noise and quantisation cause [N]."""
+        cylinder = machine.cylinders[joint]
+        pressure = np.hypot(self.pressure_noise, self.pressure_step / np.sqrt(12.0))
+        return float(pressure * np.hypot(cylinder.area_a, cylinder.area_b))

@@ -1,0 +1,18 @@
+"""The terms that a model is a sum of: one small class each, grouped in files by family.
+
+Importing this package fills the registry; a new effect is one new class, registered by its `type`.
+"""
+
+from crane_model.terms import friction, rigid_body, single_axis
+from crane_model.terms.term import REGISTRY, JointTerm, Parameter, Term, term_from_mapping
+
+__all__ = [
+    "REGISTRY",
+    "JointTerm",
+    "Parameter",
+    "Term",
+    "friction",
+    "rigid_body",
+    "single_axis",
+    "term_from_mapping",
+]

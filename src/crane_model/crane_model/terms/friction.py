@@ -1,0 +1,69 @@
+"""Friction (10)-(16): Coulomb and viscous, each with its asymmetry between the two directions."""
+
+from typing import ClassVar, Literal
+
+import numpy as np
+
+from crane_model.record import Record
+from crane_model.terms.term import Family, JointTerm, Parameter
+
+
+class Coulomb(JointTerm):
+    """f_c sgn(q'): first term of (13)."""
+
+    type: Literal["coulomb"] = "coulomb"
+    family: ClassVar[Family] = "friction"
+
+    def column(self, record: Record, j: int) -> np.ndarray:
+        """sgn(q'), 0 where the speed is below the resolution."""
+        return record.direction[:, j]
+
+    def parameter(self, coordinate: str, force: str) -> Parameter:
+        """f_c."""
+        return Parameter("f_c", force, 0.0, "Coulomb friction, mean of both directions")
+
+
+class CoulombAsymmetry(JointTerm):
+    """delta f_c: second term of (13), half the difference of Coulomb friction up and down."""
+
+    type: Literal["coulomb_asymmetry"] = "coulomb_asymmetry"
+    family: ClassVar[Family] = "friction"
+
+    def column(self, record: Record, j: int) -> np.ndarray:
+        """1."""
+        return np.ones(len(record))
+
+    def parameter(self, coordinate: str, force: str) -> Parameter:
+        """delta f_c."""
+        return Parameter("df_c", force, None, "asymmetry of Coulomb friction")
+
+
+class Viscous(JointTerm):
+    """f_v q': third term of (13)."""
+
+    type: Literal["viscous"] = "viscous"
+    family: ClassVar[Family] = "friction"
+
+    def column(self, record: Record, j: int) -> np.ndarray:
+        """q'."""
+        return record.velocity[:, j]
+
+    def parameter(self, coordinate: str, force: str) -> Parameter:
+        """f_v."""
+        unit = f"{force} s/{coordinate}"
+        return Parameter("f_v", unit, 0.0, "viscous friction, mean of both directions")
+
+
+class ViscousAsymmetry(JointTerm):
+    """delta f_v |q'|: fourth term of (13)."""
+
+    type: Literal["viscous_asymmetry"] = "viscous_asymmetry"
+    family: ClassVar[Family] = "friction"
+
+    def column(self, record: Record, j: int) -> np.ndarray:
+        """|q'|."""
+        return np.abs(record.velocity[:, j])
+
+    def parameter(self, coordinate: str, force: str) -> Parameter:
+        """delta f_v."""
+        return Parameter("df_v", f"{force} s/{coordinate}", None, "asymmetry of viscous friction")

@@ -1,0 +1,103 @@
+"""What a term of the model is, and the registry of all of them."""
+
+from abc import ABC, abstractmethod
+from collections.abc import Mapping
+from typing import Any, ClassVar, Literal, NamedTuple
+
+import numpy as np
+
+from crane_model.configuration import Schema
+from crane_model.errors import ConfigurationError
+from crane_model.machine import Machine
+from crane_model.record import Record
+
+REGISTRY: dict[str, type["Term"]] = {}
+
+Family = Literal[
+    "rigid body", "friction", "gravity and load", "elasticity", "sensing", "hydraulics"
+]
+
+
+class Parameter(NamedTuple):
+    """One entry of Theta. `minimum` is its sign constraint, None where either sign is physical."""
+
+    name: str
+    unit: str
+    minimum: float | None
+    meaning: str
+
+
+class Setting(NamedTuple):
+    """What a term may know of its model: units of the joints' coordinates, and the machine."""
+
+    units: Mapping[str, str]  # joint -> rad or m
+    machine: Machine | None
+
+    def force_unit(self, joint: str) -> str:
+        """N m for a revolute joint, N for a prismatic one."""
+        return "N m" if self.units[joint] == "rad" else "N"
+
+
+class Term(Schema, ABC):
+    """A summand of the generalized force, linear in its parameters.
+
+    A subclass gives `type` (its name in model files) and `family`, documents its equation, and is
+    registered by being defined. Fields are its shape parameters and the joints it acts on.
+    """
+
+    type: str
+    family: ClassVar[Family]
+
+    @classmethod
+    def __pydantic_init_subclass__(cls, **kwargs: Any) -> None:
+        name = cls.model_fields["type"].default
+        if isinstance(name, str):  # a base class has none
+            REGISTRY[name] = cls
+
+    @abstractmethod
+    def parameters(self, setting: Setting) -> tuple[Parameter, ...]:
+        """Name, unit and sign of each parameter; `ConfigurationError` if the model cannot hold it."""
+
+    @abstractmethod
+    def columns(self, record: Record, setting: Setting) -> np.ndarray:
+        """Regressor columns on n samples of j joints: (n, j, parameters), SI units."""
+
+
+class JointTerm(Term):
+    """A term that acts on one joint and depends on the motion of that joint alone."""
+
+    joint: str
+
+    @abstractmethod
+    def column(self, record: Record, j: int) -> np.ndarray:
+        """The single regressor column on joint j: (n,)."""
+
+    @abstractmethod
+    def parameter(self, coordinate: str, force: str) -> Parameter:
+        """The single parameter, given the units of the joint's coordinate and force."""
+
+    def parameters(self, setting: Setting) -> tuple[Parameter, ...]:
+        """One parameter, named symbol.joint."""
+        if self.joint not in setting.units:
+            raise ConfigurationError(
+                f"term '{self.type}': the model has no joint '{self.joint}'; "
+                f"its joints are {', '.join(setting.units)}"
+            )
+        unit = setting.units[self.joint]
+        parameter = self.parameter(unit, setting.force_unit(self.joint))
+        return (parameter._replace(name=f"{parameter.name}.{self.joint}"),)
+
+    def columns(self, record: Record, setting: Setting) -> np.ndarray:
+        """Zero but on the term's own joint."""
+        j = record.column(self.joint)
+        columns = np.zeros((*record.position.shape, 1))
+        columns[:, j, 0] = self.column(record, j)
+        return columns
+
+
+def term_from_mapping(content: Mapping[str, Any]) -> Term:
+    """The term that an entry of a model file describes; raises ValueError as pydantic wants it."""
+    name = content.get("type") if isinstance(content, Mapping) else None
+    if name not in REGISTRY:
+        raise ValueError(f"no term of type {name!r}; there are {', '.join(sorted(REGISTRY))}")
+    return REGISTRY[name].model_validate(content)
