@@ -24,7 +24,8 @@ REPORT_PARAMETERS = (
     "m_FL rcm_FL, normal",
 )
 """The entries of (9), with m_TL for the misprinted m_FL in the sixth and the two moments of the
-inner boom that seventh and eighth, printed alike, must be. Distances are from the elbow at q4 = 0."""
+inner boom that seventh and eighth, printed alike, must be. Distances are from the elbow at
+q4 = 0."""
 
 REPORT_UNITS = ("kg m2", "kg m", "kg", "kg m", "kg", "kg m2", "kg m", "kg m")
 
@@ -60,7 +61,7 @@ def reveal_rank(columns: np.ndarray, tolerance: float = 1e-9) -> Basis:
 def lagrangian_from_standard(geometry: Geometry) -> np.ndarray:
     """(9, 12): the nine parameters of `crane_model.dynamics` from the standard ones."""
     a = geometry.inner_boom_length
-    m_fl, mx_fl, my_fl, j_fl, m_sl, mx_sl, my_sl, j_sl, m_tg, mx_tg, my_tg, j_tg = np.eye(12)
+    _, mx_fl, my_fl, j_fl, m_sl, mx_sl, my_sl, j_sl, m_tg, mx_tg, my_tg, j_tg = np.eye(12)
     return np.stack(
         [
             j_fl + a**2 * (m_sl + m_tg),

@@ -1,4 +1,4 @@
-"""Cylinders (17)-(27) on arrays: length, lever arm, and pressures to generalized forces and back."""
+"""Cylinders (17)-(27) on arrays: length, lever arm, pressures to generalized forces and back."""
 
 import numpy as np
 

@@ -88,21 +88,20 @@ def lagrangian_regressor(
     geometry: Geometry, q: np.ndarray, v: np.ndarray, acceleration: np.ndarray
 ) -> np.ndarray:
     """phi of (8) for the nine parameters: (n, 3) motion to (n, 3, 9); rows tau2, tau3, F4."""
-    theta, a, _, g = geometry
-    arrays = (np.ascontiguousarray(x, dtype=float) for x in (q, v, acceleration))
-    return _lagrangian_regressor(*arrays, theta, a, g)
+    return _lagrangian_regressor(
+        np.ascontiguousarray(q, dtype=float),
+        np.ascontiguousarray(v, dtype=float),
+        np.ascontiguousarray(acceleration, dtype=float),
+        geometry.theta_2_0,
+        geometry.inner_boom_length,
+        geometry.gravity,
+    )
 
 
 def mass_matrix(geometry: Geometry, parameters: np.ndarray, q: np.ndarray) -> np.ndarray:
     """M(q) of (6): (n, 3) coordinates and the nine parameters to (n, 3, 3)."""
-    return _mass_matrix(geometry, parameters, q[:, 1], q[:, 2])
-
-
-def _mass_matrix(
-    geometry: Geometry, parameters: np.ndarray, q3: np.ndarray, q4: np.ndarray
-) -> np.ndarray:
     j_fl, _, _, j_sl, s_sl, n_sl, m_tl, s_tl, n_tl = parameters
-    delta = q3 - geometry.theta_2_0
+    delta, q4 = q[:, 1] - geometry.theta_2_0, q[:, 2]
     a, sin, cos = geometry.inner_boom_length, np.sin(delta), np.cos(delta)
     phi_psi = a * ((s_sl + m_tl * q4) * cos - n_sl * sin)
     psi_psi = j_sl + 2.0 * q4 * s_tl + m_tl * q4**2

@@ -1,4 +1,4 @@
-"""The exceptions of the suite: few, and each says which object, which limit, which value, what to do."""
+"""The exceptions of the suite: each message says which object, limit and value, and what to do."""
 
 
 class CraneError(Exception):

@@ -1,7 +1,7 @@
 """The two boom linkages (20)-(26), compiled: cylinder length, lever arm and its derivative.
 
 The scalar functions return (x, dx/dq, d2x/dq2) and can be called from a compiled simulation; the
-functions named `..._samples` apply them to n samples and return (n, 3). Lengths in m, angles in rad.
+functions named `..._samples` apply them to n samples and return (n, 3). Lengths in m, angles rad.
 """
 
 import math

@@ -3,6 +3,8 @@
 import math
 from xml.etree import ElementTree as ET
 
+import numpy as np
+
 from crane_model.machine import Machine
 
 _ORANGE, _GREY = "0.95 0.45 0.05 1", "0.3 0.3 0.32 1"
@@ -105,11 +107,7 @@ def _joint(
     ET.SubElement(joint, "child", link=links[1])
     ET.SubElement(joint, "origin", xyz=_numbers(origin), rpy=_numbers(turn))
     ET.SubElement(joint, "axis", xyz=axis)
-    grid = [
-        limits.position_min,
-        (limits.position_min + limits.position_max) / 2,
-        limits.position_max,
-    ]
+    grid = np.linspace(limits.position_min, limits.position_max, 21)
     lever = max(abs(machine.cylinder(name, grid)[:, 1]))
     ET.SubElement(
         joint,

@@ -56,7 +56,7 @@ class Term(Schema, ABC):
 
     @abstractmethod
     def parameters(self, setting: Setting) -> tuple[Parameter, ...]:
-        """Name, unit and sign of each parameter; `ConfigurationError` if the model cannot hold it."""
+        """Name, unit, sign of each parameter; `ConfigurationError` if the model cannot hold it."""
 
     @abstractmethod
     def columns(self, record: Record, setting: Setting) -> np.ndarray:
