@@ -1,0 +1,189 @@
+"""Reading bags, written by anyone, to plain arrays."""
+
+from collections import defaultdict
+from collections.abc import Collection, Mapping, Sequence
+from dataclasses import dataclass, replace
+from pathlib import Path
+from typing import Literal
+
+import numpy as np
+from crane_model.errors import DataError
+from rosbags.rosbag2 import Reader
+from rosbags.serde import SerdeError
+from rosbags.typesys.store import Typestore
+from tqdm import tqdm
+
+from crane_driver.bags.decoding import NANOSECONDS, Table, cells, concatenate, decode
+from crane_driver.bags.storage import announced, connections, open_bag
+from crane_driver.bags.types import Topic, typestore
+
+BLOCK = 4096  # messages that are decoded together
+QUIET = 2.0  # s; reading that takes no longer shows no progress bar
+LARGEST_DISORDER = NANOSECONDS  # ns; messages may overtake one another, a clock may not step
+
+
+@dataclass(frozen=True)
+class TopicData:
+    """What a bag holds of one topic, in the order of its stamps.
+
+    fields: (n, k) of each float64[] field, (n,) of each float64 field, with NaN as recorded.
+    notes: what had to be mended, in words.
+    """
+
+    bag: Path
+    topic: str
+    names: tuple[str, ...]
+    stamp: np.ndarray  # (n,) int64 [ns], increasing
+    stamped_by: Literal["header", "log time"]  # log time where every header stamp is zero
+    present: np.ndarray  # (n, k) bool: which names a message held
+    fields: dict[str, np.ndarray]
+    notes: tuple[str, ...] = ()
+
+    def select(self, names: Sequence[str]) -> "TopicData":
+        """The messages that hold all of `names`, with their columns in this order, each stamp once.
+
+        `DataError` if there is no such message.
+        """
+        if absent := [name for name in names if name not in self.names]:
+            raise DataError(
+                f"{self.bag}: topic {self.topic} has no {', '.join(absent)}; it has "
+                f"{', '.join(self.names) or 'no names'}; rename the joints of the model or record "
+                "the missing ones"
+            )
+        columns = [self.names.index(name) for name in names]
+        rows = np.flatnonzero(self.present[:, columns].all(axis=1))
+        if not rows.size:
+            raise DataError(
+                f"{self.bag}: topic {self.topic} has no message that holds all of "
+                f"{', '.join(names)}; publish them in one message"
+            )
+        first = np.diff(self.stamp[rows], prepend=self.stamp[rows[0]] - 1) > 0
+        repeated = int(np.count_nonzero(~first))
+        rows = rows[first]
+        return replace(
+            self,
+            names=tuple(names),
+            stamp=self.stamp[rows],
+            present=self.present[cells(rows, columns)],
+            fields={
+                key: value[cells(rows, columns)] if value.ndim == 2 else value[rows]
+                for key, value in self.fields.items()
+            },
+            notes=(*self.notes, *_note(repeated, f"{self.topic}: repeated stamps dropped")),
+        )
+
+
+def read_topics(
+    path: Path | str, required: Collection[Topic], optional: Collection[Topic] = ()
+) -> Mapping[str, TopicData]:
+    """Read topics of header, `name` and doubles; the result is keyed by the topic's name.
+
+    Optional topics that the bag does not hold are absent from the result. `DataError` names bag,
+    topic and remedy: bag absent, not a bag, empty or damaged; topic missing or of another type.
+    """
+    path, store = Path(path), typestore()
+    with open_bag(path) as reader:
+        wanted = {
+            topic.name: topic
+            for topic in (*required, *optional)
+            if _check(path, reader, topic, store, needed=topic in required)
+        }
+        if not wanted:
+            return {}
+        tables, log_times = _read(path, reader, wanted, store)
+        for name in wanted:
+            stated, _ = announced(reader, name)
+            if len(log_times[name]) < stated:
+                raise DataError(
+                    f"{path}: topic {name} announces {stated} messages, but only "
+                    f"{len(log_times[name])} are readable; the bag is damaged or not complete"
+                )
+    return {name: _in_order(path, name, tables[name], np.array(log_times[name])) for name in wanted}
+
+
+def _check(path: Path, reader: Reader, topic: Topic, store: Typestore, needed: bool) -> bool:
+    """Whether the bag holds messages of `topic`; `DataError` if needed and not, or another type."""
+    count, hashes = announced(reader, topic.name)
+    if count == 0:
+        if not needed:
+            return False
+        present = sorted({one.topic for one in reader.connections})
+        if topic.name in present:
+            raise DataError(f"{path}: topic {topic.name} holds no message; check its publisher")
+        raise DataError(
+            f"{path}: no topic {topic.name}; the bag holds {', '.join(present)}; record the topic "
+            "or name another bag"
+        )
+    stated = (*connections(reader, topic.name), *reader.connections)
+    types = {one.msgtype for one in stated if one.topic == topic.name} - {topic.msgtype}
+    if types:
+        raise DataError(
+            f"{path}: topic {topic.name} is of type {', '.join(sorted(types))}, expected "
+            f"{topic.msgtype}; record the topic that has this type"
+        )
+    if hashes - {store.hash_rihs01(topic.msgtype)}:
+        raise DataError(
+            f"{path}: topic {topic.name} was recorded with another definition of {topic.msgtype} "
+            "than the installed one; install the version of that time, or record again"
+        )
+    return True
+
+
+def _read(
+    path: Path, reader: Reader, wanted: Mapping[str, Topic], store: Typestore
+) -> tuple[dict[str, Table], dict[str, list[int]]]:
+    """Decoded messages and log times [ns] of each topic, block by block."""
+    blocks: dict[str, list[Table]] = defaultdict(list)
+    pending: dict[str, list[bytes]] = defaultdict(list)
+    log_times: dict[str, list[int]] = defaultdict(list)
+
+    def flush(name: str) -> None:
+        try:
+            blocks[name].append(decode(pending.pop(name), wanted[name].msgtype, store))
+        except (SerdeError, ValueError) as error:
+            raise DataError(f"{path}: topic {name}: {error}; the bag is damaged") from error
+
+    sources = [one for name in wanted for one in connections(reader, name)]
+    total = sum(announced(reader, name)[0] for name in wanted)
+    for connection, log_time, data in tqdm(
+        reader.messages(sources),
+        total=total,
+        desc=f"reading {path.name}",
+        unit=" messages",
+        delay=QUIET,
+        leave=False,
+        disable=None,
+    ):
+        pending[connection.topic].append(data)
+        log_times[connection.topic].append(log_time)
+        if len(pending[connection.topic]) == BLOCK:
+            flush(connection.topic)
+    for name in list(pending):
+        flush(name)
+    return {name: concatenate(tables) for name, tables in blocks.items()}, log_times
+
+
+def _in_order(path: Path, topic: str, table: Table, log_time: np.ndarray) -> TopicData:
+    """Rows sorted by header stamp, or by log time where no header is stamped."""
+    stamped_by: Literal["header", "log time"] = "header" if table.stamp.any() else "log time"
+    stamp = table.stamp if stamped_by == "header" else log_time
+    behind = np.maximum.accumulate(stamp) - stamp
+    if behind.max() > LARGEST_DISORDER:
+        row = int(behind.argmax())
+        raise DataError(
+            f"{path}: topic {topic}: the clock steps back by {behind[row] / NANOSECONDS:.3f} s at "
+            f"message {row}, stamp {stamp[row]} ns; record with one clock, or split the bag there"
+        )
+    order = np.argsort(stamp, kind="stable")
+    notes = (
+        *_note(int(stamp is log_time) * len(stamp), f"{topic}: no header stamp, log time used"),
+        *_note(int(np.count_nonzero(behind)), f"{topic}: messages out of order sorted by stamp"),
+    )
+    fields = {key: value[order] for key, value in table.fields.items()}
+    return TopicData(
+        path, topic, table.names, stamp[order], stamped_by, table.present[order], fields, notes
+    )
+
+
+def _note(count: int, text: str) -> tuple[str, ...]:
+    return (f"{text} ({count})",) if count else ()

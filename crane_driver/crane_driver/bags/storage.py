@@ -1,0 +1,91 @@
+"""Opening bags of either storage, single or split, and saying what is wrong with the others."""
+
+from collections.abc import Iterator, Sequence
+from contextlib import contextmanager
+from os import SEEK_END
+from pathlib import Path
+
+from crane_model.errors import DataError
+from rosbags.interfaces import Connection
+from rosbags.rosbag2 import Reader
+from rosbags.rosbag2.reader import DirectoryReader
+
+STORAGE_SUFFIXES = (".mcap", ".db3")
+MCAP_MAGIC = b"\x89MCAP0\r\n"
+
+
+@contextmanager
+def open_bag(path: Path) -> Iterator[Reader]:
+    """The open bag: a folder with metadata.yaml, or one .mcap or .db3 file of it.
+
+    `DataError` if it is absent, not a bag, damaged, not closed properly or empty. Errors of the
+    storage inside the `with` block become `DataError` too.
+    """
+    _check_kind(path)
+    try:
+        with Reader(path) as reader:
+            if reader.message_count == 0:
+                raise DataError(f"{path}: the bag is empty; record again and check the publishers")
+            yield reader
+    except DataError:
+        raise
+    except Exception as error:  # a damaged file makes parsers raise anything, not only their own
+        raise DataError(f"{path}: {_explain(path, error)}") from error
+
+
+def connections(reader: Reader, topic: str) -> list[Connection]:
+    """The connections of a topic as the storage files state them.
+
+    Those of `reader.connections` come from metadata.yaml, and rosbags silently drops every message
+    where the two state different QoS profiles, as bags of ROS 2 Humble and older do.
+    """
+    storage = reader.storage
+    storages = storage.storages if isinstance(storage, DirectoryReader) else [storage]
+    return [one for file in storages for one in file.connections if one.topic == topic]
+
+
+def announced(reader: Reader, topic: str) -> tuple[int, set[str]]:
+    """Number of messages and type hashes (where given) that the metadata state for a topic."""
+    stated = [one for one in reader.connections if one.topic == topic]
+    hashes = {one.digest for one in stated if one.digest.startswith("RIHS01_")}
+    return sum(one.msgcount for one in stated), hashes
+
+
+def _check_kind(path: Path) -> None:
+    if not path.exists():
+        raise DataError(f"{path}: no such bag; check the path")
+    if path.is_dir():
+        if (path / "metadata.yaml").exists():
+            return
+        if files := _storage_files(path):
+            raise DataError(
+                f"{path}: the bag was not closed properly: {files[0].name} is there, but no "
+                f"metadata.yaml; if that file is complete, name it instead of the folder"
+            )
+    elif path.suffix in STORAGE_SUFFIXES:
+        return
+    raise DataError(
+        f"{path}: not a bag; name a folder with metadata.yaml or a file that ends in "
+        f"{' or '.join(STORAGE_SUFFIXES)}"
+    )
+
+
+def _storage_files(path: Path) -> Sequence[Path]:
+    files = path.iterdir() if path.is_dir() else [path]
+    return sorted(file for file in files if file.suffix in STORAGE_SUFFIXES)
+
+
+def _explain(path: Path, error: Exception) -> str:
+    for file in _storage_files(path):
+        if not _closed(file):
+            return f"the bag was not closed properly: {file.name} has no end; record it again"
+    return f"the bag is damaged or not readable: {error or type(error).__name__}"
+
+
+def _closed(file: Path) -> bool:
+    """False for an mcap file that was begun and not ended."""
+    with file.open("rb") as content:
+        if content.read(len(MCAP_MAGIC)) != MCAP_MAGIC:
+            return True
+        content.seek(-len(MCAP_MAGIC), SEEK_END)
+        return content.tell() > 0 and content.read() == MCAP_MAGIC
