@@ -1,0 +1,39 @@
+# make demo    the whole suite at work, results in runs/demo
+# make test    all tests
+# make bench   measurements of speed
+# make lint    style and types
+# make setup   only what every target above does first: environment, packages, build
+# make clean   remove what the set-up made (not runs/)
+#
+# PYTHON=... names the interpreter for the virtual environment, TESTS=... the tests to run.
+
+SHELL := bash
+TESTS ?= tests/unit tests/integration
+export PYTHON
+# Nothing started from here talks to other machines.
+export ROS_AUTOMATIC_DISCOVERY_RANGE := LOCALHOST
+
+in_env := source scripts/env.sh &&
+
+.PHONY: help demo test bench lint setup clean
+
+help:
+	@sed -n '/^$$/q; s/^# //p' Makefile
+
+setup:
+	@scripts/setup.sh
+
+demo: setup
+	@$(in_env) python scripts/demo.py
+
+test: setup
+	@$(in_env) python -m pytest -n 2 $(TESTS)
+
+bench: setup
+	@$(in_env) python -m pytest -s tests/benchmarks
+
+lint: setup
+	@$(in_env) ruff check . && ruff format --check . && mypy
+
+clean:
+	rm -rf .venv build install log .pytest_cache .mypy_cache .ruff_cache .hypothesis

@@ -1,0 +1,154 @@
+"""The virtual environment and the pinned packages in it."""
+
+import ast
+import hashlib
+import os
+import shutil
+import subprocess
+import sys
+import venv
+from pathlib import Path
+
+import wheels
+from machine import Machine, SetupError
+
+# Settings of pip (files or environment) that uv knows by other names.
+PIP_TO_UV = {
+    "index-url": "UV_DEFAULT_INDEX",
+    "extra-index-url": "UV_INDEX",
+    "find-links": "UV_FIND_LINKS",
+    "trusted-host": "UV_INSECURE_HOST",
+    "cert": "SSL_CERT_FILE",
+    "proxy": "ALL_PROXY",
+}
+
+
+def _stamp(machine: Machine) -> Path:
+    return machine.venv / "crane-packages"
+
+
+def _wanted(machine: Machine) -> str:
+    pins = hashlib.sha256("\n".join(_pins(machine)).encode()).hexdigest()
+    return f"{machine.describe()}{pins}\n"
+
+
+def _pins(machine: Machine) -> list[str]:
+    """Return the pinned requirements for this kind of machine, one a line."""
+    names = ["requirements.txt", "requirements-dev.txt"]
+    if not machine.ros_installed:
+        names.append("requirements-ros.txt")
+    lines = {
+        line
+        for name in names
+        for line in (machine.root / name).read_text().splitlines()
+        if line and not line.startswith("#")
+    }
+    if machine.ros_installed:
+        # The messages of an installed ROS are compiled against the numpy of the system. Another
+        # major version in the virtual environment breaks their import, so that one is kept.
+        lines = {line for line in lines if not line.startswith("numpy==")}
+        lines.add(f"numpy=={_system_numpy()}")
+    return sorted(lines)
+
+
+def _system_numpy() -> str:
+    command = [sys.executable, "-c", "import numpy; print(numpy.__version__)"]
+    answer = subprocess.run(command, capture_output=True, text=True)
+    if answer.returncode:
+        raise SetupError(
+            f"ROS_DISTRO=jazzy, but {sys.executable} has no numpy; install ros-jazzy-ros-base"
+        )
+    return answer.stdout.strip()
+
+
+def up_to_date(machine: Machine) -> bool:
+    """Whether the environment holds what the requirement files say."""
+    stamp = _stamp(machine)
+    return stamp.is_file() and stamp.read_text() == _wanted(machine)
+
+
+def install(machine: Machine) -> None:
+    """Make or mend the virtual environment and install the pinned packages."""
+    _stamp(machine).unlink(missing_ok=True)
+    if not _usable(machine):
+        print("set-up: virtual environment .venv", flush=True)
+        for folder in ("build", "install", "log"):  # built for another environment
+            shutil.rmtree(machine.root / folder, ignore_errors=True)
+        venv.create(
+            machine.venv,
+            clear=True,
+            symlinks=True,
+            with_pip=True,
+            system_site_packages=machine.ros_installed,
+        )
+    print("set-up: Python packages (the first time this downloads several hundred MB)", flush=True)
+    _install_pins(machine)
+    if not machine.ros_installed:
+        wheels.mend_include_folders(machine)
+    _stamp(machine).write_text(_wanted(machine))
+
+
+def _usable(machine: Machine) -> bool:
+    """Whether the environment there is of this clone, this Python and this kind of machine."""
+    try:
+        text = (machine.venv / "pyvenv.cfg").read_text()
+        configuration = dict(line.split(" = ", 1) for line in text.splitlines() if " = " in line)
+        runs = subprocess.run([machine.venv_python, "-m", "pip", "--version"], capture_output=True)
+    except OSError:
+        return False
+    version = f"{sys.version_info.major}.{sys.version_info.minor}."
+    system_packages = configuration.get("include-system-site-packages")
+    return (
+        runs.returncode == 0
+        and configuration.get("version", "").startswith(version)
+        and system_packages == str(machine.ros_installed).lower()
+        and configuration.get("command", "").endswith(f" {machine.venv}")
+    )
+
+
+def _install_pins(machine: Machine) -> None:
+    # The list is complete, so nothing is left to resolve: --no-deps.
+    pins = machine.venv / "crane-requirements.txt"
+    pins.write_text("\n".join(_pins(machine)) + "\n")
+    arguments = ["install", "--no-deps", "--requirement", str(pins)]
+    if not sys.stderr.isatty():
+        arguments.append("--quiet")  # progress is for people
+    pip = [str(machine.venv_python), "-m", "pip", "--disable-pip-version-check"]
+    uv = [str(machine.venv / "bin" / "uv"), "pip"]
+
+    uv_pin = next(pin for pin in _pins(machine) if pin.startswith("uv=="))
+    environment = machine.environment()
+    subprocess.run([*pip, "install", "--quiet", uv_pin], env=environment)
+    done = subprocess.run([*uv, *arguments], env=environment | _uv_settings(pip, environment))
+    if done.returncode:
+        print("set-up: uv could not install the packages, pip tries (minutes)", flush=True)
+        done = subprocess.run([*pip, *arguments], env=environment)
+    if done.returncode:
+        raise SetupError("the packages could not be installed; the lines above say why")
+
+
+def _uv_settings(pip: list[str], environment: dict[str, str]) -> dict[str, str]:
+    """Return pip's settings as uv's variables, so that both ask the same package index.
+
+    Variables that are set already win. Local folders that do not exist are left out, as pip does.
+    """
+    listing = subprocess.run([*pip, "config", "list"], env=environment, capture_output=True)
+    settings: dict[str, list[str]] = {}
+    for line in listing.stdout.decode().splitlines():  # file settings first, environment last
+        key, _, value = line.partition("=")
+        settings[key.rpartition(".")[2]] = ast.literal_eval(value).split()
+    variables = {
+        variable: ("," if variable == "UV_FIND_LINKS" else " ").join(
+            place for place in settings[name] if _exists(place)
+        )
+        for name, variable in PIP_TO_UV.items()
+        if name in settings and variable not in os.environ
+    }
+    if "UV_INDEX" in variables:  # pip takes the best version of all indexes, uv the first index
+        variables.setdefault("UV_INDEX_STRATEGY", "unsafe-best-match")
+    return {name: value for name, value in variables.items() if value}
+
+
+def _exists(place: str) -> bool:
+    path = place.removeprefix("file://")
+    return not path.startswith("/") or Path(path).exists()

@@ -1,0 +1,57 @@
+"""`colcon build` of the packages, and whether it has to be done again."""
+
+import hashlib
+import subprocess
+from pathlib import Path
+
+from machine import Machine, SetupError
+
+
+def _packages(machine: Machine) -> list[Path]:
+    return sorted(
+        path.parent
+        for pattern in ("crane_*/package.xml", "src/*/package.xml")
+        for path in machine.root.glob(pattern)
+    )
+
+
+def _inputs(machine: Machine) -> list[Path]:
+    """Files that the build reads. Python modules and their data are linked, not copied."""
+    return sorted(
+        path
+        for package in _packages(machine)
+        for path in package.rglob("*")
+        if path.is_file()
+        and not path.is_relative_to(package / package.name)
+        and not any(part.endswith((".egg-info", "__pycache__")) for part in path.parts)
+    )
+
+
+def _wanted(machine: Machine) -> str:
+    digest = hashlib.sha256((machine.venv / "crane-packages").read_bytes())
+    for path in _inputs(machine):
+        digest.update(f"{path.relative_to(machine.root)}\n".encode() + path.read_bytes())
+    return digest.hexdigest()
+
+
+def _stamp(machine: Machine) -> Path:
+    return machine.root / "install" / "crane-build"
+
+
+def up_to_date(machine: Machine) -> bool:
+    """Whether the installed tree was built from the present files."""
+    stamp = _stamp(machine)
+    return stamp.is_file() and stamp.read_text() == _wanted(machine)
+
+
+def build(machine: Machine) -> None:
+    """Run `colcon build`; SetupError if it fails."""
+    print("set-up: colcon build", flush=True)
+    _stamp(machine).unlink(missing_ok=True)
+    command = [str(machine.venv_python), "-m", "colcon", "build", "--symlink-install"]
+    command += ["--cmake-args", "-DCMAKE_BUILD_TYPE=Release", "-DBUILD_TESTING=OFF"]
+    command += [f"-DPython3_EXECUTABLE={machine.venv_python}"]
+    done = subprocess.run(command, cwd=machine.root, env=machine.environment())
+    if done.returncode:
+        raise SetupError("colcon build failed; the lines above and log/latest_build say why")
+    _stamp(machine).write_text(_wanted(machine))
