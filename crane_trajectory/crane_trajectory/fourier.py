@@ -1,0 +1,119 @@
+"""Fourier references (32)-(34): periodic trajectories of any joints, with analytic derivatives."""
+
+from functools import cached_property
+from pathlib import Path
+from typing import Annotated, NamedTuple, Self
+
+import numpy as np
+from crane_model.configuration import Schema, load
+from crane_model.machine import JOINTS
+from pydantic import Field, model_validator
+
+
+class JointSeries(Schema):
+    """Coefficients of (32) for one joint [rad or m]: q_{i,0}, a_{i,k} and b_{i,k}, k = 1..N."""
+
+    offset: float
+    sine: Annotated[tuple[float, ...], Field(min_length=1)]
+    cosine: Annotated[tuple[float, ...], Field(min_length=1)]
+
+    @model_validator(mode="after")
+    def _paired(self) -> Self:
+        if len(self.sine) != len(self.cosine):
+            raise ValueError(
+                f"sine has {len(self.sine)} coefficients and cosine {len(self.cosine)}; "
+                "give both for every harmonic"
+            )
+        return self
+
+
+class Samples(NamedTuple):
+    """Position, velocity and acceleration at n times of j joints, each (n, j) [SI]."""
+
+    position: np.ndarray
+    velocity: np.ndarray
+    acceleration: np.ndarray
+
+
+def harmonic_basis(time: np.ndarray, period: float, harmonics: int) -> Samples:
+    """The functions that multiply [q_{i,0}, a_{i,1..N}, b_{i,1..N}] in (32)-(34).
+
+    time (n,) [s]; returns three arrays (n, 2 N + 1): (32), (33), (34) are products with them.
+    """
+    frequency = 2 * np.pi / period * np.arange(1, harmonics + 1)
+    angle = np.outer(time, frequency)
+    sine, cosine = np.sin(angle), np.cos(angle)
+    one, zero = np.ones((len(angle), 1)), np.zeros((len(angle), 1))
+    return Samples(
+        np.hstack([one, sine, -cosine]),
+        np.hstack([zero, frequency * cosine, frequency * sine]),
+        np.hstack([zero, -(frequency**2) * sine, frequency**2 * cosine]),
+    )
+
+
+class FourierTrajectory(Schema):
+    """A periodic trajectory (32) of one or more joints; joints that it does not name are held."""
+
+    name: str
+    period: Annotated[float, Field(gt=0)]
+    joints: Annotated[dict[str, JointSeries], Field(min_length=1)]
+    figures_of_merit: dict[str, float] = {}
+    provenance: str = ""
+
+    @model_validator(mode="after")
+    def _known_joints(self) -> Self:
+        for joint in self.joints:
+            if joint not in JOINTS:
+                raise ValueError(f"joints: no joint '{joint}'; the joints are {', '.join(JOINTS)}")
+        return self
+
+    @cached_property
+    def joint_names(self) -> tuple[str, ...]:
+        """The joints that move, in the order of the columns of `evaluate` (that of `JOINTS`)."""
+        return tuple(joint for joint in JOINTS if joint in self.joints)
+
+    @cached_property
+    def harmonics(self) -> int:
+        """N, the highest harmonic of any joint."""
+        return max(len(series.sine) for series in self.joints.values())
+
+    @cached_property
+    def coefficients(self) -> np.ndarray:
+        """(2 N + 1, j): per joint [q_0, a_1..a_N, b_1..b_N], shorter series padded with zeros."""
+        table = np.zeros((2 * self.harmonics + 1, len(self.joint_names)))
+        for column, joint in enumerate(self.joint_names):
+            series = self.joints[joint]
+            n = len(series.sine)
+            table[0, column] = series.offset
+            table[1 : n + 1, column] = series.sine
+            table[self.harmonics + 1 : self.harmonics + 1 + n, column] = series.cosine
+        return table
+
+    @classmethod
+    def from_coefficients(
+        cls, name: str, period: float, joints: tuple[str, ...], coefficients: np.ndarray
+    ) -> Self:
+        """The trajectory whose `coefficients` (2 N + 1, j) belong to `joints`."""
+        harmonics = len(coefficients) // 2
+        return cls(
+            name=name,
+            period=period,
+            joints={
+                joint: JointSeries(
+                    offset=column[0],
+                    sine=tuple(column[1 : harmonics + 1]),
+                    cosine=tuple(column[harmonics + 1 :]),
+                )
+                for joint, column in zip(joints, coefficients.T.tolist(), strict=True)
+            },
+        )
+
+    def evaluate(self, time: np.ndarray) -> Samples:
+        """(32), (33), (34) at time (n,) [s]; columns as in `joint_names`."""
+        basis = harmonic_basis(np.atleast_1d(time), self.period, self.harmonics)
+        return Samples(*(functions @ self.coefficients for functions in basis))
+
+
+def load_trajectory(path: Path | str) -> FourierTrajectory:
+    """The trajectory of a YAML file; `ConfigurationError` if it is wrong."""
+    return load(path, FourierTrajectory)
