@@ -1,7 +1,7 @@
 """Reading bags, written by anyone, to plain arrays."""
 
 from collections import defaultdict
-from collections.abc import Collection, Mapping, Sequence
+from collections.abc import Callable, Collection, Mapping, Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Literal
@@ -11,14 +11,15 @@ from crane_model.errors import DataError
 from rosbags.rosbag2 import Reader
 from rosbags.serde import SerdeError
 from rosbags.typesys.store import Typestore
-from tqdm import tqdm
 
 from crane_driver.bags.decoding import NANOSECONDS, Table, cells, concatenate, decode
 from crane_driver.bags.storage import announced, connections, open_bag
 from crane_driver.bags.types import Topic, typestore
 
+Progress = Callable[[str, float], None]
+"""Called with what is going on and the share of it that is done, 0 to 1."""
+
 BLOCK = 4096  # messages that are decoded together
-QUIET = 2.0  # s; reading that takes no longer shows no progress bar
 LARGEST_DISORDER = NANOSECONDS  # ns; messages may overtake one another, a clock may not step
 
 
@@ -74,7 +75,10 @@ class TopicData:
 
 
 def read_topics(
-    path: Path | str, required: Collection[Topic], optional: Collection[Topic] = ()
+    path: Path | str,
+    required: Collection[Topic],
+    optional: Collection[Topic] = (),
+    progress: Progress | None = None,
 ) -> Mapping[str, TopicData]:
     """Read topics of header, `name` and doubles; the result is keyed by the topic's name.
 
@@ -90,7 +94,7 @@ def read_topics(
         }
         if not wanted:
             return {}
-        tables, log_times = _read(path, reader, wanted, store)
+        tables, log_times = _read(path, reader, wanted, store, progress)
         for name in wanted:
             stated, _ = announced(reader, name)
             if len(log_times[name]) < stated:
@@ -130,7 +134,11 @@ def _check(path: Path, reader: Reader, topic: Topic, store: Typestore, needed: b
 
 
 def _read(
-    path: Path, reader: Reader, wanted: Mapping[str, Topic], store: Typestore
+    path: Path,
+    reader: Reader,
+    wanted: Mapping[str, Topic],
+    store: Typestore,
+    progress: Progress | None,
 ) -> tuple[dict[str, Table], dict[str, list[int]]]:
     """Decoded messages and log times [ns] of each topic, block by block."""
     blocks: dict[str, list[Table]] = defaultdict(list)
@@ -145,19 +153,13 @@ def _read(
 
     sources = [one for name in wanted for one in connections(reader, name)]
     total = sum(announced(reader, name)[0] for name in wanted)
-    for connection, log_time, data in tqdm(
-        reader.messages(sources),
-        total=total,
-        desc=f"reading {path.name}",
-        unit=" messages",
-        delay=QUIET,
-        leave=False,
-        disable=None,
-    ):
+    for count, (connection, log_time, data) in enumerate(reader.messages(sources), start=1):
         pending[connection.topic].append(data)
         log_times[connection.topic].append(log_time)
         if len(pending[connection.topic]) == BLOCK:
             flush(connection.topic)
+            if progress:
+                progress(f"reading {path.name}", min(count / total, 1.0))
     for name in list(pending):
         flush(name)
     return {name: concatenate(tables) for name, tables in blocks.items()}, log_times

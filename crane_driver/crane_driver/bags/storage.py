@@ -79,7 +79,7 @@ def _explain(path: Path, error: Exception) -> str:
     for file in _storage_files(path):
         if not _closed(file):
             return f"the bag was not closed properly: {file.name} has no end; record it again"
-    return f"the bag is damaged or not readable: {error or type(error).__name__}"
+    return f"the bag is damaged or incomplete: {error or type(error).__name__}; copy it again"
 
 
 def _closed(file: Path) -> bool:
