@@ -1,0 +1,53 @@
+"""The same zero-phase low-pass and decimation for the force and for every regressor column.
+
+A linear filter applied to both sides of (28) leaves Θ as it is and removes what lies above the
+band in which the estimated motion can be trusted ("parallel filtering").
+"""
+
+import numpy as np
+from crane_model.errors import DataError
+from scipy import signal
+
+ORDER = 8
+RIPPLE = 0.05  # dB
+PASS_BAND = 0.8  # of half the sampling rate after decimation; these three as MATLAB's decimate
+PADDING = 3 * ORDER
+KEPT_SHARE = 0.4  # of the bandwidth of the motion
+
+
+def decimation_rows(samples: int, factor: int) -> np.ndarray:
+    """Rows that are kept: every `factor`-th one, counted so that the last one is kept.
+
+    As MATLAB's decimate, whose remainder is left out at the start.
+    """
+    kept = -(-samples // factor)
+    return np.arange(samples - 1 - (kept - 1) * factor, samples, factor)
+
+
+def decimate(values: np.ndarray, factor: int, periodic: bool = False) -> np.ndarray:
+    """`values` (n, ...) filtered along the first axis, at `decimation_rows`.
+
+    Chebyshev type I of order 8 with 0.05 dB ripple up to 0.8 of the new Nyquist frequency, run
+    forwards and backwards; `periodic` continues one whole period of values over its ends.
+    Factor 1 changes nothing. Raises `DataError` if there are too few samples.
+    """
+    n = len(values)
+    if factor == 1:
+        return values
+    if n <= PADDING:
+        raise DataError(f"{n} samples cannot be filtered; at least {PADDING + 1} are needed")
+    sections = signal.cheby1(ORDER, RIPPLE, PASS_BAND / factor, output="sos")
+    rows = decimation_rows(n, factor)
+    if not periodic:
+        return signal.sosfiltfilt(sections, values, axis=0, padlen=PADDING)[rows]
+    around = np.concatenate([values, values, values])
+    return signal.sosfiltfilt(sections, around, axis=0, padlen=PADDING)[rows + n]
+
+
+def decimation_factor(bandwidth: float, step: float) -> int:
+    """Largest factor that keeps 0.4 of the `bandwidth` [Hz] of the motion (at least 1).
+
+    Within that share the estimated motion is the true one to well under a percent; EMPS's authors
+    keep the same share (40 of 100 Hz).
+    """
+    return max(1, int(PASS_BAND * 0.5 / step / (KEPT_SHARE * bandwidth) + 1e-9))

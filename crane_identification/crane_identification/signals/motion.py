@@ -1,0 +1,97 @@
+"""From measured positions to positions, velocities and accelerations: the common interface."""
+
+from dataclasses import dataclass
+from typing import Protocol
+
+import numpy as np
+from crane_model.errors import DataError
+
+from crane_identification.progress import Progress, silent
+
+SAME_READING = 1e-9
+"""Readings closer than this share of their range are the same encoder count (float rounding)."""
+
+
+@dataclass(frozen=True)
+class Motion:
+    """Smoothed motion of j coordinates at n uniform times, and how good it is.
+
+    `position`, `velocity`, `acceleration` (n, j) in rad or m, per s, per s²; `bandwidth` (j,) [Hz]
+    up to which they follow the truth; `position_noise` (j,) of a single reading and
+    `velocity_noise` (j,) of the estimate, both one standard deviation.
+    """
+
+    position: np.ndarray
+    velocity: np.ndarray
+    acceleration: np.ndarray
+    bandwidth: np.ndarray
+    position_noise: np.ndarray
+    velocity_noise: np.ndarray
+
+
+class MotionEstimator(Protocol):
+    """Anything that turns positions (n, j), sampled every `step` s, into a `Motion`."""
+
+    def estimate(
+        self, position: np.ndarray, step: float, resolution: np.ndarray, progress: Progress = silent
+    ) -> Motion:
+        """Motion at the times of `position`; `resolution` (j,) is that of the encoders."""
+        ...
+
+
+def estimate_periodic(
+    estimator: MotionEstimator,
+    position: np.ndarray,
+    step: float,
+    resolution: np.ndarray,
+    progress: Progress = silent,
+) -> Motion:
+    """Motion over one whole period (n, j), continued periodically so that it has no ends.
+
+    Half a period is put before and behind, which is far more than an estimator remembers.
+    """
+    n = len(position)
+    half = n // 2
+    extended = np.concatenate([position[n - half :], position, position[:half]])
+    motion = estimator.estimate(extended, step, resolution, progress)
+    return Motion(
+        motion.position[half : half + n],
+        motion.velocity[half : half + n],
+        motion.acceleration[half : half + n],
+        motion.bandwidth,
+        motion.position_noise,
+        motion.velocity_noise,
+    )
+
+
+def encoder_resolution(position: np.ndarray) -> np.ndarray:
+    """Smallest step between different readings (n, j) of each encoder (j,) [rad or m].
+
+    A coordinate that never moves shows no step and gives 0.
+    """
+    return np.array([_smallest_step(column) for column in position.T])
+
+
+def checked(position: np.ndarray, step: float, shortest: int) -> np.ndarray:
+    """`position` as (n, j) floats; `DataError` if it is too short or not finite."""
+    position = np.asarray(position, dtype=float)
+    if position.ndim != 2 or len(position) < shortest:
+        raise DataError(
+            f"positions of shape {position.shape}: at least {shortest} samples of each joint are "
+            f"needed to estimate velocity and acceleration; record longer"
+        )
+    if not step > 0:
+        raise DataError(f"sampling step {step} s must be positive")
+    if not np.isfinite(position).all():
+        row, column = np.argwhere(~np.isfinite(position))[0]
+        raise DataError(
+            f"position of joint {column} at {row * step:.4g} s is {position[row, column]}; "
+            f"cut the record to where every encoder was logged"
+        )
+    return position
+
+
+def _smallest_step(readings: np.ndarray) -> float:
+    steps = np.diff(np.unique(readings))
+    steps = steps[steps > SAME_READING * np.ptp(readings)]
+    return float(steps.min()) if len(steps) else 0.0
