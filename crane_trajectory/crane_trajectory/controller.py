@@ -1,0 +1,133 @@
+"""Decentralized PD control with dead-zone compensation (36): valve commands from tracking errors.
+
+    u = -Kp (q - q_ref) - Kd (q' - q'_ref) + F_f,   limited to [-1, 1]
+
+F_f = d+ max(s, 0) + d- min(s, 0) carries the command across the dead zone (d+ upwards, d-
+downwards) of the valve in the direction s, a continuous number from -1 to 1. With v0 the
+standstill speed and e0 the position tolerance of the joint,
+
+- outside the standstill band, |q'| >= v0: s = sgn(q'), as (36) has it;
+- at standstill, q' = 0: s = q'_ref / v0 - (e beyond its tolerance) / e0, limited to [-1, 1]: the
+  direction in which the reference moves and, where the reference rests, the one that lowers an
+  error e = q - q_ref larger than e0;
+- in between the two are blended smoothly over the measured speed.
+
+So at rest, with the reference at rest and |e| <= e0, F_f = 0 and u = -Kp e is inside the dead zone:
+the valve stays closed and the crane is held still, without a command that switches sign. The
+controller has no state.
+"""
+
+from pathlib import Path
+from typing import Annotated, Self
+
+import numpy as np
+from crane_model.configuration import Schema, load, packaged
+from crane_model.errors import RangeError
+from crane_model.machine import JOINT_UNITS, JOINTS
+from numba import njit
+from pydantic import Field, model_validator
+
+NonNegative = Annotated[float, Field(ge=0)]
+Positive = Annotated[float, Field(gt=0)]
+DeadZone = Annotated[float, Field(ge=0, lt=1)]
+
+
+class JointGains(Schema):
+    """Gains of (36) of one joint; units in `data/controller.yaml`."""
+
+    kp: Positive
+    kd: NonNegative
+    dead_zone_positive: DeadZone
+    dead_zone_negative: DeadZone
+    standstill_speed: Positive
+    position_tolerance: Positive
+
+    @model_validator(mode="after")
+    def _closed_at_rest(self) -> Self:
+        rest = self.kp * self.position_tolerance
+        for name in ("dead_zone_positive", "dead_zone_negative"):
+            dead_zone = getattr(self, name)
+            if 0.0 < dead_zone < rest:
+                raise ValueError(
+                    f"kp times position_tolerance is {rest:.6g}, more than {name} {dead_zone:.6g}: "
+                    "the valve of a crane at rest would be open; lower either of the two"
+                )
+        return self
+
+
+class Gains(Schema):
+    """Gains of (36) of the four joints."""
+
+    slew: JointGains
+    inner_boom: JointGains
+    outer_boom: JointGains
+    telescope: JointGains
+
+    @property
+    def table(self) -> np.ndarray:
+        """(4, 6): a row a joint, a column a field of `JointGains`, for `joint_command`."""
+        return np.array([list(getattr(self, joint).model_dump().values()) for joint in JOINTS])
+
+
+def load_gains(path: Path | str | None = None) -> Gains:
+    """The gains in `path`, by default the laboratory's; `ConfigurationError` if wrong."""
+    return load(path or packaged("crane_trajectory", "controller.yaml"), Gains)
+
+
+@njit(cache=True)
+def joint_command(
+    gains: np.ndarray, q: float, velocity: float, q_ref: float, velocity_ref: float
+) -> float:
+    """(36) of one joint for compiled loops: gains (6,) is a row of `Gains.table`.
+
+    NaN where an input is not finite.
+    """
+    if not np.isfinite(q - q_ref + velocity - velocity_ref):
+        return np.nan
+    kp, kd, dead_zone_positive, dead_zone_negative, standstill_speed, tolerance = gains
+    error = q - q_ref
+    excess = error - min(max(error, -tolerance), tolerance)
+    wanted = min(max(velocity_ref / standstill_speed - excess / tolerance, -1.0), 1.0)
+    share = min(abs(velocity) / standstill_speed, 1.0)
+    moving = share * share * (3.0 - 2.0 * share)
+    direction = moving * np.sign(velocity) + (1.0 - moving) * wanted
+    dead_zone = dead_zone_positive if direction > 0.0 else dead_zone_negative
+    u = -kp * error - kd * (velocity - velocity_ref) + dead_zone * direction
+    return min(max(u, -1.0), 1.0)
+
+
+@njit(cache=True)
+def _commands(
+    gains: np.ndarray,
+    q: np.ndarray,
+    velocity: np.ndarray,
+    q_ref: np.ndarray,
+    velocity_ref: np.ndarray,
+) -> np.ndarray:
+    u = np.empty(len(q))
+    for i in range(len(q)):
+        u[i] = joint_command(gains[i], q[i], velocity[i], q_ref[i], velocity_ref[i])
+    return u
+
+
+def command(
+    gains: np.ndarray,
+    q: np.ndarray,
+    velocity: np.ndarray,
+    q_ref: np.ndarray,
+    velocity_ref: np.ndarray,
+) -> np.ndarray:
+    """Valve commands (4,) in [-1, 1] of (36); `gains` is `Gains.table`, the others (4,) in SI.
+
+    Raises `RangeError` where an input is not finite: a crane is never moved on a guess.
+    """
+    inputs = np.array([q, velocity, q_ref, velocity_ref])
+    if not np.isfinite(inputs).all():
+        kind, joint = np.argwhere(~np.isfinite(inputs))[0]
+        quantity = ("position", "velocity", "reference position", "reference velocity")[kind]
+        unit = JOINT_UNITS[JOINTS[joint]] + ("" if kind % 2 == 0 else "/s")
+        raise RangeError(
+            f"{JOINTS[joint]}: {quantity} must be finite, got {inputs[kind, joint]} {unit}; "
+            "no command is given, close the valves"
+        )
+    return _commands(gains, *inputs)
