@@ -50,18 +50,28 @@ class Geometry(NamedTuple):
 
 
 @njit(cache=True)
-def _lagrangian_regressor(
-    q: np.ndarray, v: np.ndarray, acc: np.ndarray, theta: float, a: float, g: float
-) -> np.ndarray:
-    out = np.zeros((len(q), 3, 9))
+def _fill_regressor(
+    q: np.ndarray,
+    v: np.ndarray,
+    acc: np.ndarray,
+    theta: float,
+    a: float,
+    g: float,
+    normal_per_mass: float,
+    out: np.ndarray,
+) -> None:
+    """Write the first columns of the nine, as many as `out` (n, 3, 8 or 9) has.
+
+    S_TL_normal = normal_per_mass m_TL + what its own column stands for.
+    """
+    phi_row, psi_row, s_row = np.zeros(9), np.zeros(9), np.zeros(9)
     for i in range(len(q)):
         phi, psi, s = q[i, 0] + theta, q[i, 0] + q[i, 1], q[i, 2]
         dphi, dpsi, ds = v[i, 0], v[i, 0] + v[i, 1], v[i, 2]
         ddphi, ddpsi, dds = acc[i, 0], acc[i, 0] + acc[i, 1], acc[i, 2]
         sin_d, cos_d = np.sin(psi - phi), np.cos(psi - phi)
         sin_psi, cos_psi = np.sin(psi), np.cos(psi)
-        # Euler-Lagrange (4) in (phi, psi, s), parameter by parameter
-        phi_row, psi_row, s_row = np.zeros(9), np.zeros(9), np.zeros(9)
+        # Euler-Lagrange (4) in (phi, psi, s), parameter by parameter; other entries stay zero
         phi_row[0] = ddphi
         phi_row[1] = g * np.cos(phi)
         phi_row[2] = -g * np.sin(phi)
@@ -77,24 +87,48 @@ def _lagrangian_regressor(
         s_row[7] = -(dpsi**2)
         psi_row[8] = -dds
         s_row[8] = -ddpsi
+        psi_row[6] += normal_per_mass * psi_row[8]
+        s_row[6] += normal_per_mass * s_row[8]
         # virtual work: phi turns with q2 alone, psi with q2 and q3
-        out[i, 0] = phi_row + psi_row
-        out[i, 1] = psi_row
-        out[i, 2] = s_row
-    return out
+        for k in range(out.shape[2]):
+            out[i, 0, k] = phi_row[k] + psi_row[k]
+            out[i, 1, k] = psi_row[k]
+            out[i, 2, k] = s_row[k]
 
 
 def lagrangian_regressor(
     geometry: Geometry, q: np.ndarray, v: np.ndarray, acceleration: np.ndarray
 ) -> np.ndarray:
     """phi of (8) for the nine parameters: (n, 3) motion to (n, 3, 9); rows tau2, tau3, F4."""
-    return _lagrangian_regressor(
+    out = np.empty((len(q), 3, 9))
+    _fill(geometry, q, v, acceleration, 0.0, out)
+    return out
+
+
+def fill_base_regressor(
+    geometry: Geometry, q: np.ndarray, v: np.ndarray, acceleration: np.ndarray, out: np.ndarray
+) -> None:
+    """Write phi of (8) for the base set, N_TL = a3 m_TL: (n, 3) motion into `out` (n, 3, 8)."""
+    _fill(geometry, q, v, acceleration, geometry.telescope_offset, out)
+
+
+def _fill(
+    geometry: Geometry,
+    q: np.ndarray,
+    v: np.ndarray,
+    acceleration: np.ndarray,
+    normal_per_mass: float,
+    out: np.ndarray,
+) -> None:
+    _fill_regressor(
         np.ascontiguousarray(q, dtype=float),
         np.ascontiguousarray(v, dtype=float),
         np.ascontiguousarray(acceleration, dtype=float),
         geometry.theta_2_0,
         geometry.inner_boom_length,
         geometry.gravity,
+        normal_per_mass,
+        out,
     )
 
 

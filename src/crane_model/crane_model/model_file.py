@@ -2,6 +2,7 @@
 
 from dataclasses import dataclass, replace
 from functools import cached_property
+from itertools import accumulate
 from pathlib import Path
 from typing import Annotated, Any, Literal, Self
 
@@ -54,7 +55,17 @@ class Model:
 
     def regressor(self, record: Record) -> np.ndarray:
         """Phi of (28) on n samples: (n, j, p)."""
-        return np.concatenate([t.columns(record, self.setting) for t in self.terms], axis=2)
+        columns = np.zeros((*record.position.shape, len(self.parameters)))
+        for term, part in zip(self.terms, self._parts, strict=True):
+            term.fill(record, self.setting, columns[:, :, part])
+        return columns
+
+    @cached_property
+    def _parts(self) -> tuple[slice, ...]:
+        """Which columns of Phi belong to each term."""
+        counts = [len(term.parameters(self.setting)) for term in self.terms]
+        ends = accumulate(counts)
+        return tuple(slice(end - count, end) for end, count in zip(ends, counts, strict=True))
 
     def predict(self, record: Record) -> np.ndarray:
         """Generalized forces Phi Theta on n samples: (n, j) [N m, N]."""
@@ -62,12 +73,11 @@ class Model:
 
     def gravity(self, record: Record) -> np.ndarray:
         """The part of the force that gravity alone needs at the record's positions: (n, j)."""
-        still = record.at_rest()
-        parts = []
-        for term in self.terms:
-            columns = term.columns(still, self.setting)
-            parts.append(columns if term.family in GRAVITY_FAMILIES else np.zeros_like(columns))
-        return np.concatenate(parts, axis=2) @ self.theta
+        columns = self.regressor(record.at_rest())
+        for term, part in zip(self.terms, self._parts, strict=True):
+            if term.family not in GRAVITY_FAMILIES:
+                columns[:, :, part] = 0.0
+        return columns @ self.theta
 
     @property
     def theta(self) -> np.ndarray:

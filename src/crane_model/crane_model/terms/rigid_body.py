@@ -4,7 +4,7 @@ from typing import ClassVar, Literal
 
 import numpy as np
 
-from crane_model.dynamics import Geometry, lagrangian_regressor
+from crane_model.dynamics import Geometry, fill_base_regressor
 from crane_model.errors import ConfigurationError
 from crane_model.machine import PLANAR_JOINTS
 from crane_model.record import Record
@@ -31,14 +31,12 @@ class PlanarRigidBody(Term):
             )
         return BASE_PARAMETERS
 
-    def columns(self, record: Record, setting: Setting) -> np.ndarray:
+    def fill(self, record: Record, setting: Setting, columns: np.ndarray) -> None:
         """(n, 3, 8)."""
         assert setting.machine is not None  # parameters() refuses such a model
         geometry = Geometry.of(setting.machine)
-        nine = lagrangian_regressor(geometry, record.position, record.velocity, record.acceleration)
-        eight = nine[:, :, :8]
-        eight[:, :, 6] += geometry.telescope_offset * nine[:, :, 8]
-        return eight
+        motion = record.position, record.velocity, record.acceleration
+        fill_base_regressor(geometry, *motion, columns)
 
 
 BASE_PARAMETERS = (

@@ -59,8 +59,17 @@ class Term(Schema, ABC):
         """Name, unit, sign of each parameter; `ConfigurationError` if the model cannot hold it."""
 
     @abstractmethod
+    def fill(self, record: Record, setting: Setting, columns: np.ndarray) -> None:
+        """Write the regressor columns on n samples of j joints, SI units.
+
+        `columns` (n, j, parameters) comes as zeros, a part of the regressor of the whole model.
+        """
+
     def columns(self, record: Record, setting: Setting) -> np.ndarray:
-        """Regressor columns on n samples of j joints: (n, j, parameters), SI units."""
+        """The regressor columns by themselves: (n, j, parameters), SI units."""
+        columns = np.zeros((*record.position.shape, len(self.parameters(setting))))
+        self.fill(record, setting, columns)
+        return columns
 
 
 class JointTerm(Term):
@@ -87,12 +96,10 @@ class JointTerm(Term):
         parameter = self.parameter(unit, setting.force_unit(self.joint))
         return (parameter._replace(name=f"{parameter.name}.{self.joint}"),)
 
-    def columns(self, record: Record, setting: Setting) -> np.ndarray:
+    def fill(self, record: Record, setting: Setting, columns: np.ndarray) -> None:
         """Zero but on the term's own joint."""
         j = record.column(self.joint)
-        columns = np.zeros((*record.position.shape, 1))
         columns[:, j, 0] = self.column(record, j)
-        return columns
 
 
 def term_from_mapping(content: Mapping[str, Any]) -> Term:
