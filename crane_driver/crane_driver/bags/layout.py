@@ -26,6 +26,8 @@ class ArrayMessage:
     def __init__(self, store: Typestore, msgtype: str, names: Sequence[str]):
         self.fields = double_fields(store, msgtype)
         self._store, self._msgtype, self._names = store, msgtype, list(names)
+        if not names:
+            raise ValueError(f"{msgtype}: at least one name is needed")
         known = {"header", "name", *self.fields}
         if others := [name for name, _ in store.fielddefs[msgtype][1] if name not in known]:
             raise ValueError(f"{msgtype} is not header, name and doubles; it also has {others}")

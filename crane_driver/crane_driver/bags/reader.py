@@ -7,7 +7,6 @@ from pathlib import Path
 from typing import Literal
 
 import numpy as np
-from crane_model.errors import DataError
 from rosbags.rosbag2 import Reader
 from rosbags.serde import SerdeError
 from rosbags.typesys.store import Typestore
@@ -15,6 +14,7 @@ from rosbags.typesys.store import Typestore
 from crane_driver.bags.decoding import NANOSECONDS, Table, cells, concatenate, decode
 from crane_driver.bags.storage import announced, connections, open_bag
 from crane_driver.bags.types import Topic, typestore
+from crane_model.errors import DataError
 
 Progress = Callable[[str, float], None]
 """Called with what is going on and the share of it that is done, 0 to 1."""

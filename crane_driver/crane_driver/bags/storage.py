@@ -5,10 +5,11 @@ from contextlib import contextmanager
 from os import SEEK_END
 from pathlib import Path
 
-from crane_model.errors import DataError
 from rosbags.interfaces import Connection
 from rosbags.rosbag2 import Reader
 from rosbags.rosbag2.reader import DirectoryReader
+
+from crane_model.errors import DataError
 
 STORAGE_SUFFIXES = (".mcap", ".db3")
 MCAP_MAGIC = b"\x89MCAP0\r\n"
@@ -37,7 +38,7 @@ def connections(reader: Reader, topic: str) -> list[Connection]:
     """The connections of a topic as the storage files state them.
 
     Those of `reader.connections` come from metadata.yaml, and rosbags silently drops every message
-    where the two state different QoS profiles, as bags of ROS 2 Humble and older do.
+    where the two state different QoS profiles, as bags out of `ros2 bag convert` do.
     """
     storage = reader.storage
     storages = storage.storages if isinstance(storage, DirectoryReader) else [storage]

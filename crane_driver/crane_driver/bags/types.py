@@ -6,10 +6,11 @@ from pathlib import Path
 from typing import Any
 
 from ament_index_python.packages import PackageNotFoundError, get_package_share_path
-from crane_model.errors import CraneError
 from rosbags.interfaces import Nodetype
 from rosbags.typesys import Stores, get_types_from_msg, get_typestore
 from rosbags.typesys.store import Typestore
+
+from crane_model.errors import CraneError
 
 INTERFACES = "crane_interfaces"
 

@@ -5,7 +5,6 @@ from pathlib import Path
 from types import TracebackType
 from typing import Self
 
-from crane_model.errors import DataError
 from numpy.typing import ArrayLike
 from rosbags.interfaces import (
     Connection,
@@ -20,6 +19,7 @@ from rosbags.rosbag2 import StoragePlugin, Writer, WriterError
 
 from crane_driver.bags.layout import ArrayMessage
 from crane_driver.bags.types import Topic, typestore
+from crane_model.errors import DataError
 
 FOREVER = QosTime(9223372036, 854775807)  # how rosbag2 writes an infinite duration
 
