@@ -23,16 +23,18 @@ PIP_TO_UV = {
 }
 
 
-def _stamp(machine: Machine) -> Path:
+def stamp_file(machine: Machine) -> Path:
+    """Written last, so that an interrupted installation is taken up again."""
     return machine.venv / "crane-packages"
 
 
-def _wanted(machine: Machine) -> str:
-    pins = hashlib.sha256("\n".join(_pins(machine)).encode()).hexdigest()
-    return f"{machine.describe()}{pins}\n"
+def wanted_stamp(machine: Machine) -> str:
+    """What the stamp says when the environment is up to date."""
+    digest = hashlib.sha256("\n".join(pins(machine)).encode()).hexdigest()
+    return f"{machine.describe()}{digest}\n"
 
 
-def _pins(machine: Machine) -> list[str]:
+def pins(machine: Machine) -> list[str]:
     """Return the pinned requirements for this kind of machine, one a line."""
     names = ["requirements.txt", "requirements-dev.txt"]
     if not machine.ros_installed:
@@ -63,13 +65,13 @@ def _system_numpy() -> str:
 
 def up_to_date(machine: Machine) -> bool:
     """Whether the environment holds what the requirement files say."""
-    stamp = _stamp(machine)
-    return stamp.is_file() and stamp.read_text() == _wanted(machine)
+    stamp = stamp_file(machine)
+    return stamp.is_file() and stamp.read_text() == wanted_stamp(machine)
 
 
 def install(machine: Machine) -> None:
     """Make or mend the virtual environment and install the pinned packages."""
-    _stamp(machine).unlink(missing_ok=True)
+    stamp_file(machine).unlink(missing_ok=True)
     if not _usable(machine):
         print("set-up: virtual environment .venv", flush=True)
         for folder in ("build", "install", "log"):  # built for another environment
@@ -85,7 +87,7 @@ def install(machine: Machine) -> None:
     _install_pins(machine)
     if not machine.ros_installed:
         wheels.mend_include_folders(machine)
-    _stamp(machine).write_text(_wanted(machine))
+    stamp_file(machine).write_text(wanted_stamp(machine))
 
 
 def _usable(machine: Machine) -> bool:
@@ -108,18 +110,18 @@ def _usable(machine: Machine) -> bool:
 
 def _install_pins(machine: Machine) -> None:
     # The list is complete, so nothing is left to resolve: --no-deps.
-    pins = machine.venv / "crane-requirements.txt"
-    pins.write_text("\n".join(_pins(machine)) + "\n")
-    arguments = ["install", "--no-deps", "--requirement", str(pins)]
+    requirements = machine.venv / "crane-requirements.txt"
+    requirements.write_text("\n".join(pins(machine)) + "\n")
+    arguments = ["install", "--no-deps", "--requirement", str(requirements)]
     if not sys.stderr.isatty():
         arguments.append("--quiet")  # progress is for people
     pip = [str(machine.venv_python), "-m", "pip", "--disable-pip-version-check"]
     uv = [str(machine.venv / "bin" / "uv"), "pip"]
 
-    uv_pin = next(pin for pin in _pins(machine) if pin.startswith("uv=="))
+    uv_pin = next(pin for pin in pins(machine) if pin.startswith("uv=="))
     environment = machine.environment()
     subprocess.run([*pip, "install", "--quiet", uv_pin], env=environment)
-    done = subprocess.run([*uv, *arguments], env=environment | _uv_settings(pip, environment))
+    done = subprocess.run([*uv, *arguments], env=environment | uv_settings(pip, environment))
     if done.returncode:
         print("set-up: uv could not install the packages, pip tries (minutes)", flush=True)
         done = subprocess.run([*pip, *arguments], env=environment)
@@ -127,16 +129,19 @@ def _install_pins(machine: Machine) -> None:
         raise SetupError("the packages could not be installed; the lines above say why")
 
 
-def _uv_settings(pip: list[str], environment: dict[str, str]) -> dict[str, str]:
+def uv_settings(pip: list[str], environment: dict[str, str]) -> dict[str, str]:
     """Return pip's settings as uv's variables, so that both ask the same package index.
 
     Variables that are set already win. Local folders that do not exist are left out, as pip does.
     """
     listing = subprocess.run([*pip, "config", "list"], env=environment, capture_output=True)
     settings: dict[str, list[str]] = {}
-    for line in listing.stdout.decode().splitlines():  # file settings first, environment last
-        key, _, value = line.partition("=")
-        settings[key.rpartition(".")[2]] = ast.literal_eval(value).split()
+    lines = listing.stdout.decode().splitlines()
+    for section in ("global.", "install.", ":env:."):  # the later wins
+        for line in lines:
+            if line.startswith(section):
+                name, _, value = line.removeprefix(section).partition("=")
+                settings[name] = ast.literal_eval(value).split()
     variables = {
         variable: ("," if variable == "UV_FIND_LINKS" else " ").join(
             place for place in settings[name] if _exists(place)

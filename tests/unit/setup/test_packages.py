@@ -1,0 +1,70 @@
+"""Licence, names and pins: what every package and requirement file states."""
+
+import re
+import xml.etree.ElementTree as ElementTree
+from pathlib import Path
+
+import pytest
+
+ROOT = Path(__file__).resolve().parents[3]
+MANIFESTS = sorted([*ROOT.glob("crane_*/package.xml"), *ROOT.glob("src/*/package.xml")])
+REQUIREMENTS = sorted(ROOT.glob("requirements*.txt"))
+
+
+def pins(path: Path) -> list[str]:
+    return [line for line in path.read_text().splitlines() if not line.startswith("#")]
+
+
+def test_all_packages_are_found() -> None:
+    assert [path.parent.name for path in MANIFESTS] == [
+        "crane_driver",
+        "crane_identification",
+        "crane_interfaces",
+        "crane_trajectory",
+        "crane_model",
+        "crane_sim",
+    ]
+
+
+@pytest.mark.parametrize("path", MANIFESTS, ids=lambda p: p.parent.name)
+def test_manifest_names_folder_and_licence(path: Path) -> None:
+    manifest = ElementTree.parse(path)
+    assert manifest.findtext("name") == path.parent.name
+    assert manifest.findtext("license") == "Apache-2.0"
+    setup = path.with_name("setup.py")
+    if setup.exists():
+        assert 'license="Apache-2.0"' in setup.read_text()
+        assert f'PACKAGE = "{path.parent.name}"' in setup.read_text()
+
+
+def test_licence_text_is_at_the_top() -> None:
+    assert (
+        "Apache License\n                           Version 2.0" in (ROOT / "LICENSE").read_text()
+    )
+
+
+@pytest.mark.parametrize("path", REQUIREMENTS, ids=lambda p: p.name)
+def test_every_requirement_is_pinned_and_names_no_index(path: Path) -> None:
+    for line in pins(path):
+        assert re.fullmatch(r"[a-z0-9.-]+==[\w.]+( ; .+)?", line), line
+
+
+def test_requirement_files_agree() -> None:
+    versions: dict[str, set[str]] = {}
+    for path in REQUIREMENTS:
+        for line in pins(path):
+            versions.setdefault(line.split("==")[0], set()).add(line)
+    assert {name: found for name, found in versions.items() if len(found) > 1} == {}
+
+
+def test_every_direct_requirement_is_compiled() -> None:
+    compiled = {line.split("==")[0] for path in REQUIREMENTS for line in pins(path)}
+    for path in (ROOT / "scripts" / "requirements").glob("*.in"):
+        for line in path.read_text().splitlines():
+            if name := re.match(r"[\w-]+", line):
+                assert name[0].lower() in compiled, f"{path.name}: {line}"
+
+
+def test_continuous_integration_runs_the_command_of_the_readme() -> None:
+    assert "\nmake test\n" in (ROOT / ".ci" / "run").read_text()
+    assert "make test" in (ROOT / "README.md").read_text()
