@@ -7,13 +7,13 @@ from pathlib import Path
 from typing import Annotated, NamedTuple
 
 import numpy as np
+from pydantic import Field
+
 from crane_model.configuration import Schema, load, packaged
 from crane_model.cylinders import lever_arm
 from crane_model.errors import RangeError
 from crane_model.kinematics import tip_position
 from crane_model.machine import JOINT_UNITS, JOINTS, PLANAR_JOINTS, Machine
-from pydantic import Field
-
 from crane_trajectory.extremes import maxima
 from crane_trajectory.fourier import FourierTrajectory
 
@@ -118,14 +118,11 @@ def trajectory_violations(
     )
 
 
-def refuse(name: str, found: Sequence[Violation]) -> None:
+def refuse(found: Sequence[Violation], name: str, remedy: str) -> None:
     """Raise `RangeError` that lists all of `found`; nothing if there are none."""
     if found:
         listed = "\n  ".join(str(violation) for violation in found)
-        raise RangeError(
-            f"{name}: leaves what the crane can do, lower its amplitude or lengthen its period:\n"
-            f"  {listed}"
-        )
+        raise RangeError(f"{name}: leaves what the crane can do; {remedy}:\n  {listed}")
 
 
 class Extreme(NamedTuple):

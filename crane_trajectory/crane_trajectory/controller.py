@@ -21,11 +21,12 @@ from pathlib import Path
 from typing import Annotated, Self
 
 import numpy as np
+from numba import njit
+from pydantic import Field, model_validator
+
 from crane_model.configuration import Schema, load, packaged
 from crane_model.errors import RangeError
 from crane_model.machine import JOINT_UNITS, JOINTS
-from numba import njit
-from pydantic import Field, model_validator
 
 NonNegative = Annotated[float, Field(ge=0)]
 Positive = Annotated[float, Field(gt=0)]

@@ -1,13 +1,13 @@
 """Fourier references (32)-(34): periodic trajectories of any joints, with analytic derivatives."""
 
-from functools import cached_property
 from pathlib import Path
 from typing import Annotated, NamedTuple, Self
 
 import numpy as np
+from pydantic import Field, model_validator
+
 from crane_model.configuration import Schema, load
 from crane_model.machine import JOINTS
-from pydantic import Field, model_validator
 
 
 class JointSeries(Schema):
@@ -67,17 +67,17 @@ class FourierTrajectory(Schema):
                 raise ValueError(f"joints: no joint '{joint}'; the joints are {', '.join(JOINTS)}")
         return self
 
-    @cached_property
+    @property
     def joint_names(self) -> tuple[str, ...]:
         """The joints that move, in the order of the columns of `evaluate` (that of `JOINTS`)."""
         return tuple(joint for joint in JOINTS if joint in self.joints)
 
-    @cached_property
+    @property
     def harmonics(self) -> int:
         """N, the highest harmonic of any joint."""
         return max(len(series.sine) for series in self.joints.values())
 
-    @cached_property
+    @property
     def coefficients(self) -> np.ndarray:
         """(2 N + 1, j): per joint [q_0, a_1..a_N, b_1..b_N], shorter series padded with zeros."""
         table = np.zeros((2 * self.harmonics + 1, len(self.joint_names)))

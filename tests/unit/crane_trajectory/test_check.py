@@ -4,6 +4,9 @@ import math
 
 import numpy as np
 import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
 from crane_model.cylinders import cylinder_length
 from crane_model.errors import RangeError
 from crane_model.machine import PLANAR_JOINTS, load_machine
@@ -17,8 +20,6 @@ from crane_trajectory.check import (
 )
 from crane_trajectory.extremes import maxima
 from crane_trajectory.fourier import FourierTrajectory, JointSeries
-from hypothesis import given, settings
-from hypothesis import strategies as st
 
 MACHINE = load_machine()
 CLEARANCE = load_clearance()
@@ -75,7 +76,7 @@ def test_maxima_at_the_ends_of_the_span_and_of_a_constant():
 
 def test_a_trajectory_within_the_limits_passes():
     assert trajectory_violations(MACHINE, planar(), CLEARANCE) == []
-    refuse("planar", [])
+    refuse([], "planar", "none is needed")
 
 
 @pytest.mark.parametrize("joint", PLANAR_JOINTS)
@@ -207,8 +208,15 @@ def test_room_is_not_checked_without_all_planar_joints():
 def test_refusal_lists_everything():
     trajectory = sine("inner_boom", 0.4, 2.0)
     with pytest.raises(RangeError) as caught:
-        refuse("trajectory 'sine'", trajectory_violations(MACHINE, trajectory, CLEARANCE))
+        found = trajectory_violations(MACHINE, trajectory, CLEARANCE)
+        refuse(found, "trajectory 'sine'", "lower the amplitude")
     text = str(caught.value)
     assert text.startswith("trajectory 'sine'")
-    for part in ("inner_boom: position 2.4 rad", "limit 1.37 rad", "velocity", "limit -0.16 rad/s"):
+    for part in (
+        "lower the amplitude",
+        "inner_boom: position 2.4 rad",
+        "limit 1.37 rad",
+        "velocity",
+        "limit -0.16 rad/s",
+    ):
         assert part in text

@@ -2,11 +2,12 @@
 
 import numpy as np
 import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
 from crane_model.errors import ConfigurationError, RangeError
 from crane_model.machine import JOINTS
 from crane_trajectory.controller import JointGains, command, joint_command, load_gains
-from hypothesis import given, settings
-from hypothesis import strategies as st
 
 GAINS = load_gains().table
 number = st.floats(-10.0, 10.0)
@@ -21,6 +22,7 @@ def uniform(gains, q, velocity, q_ref, velocity_ref):
     )
 
 
+@settings(deadline=None)
 @given(st.lists(st.tuples(number, number, number, number), min_size=4, max_size=4))
 def test_bounded(samples):
     u = command(GAINS, *np.array(samples).T)
@@ -28,19 +30,21 @@ def test_bounded(samples):
     assert np.abs(u).max() <= 1.0
 
 
+@settings(deadline=None)
 @given(column, number, slow, slow, st.floats(0.0, 1.0))
 def test_does_not_rise_with_the_position_error(joint, q, velocity, velocity_ref, rise):
     lower, higher = uniform(GAINS[joint], [q, q + rise], velocity, 0.0, velocity_ref)
     assert higher <= lower
 
 
+@settings(deadline=None)
 @given(column, slow, slow, slow, st.floats(0.0, 1.0))
 def test_does_not_fall_with_the_reference_velocity(joint, error, velocity, velocity_ref, rise):
     lower, higher = uniform(GAINS[joint], error, velocity, 0.0, [velocity_ref, velocity_ref + rise])
     assert higher >= lower
 
 
-@settings(max_examples=200)
+@settings(max_examples=200, deadline=None)
 @given(column, slow, slow, slow)
 def test_continuous(joint, error, velocity, velocity_ref):
     step = 1e-9
@@ -63,6 +67,7 @@ def test_continuous_across_standstill_and_its_band(joint):
     assert np.abs(np.diff(u)).max() < 0.002 * GAINS[joint][2:4].max() + 1e-4
 
 
+@settings(deadline=None)
 @given(column, st.floats(-1.0, 1.0))
 def test_at_rest_within_tolerance_the_valve_stays_closed(joint, share):
     kp, _, up, down, _, tolerance = GAINS[joint]
@@ -72,6 +77,7 @@ def test_at_rest_within_tolerance_the_valve_stays_closed(joint, share):
     assert joint_command(GAINS[joint], 0.0, 0.0, 0.0, 0.0) == 0.0
 
 
+@settings(deadline=None)
 @given(column, st.floats(2.0, 5.0), st.sampled_from([-1.0, 1.0]))
 def test_at_rest_beyond_twice_the_tolerance_the_dead_zone_is_crossed(joint, times, sign):
     _, _, up, down, _, tolerance = GAINS[joint]
@@ -79,6 +85,7 @@ def test_at_rest_beyond_twice_the_tolerance_the_dead_zone_is_crossed(joint, time
     assert sign * u > (up if sign > 0 else down)
 
 
+@settings(deadline=None)
 @given(column, st.floats(1.0, 5.0), st.sampled_from([-1.0, 1.0]), slow)
 def test_outside_the_standstill_band_compensation_has_the_sign_of_the_motion(
     joint, times, sign, error

@@ -4,11 +4,12 @@ import math
 
 import numpy as np
 import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
 from crane_model.configuration import load, save
 from crane_model.errors import ConfigurationError
 from crane_trajectory.fourier import FourierTrajectory, JointSeries, load_trajectory
-from hypothesis import given, settings
-from hypothesis import strategies as st
 
 coefficient = st.floats(-1.0, 1.0, allow_subnormal=False)
 

@@ -1,0 +1,146 @@
+"""Approach, periods and stop as one motion: continuity, limits, phases."""
+
+import numpy as np
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
+from crane_model.errors import RangeError
+from crane_model.machine import JOINTS, load_machine
+from crane_trajectory.check import load_clearance
+from crane_trajectory.fourier import FourierTrajectory, JointSeries
+from crane_trajectory.motion import APPROACH_SHARE, RUN_UP, Motion, Phase, plan
+
+MACHINE = load_machine()
+CLEARANCE = load_clearance()
+TRAJECTORY = FourierTrajectory(
+    name="two harmonics",
+    period=20.0,
+    joints={
+        "inner_boom": JointSeries(offset=0.6, sine=(0.2, 0.05), cosine=(0.1, -0.04)),
+        "outer_boom": JointSeries(offset=-0.9, sine=(-0.1, 0.2), cosine=(0.3, 0.0)),
+        "telescope": JointSeries(offset=0.5, sine=(0.2, -0.1), cosine=(-0.1, 0.1)),
+    },
+)
+START = np.array([0.7, 0.35, -0.9, 0.4])
+
+
+def test_visits_every_phase_in_order_and_rests_at_both_ends():
+    motion = plan(MACHINE, TRAJECTORY, START, 3, CLEARANCE)
+    time = np.linspace(-1.0, motion.duration + 1.0, 20_001)
+    reference = motion.reference(time)
+    changes = np.flatnonzero(np.diff(reference.phase))
+    assert reference.phase[np.append(changes, -1)].tolist() == [
+        Phase.REST,
+        Phase.APPROACH,
+        Phase.EXCITATION,
+        Phase.STOP,
+        Phase.REST,
+    ]
+    np.testing.assert_allclose(
+        time[changes],
+        [0.0, motion.excitation_start, motion.excitation_end, motion.duration],
+        atol=time[1] - time[0],
+    )
+    assert motion.excitation_end - motion.excitation_start == pytest.approx(60.0)
+    resting = reference.phase == Phase.REST
+    assert np.abs(reference.velocity[resting]).max() == 0.0
+    assert np.abs(reference.acceleration[resting]).max() == 0.0
+    np.testing.assert_array_equal(reference.position[0], START)
+    np.testing.assert_allclose(np.ptp(reference.position[time > motion.duration], axis=0), 0.0)
+
+
+def test_the_periods_are_the_trajectory_and_the_slew_is_held():
+    motion = plan(MACHINE, TRAJECTORY, START, 2, CLEARANCE)
+    own = np.linspace(0.0, 2 * TRAJECTORY.period, 500)
+    reference = motion.reference(motion.excitation_start + own)
+    expected = TRAJECTORY.evaluate(own)
+    np.testing.assert_allclose(reference.position[:, 1:], expected.position, atol=1e-12)
+    np.testing.assert_allclose(reference.velocity[:, 1:], expected.velocity, atol=1e-12)
+    np.testing.assert_allclose(reference.acceleration[:, 1:], expected.acceleration, atol=1e-12)
+    assert (reference.position[:, 0] == START[0]).all()
+    assert (reference.velocity[:, 0] == 0.0).all()
+
+
+def test_position_velocity_and_acceleration_are_continuous_and_consistent():
+    motion = plan(MACHINE, TRAJECTORY, START, 1, CLEARANCE)
+    step = 1e-3
+    time = np.arange(-0.5, motion.duration + 0.5, step)
+    reference = motion.reference(time)
+    for lower, upper in (
+        (reference.position, reference.velocity),
+        (reference.velocity, reference.acceleration),
+    ):
+        numeric = (lower[2:] - lower[:-2]) / (2 * step)
+        np.testing.assert_allclose(upper[1:-1], numeric, atol=2e-3 * np.abs(upper).max())
+    jerk = np.diff(reference.acceleration, axis=0) / step
+    assert np.abs(jerk).max() < 1.0  # a jump of 0.001 rad/s2 between samples would pass it
+
+
+poses = st.tuples(
+    st.floats(-1.9, 1.9), st.floats(0.3, 1.2), st.floats(-1.3, -0.3), st.floats(0.05, 1.2)
+)
+
+
+@settings(max_examples=15, deadline=None)
+@given(poses)
+def test_limits_hold_from_anywhere_clear_of_ground_and_pillar(start):
+    motion = plan(MACHINE, TRAJECTORY, np.array(start), 1, CLEARANCE)
+    reference = motion.reference(np.linspace(0.0, motion.duration, 5000))
+    for i, joint in enumerate(JOINTS):
+        limits = MACHINE.limits[joint]
+        assert reference.position[:, i].min() >= limits.position_min
+        assert reference.position[:, i].max() <= limits.position_max
+        assert reference.velocity[:, i].min() >= limits.velocity_min
+        assert reference.velocity[:, i].max() <= limits.velocity_max
+
+
+def test_the_approach_uses_its_share_of_the_tightest_limit():
+    motion = plan(MACHINE, TRAJECTORY, START + [0.0, 0.6, 0.0, 0.0], 1, CLEARANCE)
+    time = np.linspace(0.0, motion.approach_time, 2001)[:-1]
+    velocity = motion.reference(time).velocity
+    assert velocity[:, 1].min() == pytest.approx(
+        APPROACH_SHARE * MACHINE.limits.inner_boom.velocity_min, rel=1e-3
+    )
+
+
+def test_start_and_stop_stay_on_the_path_of_the_trajectory():
+    motion = plan(MACHINE, TRAJECTORY, START, 1, CLEARANCE)
+    path = TRAJECTORY.evaluate(np.linspace(-RUN_UP, TRAJECTORY.period, 20_000)).position
+    for begin in (motion.approach_time, motion.excitation_end):
+        time = np.linspace(begin, begin + RUN_UP, 50)
+        for position in motion.reference(time).position[:, 1:]:
+            assert np.linalg.norm(path - position, axis=1).min() < 1e-3
+
+
+@pytest.mark.parametrize(
+    ("start", "periods", "named"),
+    [
+        ([0.0, 1.5, -0.9, 0.4], 1, "inner_boom: position 1.5 rad at t = 0.000 s is above"),
+        ([0.0, 0.3, np.nan, 0.4], 1, "one finite position for each of slew"),
+        ([0.0, 0.3, -0.9], 1, "one finite position for each of slew"),
+        ([0.0, 0.3, -0.9, 0.4], 0, "periods: at least 1, got 0"),
+        ([0.0, -0.3, -1.3, 1.0], 1, "boom tip: height"),
+    ],
+)
+def test_what_cannot_be_run_is_refused(start, periods, named):
+    with pytest.raises(RangeError) as caught:
+        plan(MACHINE, TRAJECTORY, np.array(start), periods, CLEARANCE)
+    assert named in str(caught.value)
+
+
+def test_a_trajectory_beyond_the_limits_is_refused_with_all_its_violations():
+    series = JointSeries(offset=0.45, sine=(0.8,), cosine=(0.0,))
+    joints = {**TRAJECTORY.joints, "inner_boom": series}
+    trajectory = FourierTrajectory(name="too fast", period=20.0, joints=joints)
+    with pytest.raises(RangeError) as caught:
+        plan(MACHINE, trajectory, START, 1, CLEARANCE)
+    text = str(caught.value)
+    assert "inner_boom: velocity" in text
+    assert text.count("inner_boom: velocity") == 2
+    assert "too fast" in text
+
+
+def test_a_motion_of_many_periods_is_checked_as_fast_as_one():
+    motion = Motion(TRAJECTORY, START, 10_000, approach_time=5.0)
+    assert motion.violations(MACHINE, CLEARANCE) == []
