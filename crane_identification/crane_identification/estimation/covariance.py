@@ -57,8 +57,8 @@ def correlated(
             meat += columns[run].T @ matmul_toeplitz(shape[: len(run)], columns[run])
         power += variance * int(used.sum())
     explained = float(np.trace(bread @ meat))
-    parameters = np.count_nonzero(np.diag(bread))
-    most = 1.0 - 1.0 / max(rows.samples - parameters, 2)
+    parameters = int(np.count_nonzero(np.diag(bread)))
+    most: float = 1.0 - 1.0 / max(rows.samples - parameters, 2)
     left = 1.0 - min(explained / power, most) if power > 0.0 else 1.0
     return bread @ meat @ bread / left
 

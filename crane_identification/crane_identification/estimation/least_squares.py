@@ -1,12 +1,12 @@
 """Least squares (30)-(31) by orthogonal decomposition, with weights, rank check and uncertainty."""
 
 import numpy as np
-from crane_model.base_parameters import reveal_rank
-from crane_model.errors import DataError
 
 from crane_identification.estimation.covariance import Covariance, correlated, white
 from crane_identification.estimation.estimate import Estimate
 from crane_identification.estimation.rows import Rows
+from crane_model.base_parameters import reveal_rank
+from crane_model.errors import DataError
 
 RANK_TOLERANCE = 1e-9
 CONTAINED = 1e-6  # share of a dependent column's norm above which another is part of it

@@ -3,11 +3,11 @@
 from dataclasses import dataclass
 
 import numpy as np
-from crane_model.errors import DataError
 from scipy import signal
 
 from crane_identification.progress import Progress, silent
 from crane_identification.signals.motion import Motion, checked
+from crane_model.errors import DataError
 
 FREQUENCIES = 4096
 """Points of the frequency response over which the noise of the velocity is summed."""

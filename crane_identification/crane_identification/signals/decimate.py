@@ -5,8 +5,9 @@ band in which the estimated motion can be trusted ("parallel filtering").
 """
 
 import numpy as np
-from crane_model.errors import DataError
 from scipy import signal
+
+from crane_model.errors import DataError
 
 ORDER = 8
 RIPPLE = 0.05  # dB

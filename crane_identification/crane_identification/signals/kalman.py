@@ -9,7 +9,6 @@ density h over h, and R = 1. The smoother's response is 1/(1 + (Ω/ω)⁶), so �
 from dataclasses import dataclass
 
 import numpy as np
-from crane_model.errors import DataError
 from filterpy.common import Q_continuous_white_noise
 from filterpy.kalman import KalmanFilter
 from numba import njit
@@ -18,6 +17,7 @@ from scipy.optimize import minimize_scalar
 
 from crane_identification.progress import Progress, silent
 from crane_identification.signals.motion import Motion, checked
+from crane_model.errors import DataError
 
 STATES = 3
 SHORTEST = 20

@@ -1,12 +1,12 @@
 """From measured positions to positions, velocities and accelerations: the common interface."""
 
-from dataclasses import dataclass
-from typing import Protocol
+from dataclasses import dataclass, replace
+from typing import Protocol, Self
 
 import numpy as np
-from crane_model.errors import DataError
 
 from crane_identification.progress import Progress, silent
+from crane_model.errors import DataError
 
 SAME_READING = 1e-9
 """Readings closer than this share of their range are the same encoder count (float rounding)."""
@@ -27,6 +27,15 @@ class Motion:
     bandwidth: np.ndarray
     position_noise: np.ndarray
     velocity_noise: np.ndarray
+
+    def during(self, kept: slice) -> Self:
+        """The motion at the samples `kept`."""
+        return replace(
+            self,
+            position=self.position[kept],
+            velocity=self.velocity[kept],
+            acceleration=self.acceleration[kept],
+        )
 
 
 class MotionEstimator(Protocol):
@@ -54,14 +63,7 @@ def estimate_periodic(
     half = n // 2
     extended = np.concatenate([position[n - half :], position, position[:half]])
     motion = estimator.estimate(extended, step, resolution, progress)
-    return Motion(
-        motion.position[half : half + n],
-        motion.velocity[half : half + n],
-        motion.acceleration[half : half + n],
-        motion.bandwidth,
-        motion.position_noise,
-        motion.velocity_noise,
-    )
+    return motion.during(slice(half, half + n))
 
 
 def encoder_resolution(position: np.ndarray) -> np.ndarray:

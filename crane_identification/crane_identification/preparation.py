@@ -1,0 +1,225 @@
+"""From a log to the record that the model is evaluated on: resampled, averaged, smoothed."""
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from crane_identification.averaging import Averaging, fold, transient_periods
+from crane_identification.data.log import Log
+from crane_identification.data.resample import Samples, resample, sampling_rate
+from crane_identification.options import Options
+from crane_identification.periodicity import Periodicity, detect_periodicity
+from crane_identification.progress import Progress, silent
+from crane_identification.signals.gate import moving, velocity_resolution
+from crane_identification.signals.motion import (
+    Motion,
+    encoder_resolution,
+    estimate_periodic,
+)
+from crane_model.cylinders import generalized_forces
+from crane_model.errors import DataError
+from crane_model.model_file import Model
+from crane_model.record import Record
+
+LOGGED = ("pressure_a", "pressure_b", "slew_position", "command", "temperature")
+
+
+@dataclass(frozen=True)
+class Preparation:
+    """One run of a recording, ready for the regressor.
+
+    `record`: n samples every `step` s with motion and generalized force; one averaged period if
+    `averaging` is not None. `moving` (n, j): where the sign of the velocity is known. `bandwidth`
+    (j,) [Hz] of the motion. `periods` (M, n, j): the generalized forces that were averaged.
+    """
+
+    source: str
+    record: Record
+    step: float
+    moving: np.ndarray
+    bandwidth: np.ndarray
+    averaging: Averaging | None
+    periods: np.ndarray
+
+    @property
+    def periodic(self) -> bool:
+        """Whether the record is one whole period, so that it continues over its ends."""
+        return self.averaging is not None
+
+
+def prepare(
+    model: Model, log: Log, options: Options, progress: Progress = silent
+) -> list[Preparation]:
+    """A preparation of each gapless run of `log` (of each that holds a whole period, to average).
+
+    Raises `DataError` if the log lacks joints or forces of the model, or no run is long enough.
+    """
+    if log.joints != model.joints:
+        raise DataError(
+            f"{log.source}: holds the joints {', '.join(log.joints)}, but the model has "
+            f"{', '.join(model.joints)}; read the recording for the joints of the model"
+        )
+    if not options.average:
+        samples = resample(log)
+        runs = [np.flatnonzero(samples.run == run) for run in np.unique(samples.run)]
+        return [_whole(model, log, samples, rows, options, progress) for rows in runs]
+    periodicity = _periodicity(log, options)
+    length = round(periodicity.period * sampling_rate(log.position.time))
+    samples = resample(log, length / periodicity.period)
+    inside = (samples.time >= periodicity.start) & (samples.time <= periodicity.end)
+    runs = [np.flatnonzero((samples.run == run) & inside) for run in np.unique(samples.run)]
+    long_enough = [rows for rows in runs if len(rows) >= length]
+    if not long_enough:
+        raise DataError(
+            f"{log.source}: no whole period of {periodicity.period:.4g} s without a gap; record "
+            f"at least two, or do not average"
+        )
+    return [_averaged(model, log, samples, rows, length, options, progress) for rows in long_enough]
+
+
+def _periodicity(log: Log, options: Options) -> Periodicity:
+    reference = log.reference_position
+    if reference is not None:
+        finite = np.isfinite(reference.value).all(axis=1)
+        try:
+            return detect_periodicity(
+                reference.time[finite], reference.value[finite], options.period
+            )
+        except DataError as error:
+            raise DataError(f"{log.source}: {error}") from None
+    if options.period is None:
+        raise DataError(
+            f"{log.source}: no reference (/joint_reference) to find the period in; give the "
+            f"period, or do not average"
+        )
+    return Periodicity(options.period, float(log.position.time[0]), float(log.position.time[-1]))
+
+
+def _whole(
+    model: Model,
+    log: Log,
+    samples: Samples,
+    rows: np.ndarray,
+    options: Options,
+    progress: Progress,
+) -> Preparation:
+    """The run as it is, without the ends that the smoother's memory spoils."""
+    signals = _signals(model, samples, rows)
+    step = 1.0 / samples.rate
+    motion = options.motion.estimate(_coordinates(signals), step, _resolution(log), progress)
+    spoilt = int(np.ceil(1.0 / (motion.bandwidth.min() * step)))
+    begin, end = options.trim if options.trim is not None else (spoilt, spoilt)
+    if begin + end >= len(rows):
+        raise DataError(
+            f"{log.source}: nothing is left of {len(rows)} samples after cutting {begin} at the "
+            f"start and {end} at the end; record longer"
+        )
+    kept = slice(begin, len(rows) - end)
+    known = moving(motion, step, periodic=False)
+    signals = {name: values[kept] for name, values in signals.items()}
+    time = samples.time[rows][kept]
+    return Preparation(
+        source=log.source,
+        record=_record(model, time, signals, motion.during(kept), options.mask_reversals),
+        step=step,
+        moving=known[kept, : len(model.joints)],
+        bandwidth=motion.bandwidth[: len(model.joints)],
+        averaging=None,
+        periods=signals["force"][np.newaxis],
+    )
+
+
+def _averaged(
+    model: Model,
+    log: Log,
+    samples: Samples,
+    rows: np.ndarray,
+    length: int,
+    options: Options,
+    progress: Progress,
+) -> Preparation:
+    """The mean over the last whole periods of the run (37)-(38)."""
+    signals = _signals(model, samples, rows)
+    step = 1.0 / samples.rate
+    whole = len(rows) // length
+    transient = transient_periods(fold(signals["position"], length, whole))
+    used = min(whole - transient, options.periods or whole)
+    mean = {name: fold(values, length, used).mean(axis=0) for name, values in signals.items()}
+    motion = estimate_periodic(options.motion, _coordinates(mean), step, _resolution(log), progress)
+    time = step * np.arange(length)
+    return Preparation(
+        source=log.source,
+        record=_record(model, time, mean, motion, options.mask_reversals),
+        step=step,
+        moving=moving(motion, step, periodic=True)[:, : len(model.joints)],
+        bandwidth=motion.bandwidth[: len(model.joints)],
+        averaging=Averaging(length * step, used, whole - used, (len(rows) - whole * length) * step),
+        periods=fold(signals["force"], length, used),
+    )
+
+
+def _signals(model: Model, samples: Samples, rows: np.ndarray) -> dict[str, np.ndarray]:
+    """What a record holds besides time and motion, on the given rows; absent where not logged."""
+    names = ("position", "force", *LOGGED)
+    logged = {name: getattr(samples, name) for name in names}
+    signals = {name: values[rows] for name, values in logged.items() if values is not None}
+    if "force" not in signals:
+        if model.machine is None or "pressure_a" not in signals:
+            raise DataError(
+                f"{samples.source}: holds neither generalized forces nor, with a machine in the "
+                f"model, chamber pressures to compute them from (27); map or record one of them"
+            )
+        signals["force"] = generalized_forces(
+            model.machine, signals["position"], signals["pressure_a"], signals["pressure_b"]
+        )
+    return signals
+
+
+def _resolution(log: Log) -> np.ndarray:
+    """Encoder resolution (coordinates,) of the readings as they were logged."""
+    signals = [log.position] if log.slew_position is None else [log.position, log.slew_position]
+    return np.concatenate(
+        [
+            encoder_resolution(values[np.isfinite(values).all(axis=1)])
+            for values in (signal.value.reshape(len(signal.time), -1) for signal in signals)
+        ]
+    )
+
+
+def _coordinates(signals: dict[str, np.ndarray]) -> np.ndarray:
+    """Positions of the joints and, last and where it is logged beside them, of the slew joint."""
+    if "slew_position" not in signals:
+        return signals["position"]
+    return np.column_stack([signals["position"], signals["slew_position"]])
+
+
+def _record(
+    model: Model,
+    time: np.ndarray,
+    signals: dict[str, np.ndarray],
+    motion: Motion,
+    mask_reversals: bool,
+) -> Record:
+    joints = len(model.joints)
+    slew = {}
+    if "slew_position" in signals:
+        slew = {
+            "slew_position": motion.position[:, joints],
+            "slew_velocity": motion.velocity[:, joints],
+            "slew_acceleration": motion.acceleration[:, joints],
+        }
+    return Record(
+        joints=model.joints,
+        time=time,
+        position=motion.position[:, :joints],
+        velocity=motion.velocity[:, :joints],
+        acceleration=motion.acceleration[:, :joints],
+        run=np.zeros(len(time), dtype=int),
+        force=signals["force"],
+        pressure_a=signals.get("pressure_a"),
+        pressure_b=signals.get("pressure_b"),
+        command=signals.get("command"),
+        temperature=signals.get("temperature"),
+        velocity_resolution=velocity_resolution(motion)[:joints] if mask_reversals else None,
+        **slew,
+    )

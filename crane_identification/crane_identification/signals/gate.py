@@ -1,0 +1,37 @@
+"""When the sign of a velocity is known: away from reversals and standstill."""
+
+import numpy as np
+from scipy.ndimage import binary_dilation
+
+from crane_identification.signals.motion import Motion
+
+SIGMAS = 3.0
+"""Speeds below this many standard deviations of the velocity estimate count as standstill."""
+GUARD_CYCLES = 0.5
+"""Half a cycle at the bandwidth of the motion: half the width of a low-pass' main lobe, over which
+what happens at a reversal is smeared."""
+
+
+def velocity_resolution(motion: Motion) -> np.ndarray:
+    """Speed (j,) below which the sign of the estimated velocity is not known."""
+    return SIGMAS * motion.velocity_noise
+
+
+def moving(motion: Motion, step: float, periodic: bool) -> np.ndarray:
+    """(n, j): True where joint j moves, and has done and will do so for half a smoothing cycle.
+
+    At standstill (13) is set-valued, and near a reversal the velocity estimate lags or leads the
+    true one: rows from there are wrong by up to 2 f_c, which biases the friction parameters.
+    """
+    velocity = motion.velocity
+    still = np.abs(velocity) <= velocity_resolution(motion)
+    reversal = np.sign(velocity[1:]) * np.sign(velocity[:-1]) < 0
+    still[1:] |= reversal
+    still[:-1] |= reversal
+    n = len(velocity)
+    around = np.concatenate([still, still, still]) if periodic else still
+    out = np.empty_like(around)
+    for j, bandwidth in enumerate(motion.bandwidth):
+        guard = int(np.ceil(GUARD_CYCLES / (bandwidth * step)))
+        out[:, j] = ~binary_dilation(around[:, j], iterations=guard)
+    return out[n : 2 * n] if periodic else out
