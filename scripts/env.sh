@@ -9,11 +9,11 @@ _crane_env() {
         return 1
     fi
     ros=$(sed -n 's/^include-system-site-packages = //p' "$root/.venv/pyvenv.cfg")
-    if [ "$ros" = true ] && [ -z "$ROS_DISTRO" ]; then
+    if [ "$ros" = true ] && [ -z "${ROS_DISTRO:-}" ]; then
         echo "error: the suite was set up for an installed ROS;" \
             "first: source /opt/ros/jazzy/setup.$shell" >&2
         return 1
-    elif [ "$ros" = false ] && [ -n "$ROS_DISTRO" ]; then
+    elif [ "$ros" = false ] && [ -n "${ROS_DISTRO:-}" ]; then
         echo "error: ROS_DISTRO=$ROS_DISTRO is sourced, but the suite was set up without it;" \
             "run: make -C '$root' setup" >&2
         return 1

@@ -1,0 +1,77 @@
+"""The shell that scripts/env.sh gives, and the set-up that has nothing to do."""
+
+import os
+import shutil
+import subprocess
+import sys
+import time
+from pathlib import Path
+
+import packages
+import pytest
+import workspace
+from machine import Machine
+
+ROOT = Path(__file__).resolve().parents[2]
+PACKAGES = ["crane_driver", "crane_identification", "crane_interfaces", "crane_model", "crane_sim"]
+SHELLS = {"bash": ["bash", "--norc", "-c"], "zsh": ["zsh", "-f", "-c"]}
+
+
+def fresh_environment() -> dict[str, str]:
+    """What a login shell has, with an installed ROS sourced where there is one."""
+    kept = ["HOME", "LANG", "TMPDIR"]
+    if Machine.this(ROOT).ros_installed:
+        kept += ["ROS_DISTRO", "AMENT_PREFIX_PATH", "PYTHONPATH", "LD_LIBRARY_PATH"]
+    variables = {name: os.environ[name] for name in kept if name in os.environ}
+    outside = [p for p in os.environ["PATH"].split(":") if not Path(p).is_relative_to(ROOT)]
+    return variables | {"PATH": ":".join(outside)}
+
+
+@pytest.mark.parametrize("shell", SHELLS)
+def test_sourced_shell_runs_the_suite(shell: str, tmp_path: Path) -> None:
+    if shutil.which(shell) is None:
+        pytest.skip(f"no {shell} on this machine")
+    script = f"""
+        source '{ROOT}/scripts/env.sh' && source '{ROOT}/scripts/env.sh' || exit 1
+        ros2 pkg executables || exit 1
+        python - <<'EOF'
+import os, sys
+import rclpy, crane_interfaces.msg, {", ".join(PACKAGES)}
+prefixes = os.environ["AMENT_PREFIX_PATH"].split(":")
+print("python", sys.prefix)
+print("sourced twice", len(prefixes) == len(set(prefixes)))
+EOF
+        """
+    done = subprocess.run(
+        [*SHELLS[shell], script],
+        cwd=tmp_path,
+        env=fresh_environment(),
+        capture_output=True,
+        text=True,
+    )
+    assert done.returncode == 0, done.stderr
+    lines = done.stdout.splitlines()
+    assert f"python {ROOT / '.venv'}" in lines
+    assert "sourced twice True" in lines
+    assert "rosidl_adapter msg2idl.py" in lines  # a package of ROS itself
+
+
+def test_executables_of_the_suite_run_in_the_virtual_environment() -> None:
+    """Their first line names the interpreter that has the pinned packages."""
+    scripts = [p for p in (ROOT / "install").glob("crane_*/lib/crane_*/*") if p.is_file()]
+    assert scripts
+    for script in scripts:
+        assert script.read_text().splitlines()[0] == f"#!{ROOT / '.venv' / 'bin' / 'python'}"
+
+
+def test_second_set_up_does_nothing_at_once() -> None:
+    machine = Machine.this(ROOT)
+    assert packages.up_to_date(machine) and workspace.up_to_date(machine), "run: make setup"
+    start = time.monotonic()
+    done = subprocess.run(
+        ["sh", ROOT / "scripts" / "setup.sh"],
+        env=os.environ | {"PYTHON": sys.executable},
+        capture_output=True,
+    )
+    assert (done.returncode, done.stdout, done.stderr) == (0, b"", b"")
+    assert time.monotonic() - start < 2.0
