@@ -1,0 +1,239 @@
+"""The plant: valves, oil, cylinders, bodies and friction, stepped together in compiled code."""
+
+import math
+from typing import NamedTuple
+
+import numpy as np
+from numba import njit
+
+from crane_model.errors import RangeError
+from crane_model.machine import JOINT_UNITS, JOINTS, Machine
+from crane_sim.constants import Constants, pack
+from crane_sim.cylinders import set_lengths_and_levers, stop_force
+from crane_sim.friction import step_lugre, step_set_valued
+from crane_sim.hydraulics import (
+    chamber_step,
+    opening,
+    port_flow,
+    pump_flow,
+    relief_flow,
+    spool_step,
+)
+from crane_sim.parameters import StandIn
+from crane_sim.rigid_bodies import mass_and_bias
+
+ACTUATOR = ("length", "lever", "spool", "spool_rate", "p_a", "p_b")
+"""Fields of an actuator's record: cylinder m, dx/dq; spool -1..1 (positive extends), 1/s; Pa."""
+
+
+class State(NamedTuple):
+    """All that changes; arrays (4,) in the order of JOINTS, but `supply` (1,)."""
+
+    q: np.ndarray  # rad, m
+    v: np.ndarray  # rad/s, m/s
+    mode: np.ndarray  # int: sticking, or direction of motion
+    bristle: np.ndarray  # rad, m: deflection with dynamic friction
+    actuators: np.ndarray  # records, fields ACTUATOR
+    supply: np.ndarray  # Pa
+
+
+class Scratch(NamedTuple):
+    """Room for the intermediate results of a step."""
+
+    mass: np.ndarray  # (4, 4)
+    bias: np.ndarray  # (4,)
+    force: np.ndarray  # (4,)
+    impulse: np.ndarray  # (4,)
+    friction: np.ndarray  # (5, 4)
+    growth: np.ndarray  # (4,) piston speed, m/s
+
+
+@njit(cache=True, error_model="numpy")
+def _generalized_forces(constants: Constants, state: State, force: np.ndarray) -> None:
+    """What drives the joints, friction and inertia apart: (4,) N m, N.
+
+    The one place where forces are summed: any further effect that pushes on a joint is added here,
+    from a module of its own and with its own entries in `State`.
+    """
+    for i in range(4):
+        cylinder, actuator = constants.cylinders[i], state.actuators[i]
+        piston = cylinder.area_a * actuator.p_a - cylinder.area_b * actuator.p_b  # (19)
+        piston += stop_force(cylinder, actuator.length, actuator.lever * state.v[i])
+        force[i] = actuator.lever * piston  # (18)
+
+
+@njit(cache=True, error_model="numpy")
+def _move(constants: Constants, state: State, scratch: Scratch, step: float) -> None:
+    """Velocities from the forces (6), then positions and cylinders from the new velocities."""
+    mass_and_bias(constants.chain, state.q, state.v, scratch.mass, scratch.bias)
+    _generalized_forces(constants, state, scratch.force)
+    for i in range(4):
+        impulse = step * (scratch.force[i] - scratch.bias[i])
+        for j in range(4):
+            impulse += scratch.mass[i, j] * state.v[j]
+        scratch.impulse[i] = impulse
+    if constants.dynamic_friction:
+        step_lugre(
+            constants.friction, scratch.mass, scratch.impulse, step,
+            state.bristle, scratch.friction, state.v,
+        )  # fmt: skip
+    else:
+        step_set_valued(
+            constants.friction, scratch.mass, scratch.impulse, step,
+            state.mode, scratch.friction, state.v,
+        )  # fmt: skip
+    for i in range(4):
+        state.q[i] += step * state.v[i]
+        scratch.growth[i] = -state.actuators[i].length
+    set_lengths_and_levers(constants.linkages, state.q, state.actuators)
+    for i in range(4):  # by what the length really changed, so that no oil is made or lost
+        scratch.growth[i] = (scratch.growth[i] + state.actuators[i].length) / step
+
+
+@njit(cache=True, error_model="numpy")
+def _fill(constants: Constants, state: State, growth: np.ndarray, step: float) -> None:
+    """Chamber and supply pressures from valve openings and piston speeds `growth` (4,)."""
+    oil, supply = constants.oil, state.supply[0]
+    drawn = 0.0
+    for i in range(4):
+        cylinder, valve = constants.cylinders[i], constants.valves[i]
+        actuator = state.actuators[i]
+        p_a, p_b = actuator.p_a, actuator.p_b
+        x = opening(actuator.spool, valve.dead_zone)
+        volume = cylinder.dead_volume_a + cylinder.area_a * (actuator.length - cylinder.length_min)
+        flow, slope = port_flow(oil, valve.flow_gain * x, supply, p_a)
+        actuator.p_a, flow_a = chamber_step(
+            oil, p_a, p_b, flow, slope, cylinder.leakage, volume, cylinder.area_a * growth[i], step
+        )
+        volume = cylinder.dead_volume_b + cylinder.area_b * (cylinder.length_max - actuator.length)
+        flow, slope = port_flow(oil, -valve.flow_gain * x, supply, p_b)
+        actuator.p_b, flow_b = chamber_step(
+            oil, p_b, p_a, flow, slope, cylinder.leakage, volume, -cylinder.area_b * growth[i], step
+        )
+        if x > 0.0:
+            drawn += flow_a
+        elif x < 0.0:
+            drawn += flow_b
+    supplied = pump_flow(oil, supply) - relief_flow(oil, supply)
+    state.supply[0] += step * oil.bulk_modulus / oil.supply_volume * (supplied - drawn)
+
+
+@njit(cache=True, error_model="numpy")
+def _advance(
+    constants: Constants,
+    state: State,
+    scratch: Scratch,
+    command: np.ndarray,
+    step: float,
+    count: int,
+) -> None:
+    for _ in range(count):
+        for i in range(4):
+            actuator = state.actuators[i]
+            actuator.spool, actuator.spool_rate = spool_step(
+                constants.valves[i], command[i], actuator.spool, actuator.spool_rate, step
+            )
+        _move(constants, state, scratch, step)
+        _fill(constants, state, scratch.growth, step)
+
+
+class Plant:
+    """The stand-in machine in motion.
+
+    It starts at rest at `q0` (4,) with centred spools and chamber pressures that carry gravity; the
+    two pressures of a cylinder then add up to the supply pressure where that is possible, as a
+    valve with equal metering edges leaves them. Nothing in it is random: noise is in the sensors.
+    """
+
+    def __init__(self, parameters: StandIn, machine: Machine, q0: np.ndarray):
+        """`RangeError` if q0 is outside Table 2 or gravity exceeds what the pump can hold."""
+        _check_pose(machine, q0)
+        self.parameters, self.machine = parameters, machine
+        self.time = 0.0  # s
+        self.tank_pressure = machine.hydraulics.tank_pressure
+        self._constants = pack(parameters, machine)
+        self._scratch = Scratch(
+            np.empty((4, 4)), np.empty(4), np.empty(4), np.empty(4), np.empty((5, 4)), np.empty(4)
+        )
+        self._state = self._at_rest(np.array(q0, dtype=float))
+
+    def advance(self, command: np.ndarray, duration: float) -> None:
+        """Run for `duration` [s] with spool commands (4,) in -1..1; positive moves a joint up.
+
+        Steps are equal and at most `parameters.step`. `RangeError` if a command is not finite.
+        """
+        command = np.ascontiguousarray(command, dtype=float)
+        if not np.isfinite(command).all():
+            raise RangeError(f"valve command {command}: must be finite, in -1..1 for each joint")
+        count = max(1, math.ceil(duration / self.parameters.step - 1e-6))
+        _advance(self._constants, self._state, self._scratch, command, duration / count, count)
+        self.time += duration
+
+    @property
+    def q(self) -> np.ndarray:
+        """(4,) coordinates [rad, m]; this and the others in the order of JOINTS."""
+        return self._state.q.copy()
+
+    @property
+    def v(self) -> np.ndarray:
+        """(4,) velocities [rad/s, m/s]; exactly 0 where a joint sticks by (13)."""
+        return self._state.v.copy()
+
+    @property
+    def pressure_a(self) -> np.ndarray:
+        """(4,) pressures of chambers A [Pa]."""
+        return self._state.actuators["p_a"].copy()
+
+    @property
+    def pressure_b(self) -> np.ndarray:
+        """(4,) pressures of chambers B [Pa]."""
+        return self._state.actuators["p_b"].copy()
+
+    @property
+    def spool(self) -> np.ndarray:
+        """(4,) spool positions in -1..1; positive extends the cylinder."""
+        return self._state.actuators["spool"].copy()
+
+    @property
+    def supply_pressure(self) -> float:
+        """Pressure of the supply line [Pa]."""
+        return float(self._state.supply[0])
+
+    def _at_rest(self, q: np.ndarray) -> State:
+        constants = self._constants
+        actuators = np.zeros(len(JOINTS), np.dtype([(name, float) for name in ACTUATOR]))
+        set_lengths_and_levers(constants.linkages, q, actuators)
+        mass_and_bias(constants.chain, q, np.zeros(4), self._scratch.mass, self._scratch.bias)
+        tank, supply = self.tank_pressure, self.machine.hydraulics.supply_pressure
+        area_a, area_b = constants.cylinders["area_a"], constants.cylinders["area_b"]
+        piston = self._scratch.bias / actuators["lever"]
+        p_a = (piston + area_b * (supply + tank)) / (area_a + area_b)
+        p_a = np.clip(p_a, np.maximum(tank, (piston + area_b * tank) / area_a), supply)
+        p_b = (area_a * p_a - piston) / area_b
+        held = (tank <= p_a) & (p_a <= supply) & (tank <= p_b) & (p_b <= supply)
+        if not held.all():
+            i = int(np.argmin(held))
+            raise RangeError(
+                f"{JOINTS[i]}: at the pose {np.round(q, 4).tolist()} gravity needs a cylinder "
+                f"force of {piston[i]:.0f} N, more than the supply pressure of {supply:.4g} Pa can "
+                "hold; start from another pose"
+            )
+        actuators["p_a"], actuators["p_b"] = p_a, p_b
+        return State(
+            q=q,
+            v=np.zeros(4),
+            mode=np.zeros(4, dtype=np.int64),
+            bristle=np.zeros(4),
+            actuators=actuators,
+            supply=np.array([supply]),
+        )
+
+
+def _check_pose(machine: Machine, q0: np.ndarray) -> None:
+    for i, joint in enumerate(JOINTS):
+        limits = machine.limits[joint]
+        if not limits.position_min <= q0[i] <= limits.position_max:
+            raise RangeError(
+                f"{joint}: the plant cannot start at {q0[i]:.6g} {JOINT_UNITS[joint]}, outside "
+                f"[{limits.position_min}, {limits.position_max}] of Table 2"
+            )
