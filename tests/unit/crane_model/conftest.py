@@ -1,0 +1,22 @@
+import pytest
+
+from crane_model.configuration import packaged
+from crane_model.dynamics import Geometry
+from crane_model.machine import Machine, load_machine
+from crane_model.model_file import Model, load_model
+
+
+@pytest.fixture(scope="session")
+def machine() -> Machine:
+    return load_machine()
+
+
+@pytest.fixture(scope="session")
+def geometry(machine: Machine) -> Geometry:
+    return Geometry.of(machine)
+
+
+@pytest.fixture(scope="session")
+def crane() -> Model:
+    """The model (16) of 20 parameters that ships with the suite, not yet estimated."""
+    return load_model(packaged("crane_model", "crane_model.yaml"))
