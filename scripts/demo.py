@@ -10,7 +10,7 @@ import math
 import subprocess
 import sys
 import time
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from concurrent.futures import ThreadPoolExecutor
 from contextlib import contextmanager
 from dataclasses import dataclass
@@ -106,7 +106,7 @@ def identify(law: Law) -> None:
     )
 
 
-def for_both(work) -> None:  # noqa: ANN001 (a function of Law)
+def for_both(work: Callable[[Law], None]) -> None:
     """Do the work for both laws at once, one core each."""
     with ThreadPoolExecutor(len(LAWS)) as pool:
         list(pool.map(work, LAWS))
