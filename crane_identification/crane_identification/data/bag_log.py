@@ -1,0 +1,80 @@
+"""From a bag to a log."""
+
+from collections.abc import Mapping, Sequence
+from pathlib import Path
+
+import numpy as np
+
+from crane_driver.bags.reader import TopicData, read_topics
+from crane_driver.bags.types import (
+    CYLINDER_PRESSURES,
+    JOINT_REFERENCE,
+    JOINT_STATES,
+    VALVE_COMMAND,
+    Topic,
+)
+from crane_identification.data.log import Log, Signal
+from crane_identification.progress import Progress, silent
+
+SLEW = "slew"
+NANOSECONDS = 1e9
+
+
+def read_bag(path: Path | str, joints: Sequence[str], progress: Progress = silent) -> Log:
+    """The signals of `joints` in a bag of either storage, recorded by anyone.
+
+    /joint_states and /cylinder_pressures are required; topics that a bag may lack are named in
+    `missing`. `DataError` names bag, topic and remedy (see `crane_driver.bags.reader`).
+    """
+    may_lack = (VALVE_COMMAND, JOINT_REFERENCE)
+    topics = read_topics(path, (JOINT_STATES, CYLINDER_PRESSURES), may_lack, progress)
+    states = topics[JOINT_STATES.name].select(joints)
+    pressures = topics[CYLINDER_PRESSURES.name].select(joints)
+    command = _selected(topics, VALVE_COMMAND, joints)
+    reference = _selected(topics, JOINT_REFERENCE, joints)
+    slew = None if SLEW in joints else _selected(topics, JOINT_STATES, [SLEW])
+    start = int(states.stamp[0])
+
+    def signal(data: TopicData, field: str) -> Signal:
+        return Signal((data.stamp - start) / NANOSECONDS, data.fields[field], data.topic)
+
+    def signal_if_any(data: TopicData | None, field: str) -> Signal | None:
+        if data is None or np.isnan(data.fields[field]).all():
+            return None
+        return signal(data, field)
+
+    used = [data for data in (states, pressures, command, reference) if data]
+    return Log(
+        source=str(path),
+        joints=tuple(joints),
+        start=start,
+        position=signal(states, "position"),
+        velocity=signal_if_any(states, "velocity"),
+        pressure_a=signal(pressures, "chamber_a"),
+        pressure_b=signal(pressures, "chamber_b"),
+        supply_pressure=signal_if_any(pressures, "supply"),
+        tank_pressure=signal_if_any(pressures, "tank"),
+        slew_position=_first_column(signal_if_any(slew, "position")),
+        command=signal_if_any(command, "command"),
+        reference_position=signal_if_any(reference, "position"),
+        reference_velocity=signal_if_any(reference, "velocity"),
+        reference_acceleration=signal_if_any(reference, "acceleration"),
+        missing=tuple(
+            topic.name
+            for topic, data in ((VALVE_COMMAND, command), (JOINT_REFERENCE, reference))
+            if data is None
+        ),
+        notes=tuple(note for data in used for note in data.notes),
+    )
+
+
+def _selected(
+    topics: Mapping[str, TopicData], topic: Topic, names: Sequence[str]
+) -> TopicData | None:
+    """The columns `names` of an optional topic, or None where it does not name them all."""
+    data = topics.get(topic.name)
+    return data.select(names) if data and set(names) <= set(data.names) else None
+
+
+def _first_column(signal: Signal | None) -> Signal | None:
+    return signal and Signal(signal.time, signal.value[:, 0], signal.origin)

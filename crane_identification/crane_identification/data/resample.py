@@ -1,0 +1,171 @@
+"""From asynchronous signals to samples on one uniform time base."""
+
+from dataclasses import dataclass
+from typing import Literal
+
+import numpy as np
+
+from crane_identification.data.log import Log, Signal
+from crane_model.errors import DataError
+
+SHORTEST_RUN = 20  # samples; nothing can be smoothed or differentiated on less
+LONGEST_COUNTED = 5  # median intervals; of longer ones nobody knows how many samples they are
+MARGIN = 1e-9  # s, the resolution of stamps; times closer than this are the same
+REQUIRED = ("position", "force", "pressure_a", "pressure_b")
+INTERPOLATED = (
+    "velocity",
+    "force",
+    "pressure_a",
+    "pressure_b",
+    "supply_pressure",
+    "tank_pressure",
+    "slew_position",
+    "reference_position",
+    "reference_velocity",
+    "reference_acceleration",
+    "temperature",
+)
+
+
+@dataclass(frozen=True)
+class Samples:
+    """n samples of j joints, every 1/`rate` s inside each run; None is not logged.
+
+    Time [s] is that of the log; between runs it jumps by a whole number of samples.
+    """
+
+    source: str
+    joints: tuple[str, ...]
+    rate: float  # Hz
+    time: np.ndarray  # (n,) s
+    run: np.ndarray  # (n,) int, 0, 1, ...
+    position: np.ndarray  # (n, j) rad or m
+    velocity: np.ndarray | None  # (n, j) as logged, per s
+    force: np.ndarray | None  # (n, j) generalized force, N m or N
+    pressure_a: np.ndarray | None  # (n, j) Pa gauge
+    pressure_b: np.ndarray | None  # (n, j) Pa gauge
+    supply_pressure: np.ndarray | None  # (n,) Pa gauge
+    tank_pressure: np.ndarray | None  # (n,) Pa gauge
+    slew_position: np.ndarray | None  # (n,) rad
+    command: np.ndarray | None  # (n, j) spool command, -1..1
+    reference_position: np.ndarray | None  # (n, j) rad or m
+    reference_velocity: np.ndarray | None  # (n, j) per s
+    reference_acceleration: np.ndarray | None  # (n, j) per s²
+    temperature: np.ndarray | None  # (n,) deg C
+
+    def __len__(self) -> int:
+        return len(self.time)
+
+
+def resample(
+    log: Log,
+    rate: float | None = None,
+    largest_gap: float = 0.1,
+    gaps: Literal["split", "refuse"] = "split",
+) -> Samples:
+    """Positions, forces and pressures of a log, linearly interpolated at the same times.
+
+    rate: [Hz]; None: that of the positions. largest_gap: [s]; where positions, forces or pressures
+    (or all but NaN of them) are further apart, the samples are split into runs, or refused.
+    The other signals do not split: they are interpolated too (the command holds its last value),
+    with NaN where they were not logged yet or no more. `DataError` if too little is left.
+    """
+    required = {name: _measured(log, getattr(log, name)) for name in REQUIRED if getattr(log, name)}
+    rate = rate or sampling_rate(required["position"].time)
+    begin = max(signal.time[0] for signal in required.values())
+    end = min(signal.time[-1] for signal in required.values())
+    time = begin + np.arange(int((end - begin + MARGIN) * rate) + 1) / rate
+    covered = np.ones(len(time), dtype=bool)
+    for signal in required.values():
+        covered &= ~_inside_gap(log, signal, time, largest_gap, gaps)
+    run = _runs(covered)
+    if not (run >= 0).any():
+        raise DataError(
+            f"{log.source}: positions and pressures or forces were never logged together for "
+            f"{SHORTEST_RUN / rate:.3g} s without a gap of {largest_gap} s; record again, or allow "
+            "larger gaps"
+        )
+    time, run = time[run >= 0], run[run >= 0]
+
+    def interpolated(name: str) -> np.ndarray | None:
+        signal = required.get(name) or getattr(log, name)
+        return None if signal is None else _interpolate(signal, time)
+
+    return Samples(
+        source=log.source,
+        joints=log.joints,
+        rate=rate,
+        time=time,
+        run=run,
+        position=_interpolate(required["position"], time),
+        command=None if log.command is None else _hold(log.command, time),
+        **{name: interpolated(name) for name in INTERPOLATED},
+    )
+
+
+def sampling_rate(time: np.ndarray) -> float:
+    """Rate [Hz] of stamps (n,) that jitter and have gaps, from their median interval.
+
+    An interval counts as the number of median intervals that it is nearest to, which makes the
+    result as good as the mean where samples are missing; longer gaps do not count.
+    """
+    intervals = np.diff(time)
+    periods = np.round(intervals / np.median(intervals))
+    counted = periods <= LONGEST_COUNTED
+    return float(np.sum(periods[counted]) / np.sum(intervals[counted]))
+
+
+def _measured(log: Log, signal: Signal) -> Signal:
+    """The samples at which every joint was measured."""
+    complete = np.isfinite(signal.value).all(axis=1)
+    count = np.count_nonzero(complete)
+    if count < SHORTEST_RUN:
+        raise DataError(
+            f"{log.source}: {signal.origin}: {count} samples that hold a number for each of "
+            f"{', '.join(log.joints)}, at least {SHORTEST_RUN} needed; check the sensors"
+        )
+    return Signal(signal.time[complete], signal.value[complete], signal.origin)
+
+
+def _inside_gap(
+    log: Log, signal: Signal, time: np.ndarray, largest_gap: float, gaps: Literal["split", "refuse"]
+) -> np.ndarray:
+    """(n,) whether the times lie between two samples that are too far apart."""
+    after = np.searchsorted(signal.time, time).clip(1, len(signal.time) - 1)
+    before_time, after_time = signal.time[after - 1], signal.time[after]
+    between = (before_time + MARGIN < time) & (time < after_time - MARGIN)
+    inside = between & (after_time - before_time > largest_gap)
+    if inside.any() and gaps == "refuse":
+        first = int(inside.argmax())
+        raise DataError(
+            f"{log.source}: {signal.origin}: nothing for "
+            f"{after_time[first] - before_time[first]:.3f} s after {before_time[first]:.3f} s, at "
+            f"most {largest_gap} s allowed; record again, or split the log into runs"
+        )
+    return inside
+
+
+def _runs(covered: np.ndarray) -> np.ndarray:
+    """(n,) number of the run of covered samples, -1 outside and in runs that are too short."""
+    edges = np.flatnonzero(np.diff(covered, prepend=False, append=False))
+    run = np.full(len(covered), -1)
+    count = 0
+    for begin, end in edges.reshape(-1, 2):
+        if end - begin >= SHORTEST_RUN:
+            run[begin:end] = count
+            count += 1
+    return run
+
+
+def _interpolate(signal: Signal, time: np.ndarray) -> np.ndarray:
+    """The signal at each time, NaN before its first and after its last sample."""
+    columns = signal.value.reshape(len(signal.value), -1).T
+    values = np.column_stack([np.interp(time, signal.time, one) for one in columns])
+    values[(time < signal.time[0] - MARGIN) | (time > signal.time[-1] + MARGIN)] = np.nan
+    return values.reshape(len(time), *signal.value.shape[1:])
+
+
+def _hold(signal: Signal, time: np.ndarray) -> np.ndarray:
+    """The last value at each time, NaN before the first."""
+    last = np.searchsorted(signal.time, time + MARGIN, side="right") - 1
+    return np.where((last >= 0)[:, np.newaxis], signal.value[last.clip(0)], np.nan)

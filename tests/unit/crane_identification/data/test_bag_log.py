@@ -1,0 +1,93 @@
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from crane_driver.bags.types import (
+    CYLINDER_PRESSURES,
+    JOINT_REFERENCE,
+    JOINT_STATES,
+    VALVE_COMMAND,
+)
+from crane_driver.bags.writer import BagWriter
+from crane_identification.data.bag_log import read_bag
+from crane_model.errors import DataError
+from crane_model.machine import JOINTS, PLANAR_JOINTS
+
+START = 1_700_000_000_000_000_000
+STEP = 5_000_000
+COUNT = 30
+POSITION = np.random.default_rng(2).normal(size=(COUNT, 4))
+PRESSURE = 1e6 * np.random.default_rng(3).uniform(size=(COUNT, 2, 3))
+
+
+def write(path: Path, joints: tuple[str, ...] = JOINTS, commands: bool = False) -> Path:
+    """Pressures come 2 ms after the positions; commands every third time."""
+    with BagWriter(path) as bag:
+        states = bag.add_arrays(JOINT_STATES, joints)
+        pressures = bag.add_arrays(CYLINDER_PRESSURES, PLANAR_JOINTS)
+        if commands:
+            command = bag.add_arrays(VALVE_COMMAND, JOINTS)
+            reference = bag.add_arrays(JOINT_REFERENCE, JOINTS)
+        for k in range(COUNT):
+            stamp = START + k * STEP
+            position = POSITION[k, [JOINTS.index(joint) for joint in joints]]
+            states.write(stamp + 9, stamp, position, -position, np.full(len(joints), np.nan))
+            late = stamp + 2_000_000
+            pressures.write(late + 9, late, PRESSURE[k, 0], PRESSURE[k, 1], 17e6, np.nan)
+            if commands and k % 3 == 0:
+                command.write(stamp, stamp, np.full(4, k / COUNT))
+                reference.write(stamp, stamp, position, 2 * position, 3 * position)
+    return path
+
+
+def test_signals_keep_their_own_stamps(tmp_path: Path) -> None:
+    log = read_bag(write(tmp_path / "bag", commands=True), PLANAR_JOINTS)
+    assert log.start == START
+    assert log.joints == PLANAR_JOINTS
+    np.testing.assert_allclose(log.position.time, np.arange(COUNT) * 0.005, atol=1e-12)
+    np.testing.assert_array_equal(log.position.value, POSITION[:, 1:])
+    assert log.velocity is not None
+    np.testing.assert_array_equal(log.velocity.value, -POSITION[:, 1:])
+    assert log.slew_position is not None
+    np.testing.assert_array_equal(log.slew_position.value, POSITION[:, 0])
+    assert log.pressure_a is not None
+    assert log.pressure_b is not None
+    np.testing.assert_allclose(log.pressure_a.time, np.arange(COUNT) * 0.005 + 0.002, atol=1e-12)
+    np.testing.assert_array_equal(log.pressure_a.value, PRESSURE[:, 0])
+    np.testing.assert_array_equal(log.pressure_b.value, PRESSURE[:, 1])
+    assert log.supply_pressure is not None
+    np.testing.assert_array_equal(log.supply_pressure.value, 17e6)
+    assert log.tank_pressure is None
+    assert log.command is not None
+    np.testing.assert_allclose(log.command.time, np.arange(0, COUNT, 3) * 0.005, atol=1e-12)
+    assert log.reference_acceleration is not None
+    np.testing.assert_array_equal(log.reference_acceleration.value, 3 * POSITION[::3, 1:])
+    assert log.missing == ()
+    assert log.notes == ()
+
+
+def test_columns_follow_the_joints_of_the_model(tmp_path: Path) -> None:
+    log = read_bag(write(tmp_path / "bag"), ["telescope", "inner_boom"])
+    np.testing.assert_array_equal(log.position.value, POSITION[:, [3, 1]])
+    assert log.pressure_a is not None
+    np.testing.assert_array_equal(log.pressure_a.value, PRESSURE[:, 0][:, [2, 0]])
+
+
+def test_missing_topics_are_named_and_slew_is_optional(tmp_path: Path) -> None:
+    log = read_bag(write(tmp_path / "bag", joints=PLANAR_JOINTS), PLANAR_JOINTS)
+    assert log.missing == ("/valve_command", "/joint_reference")
+    assert log.command is log.reference_position is log.slew_position is None
+
+
+def test_joint_without_pressure_transducers(tmp_path: Path) -> None:
+    path = write(tmp_path / "bag")
+    with pytest.raises(DataError, match="topic /cylinder_pressures has no slew; it has inner_b"):
+        read_bag(path, JOINTS)
+
+
+def test_bag_without_pressures(tmp_path: Path) -> None:
+    with BagWriter(tmp_path / "bag") as bag:
+        bag.add_arrays(JOINT_STATES, JOINTS).write(START, START, [0.0] * 4, [0.0] * 4, [0.0] * 4)
+    with pytest.raises(DataError, match="no topic /cylinder_pressures"):
+        read_bag(tmp_path / "bag", PLANAR_JOINTS)

@@ -1,0 +1,156 @@
+import numpy as np
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+from crane_identification.data.log import Log, Signal
+from crane_identification.data.resample import SHORTEST_RUN, resample, sampling_rate
+from crane_model.errors import DataError
+
+RATE = 200.0
+
+
+def line(time: np.ndarray, origin: str = "/joint_states") -> Signal:
+    """Two joints that move at constant velocity: linear interpolation is exact."""
+    return Signal(time, np.column_stack([2.0 * time, 1.0 - time]), origin)
+
+
+def log_of(position: Signal, pressure: Signal, **others: Signal) -> Log:
+    return Log("bag", ("a", "b"), 0, position, pressure_a=pressure, pressure_b=pressure, **others)
+
+
+def jittered(count: int, seed: int, offset: float = 0.0) -> np.ndarray:
+    random = np.random.default_rng(seed)
+    return offset + (np.arange(count) + random.uniform(-0.2, 0.2, count)) / RATE
+
+
+@given(seed=st.integers(0, 1000), offset=st.floats(-0.5, 0.5))
+def test_asynchronous_signals_meet_on_one_time_base(seed: int, offset: float) -> None:
+    position, pressure = line(jittered(400, seed)), line(jittered(400, seed + 1, offset))
+    samples = resample(log_of(position, pressure))
+    assert samples.rate == pytest.approx(RATE, rel=0.002)
+    np.testing.assert_allclose(np.diff(samples.time), 1 / samples.rate, rtol=1e-6)
+    assert samples.time[0] == max(position.time[0], pressure.time[0])
+    end = min(position.time[-1], pressure.time[-1])
+    assert end - 1 / samples.rate < samples.time[-1] <= end + 1e-9
+    truth = np.column_stack([2.0 * samples.time, 1.0 - samples.time])
+    np.testing.assert_allclose(samples.position, truth, atol=1e-8)
+    np.testing.assert_allclose(samples.pressure_a, truth, atol=1e-8)
+    assert (samples.run == 0).all()
+
+
+def test_uniform_signals_come_through_unchanged() -> None:
+    time = np.arange(1000) / 1000.0
+    value = np.random.default_rng(0).normal(size=(1000, 1))
+    log = Log("table", ("axis",), 0, Signal(time, value, ""), force=Signal(time, -value, ""))
+    samples = resample(log)
+    assert samples.rate == 1000.0
+    np.testing.assert_array_equal(samples.time, time)
+    np.testing.assert_array_equal(samples.position, value)
+    np.testing.assert_array_equal(samples.force, -value)
+
+
+def test_given_rate() -> None:
+    time = jittered(400, 0)
+    samples = resample(log_of(line(time), line(time)), rate=50.0)
+    np.testing.assert_allclose(np.diff(samples.time), 0.02)
+
+
+def test_sampling_rate_is_not_drawn_by_gaps() -> None:
+    time = np.arange(1000) / RATE
+    assert sampling_rate(np.delete(time, slice(300, 600))) == pytest.approx(RATE, rel=1e-9)
+    assert sampling_rate(np.delete(time, [5, 77, 300])) == pytest.approx(RATE, rel=1e-9)
+
+
+def with_gap() -> Log:
+    """Pressures fail from 1.0 to 1.5 s, positions for a harmless 0.05 s at 2 s."""
+    time = np.arange(600) / RATE
+    pressure = line(time[(time <= 1.0) | (time >= 1.5)], "/cylinder_pressures")
+    return log_of(line(time[(time <= 2.0) | (time >= 2.05)]), pressure)
+
+
+def test_gap_splits_into_runs_in_step() -> None:
+    samples = resample(with_gap())
+    assert samples.run[0] == 0
+    assert samples.run[-1] == 1
+    np.testing.assert_allclose(samples.time[samples.run == 0][-1], 1.0)
+    np.testing.assert_allclose(samples.time[samples.run == 1][0], 1.5)
+    steps = np.diff(samples.time) * samples.rate
+    np.testing.assert_allclose(steps, np.round(steps), atol=1e-6)
+    assert np.count_nonzero(steps > 1.5) == 1
+    np.testing.assert_allclose(samples.pressure_a[:, 0], 2.0 * samples.time, atol=1e-9)
+
+
+def test_gap_is_refused_on_demand() -> None:
+    message = "bag: /cylinder_pressures: nothing for 0.500 s after 1.000 s, at most 0.1 s allowed"
+    with pytest.raises(DataError, match=message):
+        resample(with_gap(), gaps="refuse")
+
+
+def test_gap_that_is_allowed() -> None:
+    samples = resample(with_gap(), largest_gap=0.6)
+    assert (samples.run == 0).all()
+    assert len(samples) == 600
+
+
+def test_nan_of_one_joint_is_a_gap_of_all() -> None:
+    time = np.arange(600) / RATE
+    position, pressure = line(time), line(time)
+    position.value[200:300, 1] = np.nan
+    position.value[400, 0] = np.nan
+    samples = resample(log_of(position, pressure))
+    assert samples.run.max() == 1
+    assert len(samples) == 500
+    np.testing.assert_allclose(samples.position[:, 0], 2.0 * samples.time, atol=1e-9)
+
+
+def test_run_that_is_too_short_is_dropped() -> None:
+    time = np.arange(600) / RATE
+    keep = (time < 1.0) | (time > 2.0)
+    keep[300 : 300 + SHORTEST_RUN - 1] = True
+    log = log_of(line(time[keep]), line(time[keep]))
+    assert set(resample(log).run) == {0, 1}
+    keep[300 : 300 + SHORTEST_RUN] = True
+    log = log_of(line(time[keep]), line(time[keep]))
+    assert set(resample(log).run) == {0, 1, 2}
+
+
+def test_signals_that_do_not_overlap() -> None:
+    time = np.arange(600) / RATE
+    with pytest.raises(DataError, match="bag: positions and pressures or forces were never"):
+        resample(log_of(line(time), line(time + 10.0)))
+
+
+def test_sensor_that_is_dead() -> None:
+    time = np.arange(600) / RATE
+    pressure = line(time, "/cylinder_pressures")
+    pressure.value[:, 1] = np.nan
+    with pytest.raises(DataError, match="bag: /cylinder_pressures: 0 samples .* a, b"):
+        resample(log_of(line(time), pressure))
+
+
+def test_other_signals() -> None:
+    time = np.arange(600) / RATE
+    late = time[200:400:10]
+    command = Signal(late, np.column_stack([late, -late]), "/valve_command")
+    slow = np.arange(4.0)
+    samples = resample(
+        log_of(
+            line(time),
+            line(time),
+            command=command,
+            reference_position=line(late),
+            temperature=Signal(slow, 20.0 + slow, ""),
+        )
+    )
+    assert samples.command is not None
+    assert samples.reference_position is not None
+    assert samples.temperature is not None
+    before, during = samples.time < late[0] - 1e-6, slice(200, 391)
+    assert np.isnan(samples.command[before]).all()
+    np.testing.assert_allclose(samples.command[during, 0], late[np.arange(191) // 10])
+    assert np.isnan(samples.reference_position[before]).all()
+    assert np.isnan(samples.reference_position[391:]).all()
+    np.testing.assert_allclose(samples.reference_position[during, 0], 2.0 * samples.time[during])
+    np.testing.assert_allclose(samples.temperature, 20.0 + samples.time)
+    assert samples.velocity is samples.slew_position is samples.supply_pressure is None
