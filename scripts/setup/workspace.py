@@ -1,6 +1,7 @@
 """`colcon build` of the packages, and whether it has to be done again."""
 
 import hashlib
+import os
 import subprocess
 from pathlib import Path
 
@@ -54,7 +55,8 @@ def build(machine: Machine) -> None:
     command = [str(machine.venv_python), "-m", "colcon", "--log-level", "error", "build"]
     command += ["--symlink-install", "--cmake-args", "-DBUILD_TESTING=OFF"]
     command += [f"-DPython3_EXECUTABLE={machine.venv_python}"]
-    done = subprocess.run(command, cwd=machine.root, env=machine.environment())
+    jobs = {"MAKEFLAGS": f"-j{os.cpu_count()}"}  # else colcon adds a limit by load: one job at once
+    done = subprocess.run(command, cwd=machine.root, env=machine.environment() | jobs)
     if done.returncode:
         raise SetupError("colcon build failed; the lines above and log/latest_build say why")
     _stamp(machine).write_text(_wanted(machine))
