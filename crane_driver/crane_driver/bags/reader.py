@@ -12,7 +12,7 @@ from rosbags.serde import SerdeError
 from rosbags.typesys.store import Typestore
 
 from crane_driver.bags.decoding import NANOSECONDS, Table, cells, concatenate, decode
-from crane_driver.bags.storage import announced, connections, open_bag
+from crane_driver.bags.storage import announced, connections, messages, open_bag
 from crane_driver.bags.types import Topic, typestore
 from crane_model.errors import DataError
 
@@ -151,9 +151,9 @@ def _read(
         except (SerdeError, ValueError) as error:
             raise DataError(f"{path}: topic {name}: {error}; the bag is damaged") from error
 
-    sources = [one for name in wanted for one in connections(reader, name)]
     total = sum(announced(reader, name)[0] for name in wanted)
-    for count, (connection, log_time, data) in enumerate(reader.messages(sources), start=1):
+    recorded = messages(path, reader, wanted)
+    for count, (connection, log_time, data) in enumerate(recorded, start=1):
         pending[connection.topic].append(data)
         log_times[connection.topic].append(log_time)
         if len(pending[connection.topic]) == BLOCK:

@@ -1,6 +1,6 @@
 """Opening bags of either storage, single or split, and saying what is wrong with the others."""
 
-from collections.abc import Iterator, Sequence
+from collections.abc import Collection, Iterator, Sequence
 from contextlib import contextmanager
 from os import SEEK_END
 from pathlib import Path
@@ -19,19 +19,31 @@ MCAP_MAGIC = b"\x89MCAP0\r\n"
 def open_bag(path: Path) -> Iterator[Reader]:
     """The open bag: a folder with metadata.yaml, or one .mcap or .db3 file of it.
 
-    `DataError` if it is absent, not a bag, damaged, not closed properly or empty. Errors of the
-    storage inside the `with` block become `DataError` too.
+    `DataError` if it is absent, not a bag, damaged, not closed properly or empty.
     """
     _check_kind(path)
+    with _damage(path):
+        reader = Reader(path)
+        reader.open()
     try:
-        with Reader(path) as reader:
-            if reader.message_count == 0:
-                raise DataError(f"{path}: the bag is empty; record again and check the publishers")
-            yield reader
-    except DataError:
-        raise
-    except Exception as error:  # a damaged file makes parsers raise anything, not only their own
-        raise DataError(f"{path}: {_explain(path, error)}") from error
+        if reader.message_count == 0:
+            raise DataError(f"{path}: the bag is empty; record again and check the publishers")
+        yield reader
+    finally:
+        reader.close()
+
+
+def messages(
+    path: Path, reader: Reader, topics: Collection[str]
+) -> Iterator[tuple[Connection, int, bytes]]:
+    """Connection, log time [ns] and CDR of each message of `topics`, in order of log time.
+
+    `DataError` where the storage is damaged.
+    """
+    sources = [one for name in topics for one in connections(reader, name)]
+    if sources:  # to rosbags, none means all
+        with _damage(path):
+            yield from reader.messages(sources)
 
 
 def connections(reader: Reader, topic: str) -> list[Connection]:
@@ -48,8 +60,17 @@ def connections(reader: Reader, topic: str) -> list[Connection]:
 def announced(reader: Reader, topic: str) -> tuple[int, set[str]]:
     """Number of messages and type hashes (where given) that the metadata state for a topic."""
     stated = [one for one in reader.connections if one.topic == topic]
-    hashes = {one.digest for one in stated if one.digest.startswith("RIHS01_")}
+    hashes = {one.digest for one in stated if (one.digest or "").startswith("RIHS01_")}
     return sum(one.msgcount for one in stated), hashes
+
+
+@contextmanager
+def _damage(path: Path) -> Iterator[None]:
+    """Turns whatever rosbags raises on a damaged file into an error that says so."""
+    try:
+        yield
+    except Exception as error:  # not only errors of its own: parsers stumble over anything
+        raise DataError(f"{path}: {_explain(path, error)}") from error
 
 
 def _check_kind(path: Path) -> None:

@@ -1,5 +1,6 @@
 """Bags that cannot be read: every error names the bag, what is wrong and what to do."""
 
+import re
 from collections.abc import Callable
 from pathlib import Path
 
@@ -111,6 +112,16 @@ def test_messages_that_are_missing(make: BagMaker) -> None:
     topics[0]["message_count"] = 600
     (path / "metadata.yaml").write_text(yaml.safe_dump(metadata))
     assert "/joint_states announces 600 messages, but only 500 are readable" in refusal(path)
+
+
+def test_topic_that_only_the_metadata_know(make: BagMaker) -> None:
+    path = make()
+    text = (path / "metadata.yaml").read_text().replace("/joint_states", "/valve_command")
+    text = text.replace(JOINT_STATES.msgtype, VALVE_COMMAND.msgtype)
+    text = re.sub(r"RIHS01_\w+", "", text)
+    (path / "metadata.yaml").write_text(text)
+    with pytest.raises(DataError, match="/valve_command announces 500 messages, but only 0 are"):
+        read_topics(path, [VALVE_COMMAND])
 
 
 def test_missing_topic(make: BagMaker) -> None:
