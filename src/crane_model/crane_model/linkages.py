@@ -2,6 +2,7 @@
 
 The scalar functions return (x, dx/dq, d2x/dq2) and can be called from a compiled simulation; the
 functions named `..._samples` apply them to n samples and return (n, 3). Lengths in m, angles rad.
+Where a triangle degenerates they divide by zero as numpy does: the result is not finite.
 """
 
 import math
@@ -16,7 +17,7 @@ def triangle_side(side_1: float, side_2: float, angle: float) -> float:
     return math.sqrt(side_1**2 + side_2**2 - 2.0 * side_1 * side_2 * math.cos(angle))
 
 
-@njit(cache=True)
+@njit(cache=True, error_model="numpy")
 def inner_boom(q2: float, j1: float, j2: float, angle_0: float) -> tuple[float, float, float]:
     """Cylinder of the inner boom (20); `angle_0` is pi/2 - phi4 + phi3."""
     angle = angle_0 + q2
@@ -26,7 +27,7 @@ def inner_boom(q2: float, j1: float, j2: float, angle_0: float) -> tuple[float, 
     return x, first, second
 
 
-@njit(cache=True)
+@njit(cache=True, error_model="numpy")
 def _arccos_chain(u: float, du: float, ddu: float) -> tuple[float, float, float]:
     """arccos(u) with first and second derivative; nan outside [-1, 1] (the linkage is open)."""
     if not -1.0 < u < 1.0:
@@ -35,7 +36,7 @@ def _arccos_chain(u: float, du: float, ddu: float) -> tuple[float, float, float]
     return math.acos(u), -du / root, -ddu / root - u * du * du / root**3
 
 
-@njit(cache=True)
+@njit(cache=True, error_model="numpy")
 def outer_boom(
     q3: float,
     gamma_21_0: float,

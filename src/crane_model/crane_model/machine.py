@@ -205,8 +205,8 @@ class Machine(Schema):
             grid = np.linspace(limits.position_min, limits.position_max, 201)
             x, lever = self.cylinder(joint, grid)[:, :2].T
             where = f"linkage of {joint} over its range of Table 2"
-            if np.isnan(x).any():
-                q = grid[np.isnan(x)][0]
+            if np.isnan(lever).any():
+                q = grid[np.isnan(lever)][0]
                 raise ValueError(f"{where}: the loop does not close at q = {q:.4g} rad")
             if np.abs(lever).min() < SMALLEST_LEVER_ARM or np.ptp(np.sign(lever)) > 0:
                 q = grid[np.abs(lever).argmin()]

@@ -18,7 +18,7 @@ TABLE_1 = (  # theta offset, d offset, a, alpha
     (math.pi / 2 - THETA_20, 0.0, A_3, math.pi / 2),
     (0.0, D_40, 0.0, 0.0),
 )
-PLANAR_BODIES = ("FL", "SL", "TG")
+PLANAR_BODIES = {"FL": "inner_boom", "SL": "outer_boom", "TG": "telescope"}
 
 
 def _link(theta: float, d: float, a: float, alpha: float) -> pin.SE3:
