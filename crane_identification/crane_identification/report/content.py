@@ -1,0 +1,89 @@
+"""What the page and the summary of an identification are made of."""
+
+import platform
+import shlex
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from functools import cached_property
+from importlib.metadata import PackageNotFoundError, version
+
+from crane_identification.data.log import Log
+from crane_identification.options import Options
+from crane_identification.pipeline import FitResult
+from crane_identification.preparation import Preparation
+from crane_identification.report.errors import JointErrors, pooled
+from crane_identification.validation import Validation, compare
+
+PACKAGES = (
+    "crane_identification",
+    "crane_model",
+    "crane_driver",
+    "numpy",
+    "scipy",
+    "numba",
+    "filterpy",
+    "statsmodels",
+    "rosbags",
+    "plotly",
+)
+
+
+@dataclass(frozen=True)
+class Provenance:
+    """Where a result comes from; `date` as it is to be printed."""
+
+    date: str
+    command: str
+    model_file: str
+    versions: Mapping[str, str]
+
+    @classmethod
+    def of(cls, date: str, command: Sequence[str], model_file: str) -> "Provenance":
+        """With the versions of Python and of the packages that the numbers depend on."""
+        versions = {"Python": platform.python_version()}
+        for package in PACKAGES:
+            try:
+                versions[package] = version(package)
+            except PackageNotFoundError:  # run from the source tree
+                versions[package] = "from source"
+        return cls(date, shlex.join(command), model_file, versions)
+
+
+@dataclass(frozen=True)
+class IdentificationReport:
+    """A fit, what it was made of, and its validation.
+
+    `training` holds the recordings of `fit`, `validations` the predictions on recordings that it
+    has not seen (none: not validated) and `validation_data` the prepared recording of each.
+    `planted` gives the true value of parameters where a stand-in machine makes them known.
+    """
+
+    fit: FitResult
+    options: Options
+    training: tuple[Log, ...]
+    validations: tuple[Validation, ...]
+    validation_data: tuple[Preparation, ...]
+    warnings: tuple[str, ...]
+    provenance: Provenance
+    planted: Mapping[str, float] | None = None
+
+    @cached_property
+    def held_out(self) -> JointErrors | None:
+        """Errors on the validation recordings; None without any."""
+        return pooled(self.validations) if self.validations else None
+
+    @cached_property
+    def trained(self) -> JointErrors:
+        """Errors on the training recordings, counted as the held-out ones: over all samples."""
+        fit = self.fit
+        return pooled([compare(fit.model, p, fit.decimation) for p in fit.preparations])
+
+    @property
+    def training_bags(self) -> list[str]:
+        """Sources of the fit, each once."""
+        return list(dict.fromkeys(log.source for log in self.training))
+
+    @property
+    def validation_bags(self) -> list[str]:
+        """Sources of the validation, each once."""
+        return list(dict.fromkeys(v.source for v in self.validations))

@@ -1,0 +1,197 @@
+"""A figure as plotly.js wants it: panels above each other over one time axis.
+
+Colours are names of CSS variables of the page ("--measured"), one per meaning; page.js puts the
+colour of screen, dark screen or paper in their place.
+"""
+
+from collections.abc import Sequence
+from dataclasses import dataclass, field
+from math import floor, log10
+from typing import Any
+
+import numpy as np
+
+from crane_identification.report.thinning import thin
+
+MEASURED, REFERENCE, MODEL = "--measured", "--reference", "--model"
+SCATTER, LEFT_OUT = "--scatter", "--left-out"
+
+_DIGITS = 5  # significant digits of a plotted number: finer than a pixel, even zoomed in
+_FONT = {"size": 11, "color": "--soft", "family": "--sans"}
+_TITLE_HEIGHT, _AXIS_HEIGHT = 30, 38  # px above each panel, and below the last
+
+
+@dataclass(frozen=True)
+class Curve:
+    """One line (n,) over time, named in the hover text."""
+
+    name: str
+    colour: str
+    time: np.ndarray
+    values: np.ndarray
+    width: float = 1.2
+
+
+@dataclass(frozen=True)
+class Band:
+    """The area between two curves (n,) over time."""
+
+    name: str
+    colour: str
+    time: np.ndarray
+    low: np.ndarray
+    high: np.ndarray
+
+
+@dataclass(frozen=True)
+class Panel:
+    """Curves over one vertical axis: `symbol` [`unit`], `height` px tall."""
+
+    symbol: str
+    unit: str
+    curves: Sequence[Curve]
+    bands: Sequence[Band] = ()
+    height: int = 130
+
+
+@dataclass(frozen=True)
+class Figure:
+    """What one `div` of the page shows; `key` is its id, `joint` its caption."""
+
+    key: str
+    joint: str
+    panels: Sequence[Panel]
+    left_out: Sequence[tuple[float, float]] = field(default_factory=tuple)  # s, shaded
+
+    @property
+    def height(self) -> int:
+        """px."""
+        return sum(panel.height + _TITLE_HEIGHT for panel in self.panels) + _AXIS_HEIGHT
+
+    def description(self) -> dict[str, Any]:
+        """The figure in the vocabulary of plotly.js: data and layout."""
+        layout: dict[str, Any] = {
+            "height": self.height,
+            "margin": {"l": 46, "r": 10, "t": 0, "b": 0},
+            "font": _FONT,
+            "paper_bgcolor": "rgba(0,0,0,0)",
+            "plot_bgcolor": "rgba(0,0,0,0)",
+            "showlegend": False,
+            "hovermode": "x",
+            "hoverlabel": {"font": {"family": "--sans", "size": 11}},
+            "modebar": {"bgcolor": "rgba(0,0,0,0)", "color": "--soft", "activecolor": "--ink"},
+            "annotations": [],
+            "shapes": [],
+            "xaxis": _axis(anchor=_axis_name("y", len(self.panels)), zeroline=False)
+            | {"title": {"text": "t [s]", "standoff": 4, "font": _FONT}},
+        }
+        data: list[dict[str, Any]] = []
+        top = float(self.height)
+        for number, panel in enumerate(self.panels, start=1):
+            top -= _TITLE_HEIGHT
+            domain = [(top - panel.height) / self.height, top / self.height]
+            top -= panel.height
+            name = _axis_name("y", number)
+            layout[name.replace("y", "yaxis")] = _axis(domain=domain, nticks=5)
+            layout["annotations"].append(_title(panel, domain[1]))
+            if len(self.left_out):
+                layout["shapes"].append(_shading(self.left_out, domain))
+            data += [trace for band in panel.bands for trace in _area(band, name)]
+            data += [_line(curve, panel.unit, name) for curve in panel.curves]
+        return {"data": data, "layout": layout}
+
+
+def _axis_name(letter: str, number: int) -> str:
+    return letter if number == 1 else f"{letter}{number}"
+
+
+def _axis(**more: Any) -> dict[str, Any]:
+    return {
+        "gridcolor": "--grid",
+        "zerolinecolor": "--rule",
+        "zerolinewidth": 1,
+        "linecolor": "--rule",
+        "tickfont": _FONT,
+        "exponentformat": "none",
+        "separatethousands": False,
+        **more,
+    }
+
+
+def _title(panel: Panel, top: float) -> dict[str, Any]:
+    """Name of the vertical axis, level above its panel: it takes no width from a small screen."""
+    return {
+        "text": f"{panel.symbol} [{panel.unit}]",
+        "x": 0,
+        "xref": "paper",
+        "xanchor": "left",
+        "xshift": -44,
+        "yshift": 4,
+        "y": top,
+        "yref": "paper",
+        "yanchor": "bottom",
+        "showarrow": False,
+        "font": {"size": 12, "color": "--ink", "family": "--sans"},
+    }
+
+
+def _line(curve: Curve, unit: str, axis: str) -> dict[str, Any]:
+    kept = thin(curve.time, curve.values)
+    return {
+        "type": "scatter",
+        "mode": "lines",
+        "name": curve.name,
+        "x": _rounded(curve.time[kept]),
+        "y": _rounded(curve.values[kept]),
+        "yaxis": axis,
+        "line": {"color": curve.colour, "width": curve.width},
+        "hovertemplate": f"%{{y:.4~g}} {unit}<extra>{curve.name}</extra>",
+    }
+
+
+def _area(band: Band, axis: str) -> list[dict[str, Any]]:
+    """The lower edge, and the upper one with the area between them."""
+    edges = []
+    for values, fill in ((band.low, "none"), (band.high, "tonexty")):
+        kept = thin(band.time, values, 600)
+        edges.append(
+            {
+                "type": "scatter",
+                "mode": "lines",
+                "name": band.name,
+                "x": _rounded(band.time[kept]),
+                "y": _rounded(values[kept]),
+                "yaxis": axis,
+                "line": {"width": 0},
+                "fill": fill,
+                "fillcolor": band.colour,
+                "hoverinfo": "skip",
+            }
+        )
+    return edges
+
+
+def _shading(intervals: Sequence[tuple[float, float]], domain: Sequence[float]) -> dict[str, Any]:
+    """One shape of many upright bars behind a panel."""
+    low, high = domain
+    path = "".join(f"M{a:.5g},{low:.4f}V{high:.4f}H{b:.5g}V{low:.4f}Z" for a, b in intervals)
+    return {
+        "type": "path",
+        "path": path,
+        "xref": "x",
+        "yref": "paper",
+        "layer": "below",
+        "line": {"width": 0},
+        "fillcolor": LEFT_OUT,
+    }
+
+
+def _rounded(values: np.ndarray) -> list[float | None]:
+    """Numbers short enough for a page; null where there is a gap."""
+    finite = np.isfinite(values)
+    largest = float(np.abs(values[finite]).max(initial=0.0))
+    decimals = _DIGITS - 1 - floor(log10(largest)) if largest > 0 else 0
+    rounded = np.round(values, decimals).tolist()
+    if finite.all():
+        return rounded
+    return [value if known else None for value, known in zip(rounded, finite, strict=True)]

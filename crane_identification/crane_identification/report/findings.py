@@ -1,0 +1,103 @@
+"""What a reader must know before trusting a fit, in sentences."""
+
+from collections.abc import Sequence
+
+import numpy as np
+
+from crane_identification.data.log import Log
+from crane_identification.pipeline import FitResult
+from crane_identification.preparation import Preparation
+from crane_identification.report.notation import listed, plain, short_percent, spoken
+from crane_identification.validation import Validation
+
+UNCERTAIN = 0.1
+"""Relative standard deviation above which a parameter counts as uncertain."""
+RESTING = 0.5
+"""A joint that moves for less than this share of the time is weakly excited."""
+REMAINDER = 0.05
+"""Share of a period that may be lost at the ends of a recording without a word."""
+
+
+def findings(
+    fit: FitResult,
+    logs: Sequence[Log],
+    validations: Sequence[Validation] = (),
+    validation_data: Sequence[Preparation] = (),
+) -> tuple[str, ...]:
+    """Warnings about a fit, its recordings (`logs`: all of them) and its validation."""
+    return (
+        *_parameters(fit),
+        *(note for log in logs for note in _recording(log)),
+        *(note for p in (*fit.preparations, *validation_data) for note in _preparation(p)),
+        *_gaps((*fit.preparations, *validation_data)),
+        *_excitation(fit),
+        *([] if validations else ["No recording was held out: the model is not validated."]),
+    )
+
+
+def _parameters(fit: FitResult) -> list[str]:
+    estimate = fit.estimate
+    notes = []
+    if estimate.undetermined:
+        notes.append(
+            f"Not determined by these recordings: {listed(estimate.undetermined)}. Only "
+            "combinations of these parameters are seen; excite the joints more."
+        )
+    relative = estimate.relative_std_devs
+    doubtful = [
+        f"{name} ({short_percent(float(share))})"
+        for name, share in zip(estimate.names, relative, strict=True)
+        if share > UNCERTAIN
+    ]
+    if doubtful:
+        notes.append(
+            f"Standard deviation above {short_percent(UNCERTAIN)} of the value: {listed(doubtful)}."
+        )
+    return notes
+
+
+def _recording(log: Log) -> list[str]:
+    notes = [f"{log.source}: {note}" for note in log.notes]
+    if log.missing:
+        notes.insert(0, f"{log.source}: not recorded: {listed(log.missing)}.")
+    return notes
+
+
+def _preparation(preparation: Preparation) -> list[str]:
+    source, averaging = preparation.source, preparation.averaging
+    if averaging is None:
+        return []
+    notes = []
+    if averaging.incomplete > REMAINDER * averaging.period:
+        notes.append(
+            f"{source}: {plain(averaging.incomplete)} s fill no whole period of "
+            f"{plain(averaging.period)} s and are not used."
+        )
+    if averaging.transient:
+        notes.append(
+            f"{source}: the first {averaging.transient} of "
+            f"{averaging.transient + averaging.used} periods belong to the transient and are "
+            "not used."
+        )
+    if averaging.used == 1:
+        notes.append(f"{source}: only one period, so that its noise is not known.")
+    return notes
+
+
+def _gaps(preparations: Sequence[Preparation]) -> list[str]:
+    sources = [p.source for p in preparations]
+    return [
+        f"{source}: gaps in the recording; {sources.count(source)} parts of it are used."
+        for source in dict.fromkeys(sources)
+        if sources.count(source) > 1
+    ]
+
+
+def _excitation(fit: FitResult) -> list[str]:
+    share = np.concatenate([p.moving for p in fit.preparations]).mean(axis=0)
+    return [
+        f"Weak excitation: {spoken(joint)} moves in only {short_percent(float(moving))} of the "
+        "training data; excite it more."
+        for joint, moving in zip(fit.model.joints, share, strict=True)
+        if moving < RESTING
+    ]

@@ -1,0 +1,84 @@
+"""Numbers as a person reads them: as many digits as their uncertainty allows."""
+
+from math import floor, isfinite, log10
+
+MINUS, NARROW_SPACE = "\u2212", "\u202f"
+NONE = "\u2013"
+"""Stands where there is no number."""
+
+_SUPERSCRIPTS = str.maketrans("-0123456789", "⁻⁰¹²³⁴⁵⁶⁷⁸⁹")
+_UNIT_POWERS = str.maketrans("23", "²³")
+_LONGEST = 6  # digits before or behind the point; numbers beyond are written with a power of ten
+
+
+def with_uncertainty(value: float, std_dev: float) -> tuple[str, str]:
+    """Value and standard deviation, the latter with two digits and both to the same decimal.
+
+    (1523.4, 12.3) -> ("1523", "12"); (-0.0123, 0.00456) -> ("−0.0123", "0.0046"). A value without
+    a usable standard deviation has four significant digits, no value is a dash.
+    """
+    if not isfinite(value):
+        return NONE, NONE
+    if not (isfinite(std_dev) and std_dev > 0):
+        return plain(value, 4), NONE
+    decimals = 1 - floor(log10(float(f"{std_dev:.1e}")))
+    size = floor(log10(max(abs(value), std_dev)))
+    if size > _LONGEST or decimals > _LONGEST:
+        scale = 10.0**-size
+        power = f"·10{str(size).translate(_SUPERSCRIPTS)}"
+        return (
+            _fixed(value * scale, decimals + size) + power,
+            _fixed(std_dev * scale, decimals + size) + power,
+        )
+    return _fixed(value, decimals), _fixed(std_dev, decimals)
+
+
+def plain(value: float, digits: int = 3) -> str:
+    """A number with so many significant digits and no exponent up to a million."""
+    if not isfinite(value):
+        return "∞" if value > 0 else NONE
+    if value == 0:
+        return "0"
+    size = floor(log10(abs(float(f"{value:.{digits - 1}e}"))))
+    if abs(size) > _LONGEST:
+        mantissa = _fixed(value * 10.0**-size, digits - 1)
+        return f"{mantissa}·10{str(size).translate(_SUPERSCRIPTS)}"
+    return _fixed(value, digits - 1 - size)
+
+
+def percent(share: float) -> str:
+    """A share of one in percent with two decimals; above 100 % with none."""
+    if not isfinite(share):
+        return NONE
+    return _fixed(100 * share, 2 if abs(share) < 1 else 0) + NARROW_SPACE + "%"
+
+
+def short_percent(share: float) -> str:
+    """A share in percent for running text: two significant digits."""
+    if not isfinite(share):
+        return "an unknown share"
+    return (plain(100 * share, 2) if abs(share) < 0.995 else _fixed(100 * share, 0)) + (
+        NARROW_SPACE + "%"
+    )
+
+
+def unit(text: str) -> str:
+    """A unit as it is set: powers raised, products with a point: "kg m2" -> "kg m²"."""
+    return text.translate(_UNIT_POWERS).replace(" ", NARROW_SPACE)
+
+
+def listed(words: list[str] | tuple[str, ...]) -> str:
+    """Words in a sentence: "a, b and c"."""
+    return " and ".join([", ".join(words[:-1]), words[-1]] if len(words) > 1 else words)
+
+
+def spoken(joint: str) -> str:
+    """Name of a joint in running text: "inner_boom" -> "inner boom"."""
+    return joint.replace("_", " ")
+
+
+def _fixed(value: float, decimals: int) -> str:
+    """Fixed point; negative `decimals` round in front of the point; a true minus sign."""
+    rounded = round(value, decimals)
+    text = f"{abs(rounded):.{max(decimals, 0)}f}"
+    return MINUS + text if rounded < 0 else text

@@ -1,0 +1,108 @@
+"""report.html: one file, without network, of everything in the report."""
+
+import base64
+import gzip
+import json
+from functools import cache
+from importlib.resources import files
+from pathlib import Path
+from typing import NamedTuple
+
+from jinja2 import Environment, PackageLoader, StrictUndefined
+from markupsafe import Markup
+from plotly.offline import get_plotlyjs
+
+from crane_identification.progress import Progress, silent
+from crane_identification.report import tables
+from crane_identification.report.content import IdentificationReport
+from crane_identification.report.figure import Figure
+from crane_identification.report.figures import (
+    averaged_figures,
+    recording_figures,
+    validation_figures,
+)
+from crane_identification.report.processing import processing
+from crane_identification.report.recording import recorded
+from crane_identification.report.verdict import bags, verdict
+
+
+class FigureRow(NamedTuple):
+    """The figures of one recording, one per joint."""
+
+    source: str
+    figures: list[Figure]
+
+
+def write(path: Path | str, report: IdentificationReport, progress: Progress = silent) -> None:
+    """Write the page; `progress` counts its recordings."""
+    Path(path).write_text(render(report, progress), encoding="utf-8")
+
+
+def render(report: IdentificationReport, progress: Progress = silent) -> str:
+    """The page as HTML."""
+    recordings, averages, validations = _figure_rows(report, progress)
+    shown = [figure for row in (*recordings, *averages, *validations) for figure in row.figures]
+    environment = Environment(
+        loader=PackageLoader(__package__, "."),
+        autoescape=True,
+        undefined=StrictUndefined,
+        trim_blocks=True,
+        lstrip_blocks=True,
+    )
+    return environment.get_template("page.html").render(
+        report=report,
+        verdict=verdict(report),
+        training_bags=bags(report.training_bags),
+        validation_bags=bags(report.validation_bags),
+        errors=tables.error_rows(report),
+        groups=tables.parameter_groups(report),
+        entries=tables.report_entries(report),
+        conditioning=tables.conditioning(report),
+        excitation=tables.excitation(report),
+        processing=processing(report),
+        recordings=recordings,
+        averages=averages,
+        validations=validations,
+        style=Markup(_part("page.css")),
+        script=Markup(_part("page.js")),
+        plotly=Markup(_packed_plotly()),
+        figures=Markup(_figure_data(shown)),
+    )
+
+
+def _figure_rows(
+    report: IdentificationReport, progress: Progress
+) -> tuple[list[FigureRow], list[FigureRow], list[FigureRow]]:
+    """Rows of Fig. 9, of Figs. 10 and 11, and of Figs. 12 and 13."""
+    model = report.fit.model
+    recordings = []
+    bandwidth = {p.source: p.bandwidth for p in report.fit.preparations}
+    for number, log in enumerate(report.training):
+        recording = recorded(model, log, report.options.motion, bandwidth[log.source])
+        figures = recording_figures(model, recording, f"recording-{number}")
+        recordings.append(FigureRow(log.source, figures))
+        progress("report", (number + 1) / len(report.training))
+    averages, validations = [], []
+    pairs = zip(report.validation_data, report.validations, strict=True)
+    for number, (data, validation) in enumerate(pairs):
+        averages.append(FigureRow(data.source, averaged_figures(model, data, f"average-{number}")))
+        figures = validation_figures(model, data, validation, f"validation-{number}")
+        validations.append(FigureRow(data.source, figures))
+    return recordings, averages, validations
+
+
+def _figure_data(figures: list[Figure]) -> str:
+    """Descriptions by id, safe inside a script element."""
+    descriptions = {figure.key: figure.description() for figure in figures}
+    text = json.dumps(descriptions, separators=(",", ":"), ensure_ascii=False, allow_nan=False)
+    return text.replace("<", "\\u003c")
+
+
+def _part(name: str) -> str:
+    return (files(__package__) / name).read_text(encoding="utf-8")
+
+
+@cache
+def _packed_plotly() -> str:
+    """plotly.js, gzip in base64: 2 MB instead of 5, and its addresses stay out of the page."""
+    return base64.b64encode(gzip.compress(get_plotlyjs().encode(), mtime=0)).decode()

@@ -1,0 +1,87 @@
+"""summary.json: the numbers of the page for programs."""
+
+import json
+from pathlib import Path
+from typing import TypedDict
+
+import numpy as np
+
+from crane_identification.report.content import IdentificationReport
+
+
+class ParameterSummary(TypedDict):
+    """`value` and `std_dev` in `unit`; null where the data do not determine the parameter."""
+
+    name: str
+    unit: str
+    value: float | None
+    std_dev: float | None
+
+
+class Summary(TypedDict):
+    """Errors are shares of one per joint, over all samples of all recordings of their kind.
+
+    `heldout_relative_error` is ‖τ - τ̂‖/‖τ‖, `heldout_relative_error_without_gravity` the same
+    relative to τ without its gravity part, `noise_floor` the share that noise alone causes; they
+    are empty without validation, and null where a recording holds no two periods to tell noise
+    from signal. The condition numbers are those of all columns in SI units, and of the same
+    columns scaled to norm 1 (null: rank deficient). `samples` counts the rows that were fitted.
+    """
+
+    model: str
+    date: str
+    method: str
+    parameters: list[ParameterSummary]
+    heldout_relative_error: dict[str, float | None]
+    heldout_relative_error_without_gravity: dict[str, float | None]
+    noise_floor: dict[str, float | None]
+    training_relative_error: dict[str, float | None]
+    condition_number: float | None
+    condition_number_normalized: float | None
+    training_bags: list[str]
+    validation_bags: list[str]
+    samples: int
+    warnings: list[str]
+
+
+def summarize(report: IdentificationReport) -> Summary:
+    """The summary of a report, as plain numbers, strings, lists and dictionaries."""
+    estimate, held_out = report.fit.estimate, report.held_out
+
+    def per_joint(values: np.ndarray | None) -> dict[str, float | None]:
+        if values is None:
+            return {}
+        return {joint: _number(v) for joint, v in zip(estimate.joints, values, strict=True)}
+
+    return Summary(
+        model=report.fit.model.name,
+        date=report.provenance.date,
+        method=estimate.method,
+        parameters=[
+            ParameterSummary(name=name, unit=unit, value=_number(value), std_dev=_number(std_dev))
+            for name, unit, value, std_dev in zip(
+                estimate.names, estimate.units, estimate.values, estimate.std_devs, strict=True
+            )
+        ],
+        heldout_relative_error=per_joint(held_out and held_out.relative),
+        heldout_relative_error_without_gravity=per_joint(held_out and held_out.without_gravity),
+        noise_floor=per_joint(held_out and held_out.noise_floor),
+        training_relative_error=per_joint(report.trained.relative),
+        condition_number=_number(estimate.condition_number),
+        condition_number_normalized=_number(estimate.condition_number_normalized),
+        training_bags=report.training_bags,
+        validation_bags=report.validation_bags,
+        samples=estimate.samples,
+        warnings=list(report.warnings),
+    )
+
+
+def write(path: Path | str, report: IdentificationReport) -> None:
+    """Write `summarize(report)` as JSON."""
+    text = json.dumps(summarize(report), indent=2, ensure_ascii=False, allow_nan=False)
+    Path(path).write_text(text + "\n", encoding="utf-8")
+
+
+def _number(value: float) -> float | None:
+    """JSON has neither NaN nor infinity."""
+    return float(value) if np.isfinite(value) else None

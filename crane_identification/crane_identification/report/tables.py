@@ -1,0 +1,236 @@
+"""Rows of the page's tables, as they are printed."""
+
+from collections.abc import Iterator
+from typing import NamedTuple
+
+import numpy as np
+from markupsafe import Markup
+
+from crane_identification.estimation.least_squares import condition_numbers
+from crane_identification.report import marks
+from crane_identification.report.content import IdentificationReport
+from crane_identification.report.findings import UNCERTAIN
+from crane_identification.report.notation import (
+    NONE,
+    percent,
+    plain,
+    spoken,
+    unit,
+    with_uncertainty,
+)
+from crane_identification.report.symbols import entry_symbol, parameter_symbol, prose
+from crane_model.base_parameters import REPORT_PARAMETERS, REPORT_UNITS, report_from_base
+from crane_model.dynamics import Geometry
+from crane_model.model_file import Model
+from crane_model.terms.rigid_body import PlanarRigidBody
+from crane_model.terms.term import JointTerm, Parameter
+
+
+class ParameterRow(NamedTuple):
+    """One parameter; `planted` and its `deviation` mark are empty where nothing was planted."""
+
+    name: str
+    symbol: Markup
+    unit: str
+    value: str
+    std_dev: str
+    relative: str
+    relative_mark: Markup
+    doubtful: bool
+    meaning: str
+    planted: str
+    deviation: Markup
+
+
+class ParameterGroup(NamedTuple):
+    """Parameters of one family and joint under a common heading."""
+
+    heading: str
+    rows: list[ParameterRow]
+
+
+class ErrorRow(NamedTuple):
+    """Errors of one joint, in percent."""
+
+    joint: str
+    relative: str
+    mark: Markup
+    without_gravity: str
+    noise_floor: str
+    training: str
+    ratio: str
+
+
+class ReportEntry(NamedTuple):
+    """One entry of the report's (9)."""
+
+    symbol: Markup
+    unit: str
+    value: str
+    std_dev: str
+    relative: str
+
+
+class Conditioning(NamedTuple):
+    """Condition numbers of one set of columns."""
+
+    columns: str
+    raw: str
+    normalized: str
+
+
+class Excitation(NamedTuple):
+    """How one joint moved in the training data."""
+
+    joint: str
+    unit: str
+    low: str
+    high: str
+    speed: str
+    acceleration: str
+    moving: str
+    rows: int
+
+
+def parameter_groups(report: IdentificationReport) -> list[ParameterGroup]:
+    """All parameters in the order of the model."""
+    estimate, planted = report.fit.estimate, report.planted or {}
+    groups: list[ParameterGroup] = []
+    for i, (heading, parameter) in enumerate(_with_headings(report.fit.model)):
+        value, std_dev = float(estimate.values[i]), float(estimate.std_devs[i])
+        shown, shown_std_dev = with_uncertainty(value, std_dev)
+        relative = float(estimate.relative_std_devs[i])
+        true = planted.get(parameter.name)
+        if not groups or groups[-1].heading != heading:
+            groups.append(ParameterGroup(heading, []))
+        groups[-1].rows.append(
+            ParameterRow(
+                name=parameter.name,
+                symbol=parameter_symbol(parameter.name),
+                unit=unit(parameter.unit),
+                value=shown if np.isfinite(value) else "not determined",
+                std_dev=shown_std_dev,
+                relative=percent(relative),
+                relative_mark=marks.relative_sigma_mark(relative),
+                doubtful=not relative <= UNCERTAIN,
+                meaning=prose(parameter.meaning),
+                planted=NONE if true is None else with_uncertainty(true, std_dev)[0],
+                deviation=marks.deviation_mark(
+                    np.nan if true is None else (value - true) / std_dev
+                ),
+            )
+        )
+    return groups
+
+
+def error_rows(report: IdentificationReport) -> list[ErrorRow]:
+    """Held-out errors of every joint; none without validation."""
+    held_out, trained = report.held_out, report.trained
+    if held_out is None:
+        return []
+    largest = float(np.nanmax([held_out.relative, held_out.noise_floor]))
+    return [
+        ErrorRow(
+            joint=spoken(joint),
+            relative=percent(float(held_out.relative[j])),
+            mark=marks.error_mark(
+                float(held_out.relative[j]), float(held_out.noise_floor[j]), largest
+            ),
+            without_gravity=percent(float(held_out.without_gravity[j])),
+            noise_floor=percent(float(held_out.noise_floor[j])),
+            training=percent(float(trained.relative[j])),
+            ratio=plain(float(held_out.relative[j] / trained.relative[j]), 3),
+        )
+        for j, joint in enumerate(report.fit.model.joints)
+    ]
+
+
+def report_entries(report: IdentificationReport) -> list[ReportEntry]:
+    """The entries of (9) with their standard deviations; none for a model of another machine."""
+    model, estimate = report.fit.model, report.fit.estimate
+    columns = _rigid_body_columns(model)
+    if model.machine is None or columns is None:
+        return []
+    mapping = report_from_base(Geometry.of(model.machine))
+    seen = np.isfinite(estimate.values[columns])
+    # An entry is known if every base parameter in it is.
+    known = (mapping[:, ~seen] == 0).all(axis=1)
+    values = mapping @ np.nan_to_num(estimate.values[columns])
+    spread = mapping @ np.nan_to_num(estimate.covariance[columns, columns]) @ mapping.T
+    values, std_devs = (np.where(known, x, np.nan) for x in (values, np.sqrt(np.diag(spread))))
+    return [
+        ReportEntry(
+            entry_symbol(name),
+            unit(unit_),
+            *with_uncertainty(float(value), float(std_dev)),
+            percent(abs(float(std_dev / value))),
+        )
+        for name, unit_, value, std_dev in zip(
+            REPORT_PARAMETERS, REPORT_UNITS, values, std_devs, strict=True
+        )
+    ]
+
+
+def conditioning(report: IdentificationReport) -> list[Conditioning]:
+    """Condition numbers of all columns, and of those of each family of terms by itself."""
+    estimate, stacked = report.fit.estimate, report.fit.rows.stacked
+    model = report.fit.model
+    families = [term.family for term in model.terms for _ in term.parameters(model.setting)]
+    rows = [
+        Conditioning(
+            f"all {len(families)} columns",
+            plain(estimate.condition_number),
+            plain(estimate.condition_number_normalized),
+        )
+    ]
+    for family in dict.fromkeys(families):
+        chosen = [i for i, other in enumerate(families) if other == family]
+        if len(chosen) < len(families):
+            raw, normalized = condition_numbers(stacked[:, chosen])
+            rows.append(
+                Conditioning(f"{family}, {len(chosen)} columns", plain(raw), plain(normalized))
+            )
+    return rows
+
+
+def excitation(report: IdentificationReport) -> list[Excitation]:
+    """How far and how fast each joint moved in the training data."""
+    fit = report.fit
+    records = [p.record for p in fit.preparations]
+    position, velocity, acceleration = (
+        np.concatenate([getattr(record, name) for record in records])
+        for name in ("position", "velocity", "acceleration")
+    )
+    share = np.concatenate([p.moving for p in fit.preparations]).mean(axis=0)
+    return [
+        Excitation(
+            joint=spoken(joint),
+            unit=fit.model.setting.units[joint],
+            low=plain(float(position[:, j].min())),
+            high=plain(float(position[:, j].max())),
+            speed=plain(float(np.abs(velocity[:, j]).max())),
+            acceleration=plain(float(np.abs(acceleration[:, j]).max())),
+            moving=percent(float(share[j])),
+            rows=int(fit.rows.used[:, j].sum()),
+        )
+        for j, joint in enumerate(fit.model.joints)
+    ]
+
+
+def _with_headings(model: Model) -> Iterator[tuple[str, Parameter]]:
+    """Each parameter with the family and the joint of its term."""
+    for term in model.terms:
+        joint = f", {spoken(term.joint)}" if isinstance(term, JointTerm) else ""
+        for parameter in term.parameters(model.setting):
+            yield term.family.capitalize() + joint, parameter
+
+
+def _rigid_body_columns(model: Model) -> slice | None:
+    """Where the base parameters of the crane stand in Theta."""
+    first = 0
+    for term in model.terms:
+        count = len(term.parameters(model.setting))
+        if isinstance(term, PlanarRigidBody):
+            return slice(first, first + count)
+        first += count
+    return None
