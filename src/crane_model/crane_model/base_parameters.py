@@ -29,6 +29,8 @@ q4 = 0."""
 
 REPORT_UNITS = ("kg m2", "kg m", "kg", "kg m", "kg", "kg m2", "kg m", "kg m")
 
+_ROUNDING = 1e-14  # relative size of what exact arithmetic would have made zero
+
 
 class Basis(NamedTuple):
     """The outcome of a rank-revealing QR of stacked regressor columns."""
@@ -44,11 +46,13 @@ def reveal_rank(columns: np.ndarray, tolerance: float = 1e-9) -> Basis:
     """Rank of (N, p) stacked columns by column-pivoted QR of the normalised columns.
 
     A column whose diagonal entry of R is below `tolerance` times the largest depends on the
-    others: its parameter is only seen in combination with theirs.
+    others: its parameter is only seen in combination with theirs. Columns that hold nothing but
+    rounding errors of the largest count as zero.
     """
     norms = np.linalg.norm(columns, axis=0)
-    scale = np.where(norms > 0.0, norms, 1.0)
-    _, r, pivots = qr(columns / scale, mode="economic", pivoting=True)
+    seen = norms > _ROUNDING * norms.max()
+    scale = np.where(seen, norms, 1.0)
+    _, r, pivots = qr(columns * (seen / scale), mode="economic", pivoting=True)
     diagonal = np.abs(np.diag(r))
     rank = int((diagonal > tolerance * diagonal[0]).sum()) if diagonal[0] > 0.0 else 0
     kept, dropped = pivots[:rank], pivots[rank:]
