@@ -4,8 +4,8 @@
 set -euo pipefail
 cd "$(dirname "$0")/../.."
 uv=${UV:-.venv/bin/uv}
-all=$(mktemp --suffix=.txt)
-trap 'rm -f "$all"' EXIT
+all=$(mktemp --suffix=.txt) apt=$(mktemp --suffix=.txt)
+trap 'rm -f "$all" "$apt"' EXIT
 
 compile() { # OUTPUT ARGUMENT...
     local output=$1
@@ -16,8 +16,12 @@ compile() { # OUTPUT ARGUMENT...
 }
 
 # All inputs are resolved together first, so that the files agree with each other.
-cat requirements*.txt > "$all" 2>/dev/null || true
+cat requirements.txt requirements-ros.txt requirements-dev.txt > "$all"
 compile "$all" "$@" scripts/requirements/{runtime,ros,dev}.in
 compile requirements.txt --constraints "$all" scripts/requirements/runtime.in
 compile requirements-ros.txt --constraints "$all" scripts/requirements/ros.in
 compile requirements-dev.txt --constraints "$all" scripts/requirements/dev.in
+# Only what has to differ from the others differs: their pins are preferred.
+cp "$all" "$apt"
+compile "$apt" "$@" scripts/requirements/apt.in
+compile requirements-apt.txt --constraints "$apt" scripts/requirements/apt.in

@@ -36,31 +36,17 @@ def wanted_stamp(machine: Machine) -> str:
 
 def pins(machine: Machine) -> list[str]:
     """Return the pinned requirements for this kind of machine, one a line."""
-    names = ["requirements.txt", "requirements-dev.txt"]
-    if not machine.ros_installed:
-        names.append("requirements-ros.txt")
+    if machine.ros_installed:
+        names = ["requirements-apt.txt"]
+    else:
+        names = ["requirements.txt", "requirements-dev.txt", "requirements-ros.txt"]
     lines = {
         line
         for name in names
         for line in (machine.root / name).read_text().splitlines()
-        if line and not line.startswith("#")
+        if not line.startswith("#")
     }
-    if machine.ros_installed:
-        # The messages of an installed ROS are compiled against the numpy of the system. Another
-        # major version in the virtual environment breaks their import, so that one is kept.
-        lines = {line for line in lines if not line.startswith("numpy==")}
-        lines.add(f"numpy=={_system_numpy()}")
     return sorted(lines)
-
-
-def _system_numpy() -> str:
-    command = [sys.executable, "-c", "import numpy; print(numpy.__version__)"]
-    answer = subprocess.run(command, capture_output=True, text=True)
-    if answer.returncode:
-        raise SetupError(
-            f"ROS_DISTRO=jazzy, but {sys.executable} has no numpy; install ros-jazzy-ros-base"
-        )
-    return answer.stdout.strip()
 
 
 def up_to_date(machine: Machine) -> bool:

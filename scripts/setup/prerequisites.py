@@ -20,7 +20,13 @@ def check(machine: Machine) -> None:
 
 def _unsupported(machine: Machine) -> list[str]:
     if machine.ros_installed:
-        return []
+        running = sys.version_info
+        if running < (3, 13):
+            return []
+        return [  # requirements-apt.txt holds numpy 1, which ends at 3.12
+            f"ROS_DISTRO=jazzy comes with Python 3.12, this is {platform.python_version()} "
+            f"({sys.executable}); name the Python of ROS: make PYTHON=/usr/bin/python3"
+        ]
     found = f"{platform.system()} on {platform.machine()}"
     if (platform.system(), platform.machine()) != ("Linux", "x86_64"):
         return [
