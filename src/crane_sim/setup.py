@@ -13,5 +13,10 @@ setup(
         (f"share/{PACKAGE}", ["package.xml"]),
     ],
     zip_safe=False,
-    entry_points={"console_scripts": []},
+    entry_points={
+        "console_scripts": [
+            "make_bag = crane_sim.make_bag:main",
+            "planted = crane_sim.planted:main",
+        ]
+    },
 )

@@ -139,6 +139,7 @@ class StandIn(Schema):
     oil: Oil
     supply: Supply
     sensors: SensorChain
+    jerk_density: PerJoint[Positive]  # (rad or m)^2/s^5, of the driver's velocity filter
     step: Annotated[float, Field(gt=0, le=5e-4)]  # s
 
     @property

@@ -160,7 +160,8 @@ class Plant:
     def advance(self, command: np.ndarray, duration: float) -> None:
         """Run for `duration` [s] with spool commands (4,) in -1..1; positive moves a joint up.
 
-        Steps are equal and at most `parameters.step`. `RangeError` if a command is not finite.
+        Steps are equal and at most `parameters.step`. `RangeError` if a command is not finite, or
+        the crane was driven out of the range in which its linkages can be assembled.
         """
         command = np.ascontiguousarray(command, dtype=float)
         if not np.isfinite(command).all():
@@ -168,6 +169,11 @@ class Plant:
         count = max(1, math.ceil(duration / self.parameters.step - 1e-6))
         _advance(self._constants, self._state, self._scratch, command, duration / count, count)
         self.time += duration
+        if not np.isfinite(self._state.q).all():
+            raise RangeError(
+                f"plant: a linkage was forced open before t = {self.time:.4f} s; stiffen the end "
+                "stops (cylinders.*.stop_stiffness) or shorten the step"
+            )
 
     @property
     def q(self) -> np.ndarray:

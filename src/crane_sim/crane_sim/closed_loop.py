@@ -1,0 +1,75 @@
+"""The stand-in machine under the controller (36), as a recording of its sensors would show it."""
+
+from collections.abc import Callable, Iterable
+from dataclasses import dataclass
+
+import numpy as np
+
+from crane_driver.velocity_filter import VelocityFilter
+from crane_model.machine import JOINTS
+from crane_sim.plant import Plant
+from crane_sim.sampled import Pressures, Sensors
+from crane_trajectory.controller import Gains, command
+from crane_trajectory.motion import Motion, Reference
+
+REST = 1.0  # s, recorded at rest before and after the motion
+
+Progress = Callable[[Iterable[int]], Iterable[int]]
+
+
+@dataclass(frozen=True)
+class Recording:
+    """n cycles of the controller; (n, 4) in the order of JOINTS."""
+
+    time: np.ndarray  # (n,) s, when the sensors were read
+    position: np.ndarray  # (n, 4) rad, m: encoder readings
+    velocity: np.ndarray  # (n, 4) rad/s, m/s: the driver's filter; NaN in the first sample
+    pressures: Pressures
+    cylinders: tuple[str, ...]  # the columns of `pressures`
+    command: np.ndarray  # (n, 4) -1..1
+    reference: Reference
+    true_position: np.ndarray  # (n, 4), which no real machine shows
+    true_velocity: np.ndarray  # (n, 4)
+
+
+def record(
+    motion: Motion, plant: Plant, sensors: Sensors, gains: Gains, progress: Progress = iter
+) -> Recording:
+    """Lead the plant, which rests at `motion.start`, through the motion and to rest again.
+
+    Each cycle reads the sensors, filters the velocity and commands the valves (36); the valves stay
+    closed until a velocity is known. `progress` wraps the cycles, as tqdm does.
+    """
+    chain, density = plant.parameters.sensors, plant.parameters.jerk_density
+    count = round((motion.duration + 2.0 * REST) / chain.period)
+    times = sensors.instants(chain.period, count)
+    reference = motion.reference(times - REST)
+    velocity_filter = VelocityFilter(
+        [density[joint] for joint in JOINTS], [chain.encoder_resolution[joint] for joint in JOINTS]
+    )
+    position, velocity, commands, q, v, p_a, p_b = np.zeros((7, count, len(JOINTS)))
+    supply = np.empty(count)
+    table, u = gains.table, np.zeros(len(JOINTS))
+    for k in progress(range(count)):
+        time = float(times[k])
+        plant.advance(u, time - plant.time)
+        q[k], v[k] = plant.q, plant.v
+        p_a[k], p_b[k], supply[k] = plant.pressure_a, plant.pressure_b, plant.supply_pressure
+        position[k] = sensors.positions(q[k])
+        _, velocity[k], _ = velocity_filter.update(time, position[k])
+        if not np.isnan(velocity[k]).any():
+            u = command(
+                table, position[k], velocity[k], reference.position[k], reference.velocity[k]
+            )
+        commands[k] = u
+    return Recording(
+        time=times,
+        position=position,
+        velocity=velocity,
+        pressures=sensors.pressures(p_a, p_b, supply, plant.tank_pressure),
+        cylinders=sensors.cylinders,
+        command=commands,
+        reference=reference,
+        true_position=q,
+        true_velocity=v,
+    )

@@ -1,0 +1,108 @@
+"""`make_bag`: a recording of the stand-in machine on an excitation trajectory, as an mcap bag."""
+
+import argparse
+import sys
+from collections.abc import Iterable, Sequence
+from pathlib import Path
+
+import numpy as np
+from tqdm import tqdm
+
+from crane_driver.bags.types import (
+    CYLINDER_PRESSURES,
+    JOINT_REFERENCE,
+    JOINT_STATES,
+    ROBOT_DESCRIPTION,
+    VALVE_COMMAND,
+)
+from crane_driver.bags.writer import BagWriter
+from crane_model import cli
+from crane_model.cylinders import cylinder_force, lever_arm
+from crane_model.errors import DataError
+from crane_model.machine import JOINTS, Machine, load_machine
+from crane_model.urdf import urdf
+from crane_sim.closed_loop import Recording, record
+from crane_sim.parameters import load_stand_in
+from crane_sim.plant import Plant
+from crane_sim.sampled import Sensors
+from crane_trajectory.check import load_clearance
+from crane_trajectory.controller import load_gains
+from crane_trajectory.fourier import load_trajectory
+from crane_trajectory.motion import plan
+
+EPOCH = 1_735_689_600  # s; bags begin here, 2025-01-01, so that the same seed gives the same bag
+
+
+def effort(machine: Machine, recording: Recording) -> np.ndarray:
+    """(n, 4) generalized forces (27) from readings [N m, N]; NaN where there is no transducer."""
+    tau = np.full_like(recording.position, np.nan)
+    for column, joint in enumerate(recording.cylinders):
+        i = JOINTS.index(joint)
+        force = cylinder_force(
+            machine,
+            joint,
+            recording.pressures.chamber_a[:, column],
+            recording.pressures.chamber_b[:, column],
+        )
+        tau[:, i] = lever_arm(machine, joint, recording.position[:, i]) * force
+    return tau
+
+
+def write_bag(path: Path, machine: Machine, recording: Recording) -> None:
+    """The topics of the suite, each message stamped and logged when its sample was taken."""
+    tau, pressures, reference = effort(machine, recording), recording.pressures, recording.reference
+    stamps = EPOCH * 10**9 + np.round(recording.time * 1e9).astype(np.int64)
+    with BagWriter(path) as bag:
+        description = bag.add(ROBOT_DESCRIPTION)
+        states = bag.add_arrays(JOINT_STATES, JOINTS)
+        cylinders = bag.add_arrays(CYLINDER_PRESSURES, recording.cylinders)
+        commands = bag.add_arrays(VALVE_COMMAND, JOINTS)
+        references = bag.add_arrays(JOINT_REFERENCE, JOINTS)
+        text = bag.store.types[ROBOT_DESCRIPTION.msgtype](data=urdf(machine))
+        description.write(int(stamps[0]), text)
+        for k, stamp in enumerate(stamps.tolist()):
+            states.write(stamp, stamp, recording.position[k], recording.velocity[k], tau[k])
+            cylinders.write(
+                stamp,
+                stamp,
+                pressures.chamber_a[k],
+                pressures.chamber_b[k],
+                pressures.supply[k],
+                pressures.tank[k],
+            )
+            commands.write(stamp, stamp, recording.command[k])
+            references.write(stamp, stamp, *(part[k] for part in reference[:3]))
+
+
+def main(argv: Sequence[str] | None = None) -> int:
+    """Make a bag with the stand-in machine: approach, N periods of a trajectory, and stop."""
+    parser = argparse.ArgumentParser(prog="make_bag", description=main.__doc__)
+    parser.add_argument("--trajectory", type=Path, required=True, help="coefficients of (32), YAML")
+    parser.add_argument("--periods", type=int, required=True, help="whole periods to record")
+    parser.add_argument("--seed", type=int, default=0, help="of sensor noise and jitter")
+    parser.add_argument("--out", type=Path, required=True, help="folder of the new bag")
+    parser.add_argument("--plant", type=Path, help="stand-in file (default: the packaged one)")
+    parser.add_argument("--machine", type=Path, help="machine file (default: the packaged one)")
+    parser.add_argument("--gains", type=Path, help="controller gains (default: the packaged ones)")
+    arguments = parser.parse_args(argv)
+
+    def progress(cycles: Iterable[int]) -> Iterable[int]:
+        return tqdm(cycles, desc=arguments.out.name, unit="cycle", disable=not sys.stderr.isatty())
+
+    def body() -> None:
+        if arguments.out.exists():
+            raise DataError(f"{arguments.out}: exists; name a folder that does not exist yet")
+        machine, parameters = load_machine(arguments.machine), load_stand_in(arguments.plant)
+        motion = plan(
+            machine,
+            load_trajectory(arguments.trajectory),
+            parameters.start,
+            arguments.periods,
+            load_clearance(),
+        )
+        plant = Plant(parameters, machine, motion.start)
+        sensors = Sensors(parameters.sensors, machine, arguments.seed)
+        gains = load_gains(arguments.gains)
+        write_bag(arguments.out, machine, record(motion, plant, sensors, gains, progress))
+
+    return cli.run(body)
