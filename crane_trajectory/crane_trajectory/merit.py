@@ -1,0 +1,109 @@
+"""How well a trajectory determines the parameters of a model: condition numbers and predictions."""
+
+from typing import Annotated
+
+import numpy as np
+from pydantic import Field
+
+from crane_model.configuration import Schema
+from crane_model.model_file import Model
+from crane_model.record import Record
+from crane_trajectory.fourier import FourierTrajectory, Samples
+
+Positive = Annotated[float, Field(gt=0)]
+
+
+class Experiment(Schema):
+    """The recording for which standard deviations are predicted."""
+
+    periods: Annotated[int, Field(ge=1)]
+    sample_rate: Positive  # Hz
+    noise: dict[str, Positive]  # joint -> standard deviation of its generalized force [N m, N]
+
+
+def record_of(model: Model, samples: Samples, direction: np.ndarray | None = None) -> Record:
+    """Samples (n, j) of a reference as the model takes them; `direction` in place of sgn(q')."""
+    return Record(
+        joints=model.joints,
+        time=np.arange(len(samples.position), dtype=float),
+        position=samples.position,
+        velocity=samples.velocity,
+        acceleration=samples.acceleration,
+        direction_known=direction,
+    )
+
+
+def inertial_columns(model: Model) -> np.ndarray:
+    """(p,) which columns of the regressor belong to rigid bodies (8), not to friction."""
+    return np.concatenate(
+        [
+            np.full(len(term.parameters(model.setting)), term.family == "rigid body")
+            for term in model.terms
+        ]
+    )
+
+
+def condition_numbers(gram: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    """Raw and column-normalised condition number of Phi from Phi^T Phi; any leading axes.
+
+    The Gram matrix squares the numbers, so they are exact to about 1e-16 times their square.
+    """
+    norm = np.sqrt(np.diagonal(gram, axis1=-2, axis2=-1))
+    scale = np.where(norm > 0.0, norm, 1.0)
+    return _root_ratio(gram), _root_ratio(gram / (scale[..., :, None] * scale[..., None, :]))
+
+
+def _root_ratio(gram: np.ndarray) -> np.ndarray:
+    eigenvalues = np.linalg.eigvalsh(gram)
+    smallest = np.maximum(eigenvalues[..., 0], np.finfo(float).eps * eigenvalues[..., -1])
+    return np.sqrt(eigenvalues[..., -1] / smallest)
+
+
+def relative_std_devs(
+    model: Model,
+    regressor: np.ndarray,
+    period: float,
+    experiment: Experiment,
+    plausible: dict[str, float],
+) -> dict[str, float]:
+    """Predicted standard deviation of each parameter that has a plausible value, relative to it.
+
+    regressor (n, j, p) over one period; weighted least squares under white force noise.
+    """
+    noise = np.array([experiment.noise[joint] for joint in model.joints])
+    weighted = regressor / noise[:, None]
+    recorded = experiment.periods * period * experiment.sample_rate / len(regressor)
+    information = recorded * np.einsum("nji,njk->ik", weighted, weighted)
+    std_devs = np.sqrt(np.diag(np.linalg.inv(information)))
+    return {
+        parameter.name: float(std_dev / abs(plausible[parameter.name]))
+        for parameter, std_dev in zip(model.parameters, std_devs, strict=True)
+        if parameter.name in plausible
+    }
+
+
+def figures_of_merit(
+    model: Model,
+    trajectory: FourierTrajectory,
+    samples: int,
+    experiment: Experiment,
+    plausible: dict[str, float],
+) -> dict[str, float]:
+    """Condition numbers of the model's columns, peak accelerations, predicted relative std devs.
+
+    The trajectory moves the model's joints; `samples` are taken of one period.
+    """
+    motion = trajectory.evaluate(np.arange(samples) * trajectory.period / samples)
+    regressor = model.regressor(record_of(model, motion))
+    stacked = regressor.reshape(-1, len(model.parameters))
+    inertial = stacked[:, inertial_columns(model)]
+    raw, normalised = condition_numbers(stacked.T @ stacked)
+    merit = {
+        "condition_number": float(raw),
+        "condition_number_normalised": float(normalised),
+        "condition_number_inertial": float(condition_numbers(inertial.T @ inertial)[0]),
+    }
+    peaks = np.abs(motion.acceleration).max(axis=0).tolist()
+    merit |= {f"peak_acceleration.{j}": peak for j, peak in zip(model.joints, peaks, strict=True)}
+    predicted = relative_std_devs(model, regressor, trajectory.period, experiment, plausible)
+    return merit | {f"relative_std_dev.{name}": value for name, value in predicted.items()}
