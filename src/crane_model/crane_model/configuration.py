@@ -19,6 +19,19 @@ class Schema(BaseModel):
 SchemaType = TypeVar("SchemaType", bound=BaseModel)
 
 
+class _UniqueKeyLoader(yaml.SafeLoader):
+    """Refuses a key that stands twice in one mapping, of which YAML would keep the last."""
+
+    def construct_mapping(self, node: yaml.MappingNode, deep: bool = False) -> dict[Any, Any]:
+        seen = set()
+        for key in (key for key, _ in node.value if isinstance(key, yaml.ScalarNode)):
+            if key.value in seen:
+                message = f"the key '{key.value}' stands twice in one mapping"
+                raise yaml.constructor.ConstructorError(None, None, message, key.start_mark)
+            seen.add(key.value)
+        return super().construct_mapping(node, deep)
+
+
 def packaged(package: str, name: str) -> Path:
     """Path of the file `name` in the `data` folder that ships with `package`."""
     return Path(str(files(package))) / "data" / name
@@ -28,7 +41,7 @@ def read_yaml(path: Path | str) -> Any:
     """The plain content of a YAML file; `ConfigurationError` if it is absent or not YAML."""
     path = Path(path)
     try:
-        return yaml.safe_load(path.read_text(encoding="utf-8"))
+        return yaml.load(path.read_text(encoding="utf-8"), _UniqueKeyLoader)
     except FileNotFoundError:
         raise ConfigurationError(f"{path}: no such file; check the path") from None
     except (OSError, UnicodeDecodeError) as error:
@@ -62,6 +75,8 @@ def _explain(error: ValidationError, source: Path | str) -> str:
     for problem in error.errors(include_url=False):
         key = ".".join(str(part) for part in problem["loc"]) or "(whole file)"
         message = problem["msg"].removeprefix("Value error, ")
+        if problem["type"] == "model_type":
+            message = "must be a mapping of keys to values"
         given = "" if problem["type"] in {"missing", "value_error"} else _shown(problem["input"])
         lines.append(f"{source}: key '{key}': {message}{given}")
     return "\n".join(lines)

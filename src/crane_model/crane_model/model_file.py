@@ -9,7 +9,7 @@ from typing import Annotated, Any, Literal, Self
 import numpy as np
 from pydantic import BeforeValidator, Field, SerializeAsAny
 
-from crane_model.configuration import Schema, load, save
+from crane_model.configuration import Schema, load, save, validate
 from crane_model.errors import ConfigurationError
 from crane_model.machine import Machine, load_machine
 from crane_model.record import Record
@@ -111,8 +111,8 @@ class _Estimate(Schema):
 
 class _ModelFile(Schema):
     name: str
-    machine: Machine | str | None = None
-    joints: dict[str, Literal["rad", "m"]]
+    machine: dict[str, Any] | str | None = None
+    joints: dict[str, Literal["rad", "m"]] = Field(min_length=1)
     terms: tuple[Annotated[SerializeAsAny[Term], BeforeValidator(term_from_mapping)], ...] = Field(
         min_length=1
     )
@@ -150,31 +150,36 @@ def load_model(path: Path | str) -> Model:
 
 
 def save_model(path: Path | str, model: Model) -> None:
-    """Write a model file that `load_model` reads back; it carries its machine with it."""
+    """Write a model file that `load_model` reads back; it carries its machine with it.
+
+    `ConfigurationError` if a value or standard deviation is not finite.
+    """
     estimate = None
     if model.values is not None and model.std_devs is not None:
-        estimate = _Estimate(
-            provenance=model.provenance,
-            parameters=tuple(
-                _Value(name=p.name, unit=p.unit, value=float(value), std_dev=float(std_dev))
-                for p, value, std_dev in zip(
-                    model.parameters, model.values, model.std_devs, strict=True
-                )
-            ),
-        )
+        found = zip(model.parameters, model.values, model.std_devs, strict=True)
+        estimate = {
+            "provenance": model.provenance,
+            "parameters": [
+                {"name": p.name, "unit": p.unit, "value": float(value), "std_dev": float(std)}
+                for p, value, std in found
+            ],
+        }
+    machine = None if model.machine is None else model.machine.model_dump(exclude_none=True)
     content: dict[str, Any] = {
         "name": model.name,
-        "machine": model.machine,
+        "machine": machine,
         "joints": dict(model.setting.units),
         "terms": tuple(term.model_dump() for term in model.terms),
         "estimate": estimate,
     }
-    save(path, _ModelFile.model_validate(content))
+    save(path, validate(content, _ModelFile, path))
 
 
-def _machine(given: Machine | str | None, model_path: Path) -> Machine | None:
-    if given is None or isinstance(given, Machine):
-        return given
+def _machine(given: dict[str, Any] | str | None, model_path: Path) -> Machine | None:
+    if given is None:
+        return None
+    if isinstance(given, dict):
+        return validate(given, Machine, f"{model_path}: machine")
     if given == "laboratory_crane":
         return load_machine()
     return load_machine(model_path.parent / given)
