@@ -95,22 +95,21 @@ def _usable(machine: Machine) -> bool:
 
 
 def _install_pins(machine: Machine) -> None:
-    # The list is complete, so nothing is left to resolve: --no-deps.
     requirements = machine.venv / "crane-requirements.txt"
     requirements.write_text("\n".join(pins(machine)) + "\n")
-    arguments = ["install", "--no-deps", "--requirement", str(requirements)]
-    if not sys.stderr.isatty():
-        arguments.append("--quiet")  # progress is for people
+    quiet = [] if sys.stderr.isatty() else ["--quiet"]  # progress is for people
     pip = [str(machine.venv_python), "-m", "pip", "--disable-pip-version-check"]
     uv = [str(machine.venv / "bin" / "uv"), "pip"]
 
     uv_pin = next(pin for pin in pins(machine) if pin.startswith("uv=="))
     environment = machine.environment()
     subprocess.run([*pip, "install", "--quiet", uv_pin], env=environment)
-    done = subprocess.run([*uv, *arguments], env=environment | uv_settings(pip, environment))
+    sync = [*uv, "sync", *quiet, str(requirements)]  # removes what is not listed, too
+    done = subprocess.run(sync, env=environment | uv_settings(pip, environment))
     if done.returncode:
         print("set-up: uv could not install the packages, pip tries (minutes)", flush=True)
-        done = subprocess.run([*pip, *arguments], env=environment)
+        install = [*pip, "install", *quiet, "--no-deps", "--requirement", str(requirements)]
+        done = subprocess.run(install, env=environment)
     if done.returncode:
         raise SetupError("the packages could not be installed; the lines above say why")
 
