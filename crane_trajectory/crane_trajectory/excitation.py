@@ -109,7 +109,7 @@ class ExcitationProblem:
         self._fastest = fastest * (1.0 - search.velocity_margin) / between
         self._slowest = slowest * (1.0 - search.velocity_margin) / between
         self._smooth = search.reversal_share * np.maximum(fastest, -slowest)
-        self._matrix, self._bound = self._linear_limits()
+        self.matrix, self.bound = self._linear_limits()
 
     def minimise(self, rng: np.random.Generator, name: str) -> Candidate:
         """Local search by SLSQP from a random trajectory."""
@@ -122,8 +122,8 @@ class ExcitationProblem:
             constraints=[
                 {
                     "type": "ineq",
-                    "fun": lambda x: self._bound - self._matrix @ x,
-                    "jac": lambda _: -self._matrix,
+                    "fun": lambda x: self.bound - self.matrix @ x,
+                    "jac": lambda _: -self.matrix,
                 },
                 {
                     "type": "ineq",

@@ -28,7 +28,9 @@ def maxima(
     for _ in range(STEPS):
         width = GOLDEN * (right - left)
         inner_left, inner_right = right - width, left + width
-        higher_right = function(inner_right)[pick, column] > function(inner_left)[pick, column]
+        both = function(np.concatenate([inner_left, inner_right]))
+        at_left, at_right = both.reshape(2, len(row), -1)[:, pick, column]
+        higher_right = at_right > at_left
         left = np.where(higher_right, inner_left, left)
         right = np.where(higher_right, right, inner_right)
     middle = (left + right) / 2

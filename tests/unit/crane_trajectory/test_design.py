@@ -1,0 +1,109 @@
+"""The executable `design`, and the trajectories that ship with the package."""
+
+import numpy as np
+import pytest
+
+from crane_model.configuration import packaged
+from crane_model.machine import JOINTS, PLANAR_JOINTS, load_machine
+from crane_model.model_file import load_model
+from crane_trajectory.check import load_clearance, trajectory_violations
+from crane_trajectory.design import main
+from crane_trajectory.excitation import load_design_settings
+from crane_trajectory.fourier import load_trajectory
+from crane_trajectory.merit import figures_of_merit
+from crane_trajectory.motion import plan
+
+MACHINE = load_machine()
+MODEL = load_model(packaged("crane_model", "crane_model.yaml"))
+SETTINGS = load_design_settings()
+SHIPPED = {"excitation_20s": 20.0, "excitation_66s": 66.0, "validation_20s": 20.0}
+
+
+@pytest.fixture(params=SHIPPED)
+def shipped(request):
+    return load_trajectory(packaged("crane_trajectory", f"{request.param}.yaml"))
+
+
+def test_shipped_trajectory_is_within_all_limits(shipped):
+    assert shipped.joint_names == PLANAR_JOINTS
+    assert shipped.period == SHIPPED[shipped.name]
+    assert trajectory_violations(MACHINE, shipped, load_clearance()) == []
+
+
+def test_shipped_trajectory_can_be_run_from_a_usual_pose(shipped):
+    motion = plan(MACHINE, shipped, np.array([0.0, 0.35, -1.5, 0.4]), 5, load_clearance())
+    assert motion.duration < 5 * shipped.period + 30.0
+
+
+def test_shipped_figures_of_merit_are_those_of_its_coefficients(shipped):
+    merit = figures_of_merit(
+        MODEL, shipped, SETTINGS.search.samples, SETTINGS.experiment, SETTINGS.plausible
+    )
+    assert list(merit) == list(shipped.figures_of_merit)
+    for name, value in merit.items():
+        assert shipped.figures_of_merit[name] == pytest.approx(value, rel=1e-3), name
+
+
+def test_shipped_trajectory_determines_every_parameter(shipped):
+    merit = shipped.figures_of_merit
+    assert merit["condition_number"] < 620  # that of the report
+    predicted = [merit[f"relative_std_dev.{p.name}"] for p in MODEL.parameters]
+    assert max(predicted) < 0.05
+
+
+def test_shipped_provenance_names_the_command_and_the_columns(shipped):
+    assert f"design --period {shipped.period:g} " in shipped.provenance
+    assert f"--out {shipped.name}.yaml" in shipped.provenance
+    for parameter in MODEL.parameters:
+        assert parameter.name in shipped.provenance
+
+
+def test_training_and_validation_differ():
+    first, second = (
+        load_trajectory(packaged("crane_trajectory", f"{name}.yaml"))
+        .evaluate(np.linspace(0.0, 20.0, 400))
+        .position
+        for name in ("excitation_20s", "validation_20s")
+    )
+    distance = np.linalg.norm(first[:, None] - second[None], axis=2).min(axis=0)
+    assert distance.mean() > 0.1  # rad, m: how far the one stays from the other's path
+
+
+def test_design_writes_a_trajectory_that_is_within_limits(tmp_path, capsys):
+    out = tmp_path / "found.yaml"
+    command = ["--period", "30", "--harmonics", "1", "--starts", "1", "--out", str(out)]
+    assert main(command) == 0
+    found = load_trajectory(out)
+    assert (found.name, found.period, found.harmonics) == ("found", 30.0, 1)
+    assert trajectory_violations(MACHINE, found, load_clearance()) == []
+    assert "--period 30 --harmonics 1 --seed 1 --starts 1 --out found.yaml" in found.provenance
+    assert str(tmp_path) not in found.provenance
+    printed = capsys.readouterr().out
+    assert "condition_number_normalised" in printed
+    assert f"written: {out}" in printed
+
+
+@pytest.mark.parametrize(
+    "wrong",
+    [["--period", "0"], ["--period", "nan"], ["--harmonics", "0"], ["--starts", "-1"]],
+)
+def test_wrong_arguments_are_refused(wrong, tmp_path, capsys):
+    command = ["--period", "20", "--out", str(tmp_path / "t.yaml"), *wrong]
+    with pytest.raises(SystemExit) as caught:
+        main(command)
+    assert caught.value.code == 2
+    assert wrong[0] in capsys.readouterr().err
+
+
+def test_a_model_file_that_is_not_there_is_one_line(tmp_path, capsys):
+    model = tmp_path / "absent.yaml"
+    command = ["--period", "20", "--model", str(model), "--out", str(tmp_path / "t.yaml")]
+    assert main(command) == 1
+    assert f"error: {model}: no such file" in capsys.readouterr().err
+
+
+def test_the_slew_is_held_by_every_shipped_trajectory(shipped):
+    start = np.array([0.3, 0.35, -1.5, 0.4])
+    motion = plan(MACHINE, shipped, start, 1, load_clearance())
+    reference = motion.reference(np.linspace(0.0, motion.duration, 300))
+    assert (reference.position[:, JOINTS.index("slew")] == 0.3).all()
