@@ -159,7 +159,8 @@ def test_follows_a_sine_and_then_holds_still_behind_a_dead_zone(joint):
         q += velocity * step
         errors.append(q - q_ref)
         commands.append(u)
-    assert np.abs(errors[1000:8000]).max() < 0.03
+    lag = 0.04 * np.pi / (top_speed * GAINS[joint][0])  # of proportional control at this speed
+    assert np.abs(errors[1000:8000]).max() < 1.5 * lag
     assert np.abs(errors[-2000:]).max() < 3 * GAINS[joint][5]
     assert np.ptp(commands[-2000:]) < 1e-6  # no buzzing
-    assert velocity == 0.0
+    assert abs(velocity) < 1e-12
