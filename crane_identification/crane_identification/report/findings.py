@@ -43,6 +43,12 @@ def _parameters(fit: FitResult) -> list[str]:
             f"Not determined by these recordings: {listed(estimate.undetermined)}. Only "
             "combinations of these parameters are seen; excite the joints more."
         )
+    notes += [
+        f"Not physical: {parameter.name} is {plain(value)} {parameter.unit}, below "
+        f"{plain(parameter.minimum)}."
+        for parameter, value in zip(fit.model.parameters, estimate.values.tolist(), strict=True)
+        if parameter.minimum is not None and value < parameter.minimum
+    ]
     relative = estimate.relative_std_devs
     doubtful = [
         f"{name} ({short_percent(float(share))})"

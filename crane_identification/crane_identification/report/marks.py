@@ -76,6 +76,6 @@ def _line(kind: str, x: float) -> Markup:
 
 def _svg(content: Markup, words: str) -> Markup:
     return Markup(
-        '<svg class="mark" width="{}" height="{}" viewBox="0 0 {} {}" preserveAspectRatio="none" role="img" aria-label="{}">'
-        "{}</svg>"
+        '<svg class="mark" width="{}" height="{}" viewBox="0 0 {} {}" preserveAspectRatio="none" '
+        'role="img" aria-label="{}">{}</svg>'
     ).format(WIDTH, HEIGHT, WIDTH, HEIGHT, words, content)

@@ -2,7 +2,7 @@
 // CSS variables ("--measured"), so that screen, dark screen and paper each have their own.
 "use strict";
 
-const figures = JSON.parse(document.getElementById("figures").textContent);
+let figures; // descriptions by the id of their div
 const divs = [...document.querySelectorAll(".plot")];
 const touch = matchMedia("(pointer: coarse)").matches;
 
@@ -46,13 +46,14 @@ function whole(div) {
   return Object.fromEntries(axes.map((axis) => [`${axis}.autorange`, true]));
 }
 
-function draw(div) {
+async function draw(div) {
+  const first = !div.layout;
   const figure = coloured(figures[div.id], getComputedStyle(document.documentElement));
-  const known = div.layout && div.layout.xaxis.autorange === false ? div.layout.xaxis.range : null;
-  if (known) figure.layout.xaxis.range = [...known];
+  if (!first && div.layout.xaxis.autorange === false) figure.layout.xaxis.range = div.layout.xaxis.range;
   figure.layout.width = div.clientWidth;
   figure.layout.dragmode = touch ? false : "zoom";
-  return Plotly.react(div, figure.data, figure.layout, config);
+  await Plotly.react(div, figure.data, figure.layout, config);
+  if (first) link(div);
 }
 
 // Figures side by side show the same stretch of time: zooming one zooms its neighbours.
@@ -81,7 +82,6 @@ async function drawAll() {
   for (const div of divs) {
     if (!div.layout && div.clientWidth) {
       await draw(div);
-      link(div);
       await new Promise((next) => setTimeout(next)); // the page stays alive in between
     }
   }
@@ -89,8 +89,7 @@ async function drawAll() {
 
 function paper(on) {
   document.documentElement.classList.toggle("paper", on);
-  divs.filter((div) => !div.layout && div.clientWidth).forEach(draw);
-  redraw();
+  divs.filter((div) => div.clientWidth).forEach(draw);
 }
 
 let pending;
@@ -100,6 +99,7 @@ function resize() {
 }
 
 async function start() {
+  figures = JSON.parse(await unpacked("figures"));
   const script = document.createElement("script");
   script.textContent = await unpacked("plotly");
   document.head.append(script);

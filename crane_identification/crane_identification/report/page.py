@@ -92,10 +92,9 @@ def _figure_rows(
 
 
 def _figure_data(figures: list[Figure]) -> str:
-    """Descriptions by id, safe inside a script element."""
+    """Descriptions by id, packed."""
     descriptions = {figure.key: figure.description() for figure in figures}
-    text = json.dumps(descriptions, separators=(",", ":"), ensure_ascii=False, allow_nan=False)
-    return text.replace("<", "\\u003c")
+    return _packed(json.dumps(descriptions, separators=(",", ":"), allow_nan=False))
 
 
 def _part(name: str) -> str:
@@ -104,5 +103,10 @@ def _part(name: str) -> str:
 
 @cache
 def _packed_plotly() -> str:
-    """plotly.js, gzip in base64: 2 MB instead of 5, and its addresses stay out of the page."""
-    return base64.b64encode(gzip.compress(get_plotlyjs().encode(), mtime=0)).decode()
+    """plotly.js: 2 MB instead of 5, and its addresses stay out of the page."""
+    return _packed(get_plotlyjs())
+
+
+def _packed(text: str) -> str:
+    """gzip in base64, which page.js unpacks; safe inside a script element."""
+    return base64.b64encode(gzip.compress(text.encode(), mtime=0)).decode()

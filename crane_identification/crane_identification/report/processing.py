@@ -53,10 +53,12 @@ def _periods(preparation: Preparation) -> str:
     averaging = preparation.averaging
     if averaging is None:
         return f"not averaged; {len(preparation.record)} samples at {rate}"
-    return (
-        f"mean of {averaging.used} periods of {plain(averaging.period, 4)} s at {rate}; left out: "
-        f"{averaging.transient} transient periods, {plain(averaging.incomplete)} s incomplete"
-    )
+    parts = [f"mean of {averaging.used} periods of {plain(averaging.period, 4)} s at {rate}"]
+    if averaging.transient:
+        parts.append(f"{averaging.transient} transient periods left out")
+    if averaging.incomplete > 0:
+        parts.append(f"{plain(averaging.incomplete)} s fill no whole period")
+    return "; ".join(parts)
 
 
 def _filter(factor: int, step: float) -> str:

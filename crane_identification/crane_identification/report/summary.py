@@ -48,9 +48,7 @@ def summarize(report: IdentificationReport) -> Summary:
     """The summary of a report, as plain numbers, strings, lists and dictionaries."""
     estimate, held_out = report.fit.estimate, report.held_out
 
-    def per_joint(values: np.ndarray | None) -> dict[str, float | None]:
-        if values is None:
-            return {}
+    def per_joint(values: np.ndarray) -> dict[str, float | None]:
         return {joint: _number(v) for joint, v in zip(estimate.joints, values, strict=True)}
 
     return Summary(
@@ -63,9 +61,11 @@ def summarize(report: IdentificationReport) -> Summary:
                 estimate.names, estimate.units, estimate.values, estimate.std_devs, strict=True
             )
         ],
-        heldout_relative_error=per_joint(held_out and held_out.relative),
-        heldout_relative_error_without_gravity=per_joint(held_out and held_out.without_gravity),
-        noise_floor=per_joint(held_out and held_out.noise_floor),
+        heldout_relative_error=per_joint(held_out.relative) if held_out else {},
+        heldout_relative_error_without_gravity=per_joint(held_out.without_gravity)
+        if held_out
+        else {},
+        noise_floor=per_joint(held_out.noise_floor) if held_out else {},
         training_relative_error=per_joint(report.trained.relative),
         condition_number=_number(estimate.condition_number),
         condition_number_normalized=_number(estimate.condition_number_normalized),

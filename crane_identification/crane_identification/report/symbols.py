@@ -29,8 +29,8 @@ def entry_symbol(formula: str) -> Markup:
 
 
 def prose(text: str) -> str:
-    """Quantities in running text: "a2^2", "q4" -> "a₂²", "q₄"."""
-    return _typeset(re.sub(r"\b([adqr])(\d)", _lowered, text))
+    """Quantities in running text: "a2^2", "q4 = 0" -> "a₂²", "q₄ = 0", never broken."""
+    return _typeset(re.sub(r"\b([adqr])(\d)", _lowered, text)).replace(" = ", "\u00a0=\u00a0")
 
 
 def _lowered(match: re.Match[str]) -> str:

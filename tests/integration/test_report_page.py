@@ -1,0 +1,136 @@
+"""The report in a real browser: every figure drawn, nothing loaded, nothing complained about."""
+
+import shutil
+import subprocess
+from collections.abc import Iterator
+from pathlib import Path
+from typing import NamedTuple
+
+import pytest
+from unit.crane_identification.report.html_reader import Element, read_html
+from unit.crane_identification.report.synthetic_crane import PLANTED, crane_model, record_crane
+
+from crane_identification.options import Options
+from crane_identification.pipeline import fit
+from crane_identification.preparation import prepare
+from crane_identification.report import page
+from crane_identification.report.content import IdentificationReport, Provenance
+from crane_identification.validation import compare
+
+BROWSERS = ("chromium", "chromium-browser", "google-chrome", "google-chrome-stable")
+FLAGS = (
+    "--headless",
+    "--no-sandbox",
+    "--disable-gpu",
+    "--disable-quic",
+    "--no-first-run",
+    "--disable-background-networking",
+    "--disable-component-update",
+    "--disable-sync",
+    "--enable-logging=stderr",
+    "--virtual-time-budget=60000",  # the clock of the page, which stands while it computes
+)
+
+
+class Opened(NamedTuple):
+    page: Element
+    console: list[str]
+
+
+@pytest.fixture(scope="module")
+def browser() -> str:
+    for name in BROWSERS:
+        if path := shutil.which(name):
+            return path
+    pytest.skip(f"none of {', '.join(BROWSERS)} is installed; the page was not opened")
+
+
+@pytest.fixture(scope="module")
+def report() -> IdentificationReport:
+    training = tuple(record_crane(f"train_{seed}", seed) for seed in range(2))
+    fitted = fit(crane_model(), training)
+    data = tuple(prepare(fitted.model, record_crane("validate", 9), Options()))
+    return IdentificationReport(
+        fit=fitted,
+        options=Options(),
+        training=training,
+        validations=tuple(compare(fitted.model, p, fitted.decimation) for p in data),
+        validation_data=data,
+        warnings=("A warning.",),
+        provenance=Provenance.of("2012-06-01", ["identify"], "crane.yaml"),
+        planted=PLANTED,
+    )
+
+
+@pytest.fixture(scope="module")
+def opened(
+    browser: str, report: IdentificationReport, tmp_path_factory: pytest.TempPathFactory
+) -> Iterator[Opened]:
+    folder = tmp_path_factory.mktemp("browser")
+    html = page.render(report).replace("<details>", "<details open>")
+    (folder / "report.html").write_text(html, encoding="utf-8")
+    result = run(browser, folder, "--dump-dom", (folder / "report.html").as_uri())
+    console = [line for line in result.stderr.splitlines() if "CONSOLE" in line]
+    yield Opened(read_html(result.stdout), console)
+
+
+def run(browser: str, folder: Path, *arguments: str) -> subprocess.CompletedProcess[str]:
+    return subprocess.run(
+        [browser, *FLAGS, f"--user-data-dir={folder / 'profile'}", *arguments],
+        capture_output=True,
+        text=True,
+        timeout=300,
+        check=True,
+    )
+
+
+def test_nothing_is_said_on_the_console(opened):
+    assert opened.console == []
+
+
+def test_every_figure_is_drawn(opened):
+    plots = opened.page.find("div", class_="plot")
+    assert len(plots) == (2 + 1 + 1) * 3
+    for plot in plots:
+        key = plot.attributes["id"]
+        assert plot.find("svg", class_="main-svg"), key
+        lines = [path.attributes.get("d") or "" for path in plot.find("path", class_="js-line")]
+        assert len(lines) >= 3, key
+        assert all(line.startswith("M") for line in lines), key
+        titles = [text.text for text in plot.find("text", class_="annotation-text")]
+        assert all("[" in title for title in titles), key
+    assert opened.page.find("p", id="no-figures")[0].attributes.get("hidden") is not None
+
+
+def test_colours_of_the_page_reach_the_figures(opened):
+    (plot,) = opened.page.find("div", id="validation-0-telescope")
+    strokes = [path.attributes.get("style") or "" for path in plot.find("path", class_="js-line")]
+    measured, model = "rgb(28, 28, 26)", "rgb(194, 40, 31)"
+    assert any(measured in style for style in strokes)
+    assert any(model in style for style in strokes)
+    assert plot.find("path", class_="js-fill")
+
+
+def test_every_row_of_the_tables_is_there(opened):
+    rows = {
+        kind: len(opened.page.find("table", class_=kind)[0].find("td", class_="strong"))
+        for kind in ("parameters", "errors", "entries")
+    }
+    assert rows == {"parameters": 20, "errors": 3, "entries": 8}
+
+
+def test_nothing_on_the_open_page_points_to_a_network(opened):
+    for element in opened.page:
+        for name in ("src", "href", "xlink:href"):
+            address = element.attributes.get(name) or ""
+            assert not address.startswith(("http", "//")), (element.tag, address)
+
+
+def test_it_prints(browser, report, tmp_path):
+    (tmp_path / "report.html").write_text(page.render(report), encoding="utf-8")
+    pdf = tmp_path / "report.pdf"
+    uri = (tmp_path / "report.html").as_uri()
+    run(browser, tmp_path, "--no-pdf-header-footer", f"--print-to-pdf={pdf}", uri)
+    content = pdf.read_bytes()
+    assert content.startswith(b"%PDF")
+    assert 4 <= content.count(b"/Type /Page\n") <= 12

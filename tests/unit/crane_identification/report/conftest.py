@@ -1,0 +1,39 @@
+"""A report of a real fit to recordings of a synthetic crane."""
+
+import pytest
+from unit.crane_identification.report.synthetic_crane import PLANTED, crane_model, record_crane
+
+from crane_identification.data.log import Log
+from crane_identification.options import Options
+from crane_identification.pipeline import FitResult, fit
+from crane_identification.preparation import prepare
+from crane_identification.report.content import IdentificationReport, Provenance
+from crane_identification.report.findings import findings
+from crane_identification.validation import compare
+
+
+@pytest.fixture(scope="session")
+def training() -> tuple[Log, ...]:
+    return tuple(record_crane(f"train_{seed}", seed) for seed in range(2))
+
+
+@pytest.fixture(scope="session")
+def fitted(training: tuple[Log, ...]) -> FitResult:
+    return fit(crane_model(), training)
+
+
+@pytest.fixture(scope="session")
+def report(training: tuple[Log, ...], fitted: FitResult) -> IdentificationReport:
+    held_out = [record_crane(f"validate_{seed}", seed, period=10.0) for seed in (10, 11)]
+    data = tuple(p for log in held_out for p in prepare(fitted.model, log, Options()))
+    validations = tuple(compare(fitted.model, p, fitted.decimation) for p in data)
+    return IdentificationReport(
+        fit=fitted,
+        options=Options(),
+        training=training,
+        validations=validations,
+        validation_data=data,
+        warnings=findings(fitted, [*training, *held_out], validations, data),
+        provenance=Provenance.of("2012-06-01", ["identify", "--out", "a b"], "crane.yaml"),
+        planted=PLANTED,
+    )

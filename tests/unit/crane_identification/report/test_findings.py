@@ -1,0 +1,83 @@
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from unit.crane_identification.report.synthetic_crane import PLANTED
+
+from crane_identification.averaging import Averaging
+from crane_identification.report.findings import findings
+
+
+def warnings_of(report, fit=None, logs=()):
+    return findings(fit or report.fit, logs, report.validations, report.validation_data)
+
+
+def with_estimate(report, **changes):
+    return replace(report.fit, estimate=replace(report.fit.estimate, **changes))
+
+
+def with_preparation(report, **changes):
+    first, *others = report.fit.preparations
+    return replace(report.fit, preparations=(replace(first, **changes), *others))
+
+
+def test_a_good_fit_has_no_warnings(report):
+    planted = np.array(list(PLANTED.values()), dtype=float)
+    good = with_estimate(report, values=planted, std_devs=0.02 * np.abs(planted))
+    assert warnings_of(report, good, report.training) == ()
+
+
+def test_uncertain_parameters_are_named_with_their_share(report):
+    planted = np.array(list(PLANTED.values()), dtype=float)
+    std_devs = 0.02 * np.abs(planted)
+    std_devs[3] = 0.31 * planted[3]
+    (warning,) = warnings_of(report, with_estimate(report, values=planted, std_devs=std_devs))
+    assert "J_SL (31\u202f%)" in warning
+    assert "J_FL" not in warning
+
+
+def test_values_of_the_wrong_sign_are_not_physical(report):
+    planted = np.array(list(PLANTED.values()), dtype=float)
+    values = planted.copy()
+    values[report.fit.estimate.names.index("m_TL")] = -3.0
+    values[report.fit.estimate.names.index("S_FL_normal")] *= -1  # may have either sign
+    (warning,) = warnings_of(
+        report, with_estimate(report, values=values, std_devs=1e-3 * np.abs(planted))
+    )
+    assert "Not physical" in warning
+    assert "m_TL" in warning
+
+
+@pytest.mark.parametrize(
+    ("averaging", "words"),
+    [
+        (Averaging(12.0, 3, 0, 5.0), "5.00 s fill no whole period"),
+        (Averaging(12.0, 3, 1, 0.0), "the first 1 of 4 periods belong to the transient"),
+        (Averaging(12.0, 1, 0, 0.0), "only one period"),
+    ],
+)
+def test_periods_that_are_lost(report, averaging, words):
+    found = warnings_of(report, with_preparation(report, averaging=averaging))
+    assert any(words in warning and "train_0" in warning for warning in found)
+
+
+def test_gaps_resting_joints_and_what_a_log_says_of_itself(report):
+    source = report.fit.preparations[0].source
+    gap = replace(report.fit, preparations=(*report.fit.preparations, report.fit.preparations[0]))
+    assert any(source in w and "gaps" in w for w in warnings_of(report, gap))
+
+    resting = report.fit.preparations[0].moving.copy()
+    resting[:, 2] = False
+    fits = replace(
+        report.fit, preparations=tuple(replace(p, moving=resting) for p in report.fit.preparations)
+    )
+    assert any("telescope moves in only 0" in w for w in warnings_of(report, fits))
+
+    log = replace(report.training[0], missing=("/valve_command",), notes=("stamps repeated",))
+    found = warnings_of(report, logs=[log])
+    assert "train_0: not recorded: /valve_command." in found
+    assert "train_0: stamps repeated" in found
+
+
+def test_a_model_that_was_not_validated(report):
+    assert any("not validated" in warning for warning in findings(report.fit, report.training))

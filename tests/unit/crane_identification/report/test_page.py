@@ -1,0 +1,147 @@
+import re
+from dataclasses import replace
+
+import pytest
+from unit.crane_identification.report.html_reader import (
+    Element,
+    figure_descriptions,
+    number,
+    read_html,
+)
+
+from crane_identification.report import page, summary
+from crane_identification.report.content import IdentificationReport
+
+
+@pytest.fixture(scope="module")
+def html(report: IdentificationReport) -> str:
+    return page.render(report)
+
+
+@pytest.fixture(scope="module")
+def tree(html: str) -> Element:
+    return read_html(html)
+
+
+def test_the_file_is_small_and_loads_nothing(html, tree):
+    assert len(html.encode()) < 6e6
+    for element in tree:
+        for name in ("src", "href", "action", "data"):
+            address = element.attributes.get(name)
+            assert address is None or address.startswith("#"), (element.tag, address)
+    (style,) = tree.find("style")
+    assert "url(" not in style.text
+    assert "@import" not in style.text
+    assert "://" not in html
+
+
+def test_links_inside_the_page_lead_somewhere(tree):
+    ids = [e.attributes["id"] for e in tree if "id" in e.attributes]
+    assert len(ids) == len(set(ids))
+    for link in tree.find("a"):
+        assert link.attributes["href"].removeprefix("#") in ids
+
+
+def test_parameters_are_those_of_the_summary(report, tree):
+    for parameter in summary.summarize(report)["parameters"]:
+        (row,) = tree.find("tr", **{"data-name": parameter["name"]})
+        (value,), (std_dev,) = row.find("td", class_="value"), row.find("td", class_="sigma")
+        assert abs(number(value.text) - parameter["value"]) <= 0.051 * parameter["std_dev"]
+        assert number(std_dev.text) == pytest.approx(parameter["std_dev"], rel=0.051)
+        (planted,) = row.find("td", class_="planted")
+        true = report.planted[parameter["name"]]
+        assert abs(number(planted.text) - true) <= 0.051 * parameter["std_dev"]
+        assert row.find("circle", class_="dot")
+
+
+def test_errors_are_those_of_the_summary(report, tree):
+    result = summary.summarize(report)
+    (table,) = tree.find("table", class_="errors")
+    rows = table.find("tbody")[0].find("tr")
+    assert len(rows) == 3
+    for row, joint in zip(rows, report.fit.model.joints, strict=True):
+        shown = [number(cell.text) for cell in row.find("td", class_="number")]
+        expected = [
+            result[key][joint]
+            for key in (
+                "heldout_relative_error",
+                "noise_floor",
+                "heldout_relative_error_without_gravity",
+                "training_relative_error",
+            )
+        ]
+        assert shown[:4] == pytest.approx(expected, abs=6e-5)
+        assert shown[4] == pytest.approx(expected[0] / expected[3], rel=0.01)
+
+
+def test_every_figure_has_its_place_and_its_curves(report, tree):
+    described = figure_descriptions(tree)
+    places = [e.attributes["id"] for e in tree.find("div", class_="plot")]
+    assert sorted(places) == sorted(described)
+    joints = report.fit.model.joints
+    assert set(places) == {
+        f"{kind}-{i}-{joint}"
+        for kind in ("recording", "average", "validation")
+        for i in range(2)
+        for joint in joints
+    }
+    names = {key: [t["name"] for t in d["data"]] for key, d in described.items()}
+    overlaid = ["measured", "reference"]
+    assert names["recording-0-telescope"] == [*overlaid, *overlaid, "measured"]
+    scatter = "scatter between periods"
+    residual = [scatter, scatter, "measured − model"]
+    assert names["validation-1-telescope"] == ["measured", "model", *residual]
+    assert described["validation-0-inner_boom"]["layout"]["shapes"]
+
+
+def test_every_colour_is_defined(tree):
+    (style,) = tree.find("style")
+    defined = set(re.findall(r"(--[\w-]+):", style.text))
+    (figures,) = [figure_descriptions(tree)]
+    used = set(re.findall(r'"(--[\w-]+)"', str(figures).replace("'", '"')))
+    used |= set(re.findall(r"var\((--[\w-]+)\)", style.text))
+    assert used - {"--swatch"} <= defined
+
+
+def test_the_verdict_says_errors_noise_and_parameters(tree):
+    (verdict,) = tree.find("p", id="verdict")
+    assert "at the inner boom (noise" in verdict.text
+    assert "All 20 parameters are determined" in verdict.text
+
+
+def test_provenance_and_processing_are_complete(tree):
+    (section,) = tree.find("section", id="provenance")
+    for words in ("2012-06-01", "identify --out 'a b'", "crane.yaml", "train_1", "validate_11"):
+        assert words in section.text
+    (conditions,) = tree.find("section", id="conditions")
+    for words in (
+        "Kalman smoother",
+        "mean of 3 periods of 12.00 s",
+        "sign of the joint's velocity",
+    ):
+        assert words in conditions.text
+
+
+def test_warnings_are_listed_or_their_absence_said(report, tree):
+    def section(tree):
+        return tree.find("section", id="warnings")[0]
+
+    quiet = read_html(page.render(replace(report, warnings=())))
+    assert section(quiet).text == "Warnings None."
+    loud = read_html(page.render(replace(report, warnings=("one <b> & two", "three"))))
+    assert [item.text for item in section(loud).find("li")] == ["one <b> & two", "three"]
+
+
+def test_without_planted_values_and_validation_nothing_is_left_open(report):
+    tree = read_html(page.render(replace(report, planted=None, validations=(), validation_data=())))
+    assert not tree.find("td", class_="planted")
+    assert not tree.find("table", class_="errors")
+    assert not tree.find("section", id="validation")
+    assert "has not been validated" in tree.find("p", id="verdict")[0].text
+    assert "planted" not in tree.find("section", id="parameters")[0].text
+
+
+def test_progress_counts_the_recordings(report):
+    seen = []
+    page.render(report, lambda phase, done: seen.append((phase, done)))
+    assert seen == [("report", 0.5), ("report", 1.0)]

@@ -1,0 +1,75 @@
+"""The page of a machine of one axis, whose recording is neither periodic nor has a reference."""
+
+import numpy as np
+import pytest
+from unit.crane_identification.report.html_reader import Element, figure_descriptions, read_html
+
+from crane_identification.data.log import Log, Signal
+from crane_identification.options import Options
+from crane_identification.pipeline import fit
+from crane_identification.preparation import prepare
+from crane_identification.report import page
+from crane_identification.report.content import IdentificationReport, Provenance
+from crane_identification.validation import compare
+from crane_model.model_file import Model
+from crane_model.terms.friction import Coulomb, Viscous
+from crane_model.terms.single_axis import Inertia, Offset
+from crane_model.terms.term import Setting
+
+TERMS = tuple(term(joint="axis") for term in (Inertia, Viscous, Coulomb, Offset))
+MODEL = Model("one axis", Setting({"axis": "m"}, None), TERMS)
+
+
+def record_axis(source: str, seed: int) -> Log:
+    time = np.arange(3000) / 100.0
+    frequencies = np.random.default_rng(seed).uniform(0.1, 0.5, 3)
+    waves = [np.sin(2 * np.pi * f * time) for f in frequencies]
+    position = 1e-5 * np.round(0.1 * np.sum(waves, axis=0)[:, np.newaxis] / 1e-5)
+    velocity = np.gradient(position, 0.01, axis=0)
+    force = 90 * np.gradient(velocity, 0.01, axis=0) + 200 * velocity + 20 * np.sign(velocity) - 3
+    signals = {"position": position, "force": force}
+    return Log(source, ("axis",), 0, **{k: Signal(time, v, k) for k, v in signals.items()})
+
+
+@pytest.fixture(scope="module")
+def tree() -> Element:
+    training, held_out = record_axis("train.csv", 0), record_axis("<held> & out.csv", 1)
+    options = Options(average=False)
+    fitted = fit(MODEL, [training], options)
+    data = tuple(prepare(MODEL, held_out, options))
+    validations = tuple(compare(fitted.model, p, fitted.decimation) for p in data)
+    provenance = Provenance.of("2012-06-01", ["identify"], "axis.yaml")
+    return read_html(
+        page.render(
+            IdentificationReport(fitted, options, (training,), validations, data, (), provenance)
+        )
+    )
+
+
+def test_one_column_of_figures_without_reference_and_noise(tree):
+    names = {
+        key: [trace["name"] for trace in figure["data"]]
+        for key, figure in figure_descriptions(tree).items()
+    }
+    assert names == {
+        "recording-0-axis": ["measured"] * 3,
+        "average-0-axis": ["estimated"] * 3,
+        "validation-0-axis": ["measured", "model", "measured − model"],
+    }
+
+
+def test_no_entries_of_9_and_no_noise_floor(tree):
+    assert not tree.find("table", class_="entries")
+    (table,) = tree.find("table", class_="errors")
+    assert "–" in table.text
+    assert "noise not known" in tree.find("p", id="verdict")[0].text
+
+
+def test_names_of_files_are_text_not_tags(tree):
+    assert "<held> & out.csv" in tree.find("section", id="provenance")[0].text
+    assert not tree.find("held")
+
+
+def test_what_was_done_is_said(tree):
+    assert "not averaged" in tree.find("section", id="conditions")[0].text
+    assert "averaged over periods" not in tree.find("section", id="validation")[0].text
