@@ -1,0 +1,256 @@
+"""From a mapping file and a DBC to a layout, with every contradiction named."""
+
+import math
+from collections import defaultdict
+from pathlib import Path
+
+from cantools.database.can import Message, Signal
+
+from crane_driver.can.dbc import Dbc, load_dbc
+from crane_driver.can.layout import (
+    UNPROTECTED,
+    Channel,
+    Layout,
+    MessageLayout,
+    Protected,
+    State,
+)
+from crane_driver.can.mapping import (
+    UNITS,
+    Mapping,
+    PositionSignal,
+    PressureSignal,
+    Protection,
+    SpoolSignal,
+    StateSignal,
+)
+from crane_driver.can.signals import fills_byte, is_scaled, raw_limits, to_channel
+from crane_model.configuration import load, packaged
+from crane_model.errors import ConfigurationError
+from crane_model.machine import JOINT_UNITS
+
+LONGEST = 8  # bytes, of classical CAN
+QUANTITY = {"rad": "angle", "m": "length"}
+
+
+def load_layout(mapping: Path | str | None = None, dbc: Path | str | None = None) -> Layout:
+    """Layout of a mapping file and a DBC file; without them that of the laboratory crane.
+
+    `ConfigurationError` lists all that does not fit together: file, key, message, signal.
+    """
+    mapping_path = Path(mapping or packaged("crane_driver", "laboratory_crane_can.yaml"))
+    dbc_path = Path(dbc or packaged("crane_driver", "laboratory_crane.dbc"))
+    return _Binder(mapping_path, load(mapping_path, Mapping), load_dbc(dbc_path)).layout()
+
+
+class _Binder:
+    def __init__(self, path: Path, mapping: Mapping, dbc: Dbc):
+        self.path, self.mapping, self.dbc = path, mapping, dbc
+        self.problems: list[str] = []
+        self.used: dict[str, str] = {}  # signal: key that uses it
+        self.positions: dict[str, list[Channel]] = defaultdict(list)
+        self.pressures: dict[str, list[Channel]] = defaultdict(list)
+        self.commands: dict[str, list[Channel]] = defaultdict(list)
+        self.states: dict[str, list[State]] = defaultdict(list)
+        self.enable: dict[str, str] = {}
+        self.constants: dict[str, dict[str, float]] = defaultdict(dict)
+        self.protection: dict[str, Protected] = {}
+
+    def layout(self) -> Layout:
+        self._bind()
+        received = dict.fromkeys((*self.positions, *self.pressures, *self.states))
+        sent = dict.fromkeys((*self.commands, *self.enable, *self.constants))
+        for name in received.keys() & sent.keys():
+            self._problem(
+                "commands", f"message {name} cannot both be sent and hold what is received"
+            )
+        for name in self.protection.keys() - received.keys() - sent.keys():
+            self._problem(f"protection.{name}", f"nothing else is mapped from message {name}")
+        for name in sent:
+            self._require_every_signal(name)
+        readings = tuple(self._message(name) for name in received)
+        commands = tuple(self._message(name) for name in sent)
+        if self.problems:
+            raise ConfigurationError("\n".join(self.problems))
+        return Layout(readings, commands, self.mapping.timing)
+
+    def _bind(self) -> None:
+        mapping = self.mapping
+        for name, position in mapping.positions.items():
+            self._bind_reading(f"positions.{name}", name, position, QUANTITY[JOINT_UNITS[name]])
+        for name, pressure in mapping.pressures.items():
+            self._bind_reading(f"pressures.{name}", name, pressure, "pressure")
+        for name, spool in mapping.commands.items():
+            self._bind_spool(f"commands.{name}", name, spool)
+        for name, state in mapping.states.items():
+            self._bind_state(f"states.{name}", name, state)
+        if mapping.enable and (found := self._use("enable", mapping.enable)):
+            self.enable[found[0].name] = found[1].name
+        for name, value in mapping.constants.items():
+            self._bind_constant(f"constants.{name}", name, value)
+        for name, protection in mapping.protection.items():
+            self._bind_protection(f"protection.{name}", name, protection)
+
+    def _bind_reading(
+        self, key: str, name: str, entry: PositionSignal | PressureSignal, quantity: str
+    ) -> None:
+        found = self._use(key, entry.signal)
+        fault = entry.fault and self._fault_signal(key, entry.fault, entry.signal)
+        if not found or (unit := self._unit(key, found, entry.unit, quantity)) is None:
+            return
+        sign = entry.sign if isinstance(entry, PositionSignal) else 1
+        group = self.positions if isinstance(entry, PositionSignal) else self.pressures
+        message, signal = found
+        group[message.name].append(to_channel(name, signal, sign * unit, -sign * entry.zero, fault))
+
+    def _bind_spool(self, key: str, name: str, entry: SpoolSignal) -> None:
+        found = self._use(key, entry.signal)
+        if not found or (unit := self._unit(key, found, entry.unit, "ratio")) is None:
+            return
+        message, signal = found
+        channel = to_channel(name, signal, entry.sign * unit, 0.0, None)
+        if not (channel.low <= -1 and channel.high >= 1):
+            self._problem(
+                f"{key}.signal",
+                f"signal {entry.signal} carries {channel.low:g} to {channel.high:g} as a ratio, a "
+                "spool command needs -1 to 1; correct its range or unit in the DBC",
+            )
+        self.commands[message.name].append(channel)
+
+    def _bind_state(self, key: str, name: str, entry: StateSignal) -> None:
+        if not (found := self._use(key, entry.signal)):
+            return
+        message, signal = found
+        labels = {int(value): str(label) for value, label in (signal.choices or {}).items()}
+        numbers = {label: value for value, label in labels.items()}
+        if unknown := [one for one in entry.healthy if isinstance(one, str) and one not in numbers]:
+            self._problem(
+                f"{key}.healthy",
+                f"signal {entry.signal} has no value {', '.join(unknown)}; "
+                f"it has {', '.join(numbers) or 'no value table'}",
+            )
+            return
+        healthy = {one if isinstance(one, int) else numbers[one] for one in entry.healthy}
+        self.states[message.name].append(State(name, signal.name, labels, frozenset(healthy)))
+
+    def _bind_constant(self, key: str, name: str, raw: float) -> None:
+        if not (found := self._use(key, name)):
+            return
+        message, signal = found
+        low, high = raw_limits(signal)
+        if not low <= raw <= high or (raw != int(raw) and not signal.is_float):
+            self._problem(key, f"{raw:g} is no raw value of {name}: {low:g} to {high:g}")
+        self.constants[message.name][signal.name] = raw
+
+    def _bind_protection(self, key: str, name: str, entry: Protection) -> None:
+        if name not in self.dbc.messages:
+            self._problem(key, f"no message {name} in {self.dbc.path}{self._messages()}")
+            return
+        counter = entry.counter and self._use(f"{key}.counter", f"{name}.{entry.counter}")
+        crc = entry.crc and self._use(f"{key}.crc", f"{name}.{entry.crc}")
+        if counter and (counter[1].is_signed or is_scaled(counter[1])):
+            self._problem(
+                f"{key}.counter", f"signal {name}.{entry.counter} is signed or scaled, no counter"
+            )
+        if crc and not fills_byte(crc[1]):
+            self._problem(
+                f"{key}.crc", f"signal {name}.{entry.crc} is not one whole byte of the frame"
+            )
+        first, last = raw_limits(counter[1]) if counter else (0, -1)
+        self.protection[name] = Protected(
+            counter[1].name if counter else None,
+            int(first),
+            int(last - first) + 1,
+            crc[1].name if crc else None,
+            crc[1].start // 8 if crc else 0,
+            entry.data_id,
+        )
+
+    def _use(self, key: str, name: str) -> tuple[Message, Signal] | None:
+        """Message and signal called `name`; None, and a problem noted, if absent or taken."""
+        found = self._find(key, name)
+        if name in self.used:
+            self._problem(key, f"signal {name} is already mapped by '{self.used[name]}'")
+            return None
+        self.used[name] = key
+        return found
+
+    def _find(self, key: str, name: str) -> tuple[Message, Signal] | None:
+        message_name, signal_name = name.split(".")
+        message = self.dbc.messages.get(message_name)
+        if message is None:
+            self._problem(key, f"no message {message_name} in {self.dbc.path}{self._messages()}")
+            return None
+        for signal in message.signals:
+            if signal.name == signal_name:
+                return message, signal
+        names = ", ".join(signal.name for signal in message.signals)
+        self._problem(
+            key,
+            f"message {message_name} of {self.dbc.path} has no signal {signal_name}: {names}",
+        )
+        return None
+
+    def _messages(self) -> str:
+        names = list(self.dbc.messages)
+        return f"; it has {', '.join(names)}" if len(names) <= 20 else ""
+
+    def _fault_signal(self, key: str, fault: str, reading: str) -> str | None:
+        """The fault signal of a reading; several readings may share it."""
+        if fault.split(".")[0] != reading.split(".")[0]:
+            self._problem(f"{key}.fault", f"{fault} and {reading} are not in the same message")
+            return None
+        found = self._find(f"{key}.fault", fault)
+        return found and found[1].name
+
+    def _unit(
+        self, key: str, found: tuple[Message, Signal], unit: str, quantity: str
+    ) -> float | None:
+        """Size of a signal's unit in SI units; None, and a problem noted, if it does not fit."""
+        message, signal = found
+        stated = signal.unit
+        if stated and stated.strip().casefold() != unit.strip().casefold():
+            self._problem(
+                f"{key}.unit", f"'{unit}', but {message.name}.{signal.name} is in '{stated}'"
+            )
+            return None
+        fitting = {name: size for name, (kind, size) in UNITS.items() if kind == quantity}
+        size = fitting.get(unit.strip().casefold())
+        if size is None:
+            self._problem(f"{key}.unit", f"'{unit}' is none of {quantity}: {', '.join(fitting)}")
+        return size
+
+    def _require_every_signal(self, name: str) -> None:
+        for signal in self.dbc.messages[name].signals:
+            if f"{name}.{signal.name}" not in self.used:
+                self._problem(
+                    "constants", f"what shall be sent as {name}.{signal.name}? Give its raw value"
+                )
+        if self.dbc.messages[name].is_multiplexed():
+            self._problem("commands", f"message {name} is multiplexed, it cannot be sent")
+
+    def _message(self, name: str) -> MessageLayout:
+        message = self.dbc.messages[name]
+        if not message.cycle_time:
+            self._problem(
+                "timing",
+                f"message {name} of {self.dbc.path} has no cycle time: add GenMsgCycleTime",
+            )
+        if message.length > LONGEST:
+            self._problem(
+                "timing", f"message {name} has {message.length} bytes, a frame holds {LONGEST}"
+            )
+        return MessageLayout(
+            message,
+            (message.cycle_time or math.nan) / 1000,
+            tuple(self.positions[name]),
+            tuple(self.pressures[name]),
+            tuple(self.commands[name]),
+            tuple(self.states[name]),
+            self.enable.get(name),
+            self.constants[name],
+            self.protection.get(name, UNPROTECTED),
+        )
+
+    def _problem(self, key: str, text: str) -> None:
+        self.problems.append(f"{self.path}: key '{key}': {text}")

@@ -1,0 +1,126 @@
+"""Mapping and DBC brought together, ready for coding and decoding frames."""
+
+from collections.abc import Iterable
+from dataclasses import dataclass, field
+
+from cantools.database.can import Message
+
+from crane_driver.can.frame import Fault, FaultKind, show_id
+from crane_driver.can.mapping import Timing
+
+
+@dataclass(frozen=True, slots=True)
+class Channel:
+    """One mapped signal: SI value = gain * raw value + offset, valid from low to high (SI)."""
+
+    name: str  # joint, JOINT.a, JOINT.b, supply, tank
+    signal: str
+    gain: float
+    offset: float
+    low: float
+    high: float
+    fault: str | None = None  # signal that is not 0 where the reading is no measurement
+    is_float: bool = False
+
+    def raw(self, value: float) -> float:
+        """Raw value nearest to an SI value."""
+        raw = (value - self.offset) / self.gain
+        return raw if self.is_float else round(raw)
+
+
+@dataclass(frozen=True, slots=True)
+class State:
+    """One mapped state of a device."""
+
+    name: str
+    signal: str
+    labels: dict[int, str]  # the DBC's value table
+    healthy: frozenset[int]
+
+    def label(self, value: int) -> str:
+        """Name of a value; its number where the DBC has no name for it."""
+        return self.labels.get(value, str(value))
+
+    def number(self, label: str) -> int:
+        """Value of a name or of a number as text."""
+        numbers = {name: value for value, name in self.labels.items()}
+        return numbers[label] if label in numbers else int(label)
+
+
+@dataclass(frozen=True, slots=True)
+class Protected:
+    """Counter and checksum of a message; None where it has none."""
+
+    counter: str | None
+    counter_first: int
+    counter_count: int  # values that the counter takes
+    crc: str | None
+    crc_byte: int
+    data_id: int | None
+
+
+UNPROTECTED = Protected(None, 0, 0, None, 0, None)
+
+
+@dataclass(frozen=True)
+class MessageLayout:
+    """One message of the bus that the mapping uses."""
+
+    message: Message
+    cycle: float  # s
+    positions: tuple[Channel, ...] = ()
+    pressures: tuple[Channel, ...] = ()
+    commands: tuple[Channel, ...] = ()
+    states: tuple[State, ...] = ()
+    enable: str | None = None
+    constants: dict[str, float] = field(default_factory=dict)  # raw values, all signals to be sent
+    protection: Protected = UNPROTECTED
+
+    @property
+    def name(self) -> str:
+        """Name in the DBC."""
+        return self.message.name
+
+    @property
+    def id(self) -> str:
+        """Identifier as candump writes it."""
+        return show_id(self.message.frame_id, self.message.is_extended_frame)
+
+    def fault(self, kind: FaultKind, detail: str) -> Fault:
+        """A fault of this message."""
+        return Fault(kind, detail, self.name, self.id)
+
+
+@dataclass(frozen=True)
+class Layout:
+    """What the driver receives (`readings`) and sends (`commands`); the machine the other way."""
+
+    readings: tuple[MessageLayout, ...]
+    commands: tuple[MessageLayout, ...]
+    timing: Timing
+
+    @property
+    def positions(self) -> tuple[str, ...]:
+        """Joints whose position is read."""
+        return _names(one.positions for one in self.readings)
+
+    @property
+    def pressures(self) -> tuple[str, ...]:
+        """Pressures that are read: JOINT.a, JOINT.b, supply, tank."""
+        return _names(one.pressures for one in self.readings)
+
+    @property
+    def valves(self) -> tuple[str, ...]:
+        """Joints whose valve is commanded."""
+        return _names(one.commands for one in self.commands)
+
+    def resolution(self, name: str) -> float:
+        """One raw step of a position or pressure [SI]."""
+        channels = [
+            one for message in self.readings for one in (*message.positions, *message.pressures)
+        ]
+        return abs(next(one.gain for one in channels if one.name == name))
+
+
+def _names(groups: Iterable[tuple[Channel, ...]]) -> tuple[str, ...]:
+    return tuple(channel.name for group in groups for channel in group)

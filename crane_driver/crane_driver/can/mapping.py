@@ -1,0 +1,128 @@
+"""The mapping file: which signals are joint positions, pressures, spool commands and states."""
+
+import math
+from typing import Annotated, Literal, Self
+
+from pydantic import Field, field_validator, model_validator
+
+from crane_model.configuration import Schema
+from crane_model.machine import JOINTS
+
+SignalName = Annotated[str, Field(pattern=r"^\w+\.\w+$")]
+"""MESSAGE.SIGNAL"""
+
+LINES = ("supply", "tank")
+PRESSURES = (*(f"{joint}.{chamber}" for joint in JOINTS for chamber in "ab"), *LINES)
+
+# Quantity and size in SI units; units are compared without regard to case.
+UNITS = {
+    "rad": ("angle", 1.0),
+    "deg": ("angle", math.pi / 180),
+    "°": ("angle", math.pi / 180),
+    "m": ("length", 1.0),
+    "cm": ("length", 1e-2),
+    "mm": ("length", 1e-3),
+    "pa": ("pressure", 1.0),
+    "kpa": ("pressure", 1e3),
+    "mpa": ("pressure", 1e6),
+    "bar": ("pressure", 1e5),
+    "": ("ratio", 1.0),
+    "-": ("ratio", 1.0),
+    "%": ("ratio", 1e-2),
+}
+
+
+class PositionSignal(Schema):
+    """Joint position: sign * (reading - zero)."""
+
+    signal: SignalName
+    unit: str
+    sign: Literal[-1, 1] = 1
+    zero: float = 0.0  # rad or m
+    fault: SignalName | None = None
+
+
+class PressureSignal(Schema):
+    """Gauge pressure: reading - zero."""
+
+    signal: SignalName
+    unit: str
+    zero: float = 0.0  # Pa
+    fault: SignalName | None = None
+
+
+class SpoolSignal(Schema):
+    """What the valve is sent: sign * command, command -1 to 1."""
+
+    signal: SignalName
+    unit: str
+    sign: Literal[-1, 1] = 1
+
+
+class StateSignal(Schema):
+    """State of a device; the healthy values as the DBC's value table names them, or numbers."""
+
+    signal: SignalName
+    healthy: Annotated[tuple[str | int, ...], Field(min_length=1)]
+
+
+class Protection(Schema):
+    """Counter and checksum of a message: names of its signals."""
+
+    counter: str | None = None
+    crc: str | None = None
+    profile: Literal["autosar_e2e_1", "sae_j1850"] | None = None
+    data_id: Annotated[int, Field(ge=0, le=0xFFFF)] | None = None
+
+    @model_validator(mode="after")
+    def _complete(self) -> Self:
+        if self.counter is None and self.crc is None:
+            raise ValueError("name the signal of a counter or of a crc, or both")
+        if (self.crc is None) != (self.profile is None):
+            raise ValueError("crc and profile belong together: give both or neither")
+        if (self.profile == "autosar_e2e_1") != (self.data_id is not None):
+            raise ValueError("data_id belongs to profile autosar_e2e_1: give both or neither")
+        return self
+
+
+class Timing(Schema):
+    """Limits beyond which the stream of a message is at fault, in cycles of the message."""
+
+    late: Annotated[float, Field(gt=1)]
+    missing: Annotated[float, Field(gt=1)]
+    lost: Annotated[int, Field(ge=0)]  # frames in a row
+
+    @model_validator(mode="after")
+    def _ordered(self) -> Self:
+        if self.missing <= self.late:
+            raise ValueError(f"missing is {self.missing}, it must be more than late, {self.late}")
+        return self
+
+
+class Mapping(Schema):
+    """One machine's mapping of its DBC file."""
+
+    positions: Annotated[dict[str, PositionSignal], Field(min_length=1)]
+    pressures: dict[str, PressureSignal] = {}
+    commands: Annotated[dict[str, SpoolSignal], Field(min_length=1)]
+    enable: SignalName | None = None
+    constants: dict[SignalName, float] = {}  # other signals of the command messages, fixed
+    states: dict[str, StateSignal] = {}
+    protection: dict[str, Protection] = {}
+    timing: Timing
+
+    @field_validator("positions", "commands")
+    @classmethod
+    def _joints(cls, value: dict[str, Schema]) -> dict[str, Schema]:
+        return _known(value, "joint", JOINTS)
+
+    @field_validator("pressures")
+    @classmethod
+    def _pressures(cls, value: dict[str, Schema]) -> dict[str, Schema]:
+        return _known(value, "pressure", PRESSURES)
+
+
+def _known(value: dict[str, Schema], kind: str, names: tuple[str, ...]) -> dict[str, Schema]:
+    if unknown := [name for name in value if name not in names]:
+        raise ValueError(f"no {kind} {', '.join(unknown)}; there are {', '.join(names)}")
+    return value
