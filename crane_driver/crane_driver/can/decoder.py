@@ -1,0 +1,123 @@
+"""From received frames to values."""
+
+from collections import Counter
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, field
+from typing import Any
+
+from cantools.database import DecodeError
+
+from crane_driver.can.frame import Fault, FaultKind, Frame
+from crane_driver.can.layout import Channel, MessageLayout
+from crane_driver.can.protection import frame_crc
+
+
+@dataclass(slots=True)
+class Readings:
+    """What one frame holds, in SI units. Values that are no measurements are absent, and `faults`
+    say why; a frame of the wrong size or with a wrong checksum holds none.
+    """
+
+    message: str
+    stamp: int  # ns, of reception
+    steady: float  # s, of reception
+    counter: int | None = None
+    positions: dict[str, float] = field(default_factory=dict)  # joint: rad, m
+    pressures: dict[str, float] = field(default_factory=dict)  # JOINT.a, ..., supply, tank: Pa
+    commands: dict[str, float] = field(default_factory=dict)  # joint: -1 to 1
+    enabled: bool | None = None
+    states: dict[str, str] = field(default_factory=dict)
+    faults: list[Fault] = field(default_factory=list)
+
+
+class Decoder:
+    """Decodes the messages of one side of a layout: its `readings` or its `commands`.
+
+    Identifiers must match exactly: two senders of one J1939 group must not feed one reading.
+    """
+
+    def __init__(self, messages: Sequence[MessageLayout]):
+        self.unknown: Counter[tuple[int, bool]] = Counter()  # frames per unknown identifier
+        self._layouts = {
+            (one.message.frame_id, one.message.is_extended_frame): one for one in messages
+        }
+
+    def decode(self, frame: Frame) -> Readings | None:
+        """Values of a frame; None, and counted, where the identifier is not of the layout."""
+        layout = self._layouts.get((frame.id, frame.extended))
+        if layout is None:
+            self.unknown[frame.id, frame.extended] += 1
+            return None
+        readings = Readings(layout.name, frame.stamp, frame.steady)
+        if fault := _damage(layout, frame.data):
+            readings.faults.append(fault)
+            return readings
+        try:
+            # neither names nor scales: the channels hold sign, unit, scale and zero in one
+            raw: Mapping[str, Any] = layout.message.decode_simple(frame.data, False, False)
+        except DecodeError as error:  # a multiplexer value that the DBC does not have
+            readings.faults.append(layout.fault(FaultKind.OUT_OF_RANGE, str(error)))
+            return readings
+        _read(layout, layout.positions, raw, readings.positions, readings.faults)
+        _read(layout, layout.pressures, raw, readings.pressures, readings.faults)
+        _read(layout, layout.commands, raw, readings.commands, readings.faults)
+        if layout.enable:
+            readings.enabled = bool(raw[layout.enable])
+        if layout.protection.counter:
+            readings.counter = raw.get(layout.protection.counter)
+        _read_states(layout, raw, readings)
+        return readings
+
+
+def _damage(layout: MessageLayout, data: bytes) -> Fault | None:
+    if len(data) != layout.message.length:
+        return layout.fault(
+            FaultKind.WRONG_SIZE, f"{len(data)} bytes, the DBC says {layout.message.length}"
+        )
+    protection = layout.protection
+    if protection.crc:
+        expected = frame_crc(data, protection.crc_byte, protection.data_id)
+        if data[protection.crc_byte] != expected:
+            return layout.fault(
+                FaultKind.CHECKSUM,
+                f"{protection.crc} is 0x{data[protection.crc_byte]:02X}, "
+                f"the frame has 0x{expected:02X}",
+            )
+    return None
+
+
+def _read(
+    layout: MessageLayout,
+    channels: tuple[Channel, ...],
+    raw: Mapping[str, Any],
+    values: dict[str, float],
+    faults: list[Fault],
+) -> None:
+    for channel in channels:
+        count = raw.get(channel.signal)
+        if count is None:  # multiplexed, and not in this frame
+            continue
+        value = channel.gain * count + channel.offset
+        if channel.fault and raw.get(channel.fault):
+            faults.append(layout.fault(FaultKind.SENSOR, f"{channel.name}: {channel.fault} is set"))
+        elif channel.low <= value <= channel.high:
+            values[channel.name] = value
+        else:
+            faults.append(
+                layout.fault(
+                    FaultKind.OUT_OF_RANGE,
+                    f"{channel.name} is {value:g}, {channel.signal} goes from {channel.low:g} "
+                    f"to {channel.high:g}",
+                )
+            )
+
+
+def _read_states(layout: MessageLayout, raw: Mapping[str, Any], readings: Readings) -> None:
+    for state in layout.states:
+        number = raw.get(state.signal)
+        if number is None:
+            continue
+        label = state.label(int(number))
+        readings.states[state.name] = label
+        if number not in state.healthy:
+            readings.faults.append(layout.fault(FaultKind.STATE, f"{state.name} is {label}"))

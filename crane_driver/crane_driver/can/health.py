@@ -1,0 +1,132 @@
+"""Judgement of the stream of frames: late, missing, repeated, lost; pure, by the steady clock."""
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from enum import IntEnum
+
+from crane_driver.can.decoder import Readings
+from crane_driver.can.frame import UNUSABLE, Fault, FaultKind
+from crane_driver.can.layout import MessageLayout
+from crane_driver.can.mapping import Timing
+from crane_driver.can.protection import lost_frames
+
+
+class Freshness(IntEnum):
+    """How long ago the last good frame came."""
+
+    FRESH = 0
+    LATE = 1
+    MISSING = 2
+
+
+@dataclass(slots=True)
+class Stream:
+    """What is known of the frames of one message."""
+
+    layout: MessageLayout
+    last: float  # s, steady, last good frame, or the start
+    freshness: Freshness = Freshness.FRESH
+    counter: int | None = None
+    received: int = 0  # good frames
+    refused: int = 0  # wrong size, checksum, repeated
+    lost: int = 0  # by the counter
+    longest_gap: float = 0.0  # s
+
+
+class Monitor:
+    """Watches messages from `start` [s, steady] on; reports each silence once.
+
+    The driver watches the `readings` of its layout, the machine the `commands`.
+    """
+
+    def __init__(self, messages: Sequence[MessageLayout], timing: Timing, start: float):
+        self._timing = timing
+        self.streams = {one.name: Stream(one, start) for one in messages}
+
+    def observe(self, readings: Readings) -> list[Fault]:
+        """Faults that a frame shows; its values may be used unless one of them is `UNUSABLE`."""
+        stream = self.streams[readings.message]
+        faults = list(readings.faults)
+        if not any(fault.kind in UNUSABLE for fault in faults):
+            faults += self._sequence(stream, readings.counter)
+        if any(fault.kind in UNUSABLE for fault in faults):
+            stream.refused += 1
+            return faults
+        gap = readings.steady - stream.last
+        if stream.freshness is Freshness.FRESH and gap > self._limit(stream, self._timing.late):
+            faults.append(_late(stream, gap))
+        if stream.received:
+            stream.longest_gap = max(stream.longest_gap, gap)
+        stream.received += 1
+        stream.last = readings.steady
+        stream.freshness = Freshness.FRESH
+        return faults
+
+    def check(self, now: float) -> list[Fault]:
+        """Faults that show by frames not coming, at `now` [s, steady]."""
+        faults = []
+        for stream in self.streams.values():
+            gap = now - stream.last
+            if stream.freshness < Freshness.MISSING and gap > self._limit(
+                stream, self._timing.missing
+            ):
+                stream.freshness = Freshness.MISSING
+                stream.counter = None  # whoever comes back may count anew
+                since = "the last one" if stream.received else "the start, not one yet"
+                faults.append(
+                    stream.layout.fault(
+                        FaultKind.MISSING, f"no frame for {gap * 1e3:.0f} ms since {since}"
+                    )
+                )
+            elif stream.freshness < Freshness.LATE and gap > self._limit(stream, self._timing.late):
+                stream.freshness = Freshness.LATE
+                faults.append(_late(stream, gap))
+        return faults
+
+    @property
+    def complete(self) -> bool:
+        """Whether every message has come, and none is late by the last `check`."""
+        return all(
+            one.received and one.freshness is Freshness.FRESH for one in self.streams.values()
+        )
+
+    def _sequence(self, stream: Stream, counter: int | None) -> Sequence[Fault]:
+        if counter is None:
+            return ()
+        protection = stream.layout.protection
+        position = counter - protection.counter_first
+        if not 0 <= position < protection.counter_count:
+            last = protection.counter_first + protection.counter_count - 1
+            return (
+                stream.layout.fault(
+                    FaultKind.SEQUENCE,
+                    f"counter {counter}, it runs from {protection.counter_first} to {last}",
+                ),
+            )
+        previous, stream.counter = stream.counter, counter
+        if previous is None:
+            return ()
+        lost = lost_frames(previous, counter, protection.counter_count)
+        if lost < 0:
+            return (stream.layout.fault(FaultKind.REPEATED, f"counter {counter} came again"),)
+        stream.lost += lost
+        if lost > self._timing.lost:
+            return (
+                stream.layout.fault(
+                    FaultKind.SEQUENCE,
+                    f"{lost} frames lost in a row (counter {previous}, then {counter}), "
+                    f"limit {self._timing.lost}",
+                ),
+            )
+        return ()
+
+    @staticmethod
+    def _limit(stream: Stream, cycles: float) -> float:
+        return cycles * stream.layout.cycle
+
+
+def _late(stream: Stream, gap: float) -> Fault:
+    return stream.layout.fault(
+        FaultKind.LATE,
+        f"{gap * 1e3:.0f} ms since the last frame, cycle {stream.layout.cycle * 1e3:.0f} ms",
+    )
