@@ -1,0 +1,215 @@
+"""The open bus: a thread that receives, stamps and queues frames, and comes back after losses."""
+
+import threading
+import time
+import uuid
+from collections import deque
+from collections.abc import Callable
+from types import TracebackType
+from typing import Self
+
+import can
+
+from crane_driver.can.bus import (
+    BusError,
+    BusOffError,
+    BusSettings,
+    BusState,
+    check_state,
+    open_bus,
+    state_of_error_frame,
+)
+from crane_driver.can.frame import Fault, FaultKind, Frame
+
+POLL = 0.1  # s, longest wait for a frame before the state of the bus is looked at
+FIRST_PAUSE, LONGEST_PAUSE = 0.1, 5.0  # s, before the bus is reopened; doubled at every failure
+OLDEST_STAMP = 1.0  # s, an older stamp of a back end is of another clock
+
+
+class Link:
+    """A CAN bus. Frames are taken and sent by one thread, received by another.
+
+    `notify` is called by the receiving thread after each frame or fault that it has queued; it
+    must only wake the taker up. `capacity` bounds the queue; what it cannot hold drops the oldest.
+    """
+
+    def __init__(
+        self,
+        settings: BusSettings,
+        notify: Callable[[], None] = lambda: None,
+        capacity: int = 4096,
+    ):
+        self._settings, self._notify = settings, notify
+        self._lock = threading.Lock()
+        self._frames: deque[Frame] = deque(maxlen=capacity)
+        self._faults: deque[Fault] = deque(maxlen=capacity)
+        self._stop = threading.Event()
+        self._thread: threading.Thread | None = None
+        self._bus: can.BusABC | None = None
+        self._overflowing = False
+        # udp_multicast gives back what this process sends; the field that other interfaces use
+        # for the channel passes through it unchanged and tells whose frame it is.
+        self._mark = uuid.uuid4().hex if settings.interface == "udp_multicast" else None
+        self.state = BusState.CLOSED
+        self.received = self.dropped = self.echoes = self.ignored = self.reopened = 0
+
+    def open(self) -> Self:
+        """Open the bus and start to receive; `BusError` if that fails."""
+        if self._thread:
+            raise BusError(f"CAN bus {self._settings} is open already")
+        self._connect()
+        self._stop.clear()
+        self._thread = threading.Thread(target=self._run, name=f"CAN {self._settings}", daemon=True)
+        self._thread.start()
+        return self
+
+    def close(self) -> None:
+        """Stop receiving and close the bus."""
+        self._stop.set()
+        if self._thread:
+            self._thread.join()
+            self._thread = None
+        self._disconnect(BusState.CLOSED)
+
+    def take(self) -> list[Frame]:
+        """The frames received since the last call, oldest first."""
+        with self._lock:
+            frames = list(self._frames)
+            self._frames.clear()
+            self._overflowing = False
+        return frames
+
+    def take_faults(self) -> list[Fault]:
+        """The faults of the bus since the last call."""
+        with self._lock:
+            faults = list(self._faults)
+            self._faults.clear()
+        return faults
+
+    def send(self, frame: Frame) -> None:
+        """Hand a frame to the bus without waiting; `BusError` if it cannot be sent."""
+        bus = self._bus
+        if bus is None:
+            raise BusError(f"CAN bus {self._settings} is {self.state}; the frame was not sent")
+        try:
+            bus.send(
+                can.Message(
+                    arbitration_id=frame.id,
+                    data=frame.data,
+                    is_extended_id=frame.extended,
+                    channel=self._mark,
+                    check=True,
+                )
+            )
+        except Exception as error:  # as in open_bus; a socket closed meanwhile, too
+            raise BusError(f"CAN bus {self._settings}: frame was not sent: {error}") from error
+
+    def _run(self) -> None:
+        pause = FIRST_PAUSE
+        while not self._stop.is_set():
+            try:
+                if self._bus is None:
+                    self._connect()
+                    self.reopened += 1
+                self._receive()
+            except Exception as error:  # whatever it is, it must neither end nor hide in the thread
+                off = isinstance(error, BusOffError)
+                if self._bus is not None and self.state is not BusState.SILENT:
+                    pause = FIRST_PAUSE  # it worked in between
+                self._disconnect(BusState.BUS_OFF if off else BusState.LOST)
+                self._report(FaultKind.BUS, f"{_shown(error)}; reopened in {pause:g} s")
+                self._stop.wait(pause)
+                pause = min(2 * pause, LONGEST_PAUSE)
+
+    def _connect(self) -> None:
+        bus = open_bus(self._settings)
+        try:
+            check_state(bus, self._settings)
+        except BusError:
+            bus.shutdown()
+            raise
+        self.state = BusState.SILENT
+        self._bus = bus
+
+    def _disconnect(self, state: BusState) -> None:
+        bus, self._bus, self.state = self._bus, None, state
+        if bus:
+            try:
+                bus.shutdown()
+            except Exception as error:
+                self._report(FaultKind.BUS, f"closing: {_shown(error)}")
+
+    def _receive(self) -> None:
+        assert self._bus is not None
+        while not self._stop.is_set():
+            message = self._bus.recv(POLL)
+            if message is None:
+                check_state(self._bus, self._settings)
+            elif message.is_error_frame:
+                self._error_frame(message)
+            elif self._mark and message.channel == self._mark:
+                self.echoes += 1
+            elif message.is_remote_frame:
+                self.ignored += 1
+            else:
+                self._queue(message)
+
+    def _queue(self, message: can.Message) -> None:
+        age = time.time() - message.timestamp
+        if not 0.0 <= age < OLDEST_STAMP:
+            age = 0.0
+        frame = Frame(
+            message.arbitration_id,
+            bytes(message.data),
+            message.is_extended_id,
+            time.time_ns() - int(age * 1e9),
+            time.monotonic() - age,
+        )
+        self.received += 1
+        if self.state is BusState.SILENT:
+            self.state = BusState.ACTIVE
+        with self._lock:
+            full = len(self._frames) == self._frames.maxlen
+            begins, self._overflowing = full and not self._overflowing, full
+            self._frames.append(frame)
+            self.dropped += full
+        if begins:
+            waiting = f"{self._frames.maxlen} frames wait; the oldest are dropped"
+            self._report(FaultKind.OVERFLOW, waiting)
+        self._wake()
+
+    def _error_frame(self, message: can.Message) -> None:
+        state = state_of_error_frame(message.arbitration_id, message.data)
+        if state is BusState.BUS_OFF:
+            raise BusOffError(self._settings)
+        if state and state is not self.state:
+            self.state = state
+            if state in (BusState.WARNING, BusState.PASSIVE):
+                self._report(FaultKind.BUS, f"CAN bus {self._settings} is {state}: check wiring")
+
+    def _report(self, kind: FaultKind, detail: str) -> None:
+        with self._lock:
+            self._faults.append(Fault(kind, detail))
+        self._wake()
+
+    def _wake(self) -> None:
+        try:
+            self._notify()
+        except Exception as error:  # must not end the thread, nor look like a loss of the bus
+            with self._lock:
+                self._faults.append(Fault(FaultKind.BUS, f"nobody to wake up: {_shown(error)}"))
+
+    def __enter__(self) -> Self:
+        return self.open()
+
+    def __exit__(
+        self,
+        kind: type[BaseException] | None,
+        error: BaseException | None,
+        traceback: TracebackType | None,
+    ) -> None:
+        self.close()
+
+
+def _shown(error: Exception) -> str:
+    return str(error) if isinstance(error, BusError) else f"{type(error).__name__}: {error}"

@@ -1,0 +1,216 @@
+"""One set of tests for every kind of bus that a test machine has; then what each is known for."""
+
+import os
+import random
+import socket
+import subprocess
+import sys
+import threading
+import time
+from collections.abc import Callable, Iterator
+
+import can
+import pytest
+
+from crane_driver.can.bus import BusError, BusSettings, BusState, open_bus
+from crane_driver.can.frame import FaultKind, Frame
+from crane_driver.can.link import Link
+
+PATIENCE = 10.0  # s
+
+
+def until(condition: Callable[[], bool]) -> None:
+    """Wait for a condition; fail where it does not come true."""
+    deadline = time.monotonic() + PATIENCE
+    while not condition():
+        assert time.monotonic() < deadline, "waited in vain"
+        time.sleep(0.002)
+
+
+def free_port() -> int:
+    with socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as probe:
+        probe.bind(("", 0))
+        return probe.getsockname()[1]
+
+
+@pytest.fixture(params=["virtual", "udp_multicast"])
+def settings(request: pytest.FixtureRequest) -> BusSettings:
+    if request.param == "virtual":
+        return BusSettings(interface="virtual", channel=f"test-{random.random()}")
+    return BusSettings(interface="udp_multicast", extra={"port": free_port()})
+
+
+@pytest.fixture
+def pair(settings: BusSettings) -> Iterator[tuple[Link, Link]]:
+    with Link(settings) as one, Link(settings) as other:
+        yield one, other
+
+
+def receive(link: Link, count: int) -> list[Frame]:
+    frames: list[Frame] = []
+
+    def enough() -> bool:
+        frames.extend(link.take())
+        return len(frames) >= count
+
+    until(enough)
+    return frames
+
+
+def test_frames_arrive_whole_and_in_order(pair: tuple[Link, Link]) -> None:
+    sent = [Frame(0x100 + n % 0x700, bytes([n % 256] * (n % 9)), n % 3 == 0) for n in range(200)]
+    for frame in sent:
+        pair[0].send(frame)
+    received = receive(pair[1], len(sent))
+    assert [one[:3] for one in received] == [one[:3] for one in sent]
+
+
+def test_frames_are_stamped_when_they_come_not_when_they_are_taken(
+    pair: tuple[Link, Link],
+) -> None:
+    wall, steady = time.time_ns(), time.monotonic()
+    pair[0].send(Frame(1, b""))
+    until(lambda: pair[1].received == 1)
+    latest_wall, latest_steady = time.time_ns(), time.monotonic()
+    (frame,) = pair[1].take()
+    assert wall - 10**6 <= frame.stamp <= latest_wall
+    assert steady - 1e-3 <= frame.steady <= latest_steady
+    pair[0].send(Frame(2, b""))
+    (later,) = receive(pair[1], 1)
+    assert later.stamp > frame.stamp
+    assert later.steady > frame.steady
+
+
+def test_own_frames_do_not_come_back(pair: tuple[Link, Link]) -> None:
+    one, other = pair
+    for _ in range(5):
+        one.send(Frame(0x110, b"mine"))
+    other.send(Frame(0x110, b"another"))  # of the same identifier
+    assert [frame.data for frame in receive(one, 1)] == [b"another"]
+    assert len(receive(other, 5)) == 5
+    assert one.received == 1
+
+
+def test_the_state_is_active_only_once_a_frame_has_come(
+    settings: BusSettings, pair: tuple[Link, Link]
+) -> None:
+    one, other = pair
+    assert (one.state, other.state) == (BusState.SILENT, BusState.SILENT)
+    one.send(Frame(1, b""))
+    receive(other, 1)
+    assert (one.state, other.state) == (BusState.SILENT, BusState.ACTIVE)
+    one.close()
+    assert one.state is BusState.CLOSED
+    with pytest.raises(BusError, match=f"CAN bus {settings} is closed; the frame was not sent"):
+        one.send(Frame(1, b""))
+
+
+def test_a_full_queue_drops_the_oldest_and_counts(settings: BusSettings) -> None:
+    with Link(settings) as sender, Link(settings, capacity=8) as receiver:
+        for batch in range(2):
+            for n in range(20):
+                sender.send(Frame(n, b""))
+            until(lambda count=20 * (batch + 1): receiver.received == count)  # type: ignore[misc]
+            assert [frame.id for frame in receiver.take()] == list(range(12, 20))
+            assert receiver.dropped == 12 * (batch + 1)
+            (fault,) = receiver.take_faults()
+            assert (fault.kind, fault.detail) == (
+                FaultKind.OVERFLOW,
+                "8 frames wait; the oldest are dropped",
+            )
+
+
+def test_whoever_takes_frames_is_woken(settings: BusSettings) -> None:
+    woken = threading.Event()
+    with Link(settings) as sender, Link(settings, woken.set):
+        assert not woken.is_set()
+        sender.send(Frame(1, b""))
+        assert woken.wait(PATIENCE)
+
+
+def test_a_taker_that_cannot_be_woken_does_not_stop_the_link(settings: BusSettings) -> None:
+    def gone() -> None:
+        raise RuntimeError("the guard condition is destroyed")
+
+    with Link(settings) as sender, Link(settings, gone) as receiver:
+        sender.send(Frame(1, b""))
+        sender.send(Frame(2, b""))
+        assert len(receive(receiver, 2)) == 2
+        details = [fault.detail for fault in receiver.take_faults()]
+        assert details == ["nobody to wake up: RuntimeError: the guard condition is destroyed"] * 2
+        assert receiver.state is BusState.ACTIVE
+
+
+def test_a_link_can_be_opened_again_but_not_twice(settings: BusSettings) -> None:
+    link = Link(settings)
+    for _ in range(2):
+        with link, pytest.raises(BusError, match="is open already"):
+            link.open()
+        link.close()  # a second time
+
+
+def test_frames_pass_between_processes_of_this_machine() -> None:
+    settings = BusSettings(interface="udp_multicast", extra={"port": free_port()})
+    program = (
+        "import sys, time\n"
+        "from crane_driver.can.bus import BusSettings\n"
+        "from crane_driver.can.frame import Frame\n"
+        "from crane_driver.can.link import Link\n"
+        "with Link(BusSettings.model_validate_json(sys.argv[1])) as link:\n"
+        "    while not (frames := link.take()):\n"
+        "        time.sleep(0.001)\n"
+        "    for frame in frames:\n"
+        "        link.send(frame._replace(id=frame.id + 1))\n"
+        "    sys.stdin.read()\n"
+    )
+    with Link(settings) as link:
+        process = subprocess.Popen(
+            [sys.executable, "-c", program, settings.model_dump_json()],
+            stdin=subprocess.PIPE,
+            env=os.environ | {"PYTHONPATH": os.pathsep.join(sys.path)},
+        )
+        try:
+            answers: list[Frame] = []
+
+            def answered() -> bool:  # the other process listens from some moment on
+                link.send(Frame(0x110, b"there"))
+                time.sleep(0.02)
+                answers.extend(link.take())
+                return bool(answers)
+
+            until(answered)
+            assert answers[0][:2] == (0x111, b"there")
+        finally:
+            assert process.stdin
+            process.stdin.close()
+            process.wait(PATIENCE)
+
+
+def test_a_frame_that_is_too_long_is_not_sent(pair: tuple[Link, Link]) -> None:
+    with pytest.raises(BusError, match="frame was not sent"):
+        pair[0].send(Frame(1, bytes(9)))
+
+
+def test_the_embedded_bus_never_leaves_this_machine() -> None:
+    bus = open_bus(BusSettings(extra={"port": free_port()}))
+    try:
+        assert isinstance(bus, can.interfaces.udp_multicast.UdpMulticastBus)
+        with socket.socket(fileno=os.dup(bus.fileno())) as duplicate:
+            hops = duplicate.getsockopt(socket.IPPROTO_IP, socket.IP_MULTICAST_TTL)
+        assert hops == 0
+    finally:
+        bus.shutdown()
+
+
+@pytest.mark.parametrize(
+    ("settings", "reason"),
+    [
+        (BusSettings(interface="carrier_pigeon"), "CAN interface 'carrier_pigeon' not supported"),
+        (BusSettings(interface="socketcan", channel="nocan0"), "see `ip link`"),
+        (BusSettings(channel="10.0.0.1"), "multicast needs a route"),
+        (BusSettings(extra={"receive_own_messages": True}), "receiving own messages is not yet"),
+    ],
+)
+def test_a_bus_that_cannot_be_opened_is_named(settings: BusSettings, reason: str) -> None:
+    with pytest.raises(BusError, match=f"CAN bus {settings.interface}.*{reason}"):
+        Link(settings).open()
