@@ -13,5 +13,12 @@ setup(
         (f"share/{PACKAGE}", ["package.xml"]),
     ],
     zip_safe=False,
-    entry_points={"console_scripts": []},
+    entry_points={
+        "console_scripts": [
+            "decode = crane_driver.decode:main",
+            "player = crane_driver.recording.player:main",
+            "recorder = crane_driver.recording.recorder:main",
+            "recover = crane_driver.recording.recover:main",
+        ]
+    },
 )

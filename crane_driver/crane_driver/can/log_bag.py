@@ -1,0 +1,97 @@
+"""A bus log of a crane as the bag that the driver's topics would have made."""
+
+import math
+from collections import Counter
+from collections.abc import Iterable
+
+import numpy as np
+
+from crane_driver.bags.types import CYLINDER_PRESSURES, JOINT_STATES, VALVE_COMMAND
+from crane_driver.bags.writer import BagWriter
+from crane_driver.can.assembly import Assembly, Complete
+from crane_driver.can.codec import DriverCodec, MachineCodec
+from crane_driver.can.decoder import Readings
+from crane_driver.can.frame import UNUSABLE, Fault, Frame
+from crane_driver.can.health import Monitor
+from crane_driver.can.layout import Layout
+from crane_driver.can.mapping import LINES
+
+
+class LogBag:
+    """Writes /joint_states, /cylinder_pressures and /valve_command from frames.
+
+    Velocity and effort are NaN: they are no measurements, and who reads the bag computes them.
+    """
+
+    def __init__(self, bag: BagWriter, layout: Layout):
+        self._driver, self._machine = DriverCodec(layout), MachineCodec(layout)
+        self._monitor: Monitor | None = None
+        self._layout = layout
+        self._positions = Assembly(layout, "positions")
+        self._pressures = Assembly(layout, "pressures")
+        self._cylinders = list(
+            dict.fromkeys(name.split(".")[0] for name in layout.pressures if name not in LINES)
+        )
+        self._joint_states = bag.add_arrays(JOINT_STATES, layout.positions)
+        self._nothing = np.full(len(layout.positions), np.nan)
+        self._cylinder_pressures = (
+            bag.add_arrays(CYLINDER_PRESSURES, self._cylinders) if self._cylinders else None
+        )
+        self._valve_command = bag.add_arrays(VALVE_COMMAND, layout.valves)
+        self.written: Counter[str] = Counter()  # messages by topic
+        self.faults: Counter[tuple[str, str]] = Counter()  # by message and kind
+
+    @property
+    def incomplete(self) -> int:
+        """Cycles of positions or pressures left out because one of their frames is not there."""
+        return self._positions.incomplete + self._pressures.incomplete
+
+    def add(self, frame: Frame) -> None:
+        """Write what this frame completes."""
+        if command := self._machine.decode(frame):
+            self._count(command.faults)
+            if not any(fault.kind in UNUSABLE for fault in command.faults):
+                self._command(command)
+        elif readings := self._driver.decode(frame):
+            self._monitor = self._monitor or Monitor(
+                self._layout.readings, self._layout.timing, frame.steady
+            )
+            faults = [*self._monitor.check(frame.steady), *self._monitor.observe(readings)]
+            self._count(faults)
+            if not any(fault.kind in UNUSABLE for fault in faults):
+                self._readings(readings)
+
+    def _readings(self, readings: Readings) -> None:
+        if complete := self._positions.add(readings):
+            position = list(complete.values.values())
+            self._joint_states.write(
+                complete.stamp, complete.stamp, position, self._nothing, self._nothing
+            )
+            self.written[JOINT_STATES.name] += 1
+        if self._cylinder_pressures and (complete := self._pressures.add(readings)):
+            self._cylinder_pressures.write(
+                complete.stamp, complete.stamp, *self._pressure_fields(complete)
+            )
+            self.written[CYLINDER_PRESSURES.name] += 1
+
+    def _pressure_fields(self, complete: Complete) -> list[list[float] | float]:
+        value = complete.values
+        return [
+            [value.get(f"{one}.a", math.nan) for one in self._cylinders],
+            [value.get(f"{one}.b", math.nan) for one in self._cylinders],
+            value.get("supply", math.nan),
+            value.get("tank", math.nan),
+        ]
+
+    def _command(self, command: Readings) -> None:
+        # spools that are not enabled are neutral, whatever the frame says
+        spool = [
+            command.commands.get(one, math.nan) if command.enabled is not False else 0.0
+            for one in self._layout.valves
+        ]
+        self._valve_command.write(command.stamp, command.stamp, spool)
+        self.written[VALVE_COMMAND.name] += 1
+
+    def _count(self, faults: Iterable[Fault]) -> None:
+        for fault in faults:
+            self.faults[fault.message, str(fault.kind)] += 1

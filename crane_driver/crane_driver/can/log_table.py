@@ -1,0 +1,115 @@
+"""Every signal of a bus log as one long table, and what the DBC could not decode."""
+
+from array import array
+from collections import Counter
+
+import numpy as np
+import polars as pl
+from cantools.database import DecodeError
+from cantools.database.can import Message
+
+from crane_driver.can.dbc import Dbc
+from crane_driver.can.frame import Frame, show_id
+
+
+class Sender:
+    """The frames of one identifier, which decode as one message."""
+
+    def __init__(self, id: str, message: Message):
+        self.id, self.message = id, message
+        self.stamps = array("q")  # ns
+
+
+class LogTable:
+    """Collects the values of frames.
+
+    Nothing is lost silently: `frames` is `decoded` plus all of `unknown` plus all of `failed`.
+    """
+
+    def __init__(self, dbc: Dbc):
+        self._dbc = dbc
+        self.frames = 0
+        self.first = self.last = 0  # ns, stamps
+        self.unknown: Counter[str] = Counter()  # frames by identifier
+        self.failed: Counter[tuple[str, str, str]] = Counter()  # by identifier, message, reason
+        self.senders: dict[str, Sender] = {}
+        self._signals: dict[tuple[str, str], int] = {}  # message and signal: number
+        # one entry a value: stamp [ns], number of sender and signal, value
+        self._stamps, self._of_sender, self._of_signal = array("q"), array("L"), array("L")
+        self._values = array("d")
+        self._numbers: dict[str, int] = {}  # of the senders
+
+    @property
+    def decoded(self) -> int:
+        """Frames whose values are in the table."""
+        return sum(len(sender.stamps) for sender in self.senders.values())
+
+    def add(self, frame: Frame) -> None:
+        """Decode one frame, or count why it was not."""
+        self.first = self.first if self.frames else frame.stamp
+        self.last = frame.stamp
+        self.frames += 1
+        shown = show_id(frame.id, frame.extended)
+        message = self._dbc.find(frame.id, frame.extended)
+        if message is None:
+            self.unknown[shown] += 1
+            return
+        if len(frame.data) != message.length:
+            reason = f"{len(frame.data)} bytes, the DBC says {message.length}"
+            self.failed[shown, message.name, reason] += 1
+            return
+        try:
+            values = message.decode_simple(frame.data, False)
+        except DecodeError as error:  # a multiplexer value that the DBC does not have
+            self.failed[shown, message.name, str(error)] += 1
+            return
+        sender = self.senders.get(shown)
+        if sender is None:
+            sender = self.senders[shown] = Sender(shown, message)
+            self._numbers[shown] = len(self._numbers)
+        sender.stamps.append(frame.stamp)
+        for name, value in values.items():
+            self._stamps.append(frame.stamp)
+            self._of_sender.append(self._numbers[shown])
+            self._of_signal.append(
+                self._signals.setdefault((message.name, name), len(self._signals))
+            )
+            self._values.append(float(value))  # type: ignore[arg-type]  # names are not decoded
+
+    def table(self) -> pl.DataFrame:
+        """One row a value: stamp (UTC), id, message, signal, value, unit, in_range.
+
+        `in_range`: whether the value is within the limits of the DBC. What J1939 devices send for
+        «not available», all bits set, is not.
+        """
+        signals = [self._signal(*key) for key in self._signals]
+        senders = pl.DataFrame({"id": list(self.senders)}, schema={"id": pl.String})
+        described = pl.DataFrame(
+            signals,
+            schema={
+                "message": pl.String,
+                "signal": pl.String,
+                "unit": pl.String,
+                "low": pl.Float64,
+                "high": pl.Float64,
+            },
+            orient="row",
+        )
+        value = pl.Series("value", np.array(self._values))
+        stamp = pl.Series("stamp", np.array(self._stamps, dtype=np.int64))
+        rows = described[np.array(self._of_signal, dtype=np.uint32)]
+        return rows.select(
+            stamp.cast(pl.Datetime("ns", "UTC")),
+            senders["id"].gather(np.array(self._of_sender, dtype=np.uint32)),
+            "message",
+            "signal",
+            value,
+            "unit",
+            in_range=(pl.col("low") <= value) & (value <= pl.col("high")),
+        )
+
+    def _signal(self, message: str, name: str) -> tuple[str, str, str, float, float]:
+        signal = self._dbc.messages[message].get_signal_by_name(name)
+        low = -np.inf if signal.minimum is None else float(signal.minimum)
+        high = np.inf if signal.maximum is None else float(signal.maximum)
+        return message, name, signal.unit or "", low, high
