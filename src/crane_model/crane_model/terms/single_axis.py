@@ -25,7 +25,7 @@ class Inertia(JointTerm):
 
 
 class Offset(JointTerm):
-    """A constant force: the drive's or the sensor's zero."""
+    """tau = f_0, a constant force: the drive's or the sensor's zero."""
 
     type: Literal["offset"] = "offset"
     family: ClassVar[Family] = "sensing"

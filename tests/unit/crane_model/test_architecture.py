@@ -1,0 +1,68 @@
+"""Imports point one way, and the mathematics knows nothing of ROS; read from the source itself."""
+
+import ast
+from pathlib import Path
+
+import pytest
+
+ROOT = Path(__file__).resolve().parents[3]
+FOLDERS = {
+    "crane_model": ROOT / "src" / "crane_model" / "crane_model",
+    "crane_sim": ROOT / "src" / "crane_sim" / "crane_sim",
+    "crane_driver": ROOT / "crane_driver" / "crane_driver",
+    "crane_trajectory": ROOT / "crane_trajectory" / "crane_trajectory",
+    "crane_identification": ROOT / "crane_identification" / "crane_identification",
+}
+# What is identified is judged against crane_sim: crane_model and crane_identification share
+# nothing with it.
+MAY_IMPORT = {
+    "crane_model": set(),
+    "crane_driver": {"crane_model"},
+    "crane_trajectory": {"crane_model"},
+    "crane_sim": {"crane_model", "crane_driver", "crane_trajectory"},
+    "crane_identification": {"crane_model", "crane_driver", "crane_trajectory"},
+}
+ROS_PREFIXES = ("rclpy", "rcl_interfaces", "crane_interfaces", "launch", "rosidl_")
+ROS_SUFFIXES = ("_msgs", "_srvs")
+
+
+def imported_packages(file: Path) -> set[str]:
+    """Top-level names that a file imports, anywhere in it."""
+    names = set()
+    for node in ast.walk(ast.parse(file.read_text(encoding="utf-8"))):
+        if isinstance(node, ast.Import):
+            names |= {alias.name.split(".")[0] for alias in node.names}
+        elif isinstance(node, ast.ImportFrom) and node.level == 0:
+            names.add(str(node.module).split(".")[0])
+    return names
+
+
+def is_ros(name: str) -> bool:
+    return name.startswith(ROS_PREFIXES) or name.endswith(ROS_SUFFIXES)
+
+
+@pytest.mark.parametrize("package", FOLDERS)
+def test_imports_point_one_way(package: str) -> None:
+    files = list(FOLDERS[package].rglob("*.py"))
+    assert files
+    for file in files:
+        others = imported_packages(file) & (FOLDERS.keys() - {package})
+        forbidden = others - MAY_IMPORT[package]
+        assert not forbidden, f"{file.relative_to(ROOT)} imports {', '.join(sorted(forbidden))}"
+
+
+@pytest.mark.parametrize("package", sorted(FOLDERS.keys() - {"crane_driver"}))
+def test_mathematics_imports_no_ros(package: str) -> None:
+    """Only nodes (..._node.py) do, and the driver, whose work it is; crane_model has no node."""
+    for file in FOLDERS[package].rglob("*.py"):
+        if file.stem.endswith("_node") and package != "crane_model":
+            continue
+        ros = sorted(name for name in imported_packages(file) if is_ros(name))
+        assert not ros, f"{file.relative_to(ROOT)} imports {', '.join(ros)}"
+
+
+def test_ros_packages_are_recognised() -> None:
+    """Guards the check above against a list that matches nothing."""
+    for name in ("rclpy", "sensor_msgs", "std_srvs", "crane_interfaces"):
+        assert is_ros(name)
+    assert not any(is_ros(name) for name in ("numpy", "rosbags", "crane_model", "pydantic"))
