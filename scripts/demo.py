@@ -7,6 +7,7 @@ the executables that a user would call; results are left in runs/demo.
 
 import json
 import math
+import shutil
 import subprocess
 import sys
 import time
@@ -198,8 +199,9 @@ def main() -> None:
     """Run the demo."""
     console = Console()
     phases = Phases(console)
+    shutil.rmtree(OUT, ignore_errors=True)  # only ever written by this script
     for law in LAWS:
-        law.folder.mkdir(parents=True, exist_ok=True)
+        law.folder.mkdir(parents=True)
     with phases.phase("bags", f"stand-in machine: {2 * len(LAWS)} bags of {PERIODS} periods"):
         for_both(make_bags)
     with phases.phase("identify", "identification: fit, validation on the other bag, report"):

@@ -6,7 +6,7 @@ import numpy as np
 
 from crane_identification.preparation import Preparation
 from crane_identification.regression import build_rows, noise_floor
-from crane_identification.signals.decimate import decimate
+from crane_identification.signals.decimate import decimate, decimation_rows
 from crane_model.model_file import Model
 
 
@@ -14,13 +14,17 @@ from crane_model.model_file import Model
 class Validation:
     """How a model predicts one recording; all forces after the same zero-phase filter.
 
-    `time` (n,) [s]; `measured`, `predicted` and the model's `gravity` part (n, j) [N m or N]. Per
-    joint (j,): `relative_error` ‖τ - τ̂‖/‖τ‖ over all samples, the same relative to τ without
-    gravity, the same over those samples at which the sign of the joint's velocity is known; and
+    `time` (n,) [s]; `measured`, `predicted` and the model's `gravity` part (n, j) [N m or N]. Where
+    a joint stands or turns back, friction (13) may be anything between its two branches: the
+    prediction there is the force in that range nearest to the measured one, which costs nothing
+    only if the measured force is one that the model allows.
+
+    Per joint (j,): `relative_error` ‖τ - τ̂‖/‖τ‖ over all samples; `relative_error_moving`, the same
+    over the share `moving` of them at which the sign of the joint's velocity is known; and
     `noise_floor` [N m or N], the rms noise of the averaged force (NaN without two periods).
     """
 
-    source: str
+    preparation: Preparation
     joints: tuple[str, ...]
     time: np.ndarray
     measured: np.ndarray
@@ -29,7 +33,13 @@ class Validation:
     relative_error: np.ndarray
     relative_error_without_gravity: np.ndarray
     relative_error_moving: np.ndarray
+    moving: np.ndarray
     noise_floor: np.ndarray
+
+    @property
+    def source(self) -> str:
+        """The recording."""
+        return self.preparation.source
 
     @property
     def relative_noise_floor(self) -> np.ndarray:
@@ -39,21 +49,28 @@ class Validation:
 
 def compare(model: Model, preparation: Preparation, factor: int) -> Validation:
     """Prediction of an estimated `model` on a prepared recording, decimated by `factor`."""
-    rows = build_rows(model, preparation, factor, gated=False)
-    moving = build_rows(model, preparation, factor, gated=True)
-    gravity = decimate(model.gravity(preparation.record), factor, preparation.periodic)
-    error = rows.residual(model.theta)
+    record = preparation.record
+    assert record.force is not None  # prepare() refuses such recordings
+
+    def filtered(force: np.ndarray) -> np.ndarray:
+        return decimate(force, factor, preparation.periodic)
+
+    allowed = np.clip(record.force, *model.range_at_standstill(record))
+    measured = filtered(record.force)
+    predicted = filtered(np.where(preparation.moving, model.predict(record), allowed))
+    gravity = filtered(model.gravity(record))
+    rows = build_rows(model, preparation, factor, gated=True)
     return Validation(
-        source=preparation.source,
+        preparation=preparation,
         joints=model.joints,
-        time=rows.time,
-        measured=rows.force,
-        predicted=rows.force - error,
+        time=record.time[decimation_rows(len(record), factor)],
+        measured=measured,
+        predicted=predicted,
         gravity=gravity,
-        relative_error=_ratio(error, rows.force),
-        relative_error_without_gravity=_ratio(error, rows.force - gravity),
-        relative_error_moving=moving.norms(moving.residual(model.theta))
-        / moving.norms(moving.force),
+        relative_error=_ratio(measured - predicted, measured),
+        relative_error_without_gravity=_ratio(measured - predicted, measured - gravity),
+        relative_error_moving=rows.norms(rows.residual(model.theta)) / rows.norms(rows.force),
+        moving=preparation.moving.mean(axis=0),
         noise_floor=noise_floor(preparation, factor),
     )
 

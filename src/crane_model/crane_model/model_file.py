@@ -71,6 +71,16 @@ class Model:
         """Generalized forces Phi Theta on n samples: (n, j) [N m, N]."""
         return self.regressor(record) @ self.theta
 
+    def range_at_standstill(self, record: Record) -> tuple[np.ndarray, np.ndarray]:
+        """Least and largest force, (n, j) each, between the branches of friction up and down.
+
+        Where a joint stands, (13) is set-valued: the force is anything in between.
+        """
+        one = np.ones_like(record.position)
+        up = self.predict(replace(record, direction_known=one))
+        down = self.predict(replace(record, direction_known=-one))
+        return np.minimum(up, down), np.maximum(up, down)
+
     def gravity(self, record: Record) -> np.ndarray:
         """The part of the force that gravity alone needs at the record's positions: (n, j)."""
         columns = self.regressor(record.at_rest())

@@ -1,0 +1,159 @@
+"""`identify`: fit a model to recordings, validate it on others, write model, summary and report."""
+
+import argparse
+import sys
+from collections.abc import Sequence
+from dataclasses import dataclass
+from datetime import UTC, datetime
+from pathlib import Path
+
+from pydantic import RootModel
+
+from crane_identification.data.bag_log import read_bag
+from crane_identification.data.column_map import ColumnMap
+from crane_identification.data.log import Log
+from crane_identification.data.table_log import read_table
+from crane_identification.options import Options
+from crane_identification.pipeline import fit, validate
+from crane_identification.progress import Progress
+from crane_identification.progress_bar import ProgressBar
+from crane_identification.report import page, summary
+from crane_identification.report.content import IdentificationReport, Provenance
+from crane_identification.report.findings import findings
+from crane_model import cli
+from crane_model.configuration import load
+from crane_model.errors import ConfigurationError, DataError
+from crane_model.model_file import Model, load_model, save_model
+
+TABLES = (".csv", ".tsv", ".txt", ".parquet", ".mat")
+
+
+class ReferenceValues(RootModel[dict[str, float]]):
+    """Known values of parameters by name, to be shown beside the estimates."""
+
+
+@dataclass(frozen=True)
+class Sources:
+    """Reads recordings of either kind, each file once."""
+
+    model: Model
+    columns: ColumnMap | None
+    progress: Progress
+
+    def read(self, paths: Sequence[Path]) -> tuple[Log, ...]:
+        """A log of each bag or table; `DataError` and `ConfigurationError` as their readers."""
+        return tuple(self._read(path) for path in paths)
+
+    def _read(self, path: Path) -> Log:
+        if path.suffix.lower() not in TABLES:
+            return read_bag(path, self.model.joints, self.progress)
+        if self.columns is None:
+            raise ConfigurationError(
+                f"{path}: a table needs a column map that says which column holds what; "
+                "name it with --columns"
+            )
+        return read_table(path, self.columns, self.model.joints)
+
+
+def identify(arguments: argparse.Namespace) -> None:
+    """Everything the command does; raises `CraneError` with what is wrong."""
+    model = load_model(arguments.model)
+    overlap = {path.resolve() for path in arguments.train} & {
+        path.resolve() for path in arguments.validate
+    }
+    if overlap:
+        raise DataError(
+            f"{', '.join(map(str, sorted(overlap)))}: given for training and for validation; "
+            "validate on recordings that the fit has not seen"
+        )
+    columns = load(arguments.columns, ColumnMap) if arguments.columns else None
+    known = (
+        load(arguments.reference_values, ReferenceValues) if arguments.reference_values else None
+    )
+    options = Options(average=arguments.average, period=arguments.period)
+    with ProgressBar() as progress:
+        sources = Sources(model, columns, progress)
+        training, held_out = sources.read(arguments.train), sources.read(arguments.validate)
+        result = fit(model, training, options, progress)
+        validations = validate(result.model, held_out, options, progress) if held_out else ()
+        held_out_data = tuple(v.preparation for v in validations)
+        report = IdentificationReport(
+            fit=result,
+            options=options,
+            training=training,
+            validations=validations,
+            validation_data=held_out_data,
+            warnings=findings(result, (*training, *held_out), validations, held_out_data),
+            provenance=Provenance.of(
+                datetime.now(UTC).strftime("%Y-%m-%d %H:%M UTC"),
+                ["identify", *arguments.given],
+                str(arguments.model),
+            ),
+            planted=known.root if known else None,
+        )
+        arguments.out.mkdir(parents=True, exist_ok=True)
+        save_model(arguments.out / "model.yaml", result.model)
+        summary.write(arguments.out / "summary.json", report)
+        page.write(arguments.out / "report.html", report, progress)
+    _tell(report, arguments.out)
+
+
+def _tell(report: IdentificationReport, out: Path) -> None:
+    for warning in report.warnings:
+        print(f"warning: {warning}", file=sys.stderr)
+    estimate = report.fit.estimate
+    print(f"{len(estimate.names)} parameters from {estimate.samples} equations")
+    if report.held_out is not None:
+        for joint, error in zip(estimate.joints, report.held_out.relative, strict=True):
+            print(f"  {joint}: {error:.2%} of the force unexplained on held-out recordings")
+    print(f"written: {out}/model.yaml, {out}/summary.json, {out}/report.html")
+
+
+def parser() -> argparse.ArgumentParser:
+    """The command line."""
+    result = argparse.ArgumentParser(
+        prog="identify",
+        description="Fit the parameters of a model to recordings, validate them on others, and "
+        "write model.yaml, summary.json and report.html.",
+        epilog="Recordings are bags (folders, written by ros2 bag or by the suite) or tables "
+        f"({', '.join(TABLES)}) with a column map.",
+    )
+    add = result.add_argument
+    add("--model", type=Path, required=True, help="model file (YAML) that lists the terms")
+    add("--train", type=Path, nargs="+", required=True, help="recordings to fit the model to")
+    add("--validate", type=Path, nargs="+", default=[], help="recordings to validate it on")
+    add("--out", type=Path, required=True, help="folder for the results")
+    add("--columns", type=Path, help="column map (YAML) of the tables")
+    add(
+        "--period",
+        type=_seconds,
+        help="period [s] over which to average, where no reference is recorded to find it in",
+    )
+    add(
+        "--no-average",
+        dest="average",
+        action="store_false",
+        help="use every sample: the motion is not periodic",
+    )
+    add(
+        "--reference-values",
+        type=Path,
+        help="JSON or YAML file of known parameter values by name (say, those planted in a "
+        "simulated machine), shown in the report beside the estimates",
+    )
+    return result
+
+
+def _seconds(text: str) -> float:
+    value = float(text)
+    if not 0.0 < value < float("inf"):
+        raise argparse.ArgumentTypeError(f"must be a positive number of seconds, got {text}")
+    return value
+
+
+def main(argv: Sequence[str] | None = None) -> int:
+    """Entry point; exit status 0, 1 for an error that is named, 130 when interrupted."""
+    given = list(sys.argv[1:] if argv is None else argv)
+    arguments = parser().parse_args(given)
+    arguments.given = given
+    return cli.run(lambda: identify(arguments))
