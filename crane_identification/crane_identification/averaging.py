@@ -4,7 +4,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-TRANSIENT = 3.0
+TRANSIENT = 2.0
 """A first period that differs from the later ones by this many times their scatter is transient."""
 
 

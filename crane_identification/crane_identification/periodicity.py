@@ -3,14 +3,29 @@
 from dataclasses import dataclass
 
 import numpy as np
+from scipy.ndimage import uniform_filter1d
 from scipy.signal import fftconvolve
 
 from crane_model.errors import DataError
 
 STEPS = 1.5
-"""Equal means: to within this many of the largest steps between two samples of the reference."""
+"""About equal: to within this many of the largest steps between two samples of the reference."""
+WINDOW = 0.003
+"""Share of the lag over which differences are averaged."""
+TYPICAL = 0.9
+SPREAD = 5.0
+"""Equal: to within this many times the 0.9 quantile of the difference over the repeating part."""
+SLACK = (16.0, 8.0, 4.0, 2.0, *(1.0,) * 16)
+"""Multiples of about equal with which the search for the exact lag proceeds."""
+ROUNDING = 1e-9
+"""Share of the range of the reference below which differences are rounding."""
 MOVES = 20.0
-"""A part of the reference moves if its range is this many times what counts as equal."""
+"""A part of the reference moves if its range is this many of the largest steps."""
+LONGEST = 0.55
+"""Share of the reference up to which lags are tried: two periods, and a little for the search."""
+SEEN = 0.99
+"""Share of a second period that must be there for the first to count as repeated: the very last
+sample of two whole periods may be missing."""
 
 
 @dataclass(frozen=True)
@@ -30,27 +45,27 @@ def detect_periodicity(
     Found without `period`, it must be seen at least twice; given one [s], the longest part that
     repeats after it is looked for. Standing still is not repeating. `DataError` if there is none.
     """
-    step = float(np.median(np.diff(time)))
-    uniform = time[0] + step * np.arange(int((time[-1] - time[0]) / step) + 1)
+    steps = max(round((time[-1] - time[0]) / float(np.median(np.diff(time)))), 1)
+    uniform, step = np.linspace(time[0], time[-1], steps + 1, retstep=True)
     signal = _normalized(
         np.stack([np.interp(uniform, time, column) for column in reference.T], axis=1)
     )
-    tolerance = STEPS * float(np.abs(np.diff(signal, axis=0)).max())
+    largest_step = float(np.abs(np.diff(signal, axis=0)).max())
+    about, moves = STEPS * largest_step, MOVES * largest_step
     lags = _candidates(signal) if period is None else np.array([period / step])
     for lag in lags:
-        exact = _refined(signal, float(lag), tolerance) if period is None else float(lag)
-        first, last = _repeating(signal, exact, tolerance)
-        if last - first >= (exact if period is None else 1.0):
-            start = float(uniform[first])
-            return Periodicity(exact * step, start, float(uniform[last]) + exact * step)
-    length = f"{uniform[-1] - uniform[0]:.4g} s"
+        exact, first, last = _agreement(signal, float(lag), about, moves, period is not None)
+        if last - first >= (SEEN * exact if period is None else 1.0) and exact > lag / 2:
+            length = exact * float(step)
+            return Periodicity(length, float(uniform[first]), float(uniform[last]) + length)
+    whole = f"{uniform[-1] - uniform[0]:.4g} s"
     if period is None:
         raise DataError(
-            f"the reference does not repeat itself within its {length}; record at least two whole "
+            f"the reference does not repeat itself within its {whole}; record at least two whole "
             f"periods, give the period, or do not average"
         )
     raise DataError(
-        f"the reference of {length} does not repeat itself after the given period of {period} s; "
+        f"the reference of {whole} does not repeat itself after the given period of {period} s; "
         f"give the period of the trajectory, or do not average"
     )
 
@@ -72,7 +87,7 @@ def _candidates(signal: np.ndarray) -> np.ndarray:
     power = (signal**2).sum(axis=1)
     products = sum(fftconvolve(x, x[::-1])[n - 1 :] for x in signal.T)
     energy = np.concatenate([[0.0], np.cumsum(power)])
-    lag = np.arange(n // 2 + 1)
+    lag = np.arange(int(LONGEST * n))
     difference = (energy[n - lag] + energy[n] - energy[lag] - 2 * products[lag]) / (n - lag)
     risen = int(np.argmax(difference > 0.5 * difference.mean()))
     inner = difference[1:-1]
@@ -83,36 +98,54 @@ def _candidates(signal: np.ndarray) -> np.ndarray:
 
 def _difference(signal: np.ndarray, lag: float) -> np.ndarray:
     """signal(k + lag) - signal(k) for every k at which both exist; linear between samples."""
-    whole = int(lag)
-    share = lag - whole
-    n = len(signal) - whole - 1
-    ahead = (1 - share) * signal[whole : whole + n] + share * signal[whole + 1 : whole + 1 + n]
+    whole = round(lag) if abs(lag - round(lag)) < ROUNDING * lag else int(lag)
+    share = max(lag - whole, 0.0)
+    n = len(signal) - whole - (share > 0.0)
+    ahead = signal[whole : whole + n]
+    if share > 0.0:
+        ahead = (1 - share) * ahead + share * signal[whole + 1 : whole + 1 + n]
     return ahead - signal[:n]
 
 
-def _repeating(signal: np.ndarray, lag: float, tolerance: float) -> tuple[int, int]:
+def _distance(signal: np.ndarray, lag: float) -> np.ndarray:
+    """Root mean square of that difference around every k, over all columns."""
+    power = (_difference(signal, lag) ** 2).sum(axis=1)
+    return np.sqrt(uniform_filter1d(power, max(round(WINDOW * lag), 1)).clip(0.0))
+
+
+def _repeating(signal: np.ndarray, lag: float, tolerance: float, moves: float) -> tuple[int, int]:
     """First and last sample k of the longest moving part in which k and k + lag agree."""
-    equal = (np.abs(_difference(signal, lag)) <= tolerance).all(axis=1)
+    equal = _distance(signal, lag) <= tolerance
     edges = np.flatnonzero(np.diff(equal, prepend=False, append=False)).reshape(-1, 2)
     span = int(np.ceil(lag))
     best = (0, 0)
     for begin, end in edges:
-        moves = np.ptp(signal[begin : end + span], axis=0).max() > MOVES * tolerance
-        if moves and end - 1 - begin > best[1] - best[0]:
+        moving = np.ptp(signal[begin : end + span], axis=0).max() > moves
+        if moving and end - 1 - begin > best[1] - best[0]:
             best = (int(begin), int(end) - 1)
     return best
 
 
-def _refined(signal: np.ndarray, lag: float, tolerance: float) -> float:
-    """The lag between samples that makes the repeating part agree best (Gauss-Newton)."""
+def _agreement(
+    signal: np.ndarray, lag: float, about: float, moves: float, known: bool
+) -> tuple[float, int, int]:
+    """The lag at which the signal agrees best with itself, and first and last sample k that do.
+
+    What does not repeat shifts the minimum at which the search starts, so it starts tolerant and
+    ends with the difference that interpolation and jitter make. A `known` lag is kept.
+    """
     slope = np.gradient(signal, axis=0)
-    longest = len(signal) - 3.0
-    for _ in range(3):
-        first, last = _repeating(signal, lag, tolerance)
+    equal = SLACK[0] * about
+    for slack in SLACK:
+        first, last = _repeating(signal, lag, equal, moves)
         if last <= first:
-            return lag
-        error = _difference(signal, lag)[first:last]
-        gradient = slope[first:last]
-        correction = float((error * gradient).sum() / max((gradient**2).sum(), 1e-300))
-        lag = float(np.clip(lag - np.clip(correction, -0.5, 0.5), 1.0, longest))
-    return lag
+            break
+        if not known:  # Gauss-Newton
+            error, gradient = _difference(signal, lag)[first:last], slope[first:last]
+            correction = float((error * gradient).sum() / (gradient**2).sum())
+            lag = float(np.clip(lag - correction, 1.0, len(signal) - 3.0))
+        spread = _distance(signal, lag)[first:last]
+        if not len(spread):
+            break
+        equal = min(slack * about, SPREAD * float(np.quantile(spread, TYPICAL)) + ROUNDING)
+    return lag, *_repeating(signal, lag, equal, moves)

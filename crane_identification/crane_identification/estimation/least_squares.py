@@ -10,6 +10,8 @@ from crane_model.errors import DataError
 
 RANK_TOLERANCE = 1e-9
 CONTAINED = 1e-6  # share of a dependent column's norm above which another is part of it
+PASSES = 50
+SAME_WEIGHTS = 1e-3  # relative change
 ROUNDING = 1e-12  # share of the forces below which a residual is rounding, not noise
 
 
@@ -19,16 +21,14 @@ def least_squares(
     """Θ that minimises the weighted norm of τ - ΦΘ (30).
 
     `weights` multiply the rows: (j,) or (n, j), in 1/N m and 1/N. Without them, one joint is
-    fitted as (31) stands; with several joints a first pass as (31) stands gives the residual of
-    each, and a second one weights each joint by the inverse of its root mean square.
+    fitted as (31) stands; with several, that is the first pass, and further ones weight each joint
+    by the inverse of its root mean square residual until the weights stay the same.
 
     Raises `DataError` if there are fewer rows than parameters or a row is not finite.
     """
     _check(rows)
     if weights is None:
-        weights = np.ones(len(rows.joints))
-        if len(rows.joints) > 1:
-            weights = inverse_residuals(rows, _solve(rows, weights)[0])
+        weights = np.ones(len(rows.joints)) if len(rows.joints) == 1 else balancing(rows)
     weights = np.broadcast_to(weights, rows.force.shape)
     values, determined, bread = _solve(rows, weights)
     residual = rows.residual(values)
@@ -66,12 +66,21 @@ def condition_numbers(stacked: np.ndarray) -> tuple[float, float]:
     return float(np.linalg.cond(stacked)), float(np.linalg.cond(stacked / norms))
 
 
-def inverse_residuals(rows: Rows, values: np.ndarray) -> np.ndarray:
-    """Weights (j,): one over the root mean square residual of each joint."""
+def balancing(rows: Rows) -> np.ndarray:
+    """Weights (j,) with which the weighted residual of each joint has root mean square 1."""
+    weights = np.ones(len(rows.joints))
+    for _ in range(PASSES):
+        before, weights = weights, _inverse_residuals(rows, _solve(rows, weights)[0])
+        if (np.abs(np.log(weights / before)) < SAME_WEIGHTS).all():
+            break
+    return weights
+
+
+def _inverse_residuals(rows: Rows, values: np.ndarray) -> np.ndarray:
     counts = np.maximum(rows.used.sum(axis=0), 1)
     residual = rows.norms(rows.residual(values)) / np.sqrt(counts)
     force = rows.norms(rows.force) / np.sqrt(counts)
-    floor = np.maximum(ROUNDING * force, np.finfo(float).tiny)
+    floor = np.where(force > 0.0, ROUNDING * force, 1.0)
     return 1.0 / np.maximum(residual, floor)
 
 
