@@ -41,7 +41,7 @@ def fit(
     options = options or Options()
     preparations = _prepare_all(model, logs, options, progress)
     factor = common_factor(preparations, options.decimation)
-    rows = Rows.stack([build_rows(model, p, factor, options.mask_reversals) for p in preparations])
+    rows = Rows.stack([build_rows(model, p, factor) for p in preparations])
     estimate = least_squares(rows, options.covariance)
     progress("fit", 1.0)
     if estimate.undetermined:

@@ -115,14 +115,13 @@ def _whole(
             f"start and {end} at the end; record longer"
         )
     kept = slice(begin, len(rows) - end)
-    known = moving(motion, step, periodic=False)
     signals = {name: values[kept] for name, values in signals.items()}
     time = samples.time[rows][kept]
     return Preparation(
         source=log.source,
         record=_record(model, time, signals, motion.during(kept), options.mask_reversals),
         step=step,
-        moving=known[kept, : len(model.joints)],
+        moving=_moving(model, motion, step, False, options)[kept],
         bandwidth=motion.bandwidth[: len(model.joints)],
         averaging=None,
         periods=signals["force"][np.newaxis],
@@ -151,7 +150,7 @@ def _averaged(
         source=log.source,
         record=_record(model, time, mean, motion, options.mask_reversals),
         step=step,
-        moving=moving(motion, step, periodic=True)[:, : len(model.joints)],
+        moving=_moving(model, motion, step, True, options),
         bandwidth=motion.bandwidth[: len(model.joints)],
         averaging=Averaging(length * step, used, whole - used, (len(rows) - whole * length) * step),
         periods=fold(signals["force"], length, used),
@@ -191,6 +190,15 @@ def _coordinates(signals: dict[str, np.ndarray]) -> np.ndarray:
     if "slew_position" not in signals:
         return signals["position"]
     return np.column_stack([signals["position"], signals["slew_position"]])
+
+
+def _moving(
+    model: Model, motion: Motion, step: float, periodic: bool, options: Options
+) -> np.ndarray:
+    """(n, j): where the sign of the velocity is known, or everywhere if nothing is masked."""
+    if not options.mask_reversals:
+        return np.ones((len(motion.position), len(model.joints)), dtype=bool)
+    return moving(motion, step, periodic)[:, : len(model.joints)]
 
 
 def _record(

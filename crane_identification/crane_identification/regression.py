@@ -21,31 +21,27 @@ def common_factor(preparations: Sequence[Preparation], given: int | None = None)
     return min(decimation_factor(float(p.bandwidth.min()), p.step) for p in preparations)
 
 
-def build_rows(model: Model, preparation: Preparation, factor: int, gated: bool) -> Rows:
+def build_rows(model: Model, preparation: Preparation, factor: int) -> Rows:
     """Φ and τ of one recording, both through the same zero-phase filter and decimation.
 
-    `gated`: both sides are first set to 0 where the sign of the joint's velocity is not known,
-    which keeps (28) exact and keeps the filter from spreading the errors made there; rows that
-    are mostly empty are not used.
+    Both sides are first set to 0 where the sign of the joint's velocity is not known, which keeps
+    (28) exact and keeps the filter from spreading the errors made there; rows that are mostly
+    empty are not used.
     """
     record = preparation.record
     assert record.force is not None  # prepare() refuses such recordings
-    matrix, force = model.regressor(record), record.force
-    if gated:
-        gate = preparation.moving.astype(float)
-        matrix, force = matrix * gate[:, :, np.newaxis], force * gate
-        used = decimate(gate, factor, preparation.periodic) > OPEN
-    else:
-        used = np.ones((len(decimation_rows(len(record), factor)), len(model.joints)), dtype=bool)
+    gate = preparation.moving.astype(float)
+    matrix = model.regressor(record) * gate[:, :, np.newaxis]
+    kept = decimation_rows(len(record), factor)
     return Rows(
         joints=model.joints,
         names=tuple(parameter.name for parameter in model.parameters),
         units=tuple(parameter.unit for parameter in model.parameters),
-        time=record.time[decimation_rows(len(record), factor)],
-        run=np.zeros(len(used), dtype=int),
+        time=record.time[kept],
+        run=np.zeros(len(kept), dtype=int),
         matrix=decimate(matrix, factor, preparation.periodic),
-        force=decimate(force, factor, preparation.periodic),
-        used=used,
+        force=decimate(record.force * gate, factor, preparation.periodic),
+        used=decimate(gate, factor, preparation.periodic) > OPEN,
     )
 
 

@@ -59,7 +59,7 @@ def compare(model: Model, preparation: Preparation, factor: int) -> Validation:
     measured = filtered(record.force)
     predicted = filtered(np.where(preparation.moving, model.predict(record), allowed))
     gravity = filtered(model.gravity(record))
-    rows = build_rows(model, preparation, factor, gated=True)
+    rows = build_rows(model, preparation, factor)
     return Validation(
         preparation=preparation,
         joints=model.joints,
