@@ -70,13 +70,14 @@ class IdentificationReport:
     @cached_property
     def held_out(self) -> JointErrors | None:
         """Errors on the validation recordings; None without any."""
-        return pooled(self.validations) if self.validations else None
+        return pooled(self.fit.model, self.validations) if self.validations else None
 
     @cached_property
     def trained(self) -> JointErrors:
         """Errors on the training recordings, counted as the held-out ones: over all samples."""
         fit = self.fit
-        return pooled([compare(fit.model, p, fit.decimation) for p in fit.preparations])
+        compared = [compare(fit.model, p, fit.decimation) for p in fit.preparations]
+        return pooled(fit.model, compared)
 
     @property
     def training_bags(self) -> list[str]:

@@ -60,11 +60,9 @@ def averaged_figures(model: Model, preparation: Preparation, key: str) -> list[F
     return figures
 
 
-def validation_figures(
-    model: Model, preparation: Preparation, validation: Validation, key: str
-) -> list[Figure]:
+def validation_figures(model: Model, validation: Validation, key: str) -> list[Figure]:
     """Figs. 12 and 13 of each joint: measured and predicted force, and what is left below."""
-    noise = scatter(preparation, validation)
+    noise = scatter(validation)
     figures = []
     for j, joint in enumerate(model.joints):
         force_unit = unit(model.setting.force_unit(joint))
@@ -85,7 +83,9 @@ def validation_figures(
                 height=100,
             ),
         ]
-        figures.append(Figure(f"{key}-{joint}", spoken(joint), panels, left_out(preparation, j)))
+        figures.append(
+            Figure(f"{key}-{joint}", spoken(joint), panels, left_out(validation.preparation, j))
+        )
     return figures
 
 

@@ -60,6 +60,8 @@ def render(report: IdentificationReport, progress: Progress = silent) -> str:
         conditioning=tables.conditioning(report),
         excitation=tables.excitation(report),
         processing=processing(report),
+        has_reference=any(log.reference_position is not None for log in report.training),
+        has_scatter=any(len(v.preparation.periods) > 1 for v in report.validations),
         recordings=recordings,
         averages=averages,
         validations=validations,
@@ -83,11 +85,11 @@ def _figure_rows(
         recordings.append(FigureRow(log.source, figures))
         progress("report", (number + 1) / len(report.training))
     averages, validations = [], []
-    pairs = zip(report.validation_data, report.validations, strict=True)
-    for number, (data, validation) in enumerate(pairs):
-        averages.append(FigureRow(data.source, averaged_figures(model, data, f"average-{number}")))
-        figures = validation_figures(model, data, validation, f"validation-{number}")
-        validations.append(FigureRow(data.source, figures))
+    for number, validation in enumerate(report.validations):
+        figures = averaged_figures(model, validation.preparation, f"average-{number}")
+        averages.append(FigureRow(validation.source, figures))
+        figures = validation_figures(model, validation, f"validation-{number}")
+        validations.append(FigureRow(validation.source, figures))
     return recordings, averages, validations
 
 

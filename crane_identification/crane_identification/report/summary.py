@@ -21,11 +21,12 @@ class ParameterSummary(TypedDict):
 class Summary(TypedDict):
     """Errors are shares of one per joint, over all samples of all recordings of their kind.
 
-    `heldout_relative_error` is ‖τ - τ̂‖/‖τ‖, `heldout_relative_error_without_gravity` the same
-    relative to τ without its gravity part, `noise_floor` the share that noise alone causes; they
-    are empty without validation, and null where a recording holds no two periods to tell noise
-    from signal. The condition numbers are those of all columns in SI units, and of the same
-    columns scaled to norm 1 (null: rank deficient). `samples` counts the rows that were fitted.
+    `heldout_relative_error` is ‖τ - τ̂‖/‖τ‖, `..._moving` the same where the sign of the joint's
+    velocity is known, `..._without_gravity` the error relative to τ without its gravity part, and
+    `noise_floor` the share that noise alone causes. They are empty without validation, and null
+    where a recording holds no two periods to tell noise from signal. The condition numbers are
+    those of all columns in SI units, and of the same columns scaled to norm 1 (null: rank
+    deficient). `samples` counts the rows that were fitted.
     """
 
     model: str
@@ -33,6 +34,7 @@ class Summary(TypedDict):
     method: str
     parameters: list[ParameterSummary]
     heldout_relative_error: dict[str, float | None]
+    heldout_relative_error_moving: dict[str, float | None]
     heldout_relative_error_without_gravity: dict[str, float | None]
     noise_floor: dict[str, float | None]
     training_relative_error: dict[str, float | None]
@@ -62,6 +64,7 @@ def summarize(report: IdentificationReport) -> Summary:
             )
         ],
         heldout_relative_error=per_joint(held_out.relative) if held_out else {},
+        heldout_relative_error_moving=per_joint(held_out.moving) if held_out else {},
         heldout_relative_error_without_gravity=per_joint(held_out.without_gravity)
         if held_out
         else {},

@@ -55,6 +55,7 @@ class ErrorRow(NamedTuple):
     joint: str
     relative: str
     mark: Markup
+    moving: str
     without_gravity: str
     noise_floor: str
     training: str
@@ -136,6 +137,7 @@ def error_rows(report: IdentificationReport) -> list[ErrorRow]:
             mark=marks.error_mark(
                 float(held_out.relative[j]), float(held_out.noise_floor[j]), largest
             ),
+            moving=percent(float(held_out.moving[j])),
             without_gravity=percent(float(held_out.without_gravity[j])),
             noise_floor=percent(float(held_out.noise_floor[j])),
             training=percent(float(trained.relative[j])),
@@ -185,7 +187,7 @@ def conditioning(report: IdentificationReport) -> list[Conditioning]:
     ]
     for family in dict.fromkeys(families):
         chosen = [i for i, other in enumerate(families) if other == family]
-        if len(chosen) < len(families):
+        if 1 < len(chosen) < len(families):
             raw, normalized = condition_numbers(stacked[:, chosen])
             rows.append(
                 Conditioning(f"{family}, {len(chosen)} columns", plain(raw), plain(normalized))

@@ -73,3 +73,15 @@ def test_names_of_files_are_text_not_tags(tree):
 def test_what_was_done_is_said(tree):
     assert "not averaged" in tree.find("section", id="conditions")[0].text
     assert "averaged over periods" not in tree.find("section", id="validation")[0].text
+
+
+def test_only_what_is_drawn_has_a_key(tree):
+    keys = [e.text for paragraph in tree.find("p", class_="key") for e in paragraph.find("span")]
+    assert keys == [
+        "measured",
+        "estimated from the measurement",
+        "sign of the velocity not known",
+        "measured",
+        "model",
+        "sign of the velocity not known",
+    ]

@@ -45,6 +45,7 @@ def test_one_recording_alone_has_its_own_errors(report):
     for key, expected in (
         ("heldout_relative_error", validation.relative_error),
         ("heldout_relative_error_without_gravity", validation.relative_error_without_gravity),
+        ("heldout_relative_error_moving", validation.relative_error_moving),
         ("noise_floor", validation.relative_noise_floor),
     ):
         np.testing.assert_allclose(list(result[key].values()), expected)
