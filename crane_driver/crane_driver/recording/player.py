@@ -1,0 +1,102 @@
+"""`ros2 run crane_driver player`: a bag onto the topics it was recorded from."""
+
+import argparse
+import sys
+from collections.abc import Sequence
+from pathlib import Path
+
+import numpy as np
+from rclpy.utilities import remove_ros_args
+from rosbags.rosbag2 import Reader
+from tqdm import tqdm
+
+from crane_driver.bags.storage import open_bag
+from crane_driver.recording.arguments import positive
+from crane_driver.recording.playback import Selection, schedule, select
+from crane_driver.recording.player_node import Player
+from crane_driver.recording.ros import NANOSECONDS, ros
+from crane_model.cli import run
+
+PATIENCE = 2.0  # s before a progress bar appears
+
+
+def main(argv: Sequence[str] | None = None) -> int:
+    """Play a bag to its end."""
+    argv = sys.argv[1:] if argv is None else argv
+    options = _parser().parse_args(remove_ros_args(["player", *argv])[1:])
+    return run(lambda: _play(argv, options))
+
+
+def _play(argv: Sequence[str], options: argparse.Namespace) -> None:
+    bag: Path = options.bag
+    with ros(argv) as stop, open_bag(bag) as reader:
+        player = Player(stop)
+        allow, resolve = options.allow_valve_command, player.resolve_topic_name
+        selection = select(bag, reader, options.topics, allow, resolve)
+        for name, reason in selection.left_out.items():
+            print(f"left out {name}: {reason}", flush=True)
+        player.offer(selection.played)
+        for topic in selection.played:
+            print(f"playing {topic.name} ({topic.msgtype}, {topic.service})", flush=True)
+        player.wait_for_subscribers(options.wait_for)
+        _pass(player, bag, reader, selection, options.rate)
+        while options.loop and not stop.requested:
+            _pass(player, bag, reader, selection, options.rate)
+        player.finish()
+        if stop.requested:
+            raise KeyboardInterrupt
+
+
+def _pass(player: Player, bag: Path, reader: Reader, selection: Selection, rate: float) -> None:
+    """Play the bag once and say how well its timing was kept."""
+    delays: list[int] = []
+    with tqdm(
+        desc=f"playing {bag.name}",
+        total=round(reader.duration / NANOSECONDS, 1),
+        delay=PATIENCE,
+        bar_format="{desc}: {n:.1f} of {total} s |{bar}|",
+    ) as progress:
+
+        def played(time: int, delay: int) -> None:
+            delays.append(delay)
+            progress.update((time - reader.start_time) / NANOSECONDS - progress.n)
+
+        player.play(schedule(bag, reader, selection), rate, played)
+    if delays:
+        median, most, largest = np.percentile(delays, [50, 99, 100]) * 1e-6
+        print(
+            f"{bag}: {len(delays)} messages played, behind by {median:.1f} ms (median), "
+            f"{most:.1f} ms (99 %), {largest:.1f} ms (largest)",
+            flush=True,
+        )
+
+
+def _parser() -> argparse.ArgumentParser:
+    parser = argparse.ArgumentParser(
+        prog="player",
+        description="Plays a bag of either storage onto its topics, in its own rhythm, with the "
+        "time of the bag on /clock. Header stamps are as recorded.",
+        epilog="ROS arguments follow --ros-args. Valve commands can be looked at under another "
+        "name: --ros-args -r /valve_command:=/recorded_command",
+    )
+    parser.add_argument("bag", type=Path, metavar="BAG", help="a folder, or one file of it")
+    parser.add_argument(
+        "--rate", type=positive, default=1.0, metavar="R", help="times as fast (default: 1)"
+    )
+    parser.add_argument(
+        "--topics", nargs="+", default=(), metavar="TOPIC", help="play only these (default: all)"
+    )
+    parser.add_argument("--loop", action="store_true", help="begin again at the end")
+    parser.add_argument(
+        "--wait-for",
+        nargs="+",
+        default=(),
+        metavar="TOPIC",
+        help="begin when each of these has a subscriber",
+    )
+    parser.add_argument(
+        "--allow-valve-command",
+        action="store_true",
+        help="also play onto /valve_command: MOVES A CRANE whose driver listens there",
+    )
+    return parser

@@ -1,0 +1,92 @@
+"""`ros2 run crane_driver recorder`: topics into a bag, until Ctrl-C."""
+
+import argparse
+import math
+import sys
+from collections.abc import Sequence
+from pathlib import Path
+
+from rclpy.executors import SingleThreadedExecutor
+from rclpy.utilities import remove_ros_args
+
+from crane_driver.recording.arguments import positive
+from crane_driver.recording.bag import RecordedBag, Split
+from crane_driver.recording.recorder_node import Recorder
+from crane_driver.recording.ros import ros
+from crane_driver.recording.statistics import shown, table
+from crane_model.cli import run
+
+TOPICS = (
+    "/joint_states",
+    "/cylinder_pressures",
+    "/valve_command",
+    "/joint_reference",
+    "/parameter_estimate",
+    "/generalized_forces",
+    "/diagnostics",
+    "/robot_description",
+)
+MEGABYTE = 1_000_000
+
+
+def main(argv: Sequence[str] | None = None) -> int:
+    """Record until SIGINT, SIGTERM or SIGHUP."""
+    argv = sys.argv[1:] if argv is None else argv
+    options = _parser().parse_args(remove_ros_args(["recorder", *argv])[1:])
+    split = Split(options.split_size * MEGABYTE, options.split_seconds)
+    return run(lambda: _record(argv, options.out, options.topics, split))
+
+
+def _record(argv: Sequence[str], out: Path, topics: Sequence[str], split: Split) -> None:
+    with ros(argv) as stop:
+        with RecordedBag(out, split) as bag:
+            recorder = Recorder(bag, topics)
+            executor = SingleThreadedExecutor()
+            executor.add_node(recorder)
+            while not stop.requested:
+                executor.spin_once(timeout_sec=0.1)
+            recorder.take()
+        print(_summary(bag, recorder), flush=True)
+
+
+def _summary(bag: RecordedBag, recorder: Recorder) -> str:
+    rows = []
+    for name in recorder.topics:
+        if name in recorder.recorded:
+            recorded = recorder.recorded[name]
+            arrivals = recorded.arrivals
+            rows.append((name, recorded.topic.msgtype, str(arrivals.count), shown(arrivals.lost)))
+        else:
+            rows.append(
+                (name, "not recorded" if name in recorder.problems else "no publisher", "0", "")
+            )
+    total = sum(bag.counts)
+    return f"{table(('topic', 'type', 'messages', 'lost'), rows)}\n{bag.path}: {total} messages"
+
+
+def _parser() -> argparse.ArgumentParser:
+    parser = argparse.ArgumentParser(
+        prog="recorder",
+        description="Records topics to an mcap bag until Ctrl-C, as their publishers come.",
+        epilog="ROS arguments follow --ros-args. A bag whose recorder was killed is mended by: "
+        "ros2 run crane_driver recover BAG --out NEW",
+    )
+    parser.add_argument("--out", type=Path, required=True, metavar="BAG", help="a new folder")
+    parser.add_argument(
+        "--topics", nargs="+", default=TOPICS, metavar="TOPIC", help=f"default: {' '.join(TOPICS)}"
+    )
+    parser.add_argument(
+        "--split-size",
+        type=positive,
+        default=math.inf,
+        metavar="MB",
+        help="begin a new file when one has reached this size (10^6 bytes)",
+    )
+    parser.add_argument(
+        "--split-seconds",
+        type=positive,
+        default=math.inf,
+        metavar="S",
+        help="begin a new file after this time",
+    )
+    return parser

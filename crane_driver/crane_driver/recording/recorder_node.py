@@ -1,0 +1,175 @@
+"""The recorder as a node: finds publishers, takes what they send, and says how it goes."""
+
+import time
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+from typing import Any
+
+from diagnostic_msgs.msg import DiagnosticArray, DiagnosticStatus, KeyValue
+from rclpy.callback_groups import CallbackGroup
+from rclpy.clock import Clock, ClockType
+from rclpy.node import Node
+from rclpy.subscription import Subscription
+from rclpy.topic_endpoint_info import TopicEndpointInfo
+from rclpy.type_hash import TypeHash
+
+from crane_driver.recording.bag import RecordedBag
+from crane_driver.recording.definitions import installed_definition, message_class
+from crane_driver.recording.metadata import RecordedTopic
+from crane_driver.recording.qos import Service, request
+from crane_driver.recording.ros import offered, profile
+from crane_driver.recording.statistics import Arrivals, shown
+from crane_model.errors import DataError
+
+TAKE = 0.02  # s between two visits to the queues of the subscriptions
+FLUSH = 0.5  # s; what is younger is lost when the process is killed
+SEARCH = 0.05  # s between two looks for publishers that are not there yet
+REPORT = 1.0  # s
+
+
+class Polled(CallbackGroup):
+    """Subscriptions that the executor leaves alone.
+
+    A callback through the executor costs 0.3 ms a message, taking a message from the queue of its
+    subscription a hundredth of that. The time of reception is stamped by the middleware, so that
+    nothing is lost by coming for it later.
+    """
+
+    def can_execute(self, entity: object) -> bool:
+        """Never."""
+        return False
+
+    def beginning_execution(self, entity: object) -> bool:
+        """Never."""
+        return False
+
+    def ending_execution(self, entity: object) -> None:
+        """Nothing to do."""
+
+
+@dataclass
+class Recorded:
+    """A topic that is being recorded."""
+
+    topic: RecordedTopic
+    number: int  # in the bag
+    subscription: Subscription
+    service: Service
+    arrivals: Arrivals
+
+
+class Recorder(Node):
+    """Records `topics` to `bag` as their publishers come."""
+
+    def __init__(self, bag: RecordedBag, topics: Sequence[str]):
+        super().__init__("recorder")
+        self.topics = [self.resolve_topic_name(name) for name in topics]
+        self.recorded: dict[str, Recorded] = {}
+        self.problems: dict[str, str] = {}  # of a topic
+        self._bag = bag
+        self._polled = Polled()
+        self._diagnostics = self.create_publisher(DiagnosticArray, "/diagnostics", 10)
+        steady = Clock(clock_type=ClockType.STEADY_TIME)
+        for period, work in (
+            (TAKE, self.take),
+            (FLUSH, bag.flush),
+            (SEARCH, self._search),
+            (REPORT, self._report),
+        ):
+            self.create_timer(period, work, clock=steady)
+
+    def take(self) -> None:
+        """Write what arrived since the last call, in the order of reception."""
+        arrived: list[tuple[int, bytes, dict[str, Any], Recorded]] = []
+        for recorded in self.recorded.values():
+            queue, msgtype = recorded.subscription.handle, recorded.subscription.msg_type
+            while (taken := queue.take_message(msgtype, True)) is not None:
+                data, info = taken
+                # other middleware than Fast DDS may not stamp
+                arrived.append((info["received_timestamp"] or time.time_ns(), data, info, recorded))
+        arrived.sort(key=lambda one: one[0])
+        for log_time, data, info, recorded in arrived:
+            sequence = info["publication_sequence_number"]
+            self._bag.write(recorded.number, log_time, data, info["source_timestamp"], sequence)
+            recorded.arrivals.arrived(sequence)
+
+    def _search(self) -> None:
+        """Subscribe to the topics that have got publishers."""
+        for name in self.topics:
+            if name in self.recorded or name in self.problems:
+                continue
+            if publishers := self.get_publishers_info_by_topic(name):
+                try:
+                    self._record(name, publishers)
+                except DataError as error:
+                    self._problem(name, f"not recorded: {error}")
+
+    def _record(self, name: str, publishers: Sequence[TopicEndpointInfo]) -> None:
+        msgtype = publishers[0].topic_type
+        same = [one for one in publishers if one.topic_type == msgtype]
+        definition = installed_definition(msgtype)
+        announced = {str(one.topic_type_hash) for one in same} - {str(TypeHash())}
+        if others := announced - {definition.type_hash}:
+            self._problem(name, f"published with another definition of {msgtype} than installed")
+            definition = replace(definition, type_hash=min(others))
+        topic = RecordedTopic(
+            name, msgtype, definition, tuple(offered(one.qos_profile) for one in same)
+        )
+        service = request(topic.offered_qos)
+        subscription = self.create_subscription(
+            message_class(msgtype),
+            name,
+            lambda message: None,  # never called: see Polled
+            profile(service),
+            callback_group=self._polled,
+            raw=True,
+        )
+        arrivals = Arrivals(len(same), time.monotonic())
+        self.recorded[name] = Recorded(topic, self._bag.add(topic), subscription, service, arrivals)
+        print(f"recording {name} ({msgtype}, {service})", flush=True)
+
+    def _report(self) -> None:
+        """Look at the publishers again, and publish how it goes."""
+        for name, recorded in self.recorded.items():
+            publishers = self.get_publishers_info_by_topic(name)
+            same = [one for one in publishers if one.topic_type == recorded.topic.msgtype]
+            recorded.arrivals.published_by(len(same))
+            recorded.arrivals.measure(time.monotonic())
+            heard = [one for one in same if recorded.service.hears(offered(one.qos_profile))]
+            if unheard := {one.node_name for one in publishers if one not in heard}:
+                self._problem(
+                    name,
+                    f"not recorded from {', '.join(sorted(unheard))}: type or quality of service "
+                    "differ from those of its first publisher; start both before the recorder",
+                )
+        message = DiagnosticArray(status=[self._status()])
+        message.header.stamp = self.get_clock().now().to_msg()
+        self._diagnostics.publish(message)
+
+    def _status(self) -> DiagnosticStatus:
+        arrivals = {name: recorded.arrivals for name, recorded in self.recorded.items()}
+        status = DiagnosticStatus(name=f"{self.get_name()}: {self._bag.path.name}")
+        lost = sum(one.lost or 0 for one in arrivals.values())
+        if self.problems:
+            status.level = DiagnosticStatus.ERROR
+            status.message = "; ".join(f"{name} {text}" for name, text in self.problems.items())
+        elif lost:
+            status.level = DiagnosticStatus.WARN
+            status.message = f"{lost} messages lost"
+        else:
+            status.level = DiagnosticStatus.OK
+            status.message = f"recording {len(arrivals)} of {len(self.topics)} topics"
+        for name, one in arrivals.items():
+            for quantity, value in (
+                ("rate [Hz]", f"{one.rate:.1f}"),
+                ("messages", str(one.count)),
+                ("lost", shown(one.lost)),
+            ):
+                status.values.append(KeyValue(key=f"{name} {quantity}", value=value))
+        return status
+
+    def _problem(self, name: str, text: str) -> None:
+        """Say once what is wrong with a topic."""
+        if name not in self.problems:
+            self.problems[name] = text
+            self.get_logger().warning(f"{name} {text}")

@@ -1,0 +1,123 @@
+"""`ros2 run crane_driver recover`: a readable bag out of one that was never closed."""
+
+import argparse
+import re
+from collections.abc import Sequence
+from contextlib import ExitStack
+from dataclasses import dataclass
+from pathlib import Path
+
+from tqdm import tqdm
+
+from crane_driver.recording.bag import RecordedBag
+from crane_driver.recording.metadata import RecordedTopic
+from crane_driver.recording.salvage import Salvage
+from crane_driver.recording.statistics import table
+from crane_model.cli import run
+from crane_model.errors import DataError
+
+PATIENCE = 2.0  # s before a progress bar appears
+
+
+def main(argv: Sequence[str] | None = None) -> int:
+    """Write what can be read of a damaged bag as a new one."""
+    parser = argparse.ArgumentParser(
+        prog="recover",
+        description="Makes a readable bag out of one that was not closed; that one is not touched.",
+    )
+    parser.add_argument("bag", type=Path, metavar="BAG", help="a folder, or one .mcap file of it")
+    parser.add_argument("--out", type=Path, required=True, metavar="NEW", help="a new folder")
+    options = parser.parse_args(argv)
+    return run(lambda: print(recover(options.bag, options.out)))
+
+
+def recover(damaged: Path, out: Path) -> str:
+    """Write the messages of `damaged` as the new bag `out`; what was saved, as a report.
+
+    `DataError` if there is nothing to save or `out` cannot be made.
+    """
+    if damaged.resolve() in out.resolve().parents:
+        raise DataError(f"{out}: would change the damaged bag; name a folder outside of it")
+    salvages = [Salvage(path) for path in _files(damaged)]
+    saved: dict[RecordedTopic, _Saved] = {}
+    with ExitStack() as stack:
+        bar = stack.enter_context(
+            tqdm(
+                desc=f"recovering {damaged.name}",
+                total=sum(salvage.size for salvage in salvages),
+                unit="B",
+                unit_scale=True,
+                delay=PATIENCE,
+            )
+        )
+        bag: RecordedBag | None = None
+        for salvage in salvages:
+            for count, (topic, message) in enumerate(salvage):
+                if bag is None:  # nothing is made before there is something to save
+                    bag = stack.enter_context(RecordedBag(out))
+                elif count == 0:
+                    bag.begin_file()
+                if topic not in saved:
+                    saved[topic] = _Saved(bag.add(topic))
+                saved[topic].add(message.log_time)
+                bag.write(
+                    saved[topic].number,
+                    message.log_time,
+                    message.data,
+                    message.publish_time,
+                    message.sequence,
+                )
+            bar.update(salvage.size)
+    notes = [note for salvage in salvages for note in salvage.notes]
+    if not saved:
+        raise DataError(f"{damaged}: holds no whole message ({'; '.join(notes)}); record again")
+    return _report(out, saved, notes)
+
+
+@dataclass
+class _Saved:
+    """Messages of one topic."""
+
+    number: int
+    count: int = 0
+    first: int = 2**63 - 1  # ns
+    last: int = 0  # ns
+
+    def add(self, log_time: int) -> None:
+        self.count += 1
+        self.first, self.last = min(self.first, log_time), max(self.last, log_time)
+
+
+def _files(damaged: Path) -> list[Path]:
+    """The mcap files of a bag in the order of their numbers."""
+    if damaged.is_file():
+        return [damaged]
+    if files := list(damaged.glob("*.mcap")):
+        return sorted(files, key=lambda path: [*map(int, re.findall(r"\d+", path.stem))][-1:])
+    if any(damaged.glob("*.db3")):
+        raise DataError(
+            f"{damaged}: only mcap bags can be recovered, this one is sqlite3; "
+            "try: ros2 bag reindex -s sqlite3"
+        )
+    raise DataError(f"{damaged}: no .mcap file here; name the folder of a bag, or its file")
+
+
+def _report(out: Path, saved: dict[RecordedTopic, _Saved], notes: list[str]) -> str:
+    begin = min(one.first for one in saved.values())
+    rows = [
+        (
+            topic.name,
+            topic.msgtype,
+            str(one.count),
+            f"{(one.first - begin) * 1e-9:.3f}",
+            f"{(one.last - begin) * 1e-9:.3f}",
+        )
+        for topic, one in saved.items()
+    ]
+    total = sum(one.count for one in saved.values())
+    lines = [
+        table(("topic", "type", "messages", "from [s]", "to [s]"), rows),
+        *notes,
+        f"{out}: {total} messages saved",
+    ]
+    return "\n".join(lines)
