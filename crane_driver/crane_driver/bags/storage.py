@@ -82,7 +82,7 @@ def _check_kind(path: Path) -> None:
         if files := _storage_files(path):
             raise DataError(
                 f"{path}: the bag was not closed properly: {files[0].name} is there, but no "
-                f"metadata.yaml; if that file is complete, name it instead of the folder"
+                f"metadata.yaml; {_remedy(path, files[0])}"
             )
     elif path.suffix in STORAGE_SUFFIXES:
         return
@@ -100,8 +100,18 @@ def _storage_files(path: Path) -> Sequence[Path]:
 def _explain(path: Path, error: Exception) -> str:
     for file in _storage_files(path):
         if not _closed(file):
-            return f"the bag was not closed properly: {file.name} has no end; record it again"
+            return (
+                f"the bag was not closed properly: {file.name} has no end; {_remedy(path, file)}"
+            )
     return f"the bag is damaged or incomplete: {error or type(error).__name__}; copy it again"
+
+
+def _remedy(path: Path, file: Path) -> str:
+    """What to do about a bag whose recorder was killed, or is still at work."""
+    if file.suffix != ".mcap":
+        return "if that file is complete, name it instead of the folder"
+    mended = path.with_name(f"{path.stem}_recovered")
+    return f"mend it: ros2 run crane_driver recover {path} --out {mended}"
 
 
 def _closed(file: Path) -> bool:
