@@ -1,0 +1,225 @@
+"""Recursive least squares (30) in square-root information form, with forgetting.
+
+Every joint keeps an upper triangle A = [R z; 0 r] with AᵀA = Σ λ^age [φ τ]ᵀ[φ τ] over its rows; a
+row is folded in by Givens rotations. No covariance is propagated, so that none can lose its
+symmetry or its sign, however long it runs; R is as exact after hours as after seconds.
+
+The joints are combined only when the estimate is read: weights that depend on the residuals of the
+whole recording, as in the batch solution, then need no second pass over the data.
+"""
+
+import math
+from typing import NamedTuple
+
+import numpy as np
+from numba import njit
+
+from crane_identification.estimation.least_squares import (
+    CONTAINED,
+    PASSES,
+    RANK_TOLERANCE,
+    ROUNDING,
+    SAME_WEIGHTS,
+)
+from crane_model.base_parameters import reveal_rank
+
+
+class Solution(NamedTuple):
+    """Θ of p parameters and how certain it is; inf where the rows so far determine nothing.
+
+    `values` (p,) are NaN and `std_devs` (p,) infinite where not `determined` (p,). Per joint (j,):
+    `weights` [1/N m or 1/N], and `residual_rms` [N m or N]. `condition_number` is that of the
+    weighted columns scaled to norm 1 (inf if rank deficient).
+    """
+
+    values: np.ndarray
+    std_devs: np.ndarray
+    covariance: np.ndarray
+    determined: np.ndarray
+    weights: np.ndarray
+    residual_rms: np.ndarray
+    condition_number: float
+
+
+class Recursion:
+    """Rows of (28) folded in as they come; `forgetting` is the factor λ per used row of a joint.
+
+    Excitation gating: a row that is not used changes nothing at all, so that a joint forgets only
+    in exchange for what it learns, and its information does not fade while it stands still.
+    """
+
+    def __init__(self, joints: int, parameters: int, forgetting: float = 1.0):
+        if not 0.0 < forgetting <= 1.0:
+            raise ValueError(f"forgetting must be above 0 and at most 1, got {forgetting}")
+        self._root = np.sqrt(forgetting)
+        self._factor = np.zeros((joints, parameters + 1, parameters + 1))
+        self._information = np.zeros((joints, parameters, parameters))
+        self._count = np.zeros(joints)  # Σ λ^age
+        self.rows = np.zeros(joints, dtype=np.int64)
+
+    def update(self, matrix: np.ndarray, force: np.ndarray, used: np.ndarray) -> None:
+        """Fold in one row of each joint: `matrix` (j, p), `force` (j,), where `used` (j,)."""
+        _fold(
+            matrix, force, used, self._root, self._factor, self._information, self._count, self.rows
+        )
+
+    @property
+    def samples(self) -> int:
+        """Number of rows that were used."""
+        return int(self.rows.sum())
+
+    @property
+    def well_posed(self) -> bool:
+        """Whether there are more rows than parameters."""
+        return self.samples > self._factor.shape[1] - 1
+
+    def solve(self, correlation: np.ndarray | None = None) -> Solution:
+        """The estimate on all rows so far, as the batch solution weights them.
+
+        Several joints are weighted by the inverse of their root mean square residuals, in passes
+        from equal weights until they stay the same. `correlation` (j,): number of rows that are
+        worth one independent row (None: 1, white residuals). With b = (Σ R'W²R)⁻¹ the covariance is
+        b (Σ_j c_j s_j² W_j² Φ_j'Φ_j) b, where forgetting enters Φ_j'Φ_j as λ^(2 age): a row that is
+        half forgotten still carries its whole noise.
+        """
+        joints, parameters = len(self._factor), self._factor.shape[1] - 1
+        if not self.well_posed:
+            return _unknown(joints, parameters)
+        weights = np.ones(joints)
+        for _ in range(PASSES if joints > 1 else 0):
+            before, weights = weights, self._inverse_residuals(self._combined(weights)[0])
+            if (np.abs(np.log(weights / before)) < SAME_WEIGHTS).all():
+                break
+        values, determined, bread, condition = self._combined(weights)
+        rms = self._rms(values)
+        power = (weights * rms) ** 2
+        noise = power if correlation is None else power * correlation
+        meat = np.einsum("j,jkl->kl", noise * weights**2, self._information)
+        spread = bread @ meat @ bread * self._lost(bread, meat, power)
+        return Solution(
+            values=np.where(determined, values, np.nan),
+            std_devs=np.where(determined, np.sqrt(np.diag(spread)), np.inf),
+            covariance=np.where(determined[:, None] & determined, spread, np.nan),
+            determined=determined,
+            weights=weights,
+            residual_rms=np.where(self._count > 0.0, rms, np.nan),
+            condition_number=condition,
+        )
+
+    def values(self, weights: np.ndarray) -> np.ndarray:
+        """Θ (p,) alone, for given weights (j,), in a tenth of the time; NaN while R is singular."""
+        return _solve_triangles(self._factor, weights)
+
+    def _combined(self, weights: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray, float]:
+        """Basic solution (p,), which of it is determined (p,), (Σ R'W²R)⁻¹ (p, p), condition."""
+        parameters = self._factor.shape[1] - 1
+        stacked = self._factor[:, :-1] * weights[:, None, None]
+        matrix, force = stacked[:, :, :-1].reshape(-1, parameters), stacked[:, :, -1].ravel()
+        basis = reveal_rank(matrix, RANK_TOLERANCE)
+        kept, dropped = list(basis.independent), list(basis.dependent)
+        norms = np.linalg.norm(matrix, axis=0)
+        q, r = np.linalg.qr(matrix[:, kept] / norms[kept])
+        inverse = np.linalg.solve(r, np.eye(len(kept))) / norms[kept][:, None]
+        values, bread = np.zeros(parameters), np.zeros((parameters, parameters))
+        values[kept] = inverse @ (q.T @ force)
+        bread[np.ix_(kept, kept)] = inverse @ inverse.T
+        contained = np.abs(basis.combination) * norms[kept][:, None]
+        determined = np.zeros(parameters, dtype=bool)
+        determined[kept] = (contained <= CONTAINED * norms[dropped]).all(axis=1)
+        return values, determined, bread, np.inf if dropped else float(np.linalg.cond(r))
+
+    def _rms(self, values: np.ndarray) -> np.ndarray:
+        """Root mean square residual (j,) of the rows so far, from the triangles alone."""
+        seen = np.append(-values, 1.0)
+        return np.linalg.norm(self._factor @ seen, axis=1) / np.sqrt(np.maximum(self._count, 1e-9))
+
+    def _inverse_residuals(self, values: np.ndarray) -> np.ndarray:
+        """Weights (j,) of the next pass; a residual that is rounding alone does not count."""
+        force = self._rms(np.zeros(len(values)))
+        floor = np.where(force > 0.0, ROUNDING * force, 1.0)
+        return 1.0 / np.maximum(self._rms(values), floor)
+
+    def _lost(self, bread: np.ndarray, meat: np.ndarray, power: np.ndarray) -> float:
+        """What the residuals are smaller than the noise, as parameters were fitted to them."""
+        total = float(power @ self._count)
+        explained = float(np.trace(bread @ meat))
+        parameters = int(np.count_nonzero(np.diag(bread)))
+        most = 1.0 - 1.0 / max(self._count.sum() - parameters, 2.0)
+        return 1.0 / (1.0 - min(explained / total, most)) if total > 0.0 else 1.0
+
+
+def _unknown(joints: int, parameters: int) -> Solution:
+    nothing = np.full((parameters, parameters), np.nan)
+    return Solution(
+        values=nothing[0],
+        std_devs=np.full(parameters, np.inf),
+        covariance=nothing,
+        determined=np.zeros(parameters, dtype=bool),
+        weights=np.ones(joints),
+        residual_rms=np.full(joints, np.nan),
+        condition_number=np.inf,
+    )
+
+
+@njit(cache=True)
+def _rotate(factor: np.ndarray, row: np.ndarray) -> None:
+    """Fold `row` (m,) into the upper triangle `factor` (m, m) by Givens rotations; spoils it."""
+    size = len(row)
+    for k in range(size):
+        if row[k] == 0.0:
+            continue
+        upper = factor[k]
+        length = math.hypot(upper[k], row[k])
+        cos, sin = upper[k] / length, row[k] / length
+        for i in range(k, size):
+            above, below = upper[i], row[i]
+            upper[i] = cos * above + sin * below
+            row[i] = cos * below - sin * above
+
+
+@njit(cache=True)
+def _fold(
+    matrix: np.ndarray,
+    force: np.ndarray,
+    used: np.ndarray,
+    root: float,
+    factor: np.ndarray,
+    information: np.ndarray,
+    count: np.ndarray,
+    rows: np.ndarray,
+) -> None:
+    parameters = matrix.shape[1]
+    row = np.empty(parameters + 1)
+    for j in range(len(force)):
+        if not used[j]:
+            continue
+        row[:parameters] = matrix[j]
+        row[parameters] = force[j]
+        if root != 1.0:
+            factor[j] *= root
+            information[j] *= root**4
+            count[j] *= root**2
+        count[j] += 1.0
+        rows[j] += 1
+        for k in range(parameters):
+            if row[k] != 0.0:
+                line = information[j, k]
+                for i in range(parameters):
+                    line[i] += row[k] * row[i]
+        _rotate(factor[j], row)
+
+
+@njit(cache=True)
+def _solve_triangles(factor: np.ndarray, weights: np.ndarray) -> np.ndarray:
+    joints, size, _ = factor.shape
+    whole = factor[0] * weights[0]
+    for j in range(1, joints):
+        for k in range(size):
+            _rotate(whole, factor[j, k] * weights[j])
+    values = np.empty(size - 1)
+    for k in range(size - 2, -1, -1):
+        rest = whole[k, size - 1]
+        for i in range(k + 1, size - 1):
+            rest -= whole[k, i] * values[i]
+        values[k] = rest / whole[k, k] if whole[k, k] != 0.0 else np.nan
+    return values
