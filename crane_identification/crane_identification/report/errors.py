@@ -19,7 +19,7 @@ class JointErrors:
 
     `relative` is ‖τ - τ̂‖/‖τ‖, `moving` the same over the samples at which the sign of the joint's
     velocity is known, `without_gravity` the error relative to τ without its gravity part, and
-    `noise_floor` the share that noise alone causes (NaN where no period was repeated).
+    `noise_floor` the scatter of τ from period to period (NaN where no period was repeated).
     """
 
     relative: np.ndarray

@@ -81,9 +81,8 @@ def _preparation(preparation: Preparation) -> list[str]:
         )
     if averaging.transient:
         notes.append(
-            f"{source}: the first {averaging.transient} of "
-            f"{averaging.transient + averaging.used} periods belong to the transient and are "
-            "not used."
+            f"{source}: {averaging.transient} of {averaging.transient + averaging.used} periods "
+            "left out at the start: not periodic yet."
         )
     if averaging.used == 1:
         notes.append(f"{source}: only one period, so that its noise is not known.")

@@ -22,22 +22,19 @@ def relative_sigma_mark(share: float) -> Markup:
 
 
 def deviation_mark(sigmas: float) -> Markup:
-    """Estimate and its one-sigma interval about the planted value, over ±5 σ; ±3 σ shaded."""
+    """Estimate and its one-sigma interval about the planted value, over ±5 σ; ±3 σ shaded.
+
+    An estimate beyond the scale is an arrow at its end.
+    """
     if not isfinite(sigmas):
         return Markup()
-    at = _sigma(max(-_SIGMAS, min(_SIGMAS, sigmas)))
-    low, high = (_sigma(max(-_SIGMAS, min(_SIGMAS, sigmas + side))) for side in (-1, 1))
     middle = HEIGHT / 2
+    axis = Markup('<line class="axis" x1="0" x2="{}" y1="{}" y2="{}"/>')
     return _svg(
         _rect("track", _sigma(-3), _sigma(3))
-        + Markup('<line class="axis" x1="0" x2="{}" y1="{}" y2="{}"/>').format(
-            WIDTH, middle, middle
-        )
+        + axis.format(WIDTH, middle, middle)
         + _line("planted", _sigma(0))
-        + Markup('<line class="whisker" x1="{:.1f}" x2="{:.1f}" y1="{}" y2="{}"/>').format(
-            low, high, middle, middle
-        )
-        + Markup('<circle class="dot" cx="{:.1f}" cy="{}" r="3.2"/>').format(at, middle),
+        + (_dot(sigmas, middle) if abs(sigmas) <= _SIGMAS else _arrow(sigmas, middle)),
         f"estimate {sigmas:+.1f} standard deviations from the planted value",
     )
 
@@ -79,3 +76,16 @@ def _svg(content: Markup, words: str) -> Markup:
         '<svg class="mark" width="{}" height="{}" viewBox="0 0 {} {}" preserveAspectRatio="none" '
         'role="img" aria-label="{}">{}</svg>'
     ).format(WIDTH, HEIGHT, WIDTH, HEIGHT, words, content)
+
+
+def _dot(sigmas: float, y: float) -> Markup:
+    low, high = (_sigma(max(-_SIGMAS, min(_SIGMAS, sigmas + side))) for side in (-1, 1))
+    return Markup(
+        '<line class="whisker" x1="{:.1f}" x2="{:.1f}" y1="{}" y2="{}"/>'
+        '<circle class="dot" cx="{:.1f}" cy="{}" r="3.2"/>'
+    ).format(low, high, y, y, _sigma(sigmas), y)
+
+
+def _arrow(sigmas: float, y: float) -> Markup:
+    tip, back = (WIDTH, WIDTH - 8) if sigmas > 0 else (0, 8)
+    return Markup('<path class="dot" d="M{},{}L{},{}V{}Z"/>').format(tip, y, back, y - 4, y + 4)

@@ -55,7 +55,7 @@ def _periods(preparation: Preparation) -> str:
         return f"not averaged; {len(preparation.record)} samples at {rate}"
     parts = [f"mean of {averaging.used} periods of {plain(averaging.period, 4)} s at {rate}"]
     if averaging.transient:
-        parts.append(f"{averaging.transient} transient periods left out")
+        parts.append(f"left out as transient: {averaging.transient}")
     if averaging.incomplete > 0:
         parts.append(f"{plain(averaging.incomplete)} s fill no whole period")
     return "; ".join(parts)

@@ -52,7 +52,7 @@ def test_values_of_the_wrong_sign_are_not_physical(report):
     ("averaging", "words"),
     [
         (Averaging(12.0, 3, 0, 5.0), "5.00 s fill no whole period"),
-        (Averaging(12.0, 3, 1, 0.0), "the first 1 of 4 periods belong to the transient"),
+        (Averaging(12.0, 3, 1, 0.0), "1 of 4 periods left out at the start"),
         (Averaging(12.0, 1, 0, 0.0), "only one period"),
     ],
 )
