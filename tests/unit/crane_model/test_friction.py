@@ -100,7 +100,14 @@ def test_a_known_direction_is_taken_as_it_is(crane: Model) -> None:
 
 def test_at_rest_keeps_the_place_and_drops_the_motion(velocity: np.ndarray) -> None:
     place = velocity + 1.0
-    moving = Record(PLANAR_JOINTS, np.arange(len(place)), place, velocity, velocity)
+    moving = Record(
+        PLANAR_JOINTS,
+        np.arange(len(place)),
+        place,
+        velocity,
+        velocity,
+        direction_known=np.ones_like(place),
+    )
     still = moving.at_rest()
     np.testing.assert_array_equal(still.position, place)
     assert not still.velocity.any()

@@ -124,6 +124,21 @@ def test_gravity_is_the_prediction_at_rest_without_friction(crane: Model) -> Non
     assert np.abs(model.gravity(record)).max() > 1.0
 
 
+def test_range_at_standstill_lies_between_the_branches_of_friction(crane: Model) -> None:
+    """(13) with the sign of either direction; also if Coulomb friction is estimated negative."""
+    theta = np.random.default_rng(23).uniform(1.0, 2.0, 20)
+    coulomb = np.array([8, 12, 16])
+    theta[16] *= -1.0
+    model = crane.with_estimate(theta, np.zeros(20), "made up")
+    record = random_record(crane.joints)
+    low, high = model.range_at_standstill(record)
+    without = theta.copy()
+    without[coulomb] = 0.0
+    middle = crane.with_estimate(without, np.zeros(20), "made up").predict(record)
+    np.testing.assert_allclose(high - middle, np.tile(np.abs(theta[coulomb]), (40, 1)), atol=1e-12)
+    np.testing.assert_allclose(middle - low, high - middle, atol=1e-12)
+
+
 def test_term_added_to_an_estimated_model_asks_for_a_new_fit(file: Path) -> None:
     model = written(file, SLIDE + ESTIMATE)
     extended = model.with_term(Offset(joint="axis"))
