@@ -17,6 +17,7 @@ setup(
         "console_scripts": [
             "make_bag = crane_sim.make_bag:main",
             "planted = crane_sim.planted:main",
+            "simulated_crane = crane_sim.simulated_crane:main",
         ]
     },
 )

@@ -1,0 +1,194 @@
+"""The machine on its bus without a bus: frames in, frames out, and a clock that the test moves."""
+
+import signal
+from collections.abc import Callable
+
+import numpy as np
+import pytest
+
+from crane_driver.can.binding import load_layout
+from crane_driver.can.codec import DriverCodec
+from crane_driver.can.decoder import Readings
+from crane_driver.can.frame import Frame
+from crane_driver.can.health import Monitor
+from crane_driver.can.layout import Layout
+from crane_model.machine import JOINTS, load_machine
+from crane_sim.machine_on_bus import LONGEST_STEP, MachineOnBus
+from crane_sim.pace import BACKLOG, Pace
+from crane_sim.parameters import load_stand_in
+from crane_sim.plant import Plant
+from crane_sim.sampled import Sensors
+from crane_sim.simulated_crane import main
+from crane_sim.valve_unit import TIMEOUT, ValveUnit
+
+START = 1000.0  # s, steady
+CYCLE = 0.005  # s
+NO_TIME = 1e-6  # s, rounding
+
+
+class Bench:
+    """A machine on its bus, and the driver's end of it."""
+
+    def __init__(self, layout: Layout):
+        machine, parameters = load_machine(), load_stand_in()
+        plant = Plant(parameters, machine, parameters.start)
+        self.machine = MachineOnBus(layout, plant, Sensors(parameters.sensors, machine, 1), START)
+        self.plant = plant
+        self.driver = DriverCodec(layout)
+        self.monitor = Monitor(layout.readings, layout.timing, START)
+        self.now = START
+
+    def cycle(self, frames: list[Frame]) -> list[Readings]:
+        """One cycle with frames that come at its beginning; what the driver reads of the answer."""
+        received = [frame._replace(steady=self.now) for frame in frames]
+        self.now += CYCLE
+        answers = self.machine.step(received, self.now)
+        readings = [self.driver.decode(one._replace(steady=self.now)) for one in answers]
+        return [one for one in readings if one]
+
+    def command(self, enabled: bool = True, **commands: float) -> list[Readings]:
+        return self.cycle(self.driver.command_frames(commands, enabled))
+
+
+@pytest.fixture(scope="module")
+def layout() -> Layout:
+    return load_layout()
+
+
+@pytest.fixture
+def bench(layout: Layout) -> Bench:
+    return Bench(layout)
+
+
+def test_the_driver_reads_what_the_plant_does(bench: Bench) -> None:
+    positions: dict[str, float] = {}
+    pressures: dict[str, float] = {}
+    for _ in range(20):
+        for readings in bench.command(telescope=0.5):
+            assert not bench.monitor.observe(readings)
+            positions |= readings.positions
+            pressures |= readings.pressures
+    assert [positions[joint] for joint in JOINTS] == pytest.approx(bench.plant.q, abs=1e-4)
+    assert pressures["inner_boom.a"] == pytest.approx(bench.plant.pressure_a[1], abs=1e5)
+    assert pressures["telescope.b"] == pytest.approx(bench.plant.pressure_b[3], abs=1e5)
+    assert pressures["supply"] == pytest.approx(bench.plant.supply_pressure, abs=1e5)
+    assert bench.plant.v[3] > 0.05
+    assert np.abs(bench.plant.v[:2]).max() < 0.01
+
+
+def test_each_message_comes_with_its_cycle_time(bench: Bench) -> None:
+    names = [readings.message for _ in range(10) for readings in bench.cycle([])]
+    assert {name: names.count(name) for name in names} == {
+        "EncoderBase": 10,
+        "EncoderBoom": 10,
+        "PressureBooms": 10,
+        "PressureTelescope": 10,
+        "ValveStatus": 5,
+    }
+
+
+def states(many: list[list[Readings]]) -> list[str]:
+    return [one.states["valve_unit"] for cycle in many for one in cycle if one.states]
+
+
+def test_valves_go_neutral_when_commands_stop(bench: Bench) -> None:
+    assert set(states([bench.command(telescope=1.0) for _ in range(20)])) == {"Enabled"}
+    silent = [bench.cycle([]) for _ in range(40)]
+    shown = states(silent)
+    assert 18 * CYCLE <= 2 * CYCLE * shown.count("Enabled") <= TIMEOUT + 2 * CYCLE
+    assert shown[-1] == "CommandTimeout"
+
+    assert np.abs(bench.plant.spool).max() < 0.01
+
+
+def test_valves_that_timed_out_stay_neutral_until_a_command_that_does_not_enable(
+    bench: Bench,
+) -> None:
+    bench.command(telescope=1.0)
+    for _ in range(25):
+        bench.cycle([])
+    again = [bench.command(telescope=1.0) for _ in range(10)]
+    assert set(states(again)) == {"CommandTimeout"}
+    bench.command(enabled=False)
+    assert set(states([bench.command(telescope=1.0) for _ in range(4)])) == {"Enabled"}
+
+
+def test_commands_that_do_not_enable_move_nothing(bench: Bench) -> None:
+    for _ in range(20):
+        bench.command(enabled=False, telescope=1.0)
+    assert np.abs(bench.plant.spool).max() == 0.0
+
+
+def flip_checksum(frame: Frame) -> Frame:
+    return frame._replace(data=bytes([frame.data[0] ^ 1]) + frame.data[1:])
+
+
+@pytest.mark.parametrize(
+    "damage",
+    [flip_checksum, lambda frame: frame._replace(data=frame.data[:7])],
+    ids=["checksum", "size"],
+)
+def test_a_damaged_command_is_not_accepted(
+    damage: Callable[[Frame], Frame], layout: Layout
+) -> None:
+    bench = Bench(layout)
+    for _ in range(10):
+        bench.cycle([damage(one) for one in bench.driver.command_frames({"slew": 1.0}, True)])
+    assert bench.machine.valves.refused == 10
+    assert np.abs(bench.plant.spool).max() == 0.0
+
+
+def test_a_command_that_is_repeated_does_not_keep_the_valves_open(bench: Bench) -> None:
+    frames = bench.driver.command_frames({"slew": 1.0}, True)
+    shown = states([bench.cycle(frames) for _ in range(40)])
+    assert (shown[0], shown[-1]) == ("Enabled", "CommandTimeout")
+
+
+def test_a_frame_that_came_late_does_not_hide_a_timeout(layout: Layout) -> None:
+    bench = Bench(layout)
+    unit: ValveUnit = bench.machine.valves
+    for after in (0.0, TIMEOUT + 0.01):
+        (frame,) = bench.driver.command_frames({"slew": 1.0}, True)
+        unit.receive(frame._replace(steady=START + after))
+    assert unit.state == "CommandTimeout"
+
+
+def test_a_machine_that_was_kept_from_running_loses_time(bench: Bench) -> None:
+    bench.machine.step([], START + 1.0)
+    assert bench.machine.lost == pytest.approx(1.0 - LONGEST_STEP)
+    assert bench.plant.time == pytest.approx(LONGEST_STEP)
+
+
+def test_pace_makes_up_for_short_delays_and_reports_long_ones() -> None:
+    pace = Pace(CYCLE, START)
+    assert pace.pause(START) == pytest.approx(CYCLE)
+    assert pace.next(START + CYCLE) is None
+    assert pace.next(START + 4 * CYCLE) is None  # two cycles late
+    assert pace.pause(START + 4 * CYCLE) == 0.0
+    assert pace.left_out == 0
+    late = START + 3.0
+    report = pace.next(late)
+    assert report and "not in real time" in report
+    assert pace.left_out == pytest.approx((late - START) / CYCLE - 3, abs=1)
+    assert 0.0 <= pace.pause(late) <= CYCLE + NO_TIME
+    assert pace.longest > BACKLOG * CYCLE
+    assert pace.next(late + CYCLE) is None  # said once
+
+
+@pytest.mark.parametrize(
+    ("arguments", "message"),
+    [
+        (["--pose", "elbow=1"], "--pose elbow=1: write JOINT=VALUE"),
+        (["--pose", "telescope=5"], "telescope: the plant cannot start at 5 m"),
+        (["--bus-option", "port"], "bus option 'port': write KEY=VALUE"),
+        (["--interface", "carrier_pigeon"], "carrier_pigeon"),
+        (["--bitrate", "-1"], "bus bitrate: Input should be greater than 0"),
+    ],
+)
+def test_wrong_arguments_are_named(
+    arguments: list[str], message: str, capsys: pytest.CaptureFixture[str]
+) -> None:
+    handler = signal.getsignal(signal.SIGTERM)
+    assert main(arguments) == 1
+    assert message in capsys.readouterr().err
+    assert signal.getsignal(signal.SIGTERM) is handler
