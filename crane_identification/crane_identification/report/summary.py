@@ -24,8 +24,8 @@ class Summary(TypedDict):
     `heldout_relative_error` is ‖τ - τ̂‖/‖τ‖, `..._moving` the same where the sign of the joint's
     velocity is known, `..._without_gravity` the error relative to τ without its gravity part, and
     `noise_floor` the scatter of τ from period to period (null: no period was repeated). They are
-    empty without validation. The condition numbers are those of all columns in SI units, and of the same columns scaled to norm 1 (null: rank
-    deficient). `samples` counts the rows that were fitted.
+    empty without validation. The condition numbers are those of all columns in SI units, and of
+    the same columns scaled to norm 1 (null: rank deficient). `samples` counts the fitted rows.
     """
 
     model: str
