@@ -1,0 +1,106 @@
+"""The stand-in's rigid bodies and the planted parameters against MuJoCo, which derives its own."""
+
+from typing import NamedTuple
+
+import mujoco
+import numpy as np
+import pytest
+
+from crane_model.dynamics import Geometry, fill_base_regressor
+from crane_model.kinematics import link_transforms
+from crane_model.machine import JOINTS, PLANAR_JOINTS, Machine
+from crane_sim.constants import pack_chain
+from crane_sim.mujoco_model import crane_spec
+from crane_sim.parameters import StandIn
+from crane_sim.planted import planted
+from crane_sim.rigid_bodies import inverse_dynamics, mass_and_bias
+
+STATES = 1000
+PLANAR = [JOINTS.index(joint) for joint in PLANAR_JOINTS]
+
+
+class States(NamedTuple):
+    """(n, 4) each, in the order of JOINTS."""
+
+    q: np.ndarray
+    v: np.ndarray
+    a: np.ndarray
+
+
+@pytest.fixture(scope="module")
+def model(stand_in: StandIn, machine: Machine) -> mujoco.MjModel:
+    return crane_spec(stand_in, machine).compile()
+
+
+@pytest.fixture(scope="module")
+def states(machine: Machine) -> States:
+    """Positions over all of Table 2; velocities and accelerations far beyond, so that all shows."""
+    rng = np.random.default_rng(20)
+    limits = [machine.limits[joint] for joint in JOINTS]
+    low, high = ([getattr(row, f"position_{end}") for row in limits] for end in ("min", "max"))
+    q = rng.uniform(low, high, (STATES, len(JOINTS)))
+    return States(q, rng.normal(0.0, 1.5, q.shape), rng.normal(0.0, 3.0, q.shape))
+
+
+def inverse_by_mujoco(model: mujoco.MjModel, states: States) -> np.ndarray:
+    """(n, 4) generalized forces."""
+    data, forces = mujoco.MjData(model), np.empty_like(states.q)
+    for k, (data.qpos[:], data.qvel[:], data.qacc[:]) in enumerate(zip(*states, strict=True)):
+        mujoco.mj_inverse(model, data)
+        forces[k] = data.qfrc_inverse
+    return forces
+
+
+def assert_close(ours: np.ndarray, theirs: np.ndarray, relative: float) -> None:
+    """Each element to `relative`; of elements that cancel to nothing, to the state's largest."""
+    scale = np.abs(theirs).max(axis=tuple(range(1, theirs.ndim)), keepdims=True)
+    assert (np.abs(ours - theirs) <= relative * (np.abs(theirs) + 1e-4 * scale)).all()
+
+
+def test_coordinates_are_those_of_mujoco(model: mujoco.MjModel) -> None:
+    names = [mujoco.mj_id2name(model, mujoco.mjtObj.mjOBJ_JOINT, i) for i in range(model.njnt)]
+    assert names == list(JOINTS)
+    assert model.nq == model.nv == len(JOINTS)
+
+
+def test_boom_tip(model: mujoco.MjModel, machine: Machine, states: States) -> None:
+    data = mujoco.MjData(model)
+    tips = link_transforms(machine, states.q[:50])[:, 3, :3, 3]
+    for q, tip in zip(states.q, tips, strict=False):
+        data.qpos[:] = q
+        mujoco.mj_kinematics(model, data)
+        np.testing.assert_allclose(data.body("telescope").xpos, tip, atol=1e-12)
+
+
+def test_mass_matrix_and_bias(
+    model: mujoco.MjModel, stand_in: StandIn, machine: Machine, states: States
+) -> None:
+    chain, data = pack_chain(stand_in, machine), mujoco.MjData(model)
+    ours_mass, theirs_mass = np.empty((STATES, 4, 4)), np.empty((STATES, 4, 4))
+    ours_bias, theirs_bias = np.empty((STATES, 4)), np.empty((STATES, 4))
+    for k, (q, v, _) in enumerate(zip(*states, strict=True)):
+        mass_and_bias(chain, q, v, ours_mass[k], ours_bias[k])
+        data.qpos[:], data.qvel[:] = q, v
+        mujoco.mj_forward(model, data)
+        mujoco.mj_fullM(model, data, theirs_mass[k])
+        theirs_bias[k] = data.qfrc_bias
+    assert_close(ours_mass, theirs_mass, 1e-8)
+    assert_close(ours_bias, theirs_bias, 1e-8)
+
+
+def test_inverse_dynamics_with_slew(
+    model: mujoco.MjModel, stand_in: StandIn, machine: Machine, states: States
+) -> None:
+    chain = pack_chain(stand_in, machine)
+    ours = np.array([inverse_dynamics(chain, *state) for state in zip(*states, strict=True)])
+    assert_close(ours, inverse_by_mujoco(model, states), 1e-8)
+
+
+def test_planted_parameters_reproduce_mujoco_with_the_slew_held(
+    model: mujoco.MjModel, stand_in: StandIn, machine: Machine, states: States
+) -> None:
+    inertial = [entry.value for entry in planted(stand_in, machine)][:8]
+    held = States(states.q, *(np.where(np.arange(4) == 0, 0.0, part) for part in states[1:]))
+    regressor = np.empty((STATES, 3, 8))
+    fill_base_regressor(Geometry.of(machine), *(part[:, PLANAR] for part in held), regressor)
+    assert_close(regressor @ inertial, inverse_by_mujoco(model, held)[:, PLANAR], 1e-9)
