@@ -76,14 +76,12 @@ def identify(arguments: argparse.Namespace) -> None:
         training, held_out = sources.read(arguments.train), sources.read(arguments.validate)
         result = fit(model, training, options, progress)
         validations = validate(result.model, held_out, options, progress) if held_out else ()
-        held_out_data = tuple(v.preparation for v in validations)
         report = IdentificationReport(
             fit=result,
             options=options,
             training=training,
             validations=validations,
-            validation_data=held_out_data,
-            warnings=findings(result, (*training, *held_out), validations, held_out_data),
+            warnings=findings(result, (*training, *held_out), validations),
             provenance=Provenance.of(
                 datetime.now(UTC).strftime("%Y-%m-%d %H:%M UTC"),
                 ["identify", *arguments.given],

@@ -4,11 +4,12 @@ The second comparison beside predicted against measured force: from the measured
 the measured pressures, the model moves on its own for the horizon, again and again over the record.
 """
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
 
-from crane_model.cylinders import cylinder_force
+from crane_model.cylinders import cylinder_force, cylinder_forces_from_generalized
 from crane_model.errors import DataError
 from crane_model.model_file import Model
 from crane_model.record import Record
@@ -38,27 +39,34 @@ class MotionValidation:
             return self.position_rms / self.displacement_rms
 
 
-def validate_motion(model: Model, record: Record, horizon: float = HORIZON) -> MotionValidation:
-    """Simulate `model` over consecutive windows of a uniformly sampled `record`.
+def validate_motion(
+    model: Model, records: Sequence[Record], horizon: float = HORIZON
+) -> MotionValidation:
+    """Simulate `model` over consecutive windows of uniformly sampled `records`.
 
-    Windows do not cross from one run to the next. `DataError` if the record is shorter than one
-    window or carries no force that could drive the model.
+    Windows do not cross from one run to the next. `DataError` if no record is as long as one
+    window, or one carries no force that could drive the model.
     """
-    period = float(np.median(np.diff(record.time)))
-    length = max(round(horizon / period), 1)
-    starts = _window_starts(record, length)
-    if len(starts) == 0:
+    errors, moved, length = [], [], horizon
+    for record in records:
+        period = float(np.median(np.diff(record.time)))
+        samples = max(round(horizon / period), 1)
+        starts = _window_starts(record, samples)
+        if len(starts) == 0:
+            continue
+        at = starts[None, :] + np.arange(samples + 1)[:, None]  # (T, N)
+        start = record.position[starts], record.velocity[starts]
+        motion = simulate(model, *start, _drive(model, record)[at], period)
+        errors.append(motion.position[-1] - record.position[at[-1]])
+        moved.append(record.position[at[-1]] - record.position[starts])
+        length = samples * period
+    if not errors:
         raise DataError(
-            f"simulated motion: no window of {horizon} s fits into a run of the record; "
-            f"it has {len(record)} samples {period:.4g} s apart"
+            f"simulated motion: no window of {horizon} s fits into a run of the recordings; "
+            "record longer ones"
         )
-    at = starts[None, :] + np.arange(length + 1)[:, None]  # (T, N)
-    drive = _drive(model, record)[at]
-    start = record.position[starts], record.velocity[starts]
-    motion = simulate(model, *start, drive, period)
-    error = motion.position[-1] - record.position[at[-1]]
-    moved = record.position[at[-1]] - record.position[starts]
-    return MotionValidation(record.joints, length * period, len(starts), _rms(error), _rms(moved))
+    error, displacement = np.concatenate(errors), np.concatenate(moved)
+    return MotionValidation(model.joints, length, len(error), _rms(error), _rms(displacement))
 
 
 def _window_starts(record: Record, length: int) -> np.ndarray:
@@ -68,18 +76,16 @@ def _window_starts(record: Record, length: int) -> np.ndarray:
 
 
 def _drive(model: Model, record: Record) -> np.ndarray:
-    """Cylinder forces (19) where the model has linkages, generalized forces where not: (n, j)."""
+    """Cylinder forces [N] where the model has linkages, generalized forces where not: (n, j)."""
+    if model.machine is not None and record.pressure_a is not None:
+        assert record.pressure_b is not None  # logged together
+        pairs = zip(record.joints, record.pressure_a.T, record.pressure_b.T, strict=True)
+        return np.stack([cylinder_force(model.machine, *pair) for pair in pairs], axis=1)
+    if record.force is None:
+        raise DataError("simulated motion: the record has neither pressures nor forces to drive it")
     if model.machine is None:
-        if record.force is None:
-            raise DataError("simulated motion: the record has no force to drive the model with")
         return record.force
-    if record.pressure_a is None or record.pressure_b is None:
-        raise DataError("simulated motion: the record has no chamber pressures to drive the model")
-    columns = [
-        cylinder_force(model.machine, joint, record.pressure_a[:, i], record.pressure_b[:, i])
-        for i, joint in enumerate(record.joints)
-    ]
-    return np.stack(columns, axis=1)
+    return cylinder_forces_from_generalized(model.machine, record.position, record.force)
 
 
 def _rms(error: np.ndarray) -> np.ndarray:

@@ -43,7 +43,7 @@ class Validation:
 
     @property
     def relative_noise_floor(self) -> np.ndarray:
-        """Noise floor over the rms of τ (j,): no model can predict better than this."""
+        """Noise floor over the rms of τ (j,): the scatter of the averaged force."""
         return self.noise_floor / np.sqrt((self.measured**2).mean(axis=0))
 
 

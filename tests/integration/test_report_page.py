@@ -55,7 +55,6 @@ def report() -> IdentificationReport:
         options=Options(),
         training=training,
         validations=tuple(compare(fitted.model, p, fitted.decimation) for p in data),
-        validation_data=data,
         warnings=("A warning.",),
         provenance=Provenance.of("2012-06-01", ["identify"], "crane.yaml"),
         planted=PLANTED,

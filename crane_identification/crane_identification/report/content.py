@@ -8,9 +8,9 @@ from functools import cached_property
 from importlib.metadata import PackageNotFoundError, version
 
 from crane_identification.data.log import Log
+from crane_identification.motion_validation import MotionValidation, validate_motion
 from crane_identification.options import Options
 from crane_identification.pipeline import FitResult
-from crane_identification.preparation import Preparation
 from crane_identification.report.errors import JointErrors, pooled
 from crane_identification.validation import Validation, compare
 
@@ -54,7 +54,7 @@ class IdentificationReport:
     """A fit, what it was made of, and its validation.
 
     `training` holds the recordings of `fit`, `validations` the predictions on recordings that it
-    has not seen (none: not validated) and `validation_data` the prepared recording of each.
+    has not seen (none: not validated).
     `planted` gives the true value of parameters where a stand-in machine makes them known.
     """
 
@@ -62,7 +62,6 @@ class IdentificationReport:
     options: Options
     training: tuple[Log, ...]
     validations: tuple[Validation, ...]
-    validation_data: tuple[Preparation, ...]
     warnings: tuple[str, ...]
     provenance: Provenance
     planted: Mapping[str, float] | None = None
@@ -78,6 +77,13 @@ class IdentificationReport:
         fit = self.fit
         compared = [compare(fit.model, p, fit.decimation) for p in fit.preparations]
         return pooled(fit.model, compared)
+
+    @cached_property
+    def simulated(self) -> MotionValidation | None:
+        """Simulated against measured motion on the validation recordings; None without any."""
+        if not self.validations:
+            return None
+        return validate_motion(self.fit.model, [v.preparation.record for v in self.validations])
 
     @property
     def training_bags(self) -> list[str]:

@@ -22,14 +22,14 @@ def findings(
     fit: FitResult,
     logs: Sequence[Log],
     validations: Sequence[Validation] = (),
-    validation_data: Sequence[Preparation] = (),
 ) -> tuple[str, ...]:
     """Warnings about a fit, its recordings (`logs`: all of them) and its validation."""
+    preparations = (*fit.preparations, *(v.preparation for v in validations))
     return (
         *_parameters(fit),
         *(note for log in logs for note in _recording(log)),
-        *(note for p in (*fit.preparations, *validation_data) for note in _preparation(p)),
-        *_gaps((*fit.preparations, *validation_data)),
+        *(note for p in preparations for note in _preparation(p)),
+        *_gaps(preparations),
         *_excitation(fit),
         *([] if validations else ["No recording was held out: the model is not validated."]),
     )

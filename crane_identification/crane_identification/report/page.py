@@ -55,6 +55,7 @@ def render(report: IdentificationReport, progress: Progress = silent) -> str:
         training_bags=bags(report.training_bags),
         validation_bags=bags(report.validation_bags),
         errors=tables.error_rows(report),
+        motions=tables.motion_rows(report),
         groups=tables.parameter_groups(report),
         entries=tables.report_entries(report),
         conditioning=tables.conditioning(report),

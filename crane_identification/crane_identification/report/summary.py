@@ -18,6 +18,17 @@ class ParameterSummary(TypedDict):
     std_dev: float | None
 
 
+class MotionSummary(TypedDict):
+    """Per joint [rad, m]: rms error of the simulated position `horizon` seconds [s] ahead, driven
+    by the measured pressures, and how far the joint itself moved in that time.
+    """
+
+    horizon: float
+    windows: int
+    position_rms: dict[str, float | None]
+    displacement_rms: dict[str, float | None]
+
+
 class Summary(TypedDict):
     """Errors are shares of one per joint, over all samples of all recordings of their kind.
 
@@ -37,6 +48,7 @@ class Summary(TypedDict):
     heldout_relative_error_without_gravity: dict[str, float | None]
     noise_floor: dict[str, float | None]
     training_relative_error: dict[str, float | None]
+    simulated_motion: MotionSummary | None
     condition_number: float | None
     condition_number_normalized: float | None
     training_bags: list[str]
@@ -47,7 +59,7 @@ class Summary(TypedDict):
 
 def summarize(report: IdentificationReport) -> Summary:
     """The summary of a report, as plain numbers, strings, lists and dictionaries."""
-    estimate, held_out = report.fit.estimate, report.held_out
+    estimate, held_out, simulated = report.fit.estimate, report.held_out, report.simulated
 
     def per_joint(values: np.ndarray) -> dict[str, float | None]:
         return {joint: _number(v) for joint, v in zip(estimate.joints, values, strict=True)}
@@ -69,6 +81,14 @@ def summarize(report: IdentificationReport) -> Summary:
         else {},
         noise_floor=per_joint(held_out.noise_floor) if held_out else {},
         training_relative_error=per_joint(report.trained.relative),
+        simulated_motion=MotionSummary(
+            horizon=simulated.horizon,
+            windows=simulated.windows,
+            position_rms=per_joint(simulated.position_rms),
+            displacement_rms=per_joint(simulated.displacement_rms),
+        )
+        if simulated
+        else None,
         condition_number=_number(estimate.condition_number),
         condition_number_normalized=_number(estimate.condition_number_normalized),
         training_bags=report.training_bags,

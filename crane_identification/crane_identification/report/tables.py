@@ -62,6 +62,16 @@ class ErrorRow(NamedTuple):
     ratio: str
 
 
+class MotionRow(NamedTuple):
+    """Simulated against measured position of one joint."""
+
+    joint: str
+    unit: str
+    error: str
+    displacement: str
+    relative: str
+
+
 class ReportEntry(NamedTuple):
     """One entry of the report's (9)."""
 
@@ -144,6 +154,24 @@ def error_rows(report: IdentificationReport) -> list[ErrorRow]:
             ratio=plain(float(held_out.relative[j] / trained.relative[j]), 3),
         )
         for j, joint in enumerate(report.fit.model.joints)
+    ]
+
+
+def motion_rows(report: IdentificationReport) -> list[MotionRow]:
+    """Simulated against measured motion of each joint; none without validation."""
+    simulated = report.simulated
+    if simulated is None:
+        return []
+    units = report.fit.model.setting.units
+    return [
+        MotionRow(spoken(joint), units[joint], plain(error), plain(moved), percent(relative))
+        for joint, error, moved, relative in zip(
+            simulated.joints,
+            simulated.position_rms,
+            simulated.displacement_rms,
+            simulated.relative,
+            strict=True,
+        )
     ]
 
 

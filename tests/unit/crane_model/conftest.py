@@ -1,14 +1,9 @@
 import pytest
-from hypothesis import settings
 
 from crane_model.configuration import packaged
 from crane_model.dynamics import Geometry
 from crane_model.machine import Machine, load_machine
 from crane_model.model_file import Model, load_model
-
-# The same examples on every machine; the first call of compiled code takes seconds.
-settings.register_profile("crane_model", derandomize=True, deadline=None)
-settings.load_profile("crane_model")
 
 
 @pytest.fixture(scope="session")

@@ -39,9 +39,9 @@ def spatial_crane(bodies: dict[str, pin.Inertia] | None = None) -> pin.Model:
     )
     for (name, joint), row in zip(joints, TABLE_1, strict=True):
         parent = model.addJoint(parent, joint, placement, name)
-        model.addJointFrame(parent)
+        joint_frame = model.addJointFrame(parent)
         placement = _link(*row)
-    model.addFrame(pin.Frame("tip", parent, placement, pin.FrameType.OP_FRAME))
+    model.addFrame(pin.Frame("tip", parent, joint_frame, placement, pin.FrameType.OP_FRAME))
     for body, inertia in (bodies or {}).items():
         joint = dict(zip(PLANAR_BODIES, ("inner_boom", "outer_boom", "telescope"), strict=True))[
             body

@@ -32,8 +32,7 @@ def report(training: tuple[Log, ...], fitted: FitResult) -> IdentificationReport
         options=Options(),
         training=training,
         validations=validations,
-        validation_data=data,
-        warnings=findings(fitted, [*training, *held_out], validations, data),
+        warnings=findings(fitted, [*training, *held_out], validations),
         provenance=Provenance.of("2012-06-01", ["identify", "--out", "a b"], "crane.yaml"),
         planted=PLANTED,
     )

@@ -9,7 +9,7 @@ from crane_identification.report.findings import findings
 
 
 def warnings_of(report, fit=None, logs=()):
-    return findings(fit or report.fit, logs, report.validations, report.validation_data)
+    return findings(fit or report.fit, logs, report.validations)
 
 
 def with_estimate(report, **changes):

@@ -134,7 +134,7 @@ def test_warnings_are_listed_or_their_absence_said(report, tree):
 
 
 def test_without_planted_values_and_validation_nothing_is_left_open(report):
-    tree = read_html(page.render(replace(report, planted=None, validations=(), validation_data=())))
+    tree = read_html(page.render(replace(report, planted=None, validations=())))
     assert not tree.find("td", class_="planted")
     assert not tree.find("table", class_="errors")
     assert not tree.find("section", id="validation")

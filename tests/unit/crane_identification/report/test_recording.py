@@ -75,7 +75,7 @@ def test_a_log_without_reference(training):
 
 
 def test_stretches_left_out_are_those_of_the_mask(report):
-    preparation = report.validation_data[0]
+    preparation = report.validations[0].preparation
     stretches = left_out(preparation, 1)
     time = preparation.record.time + 0.5 * preparation.step
     inside = np.any([(a < time) & (time < b) for a, b in stretches], axis=0)

@@ -40,9 +40,7 @@ def tree() -> Element:
     validations = tuple(compare(fitted.model, p, fitted.decimation) for p in data)
     provenance = Provenance.of("2012-06-01", ["identify"], "axis.yaml")
     return read_html(
-        page.render(
-            IdentificationReport(fitted, options, (training,), validations, data, (), provenance)
-        )
+        page.render(IdentificationReport(fitted, options, (training,), validations, (), provenance))
     )
 
 

@@ -38,9 +38,7 @@ def test_errors_are_those_of_all_held_out_samples_together(report):
 
 
 def test_one_recording_alone_has_its_own_errors(report):
-    single = replace(
-        report, validations=report.validations[:1], validation_data=report.validation_data[:1]
-    )
+    single = replace(report, validations=report.validations[:1])
     result, validation = summary.summarize(single), report.validations[0]
     for key, expected in (
         ("heldout_relative_error", validation.relative_error),
@@ -55,7 +53,7 @@ def test_noise_floor_is_the_noise_of_the_pressures(report):
     """Through the piston areas, the mean over the periods and the pass band of the filter."""
     cylinder = report.fit.model.machine.cylinders["telescope"]
     force_noise = PRESSURE_NOISE * np.hypot(cylinder.area_a, cylinder.area_b)
-    periods = report.validation_data[0].averaging.used
+    periods = report.validations[0].preparation.averaging.used
     expected = force_noise / np.sqrt(periods) * np.sqrt(PASS_BAND / report.fit.decimation)
     force = np.concatenate([v.measured[:, 2] for v in report.validations])
     floor = summary.summarize(report)["noise_floor"]["telescope"] * np.sqrt(np.mean(force**2))
@@ -63,7 +61,7 @@ def test_noise_floor_is_the_noise_of_the_pressures(report):
 
 
 def test_without_validation_there_are_no_held_out_errors(report):
-    result = summary.summarize(replace(report, validations=(), validation_data=()))
+    result = summary.summarize(replace(report, validations=()))
     assert result["heldout_relative_error"] == result["noise_floor"] == {}
     assert result["validation_bags"] == []
     assert set(result["training_relative_error"]) == set(report.fit.model.joints)

@@ -1,0 +1,18 @@
+"""The stand-in machine and its surroundings."""
+
+import pytest
+
+from crane_model.machine import Machine, load_machine
+from crane_sim.parameters import StandIn, load_stand_in
+
+
+@pytest.fixture(scope="session")
+def machine() -> Machine:
+    """The laboratory crane."""
+    return load_machine()
+
+
+@pytest.fixture(scope="session")
+def stand_in() -> StandIn:
+    """The stand-in with the report's friction law."""
+    return load_stand_in()

@@ -1,0 +1,98 @@
+"""Orifices, chambers, spool, pump and relief valve."""
+
+import numpy as np
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+from crane_model.machine import Machine
+from crane_sim.constants import pack
+from crane_sim.hydraulics import (
+    Oil,
+    chamber_step,
+    opening,
+    port_flow,
+    pump_flow,
+    relief_flow,
+    signed_root,
+    spool_step,
+)
+from crane_sim.parameters import StandIn
+
+LAMINAR = 1e5
+drops = st.floats(-3e7, 3e7)
+
+
+@pytest.fixture(scope="module")
+def oil(machine: Machine, stand_in: StandIn) -> Oil:
+    """The oil of the stand-in machine."""
+    return pack(stand_in, machine).oil
+
+
+@given(drop=drops, other=drops)
+def test_orifice_is_odd_increasing_and_lipschitz(drop: float, other: float) -> None:
+    """Root of the pressure drop, smoothed so that its slope is at most 1/sqrt(laminar drop)."""
+    root, slope = signed_root(drop, LAMINAR)
+    assert root == -signed_root(-drop, LAMINAR)[0]
+    assert 0.0 < slope <= 1.0 / np.sqrt(LAMINAR) * (1 + 1e-12)
+    difference = root - signed_root(other, LAMINAR)[0]
+    assert difference * (drop - other) >= 0.0
+    assert abs(difference) <= abs(drop - other) / np.sqrt(LAMINAR) * (1 + 1e-9)
+
+
+@pytest.mark.parametrize("drop", [-2e7, -1e6, 1e6, 2e7])
+def test_orifice_is_turbulent_far_from_zero_and_its_slope_is_its_derivative(drop: float) -> None:
+    """sgn(d) sqrt|d|; derivative by central differences."""
+    root, slope = signed_root(drop, LAMINAR)
+    assert root == pytest.approx(np.sign(drop) * np.sqrt(abs(drop)), rel=3e-3)
+    step = 10.0
+    ahead, behind = signed_root(drop + step, LAMINAR)[0], signed_root(drop - step, LAMINAR)[0]
+    assert slope == pytest.approx((ahead - behind) / (2 * step), rel=1e-6)
+
+
+def test_oil_flows_down_the_pressure(oil: Oil) -> None:
+    """From supply into a chamber below it, from a chamber above tank to tank; not backwards."""
+    supply = 17.5e6
+    assert port_flow(oil, 1e-7, supply, 5e6)[0] > 0.0
+    assert port_flow(oil, 1e-7, supply, 18e6)[0] < 0.0
+    assert port_flow(oil, -1e-7, supply, 5e6)[0] < 0.0
+    assert port_flow(oil, 0.0, supply, 5e6)[0] == 0.0
+
+
+@given(
+    flow=st.floats(-1e-4, 1e-4),
+    growth=st.floats(-1e-4, 1e-4),
+    p=st.floats(1e6, 1.5e7),
+    p_other=st.floats(1e6, 1.5e7),
+)
+def test_oil_that_flows_in_fills_is_compressed_or_leaks(
+    oil: Oil, flow: float, growth: float, p: float, p_other: float
+) -> None:
+    """Mass balance of a step: in = volume change + compression + leakage at the new pressure."""
+    volume, leakage, step = 1e-3, 2e-13, 2e-4
+    after, entered = chamber_step(oil, p, p_other, flow, -1e-11, leakage, volume, growth, step)
+    compressed = volume / oil.bulk_modulus * (after - p)
+    leaked = step * leakage * (after - p_other)
+    assert step * entered == pytest.approx(step * growth + compressed + leaked, abs=1e-15)
+
+
+def test_dead_zone_and_stroke_of_the_spool(machine: Machine, stand_in: StandIn) -> None:
+    """Nothing opens inside the overlap; the spool reaches its command and stops at its end."""
+    assert opening(0.05, 0.06) == opening(-0.06, 0.06) == 0.0
+    assert opening(1.0, 0.06) == 1.0 and opening(-1.0, 0.06) == -1.0
+    for valve in pack(stand_in, machine).valves:
+        for command in (0.3, 5.0):
+            position = rate = 0.0
+            for _ in range(5_000):
+                position, rate = spool_step(valve, command, position, rate, 1e-4)
+                assert abs(position) <= 1.0
+                assert abs(rate) <= valve["rate_limit"] * (1 + 1e-12)
+            assert position == pytest.approx(valve["sense"] * min(command, 1.0), abs=1e-6)
+
+
+def test_pump_is_limited_and_relief_opens(oil: Oil) -> None:
+    """No delivery at the set pressure, all of it below the droop; relief only above its limit."""
+    assert pump_flow(oil, oil.set_pressure) == 0.0
+    assert pump_flow(oil, oil.set_pressure - 2 * oil.droop) == oil.pump_flow
+    assert relief_flow(oil, oil.relief_pressure) == 0.0
+    assert relief_flow(oil, oil.relief_pressure + 1e6) > 0.0
