@@ -1,0 +1,61 @@
+"""Table 2 kept: speed limited by the braking distance, and no motion into a limit."""
+
+import math
+
+from crane_driver.safety.settings import SafetySettings
+from crane_model.machine import JointLimits
+
+
+class JointLimiter:
+    """Limits the spool command of one joint by its measured position and velocity.
+
+    Towards a limit at distance d the allowed speed is sqrt(2 a d), at most that of Table 2. The
+    spool opens only so fast that the speed can be watched, and no further than an allowed speed
+    can need at most. If the joint is too fast all the same, as valve, load and oil may have it,
+    the spool is closed in the ratio of the allowed to the measured speed, and opens again in the
+    measure in which the joint is too slow. A joint that is about to reach its limit within the
+    reaction time is commanded to neutral; one at its limit may only be commanded away from it.
+    """
+
+    def __init__(self, limits: JointLimits, deceleration: float, settings: SafetySettings):
+        self._limits, self._deceleration = limits, deceleration
+        self._reaction = settings.reaction_time
+        self._correction = settings.correction_time
+        self._opening, self._opening_time = settings.opening, settings.opening_time
+        self._cap = 1.0
+        self._direction = 0.0
+        self._sent = 0.0
+        self._cause = 0.0  # the opening that the present speed comes from
+
+    def limit(self, command: float, position: float, velocity: float, dt: float) -> float:
+        """`command` (-1 to 1), or a smaller one of the same sign, `dt` [s] after the last call.
+
+        Units of position and velocity: rad, rad/s; telescope m, m/s; both finite.
+        """
+        direction = math.copysign(1.0, command) if command else 0.0
+        if direction != self._direction:
+            self._cap, self._direction = 1.0, direction
+            self._sent = self._cause = 0.0
+        self._cause += (self._sent - self._cause) * min(1.0, dt / self._reaction)
+        opened = max(self._sent, self._opening) + dt / self._opening_time
+        bound = self._bound(direction, position, velocity, dt)
+        self._sent = min(abs(command), opened, bound)
+        return direction * self._sent
+
+    def _bound(self, direction: float, position: float, velocity: float, dt: float) -> float:
+        """The largest spool opening in a direction."""
+        limits = self._limits
+        if direction > 0.0:
+            distance, fastest = limits.position_max - position, limits.velocity_max
+        else:
+            distance, fastest = position - limits.position_min, -limits.velocity_min
+        speed = direction * velocity
+        if distance <= max(0.0, speed * self._reaction):
+            self._cap = 0.0
+            return 0.0
+        allowed = min(fastest, math.sqrt(2.0 * self._deceleration * distance))
+        excess = (speed - allowed) / fastest
+        self._cap = min(1.0, max(0.0, self._cap - excess * dt / self._correction))
+        if excess > 0.0:
+            self._cap = min(self._cap, self._cause * allowed / speed)
+        return min(self._cap, self._opening + (1.0 - self._opening) * allowed / fastest)

@@ -1,0 +1,51 @@
+"""The settings of the safety functions, from `data/safety.yaml`."""
+
+from pathlib import Path
+from typing import Annotated, Self
+
+from pydantic import Field, model_validator
+
+from crane_model.configuration import Schema, load, packaged
+
+Positive = Annotated[float, Field(gt=0)]
+Spool = Annotated[float, Field(gt=0, lt=1)]
+
+
+class Decelerations(Schema):
+    """One value a joint [rad/s2; telescope m/s2]."""
+
+    slew: Positive
+    inner_boom: Positive
+    outer_boom: Positive
+    telescope: Positive
+
+    def __getitem__(self, joint: str) -> float:
+        return getattr(self, joint)
+
+
+class SafetySettings(Schema):
+    """Times [s], spool commands -1 to 1, decelerations; meaning in the file."""
+
+    command_timeout: Positive
+    ramp_time: Positive
+    neutral: Spool
+    settling_time: Positive
+    deceleration: Decelerations
+    reaction_time: Positive
+    correction_time: Positive
+    opening: Spool
+    opening_time: Positive
+
+    @model_validator(mode="after")
+    def _ordered(self) -> Self:
+        if self.neutral >= self.opening:
+            raise ValueError(
+                f"neutral is {self.neutral}, it must be less than opening, {self.opening}: what "
+                "moves nothing cannot surely move a joint"
+            )
+        return self
+
+
+def load_safety(path: Path | str | None = None) -> SafetySettings:
+    """The settings in `path`, by default the laboratory's; `ConfigurationError` if wrong."""
+    return load(path or packaged("crane_driver", "safety.yaml"), SafetySettings)

@@ -1,0 +1,251 @@
+"""What reaches the valves: commands judged, faults latched, everything else ramped to neutral."""
+
+import math
+from collections.abc import Iterable, Mapping, Sequence
+from dataclasses import dataclass
+from enum import StrEnum
+from typing import NamedTuple
+
+from crane_driver.can.frame import Fault
+from crane_driver.safety.commands import check_command, ramped
+from crane_driver.safety.limits import JointLimiter
+from crane_driver.safety.settings import SafetySettings
+from crane_driver.safety.states import TRANSITIONS, Event, State
+from crane_model.errors import ConfigurationError, CraneError, RangeError
+from crane_model.machine import Machine
+
+LONGEST_STEP = 0.05  # s; after a longer pause ramp and limiters go on as if it had been this one
+
+
+class RefusedError(CraneError):
+    """A request to the driver was refused; nothing has changed.
+
+    Examples: enabling while a command is not neutral, resetting while the ramp runs, a command
+    with a value that is not a number.
+    """
+
+
+class Cause(StrEnum):
+    """Where a latched fault comes from."""
+
+    CAN = "CAN"
+    COMMAND_TIMEOUT = "command timeout"
+    SEVERAL_PUBLISHERS = "several publishers"
+    NO_STATE = "no state"
+
+
+@dataclass
+class Latched:
+    """A fault since the last reset: what was said first, and how often it came."""
+
+    text: str
+    count: int = 1
+
+
+class Output(NamedTuple):
+    """What the valves are sent."""
+
+    commands: dict[str, float]  # joint: -1 to 1
+    enabled: bool
+
+
+class Supervisor:
+    """All times are of the steady clock [s]; `now` never goes back."""
+
+    def __init__(
+        self, valves: Sequence[str], machine: Machine, settings: SafetySettings, now: float
+    ):
+        self._valves, self._settings = tuple(valves), settings
+        self._limiters = {
+            joint: JointLimiter(machine.limits[joint], settings.deceleration[joint], settings)
+            for joint in valves
+        }
+        self._target = dict.fromkeys(self._valves, 0.0)
+        self._output = dict.fromkeys(self._valves, 0.0)
+        self._received = -math.inf  # when the last good command came
+        self._from_neutral = False  # whether a neutral command has begun the present series
+        self._position: dict[str, float] = {}
+        self._velocity: dict[str, float] = {}
+        self._publishers = 0
+        self._stepped = now
+        self._troubled = now  # when the last fault of the bus was seen
+        self.state = State.OFFLINE
+        self.faults: dict[str, Latched] = {}
+        self.refused = 0  # commands
+        self.refusal = ""  # why the last one was
+        self.limited: dict[str, float] = {}  # commands that the limits of Table 2 held back
+        self.news: list[str] = []  # for the log
+
+    def command(self, names: Sequence[str], values: Sequence[float], received: float) -> None:
+        """Take a command that came at `received`; `RefusedError` if it is refused as a whole."""
+        try:
+            if self._publishers > 1:
+                raise RangeError(f"{self._publishers} publishers command the valves, one may")
+            commands = check_command(names, values, self._valves)
+            fresh = received - self._received <= self._settings.command_timeout
+            continues = self.state is State.ENABLED and self._from_neutral and fresh
+            self._from_neutral = continues or self._is_neutral(commands)
+            if self.state is State.ENABLED and not self._from_neutral:
+                raise RangeError(
+                    f"the first command is {_shown(commands)}; begin with a neutral one, at most "
+                    f"{self._settings.neutral}"
+                )
+        except RangeError as error:
+            self.refused += 1
+            self.refusal = f"{error}; the whole command is refused"
+            raise RefusedError(self.refusal) from None
+        self._target, self._received = commands, received
+
+    def published_by(self, count: int) -> None:
+        """How many publishers of commands there are."""
+        self._publishers = count
+        if count > 1 and self.state is State.ENABLED:
+            self._latch(Cause.SEVERAL_PUBLISHERS, "", f"{count} publishers command the valves")
+
+    def readings(self, positions: Mapping[str, float], velocities: Mapping[str, float]) -> None:
+        """The newest measured state; NaN where there is none."""
+        self._position, self._velocity = dict(positions), dict(velocities)
+
+    def can_faults(self, faults: Iterable[Fault], now: float) -> None:
+        """Faults of bus, frames and devices."""
+        for fault in faults:
+            self._troubled = now
+            if self.state is State.OFFLINE:
+                continue  # not well as yet, which is what this state says
+            self._latch(Cause.CAN, f"{fault.kind} {fault.message}", str(fault))
+
+    def ready(self, complete: bool, now: float) -> None:
+        """Whether all messages of the machine come in time."""
+        well = now - self._troubled > self._settings.settling_time
+        if self.state is State.OFFLINE and complete and well and not self._unknown():
+            self._happen(Event.READY)
+
+    def enable(self, now: float) -> None:
+        """Let commands through from now on; `RefusedError` says what is in the way."""
+        if (self.state, Event.ENABLE) not in TRANSITIONS:
+            raise RefusedError(f"not enabled: the state is {self.state}{self._why()}")
+        if self._publishers > 1:
+            raise RefusedError(
+                f"not enabled: {self._publishers} publishers command the valves; stop all but one"
+            )
+        if any(self._output.values()):
+            raise RefusedError("not enabled: the valves are not neutral yet")
+        fresh = now - self._received <= self._settings.command_timeout
+        if fresh and not self._is_neutral(self._target):
+            raise RefusedError(
+                f"not enabled: the command is {_shown(self._target)}; command neutral first"
+            )
+        self._from_neutral = fresh
+        self._happen(Event.ENABLE)
+
+    def disable(self) -> None:
+        """Ramp to neutral and let no more commands through; in other states nothing changes."""
+        if self.state is State.ENABLED:
+            self._happen(Event.DISABLE)
+
+    def emergency_stop(self) -> None:
+        """Neutral at once, latched."""
+        self._output = dict.fromkeys(self._valves, 0.0)
+        self._happen(Event.EMERGENCY_STOP)
+
+    def reset(self, now: float) -> None:
+        """Forget the faults; never enables. `RefusedError` while the ramp to neutral runs."""
+        if any(self._output.values()):
+            raise RefusedError("not reset: the valves are not neutral yet")
+        self.faults.clear()
+        if (self.state, Event.RESET) in TRANSITIONS:
+            self._troubled = now
+            self._happen(Event.RESET)
+
+    def output(self, now: float) -> Output:
+        """What to send at `now`; to be called in every cycle."""
+        dt = min(now - self._stepped, LONGEST_STEP)
+        self._stepped = now
+        if self.state is State.ENABLED:
+            self._judge_age(now)
+        if self.state is State.ENABLED and (unknown := self._unknown()):
+            self._latch(Cause.NO_STATE, "", f"no position and velocity of {', '.join(unknown)}")
+        if self.state is State.ENABLED:
+            self._output = self._within_limits(dt)
+        else:
+            step = dt / self._settings.ramp_time
+            self._output = {name: ramped(value, step) for name, value in self._output.items()}
+            self.limited = {}
+        moving = any(self._output.values())
+        return Output(dict(self._output), self.state is State.ENABLED or moving)
+
+    def _judge_age(self, now: float) -> None:
+        """Commands that end at neutral have ended well; others leave a fault."""
+        age = now - self._received
+        if age <= self._settings.command_timeout:
+            return
+        if self._from_neutral and not self._is_neutral(self._target):
+            self._latch(
+                Cause.COMMAND_TIMEOUT,
+                "",
+                f"last command {age * 1e3:.0f} ms ago, limit "
+                f"{self._settings.command_timeout * 1e3:.0f} ms, it was {_shown(self._target)}",
+            )
+        self._from_neutral = False
+        self._target = dict.fromkeys(self._valves, 0.0)
+
+    def _within_limits(self, dt: float) -> dict[str, float]:
+        output = {
+            joint: self._limiters[joint].limit(
+                self._target[joint], self._position[joint], self._velocity[joint], dt
+            )
+            for joint in self._valves
+        }
+        self.limited = {
+            joint: value for joint, value in output.items() if value != self._target[joint]
+        }
+        return output
+
+    def _unknown(self) -> list[str]:
+        return [
+            joint
+            for joint in self._valves
+            if not math.isfinite(
+                self._position.get(joint, math.nan) + self._velocity.get(joint, math.nan)
+            )
+        ]
+
+    def _is_neutral(self, commands: Mapping[str, float]) -> bool:
+        return all(abs(value) <= self._settings.neutral for value in commands.values())
+
+    def _latch(self, cause: Cause, where: str, detail: str) -> None:
+        key = f"{cause} {where}".strip()
+        if key in self.faults:
+            self.faults[key].count += 1
+        else:
+            self.faults[key] = Latched(f"{cause}: {detail}")
+            self.news.append(self.faults[key].text)
+        if (self.state, Event.FAULT) in TRANSITIONS:
+            self._happen(Event.FAULT)
+
+    def _happen(self, event: Event) -> None:
+        previous, self.state = self.state, TRANSITIONS[self.state, event]
+        if self.state is not previous:
+            self.news.append(f"{previous} -> {self.state}")
+        if self.state is not State.ENABLED:
+            self._from_neutral = False
+
+    def _why(self) -> str:
+        if self.faults:
+            return "; " + "; ".join(one.text for one in self.faults.values())
+        if self.state is State.OFFLINE:
+            return "; not all readings of the machine come in time"
+        return ""
+
+
+def check_valves(valves: Sequence[str], positions: Sequence[str]) -> None:
+    """`ConfigurationError` where a joint has a valve but no position to keep its limits by."""
+    if blind := [joint for joint in valves if joint not in positions]:
+        raise ConfigurationError(
+            f"mapping: {', '.join(blind)} can be commanded, but there is no position to keep the "
+            "limits of Table 2 by; map one, or take the command out"
+        )
+
+
+def _shown(commands: Mapping[str, float]) -> str:
+    return ", ".join(f"{joint} {value:.3g}" for joint, value in commands.items() if value)
