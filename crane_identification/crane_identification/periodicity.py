@@ -108,22 +108,32 @@ def _difference(signal: np.ndarray, lag: float) -> np.ndarray:
 
 
 def _distance(signal: np.ndarray, lag: float) -> np.ndarray:
-    """Root mean square of that difference around every k, over all columns."""
+    """Root mean square of that difference over a window around every k, and over all columns."""
     power = (_difference(signal, lag) ** 2).sum(axis=1)
-    return np.sqrt(uniform_filter1d(power, max(round(WINDOW * lag), 1)).clip(0.0))
+    return np.sqrt(uniform_filter1d(power, _window(lag)).clip(0.0))
+
+
+def _window(lag: float) -> int:
+    return 2 * round(WINDOW * lag / 2) + 1
 
 
 def _repeating(signal: np.ndarray, lag: float, tolerance: float, moves: float) -> tuple[int, int]:
-    """First and last sample k of the longest moving part in which k and k + lag agree."""
+    """First and last sample k of the longest moving part in which k and k + lag agree.
+
+    Agreement around k is that of the whole window, so the part reaches half of it further.
+    """
     equal = _distance(signal, lag) <= tolerance
     edges = np.flatnonzero(np.diff(equal, prepend=False, append=False)).reshape(-1, 2)
     span = int(np.ceil(lag))
     best = (0, 0)
     for begin, end in edges:
         moving = np.ptp(signal[begin : end + span], axis=0).max() > moves
-        if moving and end - 1 - begin > best[1] - best[0]:
-            best = (int(begin), int(end) - 1)
-    return best
+        if moving and end - begin > best[1] - best[0]:
+            best = (int(begin), int(end))
+    if best == (0, 0):
+        return best
+    half = _window(lag) // 2
+    return max(best[0] - half, 0), min(best[1] + half, len(equal)) - 1
 
 
 def _agreement(

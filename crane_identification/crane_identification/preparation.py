@@ -10,7 +10,7 @@ from crane_identification.data.resample import Samples, resample, sampling_rate
 from crane_identification.options import Options
 from crane_identification.periodicity import Periodicity, detect_periodicity
 from crane_identification.progress import Progress, silent
-from crane_identification.signals.gate import moving, velocity_resolution
+from crane_identification.signals.gate import moving, trusted_bandwidth, velocity_resolution
 from crane_identification.signals.motion import (
     Motion,
     encoder_resolution,
@@ -107,7 +107,9 @@ def _whole(
     signals = _signals(model, samples, rows)
     step = 1.0 / samples.rate
     motion = options.motion.estimate(_coordinates(signals), step, _resolution(log), progress)
-    spoilt = int(np.ceil(1.0 / (motion.bandwidth.min() * step)))
+    bandwidth = motion.bandwidth[: len(model.joints)]
+    known = _moving(model, motion, step, False, options)
+    spoilt = int(np.ceil(1.0 / (trusted_bandwidth(bandwidth, known) * step)))
     begin, end = options.trim if options.trim is not None else (spoilt, spoilt)
     if begin + end >= len(rows):
         raise DataError(
@@ -121,8 +123,8 @@ def _whole(
         source=log.source,
         record=_record(model, time, signals, motion.during(kept), options.mask_reversals),
         step=step,
-        moving=_moving(model, motion, step, False, options)[kept],
-        bandwidth=motion.bandwidth[: len(model.joints)],
+        moving=known[kept],
+        bandwidth=bandwidth,
         averaging=None,
         periods=signals["force"][np.newaxis],
     )

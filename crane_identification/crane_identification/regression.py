@@ -8,6 +8,7 @@ from crane_identification.averaging import noise_of_mean
 from crane_identification.estimation.rows import Rows
 from crane_identification.preparation import Preparation
 from crane_identification.signals.decimate import decimate, decimation_factor, decimation_rows
+from crane_identification.signals.gate import trusted_bandwidth
 from crane_model.model_file import Model
 
 OPEN = 0.5
@@ -18,7 +19,9 @@ def common_factor(preparations: Sequence[Preparation], given: int | None = None)
     """The decimation factor that the least known motion of all allows, or the `given` one."""
     if given is not None:
         return given
-    return min(decimation_factor(float(p.bandwidth.min()), p.step) for p in preparations)
+    return min(
+        decimation_factor(trusted_bandwidth(p.bandwidth, p.moving), p.step) for p in preparations
+    )
 
 
 def build_rows(model: Model, preparation: Preparation, factor: int) -> Rows:

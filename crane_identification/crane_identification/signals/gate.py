@@ -4,12 +4,13 @@ import numpy as np
 from scipy.ndimage import binary_dilation
 
 from crane_identification.signals.motion import Motion
+from crane_model.errors import DataError
 
 SIGMAS = 3.0
 """Speeds below this many standard deviations of the velocity estimate count as standstill."""
-GUARD_CYCLES = 0.5
-"""Half a cycle at the bandwidth of the motion: half the width of a low-pass' main lobe, over which
-what happens at a reversal is smeared."""
+GUARD_CYCLES = 1.0
+"""Cycles at the bandwidth of the motion over which the smoother spreads what happens at a reversal:
+main lobe and first side lobe of its response."""
 
 
 def velocity_resolution(motion: Motion) -> np.ndarray:
@@ -17,8 +18,20 @@ def velocity_resolution(motion: Motion) -> np.ndarray:
     return SIGMAS * motion.velocity_noise
 
 
+def trusted_bandwidth(bandwidth: np.ndarray, known: np.ndarray) -> float:
+    """Lowest bandwidth [Hz] of the joints that move at some time of `known` (n, j).
+
+    That of a joint that stands still says nothing. `DataError` if all of them do.
+    """
+    if not known.any():
+        raise DataError(
+            "no joint moves faster than its velocity can be told from standstill; record a motion"
+        )
+    return float(bandwidth[known.any(axis=0)].min())
+
+
 def moving(motion: Motion, step: float, periodic: bool) -> np.ndarray:
-    """(n, j): True where joint j moves, and has done and will do so for half a smoothing cycle.
+    """(n, j): True where joint j moves, and has done and will do so for a smoothing cycle.
 
     At standstill (13) is set-valued, and near a reversal the velocity estimate lags or leads the
     true one: rows from there are wrong by up to 2 f_c, which biases the friction parameters.

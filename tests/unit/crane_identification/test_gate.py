@@ -5,7 +5,7 @@ from crane_identification.signals.motion import Motion
 
 STEP = 0.01
 BANDWIDTH = 5.0
-GUARD = 10  # samples: half a cycle of 5 Hz at 100 Hz
+GUARD = 20  # samples: one cycle of 5 Hz at 100 Hz
 
 
 def motion(velocity: np.ndarray, noise: float = 0.01) -> Motion:
