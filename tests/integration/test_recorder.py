@@ -1,0 +1,213 @@
+"""The recorder as a process on a real ROS graph: nothing is lost, whatever ends it."""
+
+import signal
+import time
+from collections.abc import Iterator
+from pathlib import Path
+
+import numpy as np
+import pytest
+from diagnostic_msgs.msg import DiagnosticArray, DiagnosticStatus
+from integration.recording_graph import LATCHED, Graph, Source, graph
+from rclpy.qos import QoSProfile, ReliabilityPolicy
+from rosbags.interfaces import Qos, QosDurability, QosReliability
+from rosbags.rosbag2 import Reader
+from sensor_msgs.msg import JointState
+from std_msgs.msg import Header, String
+
+from crane_driver.bags.reader import read_topics
+from crane_driver.bags.types import (
+    CYLINDER_PRESSURES,
+    JOINT_REFERENCE,
+    JOINT_STATES,
+    VALVE_COMMAND,
+)
+from crane_model.errors import DataError
+
+TOPICS = (JOINT_STATES, CYLINDER_PRESSURES, VALVE_COMMAND, JOINT_REFERENCE)
+SECOND = 1_000_000_000  # ns
+
+
+@pytest.fixture
+def ros(ros_domain: int, tmp_path: Path) -> Iterator[Graph]:
+    with graph(ros_domain, tmp_path) as made:
+        yield made
+
+
+@pytest.fixture
+def bag(tmp_path: Path) -> Path:
+    return tmp_path / "bag"
+
+
+def stored(bag: Path) -> dict[str, tuple[Qos, ...]]:
+    """Topics and the QoS profiles that their publishers offered."""
+    with Reader(bag) as reader:
+        return {one.topic: tuple(one.ext.offered_qos_profiles) for one in reader.connections}
+
+
+def stamps(bag: Path) -> dict[str, list[int]]:
+    """Header stamps of the four topics."""
+    data = read_topics(bag, TOPICS)
+    return {name: one.stamp.tolist() for name, one in data.items()}
+
+
+def states_of(path: Path) -> list[int]:
+    """Header stamps of the joint states."""
+    return read_topics(path, [JOINT_STATES])[JOINT_STATES.name].stamp.tolist()
+
+
+class Health:
+    """What the recorder tells about itself on /diagnostics."""
+
+    def __init__(self, ros: Graph):
+        self.status = DiagnosticStatus(level=DiagnosticStatus.STALE)
+        self.rates: list[str] = []  # of the joint states
+        ros.node.create_subscription(DiagnosticArray, "/diagnostics", self._take, 10)
+
+    def _take(self, message: DiagnosticArray) -> None:
+        (self.status,) = message.status
+        self.rates.append(self.value("/joint_states rate [Hz]") or "0")
+
+    def value(self, key: str) -> str | None:
+        return next((one.value for one in self.status.values if one.key == key), None)
+
+    def messages(self, topic: str) -> int:
+        return int(self.value(f"{topic} messages") or 0)
+
+
+def test_no_message_is_lost(ros: Graph, bag: Path) -> None:
+    """At 200 Hz on four topics over ten seconds; SIGTERM leaves a bag that every reader opens."""
+    source = Source(ros)
+    recorder = ros.start("recorder", "--out", bag)
+    source.wait_for_subscribers()
+    source.send(2000)
+    source.wait_until_received()
+    assert recorder.end(signal.SIGTERM) == 0
+
+    assert stamps(bag) == {topic.name: source.stamps for topic in TOPICS}
+    for topic in TOPICS:
+        assert f"recording {topic.name} ({topic.msgtype}, reliable)" in recorder.output
+        (row,) = (row for row in recorder.output.splitlines() if row.startswith(f"{topic.name} "))
+        assert row.split() == [topic.name, topic.msgtype, "2000", "0"]
+    with Reader(bag) as reader:
+        states = [one for one in reader.connections if one.topic == JOINT_STATES.name]
+        received = np.array([log_time for _, log_time, _ in reader.messages(states)])
+        (publisher,) = ros.node.get_publishers_info_by_topic(JOINT_STATES.name)
+        assert states[0].digest == str(publisher.topic_type_hash)
+    delay = received - np.array(source.stamps)
+    assert delay.min() > 0
+    assert delay.max() < 5 * SECOND
+
+
+def test_latched_and_best_effort_topics(ros: Graph, bag: Path) -> None:
+    """Published before the recorder was there, or by one who promises nothing."""
+    best_effort = QoSProfile(depth=5, reliability=ReliabilityPolicy.BEST_EFFORT)
+    description = ros.node.create_publisher(String, "/robot_description", LATCHED)
+    states = ros.node.create_publisher(JointState, "/joint_states", best_effort)
+    description.publish(String(data="<robot/>"))
+    health = Health(ros)
+    recorder = ros.start("recorder", "--out", bag, "--topics", "robot_description", "joint_states")
+    ros.wait(states.get_subscription_count)
+    states.publish(JointState(name=["slew"], position=[0.5]))
+    ros.wait(lambda: health.messages("/robot_description") == health.messages("/joint_states") == 1)
+    assert recorder.end(signal.SIGINT) == 0
+
+    qos = stored(bag)
+    assert [one.durability for one in qos["/robot_description"]] == [QosDurability.TRANSIENT_LOCAL]
+    assert [one.reliability for one in qos["/joint_states"]] == [QosReliability.BEST_EFFORT]
+    assert read_topics(bag, [JOINT_STATES])["/joint_states"].fields["position"].tolist() == [[0.5]]
+
+
+def test_kill_loses_at_most_the_last_second(ros: Graph, bag: Path, tmp_path: Path) -> None:
+    source = Source(ros)
+    recorder = ros.start("recorder", "--out", bag)
+    source.wait_for_subscribers()
+    source.send(700)
+    killed = time.time_ns()
+    assert recorder.end(signal.SIGKILL) == -signal.SIGKILL
+    before = {file.name: file.read_bytes() for file in bag.iterdir()}
+    mended = tmp_path / "mended"
+    with pytest.raises(DataError, match=f"mend it: ros2 run crane_driver recover {bag} --out"):
+        stamps(bag)
+
+    recover = ros.start("recover", bag, "--out", mended)
+    assert recover.end() == 0, recover.output
+    saved = stamps(mended)
+    for topic in TOPICS:
+        count = len(saved[topic.name])
+        assert saved[topic.name] == source.stamps[:count]
+        assert killed - saved[topic.name][-1] < SECOND
+        assert f"{topic.name} " in recover.output
+    assert "/robot_description" in stored(mended)
+    assert {file.name: file.read_bytes() for file in bag.iterdir()} == before
+
+
+def test_split_files(ros: Graph, bag: Path) -> None:
+    source = Source(ros)
+    recorder = ros.start("recorder", "--out", bag, "--split-seconds", 0.5)
+    source.wait_for_subscribers()
+    source.send(400)
+    source.wait_until_received()
+    assert recorder.end(signal.SIGTERM) == 0
+
+    files = [f"bag_{k}.mcap" for k in range(len(list(bag.glob("*.mcap"))))]
+    assert len(files) >= 4
+    assert set(files) == {file.name for file in bag.glob("*.mcap")}
+    assert stamps(bag) == {topic.name: source.stamps for topic in TOPICS}
+    states = [k for file in files for k in states_of(bag / file)]
+    assert states == source.stamps
+
+
+def test_impatient_user_does_not_damage_the_bag(ros: Graph, bag: Path) -> None:
+    """Ctrl-C, again and again, and a hang-up."""
+    source = Source(ros)
+    recorder = ros.start("recorder", "--out", bag)
+    source.wait_for_subscribers()
+    source.send(100)
+    source.wait_until_received()
+    assert recorder.end(signal.SIGINT, signal.SIGINT, signal.SIGHUP, signal.SIGINT) == 0
+    assert stamps(bag) == {topic.name: source.stamps for topic in TOPICS}
+
+
+def test_diagnostics_tell_how_it_goes(ros: Graph, bag: Path) -> None:
+    source, health = Source(ros), Health(ros)
+    recorder = ros.start("recorder", "--out", bag)
+    source.wait_for_subscribers()
+    source.send(300)
+    ros.wait(lambda: all(health.messages(topic) == 300 for topic in source.publishers))
+    assert health.status.level == DiagnosticStatus.OK
+    assert health.status.name == "recorder: bag"
+    assert health.status.message == "recording 6 of 8 topics"
+    assert health.value("/joint_states lost") == "0"
+    assert max(float(rate) for rate in health.rates) > 50.0
+    assert recorder.end(signal.SIGTERM) == 0
+
+
+def test_publishers_that_cannot_be_recorded_are_named(
+    ros: Graph, bag: Path, ros_domain: int, tmp_path: Path
+) -> None:
+    """A second publisher of another type, and one that promises less than the first."""
+    health = Health(ros)
+    strings = ros.node.create_publisher(String, "/mixed", 1)
+    states = ros.node.create_publisher(JointState, "/joint_states", 1)
+    recorder = ros.start("recorder", "--out", bag, "--topics", "/mixed", "/joint_states")
+    ros.wait(strings.get_subscription_count)
+    ros.wait(states.get_subscription_count)
+    best_effort = QoSProfile(depth=1, reliability=ReliabilityPolicy.BEST_EFFORT)
+    with graph(ros_domain, tmp_path) as late:
+        late.node.create_publisher(Header, "/mixed", 1)
+        late.node.create_publisher(JointState, "/joint_states", best_effort)
+        ros.wait(
+            lambda: health.status.message.count("not recorded from test: type or quality") == 2
+        )
+    assert health.status.level == DiagnosticStatus.ERROR
+    assert health.value("/joint_states lost") == "unknown"
+    assert recorder.output.count("not recorded from test: type or quality of service") == 2
+    assert recorder.end(signal.SIGTERM) == 0
+
+
+def test_folder_that_exists_is_refused(ros: Graph, bag: Path) -> None:
+    bag.mkdir()
+    recorder = ros.start("recorder", "--out", bag)
+    assert recorder.process.wait() == 1
+    assert f"error: {bag}: cannot make a bag here: File exists" in recorder.output
