@@ -13,5 +13,10 @@ setup(
         (f"share/{PACKAGE}", ["package.xml"]),
     ],
     zip_safe=False,
-    entry_points={"console_scripts": ["identify = crane_identification.identify:main"]},
+    entry_points={
+        "console_scripts": [
+            "identify = crane_identification.identify:main",
+            "identification = crane_identification.online.identification_node:main",
+        ]
+    },
 )

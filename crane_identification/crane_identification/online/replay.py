@@ -30,25 +30,28 @@ def replay(
     estimator = OnlineEstimator(model, options)
     forces: list[Forces] = []
     encoder, oil = _stamps(log, log.position.time), _stamps(log, log.pressure_a.time)
-    k, every = 0, max(len(encoder) // STEPS, 1)
+    before = np.searchsorted(oil, encoder, side="right")  # pressures that came before
+    fed = 0
     for i, stamp in enumerate(encoder):
-        while k < len(oil) and oil[k] <= stamp:
-            forces += _feed_pressure(estimator, log, oil, k)
-            k += 1
+        forces += _feed_pressures(estimator, log, oil, slice(fed, before[i]))
+        fed = before[i]
         forces += estimator.add_position(int(stamp), log.position.value[i])
-        if i % every == 0:
+        if i % max(len(encoder) // STEPS, 1) == 0:
             progress("recursion", i / len(encoder))
-    for k in range(k, len(oil)):
-        forces += _feed_pressure(estimator, log, oil, k)
+    forces += _feed_pressures(estimator, log, oil, slice(fed, None))
     progress("recursion", 1.0)
     return estimator, forces
 
 
-def _feed_pressure(
-    estimator: OnlineEstimator, log: Log, stamps: np.ndarray, k: int
+def _feed_pressures(
+    estimator: OnlineEstimator, log: Log, stamps: np.ndarray, part: slice
 ) -> list[Forces]:
     assert log.pressure_a is not None and log.pressure_b is not None
-    return estimator.add_pressure(int(stamps[k]), log.pressure_a.value[k], log.pressure_b.value[k])
+    forces: list[Forces] = []
+    samples = zip(stamps[part], log.pressure_a.value[part], log.pressure_b.value[part], strict=True)
+    for stamp, chamber_a, chamber_b in samples:
+        forces += estimator.add_pressure(int(stamp), chamber_a, chamber_b)
+    return forces
 
 
 def _stamps(log: Log, time: np.ndarray) -> np.ndarray:

@@ -1,0 +1,234 @@
+"""`identification`: the online estimator as a managed node."""
+
+import sys
+import time
+from collections.abc import Callable, Sequence
+from pathlib import Path
+from typing import Any
+
+import rclpy
+from diagnostic_msgs.msg import DiagnosticArray
+from rclpy.clock import Clock, ClockType
+from rclpy.executors import ExternalShutdownException, SingleThreadedExecutor
+from rclpy.lifecycle import LifecycleNode, LifecycleState, TransitionCallbackReturn
+from rclpy.qos import DurabilityPolicy, QoSProfile, ReliabilityPolicy
+from rclpy.subscription import Subscription
+from sensor_msgs.msg import JointState
+from std_srvs.srv import Trigger
+
+from crane_identification.online.condition import Condition, status
+from crane_identification.online.estimator import Forces, OnlineEstimator, OnlineOptions
+from crane_identification.online.parameters import Number, Numbers, Switch, Text, declare
+from crane_identification.online.topics import Feed, estimate_message, forces_message
+from crane_interfaces.msg import CylinderPressures, GeneralizedForces, ParameterEstimate
+from crane_model.configuration import load, packaged
+from crane_model.errors import CraneError, DataError
+from crane_model.machine import PLANAR_JOINTS
+from crane_model.model_file import load_model, save_model
+from crane_model.sensors import SensorChain
+
+JOINT_STATES, PRESSURES = "/joint_states", "/cylinder_pressures"
+DEEP = QoSProfile(depth=1000, reliability=ReliabilityPolicy.RELIABLE)
+LATCHED = QoSProfile(
+    depth=1,
+    reliability=ReliabilityPolicy.RELIABLE,
+    durability=DurabilityPolicy.TRANSIENT_LOCAL,
+)
+PUBLISH = 1.0  # s
+
+DEFAULTS = OnlineOptions()
+AUTOSTART = Switch("autostart", True, "Configure and activate the node when it starts")
+MODEL = Text(
+    "model", "", "Model file to identify; empty: the model that ships with the suite. At configure"
+)
+MODEL_OUTPUT = Text(
+    "model_output", "identified_model.yaml", "File that ~/save_model writes, replacing it"
+)
+FORGETTING = Number(
+    "forgetting",
+    DEFAULTS.forgetting,
+    "-",
+    0.9,
+    1.0,
+    "Forgetting factor per row; the memory is period/(1 - forgetting). At configure",
+)
+LAG = Number("lag", DEFAULTS.lag, "s", 0.05, 2.0, "Half the window of the smoother. At configure")
+PERIOD = Number(
+    "period", DEFAULTS.period, "s", 0.005, 1.0, "Time from row to row, at most lag. At configure"
+)
+LARGEST_GAP = Number(
+    "largest_gap",
+    DEFAULTS.largest_gap,
+    "s",
+    0.001,
+    0.25,
+    "Time without readings after which smoothing starts anew, at most lag/8. At configure",
+)
+TIMEOUT = Number("timeout", 1.0, "s", 0.1, 60.0, "Silence of a topic that is reported as a warning")
+
+
+def _resolution_parameter() -> Numbers:
+    chain = load(packaged("crane_model", "sensors.yaml"), SensorChain)
+    return Numbers(
+        "encoder_resolution",
+        tuple(chain.encoder_resolution[joint] for joint in PLANAR_JOINTS),
+        "rad or m",
+        1e-9,
+        0.1,
+        "One count of the encoder of each joint of the model, in its order. At configure",
+    )
+
+
+class Identification(LifecycleNode):
+    """Learns from /joint_states and /cylinder_pressures, tells what it knows once a second."""
+
+    def __init__(self) -> None:
+        super().__init__("identification")
+        self._resolution = _resolution_parameter()
+        declare(
+            self,
+            (
+                *(AUTOSTART, MODEL, MODEL_OUTPUT, FORGETTING, LAG, PERIOD, LARGEST_GAP),
+                *(self._resolution, TIMEOUT),
+            ),
+        )
+        self._estimator: OnlineEstimator | None = None
+        self._condition = Condition()
+        self._listening: list[Subscription] = []
+        self._diagnostics = self.create_publisher(DiagnosticArray, "/diagnostics", 10)
+        self._estimates = self.create_lifecycle_publisher(
+            ParameterEstimate, "/parameter_estimate", LATCHED
+        )
+        self._forces = self.create_lifecycle_publisher(
+            GeneralizedForces, "/generalized_forces", DEEP
+        )
+        self.create_service(Trigger, "~/reset_estimator", self._reset)
+        self.create_service(Trigger, "~/save_model", self._save)
+        # steady time: under use_sim_time without /clock, the node's clock stands still
+        self.create_timer(PUBLISH, self._tell, clock=Clock(clock_type=ClockType.STEADY_TIME))
+
+    @property
+    def autostart(self) -> bool:
+        """Whether the node is to start by itself; `ConfigurationError` if that is not said."""
+        return AUTOSTART.read(self)
+
+    def on_configure(self, state: LifecycleState) -> TransitionCallbackReturn:
+        """Read model and parameters."""
+        try:
+            options = OnlineOptions(
+                lag=LAG.read(self),
+                period=PERIOD.read(self),
+                forgetting=FORGETTING.read(self),
+                largest_gap=LARGEST_GAP.read(self),
+                encoder_resolution=self._resolution.read(self),
+            )
+            self._condition = Condition(timeout=TIMEOUT.read(self))
+            file = MODEL.read(self) or packaged("crane_model", "crane_model.yaml")
+            self._estimator = OnlineEstimator(load_model(file), options)
+        except CraneError as error:
+            self.get_logger().error(str(error))
+            return TransitionCallbackReturn.FAILURE
+        return super().on_configure(state)
+
+    def on_activate(self, state: LifecycleState) -> TransitionCallbackReturn:
+        """Listen; what was learned before a deactivation is kept."""
+        assert self._estimator is not None
+        feed = Feed(self._estimator, JOINT_STATES, PRESSURES)
+        listen = self._listen
+        self._listening = [
+            self.create_subscription(
+                JointState, JOINT_STATES, listen(JOINT_STATES, feed.joint_states), DEEP
+            ),
+            self.create_subscription(
+                CylinderPressures, PRESSURES, listen(PRESSURES, feed.pressures), DEEP
+            ),
+        ]
+        self._condition.listen(time.monotonic(), JOINT_STATES, PRESSURES)
+        return super().on_activate(state)
+
+    def on_deactivate(self, state: LifecycleState) -> TransitionCallbackReturn:
+        """Listen no more."""
+        self._condition.listen(time.monotonic())
+        for subscription in self._listening:
+            self.destroy_subscription(subscription)
+        self._listening = []
+        return super().on_deactivate(state)
+
+    def on_cleanup(self, state: LifecycleState) -> TransitionCallbackReturn:
+        """Forget the model and what was learned."""
+        self._estimator = None
+        return super().on_cleanup(state)
+
+    def _listen(self, topic: str, feed: Callable[[Any], list[Forces]]) -> Callable[[Any], None]:
+        def take(message: Any) -> None:
+            self._condition.arrived(topic, time.monotonic())
+            try:
+                forces = feed(message)
+            except DataError as error:
+                if self._condition.problem(topic, str(error)):
+                    self.get_logger().error(str(error))
+                return
+            self._condition.well(topic)
+            assert self._estimator is not None
+            for one in forces:
+                self._forces.publish(forces_message(self._estimator.model.joints, one))
+
+        return take
+
+    def _tell(self) -> None:
+        """Publish estimate and diagnostics."""
+        solution = None
+        if self._estimator is not None and self._estimator.samples:
+            solution = self._estimator.solve()
+            self._estimates.publish(estimate_message(self._estimator, solution))
+        found = status(
+            self.get_name(), self._condition, self._estimator, solution, time.monotonic()
+        )
+        message = DiagnosticArray(status=[found])
+        message.header.stamp = self.get_clock().now().to_msg()
+        self._diagnostics.publish(message)
+
+    def _reset(self, _: Trigger.Request, response: Trigger.Response) -> Trigger.Response:
+        if self._estimator is None:
+            response.message = "nothing to reset: the node is not configured"
+            return response
+        self._estimator.reset()
+        response.success, response.message = True, "estimate and counters start anew"
+        return response
+
+    def _save(self, _: Trigger.Request, response: Trigger.Response) -> Trigger.Response:
+        try:
+            if self._estimator is None:
+                raise DataError("nothing to save: the node is not configured")
+            file = Path(MODEL_OUTPUT.read(self)).absolute()
+            save_model(file, self._estimator.fitted_model())
+        except (CraneError, OSError) as error:
+            response.message = str(error)
+            return response
+        response.success, response.message = True, f"wrote {file}"
+        return response
+
+
+def main(args: Sequence[str] | None = None) -> int:
+    """Identify the crane's parameters from /joint_states and /cylinder_pressures."""
+    rclpy.init(args=None if args is None else list(args))
+    try:
+        node = Identification()
+        if node.autostart and not _started(node):
+            return 1
+        executor = SingleThreadedExecutor()
+        executor.add_node(node)
+        executor.spin()
+    except CraneError as error:
+        print(f"error: {error}", file=sys.stderr)
+        return 1
+    except (KeyboardInterrupt, ExternalShutdownException):
+        pass
+    finally:
+        rclpy.try_shutdown()
+    return 0
+
+
+def _started(node: Identification) -> bool:
+    done = TransitionCallbackReturn.SUCCESS
+    return node.trigger_configure() == done and node.trigger_activate() == done

@@ -1,0 +1,129 @@
+"""Parameters of a node, declared with any type and converted with errors that say what is wrong.
+
+A file that says `lag: 1` gives ROS an integer, which a parameter declared as a double would refuse.
+"""
+
+import math
+from dataclasses import dataclass
+from typing import Any
+
+from rcl_interfaces.msg import ParameterDescriptor
+from rclpy.node import Node
+
+from crane_model.errors import ConfigurationError
+
+
+@dataclass(frozen=True)
+class Text:
+    """A parameter that is a piece of text."""
+
+    name: str
+    default: str
+    meaning: str
+
+    @property
+    def description(self) -> str:
+        """What `ros2 param describe` shows."""
+        return self.meaning
+
+    def read(self, node: Node) -> str:
+        """The value; `ConfigurationError` if it is not text."""
+        value = node.get_parameter(self.name).value
+        if not isinstance(value, str):
+            raise ConfigurationError(f"parameter '{self.name}': must be text, got {value!r}")
+        return value
+
+
+@dataclass(frozen=True)
+class Switch:
+    """A parameter that is true or false."""
+
+    name: str
+    default: bool
+    meaning: str
+
+    @property
+    def description(self) -> str:
+        """What `ros2 param describe` shows."""
+        return self.meaning
+
+    def read(self, node: Node) -> bool:
+        """The value; `ConfigurationError` if it is neither true nor false."""
+        value = node.get_parameter(self.name).value
+        if not isinstance(value, bool):
+            raise ConfigurationError(
+                f"parameter '{self.name}': must be true or false, got {value!r}"
+            )
+        return value
+
+
+@dataclass(frozen=True)
+class Number:
+    """A parameter that is a number of a unit within [lowest, highest]."""
+
+    name: str
+    default: float
+    unit: str
+    lowest: float
+    highest: float
+    meaning: str
+
+    @property
+    def description(self) -> str:
+        """What `ros2 param describe` shows."""
+        return f"{self.meaning}. Unit: {self.unit}, range: [{self.lowest:g} - {self.highest:g}]"
+
+    def read(self, node: Node) -> float:
+        """The value; `ConfigurationError` if it is no number or out of range."""
+        return self._checked(node.get_parameter(self.name).value)
+
+    def _checked(self, value: Any) -> float:
+        if isinstance(value, bool) or not isinstance(value, int | float):
+            raise ConfigurationError(f"parameter '{self.name}': must be a number, got {value!r}")
+        if not math.isfinite(value) or not self.lowest <= value <= self.highest:
+            raise ConfigurationError(
+                f"parameter '{self.name}': must be from {self.lowest:g} to {self.highest:g} "
+                f"{self.unit}, got {value}"
+            )
+        return float(value)
+
+
+@dataclass(frozen=True)
+class Numbers:
+    """A parameter that is a list of numbers of a unit, each within [lowest, highest]."""
+
+    name: str
+    default: tuple[float, ...]
+    unit: str
+    lowest: float
+    highest: float
+    meaning: str
+
+    @property
+    def description(self) -> str:
+        """What `ros2 param describe` shows."""
+        return f"{self.meaning}. Unit: {self.unit}, range: [{self.lowest:g} - {self.highest:g}]"
+
+    def read(self, node: Node) -> tuple[float, ...]:
+        """The values; `ConfigurationError` if one is no number or out of range."""
+        value = node.get_parameter(self.name).value
+        if isinstance(value, str | bytes) or not hasattr(value, "__iter__"):
+            raise ConfigurationError(
+                f"parameter '{self.name}': must be a list of numbers, got {value!r}"
+            )
+        one = Number(self.name, 0.0, self.unit, self.lowest, self.highest, self.meaning)
+        return tuple(one._checked(entry) for entry in value)
+
+
+NodeParameter = Text | Switch | Number | Numbers
+
+
+def declare(node: Node, parameters: tuple[NodeParameter, ...]) -> None:
+    """Declare all of them, whatever the type of what was given for them."""
+    for parameter in parameters:
+        default = parameter.default
+        node.declare_parameter(
+            parameter.name,
+            list(default) if isinstance(default, tuple) else default,
+            ParameterDescriptor(description=parameter.description, dynamic_typing=True),
+        )
