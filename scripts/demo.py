@@ -169,9 +169,13 @@ def errors_table() -> Table:
     """Held-out errors per joint."""
     result = Table(title="Force on the bag that was not used for fitting, ‖τ-τ̂‖/‖τ‖")
     result.add_column("joint")
-    for heading in ("relative to τ", "without gravity", "noise floor", "with LuGre friction"):
+    for heading in (
+        *("relative to τ", "without gravity", "noise floor", "with LuGre friction"),
+        *("motion, 0.5 s ahead", "friction in τ"),
+    ):
         result.add_column(heading, justify="right")
     summary, dynamic = REPORT_LAW.read("summary.json"), DYNAMIC_LAW.read("summary.json")
+    motion = summary["simulated_motion"]
     for joint, error in summary["heldout_relative_error"].items():
         result.add_row(
             joint,
@@ -179,6 +183,8 @@ def errors_table() -> Table:
             f"{summary['heldout_relative_error_without_gravity'][joint]:.2%}",
             f"{summary['noise_floor'][joint]:.2%}",
             f"{dynamic['heldout_relative_error'][joint]:.2%}",
+            f"{motion['position_rms'][joint] / motion['displacement_rms'][joint]:.2%}",
+            f"{summary['friction_share'][joint]:.0%}",
         )
     return result
 

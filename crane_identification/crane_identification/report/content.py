@@ -7,6 +7,8 @@ from dataclasses import dataclass
 from functools import cached_property
 from importlib.metadata import PackageNotFoundError, version
 
+import numpy as np
+
 from crane_identification.data.log import Log
 from crane_identification.motion_validation import MotionValidation, validate_motion
 from crane_identification.options import Options
@@ -77,6 +79,14 @@ class IdentificationReport:
         fit = self.fit
         compared = [compare(fit.model, p, fit.decimation) for p in fit.preparations]
         return pooled(fit.model, compared)
+
+    @cached_property
+    def friction_share(self) -> np.ndarray:
+        """How much of the drive force of the training data is friction: ‖friction‖/‖τ‖, (j,)."""
+        model, records = self.fit.model, [p.record for p in self.fit.preparations]
+        friction = np.concatenate([model.friction(record) for record in records])
+        force = np.concatenate([record.force for record in records])
+        return np.linalg.norm(friction, axis=0) / np.linalg.norm(force, axis=0)
 
     @cached_property
     def simulated(self) -> MotionValidation | None:

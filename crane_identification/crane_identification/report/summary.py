@@ -35,8 +35,9 @@ class Summary(TypedDict):
     `heldout_relative_error` is ‖τ - τ̂‖/‖τ‖, `..._moving` the same where the sign of the joint's
     velocity is known, `..._without_gravity` the error relative to τ without its gravity part, and
     `noise_floor` the scatter of τ from period to period (null: no period was repeated). They are
-    empty without validation. The condition numbers are those of all columns in SI units, and of
-    the same columns scaled to norm 1 (null: rank deficient). `samples` counts the fitted rows.
+    empty without validation. `friction_share` is ‖friction‖/‖τ‖ of the training data by the fitted
+    model. The condition numbers are those of all columns in SI units, and of the same columns
+    scaled to norm 1 (null: rank deficient). `samples` counts the fitted rows.
     """
 
     model: str
@@ -48,6 +49,7 @@ class Summary(TypedDict):
     heldout_relative_error_without_gravity: dict[str, float | None]
     noise_floor: dict[str, float | None]
     training_relative_error: dict[str, float | None]
+    friction_share: dict[str, float | None]
     simulated_motion: MotionSummary | None
     condition_number: float | None
     condition_number_normalized: float | None
@@ -81,6 +83,7 @@ def summarize(report: IdentificationReport) -> Summary:
         else {},
         noise_floor=per_joint(held_out.noise_floor) if held_out else {},
         training_relative_error=per_joint(report.trained.relative),
+        friction_share=per_joint(report.friction_share),
         simulated_motion=MotionSummary(
             horizon=simulated.horizon,
             windows=simulated.windows,

@@ -100,6 +100,7 @@ class Excitation(NamedTuple):
     speed: str
     acceleration: str
     moving: str
+    friction: str
     rows: int
 
 
@@ -241,6 +242,7 @@ def excitation(report: IdentificationReport) -> list[Excitation]:
             speed=plain(float(np.abs(velocity[:, j]).max())),
             acceleration=plain(float(np.abs(acceleration[:, j]).max())),
             moving=percent(float(share[j])),
+            friction=percent(float(report.friction_share[j])),
             rows=int(fit.rows.used[:, j].sum()),
         )
         for j, joint in enumerate(fit.model.joints)

@@ -1,5 +1,6 @@
 """The model: a sum of terms with values, standard deviations and provenance, kept in YAML."""
 
+from collections.abc import Collection
 from dataclasses import dataclass, replace
 from functools import cached_property
 from itertools import accumulate
@@ -14,9 +15,9 @@ from crane_model.errors import ConfigurationError
 from crane_model.machine import Machine, load_machine
 from crane_model.record import Record
 from crane_model.terms import Parameter, Term, term_from_mapping
-from crane_model.terms.term import Setting
+from crane_model.terms.term import Family, Setting
 
-GRAVITY_FAMILIES = ("rigid body", "gravity and load")
+GRAVITY_FAMILIES: tuple[Family, ...] = ("rigid body", "gravity and load")
 
 
 @dataclass(frozen=True)
@@ -83,9 +84,16 @@ class Model:
 
     def gravity(self, record: Record) -> np.ndarray:
         """The part of the force that gravity alone needs at the record's positions: (n, j)."""
-        columns = self.regressor(record.at_rest())
+        return self._force_of(record.at_rest(), GRAVITY_FAMILIES)
+
+    def friction(self, record: Record) -> np.ndarray:
+        """The part of the force that friction takes, sgn as the record has it: (n, j)."""
+        return self._force_of(record, ("friction",))
+
+    def _force_of(self, record: Record, families: Collection[Family]) -> np.ndarray:
+        columns = self.regressor(record)
         for term, part in zip(self.terms, self._parts, strict=True):
-            if term.family not in GRAVITY_FAMILIES:
+            if term.family not in families:
                 columns[:, :, part] = 0.0
         return columns @ self.theta
 
