@@ -1,6 +1,7 @@
 """The supervisor: a clock that the test moves, and one test for each thing that may go wrong."""
 
 import math
+from itertools import pairwise
 
 import pytest
 from hypothesis import settings as hypothesis_settings
@@ -60,7 +61,7 @@ class Bench:
 def fell(outputs: list[Output]) -> None:
     """Assert that the slew command went to neutral by the ramp, and then the valves closed."""
     values = [one.commands["slew"] for one in outputs]
-    steps = [before - after for before, after in zip(values, values[1:], strict=False)]
+    steps = [before - after for before, after in pairwise(values)]
     assert values[0] < 1.0
     assert all(0.0 <= step <= CYCLE / SAFETY.ramp_time + 1e-9 for step in steps)
     assert values[-1] == 0.0

@@ -1,0 +1,166 @@
+"""The driver without ROS: frames to samples, commands to frames, faults to the supervisor."""
+
+import math
+from collections.abc import Mapping, Sequence
+from typing import NamedTuple
+
+import numpy as np
+
+from crane_driver.can.assembly import Assembly, Complete
+from crane_driver.can.codec import DriverCodec
+from crane_driver.can.frame import UNUSABLE, Fault, Frame
+from crane_driver.can.health import Monitor
+from crane_driver.can.layout import Layout
+from crane_driver.can.mapping import LINES
+from crane_driver.safety.settings import SafetySettings
+from crane_driver.safety.supervisor import Supervisor, check_valves
+from crane_driver.velocity_filter import VelocityFilter
+from crane_model.cylinders import cylinder_force
+from crane_model.machine import Machine
+
+# After a command valve frames follow the commands, not the cycle, unless none comes for so long.
+GRACE = 1.5  # cycles
+CLOSEST = 0.5  # cycles, between two valve frames
+EARLY = 0.1  # cycles, by which a timer may come too early
+
+
+class JointSample(NamedTuple):
+    """Joints in the order of the layout; NaN where there is no measurement."""
+
+    stamp: int  # ns, of reception
+    position: list[float]  # rad, m
+    velocity: list[float]  # rad/s, m/s
+    effort: list[float]  # N m, N: generalized force (27) of the pressures
+
+
+class PressureSample(NamedTuple):
+    """Cylinders in the order of `DriverLoop.cylinders` [Pa]; NaN where there is no measurement."""
+
+    stamp: int  # ns, of reception
+    chamber_a: list[float]
+    chamber_b: list[float]
+    supply: float
+    tank: float
+
+
+class DriverLoop:
+    """One thread calls `receive` when frames have come, and `check` and `valve_frames` in every
+    cycle of the valve frames. Times are of the steady clock [s].
+    """
+
+    def __init__(
+        self,
+        layout: Layout,
+        machine: Machine,
+        settings: SafetySettings,
+        jerk_density: Mapping[str, float],
+        now: float,
+    ):
+        """`ConfigurationError` if a joint has a valve but no position."""
+        check_valves(layout.valves, layout.positions)
+        self.joints = layout.positions
+        self.cylinders = tuple(
+            dict.fromkeys(name.split(".")[0] for name in layout.pressures if name not in LINES)
+        )
+        self.cycle = min(message.cycle for message in layout.commands)
+        self.codec = DriverCodec(layout)
+        self.monitor = Monitor(layout.readings, layout.timing, now)
+        self.supervisor = Supervisor(layout.valves, machine, settings, now)
+        self._machine = machine
+        self._positions = Assembly(layout, "positions")
+        self._pressures = Assembly(layout, "pressures")
+        self._pressure_span = 1.5 * max((one.cycle for one in layout.readings if one.pressures),
+                                        default=0.0)  # fmt: skip
+        self._newest: Complete | None = None
+        density = [jerk_density[joint] for joint in self.joints]
+        resolution = [layout.resolution(joint) for joint in self.joints]
+        self._filter = VelocityFilter(density, resolution)
+        self._sent = -math.inf
+        self._due = now
+        self._compile(density, resolution)
+
+    @property
+    def incomplete(self) -> int:
+        """Cycles that were given up because one of their frames did not come."""
+        return self._positions.incomplete + self._pressures.incomplete
+
+    def receive(
+        self, frames: Sequence[Frame], bus_faults: Sequence[Fault], now: float
+    ) -> tuple[list[JointSample], list[PressureSample]]:
+        """The samples that `frames` complete; what is wrong goes to the supervisor."""
+        joints: list[JointSample] = []
+        pressures: list[PressureSample] = []
+        self.supervisor.can_faults(bus_faults, now)
+        for frame in frames:
+            readings = self.codec.decode(frame)
+            if readings is None:
+                continue
+            faults = self.monitor.observe(readings)
+            self.supervisor.can_faults(faults, now)
+            if any(fault.kind in UNUSABLE for fault in faults):
+                continue
+            if complete := self._pressures.add(readings):
+                self._newest = complete
+                pressures.append(self._pressure_sample(complete))
+            if complete := self._positions.add(readings):
+                joints.append(self._joint_sample(complete))
+        return joints, pressures
+
+    def check(self, publishers: int, now: float) -> None:
+        """What shows by nothing coming, and how many publishers of commands there are."""
+        self.supervisor.can_faults(self.monitor.check(now), now)
+        self.supervisor.published_by(publishers)
+        self.supervisor.ready(self.monitor.complete, now)
+
+    def valve_frames(self, now: float, commanded: bool = False) -> list[Frame]:
+        """The valve frames if they are due at `now`, else none.
+
+        A command is sent on at once (`commanded`), so that it does not wait for the cycle.
+        """
+        if commanded:
+            if now - self._sent < CLOSEST * self.cycle:
+                return []
+        elif now < self._due - EARLY * self.cycle:
+            return []
+        self._sent = now
+        self._due = now + (GRACE if commanded else 1.0) * self.cycle
+        output = self.supervisor.output(now)
+        return self.codec.command_frames(output.commands, output.enabled)
+
+    def _joint_sample(self, complete: Complete) -> JointSample:
+        readings = [complete.values[joint] for joint in self.joints]
+        _, velocity, _ = self._filter.update(complete.steady, readings)
+        velocities = velocity.tolist()
+        self.supervisor.readings(complete.values, dict(zip(self.joints, velocities, strict=True)))
+        return JointSample(complete.stamp, readings, velocities, self._effort(complete))
+
+    def _effort(self, complete: Complete) -> list[float]:
+        """(27) by the newest pressures, unless they are older than the positions by a cycle."""
+        newest = self._newest
+        if newest is None or complete.steady - newest.steady > self._pressure_span:
+            return [math.nan] * len(self.joints)
+        effort = []
+        for joint in self.joints:
+            pressure_a, pressure_b = (
+                np.array(newest.values.get(f"{joint}.{chamber}", math.nan)) for chamber in "ab"
+            )
+            lever = self._machine.cylinder(joint, np.array([complete.values[joint]]))[0, 1]
+            force = cylinder_force(self._machine, joint, pressure_a, pressure_b)
+            effort.append(float(lever * force))
+        return effort
+
+    def _pressure_sample(self, complete: Complete) -> PressureSample:
+        values = complete.values
+        return PressureSample(
+            complete.stamp,
+            [values.get(f"{joint}.a", math.nan) for joint in self.cylinders],
+            [values.get(f"{joint}.b", math.nan) for joint in self.cylinders],
+            values.get("supply", math.nan),
+            values.get("tank", math.nan),
+        )
+
+    def _compile(self, density: Sequence[float], resolution: Sequence[float]) -> None:
+        """Run once what numba compiles: later it would hold up the frames for seconds."""
+        VelocityFilter(density, resolution).update(0.0, [0.0] * len(self.joints))
+        for joint in self.joints:
+            self._machine.cylinder(joint, np.zeros(1))

@@ -1,0 +1,118 @@
+"""Samples of the driver as ROS messages."""
+
+from collections.abc import Sequence
+
+from builtin_interfaces.msg import Time
+from diagnostic_msgs.msg import DiagnosticStatus, KeyValue
+from sensor_msgs.msg import JointState
+from std_msgs.msg import Header
+
+from crane_driver.can.bus import BusState
+from crane_driver.can.frame import show_id
+from crane_driver.can.health import Freshness, Stream
+from crane_driver.can.link import Link
+from crane_driver.driver_loop import DriverLoop, JointSample, PressureSample
+from crane_driver.safety.states import State
+from crane_driver.safety.supervisor import Supervisor
+from crane_interfaces.msg import CylinderPressures  # type: ignore[attr-defined]  # generated
+
+LEVELS = {
+    State.OFFLINE: DiagnosticStatus.WARN,
+    State.DISABLED: DiagnosticStatus.OK,
+    State.ENABLED: DiagnosticStatus.OK,
+    State.FAULT: DiagnosticStatus.ERROR,
+    State.ESTOP: DiagnosticStatus.ERROR,
+}
+FRESHNESS = {
+    Freshness.FRESH: (DiagnosticStatus.OK, "comes in time"),
+    Freshness.LATE: (DiagnosticStatus.WARN, "late"),
+    Freshness.MISSING: (DiagnosticStatus.ERROR, "missing"),
+}
+
+
+def joint_state(sample: JointSample, joints: Sequence[str]) -> JointState:
+    """/joint_states."""
+    return JointState(
+        header=_header(sample.stamp),
+        name=joints,
+        position=sample.position,
+        velocity=sample.velocity,
+        effort=sample.effort,
+    )
+
+
+def cylinder_pressures(sample: PressureSample, cylinders: Sequence[str]) -> CylinderPressures:
+    """/cylinder_pressures."""
+    return CylinderPressures(
+        header=_header(sample.stamp),
+        name=cylinders,
+        chamber_a=sample.chamber_a,
+        chamber_b=sample.chamber_b,
+        supply=sample.supply,
+        tank=sample.tank,
+    )
+
+
+def diagnostics(name: str, loop: DriverLoop, link: Link) -> list[DiagnosticStatus]:
+    """/diagnostics: the state of safety, of the bus, and of each message that is expected."""
+    streams = [_stream(name, one) for one in loop.monitor.streams.values()]
+    return [_safety(name, loop.supervisor), _bus(name, loop, link), *streams]
+
+
+def inactive(name: str, lifecycle_state: str) -> DiagnosticStatus:
+    """/diagnostics of a driver that does nothing."""
+    return _status(f"{name}: safety", DiagnosticStatus.STALE, f"the node is {lifecycle_state}", {})
+
+
+def _safety(name: str, supervisor: Supervisor) -> DiagnosticStatus:
+    faults = {key: f"{one.count} times: {one.text}" for key, one in supervisor.faults.items()}
+    text = "; ".join([supervisor.state, *(one.text for one in supervisor.faults.values())])
+    level = LEVELS[supervisor.state]
+    if supervisor.limited and level == DiagnosticStatus.OK:
+        level = DiagnosticStatus.WARN
+        text += f"; {', '.join(supervisor.limited)} held back by the limits of Table 2"
+    values = {
+        "state": supervisor.state,
+        "commands refused": supervisor.refused,
+        "last refusal": supervisor.refusal,
+        **faults,
+    }
+    return _status(f"{name}: safety", level, text, values)
+
+
+def _bus(name: str, loop: DriverLoop, link: Link) -> DiagnosticStatus:
+    active = link.state is BusState.ACTIVE
+    unknown = loop.codec.unknown
+    values = {
+        "frames received": link.received,
+        "frames dropped": link.dropped,
+        "times reopened": link.reopened,
+        "cycles incomplete": loop.incomplete,
+        "unknown frames": sum(unknown.values()),
+        "unknown identifiers": " ".join(show_id(*one) for one in sorted(unknown)[:20]),
+    }
+    level = DiagnosticStatus.OK if active else DiagnosticStatus.ERROR
+    return _status(f"{name}: bus", level, link.state, values)
+
+
+def _stream(name: str, stream: Stream) -> DiagnosticStatus:
+    level, text = FRESHNESS[stream.freshness]
+    if not stream.received:
+        level, text = DiagnosticStatus.ERROR, "not received yet"
+    values = {
+        "frames": stream.received,
+        "frames refused": stream.refused,
+        "frames lost": stream.lost,
+        "longest gap [ms]": f"{stream.longest_gap * 1e3:.1f}",
+    }
+    return _status(f"{name}: {stream.layout.name}", level, text, values)
+
+
+def _status(name: str, level: bytes, message: str, values: dict[str, object]) -> DiagnosticStatus:
+    pairs = [KeyValue(key=str(key), value=str(value)) for key, value in values.items()]
+    return DiagnosticStatus(name=name, level=level, message=str(message), values=pairs)
+
+
+def _header(stamp: int) -> Header:
+    seconds, nanoseconds = divmod(stamp, 1_000_000_000)
+    return Header(stamp=Time(sec=seconds, nanosec=nanoseconds))

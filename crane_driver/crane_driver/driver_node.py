@@ -1,0 +1,292 @@
+"""`ros2 run crane_driver driver`: the crane's CAN bus as topics, and safe commands to its valves.
+
+Software is no safety stop: keep the emergency stop of the machine within reach.
+"""
+
+import sys
+import time
+from collections.abc import Callable, Sequence
+from typing import Any
+
+import rclpy
+from diagnostic_msgs.msg import DiagnosticArray
+from rclpy.clock import Clock, ClockType
+from rclpy.executors import ExternalShutdownException, SingleThreadedExecutor
+from rclpy.lifecycle import LifecycleNode, LifecycleState, TransitionCallbackReturn
+from rclpy.qos import DurabilityPolicy, QoSProfile
+from sensor_msgs.msg import JointState
+from std_msgs.msg import String
+from std_srvs.srv import Trigger
+
+from crane_driver.can.binding import load_layout
+from crane_driver.can.bus import BusError
+from crane_driver.can.frame import Fault, FaultKind, Frame
+from crane_driver.can.link import Link
+from crane_driver.driver_loop import DriverLoop
+from crane_driver.driver_messages import cylinder_pressures, diagnostics, inactive, joint_state
+from crane_driver.driver_parameters import (
+    DriverParameters,
+    declare_parameters,
+    read_autostart,
+    read_parameters,
+)
+from crane_driver.safety.settings import load_safety
+from crane_driver.safety.supervisor import RefusedError
+from crane_interfaces.msg import (  # type: ignore[attr-defined]  # generated
+    CylinderPressures,
+    ValveCommand,
+)
+from crane_model.cli import run
+from crane_model.errors import ConfigurationError, CraneError
+from crane_model.machine import Machine, load_machine
+from crane_model.urdf import urdf
+
+REPORT = 1.0  # s
+DEPTH = 10  # messages
+OLDEST = 1.0  # s; a greater age is that of another clock
+LATCHED = QoSProfile(depth=1, durability=DurabilityPolicy.TRANSIENT_LOCAL)
+SUCCESS, FAILURE = TransitionCallbackReturn.SUCCESS, TransitionCallbackReturn.FAILURE
+
+
+class Driver(LifecycleNode):
+    """Everything but the receiving of frames happens in the thread of the executor."""
+
+    def __init__(self) -> None:
+        super().__init__("driver")
+        declare_parameters(self)
+        self._steady = Clock(clock_type=ClockType.STEADY_TIME)
+        self._loop: DriverLoop | None = None
+        self._link: Link | None = None
+        self._settings: DriverParameters | None = None
+        self._machine: Machine | None = None
+        self._commanders: Callable[[], int] = lambda: 0
+        self._active: list[Callable[[], Any]] = []  # what ends with the active state
+        self._lifecycle = "unconfigured"
+        self._joints = self.create_publisher(JointState, "/joint_states", DEPTH)
+        self._pressures = self.create_publisher(CylinderPressures, "/cylinder_pressures", DEPTH)
+        self._diagnostics = self.create_publisher(DiagnosticArray, "/diagnostics", DEPTH)
+        self._description = self.create_publisher(String, "/robot_description", LATCHED)
+        self._received = self.create_guard_condition(self._receive)
+        self.create_timer(REPORT, self._report, clock=self._steady)
+        for name, action in (
+            ("enable", self._enable),
+            ("disable", self._disable),
+            ("emergency_stop", self._emergency_stop),
+            ("reset_fault", self._reset),
+        ):
+            self.create_service(Trigger, f"~/{name}", self._service(name, action))
+
+    def start(self) -> None:
+        """Configure and activate; `ConfigurationError` if that fails."""
+        for transition in (self.trigger_configure, self.trigger_activate):
+            if transition() is not SUCCESS:
+                raise ConfigurationError("the driver does not start; the lines above say why")
+
+    def stop(self) -> None:
+        """Ramp to neutral and close the bus."""
+        if self._loop is None or self._link is None:
+            return
+        for end in self._active:
+            end()
+        self._active.clear()
+        loop, link, self._loop, self._link = self._loop, self._link, None, None
+        loop.supervisor.disable()
+        moving = True
+        while moving:
+            now = time.monotonic()
+            output = loop.supervisor.output(now)
+            moving = output.enabled
+            self._send(link, loop.codec.command_frames(output.commands, output.enabled))
+            time.sleep(loop.cycle)
+        link.close()
+
+    def on_configure(self, state: LifecycleState) -> TransitionCallbackReturn:
+        """Read parameters and files, and check that they fit together."""
+        try:
+            self._settings = read_parameters(self)
+            self._machine = load_machine(self._settings.machine)
+            self._new_loop()
+        except CraneError as error:
+            return self._failed(error)
+        self._description.publish(String(data=urdf(self._machine)))
+        self._lifecycle = "inactive"
+        return SUCCESS
+
+    def on_activate(self, state: LifecycleState) -> TransitionCallbackReturn:
+        """Open the bus and begin to publish; the crane stays disabled."""
+        assert self._settings
+        try:
+            loop = self._new_loop()
+            link = Link(self._settings.bus, self._received.trigger).open()
+        except CraneError as error:
+            return self._failed(error)
+        self._loop, self._link = loop, link
+        subscription = self.create_subscription(
+            ValveCommand,
+            "/valve_command",
+            self._command,  # type: ignore[arg-type]  # rclpy does not declare the second argument
+            DEPTH,
+        )
+        self._commanders = subscription.get_publisher_count
+        timer = self.create_timer(loop.cycle, self._cycle, clock=self._steady)
+        self._active = [
+            lambda: self.destroy_timer(timer),
+            lambda: self.destroy_subscription(subscription),
+        ]
+        self.get_logger().info(f"CAN bus {self._settings.bus} is open; joints: {loop.joints}")
+        self._lifecycle = "active"
+        return super().on_activate(state)
+
+    def on_deactivate(self, state: LifecycleState) -> TransitionCallbackReturn:
+        """Ramp to neutral and close the bus."""
+        self.stop()
+        self._lifecycle = "inactive"
+        return super().on_deactivate(state)
+
+    def on_cleanup(self, state: LifecycleState) -> TransitionCallbackReturn:
+        """Forget the parameters; they are read again when the node is configured."""
+        self._settings = self._machine = None
+        self._lifecycle = "unconfigured"
+        return SUCCESS
+
+    def on_shutdown(self, state: LifecycleState) -> TransitionCallbackReturn:
+        """Ramp to neutral and close the bus."""
+        self.stop()
+        self._lifecycle = "finalized"
+        return SUCCESS
+
+    def on_error(self, state: LifecycleState) -> TransitionCallbackReturn:
+        """An error in a transition: ramp to neutral, close the bus, back to unconfigured."""
+        self.stop()
+        return self.on_cleanup(state)
+
+    def _new_loop(self) -> DriverLoop:
+        assert self._settings and self._machine
+        return DriverLoop(
+            load_layout(self._settings.mapping, self._settings.dbc),
+            self._machine,
+            load_safety(self._settings.safety),
+            self._settings.jerk_density,
+            time.monotonic(),
+        )
+
+    def _receive(self) -> None:
+        """Frames or faults of the bus wait to be taken."""
+        if self._loop is None or self._link is None:
+            return
+        joints, pressures = self._loop.receive(
+            self._link.take(), self._link.take_faults(), time.monotonic()
+        )
+        for pressure_sample in pressures:
+            self._pressures.publish(cylinder_pressures(pressure_sample, self._loop.cylinders))
+        for joint_sample in joints:
+            self._joints.publish(joint_state(joint_sample, self._loop.joints))
+
+    def _cycle(self) -> None:
+        self._receive()  # before it is judged what has not come
+        if self._loop is None or self._link is None:
+            return
+        now = time.monotonic()
+        self._loop.check(self._commanders(), now)
+        self._send(self._link, self._loop.valve_frames(now))
+        self._tell()
+
+    def _command(self, message: ValveCommand, info: dict[str, Any]) -> None:
+        if self._loop is None or self._link is None:
+            return
+        age = (time.time_ns() - info["received_timestamp"]) * 1e-9
+        received = time.monotonic() - (age if 0.0 <= age < OLDEST else 0.0)
+        self._loop.supervisor.published_by(self._commanders())
+        try:
+            self._loop.supervisor.command(message.name, message.command, received)
+        except RefusedError as error:
+            self.get_logger().warning(str(error), throttle_duration_sec=REPORT)
+            return
+        self._send(self._link, self._loop.valve_frames(time.monotonic(), commanded=True))
+
+    def _send(self, link: Link, frames: Sequence[Frame]) -> None:
+        try:
+            for frame in frames:
+                link.send(frame)
+        except BusError as error:
+            if self._loop:
+                fault = Fault(FaultKind.BUS, str(error))
+                self._loop.supervisor.can_faults([fault], time.monotonic())
+
+    def _tell(self) -> None:
+        assert self._loop
+        news = self._loop.supervisor.news
+        for text in news:
+            self.get_logger().info(text)
+        news.clear()
+
+    def _report(self) -> None:
+        message = DiagnosticArray()
+        message.header.stamp = self.get_clock().now().to_msg()
+        if self._loop and self._link:
+            message.status = diagnostics(self.get_name(), self._loop, self._link)
+        else:
+            message.status = [inactive(self.get_name(), self._lifecycle)]
+        self._diagnostics.publish(message)
+
+    def _service(
+        self, name: str, action: Callable[[DriverLoop], None]
+    ) -> Callable[[Trigger.Request, Trigger.Response], Trigger.Response]:
+        def answer(_request: Trigger.Request, response: Trigger.Response) -> Trigger.Response:
+            if self._loop is None:
+                response.message = f"{name}: the driver is {self._lifecycle}; activate it first"
+                return response
+            try:
+                action(self._loop)
+            except RefusedError as error:
+                response.message = str(error)
+            else:
+                response.success = True
+                response.message = str(self._loop.supervisor.state)
+            self._tell()
+            return response
+
+        return answer
+
+    def _enable(self, loop: DriverLoop) -> None:
+        loop.supervisor.published_by(self._commanders())
+        loop.supervisor.enable(time.monotonic())
+
+    @staticmethod
+    def _disable(loop: DriverLoop) -> None:
+        loop.supervisor.disable()
+
+    def _emergency_stop(self, loop: DriverLoop) -> None:
+        loop.supervisor.emergency_stop()
+        assert self._link
+        self._send(self._link, loop.codec.neutral_frames())
+
+    @staticmethod
+    def _reset(loop: DriverLoop) -> None:
+        loop.supervisor.reset(time.monotonic())
+
+    def _failed(self, error: CraneError) -> TransitionCallbackReturn:
+        for line in str(error).splitlines():
+            self.get_logger().error(line)
+        return FAILURE
+
+
+def main(argv: Sequence[str] | None = None) -> int:
+    """Run the driver until Ctrl-C; it ramps to neutral before it ends."""
+    return run(lambda: _main(sys.argv if argv is None else ["driver", *argv]))
+
+
+def _main(arguments: Sequence[str]) -> None:
+    rclpy.init(args=list(arguments))
+    driver = Driver()
+    try:
+        if read_autostart(driver):
+            driver.start()
+        executor = SingleThreadedExecutor()
+        executor.add_node(driver)
+        executor.spin()
+    except (KeyboardInterrupt, ExternalShutdownException):
+        pass  # the usual ends of a node
+    finally:
+        driver.stop()
+        rclpy.try_shutdown()
