@@ -18,6 +18,7 @@ from dataclasses import dataclass
 from pathlib import Path
 
 from ament_index_python.packages import get_package_prefix
+from rich import box
 from rich.console import Console
 from rich.progress import Progress, SpinnerColumn, TextColumn, TimeElapsedColumn
 from rich.table import Table
@@ -130,16 +131,17 @@ def parameters(law: Law) -> list[dict]:
 
 def table() -> Table:
     """Parameter, unit, planted, and estimate ± σ under both laws."""
-    result = Table(title="Θ: planted in the stand-in machine, and identified from its bags")
+    result = _table("Θ: planted in the stand-in machine, and identified from its bags")
     for heading in ("parameter", "unit"):
-        result.add_column(heading)
-    for heading in ("planted", "estimate", "± σ", "off by", "estimate, LuGre", "off by"):
-        result.add_column(heading, justify="right")
+        result.add_column(heading, no_wrap=True)
+    for heading in ("planted", "estimate", "± σ", "off by", "with LuGre", "off by"):
+        result.add_column(heading, justify="right", no_wrap=True)
     for row, dynamic in zip(parameters(REPORT_LAW), parameters(DYNAMIC_LAW), strict=True):
+        std_dev = row["batch_std"]
         result.add_row(
             row["name"],
             row["unit"],
-            *_shown(row),
+            *(_rounded(value, std_dev) for value in (row["planted"], row["batch"], std_dev)),
             _deviation(row),
             _rounded(dynamic["batch"], dynamic["batch_std"]),
             _deviation(dynamic),
@@ -147,12 +149,8 @@ def table() -> Table:
     return result
 
 
-def _shown(row: dict) -> tuple[str, str, str]:
-    return (
-        _rounded(row["planted"], row["batch_std"]),
-        _rounded(row["batch"], row["batch_std"]),
-        _rounded(row["batch_std"], row["batch_std"]),
-    )
+def _table(title: str) -> Table:
+    return Table(title=title, title_justify="left", box=box.SIMPLE_HEAD, padding=(0, 1, 0, 0))
 
 
 def _rounded(value: float, std_dev: float) -> str:
@@ -167,11 +165,11 @@ def _deviation(row: dict) -> str:
 
 def errors_table() -> Table:
     """Held-out errors per joint."""
-    result = Table(title="Force on the bag that was not used for fitting, ‖τ-τ̂‖/‖τ‖")
-    result.add_column("joint")
+    result = _table("On the bag that was not used for fitting: error of force and of motion")
+    result.add_column("joint", no_wrap=True)
     for heading in (
-        *("relative to τ", "without gravity", "noise floor", "with LuGre friction"),
-        *("motion, 0.5 s ahead", "friction in τ"),
+        *("‖τ-τ̂‖/‖τ‖", "without gravity", "noise floor", "with LuGre"),
+        *("motion 0.5 s ahead", "friction in τ"),
     ):
         result.add_column(heading, justify="right")
     summary, dynamic = REPORT_LAW.read("summary.json"), DYNAMIC_LAW.read("summary.json")
