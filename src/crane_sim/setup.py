@@ -16,8 +16,10 @@ setup(
     entry_points={
         "console_scripts": [
             "make_bag = crane_sim.make_bag:main",
+            "picture = crane_sim.picture:main",
             "planted = crane_sim.planted:main",
             "simulated_crane = crane_sim.simulated_crane:main",
+            "view = crane_sim.view:main",
         ]
     },
 )
