@@ -134,7 +134,7 @@ def table() -> Table:
     result = _table("Θ: planted in the stand-in machine, and identified from its bags")
     for heading in ("parameter", "unit"):
         result.add_column(heading, no_wrap=True)
-    for heading in ("planted", "estimate", "± σ", "off by", "with LuGre", "off by"):
+    for heading in ("planted", "estimate", "± σ", "off/σ", "LuGre", "off/σ"):
         result.add_column(heading, justify="right", no_wrap=True)
     for row, dynamic in zip(parameters(REPORT_LAW), parameters(DYNAMIC_LAW), strict=True):
         std_dev = row["batch_std"]
@@ -160,7 +160,7 @@ def _rounded(value: float, std_dev: float) -> str:
 
 
 def _deviation(row: dict) -> str:
-    return f"{(row['batch'] - row['planted']) / row['batch_std']:+.1f} σ"
+    return f"{(row['batch'] - row['planted']) / row['batch_std']:+.1f}"
 
 
 def errors_table() -> Table:
