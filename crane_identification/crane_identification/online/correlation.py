@@ -36,15 +36,16 @@ class ResidualCorrelation:
 
     def factors(self) -> np.ndarray:
         """(j,) rows that are worth one independent row, at least 1; 1 where nothing is known."""
-        counts = np.maximum(self._counts, 1.0)
-        return np.array([_long_run(c) for c in self._products / counts])
+        known = (self._counts > 0.0).sum(axis=1)
+        means = self._products / np.maximum(self._counts, 1.0)
+        return np.array([_long_run(c[:n]) for c, n in zip(means, known, strict=True)])
 
 
 def _long_run(autocovariance: np.ndarray) -> float:
     """Density at frequency 0 over variance of the autoregression (Levinson), at least 1."""
-    power = autocovariance[0]
-    if not power > 0.0:
+    if not autocovariance.any():
         return 1.0
+    power = autocovariance[0]
     polynomial, variance = np.ones(1), power
     for order in range(1, len(autocovariance)):
         ahead = polynomial @ autocovariance[order:0:-1]

@@ -20,6 +20,7 @@ from crane_model.sensors import SensorChain
 
 REFRESH = NANOSECONDS  # between two weightings of the joints for the prediction
 NOTHING = np.empty(0)
+GAP_SHARE = 0.125  # of the lag: readings that the fine smoother needs
 FINE = 0.25  # of lag and period: the smoother whose velocity opens the gate
 
 
@@ -72,6 +73,7 @@ class OnlineEstimator:
                 f"model '{model.name}': has no machine, so that forces cannot be computed from "
                 f"pressures (27); name one in the model file"
             )
+        _check(self.options)
         self._machine: Machine = model.machine
         self._noise = _resolution(model, self.options) / np.sqrt(12)
         self.reset()
@@ -83,7 +85,7 @@ class OnlineEstimator:
         self.smoother = FixedLagSmoother(joints, o.lag, o.period, o.largest_gap)
         self._fine = FixedLagSmoother(joints, FINE * o.lag, FINE * o.period, o.largest_gap)
         self._gate = Gate(self._noise, round(o.lag * NANOSECONDS))
-        self._recursion = _recursion(joints, len(self.model.parameters), o.forgetting)
+        self._recursion = Recursion(joints, len(self.model.parameters), o.forgetting)
         self._correlation = ResidualCorrelation(joints)
         self._solution = self._recursion.solve()
         self._run = -1
@@ -189,11 +191,21 @@ class OnlineEstimator:
         )
 
 
-def _recursion(joints: int, parameters: int, forgetting: float) -> Recursion:
-    try:
-        return Recursion(joints, parameters, forgetting)
-    except ValueError as error:
-        raise ConfigurationError(str(error)) from None
+def _check(options: OnlineOptions) -> None:
+    if not 0.0 < options.forgetting <= 1.0:
+        raise ConfigurationError(
+            f"forgetting must be above 0 and at most 1, got {options.forgetting}"
+        )
+    if not 0.0 < options.period <= options.lag:
+        raise ConfigurationError(
+            f"period must be above 0 and at most the lag, {options.lag} s, got {options.period} s"
+        )
+    if not 0.0 < options.largest_gap <= GAP_SHARE * options.lag:
+        raise ConfigurationError(
+            f"largest gap must be above 0 and at most an eighth of the lag, "
+            f"{GAP_SHARE * options.lag:g} s, got {options.largest_gap} s; smooth over longer, or "
+            f"allow less to be missing"
+        )
 
 
 def _resolution(model: Model, options: OnlineOptions) -> np.ndarray:

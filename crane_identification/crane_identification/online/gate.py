@@ -37,7 +37,7 @@ class Gate:
         turned = direction != self._direction
         if fine.run != self._run:
             self._run = fine.run
-            self._waiting.clear()
+            self._waiting = deque(row for row in self._waiting if row.run == fine.run)
             turned[:] = True
         self._since[turned] = fine.stamp
         self._direction = direction

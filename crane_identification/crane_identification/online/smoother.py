@@ -23,8 +23,6 @@ from typing import NamedTuple
 import numpy as np
 from numba import njit
 
-from crane_model.errors import ConfigurationError
-
 SHORTEST_INTERVAL = 250_000  # ns; readings closer together than this are the same
 NANOSECONDS = 1_000_000_000
 
@@ -56,12 +54,7 @@ class FixedLagSmoother:
 
     def __init__(self, joints: int, lag: float, period: float, largest_gap: float):
         if not 0.0 < largest_gap <= 0.5 * lag:
-            raise ConfigurationError(
-                f"largest gap {largest_gap} s must be above 0 and at most half the lag of {lag} s, "
-                f"so that every instant has readings around it"
-            )
-        if not 0.0 < period <= lag:
-            raise ConfigurationError(f"period {period} s must be above 0 and at most the lag {lag}")
+            raise ValueError("largest_gap must be at most half the lag: readings on either side")
         self._joints = joints
         self._lag, self._period, self._gap = (
             round(seconds * NANOSECONDS) for seconds in (lag, period, largest_gap)

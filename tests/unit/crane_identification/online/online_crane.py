@@ -1,0 +1,76 @@
+"""A crane that obeys the report's model exactly, read by asynchronous sensors."""
+
+import numpy as np
+
+from crane_identification.data.log import Log, Signal
+from crane_model.configuration import packaged
+from crane_model.cylinders import cylinder_forces_from_generalized
+from crane_model.machine import Machine
+from crane_model.model_file import Model, load_model
+from crane_model.record import Record
+
+START = 1_700_000_000_000_000_000  # ns
+RATE = 200.0  # Hz
+JITTER = 1e-4  # s
+BEHIND = 2e-3  # s, by which pressures are read after the encoders
+ENCODER = 4.794e-5
+PLANTED = np.array(
+    [450, 350, 8, 250, 170, 20, 130, 180]  # inertial, in the order of the packaged model
+    + [900, 100, 1500, 200, 500, 50, 700, 80, 500, 60, 700, 90]  # friction of each joint
+)
+CENTRE = np.array([0.45, -1.3, 0.75])
+AMPLITUDE = np.array([0.3, 0.6, 0.45])
+HARMONICS = np.array([[1, 3, 7], [2, 3, 5], [1, 4, 6]])  # of each joint
+PERIOD = 20.0  # s
+STANDS = 1.0  # s, before it begins to move
+
+
+def crane() -> Model:
+    return load_model(packaged("crane_model", "crane_model.yaml"))
+
+
+def motion(time: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+    """Position, velocity, acceleration (n, 3); at rest until `STANDS`."""
+    omega = 2 * np.pi / PERIOD * HARMONICS
+    share = AMPLITUDE[:, None] / (HARMONICS * (1 / HARMONICS).sum(axis=1, keepdims=True))
+    angle = omega * np.maximum(time - STANDS, 0.0)[:, None, None]
+    moves = (time > STANDS)[:, None]
+    position = CENTRE + (share * (1 - np.cos(angle))).sum(axis=2) / 2
+    velocity = (share * omega * np.sin(angle)).sum(axis=2) / 2
+    acceleration = (share * omega**2 * np.cos(angle)).sum(axis=2) / 2 * moves
+    return position, velocity, acceleration
+
+
+def pressures(model: Model, time: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    """Chamber pressures (n, 3) that move the crane so."""
+    machine = model.machine
+    assert isinstance(machine, Machine)
+    position, velocity, acceleration = motion(time)
+    record = Record(model.joints, time, position, velocity, acceleration)
+    planted = model.with_estimate(PLANTED.astype(float), np.zeros(len(PLANTED)), "planted")
+    drive = cylinder_forces_from_generalized(machine, position, planted.predict(record))
+    areas = np.array(
+        [(machine.cylinders[j].area_a, machine.cylinders[j].area_b) for j in model.joints]
+    )
+    chamber_b = np.full_like(drive, 3e6)
+    return (drive + areas[:, 1] * chamber_b) / areas[:, 0], chamber_b
+
+
+def record_log(seconds: float, seed: int = 0, noise: float = 1e4) -> Log:
+    """What encoders and transducers (noise in Pa) read of it at 200 Hz, each at its own times."""
+    rng = np.random.default_rng(seed)
+    model = crane()
+    nominal = np.arange(round(seconds * RATE)) / RATE
+    encoder = np.round(nominal + rng.uniform(-JITTER, JITTER, len(nominal)), 9)
+    encoder -= encoder[0]
+    oil = np.round(nominal + BEHIND + rng.uniform(-JITTER, JITTER, len(nominal)), 9)
+    chamber_a, chamber_b = pressures(model, oil)
+    position = ENCODER * np.round(motion(encoder)[0] / ENCODER)
+    return Log(
+        source="synthetic crane",
+        joints=model.joints,
+        start=START,
+        position=Signal(encoder, position, "/joint_states"),
+        pressure_a=Signal(oil, chamber_a + noise * rng.standard_normal(oil.shape + (3,)), "a"),
+        pressure_b=Signal(oil, chamber_b + noise * rng.standard_normal(oil.shape + (3,)), "b"),
+    )
