@@ -1,0 +1,245 @@
+"""Faults injected into the running driver and simulated crane; what the valves are sent then."""
+
+import os
+import signal
+import time
+from collections.abc import Callable, Iterator
+from itertools import pairwise
+from pathlib import Path
+
+import pytest
+from integration.driver_stage import PATIENCE, Commander, Stage, Valves, commander
+
+from crane_driver.can.frame import Frame
+from crane_driver.safety.settings import load_safety
+from crane_interfaces.msg import ValveCommand
+
+SAFETY = load_safety()
+SMALLEST = 1e-3  # two steps of the spool signal
+SLACK = 1.0  # s, that a busy test machine may take beyond the times of the driver
+
+
+@pytest.fixture(scope="module")
+def stage(ros_domain: int, tmp_path_factory: pytest.TempPathFactory) -> Iterator[Stage]:
+    one = Stage(tmp_path_factory.mktemp("driver"), [])
+    yield one
+    one.close()
+
+
+@pytest.fixture(scope="module")
+def hand(stage: Stage) -> Iterator[Commander]:
+    """The publisher of commands that all tests but one share."""
+    with commander(stage) as process:
+        yield process
+
+
+def ramped(stage: Stage, since: int, joint: str = "slew") -> list[Valves]:
+    """Wait until the valves are closed; assert that they closed by a ramp, and stay closed."""
+    stage.until(lambda: not stage.valves[-1].enabled)
+    closed = len(stage.valves)
+    stage.until(lambda: len(stage.valves) > closed + 20)
+    frames = stage.valves[since:]
+    falling = [abs(one.commands[joint]) for one in frames if one.enabled]
+    start = next(i for i, value in enumerate(falling) if value < falling[0] - SMALLEST)
+    ramp = falling[start - 1 :]
+    assert all(after <= before for before, after in pairwise(ramp))
+    assert len(ramp) >= 4, "not at once"
+    assert ramp[-1] <= 0.5 * ramp[0]
+    assert all(one.commands[joint] == 0.0 for one in stage.valves[closed:])
+    return frames
+
+
+def fault(stage: Stage, name: str) -> str:
+    """The text of the fault `name`, which must be latched."""
+    message, values = stage.safety()
+    assert message.startswith("fault"), message
+    assert name in values, values
+    return values[name]
+
+
+def test_a_publisher_that_stops_makes_the_valves_ramp_to_neutral(
+    stage: Stage, hand: Commander
+) -> None:
+    stage.moving(hand, slew=0.5)
+    since = len(stage.valves)
+    hand.pause()
+    frames = ramped(stage, since)
+    assert "last command 1" in fault(stage, "command timeout")
+    held = [one for one in frames if one.commands["slew"] > 0.5 - SMALLEST]
+    assert held[-1].steady - held[0].steady <= SAFETY.command_timeout + SLACK
+    hand.send(slew=0.5)
+    count = len(stage.valves)
+    stage.until(lambda: len(stage.valves) > count + 50)
+    assert not any(one.enabled for one in stage.valves[count:])  # latched
+
+
+@pytest.mark.parametrize(
+    ("command", "reason"),
+    [
+        ({"slew": float("nan")}, "valve command for slew is nan, limits -1 and 1"),
+        ({"slew": 0.5, "telescope": 1.5}, "valve command for telescope is 1.5"),
+        ({"slew": 0.5, "elbow": 0.0}, "valve command for 'elbow', but there are valves for"),
+    ],
+    ids=["nan", "out of range", "unknown joint"],
+)
+def test_a_wrong_command_is_refused_as_a_whole_and_named(
+    command: dict[str, float], reason: str, stage: Stage, hand: Commander
+) -> None:
+    stage.moving(hand, slew=0.5)
+    since = len(stage.valves)
+    hand.send(**command)
+    frames = ramped(stage, since)
+    assert {one.commands["telescope"] for one in frames} == {0.0}
+    fault(stage, "command timeout")
+    _, values = stage.safety()
+    assert values["last refusal"].startswith(reason)
+    assert "the whole command is refused" in values["last refusal"]
+
+
+def test_two_publishers_are_refused_and_reported(stage: Stage, hand: Commander) -> None:
+    stage.moving(hand, slew=0.5)
+    since = len(stage.valves)
+    second = stage.node.create_publisher(ValveCommand, "/valve_command", 10)
+    try:
+        ramped(stage, since)
+        assert "2 publishers command the valves" in fault(stage, "several publishers")
+        hand.send(slew=0.0)
+        stage.disabled()
+        success, text = stage.call("enable")
+        assert not success
+        assert "2 publishers command the valves; stop all but one" in text
+    finally:
+        stage.node.destroy_publisher(second)
+    stage.until(lambda: stage.call("enable")[0])
+
+
+def test_a_machine_that_falls_silent_is_a_fault_and_nothing_is_published(
+    stage: Stage, hand: Commander
+) -> None:
+    stage.moving(hand, slew=0.5)
+    since = len(stage.valves)
+    os.kill(stage.machine.pid, signal.SIGSTOP)
+    try:
+        ramped(stage, since)
+        _, values = stage.safety()
+        assert {"CAN late EncoderBase", "CAN missing PressureBooms"} <= values.keys()
+        states, pressures = len(stage.states), len(stage.pressures)
+        stage.safety()  # two seconds later
+        assert (len(stage.states), len(stage.pressures)) == (states, pressures)
+        assert stage.diagnostics["driver: EncoderBase"][1] == "missing"
+    finally:
+        os.kill(stage.machine.pid, signal.SIGCONT)
+    stage.until(lambda: len(stage.states) > states + 20)
+    assert stage.safety()[0].startswith("fault")  # never enabled by itself
+    stage.disabled()
+
+
+def encoder_frame(stage: Stage) -> Frame:
+    """The newest frame of an encoder, as another device would send it."""
+    stage.frames.clear()
+    identifier = next(one.message.frame_id for one in stage.layout.readings if one.positions)
+    stage.until(lambda: [one for one in stage.frames if one.id == identifier])
+    return [one for one in stage.frames if one.id == identifier][-1]
+
+
+@pytest.mark.parametrize(
+    ("damage", "name", "detail"),
+    [
+        (
+            lambda data: bytes([data[0] ^ 0xFF]) + data[1:],
+            "CAN checksum EncoderBase",
+            "EncoderBase (120): checksum: Crc is 0x",
+        ),
+        (lambda data: data[:6], "CAN wrong size EncoderBase", "6 bytes, the DBC says 8"),
+    ],
+    ids=["checksum", "size"],
+)
+def test_a_damaged_frame_is_a_fault_and_is_not_published(
+    damage: Callable[[bytes], bytes], name: str, detail: str, stage: Stage, hand: Commander
+) -> None:
+    stage.moving(hand, slew=0.5)
+    since = len(stage.valves)
+    frame = encoder_frame(stage)
+    refused = int(stage.diagnostics["driver: EncoderBase"][2]["frames refused"])
+    stage.link.send(frame._replace(data=damage(frame.data)))
+    ramped(stage, since)
+    assert detail in fault(stage, name)
+    assert int(stage.diagnostics["driver: EncoderBase"][2]["frames refused"]) >= refused + 1
+
+
+def test_a_wrong_counter_is_a_fault(stage: Stage, hand: Commander) -> None:
+    """An old frame, whole and with a right checksum, comes in between."""
+    stage.moving(hand, slew=0.5)
+    since = len(stage.valves)
+    old = encoder_frame(stage)
+    stage.frames.clear()
+    stage.until(lambda: len([one for one in stage.frames if one.id == old.id]) >= 6)
+    stage.link.send(old)
+    ramped(stage, since)
+    _, values = stage.safety()
+    assert {"CAN sequence EncoderBase", "CAN repeated EncoderBase"} & values.keys()
+
+
+def test_emergency_stop_is_neutral_at_once_and_latched(stage: Stage, hand: Commander) -> None:
+    stage.moving(hand, slew=0.5)
+    since = len(stage.valves)
+    success, _ = stage.call("emergency_stop")
+    assert success
+    stage.until(lambda: not stage.valves[-1].enabled)
+    between = [one for one in stage.valves[since:] if SMALLEST < one.commands["slew"] < 0.4]
+    assert not between, "ramped"
+    assert stage.call("enable") == (False, "not enabled: the state is emergency stop")
+    assert stage.safety()[0] == "emergency stop"
+    stage.disabled()
+
+
+def test_disable_ramps_to_neutral(stage: Stage, hand: Commander) -> None:
+    stage.moving(hand, slew=0.5)
+    since = len(stage.valves)
+    assert stage.call("disable") == (True, "disabled")
+    ramped(stage, since)
+
+
+def test_enable_is_refused_while_a_command_is_not_neutral(stage: Stage, hand: Commander) -> None:
+    hand.send(slew=0.5)
+    stage.disabled()
+    success, text = stage.call("enable")
+    assert not success
+    assert "the command is slew 0.5; command neutral first" in text
+
+
+def test_at_a_limit_the_command_goes_no_further(stage: Stage, hand: Commander) -> None:
+    """Into the end of the telescope with a fully open spool."""
+    end, most = 1.55, 0.0
+    deadline = time.monotonic() + PATIENCE
+    while stage.states[-1].position[3] < end - 0.02:
+        assert time.monotonic() < deadline, stage.states[-1].position
+        if not stage.valves[-1].enabled:  # at first, and after a fault of a busy test machine
+            stage.moving(hand, telescope=0.12)
+            hand.send(telescope=1.0)
+        stage.spin()
+        most = max(most, stage.states[-1].velocity[3])
+    stage.until(lambda: abs(stage.states[-1].velocity[3]) < 0.005)
+    assert stage.states[-1].position[3] <= end + 0.01
+    assert 0.1 < most <= 1.4 * 0.5  # Table 2, and what a late test machine adds
+    stage.moving(hand, telescope=-0.3)  # and back
+    stage.until(lambda: stage.states[-1].position[3] < end - 0.05)
+
+
+def test_shutdown_ramps_to_neutral(ros_domain: int, tmp_path: Path) -> None:
+    """A driver of its own, ended in the middle of a motion; the valves then time out."""
+    hand_stage = Stage(tmp_path, [])
+    try:
+        with commander(hand_stage) as process:
+            hand_stage.moving(process, slew=0.5)
+            since = len(hand_stage.valves)
+            hand_stage.driver.send_signal(signal.SIGINT)
+            hand_stage.until(lambda: hand_stage.driver.poll() is not None)
+            hand_stage.spin()
+    finally:
+        hand_stage.close()
+    values = [one.commands["slew"] for one in hand_stage.valves[since:]]
+    assert hand_stage.driver.returncode == 0
+    assert values[-1] == 0.0
+    assert not hand_stage.valves[-1].enabled
+    assert len([one for one in values if SMALLEST < one < 0.49]) >= 4

@@ -1,0 +1,173 @@
+"""The driver without ROS: frames of a machine in, samples and valve frames out."""
+
+import math
+
+import numpy as np
+import pytest
+
+from crane_driver.can.binding import load_layout
+from crane_driver.can.codec import MachineCodec
+from crane_driver.can.frame import Fault, FaultKind, Frame
+from crane_driver.can.layout import Layout
+from crane_driver.driver_loop import DriverLoop, JointSample, PressureSample
+from crane_driver.safety.settings import load_safety
+from crane_driver.safety.states import State
+from crane_model.cylinders import generalized_forces
+from crane_model.machine import JOINTS, PLANAR_JOINTS, load_machine
+
+CYCLE = 0.005  # s
+START = 20.0  # s, steady
+EPOCH = 1_700_000_000 * 10**9  # ns
+SPEED = {"slew": 0.1, "inner_boom": 0.02, "outer_boom": -0.05, "telescope": 0.03}
+POSE = {"slew": 0.0, "inner_boom": 0.35, "outer_boom": -1.5, "telescope": 0.4}
+PRESSURES = {
+    **{f"{joint}.a": 8e6 + 1e5 * i for i, joint in enumerate(PLANAR_JOINTS)},
+    **{f"{joint}.b": 3e6 - 1e5 * i for i, joint in enumerate(PLANAR_JOINTS)},
+    "supply": 17e6,
+    "tank": 2e5,
+}
+MACHINE = load_machine()
+
+
+class Bench:
+    def __init__(self, layout: Layout) -> None:
+        density = {"slew": 0.01, "inner_boom": 0.01, "outer_boom": 0.02, "telescope": 0.05}
+        self.loop = DriverLoop(layout, MACHINE, load_safety(), density, START)
+        self.machine = MachineCodec(layout)
+        self.now, self.count = START, 0
+
+    def frames(self, faulty: tuple[str, ...] = ()) -> list[Frame]:
+        """The next cycle of the machine."""
+        self.now, self.count = self.now + CYCLE, self.count + 1
+        time = self.count * CYCLE
+        positions = {joint: POSE[joint] + SPEED[joint] * time for joint in JOINTS}
+        stamp = EPOCH + round(time * 1e9)
+        names = [one for one in self.machine.cycles if one != "ValveStatus" or self.count % 2]
+        return [
+            self.machine.reading_frame(
+                name, positions, PRESSURES, {"valve_unit": "Neutral"}, faulty
+            )._replace(stamp=stamp, steady=self.now)
+            for name in names
+        ]
+
+    def receive(self, frames: list[Frame]) -> tuple[list[JointSample], list[PressureSample]]:
+        samples = self.loop.receive(frames, [], self.now)
+        self.loop.check(0, self.now)
+        return samples
+
+    def run(self, cycles: int) -> tuple[JointSample, PressureSample]:
+        for _ in range(cycles):
+            (joints,), (pressures,) = self.receive(self.frames())
+        return joints, pressures
+
+
+@pytest.fixture(scope="module")
+def layout() -> Layout:
+    return load_layout()
+
+
+@pytest.fixture
+def bench(layout: Layout) -> Bench:
+    return Bench(layout)
+
+
+def test_samples_hold_what_the_machine_measured_stamped_when_it_came(bench: Bench) -> None:
+    joints, pressures = bench.run(200)
+    assert joints.stamp == pressures.stamp == EPOCH + 10**9
+    expected = [POSE[joint] + SPEED[joint] for joint in JOINTS]
+    assert joints.position == pytest.approx(expected, abs=1e-4)
+    assert joints.velocity == pytest.approx(list(SPEED.values()), abs=3e-3)
+    assert bench.loop.cylinders == PLANAR_JOINTS
+    assert pressures.chamber_a == pytest.approx([8e6, 8.1e6, 8.2e6], abs=1e4)
+    assert pressures.chamber_b == pytest.approx([3e6, 2.9e6, 2.8e6], abs=1e4)
+    assert (pressures.supply, pressures.tank) == pytest.approx((17e6, 2e5), abs=1e4)
+
+
+def test_effort_is_the_generalized_force_of_the_pressures(bench: Bench) -> None:
+    bench.run(3)
+    joints, pressures = bench.run(1)
+    (expected,) = generalized_forces(
+        MACHINE,
+        np.array([joints.position[1:]]),
+        np.array([pressures.chamber_a]),
+        np.array([pressures.chamber_b]),
+    )
+    assert math.isnan(joints.effort[0])  # no transducers
+    assert joints.effort[1:] == pytest.approx(expected.tolist(), rel=1e-3)
+
+
+def test_the_first_sample_has_no_velocity_and_no_effort(bench: Bench) -> None:
+    joints, _ = bench.run(1)
+    assert np.isnan(joints.velocity).all()
+    assert np.isnan(joints.effort).all()
+    assert np.isfinite(joints.position).all()
+
+
+def test_effort_of_old_pressures_is_none(bench: Bench) -> None:
+    bench.run(5)
+    for _ in range(3):
+        frames = [one for one in bench.frames() if one.id not in (0x130, 0x131)]
+        (joints,), pressures = bench.receive(frames)
+        assert not pressures
+    assert np.isnan(joints.effort).all()
+
+
+def test_a_faulty_sensor_is_not_published_as_if_it_measured(bench: Bench) -> None:
+    bench.run(100)
+    (joints,), (pressures,) = bench.receive(bench.frames(("telescope", "inner_boom.b")))
+    assert math.isnan(joints.position[3])
+    assert math.isnan(joints.velocity[3])
+    assert np.isfinite(joints.position[:3]).all()
+    assert math.isnan(pressures.chamber_b[0])
+    assert bench.loop.supervisor.state is State.FAULT
+
+
+@pytest.mark.parametrize("filling", [0, 3])
+def test_a_damaged_frame_makes_no_sample(filling: int, bench: Bench) -> None:
+    bench.run(100)
+    frames = bench.frames()
+    damaged = bytes([frames[0].data[0], frames[0].data[1], *(6 * [filling])])
+    joints, pressures = bench.receive([frames[0]._replace(data=damaged), *frames[1:]])
+    assert (len(joints), len(pressures)) == (0, 1)
+    assert "CAN checksum EncoderBase" in bench.loop.supervisor.faults
+
+
+def test_readings_that_stop_are_a_fault(bench: Bench) -> None:
+    bench.run(100)
+    assert bench.loop.supervisor.state is State.DISABLED
+    bench.now += 1.0
+    bench.loop.check(0, bench.now)
+    assert bench.loop.supervisor.state is State.FAULT
+    assert "CAN missing EncoderBoom" in bench.loop.supervisor.faults
+
+
+def test_a_lost_bus_is_a_fault(bench: Bench) -> None:
+    bench.run(100)
+    bench.loop.receive([], [Fault(FaultKind.BUS, "interface down")], bench.now)
+    assert bench.loop.supervisor.faults["CAN bus"].text == "CAN: bus: interface down"
+
+
+def test_valve_frames_come_with_their_cycle(bench: Bench) -> None:
+    sent = [len(bench.loop.valve_frames(START + k * CYCLE / 5)) for k in range(100)]
+    assert sum(sent) == pytest.approx(20, abs=1)
+
+
+def test_commands_are_sent_on_at_once_and_take_the_place_of_the_cycle(bench: Bench) -> None:
+    """Commands in the middle of the cycle of the timer."""
+    times = [START + k * CYCLE / 2 for k in range(100)]
+    by_timer, by_command = 0, 0
+    for k, now in enumerate(times):
+        if k % 2:
+            by_command += len(bench.loop.valve_frames(now, commanded=True))
+        else:
+            by_timer += len(bench.loop.valve_frames(now))
+    assert by_command == 50
+    assert by_timer <= 1
+    # A flood of commands does not flood the bus.
+    flood = [bench.loop.valve_frames(times[-1] + k * 1e-4, commanded=True) for k in range(500)]
+    assert sum(map(len, flood)) <= 0.05 / CYCLE * 2 + 1
+
+
+def test_unknown_frames_are_counted(bench: Bench) -> None:
+    bench.receive([Frame(0x7FF, b"", steady=bench.now)])
+    assert bench.loop.codec.unknown == {(0x7FF, False): 1}
