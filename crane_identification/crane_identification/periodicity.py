@@ -26,6 +26,8 @@ LONGEST = 0.55
 SEEN = 0.99
 """Share of a second period that must be there for the first to count as repeated: the very last
 sample of two whole periods may be missing."""
+GLIMPSED = 0.02
+"""The same share where the period is given: less is chance agreement of crossing signals."""
 
 
 @dataclass(frozen=True)
@@ -55,7 +57,7 @@ def detect_periodicity(
     lags = _candidates(signal) if period is None else np.array([period / step])
     for lag in lags:
         exact, first, last = _agreement(signal, float(lag), about, moves, period is not None)
-        if last - first >= (SEEN * exact if period is None else 1.0) and exact > lag / 2:
+        if last - first >= (SEEN if period is None else GLIMPSED) * exact and exact > lag / 2:
             length = exact * float(step)
             return Periodicity(length, float(uniform[first]), float(uniform[last]) + length)
     whole = f"{uniform[-1] - uniform[0]:.4g} s"

@@ -7,7 +7,7 @@ LARGEST_REFLECTION = 0.98  # keeps the memory of the model finite
 
 
 def burg(residual: np.ndarray, used: np.ndarray, highest: int = HIGHEST_ORDER) -> np.ndarray:
-    """Coefficients (order + 1,) of the AR polynomial 1 + a1 z⁻¹ + ..., order by Akaike's criterion.
+    """Coefficients (order + 1,) of the AR polynomial 1 + a1 z⁻¹ + ..., order by Schwarz's criterion.
 
     `residual` (r, n) of r runs; only products of samples that are `used` (r, n), with everything
     between them, count. Stable by construction.
@@ -29,9 +29,9 @@ def burg(residual: np.ndarray, used: np.ndarray, highest: int = HIGHEST_ORDER) -
         polynomial = np.append(polynomial, 0.0)
         polynomial = polynomial + reflection * polynomial[::-1]
         power *= 1 - reflection**2
-        akaike = used.sum() * np.log(power) + 2 * order
-        if akaike < lowest:
-            lowest, best = akaike, polynomial
+        schwarz = used.sum() * np.log(power) + np.log(used.sum()) * order
+        if schwarz < lowest:
+            lowest, best = schwarz, polynomial
     return best
 
 
