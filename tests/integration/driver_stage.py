@@ -24,7 +24,7 @@ from std_srvs.srv import Trigger
 
 from crane_driver.can.binding import load_layout
 from crane_driver.can.bus import BusSettings
-from crane_driver.can.codec import MachineCodec
+from crane_driver.can.codec import DriverCodec, MachineCodec
 from crane_driver.can.frame import Frame
 from crane_driver.can.link import Link
 from crane_interfaces.msg import CylinderPressures
@@ -139,6 +139,7 @@ class Stage:
         port = free_port()
         self.layout = load_layout(path)
         self.codec = MachineCodec(self.layout)
+        self._reader = DriverCodec(self.layout)
         self.link = Link(BusSettings(extra={"port": port})).open()
         posed = ["--pose", *pose] if pose else []
         self.machine = start(MACHINE, "--bus-option", f"port={port}", *posed)
@@ -157,7 +158,8 @@ class Stage:
         self.pressures: list[CylinderPressures] = []
         self.diagnostics: dict[str, tuple[bytes, str, dict[str, str]]] = {}
         self.reports = 0
-        self.frames: list[Frame] = []
+        self.frames: list[Frame] = []  # of the machine
+        self.machine_state = ""  # what the valve unit says of itself
         self.valves: list[Valves] = []
         self.description: list[str] = []
         node = self.node
@@ -194,6 +196,9 @@ class Stage:
             readings = self.codec.decode(frame)
             if readings is None:
                 self.frames.append(frame)
+                answer = self._reader.decode(frame)
+                if answer and answer.states:
+                    self.machine_state = answer.states["valve_unit"]
             elif readings.commands:
                 self.valves.append(
                     Valves(

@@ -5,7 +5,6 @@ import signal
 import time
 from collections.abc import Callable, Iterator
 from itertools import pairwise
-from pathlib import Path
 
 import pytest
 from integration.driver_stage import PATIENCE, Commander, Stage, Valves, commander
@@ -224,22 +223,3 @@ def test_at_a_limit_the_command_goes_no_further(stage: Stage, hand: Commander) -
     assert 0.1 < most <= 1.4 * 0.5  # Table 2, and what a late test machine adds
     stage.moving(hand, telescope=-0.3)  # and back
     stage.until(lambda: stage.states[-1].position[3] < end - 0.05)
-
-
-def test_shutdown_ramps_to_neutral(ros_domain: int, tmp_path: Path) -> None:
-    """A driver of its own, ended in the middle of a motion; the valves then time out."""
-    hand_stage = Stage(tmp_path, [])
-    try:
-        with commander(hand_stage) as process:
-            hand_stage.moving(process, slew=0.5)
-            since = len(hand_stage.valves)
-            hand_stage.driver.send_signal(signal.SIGINT)
-            hand_stage.until(lambda: hand_stage.driver.poll() is not None)
-            hand_stage.spin()
-    finally:
-        hand_stage.close()
-    values = [one.commands["slew"] for one in hand_stage.valves[since:]]
-    assert hand_stage.driver.returncode == 0
-    assert values[-1] == 0.0
-    assert not hand_stage.valves[-1].enabled
-    assert len([one for one in values if SMALLEST < one < 0.49]) >= 4
