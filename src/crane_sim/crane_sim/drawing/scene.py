@@ -118,5 +118,5 @@ def _surround(spec: mujoco.MjSpec) -> None:
     head.ambient, head.diffuse, head.specular = (0.38,) * 3, (0.12,) * 3, (0.0,) * 3
     spec.visual.map.shadowclip = 2.0
     spec.visual.rgba.haze = (0.94, 0.95, 0.96, 1.0)
-    spec.visual.quality.shadowsize, spec.visual.quality.offsamples = 8192, 8
+    spec.visual.quality.shadowsize, spec.visual.quality.offsamples = 4096, 4
     spec.stat.center, spec.stat.extent = (1.2, 0.0, 1.4), 4.5
