@@ -16,7 +16,7 @@ from crane_driver.safety.settings import SafetySettings
 from crane_driver.safety.supervisor import Supervisor, check_valves
 from crane_driver.velocity_filter import VelocityFilter
 from crane_model.cylinders import cylinder_force
-from crane_model.machine import Machine
+from crane_model.machine import JOINTS, Machine
 
 # After a command valve frames follow the commands, not the cycle, unless none comes for so long.
 GRACE = 1.5  # cycles
@@ -25,7 +25,7 @@ EARLY = 0.1  # cycles, by which a timer may come too early
 
 
 class JointSample(NamedTuple):
-    """Joints in the order of the layout; NaN where there is no measurement."""
+    """Joints in the order of `DriverLoop.joints`; NaN where there is no measurement."""
 
     stamp: int  # ns, of reception
     position: list[float]  # rad, m
@@ -58,10 +58,9 @@ class DriverLoop:
     ):
         """`ConfigurationError` if a joint has a valve but no position."""
         check_valves(layout.valves, layout.positions)
-        self.joints = layout.positions
-        self.cylinders = tuple(
-            dict.fromkeys(name.split(".")[0] for name in layout.pressures if name not in LINES)
-        )
+        self.joints = tuple(joint for joint in JOINTS if joint in layout.positions)
+        measured = {name.split(".")[0] for name in layout.pressures if name not in LINES}
+        self.cylinders = tuple(joint for joint in JOINTS if joint in measured)
         self.cycle = min(message.cycle for message in layout.commands)
         self.codec = DriverCodec(layout)
         self.monitor = Monitor(layout.readings, layout.timing, now)
