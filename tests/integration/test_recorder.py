@@ -1,5 +1,6 @@
 """The recorder as a process on a real ROS graph: nothing is lost, whatever ends it."""
 
+import resource
 import signal
 import time
 from collections.abc import Iterator
@@ -52,8 +53,9 @@ def stamps(bag: Path) -> dict[str, list[int]]:
 
 
 def states_of(path: Path) -> list[int]:
-    """Header stamps of the joint states."""
-    return read_topics(path, [JOINT_STATES])[JOINT_STATES.name].stamp.tolist()
+    """Header stamps of the joint states in one file, which may have none."""
+    data = read_topics(path, [], [JOINT_STATES])
+    return data[JOINT_STATES.name].stamp.tolist() if data else []
 
 
 class Health:
@@ -204,6 +206,24 @@ def test_publishers_that_cannot_be_recorded_are_named(
     assert health.value("/joint_states lost") == "unknown"
     assert recorder.output.count("not recorded from test: type or quality of service") == 2
     assert recorder.end(signal.SIGTERM) == 0
+
+
+def test_full_disk_ends_the_recording(ros: Graph, bag: Path, tmp_path: Path) -> None:
+    """With an error that names the remedy, which works."""
+    source = Source(ros)
+    recorder = ros.start("recorder", "--out", bag)
+    source.wait_for_subscribers()
+    resource.prlimit(recorder.process.pid, resource.RLIMIT_FSIZE, (200_000, 200_000))
+    while recorder.running:
+        source.send(20)
+    assert recorder.end() == 1
+    assert f"error: {bag}: cannot write: File too large; make room, then mend" in recorder.output
+    ros.processes.clear()
+    mended = tmp_path / "mended"
+    assert ros.start("recover", bag, "--out", mended).end() == 0
+    saved = stamps(mended)[JOINT_STATES.name]
+    assert len(saved) > 100
+    assert saved == source.stamps[: len(saved)]
 
 
 def test_folder_that_exists_is_refused(ros: Graph, bag: Path) -> None:

@@ -50,6 +50,7 @@ class RecordedBag:
         self.topics: list[RecordedTopic] = []
         self.counts: list[int] = []
         self._files: list[_File] = []
+        self._failed = False
         try:
             self.path.mkdir(parents=True)
         except OSError as error:
@@ -112,6 +113,7 @@ class RecordedBag:
         try:
             yield
         except OSError as error:
+            self._failed = True
             raise DataError(
                 f"{self.path}: cannot write: {error.strerror}; make room, then mend the bag: "
                 f"ros2 run crane_driver recover {self.path} --out {self.path}_recovered"
@@ -126,7 +128,8 @@ class RecordedBag:
         error: BaseException | None,
         traceback: TracebackType | None,
     ) -> None:
-        self.close()
+        if not self._failed:  # else its end is missing, and an index would hide that
+            self.close()
 
 
 class _File:

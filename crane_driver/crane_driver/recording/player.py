@@ -52,9 +52,9 @@ def _pass(player: Player, bag: Path, reader: Reader, selection: Selection, rate:
     delays: list[int] = []
     with tqdm(
         desc=f"playing {bag.name}",
-        total=round(reader.duration / NANOSECONDS, 1),
+        total=reader.duration / NANOSECONDS,
         delay=PATIENCE,
-        bar_format="{desc}: {n:.1f} of {total} s |{bar}|",
+        bar_format="{desc}: {n:.1f} of {total:.1f} s |{bar}|",
     ) as progress:
 
         def played(time: int, delay: int) -> None:

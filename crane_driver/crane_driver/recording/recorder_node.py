@@ -13,6 +13,7 @@ from rclpy.subscription import Subscription
 from rclpy.topic_endpoint_info import TopicEndpointInfo
 from rclpy.type_hash import TypeHash
 
+from crane_driver.bags.types import typestore
 from crane_driver.recording.bag import RecordedBag
 from crane_driver.recording.definitions import installed_definition, message_class
 from crane_driver.recording.metadata import RecordedTopic
@@ -21,9 +22,8 @@ from crane_driver.recording.ros import offered, profile
 from crane_driver.recording.statistics import Arrivals, shown
 from crane_model.errors import DataError
 
-TAKE = 0.02  # s between two visits to the queues of the subscriptions
+VISIT = 0.05  # s between two visits to the queues of the subscriptions
 FLUSH = 0.5  # s; what is younger is lost when the process is killed
-SEARCH = 0.05  # s between two looks for publishers that are not there yet
 REPORT = 1.0  # s
 
 
@@ -63,7 +63,8 @@ class Recorder(Node):
 
     def __init__(self, bag: RecordedBag, topics: Sequence[str]):
         super().__init__("recorder")
-        self.topics = [self.resolve_topic_name(name) for name in topics]
+        typestore()  # loaded now; later the first messages would have to wait for it
+        self.topics = list(dict.fromkeys(map(self.resolve_topic_name, topics)))
         self.recorded: dict[str, Recorded] = {}
         self.problems: dict[str, str] = {}  # of a topic
         self._bag = bag
@@ -71,9 +72,8 @@ class Recorder(Node):
         self._diagnostics = self.create_publisher(DiagnosticArray, "/diagnostics", 10)
         steady = Clock(clock_type=ClockType.STEADY_TIME)
         for period, work in (
-            (TAKE, self.take),
+            (VISIT, self._visit),
             (FLUSH, bag.flush),
-            (SEARCH, self._search),
             (REPORT, self._report),
         ):
             self.create_timer(period, work, clock=steady)
@@ -83,15 +83,23 @@ class Recorder(Node):
         arrived: list[tuple[int, bytes, dict[str, Any], Recorded]] = []
         for recorded in self.recorded.values():
             queue, msgtype = recorded.subscription.handle, recorded.subscription.msg_type
-            while (taken := queue.take_message(msgtype, True)) is not None:
+            for _ in range(recorded.service.depth):
+                if (taken := queue.take_message(msgtype, True)) is None:
+                    break
                 data, info = taken
                 # other middleware than Fast DDS may not stamp
                 arrived.append((info["received_timestamp"] or time.time_ns(), data, info, recorded))
         arrived.sort(key=lambda one: one[0])
         for log_time, data, info, recorded in arrived:
             sequence = info["publication_sequence_number"]
-            self._bag.write(recorded.number, log_time, data, info["source_timestamp"], sequence)
+            self._bag.write(
+                recorded.number, log_time, data, info["source_timestamp"], sequence or 0
+            )
             recorded.arrivals.arrived(sequence)
+
+    def _visit(self) -> None:
+        self.take()
+        self._search()
 
     def _search(self) -> None:
         """Subscribe to the topics that have got publishers."""
