@@ -100,9 +100,7 @@ def _storage_files(path: Path) -> Sequence[Path]:
 def _explain(path: Path, error: Exception) -> str:
     for file in _storage_files(path):
         if not _closed(file):
-            return (
-                f"the bag was not closed properly: {file.name} has no end; {_remedy(path, file)}"
-            )
+            return f"the bag was not closed properly: {file.name} has no end; {_remedy(path, file)}"
     return f"the bag is damaged or incomplete: {error or type(error).__name__}; copy it again"
 
 
@@ -110,8 +108,8 @@ def _remedy(path: Path, file: Path) -> str:
     """What to do about a bag whose recorder was killed, or is still at work."""
     if file.suffix != ".mcap":
         return "if that file is complete, name it instead of the folder"
-    mended = path.with_name(f"{path.stem}_recovered")
-    return f"mend it: ros2 run crane_driver recover {path} --out {mended}"
+    folder = path if path.is_dir() else path.with_suffix("")
+    return f"mend it: ros2 run crane_driver recover {path} --out {folder}_recovered"
 
 
 def _closed(file: Path) -> bool:
