@@ -162,9 +162,12 @@ def test_lost_readings_begin_a_new_run_and_spoil_nothing(log: Log) -> None:
 def test_readings_that_are_no_numbers_are_counted_and_left_out(log: Log) -> None:
     value = log.position.value.copy()
     value[500] = np.nan
-    value[600, 1] = 3.0  # where the linkage cannot be assembled
     position = Signal(log.position.time, value, "/joint_states")
-    estimator, _ = replay(crane(), replace(log, position=position))
+    assert log.pressure_a is not None
+    oil = log.pressure_a.value.copy()
+    oil[600, 1] = np.inf
+    pressure_a = replace(log.pressure_a, value=oil)
+    estimator, _ = replay(crane(), replace(log, position=position, pressure_a=pressure_a))
     assert estimator.invalid == 2
     assert estimator.smoother.run == 0
     assert (np.abs(estimator.solve().values - PLANTED) < 4.0 * estimator.solve().std_devs).all()
