@@ -24,7 +24,6 @@ PACKAGES = (
     "scipy",
     "numba",
     "filterpy",
-    "statsmodels",
     "rosbags",
     "plotly",
 )
