@@ -1,0 +1,98 @@
+"""The simulated crane as a process on its bus, commanded without a driver."""
+
+import re
+import signal
+import subprocess
+import time
+from collections.abc import Callable, Iterator
+
+import pytest
+from integration.driver_stage import MACHINE, PATIENCE, end, free_port, start
+
+from crane_driver.can.binding import load_layout
+from crane_driver.can.bus import BusSettings
+from crane_driver.can.codec import DriverCodec
+from crane_driver.can.decoder import Readings
+from crane_driver.can.link import Link
+
+CYCLE = 0.005  # s
+
+
+class Bench:
+    def __init__(self) -> None:
+        port = free_port()
+        self.codec = DriverCodec(load_layout())
+        self.link = Link(BusSettings(extra={"port": port})).open()
+        self.process = start(MACHINE, "--bus-option", f"port={port}")
+        self.readings: list[Readings] = []
+        self.state = ""
+
+    def until(self, condition: Callable[[], object], **commands: float) -> None:
+        """Wait for a condition; send commands meanwhile, if there are any."""
+        deadline = time.monotonic() + PATIENCE
+        while not condition():
+            assert time.monotonic() < deadline, "waited in vain"
+            if commands:
+                for frame in self.codec.command_frames(commands, enabled=True):
+                    self.link.send(frame)
+            time.sleep(CYCLE)
+            for frame in self.link.take():
+                readings = self.codec.decode(frame)
+                assert readings
+                self.readings.append(readings)
+                self.state = readings.states.get("valve_unit", self.state)
+
+    def position(self, joint: str) -> float:
+        return next(one.positions[joint] for one in self.readings[::-1] if joint in one.positions)
+
+
+@pytest.fixture
+def bench() -> Iterator[Bench]:
+    one = Bench()
+    yield one
+    end(one.process)
+    one.link.close()
+
+
+def test_it_moves_on_command_and_stops_when_commands_do(bench: Bench) -> None:
+    bench.until(lambda: bench.state == "Neutral")
+    before = bench.position("telescope")
+    bench.until(lambda: bench.position("telescope") > before + 0.02, telescope=0.5)
+    assert bench.state == "Enabled"
+    bench.until(lambda: bench.state == "CommandTimeout")
+    stopped = len(bench.readings)
+    bench.until(lambda: len(bench.readings) > stopped + 1000)
+    there = bench.position("telescope")
+    bench.until(lambda: len(bench.readings) > stopped + 2000)
+    assert bench.position("telescope") == pytest.approx(there, abs=2e-4)
+
+
+def test_it_runs_in_real_time_and_says_how_well(bench: Bench) -> None:
+    bench.until(lambda: bench.readings)
+    bench.until(lambda: len(bench.readings) > 2000)
+    cycles = [one for one in bench.readings if one.message == "EncoderBase"]
+    elapsed = cycles[-1].steady - cycles[0].steady
+    bench.process.send_signal(signal.SIGTERM)
+    output, _ = bench.process.communicate(timeout=PATIENCE)
+    assert bench.process.returncode == 0
+    summary = re.search(r"(\d+) cycles, (\d+) of (\d+) left out, longest delay \d+ ms", output)
+    assert summary
+    run, left_out, total = map(int, summary.groups())
+    assert run + left_out == total
+    sent, due = len(cycles), elapsed / CYCLE
+    assert sent <= due + 10  # never faster than the clock
+    assert sent >= due - left_out - 10  # and what is missing is owned up to
+
+
+def test_a_bus_that_cannot_be_opened_ends_it_with_a_message() -> None:
+    process = start(MACHINE, "--interface", "socketcan", "--channel", "nocan0")
+    assert process.wait(PATIENCE) == 1
+
+
+def test_it_ends_by_itself_when_its_terminal_does(bench: Bench) -> None:
+    bench.until(lambda: bench.readings)
+    bench.process.send_signal(signal.SIGHUP)
+    try:
+        assert bench.process.wait(PATIENCE) == 0
+    except subprocess.TimeoutExpired:
+        pytest.fail("still running")
