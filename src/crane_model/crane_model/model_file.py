@@ -18,6 +18,7 @@ from crane_model.terms import Parameter, Term, term_from_mapping
 from crane_model.terms.term import Family, Setting
 
 GRAVITY_FAMILIES: tuple[Family, ...] = ("rigid body", "gravity and load")
+FRICTION_FAMILIES: tuple[Family, ...] = ("friction",)
 
 
 @dataclass(frozen=True)
@@ -88,7 +89,7 @@ class Model:
 
     def friction(self, record: Record) -> np.ndarray:
         """The part of the force that friction takes, sgn as the record has it: (n, j)."""
-        return self._force_of(record, ("friction",))
+        return self._force_of(record, FRICTION_FAMILIES)
 
     def _force_of(self, record: Record, families: Collection[Family]) -> np.ndarray:
         columns = self.regressor(record)
