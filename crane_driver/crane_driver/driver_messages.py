@@ -14,7 +14,7 @@ from crane_driver.can.link import Link
 from crane_driver.driver_loop import DriverLoop, JointSample, PressureSample
 from crane_driver.safety.states import State
 from crane_driver.safety.supervisor import Supervisor
-from crane_interfaces.msg import CylinderPressures  # type: ignore[attr-defined]  # generated
+from crane_interfaces.msg import CylinderPressures
 
 LEVELS = {
     State.OFFLINE: DiagnosticStatus.WARN,

@@ -32,7 +32,7 @@ from crane_driver.driver_parameters import (
 )
 from crane_driver.safety.settings import load_safety
 from crane_driver.safety.supervisor import RefusedError
-from crane_interfaces.msg import (  # type: ignore[attr-defined]  # generated
+from crane_interfaces.msg import (
     CylinderPressures,
     ValveCommand,
 )
