@@ -42,7 +42,8 @@ class Player(Node):
 
     def wait_for_subscribers(self, topics: Collection[str]) -> None:
         """Wait until each of `topics` is subscribed to; `DataError` if one is not played."""
-        publishers = {one.topic_name: one for one in self._publishers_of.values()}
+        played = (self._time, *self._publishers_of.values())
+        publishers = {one.topic_name: one for one in played}
         names = [self.resolve_topic_name(topic) for topic in topics]
         if others := [name for name in names if name not in publishers]:
             raise DataError(
