@@ -104,7 +104,8 @@ def _install_pins(machine: Machine) -> None:
     uv_pin = next(pin for pin in pins(machine) if pin.startswith("uv=="))
     environment = machine.environment()
     subprocess.run([*pip, "install", "--quiet", uv_pin], env=environment)
-    sync = [*uv, "sync", *quiet, str(requirements)]  # removes what is not listed, too
+    # Compiled now: where Python may not write bytecode, every start of a node would pay for it.
+    sync = [*uv, "sync", "--compile-bytecode", *quiet, str(requirements)]  # removes the rest
     done = subprocess.run(sync, env=environment | uv_settings(pip, environment))
     if done.returncode:
         print("set-up: uv could not install the packages, pip tries (minutes)", flush=True)
