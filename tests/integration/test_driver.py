@@ -17,6 +17,8 @@ from lifecycle_msgs.srv import ChangeState, GetState
 from crane_interfaces.msg import ValveCommand
 from crane_model.machine import JOINTS, PLANAR_JOINTS
 
+pytestmark = pytest.mark.realtime
+
 STEP = 0.0005  # of the spool signal
 VALUES = 99  # neutral commands that can be told apart
 LOOPS = 400

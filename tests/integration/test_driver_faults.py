@@ -13,6 +13,8 @@ from crane_driver.can.frame import Frame
 from crane_driver.safety.settings import load_safety
 from crane_interfaces.msg import ValveCommand
 
+pytestmark = pytest.mark.realtime
+
 SAFETY = load_safety()
 SMALLEST = 1e-3  # two steps of the spool signal
 SLACK = 1.0  # s, that a busy test machine may take beyond the times of the driver

@@ -7,6 +7,8 @@ from pathlib import Path
 import pytest
 from integration.driver_stage import Stage, commander
 
+pytestmark = pytest.mark.realtime
+
 SMALLEST = 1e-3  # two steps of the spool signal
 
 

@@ -15,6 +15,8 @@ from crane_driver.can.codec import DriverCodec
 from crane_driver.can.decoder import Readings
 from crane_driver.can.link import Link
 
+pytestmark = pytest.mark.realtime
+
 CYCLE = 0.005  # s
 
 
