@@ -1,43 +1,130 @@
-"""Autocorrelation of a residual with gaps, by an autoregressive model (Burg 1967)."""
+"""Autocorrelation of the noise in a regression, by an autoregressive model of it.
+
+The residual of a regression is not the noise: what the columns can explain of the noise is gone,
+and with few rows that is most of its low frequencies. Restricted maximum likelihood (Patterson and
+Thompson 1971) uses only what no column can explain, and so has no such bias.
+"""
+
+from typing import NamedTuple
 
 import numpy as np
+from scipy.linalg import LinAlgError, cholesky
+from scipy.optimize import minimize
 
 HIGHEST_ORDER = 4
+ROWS_PER_ORDER = 10  # that no column explains; fewer do not carry another coefficient
 LARGEST_REFLECTION = 0.98  # keeps the memory of the model finite
+GRADIENT = 0.05  # of the log-likelihood at which the search ends; a difference of 1 says nothing
+ROUNDING = 1e-24  # share of the force's sum of squares below which the rest is rounding
 
 
-def burg(residual: np.ndarray, used: np.ndarray, highest: int = HIGHEST_ORDER) -> np.ndarray:
-    """Coefficients (order + 1,) of the AR polynomial 1 + a1 z⁻¹ + ..., order by Schwarz's criterion.
+class Autoregression(NamedTuple):
+    """Noise whitened by `polynomial` (order + 1,), 1 + a1 z⁻¹ + ..., with the given `variance`."""
 
-    `residual` (r, n) of r runs; only products of samples that are `used` (r, n), with everything
-    between them, count. Stable by construction.
+    polynomial: np.ndarray
+    variance: float
+
+    def autocovariance(self, lags: int) -> np.ndarray:
+        """Autocovariance (lags,)."""
+        points = 8 * (lags + 64)
+        spectrum = 1.0 / np.abs(np.fft.rfft(self.polynomial, points)) ** 2
+        covariance = np.fft.irfft(spectrum, points)[:lags]
+        return self.variance * covariance / covariance[0]
+
+
+def restricted_likelihood(
+    columns: np.ndarray, force: np.ndarray, used: np.ndarray
+) -> Autoregression | None:
+    """The noise of force = columns × parameters + noise; None if the columns explain all of it.
+
+    `columns` (r, n, p), linearly independent, `force` and `used` (r, n), of r runs of n samples;
+    rows are whitened by as many used samples as stand directly before them. Order by Schwarz
+    (1978).
     """
-    forward = backward = np.where(used, residual, 0.0)
-    valid = used
-    polynomial = best = np.ones(1)
-    power = float((forward**2).sum() / max(used.sum(), 1))
-    lowest = used.sum() * np.log(power) if power > 0 else -np.inf
-    for order in range(1, highest + 1):
-        valid = valid[:, 1:] & used[:, : used.shape[1] - order]
-        ahead, behind = forward[:, 1:] * valid, backward[:, :-1] * valid
-        energy = float((ahead**2 + behind**2).sum())
-        if energy == 0.0:
-            break
-        limit = LARGEST_REFLECTION
-        reflection = float(np.clip(-2 * (ahead * behind).sum() / energy, -limit, limit))
-        forward, backward = ahead + reflection * behind, behind + reflection * ahead
-        polynomial = np.append(polynomial, 0.0)
-        polynomial = polynomial + reflection * polynomial[::-1]
-        power *= 1 - reflection**2
-        schwarz = used.sum() * np.log(power) + np.log(used.sum()) * order
+    samples, explained = int(used.sum()), columns.shape[2]
+    free = samples - explained
+    if free <= 0:
+        return None
+    basis, rest = np.zeros_like(columns), np.zeros_like(force)
+    basis[used] = np.linalg.qr(columns[used])[0]
+    rest[used] = force[used] - basis[used] @ (basis[used].T @ force[used])
+    power = float((rest**2).sum())
+    white = Autoregression(np.ones(1), power / free)
+    if power <= ROUNDING * float((force[used] ** 2).sum()):
+        return white
+    values = np.concatenate([basis, rest[..., np.newaxis]], axis=2)
+    best, lowest, start = white, np.inf, np.zeros(0)
+    for order in range(min(HIGHEST_ORDER, free // ROWS_PER_ORDER) + 1):
+        likelihood = _Likelihood(values, used, order)
+        if order:
+            start = minimize(likelihood.cost, [*start, 0.0], options={"gtol": GRADIENT}).x
+        schwarz = likelihood.cost(start) + order * np.log(free)
         if schwarz < lowest:
-            lowest, best = schwarz, polynomial
+            polynomials, variances = _predictors(start)
+            variance = likelihood.rest(start) / free / variances[-1]
+            best, lowest = Autoregression(polynomials[-1], variance), schwarz
     return best
 
 
-def autocorrelation(polynomial: np.ndarray, lags: int) -> np.ndarray:
-    """Autocorrelation (lags,) of the process whitened by an AR polynomial; 1 at lag 0."""
-    points = 8 * (lags + 64)
-    spectrum = 1.0 / np.abs(np.fft.rfft(polynomial, points)) ** 2
-    covariance = np.fft.irfft(spectrum, points)[:lags]
-    return covariance / covariance[0]
+class _Likelihood:
+    """-2 log restricted likelihood of an order, as a function of its reflection coefficients.
+
+    All sums over samples are done once: values × values at every pair of lags, for the samples
+    with 0, 1, ..., order used samples before them.
+    """
+
+    def __init__(self, values: np.ndarray, used: np.ndarray, order: int) -> None:
+        self.free = int(used.sum()) - (values.shape[2] - 1)
+        self.counts, self.products = [], []
+        before = _used_before(used, order)
+        for m in range(order + 1):
+            run, sample = np.nonzero(used & (before == m))
+            lagged = np.stack([values[run, sample - lag] for lag in range(m + 1)])
+            self.counts.append(len(run))
+            self.products.append(np.einsum("lnk,mnq->lmkq", lagged, lagged, optimize=True))
+
+    def cost(self, search: np.ndarray) -> float:
+        """The value at reflection coefficients LARGEST_REFLECTION tanh(search)."""
+        try:
+            factor = self._factor(search)
+        except LinAlgError:  # rounding at the edge of stability
+            return np.inf
+        _, variances = _predictors(search)
+        diagonal = np.log(np.diag(factor))
+        scale = np.log(variances / variances[-1]) @ np.array(self.counts)
+        return float(2 * self.free * diagonal[-1] + 2 * diagonal[:-1].sum() + scale)
+
+    def rest(self, search: np.ndarray) -> float:
+        """Sum of squares of the whitened force that no whitened column explains."""
+        return float(self._factor(search)[-1, -1] ** 2)
+
+    def _factor(self, search: np.ndarray) -> np.ndarray:
+        polynomials, variances = _predictors(search)
+        total = sum(
+            np.einsum("l,m,lmkq->kq", a, a, product) * variances[-1] / variance
+            for a, product, variance in zip(polynomials, self.products, variances, strict=True)
+        )
+        return cholesky(total, lower=True)
+
+
+def _predictors(search: np.ndarray) -> tuple[list[np.ndarray], np.ndarray]:
+    """Polynomials of order 0 to that of the model (Levinson), and their error variances relative
+    to the variance of the process."""
+    polynomials, variances = [np.ones(1)], [1.0]
+    for reflection in LARGEST_REFLECTION * np.tanh(search):
+        longer = np.append(polynomials[-1], 0.0)
+        polynomials.append(longer + reflection * longer[::-1])
+        variances.append(variances[-1] * (1 - reflection**2))
+    return polynomials, np.array(variances)
+
+
+def _used_before(used: np.ndarray, highest: int) -> np.ndarray:
+    """(r, n): number of used samples directly before each, up to `highest`."""
+    count = np.zeros(used.shape, dtype=int)
+    unbroken = np.ones(used.shape, dtype=bool)
+    for lag in range(1, highest + 1):
+        earlier = np.zeros_like(used)
+        earlier[:, lag:] = used[:, : used.shape[1] - lag]
+        unbroken &= earlier
+        count += unbroken
+    return count

@@ -2,7 +2,7 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from hypothesis import given
+from hypothesis import given, settings
 from hypothesis import strategies as st
 from scipy.signal import lfilter
 from statsmodels.regression.linear_model import OLS, WLS
@@ -117,6 +117,7 @@ def test_unused_rows_do_not_count() -> None:
     assert left_out.samples == 270
 
 
+@settings(max_examples=25)
 @given(exponents=st.lists(st.integers(-4, 4), min_size=5, max_size=5))
 def test_units_do_not_matter(exponents: list[int]) -> None:
     """Columns in other units give the same parameters in other units."""
@@ -159,7 +160,7 @@ def test_standard_deviations_cover_the_truth(correlation: float, samples: int) -
     """Monte Carlo: two standard deviations hold the truth in about 95 % of all cases, where
     those that take the residual for white hold it far less often."""
     rng = np.random.default_rng(8)
-    runs = [noisy(samples, correlation, rng) for _ in range(150)]
+    runs = [noisy(samples, correlation, rng) for _ in range(100)]
     covered = {}
     for assumption in (Covariance.CORRELATED, Covariance.CLASSICAL):
         estimates = [least_squares(run, assumption) for run in runs]
