@@ -71,7 +71,7 @@ def test_with_columns_it_is_the_restricted_likelihood_written_out() -> None:
 
 
 def test_columns_do_not_bias_it() -> None:
-    """Many short records with many columns, which take away half of the noise at low frequencies."""
+    """Many short records with many columns, which take away most of the slow noise."""
     columns = np.vander(np.linspace(-1, 1, 80), 12)
     basis = np.linalg.qr(columns)[0]
     correlation, naive = [], []
