@@ -22,11 +22,6 @@ class Averaging:
     incomplete: float
 
 
-def whole_periods(n: int, length: int) -> int:
-    """Number of whole periods of `length` samples in n samples."""
-    return n // length
-
-
 def fold(values: np.ndarray, length: int, periods: int) -> np.ndarray:
     """The last `periods` whole periods of `values` (n, ...): (periods, length, ...)."""
     last = values[len(values) - periods * length :]
