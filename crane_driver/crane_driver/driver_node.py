@@ -3,15 +3,12 @@
 Software is no safety stop: keep the emergency stop of the machine within reach.
 """
 
-import sys
 import time
 from collections.abc import Callable, Sequence
 from typing import Any
 
-import rclpy
 from diagnostic_msgs.msg import DiagnosticArray
 from rclpy.clock import Clock, ClockType
-from rclpy.executors import ExternalShutdownException, SingleThreadedExecutor
 from rclpy.lifecycle import LifecycleNode, LifecycleState, TransitionCallbackReturn
 from rclpy.qos import DurabilityPolicy, QoSProfile
 from sensor_msgs.msg import JointState
@@ -27,17 +24,16 @@ from crane_driver.driver_messages import cylinder_pressures, diagnostics, inacti
 from crane_driver.driver_parameters import (
     DriverParameters,
     declare_parameters,
-    read_autostart,
     read_parameters,
 )
+from crane_driver.nodes.managed import run_managed
 from crane_driver.safety.settings import load_safety
 from crane_driver.safety.supervisor import RefusedError
 from crane_interfaces.msg import (
     CylinderPressures,
     ValveCommand,
 )
-from crane_model.cli import run
-from crane_model.errors import ConfigurationError, CraneError
+from crane_model.errors import CraneError
 from crane_model.machine import Machine, load_machine
 from crane_model.urdf import urdf
 
@@ -75,12 +71,6 @@ class Driver(LifecycleNode):
             ("reset_fault", self._reset),
         ):
             self.create_service(Trigger, f"~/{name}", self._service(name, action))
-
-    def start(self) -> None:
-        """Configure and activate; `ConfigurationError` if that fails."""
-        for transition in (self.trigger_configure, self.trigger_activate):
-            if transition() is not SUCCESS:
-                raise ConfigurationError("the driver does not start; the lines above say why")
 
     def stop(self) -> None:
         """Ramp to neutral and close the bus."""
@@ -272,21 +262,5 @@ class Driver(LifecycleNode):
 
 
 def main(argv: Sequence[str] | None = None) -> int:
-    """Run the driver until Ctrl-C; it ramps to neutral before it ends."""
-    return run(lambda: _main(sys.argv if argv is None else ["driver", *argv]))
-
-
-def _main(arguments: Sequence[str]) -> None:
-    rclpy.init(args=list(arguments))
-    driver = Driver()
-    try:
-        if read_autostart(driver):
-            driver.start()
-        executor = SingleThreadedExecutor()
-        executor.add_node(driver)
-        executor.spin()
-    except (KeyboardInterrupt, ExternalShutdownException):
-        pass  # the usual ends of a node
-    finally:
-        driver.stop()
-        rclpy.try_shutdown()
+    """Run the driver until a signal ends it; it ramps to neutral before it ends."""
+    return run_managed(Driver, argv)

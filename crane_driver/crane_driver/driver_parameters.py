@@ -93,14 +93,6 @@ def read_parameters(node: Node) -> DriverParameters:
     )
 
 
-def read_autostart(node: Node) -> bool:
-    """Whether the node starts by itself."""
-    value = node.get_parameter("autostart").value
-    if not isinstance(value, bool):
-        raise _wrong("autostart", "true or false", value)
-    return value
-
-
 def _text(node: Node, name: str) -> str:
     value = node.get_parameter(name).value
     if not isinstance(value, str):

@@ -11,10 +11,11 @@ from rosbags.rosbag2 import Reader
 from tqdm import tqdm
 
 from crane_driver.bags.storage import open_bag
+from crane_driver.nodes.context import ros
 from crane_driver.recording.arguments import positive
 from crane_driver.recording.playback import Selection, schedule, select
 from crane_driver.recording.player_node import Player
-from crane_driver.recording.ros import NANOSECONDS, ros
+from crane_driver.recording.ros import NANOSECONDS
 from crane_model.cli import run
 
 PATIENCE = 2.0  # s before a progress bar appears

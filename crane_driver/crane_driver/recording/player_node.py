@@ -10,9 +10,10 @@ from rclpy.publisher import Publisher
 from rclpy.qos import QoSProfile
 from rosgraph_msgs.msg import Clock
 
+from crane_driver.nodes.context import Stop
 from crane_driver.recording.definitions import message_class
 from crane_driver.recording.playback import CLOCK, Due, Pace, PlayedTopic
-from crane_driver.recording.ros import NANOSECONDS, Stop, profile
+from crane_driver.recording.ros import NANOSECONDS, profile
 from crane_model.errors import DataError
 
 TICK = 10_000_000  # ns between two messages on /clock

@@ -9,10 +9,10 @@ from pathlib import Path
 from rclpy.executors import SingleThreadedExecutor
 from rclpy.utilities import remove_ros_args
 
+from crane_driver.nodes.context import ros
 from crane_driver.recording.arguments import positive
 from crane_driver.recording.bag import RecordedBag, Split
 from crane_driver.recording.recorder_node import Recorder
-from crane_driver.recording.ros import ros
 from crane_driver.recording.statistics import shown, table
 from crane_model.cli import run
 

@@ -1,13 +1,6 @@
 """Between rclpy and the parts of the recorder and the player that know nothing of it."""
 
-import signal
-from collections.abc import Iterator, Sequence
-from contextlib import contextmanager
-from types import FrameType
-
-import rclpy
 from rclpy.qos import DurabilityPolicy, QoSProfile, ReliabilityPolicy
-from rclpy.signals import SignalHandlerOptions
 from rosbags.interfaces import (
     Qos,
     QosDurability,
@@ -20,7 +13,6 @@ from rosbags.interfaces import (
 from crane_driver.recording.qos import Service
 
 NANOSECONDS = 1_000_000_000
-SIGNALS = (signal.SIGINT, signal.SIGTERM, signal.SIGHUP)
 
 
 def profile(service: Service) -> QoSProfile:
@@ -51,30 +43,3 @@ def offered(found: QoSProfile) -> Qos:
         ),
         avoid_ros_namespace_conventions=found.avoid_ros_namespace_conventions,
     )
-
-
-class Stop:
-    """Whether a signal has asked the process to stop."""
-
-    requested = False
-
-    def request(self, _number: int, _frame: FrameType | None) -> None:
-        """The handler of the signals."""
-        self.requested = True
-
-
-@contextmanager
-def ros(argv: Sequence[str]) -> Iterator[Stop]:
-    """ROS within the `with` block, where SIGINT, SIGTERM and SIGHUP only set what it gives.
-
-    So whatever is being closed is closed to its end, however often Ctrl-C is pressed.
-    """
-    stop = Stop()
-    previous = {number: signal.signal(number, stop.request) for number in SIGNALS}
-    rclpy.init(args=list(argv), signal_handler_options=SignalHandlerOptions.NO)
-    try:
-        yield stop
-    finally:
-        rclpy.try_shutdown()
-        for number, handler in previous.items():
-            signal.signal(number, handler)

@@ -1,25 +1,22 @@
 """`identification`: the online estimator as a managed node."""
 
-import sys
 import time
 from collections.abc import Callable, Sequence
 from pathlib import Path
 from typing import Any
 
-import rclpy
 from diagnostic_msgs.msg import DiagnosticArray
-from rclpy._rclpy_pybind11 import RCLError
 from rclpy.clock import Clock, ClockType
-from rclpy.executors import ExternalShutdownException, SingleThreadedExecutor
 from rclpy.lifecycle import LifecycleNode, LifecycleState, TransitionCallbackReturn
 from rclpy.qos import DurabilityPolicy, QoSProfile, ReliabilityPolicy
 from rclpy.subscription import Subscription
 from sensor_msgs.msg import JointState
 from std_srvs.srv import Trigger
 
+from crane_driver.nodes.managed import AUTOSTART, run_managed
+from crane_driver.nodes.parameters import Number, Numbers, Text, declare
 from crane_identification.online.condition import Condition, status
 from crane_identification.online.estimator import Forces, OnlineEstimator, OnlineOptions
-from crane_identification.online.parameters import Number, Numbers, Switch, Text, declare
 from crane_identification.online.topics import Feed, estimate_message, forces_message
 from crane_interfaces.msg import CylinderPressures, GeneralizedForces, ParameterEstimate
 from crane_model.configuration import load, packaged
@@ -38,7 +35,6 @@ LATCHED = QoSProfile(
 PUBLISH = 1.0  # s
 
 DEFAULTS = OnlineOptions()
-AUTOSTART = Switch("autostart", True, "Configure and activate the node when it starts")
 MODEL = Text(
     "model", "", "Model file to identify; empty: the model that ships with the suite. At configure"
 )
@@ -107,11 +103,6 @@ class Identification(LifecycleNode):
         self.create_service(Trigger, "~/save_model", self._save)
         # steady time: under use_sim_time without /clock, the node's clock stands still
         self.create_timer(PUBLISH, self._tell, clock=Clock(clock_type=ClockType.STEADY_TIME))
-
-    @property
-    def autostart(self) -> bool:
-        """Whether the node is to start by itself; `ConfigurationError` if that is not said."""
-        return AUTOSTART.read(self)
 
     def on_configure(self, state: LifecycleState) -> TransitionCallbackReturn:
         """Read model and parameters."""
@@ -210,29 +201,6 @@ class Identification(LifecycleNode):
         return response
 
 
-def main(args: Sequence[str] | None = None) -> int:
+def main(argv: Sequence[str] | None = None) -> int:
     """Identify the crane's parameters from /joint_states and /cylinder_pressures."""
-    rclpy.init(args=None if args is None else list(args))
-    try:
-        node = Identification()
-        if node.autostart and not _started(node):
-            return 1
-        executor = SingleThreadedExecutor()
-        executor.add_node(node)
-        executor.spin()
-    except CraneError as error:
-        print(f"error: {error}", file=sys.stderr)
-        return 1
-    except (KeyboardInterrupt, ExternalShutdownException):
-        pass
-    except RCLError:
-        if rclpy.ok():  # otherwise a signal ended ROS while a message was being published
-            raise
-    finally:
-        rclpy.try_shutdown()
-    return 0
-
-
-def _started(node: Identification) -> bool:
-    done = TransitionCallbackReturn.SUCCESS
-    return node.trigger_configure() == done and node.trigger_activate() == done
+    return run_managed(Identification, argv)

@@ -18,7 +18,7 @@ FOLDERS = {
 MAY_IMPORT = {
     "crane_model": set(),
     "crane_driver": {"crane_model"},
-    "crane_trajectory": {"crane_model"},
+    "crane_trajectory": {"crane_model", "crane_driver"},
     "crane_sim": {"crane_model", "crane_driver", "crane_trajectory"},
     "crane_identification": {"crane_model", "crane_driver", "crane_trajectory"},
 }

@@ -1,0 +1,46 @@
+"""The life of a managed node as a process: started by itself or by others, shut down in order."""
+
+import sys
+from collections.abc import Callable, Sequence
+
+from rclpy.executors import SingleThreadedExecutor
+from rclpy.lifecycle import LifecycleNode, TransitionCallbackReturn
+
+from crane_driver.nodes.context import ros
+from crane_driver.nodes.parameters import Switch
+from crane_model.cli import run
+from crane_model.errors import ConfigurationError
+
+AUTOSTART = Switch("autostart", True, "Configure and activate the node when it starts")
+"""To be declared by every managed node."""
+
+WAKE = 0.1  # s; a signal is seen after at most this
+
+
+def run_managed(make: Callable[[], LifecycleNode], argv: Sequence[str] | None) -> int:
+    """Run the node that `make` makes until a signal asks it to stop; the exit status.
+
+    Whatever ends it, its shutdown transition runs while ROS is still there, so that the node can
+    bring to an end what it has begun. Status 1 where it does not start.
+    """
+    return run(lambda: _live(make, sys.argv if argv is None else argv))
+
+
+def _live(make: Callable[[], LifecycleNode], argv: Sequence[str]) -> None:
+    with ros(argv) as stop:
+        node = make()
+        try:
+            if AUTOSTART.read(node):
+                _start(node)
+            executor = SingleThreadedExecutor()
+            executor.add_node(node)
+            while not stop.requested:
+                executor.spin_once(timeout_sec=WAKE)
+        finally:
+            node.trigger_shutdown()
+
+
+def _start(node: LifecycleNode) -> None:
+    for transition in (node.trigger_configure, node.trigger_activate):
+        if transition() is not TransitionCallbackReturn.SUCCESS:
+            raise ConfigurationError(f"{node.get_name()} does not start; the lines above say why")
