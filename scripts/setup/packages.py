@@ -105,12 +105,15 @@ def _install_pins(machine: Machine) -> None:
     environment = machine.environment()
     subprocess.run([*pip, "install", "--quiet", uv_pin], env=environment)
     # Compiled now: where Python may not write bytecode, every start of a node would pay for it.
-    sync = [*uv, "sync", "--compile-bytecode", *quiet, str(requirements)]  # removes the rest
-    done = subprocess.run(sync, env=environment | uv_settings(pip, environment))
+    # Not `sync`: the wheels of ROS carry metadata of packages that no pin names, and it would
+    # remove their modules from an environment that is brought up to date.
+    install = ["install", "--no-deps", *quiet, "--requirement", str(requirements)]
+    done = subprocess.run(
+        [*uv, *install, "--compile-bytecode"], env=environment | uv_settings(pip, environment)
+    )
     if done.returncode:
         print("set-up: uv could not install the packages, pip tries (minutes)", flush=True)
-        install = [*pip, "install", *quiet, "--no-deps", "--requirement", str(requirements)]
-        done = subprocess.run(install, env=environment)
+        done = subprocess.run([*pip, *install], env=environment)
     if done.returncode:
         raise SetupError("the packages could not be installed; the lines above say why")
 
