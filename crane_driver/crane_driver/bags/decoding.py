@@ -1,16 +1,15 @@
 """From the CDR of many messages of one topic to arrays."""
 
 from collections import defaultdict
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
 from rosbags.typesys.store import Typestore
 
+from crane_driver.bags.bulk import NANOSECONDS, Layout, blocks
 from crane_driver.bags.types import double_fields
-
-NANOSECONDS = 1_000_000_000
 
 
 @dataclass(frozen=True)
@@ -25,6 +24,11 @@ class Table:
     present: np.ndarray  # (n, k) bool
     fields: dict[str, np.ndarray]  # (n, k) of each float64[] field, (n,) of each float64 field
 
+    def take(self, rows: np.ndarray | slice) -> "Table":
+        """The table of these rows, in this order."""
+        fields = {field: value[rows] for field, value in self.fields.items()}
+        return Table(self.names, self.stamp[rows], self.present[rows], fields)
+
 
 def decode(messages: Sequence[bytes], msgtype: str, store: Typestore) -> Table:
     """Decode messages of one type; every decoder of the suite is this function.
@@ -32,6 +36,29 @@ def decode(messages: Sequence[bytes], msgtype: str, store: Typestore) -> Table:
     An array may be empty in a message (JointState allows it): NaN. `ValueError` where an array is
     neither empty nor as long as `name`, `SerdeError` where bytes are not of this type.
     """
+    kinds = double_fields(store, msgtype)
+    left = np.ones(len(messages), dtype=bool)
+    order: list[np.ndarray] = []
+    tables: list[Table] = []
+    for rows, layout, block in blocks(messages, msgtype, store):
+        table = _in_bulk(layout, block, kinds)
+        if same(
+            table.take(slice(1)), decode_by_rosbags(messages[rows[0] : rows[0] + 1], msgtype, store)
+        ):
+            left[rows] = False
+            order.append(rows)
+            tables.append(table)
+    if left.any():
+        rows = np.flatnonzero(left)
+        order.append(rows)
+        tables.append(decode_by_rosbags([messages[row] for row in rows.tolist()], msgtype, store))
+    if len(tables) == 1:
+        return tables[0]
+    return concatenate(tables).take(np.argsort(np.concatenate(order)))
+
+
+def decode_by_rosbags(messages: Sequence[bytes], msgtype: str, store: Typestore) -> Table:
+    """The same one message after the other: the yardstick of `decode`, and its way out."""
     decoded: list[Any] = [store.deserialize_cdr(message, msgtype) for message in messages]
     rows_of: dict[tuple[str, ...], list[int]] = defaultdict(list)
     for row, message in enumerate(decoded):
@@ -59,6 +86,20 @@ def decode(messages: Sequence[bytes], msgtype: str, store: Typestore) -> Table:
     return Table(names, _header_stamps(decoded), present, fields)
 
 
+def same(one: Table, other: Table) -> bool:
+    """Whether two tables hold the same, NaN included."""
+    return (
+        one.names == other.names
+        and np.array_equal(one.stamp, other.stamp)
+        and np.array_equal(one.present, other.present)
+        and one.fields.keys() == other.fields.keys()
+        and all(
+            np.array_equal(one.fields[field], other.fields[field], equal_nan=True)
+            for field in one.fields
+        )
+    )
+
+
 def cells(rows: Sequence[int] | np.ndarray, columns: Sequence[int]) -> tuple[np.ndarray, ...]:
     """Index of the cells in which `rows` and `columns` of a table cross."""
     return np.asarray(rows, dtype=int)[:, np.newaxis], np.asarray(columns, dtype=int)
@@ -84,6 +125,23 @@ def concatenate(tables: Sequence[Table]) -> Table:
         stack([table.present for table in tables], False),
         {key: stack([table.fields[key] for table in tables], np.nan) for key in tables[0].fields},
     )
+
+
+def _in_bulk(layout: Layout, block: np.ndarray, kinds: Mapping[str, bool]) -> Table:
+    """Messages (n, length) of one layout; a name that stands twice keeps its last value."""
+    names = tuple(dict.fromkeys(layout.names))
+    columns = [names.index(name) for name in layout.names]
+    fields = {}
+    for field, is_array in kinds.items():
+        values = layout.values(block, field)
+        if not is_array:
+            fields[field] = values[:, 0]
+            continue
+        fields[field] = np.full((len(block), len(names)), np.nan)
+        if values.size:
+            fields[field][:, columns] = values
+    present = np.ones((len(block), len(names)), dtype=bool)
+    return Table(names, layout.stamps(block), present, fields)
 
 
 def _header_stamps(messages: Sequence[Any]) -> np.ndarray:

@@ -11,15 +11,15 @@ from rosbags.rosbag2 import Reader
 from rosbags.serde import SerdeError
 from rosbags.typesys.store import Typestore
 
-from crane_driver.bags.decoding import NANOSECONDS, Table, cells, concatenate, decode
-from crane_driver.bags.storage import announced, connections, messages, open_bag
+from crane_driver.bags.bulk import NANOSECONDS
+from crane_driver.bags.decoding import Table, cells, concatenate, decode
+from crane_driver.bags.storage import announced, blocks, connections, open_bag
 from crane_driver.bags.types import Topic, typestore
 from crane_model.errors import DataError
 
 Progress = Callable[[str, float], None]
 """Called with what is going on and the share of it that is done, 0 to 1."""
 
-BLOCK = 4096  # messages that are decoded together
 LARGEST_DISORDER = NANOSECONDS  # ns; messages may overtake one another, a clock may not step
 
 
@@ -141,28 +141,21 @@ def _read(
     progress: Progress | None,
 ) -> tuple[dict[str, Table], dict[str, list[int]]]:
     """Decoded messages and log times [ns] of each topic, block by block."""
-    blocks: dict[str, list[Table]] = defaultdict(list)
-    pending: dict[str, list[bytes]] = defaultdict(list)
+    tables: dict[str, list[Table]] = defaultdict(list)
     log_times: dict[str, list[int]] = defaultdict(list)
-
-    def flush(name: str) -> None:
-        try:
-            blocks[name].append(decode(pending.pop(name), wanted[name].msgtype, store))
-        except (SerdeError, ValueError) as error:
-            raise DataError(f"{path}: topic {name}: {error}; the bag is damaged") from error
-
     total = sum(announced(reader, name)[0] for name in wanted)
-    recorded = messages(path, reader, wanted)
-    for count, (connection, log_time, data) in enumerate(recorded, start=1):
-        pending[connection.topic].append(data)
-        log_times[connection.topic].append(log_time)
-        if len(pending[connection.topic]) == BLOCK:
-            flush(connection.topic)
-            if progress:
-                progress(f"reading {path.name}", min(count / total, 1.0))
-    for name in list(pending):
-        flush(name)
-    return {name: concatenate(tables) for name, tables in blocks.items()}, log_times
+    done = 0
+    for block in blocks(path, reader, wanted):
+        try:
+            table = decode(block.messages, wanted[block.topic].msgtype, store)
+        except (SerdeError, ValueError) as error:
+            raise DataError(f"{path}: topic {block.topic}: {error}; the bag is damaged") from error
+        tables[block.topic].append(table)
+        log_times[block.topic] += block.log_times
+        done += len(block.messages)
+        if progress:
+            progress(f"reading {path.name}", min(done / total, 1.0))
+    return {name: concatenate(parts) for name, parts in tables.items()}, log_times
 
 
 def _in_order(path: Path, topic: str, table: Table, log_time: np.ndarray) -> TopicData:

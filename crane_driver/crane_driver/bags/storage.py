@@ -1,17 +1,24 @@
 """Opening bags of either storage, single or split, and saying what is wrong with the others."""
 
-from collections.abc import Collection, Iterator, Sequence
+from collections import defaultdict
+from collections.abc import Collection, Iterable, Iterator, Sequence
 from contextlib import contextmanager
 from os import SEEK_END
 from pathlib import Path
+from typing import cast
 
 from rosbags.interfaces import Connection
 from rosbags.rosbag2 import Reader
 from rosbags.rosbag2.reader import DirectoryReader
+from rosbags.rosbag2.storage_mcap import McapReader
+from rosbags.rosbag2.storage_sqlite3 import Sqlite3Reader
 
+from crane_driver.bags.chunks import Block, chunk_blocks
 from crane_model.errors import DataError
 
 STORAGE_SUFFIXES = (".mcap", ".db3")
+Storage = McapReader | Sqlite3Reader
+BLOCK = 4096  # messages
 MCAP_MAGIC = b"\x89MCAP0\r\n"
 
 
@@ -46,15 +53,48 @@ def messages(
             yield from reader.messages(sources)
 
 
+def blocks(path: Path, reader: Reader, topics: Collection[str]) -> Iterator[Block]:
+    """All messages of `topics`, those of each topic in order of log time within a file.
+
+    `DataError` where the storage is damaged.
+    """
+    with _damage(path):
+        if reader.compression_mode != "message":
+            for storage in _storages(reader):
+                yield from _file_blocks(storage, topics)
+        elif sources := [one for name in topics for one in connections(reader, name)]:
+            yield from _gathered(reader.messages(sources))
+
+
+def _file_blocks(storage: Storage, topics: Collection[str]) -> Iterator[Block]:
+    if isinstance(storage, McapReader):
+        in_chunks = chunk_blocks(Path(str(storage.path)), topics)
+        if in_chunks is not None:
+            yield from in_chunks
+            return
+    sources = [one for one in storage.connections if one.topic in topics]
+    if sources:  # to rosbags, none means all
+        yield from _gathered(storage.messages(sources))
+
+
+def _gathered(messages: Iterable[tuple[Connection, int, bytes]]) -> Iterator[Block]:
+    pending: dict[str, list[tuple[int, bytes]]] = defaultdict(list)
+    for connection, log_time, data in messages:
+        found = pending[connection.topic]
+        found.append((log_time, data))
+        if len(found) == BLOCK:
+            yield Block(connection.topic, *zip(*pending.pop(connection.topic), strict=True))
+    for topic, found in pending.items():
+        yield Block(topic, *zip(*found, strict=True))
+
+
 def connections(reader: Reader, topic: str) -> list[Connection]:
     """The connections of a topic as the storage files state them.
 
     Those of `reader.connections` come from metadata.yaml, and rosbags silently drops every message
     where the two state different QoS profiles, as bags out of `ros2 bag convert` do.
     """
-    storage = reader.storage
-    storages = storage.storages if isinstance(storage, DirectoryReader) else [storage]
-    return [one for file in storages for one in file.connections if one.topic == topic]
+    return [one for file in _storages(reader) for one in file.connections if one.topic == topic]
 
 
 def announced(reader: Reader, topic: str) -> tuple[int, set[str]]:
@@ -62,6 +102,12 @@ def announced(reader: Reader, topic: str) -> tuple[int, set[str]]:
     stated = [one for one in reader.connections if one.topic == topic]
     hashes = {one.digest for one in stated if (one.digest or "").startswith("RIHS01_")}
     return sum(one.msgcount for one in stated), hashes
+
+
+def _storages(reader: Reader) -> list[Storage]:
+    storage = reader.storage
+    storages = storage.storages if isinstance(storage, DirectoryReader) else [storage]
+    return cast(list[Storage], storages)
 
 
 @contextmanager
