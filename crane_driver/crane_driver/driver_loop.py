@@ -12,7 +12,9 @@ from crane_driver.can.frame import UNUSABLE, Fault, Frame
 from crane_driver.can.health import Monitor
 from crane_driver.can.layout import Layout
 from crane_driver.can.mapping import LINES
+from crane_driver.canopen.devices import Devices
 from crane_driver.safety.settings import SafetySettings
+from crane_driver.safety.states import State
 from crane_driver.safety.supervisor import Supervisor, check_valves
 from crane_driver.velocity_filter import VelocityFilter
 from crane_model.cylinders import cylinder_force
@@ -64,6 +66,7 @@ class DriverLoop:
         self.cycle = min(message.cycle for message in layout.commands)
         self.codec = DriverCodec(layout)
         self.monitor = Monitor(layout.readings, layout.timing, now)
+        self.devices = Devices(layout.devices)
         self.supervisor = Supervisor(layout.valves, machine, settings, now)
         self._machine = machine
         self._positions = Assembly(layout, "positions")
@@ -91,6 +94,9 @@ class DriverLoop:
         pressures: list[PressureSample] = []
         self.supervisor.can_faults(bus_faults, now)
         for frame in frames:
+            if (of_device := self.devices.observe(frame)) is not None:
+                self.supervisor.can_faults(of_device, now)
+                continue
             readings = self.codec.decode(frame)
             if readings is None:
                 continue
@@ -107,9 +113,16 @@ class DriverLoop:
 
     def check(self, publishers: int, now: float) -> None:
         """What shows by nothing coming, and how many publishers of commands there are."""
-        self.supervisor.can_faults(self.monitor.check(now), now)
+        self.supervisor.can_faults(self.monitor.check(now) + self.devices.check(now), now)
+        self.supervisor.news += self.devices.news()
         self.supervisor.published_by(publishers)
-        self.supervisor.ready(self.monitor.complete, now)
+        self.supervisor.ready(self.monitor.complete and self.devices.operational, now)
+
+    def device_frames(self, now: float) -> list[Frame]:
+        """What starts CANopen devices: only while the state is offline, with neutral valves, so
+        that a device that has failed in operation stays as it is until the fault is reset.
+        """
+        return self.devices.start(now) if self.supervisor.state is State.OFFLINE else []
 
     def valve_frames(self, now: float, commanded: bool = False) -> list[Frame]:
         """The valve frames if they are due at `now`, else none.

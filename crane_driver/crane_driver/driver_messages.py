@@ -11,6 +11,8 @@ from crane_driver.can.bus import BusState
 from crane_driver.can.frame import show_id
 from crane_driver.can.health import Freshness, Stream
 from crane_driver.can.link import Link
+from crane_driver.canopen.devices import Node
+from crane_driver.canopen.watch import NodeState
 from crane_driver.driver_loop import DriverLoop, JointSample, PressureSample
 from crane_driver.safety.states import State
 from crane_driver.safety.supervisor import Supervisor
@@ -54,9 +56,10 @@ def cylinder_pressures(sample: PressureSample, cylinders: Sequence[str]) -> Cyli
 
 
 def diagnostics(name: str, loop: DriverLoop, link: Link) -> list[DiagnosticStatus]:
-    """/diagnostics: the state of safety, of the bus, and of each message that is expected."""
+    """/diagnostics: the state of safety, of the bus, of messages and devices that are expected."""
     streams = [_stream(name, one) for one in loop.monitor.streams.values()]
-    return [_safety(name, loop.supervisor), _bus(name, loop, link), *streams]
+    devices = [_device(name, one) for one in loop.devices.nodes]
+    return [_safety(name, loop.supervisor), _bus(name, loop, link), *streams, *devices]
 
 
 def inactive(name: str, lifecycle_state: str) -> DiagnosticStatus:
@@ -106,6 +109,24 @@ def _stream(name: str, stream: Stream) -> DiagnosticStatus:
         "longest gap [ms]": f"{stream.longest_gap * 1e3:.1f}",
     }
     return _status(f"{name}: {stream.layout.name}", level, text, values)
+
+
+def _device(name: str, node: Node) -> DiagnosticStatus:
+    watch = node.watch
+    if watch.state is not NodeState.OPERATIONAL:
+        level = DiagnosticStatus.ERROR
+    else:
+        level = DiagnosticStatus.WARN if watch.active else DiagnosticStatus.OK
+    text = "; ".join([watch.state, *filter(None, [node.problem]), *watch.active.values()])
+    values = {
+        "node id": watch.device.id,
+        "state": watch.state,
+        "heartbeats": watch.heartbeats,
+        "longest gap [ms]": f"{watch.longest_gap * 1e3:.1f}",
+        "boot-ups": watch.boots,
+        "emergencies": watch.emergencies,
+    }
+    return _status(f"{name}: {watch.name}", level, text, values)
 
 
 def _status(name: str, level: bytes, message: str, values: dict[str, object]) -> DiagnosticStatus:

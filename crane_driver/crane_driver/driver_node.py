@@ -179,6 +179,7 @@ class Driver(LifecycleNode):
         now = time.monotonic()
         self._loop.check(self._commanders(), now)
         self._send(self._link, self._loop.valve_frames(now))
+        self._send(self._link, self._loop.device_frames(now))
         self._tell()
 
     def _command(self, message: ValveCommand, info: dict[str, Any]) -> None:
@@ -208,6 +209,8 @@ class Driver(LifecycleNode):
         news = self._loop.supervisor.news
         for text in news:
             self.get_logger().info(text)
+        if news:
+            self._report()  # at once: who commands the valves waits for no second
         news.clear()
 
     def _report(self) -> None:

@@ -2,11 +2,13 @@
 
 import math
 from collections import defaultdict
+from collections.abc import Iterable
 from pathlib import Path
 
 from cantools.database.can import Message, Signal
 
 from crane_driver.can.dbc import Dbc, load_dbc
+from crane_driver.can.frame import show_id
 from crane_driver.can.layout import (
     UNPROTECTED,
     Channel,
@@ -25,6 +27,7 @@ from crane_driver.can.mapping import (
     StateSignal,
 )
 from crane_driver.can.signals import fills_byte, is_scaled, raw_limits, to_channel
+from crane_driver.canopen.settings import identifiers
 from crane_model.configuration import load, packaged
 from crane_model.errors import ConfigurationError
 from crane_model.machine import JOINT_UNITS
@@ -68,11 +71,12 @@ class _Binder:
             self._problem(f"protection.{name}", f"nothing else is mapped from message {name}")
         for name in sent:
             self._require_every_signal(name)
+        self._require_free_identifiers((*received, *sent))
         readings = tuple(self._message(name) for name in received)
         commands = tuple(self._message(name) for name in sent)
         if self.problems:
             raise ConfigurationError("\n".join(self.problems))
-        return Layout(readings, commands, self.mapping.timing)
+        return Layout(readings, commands, self.mapping.timing, self.mapping.canopen)
 
     def _bind(self) -> None:
         mapping = self.mapping
@@ -228,6 +232,16 @@ class _Binder:
                 )
         if self.dbc.messages[name].is_multiplexed():
             self._problem("commands", f"message {name} is multiplexed, it cannot be sent")
+
+    def _require_free_identifiers(self, names: Iterable[str]) -> None:
+        """CANopen devices take their messages first; no signal may be mapped from them."""
+        taken = identifiers(self.mapping.canopen)
+        for name in names:
+            message = self.dbc.messages[name]
+            if not message.is_extended_frame and message.frame_id in taken:
+                shown = show_id(message.frame_id, False)
+                use = taken[message.frame_id]
+                self._problem("canopen", f"message {name} has the id {shown}, that of the {use}")
 
     def _message(self, name: str) -> MessageLayout:
         message = self.dbc.messages[name]

@@ -35,6 +35,10 @@ class FaultKind(StrEnum):
     MISSING = "missing"
     BUS = "bus"
     OVERFLOW = "overflow"  # frames dropped because nobody took them
+    HEARTBEAT = "heartbeat"  # of a CANopen device: lost
+    REBOOT = "reboot"  # of a CANopen device in operation
+    NOT_OPERATIONAL = "not operational"  # a CANopen device that was
+    EMERGENCY = "emergency"  # message of a CANopen device
 
 
 UNUSABLE = frozenset({FaultKind.WRONG_SIZE, FaultKind.CHECKSUM, FaultKind.REPEATED})

@@ -7,6 +7,7 @@ from cantools.database.can import Message
 
 from crane_driver.can.frame import Fault, FaultKind, show_id
 from crane_driver.can.mapping import Timing
+from crane_driver.canopen.settings import Device
 
 
 @dataclass(frozen=True, slots=True)
@@ -98,6 +99,7 @@ class Layout:
     readings: tuple[MessageLayout, ...]
     commands: tuple[MessageLayout, ...]
     timing: Timing
+    devices: dict[str, Device] = field(default_factory=dict)  # CANopen, by name
 
     @property
     def positions(self) -> tuple[str, ...]:

@@ -5,6 +5,7 @@ from typing import Annotated, Literal, Self
 
 from pydantic import Field, field_validator, model_validator
 
+from crane_driver.canopen.settings import Device, check_nodes
 from crane_model.configuration import Schema
 from crane_model.machine import JOINTS
 
@@ -110,6 +111,7 @@ class Mapping(Schema):
     states: dict[str, StateSignal] = {}
     protection: dict[str, Protection] = {}
     timing: Timing
+    canopen: dict[str, Device] = {}
 
     @field_validator("positions", "commands")
     @classmethod
@@ -120,6 +122,12 @@ class Mapping(Schema):
     @classmethod
     def _pressures(cls, value: dict[str, Schema]) -> dict[str, Schema]:
         return _known(value, "pressure", PRESSURES)
+
+    @field_validator("canopen")
+    @classmethod
+    def _nodes(cls, value: dict[str, Device]) -> dict[str, Device]:
+        check_nodes(value)
+        return value
 
 
 def _known(value: dict[str, Schema], kind: str, names: tuple[str, ...]) -> dict[str, Schema]:

@@ -234,7 +234,7 @@ class Supervisor:
         if self.faults:
             return "; " + "; ".join(one.text for one in self.faults.values())
         if self.state is State.OFFLINE:
-            return "; not all readings of the machine come in time"
+            return "; not all messages and devices of the machine are there and in time"
         return ""
 
 

@@ -72,7 +72,7 @@ def test_it_is_offline_until_the_readings_are_complete() -> None:
     one = Bench()
     one.it.ready(False, one.now + 10.0)
     assert one.it.state is State.OFFLINE
-    with pytest.raises(RefusedError, match="state is offline; not all readings"):
+    with pytest.raises(RefusedError, match="state is offline; not all messages"):
         one.it.enable(one.now)
     one.it.readings(MIDDLE, {**STILL, "telescope": math.nan})
     one.run(1.0)

@@ -1,0 +1,138 @@
+"""CANopen devices on the driver's bus: started, and watched from then on.
+
+Frames come from and go to whoever owns the bus, so that it has one reader.
+"""
+
+import math
+import struct
+from collections.abc import Mapping, Sequence
+
+import canopen
+from canopen.emcy import EmcyError
+from canopen.sdo.constants import REQUEST_DOWNLOAD, RESPONSE_DOWNLOAD
+
+from crane_driver.can.frame import Fault, Frame
+from crane_driver.canopen.settings import EMERGENCY, HEARTBEAT, SDO_RESPONSE, Device
+from crane_driver.canopen.watch import NodeState, Watch
+
+RETRY = 1.0  # s, between two attempts to start a device
+SIZES = {HEARTBEAT: 1, EMERGENCY: 8, SDO_RESPONSE: 8}  # bytes
+PRODUCER_HEARTBEAT_TIME = 0x1017  # object: ms, two bytes
+TWO_BYTES = 0x0B  # expedited transfer whose size is indicated as two bytes
+CONFIRMED = struct.pack("<BH", RESPONSE_DOWNLOAD, PRODUCER_HEARTBEAT_TIME)
+
+
+class Network(canopen.Network):
+    """A network without a bus: it is fed by `notify`, and what it sends is put into `outbox`."""
+
+    def __init__(self) -> None:
+        super().__init__()
+        self.outbox: list[Frame] = []
+
+    def send_message(self, can_id: int, data: Sequence[int], remote: bool = False) -> None:
+        """Put a frame into the outbox; remote frames are never needed here."""
+        self.outbox.append(Frame(can_id, bytes(data)))
+
+
+class Node:
+    """One device: what it says, and how far it is started."""
+
+    def __init__(self, name: str, device: Device, network: Network):
+        self.watch = Watch(name, device)
+        self.problem = ""  # why the last attempt to start it failed
+        self._remote = network.add_node(device.id)
+        self._remote.nmt.add_heartbeat_callback(self._heartbeat)
+        self._remote.emcy.add_callback(self._emergency)
+        self._faults: list[Fault] = []
+        self._steady = 0.0
+        self._attempted = -math.inf
+        self._asked = self._configured = False  # for the heartbeat period
+
+    def observe(self, network: Network, frame: Frame) -> list[Fault]:
+        """Faults that one of its messages shows."""
+        service = frame.id - self.watch.device.id
+        if len(frame.data) != SIZES[service]:
+            return [self.watch.damaged(len(frame.data), SIZES[service], service)]
+        self._steady = frame.steady
+        network.notify(frame.id, bytearray(frame.data), frame.steady)
+        if service == SDO_RESPONSE:
+            self._answered()
+        faults, self._faults = self._faults, []
+        return faults
+
+    def start(self, now: float) -> None:
+        """Send what is next on the way to operation, unless that was done a moment ago."""
+        if self.watch.state is NodeState.OPERATIONAL or now - self._attempted < RETRY:
+            return
+        self._attempted = now
+        period = self.watch.device.heartbeat_period
+        if period and not self._configured:
+            if self._asked:
+                self.problem = "no answer to the request for its heartbeat period"
+            self._asked = True
+            request = REQUEST_DOWNLOAD | TWO_BYTES, PRODUCER_HEARTBEAT_TIME, 0, round(period * 1e3)
+            self._remote.sdo.send_request(struct.pack("<BHBHxx", *request))
+        else:
+            self._remote.nmt.state = "OPERATIONAL"
+
+    def _heartbeat(self, number: int) -> None:
+        self._faults += self.watch.heartbeat(number, self._steady)
+        if self.watch.state is NodeState.BOOTED:  # it has forgotten what it was told
+            self._configured, self._attempted = False, -math.inf
+
+    def _emergency(self, error: EmcyError) -> None:
+        self._faults += self.watch.emergency(error)
+        self._remote.emcy.reset()  # its log has no end
+
+    def _answered(self) -> None:
+        try:
+            confirmed = self._remote.sdo.read_response().startswith(CONFIRMED)
+            problem = ""
+        except canopen.SdoAbortedError as error:
+            confirmed, problem = False, f"heartbeat period refused: {error}"
+        if self._asked:  # and not another master
+            self._asked, self._configured, self.problem = False, confirmed, problem
+            if confirmed:
+                self._attempted = -math.inf
+
+
+class Devices:
+    """All devices of a mapping; to be used by one thread. Times are of the steady clock [s]."""
+
+    def __init__(self, settings: Mapping[str, Device]):
+        self._network = Network()
+        self.nodes = [Node(name, device, self._network) for name, device in settings.items()]
+        self._owners = {
+            service + node.watch.device.id: node for node in self.nodes for service in SIZES
+        }
+
+    @property
+    def operational(self) -> bool:
+        """Whether every device is in operation by its newest heartbeat."""
+        return all(node.watch.state is NodeState.OPERATIONAL for node in self.nodes)
+
+    def observe(self, frame: Frame) -> list[Fault] | None:
+        """Faults that a frame shows; None where it is no message of these devices."""
+        node = None if frame.extended else self._owners.get(frame.id)
+        return node.observe(self._network, frame) if node else None
+
+    def check(self, now: float) -> list[Fault]:
+        """Faults that show by heartbeats not coming; to be called in every cycle."""
+        return [fault for node in self.nodes for fault in node.watch.check(now)]
+
+    def start(self, now: float) -> list[Frame]:
+        """Frames that bring the devices which are not in operation into it; none most of the time.
+
+        To be called in every cycle in which devices may be started.
+        """
+        for node in self.nodes:
+            node.start(now)
+        frames, self._network.outbox = self._network.outbox, []
+        return frames
+
+    def news(self) -> list[str]:
+        """What is to be said in the log, once."""
+        texts = [text for node in self.nodes for text in node.watch.news]
+        for node in self.nodes:
+            node.watch.news.clear()
+        return texts
