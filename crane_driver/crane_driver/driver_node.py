@@ -21,12 +21,9 @@ from crane_driver.can.frame import Fault, FaultKind, Frame
 from crane_driver.can.link import Link
 from crane_driver.driver_loop import DriverLoop
 from crane_driver.driver_messages import cylinder_pressures, diagnostics, inactive, joint_state
-from crane_driver.driver_parameters import (
-    DriverParameters,
-    declare_parameters,
-    read_parameters,
-)
+from crane_driver.driver_parameters import PARAMETERS, DriverParameters, read_parameters
 from crane_driver.nodes.managed import run_managed
+from crane_driver.nodes.parameters import declare
 from crane_driver.safety.settings import load_safety
 from crane_driver.safety.supervisor import RefusedError
 from crane_interfaces.msg import (
@@ -49,7 +46,7 @@ class Driver(LifecycleNode):
 
     def __init__(self) -> None:
         super().__init__("driver")
-        declare_parameters(self)
+        declare(self, PARAMETERS)
         self._steady = Clock(clock_type=ClockType.STEADY_TIME)
         self._loop: DriverLoop | None = None
         self._link: Link | None = None
