@@ -13,5 +13,10 @@ setup(
         (f"share/{PACKAGE}", ["package.xml"]),
     ],
     zip_safe=False,
-    entry_points={"console_scripts": ["design = crane_trajectory.design:main"]},
+    entry_points={
+        "console_scripts": [
+            "design = crane_trajectory.design:main",
+            "trajectory = crane_trajectory.trajectory_node:main",
+        ]
+    },
 )

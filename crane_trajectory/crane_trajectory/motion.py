@@ -133,8 +133,8 @@ class Motion:
 
     def _clock(self, time: np.ndarray) -> Course:
         """The trajectory's own time [s], its rate and the change of its rate [1/s]."""
-        up, up_rate, up_change = _running_up((time - self.approach_time) / RUN_UP)
-        down, down_rate, down_change = _running_up((time - self.excitation_end) / RUN_UP)
+        up, up_rate, up_change = running_up((time - self.approach_time) / RUN_UP)
+        down, down_rate, down_change = running_up((time - self.excitation_end) / RUN_UP)
         return (
             RUN_UP * (up - down - 0.5),  # passes 0 when it has run up
             up_rate - down_rate,
@@ -211,7 +211,7 @@ def _rest_to_rest(share: np.ndarray) -> Course:
     )
 
 
-def _running_up(share: np.ndarray) -> Course:
+def running_up(share: np.ndarray) -> Course:
     """0 until share 0, then a rate that rises smoothly from 0 to 1 until share 1 and stays."""
     s = np.clip(share, 0.0, 1.0)
     beyond = np.maximum(share - 1.0, 0.0)

@@ -1,7 +1,9 @@
 """The life of a managed node as a process: started by itself or by others, shut down in order."""
 
 import sys
+import time
 from collections.abc import Callable, Sequence
+from contextlib import suppress
 
 from rclpy.executors import SingleThreadedExecutor
 from rclpy.lifecycle import LifecycleNode, TransitionCallbackReturn
@@ -15,6 +17,7 @@ AUTOSTART = Switch("autostart", True, "Configure and activate the node when it s
 """To be declared by every managed node."""
 
 WAKE = 0.1  # s; a signal is seen after at most this
+ANSWERING = 0.2  # s after the shutdown, in which those who wait for its end are answered
 
 
 def run_managed(make: Callable[[], LifecycleNode], argv: Sequence[str] | None) -> int:
@@ -29,15 +32,19 @@ def run_managed(make: Callable[[], LifecycleNode], argv: Sequence[str] | None) -
 def _live(make: Callable[[], LifecycleNode], argv: Sequence[str]) -> None:
     with ros(argv) as stop:
         node = make()
+        executor = SingleThreadedExecutor()
         try:
             if AUTOSTART.read(node):
                 _start(node)
-            executor = SingleThreadedExecutor()
             executor.add_node(node)
             while not stop.requested:
                 executor.spin_once(timeout_sec=WAKE)
         finally:
-            node.trigger_shutdown()
+            with suppress(RuntimeError):  # of rclpy: `ros2 lifecycle set` has shut it down before
+                node.trigger_shutdown()
+        until = time.monotonic() + ANSWERING
+        while time.monotonic() < until:
+            executor.spin_once(timeout_sec=until - time.monotonic())
 
 
 def _start(node: LifecycleNode) -> None:

@@ -4,11 +4,13 @@ A file that says `lag: 1` gives ROS an integer, which a parameter declared as a 
 """
 
 import math
+from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import Any
 
-from rcl_interfaces.msg import ParameterDescriptor
+from rcl_interfaces.msg import ParameterDescriptor, SetParametersResult
 from rclpy.node import Node
+from rclpy.parameter import Parameter
 
 from crane_model.errors import ConfigurationError
 
@@ -28,7 +30,10 @@ class Text:
 
     def read(self, node: Node) -> str:
         """The value; `ConfigurationError` if it is not text."""
-        value = node.get_parameter(self.name).value
+        return self.check(node.get_parameter(self.name).value)
+
+    def check(self, value: Any) -> str:
+        """`value` if it may be given for the parameter, else `ConfigurationError`."""
         if not isinstance(value, str):
             raise ConfigurationError(f"parameter '{self.name}': must be text, got {value!r}")
         return value
@@ -49,7 +54,10 @@ class Switch:
 
     def read(self, node: Node) -> bool:
         """The value; `ConfigurationError` if it is neither true nor false."""
-        value = node.get_parameter(self.name).value
+        return self.check(node.get_parameter(self.name).value)
+
+    def check(self, value: Any) -> bool:
+        """`value` if it may be given for the parameter, else `ConfigurationError`."""
         if not isinstance(value, bool):
             raise ConfigurationError(
                 f"parameter '{self.name}': must be true or false, got {value!r}"
@@ -59,7 +67,7 @@ class Switch:
 
 @dataclass(frozen=True)
 class Number:
-    """A parameter that is a number of a unit within [lowest, highest]."""
+    """A parameter that is a number of a unit within [lowest, highest], a whole one if so said."""
 
     name: str
     default: float
@@ -67,6 +75,7 @@ class Number:
     lowest: float
     highest: float
     meaning: str
+    whole: bool = False
 
     @property
     def description(self) -> str:
@@ -75,11 +84,14 @@ class Number:
 
     def read(self, node: Node) -> float:
         """The value; `ConfigurationError` if it is no number or out of range."""
-        return self._checked(node.get_parameter(self.name).value)
+        return self.check(node.get_parameter(self.name).value)
 
-    def _checked(self, value: Any) -> float:
+    def check(self, value: Any) -> float:
+        """`value` if it may be given for the parameter, else `ConfigurationError`."""
         if isinstance(value, bool) or not isinstance(value, int | float):
             raise ConfigurationError(f"parameter '{self.name}': must be a number, got {value!r}")
+        if self.whole and not float(value).is_integer():
+            raise ConfigurationError(f"parameter '{self.name}': must be whole, got {value}")
         if not math.isfinite(value) or not self.lowest <= value <= self.highest:
             raise ConfigurationError(
                 f"parameter '{self.name}': must be from {self.lowest:g} to {self.highest:g} "
@@ -106,20 +118,27 @@ class Numbers:
 
     def read(self, node: Node) -> tuple[float, ...]:
         """The values; `ConfigurationError` if one is no number or out of range."""
-        value = node.get_parameter(self.name).value
+        return self.check(node.get_parameter(self.name).value)
+
+    def check(self, value: Any) -> tuple[float, ...]:
+        """`value` if it may be given for the parameter, else `ConfigurationError`."""
         if isinstance(value, str | bytes) or not hasattr(value, "__iter__"):
             raise ConfigurationError(
                 f"parameter '{self.name}': must be a list of numbers, got {value!r}"
             )
         one = Number(self.name, 0.0, self.unit, self.lowest, self.highest, self.meaning)
-        return tuple(one._checked(entry) for entry in value)
+        return tuple(one.check(entry) for entry in value)
 
 
 NodeParameter = Text | Switch | Number | Numbers
 
 
-def declare(node: Node, parameters: tuple[NodeParameter, ...]) -> None:
-    """Declare all of them, whatever the type of what was given for them."""
+def declare(node: Node, parameters: Sequence[NodeParameter]) -> None:
+    """Declare all of them, whatever the type of what was given for them.
+
+    From then on, a value that `check` refuses cannot be set. Those given at start are only
+    checked when they are read, so that a node with a wrong one can say so and be mended.
+    """
     for parameter in parameters:
         default = parameter.default
         node.declare_parameter(
@@ -127,3 +146,15 @@ def declare(node: Node, parameters: tuple[NodeParameter, ...]) -> None:
             list(default) if isinstance(default, tuple) else default,
             ParameterDescriptor(description=parameter.description, dynamic_typing=True),
         )
+    known = {parameter.name: parameter for parameter in parameters}
+
+    def checked(values: Sequence[Parameter]) -> SetParametersResult:
+        try:
+            for one in values:
+                if one.name in known:
+                    known[one.name].check(one.value)
+        except ConfigurationError as error:
+            return SetParametersResult(successful=False, reason=str(error))
+        return SetParametersResult(successful=True)
+
+    node.add_on_set_parameters_callback(checked)

@@ -1,0 +1,198 @@
+"""One experiment in real time: leads the crane through a motion and, whatever happens, to rest.
+
+    LEADING   the reference runs; the controller (36) follows it
+    BRAKING   the reference runs down along its own path
+    SETTLING  the reference stands; the controller brings the crane to it
+    RELEASING the command ramps to neutral and stays there: the valves hold the crane
+    OVER
+
+Canceling and deactivation brake. Where there is nothing to control by, or control has failed
+(states lost, tracking lost, driver in fault), the valves are released at once. The first and the
+last commands are neutral, as the driver asks. Pure: it knows no ROS and reads no clock.
+"""
+
+from enum import Enum, IntEnum, auto
+
+import numpy as np
+
+from crane_model.errors import RangeError
+from crane_model.machine import JOINTS
+from crane_trajectory.controller import command
+from crane_trajectory.motion import Motion
+from crane_trajectory.reference_clock import ReferenceClock, Target
+from crane_trajectory.tracking import PeriodicError, beyond
+from crane_trajectory.tuning import Blend, Tuning
+
+NEUTRAL_BEFORE = 0.3  # s, in which driver and publisher find each other and see neutral commands
+SETTLED_FOR = 0.3  # s at rest, after which the crane is taken to be at rest
+LONGEST_SETTLING = 3.0  # s; a crane that still swings is held by its valves
+RAMP_TIME = 0.2  # s from full spool to neutral, as the driver ramps
+NEUTRAL_AFTER = 0.2  # s, in which the driver surely sees that commands end at neutral
+
+
+class Outcome(IntEnum):
+    """How an experiment has ended; numbers as in the result of RunExcitation."""
+
+    COMPLETED = 1
+    CANCELED = 2
+    TRAJECTORY_REFUSED = 3
+    NOT_READY = 4
+    TRACKING_LOST = 5
+    STATES_LOST = 6
+    DEACTIVATED = 7
+    DRIVER_FAULT = 8
+
+
+class Stage(Enum):
+    """Where the experiment is; see the head of this file."""
+
+    LEADING = auto()
+    BRAKING = auto()
+    SETTLING = auto()
+    RELEASING = auto()
+    OVER = auto()
+
+
+class Experiment:
+    """`sample` is called with every joint state and `watch` regularly; what they return goes to
+    the valves. `now` is of the steady clock [s], stamps [s] of any clock of the driver's.
+    """
+
+    def __init__(self, motion: Motion, tuning: Tuning, states_timeout: float, now: float):
+        self.motion = motion
+        self.stage = Stage.LEADING
+        self.outcome = Outcome.COMPLETED
+        self.message = "every period has been run and the crane is at rest"
+        self.target: Target | None = None  # None while no reference is followed
+        self.tracking_error = np.zeros(len(JOINTS))  # (4,) rad, m: reference minus measured
+        self._clock = ReferenceClock(-NEUTRAL_BEFORE)
+        self._tuning = Blend(tuning)
+        self._timeout = states_timeout
+        self._error = PeriodicError(
+            motion.excitation_start, motion.trajectory.period, motion.periods
+        )
+        self._stamp: float | None = None
+        self._heard = now
+        self._command = np.zeros(len(JOINTS))
+        self._commanded = now
+        self._entered = now  # the stage
+        self._resting_since: float | None = None
+
+    @property
+    def over(self) -> bool:
+        """Whether the crane is at rest and the last command was neutral."""
+        return self.stage is Stage.OVER
+
+    @property
+    def elapsed(self) -> float:
+        """Time of the motion [s]."""
+        return max(self._clock.time, 0.0)
+
+    @property
+    def rms(self) -> np.ndarray:
+        """Root mean square of the tracking error over whole periods (4,); NaN without one."""
+        return self._error.rms
+
+    def retune(self, tuning: Tuning) -> None:
+        """Change the controller; the command does not jump."""
+        self._tuning.to(tuning)
+
+    def stop(self, outcome: Outcome, message: str) -> None:
+        """Bring the crane to rest along its path; nothing if it is coming to rest already."""
+        if self.stage is Stage.LEADING:
+            self.outcome, self.message = outcome, message
+            self._clock.brake()
+            self.stage = Stage.BRAKING
+
+    def release(self, outcome: Outcome, message: str, now: float) -> None:
+        """Ramp to neutral at once; nothing if that has begun."""
+        if self.stage in (Stage.LEADING, Stage.BRAKING, Stage.SETTLING):
+            self.outcome, self.message = outcome, message
+            self._release(now)
+
+    def sample(
+        self, stamp: float, position: np.ndarray, velocity: np.ndarray, now: float
+    ) -> np.ndarray | None:
+        """The command (4,) that answers a joint state (4,), (4,) [SI]; None when it is over."""
+        dt = stamp - self._stamp if self._stamp is not None else 0.0
+        self._stamp, self._heard = stamp, now
+        tuning = self._tuning.advance(max(dt, 0.0))
+        self._rest(velocity, tuning, now)
+        if self.stage in (Stage.LEADING, Stage.BRAKING, Stage.SETTLING):
+            self._clock.advance(dt)
+            try:
+                return self._follow(position, velocity, tuning, now)
+            except RangeError as error:
+                self.release(Outcome.STATES_LOST, str(error), now)
+        return self._ramp(now)
+
+    def watch(self, now: float) -> np.ndarray | None:
+        """A command (4,) if one is due although no joint state has come, else None."""
+        silent = now - self._heard
+        if silent > self._timeout:
+            self.release(
+                Outcome.STATES_LOST,
+                f"no joint states for {silent * 1e3:.0f} ms, limit {self._timeout * 1e3:.0f} ms; "
+                "see /diagnostics of the driver",
+                now,
+            )
+            self._resting_since = None
+            return self._ramp(now)
+        return None
+
+    def _follow(
+        self, position: np.ndarray, velocity: np.ndarray, tuning: Tuning, now: float
+    ) -> np.ndarray | None:
+        target = self.target = self._clock.target(self.motion)
+        u = command(tuning.gains, position, velocity, target.position, target.velocity)
+        self.tracking_error = target.position - position
+        self._error.add(self._clock.time, self.tracking_error)
+        if lost := beyond(self.tracking_error, tuning.tolerance):
+            self.release(Outcome.TRACKING_LOST, lost, now)
+            return self._ramp(now)
+        self._command, self._commanded = np.clip(u, -tuning.saturation, tuning.saturation), now
+        if self._clock.time < 0.0:
+            self._command = np.zeros(len(JOINTS))
+        self._proceed(tuning, now)
+        return self._command
+
+    def _proceed(self, tuning: Tuning, now: float) -> None:
+        """To the next stage, if this one has done its work."""
+        if self.stage is Stage.SETTLING:
+            there = bool((np.abs(self.tracking_error) <= tuning.gains[:, 5]).all())
+            if (there and self._rested(now)) or now - self._entered > LONGEST_SETTLING:
+                self._release(now)
+        elif self._clock.stopped or self._clock.time >= self.motion.duration:
+            self.stage, self._entered = Stage.SETTLING, now
+
+    def _release(self, now: float) -> None:
+        self.stage, self._entered, self.target = Stage.RELEASING, now, None
+
+    def _ramp(self, now: float) -> np.ndarray | None:
+        """The command on the way to neutral; over when it has been there for long enough."""
+        if self.over:
+            return None
+        step = max(now - self._commanded, 0.0) / RAMP_TIME
+        size = np.maximum(np.abs(self._command) - step, 0.0)
+        self._command, self._commanded = np.copysign(size, self._command), now
+        neutral_for = now - self._entered - RAMP_TIME
+        unknown = now - self._heard > self._timeout
+        if neutral_for > NEUTRAL_AFTER and (
+            unknown or self._rested(now) or neutral_for > LONGEST_SETTLING
+        ):
+            self.stage = Stage.OVER
+        return self._command
+
+    def _rest(self, velocity: np.ndarray, tuning: Tuning, now: float) -> None:
+        if not at_rest(velocity, tuning):
+            self._resting_since = None
+        elif self._resting_since is None:
+            self._resting_since = now
+
+    def _rested(self, now: float) -> bool:
+        return self._resting_since is not None and now - self._resting_since >= SETTLED_FOR
+
+
+def at_rest(velocity: np.ndarray, tuning: Tuning) -> bool:
+    """Whether every joint is slower than its standstill speed; not if a velocity is not known."""
+    return bool((np.abs(velocity) < tuning.gains[:, 4]).all())

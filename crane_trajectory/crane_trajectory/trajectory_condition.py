@@ -1,0 +1,29 @@
+"""What /diagnostics says of the trajectory node."""
+
+from diagnostic_msgs.msg import DiagnosticStatus, KeyValue
+
+from crane_model.machine import JOINT_UNITS, JOINTS
+from crane_trajectory.experiment import Experiment
+
+
+def status(
+    name: str, lifecycle: str, experiment: Experiment | None, last: str, driver: str
+) -> DiagnosticStatus:
+    """State, phase and tracking error; `last` is how the last experiment has ended."""
+    found = DiagnosticStatus(name=f"{name}: experiment", level=DiagnosticStatus.OK)
+    values = {"state": lifecycle, "driver": driver, "last result": last, "phase": "rest"}
+    if experiment is None:
+        found.message = f"{lifecycle}, no experiment runs"
+        if lifecycle != "active":
+            found.level = DiagnosticStatus.STALE
+    else:
+        phase = experiment.stage.name.lower()
+        if experiment.target is not None:
+            phase += f", {experiment.target.phase.name.lower()}"
+        total = experiment.motion.duration
+        found.message = f"{phase}, {experiment.elapsed:.1f} of {total:.1f} s"
+        values["phase"] = phase
+        for joint, error in zip(JOINTS, experiment.tracking_error, strict=True):
+            values[f"tracking error, {joint} [{JOINT_UNITS[joint]}]"] = f"{error:.4g}"
+    found.values = [KeyValue(key=key, value=value) for key, value in values.items()]
+    return found

@@ -1,0 +1,94 @@
+"""The parameters of the trajectory node: declared with unit and range, checked as a whole."""
+
+from collections.abc import Mapping
+from typing import Any
+
+import numpy as np
+from rclpy.node import Node
+
+from crane_driver.nodes.managed import AUTOSTART
+from crane_driver.nodes.parameters import Number, Text
+from crane_model.configuration import validate
+from crane_model.machine import JOINT_UNITS, JOINTS
+from crane_trajectory.controller import Gains, load_gains
+from crane_trajectory.tuning import Tuning
+
+# Reference minus measured position. In the simulated crane the largest errors are about half.
+TOLERANCE = {"slew": 0.1, "inner_boom": 0.1, "outer_boom": 0.2, "telescope": 0.1}
+GAIN_RANGES = {  # unit with U for that of the joint, range, meaning
+    "kp": ("1/U", 1e-6, 1000.0, "Command per position error"),
+    "kd": ("s/U", 0.0, 100.0, "Command per velocity error"),
+    "dead_zone_positive": ("-", 0.0, 0.99, "F_f: command at which the valve opens upwards"),
+    "dead_zone_negative": ("-", 0.0, 0.99, "F_f: command at which the valve opens downwards"),
+    "standstill_speed": ("U/s", 1e-6, 1.0, "Speed below which its sign is not trusted"),
+    "position_tolerance": ("U", 1e-6, 1.0, "Error that a crane at rest is left with"),
+}
+LIVE = ". Changeable while running"
+
+MACHINE = Text(
+    "machine", "", "Machine file with the limits; empty: the laboratory crane. At configure"
+)
+CLEARANCE = Text(
+    "clearance", "", "File of the room that the boom tip keeps; empty: packaged. At configure"
+)
+STATES_TIMEOUT = Number(
+    "states_timeout",
+    0.06,
+    "s",
+    0.01,
+    1.0,
+    "Silence of /joint_states after which the crane is brought to rest. At configure",
+)
+SATURATION = Number("saturation", 1.0, "-", 0.01, 1.0, f"Largest spool command{LIVE}")
+FIXED = (AUTOSTART, MACHINE, CLEARANCE, STATES_TIMEOUT)
+
+
+def _gain(joint: str, field: str, default: float) -> Number:
+    unit, lowest, highest, meaning = GAIN_RANGES[field]
+    unit = unit.replace("U", JOINT_UNITS[joint])
+    return Number(f"gains.{joint}.{field}", default, unit, lowest, highest, f"{meaning}{LIVE}")
+
+
+def _gain_parameters() -> dict[str, dict[str, Number]]:
+    gains = load_gains().model_dump()
+    return {
+        joint: {field: _gain(joint, field, value) for field, value in gains[joint].items()}
+        for joint in JOINTS
+    }
+
+
+GAINS = _gain_parameters()
+TOLERANCES = {
+    joint: Number(
+        f"tracking_tolerance.{joint}",
+        tolerance,
+        JOINT_UNITS[joint],
+        1e-4,
+        2.0,
+        f"Distance from the reference at which the crane is brought to rest{LIVE}",
+    )
+    for joint, tolerance in TOLERANCE.items()
+}
+CHANGEABLE = (
+    SATURATION,
+    *TOLERANCES.values(),
+    *(parameter for joint in GAINS.values() for parameter in joint.values()),
+)
+
+
+def current_values(node: Node) -> dict[str, Any]:
+    """The values of all changeable parameters."""
+    return {parameter.name: node.get_parameter(parameter.name).value for parameter in CHANGEABLE}
+
+
+def tuning(values: Mapping[str, Any]) -> Tuning:
+    """The tuning that `values` by name give; `ConfigurationError` says which is wrong, and why."""
+    gains = {
+        joint: {field: one.check(values[one.name]) for field, one in fields.items()}
+        for joint, fields in GAINS.items()
+    }
+    return Tuning(
+        validate(gains, Gains, "parameters 'gains'").table,
+        SATURATION.check(values[SATURATION.name]),
+        np.array([one.check(values[one.name]) for one in TOLERANCES.values()]),
+    )

@@ -1,0 +1,100 @@
+"""Joint states as arrays; references, commands and results as messages."""
+
+from typing import NamedTuple
+
+import numpy as np
+from builtin_interfaces.msg import Time
+from diagnostic_msgs.msg import DiagnosticArray
+from sensor_msgs.msg import JointState
+
+from crane_interfaces.action import RunExcitation
+from crane_interfaces.msg import JointReference, ValveCommand
+from crane_model.errors import DataError
+from crane_model.machine import JOINTS
+from crane_trajectory.experiment import Experiment, Outcome
+from crane_trajectory.motion import Phase
+from crane_trajectory.reference_clock import Target
+
+NAMES = list(JOINTS)
+DRIVER = "driver: safety"  # the status of /diagnostics that tells the driver's state
+ENABLED = "enabled"
+
+
+class Sample(NamedTuple):
+    """One joint state: (4,) in the order of JOINTS [SI]."""
+
+    stamp: Time
+    position: np.ndarray
+    velocity: np.ndarray
+
+    @property
+    def seconds(self) -> float:
+        """The stamp [s]."""
+        return self.stamp.sec + self.stamp.nanosec * 1e-9
+
+
+def sample(message: JointState) -> Sample:
+    """All four joints of a joint state; `DataError` if one is missing."""
+    names = list(message.name)
+    if missing := [joint for joint in JOINTS if joint not in names]:
+        raise DataError(f"/joint_states: {', '.join(missing)} missing, all four joints are needed")
+    if not len(names) == len(message.position) == len(message.velocity):
+        raise DataError("/joint_states: a position and a velocity are needed for every name")
+    places = [names.index(joint) for joint in JOINTS]
+    return Sample(
+        message.header.stamp,
+        np.asarray(message.position, dtype=float)[places],
+        np.asarray(message.velocity, dtype=float)[places],
+    )
+
+
+def reference_message(target: Target, stamp: Time) -> JointReference:
+    """/joint_reference, for the time of the joint state that it is compared with."""
+    message = JointReference(
+        name=NAMES,
+        position=target.position.tolist(),
+        velocity=target.velocity.tolist(),
+        acceleration=target.acceleration.tolist(),
+    )
+    message.header.stamp = stamp
+    return message
+
+
+def command_message(command: np.ndarray, stamp: Time) -> ValveCommand:
+    """/valve_command."""
+    message = ValveCommand(name=NAMES, command=command.tolist())
+    message.header.stamp = stamp
+    return message
+
+
+def feedback_message(experiment: Experiment) -> RunExcitation.Feedback:
+    """Where the experiment is."""
+    phase = Phase.STOP if experiment.target is None else experiment.target.phase
+    if phase is Phase.REST:
+        phase = Phase.APPROACH if experiment.elapsed == 0.0 else Phase.STOP
+    return RunExcitation.Feedback(
+        phase=int(phase),
+        elapsed=experiment.elapsed,
+        duration=experiment.motion.duration,
+        name=NAMES,
+        tracking_error=experiment.tracking_error.tolist(),
+    )
+
+
+def result_message(
+    outcome: Outcome, message: str, rms: np.ndarray | None = None
+) -> RunExcitation.Result:
+    """How a goal has ended."""
+    rms = np.full(len(JOINTS), np.nan) if rms is None else rms
+    return RunExcitation.Result(
+        outcome=int(outcome), message=message, name=NAMES, rms_tracking_error=rms.tolist()
+    )
+
+
+def driver_state(message: DiagnosticArray) -> str | None:
+    """The state of the driver, if the message tells it."""
+    for status in message.status:
+        if status.name == DRIVER:
+            values = {pair.key: pair.value for pair in status.values}
+            return values.get("state", status.message)
+    return None

@@ -1,0 +1,45 @@
+"""What of the controller may be changed while the crane moves, without a jump."""
+
+from dataclasses import dataclass
+
+import numpy as np
+
+BLEND = 1.0  # s, in which new gains take the place of the old
+
+
+@dataclass(frozen=True, eq=False)
+class Tuning:
+    """Gains (4, 6) as `Gains.table`, largest command (0, 1], tracking tolerance (4,) [rad, m]."""
+
+    gains: np.ndarray
+    saturation: float
+    tolerance: np.ndarray
+
+
+class Blend:
+    """A tuning that follows what it is given: gains and saturation linearly within `BLEND`, so that
+    the command does not jump; the tolerance, which moves nothing, at once.
+    """
+
+    def __init__(self, tuning: Tuning):
+        self._old = self._new = tuning
+        self._share = 1.0
+
+    def to(self, tuning: Tuning) -> None:
+        """Go to `tuning` from what holds now."""
+        self._old, self._new, self._share = self.now, tuning, 0.0
+
+    def advance(self, dt: float) -> Tuning:
+        """What holds `dt` [s] later."""
+        self._share = min(1.0, self._share + dt / BLEND)
+        return self.now
+
+    @property
+    def now(self) -> Tuning:
+        """What holds now."""
+        old, new, share = self._old, self._new, self._share
+        return Tuning(
+            (1.0 - share) * old.gains + share * new.gains,
+            (1.0 - share) * old.saturation + share * new.saturation,
+            new.tolerance,
+        )
