@@ -61,7 +61,9 @@ LARGEST_GAP = Number(
     0.25,
     "Time without readings after which smoothing starts anew, at most lag/8. At configure",
 )
-TIMEOUT = Number("timeout", 1.0, "s", 0.1, 60.0, "Silence of a topic that is reported as a warning")
+TIMEOUT = Number(
+    "timeout", 1.0, "s", 0.1, 60.0, "Silence of a topic that is reported as a warning. At configure"
+)
 
 
 def _resolution_parameter() -> Numbers:
