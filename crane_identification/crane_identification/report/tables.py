@@ -23,7 +23,7 @@ from crane_model.base_parameters import REPORT_PARAMETERS, REPORT_UNITS, report_
 from crane_model.dynamics import Geometry
 from crane_model.model_file import Model
 from crane_model.terms.rigid_body import PlanarRigidBody
-from crane_model.terms.term import JointTerm, Parameter
+from crane_model.terms import OneJointTerm, Parameter
 
 
 class ParameterRow(NamedTuple):
@@ -252,7 +252,7 @@ def excitation(report: IdentificationReport) -> list[Excitation]:
 def _with_headings(model: Model) -> Iterator[tuple[str, Parameter]]:
     """Each parameter with the family and the joint of its term."""
     for term in model.terms:
-        joint = f", {spoken(term.joint)}" if isinstance(term, JointTerm) else ""
+        joint = f", {spoken(term.joint)}" if isinstance(term, OneJointTerm) else ""
         for parameter in term.parameters(model.setting):
             yield term.family.capitalize() + joint, parameter
 

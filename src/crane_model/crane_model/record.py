@@ -1,6 +1,7 @@
 """A record: samples of motion and force as every term of the model receives them."""
 
-from dataclasses import dataclass, replace
+from collections.abc import Mapping
+from dataclasses import dataclass, fields, replace
 from functools import cached_property
 from typing import Self
 
@@ -14,7 +15,9 @@ class Record:
     """n samples of j joints. SI units; arrays that a machine does not log are None.
 
     `run` numbers the recordings that the samples come from: memory of an effect ends where the run
-    changes. `velocity_resolution` (j,) is the speed below which the sign of the velocity is not
+    changes. `memory` holds the states of terms that have some, where a simulation brings them
+    along; `force_rate` is d force/dt, where it is known better than from differences of `force`.
+    `velocity_resolution` (j,) is the speed below which the sign of the velocity is not
     known. `direction_known` overrides the sign convention where a simulation knows better.
     """
 
@@ -34,6 +37,8 @@ class Record:
     temperature: np.ndarray | None = None  # (n,) deg C
     velocity_resolution: np.ndarray | None = None  # (j,)
     direction_known: np.ndarray | None = None  # (n, j)
+    force_rate: np.ndarray | None = None  # (n, j) N m/s or N/s
+    memory: Mapping[object, np.ndarray] | None = None  # term: (n, states)
 
     def __post_init__(self) -> None:
         shape = self.position.shape
@@ -64,6 +69,26 @@ class Record:
             direction[np.abs(self.velocity) < self.velocity_resolution] = 0.0
         return direction
 
+    @cached_property
+    def first_of_run(self) -> np.ndarray:
+        """Whether a recording begins with the sample, (n,) bool."""
+        first = np.zeros(len(self), dtype=bool)
+        first[:1] = True
+        if self.run is not None:
+            first[1:] = np.diff(self.run) != 0
+        return first
+
+    def take(self, samples: slice | np.ndarray) -> Self:
+        """The record of these samples alone."""
+        kept = {
+            field.name: getattr(self, field.name)[samples]
+            for field in fields(self)
+            if field.name in PER_SAMPLE and getattr(self, field.name) is not None
+        }
+        if self.memory is not None:
+            kept["memory"] = {term: states[samples] for term, states in self.memory.items()}
+        return replace(self, **kept)
+
     def column(self, joint: str) -> int:
         """Index of `joint`; `DataError` if the record does not have it."""
         try:
@@ -77,3 +102,10 @@ class Record:
         """The same positions without motion: what is left of the force is gravity."""
         still = np.zeros_like(self.position)
         return replace(self, velocity=still, acceleration=still, direction_known=still)
+
+
+PER_SAMPLE = frozenset(
+    field.name
+    for field in fields(Record)
+    if field.name not in ("joints", "velocity_resolution", "memory")
+)

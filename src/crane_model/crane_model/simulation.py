@@ -5,8 +5,8 @@ the velocity at which the branch fits: sgn(v) where a joint moves, anything in [
 stands. A joint whose load stays below breakaway therefore stands exactly still.
 """
 
+from collections.abc import Mapping
 from dataclasses import dataclass
-from itertools import pairwise
 
 import numpy as np
 from numba import njit
@@ -15,6 +15,7 @@ from crane_model.cylinders import lever_arms
 from crane_model.errors import RangeError
 from crane_model.model_file import Model
 from crane_model.record import Record
+from crane_model.terms import MemoryTerm
 
 _SWEEPS = 1000  # a handful suffices unless two joints move almost as one
 _TOLERANCE = 1e-12
@@ -38,11 +39,16 @@ def simulate(
     drive: np.ndarray,
     period: float,
     substeps: int = 2,
+    beside: Mapping[str, np.ndarray] | None = None,
+    memory: Mapping[MemoryTerm, np.ndarray] | None = None,
 ) -> Simulation:
     """Move N runs of `model` from a state (N, j), driven by `drive` (T, N, j), T instants apart.
 
     `drive` holds cylinder forces [N], positive extending, where the model has a machine, and
     generalized forces where it has none; between instants `period` [s] apart it is interpolated.
+    `beside` holds what else terms of the model ask of a record, by its field there (pressure_a,
+    temperature, ...), (T, N, ...) each. `memory` holds the states (N, s) in which terms with memory
+    begin; without it they begin as at the start of a run.
     Explicit midpoint steps of period / substeps: errors fall with the square of the step while the
     joints slide, and with the step itself where Coulomb friction turns round.
 
@@ -52,38 +58,114 @@ def simulate(
     if not np.isfinite(drive).all():
         raise RangeError(f"simulation of '{model.name}': the drive has samples that are not finite")
     step = period / substeps
+    inputs = _Inputs(drive, beside or {}, period)
     q, v = np.array(position, dtype=float), np.array(velocity, dtype=float)
-    states = [(q, v, np.zeros_like(v))]
-    for before, after in pairwise(drive):
+    now = _Instant(model, inputs, 0.0)
+    states = {
+        term: term.start(now.record(q, v), model.setting)
+        for term in model.terms
+        if isinstance(term, MemoryTerm)
+    } | dict(memory or {})
+    course = [(q, v, np.zeros_like(v))]
+    for k in range(1, len(drive)):
         start = v
-        for k in range(substeps):
-            first, middle = (
-                before + (after - before) * (fraction / substeps) for fraction in (k, k + 0.5)
-            )
-            v_half = _next_velocity(model, q, v, v, first, step / 2)
+        for i in range(substeps):
+            middle = _Instant(model, inputs, k - 1 + (i + 0.5) / substeps)
+            after = _Instant(model, inputs, k - 1 + (i + 1) / substeps)
+            v_half = _next_velocity(now, states, q, v, v, step / 2)
             q_half = q + step / 4 * (v + v_half)
-            v_next = _next_velocity(model, q_half, v_half, v, middle, step)
-            q, v = q + step / 2 * (v + v_next), v_next
-        states.append((q, v, (v - start) / period))
-    positions, velocities, accelerations = (np.stack(parts) for parts in zip(*states, strict=True))
+            half = _advanced(states, (now, q, v), (middle, q_half, v_half))
+            v_next = _next_velocity(middle, half, q_half, v_half, v, step)
+            q_next = q + step / 2 * (v + v_next)
+            states = _advanced(states, (now, q, v), (after, q_next, v_next))
+            q, v, now = q_next, v_next, after
+        course.append((q, v, (v - start) / period))
+    positions, velocities, accelerations = (np.stack(parts) for parts in zip(*course, strict=True))
     flat = drive.reshape(-1, drive.shape[-1])
     force = _generalized(model, positions.reshape(flat.shape), flat).reshape(drive.shape)
     time = period * np.arange(len(drive))
     return Simulation(time, positions, velocities, accelerations, force)
 
 
+def _advanced(
+    states: dict[MemoryTerm, np.ndarray],
+    before: tuple["_Instant", np.ndarray, np.ndarray],
+    after: tuple["_Instant", np.ndarray, np.ndarray],
+) -> dict[MemoryTerm, np.ndarray]:
+    """States of all terms that have some, one step on."""
+    if not states:
+        return states
+    (begin, *start), (end, *target) = before, after
+    ends = begin.record(*start), end.record(*target)
+    return {term: term.advance(state, *ends, begin.model.setting) for term, state in states.items()}
+
+
+@dataclass(frozen=True)
+class _Inputs:
+    """What acts on the runs, interpolated between instants; `at` counts instants."""
+
+    drive: np.ndarray  # (T, N, j)
+    beside: Mapping[str, np.ndarray]  # (T, N, ...)
+    period: float
+
+    def value(self, series: np.ndarray, at: float) -> np.ndarray:
+        before = min(int(at), len(series) - 2)
+        return series[before] + (series[before + 1] - series[before]) * (at - before)
+
+    def rate(self, series: np.ndarray, at: float) -> np.ndarray:
+        before = min(int(at), len(series) - 2)
+        return (series[before + 1] - series[before]) / self.period
+
+
+class _Instant:
+    """Everything that acts on the runs at one instant, and records of motion under it."""
+
+    def __init__(self, model: Model, inputs: _Inputs, at: float):
+        self.model = model
+        self.drive = inputs.value(inputs.drive, at)
+        self._rate = inputs.rate(inputs.drive, at)
+        time = {"time": np.full(len(self.drive), at * inputs.period)}  # unless it is given
+        self._beside = time | {name: inputs.value(each, at) for name, each in inputs.beside.items()}
+
+    def record(
+        self,
+        q: np.ndarray,
+        v: np.ndarray,
+        acceleration: np.ndarray | None = None,
+        direction: np.ndarray | None = None,
+        memory: Mapping[MemoryTerm, np.ndarray] | None = None,
+    ) -> Record:
+        """The N runs in a state, stacked as often as `acceleration` (cases N, j) asks for."""
+        cases = 1 if acceleration is None else len(acceleration) // len(q)
+
+        def stacked(values: np.ndarray) -> np.ndarray:
+            return np.tile(values, (cases, *np.ones(values.ndim - 1, dtype=int)))
+
+        return Record(
+            joints=self.model.joints,
+            position=stacked(q),
+            velocity=stacked(v),
+            acceleration=np.zeros_like(v) if acceleration is None else acceleration,
+            direction_known=direction,
+            force=stacked(_generalized(self.model, q, self.drive)),
+            force_rate=stacked(_generalized(self.model, q, self._rate)),
+            memory={term: stacked(state) for term, state in (memory or {}).items()},
+            **{name: stacked(values) for name, values in self._beside.items()},  # type: ignore[arg-type]
+        )
+
+
 def _next_velocity(
-    model: Model,
+    at: _Instant,
+    memory: Mapping[MemoryTerm, np.ndarray],
     q: np.ndarray,
     v: np.ndarray,
     v_start: np.ndarray,
-    drive: np.ndarray,
     step: float,
 ) -> np.ndarray:
     """v_start + step M^-1 (tau - rest - dry s) with s in Sgn(result); M and rest at (q, v)."""
-    mass, rest, dry = _split(model, q, v)
-    inverse = _inverse(model, mass)
-    load = _generalized(model, q, drive) - rest
+    mass, rest, dry = _split(at, memory, q, v)
+    inverse = _inverse(at.model, mass)
+    load = _generalized(at.model, q, at.drive) - rest
     free = v_start + step * np.einsum("nij,nj->ni", inverse, load)
     return _with_dry_friction(free, step * inverse, np.maximum(dry, 0.0))
 
@@ -100,7 +182,9 @@ def _inverse(model: Model, mass: np.ndarray) -> np.ndarray:
     return root.transpose(0, 2, 1) @ root
 
 
-def _split(model: Model, q: np.ndarray, v: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+def _split(
+    at: _Instant, memory: Mapping[MemoryTerm, np.ndarray], q: np.ndarray, v: np.ndarray
+) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
     """Force of the model as M a + rest + dry s, by evaluating it once on j + 2 stacked cases.
 
     Being linear in acceleration and in the direction s of motion is all that is asked of a term.
@@ -112,15 +196,8 @@ def _split(model: Model, q: np.ndarray, v: np.ndarray) -> tuple[np.ndarray, np.n
     for j in range(joints):
         acceleration[j, :, j] = 1.0
     direction[-1] = 1.0
-    record = Record(
-        joints=model.joints,
-        time=np.zeros(cases * runs),
-        position=np.tile(q, (cases, 1)),
-        velocity=np.tile(v, (cases, 1)),
-        acceleration=acceleration.reshape(-1, joints),
-        direction_known=direction.reshape(-1, joints),
-    )
-    force = model.predict(record).reshape(cases, runs, joints)
+    both = acceleration.reshape(-1, joints), direction.reshape(-1, joints)
+    force = at.model.predict(at.record(q, v, *both, memory)).reshape(cases, runs, joints)
     rest = force[-2]
     mass = (force[:joints] - rest).transpose(1, 2, 0)
     return mass, rest, force[-1] - rest

@@ -1,17 +1,20 @@
 """Forward simulation of one block on a surface, where the motion is known in closed form."""
 
 import math
+from typing import ClassVar, Literal
 
 import numpy as np
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
+from scipy.integrate import solve_ivp
 
 from crane_model.errors import RangeError
 from crane_model.model_file import Model
+from crane_model.record import Record
 from crane_model.simulation import _with_dry_friction, simulate
-from crane_model.terms import JointTerm, friction, single_axis
-from crane_model.terms.term import Setting
+from crane_model.terms import REGISTRY, JointTerm, Parameter, friction, presliding, single_axis
+from crane_model.terms.term import Family, Setting
 
 MASS, COULOMB, VISCOUS, SLOPE = 12.0, 30.0, 8.0, 21.0
 
@@ -176,3 +179,60 @@ def test_dry_friction_opposes_motion_and_holds_within_its_limit(joints: int, see
     moving = v != 0.0
     np.testing.assert_allclose(force[moving], (dry * np.sign(v))[moving], atol=1e-7)
     assert (np.abs(force[~moving]) <= dry[~moving] + 1e-7).all()
+
+
+def test_presliding_against_an_independent_integrator() -> None:
+    """A block on bristles of Dahl, pushed to and fro; scipy integrates motion and state."""
+    friction_force, travel, push, rate = 20.0, 0.01, 25.0, 9.0
+    time = np.linspace(0.0, 2.0, 401)
+    drive = push * np.sin(rate * time)[:, None, None]
+    terms = single_axis.Inertia(joint="axis"), presliding.Presliding(joint="axis", travel=travel)
+    setting = Setting({"axis": "m"}, None)
+    model = Model("bristles", setting, terms, np.array([MASS, friction_force]))
+
+    def slope(t: float, state: np.ndarray) -> list[float]:
+        _, v, z = state
+        force = np.interp(t, time, drive[:, 0, 0]) - friction_force * z
+        return [v, force / MASS, (v - abs(v) * z) / travel]
+
+    expected = solve_ivp(
+        slope, (0.0, 2.0), [0.0, 0.2, 0.5], t_eval=time, rtol=1e-9, atol=1e-12, max_step=0.005
+    )
+    start = np.zeros((1, 1)), np.full((1, 1), 0.2)
+    memory = {terms[1]: np.full((1, 1), 0.5)}
+    errors = []
+    for substeps in (4, 8):
+        motion = simulate(model, *start, drive, 0.005, substeps, memory=memory)
+        errors.append(np.abs(motion.position[:, 0, 0] - expected.y[0]).max())
+    assert errors[1] < 2e-3 * np.abs(expected.y[0]).max()
+    assert errors[1] < 0.3 * errors[0]  # with the square of the step
+
+
+def test_signals_beside_the_drive_reach_the_terms() -> None:
+    """A term of temperature: the block coasts in oil that warms up."""
+
+    class Oil(JointTerm):
+        """f T q'."""
+
+        type: Literal["test_oil"] = "test_oil"
+        family: ClassVar[Family] = "friction"
+
+        def column(self, record: Record, j: int) -> np.ndarray:
+            assert record.temperature is not None
+            return record.temperature * record.velocity[:, j]
+
+        def parameter(self, coordinate: str, force: str) -> Parameter:
+            return Parameter("oil", "N s/m", 0.0, "per degree")
+
+    try:
+        model = block({single_axis.Inertia: MASS, Oil: VISCOUS})
+        time = np.linspace(0.0, 1.0, 201)
+        warmth = np.stack([1.0 + time, 2.0 + 0.0 * time], axis=1)
+        still = np.zeros((201, 2, 1))
+        motion = simulate(
+            model, still[0], np.ones((2, 1)), still, 0.005, beside={"temperature": warmth}
+        )
+    finally:
+        del REGISTRY["test_oil"]
+    rates = VISCOUS / MASS * np.array([1.5, 2.0])  # of the mean temperature
+    np.testing.assert_allclose(motion.velocity[-1, :, 0], np.exp(-rates), rtol=1e-4)

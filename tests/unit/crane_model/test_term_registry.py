@@ -11,19 +11,33 @@ import pytest
 from crane_model.configuration import packaged, read_yaml
 from crane_model.machine import JOINT_UNITS, PLANAR_JOINTS, load_machine
 from crane_model.record import Record
-from crane_model.terms import REGISTRY, JointTerm, Parameter, Term, term_from_mapping
+from crane_model.terms import (
+    REGISTRY,
+    MemoryTerm,
+    OneJointTerm,
+    Parameter,
+    Term,
+    term_from_mapping,
+)
 from crane_model.terms.term import Family, Setting
 
 SETTING = Setting({joint: JOINT_UNITS[joint] for joint in PLANAR_JOINTS}, load_machine())
 EQUATION = re.compile(r"\(\d+\)|q'|=")  # the number of one in the report, or an equation itself
 UNIT = re.compile(r"1|(kg|N|m|rad|s|Pa|K|degC|Hz)[\w /^()-]*")
 
+ON_ONE_JOINT = sorted(name for name in REGISTRY if issubclass(REGISTRY[name], OneJointTerm))
+WITH_MEMORY = sorted(name for name in REGISTRY if issubclass(REGISTRY[name], MemoryTerm))
+CANDIDATES = sorted(name for name in REGISTRY if REGISTRY[name].effect)
+
 each_type = pytest.mark.parametrize("name", sorted(REGISTRY))
 
 
 def example(name: str, joint: str = "outer_boom") -> Term:
-    """The term with its default shape parameters, on one joint if it acts on one."""
+    """The term with shape parameters from within their ranges, on one joint if it acts on one."""
     content = {"type": name}
+    content |= {
+        field: shape.grid[shape.points // 2] for field, shape in REGISTRY[name].shapes.items()
+    }
     if "joint" in REGISTRY[name].model_fields:
         content["joint"] = joint
     return term_from_mapping(content)
@@ -133,7 +147,7 @@ def test_columns_are_linear_in_acceleration_and_direction(name: str) -> None:
     np.testing.assert_allclose(combined, 2.0 * by_a - by_b + 0.5 * by_s + 0.25 * by_t, atol=1e-9)
 
 
-@pytest.mark.parametrize("name", sorted(n for n in REGISTRY if issubclass(REGISTRY[n], JointTerm)))
+@pytest.mark.parametrize("name", ON_ONE_JOINT)
 @pytest.mark.parametrize("joint", PLANAR_JOINTS)
 def test_term_of_a_joint_leaves_the_others_alone(name: str, joint: str) -> None:
     term = example(name, joint)
@@ -146,3 +160,30 @@ def test_term_of_a_joint_leaves_the_others_alone(name: str, joint: str) -> None:
 def test_term_survives_its_own_yaml(name: str) -> None:
     term = example(name)
     assert term_from_mapping(term.model_dump(mode="json")) == term
+
+
+@pytest.mark.parametrize("name", WITH_MEMORY)
+def test_states_are_traced_as_they_are_advanced(name: str) -> None:
+    """What a term compiles for whole recordings is what forward simulation does step by step."""
+    record, term = random_record(), example(name)
+    assert isinstance(term, MemoryTerm)
+    step_by_step = MemoryTerm.trace(term, record, SETTING)
+    np.testing.assert_allclose(term.trace(record, SETTING), step_by_step, rtol=1e-9, atol=1e-12)
+    begins = np.flatnonzero(record.first_of_run)
+    assert begins.tolist() == [0, 30]
+    np.testing.assert_array_equal(step_by_step[begins], term.start(record, SETTING)[begins])
+
+
+@pytest.mark.parametrize("name", CANDIDATES)
+def test_candidates_are_described(name: str) -> None:
+    cls = REGISTRY[name]
+    assert cls.effect is not None
+    assert len(cls.effect.name) > 3
+    assert len(cls.effect.signature) > 10
+    assert len(cls.effect.settled_by) > 10
+    for field, shape in cls.shapes.items():
+        assert field in cls.model_fields
+        assert 0.0 < shape.lowest < shape.highest
+        assert UNIT.fullmatch(shape.unit.split(" or ")[0]), shape.unit
+        assert shape.grid[0] == pytest.approx(shape.lowest)
+        assert shape.grid[-1] == pytest.approx(shape.highest)

@@ -5,7 +5,8 @@ from typing import ClassVar, Literal
 import numpy as np
 
 from crane_model.record import Record
-from crane_model.terms.term import Family, JointTerm, Parameter
+from crane_model.terms.joint_term import JointTerm
+from crane_model.terms.term import Family, Parameter
 
 
 class Inertia(JointTerm):

@@ -2,14 +2,15 @@
 
 from abc import ABC, abstractmethod
 from collections.abc import Mapping
+from types import MappingProxyType
 from typing import Any, ClassVar, Literal, NamedTuple
 
 import numpy as np
 
 from crane_model.configuration import Schema
-from crane_model.errors import ConfigurationError
 from crane_model.machine import Machine
 from crane_model.record import Record
+from crane_model.terms.effect import Effect, Shape
 
 REGISTRY: dict[str, type["Term"]] = {}
 
@@ -42,11 +43,15 @@ class Term(Schema, ABC):
     """A summand of the generalized force, linear in its parameters.
 
     A subclass gives `type` (its name in model files) and `family`, documents its equation, and is
-    registered by being defined. Fields are its shape parameters and the joints it acts on.
+    registered by being defined. Fields are its shape parameters and the joints it acts on. With an
+    `effect` it is a candidate for what a model lacks, and `shapes` says where its shape parameters,
+    fields of the same name, are then sought.
     """
 
     type: str
     family: ClassVar[Family]
+    effect: ClassVar[Effect | None] = None
+    shapes: ClassVar[Mapping[str, Shape]] = MappingProxyType({})
 
     @classmethod
     def __pydantic_init_subclass__(cls, **kwargs: Any) -> None:
@@ -70,36 +75,6 @@ class Term(Schema, ABC):
         columns = np.zeros((*record.position.shape, len(self.parameters(setting))))
         self.fill(record, setting, columns)
         return columns
-
-
-class JointTerm(Term):
-    """A term that acts on one joint and depends on the motion of that joint alone."""
-
-    joint: str
-
-    @abstractmethod
-    def column(self, record: Record, j: int) -> np.ndarray:
-        """The single regressor column on joint j: (n,)."""
-
-    @abstractmethod
-    def parameter(self, coordinate: str, force: str) -> Parameter:
-        """The single parameter, given the units of the joint's coordinate and force."""
-
-    def parameters(self, setting: Setting) -> tuple[Parameter, ...]:
-        """One parameter, named symbol.joint."""
-        if self.joint not in setting.units:
-            raise ConfigurationError(
-                f"term '{self.type}': the model has no joint '{self.joint}'; "
-                f"its joints are {', '.join(setting.units)}"
-            )
-        unit = setting.units[self.joint]
-        parameter = self.parameter(unit, setting.force_unit(self.joint))
-        return (parameter._replace(name=f"{parameter.name}.{self.joint}"),)
-
-    def fill(self, record: Record, setting: Setting, columns: np.ndarray) -> None:
-        """Zero but on the term's own joint."""
-        j = record.column(self.joint)
-        columns[:, j, 0] = self.column(record, j)
 
 
 def term_from_mapping(content: Mapping[str, Any]) -> Term:

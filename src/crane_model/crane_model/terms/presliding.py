@@ -1,0 +1,76 @@
+"""Friction before a joint slides: its force builds up over a small displacement."""
+
+from typing import ClassVar, Literal
+
+import numpy as np
+from numba import njit
+from pydantic import Field
+
+from crane_model.record import Record
+from crane_model.terms.effect import Effect, Shape
+from crane_model.terms.joint_term import MemoryTerm
+from crane_model.terms.term import Family, Parameter, Setting
+
+
+class Presliding(MemoryTerm):
+    """f_h z with z' = (q' - |q'| z)/travel: hysteresis of Dahl (1968), |z| <= 1.
+
+    In place of the jump of (13) at a reversal, friction changes over a displacement of about
+    `travel` [rad or m], whatever the speed. A run begins at z = 0.
+    """
+
+    type: Literal["presliding"] = "presliding"
+    family: ClassVar[Family] = "friction"
+    effect: ClassVar[Effect] = Effect(
+        "presliding hysteresis",
+        "a loop against displacement after every reversal, the same at all speeds",
+        ("stribeck", "backlash"),
+        "small slow strokes about one position, to and fro",
+    )
+    shapes: ClassVar[dict[str, Shape]] = {
+        "travel": Shape(3e-4, 3e-2, "rad or m", 9, "displacement over which friction builds up")
+    }
+
+    travel: float = Field(gt=0)
+
+    def parameter(self, coordinate: str, force: str) -> Parameter:
+        """f_h."""
+        return Parameter("f_h", force, 0.0, "friction that builds up over a displacement")
+
+    def start(self, record: Record, setting: Setting) -> np.ndarray:
+        """z = 0."""
+        return np.zeros((len(record), 1))
+
+    def advance(
+        self, states: np.ndarray, before: Record, after: Record, setting: Setting
+    ) -> np.ndarray:
+        """Exact for a step in one direction."""
+        j = before.column(self.joint)
+        way = (after.position[:, j] - before.position[:, j]) / self.travel
+        return _slid(states[:, 0], way)[:, np.newaxis]
+
+    def column(self, states: np.ndarray, record: Record, j: int) -> np.ndarray:
+        """z."""
+        return states[:, 0]
+
+    def trace(self, record: Record, setting: Setting) -> np.ndarray:
+        """As `advance` from sample to sample, compiled."""
+        q = record.position[:, record.column(self.joint)]
+        way = np.diff(q, prepend=q[:1]) / self.travel
+        return _traced(way, record.first_of_run)[:, np.newaxis]
+
+
+@njit(cache=True)
+def _slid(z: np.ndarray, way: np.ndarray) -> np.ndarray:
+    """z (n,) after ways (n,) in units of the travel."""
+    end = np.sign(way)
+    return end + (z - end) * np.exp(-np.abs(way))
+
+
+@njit(cache=True)
+def _traced(way: np.ndarray, first: np.ndarray) -> np.ndarray:
+    z = np.zeros(len(way))
+    for k in range(1, len(way)):
+        if not first[k]:
+            z[k] = _slid(z[k - 1 : k], way[k : k + 1])[0]
+    return z
