@@ -18,6 +18,7 @@ setup(
         "console_scripts": [
             "decode = crane_driver.decode:main",
             "driver = crane_driver.driver_node:main",
+            "jog = crane_driver.jog.jog_node:main",
             "player = crane_driver.recording.player:main",
             "recorder = crane_driver.recording.recorder:main",
             "recover = crane_driver.recording.recover:main",

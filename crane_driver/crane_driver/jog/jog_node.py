@@ -1,0 +1,219 @@
+"""`ros2 run crane_driver jog`: hold-to-run motion of one joint, by keyboard or joystick.
+
+Software is no safety stop: keep the emergency stop of the machine within reach.
+"""
+
+import argparse
+import sys
+import time
+from collections.abc import Sequence
+
+from diagnostic_msgs.msg import DiagnosticArray
+from rclpy.duration import Duration
+from rclpy.executors import SingleThreadedExecutor
+from rclpy.node import Node
+from rclpy.publisher import Publisher
+from rclpy.qos import QoSProfile
+from rclpy.task import Future
+from rclpy.utilities import remove_ros_args
+from sensor_msgs.msg import JointState, Joy
+from std_srvs.srv import Trigger
+
+from crane_driver.jog.jog_parameters import HOLD, PARAMETERS, joystick, shape
+from crane_driver.jog.keyboard import Keyboard, Request
+from crane_driver.jog.motion import Demand, Motion
+from crane_driver.jog.screen import Screen, Shown
+from crane_driver.jog.terminal import NoTerminal, Terminal
+from crane_driver.nodes.context import Stop, ros
+from crane_driver.nodes.parameters import declare
+from crane_interfaces.msg import ValveCommand
+from crane_model.cli import run
+from crane_model.errors import CraneError
+from crane_model.machine import JOINTS
+
+PERIOD = 0.01  # s, of commands
+REFRESH = 0.1  # s, of the display
+CALLBACKS = 4  # in a period at most, so that commands do not wait
+PATIENCE = 10.0  # s, for a driver
+OLDEST = 3.0  # s; diagnostics come once a second
+LAST_COMMANDS = 5  # neutral ones at the end
+NEWEST = QoSProfile(depth=1)
+SERVICES: tuple[Request, ...] = tuple(one for one in Request if one is not Request.QUIT)
+
+
+class JogError(CraneError):
+    """Jogging cannot begin.
+
+    Examples: no driver runs, another node commands the valves.
+    """
+
+
+class Jog(Node):
+    """Publishes commands while it runs; the driver allows one publisher at a time."""
+
+    def __init__(self, by_joystick: bool):
+        super().__init__("jog")
+        declare(self, PARAMETERS)
+        self._shape = shape(self)
+        self.motion = Motion(self._shape)
+        self.keyboard = Keyboard(HOLD.read(self))
+        self.joystick = joystick(self) if by_joystick else None
+        self.news: list[str] = []
+        self._state, self._diagnosed = "no driver", time.monotonic()
+        self._positions: dict[str, float] = {}
+        self._commands = dict.fromkeys(JOINTS, 0.0)
+        self._moved = JOINTS[0]
+        self._publisher: Publisher | None = None
+        self._driver = {one: self.create_client(Trigger, f"/driver/{one}") for one in SERVICES}
+        self._worker = SingleThreadedExecutor()
+        self._worker.add_node(self)
+        self.create_subscription(JointState, "/joint_states", self._measured, NEWEST)
+        self.create_subscription(DiagnosticArray, "/diagnostics", self._reported, 10)
+        if by_joystick:
+            self.create_subscription(Joy, "/joy", self._pushed, NEWEST)
+
+    def begin(self, stop: Stop) -> None:
+        """Wait for the driver and become its publisher of commands; `JogError` if that fails."""
+        until = time.monotonic() + PATIENCE
+        while not all(one.service_is_ready() for one in self._driver.values()):
+            self._wait(stop, until, "no driver: start `ros2 run crane_driver driver` first")
+        if others := self.get_publishers_info_by_topic("/valve_command"):
+            names = ", ".join(sorted({one.node_name for one in others}))
+            raise JogError(f"{names} commands the valves already; stop it first")
+        self._publisher = self.create_publisher(ValveCommand, "/valve_command", NEWEST)
+        while not self._publisher.get_subscription_count():
+            self._wait(stop, until, "the driver takes no commands: is it active?")
+
+    def work(self) -> None:
+        """Take what has come."""
+        for _ in range(CALLBACKS):
+            self._worker.spin_once(timeout_sec=0.0)
+
+    def command(self, demand: Demand | None) -> None:
+        """Publish the commands of this period."""
+        self._commands = self.motion.step(demand, time.monotonic())
+        self._moved = next((one for one in JOINTS if self._commands[one]), self._moved)
+        message = ValveCommand(name=list(self._commands), command=list(self._commands.values()))
+        message.header.stamp = self.get_clock().now().to_msg()
+        if self._publisher:
+            self._publisher.publish(message)
+
+    def end(self) -> None:
+        """Ramp to neutral, so that the driver sees an end and not a loss of commands."""
+        left = LAST_COMMANDS
+        while self._publisher and left:
+            self.command(None)
+            left -= self.motion.neutral
+            time.sleep(PERIOD)
+        if self._publisher:
+            self._publisher.wait_for_all_acked(Duration(seconds=0.5))
+        self.destroy_node()
+
+    def demand(self) -> Demand | None:
+        """What is held now."""
+        return (self.joystick or self.keyboard).demand(time.monotonic())
+
+    def request(self, request: Request) -> None:
+        """Call a service of the driver; the answer becomes news."""
+        future = self._driver[request].call_async(Trigger.Request())
+        future.add_done_callback(lambda one: self._answered(request, one))
+
+    def shown(self) -> Shown:
+        """What there is to be seen."""
+        if time.monotonic() - self._diagnosed > OLDEST:
+            self._state = "no driver"
+        note = self.joystick.problem if self.joystick else f"speed {self.keyboard.step}"
+        command = self._commands[self._moved]
+        share = command / self._shape.maximum
+        return Shown(
+            self._state, self._moved, command, share, self._positions.get(self._moved), note
+        )
+
+    def _wait(self, stop: Stop, until: float, problem: str) -> None:
+        if stop.requested:
+            raise KeyboardInterrupt
+        if time.monotonic() > until:
+            raise JogError(problem)
+        self._worker.spin_once(timeout_sec=0.05)
+
+    def _answered(self, request: Request, future: Future) -> None:
+        answer = future.result()
+        if answer and answer.success:
+            self._state = answer.message
+            self.news.append(f"{request}: {answer.message}")
+        elif answer:
+            self.news.append(answer.message)
+
+    def _measured(self, message: JointState) -> None:
+        self._positions = dict(zip(message.name, message.position, strict=True))
+
+    def _reported(self, message: DiagnosticArray) -> None:
+        for status in message.status:
+            values = {pair.key: pair.value for pair in status.values}
+            if status.name == "driver: safety":
+                self._diagnosed = time.monotonic()
+                state = values.get("state", status.message)
+                if state != self._state and state == "fault":
+                    self.news.append(status.message)
+                self._state = state
+
+    def _pushed(self, message: Joy) -> None:
+        if self.joystick:
+            self.joystick.received(message.axes, message.buttons, time.monotonic())
+
+
+def main(argv: Sequence[str] | None = None) -> int:
+    """Jog until q or a signal."""
+    argv = sys.argv[1:] if argv is None else argv
+    options = _parser().parse_args(remove_ros_args(["jog", *argv])[1:])
+    return run(lambda: _run(argv, options.joy))
+
+
+def _run(argv: Sequence[str], by_joystick: bool) -> None:
+    terminal = NoTerminal() if by_joystick and not sys.stdin.isatty() else Terminal()
+    with ros(argv) as stop:
+        jog = Jog(by_joystick)
+        try:
+            jog.begin(stop)
+            with terminal, Screen(by_joystick) as screen:
+                _jog(jog, terminal, screen, stop)
+        finally:
+            jog.end()
+
+
+def _jog(jog: Jog, terminal: Terminal | NoTerminal, screen: Screen, stop: Stop) -> None:
+    due = refresh = time.monotonic()
+    while not stop.requested and not terminal.closed:
+        typed = terminal.read(due - time.monotonic())
+        request = jog.keyboard.typed(typed, time.monotonic())
+        if request is Request.QUIT:
+            return
+        if request:
+            jog.request(request)
+        now = time.monotonic()
+        if now < due:
+            continue
+        jog.work()
+        jog.command(jog.demand())
+        due = max(due + PERIOD, now)
+        if now >= refresh:
+            refresh = now + REFRESH
+            for text in jog.news:
+                screen.say(text)
+            jog.news.clear()
+            screen.show(jog.shown())
+
+
+def _parser() -> argparse.ArgumentParser:
+    parser = argparse.ArgumentParser(
+        prog="jog",
+        description="Moves one joint of the crane while a key is held: each character that the "
+        "terminal repeats holds the joint for 0.12 s. The keys are shown when it runs.",
+        epilog="Parameters, after --ros-args -p: maximum, hold, rise_time, fall_time, "
+        "dead_band.JOINT, joy.deadman, joy.axis.JOINT, joy.sign.JOINT; `ros2 param describe /jog "
+        "NAME` explains them. Software is no safety stop.",
+    )
+    parser.add_argument(
+        "--joy", action="store_true", help="by /joy (sensor_msgs/Joy), with a deadman button"
+    )
+    return parser
