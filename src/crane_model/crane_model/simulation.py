@@ -95,9 +95,9 @@ def _advanced(
     """States of all terms that have some, one step on."""
     if not states:
         return states
-    (begin, *start), (end, *target) = before, after
-    ends = begin.record(*start), end.record(*target)
-    return {term: term.advance(state, *ends, begin.model.setting) for term, state in states.items()}
+    begin, end = (instant.record(q, v) for instant, q, v in (before, after))
+    setting = before[0].model.setting
+    return {term: term.advance(state, begin, end, setting) for term, state in states.items()}
 
 
 @dataclass(frozen=True)
@@ -150,7 +150,7 @@ class _Instant:
             force=stacked(_generalized(self.model, q, self.drive)),
             force_rate=stacked(_generalized(self.model, q, self._rate)),
             memory={term: stacked(state) for term, state in (memory or {}).items()},
-            **{name: stacked(values) for name, values in self._beside.items()},  # type: ignore[arg-type]
+            **{name: stacked(values) for name, values in self._beside.items()},
         )
 
 

@@ -201,10 +201,10 @@ def test_presliding_against_an_independent_integrator() -> None:
     start = np.zeros((1, 1)), np.full((1, 1), 0.2)
     memory = {terms[1]: np.full((1, 1), 0.5)}
     errors = []
-    for substeps in (4, 8):
+    for substeps in (1, 2):
         motion = simulate(model, *start, drive, 0.005, substeps, memory=memory)
         errors.append(np.abs(motion.position[:, 0, 0] - expected.y[0]).max())
-    assert errors[1] < 2e-3 * np.abs(expected.y[0]).max()
+    assert errors[1] < 1e-2 * np.abs(expected.y[0]).max()
     assert errors[1] < 0.3 * errors[0]  # with the square of the step
 
 
