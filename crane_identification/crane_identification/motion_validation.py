@@ -14,8 +14,14 @@ from crane_model.errors import DataError
 from crane_model.model_file import Model
 from crane_model.record import Record
 from crane_model.simulation import simulate
+from crane_model.terms import MemoryTerm
 
 HORIZON = 0.5  # s
+LOGGED = (
+    *("time", "pressure_a", "pressure_b", "command", "temperature"),
+    *("slew_position", "slew_velocity", "slew_acceleration"),
+)
+"""Fields of a record that do not come out of the simulation and that terms may ask for."""
 
 
 @dataclass(frozen=True)
@@ -56,7 +62,18 @@ def validate_motion(
             continue
         at = starts[None, :] + np.arange(samples + 1)[:, None]  # (T, N)
         start = record.position[starts], record.velocity[starts]
-        motion = simulate(model, *start, _drive(model, record)[at], period)
+        motion = simulate(
+            model,
+            *start,
+            _drive(model, record)[at],
+            period,
+            beside=_logged(record, at),
+            memory={
+                term: term.trace(record, model.setting)[starts]
+                for term in model.terms
+                if isinstance(term, MemoryTerm)
+            },
+        )
         errors.append(motion.position[-1] - record.position[at[-1]])
         moved.append(record.position[at[-1]] - record.position[starts])
         length = samples * period
@@ -67,6 +84,12 @@ def validate_motion(
         )
     error, displacement = np.concatenate(errors), np.concatenate(moved)
     return MotionValidation(model.joints, length, len(error), _rms(error), _rms(displacement))
+
+
+def _logged(record: Record, at: np.ndarray) -> dict[str, np.ndarray]:
+    """(T, N, ...) of what the record holds of these, at its samples `at` (T, N)."""
+    values = {name: getattr(record, name) for name in LOGGED}
+    return {name: value[at] for name, value in values.items() if value is not None}
 
 
 def _window_starts(record: Record, length: int) -> np.ndarray:

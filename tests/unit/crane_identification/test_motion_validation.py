@@ -1,0 +1,53 @@
+"""Windows of simulated motion begin as the machine was then, memory and surroundings included."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from crane_identification.motion_validation import validate_motion
+from crane_model.model_file import Model
+from crane_model.record import Record
+from crane_model.simulation import simulate
+from crane_model.terms import presliding, single_axis
+from crane_model.terms.term import Setting
+
+PERIOD = 0.005  # s
+
+
+@pytest.fixture(scope="module")
+def bristles() -> Model:
+    terms = (
+        single_axis.Inertia(joint="axis"),
+        presliding.Presliding(joint="axis", travel=0.05),
+    )
+    return Model("bristles", Setting({"axis": "m"}, None), terms, np.array([10.0, 30.0]))
+
+
+@pytest.fixture(scope="module")
+def record(bristles: Model) -> Record:
+    """10 s of the model itself, pushed to and fro."""
+    time = PERIOD * np.arange(2001)
+    drive = 60.0 * np.sin(3.0 * time)[:, None, None]
+    motion = simulate(bristles, np.zeros((1, 1)), np.zeros((1, 1)), drive, PERIOD)
+    return Record(
+        joints=("axis",),
+        time=time,
+        position=motion.position[:, 0],
+        velocity=motion.velocity[:, 0],
+        acceleration=motion.acceleration[:, 0],
+        force=drive[:, 0],
+    )
+
+
+def test_a_model_with_memory_repeats_its_own_motion(bristles: Model, record: Record) -> None:
+    found = validate_motion(bristles, [record])
+    assert found.windows == 20
+    assert found.relative[0] < 1e-3
+
+
+def test_a_model_that_forgets_does_not(bristles: Model, record: Record) -> None:
+    """The same windows as recordings of their own: their states begin at rest, and that shows."""
+    windows = [record.take(slice(k, k + 101)) for k in range(0, 2000, 100)]
+    fresh = [replace(one, time=one.time - one.time[0]) for one in windows]
+    assert validate_motion(bristles, fresh).relative[0] > 0.05
