@@ -26,16 +26,26 @@ PATIENCE = 60.0  # s that bound a failing test; a passing one ends with its cond
 LATCHED = QoSProfile(depth=1, durability=DurabilityPolicy.TRANSIENT_LOCAL)
 
 
-class Process:
-    """An executable of crane_driver at work."""
+def program(package: str, name: str) -> Path:
+    """An executable of a package."""
+    return Path(get_package_prefix(package)) / "lib" / package / name
 
-    def __init__(self, folder: Path, name: str, *arguments: object):
-        program = Path(get_package_prefix("crane_driver")) / "lib" / "crane_driver" / name
+
+def run(package: str, name: str, *arguments: object) -> None:
+    """Let an executable work to its end."""
+    command = [str(program(package, name)), *map(str, arguments)]
+    done = subprocess.run(command, capture_output=True, text=True)
+    assert done.returncode == 0, done.stderr
+
+
+class Process:
+    """An executable at work."""
+
+    def __init__(self, folder: Path, package: str, name: str, *arguments: object):
+        command = [str(program(package, name)), *map(str, arguments)]
         self._output = folder / f"{name}.out"
         with self._output.open("w") as output:
-            self.process = subprocess.Popen(
-                [str(program), *map(str, arguments)], stdout=output, stderr=subprocess.STDOUT
-            )
+            self.process = subprocess.Popen(command, stdout=output, stderr=subprocess.STDOUT)
 
     @property
     def output(self) -> str:
@@ -62,8 +72,8 @@ class Graph:
     folder: Path
     processes: list[Process] = field(default_factory=list)
 
-    def start(self, name: str, *arguments: object) -> Process:
-        self.processes.append(Process(self.folder, name, *arguments))
+    def start(self, name: str, *arguments: object, package: str = "crane_driver") -> Process:
+        self.processes.append(Process(self.folder, package, name, *arguments))
         return self.processes[-1]
 
     def wait(self, condition: Callable[[], object]) -> None:

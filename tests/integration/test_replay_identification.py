@@ -1,0 +1,75 @@
+"""A recording played to the identification node gives what the same recursion gives offline."""
+
+import signal
+from collections.abc import Iterator
+from pathlib import Path
+
+import numpy as np
+import pytest
+from diagnostic_msgs.msg import DiagnosticArray
+from integration.recording_graph import LATCHED, Graph, graph, run
+
+from crane_identification.data.bag_log import read_bag
+from crane_identification.online.estimator import OnlineOptions
+from crane_identification.online.replay import replay
+from crane_interfaces.msg import ParameterEstimate
+from crane_model.configuration import packaged
+from crane_model.model_file import load_model
+
+pytestmark = pytest.mark.realtime
+
+RATE = 4  # times as fast as it was recorded
+FORGETTING = 0.9999
+TOPICS = ("/joint_states", "/cylinder_pressures")
+
+
+@pytest.fixture(scope="module")
+def bag(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """One period of the stand-in machine."""
+    path = tmp_path_factory.mktemp("bags") / "one"
+    trajectory = packaged("crane_trajectory", "excitation_20s.yaml")
+    run("crane_sim", "make_bag", "--trajectory", trajectory, "--periods", 1, "--out", path)
+    return path
+
+
+@pytest.fixture
+def ros(ros_domain: int, tmp_path: Path) -> Iterator[Graph]:
+    with graph(ros_domain, tmp_path) as made:
+        yield made
+
+
+def test_a_played_bag_gives_the_estimate_of_the_offline_recursion(ros: Graph, bag: Path) -> None:
+    """To 1e-6, values and standard deviations, from the same number of rows."""
+    model = load_model(packaged("crane_model", "crane_model.yaml"))
+    log = read_bag(bag, model.joints)
+    offline, _ = replay(model, log, OnlineOptions(forgetting=FORGETTING))
+    expected = offline.solve()
+    assert expected.determined.all()
+
+    estimates: list[ParameterEstimate] = []
+    counters: dict[str, str] = {}
+
+    def diagnosed(message: DiagnosticArray) -> None:
+        for one in message.status:
+            if one.name == "identification: recursion":
+                counters.update((entry.key, entry.value) for entry in one.values)
+
+    ros.node.create_subscription(
+        ParameterEstimate, "/parameter_estimate", estimates.append, LATCHED
+    )
+    ros.node.create_subscription(DiagnosticArray, "/diagnostics", diagnosed, 10)
+    parameter = f"forgetting:={FORGETTING}"
+    node = ros.start(
+        "identification", "--ros-args", "-p", parameter, package="crane_identification"
+    )
+    player = ros.start("player", bag, "--rate", RATE, "--topics", *TOPICS, "--wait-for", *TOPICS)
+    ros.wait(lambda: not player.running)
+    ros.wait(lambda: counters.get("samples [-]") == str(offline.samples))
+    ros.wait(lambda: estimates and estimates[-1].samples == offline.samples)
+
+    estimate = estimates[-1]
+    assert list(estimate.name) == [parameter.name for parameter in model.parameters]
+    np.testing.assert_allclose(estimate.value, expected.values, rtol=1e-6)
+    np.testing.assert_allclose(estimate.std_dev, expected.std_devs, rtol=1e-6)
+    assert counters["unmatched [-]"] == str(offline.matcher.unmatched)
+    assert node.end(signal.SIGTERM) == 0
