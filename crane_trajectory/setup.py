@@ -17,6 +17,7 @@ setup(
     entry_points={
         "console_scripts": [
             "design = crane_trajectory.design:main",
+            "run_excitation = crane_trajectory.run_excitation_node:main",
             "trajectory = crane_trajectory.trajectory_node:main",
         ]
     },

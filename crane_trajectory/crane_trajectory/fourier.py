@@ -1,5 +1,6 @@
 """Fourier references (32)-(34): periodic trajectories of any joints, with analytic derivatives."""
 
+from functools import cached_property
 from pathlib import Path
 from typing import Annotated, NamedTuple, Self
 
@@ -67,12 +68,12 @@ class FourierTrajectory(Schema):
                 raise ValueError(f"joints: no joint '{joint}'; the joints are {', '.join(JOINTS)}")
         return self
 
-    @property
+    @cached_property
     def joint_names(self) -> tuple[str, ...]:
         """The joints that move, in the order of the columns of `evaluate` (that of `JOINTS`)."""
         return tuple(joint for joint in JOINTS if joint in self.joints)
 
-    @property
+    @cached_property
     def harmonics(self) -> int:
         """N, the highest harmonic of any joint."""
         return max(len(series.sine) for series in self.joints.values())
@@ -80,14 +81,15 @@ class FourierTrajectory(Schema):
     @property
     def coefficients(self) -> np.ndarray:
         """(2 N + 1, j): per joint [q_0, a_1..a_N, b_1..b_N], shorter series padded with zeros."""
-        table = np.zeros((2 * self.harmonics + 1, len(self.joint_names)))
-        for column, joint in enumerate(self.joint_names):
-            series = self.joints[joint]
-            n = len(series.sine)
-            table[0, column] = series.offset
-            table[1 : n + 1, column] = series.sine
-            table[self.harmonics + 1 : self.harmonics + 1 + n, column] = series.cosine
-        return table
+        return np.array(self._columns).T
+
+    @cached_property  # as tuples, so that trajectories can be compared
+    def _columns(self) -> tuple[tuple[float, ...], ...]:
+        def padded(values: tuple[float, ...]) -> tuple[float, ...]:
+            return values + (0.0,) * (self.harmonics - len(values))
+
+        rows = (self.joints[joint] for joint in self.joint_names)
+        return tuple((one.offset, *padded(one.sine), *padded(one.cosine)) for one in rows)
 
     @classmethod
     def from_coefficients(

@@ -10,6 +10,7 @@ velocity and acceleration are continuous throughout.
 
 from dataclasses import dataclass
 from enum import IntEnum
+from functools import cached_property
 from typing import NamedTuple
 
 import numpy as np
@@ -141,16 +142,20 @@ class Motion:
             (up_change - down_change) / RUN_UP,
         )
 
-    @property
+    @cached_property
     def _launch(self) -> np.ndarray:
         """(4,): where the clock starts to run."""
         position = self.trajectory.evaluate(np.array([-RUN_UP / 2])).position
         return self._all_joints(position, self.start)[0]
 
+    @cached_property
+    def _columns(self) -> list[int]:
+        return [JOINTS.index(joint) for joint in self.trajectory.joint_names]
+
     def _all_joints(self, moving: np.ndarray, held: np.ndarray | float) -> np.ndarray:
         values = np.empty((len(moving), len(JOINTS)))
         values[:] = held
-        values[:, [JOINTS.index(joint) for joint in self.trajectory.joint_names]] = moving
+        values[:, self._columns] = moving
         return values
 
 

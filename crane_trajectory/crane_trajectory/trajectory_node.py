@@ -158,7 +158,7 @@ class Trajectory(LifecycleNode):
         return self.on_cleanup(state)
 
     def _end(self, why: str) -> None:
-        """Come to rest within this call; as the executor waits for it, joint states are taken here."""
+        """Come to rest within this call, taking joint states here: the executor waits for it."""
         if self._experiment is not None:
             self._experiment.stop(Outcome.DEACTIVATED, f"{why}, the crane is at rest")
         while self._experiment is not None and not self._experiment.over:
@@ -355,6 +355,10 @@ def unheard(valves: Publisher) -> str:
     return "" if valves.get_subscription_count() else "no driver listens to /valve_command"
 
 
+ABOUT = """Leads the crane through excitation trajectories, as goals of the action
+~/run_excitation ask. Software is no safety stop."""
+
+
 def main(argv: Sequence[str] | None = None) -> int:
     """Lead the crane through excitation trajectories, as goals of RunExcitation ask."""
-    return run_managed(Trajectory, argv)
+    return run_managed("trajectory", Trajectory, ABOUT, (*FIXED, *CHANGEABLE), argv)

@@ -8,8 +8,9 @@ from contextlib import suppress
 from rclpy.executors import SingleThreadedExecutor
 from rclpy.lifecycle import LifecycleNode, TransitionCallbackReturn
 
+from crane_driver.nodes.command_line import check_arguments
 from crane_driver.nodes.context import ros
-from crane_driver.nodes.parameters import Switch
+from crane_driver.nodes.parameters import NodeParameter, Switch
 from crane_model.cli import run
 from crane_model.errors import ConfigurationError
 
@@ -20,13 +21,22 @@ WAKE = 0.1  # s; a signal is seen after at most this
 ANSWERING = 0.2  # s after the shutdown, in which those who wait for its end are answered
 
 
-def run_managed(make: Callable[[], LifecycleNode], argv: Sequence[str] | None) -> int:
+def run_managed(
+    name: str,
+    make: Callable[[], LifecycleNode],
+    about: str,
+    parameters: Sequence[NodeParameter],
+    argv: Sequence[str] | None,
+) -> int:
     """Run the node that `make` makes until a signal asks it to stop; the exit status.
 
     Whatever ends it, its shutdown transition runs while ROS is still there, so that the node can
-    bring to an end what it has begun. Status 1 where it does not start.
+    bring to an end what it has begun. Status 1 where it does not start. `--help` tells what it is
+    `about` and its `parameters`; other arguments than those of ROS are refused with status 2.
     """
-    return run(lambda: _live(make, sys.argv if argv is None else argv))
+    given = sys.argv[1:] if argv is None else argv
+    check_arguments(name, about, parameters, given)
+    return run(lambda: _live(make, given))
 
 
 def _live(make: Callable[[], LifecycleNode], argv: Sequence[str]) -> None:
@@ -43,8 +53,8 @@ def _live(make: Callable[[], LifecycleNode], argv: Sequence[str]) -> None:
             with suppress(RuntimeError):  # of rclpy: `ros2 lifecycle set` has shut it down before
                 node.trigger_shutdown()
         until = time.monotonic() + ANSWERING
-        while time.monotonic() < until:
-            executor.spin_once(timeout_sec=until - time.monotonic())
+        while (left := until - time.monotonic()) > 0.0:
+            executor.spin_once(timeout_sec=left)
 
 
 def _start(node: LifecycleNode) -> None:

@@ -1,0 +1,168 @@
+"""`ros2 run crane_trajectory run_excitation`: sends a goal to the trajectory node and shows it run.
+
+HAZARD: the crane moves by itself. Ctrl-C brings it to rest; software is no safety stop.
+"""
+
+import argparse
+import sys
+from collections.abc import Callable, Iterator, Sequence
+from contextlib import contextmanager
+from pathlib import Path
+from typing import Any
+
+from action_msgs.msg import GoalStatus
+from rclpy.action import ActionClient
+from rclpy.executors import SingleThreadedExecutor
+from rclpy.node import Node
+from rclpy.task import Future
+from rclpy.utilities import remove_ros_args
+from std_srvs.srv import Trigger
+from tqdm import tqdm
+
+from crane_driver.nodes.context import Stop, ros
+from crane_interfaces.action import RunExcitation
+from crane_model.cli import INTERRUPTED, run
+from crane_model.errors import CraneError
+from crane_model.machine import JOINT_UNITS
+from crane_trajectory.experiment import Outcome
+from crane_trajectory.motion import Phase
+
+PATIENCE = 10.0  # s for the nodes to be there
+WAKE = 0.1  # s
+
+
+class ExcitationError(CraneError):
+    """The experiment was not completed, or could not be asked for.
+
+    Examples: no trajectory node runs, the driver refuses to be enabled, tracking was lost.
+    """
+
+
+class RunExcitationClient(Node):
+    """Asks for one experiment, and waits for its end whatever happens."""
+
+    def __init__(self, stop: Stop):
+        super().__init__("run_excitation")
+        self._stop = stop
+        self._worker = SingleThreadedExecutor()
+        self._worker.add_node(self)
+        self._action = ActionClient(self, RunExcitation, "run_excitation")
+        self._bar: tqdm | None = None
+
+    @contextmanager
+    def enabled(self) -> Iterator[None]:
+        """The driver, enabled within the `with` block; `ExcitationError` if it refuses."""
+        self._call("/driver/enable")
+        try:
+            yield
+        finally:
+            self._call("/driver/disable")
+
+    def run(self, trajectory: Path, periods: int) -> RunExcitation.Result:
+        """The result of the goal; a signal cancels it, and it is waited for all the same."""
+        self._await(self._action.server_is_ready, "no trajectory node answers; start one")
+        goal = RunExcitation.Goal(trajectory=str(trajectory.absolute()), periods=periods)
+        with tqdm(total=0.0, bar_format="{desc} |{bar}| {n:.0f} of {total:.0f} s{postfix}") as bar:
+            self._bar = bar
+            handle = self._answer(self._action.send_goal_async(goal, self._show))
+            if not handle.accepted:
+                raise ExcitationError("the trajectory node does not accept goals; activate it")
+            ending = handle.get_result_async()
+            canceling: Future | None = None
+            while not ending.done():
+                if self._stop.requested and canceling is None:
+                    bar.set_description("coming to rest")
+                    canceling = handle.cancel_goal_async()
+                self._worker.spin_once(timeout_sec=WAKE)
+                if not self._action.server_is_ready():
+                    raise ExcitationError("the trajectory node is gone; the driver stops the crane")
+        answer = ending.result()
+        if answer.status == GoalStatus.STATUS_UNKNOWN:
+            raise ExcitationError("the trajectory node does not know the goal any more")
+        return answer.result
+
+    def _show(self, message: Any) -> None:
+        feedback = message.feedback
+        assert self._bar is not None
+        self._bar.total = max(feedback.duration, feedback.elapsed)
+        self._bar.n = feedback.elapsed
+        errors = (
+            f"{joint} {error * 1e3:+.0f} m{JOINT_UNITS[joint]}"
+            for joint, error in zip(feedback.name, feedback.tracking_error, strict=True)
+        )
+        if not self._stop.requested:
+            self._bar.set_description(Phase(feedback.phase).name.lower(), refresh=False)
+        self._bar.set_postfix_str(", ".join(errors), refresh=False)
+        self._bar.refresh()
+
+    def _call(self, service: str) -> None:
+        client = self.create_client(Trigger, service)
+        self._await(client.service_is_ready, f"no driver offers {service}; start it")
+        answer = self._answer(client.call_async(Trigger.Request()))
+        self.destroy_client(client)
+        if not answer.success:
+            raise ExcitationError(f"{service}: {answer.message}")
+
+    def _answer(self, future: Future) -> Any:
+        self._await(future.done, "no answer")
+        return future.result()
+
+    def _await(self, condition: Callable[[], bool], otherwise: str) -> None:
+        until = self.get_clock().now().nanoseconds + PATIENCE * 1e9
+        while not condition():
+            if self.get_clock().now().nanoseconds > until:
+                raise ExcitationError(f"{otherwise} (waited {PATIENCE:g} s)")
+            self._worker.spin_once(timeout_sec=WAKE)
+
+
+def main(argv: Sequence[str] | None = None) -> int:
+    """Run an excitation trajectory on the crane; exit status 0 if it was completed."""
+    argv = sys.argv if argv is None else ["run_excitation", *argv]
+    options = _parser().parse_args(remove_ros_args(argv)[1:])
+    interrupted = False
+
+    def body() -> None:
+        nonlocal interrupted
+        with ros(argv) as stop:
+            result = _run(options, RunExcitationClient(stop))
+            interrupted = stop.requested
+        _tell(result)
+
+    status = run(body)
+    return INTERRUPTED if interrupted and status else status
+
+
+def _run(options: argparse.Namespace, client: RunExcitationClient) -> RunExcitation.Result:
+    if not options.enable:
+        return client.run(options.trajectory, options.periods)
+    with client.enabled():
+        return client.run(options.trajectory, options.periods)
+
+
+def _tell(result: RunExcitation.Result) -> None:
+    """Print the result; `ExcitationError` unless it was completed."""
+    for joint, error in zip(result.name, result.rms_tracking_error, strict=True):
+        print(f"RMS tracking error, {joint}: {error:.4g} {JOINT_UNITS[joint]}")
+    outcome = Outcome(result.outcome)
+    if outcome is not Outcome.COMPLETED:
+        raise ExcitationError(f"{outcome.name}: {result.message}")
+    print(f"{outcome.name}: {result.message}")
+
+
+def _parser() -> argparse.ArgumentParser:
+    parser = argparse.ArgumentParser(prog="run_excitation", description=main.__doc__)
+    parser.add_argument(
+        "--trajectory", type=Path, required=True, help="file, on the machine of the trajectory node"
+    )
+    parser.add_argument("--periods", type=_count, required=True, help="whole periods to run")
+    parser.add_argument(
+        "--enable", action="store_true", help="enable the driver before, and disable it after"
+    )
+    return parser
+
+
+def _count(text: str) -> int:
+    value = int(text)
+    if value < 1:
+        raise argparse.ArgumentTypeError(f"must be at least 1, got {text}")
+    return value
