@@ -261,6 +261,10 @@ class Driver(LifecycleNode):
         return FAILURE
 
 
+ABOUT = """The crane's CAN bus as topics, and safe commands to its valves. They stay neutral until
+the service ~/enable is called. Software is no safety stop."""
+
+
 def main(argv: Sequence[str] | None = None) -> int:
     """Run the driver until a signal ends it; it ramps to neutral before it ends."""
-    return run_managed(Driver, argv)
+    return run_managed("driver", Driver, ABOUT, PARAMETERS, argv)

@@ -15,7 +15,6 @@ from rclpy.node import Node
 from rclpy.publisher import Publisher
 from rclpy.qos import QoSProfile
 from rclpy.task import Future
-from rclpy.utilities import remove_ros_args
 from sensor_msgs.msg import JointState, Joy
 from std_srvs.srv import Trigger
 
@@ -24,6 +23,7 @@ from crane_driver.jog.keyboard import Keyboard, Request
 from crane_driver.jog.motion import Demand, Motion
 from crane_driver.jog.screen import Screen, Shown
 from crane_driver.jog.terminal import NoTerminal, Terminal
+from crane_driver.nodes.command_line import own_arguments
 from crane_driver.nodes.context import Stop, ros
 from crane_driver.nodes.parameters import declare
 from crane_interfaces.msg import ValveCommand
@@ -165,7 +165,7 @@ class Jog(Node):
 def main(argv: Sequence[str] | None = None) -> int:
     """Jog until q or a signal."""
     argv = sys.argv[1:] if argv is None else argv
-    options = _parser().parse_args(remove_ros_args(["jog", *argv])[1:])
+    options = _parser().parse_args(own_arguments(argv))
     return run(lambda: _run(argv, options.joy))
 
 

@@ -6,11 +6,11 @@ from collections.abc import Sequence
 from pathlib import Path
 
 import numpy as np
-from rclpy.utilities import remove_ros_args
 from rosbags.rosbag2 import Reader
 from tqdm import tqdm
 
 from crane_driver.bags.storage import open_bag
+from crane_driver.nodes.command_line import own_arguments
 from crane_driver.nodes.context import ros
 from crane_driver.recording.arguments import positive
 from crane_driver.recording.playback import Selection, schedule, select
@@ -24,7 +24,7 @@ PATIENCE = 2.0  # s before a progress bar appears
 def main(argv: Sequence[str] | None = None) -> int:
     """Play a bag to its end."""
     argv = sys.argv[1:] if argv is None else argv
-    options = _parser().parse_args(remove_ros_args(["player", *argv])[1:])
+    options = _parser().parse_args(own_arguments(argv))
     return run(lambda: _play(argv, options))
 
 

@@ -7,8 +7,8 @@ from collections.abc import Sequence
 from pathlib import Path
 
 from rclpy.executors import SingleThreadedExecutor
-from rclpy.utilities import remove_ros_args
 
+from crane_driver.nodes.command_line import own_arguments
 from crane_driver.nodes.context import ros
 from crane_driver.recording.arguments import positive
 from crane_driver.recording.bag import RecordedBag, Split
@@ -32,7 +32,7 @@ MEGABYTE = 1_000_000
 def main(argv: Sequence[str] | None = None) -> int:
     """Record until SIGINT, SIGTERM or SIGHUP."""
     argv = sys.argv[1:] if argv is None else argv
-    options = _parser().parse_args(remove_ros_args(["recorder", *argv])[1:])
+    options = _parser().parse_args(own_arguments(argv))
     split = Split(options.split_size * MEGABYTE, options.split_seconds)
     return run(lambda: _record(argv, options.out, options.topics, split))
 

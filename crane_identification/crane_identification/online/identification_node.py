@@ -14,7 +14,7 @@ from sensor_msgs.msg import JointState
 from std_srvs.srv import Trigger
 
 from crane_driver.nodes.managed import AUTOSTART, run_managed
-from crane_driver.nodes.parameters import Number, Numbers, Text, declare
+from crane_driver.nodes.parameters import NodeParameter, Number, Numbers, Text, declare
 from crane_identification.online.condition import Condition, status
 from crane_identification.online.estimator import Forces, OnlineEstimator, OnlineOptions
 from crane_identification.online.topics import Feed, estimate_message, forces_message
@@ -66,16 +66,20 @@ TIMEOUT = Number(
 )
 
 
-def _resolution_parameter() -> Numbers:
-    chain = load(packaged("crane_model", "sensors.yaml"), SensorChain)
-    return Numbers(
-        "encoder_resolution",
-        tuple(chain.encoder_resolution[joint] for joint in PLANAR_JOINTS),
-        "rad or m",
-        1e-9,
-        0.1,
-        "One count of the encoder of each joint of the model, in its order. At configure",
-    )
+RESOLUTION = Numbers(
+    "encoder_resolution",
+    tuple(
+        load(packaged("crane_model", "sensors.yaml"), SensorChain).encoder_resolution[joint]
+        for joint in PLANAR_JOINTS
+    ),
+    "rad or m",
+    1e-9,
+    0.1,
+    "One count of the encoder of each joint of the model, in its order. At configure",
+)
+PARAMETERS: tuple[NodeParameter, ...] = (
+    *(AUTOSTART, MODEL, MODEL_OUTPUT, FORGETTING, LAG, PERIOD, LARGEST_GAP, RESOLUTION, TIMEOUT),
+)
 
 
 class Identification(LifecycleNode):
@@ -83,14 +87,7 @@ class Identification(LifecycleNode):
 
     def __init__(self) -> None:
         super().__init__("identification")
-        self._resolution = _resolution_parameter()
-        declare(
-            self,
-            (
-                *(AUTOSTART, MODEL, MODEL_OUTPUT, FORGETTING, LAG, PERIOD, LARGEST_GAP),
-                *(self._resolution, TIMEOUT),
-            ),
-        )
+        declare(self, PARAMETERS)
         self._estimator: OnlineEstimator | None = None
         self._condition = Condition()
         self._listening: list[Subscription] = []
@@ -114,7 +111,7 @@ class Identification(LifecycleNode):
                 period=PERIOD.read(self),
                 forgetting=FORGETTING.read(self),
                 largest_gap=LARGEST_GAP.read(self),
-                encoder_resolution=self._resolution.read(self),
+                encoder_resolution=RESOLUTION.read(self),
             )
             self._condition = Condition(timeout=TIMEOUT.read(self))
             file = MODEL.read(self) or packaged("crane_model", "crane_model.yaml")
@@ -203,6 +200,10 @@ class Identification(LifecycleNode):
         return response
 
 
+ABOUT = """Identifies the parameters of the crane from /joint_states and /cylinder_pressures while
+it moves, and publishes them with standard deviations on /parameter_estimate."""
+
+
 def main(argv: Sequence[str] | None = None) -> int:
     """Identify the crane's parameters from /joint_states and /cylinder_pressures."""
-    return run_managed(Identification, argv)
+    return run_managed("identification", Identification, ABOUT, PARAMETERS, argv)
