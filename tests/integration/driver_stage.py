@@ -7,7 +7,7 @@ import socket
 import subprocess
 import sys
 import time
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterator, Mapping
 from contextlib import contextmanager
 from pathlib import Path
 from typing import NamedTuple, Self
@@ -132,11 +132,11 @@ class Commander:
 class Stage:
     """What runs, what it says, and what passes on the bus."""
 
-    def __init__(self, folder: Path, pose: list[str]):
+    def __init__(self, folder: Path, pose: list[str], canopen: Mapping[str, object] = {}):
         mapping = yaml.safe_load(packaged("crane_driver", "laboratory_crane_can.yaml").read_text())
         path = folder / "mapping.yaml"
-        path.write_text(yaml.safe_dump({**mapping, "timing": TIMING}))
-        port = free_port()
+        path.write_text(yaml.safe_dump({**mapping, "timing": TIMING, "canopen": dict(canopen)}))
+        port = self.port = free_port()
         self.layout = load_layout(path)
         self.codec = MachineCodec(self.layout)
         self._reader = DriverCodec(self.layout)
@@ -233,7 +233,7 @@ class Stage:
         def tried() -> bool:
             self.disabled()
             self.call("enable")
-            return self.valves[-1].enabled or self._spun(lambda: self.valves[-1].enabled)
+            return self.valves[-1].enabled or self.within(lambda: self.valves[-1].enabled)
 
         self.until(tried)
         return self
@@ -251,11 +251,12 @@ class Stage:
             commander.send(slew=0.0)
             self.enabled()
             commander.send(**commands)
-            if self._spun(arrived):
+            if self.within(arrived):
                 return self
         raise AssertionError(f"not moving; {self.diagnostics}")
 
-    def _spun(self, condition: Callable[[], bool], seconds: float = 5.0) -> bool:
+    def within(self, condition: Callable[[], bool], seconds: float = 5.0) -> bool:
+        """Whether a condition comes to hold within a time."""
         deadline = time.monotonic() + seconds
         while not condition() and time.monotonic() < deadline:
             self.spin()
