@@ -1,0 +1,137 @@
+"""Launch files: what they name exists; and, where ROS has `launch`, they do what they say."""
+
+import ast
+import importlib.util
+import os
+import signal
+import subprocess
+import time
+from collections.abc import Iterator
+from pathlib import Path
+
+import pytest
+from ament_index_python.packages import get_package_prefix, get_package_share_directory
+from integration.driver_stage import free_port
+
+from crane_driver.driver_parameters import PARAMETERS as DRIVER
+from crane_identification.online.identification_node import PARAMETERS as IDENTIFICATION
+from crane_trajectory.trajectory_parameters import CHANGEABLE, FIXED
+
+ROOT = Path(__file__).resolve().parents[2]
+FILES = sorted([*ROOT.glob("crane_*/launch/*.py"), *ROOT.glob("src/*/launch/*.py")])
+NAMES = [path.name.removesuffix(".launch.py") for path in FILES]
+OF_EVERY_NODE = {"use_sim_time"}
+DECLARED = {
+    "driver": {one.name for one in DRIVER},
+    "trajectory": {one.name for one in (*FIXED, *CHANGEABLE)},
+    "identification": {one.name for one in IDENTIFICATION},
+    "recorder": set(),
+    "player": set(),
+}
+PATIENCE = 60.0  # s, bounds a failing test
+
+
+def calls(tree: ast.AST, name: str) -> Iterator[ast.Call]:
+    for node in ast.walk(tree):
+        if isinstance(node, ast.Call) and isinstance(node.func, ast.Name) and node.func.id == name:
+            yield node
+
+
+def keywords(call: ast.Call) -> dict[str, ast.expr]:
+    return {one.arg: one.value for one in call.keywords if one.arg}
+
+
+def text(node: ast.expr) -> str:
+    value = ast.literal_eval(node)
+    assert isinstance(value, str)
+    return value
+
+
+def declared(path: Path) -> set[str]:
+    """The arguments of a launch file."""
+    for node in ast.parse(path.read_text()).body:
+        if isinstance(node, ast.Assign) and ast.unparse(node.targets[0]) == "ARGUMENTS":
+            return set(ast.literal_eval(node.value))
+    raise AssertionError(f"{path}: no ARGUMENTS")
+
+
+@pytest.fixture(params=FILES, ids=NAMES)
+def path(request: pytest.FixtureRequest) -> Path:
+    return request.param
+
+
+def test_every_package_with_nodes_has_one() -> None:
+    assert NAMES == ["driver", "identification", "trajectory", "demo", "simulated_crane"]
+
+
+def test_it_is_installed(path: Path) -> None:
+    share = Path(get_package_share_directory(path.parents[1].name))
+    assert (share / "launch" / path.name).read_text() == path.read_text()
+
+
+def test_executables_and_their_parameters_exist(path: Path) -> None:
+    tree = ast.parse(path.read_text())
+    started = [*calls(tree, "Node"), *calls(tree, "ExecutableInPackage")]
+    for call in started:
+        given = keywords(call)
+        package, name = text(given["package"]), text(given["executable"])
+        assert os.access(Path(get_package_prefix(package)) / "lib" / package / name, os.X_OK)
+        if parameters := given.get("parameters"):
+            for one in ast.walk(parameters):
+                if isinstance(one, ast.Dict):
+                    names = {text(key) for key in one.keys if key}
+                    assert names <= DECLARED[name] | OF_EVERY_NODE
+    assert started or path.name == "demo.launch.py"
+
+
+def test_every_argument_that_is_used_is_declared_and_every_declared_one_used(path: Path) -> None:
+    tree, source = ast.parse(path.read_text()), path.read_text()
+    for call in calls(tree, "LaunchConfiguration"):
+        if isinstance(call.args[0], ast.Constant):
+            assert text(call.args[0]) in declared(path)
+    for name in declared(path):
+        assert source.count(f'"{name}"') > 1 or "HANDED_ON" in source, name
+
+
+def test_launch_files_that_are_included_exist_and_take_what_they_are_given() -> None:
+    demo = next(path for path in FILES if path.name == "demo.launch.py")
+    tree = ast.parse(demo.read_text())
+    included = list(calls(tree, "included"))
+    assert len(included) == 3
+    for call in included:
+        package, file, *arguments = call.args
+        share = Path(get_package_share_directory(text(package)))
+        known = declared(share / "launch" / text(file))
+        for one in arguments:
+            if not isinstance(one, ast.Starred):
+                assert text(one) in known
+    crane = next(path for path in FILES if path.name == "simulated_crane.launch.py")
+    driver = next(path for path in FILES if path.name == "driver.launch.py")
+    assert declared(crane) <= declared(driver)
+    assert declared(crane) <= declared(demo)
+
+
+@pytest.mark.realtime
+def test_the_whole_suite_starts_and_ends(ros_domain: int, tmp_path: Path) -> None:
+    """Every node runs, Ctrl-C ends all of them well and leaves a closed bag."""
+    if not importlib.util.find_spec("ros2launch"):
+        pytest.skip("no ros2 launch here: ROS as Python packages comes without it")
+    output = tmp_path / "output"
+    arguments = [f"bus_options:=port={free_port()}", f"record:={tmp_path / 'bag'}"]
+    with output.open("w") as file:
+        process = subprocess.Popen(
+            ["ros2", "launch", "crane_sim", "demo.launch.py", *arguments],
+            stdout=file,
+            stderr=subprocess.STDOUT,
+        )
+    until = time.monotonic() + PATIENCE
+    needed = ("offline -> disabled", "recording /generalized_forces", "recording /joint_reference")
+    try:
+        while not all(one in output.read_text() for one in needed):
+            assert process.poll() is None and time.monotonic() < until, output.read_text()
+            time.sleep(0.1)
+    finally:
+        process.send_signal(signal.SIGINT)
+        process.wait(PATIENCE)
+    assert output.read_text().count("process has finished cleanly") == 5, output.read_text()
+    assert (tmp_path / "bag" / "metadata.yaml").exists()
