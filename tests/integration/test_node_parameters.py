@@ -31,7 +31,7 @@ def node(ros_domain: int) -> Iterator[Node]:
     ("name", "value", "reason"),
     [
         ("lag", "fast", "parameter 'lag': must be a number, got 'fast'"),
-        ("lag", 7, "parameter 'lag': must be from 0.05 to 2 s, got 7"),
+        ("lag", 7, "parameter 'lag': must be from 0.05 to 2 s, got 7.0"),
         ("lag", float("nan"), "parameter 'lag': must be from 0.05 to 2 s, got nan"),
         ("count", 2.5, "parameter 'count': must be whole, got 2.5"),
         ("file", 5, "parameter 'file': must be text, got 5"),
@@ -52,5 +52,6 @@ def test_what_a_node_could_not_use_is_refused(
 def test_a_whole_number_does_for_any_number(node: Node) -> None:
     (result,) = node.set_parameters([Parameter("lag", value=1)])
     assert result.successful
+    assert node.get_parameter("lag").type_ is Parameter.Type.DOUBLE
     assert LAG.read(node) == 1.0
-    assert COUNT.read(node) == 3
+    assert node.get_parameter("count").type_ is Parameter.Type.INTEGER

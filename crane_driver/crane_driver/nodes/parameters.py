@@ -136,8 +136,9 @@ NodeParameter = Text | Switch | Number | Numbers
 def declare(node: Node, parameters: Sequence[NodeParameter]) -> None:
     """Declare all of them, whatever the type of what was given for them.
 
-    From then on, a value that `check` refuses cannot be set. Those given at start are only
-    checked when they are read, so that a node with a wrong one can say so and be mended.
+    From then on, a value that `check` refuses cannot be set, and a whole number for a `Number`
+    becomes a double, as those who read it expect. What was given at start is only checked when it
+    is read, so that a node with a wrong one can say so and be mended.
     """
     for parameter in parameters:
         default = parameter.default
@@ -157,4 +158,15 @@ def declare(node: Node, parameters: Sequence[NodeParameter]) -> None:
             return SetParametersResult(successful=False, reason=str(error))
         return SetParametersResult(successful=True)
 
+    def converted(values: list[Parameter]) -> list[Parameter]:
+        return [_as_double(one) if one.name in doubles else one for one in values]
+
+    doubles = {one.name for one in parameters if isinstance(one, Number) and not one.whole}
+    node.add_pre_set_parameters_callback(converted)
     node.add_on_set_parameters_callback(checked)
+
+
+def _as_double(given: Parameter) -> Parameter:
+    if given.type_ is not Parameter.Type.INTEGER:
+        return given
+    return Parameter(given.name, value=float(given.value))
