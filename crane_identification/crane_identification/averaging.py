@@ -3,6 +3,7 @@
 from dataclasses import dataclass
 
 import numpy as np
+from scipy.stats import f as fisher
 
 TRANSIENT = 2.0
 """A first period that differs from the later ones by this many times their scatter is transient."""
@@ -13,13 +14,26 @@ class Averaging:
     """How a recording was averaged.
 
     `period` [s]; `used` whole periods, the last ones; `transient` whole periods before them were
-    left out, and `incomplete` [s] of the periodic part fills no whole period.
+    left out, and `incomplete` [s] of the periodic part fills no whole period. `drift` of the force.
     """
 
     period: float
     used: int
     transient: int
     incomplete: float
+    drift: "Drift"
+
+
+@dataclass(frozen=True)
+class Drift:
+    """Steady change from period to period, per joint (j,); NaN for fewer than three periods.
+
+    `rate`: root mean square change of the force a period [N m or N]. `p_value`: how likely scatter
+    that is none would look so.
+    """
+
+    rate: np.ndarray
+    p_value: np.ndarray
 
 
 def fold(values: np.ndarray, length: int, periods: int) -> np.ndarray:
@@ -55,3 +69,52 @@ def noise_of_mean(periods: np.ndarray, used: np.ndarray) -> np.ndarray:
         return np.full(periods.shape[2], np.nan)
     variance = np.where(used, periods.var(axis=0, ddof=1), 0.0).sum(axis=0)
     return np.sqrt(variance / np.maximum(used.sum(axis=0), 1) / count)
+
+
+def drift(periods: np.ndarray) -> Drift:
+    """The steady change in M periods (M, n, j) and whether their scatter explains it.
+
+    Without drift, the contrast along the number of the period is as large as any other.
+    """
+    count, samples, joints = periods.shape
+    if count < 3:
+        return Drift(np.full(joints, np.nan), np.full(joints, np.nan))
+    number = np.arange(count) - (count - 1) / 2
+    length = np.linalg.norm(number)
+    deviation = periods - periods.mean(axis=0)
+    contrast = np.tensordot(number / length, deviation, axes=1)  # (n, j)
+    steady = (contrast**2).sum(axis=0)
+    rest = (deviation**2).sum(axis=(0, 1)) - steady
+    others = count - 2
+    independent = independent_samples(deviation, np.ones((samples, joints), dtype=bool))
+    ratio = np.divide(steady * others, rest, out=np.ones(joints), where=rest > 0.0)
+    p_value = fisher.sf(ratio, independent, others * independent)
+    return Drift(np.sqrt(steady / samples) / length, p_value)
+
+
+def independent_samples(deviation: np.ndarray, used: np.ndarray) -> np.ndarray:
+    """How many of n samples (j,) are independent: tr(C)²/tr(C²) of their covariance C.
+
+    From the autocovariance of deviations (M, n, j) from the mean of M periods, over the `used`
+    (n, j) samples, up to the lag at which it is lost in its own uncertainty.
+    """
+    count, samples, joints = deviation.shape
+    length = 2 * samples
+    masked = np.where(used, deviation, 0.0)
+    products = np.fft.irfft((np.abs(np.fft.rfft(masked, length, axis=1)) ** 2).sum(axis=0), axis=0)
+    pairs = np.fft.irfft(np.abs(np.fft.rfft(used.astype(float), length, axis=0)) ** 2, axis=0)
+    pairs = np.round(pairs[:samples])
+    out = np.ones(joints)
+    for j in range(joints):
+        present = pairs[:, j] > 0
+        correlation = np.zeros(samples)
+        correlation[present] = products[:samples, j][present] / pairs[present, j]
+        if not correlation[0] > 0.0:
+            continue
+        correlation /= correlation[0]
+        noise = 2.0 / np.sqrt(np.maximum((count - 1) * pairs[:, j], 1.0))
+        lost = np.flatnonzero(np.abs(correlation) < noise)
+        last = int(lost[0]) if len(lost) else samples
+        weight = pairs[:, j] / pairs[0, j]
+        out[j] = pairs[0, j] / (1.0 + 2.0 * (weight * correlation**2)[1:last].sum())
+    return out

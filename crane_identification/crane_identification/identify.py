@@ -13,7 +13,7 @@ from crane_identification.data.bag_log import read_bag
 from crane_identification.data.column_map import ColumnMap
 from crane_identification.data.log import Log
 from crane_identification.data.table_log import read_table
-from crane_identification.options import Options
+from crane_identification.options import Estimator, Options
 from crane_identification.pipeline import fit, validate
 from crane_identification.progress import Progress
 from crane_identification.progress_bar import ProgressBar
@@ -70,7 +70,9 @@ def identify(arguments: argparse.Namespace) -> None:
     known = (
         load(arguments.reference_values, ReferenceValues) if arguments.reference_values else None
     )
-    options = Options(average=arguments.average, period=arguments.period)
+    options = Options(
+        average=arguments.average, period=arguments.period, estimator=arguments.estimator
+    )
     with ProgressBar() as progress:
         sources = Sources(model, columns, progress)
         training, held_out = sources.read(arguments.train), sources.read(arguments.validate)
@@ -132,6 +134,16 @@ def parser() -> argparse.ArgumentParser:
         dest="average",
         action="store_false",
         help="use every sample: the motion is not periodic",
+    )
+    add(
+        "--estimator",
+        type=Estimator,
+        choices=list(Estimator),
+        default=Options().estimator,
+        help="least_squares: (31) as it stands; weighted: by the noise between joints, from the "
+        "scatter between periods; robust: outliers do not steer it; instrumental: free of the bias "
+        "that feedback brings, from the recorded reference; consistent (default): least squares "
+        "among physical parameters, which is (31) wherever that is physical",
     )
     add(
         "--reference-values",

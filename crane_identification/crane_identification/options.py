@@ -1,26 +1,37 @@
 """How recordings are turned into an estimate; the defaults take what they need from the data."""
 
-from dataclasses import dataclass, field
+from dataclasses import dataclass
+from enum import StrEnum
 
 from crane_identification.estimation.covariance import Covariance
-from crane_identification.signals.kalman import KalmanSmoother
 from crane_identification.signals.motion import MotionEstimator
+
+
+class Estimator(StrEnum):
+    """How Θ is found from the rows; what each is for is in its module under `estimation`."""
+
+    LEAST_SQUARES = "least_squares"
+    WEIGHTED = "weighted"
+    ROBUST = "robust"
+    INSTRUMENTAL = "instrumental"
+    CONSISTENT = "consistent"
 
 
 @dataclass(frozen=True)
 class Options:
     """Choices of identification.
 
-    `motion` estimates velocity and acceleration. With `average`, whole periods are averaged
-    (37)-(38): `period` [s] (None: found in the reference), the last `periods` of them (None: all
-    behind the transient). Without, `trim` samples are cut from both ends (None: those that the
-    smoother's memory spoils). `mask_reversals` leaves out what happens where the sign of the
-    velocity is not known; without, sgn is taken as it comes. `decimation` is the factor of the
-    parallel filter (None: from the bandwidth of the motion; 1: no filter). `covariance` says what
-    is assumed of the residual.
+    `motion` estimates velocity and acceleration (None: the best route for the kind of data). With
+    `average`, whole periods are averaged (37)-(38): `period` [s] (None: found in the reference),
+    the last `periods` of them (None: all behind the transient). Without, `trim` samples are cut
+    from both ends (None: those that the smoother's memory spoils). `mask_reversals` leaves out what
+    happens where the sign of the velocity is not known; without, sgn is taken as it comes.
+    `decimation` is the factor of the parallel filter (None: from the bandwidth of the motion; 1: no
+    filter). `covariance` says what is assumed of the residual. `estimator`: least squares (31)
+    under physical constraints, which is plain least squares wherever that is physical, or another.
     """
 
-    motion: MotionEstimator = field(default_factory=KalmanSmoother)
+    motion: MotionEstimator | None = None
     average: bool = True
     period: float | None = None
     periods: int | None = None
@@ -28,3 +39,4 @@ class Options:
     mask_reversals: bool = True
     decimation: int | None = None
     covariance: Covariance = Covariance.CORRELATED
+    estimator: Estimator = Estimator.CONSISTENT

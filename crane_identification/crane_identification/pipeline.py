@@ -3,14 +3,29 @@
 from collections.abc import Sequence
 from dataclasses import dataclass
 
+import numpy as np
+
 from crane_identification.data.log import Log
+from crane_identification.estimation.consistent import consistent
 from crane_identification.estimation.estimate import Estimate
+from crane_identification.estimation.instrumental import instrumental
+from crane_identification.estimation.lack_of_fit import LackOfFit, lack_of_fit
 from crane_identification.estimation.least_squares import least_squares
+from crane_identification.estimation.physics import physics
+from crane_identification.estimation.robust import robust
 from crane_identification.estimation.rows import Rows
-from crane_identification.options import Options
+from crane_identification.estimation.weighted import weighted
+from crane_identification.excitation import too_little
+from crane_identification.options import Estimator, Options
 from crane_identification.preparation import Preparation, prepare
 from crane_identification.progress import Progress, silent
-from crane_identification.regression import build_rows, common_factor
+from crane_identification.regression import (
+    build_rows,
+    common_factor,
+    force_noise,
+    instruments,
+    scatter,
+)
 from crane_identification.validation import Validation, compare
 from crane_model.errors import DataError
 from crane_model.model_file import Model
@@ -21,6 +36,7 @@ class FitResult:
     """The `model` with its values, the `estimate` behind them, and the data of both.
 
     `rows` are the equations that were solved, `decimation` the factor of the parallel filter.
+    `lack_of_fit` says whether their residual is more than noise.
     """
 
     model: Model
@@ -28,12 +44,13 @@ class FitResult:
     rows: Rows
     preparations: tuple[Preparation, ...]
     decimation: int
+    lack_of_fit: LackOfFit
 
 
 def fit(
     model: Model, logs: Sequence[Log], options: Options | None = None, progress: Progress = silent
 ) -> FitResult:
-    """Θ of `model` from recordings, by least squares (31) on all of them together.
+    """Θ of `model` from all recordings together, by the estimator of `options`.
 
     Raises `DataError` if a recording does not fit the model or is too short, and if parameters
     are not determined by these recordings: it names them.
@@ -42,18 +59,42 @@ def fit(
     preparations = _prepare_all(model, logs, options, progress)
     factor = common_factor(preparations, options.decimation)
     rows = Rows.stack([build_rows(model, p, factor) for p in preparations])
-    estimate = least_squares(rows, options.covariance)
+    estimate = _estimate(model, rows, preparations, factor, options)
     progress("fit", 1.0)
     if estimate.undetermined:
         raise DataError(
             f"model '{model.name}': {', '.join(estimate.undetermined)}: these recordings show only "
-            f"combinations of these parameters; excite the joints more (both directions, several "
-            f"speeds, the whole range) or take terms out of the model"
+            f"combinations of these parameters: "
+            f"{'; '.join(too_little(model, rows, preparations, estimate.undetermined))}. Excite "
+            f"the joints more (both directions, several speeds, the whole range) or take terms "
+            f"out of the model"
         )
     sources = ", ".join(dict.fromkeys(p.source for p in preparations))
     provenance = f"{estimate.method}, {estimate.samples} rows of {sources}"
     fitted = model.with_estimate(estimate.values, estimate.std_devs, provenance)
-    return FitResult(fitted, estimate, rows, tuple(preparations), factor)
+    left = lack_of_fit(rows, estimate.values, [scatter(p, factor) for p in preparations])
+    return FitResult(fitted, estimate, rows, tuple(preparations), factor, left)
+
+
+def _estimate(
+    model: Model, rows: Rows, preparations: Sequence[Preparation], factor: int, options: Options
+) -> Estimate:
+    match options.estimator:
+        case Estimator.LEAST_SQUARES:
+            return least_squares(rows, options.covariance)
+        case Estimator.WEIGHTED:
+            noise = [
+                force_noise(p, rows.used[rows.run == run], factor)
+                for run, p in enumerate(preparations)
+            ]
+            return weighted(rows, noise, options.covariance)
+        case Estimator.ROBUST:
+            return robust(rows, options.covariance)
+        case Estimator.INSTRUMENTAL:
+            along = np.concatenate([instruments(model, p, factor) for p in preparations])
+            return instrumental(rows, along, options.covariance)
+        case Estimator.CONSISTENT:
+            return consistent(rows, physics(model), options.covariance)
 
 
 def validate(

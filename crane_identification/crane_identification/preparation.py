@@ -1,26 +1,24 @@
 """From a log to the record that the model is evaluated on: resampled, averaged, smoothed."""
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
-from crane_identification.averaging import Averaging, fold, transient_periods
+from crane_identification.averaging import Averaging, drift, fold, transient_periods
 from crane_identification.data.log import Log
 from crane_identification.data.resample import Samples, resample, sampling_rate
 from crane_identification.options import Options
 from crane_identification.periodicity import Periodicity, detect_periodicity
 from crane_identification.progress import Progress, silent
 from crane_identification.signals.gate import moving, trusted_bandwidth, velocity_resolution
-from crane_identification.signals.motion import (
-    Motion,
-    encoder_resolution,
-    estimate_periodic,
-)
+from crane_identification.signals.motion import Motion, encoder_resolution
+from crane_identification.signals.routes import estimate_period, estimate_record
 from crane_model.cylinders import generalized_forces
 from crane_model.errors import DataError
 from crane_model.model_file import Model
 from crane_model.record import Record
 
+REFERENCE = ("reference_position", "reference_velocity", "reference_acceleration")
 LOGGED = ("pressure_a", "pressure_b", "slew_position", "command", "temperature")
 
 
@@ -31,6 +29,7 @@ class Preparation:
     `record`: n samples every `step` s with motion and generalized force; one averaged period if
     `averaging` is not None. `moving` (n, j): where the sign of the velocity is known. `bandwidth`
     (j,) [Hz] of the motion. `periods` (M, n, j): the generalized forces that were averaged.
+    `reference`: the record along the motion that was asked for, None where it was not recorded.
     """
 
     source: str
@@ -40,6 +39,7 @@ class Preparation:
     bandwidth: np.ndarray
     averaging: Averaging | None
     periods: np.ndarray
+    reference: Record | None
 
     @property
     def periodic(self) -> bool:
@@ -106,7 +106,9 @@ def _whole(
     """The run as it is, without the ends that the smoother's memory spoils."""
     signals = _signals(model, samples, rows)
     step = 1.0 / samples.rate
-    motion = options.motion.estimate(_coordinates(signals), step, _resolution(log), progress)
+    motion = estimate_record(
+        options.motion, _coordinates(signals), step, _resolution(log), progress
+    )
     bandwidth = motion.bandwidth[: len(model.joints)]
     known = _moving(model, motion, step, False, options)
     spoilt = int(np.ceil(1.0 / (trusted_bandwidth(bandwidth, known) * step)))
@@ -119,14 +121,16 @@ def _whole(
     kept = slice(begin, len(rows) - end)
     signals = {name: values[kept] for name, values in signals.items()}
     time = samples.time[rows][kept]
+    record = _record(model, time, signals, motion.during(kept), options.mask_reversals)
     return Preparation(
         source=log.source,
-        record=_record(model, time, signals, motion.during(kept), options.mask_reversals),
+        record=record,
         step=step,
         moving=known[kept],
         bandwidth=bandwidth,
         averaging=None,
         periods=signals["force"][np.newaxis],
+        reference=_along_reference(record, signals),
     )
 
 
@@ -146,22 +150,26 @@ def _averaged(
     transient = transient_periods(fold(signals["position"], length, whole))
     used = min(whole - transient, options.periods or whole)
     mean = {name: fold(values, length, used).mean(axis=0) for name, values in signals.items()}
-    motion = estimate_periodic(options.motion, _coordinates(mean), step, _resolution(log), progress)
-    time = step * np.arange(length)
+    resolution = _resolution(log) / np.sqrt(used)  # from period to period, rounding is random
+    motion = estimate_period(options.motion, _coordinates(mean), step, resolution, progress)
+    record = _record(model, step * np.arange(length), mean, motion, options.mask_reversals)
+    periods = fold(signals["force"], length, used)
+    remainder = (len(rows) - whole * length) * step
     return Preparation(
         source=log.source,
-        record=_record(model, time, mean, motion, options.mask_reversals),
+        record=record,
         step=step,
         moving=_moving(model, motion, step, True, options),
         bandwidth=motion.bandwidth[: len(model.joints)],
-        averaging=Averaging(length * step, used, whole - used, (len(rows) - whole * length) * step),
-        periods=fold(signals["force"], length, used),
+        averaging=Averaging(length * step, used, whole - used, remainder, drift(periods)),
+        periods=periods,
+        reference=_along_reference(record, mean),
     )
 
 
 def _signals(model: Model, samples: Samples, rows: np.ndarray) -> dict[str, np.ndarray]:
     """What a record holds besides time and motion, on the given rows; absent where not logged."""
-    names = ("position", "force", *LOGGED)
+    names = ("position", "force", *LOGGED, *REFERENCE)
     logged = {name: getattr(samples, name) for name in names}
     signals = {name: values[rows] for name, values in logged.items() if values is not None}
     if "force" not in signals:
@@ -194,6 +202,15 @@ def _coordinates(signals: dict[str, np.ndarray]) -> np.ndarray:
     return np.column_stack([signals["position"], signals["slew_position"]])
 
 
+def _along_reference(record: Record, signals: dict[str, np.ndarray]) -> Record | None:
+    """`record` with the motion that was asked for, where all of it is known."""
+    motion = [signals[name] for name in REFERENCE if name in signals]
+    if len(motion) < len(REFERENCE) or not all(np.isfinite(values).all() for values in motion):
+        return None
+    position, velocity, acceleration = motion
+    return replace(record, position=position, velocity=velocity, acceleration=acceleration)
+
+
 def _moving(
     model: Model, motion: Motion, step: float, periodic: bool, options: Options
 ) -> np.ndarray:
@@ -211,14 +228,7 @@ def _record(
     mask_reversals: bool,
 ) -> Record:
     joints = len(model.joints)
-    slew = {}
-    if "slew_position" in signals:
-        slew = {
-            "slew_position": motion.position[:, joints],
-            "slew_velocity": motion.velocity[:, joints],
-            "slew_acceleration": motion.acceleration[:, joints],
-        }
-    return Record(
+    record = Record(
         joints=model.joints,
         time=time,
         position=motion.position[:, :joints],
@@ -231,5 +241,12 @@ def _record(
         command=signals.get("command"),
         temperature=signals.get("temperature"),
         velocity_resolution=velocity_resolution(motion)[:joints] if mask_reversals else None,
-        **slew,
+    )
+    if "slew_position" not in signals:
+        return record
+    return replace(
+        record,
+        slew_position=motion.position[:, joints],
+        slew_velocity=motion.velocity[:, joints],
+        slew_acceleration=motion.acceleration[:, joints],
     )

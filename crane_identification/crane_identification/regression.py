@@ -9,7 +9,9 @@ from crane_identification.estimation.rows import Rows
 from crane_identification.preparation import Preparation
 from crane_identification.signals.decimate import decimate, decimation_factor, decimation_rows
 from crane_identification.signals.gate import trusted_bandwidth
+from crane_model.errors import DataError
 from crane_model.model_file import Model
+from crane_model.record import Record
 
 OPEN = 0.5
 """A filtered row is used if at least this share of what the filter saw was let through."""
@@ -34,7 +36,6 @@ def build_rows(model: Model, preparation: Preparation, factor: int) -> Rows:
     record = preparation.record
     assert record.force is not None  # prepare() refuses such recordings
     gate = preparation.moving.astype(float)
-    matrix = model.regressor(record) * gate[:, :, np.newaxis]
     kept = decimation_rows(len(record), factor)
     return Rows(
         joints=model.joints,
@@ -42,10 +43,52 @@ def build_rows(model: Model, preparation: Preparation, factor: int) -> Rows:
         units=tuple(parameter.unit for parameter in model.parameters),
         time=record.time[kept],
         run=np.zeros(len(kept), dtype=int),
-        matrix=decimate(matrix, factor, preparation.periodic),
+        matrix=_columns(model, preparation, record, factor),
         force=decimate(record.force * gate, factor, preparation.periodic),
         used=decimate(gate, factor, preparation.periodic) > OPEN,
     )
+
+
+def instruments(model: Model, preparation: Preparation, factor: int) -> np.ndarray:
+    """Φ (n, j, p) along the reference, gated and filtered as the rows of the same recording.
+
+    `DataError` where the reference was not recorded.
+    """
+    if preparation.reference is None:
+        raise DataError(
+            f"{preparation.source}: instrumental variables need the reference position, velocity "
+            f"and acceleration (/joint_reference); record it, or choose another estimator"
+        )
+    return _columns(model, preparation, preparation.reference, factor)
+
+
+def _columns(model: Model, preparation: Preparation, record: Record, factor: int) -> np.ndarray:
+    gate = preparation.moving[:, :, np.newaxis]
+    return decimate(model.regressor(record) * gate, factor, preparation.periodic)
+
+
+def scatter(preparation: Preparation, factor: int) -> np.ndarray:
+    """Deviations (M, n, j) of the force in each period from their mean, in the rows of the fit."""
+    deviation = (preparation.periods - preparation.periods.mean(axis=0)) * preparation.moving
+    return np.stack([decimate(one, factor, preparation.periodic) for one in deviation])
+
+
+def force_noise(preparation: Preparation, used: np.ndarray, factor: int) -> np.ndarray:
+    """Covariance (j, j) of the noise of the averaged force between joints, free of any model.
+
+    Over the rows `used` (n, j). `DataError` for a single period, which has no scatter.
+    """
+    count = len(preparation.periods)
+    if count < 2:
+        raise DataError(
+            f"{preparation.source}: the noise between joints is the scatter between periods, and "
+            f"there is one period; record at least two, average, or choose another estimator"
+        )
+    deviation = np.where(used, scatter(preparation, factor), 0.0)
+    rows = used.sum(axis=0)
+    power = np.einsum("mnj,mnk->jk", deviation, deviation) / (count - 1) / count
+    both = used.T.astype(float) @ used
+    return np.where(both > 0, power / np.maximum(both, 1), 0.0) + np.diag(rows == 0)
 
 
 def noise_floor(preparation: Preparation, factor: int) -> np.ndarray:

@@ -3,16 +3,14 @@
 import numpy as np
 
 from crane_identification.estimation.covariance import Covariance, correlated, white
-from crane_identification.estimation.estimate import Estimate
+from crane_identification.estimation.estimate import Estimate, Fit, describe
 from crane_identification.estimation.rows import Rows
-from crane_model.base_parameters import reveal_rank
+from crane_identification.estimation.solving import BasicSolution, balance, solve
 from crane_model.errors import DataError
 
-RANK_TOLERANCE = 1e-9
-CONTAINED = 1e-6  # share of a dependent column's norm above which another is part of it
-PASSES = 50
-SAME_WEIGHTS = 1e-3  # relative change
-ROUNDING = 1e-12  # share of the forces below which a residual is rounding, not noise
+UNSEEN = 1.0
+"""A parameter is not determined if one standard deviation of it changes the force, on some joint,
+by as much as the whole measured force."""
 
 
 def least_squares(
@@ -21,99 +19,47 @@ def least_squares(
     """Θ that minimises the weighted norm of τ - ΦΘ (30).
 
     `weights` multiply the rows: (j,) or (n, j), in 1/N m and 1/N. Without them, one joint is
-    fitted as (31) stands; with several, that is the first pass, and further ones weight each joint
-    by the inverse of its root mean square residual until the weights stay the same.
+    fitted as (31) stands; with several, each is weighted by the inverse of its root mean square
+    residual, in passes from equal weights until they stay the same.
 
     Raises `DataError` if there are fewer rows than parameters or a row is not finite.
     """
-    _check(rows)
-    if weights is None:
-        weights = np.ones(len(rows.joints)) if len(rows.joints) == 1 else balancing(rows)
-    weights = np.broadcast_to(weights, rows.force.shape)
-    values, determined, bread = _solve(rows, weights)
-    residual = rows.residual(values)
-    weighted = weights * residual
-    if covariance is Covariance.CORRELATED:
-        spread = correlated(rows, weights, weighted, bread)
-    else:
-        spread = white(weighted[rows.used], bread, covariance)
-    values = np.where(determined, values, np.nan)
-    spread = np.where(determined[:, None] & determined, spread, np.nan)
-    counts = np.maximum(rows.used.sum(axis=0), 1)
-    raw, normalized = condition_numbers(rows.stacked)
-    return Estimate(
-        names=rows.names,
-        units=rows.units,
-        joints=rows.joints,
-        values=values,
-        std_devs=np.sqrt(np.diag(spread)),
-        covariance=spread,
-        undetermined=tuple(np.array(rows.names)[~determined].tolist()),
-        condition_number=raw,
-        condition_number_normalized=normalized,
-        residual_rms=rows.norms(residual) / np.sqrt(counts),
-        relative_error=relative(rows.norms(residual), rows.norms(rows.force)),
-        samples=rows.samples,
-        method=f"least squares (31), {covariance} residual",
+    check(rows)
+    weights = balancing(rows) if weights is None else weights
+    return describe(
+        rows, fit(rows, weights, covariance), f"least squares (31), {covariance} residual"
     )
 
 
-def condition_numbers(stacked: np.ndarray) -> tuple[float, float]:
-    """Condition number of columns (N, p) as they are, and with each scaled to norm 1."""
-    norms = np.linalg.norm(stacked, axis=0)
-    if not norms.all():
-        return np.inf, np.inf
-    return float(np.linalg.cond(stacked)), float(np.linalg.cond(stacked / norms))
+def fit(rows: Rows, weights: np.ndarray, covariance: Covariance) -> Fit:
+    """Θ and its covariance for given weights, (j,) or (n, j)."""
+    weights = np.broadcast_to(weights, rows.force.shape)
+    values, determined, bread, _ = solve_weighted(rows, weights)
+    residual = weights * rows.residual(values)
+    if covariance is Covariance.CORRELATED:
+        spread = correlated(rows, weights, residual, bread)
+    else:
+        spread = white(residual[rows.used], bread, covariance)
+    return Fit(values, spread, determined & _seen(rows, np.sqrt(np.diag(spread))))
+
+
+def solve_weighted(rows: Rows, weights: np.ndarray) -> BasicSolution:
+    """The basic solution of the used rows, multiplied by `weights`, (j,) or (n, j)."""
+    scaling = np.broadcast_to(weights, rows.force.shape)[rows.used]
+    return solve(rows.stacked * scaling[:, None], rows.force[rows.used] * scaling)
 
 
 def balancing(rows: Rows) -> np.ndarray:
     """Weights (j,) with which the weighted residual of each joint has root mean square 1."""
-    weights = np.ones(len(rows.joints))
-    for _ in range(PASSES):
-        before, weights = weights, _inverse_residuals(rows, _solve(rows, weights)[0])
-        if (np.abs(np.log(weights / before)) < SAME_WEIGHTS).all():
-            break
-    return weights
+
+    def residuals(weights: np.ndarray) -> np.ndarray:
+        return rows.rms(rows.residual(solve_weighted(rows, weights).values))
+
+    return balance(len(rows.joints), residuals, rows.rms(rows.force))
 
 
-def _inverse_residuals(rows: Rows, values: np.ndarray) -> np.ndarray:
-    counts = np.maximum(rows.used.sum(axis=0), 1)
-    residual = rows.norms(rows.residual(values)) / np.sqrt(counts)
-    force = rows.norms(rows.force) / np.sqrt(counts)
-    floor = np.where(force > 0.0, ROUNDING * force, 1.0)
-    return 1.0 / np.maximum(residual, floor)
-
-
-def relative(part: np.ndarray, whole: np.ndarray) -> np.ndarray:
-    """part / whole, NaN where there is nothing to compare with."""
-    return np.divide(part, whole, out=np.full_like(whole, np.nan), where=whole > 0)
-
-
-def _solve(rows: Rows, weights: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-    """Basic solution (p,), which of it is determined (p,), and (ΦᵀW²Φ)⁻¹ (p, p).
-
-    Columns are scaled to norm 1 inside, so that the units of the parameters do not matter.
-    """
-    scaling = np.broadcast_to(weights, rows.force.shape)[rows.used]
-    matrix = rows.stacked * scaling[:, None]
-    force = rows.force[rows.used] * scaling
-    basis = reveal_rank(matrix, RANK_TOLERANCE)
-    kept, dropped = list(basis.independent), list(basis.dependent)
-    norms = np.linalg.norm(matrix, axis=0)
-    q, r = np.linalg.qr(matrix[:, kept] / norms[kept])
-    inverse = np.linalg.solve(r, np.eye(len(kept))) / norms[kept][:, None]
-    parameters = matrix.shape[1]
-    values, bread = np.zeros(parameters), np.zeros((parameters, parameters))
-    values[kept] = inverse @ (q.T @ force)
-    bread[np.ix_(kept, kept)] = inverse @ inverse.T
-    # A parameter is determined if no dropped column contains its column.
-    contained = np.abs(basis.combination) * norms[kept][:, None]
-    determined = np.zeros(parameters, dtype=bool)
-    determined[kept] = (contained <= CONTAINED * norms[dropped]).all(axis=1)
-    return values, determined, bread
-
-
-def _check(rows: Rows) -> None:
+def check(rows: Rows) -> None:
+    """`DataError` if there are fewer rows than parameters or a row is not finite."""
     parameters = len(rows.names)
     if rows.samples <= parameters:
         raise DataError(
@@ -127,3 +73,10 @@ def _check(rows: Rows) -> None:
             f"least squares: joint {rows.joints[joint]} at {rows.time[instant]:.4g} s: force or "
             f"regressor is not finite; cut the recording to where every sensor was logged"
         )
+
+
+def _seen(rows: Rows, std_devs: np.ndarray) -> np.ndarray:
+    """(p,): whether the force says more about a parameter than that it is there."""
+    columns = np.stack([rows.rms(rows.matrix[:, :, k]) for k in range(len(rows.names))])
+    force = rows.rms(rows.force)
+    return ~((columns * std_devs[:, None] > UNSEEN * force) & (columns > 0.0)).any(axis=1)

@@ -71,3 +71,7 @@ class Rows:
     def norms(self, forces: np.ndarray) -> np.ndarray:
         """Euclidean norm (j,) of forces (n, j) over the used rows of each joint."""
         return np.sqrt((np.where(self.used, forces, 0.0) ** 2).sum(axis=0))
+
+    def rms(self, forces: np.ndarray) -> np.ndarray:
+        """Root mean square (j,) of forces (n, j) over the used rows of each joint."""
+        return self.norms(forces) / np.sqrt(np.maximum(self.used.sum(axis=0), 1))

@@ -14,14 +14,7 @@ from typing import NamedTuple
 import numpy as np
 from numba import njit
 
-from crane_identification.estimation.least_squares import (
-    CONTAINED,
-    PASSES,
-    RANK_TOLERANCE,
-    ROUNDING,
-    SAME_WEIGHTS,
-)
-from crane_model.base_parameters import reveal_rank
+from crane_identification.estimation.solving import BasicSolution, balance, solve
 
 
 class Solution(NamedTuple):
@@ -85,11 +78,8 @@ class Recursion:
         joints, parameters = len(self._factor), self._factor.shape[1] - 1
         if not self.well_posed:
             return _unknown(joints, parameters)
-        weights = np.ones(joints)
-        for _ in range(PASSES if joints > 1 else 0):
-            before, weights = weights, self._inverse_residuals(self._combined(weights)[0])
-            if (np.abs(np.log(weights / before)) < SAME_WEIGHTS).all():
-                break
+        force = self._rms(np.zeros(parameters))
+        weights = balance(joints, lambda w: self._rms(self._combined(w).values), force)
         values, determined, bread, condition = self._combined(weights)
         rms = self._rms(values)
         power = (weights * rms) ** 2
@@ -110,34 +100,15 @@ class Recursion:
         """Θ (p,) alone, for given weights (j,), in a tenth of the time; NaN while R is singular."""
         return _solve_triangles(self._factor, weights)
 
-    def _combined(self, weights: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray, float]:
-        """Basic solution (p,), which of it is determined (p,), (Σ R'W²R)⁻¹ (p, p), condition."""
-        parameters = self._factor.shape[1] - 1
-        stacked = self._factor[:, :-1] * weights[:, None, None]
-        matrix, force = stacked[:, :, :-1].reshape(-1, parameters), stacked[:, :, -1].ravel()
-        basis = reveal_rank(matrix, RANK_TOLERANCE)
-        kept, dropped = list(basis.independent), list(basis.dependent)
-        norms = np.linalg.norm(matrix, axis=0)
-        q, r = np.linalg.qr(matrix[:, kept] / norms[kept])
-        inverse = np.linalg.solve(r, np.eye(len(kept))) / norms[kept][:, None]
-        values, bread = np.zeros(parameters), np.zeros((parameters, parameters))
-        values[kept] = inverse @ (q.T @ force)
-        bread[np.ix_(kept, kept)] = inverse @ inverse.T
-        contained = np.abs(basis.combination) * norms[kept][:, None]
-        determined = np.zeros(parameters, dtype=bool)
-        determined[kept] = (contained <= CONTAINED * norms[dropped]).all(axis=1)
-        return values, determined, bread, np.inf if dropped else float(np.linalg.cond(r))
+    def _combined(self, weights: np.ndarray) -> BasicSolution:
+        """The solution of all joints together, each weighted; its `bread` is (Σ R'W²R)⁻¹."""
+        stacked = (self._factor[:, :-1] * weights[:, None, None]).reshape(-1, self._factor.shape[2])
+        return solve(stacked[:, :-1], stacked[:, -1])
 
     def _rms(self, values: np.ndarray) -> np.ndarray:
         """Root mean square residual (j,) of the rows so far, from the triangles alone."""
         seen = np.append(-values, 1.0)
         return np.linalg.norm(self._factor @ seen, axis=1) / np.sqrt(np.maximum(self._count, 1e-9))
-
-    def _inverse_residuals(self, values: np.ndarray) -> np.ndarray:
-        """Weights (j,) of the next pass; a residual that is rounding alone does not count."""
-        force = self._rms(np.zeros(len(values)))
-        floor = np.where(force > 0.0, ROUNDING * force, 1.0)
-        return 1.0 / np.maximum(self._rms(values), floor)
 
     def _lost(self, bread: np.ndarray, meat: np.ndarray, power: np.ndarray) -> float:
         """What the residuals are smaller than the noise, as parameters were fitted to them."""

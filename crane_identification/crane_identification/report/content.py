@@ -24,6 +24,8 @@ PACKAGES = (
     "scipy",
     "numba",
     "filterpy",
+    "cvxpy",
+    "clarabel",
     "rosbags",
     "plotly",
 )

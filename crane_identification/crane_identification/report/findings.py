@@ -14,6 +14,8 @@ UNCERTAIN = 0.1
 """Relative standard deviation above which a parameter counts as uncertain."""
 RESTING = 0.5
 """A joint that moves for less than this share of the time is weakly excited."""
+BEYOND_NOISE = 1e-3
+"""Probability of the noise doing what is seen, below which it is said that something else does."""
 REMAINDER = 0.05
 """Share of a period that may be lost at the ends of a recording without a word."""
 
@@ -25,11 +27,14 @@ def findings(
 ) -> tuple[str, ...]:
     """Warnings about a fit, its recordings (`logs`: all of them) and its validation."""
     preparations = (*fit.preparations, *(v.preparation for v in validations))
+    setting = fit.model.setting
+    units = [setting.force_unit(joint) for joint in fit.model.joints]
     return (
         *_parameters(fit),
         *(note for log in logs for note in _recording(log)),
-        *(note for p in preparations for note in _preparation(p)),
+        *(note for p in preparations for note in _preparation(p, units)),
         *_gaps(preparations),
+        *_lack_of_fit(fit),
         *_excitation(fit),
         *([] if validations else ["No recording was held out: the model is not validated."]),
     )
@@ -49,6 +54,10 @@ def _parameters(fit: FitResult) -> list[str]:
         for parameter, value in zip(fit.model.parameters, estimate.values.tolist(), strict=True)
         if parameter.minimum is not None and value < parameter.minimum
     ]
+    if estimate.bounds:
+        notes.append(
+            f"Least squares alone is not physical: held back by {listed(estimate.bounds)}."
+        )
     relative = estimate.relative_std_devs
     doubtful = [
         f"{name} ({short_percent(float(share))})"
@@ -69,7 +78,7 @@ def _recording(log: Log) -> list[str]:
     return notes
 
 
-def _preparation(preparation: Preparation) -> list[str]:
+def _preparation(preparation: Preparation, units: Sequence[str]) -> list[str]:
     source, averaging = preparation.source, preparation.averaging
     if averaging is None:
         return []
@@ -84,6 +93,15 @@ def _preparation(preparation: Preparation) -> list[str]:
             f"{source}: {averaging.transient} of {averaging.transient + averaging.used} periods "
             "left out at the start: not periodic yet."
         )
+    drift = averaging.drift
+    notes += [
+        f"{source}: the force of the {spoken(joint)} drifts by {plain(float(rate))} {unit} a "
+        f"period."
+        for joint, rate, p_value, unit in zip(
+            preparation.record.joints, drift.rate, drift.p_value, units, strict=True
+        )
+        if p_value < BEYOND_NOISE
+    ]
     if averaging.used == 1:
         notes.append(f"{source}: only one period, so that its noise is not known.")
     return notes
@@ -95,6 +113,16 @@ def _gaps(preparations: Sequence[Preparation]) -> list[str]:
         f"{source}: gaps in the recording; {sources.count(source)} parts of it are used."
         for source in dict.fromkeys(sources)
         if sources.count(source) > 1
+    ]
+
+
+def _lack_of_fit(fit: FitResult) -> list[str]:
+    left = fit.lack_of_fit
+    return [
+        f"More than noise is left in the residual of the {spoken(joint)}: {plain(float(ratio))} "
+        f"times its power. The model lacks an effect, or the motion is not known well enough."
+        for joint, ratio, p_value in zip(left.joints, left.ratio, left.p_value, strict=True)
+        if p_value < BEYOND_NOISE
     ]
 
 

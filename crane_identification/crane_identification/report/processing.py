@@ -2,11 +2,15 @@
 
 from collections.abc import Iterator
 
+import numpy as np
+
+from crane_identification.estimation.lack_of_fit import LackOfFit
 from crane_identification.preparation import Preparation
 from crane_identification.report.content import IdentificationReport
 from crane_identification.report.notation import listed, plain, spoken
 from crane_identification.signals.butterworth import ButterworthDifferentiator
 from crane_identification.signals.decimate import KEPT_SHARE
+from crane_identification.signals.fourier import FourierFit
 from crane_identification.signals.kalman import KalmanSmoother
 from crane_identification.signals.motion import MotionEstimator
 
@@ -15,17 +19,36 @@ def processing(report: IdentificationReport) -> list[tuple[str, str]]:
     """Steps of the processing: what was done, and with which numbers."""
     fit, options = report.fit, report.options
     step = fit.preparations[0].step
-    steps = [("Velocity and acceleration", _motion(options.motion))]
+    chosen = options.motion or (FourierFit() if options.average else KalmanSmoother())
+    steps = [("Velocity and acceleration", _motion(chosen))]
     steps += [("Bandwidth", line) for line in _bandwidths(report)]
     steps += [(p.source, _periods(p)) for p in fit.preparations]
     steps.append(("Parallel filter", _filter(fit.decimation, step)))
     steps.append(("Reversals", _reversals(options.mask_reversals)))
     steps.append(("Estimate", f"{fit.estimate.method}; {fit.estimate.samples} rows"))
+    steps.append(("Residual against noise", _lack_of_fit(fit.lack_of_fit)))
     return steps
+
+
+def _lack_of_fit(left: LackOfFit) -> str:
+    """Power of the residual over that of the noise between periods, and the test of lack of fit."""
+    parts = [
+        f"{spoken(joint)} {plain(float(ratio), 3)} (p = {plain(float(p_value), 2)})"
+        for joint, ratio, p_value in zip(left.joints, left.ratio, left.p_value, strict=True)
+        if np.isfinite(ratio)
+    ]
+    if not parts:
+        return "not known: no period was repeated"
+    return f"power of the residual over that of the noise between periods: {listed(parts)}"
 
 
 def _motion(estimator: MotionEstimator) -> str:
     match estimator:
+        case FourierFit():
+            return (
+                "least-squares Fourier series of the averaged period, differentiated exactly; "
+                "harmonics that noise outweighs are damped"
+            )
         case KalmanSmoother(jerk_density=None):
             return "Kalman smoother driven by white jerk, tuned by the likelihood of the readings"
         case KalmanSmoother():

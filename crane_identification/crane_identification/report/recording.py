@@ -6,6 +6,7 @@ import numpy as np
 
 from crane_identification.data.log import Log
 from crane_identification.data.resample import Samples, resample
+from crane_identification.signals.butterworth import ButterworthDifferentiator
 from crane_identification.signals.kalman import KalmanSmoother
 from crane_identification.signals.motion import MotionEstimator, encoder_resolution
 from crane_model.cylinders import generalized_forces
@@ -29,11 +30,13 @@ class Recording:
     reference_velocity: np.ndarray | None
 
 
-def recorded(model: Model, log: Log, motion: MotionEstimator, bandwidth: np.ndarray) -> Recording:
+def recorded(
+    model: Model, log: Log, motion: MotionEstimator | None, bandwidth: np.ndarray
+) -> Recording:
     """The whole of `log`, not averaged: forces through (27) where the log holds pressures.
 
-    A smoother that tunes itself is set to the `bandwidth` (j,) [Hz] found for the averaged motion,
-    so that both are smoothed alike, and without another search.
+    What tunes itself is a Kalman smoother here, set to the `bandwidth` (j,) [Hz] found for the
+    averaged motion, so that both are smoothed alike, and without another search.
     """
     samples = resample(log)
     force = _forces(model, samples)
@@ -70,8 +73,10 @@ def _forces(model: Model, samples: Samples) -> np.ndarray:
     )
 
 
-def _tuned(motion: MotionEstimator, bandwidth: np.ndarray, step: float) -> MotionEstimator:
-    if not isinstance(motion, KalmanSmoother) or motion.jerk_density is not None:
+def _tuned(motion: MotionEstimator | None, bandwidth: np.ndarray, step: float) -> MotionEstimator:
+    if isinstance(motion, ButterworthDifferentiator):
+        return motion
+    if isinstance(motion, KalmanSmoother) and motion.jerk_density is not None:
         return motion
     # With readings of unit noise, the density of the jerk alone sets the bandwidth.
     density = step * (2 * np.pi * bandwidth) ** 6

@@ -29,6 +29,15 @@ class MotionSummary(TypedDict):
     displacement_rms: dict[str, float | None]
 
 
+class LackOfFitSummary(TypedDict):
+    """Per joint: power of the residual over what the noise between periods leaves of it, and the
+    probability that noise alone gives as much (null: no period was repeated).
+    """
+
+    ratio: dict[str, float | None]
+    p_value: dict[str, float | None]
+
+
 class Summary(TypedDict):
     """Errors are shares of one per joint, over all samples of all recordings of their kind.
 
@@ -37,12 +46,15 @@ class Summary(TypedDict):
     `noise_floor` the scatter of τ from period to period (null: no period was repeated). They are
     empty without validation. `friction_share` is ‖friction‖/‖τ‖ of the training data by the fitted
     model. The condition numbers are those of all columns in SI units, and of the same columns
-    scaled to norm 1 (null: rank deficient). `samples` counts the fitted rows.
+    scaled to norm 1 (null: rank deficient). `samples` counts the fitted rows. `bounds` names the
+    physical constraints that hold the values back.
     """
 
     model: str
     date: str
+    estimator: str
     method: str
+    bounds: list[str]
     parameters: list[ParameterSummary]
     heldout_relative_error: dict[str, float | None]
     heldout_relative_error_moving: dict[str, float | None]
@@ -50,6 +62,7 @@ class Summary(TypedDict):
     noise_floor: dict[str, float | None]
     training_relative_error: dict[str, float | None]
     friction_share: dict[str, float | None]
+    lack_of_fit: LackOfFitSummary
     simulated_motion: MotionSummary | None
     condition_number: float | None
     condition_number_normalized: float | None
@@ -69,7 +82,9 @@ def summarize(report: IdentificationReport) -> Summary:
     return Summary(
         model=report.fit.model.name,
         date=report.provenance.date,
+        estimator=report.options.estimator.value,
         method=estimate.method,
+        bounds=list(estimate.bounds),
         parameters=[
             ParameterSummary(name=name, unit=unit, value=_number(value), std_dev=_number(std_dev))
             for name, unit, value, std_dev in zip(
@@ -84,6 +99,10 @@ def summarize(report: IdentificationReport) -> Summary:
         noise_floor=per_joint(held_out.noise_floor) if held_out else {},
         training_relative_error=per_joint(report.trained.relative),
         friction_share=per_joint(report.friction_share),
+        lack_of_fit=LackOfFitSummary(
+            ratio=per_joint(report.fit.lack_of_fit.ratio),
+            p_value=per_joint(report.fit.lack_of_fit.p_value),
+        ),
         simulated_motion=MotionSummary(
             horizon=simulated.horizon,
             windows=simulated.windows,

@@ -6,7 +6,7 @@ from typing import NamedTuple
 import numpy as np
 from markupsafe import Markup
 
-from crane_identification.estimation.least_squares import condition_numbers
+from crane_identification.estimation.estimate import condition_numbers
 from crane_identification.report import marks
 from crane_identification.report.content import IdentificationReport
 from crane_identification.report.findings import UNCERTAIN
@@ -22,8 +22,8 @@ from crane_identification.report.symbols import entry_symbol, parameter_symbol, 
 from crane_model.base_parameters import REPORT_PARAMETERS, REPORT_UNITS, report_from_base
 from crane_model.dynamics import Geometry
 from crane_model.model_file import Model
-from crane_model.terms.rigid_body import PlanarRigidBody
 from crane_model.terms import OneJointTerm, Parameter
+from crane_model.terms.rigid_body import PlanarRigidBody
 
 
 class ParameterRow(NamedTuple):

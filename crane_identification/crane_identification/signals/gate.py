@@ -11,6 +11,10 @@ SIGMAS = 3.0
 GUARD_CYCLES = 1.0
 """Cycles at the bandwidth of the motion over which the smoother spreads what happens at a reversal:
 main lobe and first side lobe of its response."""
+ROUNDING = 1e-6  # samples
+SETTLING = 0.1
+"""Time [s] that friction takes after a reversal until it follows (13): before, the joint presses on
+bristles and seals that give way (presliding), which a model of (13) takes for inertia."""
 
 
 def velocity_resolution(motion: Motion) -> np.ndarray:
@@ -31,7 +35,7 @@ def trusted_bandwidth(bandwidth: np.ndarray, known: np.ndarray) -> float:
 
 
 def moving(motion: Motion, step: float, periodic: bool) -> np.ndarray:
-    """(n, j): True where joint j moves, and has done and will do so for a smoothing cycle.
+    """(n, j): True where joint j moves, and has done and will do so for a smoothing cycle and more.
 
     At standstill (13) is set-valued, and near a reversal the velocity estimate lags or leads the
     true one: rows from there are wrong by up to 2 f_c, which biases the friction parameters.
@@ -45,6 +49,6 @@ def moving(motion: Motion, step: float, periodic: bool) -> np.ndarray:
     around = np.concatenate([still, still, still]) if periodic else still
     out = np.empty_like(around)
     for j, bandwidth in enumerate(motion.bandwidth):
-        guard = int(np.ceil(GUARD_CYCLES / (bandwidth * step)))
+        guard = int(np.ceil((GUARD_CYCLES / bandwidth + SETTLING) / step - ROUNDING))
         out[:, j] = ~binary_dilation(around[:, j], iterations=guard)
     return out[n : 2 * n] if periodic else out

@@ -48,24 +48,6 @@ class MotionEstimator(Protocol):
         ...
 
 
-def estimate_periodic(
-    estimator: MotionEstimator,
-    position: np.ndarray,
-    step: float,
-    resolution: np.ndarray,
-    progress: Progress = silent,
-) -> Motion:
-    """Motion over one whole period (n, j), continued periodically so that it has no ends.
-
-    Half a period is put before and behind, which is far more than an estimator remembers.
-    """
-    n = len(position)
-    half = n // 2
-    extended = np.concatenate([position[n - half :], position, position[:half]])
-    motion = estimator.estimate(extended, step, resolution, progress)
-    return motion.during(slice(half, half + n))
-
-
 def encoder_resolution(position: np.ndarray) -> np.ndarray:
     """Smallest step between different readings (n, j) of each encoder (j,) [rad or m].
 

@@ -1,11 +1,11 @@
 import numpy as np
 
-from crane_identification.signals.gate import moving, velocity_resolution
+from crane_identification.signals.gate import SETTLING, moving, velocity_resolution
 from crane_identification.signals.motion import Motion
 
 STEP = 0.01
 BANDWIDTH = 5.0
-GUARD = 20  # samples: one cycle of 5 Hz at 100 Hz
+GUARD = 20 + round(SETTLING / STEP)  # samples: one cycle of 5 Hz at 100 Hz, and the settling
 
 
 def motion(velocity: np.ndarray, noise: float = 0.01) -> Motion:

@@ -10,7 +10,8 @@ from crane_identification.signals.kalman import (
     smooth,
     smoothed_covariance,
 )
-from crane_identification.signals.motion import encoder_resolution, estimate_periodic
+from crane_identification.signals.motion import encoder_resolution
+from crane_identification.signals.routes import estimate_period
 from crane_model.errors import DataError
 
 STEP = 0.005
@@ -134,8 +135,8 @@ def test_a_period_has_no_ends() -> None:
     """One averaged period, started anywhere, gives the same motion."""
     position = rounded(sinusoid(800)[0])[:, None]  # 4 s, one period
     resolution = np.array([RESOLUTION])
-    motion = estimate_periodic(KalmanSmoother(), position, STEP, resolution)
-    shifted = estimate_periodic(KalmanSmoother(), np.roll(position, 300, axis=0), STEP, resolution)
+    motion = estimate_period(KalmanSmoother(), position, STEP, resolution)
+    shifted = estimate_period(KalmanSmoother(), np.roll(position, 300, axis=0), STEP, resolution)
     np.testing.assert_allclose(
         np.roll(motion.acceleration, 300, axis=0), shifted.acceleration, atol=5e-3
     )

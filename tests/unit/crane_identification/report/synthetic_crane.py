@@ -13,7 +13,7 @@ RATE = 100.0  # Hz
 PLANTED = dict(
     zip(
         [p.name for p in load_model(packaged("crane_model", "crane_model.yaml")).parameters],
-        [450, 350, 8, 250, 170, 20, 130, 180]  # inertial, as in crane_model.base_parameters
+        [450, 350, 8, 400, 170, 20, 130, 180]  # inertial, as in crane_model.base_parameters
         + [900, 100, 1500, 200, 500, 50, 700, 80, 500, 60, 700, 90],  # friction of each joint
         strict=True,
     )

@@ -4,8 +4,10 @@ import numpy as np
 import pytest
 from unit.crane_identification.report.synthetic_crane import PLANTED
 
-from crane_identification.averaging import Averaging
+from crane_identification.averaging import Averaging, Drift
 from crane_identification.report.findings import findings
+
+STEADY = Drift(np.zeros(3), np.ones(3))
 
 
 def warnings_of(report, fit=None, logs=()):
@@ -51,9 +53,15 @@ def test_values_of_the_wrong_sign_are_not_physical(report):
 @pytest.mark.parametrize(
     ("averaging", "words"),
     [
-        (Averaging(12.0, 3, 0, 5.0), "5.00 s fill no whole period"),
-        (Averaging(12.0, 3, 1, 0.0), "1 of 4 periods left out at the start"),
-        (Averaging(12.0, 1, 0, 0.0), "only one period"),
+        (Averaging(12.0, 3, 0, 5.0, STEADY), "5.00 s fill no whole period"),
+        (Averaging(12.0, 3, 1, 0.0, STEADY), "1 of 4 periods left out at the start"),
+        (Averaging(12.0, 1, 0, 0.0, STEADY), "only one period"),
+        (
+            Averaging(
+                12.0, 3, 0, 0.0, Drift(np.array([1.0, 7.0, 1.0]), np.array([0.5, 1e-5, 1.0]))
+            ),
+            "the force of the outer boom drifts by 7.00 N m a period",
+        ),
     ],
 )
 def test_periods_that_are_lost(report, averaging, words):

@@ -116,7 +116,7 @@ def test_provenance_and_processing_are_complete(tree):
         assert words in section.text
     (conditions,) = tree.find("section", id="conditions")
     for words in (
-        "Kalman smoother",
+        "Fourier series",
         "mean of 3 periods of 12.00 s",
         "sign of the joint's velocity",
     ):

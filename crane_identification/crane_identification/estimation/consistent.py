@@ -1,0 +1,101 @@
+"""Physically consistent least squares: fitted under the constraints, never projected afterwards.
+
+Every body is a variable of its own, by its planar pseudo-inertia (Wensing, Kim, Slotine 2018)
+
+        | Σ   h |     Σ second moments (2, 2) [kg m²], h mass moments (2,) [kg m], m mass [kg],
+    P = |       |     inertia tr Σ, all about the origin of the link
+        | hᵀ  m |
+
+which is positive definite exactly if some distribution of positive mass has these moments. Θ are
+linear combinations of the bodies, so that the fit is a convex program with one solution for Θ,
+though not for bodies of which the forces show only combinations.
+"""
+
+from typing import Any
+
+import numpy as np
+
+from crane_identification.estimation.covariance import Covariance
+from crane_identification.estimation.estimate import Estimate, Fit, describe
+from crane_identification.estimation.least_squares import balancing, check, fit
+from crane_identification.estimation.physics import BODIES, Physics
+from crane_identification.estimation.rows import Rows
+from crane_model.errors import DataError
+
+SMALLEST = 0.01
+"""Smallest eigenvalue of a pseudo-inertia [kg, m]: of what is lighter than this, or thinner, the
+mass matrix could not be told from a singular one."""
+HEAVIEST = 1e5
+"""Mass [kg] that no body reaches. That of the inner boom moves nothing and would have no limit."""
+FELT = 0.01
+"""Standard deviations of the force by which a constraint must hold Θ back to be named."""
+
+
+def consistent(
+    rows: Rows, physics: Physics, covariance: Covariance = Covariance.CORRELATED
+) -> Estimate:
+    """Θ that minimises the norm of τ - ΦΘ (30) among physical ones, weighted as `least_squares`.
+
+    Where least squares is physical, it is the solution. Standard deviations are those of least
+    squares, which constraints can only lower; `bounds` names the constraints that hold Θ back.
+    `DataError` as `least_squares`.
+    """
+    check(rows)
+    weights = balancing(rows)
+    free = fit(rows, weights, covariance)
+    values, bounds = free.values, tuple[str, ...]()
+    if physics.bodies is not None or physics.violated(free.values):
+        values, bounds = _constrained(rows, weights, physics, free)
+    method = f"physically consistent least squares, {covariance} residual"
+    return describe(rows, free._replace(values=values), method, bounds)
+
+
+def _constrained(
+    rows: Rows, weights: np.ndarray, physics: Physics, free: Fit
+) -> tuple[np.ndarray, tuple[str, ...]]:
+    """Θ (p,) and the names of the constraints that hold it back."""
+    import cvxpy  # two seconds, for those who need them
+
+    # Distances from the free solution in standard deviations of the force, columns scaled to 1.
+    scaling = np.broadcast_to(weights, rows.force.shape)[rows.used]
+    matrix = rows.stacked * scaling[:, None]
+    residual = rows.residual(free.values)[rows.used] * scaling
+    deviation = np.sqrt(residual @ residual / (len(residual) - matrix.shape[1]))
+    norms = np.linalg.norm(matrix, axis=0)
+    norms[norms == 0.0] = 1.0
+    triangle = np.linalg.qr(matrix / norms, mode="r") / max(deviation, np.finfo(float).tiny)
+    scaled = cvxpy.Variable(matrix.shape[1])
+    theta = cvxpy.multiply(1.0 / norms, scaled)
+    constraints: dict[str, Any] = {
+        one.name: (one.weights * (1.0 / norms)) @ scaled >= one.least
+        for one in physics.inequalities
+    }
+    if physics.bodies is not None:
+        bodies = {name: cvxpy.Variable((3, 3), symmetric=True) for name in BODIES}
+        standard = cvxpy.hstack(
+            [
+                quantity
+                for P in bodies.values()
+                for quantity in (P[2, 2], P[0, 2], P[1, 2], P[0, 0] + P[1, 1])
+            ]
+        )
+        constraints |= {
+            f"pseudo-inertia of {name}": P >> SMALLEST * np.eye(3) for name, P in bodies.items()
+        }
+        constraints |= {f"mass of {name}": P[2, 2] <= HEAVIEST for name, P in bodies.items()}
+        constraints["base"] = physics.bodies.base @ standard == theta[physics.bodies.part]
+        constraints["axis"] = physics.bodies.none @ standard == 0.0
+    distance = triangle @ (scaled - norms * free.values)
+    problem = cvxpy.Problem(cvxpy.Minimize(cvxpy.sum_squares(distance)), list(constraints.values()))
+    problem.solve(solver=cvxpy.CLARABEL)
+    if problem.status not in (cvxpy.OPTIMAL, cvxpy.OPTIMAL_INACCURATE):
+        raise DataError(
+            f"physically consistent fit: the solver ends with '{problem.status}'; check the units "
+            f"and signs of the recording, or see by plain least squares what is not physical"
+        )
+    held = (
+        name
+        for name, constraint in constraints.items()
+        if name not in ("base", "axis") and np.abs(constraint.dual_value).max() > FELT
+    )
+    return np.asarray(scaled.value) / norms, tuple(held) if problem.value > FELT**2 else ()
