@@ -159,7 +159,8 @@ class Experiment:
     def _proceed(self, tuning: Tuning, now: float) -> None:
         """To the next stage, if this one has done its work."""
         if self.stage is Stage.SETTLING:
-            there = bool((np.abs(self.tracking_error) <= tuning.gains[:, 5]).all())
+            # at most twice the position tolerance, where F_f crosses the dead zone in full
+            there = bool((np.abs(self.tracking_error) <= 2.0 * tuning.gains[:, 5]).all())
             if (there and self._rested(now)) or now - self._entered > LONGEST_SETTLING:
                 self._release(now)
         elif self._clock.stopped or self._clock.time >= self.motion.duration:
