@@ -23,7 +23,7 @@ from crane_driver.driver_loop import DriverLoop
 from crane_driver.driver_messages import cylinder_pressures, diagnostics, inactive, joint_state
 from crane_driver.driver_parameters import PARAMETERS, DriverParameters, read_parameters
 from crane_driver.nodes.managed import run_managed
-from crane_driver.nodes.parameters import declare
+from crane_driver.nodes.parameters import declare, hold
 from crane_driver.safety.settings import load_safety
 from crane_driver.safety.supervisor import RefusedError
 from crane_interfaces.msg import (
@@ -55,6 +55,7 @@ class Driver(LifecycleNode):
         self._commanders: Callable[[], int] = lambda: 0
         self._active: list[Callable[[], Any]] = []  # what ends with the active state
         self._lifecycle = "unconfigured"
+        hold(self, PARAMETERS, lambda: self._lifecycle)
         self._joints = self.create_publisher(JointState, "/joint_states", DEPTH)
         self._pressures = self.create_publisher(CylinderPressures, "/cylinder_pressures", DEPTH)
         self._diagnostics = self.create_publisher(DiagnosticArray, "/diagnostics", DEPTH)

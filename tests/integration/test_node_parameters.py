@@ -7,7 +7,7 @@ import rclpy
 from rclpy.node import Node
 from rclpy.parameter import Parameter
 
-from crane_driver.nodes.parameters import Number, Numbers, Switch, Text, declare
+from crane_driver.nodes.parameters import Number, Numbers, Switch, Text, declare, hold
 
 LAG = Number("lag", 0.2, "s", 0.05, 2.0, "Half the window")
 COUNT = Number("count", 3, "-", 0, 10, "A number of things", whole=True)
@@ -55,3 +55,15 @@ def test_a_whole_number_does_for_any_number(node: Node) -> None:
     assert node.get_parameter("lag").type_ is Parameter.Type.DOUBLE
     assert LAG.read(node) == 1.0
     assert node.get_parameter("count").type_ is Parameter.Type.INTEGER
+
+
+def test_what_is_read_at_configure_is_held_while_the_node_is_configured(node: Node) -> None:
+    state = "active"
+    hold(node, (LAG,), lambda: state)
+    (result,) = node.set_parameters([Parameter("lag", value=0.5)])
+    assert not result.successful
+    assert result.reason.startswith("parameter 'lag' is read when the node is configured, and the")
+    for same in (Parameter("lag", value=0.2), Parameter("count", value=4)):
+        assert node.set_parameters([same])[0].successful
+    state = "unconfigured"
+    assert node.set_parameters([Parameter("lag", value=0.5)])[0].successful

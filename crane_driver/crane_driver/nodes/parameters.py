@@ -4,7 +4,7 @@ A file that says `lag: 1` gives ROS an integer, which a parameter declared as a 
 """
 
 import math
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from typing import Any
 
@@ -164,6 +164,25 @@ def declare(node: Node, parameters: Sequence[NodeParameter]) -> None:
     doubles = {one.name for one in parameters if isinstance(one, Number) and not one.whole}
     node.add_pre_set_parameters_callback(converted)
     node.add_on_set_parameters_callback(checked)
+
+
+def hold(node: Node, fixed: Sequence[NodeParameter], state: Callable[[], str]) -> None:
+    """Refuse to change what is read at configure unless `state` is "unconfigured"."""
+    names = {parameter.name for parameter in fixed}
+
+    def held(values: Sequence[Parameter]) -> SetParametersResult:
+        for one in values:
+            if one.name not in names or state() == "unconfigured":
+                continue
+            if one.value != node.get_parameter(one.name).value:
+                return SetParametersResult(
+                    successful=False,
+                    reason=f"parameter '{one.name}' is read when the node is configured, and the "
+                    f"node is {state()}; deactivate it and clean it up first",
+                )
+        return SetParametersResult(successful=True)
+
+    node.add_on_set_parameters_callback(held)
 
 
 def _as_double(given: Parameter) -> Parameter:

@@ -14,7 +14,7 @@ from sensor_msgs.msg import JointState
 from std_srvs.srv import Trigger
 
 from crane_driver.nodes.managed import AUTOSTART, run_managed
-from crane_driver.nodes.parameters import NodeParameter, Number, Numbers, Text, declare
+from crane_driver.nodes.parameters import NodeParameter, Number, Numbers, Text, declare, hold
 from crane_identification.online.condition import Condition, status
 from crane_identification.online.estimator import Forces, OnlineEstimator, OnlineOptions
 from crane_identification.online.topics import Feed, estimate_message, forces_message
@@ -89,6 +89,8 @@ class Identification(LifecycleNode):
         super().__init__("identification")
         declare(self, PARAMETERS)
         self._estimator: OnlineEstimator | None = None
+        fixed = [parameter for parameter in PARAMETERS if parameter is not MODEL_OUTPUT]
+        hold(self, fixed, lambda: "configured" if self._estimator else "unconfigured")
         self._condition = Condition()
         self._listening: list[Subscription] = []
         self._diagnostics = self.create_publisher(DiagnosticArray, "/diagnostics", 10)
