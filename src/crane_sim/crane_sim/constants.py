@@ -122,14 +122,16 @@ def _pack_cylinders(parameters: StandIn, machine: Machine) -> np.ndarray:
 def _pack_valves(parameters: StandIn, machine: Machine) -> np.ndarray:
     valves, rest = parameters.valves, parameters.start[:, None]
     levers = [lever_arm(machine, joint, rest[i])[0] for i, joint in enumerate(JOINTS)]
+    sense = np.sign(levers)
     return records(
         VALVE,
         {
-            "sense": np.sign(levers),
+            "sense": sense,
             "frequency": 2.0 * np.pi * valves.array("natural_frequency"),
             "damping_ratio": valves.array("damping_ratio"),
             "rate_limit": valves.array("rate_limit"),
             "dead_zone": valves.array("dead_zone"),
+            "null": sense * valves.array("null_bias"),
             "flow_gain": valves.array("rated_flow") / np.sqrt(valves.array("rated_drop")),
         },
     )

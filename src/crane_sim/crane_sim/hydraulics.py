@@ -10,10 +10,11 @@ from typing import NamedTuple
 import numpy as np
 from numba import njit
 
-VALVE = ("sense", "frequency", "damping_ratio", "rate_limit", "dead_zone", "flow_gain")
+VALVE = ("sense", "frequency", "damping_ratio", "rate_limit", "dead_zone", "null", "flow_gain")
 """Fields of a valve's record. `sense` is +1 where extending the cylinder moves the joint in its
 positive direction, else -1; frequency [rad/s] of the undamped spool; rate_limit [strokes/s];
-dead_zone [strokes]; flow_gain [m3/s/sqrt(Pa)] of one metering edge, fully open."""
+dead_zone [strokes] to either side of `null` [strokes]; flow_gain [m3/s/sqrt(Pa)] of one metering
+edge, fully open."""
 
 
 class Oil(NamedTuple):

@@ -10,6 +10,7 @@ from crane_driver.can.layout import Layout
 from crane_driver.can.mapping import LINES
 from crane_model.errors import ConfigurationError
 from crane_model.machine import JOINTS
+from crane_sim.operator_at_machine import Operator
 from crane_sim.plant import Plant
 from crane_sim.sampled import Sensors
 from crane_sim.valve_unit import ValveUnit
@@ -20,10 +21,18 @@ LONGEST_STEP = 0.1  # s; a machine that was kept from running for longer loses t
 class MachineOnBus:
     """Plant, sensors and valve unit. Its time is the steady clock, from `start` [s] on."""
 
-    def __init__(self, layout: Layout, plant: Plant, sensors: Sensors, start: float):
+    def __init__(
+        self,
+        layout: Layout,
+        plant: Plant,
+        sensors: Sensors,
+        start: float,
+        operator: Operator | None = None,
+    ):
         """`ConfigurationError` if the layout has pressures that the machine does not measure."""
         self._codec = MachineCodec(layout)
         self._plant, self._sensors = plant, sensors
+        self._operator = operator or Operator()  # one who touches nothing
         self.valves = ValveUnit(self._codec, start)
         self.period = min(self._codec.cycles.values())
         self._every = {
@@ -53,8 +62,8 @@ class MachineOnBus:
         if elapsed > LONGEST_STEP:
             self.lost += elapsed - LONGEST_STEP
             elapsed = LONGEST_STEP
-        commands = np.array(self.valves.commands(now))
-        if elapsed > 0:
+        commands = np.array(self._operator.spools(self.valves.commands(now)))
+        if elapsed > 0 and self._operator.engine:
             self._plant.advance(commands, elapsed)
         positions, pressures = self._measure()
         states = self._states | {"valve_unit": self.valves.state}
@@ -65,11 +74,12 @@ class MachineOnBus:
     def _measure(self) -> tuple[dict[str, float], dict[str, float]]:
         plant = self._plant
         q = self._sensors.positions(plant.q)
+        on = float(self._operator.engine)
         read = self._sensors.pressures(
-            plant.pressure_a[np.newaxis],
-            plant.pressure_b[np.newaxis],
-            np.array([plant.supply_pressure]),
-            plant.tank_pressure,
+            on * plant.pressure_a[np.newaxis],
+            on * plant.pressure_b[np.newaxis],
+            np.array([on * plant.supply_pressure]),
+            on * plant.tank_pressure,
         )
         pressures = {"supply": float(read.supply[0]), "tank": float(read.tank[0])}
         for column, joint in enumerate(self._sensors.cylinders):

@@ -97,7 +97,17 @@ class Valve(Schema):
     natural_frequency: Positive  # Hz
     damping_ratio: Positive
     rate_limit: Positive  # strokes per s
-    dead_zone: Fraction  # of the stroke
+    dead_zone: Fraction  # of the stroke, to either side of the null
+    null_bias: float = 0.0  # of the stroke, positive moves the joint up: where the null lies
+
+    @model_validator(mode="after")
+    def _closed_at_rest(self) -> Self:
+        if abs(self.null_bias) > self.dead_zone:
+            raise ValueError(
+                f"null_bias is {self.null_bias}, at most dead_zone, {self.dead_zone}, to either "
+                "side: the valve of a centred spool would be open"
+            )
+        return self
 
 
 class CylinderInside(Schema):

@@ -99,7 +99,7 @@ def _fill(constants: Constants, state: State, growth: np.ndarray, step: float) -
         cylinder, valve = constants.cylinders[i], constants.valves[i]
         actuator = state.actuators[i]
         p_a, p_b = actuator.p_a, actuator.p_b
-        x = opening(actuator.spool, valve.dead_zone)
+        x = opening(actuator.spool - valve.null, valve.dead_zone)
         volume = cylinder.dead_volume_a + cylinder.area_a * (actuator.length - cylinder.length_min)
         flow, slope = port_flow(oil, valve.flow_gain * x, supply, p_a)
         actuator.p_a, flow_a = chamber_step(

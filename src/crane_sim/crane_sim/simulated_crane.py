@@ -24,6 +24,7 @@ from crane_model import cli
 from crane_model.errors import ConfigurationError
 from crane_model.machine import JOINTS, load_machine
 from crane_sim.machine_on_bus import MachineOnBus
+from crane_sim.operator_at_machine import Operator
 from crane_sim.pace import Pace
 from crane_sim.parameters import load_stand_in
 from crane_sim.plant import Plant
@@ -58,7 +59,12 @@ def _run(options: argparse.Namespace, stop: threading.Event) -> None:
         # Compiled here, not while the clock runs: the first steps may take seconds.
         MachineOnBus(layout, plant, sensors, 0.0).step([], parameters.step)
         link.take()
-        crane = MachineOnBus(layout, plant, sensors, time.monotonic())
+        operator = Operator()
+        if options.operator:
+            threading.Thread(
+                target=operator.follow, args=(sys.stdin, sys.stderr), daemon=True
+            ).start()
+        crane = MachineOnBus(layout, plant, sensors, time.monotonic(), operator)
         pace = Pace(crane.period, time.monotonic())
         print(f"simulated crane on {settings}, every {crane.period * 1e3:g} ms", flush=True)
         shown = crane.valves.state
@@ -115,6 +121,12 @@ def _parser() -> argparse.ArgumentParser:
         default=[],
         metavar="JOINT=VALUE",
         help="where joints stand at the start [rad, m] (default: the rest pose of the stand-in)",
+    )
+    parser.add_argument(
+        "--operator",
+        action="store_true",
+        help="take from standard input what an operator does at the machine: JOINT=OPENING moves "
+        "a lever (positive moves the joint up, 0 lets go), engine=off and engine=on",
     )
     parser.add_argument("--seed", type=int, default=0, help="of the sensors' noise")
     return parser

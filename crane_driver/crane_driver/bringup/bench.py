@@ -1,0 +1,82 @@
+"""What every step of a bring-up works with."""
+
+from collections.abc import Callable, Iterator, Mapping
+from contextlib import contextmanager
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+from matplotlib.figure import Figure
+
+from crane_driver.bringup.crane_client import CraneClient
+from crane_driver.bringup.motion import Mover
+from crane_driver.bringup.samples import ROTARY, Rest, at_rest
+from crane_driver.bringup.series import MAPPING, Series, copy_changed
+from crane_driver.bringup.terminal import Terminal
+from crane_driver.can.layout import Layout
+from crane_driver.can.mapping import PositionSignal
+from crane_model.machine import JOINT_UNITS
+
+
+@dataclass(frozen=True)
+class Protocol:
+    """How it is measured; the options of the same names say more."""
+
+    seconds: float  # s, of a record at rest
+    rate: float  # 1/s, of the command
+    speed: float  # rad/s, m/s
+    limit: float  # of the command
+    travel: float  # rad, m
+    repeats: int
+    time_constant: float  # s, of the closed loop
+
+
+@dataclass(frozen=True)
+class Bench:
+    """The crane, the operator, and where results go."""
+
+    crane: CraneClient
+    terminal: Terminal
+    series: Series
+    mapping: Path  # that the driver runs with
+    positions: Mapping[str, PositionSignal]  # of that mapping
+    layout: Layout
+    joints: tuple[str, ...]  # to be measured
+    protocol: Protocol
+
+    def rests(self) -> list[Rest]:
+        """All joints of the driver, which stand."""
+        positions = self.crane.record(self.protocol.seconds)
+        return [
+            at_rest(
+                joint,
+                positions[:, i],
+                self.layout.resolution(joint),
+                ROTARY if JOINT_UNITS[joint] == "rad" else None,
+            )
+            for i, joint in enumerate(self.crane.joints)
+        ]
+
+    @contextmanager
+    def moving(self, joint: str) -> Iterator[Mover]:
+        """One joint in the hands of the program; however the block is left, it ends at neutral."""
+        rests = self.rests()
+        with self.crane.drive(joint) as drive:
+            yield Mover(drive, self.crane.joints, joint, rests, self.protocol.travel)
+
+    def finish(
+        self, step: str, results: Mapping[str, Any], figure: Figure, **protocol: float
+    ) -> Path:
+        """Write result and picture; the folder."""
+        run = self.series.write(step, self.mapping, protocol, results, figure)
+        self.terminal.say(f"result: {run}")
+        return run
+
+    def new_mapping(self, run: Path, change: Callable[[Any], None]) -> None:
+        """A mapping beside the results of a step; the one of the driver stays as it is."""
+        target = run / MAPPING
+        copy_changed(self.mapping, target, change, f"{run.name}, measured on {self.mapping}")
+        self.terminal.say(
+            "restart the driver with the new mapping before the next step:\n"
+            f"  ros2 run crane_driver driver --ros-args -p mapping:={target.resolve()}"
+        )

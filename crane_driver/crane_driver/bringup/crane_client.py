@@ -1,0 +1,218 @@
+"""The running driver as a bring-up sees it: samples in, and one valve commanded at a time."""
+
+import time
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
+from typing import Any
+
+import numpy as np
+from diagnostic_msgs.msg import DiagnosticArray, DiagnosticStatus
+from rcl_interfaces.srv import GetParameters
+from rclpy.client import Client
+from rclpy.executors import SingleThreadedExecutor
+from rclpy.node import Node
+from rclpy.publisher import Publisher
+from sensor_msgs.msg import JointState
+from std_srvs.srv import Trigger
+
+from crane_driver.bringup.motion import MotionError, Tick
+from crane_driver.bringup.samples import Sample
+from crane_driver.nodes.context import Stop
+from crane_interfaces.msg import CylinderPressures, ValveCommand
+from crane_model.errors import DataError
+
+DEPTH = 50  # messages
+PATIENCE = 10.0  # s, for the driver to answer
+CYCLE = 0.01  # s, of the commands
+OLDEST = 0.1  # s, without a joint state while the crane moves
+PAUSE = 0.08  # s between two commands, beyond which the driver refuses the next
+FAREWELL = 0.2  # s of neutral commands before the driver is disabled
+
+
+class CraneClient(Node):
+    """One thread: whoever waits, spins."""
+
+    def __init__(self, stop: Stop):
+        super().__init__("bringup")
+        self._stop = stop
+        self._executor = SingleThreadedExecutor()
+        self._executor.add_node(self)
+        self.joints: tuple[str, ...] = ()
+        self.samples: list[Sample] = []
+        self.pressures: list[dict[str, float]] = []
+        self._received = -np.inf
+        self._trouble = ""
+        self.create_subscription(JointState, "/joint_states", self._joint_state, DEPTH)
+        self.create_subscription(
+            CylinderPressures, "/cylinder_pressures", self._cylinder_pressures, DEPTH
+        )
+        self.create_subscription(DiagnosticArray, "/diagnostics", self._diagnosed, DEPTH)
+        self._ask_enable = self.create_client(Trigger, "/driver/enable")
+        self._ask_disable = self.create_client(Trigger, "/driver/disable")
+        self._ask_parameters = self.create_client(GetParameters, "/driver/get_parameters")
+
+    def spin(self, seconds: float) -> None:
+        """Take what comes for a time."""
+        end = time.monotonic() + seconds
+        while (left := end - time.monotonic()) > 0.0:
+            self._executor.spin_once(timeout_sec=left)
+
+    def connect(self) -> None:
+        """Wait for the driver and its joints; `DataError` if it is not there."""
+        self._until(
+            lambda: self.samples and self._ask_parameters.service_is_ready(),
+            "no /joint_states come; start the driver: ros2 run crane_driver driver",
+        )
+
+    def parameter(self, name: str) -> str:
+        """A parameter of the driver that is text."""
+        request = GetParameters.Request(names=[name])
+        return self._call(self._ask_parameters, request).values[0].string_value
+
+    def record(self, seconds: float) -> np.ndarray:
+        """Positions (n, j) of the joints in a time from now on [rad, m]."""
+        self.samples.clear()
+        self._wait(seconds)
+        if not self.samples:
+            raise DataError(f"no /joint_states in {seconds:g} s; see /diagnostics")
+        return np.array([one.position for one in self.samples])
+
+    def record_pressures(self, seconds: float) -> dict[str, np.ndarray]:
+        """Readings (n,) of each pressure in a time from now on: JOINT.a, ..., supply, tank [Pa]."""
+        self.pressures.clear()
+        self._wait(seconds)
+        if not self.pressures:
+            raise DataError(f"no /cylinder_pressures in {seconds:g} s; see /diagnostics")
+        names = self.pressures[0].keys()
+        return {name: np.array([one[name] for one in self.pressures]) for name in names}
+
+    @contextmanager
+    def drive(self, joint: str) -> Iterator["NodeDrive"]:
+        """Commands to one valve. However the block is left: neutral, disabled, no publisher."""
+        publisher = self.create_publisher(ValveCommand, "/valve_command", 1)
+        drive = NodeDrive(self, publisher, joint)
+        try:
+            self._until(
+                lambda: publisher.get_subscription_count() > 0, "the driver takes no commands"
+            )
+            for _ in range(20):  # the driver wants to see a neutral command first
+                drive.tick(0.0)
+            answer = self._call(self._ask_enable, Trigger.Request(), drive)
+            if not answer.success:
+                raise MotionError(f"the driver does not enable the crane: {answer.message}")
+            drive.enabled = True
+            self._trouble = ""
+            yield drive
+        finally:
+            drive.leave()
+            if self._ask_disable.service_is_ready():
+                future = self._ask_disable.call_async(Trigger.Request())
+                self._executor.spin_until_future_complete(future, timeout_sec=1.0)
+            self.destroy_publisher(publisher)
+
+    def cycle(self, end: float) -> None:
+        """Take what comes until `end` [s, steady], and see whether the crane may go on."""
+        while (left := end - time.monotonic()) > 0.0:
+            self._executor.spin_once(timeout_sec=left)
+        if self._stop.requested:
+            raise KeyboardInterrupt
+
+    def require_well(self) -> None:
+        """`MotionError` if the crane is not seen, or the driver has stopped it."""
+        if (age := time.monotonic() - self._received) > OLDEST:
+            raise MotionError(
+                f"no /joint_states for {age * 1e3:.0f} ms, limit {OLDEST * 1e3:.0f} ms"
+            )
+        if self._trouble:
+            raise MotionError(f"the driver has stopped the crane: {self._trouble}")
+        if (count := self.count_publishers("/valve_command")) > 1:
+            raise MotionError(f"{count} publishers command the valves; stop the others")
+
+    def _wait(self, seconds: float) -> None:
+        end = time.monotonic() + seconds
+        while time.monotonic() < end:
+            self.cycle(min(end, time.monotonic() + 10.0 * CYCLE))
+
+    def _until(self, condition: Callable[[], object], otherwise: str) -> None:
+        end = time.monotonic() + PATIENCE
+        while not condition():
+            if time.monotonic() > end:
+                raise DataError(otherwise)
+            self.cycle(time.monotonic() + CYCLE)
+
+    def _call(self, client: Client, request: Any, drive: "NodeDrive | None" = None) -> Any:
+        """The answer of a service; meanwhile the drive, if there is one, commands neutral."""
+        self._until(client.service_is_ready, f"there is no service {client.srv_name}")
+        future = client.call_async(request)
+        end = time.monotonic() + PATIENCE
+        while not future.done():
+            if time.monotonic() > end:
+                raise DataError(f"the service {client.srv_name} does not answer")
+            if drive:
+                drive.tick(0.0)
+            else:
+                self.cycle(time.monotonic() + CYCLE)
+        return future.result()
+
+    def _joint_state(self, message: JointState) -> None:
+        self.joints = tuple(message.name)
+        stamp = message.header.stamp
+        self._received = time.monotonic()
+        self.samples.append(
+            Sample(
+                stamp.sec + stamp.nanosec * 1e-9,
+                np.array(message.position),
+                np.array(message.velocity),
+            )
+        )
+
+    def _cylinder_pressures(self, message: CylinderPressures) -> None:
+        one = {"supply": message.supply, "tank": message.tank}
+        for name, a, b in zip(message.name, message.chamber_a, message.chamber_b, strict=True):
+            one |= {f"{name}.a": a, f"{name}.b": b}
+        self.pressures.append(one)
+
+    def _diagnosed(self, message: DiagnosticArray) -> None:
+        for one in message.status:
+            if one.name == "driver: safety" and one.level == DiagnosticStatus.ERROR:
+                self._trouble = one.message
+
+
+class NodeDrive:
+    """`Drive` over /valve_command, at a fixed rate."""
+
+    def __init__(self, client: CraneClient, publisher: Publisher, joint: str):
+        self._client, self._publisher, self._joint = client, publisher, joint
+        self._due = time.monotonic()
+        self._sent = self._due
+        self.enabled = False
+
+    def tick(self, command: float) -> Tick:
+        """Send a command; samples until the next one is due."""
+        if self.enabled:
+            self._client.require_well()
+            if (pause := time.monotonic() - self._sent) > PAUSE:
+                raise MotionError(
+                    f"no command for {pause * 1e3:.0f} ms, limit {PAUSE * 1e3:.0f} ms: this "
+                    "computer is too busy; stop other programs and measure again"
+                )
+        self._client.samples.clear()
+        sent = self._publish(command)
+        self._due = max(self._due + CYCLE, time.monotonic())
+        self._client.cycle(self._due)
+        return Tick(sent, list(self._client.samples))
+
+    def leave(self) -> None:
+        """Neutral commands for a while, whatever else is wrong."""
+        end = time.monotonic() + FAREWELL
+        while time.monotonic() < end:
+            self._publish(0.0)
+            self._client.spin(CYCLE)
+
+    def _publish(self, command: float) -> float:
+        now = self._client.get_clock().now()
+        message = ValveCommand(name=[self._joint], command=[command])
+        message.header.stamp = now.to_msg()
+        self._publisher.publish(message)
+        self._sent = time.monotonic()
+        return now.nanoseconds * 1e-9

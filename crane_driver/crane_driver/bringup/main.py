@@ -1,0 +1,158 @@
+"""`ros2 run crane_driver bringup STEP`: guided measurement of what is not known of a new crane."""
+
+import argparse
+import sys
+from collections.abc import Callable, Sequence
+from pathlib import Path
+
+from rclpy.utilities import remove_ros_args
+
+from crane_driver.bringup import measuring, moving
+from crane_driver.bringup.bench import Bench, Protocol
+from crane_driver.bringup.crane_client import CraneClient
+from crane_driver.bringup.series import MAPPING, RESULT, STEPS, Series
+from crane_driver.bringup.terminal import Terminal
+from crane_driver.can.binding import load_layout
+from crane_driver.can.mapping import Mapping
+from crane_driver.nodes.context import ros
+from crane_model.cli import run
+from crane_model.configuration import load, packaged
+from crane_model.errors import ConfigurationError
+from crane_model.machine import JOINTS
+
+ORDER = """\
+The steps, in this order, each with the driver running:
+  status     what has been done
+  encoders   zero and sign of each encoder, while you move the joints by hand
+  pressures  offset of each pressure transducer, engine off and chambers vented
+  valves     polarity of each valve; the crane moves by millimetres
+  dead_band  dead band of each valve in both directions; the crane moves by centimetres
+  gains      first gains of the controller (36); the crane moves by centimetres
+Each asks before anything moves, and writes a picture and YAML files into a new folder of --out.
+Questions are answered on the terminal, or by a file: bringup STEP --out FOLDER < answers.
+"""
+
+
+def main(argv: Sequence[str] | None = None) -> int:
+    """Run one step of the bring-up."""
+    argv = sys.argv[1:] if argv is None else argv
+    options = _parser().parse_args(remove_ros_args(["bringup", *argv])[1:])
+    if options.step == "status":
+        return run(lambda: _status(Series(options.out)))
+    return run(lambda: _measure(argv, options))
+
+
+def _measure(argv: Sequence[str], options: argparse.Namespace) -> None:
+    step: Callable[[Bench], None] = {
+        "encoders": measuring.encoders,
+        "pressures": measuring.pressures,
+        "valves": moving.valves,
+        "dead_band": moving.dead_band,
+        "gains": lambda bench: moving.gains(bench, options.controller),
+    }[options.step]
+    if options.step == "gains" and options.controller is None:
+        raise ConfigurationError(
+            "--controller: name the controller file to begin from, for example "
+            "crane_trajectory/crane_trajectory/data/controller.yaml"
+        )
+    with ros(argv) as stop:
+        crane = CraneClient(stop)
+        crane.connect()
+        series = Series(options.out)
+        mapping = _mapping(options.mapping or series.newest(MAPPING), crane.parameter("mapping"))
+        bench = Bench(
+            crane=crane,
+            terminal=Terminal(stop, crane.spin),
+            series=series,
+            mapping=mapping,
+            positions=load(mapping, Mapping).positions,
+            layout=load_layout(mapping, crane.parameter("dbc") or None),
+            joints=_joints(options.joints, crane.joints),
+            protocol=Protocol(
+                options.seconds,
+                options.rate,
+                options.speed,
+                options.limit,
+                options.travel,
+                options.repeats,
+                options.time_constant,
+            ),
+        )
+        step(bench)
+
+
+def _mapping(expected: Path | None, running: str) -> Path:
+    """The mapping of the driver; what is measured corrects that one and no other."""
+    used = Path(running) if running else packaged("crane_driver", "laboratory_crane_can.yaml")
+    if expected and expected.resolve() != used.resolve():
+        raise ConfigurationError(
+            f"the driver runs with the mapping {used}, but the one to go on from is {expected}; "
+            f"restart the driver with -p mapping:={expected.resolve()}, or name its own with "
+            "--mapping"
+        )
+    return used
+
+
+def _joints(asked: Sequence[str], there: Sequence[str]) -> tuple[str, ...]:
+    if absent := [joint for joint in asked if joint not in there]:
+        raise ConfigurationError(
+            f"--joints {' '.join(absent)}: the driver has the joints {', '.join(there)}"
+        )
+    return tuple(joint for joint in there if joint in asked or not asked)
+
+
+def _status(series: Series) -> None:
+    for path in series.runs:
+        print(f"{path}: {', '.join(sorted(one.name for one in path.iterdir()))}")
+    done = [one for one in STEPS if series.newest(RESULT, one)]
+    missing = [one for one in STEPS if one not in done]
+    print(f"done: {', '.join(done) or 'nothing'}; to be done: {', '.join(missing) or 'nothing'}")
+    if mapping := series.newest(MAPPING):
+        print(f"newest mapping, for the driver: {mapping}")
+
+
+def _parser() -> argparse.ArgumentParser:
+    parser = argparse.ArgumentParser(
+        prog="bringup",
+        description="Guided measurement on a new crane, step by step.",
+        epilog=ORDER,
+        formatter_class=argparse.RawDescriptionHelpFormatter,
+    )
+    parser.add_argument("step", choices=("status", *STEPS))
+    parser.add_argument("--out", type=Path, required=True, metavar="FOLDER", help="all steps")
+    parser.add_argument(
+        "--mapping",
+        type=Path,
+        help="mapping to go on from, which the driver must run with (default: the newest in "
+        "FOLDER, at first that of the driver)",
+    )
+    parser.add_argument(
+        "--joints", nargs="+", default=[], choices=JOINTS, help="(default: all of the driver)"
+    )
+    parser.add_argument("--controller", type=Path, help="gains: controller file to begin from")
+    for name, default, low, high, text in (
+        ("seconds", 2.0, 0.2, 60.0, "length of a record at rest [s]"),
+        ("rate", 0.05, 0.001, 0.5, "of the command in valves and dead_band [1/s]"),
+        ("speed", 0.04, 0.001, 0.5, "of a joint in dead_band and gains [rad/s, m/s]"),
+        ("limit", 0.25, 0.01, 1.0, "of the command"),
+        ("travel", 0.2, 0.001, 2.0, "of a joint from where it stood [rad, m]"),
+        ("time-constant", 0.2, 0.01, 10.0, "gains: of the closed loop, at least [s]"),
+    ):
+        parser.add_argument(
+            f"--{name}", type=_number(low, high), default=default, help=f"{text} ({default:g})"
+        )
+    parser.add_argument(
+        "--repeats", type=int, choices=range(1, 21), default=3, metavar="N",
+        help="dead_band: in each direction (3)",
+    )  # fmt: skip
+    return parser
+
+
+def _number(low: float, high: float) -> Callable[[str], float]:
+    def number(text: str) -> float:
+        value = float(text)
+        if not low <= value <= high:
+            raise argparse.ArgumentTypeError(f"must be from {low:g} to {high:g}, got {text}")
+        return value
+
+    return number

@@ -1,0 +1,185 @@
+"""Small motions of one joint, each bounded, watched and brought to rest. No ROS."""
+
+from typing import NamedTuple, Protocol
+
+import numpy as np
+
+from crane_driver.bringup.polarity import Nudge
+from crane_driver.bringup.samples import Rest, Sample, Trace
+from crane_model.errors import CraneError, DataError
+
+OTHERS = 10.0  # movements, by which another joint may be shaken
+FAR = 12.0  # movements, that a triangle takes at least until it turns
+STILL = 0.3  # s without a movement: a joint that stands
+PATIENCE = 10.0  # s until a joint stands
+
+
+class MotionError(CraneError):
+    """The crane did what it should not; it was brought to neutral.
+
+    Examples: another joint moves than the one that is commanded, a joint goes further than it may.
+    """
+
+
+class Tick(NamedTuple):
+    """When a command was sent [s, the clock of the samples], and the samples until the next."""
+
+    sent: float
+    samples: list[Sample]
+
+
+class Drive(Protocol):
+    """Sends one command at a time to one valve, all others neutral."""
+
+    def tick(self, command: float) -> Tick:
+        """Send a command -1 to 1; returns when the next one is due. Raises if it cannot."""
+
+
+class Mover:
+    """Moves one joint through a drive, and lets go as soon as something is not as expected."""
+
+    def __init__(
+        self, drive: Drive, joints: tuple[str, ...], joint: str, rests: list[Rest], travel: float
+    ):
+        """rests: of all joints, before anything moves; travel: how far the joint may go from there
+        [rad, m].
+        """
+        self.joint, self.rest = joint, rests[joints.index(joint)]
+        self._drive, self._joints, self._index = drive, joints, joints.index(joint)
+        self._start = np.array([rest.position for rest in rests])
+        self._allowed = OTHERS * np.array([rest.movement for rest in rests])
+        self._allowed[self._index] = travel
+        self.samples: list[Sample] = []
+        self._sent: list[tuple[float, float]] = []
+
+    def tick(self, command: float) -> None:
+        """One cycle of a command; `MotionError` if the crane goes where it should not."""
+        tick = self._drive.tick(command)
+        self._sent.append((tick.sent, command))
+        self.samples += tick.samples
+        self._watch()
+
+    @property
+    def position(self) -> float:
+        """Where the joint is [rad, m]."""
+        return float(self.samples[-1].position[self._index])
+
+    @property
+    def speed(self) -> float:
+        """Its velocity by the driver [rad/s, m/s]."""
+        return float(self.samples[-1].velocity[self._index])
+
+    @property
+    def displacement(self) -> float:
+        """From where it was before anything moved [rad, m]."""
+        return self.position - self.rest.position
+
+    def trace(self, first: int) -> Trace:
+        """The samples from the one with the number `first` on."""
+        samples = self.samples[first:]
+        time = np.array([one.time for one in samples])
+        sent = np.array([(-np.inf, 0.0), *self._sent])
+        command = sent[np.searchsorted(sent[:, 0], time, side="right") - 1, 1]
+        return Trace(time, np.array([one.position[self._index] for one in samples]), command)
+
+    def settle(self) -> None:
+        """Neutral until the joint stands."""
+        begun = self.samples[-1].time if self.samples else None
+        while True:
+            self.tick(0.0)
+            if not self.samples:
+                continue
+            now = self.samples[-1].time
+            begun = now if begun is None else begun
+            recent = [one.position[self._index] for one in self.samples if one.time > now - STILL]
+            if now - begun >= STILL and np.ptp(recent) <= self.rest.movement:
+                return
+            if now - begun > PATIENCE:
+                raise MotionError(
+                    f"{self.joint} does not come to rest within {PATIENCE:g} s of neutral; it "
+                    "sinks or swings, and nothing can be measured on it"
+                )
+
+    def _watch(self) -> None:
+        if not self.samples:
+            return
+        moved = self.samples[-1].position - self._start
+        for i in np.flatnonzero(np.abs(moved) > self._allowed):
+            if i == self._index:
+                raise MotionError(
+                    f"{self.joint} has moved by {moved[i]:+.3g}, allowed ±{self._allowed[i]:.3g}"
+                )
+            raise MotionError(
+                f"{self._joints[i]} has moved by {moved[i]:+.3g} while {self.joint} was commanded, "
+                f"allowed ±{self._allowed[i]:.3g}; are signals, hoses or plugs exchanged?"
+            )
+
+
+def nudge(mover: Mover, direction: int, rate: float, limit: float) -> Nudge:
+    """Open the valve slowly in a direction until the joint moves, then neutral at once.
+
+    rate: of the command [1/s]; limit: of the command; `DataError` if nothing moves up to it.
+    """
+    mover.settle()
+    start, begun = mover.position, mover.samples[-1].time
+    command = 0.0
+    while abs(mover.position - start) <= mover.rest.movement:
+        command = _within(mover, rate * (mover.samples[-1].time - begun), limit)
+        mover.tick(direction * command)
+    moved = mover.position - start
+    mover.settle()
+    return Nudge(direction * command, moved, mover.position - start)
+
+
+def triangle(mover: Mover, direction: int, rate: float, speed: float, limit: float) -> Trace:
+    """Open the valve slowly until the joint has a speed and has moved far enough to be measured,
+    then close it as slowly; from rest to rest.
+
+    rate: of the command [1/s]; speed: [rad/s, m/s]; limit: of the command.
+    """
+    mover.settle()
+    first, start, begun = len(mover.samples), mover.position, mover.samples[-1].time
+    command = 0.0
+    while not (
+        direction * mover.speed >= speed and abs(mover.position - start) > FAR * mover.rest.movement
+    ):
+        command = _within(mover, rate * (mover.samples[-1].time - begun), limit)
+        mover.tick(direction * command)
+    peak, turned = command, mover.samples[-1].time
+    while command > 0.0:
+        command = max(0.0, peak - rate * (mover.samples[-1].time - turned))
+        mover.tick(direction * command)
+    mover.settle()
+    return mover.trace(first)
+
+
+def step(mover: Mover, command: float, duration: float) -> Trace:
+    """From rest, a command at once and for `duration` [s]; the trace ends with it."""
+    mover.settle()
+    first, begun = len(mover.samples), mover.samples[-1].time
+    while mover.samples[-1].time - begun < duration:
+        mover.tick(command)
+    trace = mover.trace(first)
+    mover.settle()
+    return trace
+
+
+def back(mover: Mover, upwards: float, downwards: float) -> None:
+    """Return to where the joint was before anything moved, by commands that move it slowly."""
+    if abs(mover.displacement) <= mover.rest.movement:
+        return
+    sign = np.sign(mover.displacement)
+    command = downwards if sign > 0 else upwards
+    while sign * mover.displacement > 0.0:
+        mover.tick(command)
+    mover.settle()
+
+
+def _within(mover: Mover, command: float, limit: float) -> float:
+    if command > limit:
+        raise DataError(
+            f"{mover.joint} does not do it up to a command of {limit:g}; is the engine running, "
+            "the supply on, the driver enabled, the joint away from its limits (/diagnostics)? "
+            "Else allow more with --limit"
+        )
+    return command

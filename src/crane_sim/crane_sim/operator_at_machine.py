@@ -1,0 +1,50 @@
+"""What an operator does at the machine itself: the levers of its valves, and its engine."""
+
+from collections.abc import Iterable, Sequence
+from typing import TextIO
+
+from crane_model.errors import RangeError
+from crane_model.machine import JOINTS
+
+
+class Operator:
+    """Moves levers as lines of text say: `inner_boom=0.2`, `inner_boom=0`, `engine=off`.
+
+    A lever moves the spool itself, positive in the positive direction of the joint, whatever the
+    valve is commanded. While the engine is off the crane lies on its supports, and its chambers
+    are vented: nothing moves, and all pressures are those of the air.
+    """
+
+    def __init__(self) -> None:
+        self.levers = dict.fromkeys(JOINTS, 0.0)
+        self.engine = True
+
+    def obey(self, line: str) -> None:
+        """Do what one line says; `RangeError` says what can be said."""
+        name, _, value = (part.strip() for part in line.partition("="))
+        if name == "engine" and value in ("on", "off"):
+            self.engine = value == "on"
+            return
+        try:
+            opening = float(value)
+        except ValueError:
+            opening = 2.0
+        if name not in JOINTS or not -1.0 <= opening <= 1.0:
+            raise RangeError(
+                f"'{line.strip()}': write engine=on, engine=off, or JOINT=OPENING with a joint of "
+                f"{', '.join(JOINTS)} and an opening from -1 to 1"
+            )
+        self.levers[name] = opening
+
+    def follow(self, lines: TextIO, complaints: TextIO) -> None:
+        """Obey every line until there are no more; a wrong one changes nothing."""
+        for line in lines:
+            try:
+                self.obey(line)
+            except RangeError as error:
+                print(error, file=complaints, flush=True)
+
+    def spools(self, commands: Sequence[float]) -> Iterable[float]:
+        """(4,) where the spools are held: by the lever where it is moved, else by the command."""
+        levers = self.levers.values()
+        return [lever or command for lever, command in zip(levers, commands, strict=True)]

@@ -1,0 +1,98 @@
+"""Small motions, on a crane of two joints behind valves with dead bands, without ROS."""
+
+import numpy as np
+import pytest
+
+from crane_driver.bringup import motion
+from crane_driver.bringup.dead_band import fit_dead_band
+from crane_driver.bringup.motion import MotionError, Mover, Tick
+from crane_driver.bringup.samples import Rest, Sample
+from crane_model.errors import DataError
+
+JOINTS = ("inner_boom", "outer_boom")
+RESOLUTION = 4.8e-5
+PERIOD, PER_TICK = 0.005, 2
+
+
+class Crane:
+    """Every tick 10 ms; `mixed` of the speed goes to the other joint."""
+
+    def __init__(self, up=0.08, down=0.05, gain=0.8, lag=0.03, polarity=1, mixed=0.0):
+        self.up, self.down, self.gain, self.lag = up, down, gain, lag
+        self.polarity, self.mixed = polarity, mixed
+        self.position, self.spool, self.now = np.zeros(2), 0.0, 0.0
+        self.sent: list[float] = []
+
+    def tick(self, command):
+        self.sent.append(command)
+        sent, samples = self.now, []
+        for _ in range(PER_TICK):
+            self.now += PERIOD
+            self.spool += (self.polarity * command - self.spool) * PERIOD / self.lag
+            speed = self.gain * (max(self.spool - self.up, 0.0) + min(self.spool + self.down, 0.0))
+            velocity = speed * np.array([1.0, self.mixed])
+            self.position += velocity * PERIOD
+            shown = RESOLUTION * np.round(self.position / RESOLUTION)
+            samples.append(Sample(self.now, shown, velocity))
+        return Tick(sent, samples)
+
+
+def mover(crane, travel=0.2):
+    return Mover(crane, JOINTS, "inner_boom", [Rest(0.0, 0.0, RESOLUTION)] * 2, travel)
+
+
+@pytest.mark.parametrize("polarity", [-1, 1])
+def test_a_nudge_is_small_and_ends_at_neutral(polarity):
+    crane = Crane(polarity=polarity)
+    hand = mover(crane)
+    nudge = motion.nudge(hand, 1, 0.05, 0.25)
+    assert np.sign(nudge.moved) == polarity
+    assert abs(crane.position[0]) < 0.003
+    assert crane.sent[-1] == 0.0
+    assert max(crane.sent) < 0.12
+
+
+def test_nothing_is_opened_beyond_the_limit():
+    crane = Crane(up=0.5)
+    with pytest.raises(DataError, match=r"up to a command of 0\.25"):
+        motion.nudge(mover(crane), 1, 0.05, 0.25)
+    assert max(crane.sent) <= 0.25
+
+
+def test_another_joint_that_moves_is_named():
+    crane = Crane(mixed=1.0)
+    with pytest.raises(MotionError, match="outer_boom has moved by .* while inner_boom"):
+        motion.triangle(mover(crane), 1, 0.05, 0.04, 0.25)
+    assert abs(crane.position[1]) < 0.005
+
+
+def test_a_joint_goes_no_further_than_it_may():
+    crane = Crane()
+    with pytest.raises(MotionError, match=r"inner_boom has moved by \+0\.02"):
+        motion.step(mover(crane, travel=0.02), 0.2, 5.0)
+    assert crane.position[0] < 0.022
+
+
+def test_a_joint_that_sinks_never_settles():
+    crane = Crane(up=0.0, down=0.0)
+    crane.spool, crane.lag = -0.02, 1e9
+    with pytest.raises(MotionError, match="does not come to rest"):
+        mover(crane, travel=1.0).settle()
+
+
+@pytest.mark.parametrize(("direction", "true"), [(1, 0.08), (-1, 0.05)])
+def test_a_triangle_shows_the_dead_band(direction, true):
+    crane = Crane()
+    trace = motion.triangle(mover(crane), direction, 0.05, 0.04, 0.25)
+    assert fit_dead_band("inner_boom", trace, direction).dead_band == pytest.approx(true, abs=2e-3)
+
+
+@pytest.mark.parametrize("command", [-0.15, 0.15])
+def test_it_goes_back_to_where_it_was(command):
+    crane = Crane()
+    hand = mover(crane)
+    motion.step(hand, command, 0.5)
+    assert abs(crane.position[0]) > 0.02
+    motion.back(hand, 0.11, -0.08)
+    assert abs(crane.position[0]) < 0.003
+    assert crane.sent[-1] == 0.0
