@@ -16,6 +16,7 @@ setup(
     zip_safe=False,
     entry_points={
         "console_scripts": [
+            "bringup = crane_driver.bringup.main:main",
             "decode = crane_driver.decode:main",
             "driver = crane_driver.driver_node:main",
             "jog = crane_driver.jog.jog_node:main",
