@@ -132,7 +132,13 @@ class Commander:
 class Stage:
     """What runs, what it says, and what passes on the bus."""
 
-    def __init__(self, folder: Path, pose: list[str], canopen: Mapping[str, object] = {}):
+    def __init__(
+        self,
+        folder: Path,
+        pose: list[str],
+        canopen: Mapping[str, object] = {},
+        safety: str = "",
+    ):
         mapping = yaml.safe_load(packaged("crane_driver", "laboratory_crane_can.yaml").read_text())
         path = folder / "mapping.yaml"
         path.write_text(yaml.safe_dump({**mapping, "timing": TIMING, "canopen": dict(canopen)}))
@@ -143,7 +149,7 @@ class Stage:
         self.link = Link(BusSettings(extra={"port": port})).open()
         posed = ["--pose", *pose] if pose else []
         self.machine = start(MACHINE, "--bus-option", f"port={port}", *posed)
-        options = {"bus.options": f"port={port}", "mapping": str(path)}
+        options = {"bus.options": f"port={port}", "mapping": str(path), "safety": f"'{safety}'"}
         parameters = [one for name, value in options.items() for one in ("-p", f"{name}:={value}")]
         self.driver = start(DRIVER, "--ros-args", *parameters)
         self.context = rclpy.Context()

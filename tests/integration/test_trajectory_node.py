@@ -1,0 +1,305 @@
+"""The trajectory node over driver and simulated crane: experiments that run, end early, or do not
+begin."""
+
+import math
+import os
+import signal
+import subprocess
+from collections.abc import Iterator
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+import yaml
+from integration.driver_stage import RUN, Stage, end, start
+from lifecycle_msgs.msg import Transition
+from lifecycle_msgs.srv import ChangeState
+from rcl_interfaces.msg import Parameter, ParameterType, ParameterValue
+from rcl_interfaces.srv import SetParameters
+from rclpy.action import ActionClient
+
+from crane_interfaces.action import RunExcitation
+from crane_interfaces.msg import JointReference, ValveCommand
+from crane_model.configuration import packaged
+from crane_model.machine import JOINTS
+from crane_trajectory.experiment import Outcome
+
+pytestmark = pytest.mark.realtime
+
+TRAJECTORY = RUN.format(module="crane_trajectory.trajectory_node")
+PERIOD = 5.0  # s
+TIMEOUT = 0.3  # s; a busy test machine is late by itself
+SHORT = {
+    "name": "short",
+    "period": PERIOD,
+    "joints": {
+        "inner_boom": {"offset": 0.35, "sine": [0.06], "cosine": [0.02]},
+        "outer_boom": {"offset": -1.5, "sine": [0.0, 0.06], "cosine": [0.1, 0.0]},
+        "telescope": {"offset": 0.4, "sine": [0.1], "cosine": [0.05]},
+    },
+}
+MOVING = 0.03  # rad/s, m/s
+
+
+class Experiments:
+    """The node under test, and what it says."""
+
+    def __init__(self, stage: Stage, folder: Path):
+        self.stage, self.folder = stage, folder
+        self.file = folder / "short.yaml"
+        self.file.write_text(yaml.safe_dump(SHORT))
+        self.references: list[JointReference] = []
+        self.commands: list[ValveCommand] = []
+        self.feedback: list[Any] = []
+        node = stage.node
+        node.create_subscription(JointReference, "/joint_reference", self.references.append, 50)
+        node.create_subscription(ValveCommand, "/valve_command", self.commands.append, 50)
+        self.action = ActionClient(node, RunExcitation, "/run_excitation")
+        self._set = node.create_client(SetParameters, "/trajectory/set_parameters")
+        self._change = node.create_client(ChangeState, "/trajectory/change_state")
+        self.process: subprocess.Popen[str]
+        self.begin()
+
+    def begin(self) -> None:
+        self.process = start(TRAJECTORY, "--ros-args", "-p", f"states_timeout:={TIMEOUT}")
+        for ready in (self.action.server_is_ready, self._set.service_is_ready):
+            self.stage.until(ready)
+        self.stage.until(self._change.service_is_ready)
+
+    def send(self, file: Path | None = None, periods: int = 1) -> Any:
+        """A goal; its handle."""
+        request = RunExcitation.Goal(trajectory=str(file or self.file), periods=periods)
+        sent = self.action.send_goal_async(
+            request, lambda message: self.feedback.append(message.feedback)
+        )
+        self.stage.until(sent.done)
+        assert sent.result().accepted
+        return sent.result()
+
+    def result(self, handle: Any) -> RunExcitation.Result:
+        ending = handle.get_result_async()
+        self.stage.until(ending.done)
+        return ending.result().result
+
+    def refused(self, file: Path | None = None, periods: int = 1) -> RunExcitation.Result:
+        """The result of a goal that must not move anything."""
+        before, commands = self.position, len(self.commands)
+        result = self.result(self.send(file, periods))
+        assert np.abs(self.position - before).max() < 0.002
+        assert not any(np.any(np.abs(one.command) > 0.0) for one in self.commands[commands:])
+        return result
+
+    def moving(self) -> Any:
+        """The handle of a goal under which the crane moves."""
+        for _ in range(5):  # a test machine that is too busy makes true faults
+            self.stage.enabled()
+            handle = self.send(periods=3)
+            ending = handle.get_result_async()
+            self.stage.until(lambda ending=ending: ending.done() or self.speed() > MOVING)
+            if not ending.done():
+                return handle
+        raise AssertionError("the crane does not move")
+
+    def speed(self) -> float:
+        return float(np.abs(self.stage.states[-1].velocity).max())
+
+    @property
+    def position(self) -> np.ndarray:
+        return np.array(self.stage.states[-1].position)
+
+    def holds_still(self) -> None:
+        """At rest, valves neutral, no publisher of commands, and nothing creeps."""
+        self.stage.until(lambda: self.stage.node.count_publishers("/valve_command") == 0)
+        assert self.speed() < MOVING
+        before, count = self.position, len(self.stage.states)
+        self.stage.until(lambda: len(self.stage.states) > count + 100)
+        assert np.abs(self.position - before).max() < 0.01
+
+    def set(self, name: str, value: float | str) -> tuple[bool, str]:
+        given = (
+            ParameterValue(type=ParameterType.PARAMETER_STRING, string_value=value)
+            if isinstance(value, str)
+            else ParameterValue(type=ParameterType.PARAMETER_DOUBLE, double_value=value)
+        )
+        request = SetParameters.Request(parameters=[Parameter(name=name, value=given)])
+        future = self._set.call_async(request)
+        self.stage.until(future.done)
+        (answer,) = future.result().results
+        return answer.successful, answer.reason
+
+    def change(self, transition: int) -> None:
+        request = ChangeState.Request(transition=Transition(id=transition))
+        future = self._change.call_async(request)
+        self.stage.until(future.done)
+        assert future.result().success
+
+
+@pytest.fixture(scope="module")
+def stage(ros_domain: int, tmp_path_factory: pytest.TempPathFactory) -> Iterator[Stage]:
+    folder = tmp_path_factory.mktemp("stage")
+    settings = yaml.safe_load(packaged("crane_driver", "safety.yaml").read_text())
+    safety = folder / "safety.yaml"
+    safety.write_text(yaml.safe_dump(settings | {"command_timeout": 2 * TIMEOUT}))
+    one = Stage(folder, [], safety=str(safety))
+    yield one
+    one.close()
+
+
+@pytest.fixture(scope="module")
+def crane(stage: Stage, tmp_path_factory: pytest.TempPathFactory) -> Iterator[Experiments]:
+    one = Experiments(stage, tmp_path_factory.mktemp("trajectory"))
+    yield one
+    end(one.process)
+
+
+def test_a_goal_is_refused_while_the_driver_is_disabled(crane: Experiments) -> None:
+    crane.stage.disabled()
+    result = crane.refused()
+    assert result.outcome == Outcome.NOT_READY
+    assert "the driver is not enabled, its state is disabled; call /driver/enable" in result.message
+
+
+def test_a_trajectory_outside_the_limits_is_refused(crane: Experiments) -> None:
+    wild = crane.folder / "wild.yaml"
+    joints = SHORT["joints"] | {"telescope": {"offset": 1.0, "sine": [0.8], "cosine": [0.0]}}
+    wild.write_text(yaml.safe_dump(SHORT | {"joints": joints}))
+    crane.stage.enabled()
+    result = crane.refused(wild)
+    assert result.outcome == Outcome.TRAJECTORY_REFUSED
+    assert "telescope: position 1.8 m" in result.message
+    assert "above the limit 1.55 m" in result.message
+
+
+@pytest.mark.parametrize(
+    ("file", "periods", "reason"),
+    [("absent.yaml", 1, "absent.yaml: no such file"), ("short.yaml", 0, "periods: must be at")],
+)
+def test_a_goal_that_cannot_be_run_is_refused(
+    file: str, periods: int, reason: str, crane: Experiments
+) -> None:
+    result = crane.refused(crane.folder / file, periods)
+    assert result.outcome == Outcome.TRAJECTORY_REFUSED
+    assert reason in result.message
+
+
+def test_an_experiment_is_completed(crane: Experiments) -> None:
+    for _ in range(3):  # a test machine that is too busy makes true faults
+        crane.stage.enabled()
+        crane.references.clear()
+        crane.feedback.clear()
+        result = crane.result(crane.send())
+        if result.outcome == Outcome.COMPLETED:
+            break
+    assert result.outcome == Outcome.COMPLETED, result.message
+    assert list(result.name) == list(JOINTS)
+    rms = np.array(result.rms_tracking_error)
+    assert rms[0] < 0.005  # slew is held
+    assert (rms[1:] > 1e-4).all()
+    assert (rms < [0.005, 0.05, 0.1, 0.05]).all()
+    crane.holds_still()
+    assert [one.phase for one in crane.feedback] == sorted(one.phase for one in crane.feedback)
+    assert {one.phase for one in crane.feedback} == {1, 2, 3}
+    stamps = np.array(
+        [one.header.stamp.sec + one.header.stamp.nanosec * 1e-9 for one in crane.references]
+    )
+    position = np.array([one.position for one in crane.references])
+    velocity = np.array([one.velocity for one in crane.references])
+    assert (np.diff(stamps) > 0.0).all()
+    step = np.diff(stamps) < 0.04
+    change = (np.diff(position, axis=0) - velocity[1:] * np.diff(stamps)[:, None])[step]
+    assert np.abs(change).max() < 2e-3  # the reference is continuous
+    assert np.ptp(position[:, 0]) == 0.0
+    assert crane.stage.safety()[0] == "enabled"  # commands that end at neutral leave no fault
+
+
+def test_canceled_the_crane_comes_to_rest_and_holds_still(crane: Experiments) -> None:
+    handle = crane.moving()
+    handle.cancel_goal_async()
+    result = crane.result(handle)
+    assert (result.outcome, result.message) == (
+        Outcome.CANCELED,
+        "canceled, the crane is at rest",
+    )
+    assert all(math.isnan(one) for one in result.rms_tracking_error)
+    crane.holds_still()
+
+
+def test_a_second_goal_is_refused_and_the_first_goes_on(crane: Experiments) -> None:
+    first = crane.moving()
+    second = crane.result(crane.send())
+    assert second.outcome == Outcome.NOT_READY
+    assert second.message == "another goal runs; cancel it first"
+    assert crane.stage.node.count_publishers("/valve_command") == 1
+    first.cancel_goal_async()
+    assert crane.result(first).outcome == Outcome.CANCELED
+
+
+def test_parameters_change_while_the_crane_moves_where_that_is_safe(crane: Experiments) -> None:
+    handle = crane.moving()
+    assert crane.set("gains.outer_boom.kp", 5.0) == (True, "")
+    for name, value, reason in (
+        ("gains.outer_boom.kp", -1.0, "parameter 'gains.outer_boom.kp': must be from 1e-06 to"),
+        ("gains.outer_boom.kp", 100.0, "kp times position_tolerance is 0.4, more than dead_zone"),
+        ("saturation", 2.0, "parameter 'saturation': must be from 0.01 to 1 -, got 2.0"),
+        ("machine", "other.yaml", "parameter 'machine' is read when the node is configured"),
+    ):
+        done, why = crane.set(name, value)
+        assert not done
+        assert reason in why
+    assert crane.set("tracking_tolerance.outer_boom", 1e-4) == (True, "")
+    result = crane.result(handle)
+    assert crane.set("tracking_tolerance.outer_boom", 0.2) == (True, "")
+    assert crane.set("gains.outer_boom.kp", 4.0) == (True, "")
+    assert result.outcome == Outcome.TRACKING_LOST
+    assert "outer_boom: tracking error" in result.message
+    assert "is beyond the tolerance 0.0001 rad" in result.message
+    crane.holds_still()
+
+
+def test_deactivated_the_crane_comes_to_rest_and_does_not_jump_after(crane: Experiments) -> None:
+    handle = crane.moving()
+    crane.change(Transition.TRANSITION_DEACTIVATE)
+    result = crane.result(handle)
+    assert result.outcome == Outcome.DEACTIVATED
+    crane.holds_still()
+    assert "the node is inactive" in crane.refused().message
+    before = crane.position
+    crane.change(Transition.TRANSITION_ACTIVATE)
+    crane.holds_still()
+    assert np.abs(crane.position - before).max() < 0.01
+    crane.moving().cancel_goal_async()
+    crane.holds_still()
+
+
+def test_a_fault_of_the_driver_ends_the_experiment(crane: Experiments) -> None:
+    handle = crane.moving()
+    crane.stage.call("emergency_stop")
+    result = crane.result(handle)
+    assert result.outcome == Outcome.DRIVER_FAULT
+    assert "emergency stop" in result.message
+    crane.holds_still()
+
+
+def test_lost_states_end_the_experiment(crane: Experiments) -> None:
+    handle = crane.moving()
+    os.kill(crane.stage.driver.pid, signal.SIGSTOP)
+    try:
+        result = crane.result(handle)
+    finally:
+        os.kill(crane.stage.driver.pid, signal.SIGCONT)
+    assert result.outcome == Outcome.STATES_LOST
+    assert "limit 300 ms" in result.message
+    crane.stage.until(lambda: crane.speed() < MOVING)
+    crane.holds_still()
+
+
+def test_ended_by_a_signal_the_crane_is_at_rest_first(crane: Experiments) -> None:
+    handle = crane.moving()
+    ending = handle.get_result_async()
+    crane.process.send_signal(signal.SIGTERM)
+    crane.stage.until(ending.done)
+    assert ending.result().result.outcome == Outcome.DEACTIVATED
+    assert end(crane.process) == 0
+    crane.holds_still()
+    assert crane.stage.safety()[0] == "enabled"
