@@ -31,6 +31,7 @@ from crane_driver.can.binding import load_layout
 from crane_driver.can.bus import BusSettings
 from crane_driver.can.codec import DriverCodec, MachineCodec
 from crane_driver.can.link import Link
+from crane_driver.can.mapping import Mapping
 from crane_driver.velocity_filter import VelocityFilter
 from crane_model.configuration import load, packaged
 from crane_model.machine import JOINTS, load_machine
@@ -265,6 +266,17 @@ def test_valves(shop: Workshop) -> None:
         assert one["polarity"] == WIRING["commands"][joint]
         assert shop.still(joint) == pytest.approx(before[joint], abs=0.02)
     shop.start_driver(shop.folder / "bringup" / "03_valves" / "mapping.yaml")
+
+
+def test_the_last_mapping_is_the_wiring_of_the_machine(shop: Workshop) -> None:
+    found = load(shop.folder / "bringup" / "03_valves" / "mapping.yaml", Mapping)
+    true = load(shop.folder / "truth.yaml", Mapping)
+    for joint in JOINTS:
+        assert found.commands[joint].sign == true.commands[joint].sign
+        assert found.positions[joint].sign == true.positions[joint].sign
+        assert found.positions[joint].zero == pytest.approx(true.positions[joint].zero, abs=2e-4)
+    for name, one in true.pressures.items():
+        assert found.pressures[name].zero == pytest.approx(one.zero, abs=1e4)
 
 
 def test_dead_band(shop: Workshop) -> None:

@@ -191,7 +191,8 @@ class NodeDrive:
         """Send a command; samples until the next one is due."""
         if self.enabled:
             self._client.require_well()
-            if (pause := time.monotonic() - self._sent) > PAUSE:
+            pause = time.monotonic() - self._sent
+            if command and pause > PAUSE:  # a neutral one begins anew
                 raise MotionError(
                     f"no command for {pause * 1e3:.0f} ms, limit {PAUSE * 1e3:.0f} ms: this "
                     "computer is too busy; stop other programs and measure again"

@@ -65,7 +65,7 @@ def pressures(readings: Mapping[str, np.ndarray], results: Mapping[str, Pressure
         axes.annotate(
             f"{one.offset / BAR:+.3f} ± {one.spread / BAR:.3f}",
             (one.offset / BAR, row),
-            xytext=(0, 6),
+            xytext=(0, 11),
             textcoords="offset points",
             ha="center",
             fontsize=8,
@@ -151,10 +151,10 @@ def gains(
             axes.plot(time, (fit.fitted - origin) * size, "--", color=FITTED, linewidth=1.2)
         worst = max(runs, key=lambda run: run[1].gain)[1]
         one = results[joint]
-        unit_gain = JOINT_UNITS[joint]
         axes.set_title(
-            f"{joint}: K = {worst.gain:.3g} {unit_gain}/s, L + T = "
-            f"{1e3 * (worst.dead_time + worst.lag):.0f} ms → kp {one.kp:.3g}, kd {one.kd:.3g}"
+            f"{joint}: kp {one.kp:.3g}, kd {one.kd:.3g}, closed loop {one.time_constant:.2f} s\n"
+            f"K = {worst.gain:.3g} {JOINT_UNITS[joint]}/s, L = {1e3 * worst.dead_time:.0f} ms, "
+            f"T = {1e3 * worst.lag:.0f} ms"
         )
         axes.set_xlabel("t [s] since the step")
         axes.set_ylabel(f"displacement [{unit}]")
