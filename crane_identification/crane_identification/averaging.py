@@ -71,6 +71,19 @@ def noise_of_mean(periods: np.ndarray, used: np.ndarray) -> np.ndarray:
     return np.sqrt(variance / np.maximum(used.sum(axis=0), 1) / count)
 
 
+def resolution_of_mean(periods: np.ndarray, resolution: np.ndarray) -> np.ndarray:
+    """Resolution (j,) that an encoder would need to round like the mean of M periods (M, n, j).
+
+    Periods that differ by more than the `resolution` (j,) of the readings round independently, and
+    averaging halves the error of rounding with every fourfold number; equal ones round alike.
+    """
+    rounding = resolution**2 / 12
+    if len(periods) < 2:
+        return resolution
+    own = np.minimum(periods.var(axis=0, ddof=1).mean(axis=0), rounding)
+    return np.sqrt(12 * (rounding - own + own / len(periods)))
+
+
 def drift(periods: np.ndarray) -> Drift:
     """The steady change in M periods (M, n, j) and whether their scatter explains it.
 

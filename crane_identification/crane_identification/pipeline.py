@@ -19,13 +19,7 @@ from crane_identification.excitation import too_little
 from crane_identification.options import Estimator, Options
 from crane_identification.preparation import Preparation, prepare
 from crane_identification.progress import Progress, silent
-from crane_identification.regression import (
-    build_rows,
-    common_factor,
-    force_noise,
-    instruments,
-    scatter,
-)
+from crane_identification.regression import build_rows, common_factor, instruments
 from crane_identification.validation import Validation, compare
 from crane_model.errors import DataError
 from crane_model.model_file import Model
@@ -72,7 +66,7 @@ def fit(
     sources = ", ".join(dict.fromkeys(p.source for p in preparations))
     provenance = f"{estimate.method}, {estimate.samples} rows of {sources}"
     fitted = model.with_estimate(estimate.values, estimate.std_devs, provenance)
-    left = lack_of_fit(rows, estimate.values, [scatter(p, factor) for p in preparations])
+    left = lack_of_fit(rows, estimate.values)
     return FitResult(fitted, estimate, rows, tuple(preparations), factor, left)
 
 
@@ -83,11 +77,7 @@ def _estimate(
         case Estimator.LEAST_SQUARES:
             return least_squares(rows, options.covariance)
         case Estimator.WEIGHTED:
-            noise = [
-                force_noise(p, rows.used[rows.run == run], factor)
-                for run, p in enumerate(preparations)
-            ]
-            return weighted(rows, noise, options.covariance)
+            return weighted(rows, options.covariance)
         case Estimator.ROBUST:
             return robust(rows, options.covariance)
         case Estimator.INSTRUMENTAL:

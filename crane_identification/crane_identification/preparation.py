@@ -4,7 +4,13 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from crane_identification.averaging import Averaging, drift, fold, transient_periods
+from crane_identification.averaging import (
+    Averaging,
+    drift,
+    fold,
+    resolution_of_mean,
+    transient_periods,
+)
 from crane_identification.data.log import Log
 from crane_identification.data.resample import Samples, resample, sampling_rate
 from crane_identification.options import Options
@@ -150,7 +156,7 @@ def _averaged(
     transient = transient_periods(fold(signals["position"], length, whole))
     used = min(whole - transient, options.periods or whole)
     mean = {name: fold(values, length, used).mean(axis=0) for name, values in signals.items()}
-    resolution = _resolution(log) / np.sqrt(used)  # from period to period, rounding is random
+    resolution = resolution_of_mean(fold(_coordinates(signals), length, used), _resolution(log))
     motion = estimate_period(options.motion, _coordinates(mean), step, resolution, progress)
     record = _record(model, step * np.arange(length), mean, motion, options.mask_reversals)
     periods = fold(signals["force"], length, used)

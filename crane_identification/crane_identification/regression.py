@@ -46,6 +46,7 @@ def build_rows(model: Model, preparation: Preparation, factor: int) -> Rows:
         matrix=_columns(model, preparation, record, factor),
         force=decimate(record.force * gate, factor, preparation.periodic),
         used=decimate(gate, factor, preparation.periodic) > OPEN,
+        scatter=(_scatter(preparation, factor),),
     )
 
 
@@ -67,28 +68,10 @@ def _columns(model: Model, preparation: Preparation, record: Record, factor: int
     return decimate(model.regressor(record) * gate, factor, preparation.periodic)
 
 
-def scatter(preparation: Preparation, factor: int) -> np.ndarray:
+def _scatter(preparation: Preparation, factor: int) -> np.ndarray:
     """Deviations (M, n, j) of the force in each period from their mean, in the rows of the fit."""
     deviation = (preparation.periods - preparation.periods.mean(axis=0)) * preparation.moving
     return np.stack([decimate(one, factor, preparation.periodic) for one in deviation])
-
-
-def force_noise(preparation: Preparation, used: np.ndarray, factor: int) -> np.ndarray:
-    """Covariance (j, j) of the noise of the averaged force between joints, free of any model.
-
-    Over the rows `used` (n, j). `DataError` for a single period, which has no scatter.
-    """
-    count = len(preparation.periods)
-    if count < 2:
-        raise DataError(
-            f"{preparation.source}: the noise between joints is the scatter between periods, and "
-            f"there is one period; record at least two, average, or choose another estimator"
-        )
-    deviation = np.where(used, scatter(preparation, factor), 0.0)
-    rows = used.sum(axis=0)
-    power = np.einsum("mnj,mnk->jk", deviation, deviation) / (count - 1) / count
-    both = used.T.astype(float) @ used
-    return np.where(both > 0, power / np.maximum(both, 1), 0.0) + np.diag(rows == 0)
 
 
 def noise_floor(preparation: Preparation, factor: int) -> np.ndarray:

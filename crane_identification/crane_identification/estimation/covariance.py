@@ -6,8 +6,12 @@ import numpy as np
 from scipy.linalg import matmul_toeplitz
 
 from crane_identification.estimation.autoregression import Autoregression, restricted_likelihood
+from crane_identification.estimation.lack_of_fit import LackOfFit
 from crane_identification.estimation.rows import Rows
 from crane_model.base_parameters import reveal_rank
+
+NOISE = 0.01
+"""Probability of noise leaving such a residual, above which it is taken for noise."""
 
 
 class Covariance(StrEnum):
@@ -34,11 +38,13 @@ def white(residual: np.ndarray, bread: np.ndarray, assumption: Covariance) -> np
 
 
 def correlated(
-    rows: Rows, weights: np.ndarray, residual: np.ndarray, bread: np.ndarray
+    rows: Rows, weights: np.ndarray, residual: np.ndarray, bread: np.ndarray, left: LackOfFit
 ) -> np.ndarray:
     """Covariance B (Σ ΦᵀW Γ WΦ) B (p, p), Γ the autocovariance of the noise of each joint.
 
-    Γ is that of an autoregressive model fitted to the rows of the joint alone, scaled up where the
+    Γ is that of an autoregressive model. Where the residual is noise, as the test of lack of fit
+    sees it, the model is fitted to the scatter between periods, and its variance is that of scatter
+    and residual together. Else it is fitted to the rows of the joint alone, and scaled up where the
     weighted `residual` (n, j) is larger: then the joints contradict each other. On records of a
     hundred rows its intervals cover what they claim, where those of a kernel estimate (Newey and
     West) are up to twice too narrow.
@@ -52,16 +58,42 @@ def correlated(
         weight = np.where(used, weights[:, j], 0.0)
         columns, force = rows.matrix[:, j] * weight[:, None], rows.force[:, j] * weight
         own = list(reveal_rank(columns[used]).independent)
-        noise = restricted_likelihood(
-            _by_run(columns[:, own], runs), _by_run(force, runs), _by_run(used, runs)
-        )
-        power = float((residual[used, j] ** 2).mean())
-        if noise is None or noise.variance < power:
-            noise = Autoregression(np.ones(1) if noise is None else noise.polynomial, power)
+        noise = _shown_by_scatter(rows, weight, left, j)
+        if noise is None:
+            noise = restricted_likelihood(
+                _by_run(columns[:, own], runs), _by_run(force, runs), _by_run(used, runs)
+            )
+            power = float((residual[used, j] ** 2).mean())
+            if noise is None or noise.variance < power:
+                noise = Autoregression(np.ones(1) if noise is None else noise.polynomial, power)
         covariance = noise.autocovariance(max(len(run) for run in runs))
         for run in runs:
             meat += columns[run].T @ matmul_toeplitz(covariance[: len(run)], columns[run])
     return bread @ meat @ bread
+
+
+def _shown_by_scatter(
+    rows: Rows, weight: np.ndarray, left: LackOfFit, j: int
+) -> Autoregression | None:
+    """The noise of the weighted mean force of joint j; None if the residual is not that noise."""
+    if not left.p_value[j] > NOISE:
+        return None
+    longest = max(one.shape[1] for one in rows.scatter)
+    deviations, used = [], []
+    for run, deviation in enumerate(rows.scatter):
+        own = rows.run == run
+        padding = (0, longest - deviation.shape[1])
+        # Each period, scaled so that its variance is that of the mean.
+        scaled = deviation[:, :, j] * weight[own] / np.sqrt(len(deviation) - 1)
+        deviations.append(np.pad(scaled, ((0, 0), padding)))
+        used.append(np.tile(np.pad(rows.used[own, j], padding), (len(deviation), 1)))
+    force, known = np.concatenate(deviations), np.concatenate(used)
+    noise = restricted_likelihood(np.zeros((*force.shape, 0)), force, known)
+    if noise is None:
+        return None
+    freedom, of_noise = left.freedom[j], left.noise_freedom[j]
+    pooled = (of_noise + freedom * left.ratio[j]) / (of_noise + freedom)
+    return Autoregression(noise.polynomial, noise.variance * float(pooled))
 
 
 def _by_run(values: np.ndarray, runs: list[np.ndarray]) -> np.ndarray:

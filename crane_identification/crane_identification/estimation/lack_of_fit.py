@@ -5,7 +5,6 @@ residual of the averaged force is compared with that of its noise, and each coun
 of freedom as it has independent samples (Satterthwaite 1946).
 """
 
-from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -18,43 +17,41 @@ from crane_identification.estimation.solving import solve
 
 @dataclass(frozen=True)
 class LackOfFit:
-    """Per joint (j,): power of the residual over what noise alone leaves of it, and how likely
-    noise alone gives that much. NaN where no period was repeated.
+    """Per joint (j,), NaN where no period was repeated.
+
+    `ratio`: power of the residual over what noise alone leaves of it. `p_value`: how likely noise
+    alone gives as much. `freedom` and `noise_freedom`: independent samples of either.
     """
 
     joints: tuple[str, ...]
     ratio: np.ndarray
     p_value: np.ndarray
+    freedom: np.ndarray
+    noise_freedom: np.ndarray
 
 
-def lack_of_fit(rows: Rows, values: np.ndarray, scatter: Sequence[np.ndarray]) -> LackOfFit:
-    """Test of the residual of `values` (p,) on `rows`.
-
-    `scatter`: per run, deviations (M, n, j) of the force of each period from their mean, filtered
-    as the rows.
-    """
+def lack_of_fit(rows: Rows, values: np.ndarray) -> LackOfFit:
+    """Test of the residual of `values` (p,) on `rows` against their scatter."""
     residual = rows.residual(values)
-    absorbed = _absorbed(rows, residual)
-    ratio, p_value = np.full((2, len(rows.joints)), np.nan)
-    repeated = [run for run, deviation in enumerate(scatter) if len(deviation) > 1]
-    if repeated:
-        inside = np.isin(rows.run, repeated)
-        power = (residual[inside] ** 2).sum(axis=0)
-        noise, variance, mean_variance = np.zeros((3, len(rows.joints)))
-        for run in repeated:
-            deviation, used = scatter[run], rows.used[rows.run == run]
-            count = len(deviation)
-            own = np.where(used, deviation**2, 0.0).sum(axis=(0, 1)) / (count - 1) / count
-            independent = independent_samples(deviation, used)
-            noise += own
-            mean_variance += own**2 / independent
-            variance += own**2 / independent / (count - 1)
-        left = 1.0 - absorbed
-        seen = (noise > 0.0) & (left > 0.0)
-        ratio[seen] = (power / noise)[seen] / left[seen]
-        freedom, of_noise = (noise[seen] ** 2 / v[seen] for v in (mean_variance, variance))
-        p_value[seen] = fisher.sf(ratio[seen], left[seen] * freedom, of_noise)
-    return LackOfFit(rows.joints, ratio, p_value)
+    joints = len(rows.joints)
+    ratio, p_value, freedom, noise_freedom = np.full((4, joints), np.nan)
+    if not rows.repeated:
+        return LackOfFit(rows.joints, ratio, p_value, freedom, noise_freedom)
+    noise, variance, of_noise = np.zeros((3, joints))
+    for run, deviation in enumerate(rows.scatter):
+        used, others = rows.used[rows.run == run], len(deviation) - 1
+        mean_noise = np.where(used, deviation**2, 0.0).sum(axis=(0, 1)) / others / len(deviation)
+        independent = independent_samples(deviation, used)
+        noise += mean_noise
+        variance += mean_noise**2 / independent
+        of_noise += mean_noise**2 / independent / others
+    left = 1.0 - _absorbed(rows, residual)
+    seen = (noise > 0.0) & (left > 0.0)
+    ratio[seen] = ((residual**2).sum(axis=0) / noise)[seen] / left[seen]
+    freedom[seen] = (left * noise**2)[seen] / variance[seen]
+    noise_freedom[seen] = noise[seen] ** 2 / of_noise[seen]
+    p_value[seen] = fisher.sf(ratio[seen], freedom[seen], noise_freedom[seen])
+    return LackOfFit(rows.joints, ratio, p_value, freedom, noise_freedom)
 
 
 def _absorbed(rows: Rows, residual: np.ndarray) -> np.ndarray:

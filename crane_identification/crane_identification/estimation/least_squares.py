@@ -4,6 +4,7 @@ import numpy as np
 
 from crane_identification.estimation.covariance import Covariance, correlated, white
 from crane_identification.estimation.estimate import Estimate, Fit, describe
+from crane_identification.estimation.lack_of_fit import lack_of_fit
 from crane_identification.estimation.rows import Rows
 from crane_identification.estimation.solving import BasicSolution, balance, solve
 from crane_model.errors import DataError
@@ -37,7 +38,7 @@ def fit(rows: Rows, weights: np.ndarray, covariance: Covariance) -> Fit:
     values, determined, bread, _ = solve_weighted(rows, weights)
     residual = weights * rows.residual(values)
     if covariance is Covariance.CORRELATED:
-        spread = correlated(rows, weights, residual, bread)
+        spread = correlated(rows, weights, residual, bread, lack_of_fit(rows, values))
     else:
         spread = white(residual[rows.used], bread, covariance)
     return Fit(values, spread, determined & _seen(rows, np.sqrt(np.diag(spread))))

@@ -47,7 +47,7 @@ def robust(rows: Rows, covariance: Covariance = Covariance.CORRELATED) -> Estima
     u = rows.residual(values) / scale
     slope = np.where(rows.used, _slope(u), 0.0).sum(axis=0) / np.maximum(rows.used.sum(axis=0), 1)
     pseudo = rows.matrix @ values + scale * bisquare(u) * u / slope
-    found = fit(replace(rows, force=pseudo), np.sqrt(slope) / scale, covariance)
+    found = fit(replace(rows, force=pseudo, scatter=()), np.sqrt(slope) / scale, covariance)
     rejected = int((rows.used & (np.abs(u) > BISQUARE)).sum())
     method = f"robust regression (bisquare), {rejected} rows rejected, {covariance} residual"
     return describe(rows, found, method)

@@ -15,7 +15,8 @@ class Rows:
 
     `matrix` (n, j, p), `force` (n, j) [N m or N], `used` (n, j): False where a row tells nothing
     (it is left out, and keeps its place in time); `run` (n,) numbers the recordings; `time` (n,)
-    [s].
+    [s]. Where the force is a mean over periods, `scatter` holds, per recording, the deviations
+    (periods, its rows, j) of each period from it.
     """
 
     joints: tuple[str, ...]
@@ -26,6 +27,7 @@ class Rows:
     matrix: np.ndarray
     force: np.ndarray
     used: np.ndarray
+    scatter: tuple[np.ndarray, ...] = ()
 
     def __post_init__(self) -> None:
         n, joints = self.force.shape
@@ -62,7 +64,14 @@ class Rows:
             np.concatenate([part.matrix for part in parts]),
             np.concatenate([part.force for part in parts]),
             np.concatenate([part.used for part in parts]),
+            tuple(one for part in parts for one in part.scatter),
         )
+
+    @property
+    def repeated(self) -> bool:
+        """Whether every recording has at least two periods, whose scatter shows the noise."""
+        runs = len(np.unique(self.run))
+        return len(self.scatter) == runs and all(len(one) > 1 for one in self.scatter)
 
     def residual(self, values: np.ndarray) -> np.ndarray:
         """tau - Phi Theta (n, j); 0 where a row is not used."""

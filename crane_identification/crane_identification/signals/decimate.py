@@ -13,7 +13,7 @@ ORDER = 8
 RIPPLE = 0.05  # dB
 PASS_BAND = 0.8  # of half the sampling rate after decimation; these three as MATLAB's decimate
 PADDING = 3 * ORDER
-KEPT_SHARE = 0.125  # of the bandwidth of the motion
+KEPT_SHARE = 0.2  # of the bandwidth of the motion
 
 
 def decimation_rows(samples: int, factor: int) -> np.ndarray:
@@ -46,9 +46,9 @@ def decimate(values: np.ndarray, factor: int, periodic: bool = False) -> np.ndar
 
 
 def decimation_factor(bandwidth: float, step: float) -> int:
-    """Largest factor that keeps an eighth of the `bandwidth` [Hz] of the motion (at least 1).
+    """Largest factor that keeps 0.2 of the `bandwidth` [Hz] of the motion (at least 1).
 
-    There the estimated motion is the true one to 1e-5 (responses 1/(1 + 8⁻⁶) and closer), so that
+    There the estimated motion is the true one to 1e-4 (responses 1/(1 + 0.2⁶) and closer), so that
     even the short accelerations after a reversal are seen alike on both sides of (28).
     """
     return max(1, int(PASS_BAND * 0.5 / step / (KEPT_SHARE * bandwidth) + 1e-9))

@@ -23,7 +23,7 @@ PROPER = 0.99
 """Share of the power of the velocity that counts as the motion proper."""
 LOWEST = 20.0
 """K is at least this many times the highest harmonic of the motion proper: the parallel filter,
-which keeps an eighth of the bandwidth, then passes all of it."""
+which keeps a fifth of the bandwidth, then passes all of it."""
 ROUNDING = 1e-30  # share of the largest line, squared, below which noise is that of the arithmetic
 
 
@@ -88,7 +88,7 @@ def _highest(k: np.ndarray, omega: np.ndarray, power: np.ndarray, noise: float) 
     tried = np.geomspace(1.0, top, TRIED)
     w = _weights(k, tried)
     error = (1.0 - w) ** 2 * (power - noise)[:, np.newaxis] + w**2 * noise
-    best = tried[(omega**4 @ error).argmin()]
-    velocity = np.cumsum(omega**2 * power)
+    best = (omega**4 @ error).argmin()
+    velocity = np.cumsum(omega**2 * w[:, best] ** 2 * power)
     proper = int(np.searchsorted(velocity, PROPER * velocity[-1]))
-    return float(np.clip(LOWEST * proper, best, top))
+    return float(np.clip(LOWEST * proper, tried[best], top))
