@@ -1,0 +1,71 @@
+"""The person at the simulated machine, and valves whose null is not in the middle."""
+
+import io
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from crane_model.configuration import packaged
+from crane_model.errors import ConfigurationError, RangeError
+from crane_model.machine import JOINTS, Machine
+from crane_sim.operator_at_machine import Operator
+from crane_sim.parameters import StandIn, load_stand_in
+from crane_sim.plant import Plant
+
+
+def test_a_lever_goes_before_the_command_until_it_is_let_go() -> None:
+    operator = Operator()
+    operator.obey("outer_boom=0.2\n")
+    assert operator.spools([0.1, 0.1, -0.1, 0.1]) == [0.1, 0.1, 0.2, 0.1]
+    operator.obey("outer_boom = 0")
+    assert operator.spools([0.1, 0.1, -0.1, 0.1]) == [0.1, 0.1, -0.1, 0.1]
+
+
+@pytest.mark.parametrize(
+    "line", ["", "elbow=0.1", "slew=2", "slew=nan", "slew", "engine=maybe", "slew=fast"]
+)
+def test_what_cannot_be_done_changes_nothing(line: str) -> None:
+    operator = Operator()
+    with pytest.raises(RangeError, match="write engine=on"):
+        operator.obey(line)
+    assert operator.engine
+    assert set(operator.levers.values()) == {0.0}
+
+
+def test_lines_are_obeyed_and_wrong_ones_named() -> None:
+    operator, complaints = Operator(), io.StringIO()
+    operator.follow(io.StringIO("engine=off\nelbow=1\nslew=-0.3\n"), complaints)
+    assert not operator.engine
+    assert operator.levers["slew"] == -0.3
+    assert complaints.getvalue().startswith("'elbow=1'")
+
+
+@pytest.mark.parametrize("joint", JOINTS)
+@pytest.mark.parametrize("sign", [-1.0, 1.0])
+def test_a_null_bias_shifts_the_dead_zone_of_the_joint(
+    joint: str, sign: float, machine: Machine, stand_in: StandIn
+) -> None:
+    """Whatever the sense of the cylinder."""
+    valve = stand_in.valves[joint].model_copy(update={"null_bias": 0.02})
+    valves = stand_in.valves.model_copy(update={joint: valve})
+    parameters = stand_in.model_copy(update={"valves": valves})
+    edge = sign * valve.dead_zone + 0.02
+    index, moved = JOINTS.index(joint), []
+    for command in (edge - sign * 0.005, edge + sign * 0.03):
+        plant = Plant(parameters, machine, parameters.start)
+        plant.advance(command * np.eye(4)[index], 1.5)
+        moved.append(sign * (plant.q - parameters.start)[index])
+    assert moved[0] == 0.0
+    assert moved[1] > 0.005
+
+
+def test_a_null_bias_that_opens_a_centred_valve_is_refused(tmp_path: Path) -> None:
+    path = tmp_path / "plant.yaml"
+    base = load_stand_in().valves.slew.dead_zone
+    path.write_text(
+        f"base: {packaged('crane_sim', 'stand_in.yaml')}\n"
+        f"valves: {{slew: {{null_bias: {base + 0.01}}}}}\n"
+    )
+    with pytest.raises(ConfigurationError, match="the valve of a centred spool would be open"):
+        load_stand_in(path)
