@@ -119,7 +119,9 @@ def _parser() -> argparse.ArgumentParser:
         formatter_class=argparse.RawDescriptionHelpFormatter,
     )
     parser.add_argument("step", choices=("status", *STEPS))
-    parser.add_argument("--out", type=Path, required=True, metavar="FOLDER", help="of this bring-up")
+    parser.add_argument(
+        "--out", type=Path, required=True, metavar="FOLDER", help="of this bring-up"
+    )
     parser.add_argument(
         "--mapping",
         type=Path,

@@ -24,8 +24,8 @@ def encoders(bench: Bench) -> None:
     terminal.say(
         "Encoder zero and sign. You move each joint by the levers of the crane itself; the driver\n"
         "stays disabled. Nobody within reach of the crane but who moves it. Have an inclinometer\n"
-        "at hand, and a tape measure for the telescope. The angle of the outer boom is the one to the\n"
-        "inner boom: the difference of their inclinations.\n"
+        "at hand, and a tape measure for the telescope. The angle of the outer boom is that to\n"
+        "the inner boom: the difference of their inclinations.\n"
         "Positive: slew to the left seen from above, booms up, telescope out."
     )
     traces: dict[str, tuple[np.ndarray, np.ndarray]] = {}
