@@ -195,13 +195,16 @@ def shop(ros_domain: int, tmp_path_factory: pytest.TempPathFactory) -> Iterator[
     one.close()
 
 
-def moves(shop: Workshop, step: str, *options: str) -> None:
-    """Run a step that moves the crane, again where the test machine was too busy for it."""
+def moves(shop: Workshop, step: str, *options: str) -> dict[str, float]:
+    """Run a step that moves the crane, again where the test machine was too busy for it; where
+    the joints stood before.
+    """
     for _ in range(3):
+        before = {joint: shop.still(joint) for joint in MEASURED}
         tool = Tool(shop, step, *FAST, *options)
         tool.say("yes\n" * len(MEASURED))  # all answers at once, as from a file
         if tool.done() == 0:
-            return
+            return before
         assert "too busy" in tool.output or "no /joint_states" in tool.output, tool.output
     pytest.fail(f"{step} never ran to its end")
 
@@ -260,8 +263,7 @@ def test_what_is_not_confirmed_moves_nothing(shop: Workshop) -> None:
 
 
 def test_valves(shop: Workshop) -> None:
-    before = {joint: shop.still(joint) for joint in MEASURED}
-    moves(shop, "valves")
+    before = moves(shop, "valves")
     for joint, one in result(shop, "03_valves").items():
         assert one["polarity"] == WIRING["commands"][joint]
         assert shop.still(joint) == pytest.approx(before[joint], abs=0.02)
@@ -280,8 +282,7 @@ def test_the_last_mapping_is_the_wiring_of_the_machine(shop: Workshop) -> None:
 
 
 def test_dead_band(shop: Workshop) -> None:
-    before = {joint: shop.still(joint) for joint in MEASURED}
-    moves(shop, "dead_band")
+    before = moves(shop, "dead_band")
     run = shop.folder / "bringup" / "04_dead_band"
     for joint, one in load(run / "result.yaml", Result[Directions]).results.items():
         valve = VALVES[joint]

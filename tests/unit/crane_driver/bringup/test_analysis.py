@@ -108,7 +108,9 @@ def ramped(dead_band, gain, lag, direction, seed, rate=0.05, over=0.06):
     time = np.arange(0.0, 2.0 * turn + 0.5, 0.005)
     solution = solve_ivp(slope, (0.0, time[-1]), [0.0, 0.0], t_eval=time, max_step=0.01)
     noise = 2e-5 * np.random.default_rng(seed).standard_normal(len(time))
-    return Trace(1.8e9 + time, direction * quantised(solution.y[1] + noise), direction * wanted(time))
+    return Trace(
+        1.8e9 + time, direction * quantised(solution.y[1] + noise), direction * wanted(time)
+    )
 
 
 @pytest.mark.parametrize("direction", [-1, 1])
