@@ -25,6 +25,7 @@ from crane_model.errors import DataError
 SMALLEST = 0.01
 """Smallest eigenvalue of a pseudo-inertia [kg, m]: of what is lighter than this, or thinner, the
 mass matrix could not be told from a singular one."""
+HUNDREDS = 100.0  # kg
 HEAVIEST = 1e5
 """Mass [kg] that no body reaches. That of the inner boom moves nothing and would have no limit."""
 FELT = 0.01
@@ -56,23 +57,26 @@ def _constrained(
     """Θ (p,) and the names of the constraints that hold it back."""
     import cvxpy  # two seconds, for those who need them
 
-    # Distances from the free solution in standard deviations of the force, columns scaled to 1.
+    # Distances from the free solution in standard deviations of the force; Θ in units in which each
+    # parameter alone would make the whole force, bodies in hundreds of kilograms.
     scaling = np.broadcast_to(weights, rows.force.shape)[rows.used]
-    matrix = rows.stacked * scaling[:, None]
-    residual = rows.residual(free.values)[rows.used] * scaling
-    deviation = np.sqrt(residual @ residual / (len(residual) - matrix.shape[1]))
+    matrix, force = rows.stacked * scaling[:, None], rows.force[rows.used] * scaling
     norms = np.linalg.norm(matrix, axis=0)
-    norms[norms == 0.0] = 1.0
-    triangle = np.linalg.qr(matrix / norms, mode="r") / max(deviation, np.finfo(float).tiny)
+    units = np.linalg.norm(force) / np.where(norms > 0.0, norms, 1.0)
+    residual = force - matrix @ free.values
+    deviation = np.sqrt(residual @ residual / (len(residual) - matrix.shape[1]))
+    deviation = max(float(deviation), np.finfo(float).tiny)
+    q, triangle = np.linalg.qr(matrix * units / deviation)
     scaled = cvxpy.Variable(matrix.shape[1])
-    theta = cvxpy.multiply(1.0 / norms, scaled)
     constraints: dict[str, Any] = {
-        one.name: (one.weights * (1.0 / norms)) @ scaled >= one.least
+        one.name: share @ scaled >= one.least / size
         for one in physics.inequalities
+        for size in [np.abs(one.weights * units).max()]
+        for share in [one.weights * units / size]
     }
     if physics.bodies is not None:
         bodies = {name: cvxpy.Variable((3, 3), symmetric=True) for name in BODIES}
-        standard = cvxpy.hstack(
+        standard = HUNDREDS * cvxpy.hstack(
             [
                 quantity
                 for P in bodies.values()
@@ -80,12 +84,17 @@ def _constrained(
             ]
         )
         constraints |= {
-            f"pseudo-inertia of {name}": P >> SMALLEST * np.eye(3) for name, P in bodies.items()
+            f"pseudo-inertia of {name}": P >> SMALLEST / HUNDREDS * np.eye(3)
+            for name, P in bodies.items()
         }
-        constraints |= {f"mass of {name}": P[2, 2] <= HEAVIEST for name, P in bodies.items()}
-        constraints["base"] = physics.bodies.base @ standard == theta[physics.bodies.part]
-        constraints["axis"] = physics.bodies.none @ standard == 0.0
-    distance = triangle @ (scaled - norms * free.values)
+        constraints |= {
+            f"mass of {name}": P[2, 2] <= HEAVIEST / HUNDREDS for name, P in bodies.items()
+        }
+        base = units[physics.bodies.part]
+        ours = cvxpy.multiply(base, scaled[physics.bodies.part])
+        constraints["base"] = physics.bodies.base @ standard / HUNDREDS == ours / HUNDREDS
+        constraints["axis"] = physics.bodies.none @ standard / HUNDREDS == 0.0
+    distance = triangle @ scaled - q.T @ force / deviation
     problem = cvxpy.Problem(cvxpy.Minimize(cvxpy.sum_squares(distance)), list(constraints.values()))
     problem.solve(solver=cvxpy.CLARABEL)
     if problem.status not in (cvxpy.OPTIMAL, cvxpy.OPTIMAL_INACCURATE):
@@ -98,4 +107,4 @@ def _constrained(
         for name, constraint in constraints.items()
         if name not in ("base", "axis") and np.abs(constraint.dual_value).max() > FELT
     )
-    return np.asarray(scaled.value) / norms, tuple(held) if problem.value > FELT**2 else ()
+    return np.asarray(scaled.value) * units, tuple(held) if problem.value > FELT**2 else ()

@@ -1,0 +1,123 @@
+"""Rows whose noise is independent and of variance one, by an autoregression per joint."""
+
+from dataclasses import dataclass
+from typing import NamedTuple
+
+import numpy as np
+
+from crane_identification.discrepancy.evidence import Evidence
+from crane_identification.estimation.autoregression import Autoregression, restricted_likelihood
+
+NEGLIGIBLE = 1e-4  # of the largest singular value: directions below are rounding
+ROWS_PER_DIRECTION = 12  # a joint with fewer rows does not carry another direction
+
+
+class _Pick(NamedTuple):
+    """Rows of one joint with the same number of used rows directly before them."""
+
+    joint: int
+    rows: np.ndarray
+    polynomial: np.ndarray
+    deviation: float
+
+
+@dataclass(frozen=True)
+class Whitener:
+    """Turns rows (n, j, ...) of the evidence into N independent rows of variance one.
+
+    `row` and `joint` (N,) say where each comes from; `noise` holds the autoregression per joint.
+    """
+
+    noise: tuple[Autoregression | None, ...]
+    picks: tuple[_Pick, ...]
+
+    @property
+    def row(self) -> np.ndarray:
+        """(N,) row of the evidence."""
+        return np.concatenate([pick.rows for pick in self.picks])
+
+    @property
+    def joint(self) -> np.ndarray:
+        """(N,) joint."""
+        return np.concatenate([np.full(len(pick.rows), pick.joint) for pick in self.picks])
+
+    def __call__(self, values: np.ndarray) -> np.ndarray:
+        """(n, j, ...) to (N, ...)."""
+        parts = []
+        for joint, rows, polynomial, deviation in self.picks:
+            column = values[:, joint]
+            part = sum(a * column[rows - lag] for lag, a in enumerate(polynomial))
+            parts.append(part / deviation)
+        return np.concatenate(parts)
+
+
+def whitener(evidence: Evidence, largest: np.ndarray) -> Whitener:
+    """From the residual of the `largest` model: its columns (n, j, K) beside the base.
+
+    Noise is what no model explains: estimated beside a smaller model it would hold the effects
+    that are sought, and whitening would remove them.
+    """
+    noise, picks = [], []
+    first = np.diff(evidence.run, prepend=-1) != 0
+    for j in range(len(evidence.joints)):
+        used = evidence.used[:, j]
+        if not used.any():
+            noise.append(None)
+            continue
+        columns = np.concatenate([evidence.base[:, j], largest[:, j]], axis=1)
+        found = _noise(columns, evidence.force[:, j], used, evidence.run)
+        noise.append(found)
+        before = _used_before(used, first, len(found.polynomial) - 1)
+        for m, (polynomial, variance) in enumerate(_predictors(found)):
+            rows = np.flatnonzero(used & (before == m))
+            if len(rows):
+                picks.append(_Pick(j, rows, polynomial, float(np.sqrt(variance))))
+    return Whitener(tuple(noise), tuple(picks))
+
+
+def _noise(
+    columns: np.ndarray, force: np.ndarray, used: np.ndarray, run: np.ndarray
+) -> Autoregression:
+    norms = np.linalg.norm(columns[used], axis=0)
+    kept = columns[:, norms > 0.0] / norms[norms > 0.0]
+    left, size, right = np.linalg.svd(kept[used], full_matrices=False)
+    most = max(int(used.sum()) // ROWS_PER_DIRECTION, 1)
+    count = min(int((size > NEGLIGIBLE * size[0]).sum()) if len(size) else 0, most)
+    basis = np.zeros((len(used), count))
+    basis[used] = left[:, :count]
+    found = restricted_likelihood(*(_by_run(v, run) for v in (basis, force, used)))
+    assert found is not None  # fewer directions than rows
+    floor = (1e-9 * np.sqrt((force[used] ** 2).mean())) ** 2  # of a machine without any noise
+    return Autoregression(found.polynomial, max(found.variance, floor, np.finfo(float).tiny))
+
+
+def _predictors(noise: Autoregression) -> list[tuple[np.ndarray, float]]:
+    """Polynomial and error variance of the best prediction from 0, 1, ... values before."""
+    covariance = noise.autocovariance(len(noise.polynomial))
+    polynomial, variance = np.ones(1), float(covariance[0])
+    out = [(polynomial, variance)]
+    for order in range(1, len(covariance)):
+        longer = np.append(polynomial, 0.0)
+        reflection = -float(longer @ covariance[order::-1]) / variance
+        polynomial = longer + reflection * longer[::-1]
+        variance *= 1.0 - reflection**2
+        out.append((polynomial, variance))
+    return out
+
+
+def _used_before(used: np.ndarray, first: np.ndarray, highest: int) -> np.ndarray:
+    """(n,) used rows directly before each, of the same run, up to `highest`."""
+    count = np.zeros(len(used), dtype=int)
+    for k in range(1, len(used)):
+        if used[k - 1] and not first[k]:
+            count[k] = min(count[k - 1] + 1, highest)
+    return count
+
+
+def _by_run(values: np.ndarray, run: np.ndarray) -> np.ndarray:
+    """(n, ...) to (runs, longest run, ...), padded with zeros."""
+    numbers, counts = np.unique(run, return_counts=True)
+    out = np.zeros((len(numbers), counts.max(), *values.shape[1:]), dtype=values.dtype)
+    for i, number in enumerate(numbers):
+        out[i, : counts[i]] = values[run == number]
+    return out
