@@ -9,6 +9,18 @@ import numpy as np
 
 from crane_model.errors import DataError
 
+REMEDIES = {
+    "force": "record chamber pressures or forces of every joint",
+    "pressure_a": "record the chamber pressures",
+    "pressure_b": "record the chamber pressures",
+    "slew_velocity": "record the encoder of the slew joint",
+    "command": "record the valve commands",
+    "temperature": "record the temperature of the oil",
+    "supply_pressure": "record the supply pressure",
+    "tank_pressure": "record the tank pressure",
+}
+"""What to do where a signal that a term needs is not in a record."""
+
 
 @dataclass(frozen=True)
 class Record:
@@ -35,6 +47,8 @@ class Record:
     slew_acceleration: np.ndarray | None = None  # (n,) rad/s2
     command: np.ndarray | None = None  # (n, j) spool command, -1..1
     temperature: np.ndarray | None = None  # (n,) deg C
+    supply_pressure: np.ndarray | None = None  # (n,) Pa
+    tank_pressure: np.ndarray | None = None  # (n,) Pa
     velocity_resolution: np.ndarray | None = None  # (j,)
     direction_known: np.ndarray | None = None  # (n, j)
     force_rate: np.ndarray | None = None  # (n, j) N m/s or N/s
@@ -77,6 +91,23 @@ class Record:
         if self.run is not None:
             first[1:] = np.diff(self.run) != 0
         return first
+
+    def needed(self, signal: str, by: str) -> np.ndarray:
+        """The field `signal`; `DataError` naming who needs it and what to do if it is None."""
+        value = getattr(self, signal)
+        if value is None:
+            raise DataError(f"{by}: needs {signal}, which was not recorded; {REMEDIES[signal]}")
+        return value
+
+    def rate(self, values: np.ndarray) -> np.ndarray:
+        """d values/dt by central differences that do not cross runs; 0 in a run of one sample."""
+        rate = np.zeros_like(values, dtype=float)
+        begins = np.flatnonzero(self.first_of_run)
+        for begin, end in zip(begins, [*begins[1:], len(self)], strict=True):
+            if end - begin > 1:
+                part = slice(begin, end)
+                rate[part] = np.gradient(values[part], self.time[part], axis=0)
+        return rate
 
     def take(self, samples: slice | np.ndarray) -> Self:
         """The record of these samples alone."""

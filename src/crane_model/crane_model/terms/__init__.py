@@ -3,23 +3,62 @@
 Importing this package fills the registry; a new effect is one new class, registered by its `type`.
 """
 
-from crane_model.terms import friction, presliding, rigid_body, single_axis
+from crane_model.terms import (
+    actuator,
+    backlash,
+    elasticity,
+    friction,
+    friction_load,
+    friction_position,
+    friction_speed,
+    friction_temperature,
+    gravity_and_load,
+    maxwell_slip,
+    nuisance,
+    presliding,
+    rigid_body,
+    sensing,
+    single_axis,
+    stiction,
+    swinging_load,
+)
+from crane_model.terms.catalogue import candidates, joints_of, nuisances, typical
 from crane_model.terms.effect import Effect, Shape
-from crane_model.terms.joint_term import JointTerm, MemoryTerm, OneJointTerm
-from crane_model.terms.term import REGISTRY, Parameter, Term, term_from_mapping
+from crane_model.terms.joint_term import JointTerm, OneJointTerm
+from crane_model.terms.memory_term import JointMemoryTerm, MemoryTerm
+from crane_model.terms.term import REGISTRY, Parameter, Setting, Term, term_from_mapping
 
 __all__ = [
     "REGISTRY",
     "Effect",
+    "JointMemoryTerm",
     "JointTerm",
     "MemoryTerm",
     "OneJointTerm",
     "Parameter",
+    "Setting",
     "Shape",
     "Term",
+    "actuator",
+    "backlash",
+    "candidates",
+    "elasticity",
     "friction",
+    "friction_load",
+    "friction_position",
+    "friction_speed",
+    "friction_temperature",
+    "gravity_and_load",
+    "joints_of",
+    "maxwell_slip",
+    "nuisance",
+    "nuisances",
     "presliding",
     "rigid_body",
+    "sensing",
     "single_axis",
+    "stiction",
+    "swinging_load",
     "term_from_mapping",
+    "typical",
 ]

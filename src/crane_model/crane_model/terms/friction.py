@@ -5,6 +5,7 @@ from typing import ClassVar, Literal
 import numpy as np
 
 from crane_model.record import Record
+from crane_model.terms.effect import Effect
 from crane_model.terms.joint_term import JointTerm
 from crane_model.terms.term import Family, Parameter
 
@@ -14,6 +15,12 @@ class Coulomb(JointTerm):
 
     type: Literal["coulomb"] = "coulomb"
     family: ClassVar[Family] = "friction"
+    effect: ClassVar[Effect] = Effect(
+        "Coulomb friction",
+        "a step between the two directions of motion, the same at all speeds",
+        ("stribeck", "presliding", "load_friction", "chamber_gain"),
+        "slow sweeps at constant speed both ways",
+    )
 
     def column(self, record: Record, j: int) -> np.ndarray:
         """sgn(q'), 0 where the speed is below the resolution."""
@@ -29,6 +36,12 @@ class CoulombAsymmetry(JointTerm):
 
     type: Literal["coulomb_asymmetry"] = "coulomb_asymmetry"
     family: ClassVar[Family] = "friction"
+    effect: ClassVar[Effect] = Effect(
+        "asymmetry of Coulomb friction",
+        "a constant force, whatever the motion",
+        ("offset", "pressure_offset", "viscous_asymmetry", "chamber_gain"),
+        "readings of the pressure transducers at zero pressure",
+    )
 
     def column(self, record: Record, j: int) -> np.ndarray:
         """1."""
@@ -44,6 +57,12 @@ class Viscous(JointTerm):
 
     type: Literal["viscous"] = "viscous"
     family: ClassVar[Family] = "friction"
+    effect: ClassVar[Effect] = Effect(
+        "viscous friction",
+        "grows in proportion to the speed",
+        ("viscous_quadratic", "time_skew", "temperature_viscosity", "warm_up"),
+        "sweeps at several constant speeds both ways",
+    )
 
     def column(self, record: Record, j: int) -> np.ndarray:
         """q'."""
@@ -60,6 +79,12 @@ class ViscousAsymmetry(JointTerm):
 
     type: Literal["viscous_asymmetry"] = "viscous_asymmetry"
     family: ClassVar[Family] = "friction"
+    effect: ClassVar[Effect] = Effect(
+        "asymmetry of viscous friction",
+        "grows with the speed, with the same sign in both directions",
+        ("coulomb_asymmetry", "temperature_viscosity", "warm_up"),
+        "sweeps at several constant speeds both ways",
+    )
 
     def column(self, record: Record, j: int) -> np.ndarray:
         """|q'|."""

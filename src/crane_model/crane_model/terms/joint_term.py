@@ -1,4 +1,4 @@
-"""Terms with one parameter that act on one joint."""
+"""Terms that act on one joint at one instant."""
 
 from abc import abstractmethod
 
@@ -10,74 +10,51 @@ from crane_model.terms.term import Parameter, Setting, Term
 
 
 class OneJointTerm(Term):
-    """A term with a single parameter, on a single joint."""
+    """A term on a single joint, with any number of parameters."""
 
     joint: str
 
     @abstractmethod
-    def parameter(self, coordinate: str, force: str) -> Parameter:
-        """The single parameter, given the units of the joint's coordinate and force."""
+    def joint_parameters(self, setting: Setting) -> tuple[Parameter, ...]:
+        """The parameters, without the joint in their names."""
+
+    @abstractmethod
+    def joint_columns(self, record: Record, setting: Setting, j: int) -> np.ndarray:
+        """Regressor columns on joint j: (n,), or (n, parameters)."""
 
     def parameters(self, setting: Setting) -> tuple[Parameter, ...]:
-        """One parameter, named symbol.joint."""
+        """Each named symbol.joint."""
         if self.joint not in setting.units:
             raise ConfigurationError(
                 f"term '{self.type}': the model has no joint '{self.joint}'; "
                 f"its joints are {', '.join(setting.units)}"
             )
-        unit = setting.units[self.joint]
-        parameter = self.parameter(unit, setting.force_unit(self.joint))
-        return (parameter._replace(name=f"{parameter.name}.{self.joint}"),)
+        return tuple(
+            parameter._replace(name=f"{parameter.name}.{self.joint}")
+            for parameter in self.joint_parameters(setting)
+        )
+
+    def fill(self, record: Record, setting: Setting, columns: np.ndarray) -> None:
+        """Zero but on the term's own joint."""
+        j = record.column(self.joint)
+        columns[:, j] = self.joint_columns(record, setting, j).reshape(len(record), -1)
 
 
 class JointTerm(OneJointTerm):
-    """A term that depends on the motion of its joint at the same instant alone."""
+    """A term with one parameter that depends on what its joint does at the same instant alone."""
 
     @abstractmethod
     def column(self, record: Record, j: int) -> np.ndarray:
         """The single regressor column on joint j: (n,)."""
 
-    def fill(self, record: Record, setting: Setting, columns: np.ndarray) -> None:
-        """Zero but on the term's own joint."""
-        j = record.column(self.joint)
-        columns[:, j, 0] = self.column(record, j)
-
-
-class MemoryTerm(OneJointTerm):
-    """A term whose force depends on what came before, through s states that follow the motion.
-
-    Over a recording the states are traced from the start of each run; in forward simulation they
-    are advanced beside the motion, and the record brings them along.
-    """
-
     @abstractmethod
-    def start(self, record: Record, setting: Setting) -> np.ndarray:
-        """States (n, s) of n runs that begin at the samples of the record."""
+    def parameter(self, coordinate: str, force: str) -> Parameter:
+        """The single parameter, given the units of the joint's coordinate and force."""
 
-    @abstractmethod
-    def advance(
-        self, states: np.ndarray, before: Record, after: Record, setting: Setting
-    ) -> np.ndarray:
-        """States (n, s) of n runs one step on; the records hold the two ends of the step."""
+    def joint_parameters(self, setting: Setting) -> tuple[Parameter, ...]:
+        """The single parameter."""
+        return (self.parameter(setting.units[self.joint], setting.force_unit(self.joint)),)
 
-    @abstractmethod
-    def column(self, states: np.ndarray, record: Record, j: int) -> np.ndarray:
-        """The single regressor column on joint j, given the states (n, s): (n,)."""
-
-    def trace(self, record: Record, setting: Setting) -> np.ndarray:
-        """States (n, s) at each sample of a recording: `advance` from sample to sample."""
-        states = self.start(record, setting)
-        first = record.first_of_run
-        for k in range(1, len(record)):
-            if not first[k]:
-                step = record.take(slice(k - 1, k)), record.take(slice(k, k + 1))
-                states[k] = self.advance(states[k - 1 : k], *step, setting)[0]
-        return states
-
-    def fill(self, record: Record, setting: Setting, columns: np.ndarray) -> None:
-        """Zero but on the term's own joint."""
-        states = (record.memory or {}).get(self)
-        if states is None:
-            states = self.trace(record, setting)
-        j = record.column(self.joint)
-        columns[:, j, 0] = self.column(states, record, j)
+    def joint_columns(self, record: Record, setting: Setting, j: int) -> np.ndarray:
+        """The single column."""
+        return self.column(record, j)

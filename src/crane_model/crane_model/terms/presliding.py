@@ -1,5 +1,6 @@
 """Friction before a joint slides: its force builds up over a small displacement."""
 
+import math
 from typing import ClassVar, Literal
 
 import numpy as np
@@ -8,11 +9,11 @@ from pydantic import Field
 
 from crane_model.record import Record
 from crane_model.terms.effect import Effect, Shape
-from crane_model.terms.joint_term import MemoryTerm
+from crane_model.terms.memory_term import JointMemoryTerm
 from crane_model.terms.term import Family, Parameter, Setting
 
 
-class Presliding(MemoryTerm):
+class Presliding(JointMemoryTerm):
     """f_h z with z' = (q' - |q'| z)/travel: hysteresis of Dahl (1968), |z| <= 1.
 
     In place of the jump of (13) at a reversal, friction changes over a displacement of about
@@ -24,7 +25,7 @@ class Presliding(MemoryTerm):
     effect: ClassVar[Effect] = Effect(
         "presliding hysteresis",
         "a loop against displacement after every reversal, the same at all speeds",
-        ("stribeck", "backlash"),
+        ("coulomb", "stribeck", "maxwell_slip", "backlash", "time_skew"),
         "small slow strokes about one position, to and fro",
     )
     shapes: ClassVar[dict[str, Shape]] = {
@@ -47,7 +48,7 @@ class Presliding(MemoryTerm):
         """Exact for a step in one direction."""
         j = before.column(self.joint)
         way = (after.position[:, j] - before.position[:, j]) / self.travel
-        return _slid(states[:, 0], way)[:, np.newaxis]
+        return _advanced(states[:, 0], way)[:, np.newaxis]
 
     def column(self, states: np.ndarray, record: Record, j: int) -> np.ndarray:
         """z."""
@@ -61,10 +62,18 @@ class Presliding(MemoryTerm):
 
 
 @njit(cache=True)
-def _slid(z: np.ndarray, way: np.ndarray) -> np.ndarray:
-    """z (n,) after ways (n,) in units of the travel."""
-    end = np.sign(way)
-    return end + (z - end) * np.exp(-np.abs(way))
+def _slid(z: float, way: float) -> float:
+    """z after a way in units of the travel."""
+    end = 1.0 if way > 0.0 else -1.0
+    return end + (z - end) * math.exp(-abs(way))
+
+
+@njit(cache=True)
+def _advanced(z: np.ndarray, way: np.ndarray) -> np.ndarray:
+    out = np.empty_like(z)
+    for n in range(len(z)):
+        out[n] = _slid(z[n], way[n])
+    return out
 
 
 @njit(cache=True)
@@ -72,5 +81,5 @@ def _traced(way: np.ndarray, first: np.ndarray) -> np.ndarray:
     z = np.zeros(len(way))
     for k in range(1, len(way)):
         if not first[k]:
-            z[k] = _slid(z[k - 1 : k], way[k : k + 1])[0]
+            z[k] = _slid(z[k - 1], way[k])
     return z

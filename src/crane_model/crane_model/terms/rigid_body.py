@@ -1,14 +1,12 @@
 """Rigid-body terms."""
 
-from collections.abc import Mapping
 from typing import ClassVar, Literal
 
 import numpy as np
 
 from crane_model.dynamics import Geometry, fill_base_regressor
-from crane_model.errors import ConfigurationError
-from crane_model.machine import JOINT_UNITS, PLANAR_JOINTS
 from crane_model.record import Record
+from crane_model.terms.planar import planar_machine
 from crane_model.terms.term import Family, Parameter, Setting, Term
 
 
@@ -24,25 +22,14 @@ class PlanarRigidBody(Term):
 
     def parameters(self, setting: Setting) -> tuple[Parameter, ...]:
         """The base set of the suite, each named as the combination that it is."""
-        needed = {joint: JOINT_UNITS[joint] for joint in PLANAR_JOINTS}
-        if setting.machine is None or list(setting.units.items()) != list(needed.items()):
-            raise ConfigurationError(
-                f"term '{self.type}': needs a machine and the joints {_listed(needed)} in this "
-                f"order, got {_listed(setting.units)}"
-                + ("" if setting.machine else " and no machine")
-            )
+        planar_machine(self, setting)
         return BASE_PARAMETERS
 
     def fill(self, record: Record, setting: Setting, columns: np.ndarray) -> None:
         """(n, 3, 8)."""
-        assert setting.machine is not None  # parameters() refuses such a model
-        geometry = Geometry.of(setting.machine)
+        geometry = Geometry.of(planar_machine(self, setting))
         motion = record.position, record.velocity, record.acceleration
         fill_base_regressor(geometry, *motion, columns)
-
-
-def _listed(units: Mapping[str, str]) -> str:
-    return ", ".join(f"{joint} [{unit}]" for joint, unit in units.items())
 
 
 BASE_PARAMETERS = (

@@ -5,6 +5,7 @@ from typing import ClassVar, Literal
 import numpy as np
 
 from crane_model.record import Record
+from crane_model.terms.effect import Effect
 from crane_model.terms.joint_term import JointTerm
 from crane_model.terms.term import Family, Parameter
 
@@ -30,6 +31,12 @@ class Offset(JointTerm):
 
     type: Literal["offset"] = "offset"
     family: ClassVar[Family] = "sensing"
+    effect: ClassVar[Effect] = Effect(
+        "constant force",
+        "a constant force, whatever the motion",
+        ("coulomb_asymmetry", "pressure_offset"),
+        "readings of the force sensors without load",
+    )
 
     def column(self, record: Record, j: int) -> np.ndarray:
         """1."""

@@ -45,12 +45,14 @@ class Term(Schema, ABC):
     A subclass gives `type` (its name in model files) and `family`, documents its equation, and is
     registered by being defined. Fields are its shape parameters and the joints it acts on. With an
     `effect` it is a candidate for what a model lacks, and `shapes` says where its shape parameters,
-    fields of the same name, are then sought.
+    fields of the same name, are then sought. A `nuisance` stands for an error of the data: its
+    columns may go beside a model, but it is never what the model lacks.
     """
 
     type: str
     family: ClassVar[Family]
     effect: ClassVar[Effect | None] = None
+    nuisance: ClassVar[bool] = False
     shapes: ClassVar[Mapping[str, Shape]] = MappingProxyType({})
 
     @classmethod
@@ -69,6 +71,10 @@ class Term(Schema, ABC):
 
         `columns` (n, j, parameters) comes as zeros, a part of the regressor of the whole model.
         """
+
+    def needed(self, record: Record, signal: str) -> np.ndarray:
+        """A signal of the record that not every recording has; `DataError` if it is missing."""
+        return record.needed(signal, f"term '{self.type}'")
 
     def columns(self, record: Record, setting: Setting) -> np.ndarray:
         """The regressor columns by themselves: (n, j, parameters), SI units."""

@@ -1,0 +1,38 @@
+"""Inertia of the drive itself."""
+
+from typing import ClassVar, Literal
+
+import numpy as np
+
+from crane_model.record import Record
+from crane_model.terms.chambers import lever_and_slope
+from crane_model.terms.effect import Effect
+from crane_model.terms.joint_term import OneJointTerm
+from crane_model.terms.term import Family, Parameter, Setting
+
+
+class ActuatorInertia(OneJointTerm):
+    """m x'' dx/dq: piston, rod and oil of mass m move by x(q) of (20), (24).
+
+    x'' = dx/dq q'' + d2x/dq2 q'^2; without a machine x = q, and m is an inertia of the joint.
+    """
+
+    type: Literal["actuator_inertia"] = "actuator_inertia"
+    family: ClassVar[Family] = "rigid body"
+    effect: ClassVar[Effect] = Effect(
+        "inertia of the actuator",
+        "force with the acceleration of its own joint only",
+        ("time_skew", "boom_flexibility"),
+        "fast motion of one joint at a time; on the inner boom only the weight of the drive",
+    )
+
+    def joint_parameters(self, setting: Setting) -> tuple[Parameter, ...]:
+        """m."""
+        rotary = setting.machine is None and setting.units[self.joint] == "rad"
+        unit = "kg m2" if rotary else "kg"
+        return (Parameter("m_drive", unit, 0.0, "mass that moves with the piston"),)
+
+    def joint_columns(self, record: Record, setting: Setting, j: int) -> np.ndarray:
+        """x'' dx/dq."""
+        arm, slope = lever_and_slope(setting, self.joint, record)
+        return arm * (arm * record.acceleration[:, j] + slope * record.velocity[:, j] ** 2)

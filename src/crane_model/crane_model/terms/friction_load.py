@@ -1,0 +1,102 @@
+"""Friction that follows the load: on pins, seals and the telescope's pads."""
+
+from typing import ClassVar, Literal
+
+import numpy as np
+
+from crane_model.errors import ConfigurationError
+from crane_model.record import Record
+from crane_model.terms.chambers import chamber_forces, gain_unit
+from crane_model.terms.effect import Effect
+from crane_model.terms.joint_term import JointTerm, OneJointTerm
+from crane_model.terms.planar import Directions, planar_machine
+from crane_model.terms.term import Family, Parameter, Setting
+
+
+class LoadFriction(JointTerm):
+    """mu |tau| sgn(q'): friction of pins and bearings in proportion to the load they carry.
+
+    The load is taken to be the measured generalized force.
+    """
+
+    type: Literal["load_friction"] = "load_friction"
+    family: ClassVar[Family] = "friction"
+    effect: ClassVar[Effect] = Effect(
+        "load-dependent joint friction",
+        "friction grows with the load, in both directions",
+        ("coulomb", "seal_friction", "pad_friction", "position_friction"),
+        "the same motion with raised back-pressure, and again with a known weight",
+    )
+
+    def column(self, record: Record, j: int) -> np.ndarray:
+        """|tau| sgn(q')."""
+        return record.direction[:, j] * np.abs(self.needed(record, "force")[:, j])
+
+    def parameter(self, coordinate: str, force: str) -> Parameter:
+        """mu."""
+        return Parameter("mu_load", "1", 0.0, "friction per load")
+
+
+class SealFriction(OneJointTerm):
+    """(mu_A A_A p_A + mu_B A_B p_B) |dx/dq| sgn(q'): pressure presses the seals on the bore.
+
+    With A_A, A_B, p_A, p_B of (19) and the lever arm of (18); without a machine, all three are 1.
+    """
+
+    type: Literal["seal_friction"] = "seal_friction"
+    family: ClassVar[Family] = "friction"
+    effect: ClassVar[Effect] = Effect(
+        "pressure-dependent seal friction",
+        "friction follows the sum of the chamber pressures, not their difference",
+        ("load_friction", "chamber_gain"),
+        "the same motion with raised back-pressure",
+    )
+
+    def joint_parameters(self, setting: Setting) -> tuple[Parameter, ...]:
+        """mu_A, mu_B."""
+        unit = gain_unit(setting, self.joint)
+        return (
+            Parameter("mu_A", unit, 0.0, "seal friction per pressure force of chamber A"),
+            Parameter("mu_B", unit, 0.0, "seal friction per pressure force of chamber B"),
+        )
+
+    def joint_columns(self, record: Record, setting: Setting, j: int) -> np.ndarray:
+        """(n, 2)."""
+        forces = np.abs(chamber_forces(self, record, setting, self.joint))
+        return record.direction[:, j, np.newaxis] * forces
+
+
+class PadFriction(OneJointTerm):
+    """g |cos psi| (m_0 + m_1 q4) sgn(q4'): the telescope slides on pads that carry its weight.
+
+    psi = q2 + q3 is its inclination. With the extension its overhang grows and pads press harder:
+    linear in q4, which no drawing of the pads is needed for.
+    """
+
+    type: Literal["pad_friction"] = "pad_friction"
+    family: ClassVar[Family] = "friction"
+    effect: ClassVar[Effect] = Effect(
+        "telescope pad friction",
+        "friction of the telescope falls with its inclination and grows with its extension",
+        ("load_friction", "position_friction"),
+        "sweeps of the telescope at several inclinations of the outer boom",
+    )
+
+    def joint_parameters(self, setting: Setting) -> tuple[Parameter, ...]:
+        """m_0, m_1: friction coefficient times the mass that loads the pads."""
+        planar_machine(self, setting)
+        if self.joint != "telescope":
+            raise ConfigurationError(
+                f"term '{self.type}': only the telescope slides on pads, got joint '{self.joint}'"
+            )
+        return (
+            Parameter("pad_0", "kg", 0.0, "friction coefficient times load of the pads at q4 = 0"),
+            Parameter("pad_1", "kg/m", 0.0, "the same for each metre of extension"),
+        )
+
+    def joint_columns(self, record: Record, setting: Setting, j: int) -> np.ndarray:
+        """(n, 2)."""
+        machine = planar_machine(self, setting)
+        _, psi, extension = Directions.of(machine, record)
+        pressed = record.direction[:, j] * machine.gravity * np.abs(np.cos(psi))
+        return np.stack([pressed, pressed * extension], axis=1)

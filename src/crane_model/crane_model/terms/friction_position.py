@@ -1,0 +1,103 @@
+"""Friction that depends on where the joint stands."""
+
+from typing import ClassVar, Literal
+
+import numpy as np
+from pydantic import Field
+
+from crane_model.errors import ConfigurationError
+from crane_model.machine import JOINTS
+from crane_model.record import Record
+from crane_model.terms.effect import Effect, Shape
+from crane_model.terms.joint_term import JointTerm, OneJointTerm
+from crane_model.terms.term import Family, Parameter, Setting
+
+
+class PositionFriction(JointTerm):
+    """f_p q sgn(q'): Coulomb friction that changes along the way; its mean is that of (10)."""
+
+    type: Literal["position_friction"] = "position_friction"
+    family: ClassVar[Family] = "friction"
+    effect: ClassVar[Effect] = Effect(
+        "position-dependent Coulomb friction",
+        "friction in both directions follows the position",
+        ("load_friction", "pad_friction", "cyclic_friction", "end_cushioning"),
+        "slow sweeps both ways over the whole range, with and without a known weight",
+    )
+
+    def column(self, record: Record, j: int) -> np.ndarray:
+        """q sgn(q')."""
+        return record.position[:, j] * record.direction[:, j]
+
+    def parameter(self, coordinate: str, force: str) -> Parameter:
+        """f_p."""
+        return Parameter("f_p", f"{force}/{coordinate}", None, "change of Coulomb friction with q")
+
+
+class CyclicFriction(OneJointTerm):
+    """(f_1 sin(wave q) + f_2 cos(wave q)) sgn(q'): Coulomb friction in waves along the way."""
+
+    type: Literal["cyclic_friction"] = "cyclic_friction"
+    family: ClassVar[Family] = "friction"
+    effect: ClassVar[Effect] = Effect(
+        "Coulomb friction in waves",
+        "friction in both directions waxes and wanes with the position",
+        ("position_friction",),
+        "slow sweeps both ways over the whole range",
+    )
+    shapes: ClassVar[dict[str, Shape]] = {
+        "wave": Shape(3.0, 40.0, "rad/rad or rad/m", 9, "phase per rad or m of the joint")
+    }
+
+    wave: float = Field(gt=0)
+
+    def joint_parameters(self, setting: Setting) -> tuple[Parameter, ...]:
+        """f_1, f_2."""
+        force = setting.force_unit(self.joint)
+        return (
+            Parameter("f_sin", force, None, "sine part of the wave of Coulomb friction"),
+            Parameter("f_cos", force, None, "cosine part of the wave of Coulomb friction"),
+        )
+
+    def joint_columns(self, record: Record, setting: Setting, j: int) -> np.ndarray:
+        """(n, 2)."""
+        phase = self.wave * record.position[:, j]
+        waves = np.stack([np.sin(phase), np.cos(phase)], axis=1)
+        return record.direction[:, j, np.newaxis] * waves
+
+
+class EndCushioning(OneJointTerm):
+    """f_e q' d/zone, with d how deep the joint stands within a `zone` before a limit of Table 2.
+
+    Cushions throttle the oil on the last part of the stroke; both ends are taken to be alike.
+    """
+
+    type: Literal["end_cushioning"] = "end_cushioning"
+    family: ClassVar[Family] = "hydraulics"
+    effect: ClassVar[Effect] = Effect(
+        "end cushioning",
+        "resistance to motion near the ends of the range only",
+        ("position_friction",),
+        "sweeps into both ends of the range at several speeds",
+    )
+    shapes: ClassVar[dict[str, Shape]] = {
+        "zone": Shape(0.02, 0.3, "rad or m", 6, "length of the zone before each limit")
+    }
+
+    zone: float = Field(gt=0)
+
+    def joint_parameters(self, setting: Setting) -> tuple[Parameter, ...]:
+        """f_e."""
+        if setting.machine is None or self.joint not in JOINTS:
+            raise ConfigurationError(
+                f"term '{self.type}': needs a machine with limits of joint '{self.joint}'"
+            )
+        unit = f"{setting.force_unit(self.joint)} s/{setting.units[self.joint]}"
+        return (Parameter("f_e", unit, 0.0, "viscous resistance at the very end of the range"),)
+
+    def joint_columns(self, record: Record, setting: Setting, j: int) -> np.ndarray:
+        """q' d/zone."""
+        assert setting.machine is not None  # parameters() refuses such a model
+        limits, q = setting.machine.limits[self.joint], record.position[:, j]
+        to_end = np.minimum(q - limits.position_min, limits.position_max - q)
+        return record.velocity[:, j] * np.maximum(0.0, 1.0 - to_end / self.zone)

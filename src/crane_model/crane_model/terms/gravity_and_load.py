@@ -1,0 +1,157 @@
+"""What pulls on the whole crane: tilt of its base, payload, hoses, and slewing."""
+
+from typing import ClassVar, Literal
+
+import numpy as np
+from pydantic import Field
+
+from crane_model.dynamics import Geometry, lagrangian_regressor
+from crane_model.machine import Machine
+from crane_model.record import Record
+from crane_model.terms.effect import Effect, Shape
+from crane_model.terms.planar import Directions, Reach, planar_machine
+from crane_model.terms.term import Family, Parameter, Setting, Term
+
+
+class BaseTilt(Term):
+    """alpha dG/dalpha: gravity (6) when the base is tilted by alpha in the plane of the booms.
+
+    A tilt turns every mass moment about joint 2 and the elbow, which the base parameters (8) take
+    up. What they cannot is the weight m of telescope and gripper along and across q4: with
+    V = m g q4 sin(psi + alpha) the column is that of m alpha.
+    """
+
+    type: Literal["base_tilt"] = "base_tilt"
+    family: ClassVar[Family] = "gravity and load"
+    effect: ClassVar[Effect] = Effect(
+        "base tilt",
+        "gravity from a turned direction on all joints, above all along the telescope",
+        ("encoder_offset",),
+        "an inclinometer on the base",
+    )
+
+    def parameters(self, setting: Setting) -> tuple[Parameter, ...]:
+        """m alpha."""
+        planar_machine(self, setting)
+        meaning = "mass of telescope and gripper times the angle by which the base is tilted"
+        return (Parameter("m_tilt", "kg rad", None, meaning),)
+
+    def fill(self, record: Record, setting: Setting, columns: np.ndarray) -> None:
+        """(n, 3, 1)."""
+        columns[:, :, 0] = turned_weight(planar_machine(self, setting), record)
+
+
+def turned_weight(machine: Machine, record: Record) -> np.ndarray:
+    """d/dalpha of the gravity of a mass of 1 kg at q4, V = g q4 sin(psi + alpha): (n, 3)."""
+    _, psi, extension = Directions.of(machine, record)
+    turning = -machine.gravity * extension * np.sin(psi)
+    return np.stack([turning, turning, machine.gravity * np.cos(psi)], axis=1)
+
+
+class Payload(Term):
+    """m J_tip^T (g + a): a point mass at the boom tip (2), in `runs`, or in every run.
+
+    `runs` are numbers of `Record.run`. In every run a payload is the same as a heavier telescope.
+    """
+
+    type: Literal["payload"] = "payload"
+    family: ClassVar[Family] = "gravity and load"
+    effect: ClassVar[Effect] = Effect(
+        "payload change",
+        "a fixed pattern over the joints that steps from one run to another",
+        ("pressure_gain", "hose_mass"),
+        "the same motion with an empty gripper and with a known weight",
+    )
+
+    runs: tuple[int, ...] | None = None
+
+    def parameters(self, setting: Setting) -> tuple[Parameter, ...]:
+        """m."""
+        planar_machine(self, setting)
+        runs = "" if self.runs is None else "_" + "_".join(str(run) for run in self.runs)
+        return (Parameter(f"m_payload{runs}", "kg", None, "payload beyond that of the model"),)
+
+    def fill(self, record: Record, setting: Setting, columns: np.ndarray) -> None:
+        """(n, 3, 1)."""
+        machine = planar_machine(self, setting)
+        motion = record.position, record.velocity, record.acceleration
+        columns[:, :, 0] = lagrangian_regressor(Geometry.of(machine), *motion) @ tip_mass(machine)
+        if self.runs is not None:
+            run = np.zeros(len(record)) if record.run is None else record.run
+            columns[~np.isin(run, self.runs)] = 0.0
+
+
+def tip_mass(machine: Machine) -> np.ndarray:
+    """(9,): the Lagrangian parameters of a mass of 1 kg at the boom tip."""
+    dh = machine.denavit_hartenberg
+    a2, a3, length = dh.inner_boom_length, dh.telescope_offset, dh.telescope_length
+    return np.array([a2**2, a2, 0.0, length**2 + a3**2, length, a3, 1.0, length, a3])
+
+
+class HoseMass(Term):
+    """V = rho g q4^2/2 sin(psi): hoses of rho [kg/m] that come out with the telescope.
+
+    Hoses paid out from a reel have rho > 0; a drag chain, which folds back, has rho < 0. Their
+    inertia is left out: a few kilograms at accelerations far below g.
+    """
+
+    type: Literal["hose_mass"] = "hose_mass"
+    family: ClassVar[Family] = "gravity and load"
+    effect: ClassVar[Effect] = Effect(
+        "hose mass",
+        "weight on booms and telescope that grows with the square of the extension",
+        ("payload",),
+        "poses at rest at several extensions and inclinations of the outer boom",
+    )
+
+    def parameters(self, setting: Setting) -> tuple[Parameter, ...]:
+        """rho."""
+        planar_machine(self, setting)
+        return (Parameter("rho_hose", "kg/m", None, "mass of hoses that comes out per metre"),)
+
+    def fill(self, record: Record, setting: Setting, columns: np.ndarray) -> None:
+        """(n, 3, 1)."""
+        machine = planar_machine(self, setting)
+        _, psi, extension = Directions.of(machine, record)
+        turning = machine.gravity * extension**2 / 2.0 * np.cos(psi)
+        columns[:, 0, 0] = columns[:, 1, 0] = turning
+        columns[:, 2, 0] = machine.gravity * extension * np.sin(psi)
+
+
+class SlewCoupling(Term):
+    """-1/2 q1'^2 dI/dq: centrifugal force of booms with inertia I(q) about the slew axis.
+
+    I = J cos^2(phi) + m x^2: a slender inner boom, and all else as a mass m that lies `reach` [m]
+    from the elbow along the telescope at q4 = 0, at the distance x from the axis.
+    """
+
+    type: Literal["slew_coupling"] = "slew_coupling"
+    family: ClassVar[Family] = "gravity and load"
+    effect: ClassVar[Effect] = Effect(
+        "slew coupling",
+        "force with the square of the slew velocity, only while slewing",
+        (),
+        "the same motion with and without slewing",
+    )
+    shapes: ClassVar[dict[str, Shape]] = {
+        "reach": Shape(0.4, 1.8, "m", 4, "elbow to centre of the mass of the outer boom")
+    }
+
+    reach: float = Field(gt=0)
+
+    def parameters(self, setting: Setting) -> tuple[Parameter, ...]:
+        """J, m."""
+        planar_machine(self, setting)
+        return (
+            Parameter("J_slew", "kg m2", 0.0, "inertia of the inner boom that slews"),
+            Parameter("m_slew", "kg", 0.0, "mass of outer boom and telescope that slews"),
+        )
+
+    def fill(self, record: Record, setting: Setting, columns: np.ndarray) -> None:
+        """(n, 3, 2)."""
+        machine = planar_machine(self, setting)
+        spin = self.needed(record, "slew_velocity") ** 2
+        phi, _, _ = Directions.of(machine, record)
+        reach = Reach.of(machine, self.reach, record)
+        columns[:, 0, 0] = spin * np.sin(phi) * np.cos(phi)
+        columns[:, :, 1] = -(spin * reach.distance)[:, np.newaxis] * reach.gradient

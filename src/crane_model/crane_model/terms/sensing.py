@@ -1,0 +1,163 @@
+"""What sensors add: zeros and gains of transducers, zeros of encoders, clocks that disagree."""
+
+from typing import ClassVar, Literal
+
+import numpy as np
+
+from crane_model.errors import ConfigurationError
+from crane_model.record import Record
+from crane_model.terms.chambers import (
+    chamber_forces,
+    cylinder_machine,
+    gain_unit,
+    lever,
+    lever_and_slope,
+)
+from crane_model.terms.effect import Effect
+from crane_model.terms.gravity_and_load import turned_weight
+from crane_model.terms.joint_term import JointTerm, OneJointTerm
+from crane_model.terms.planar import planar_machine
+from crane_model.terms.term import Family, Parameter, Setting
+
+
+class PressureOffset(OneJointTerm):
+    """dp A_A dx/dq: a transducer of chamber A that reads dp too much (18), (19).
+
+    One of chamber B that reads A_A/A_B dp too little looks the same.
+    """
+
+    type: Literal["pressure_offset"] = "pressure_offset"
+    family: ClassVar[Family] = "sensing"
+    effect: ClassVar[Effect] = Effect(
+        "offset of a pressure transducer",
+        "a constant force of the cylinder, which the lever arm turns into one that follows q",
+        ("coulomb_asymmetry", "offset", "hose_stiffness", "chamber_gain"),
+        "readings of the transducers at zero pressure",
+    )
+
+    def joint_parameters(self, setting: Setting) -> tuple[Parameter, ...]:
+        """dp."""
+        cylinder_machine(self, setting, self.joint)
+        return (Parameter("dp", "Pa", None, "reading of the transducer of chamber A at 0 Pa"),)
+
+    def joint_columns(self, record: Record, setting: Setting, j: int) -> np.ndarray:
+        """A_A dx/dq."""
+        machine = cylinder_machine(self, setting, self.joint)
+        return machine.cylinders[self.joint].area_a * lever(setting, self.joint, record)
+
+
+class PressureGain(JointTerm):
+    """gain tau: both transducers, or the piston areas of (19), off by one factor.
+
+    The column is the measured force itself, so that gain = 1 and no model at all fits every
+    recording: only data with a known weight can tell it.
+    """
+
+    type: Literal["pressure_gain"] = "pressure_gain"
+    family: ClassVar[Family] = "sensing"
+    effect: ClassVar[Effect] = Effect(
+        "gain of the pressure transducers",
+        "scales the whole force of a joint, and all masses with it",
+        ("payload", "chamber_gain"),
+        "a known weight at the tip in some of the runs; without it this cannot be tested",
+    )
+
+    def column(self, record: Record, j: int) -> np.ndarray:
+        """tau."""
+        return self.needed(record, "force")[:, j]
+
+    def parameter(self, coordinate: str, force: str) -> Parameter:
+        """gain."""
+        return Parameter("gain", "1", None, "share by which the force is measured too large")
+
+
+class ChamberGain(OneJointTerm):
+    """gain A_B p_B dx/dq: the transducer of chamber B off by a factor against that of A (19)."""
+
+    type: Literal["chamber_gain"] = "chamber_gain"
+    family: ClassVar[Family] = "sensing"
+    effect: ClassVar[Effect] = Effect(
+        "gain of one pressure transducer against the other",
+        "force in proportion to the pressure of one chamber",
+        ("pressure_gain", "pressure_offset", "seal_friction", "coulomb", "coulomb_asymmetry"),
+        "both transducers on one pressure, at several pressures",
+    )
+
+    def joint_parameters(self, setting: Setting) -> tuple[Parameter, ...]:
+        """gain."""
+        unit = gain_unit(setting, self.joint)
+        meaning = "share by which the pressure of chamber B is measured too small"
+        return (Parameter("gain_B", unit, None, meaning),)
+
+    def joint_columns(self, record: Record, setting: Setting, j: int) -> np.ndarray:
+        """-A_B p_B dx/dq: the part of chamber B in (19)."""
+        return -chamber_forces(self, record, setting, self.joint)[:, 1]
+
+
+class EncoderOffset(OneJointTerm):
+    """dq F d2x/dq2, and m dq in the gravity of the telescope: an encoder that reads dq too much.
+
+    The lever arm (18) is then taken at the wrong angle, which makes an error of the torque in
+    proportion to the cylinder force F. Gravity at the wrong angle is taken up by the mass moments
+    of (8), but for that of the mass m along and across q4, as with a tilted base.
+    """
+
+    type: Literal["encoder_offset"] = "encoder_offset"
+    family: ClassVar[Family] = "sensing"
+    effect: ClassVar[Effect] = Effect(
+        "zero of an encoder",
+        "torque in proportion to the cylinder force times the slope of the lever arm",
+        ("base_tilt", "hose_stiffness"),
+        "the angle of the boom at rest, measured with an inclinometer",
+    )
+
+    def joint_parameters(self, setting: Setting) -> tuple[Parameter, ...]:
+        """dq, m dq."""
+        planar_machine(self, setting)
+        if self.joint == "telescope":
+            raise ConfigurationError(
+                f"term '{self.type}': the lever arm of the telescope is constant, and its zero is "
+                "part of the mass moments of the model"
+            )
+        return (
+            Parameter("dq", "rad", None, "reading of the encoder at zero"),
+            Parameter("m_dq", "kg rad", None, "mass of telescope and gripper times that reading"),
+        )
+
+    def fill(self, record: Record, setting: Setting, columns: np.ndarray) -> None:
+        """The first on the joint itself, the second on all three."""
+        super().fill(record, setting, columns)
+        columns[:, :, 1] = -turned_weight(planar_machine(self, setting), record)
+
+    def joint_columns(self, record: Record, setting: Setting, j: int) -> np.ndarray:
+        """F d2x/dq2, and a column that `fill` writes."""
+        arm, slope = lever_and_slope(setting, self.joint, record)
+        force = self.needed(record, "force")[:, j] / arm
+        return np.stack([force * slope, np.zeros_like(force)], axis=1)
+
+
+class TimeSkew(OneJointTerm):
+    """-delay dF/dt dx/dq: pressures that are stamped `delay` later than positions (18).
+
+    dF/dt is the given rate of the force, or else differences of the force within each run.
+    """
+
+    type: Literal["time_skew"] = "time_skew"
+    family: ClassVar[Family] = "sensing"
+    effect: ClassVar[Effect] = Effect(
+        "delay between pressures and encoders",
+        "error in proportion to the rate of the force, the same delay on all joints of a bus",
+        ("viscous", "presliding", "actuator_inertia", "boom_flexibility"),
+        "one signal fed to both sensor channels at once",
+    )
+
+    def joint_parameters(self, setting: Setting) -> tuple[Parameter, ...]:
+        """delay."""
+        return (Parameter("delay", "s", None, "time by which pressures lag behind positions"),)
+
+    def joint_columns(self, record: Record, setting: Setting, j: int) -> np.ndarray:
+        """-dF/dt dx/dq."""
+        if record.force_rate is not None:
+            return -record.force_rate[:, j]
+        arm = lever(setting, self.joint, record)
+        return -arm * record.rate(self.needed(record, "force")[:, j] / arm)
