@@ -15,7 +15,7 @@ from crane_model.errors import RangeError
 from crane_model.kinematics import tip_position
 from crane_model.machine import JOINT_UNITS, JOINTS, PLANAR_JOINTS, Machine
 from crane_trajectory.extremes import maxima
-from crane_trajectory.fourier import FourierTrajectory
+from crane_trajectory.periodic import PeriodicTrajectory
 
 NonNegative = Annotated[float, Field(ge=0)]
 GRID_PER_PERIOD = 40  # samples per period of the highest harmonic; extremes are refined from these
@@ -99,13 +99,13 @@ def violations(
     return found
 
 
-def trajectory_grid(trajectory: FourierTrajectory) -> np.ndarray:
+def trajectory_grid(trajectory: PeriodicTrajectory) -> np.ndarray:
     """Times (n,) over one period, fine enough for `violations`."""
     return np.linspace(0.0, trajectory.period, GRID_PER_PERIOD * trajectory.harmonics + 1)
 
 
 def trajectory_violations(
-    machine: Machine, trajectory: FourierTrajectory, clearance: Clearance
+    machine: Machine, trajectory: PeriodicTrajectory, clearance: Clearance
 ) -> list[Violation]:
     """`violations` of one period of a trajectory by itself."""
 

@@ -1,13 +1,12 @@
 """Fourier references (32)-(34): periodic trajectories of any joints, with analytic derivatives."""
 
 from functools import cached_property
-from pathlib import Path
 from typing import Annotated, NamedTuple, Self
 
 import numpy as np
 from pydantic import Field, model_validator
 
-from crane_model.configuration import Schema, load
+from crane_model.configuration import Schema
 from crane_model.machine import JOINTS
 
 
@@ -114,8 +113,3 @@ class FourierTrajectory(Schema):
         """(32), (33), (34) at time (n,) [s]; columns as in `joint_names`."""
         basis = harmonic_basis(np.atleast_1d(time), self.period, self.harmonics)
         return Samples(*(functions @ self.coefficients for functions in basis))
-
-
-def load_trajectory(path: Path | str) -> FourierTrajectory:
-    """The trajectory of a YAML file; `ConfigurationError` if it is wrong."""
-    return load(path, FourierTrajectory)

@@ -8,6 +8,12 @@ from pydantic import Field
 from crane_model.configuration import Schema
 from crane_model.model_file import Model
 from crane_model.record import Record
+from crane_trajectory.excitation.columns import (
+    ColumnSet,
+    column_map,
+    has_report_columns,
+    inertial_columns,
+)
 from crane_trajectory.fourier import FourierTrajectory, Samples
 
 Positive = Annotated[float, Field(gt=0)]
@@ -33,16 +39,6 @@ def record_of(model: Model, samples: Samples, direction: np.ndarray | None = Non
     )
 
 
-def inertial_columns(model: Model) -> np.ndarray:
-    """(p,) which columns of the regressor belong to rigid bodies (8), not to friction."""
-    return np.concatenate(
-        [
-            np.full(len(term.parameters(model.setting)), term.family == "rigid body")
-            for term in model.terms
-        ]
-    )
-
-
 def condition_numbers(gram: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
     """Raw and column-normalised condition number of Phi from Phi^T Phi; any leading axes.
 
@@ -59,27 +55,35 @@ def _root_ratio(gram: np.ndarray) -> np.ndarray:
     return np.sqrt(eigenvalues[..., -1] / smallest)
 
 
-def relative_std_devs(
-    model: Model,
-    regressor: np.ndarray,
-    period: float,
-    experiment: Experiment,
-    plausible: dict[str, float],
-) -> dict[str, float]:
-    """Predicted standard deviation of each parameter that has a plausible value, relative to it.
+def information(
+    model: Model, regressor: np.ndarray, period: float, experiment: Experiment
+) -> np.ndarray:
+    """(p, p) inverse covariance of the parameters that one recording gives, white force noise.
 
-    regressor (n, j, p) over one period; weighted least squares under white force noise.
+    regressor (n, j, p) over one period; the information of several recordings adds up.
     """
     noise = np.array([experiment.noise[joint] for joint in model.joints])
-    weighted = regressor / noise[:, None]
+    weighted = (regressor / noise[:, None]).reshape(-1, regressor.shape[-1])
     recorded = experiment.periods * period * experiment.sample_rate / len(regressor)
-    information = recorded * np.einsum("nji,njk->ik", weighted, weighted)
+    return recorded * weighted.T @ weighted
+
+
+def relative_std_devs(
+    model: Model, information: np.ndarray, plausible: dict[str, float]
+) -> dict[str, float]:
+    """Predicted standard deviation of each parameter that has a plausible value, relative to it."""
     std_devs = np.sqrt(np.diag(np.linalg.inv(information)))
     return {
         parameter.name: float(std_dev / abs(plausible[parameter.name]))
         for parameter, std_dev in zip(model.parameters, std_devs, strict=True)
         if parameter.name in plausible
     }
+
+
+def one_period(model: Model, trajectory: FourierTrajectory, samples: int) -> np.ndarray:
+    """The regressor (samples, j, p) over one period of a trajectory of the model's joints."""
+    time = np.arange(samples) * trajectory.period / samples
+    return model.regressor(record_of(model, trajectory.evaluate(time)))
 
 
 def figures_of_merit(
@@ -89,21 +93,32 @@ def figures_of_merit(
     experiment: Experiment,
     plausible: dict[str, float],
 ) -> dict[str, float]:
-    """Condition numbers of the model's columns, peak accelerations, predicted relative std devs.
+    """Condition numbers of the model's columns and of those of (9), peak accelerations, predicted
+    relative std devs.
 
-    The trajectory moves the model's joints; `samples` are taken of one period.
+    The trajectory moves the model's joints; `samples` are taken of one period. Figures of (9) are
+    left out for a model that does not have its columns.
     """
-    motion = trajectory.evaluate(np.arange(samples) * trajectory.period / samples)
-    regressor = model.regressor(record_of(model, motion))
+    regressor = one_period(model, trajectory, samples)
     stacked = regressor.reshape(-1, len(model.parameters))
-    inertial = stacked[:, inertial_columns(model)]
-    raw, normalised = condition_numbers(stacked.T @ stacked)
-    merit = {
-        "condition_number": float(raw),
-        "condition_number_normalised": float(normalised),
-        "condition_number_inertial": float(condition_numbers(inertial.T @ inertial)[0]),
-    }
+    gram = stacked.T @ stacked
+    merit = _conditions("condition_number", gram, inertial_columns(model))
+    if has_report_columns(model):
+        change = column_map(model, ColumnSet.REPORT)
+        reported = change.T @ gram @ change
+        merit |= _conditions("condition_number_report", reported, inertial_columns(model))
+    motion = trajectory.evaluate(np.arange(samples) * trajectory.period / samples)
     peaks = np.abs(motion.acceleration).max(axis=0).tolist()
     merit |= {f"peak_acceleration.{j}": peak for j, peak in zip(model.joints, peaks, strict=True)}
-    predicted = relative_std_devs(model, regressor, trajectory.period, experiment, plausible)
+    told = information(model, regressor, trajectory.period, experiment)
+    predicted = relative_std_devs(model, told, plausible)
     return merit | {f"relative_std_dev.{name}": value for name, value in predicted.items()}
+
+
+def _conditions(name: str, gram: np.ndarray, inertial: np.ndarray) -> dict[str, float]:
+    raw, normalised = condition_numbers(gram)
+    merit = {name: float(raw), f"{name}_normalised": float(normalised)}
+    if inertial.any():
+        only = gram[np.ix_(inertial, inertial)]
+        merit[f"{name}_inertial"] = float(condition_numbers(only)[0])
+    return merit

@@ -25,7 +25,7 @@ from crane_trajectory.check import (
     refuse,
     violations,
 )
-from crane_trajectory.fourier import FourierTrajectory
+from crane_trajectory.periodic import PeriodicTrajectory
 
 RUN_UP = 4.0  # s in which the clock reaches its normal rate, and in which it stops again
 APPROACH_SHARE = 0.5  # of the velocity limits and of the pump flow, used on the way to the start
@@ -62,7 +62,7 @@ class Motion:
     move are held there.
     """
 
-    trajectory: FourierTrajectory
+    trajectory: PeriodicTrajectory
     start: np.ndarray
     periods: int
     approach_time: float  # s, on the straight line
@@ -161,7 +161,7 @@ class Motion:
 
 def plan(
     machine: Machine,
-    trajectory: FourierTrajectory,
+    trajectory: PeriodicTrajectory,
     start: np.ndarray,
     periods: int,
     clearance: Clearance,
@@ -185,7 +185,7 @@ def plan(
     return motion
 
 
-def _approach_time(machine: Machine, trajectory: FourierTrajectory, start: np.ndarray) -> float:
+def _approach_time(machine: Machine, trajectory: PeriodicTrajectory, start: np.ndarray) -> float:
     """Time [s] at which the line to the trajectory uses its share of speed and pump flow."""
     in_one_second = Motion(trajectory, start, 1, approach_time=1.0)
     line = in_one_second.reference(np.linspace(0.0, 1.0, 200, endpoint=False))

@@ -33,8 +33,8 @@ from crane_model.machine import JOINTS, Machine, load_machine
 from crane_trajectory.check import Clearance, load_clearance
 from crane_trajectory.controller import command
 from crane_trajectory.experiment import Experiment, Outcome, at_rest
-from crane_trajectory.fourier import FourierTrajectory, load_trajectory
 from crane_trajectory.motion import Motion, plan
+from crane_trajectory.periodic import PeriodicTrajectory, load_trajectory
 from crane_trajectory.trajectory_condition import status
 from crane_trajectory.trajectory_parameters import (
     CHANGEABLE,
@@ -255,7 +255,7 @@ class Trajectory(LifecycleNode):
                 goal.publish_feedback(feedback_message(experiment))
         return self._ended(goal, experiment.outcome, experiment.message, experiment.rms)
 
-    def _plan(self, trajectory: FourierTrajectory, periods: int) -> Motion:
+    def _plan(self, trajectory: PeriodicTrajectory, periods: int) -> Motion:
         assert self._machine and self._clearance and self._newest
         start = self._newest[0].position
         return plan(self._machine, trajectory, start, periods, self._clearance)
@@ -356,7 +356,7 @@ def unheard(valves: Publisher) -> str:
 
 
 ABOUT = """Leads the crane through excitation trajectories, as goals of the action
-~/run_excitation ask. Software is no safety stop."""
+/run_excitation ask. Software is no safety stop."""
 
 
 def main(argv: Sequence[str] | None = None) -> int:

@@ -18,7 +18,7 @@ from crane_driver.bags.types import (
 from crane_model.configuration import packaged
 from crane_model.cylinders import generalized_forces
 from crane_model.machine import JOINTS, PLANAR_JOINTS, load_machine
-from crane_trajectory.fourier import load_trajectory
+from crane_trajectory.periodic import load_trajectory
 
 TOPICS = (JOINT_STATES, CYLINDER_PRESSURES, VALVE_COMMAND, JOINT_REFERENCE)
 TRAJECTORY = packaged("crane_trajectory", "excitation_20s.yaml")

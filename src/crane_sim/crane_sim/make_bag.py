@@ -27,8 +27,8 @@ from crane_sim.plant import Plant
 from crane_sim.sampled import Sensors
 from crane_trajectory.check import load_clearance
 from crane_trajectory.controller import load_gains
-from crane_trajectory.fourier import load_trajectory
 from crane_trajectory.motion import plan
+from crane_trajectory.periodic import load_trajectory
 
 EPOCH = 1_735_689_600  # s; bags begin here, 2025-01-01, so that the same seed gives the same bag
 

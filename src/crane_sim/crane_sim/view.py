@@ -15,14 +15,14 @@ from crane_model.machine import JOINTS, load_machine
 from crane_sim.drawing.pose import parse_pose
 from crane_sim.drawing.scene import Scene
 from crane_sim.parameters import load_stand_in
-from crane_trajectory.fourier import FourierTrajectory, load_trajectory
+from crane_trajectory.periodic import PeriodicTrajectory, load_trajectory
 
 FRAME = 1 / 60  # s
 
 Motion = Callable[[float], np.ndarray]
 
 
-def replayed(trajectory: FourierTrajectory, rest: np.ndarray) -> Motion:
+def replayed(trajectory: PeriodicTrajectory, rest: np.ndarray) -> Motion:
     """Coordinates (4,) at a time [s]: those of (32), period after period, the others at `rest`."""
     columns = [JOINTS.index(joint) for joint in trajectory.joint_names]
 

@@ -2,16 +2,17 @@
 
 import numpy as np
 import pytest
+from PIL import Image
 
 from crane_model.configuration import packaged
 from crane_model.machine import JOINTS, PLANAR_JOINTS, load_machine
 from crane_model.model_file import load_model
 from crane_trajectory.check import load_clearance, trajectory_violations
 from crane_trajectory.design import main
-from crane_trajectory.excitation import load_design_settings
-from crane_trajectory.fourier import load_trajectory
+from crane_trajectory.excitation.settings import load_design_settings
 from crane_trajectory.merit import figures_of_merit
 from crane_trajectory.motion import plan
+from crane_trajectory.periodic import load_trajectory
 
 MACHINE = load_machine()
 MODEL = load_model(packaged("crane_model", "crane_model.yaml"))
@@ -69,23 +70,64 @@ def test_training_and_validation_differ():
     assert distance.mean() > 0.1  # rad, m: how far the one stays from the other's path
 
 
-def test_design_writes_a_trajectory_that_is_within_limits(tmp_path, capsys):
-    out = tmp_path / "found.yaml"
-    command = ["--period", "30", "--harmonics", "1", "--starts", "1", "--out", str(out)]
+def drawn(path):
+    """Colours of a picture, of which there are many where curves have been drawn."""
+    with Image.open(path) as picture:
+        return len(picture.convert("RGB").getcolors(maxcolors=1 << 20)), picture.size
+
+
+def test_campaign_writes_trajectories_with_figures_of_merit_and_pictures(tmp_path, capsys):
+    out = tmp_path / "two"
+    earlier = packaged("crane_trajectory", "excitation_20s.yaml")
+    command = ["--period", "30", "--harmonics", "2", "--starts", "2", "--count", "2"]
+    command += ["--criterion", "d-optimality", "--acceleration", "telescope=0.2"]
+    command += ["--after", str(earlier), "--out", str(out)]
     assert main(command) == 0
-    found = load_trajectory(out)
-    assert (found.name, found.period, found.harmonics) == ("found", 30.0, 1)
-    assert trajectory_violations(MACHINE, found, load_clearance()) == []
-    assert "--period 30 --harmonics 1 --seed 1 --starts 1 --out found.yaml" in found.provenance
-    assert str(tmp_path) not in found.provenance
     printed = capsys.readouterr().out
-    assert "condition_number_normalised" in printed
-    assert f"written: {out}" in printed
+    found = [load_trajectory(out / f"two_{number}.yaml") for number in (1, 2)]
+    assert found[0].coefficients.tolist() != found[1].coefficients.tolist()
+    for trajectory in found:
+        file = out / f"{trajectory.name}.yaml"
+        assert (trajectory.period, trajectory.harmonics) == (30.0, 2)
+        assert trajectory_violations(MACHINE, trajectory, load_clearance()) == []
+        assert trajectory.figures_of_merit["peak_acceleration.telescope"] <= 0.2
+        assert trajectory.figures_of_merit["condition_number_report_normalised"] > 1.0
+        assert "--count 2 --criterion d-optimality" in trajectory.provenance
+        assert "--after excitation_20s.yaml --out two." in trajectory.provenance
+        assert str(tmp_path) not in trajectory.provenance
+        assert f"written: {file}" in printed
+        colours, size = drawn(file.with_suffix(".png"))
+        assert colours > 100
+        assert size == (1320, 900)
+    assert main(command) == 1
+    assert "two: exists; a campaign is written to a new folder" in capsys.readouterr().err
+
+
+def test_sweeps_are_written_with_a_picture(tmp_path, capsys):
+    out = tmp_path / "sweeps.yaml"
+    assert main(["--sweeps", "0.3", "0.9", "--dwell", "1", "--out", str(out)]) == 0
+    sweeps = load_trajectory(out)
+    assert trajectory_violations(MACHINE, sweeps, load_clearance()) == []
+    assert "design --sweeps 0.3 0.9 --dwell 1 --out sweeps.yaml" in sweeps.provenance
+    assert f"period {sweeps.period:.1f} s" in capsys.readouterr().out
+    assert drawn(out.with_suffix(".png"))[0] > 100
+    assert main(["--period", "20", "--after", str(out), "--out", str(tmp_path / "t.yaml")]) == 1
+    assert "--after takes Fourier trajectories" in capsys.readouterr().err
 
 
 @pytest.mark.parametrize(
     "wrong",
-    [["--period", "0"], ["--period", "nan"], ["--harmonics", "0"], ["--starts", "-1"]],
+    [
+        ["--period", "0"],
+        ["--period", "nan"],
+        ["--harmonics", "0"],
+        ["--starts", "-1"],
+        ["--criterion", "best"],
+        ["--columns", "all"],
+        ["--acceleration", "elbow=1"],
+        ["--acceleration", "slew"],
+        ["--sweeps", "1.5"],
+    ],
 )
 def test_wrong_arguments_are_refused(wrong, tmp_path, capsys):
     command = ["--period", "20", "--out", str(tmp_path / "t.yaml"), *wrong]

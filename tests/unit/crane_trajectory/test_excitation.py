@@ -1,117 +1,193 @@
-"""The search (35): its limits, its gradients, and that it improves what it starts from."""
+"""The search (35): its gradients, its limits, its starts, and that a campaign gains information."""
+
+from concurrent.futures import ThreadPoolExecutor
+from dataclasses import replace
 
 import numpy as np
 import pytest
 
 from crane_model.configuration import packaged
-from crane_model.errors import ConfigurationError
+from crane_model.errors import ConfigurationError, RangeError
 from crane_model.machine import PLANAR_JOINTS
 from crane_model.model_file import Model, load_model
 from crane_model.terms.term import Setting
-from crane_trajectory.check import load_clearance, trajectory_violations
-from crane_trajectory.excitation import (
-    ExcitationProblem,
-    forward_difference,
-    load_design_settings,
-    planar_machine,
-)
+from crane_trajectory.check import Clearance, load_clearance, pump_flow, tip_room
+from crane_trajectory.excitation.campaign import campaign
+from crane_trajectory.excitation.columns import ColumnSet
+from crane_trajectory.excitation.criterion import Criterion, Kind
+from crane_trajectory.excitation.limits import Limit
+from crane_trajectory.excitation.problem import ExcitationProblem, planar_machine
+from crane_trajectory.excitation.search import search, steps
+from crane_trajectory.excitation.settings import load_design_settings
 from crane_trajectory.fourier import FourierTrajectory
-from crane_trajectory.merit import figures_of_merit
+from crane_trajectory.merit import one_period
+from crane_trajectory.periodic import load_trajectory
 
 MODEL = load_model(packaged("crane_model", "crane_model.yaml"))
 SETTINGS = load_design_settings()
-QUICK = SETTINGS.search.model_copy(update={"iterations": 8, "samples": 60})
-PROBLEM = ExcitationProblem(MODEL, 20.0, 3, QUICK, load_clearance())
+CLEARANCE = load_clearance()
+STAGE = SETTINGS.search.explore.model_copy(update={"iterations": 10})
+QUICK = SETTINGS.search.model_copy(
+    update={"samples": 60, "survivors": 2, "explore": STAGE, "polish": STAGE}
+)
+PERIOD, HARMONICS = 20.0, 3
+ACCELERATION = {"inner_boom": 0.1, "outer_boom": 0.2, "telescope": 0.15}
 
 
-def trajectory_of(point):
-    coefficients = point.reshape(PROBLEM.shape)
-    return FourierTrajectory.from_coefficients("point", 20.0, PLANAR_JOINTS, coefficients)
-
-
-def linear_reserve(point):
-    return PROBLEM.bound - PROBLEM.matrix @ point
-
-
-def test_criterion_is_the_log_of_the_published_condition_numbers():
-    point = PROBLEM.random_point(np.random.default_rng(1))
-    merit = figures_of_merit(
-        MODEL, trajectory_of(point), 60, SETTINGS.experiment, SETTINGS.plausible
+def problem(kind=Kind.PRODUCT, columns=ColumnSet.BASE, **changes):
+    criterion = Criterion.of(MODEL, kind, columns, SETTINGS.experiment, SETTINGS.plausible)
+    whole = ExcitationProblem(
+        MODEL, criterion, PERIOD, HARMONICS, QUICK, SETTINGS.margins, CLEARANCE
     )
-    product = merit["condition_number"] * merit["condition_number_normalised"]
-    assert PROBLEM.criterion(point[None], smooth=False)[0] == pytest.approx(np.log(product))
+    return replace(whole, **changes)
 
 
-def test_many_points_at_once_are_as_one_by_one():
-    rng = np.random.default_rng(2)
-    points = np.stack([PROBLEM.random_point(rng) for _ in range(4)])
-    for function in (PROBLEM.criterion, PROBLEM.reserves):
-        single = np.concatenate([function(point[None]) for point in points])
-        np.testing.assert_allclose(function(points), single, rtol=1e-9)
+PROBLEM = problem()
 
 
-def test_differences_are_gradients():
-    def quadratic(points):
-        return np.stack([(points**2).sum(axis=1), points @ [1.0, 2.0, 3.0]], axis=1)
+def wild_point(seed):
+    """A trajectory far outside all limits."""
+    return np.random.default_rng(seed).normal(size=21) * 2.0
 
-    point = np.array([0.5, -1.0, 2.0])
-    np.testing.assert_allclose(
-        forward_difference(quadratic, point), [2 * point, [1.0, 2.0, 3.0]], atol=1e-5
-    )
+
+@pytest.mark.parametrize("kind", list(Kind))
+@pytest.mark.parametrize("columns", list(ColumnSet))
+def test_gradient_is_that_of_the_smoothed_criterion(kind, columns):
+    given = problem(kind, columns, harmonics=5)  # at a point that is conditioned well enough
+    point = load_trajectory(
+        packaged("crane_trajectory", "excitation_20s.yaml")
+    ).coefficients.ravel()
+    value, gradient = given.smooth(point, STAGE)
+    numeric = np.empty_like(gradient)
+    for i, unit in enumerate(np.eye(len(point))):
+        near, far = (
+            given.smooth(point + step * unit, STAGE)[0]
+            - given.smooth(point - step * unit, STAGE)[0]
+            for step in (1e-5, 2e-5)
+        )
+        numeric[i] = (8.0 * near - far) / 12e-5  # fourth order
+    assert np.isfinite(value)
+    np.testing.assert_allclose(gradient, numeric, atol=1e-4 * np.abs(gradient).max())
+
+
+def test_slopes_of_flow_and_room_are_derivatives():
+    limits, step = PROBLEM.start_limits, 1e-6
+    point = PROBLEM.random_point(np.random.default_rng(3))
+    numeric = [
+        (limits.reserves(point + step * unit) - limits.reserves(point - step * unit)) / (2 * step)
+        for unit in np.eye(len(point))
+    ]
+    np.testing.assert_allclose(limits.reserve_slopes(point), np.transpose(numeric), atol=1e-7)
 
 
 @pytest.mark.parametrize("seed", range(5))
-def test_random_points_keep_table_2(seed):
-    assert linear_reserve(PROBLEM.random_point(np.random.default_rng(seed))).min() > 0.0
+def test_a_start_outside_the_limits_is_mended(seed):
+    given = problem(acceleration=ACCELERATION)
+    limits, point = given.start_limits, wild_point(seed)
+    assert (limits.matrix @ point > limits.bound).any()
+    mended = limits.mend(point)
+    assert (limits.matrix @ mended <= limits.bound + 1e-12).all()
+    assert (limits.reserves(mended) >= 0.0).all()
 
 
-def test_what_meets_the_constraints_passes_the_check():
-    """The constraints hold on a coarse grid with margins; the check is exact and without."""
-    meets, passes = [], []
-    for seed in range(40):
-        rng = np.random.default_rng(seed)
-        point = PROBLEM.random_point(rng) * rng.uniform(0.8, 2.0)
-        reserve = min(linear_reserve(point).min(), PROBLEM.reserves(point[None]).min())
-        found = trajectory_violations(MODEL.machine, trajectory_of(point), PROBLEM.clearance)
-        meets.append(reserve >= 0.0)
-        passes.append(not found)
-    assert 0 < sum(meets) < len(meets)
-    assert not any(met and not passed for met, passed in zip(meets, passes, strict=True))
+def test_a_start_within_the_limits_is_left_alone():
+    point = PROBLEM.random_point(np.random.default_rng(2))
+    np.testing.assert_allclose(PROBLEM.start_limits.mend(point), point, atol=1e-12)
 
 
-def test_a_reference_at_the_constraints_uses_table_2_up_to_the_margins():
-    point = PROBLEM.random_point(np.random.default_rng(3)).reshape(PROBLEM.shape)
-    offset = point[0].copy()
-    low, high = 0.5, 3.0
-    for _ in range(60):  # the largest amplitude that the linear constraints allow
-        middle = (low + high) / 2
-        scaled = np.vstack([offset, middle * point[1:]])
-        low, high = (middle, high) if linear_reserve(scaled.ravel()).min() >= 0 else (low, middle)
-    motion = trajectory_of(np.vstack([offset, low * point[1:]])).evaluate(np.linspace(0, 20, 4001))
-    shares = []
+def found_from(given, seed):
+    return given.polish(given.start_limits.mend(wild_point(seed)), "found")
+
+
+@pytest.mark.parametrize("seed", range(2))
+def test_found_trajectory_keeps_every_limit_on_a_much_finer_grid(seed):
+    found = found_from(problem(acceleration=ACCELERATION), seed)
+    assert found.violations == ()
+    points = 10 * STAGE.grid_per_harmonic * HARMONICS
+    motion = found.trajectory.evaluate(np.arange(points) * PERIOD / points)
+    machine = MODEL.machine
     for i, joint in enumerate(PLANAR_JOINTS):
-        limits = MODEL.machine.limits[joint]
-        shares += [
-            motion.velocity[:, i].max() / limits.velocity_max,
-            motion.velocity[:, i].min() / limits.velocity_min,
-        ]
-        half = (limits.position_max - limits.position_min) / 2
-        shares.append(np.abs(motion.position[:, i] - limits.position_min - half).max() / half)
-    assert 0.9 < max(shares) < 0.97
+        limits = machine.limits[joint]
+        assert limits.position_min <= motion.position[:, i].min()
+        assert motion.position[:, i].max() <= limits.position_max
+        assert limits.velocity_min <= motion.velocity[:, i].min()
+        assert motion.velocity[:, i].max() <= limits.velocity_max
+        assert np.abs(motion.acceleration[:, i]).max() <= ACCELERATION[joint]
+    flow = pump_flow(machine, PLANAR_JOINTS, motion.position, motion.velocity)
+    assert flow.max() <= machine.hydraulics.pump_flow
+    distance, height = tip_room(machine, PLANAR_JOINTS, motion.position).T
+    assert distance.min() >= CLEARANCE.pillar_clearance
+    assert height.min() >= CLEARANCE.lowest_tip
 
 
-def test_search_improves_its_start_and_repeats():
-    start = PROBLEM.random_point(np.random.default_rng([5, 0]))
-    first = PROBLEM.minimise(np.random.default_rng([5, 0]), "found")
-    again = PROBLEM.minimise(np.random.default_rng([5, 0]), "found")
-    assert first.criterion < PROBLEM.criterion(start[None], smooth=False)[0] - 1.0
-    assert first.trajectory == again.trajectory
-    assert first.trajectory.joint_names == PLANAR_JOINTS
-    found = trajectory_violations(MODEL.machine, first.trajectory, PROBLEM.clearance)
-    assert first.within_limits == (not found)
+@pytest.mark.parametrize("limit", list(Limit))
+def test_a_limit_can_be_left_out(limit):
+    given, point = problem(without=frozenset({limit})), wild_point(7)
+    free, bound = given.start_limits, PROBLEM.start_limits
+    rows = [len(limits.bound) + len(limits.reserves(point)) for limits in (free, bound)]
+    assert rows[0] < rows[1]
+    assert len(free.reserve_slopes(point)) == len(free.reserves(point))
+    assert {v.quantity for v in found_from(given, 7).violations} == set()
+
+
+def test_the_weak_pump_limits_all_cylinders_together():
+    weak = MODEL.machine.model_copy(
+        update={"hydraulics": MODEL.machine.hydraulics.model_copy(update={"pump_flow": 2e-4})}
+    )
+    model = replace(MODEL, setting=Setting(MODEL.setting.units, weak))
+    found = found_from(problem(model=model), 1)
+    assert found.violations == ()
+    motion = found.trajectory.evaluate(np.linspace(0.0, PERIOD, 1000))
+    flow = pump_flow(weak, PLANAR_JOINTS, motion.position, motion.velocity)
+    assert 1.5e-4 < flow.max() <= 2e-4
+
+
+def test_search_improves_and_repeats_by_seed():
+    ticks = []
+    with ThreadPoolExecutor(2) as two, ThreadPoolExecutor(1) as one:
+        first = search(PROBLEM, 5, 3, "found", two, lambda: ticks.append(1))
+        again = search(PROBLEM, 5, 3, "found", one)
+        other = search(PROBLEM, 6, 3, "found", one)
+    assert len(ticks) == steps(PROBLEM, 3) == 5
+    assert [candidate.trajectory for candidate in first] == [x.trajectory for x in again]
+    assert first[0].criterion < other[0].criterion or first[0] != other[0]
+    starts = [PROBLEM.value(PROBLEM.random_point(np.random.default_rng([5, i]))) for i in range(3)]
+    assert first[0].criterion < min(starts) - 1.0
+    assert first[0].criterion == min(x.criterion for x in first)
+
+
+def test_criterion_of_a_candidate_is_that_of_its_published_coefficients():
+    found = found_from(PROBLEM, 3)
+    phi = one_period(MODEL, found.trajectory, QUICK.samples).reshape(-1, 20)
+    product = np.linalg.cond(phi) * np.linalg.cond(phi / np.linalg.norm(phi, axis=0))
+    assert found.criterion == pytest.approx(np.log(product), rel=1e-6)
+
+
+def test_a_campaign_tells_more_than_as_many_copies_of_its_first():
+    given = problem(Kind.D_OPTIMALITY)
+    with ThreadPoolExecutor(2) as pool:
+        found = [x.trajectory for x in campaign(given, ["a", "b"], 1, 2, pool)]
+    assert [x.name for x in found] == ["a", "b"]
+    first, second = (given.criterion.gram(one_period(MODEL, x, QUICK.samples)) for x in found)
+    together, copies = given.criterion.exact(first + second), given.criterion.exact(2.0 * first)
+    assert together < copies - 0.05  # every axis of the ellipsoid 5 % shorter, on average
+
+
+def test_no_room_for_the_tip_is_refused():
+    tall = Clearance(gripper_length=9.0, ground_clearance=0.0, pillar_clearance=0.0)
+    with pytest.raises(RangeError, match="no pose within Table 2"):
+        problem(clearance=tall).random_point(np.random.default_rng(0))
 
 
 def test_another_model_is_refused():
     model = Model("one axis", Setting({"motor": "rad"}, None), MODEL.terms[1:2])
     with pytest.raises(ConfigurationError, match="'one axis'.*got the joints motor and no machine"):
         planar_machine(model)
+
+
+def test_coefficients_and_points_are_the_same_numbers():
+    point = PROBLEM.random_point(np.random.default_rng(4))
+    trajectory = FourierTrajectory.from_coefficients(
+        "point", PERIOD, PLANAR_JOINTS, point.reshape(PROBLEM.shape)
+    )
+    np.testing.assert_array_equal(trajectory.coefficients.ravel(), point)

@@ -4,29 +4,25 @@ import numpy as np
 import pytest
 
 from crane_model.configuration import packaged
-from crane_model.model_file import load_model
-from crane_trajectory.excitation import load_design_settings
-from crane_trajectory.fourier import load_trajectory
+from crane_model.model_file import Model, load_model
+from crane_trajectory.excitation.columns import ColumnSet, column_map, inertial_columns
+from crane_trajectory.excitation.settings import load_design_settings
 from crane_trajectory.merit import (
     condition_numbers,
     figures_of_merit,
-    inertial_columns,
-    record_of,
+    information,
+    one_period,
     relative_std_devs,
 )
+from crane_trajectory.periodic import load_trajectory
 
 MODEL = load_model(packaged("crane_model", "crane_model.yaml"))
 TRAJECTORY = load_trajectory(packaged("crane_trajectory", "excitation_20s.yaml"))
 SETTINGS = load_design_settings()
 
 
-def stacked_regressor(samples):
-    time = np.arange(samples) * TRAJECTORY.period / samples
-    return MODEL.regressor(record_of(MODEL, TRAJECTORY.evaluate(time)))
-
-
 def test_condition_numbers_are_those_of_the_singular_values():
-    phi = stacked_regressor(200).reshape(-1, 20)
+    phi = one_period(MODEL, TRAJECTORY, 200).reshape(-1, 20)
     batch = np.stack([phi, phi[::2].repeat(2, axis=0)])
     raw, normalised = condition_numbers(batch.transpose(0, 2, 1) @ batch)
     for i, matrix in enumerate(batch):
@@ -54,13 +50,14 @@ def test_inertial_columns_are_the_eight_base_parameters():
 
 def test_predicted_std_devs_are_those_of_repeated_fits():
     rng = np.random.default_rng(0)
-    regressor = stacked_regressor(200)
+    regressor = one_period(MODEL, TRAJECTORY, 200)
     noise = np.array([SETTINGS.experiment.noise[joint] for joint in MODEL.joints])
     weighted = (regressor / noise[:, None]).reshape(-1, 20)
     fits = rng.normal(size=(2000, len(weighted))) @ np.linalg.pinv(weighted).T
-    one_period = SETTINGS.experiment.model_copy(update={"periods": 1, "sample_rate": 10.0})
+    experiment = SETTINGS.experiment.model_copy(update={"periods": 1, "sample_rate": 10.0})
     plausible = {"J_FL": 450.0, "f_c.telescope": -7.0}
-    predicted = relative_std_devs(MODEL, regressor, TRAJECTORY.period, one_period, plausible)
+    told = information(MODEL, regressor, TRAJECTORY.period, experiment)
+    predicted = relative_std_devs(MODEL, told, plausible)
     names = [parameter.name for parameter in MODEL.parameters]
     assert list(predicted) == ["J_FL", "f_c.telescope"]
     for name, value in plausible.items():
@@ -79,3 +76,21 @@ def test_four_times_the_samples_halve_the_std_devs(periods, rate):
         key = f"relative_std_dev.{name}"
         assert many[key] == pytest.approx(few[key] / 2)
     assert many["condition_number"] == few["condition_number"]
+
+
+def test_numbers_of_the_columns_of_9_are_those_of_the_report_s_parameters():
+    merit = figures_of_merit(MODEL, TRAJECTORY, 200, SETTINGS.experiment, SETTINGS.plausible)
+    phi = one_period(MODEL, TRAJECTORY, 200).reshape(-1, 20)
+    # m_SL is seen only as a moment normal to the telescope's axis, which makes (9) worse
+    reported = phi @ column_map(MODEL, ColumnSet.REPORT)
+    assert merit["condition_number_report"] == pytest.approx(np.linalg.cond(reported), rel=1e-6)
+    assert merit["condition_number_report"] > merit["condition_number"]
+    inertial = np.linalg.cond(reported[:, :8])
+    assert merit["condition_number_report_inertial"] == pytest.approx(inertial, rel=1e-6)
+
+
+def test_a_model_without_rigid_bodies_has_no_numbers_of_9():
+    model = Model("friction only", MODEL.setting, MODEL.terms[1:])
+    merit = figures_of_merit(model, TRAJECTORY, 100, SETTINGS.experiment, SETTINGS.plausible)
+    assert not [name for name in merit if "report" in name or "inertial" in name]
+    assert merit["condition_number"] > 1.0

@@ -1,0 +1,193 @@
+"""The limits of (35) on a grid of times, with exact derivatives.
+
+Positions, velocities and accelerations are linear in the coefficients; pump flow and room of the
+boom tip are not. Cylinder strokes cover the positions of Table 2, or the machine is refused when it
+is loaded.
+"""
+
+from enum import StrEnum
+
+import numpy as np
+
+from crane_model.errors import RangeError
+from crane_model.kinematics import tip_jacobian
+from crane_model.machine import JOINTS, Machine
+from crane_trajectory.check import Clearance, pump_flow, tip_room
+from crane_trajectory.excitation.settings import Margins
+from crane_trajectory.fourier import Samples
+
+POSES = 7  # per joint, among which the home pose is chosen
+TIP = [0, 2]  # rows of the tip's Jacobian: distance from the pillar, height
+
+
+class Limit(StrEnum):
+    """Limits that a design can do without."""
+
+    VELOCITY = "velocity"
+    FLOW = "flow"
+    ROOM = "room"
+
+
+class Limits:
+    """Limits of the joints (j) of one machine at the times of a basis of (32).
+
+    A point is the vector of `FourierTrajectory.coefficients` (2 N + 1, j), row by row. Bounds of
+    acceleration (j,) [rad/s2, m/s2] may be infinite.
+    """
+
+    def __init__(
+        self,
+        machine: Machine,
+        joints: tuple[str, ...],
+        basis: Samples,
+        margins: Margins,
+        clearance: Clearance,
+        acceleration: np.ndarray,
+        without: frozenset[Limit] = frozenset(),
+    ) -> None:
+        self.machine, self.joints, self.basis = machine, joints, basis
+        self.margins, self.clearance, self.without = margins, clearance, without
+        rows = [machine.limits[joint] for joint in joints]
+        lowest, highest = np.array([(row.position_min, row.position_max) for row in rows]).T
+        free = margins.position * (highest - lowest)
+        self.lowest, self.highest = lowest + free, highest - free
+        share = np.inf if Limit.VELOCITY in without else 1.0 - margins.velocity
+        self.slowest = np.array([row.velocity_min for row in rows]) * share
+        self.fastest = np.array([row.velocity_max for row in rows]) * share
+        self.acceleration = acceleration
+        self.matrix, self.bound = self._linear()
+        self.home = self._home_pose()
+
+    def reserves(self, point: np.ndarray) -> np.ndarray:
+        """What is left (r,) of pump flow [shares] and of room to pillar and to ground [m].
+
+        Negative where a limit less its margin is passed.
+        """
+        position, velocity, _ = self._motion(point)
+        return self._reserves_of(position, velocity)
+
+    def reserve_slopes(self, point: np.ndarray) -> np.ndarray:
+        """(r, v): derivatives of `reserves` with respect to the point (v,)."""
+        position, velocity, inside = self._motion(point)
+        blocks = []
+        if Limit.FLOW not in self.without:
+            by_position, by_velocity = self._flow_slopes(position, velocity)
+            blocks.append(
+                self._chain(self.basis.position, by_position * inside)
+                + self._chain(self.basis.velocity, by_velocity)
+            )
+        if Limit.ROOM not in self.without:
+            q = np.zeros((len(position), len(JOINTS)))
+            columns = [JOINTS.index(joint) for joint in self.joints]
+            q[:, columns] = position
+            q[:, 0] = 0.0  # the distance from the pillar does not depend on the slew
+            jacobian = tip_jacobian(self.machine, q)[:, TIP][:, :, columns]
+            blocks += [self._chain(self.basis.position, jacobian[:, i] * inside) for i in (0, 1)]
+        return np.concatenate([*blocks, np.empty((0, len(point)))])
+
+    def mend(self, point: np.ndarray) -> np.ndarray:
+        """A point within the limits near the given one; the point itself if it is within.
+
+        Waves that are too large for a joint are scaled and shifted to fit; then the whole motion is
+        drawn towards the home pose as far as pump flow and room need it.
+        """
+        waves = point.reshape(-1, len(self.joints)).copy()
+        offset, waves[0] = waves[0].copy(), 0.0
+        swing, speed, change = (functions @ waves for functions in self.basis)
+        used = [
+            np.ptp(swing, axis=0) / (self.highest - self.lowest),
+            speed.max(axis=0) / self.fastest,
+            speed.min(axis=0) / self.slowest,
+            np.abs(change).max(axis=0) / self.acceleration,
+        ]
+        scale = 1.0 / np.maximum(1.0, np.max(used, axis=0))
+        waves *= scale
+        waves[0] = np.clip(
+            offset,
+            self.lowest - scale * swing.min(axis=0),
+            self.highest - scale * swing.max(axis=0),
+        )
+        mended = waves.ravel()
+        for share in 1.0 - np.linspace(0.0, 1.0, 21):
+            drawn = self.drawn_home(mended, share)
+            if (self.reserves(drawn) >= 0.0).all():
+                return drawn
+        return self.drawn_home(mended, 0.0)
+
+    def drawn_home(self, point: np.ndarray, share: float) -> np.ndarray:
+        """The motion scaled by `share` about the home pose; linear limits stay kept."""
+        home = np.zeros_like(point)
+        home[: len(self.joints)] = self.home
+        return home + share * (point - home)
+
+    def _motion(self, point: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+        """Position, velocity, and where the position is not clipped, each (n, j).
+
+        A search may look beyond Table 2, where a linkage may not exist.
+        """
+        coefficients = point.reshape(-1, len(self.joints))
+        position = self.basis.position @ coefficients
+        clipped = np.clip(position, self.lowest, self.highest)
+        return clipped, self.basis.velocity @ coefficients, position == clipped
+
+    def _reserves_of(self, position: np.ndarray, velocity: np.ndarray) -> np.ndarray:
+        parts = [np.empty(0)]
+        if Limit.FLOW not in self.without:
+            flow = pump_flow(self.machine, self.joints, position, velocity)
+            parts.append(1.0 - flow / self._flow_allowed)
+        if Limit.ROOM not in self.without:
+            keep = np.array([self.clearance.pillar_clearance, self.clearance.lowest_tip])
+            room = tip_room(self.machine, self.joints, position) - keep - self.margins.room
+            parts.append(room.T.ravel())
+        return np.concatenate(parts)
+
+    def _flow_slopes(
+        self, position: np.ndarray, velocity: np.ndarray
+    ) -> tuple[np.ndarray, np.ndarray]:
+        by_position, by_velocity = np.empty_like(position), np.empty_like(position)
+        for i, joint in enumerate(self.joints):
+            cylinder = self.machine.cylinders[joint]
+            _, lever, slope = self.machine.cylinder(joint, position[:, i]).T
+            area = np.where(lever * velocity[:, i] > 0.0, cylinder.area_a, -cylinder.area_b)
+            by_position[:, i] = area * slope * velocity[:, i]
+            by_velocity[:, i] = area * lever
+        return -by_position / self._flow_allowed, -by_velocity / self._flow_allowed
+
+    @property
+    def _flow_allowed(self) -> float:
+        return self.machine.hydraulics.pump_flow * (1.0 - self.margins.flow)
+
+    def _chain(self, functions: np.ndarray, slopes: np.ndarray) -> np.ndarray:
+        """(n, v) from slopes (n, j) with respect to what `functions` (n, 2 N + 1) give."""
+        return (functions[:, :, None] * slopes[:, None, :]).reshape(len(functions), -1)
+
+    def _linear(self) -> tuple[np.ndarray, np.ndarray]:
+        """A and b of A x <= b, a row a grid point, joint and finite bound."""
+        one_sided = [
+            (self.basis.position, self.highest),
+            (-self.basis.position, -self.lowest),
+            (self.basis.velocity, self.fastest),
+            (-self.basis.velocity, -self.slowest),
+            (self.basis.acceleration, self.acceleration),
+            (-self.basis.acceleration, self.acceleration),
+        ]
+        matrix = np.vstack([np.kron(side, np.eye(len(self.joints))) for side, _ in one_sided])
+        bound = np.concatenate([np.tile(bound, len(side)) for side, bound in one_sided])
+        return matrix[np.isfinite(bound)], bound[np.isfinite(bound)]
+
+    def _home_pose(self) -> np.ndarray:
+        """The pose (j,) of a coarse grid that is farthest from all limits of position and room."""
+        steps = (np.arange(POSES) + 0.5) / POSES
+        shares = np.stack(np.meshgrid(*[steps] * len(self.joints)), axis=-1)
+        shares = shares.reshape(-1, len(self.joints))
+        poses = self.lowest + shares * (self.highest - self.lowest)
+        distance = np.minimum(shares, 1.0 - shares).min(axis=1)
+        if Limit.ROOM not in self.without:
+            room = self._reserves_of(poses, np.zeros_like(poses))[-2 * len(poses) :]
+            distance = np.minimum(distance, room.reshape(2, -1).min(axis=0))
+        if distance.max() <= 0.0:
+            raise RangeError(
+                f"{self.clearance}: no pose within Table 2 keeps the boom tip clear by this and a "
+                f"margin of {self.margins.room} m; lower the clearance or the margin"
+            )
+        return poses[distance.argmax()]

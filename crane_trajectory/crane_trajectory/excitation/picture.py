@@ -1,0 +1,66 @@
+"""A picture of a trajectory like Fig. 8: positions and velocities with the limits of Table 2."""
+
+from pathlib import Path
+
+import numpy as np
+from matplotlib.axes import Axes
+from matplotlib.figure import Figure
+
+from crane_model.machine import JOINT_UNITS, PLANAR_JOINTS, Machine
+from crane_trajectory.check import Clearance, pump_flow, tip_room
+from crane_trajectory.periodic import PeriodicTrajectory
+
+POINTS = 1000
+LINE, LIMIT = "#1f4e79", "#c0392b"
+
+
+def draw(
+    path: Path, machine: Machine, trajectory: PeriodicTrajectory, clearance: Clearance
+) -> None:
+    """Write one period as a picture; the format is that of the file's name (.png, .svg, .pdf).
+
+    Below positions and velocities of the planar joints: pump flow, and the tip's room.
+    """
+    time = np.linspace(0.0, trajectory.period, POINTS)
+    motion = trajectory.evaluate(time)
+    columns = [trajectory.joint_names.index(joint) for joint in PLANAR_JOINTS]
+    figure = Figure(figsize=(11.0, 7.5), layout="constrained")
+    figure.suptitle(f"{trajectory.name}: one period of {trajectory.period:g} s, limits dashed")
+    axes = figure.subplots(3, 3, sharex=True)
+    for i, joint in enumerate(PLANAR_JOINTS):
+        limits, unit = machine.limits[joint], JOINT_UNITS[joint]
+        title = joint.replace("_", " ")
+        _panel(
+            axes[0, i],
+            time,
+            motion.position[:, columns[i]],
+            (limits.position_min, limits.position_max),
+            f"{title} [{unit}]",
+        )
+        _panel(
+            axes[1, i],
+            time,
+            motion.velocity[:, columns[i]],
+            (limits.velocity_min, limits.velocity_max),
+            f"{title}, velocity [{unit}/s]",
+        )
+    flow = pump_flow(machine, trajectory.joint_names, motion.position, motion.velocity)
+    litres = 60e3 * flow, (60e3 * machine.hydraulics.pump_flow,)
+    distance, height = tip_room(machine, trajectory.joint_names, motion.position).T
+    _panel(axes[2, 0], time, *litres, "pump flow, all cylinders [l/min]")
+    _panel(axes[2, 1], time, distance, (clearance.pillar_clearance,), "tip from pillar [m]")
+    _panel(axes[2, 2], time, height, (clearance.lowest_tip,), "tip above ground [m]")
+    for below in axes[2]:
+        below.set_xlabel("time [s]")
+    figure.savefig(path, dpi=120)
+
+
+def _panel(
+    axes: Axes, time: np.ndarray, values: np.ndarray, limits: tuple[float, ...], title: str
+) -> None:
+    axes.plot(time, values, color=LINE, linewidth=1.5)
+    for limit in limits:
+        axes.axhline(limit, color=LIMIT, linestyle="--", linewidth=1.0)
+    axes.set_title(title, fontsize="medium", loc="left")
+    axes.margins(x=0.0, y=0.1)
+    axes.grid(alpha=0.3)

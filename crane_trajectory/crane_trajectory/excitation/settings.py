@@ -1,0 +1,56 @@
+"""How excitation trajectories are searched and judged: `data/design.yaml`."""
+
+from pathlib import Path
+from typing import Annotated
+
+from pydantic import Field
+
+from crane_model.configuration import Schema, load, packaged
+from crane_trajectory.merit import Experiment
+
+Share = Annotated[float, Field(ge=0, lt=1)]
+Positive = Annotated[float, Field(gt=0)]
+Count = Annotated[int, Field(ge=1)]
+
+
+class Margins(Schema):
+    """What a design keeps free, so that a machine that follows it inexactly stays within limits."""
+
+    position: Annotated[float, Field(ge=0, lt=0.5)]  # of the range of Table 2, at both ends
+    velocity: Share
+    flow: Share
+    room: Annotated[float, Field(ge=0)]  # m
+
+
+class Stage(Schema):
+    """How finely one stage of the search sees limits and criterion, and where it ends."""
+
+    grid_per_harmonic: Annotated[int, Field(ge=4)]
+    reversal_share: Positive
+    power: Positive
+    iterations: Count
+    tolerance: Positive
+
+
+class Search(Schema):
+    """How the search samples, how it starts, and its two stages."""
+
+    samples: Count
+    start_amplitude: Annotated[float, Field(gt=0, le=1)]
+    survivors: Count
+    explore: Stage
+    polish: Stage
+
+
+class DesignSettings(Schema):
+    """Everything of `data/design.yaml`."""
+
+    search: Search
+    margins: Margins
+    experiment: Experiment
+    plausible: dict[str, float]
+
+
+def load_design_settings(path: Path | None = None) -> DesignSettings:
+    """The settings in `path`, by default the packaged ones; `ConfigurationError` if wrong."""
+    return load(path or packaged("crane_trajectory", "design.yaml"), DesignSettings)

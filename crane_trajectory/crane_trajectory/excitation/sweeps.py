@@ -1,0 +1,122 @@
+"""A diagnostic experiment: each joint in turn at several constant speeds both ways, with dwells.
+
+At constant speed inertia is out of the picture: what is left of the force, gravity apart, is the
+friction at that speed and position. Dwells show what joints and cylinders do at rest.
+"""
+
+from collections.abc import Sequence
+
+import numpy as np
+
+from crane_model.errors import RangeError
+from crane_model.machine import PLANAR_JOINTS, Machine
+from crane_trajectory.check import Clearance, tip_room, trajectory_violations
+from crane_trajectory.excitation.settings import Margins
+from crane_trajectory.sweep import JointCourse, SweepTrajectory
+
+POSES = 5  # per joint, among which the pose of the joints at rest is chosen
+FINE = 200  # positions of a sweep at which the room of the tip is looked at
+CORNER = 0.5  # s
+DECIMALS = 6
+
+
+def design_sweeps(
+    machine: Machine,
+    clearance: Clearance,
+    margins: Margins,
+    shares: Sequence[float],
+    dwell: float,
+    name: str,
+) -> SweepTrajectory:
+    """Sweeps of all planar joints, as wide as limits and room allow from one pose of the others.
+
+    `shares` of the smaller velocity limit of a joint are its speeds, `dwell` [s] the rest at either
+    end. Raises `RangeError` if a limit would be passed or no pose leaves the tip its room.
+    """
+    limits = [machine.limits[joint] for joint in PLANAR_JOINTS]
+    lowest, highest = np.array([(x.position_min, x.position_max) for x in limits]).T
+    free = margins.position * (highest - lowest)
+    lowest, highest = lowest + free, highest - free
+    home, ends = _widest(machine, clearance, margins, lowest, highest)
+    knots, positions = [0.0], [home]
+
+    def go(column: int, target: float, speed: float) -> None:
+        way = abs(target - positions[-1][column])
+        if way > 0.0:
+            knots.append(knots[-1] + max(way / speed, 2.0 * CORNER))
+            positions.append(np.where(np.arange(len(home)) == column, target, positions[-1]))
+        knots.append(knots[-1] + dwell)
+        positions.append(positions[-1])
+
+    for column, limit in enumerate(limits):
+        top = min(limit.velocity_max, -limit.velocity_min) * (1.0 - margins.velocity)
+        middle = top * float(np.median(shares))
+        go(column, ends[column][0], middle)
+        for share in shares:
+            go(column, ends[column][1], top * share)
+            go(column, ends[column][0], top * share)
+        go(column, float(home[column]), middle)
+    times = np.round(knots, DECIMALS).tolist()
+    trajectory = SweepTrajectory(
+        kind="sweep",
+        name=name,
+        period=times[-1],
+        corner=CORNER,
+        joints={
+            joint: JointCourse(time=tuple(times), position=tuple(course))
+            for joint, course in zip(
+                PLANAR_JOINTS, np.round(positions, DECIMALS).T.tolist(), strict=True
+            )
+        },
+    )
+    found = trajectory_violations(machine, trajectory, clearance)
+    if found:
+        listed = "\n  ".join(map(str, found))
+        raise RangeError(f"sweeps '{name}': lower the speeds, or raise the margins:\n  {listed}")
+    return trajectory
+
+
+def _widest(
+    machine: Machine,
+    clearance: Clearance,
+    margins: Margins,
+    lowest: np.ndarray,
+    highest: np.ndarray,
+) -> tuple[np.ndarray, list[tuple[float, float]]]:
+    """The pose from which the narrowest sweep of a joint is widest, and the ends of the sweeps."""
+    keep = np.array([clearance.pillar_clearance, clearance.lowest_tip]) + margins.room
+    shares = (np.arange(POSES) + 0.5) / POSES
+    grid = np.stack(np.meshgrid(*[shares] * len(lowest), indexing="ij"), axis=-1)
+    best, chosen, ends = 0.0, lowest, []
+    for pose in lowest + grid.reshape(-1, len(lowest)) * (highest - lowest):
+        reach = [
+            _reach(machine, keep, pose, column, lowest[column], highest[column])
+            for column in range(len(pose))
+        ]
+        width = min(
+            (high - low) / span for (low, high), span in zip(reach, highest - lowest, strict=True)
+        )
+        if width > best:
+            best, chosen, ends = width, pose, reach
+    if not ends:
+        raise RangeError(
+            f"{clearance}: no pose within Table 2 keeps the boom tip clear by this and a margin of "
+            f"{margins.room} m; lower the clearance or the margin"
+        )
+    return np.round(chosen, DECIMALS), ends
+
+
+def _reach(
+    machine: Machine, keep: np.ndarray, pose: np.ndarray, column: int, low: float, high: float
+) -> tuple[float, float]:
+    """How far joint `column` can go from the pose either way while the tip keeps its room."""
+    positions = np.tile(pose, (FINE, 1))
+    positions[:, column] = np.linspace(low, high, FINE)
+    clear: np.ndarray = np.all(tip_room(machine, PLANAR_JOINTS, positions) >= keep, axis=1)
+    here = int(np.abs(positions[:, column] - pose[column]).argmin())
+    if not clear[here]:
+        return float(pose[column]), float(pose[column])
+    blocked = np.flatnonzero(~clear)
+    first = blocked[blocked < here].max(initial=-1) + 1
+    last = blocked[blocked > here].min(initial=FINE) - 1
+    return float(positions[first, column]), float(positions[last, column])

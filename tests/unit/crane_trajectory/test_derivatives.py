@@ -1,0 +1,87 @@
+"""Regressor columns pulled back by weights, against numeric differentiation."""
+
+import numpy as np
+import pytest
+
+from crane_model.configuration import packaged
+from crane_model.errors import ConfigurationError
+from crane_model.machine import PLANAR_JOINTS
+from crane_model.model_file import load_model
+from crane_model.record import Record
+from crane_model.terms import JointTerm, Parameter, Term
+from crane_trajectory.excitation.derivatives import pull_back, smooth_record, smooth_regressor
+from crane_trajectory.fourier import Samples
+
+MODEL = load_model(packaged("crane_model", "crane_model.yaml"))
+WIDTH = np.array([0.02, 0.05, 0.1])
+STEP = 1e-6
+
+
+class Bent(JointTerm):
+    """A term without a closed form in the designer: it uses all that a joint's motion offers."""
+
+    family = "friction"
+
+    def column(self, record: Record, j: int) -> np.ndarray:
+        q, v, a = (part[:, j] for part in (record.position, record.velocity, record.acceleration))
+        return np.sin(q) * a + record.direction[:, j] * np.exp(-(v**2)) + v * q
+
+    def parameter(self, coordinate, force):
+        return Parameter("bent", force, None, "for this test")
+
+
+class Whole(Term):
+    """A term that is not of one joint at one instant."""
+
+    family = "friction"
+
+    def parameters(self, setting):
+        return (Parameter("whole", "N", None, "for this test"),)
+
+    def fill(self, record, setting, columns):
+        columns[:, 0, 0] = np.cumsum(record.velocity[:, 0])
+
+
+BENT = MODEL.with_term(Bent.model_construct(type="bent", joint="outer_boom"))
+
+
+def random_motion(rng):
+    low, high = [-0.45, -2.7, 0.0], [1.37, -0.1, 1.55]
+    velocity, acceleration = 0.3 * rng.standard_normal((2, 40, 3))
+    return Samples(rng.uniform(low, high, (40, 3)), velocity, acceleration)
+
+
+@pytest.mark.parametrize("model", [MODEL, BENT], ids=["report", "another term"])
+@pytest.mark.parametrize("quantity", range(3))
+@pytest.mark.parametrize("joint", range(3))
+def test_pull_back_is_the_derivative(model, quantity, joint):
+    rng = np.random.default_rng(4)
+    motion = random_motion(rng)
+    weight = rng.standard_normal((40, 3, len(model.parameters)))
+    slopes = pull_back(model, smooth_record(model, motion, WIDTH), weight, WIDTH)
+
+    def weighted(shift):
+        moved = [part.copy() for part in motion]
+        moved[quantity][:, joint] += shift
+        record = smooth_record(model, Samples(*moved), WIDTH)
+        return (weight * smooth_regressor(model, record)).sum(axis=(1, 2))
+
+    numeric = (weighted(STEP) - weighted(-STEP)) / (2 * STEP)
+    scale = np.abs(numeric).max()
+    np.testing.assert_allclose(slopes[quantity][:, joint], numeric, rtol=1e-6, atol=1e-7 * scale)
+
+
+def test_smoothing_is_narrow():
+    motion = random_motion(np.random.default_rng(5))
+    motion.velocity[0] = 0.0
+    record = smooth_record(MODEL, motion, 1e-4 * WIDTH)
+    exact = MODEL.regressor(record)
+    np.testing.assert_allclose(smooth_regressor(MODEL, record), exact, atol=1e-5)
+    assert (record.direction[0] == 0.0).all()
+
+
+def test_a_term_that_looks_beyond_the_instant_is_refused():
+    model = MODEL.with_term(Whole.model_construct(type="whole"))
+    record = smooth_record(model, random_motion(np.random.default_rng(1)), WIDTH)
+    with pytest.raises(ConfigurationError, match="term 'whole' depends on more"):
+        pull_back(model, record, np.ones((40, len(PLANAR_JOINTS), 21)), WIDTH)
