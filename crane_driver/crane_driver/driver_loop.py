@@ -6,6 +6,7 @@ from typing import NamedTuple
 
 import numpy as np
 
+from crane_driver.can.acceptance import Acceptance
 from crane_driver.can.assembly import Assembly, Complete
 from crane_driver.can.codec import DriverCodec
 from crane_driver.can.frame import UNUSABLE, Fault, Frame
@@ -66,6 +67,7 @@ class DriverLoop:
         self.cycle = min(message.cycle for message in layout.commands)
         self.codec = DriverCodec(layout)
         self.monitor = Monitor(layout.readings, layout.timing, now)
+        self._acceptance = Acceptance(layout, settings.command_timeout)
         self.devices = Devices(layout.devices)
         self.supervisor = Supervisor(layout.valves, machine, settings, now)
         self._machine = machine
@@ -104,6 +106,7 @@ class DriverLoop:
             self.supervisor.can_faults(faults, now)
             if any(fault.kind in UNUSABLE for fault in faults):
                 continue
+            self.supervisor.can_faults(self._acceptance.observe(readings), now)
             if complete := self._pressures.add(readings):
                 self._newest = complete
                 pressures.append(self._pressure_sample(complete))
@@ -137,7 +140,10 @@ class DriverLoop:
         self._sent = now
         self._due = now + (GRACE if commanded else 1.0) * self.cycle
         output = self.supervisor.output(now)
-        return self.codec.command_frames(output.commands, output.enabled)
+        frames = self.codec.command_frames(output.commands, output.enabled)
+        for frame in frames:
+            self._acceptance.sent(frame, now)
+        return frames
 
     def _joint_sample(self, complete: Complete) -> JointSample:
         readings = [complete.values[joint] for joint in self.joints]

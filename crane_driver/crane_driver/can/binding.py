@@ -12,6 +12,7 @@ from crane_driver.can.frame import show_id
 from crane_driver.can.layout import (
     UNPROTECTED,
     Channel,
+    Echo,
     Layout,
     MessageLayout,
     Protected,
@@ -55,13 +56,14 @@ class _Binder:
         self.pressures: dict[str, list[Channel]] = defaultdict(list)
         self.commands: dict[str, list[Channel]] = defaultdict(list)
         self.states: dict[str, list[State]] = defaultdict(list)
+        self.echoes: dict[str, list[Echo]] = defaultdict(list)
         self.enable: dict[str, str] = {}
         self.constants: dict[str, dict[str, float]] = defaultdict(dict)
         self.protection: dict[str, Protected] = {}
 
     def layout(self) -> Layout:
         self._bind()
-        received = dict.fromkeys((*self.positions, *self.pressures, *self.states))
+        received = dict.fromkeys((*self.positions, *self.pressures, *self.states, *self.echoes))
         sent = dict.fromkeys((*self.commands, *self.enable, *self.constants))
         for name in received.keys() & sent.keys():
             self._problem(
@@ -69,6 +71,11 @@ class _Binder:
             )
         for name in self.protection.keys() - received.keys() - sent.keys():
             self._problem(f"protection.{name}", f"nothing else is mapped from message {name}")
+        for message, echoes in self.echoes.items():
+            for name in (echo.command for echo in echoes if echo.command not in sent):
+                self._problem(
+                    f"protection.{name}.accepted", f"{message} accepts what is sent; {name} is not"
+                )
         for name in sent:
             self._require_every_signal(name)
         self._require_free_identifiers((*received, *sent))
@@ -161,6 +168,15 @@ class _Binder:
                 f"{key}.crc", f"signal {name}.{entry.crc} is not one whole byte of the frame"
             )
         first, last = raw_limits(counter[1]) if counter else (0, -1)
+        if entry.accepted and (echo := self._use(f"{key}.accepted", entry.accepted)):
+            low, high = raw_limits(echo[1])
+            if is_scaled(echo[1]) or low > first or high < last:
+                self._problem(
+                    f"{key}.accepted",
+                    f"signal {entry.accepted} carries {low:g} to {high:g}, the counter runs from "
+                    f"{first:g} to {last:g}, not scaled",
+                )
+            self.echoes[echo[0].name].append(Echo(name, echo[1].name, int(high)))
         self.protection[name] = Protected(
             counter[1].name if counter else None,
             int(first),
@@ -261,6 +277,7 @@ class _Binder:
             tuple(self.pressures[name]),
             tuple(self.commands[name]),
             tuple(self.states[name]),
+            tuple(self.echoes[name]),
             self.enable.get(name),
             self.constants[name],
             self.protection.get(name, UNPROTECTED),

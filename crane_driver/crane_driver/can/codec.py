@@ -85,9 +85,11 @@ class MachineCodec:
         pressures: Mapping[str, float],
         states: Mapping[str, str],
         faulty: Collection[str] = (),
+        accepted: Mapping[str, int] = {},
     ) -> Frame:
-        """Frame of one message; it picks what it carries out of positions [rad, m], pressures [Pa]
-        and states. Readings that are `faulty` are marked so; signals that nobody maps are 0.
+        """Frame of one message; it picks what it carries out of positions [rad, m], pressures [Pa],
+        states and the counters of the last `accepted` frame by command message. Readings that are
+        `faulty` are marked so; signals that nobody maps are 0.
 
         `RangeError` where the frame cannot carry a value.
         """
@@ -100,4 +102,6 @@ class MachineCodec:
                 raw[channel.fault] = 1
         for state in layout.states:
             raw[state.signal] = state.number(states[state.name])
+        for echo in layout.echoes:
+            raw[echo.signal] = accepted.get(echo.command, echo.nothing)
         return self._encoder.encode(layout, raw)

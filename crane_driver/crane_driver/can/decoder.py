@@ -27,6 +27,7 @@ class Readings:
     commands: dict[str, float] = field(default_factory=dict)  # joint: -1 to 1
     enabled: bool | None = None
     states: dict[str, str] = field(default_factory=dict)
+    accepted: dict[str, int] = field(default_factory=dict)  # command message: counter given back
     faults: list[Fault] = field(default_factory=list)
 
 
@@ -65,6 +66,9 @@ class Decoder:
             readings.enabled = bool(raw[layout.enable])
         if layout.protection.counter:
             readings.counter = raw.get(layout.protection.counter)
+        for echo in layout.echoes:
+            if echo.signal in raw:
+                readings.accepted[echo.command] = raw[echo.signal]
         _read_states(layout, raw, readings)
         return readings
 

@@ -34,6 +34,7 @@ class FaultKind(StrEnum):
     LATE = "late"
     MISSING = "missing"
     BUS = "bus"
+    NOT_ACCEPTED = "not accepted"  # command frames, by the machine
     OVERFLOW = "overflow"  # frames dropped because nobody took them
     HEARTBEAT = "heartbeat"  # of a CANopen device: lost
     REBOOT = "reboot"  # of a CANopen device in operation

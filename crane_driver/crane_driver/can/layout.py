@@ -49,6 +49,15 @@ class State:
 
 
 @dataclass(frozen=True, slots=True)
+class Echo:
+    """A signal that gives back the counter of the last accepted frame of a command message."""
+
+    command: str  # message
+    signal: str
+    nothing: int  # its value before the first frame: the greatest
+
+
+@dataclass(frozen=True, slots=True)
 class Protected:
     """Counter and checksum of a message; None where it has none."""
 
@@ -73,6 +82,7 @@ class MessageLayout:
     pressures: tuple[Channel, ...] = ()
     commands: tuple[Channel, ...] = ()
     states: tuple[State, ...] = ()
+    echoes: tuple[Echo, ...] = ()
     enable: str | None = None
     constants: dict[str, float] = field(default_factory=dict)  # raw values, all signals to be sent
     protection: Protected = UNPROTECTED

@@ -68,12 +68,17 @@ class StateSignal(Schema):
 
 
 class Protection(Schema):
-    """Counter and checksum of a message: names of its signals."""
+    """Counter and checksum of a message: names of its signals.
+
+    accepted: of a command message, the signal in which the machine gives back the counter of the
+    last frame that it accepted.
+    """
 
     counter: str | None = None
     crc: str | None = None
     profile: Literal["autosar_e2e_1", "sae_j1850"] | None = None
     data_id: Annotated[int, Field(ge=0, le=0xFFFF)] | None = None
+    accepted: SignalName | None = None
 
     @model_validator(mode="after")
     def _complete(self) -> Self:
@@ -83,6 +88,8 @@ class Protection(Schema):
             raise ValueError("crc and profile belong together: give both or neither")
         if (self.profile == "autosar_e2e_1") != (self.data_id is not None):
             raise ValueError("data_id belongs to profile autosar_e2e_1: give both or neither")
+        if self.accepted and not self.counter:
+            raise ValueError("accepted gives back a counter: name the signal of the counter")
         return self
 
 

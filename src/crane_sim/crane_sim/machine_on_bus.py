@@ -69,7 +69,11 @@ class MachineOnBus:
         states = self._states | {"valve_unit": self.valves.state}
         due = [name for name, every in self._every.items() if self._cycle % every == 0]
         self._cycle += 1
-        return [self._codec.reading_frame(name, positions, pressures, states) for name in due]
+        accepted = self.valves.accepted
+        return [
+            self._codec.reading_frame(name, positions, pressures, states, accepted=accepted)
+            for name in due
+        ]
 
     def _measure(self) -> tuple[dict[str, float], dict[str, float]]:
         plant = self._plant

@@ -24,6 +24,7 @@ class ValveUnit:
         self._last = now
         self.state = NEUTRAL
         self.refused = 0  # frames
+        self.accepted: dict[str, int] = {}  # message: counter of its last accepted frame
 
     def receive(self, frame: Frame) -> None:
         """Take one frame of the bus; those that command no valve are passed over."""
@@ -37,6 +38,8 @@ class ValveUnit:
         self._expire(readings.steady)
         self._last = readings.steady
         self._commands.update(readings.commands)
+        if readings.counter is not None:
+            self.accepted[readings.message] = readings.counter
         # Where a machine has no enable signal, its valves follow every command.
         if readings.enabled is False:
             self.state = NEUTRAL

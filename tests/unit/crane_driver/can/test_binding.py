@@ -162,6 +162,21 @@ def test_the_counter_takes_the_values_that_its_bits_hold(
             {"states__valve": {"signal": "Valve.Key", "healthy": [0]}, "constants": {}},
             ["message Valve cannot both be sent and hold what is received"],
         ),
+        (
+            {
+                "constants": {},
+                "states": {},
+                "protection__Valve": {"counter": "Key", "accepted": "Sensors.Mode"},
+            },
+            ["protection.Valve.accepted': signal Sensors.Mode carries 0 to 7, the counter runs"],
+        ),
+        (
+            {
+                "states": {},
+                "protection__Sensors": {"counter": "Alive", "accepted": "Sensors.Mode"},
+            },
+            ["protection.Sensors.accepted': Sensors accepts what is sent; Sensors is not"],
+        ),
     ],
 )
 def test_a_contradiction_is_named(
@@ -189,6 +204,10 @@ def test_a_contradiction_is_named(
         ({"protection__Sensors__profile": None}, "crc and profile belong together"),
         ({"protection__Sensors__data_id": 1}, "data_id belongs to profile autosar_e2e_1"),
         ({"protection__Sensors": {}}, "name the signal of a counter or of a crc"),
+        (
+            {"protection__Sensors__accepted": "Unused.Word", "protection__Sensors__counter": None},
+            "accepted gives back a counter",
+        ),
         ({"timing__missing": 2}, "missing is 2.0, it must be more than late, 3.0"),
         ({"speed": 1}, "key 'speed'"),
     ],
