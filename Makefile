@@ -27,7 +27,7 @@ setup:
 	@scripts/setup.sh
 
 demo: setup
-	@$(in_env) python scripts/demo.py
+	@$(in_env) python scripts/demo/demo.py
 
 test: setup
 	@$(in_env) python -m pytest -n 2 -m "not realtime" $(TESTS) $(or_none)

@@ -1,0 +1,59 @@
+"""What the demo tells of a bag: counts, gaps, tracking, and the last online estimate."""
+
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from crane_driver.bags.reader import read_topics
+from crane_driver.bags.storage import announced, blocks, open_bag
+from crane_driver.bags.types import (
+    CYLINDER_PRESSURES,
+    JOINT_REFERENCE,
+    JOINT_STATES,
+    VALVE_COMMAND,
+    typestore,
+)
+from crane_model.machine import JOINTS
+
+ESTIMATE = "/parameter_estimate"
+GAP = 1.5  # cycles between two stamps
+
+
+def messages(bag: Path) -> dict[str, int]:
+    """Number of messages of each topic."""
+    with open_bag(bag) as reader:
+        topics = sorted({one.topic for one in reader.connections})
+        return {topic: announced(reader, topic)[0] for topic in topics}
+
+
+def gaps(bag: Path) -> dict[str, int]:
+    """How often a topic of the control loop was silent for longer than 1.5 cycles."""
+    topics = read_topics(bag, (JOINT_STATES, CYLINDER_PRESSURES), (VALVE_COMMAND, JOINT_REFERENCE))
+    intervals = {name: np.diff(data.stamp) for name, data in topics.items()}
+    cycle = np.median(intervals[JOINT_STATES.name])
+    return {name: int((steps > GAP * cycle).sum()) for name, steps in intervals.items()}
+
+
+def tracking_rms(bag: Path) -> dict[str, float]:
+    """Root mean square of reference minus position, per joint [rad, m], while there is one."""
+    topics = read_topics(bag, (JOINT_STATES, JOINT_REFERENCE))
+    states = topics[JOINT_STATES.name].select(JOINTS)
+    reference = topics[JOINT_REFERENCE.name].select(JOINTS)
+    rms = {}
+    for j, joint in enumerate(JOINTS):
+        position = np.interp(reference.stamp, states.stamp, states.fields["position"][:, j])
+        error = reference.fields["position"][:, j] - position
+        rms[joint] = float(np.sqrt((error**2).mean()))
+    return rms
+
+
+def online_estimate(bag: Path) -> dict[str, tuple[float, float]]:
+    """Value and standard deviation of each parameter in the last estimate of the bag."""
+    store = typestore()
+    with open_bag(bag) as reader:
+        (msgtype,) = {one.msgtype for one in reader.connections if one.topic == ESTIMATE}
+        last = [block.messages[-1] for block in blocks(bag, reader, [ESTIMATE])][-1]
+    message: Any = store.deserialize_cdr(last, msgtype)
+    values = zip(message.value.tolist(), message.std_dev.tolist(), strict=True)
+    return dict(zip(message.name, values, strict=True))

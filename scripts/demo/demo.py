@@ -1,0 +1,85 @@
+"""make demo: the whole suite live around the stand-in machine, then a fitted and validated model.
+
+Simulated crane, driver, trajectory, identification and recorder run as processes; two experiments
+are recorded, the model is fitted to one bag and validated on the other. Then the same from bags of
+a machine with dynamic friction (LuGre), made faster than real time: the model cannot represent that
+law, and the bias this brings is seen. Everything is done by the executables that a user would call;
+results are left in runs/demo.
+"""
+
+import shutil
+import sys
+import time
+from collections.abc import Iterator
+from concurrent.futures import ThreadPoolExecutor
+from contextlib import contextmanager
+
+import live
+from laws import DYNAMIC_LAW, OUT, REPORT_LAW, identify, make_bags, note_planted
+from processes import DemoError
+from results import write_summary
+from rich.console import Console
+from rich.progress import Progress, SpinnerColumn, TextColumn, TimeElapsedColumn
+from tables import bags_table, errors_table, table
+
+SEED = 1
+
+
+class Phases:
+    """Wall time of each phase, shown while it runs."""
+
+    def __init__(self, console: Console) -> None:
+        self.console = console
+        self.seconds: dict[str, float] = {}
+
+    @contextmanager
+    def phase(self, name: str, description: str) -> Iterator[None]:
+        """Show and time one phase."""
+        columns = (SpinnerColumn(), TextColumn("{task.description}"), TimeElapsedColumn())
+        start = time.monotonic()
+        with Progress(*columns, console=self.console) as progress:
+            task = progress.add_task(description, total=1)
+            yield
+            progress.update(task, completed=1)
+        self.seconds[name] = round(time.monotonic() - start, 2)
+
+
+def main() -> int:
+    """Run the demo; exit status 0, 1 if something failed, 130 after Ctrl-C."""
+    console = Console()
+    phases = Phases(console)
+    shutil.rmtree(OUT, ignore_errors=True)  # only ever written by this script
+    try:
+        _demo(console, phases)
+    except DemoError as error:
+        print(f"error: {error}", file=sys.stderr)
+        return 1
+    except KeyboardInterrupt:
+        bags = ", ".join(str(folder) for folder in sorted(OUT.glob("bags/*")))
+        print(f"interrupted; recorded: {bags or 'nothing'}", file=sys.stderr)
+        return 130
+    return 0
+
+
+def _demo(console: Console, phases: Phases) -> None:
+    laws = REPORT_LAW, DYNAMIC_LAW
+    for law in laws:
+        (law.folder / "bags").mkdir(parents=True)
+        note_planted(law)
+    start = time.monotonic()
+    live.record(OUT, REPORT_LAW.plant, SEED, console.print)
+    phases.seconds["live"] = round(time.monotonic() - start, 2)
+    with phases.phase("bags", f"two bags of {DYNAMIC_LAW.name}, faster than real time"):
+        make_bags(DYNAMIC_LAW)
+    with (
+        phases.phase("identify", "identification: fit, validation on the other bag, report"),
+        ThreadPoolExecutor(len(laws)) as pool,
+    ):
+        list(pool.map(identify, laws))
+    write_summary(phases.seconds)
+    console.print(table(), errors_table(), bags_table())
+    console.print(f"Report: {OUT}/report.html   Model: {OUT}/model.yaml   All: {OUT}/summary.json")
+
+
+if __name__ == "__main__":
+    sys.exit(main())

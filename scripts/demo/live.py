@@ -1,0 +1,135 @@
+"""The live half of the demo: the suite as processes around the stand-in machine, on a CAN bus."""
+
+import os
+import socket
+from collections.abc import Callable
+from pathlib import Path
+
+import rclpy
+from diagnostic_msgs.msg import DiagnosticArray
+from laws import EXCITATION, VALIDATION
+from processes import DemoError, Processes
+from rclpy.context import Context
+from rclpy.executors import SingleThreadedExecutor
+from rclpy.node import Node
+from rclpy.signals import SignalHandlerOptions
+from std_srvs.srv import Trigger
+
+from crane_model.configuration import packaged
+
+DOMAINS = 101  # ROS_DOMAIN_ID 1 to this can be used on every Linux
+FIT_PERIODS, VALIDATION_PERIODS = 3, 2
+TRIES = 2
+ANSWER = 10.0  # s
+Say = Callable[[str], None]
+
+
+class Onlooker:
+    """A node that sees when the others are ready."""
+
+    def __init__(self, domain: int):
+        self._context = Context()
+        rclpy.init(
+            context=self._context, domain_id=domain, signal_handler_options=SignalHandlerOptions.NO
+        )
+        self._node = Node("demo", context=self._context)
+        self._executor = SingleThreadedExecutor(context=self._context)
+        self._executor.add_node(self._node)
+        self._node.create_subscription(DiagnosticArray, "/diagnostics", self._diagnostics, 10)
+        self._driver = ""
+
+    def ready(self, listeners: int) -> bool:
+        """Whether so many nodes listen to the driver, and it could be enabled.
+
+        While five processes start at once, frames may come late: such faults are reset.
+        """
+        self._executor.spin_once(timeout_sec=0.1)
+        if self._node.count_subscribers("/joint_states") != listeners:
+            return False
+        if self._driver == "fault":
+            self._reset_fault()
+        return self._driver == "disabled"
+
+    def _reset_fault(self) -> None:
+        service = self._node.create_client(Trigger, "/driver/reset_fault")
+        answer = service.call_async(Trigger.Request())
+        self._executor.spin_until_future_complete(answer, timeout_sec=ANSWER)
+        self._node.destroy_client(service)
+        self._driver = ""  # until it is told anew
+
+    def close(self) -> None:
+        """Leave the graph."""
+        self._node.destroy_node()
+        rclpy.shutdown(context=self._context)
+
+    def _diagnostics(self, message: DiagnosticArray) -> None:
+        for status in message.status:
+            if status.name == "driver: safety":
+                self._driver = next((v.value for v in status.values if v.key == "state"), "")
+
+
+def record(folder: Path, plant: Path, seed: int, say: Say) -> None:
+    """Bags `train` and `validate` in `folder`/bags, and the identification node's model.
+
+    `DemoError` if a process fails or an experiment ends early, twice.
+    """
+    domain = int(os.environ.get("ROS_DOMAIN_ID") or 1 + os.getpid() % DOMAINS)
+    port = _free_port()
+    onlooker = Onlooker(domain)
+    try:
+        with Processes(folder / "logs", {"ROS_DOMAIN_ID": str(domain)}) as suite:
+            say("starting: simulated crane, driver, trajectory, identification, recorder")
+            suite.start(
+                *("crane", "crane_sim", "simulated_crane", "--bus-option", f"port={port}"),
+                *("--plant", plant, "--seed", seed),
+            )
+            suite.start(
+                *("driver", "crane_driver", "driver", "--ros-args"),
+                *("-p", f"bus.options:=port={port}"),
+            )
+            suite.start("trajectory", "crane_trajectory", "trajectory")
+            suite.start(
+                *("identification", "crane_identification", "identification", "--ros-args"),
+                *("-p", f"model_output:={folder / 'online_model.yaml'}"),
+            )
+            _experiment(suite, onlooker, folder, "train", EXCITATION, FIT_PERIODS, 3)
+            suite.stop("identification")
+            say("a second, other motion, for validation")
+            _experiment(
+                *(suite, onlooker, folder, "validate", VALIDATION),
+                *(VALIDATION_PERIODS, 2),
+            )
+            say("stopping every process")
+    finally:
+        onlooker.close()
+
+
+def _experiment(
+    suite: Processes,
+    onlooker: Onlooker,
+    folder: Path,
+    use: str,
+    trajectory: str,
+    periods: int,
+    listeners: int,
+) -> None:
+    """One recorded experiment; once more if it ended early, as it may on a busy computer."""
+    bag = folder / "bags" / use
+    for attempt in range(TRIES):
+        suite.start("recorder", "crane_driver", "recorder", "--out", bag)
+        suite.until(lambda: onlooker.ready(listeners), "the nodes do not find each other")
+        status = suite.attend(
+            *("excitation", "crane_trajectory", "run_excitation", "--enable"),
+            *("--trajectory", packaged("crane_trajectory", trajectory), "--periods", periods),
+        )
+        suite.stop("recorder")
+        if status == 0:
+            return
+        bag.rename(bag.with_name(f"{use}_ended_early_{attempt}"))
+    raise DemoError(f"the experiment '{use}' ended early {TRIES} times; the lines above say why")
+
+
+def _free_port() -> int:
+    with socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as probe:
+        probe.bind(("", 0))
+        return int(probe.getsockname()[1])

@@ -1,0 +1,132 @@
+"""Processes of the suite, started and stopped in order, none of them left behind."""
+
+import os
+import signal
+import subprocess
+import sys
+import time
+from collections.abc import Callable, Mapping
+from pathlib import Path
+from types import FrameType, TracebackType
+from typing import Any, Self
+
+from ament_index_python.packages import get_package_prefix
+
+PATIENCE = 20.0  # s for a process to end by itself, once it was asked to
+LAST_LINES = 15  # of a log, in an error
+SIGNALS = (signal.SIGINT, signal.SIGTERM, signal.SIGHUP)
+
+
+class DemoError(Exception):
+    """A process of the demo ended, failed, or did not become ready in time."""
+
+
+def command(package: str, executable: str, *arguments: object) -> list[str]:
+    """What `ros2 run` would start."""
+    path = Path(get_package_prefix(package)) / "lib" / package / executable
+    return [str(path), *map(str, arguments)]
+
+
+def run(package: str, executable: str, *arguments: object) -> str:
+    """Run one executable to its end and return what it printed; `DemoError` if it fails."""
+    done = subprocess.run(command(package, executable, *arguments), capture_output=True, text=True)
+    if done.returncode:
+        raise DemoError(f"{package} {executable} failed ({done.returncode}):\n{done.stderr}")
+    return done.stdout
+
+
+class Processes:
+    """Processes that live within a `with` block; the last to start is the first to be stopped.
+
+    Each is in a session of its own, so that Ctrl-C in the terminal reaches the demo alone, which
+    then asks them to end one by one. Their output goes to a log file each.
+    """
+
+    def __init__(self, logs: Path, environment: Mapping[str, str]):
+        logs.mkdir(parents=True, exist_ok=True)
+        self._logs = logs
+        self._environment = os.environ | environment
+        self._running: dict[str, subprocess.Popen[bytes]] = {}
+        self._handlers: dict[signal.Signals, Any] = {}
+        self._interrupted = False
+
+    def __enter__(self) -> Self:
+        for number in SIGNALS:
+            self._handlers[number] = signal.signal(number, self._interrupt)
+        return self
+
+    def __exit__(
+        self,
+        kind: type[BaseException] | None,
+        error: BaseException | None,
+        trace: TracebackType | None,
+    ) -> None:
+        for name in reversed(list(self._running)):
+            self.stop(name)
+        for number, handler in self._handlers.items():
+            signal.signal(number, handler)
+
+    def _interrupt(self, _number: int, _frame: FrameType | None) -> None:
+        """Only `check` acts on it, so that no process is lost on its way and none ends half."""
+        self._interrupted = True
+
+    def start(self, name: str, package: str, executable: str, *arguments: object) -> None:
+        """Start one in the background."""
+        with self._log(name).open("ab") as log:
+            self._running[name] = subprocess.Popen(
+                command(package, executable, *arguments),
+                stdin=subprocess.DEVNULL,
+                stdout=log,
+                stderr=subprocess.STDOUT,
+                start_new_session=True,
+                env=self._environment,
+            )
+
+    def attend(self, name: str, package: str, executable: str, *arguments: object) -> int:
+        """Run one in the foreground, its output shown; its exit status."""
+        process = subprocess.Popen(
+            command(package, executable, *arguments),
+            stdin=subprocess.DEVNULL,
+            start_new_session=True,
+            env=self._environment,
+        )
+        self._running[name] = process
+        while process.poll() is None:
+            self.check()
+            time.sleep(0.1)
+        del self._running[name]
+        return process.returncode
+
+    def check(self) -> None:
+        """`KeyboardInterrupt` after Ctrl-C; `DemoError` if a process in the background ended."""
+        if self._interrupted:
+            raise KeyboardInterrupt
+        for name, process in self._running.items():
+            log = self._log(name)
+            if process.poll() is not None and log.exists():
+                lines = log.read_text(encoding="utf-8", errors="replace").splitlines()
+                end = "\n".join(lines[-LAST_LINES:])
+                raise DemoError(f"{name} ended ({process.returncode}); {log} ends with:\n{end}")
+
+    def stop(self, name: str) -> None:
+        """Ask one to end, and see to it."""
+        process = self._running.pop(name)
+        for number in (signal.SIGINT, signal.SIGTERM, signal.SIGKILL):
+            if process.poll() is None:
+                process.send_signal(number)
+            try:
+                process.wait(PATIENCE)
+                return
+            except subprocess.TimeoutExpired:
+                print(f"{name} does not end on {number.name}", file=sys.stderr)
+
+    def until(self, condition: Callable[[], bool], otherwise: str) -> None:
+        """Wait for a condition; `DemoError` if a process ends or it takes too long."""
+        end = time.monotonic() + 2 * PATIENCE
+        while not condition():
+            self.check()
+            if time.monotonic() > end:
+                raise DemoError(f"{otherwise} (waited {2 * PATIENCE:g} s); see {self._logs}")
+
+    def _log(self, name: str) -> Path:
+        return self._logs / f"{name}.log"

@@ -1,0 +1,92 @@
+"""What the demo prints."""
+
+import math
+from typing import Any
+
+from laws import DYNAMIC_LAW, REPORT_LAW
+from results import parameters
+from rich import box
+from rich.table import Table
+
+from crane_model.machine import JOINT_UNITS
+
+
+def table() -> Table:
+    """Parameter, unit, planted, and what was identified online and offline."""
+    result = _table("Θ: planted in the simulated crane, identified online and from its bag")
+    for heading in ("parameter", "unit"):
+        result.add_column(heading, no_wrap=True)
+    for heading in ("planted", "online ± σ", "off/σ", "offline ± σ", "off/σ"):
+        result.add_column(heading, justify="right", no_wrap=True)
+    for row in parameters(REPORT_LAW):
+        result.add_row(
+            row["name"],
+            row["unit"],
+            _rounded(row["planted"], row["batch_std"]),
+            *_estimate(row, "rls"),
+            *_estimate(row, "batch"),
+        )
+    return result
+
+
+def _table(title: str) -> Table:
+    return Table(title=title, title_justify="left", box=box.SIMPLE_HEAD, padding=(0, 1, 0, 0))
+
+
+def _rounded(value: float, std_dev: float) -> str:
+    """The value to the place of the second digit of its standard deviation."""
+    places = max(0, 1 - math.floor(math.log10(std_dev)))
+    return f"{value:.{places}f}"
+
+
+def _estimate(row: dict[str, Any], kind: str) -> tuple[str, str]:
+    """Value ± standard deviation, and how many of these the value is off."""
+    value, std_dev = row[kind], row[f"{kind}_std"]
+    off = (value - row["planted"]) / std_dev
+    return f"{_rounded(value, std_dev)} ± {_rounded(std_dev, std_dev)}", f"{off:+.1f}"
+
+
+def bags_table() -> Table:
+    """What was recorded, and how well the crane followed."""
+    result = _table("Messages recorded live at 200 Hz, and gaps of more than 1.5 cycles")
+    result.add_column("topic", no_wrap=True)
+    for heading in ("fit", "gaps", "validation", "gaps"):
+        result.add_column(heading, justify="right")
+    summary = REPORT_LAW.read("summary.json")
+    for topic in summary["bag_gaps"]["train"]:
+        cells = [
+            str(summary[key][use][topic])
+            for use in ("train", "validate")
+            for key in ("bag_messages", "bag_gaps")
+        ]
+        result.add_row(topic, *cells)
+    rms = ", ".join(
+        f"{joint} {value * 1e3:.0f} m{JOINT_UNITS[joint]}"
+        for joint, value in summary["tracking_rms"].items()
+    )
+    result.caption, result.caption_justify = f"RMS tracking error: {rms}", "left"
+    return result
+
+
+def errors_table() -> Table:
+    """Held-out errors per joint."""
+    result = _table("On the bag that was not used for fitting: error of force and of motion")
+    result.add_column("joint", no_wrap=True)
+    for heading in (
+        *("‖τ-τ̂‖/‖τ‖", "without gravity", "noise floor", "with LuGre"),
+        *("motion 0.5 s ahead", "friction in τ"),
+    ):
+        result.add_column(heading, justify="right")
+    summary, dynamic = REPORT_LAW.read("summary.json"), DYNAMIC_LAW.read("summary.json")
+    motion = summary["simulated_motion"]
+    for joint, error in summary["heldout_relative_error"].items():
+        result.add_row(
+            joint,
+            f"{error:.2%}",
+            f"{summary['heldout_relative_error_without_gravity'][joint]:.2%}",
+            f"{summary['noise_floor'][joint]:.2%}",
+            f"{dynamic['heldout_relative_error'][joint]:.2%}",
+            f"{motion['position_rms'][joint] / motion['displacement_rms'][joint]:.2%}",
+            f"{summary['friction_share'][joint]:.0%}",
+        )
+    return result

@@ -1,0 +1,93 @@
+"""Ctrl-C ends the demo at any moment: no process is left, and what was recorded can be read."""
+
+import os
+import signal
+import subprocess
+import sys
+import uuid
+from collections.abc import Iterator
+from pathlib import Path
+
+import pytest
+
+from crane_driver.bags.reader import read_topics
+from crane_driver.bags.types import JOINT_STATES, VALVE_COMMAND
+
+DEMO = Path(__file__).parents[2] / "scripts" / "demo" / "demo.py"
+MARK = "CRANE_DEMO_UNDER_TEST"
+pytestmark = pytest.mark.realtime
+
+
+@pytest.fixture
+def demo(tmp_path: Path, ros_domain: int) -> Iterator[subprocess.Popen[bytes]]:
+    """The demo in a folder of its own; all its processes inherit a mark."""
+    process = subprocess.Popen(
+        [sys.executable, str(DEMO)],
+        cwd=tmp_path,
+        env=os.environ | {MARK: uuid.uuid4().hex},
+        stdout=subprocess.PIPE,
+        stderr=subprocess.STDOUT,
+        bufsize=0,
+    )
+    yield process
+    process.kill()
+    process.wait()
+
+
+def wait_for(process: subprocess.Popen[bytes], text: bytes) -> None:
+    """Until the demo has printed this."""
+    assert process.stdout
+    seen = b""
+    while text not in seen:
+        read = process.stdout.read(4096)
+        assert read, f"ended without '{text.decode()}': {seen.decode()}"
+        seen += read
+
+
+def mark_of(process: subprocess.Popen[bytes]) -> bytes:
+    environment = Path(f"/proc/{process.pid}/environ").read_bytes().split(b"\0")
+    return next(one for one in environment if one.startswith(MARK.encode()))
+
+
+def alive_with(mark: bytes) -> list[str]:
+    """Command lines of all processes that have inherited the mark."""
+    found = []
+    for folder in Path("/proc").glob("[0-9]*"):
+        try:
+            if mark in (folder / "environ").read_bytes().split(b"\0"):
+                found.append((folder / "cmdline").read_text().replace("\0", " "))
+        except OSError:  # ended meanwhile
+            continue
+    return found
+
+
+def interrupt(process: subprocess.Popen[bytes]) -> tuple[int, str]:
+    """Ctrl-C twice, as an impatient person does; exit status and what was printed then."""
+    assert process.stdout
+    process.send_signal(signal.SIGINT)
+    process.send_signal(signal.SIGINT)
+    rest = process.stdout.read().decode()
+    return process.wait(), rest
+
+
+def test_while_it_starts(demo: subprocess.Popen[bytes]) -> None:
+    wait_for(demo, b"starting")
+    mark = mark_of(demo)
+    status, printed = interrupt(demo)
+    assert status == 130
+    assert "interrupted" in printed
+    assert alive_with(mark) == []
+
+
+def test_while_the_crane_moves(demo: subprocess.Popen[bytes], tmp_path: Path) -> None:
+    wait_for(demo, b"approach")
+    mark = mark_of(demo)
+    assert len(alive_with(mark)) == 7  # the demo, five nodes, the client of the action
+    status, printed = interrupt(demo)
+    assert status == 130
+    assert "CANCELED" in printed, "the crane is brought to rest first"
+    assert alive_with(mark) == []
+    topics = read_topics(tmp_path / "runs/demo/bags/train", [JOINT_STATES], [VALVE_COMMAND])
+    assert len(topics[JOINT_STATES.name].stamp) > 200
+    commands = topics[VALVE_COMMAND.name].fields["command"]
+    assert (abs(commands[-1]) <= 0.05).all(), "the last command is neutral"
