@@ -13,6 +13,7 @@ from crane_identification.data.bag_log import read_bag
 from crane_identification.data.column_map import ColumnMap
 from crane_identification.data.log import Log
 from crane_identification.data.table_log import read_table
+from crane_identification.online.replay import recursion
 from crane_identification.options import Estimator, Options
 from crane_identification.pipeline import fit, validate
 from crane_identification.progress import Progress
@@ -78,6 +79,7 @@ def identify(arguments: argparse.Namespace) -> None:
         training, held_out = sources.read(arguments.train), sources.read(arguments.validate)
         result = fit(model, training, options, progress)
         validations = validate(result.model, held_out, options, progress) if held_out else ()
+        recursive = recursion(model, training, progress=progress) if arguments.recursive else None
         report = IdentificationReport(
             fit=result,
             options=options,
@@ -90,6 +92,7 @@ def identify(arguments: argparse.Namespace) -> None:
                 str(arguments.model),
             ),
             planted=known.root if known else None,
+            recursive=recursive,
         )
         arguments.out.mkdir(parents=True, exist_ok=True)
         save_model(arguments.out / "model.yaml", result.model)
@@ -144,6 +147,12 @@ def parser() -> argparse.ArgumentParser:
         "scatter between periods; robust: outliers do not steer it; instrumental: free of the bias "
         "that feedback brings, from the recorded reference; consistent (default): least squares "
         "among physical parameters, which is (31) wherever that is physical",
+    )
+    add(
+        "--recursive",
+        action="store_true",
+        help="also run the recursion of the identification node over the training recordings, one "
+        "after the other, and show beside the fit what it finds",
     )
     add(
         "--reference-values",

@@ -11,6 +11,7 @@ import numpy as np
 
 from crane_identification.data.log import Log
 from crane_identification.motion_validation import MotionValidation, validate_motion
+from crane_identification.online.replay import Recursive
 from crane_identification.options import Options
 from crane_identification.pipeline import FitResult
 from crane_identification.report.errors import JointErrors, pooled
@@ -57,7 +58,7 @@ class IdentificationReport:
     """A fit, what it was made of, and its validation.
 
     `training` holds the recordings of `fit`, `validations` the predictions on recordings that it
-    has not seen (none: not validated).
+    has not seen (none: not validated). `recursive` is the recursion over the same recordings.
     `planted` gives the true value of parameters where a stand-in machine makes them known.
     """
 
@@ -68,6 +69,7 @@ class IdentificationReport:
     warnings: tuple[str, ...]
     provenance: Provenance
     planted: Mapping[str, float] | None = None
+    recursive: Recursive | None = None
 
     @cached_property
     def held_out(self) -> JointErrors | None:
@@ -77,9 +79,22 @@ class IdentificationReport:
     @cached_property
     def trained(self) -> JointErrors:
         """Errors on the training recordings, counted as the held-out ones: over all samples."""
+        return pooled(self.fit.model, self.compared)
+
+    @cached_property
+    def compared(self) -> tuple[Validation, ...]:
+        """What the model predicts on the training recordings."""
         fit = self.fit
-        compared = [compare(fit.model, p, fit.decimation) for p in fit.preparations]
-        return pooled(fit.model, compared)
+        return tuple(compare(fit.model, p, fit.decimation) for p in fit.preparations)
+
+    @cached_property
+    def recursive_held_out(self) -> JointErrors | None:
+        """Errors of the recursive estimate on the validation recordings; None without either."""
+        if self.recursive is None or not self.validations:
+            return None
+        model, factor = self.recursive.model, self.fit.decimation
+        validations = [compare(model, v.preparation, factor) for v in self.validations]
+        return pooled(model, validations)
 
     @cached_property
     def friction_share(self) -> np.ndarray:

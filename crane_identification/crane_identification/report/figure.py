@@ -14,6 +14,7 @@ import numpy as np
 from crane_identification.report.thinning import thin
 
 MEASURED, REFERENCE, MODEL = "--measured", "--reference", "--model"
+PLANTED, LIMIT = "--planted", "--soft"
 SCATTER, LEFT_OUT = "--scatter", "--left-out"
 
 _DIGITS = 5  # significant digits of a plotted number: finer than a pixel, even zoomed in
@@ -45,13 +46,18 @@ class Band:
 
 @dataclass(frozen=True)
 class Panel:
-    """Curves over one vertical axis: `symbol` [`unit`], `height` px tall."""
+    """Curves over one vertical axis: `symbol` [`unit`], `height` px tall.
+
+    `limits` are drawn as dashed lines; `span` is what is shown at first (None: all).
+    """
 
     symbol: str
     unit: str
     curves: Sequence[Curve]
     bands: Sequence[Band] = ()
     height: int = 130
+    limits: Sequence[float] = ()
+    span: tuple[float, float] | None = None
 
 
 @dataclass(frozen=True)
@@ -92,7 +98,11 @@ class Figure:
             domain = [(top - panel.height) / self.height, top / self.height]
             top -= panel.height
             name = _axis_name("y", number)
-            layout[name.replace("y", "yaxis")] = _axis(domain=domain, nticks=5)
+            axis = _axis(domain=domain, nticks=5)
+            layout[name.replace("y", "yaxis")] = axis
+            if panel.span is not None:
+                axis |= {"range": list(panel.span), "autorange": False}
+            layout["shapes"] += [_dashed(limit, name) for limit in panel.limits]
             layout["annotations"].append(_title(panel, domain[1]))
             if len(self.left_out):
                 layout["shapes"].append(_shading(self.left_out, domain))
@@ -183,6 +193,20 @@ def _shading(intervals: Sequence[tuple[float, float]], domain: Sequence[float]) 
         "layer": "below",
         "line": {"width": 0},
         "fillcolor": LEFT_OUT,
+    }
+
+
+def _dashed(limit: float, axis: str) -> dict[str, Any]:
+    """A level line over the whole width."""
+    return {
+        "type": "line",
+        "xref": "paper",
+        "x0": 0,
+        "x1": 1,
+        "yref": axis,
+        "y0": limit,
+        "y1": limit,
+        "line": {"color": LIMIT, "width": 1, "dash": "dash"},
     }
 
 

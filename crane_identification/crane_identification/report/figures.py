@@ -1,4 +1,4 @@
-"""The figures of the report: its Figs. 9 to 13, one per joint of each recording."""
+"""The figures of the report: its Figs. 8 to 13, one per joint of each recording."""
 
 from collections.abc import Sequence
 
@@ -22,6 +22,32 @@ from crane_identification.validation import Validation
 from crane_model.model_file import Model
 
 POSITION, VELOCITY, ACCELERATION, FORCE = "q", "q̇", "q̈", "τ"
+
+
+def reference_figures(model: Model, preparation: Preparation, key: str) -> list[Figure]:
+    """Fig. 8 of each joint: reference position and velocity of a period with the limits of Table 2.
+
+    None where no reference was recorded.
+    """
+    reference = preparation.reference
+    if reference is None:
+        return []
+    figures = []
+    for j, joint in enumerate(model.joints):
+        coordinate = model.setting.units[joint]
+        limits = model.machine.limits[joint] if model.machine is not None else None
+        position, velocity = (
+            [Curve("reference", REFERENCE, reference.time, values[:, j], 1.6)]
+            for values in (reference.position, reference.velocity)
+        )
+        ends = (limits.position_min, limits.position_max) if limits else ()
+        speeds = (limits.velocity_min, limits.velocity_max) if limits else ()
+        panels = [
+            Panel(POSITION, coordinate, position, limits=ends),
+            Panel(VELOCITY, f"{coordinate}/s", velocity, limits=speeds),
+        ]
+        figures.append(Figure(f"{key}-{joint}", spoken(joint), panels))
+    return figures
 
 
 def recording_figures(model: Model, recording: Recording, key: str) -> list[Figure]:

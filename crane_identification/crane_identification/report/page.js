@@ -43,7 +43,9 @@ const config = {
 
 function whole(div) {
   const axes = Object.keys(div.layout).filter((key) => /^[xy]axis\d*$/.test(key));
-  return Object.fromEntries(axes.map((axis) => [`${axis}.autorange`, true]));
+  const first = figures[div.id].layout;
+  return Object.fromEntries(axes.map((axis) =>
+    first[axis].range ? [`${axis}.range`, [...first[axis].range]] : [`${axis}.autorange`, true]));
 }
 
 async function draw(div) {

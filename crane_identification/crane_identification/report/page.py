@@ -19,10 +19,18 @@ from crane_identification.report.figure import Figure
 from crane_identification.report.figures import (
     averaged_figures,
     recording_figures,
+    reference_figures,
     validation_figures,
 )
+from crane_identification.report.notation import spoken
 from crane_identification.report.processing import processing
 from crane_identification.report.recording import recorded
+from crane_identification.report.recursion import (
+    recursive_errors,
+    recursive_groups,
+    settling_figures,
+)
+from crane_identification.report.sources import source_rows
 from crane_identification.report.verdict import bags, verdict
 
 
@@ -40,8 +48,11 @@ def write(path: Path | str, report: IdentificationReport, progress: Progress = s
 
 def render(report: IdentificationReport, progress: Progress = silent) -> str:
     """The page as HTML."""
+    references = _reference_rows(report)
     recordings, averages, validations = _figure_rows(report, progress)
-    shown = [figure for row in (*recordings, *averages, *validations) for figure in row.figures]
+    settling = settling_figures(report)
+    rows = (*references, *recordings, *averages, *validations)
+    shown = [*settling, *(figure for row in rows for figure in row.figures)]
     environment = Environment(
         loader=PackageLoader(__package__, "."),
         autoescape=True,
@@ -63,6 +74,12 @@ def render(report: IdentificationReport, progress: Progress = silent) -> str:
         processing=processing(report),
         has_reference=any(log.reference_position is not None for log in report.training),
         has_scatter=any(len(v.preparation.periods) > 1 for v in report.validations),
+        joints=[spoken(joint) for joint in report.fit.model.joints],
+        sources=source_rows(report),
+        recursive=recursive_groups(report),
+        recursive_errors=recursive_errors(report),
+        settling=settling,
+        references=references,
         recordings=recordings,
         averages=averages,
         validations=validations,
@@ -71,6 +88,17 @@ def render(report: IdentificationReport, progress: Progress = silent) -> str:
         plotly=Markup(_packed_plotly()),
         figures=Markup(_figure_data(shown)),
     )
+
+
+def _reference_rows(report: IdentificationReport) -> list[FigureRow]:
+    """Rows of Fig. 8, for recordings with a reference that repeats."""
+    fit = report.fit
+    rows = [
+        FigureRow(p.source, reference_figures(fit.model, p, f"reference-{number}"))
+        for number, p in enumerate(fit.preparations)
+        if p.averaging is not None
+    ]
+    return [row for row in rows if row.figures]
 
 
 def _figure_rows(

@@ -1,6 +1,7 @@
 """summary.json: the numbers of the page for programs."""
 
 import json
+from collections.abc import Sequence
 from pathlib import Path
 from typing import TypedDict
 
@@ -29,6 +30,14 @@ class MotionSummary(TypedDict):
     displacement_rms: dict[str, float | None]
 
 
+class RecursiveSummary(TypedDict):
+    """The recursion over the training recordings, and its error on the validation recordings."""
+
+    parameters: list[ParameterSummary]
+    heldout_relative_error: dict[str, float | None]
+    samples: int
+
+
 class LackOfFitSummary(TypedDict):
     """Per joint: power of the residual over what the noise between periods leaves of it, and the
     probability that noise alone gives as much (null: no period was repeated).
@@ -47,7 +56,7 @@ class Summary(TypedDict):
     empty without validation. `friction_share` is ‖friction‖/‖τ‖ of the training data by the fitted
     model. The condition numbers are those of all columns in SI units, and of the same columns
     scaled to norm 1 (null: rank deficient). `samples` counts the fitted rows. `bounds` names the
-    physical constraints that hold the values back.
+    physical constraints that hold the values back. `recursive` is null where it was not asked for.
     """
 
     model: str
@@ -64,6 +73,7 @@ class Summary(TypedDict):
     friction_share: dict[str, float | None]
     lack_of_fit: LackOfFitSummary
     simulated_motion: MotionSummary | None
+    recursive: RecursiveSummary | None
     condition_number: float | None
     condition_number_normalized: float | None
     training_bags: list[str]
@@ -75,6 +85,7 @@ class Summary(TypedDict):
 def summarize(report: IdentificationReport) -> Summary:
     """The summary of a report, as plain numbers, strings, lists and dictionaries."""
     estimate, held_out, simulated = report.fit.estimate, report.held_out, report.simulated
+    recursive, recursive_held_out = report.recursive, report.recursive_held_out
 
     def per_joint(values: np.ndarray) -> dict[str, float | None]:
         return {joint: _number(v) for joint, v in zip(estimate.joints, values, strict=True)}
@@ -85,12 +96,7 @@ def summarize(report: IdentificationReport) -> Summary:
         estimator=report.options.estimator.value,
         method=estimate.method,
         bounds=list(estimate.bounds),
-        parameters=[
-            ParameterSummary(name=name, unit=unit, value=_number(value), std_dev=_number(std_dev))
-            for name, unit, value, std_dev in zip(
-                estimate.names, estimate.units, estimate.values, estimate.std_devs, strict=True
-            )
-        ],
+        parameters=_parameters(estimate.names, estimate.units, estimate.values, estimate.std_devs),
         heldout_relative_error=per_joint(held_out.relative) if held_out else {},
         heldout_relative_error_moving=per_joint(held_out.moving) if held_out else {},
         heldout_relative_error_without_gravity=per_joint(held_out.without_gravity)
@@ -111,6 +117,17 @@ def summarize(report: IdentificationReport) -> Summary:
         )
         if simulated
         else None,
+        recursive=RecursiveSummary(
+            parameters=_parameters(
+                estimate.names, estimate.units, recursive.values[-1], recursive.std_devs[-1]
+            ),
+            heldout_relative_error=per_joint(recursive_held_out.relative)
+            if recursive_held_out
+            else {},
+            samples=recursive.samples,
+        )
+        if recursive
+        else None,
         condition_number=_number(estimate.condition_number),
         condition_number_normalized=_number(estimate.condition_number_normalized),
         training_bags=report.training_bags,
@@ -124,6 +141,15 @@ def write(path: Path | str, report: IdentificationReport) -> None:
     """Write `summarize(report)` as JSON."""
     text = json.dumps(summarize(report), indent=2, ensure_ascii=False, allow_nan=False)
     Path(path).write_text(text + "\n", encoding="utf-8")
+
+
+def _parameters(
+    names: Sequence[str], units: Sequence[str], values: np.ndarray, std_devs: np.ndarray
+) -> list[ParameterSummary]:
+    return [
+        ParameterSummary(name=name, unit=unit, value=_number(value), std_dev=_number(std_dev))
+        for name, unit, value, std_dev in zip(names, units, values, std_devs, strict=True)
+    ]
 
 
 def _number(value: float) -> float | None:

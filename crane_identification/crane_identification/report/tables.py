@@ -108,7 +108,7 @@ def parameter_groups(report: IdentificationReport) -> list[ParameterGroup]:
     """All parameters in the order of the model."""
     estimate, planted = report.fit.estimate, report.planted or {}
     groups: list[ParameterGroup] = []
-    for i, (heading, parameter) in enumerate(_with_headings(report.fit.model)):
+    for i, (heading, parameter) in enumerate(with_headings(report.fit.model)):
         value, std_dev = float(estimate.values[i]), float(estimate.std_devs[i])
         shown, shown_std_dev = with_uncertainty(value, std_dev)
         relative = float(estimate.relative_std_devs[i])
@@ -249,7 +249,7 @@ def excitation(report: IdentificationReport) -> list[Excitation]:
     ]
 
 
-def _with_headings(model: Model) -> Iterator[tuple[str, Parameter]]:
+def with_headings(model: Model) -> Iterator[tuple[str, Parameter]]:
     """Each parameter with the family and the joint of its term."""
     for term in model.terms:
         joint = f", {spoken(term.joint)}" if isinstance(term, OneJointTerm) else ""
