@@ -2,8 +2,16 @@ import numpy as np
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
+from scipy.signal import lfilter
 
-from crane_identification.averaging import fold, noise_of_mean, transient_periods
+from crane_identification.averaging import (
+    drift,
+    fold,
+    independent_samples,
+    noise_of_mean,
+    resolution_of_mean,
+    transient_periods,
+)
 
 
 @given(n=st.integers(1, 200), length=st.integers(1, 50), data=st.data())
@@ -59,3 +67,40 @@ def test_two_periods_are_always_left() -> None:
     periods = np.geomspace(1000.0, 1.0, 4)[:, None, None] * np.ones((4, 50, 1))  # never settles
     assert transient_periods(periods) == 2
     assert transient_periods(periods[:2]) == 0
+
+
+def test_drift_between_periods_is_told_from_scatter() -> None:
+    """Of 300 joints without drift one in twenty looks like one at 5 %; a small one is found."""
+    p_values = [drift(noisy(5, seed)[1]).p_value for seed in range(150)]
+    assert 0.01 < np.mean(np.array(p_values) < 0.05) < 0.10
+    _, periods = noisy(5, seed=200)
+    periods[:, :, 1] += 0.02 * np.arange(5)[:, None]
+    found = drift(periods)
+    assert found.p_value[1] < 1e-3
+    assert found.p_value[0] > 1e-3
+    assert found.rate[1] == pytest.approx(0.02, rel=0.5)
+
+
+def test_two_periods_cannot_drift() -> None:
+    found = drift(noisy(2, seed=6)[1])
+    assert np.isnan(found.rate).all() and np.isnan(found.p_value).all()
+
+
+@pytest.mark.parametrize("correlation", [0.0, 0.5, 0.9])
+def test_independent_samples_of_an_autoregression(correlation: float) -> None:
+    """tr(C)²/tr(C²) = n (1 - r²)/(1 + r²), for long records."""
+    rng, n = np.random.default_rng(7), 4000
+    noise = lfilter([1.0], [1.0, -correlation], rng.normal(size=(4, n + 200)), axis=1)[:, 200:]
+    deviation = (noise - noise.mean(axis=0))[:, :, None]
+    found = independent_samples(deviation, np.ones((n, 1), dtype=bool))
+    expected = n * (1 - correlation**2) / (1 + correlation**2)
+    assert found[0] == pytest.approx(expected, rel=0.1)
+
+
+def test_equal_periods_round_alike_and_different_ones_do_not() -> None:
+    resolution = np.array([0.01, 0.01])
+    ramp = np.linspace(0.0, 3.0, 400)[None, :, None] * np.ones((4, 1, 2))
+    ramp[:, :, 1] += np.random.default_rng(8).uniform(size=(4, 1))
+    rounded = np.round(ramp / resolution) * resolution
+    np.testing.assert_allclose(resolution_of_mean(rounded, resolution), [0.01, 0.005])
+    np.testing.assert_array_equal(resolution_of_mean(rounded[:1], resolution), resolution)

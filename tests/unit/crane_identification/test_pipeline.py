@@ -14,7 +14,7 @@ from unit.crane_identification.synthetic import (
 )
 
 from crane_identification.data.log import Log, Signal
-from crane_identification.options import Options
+from crane_identification.options import Estimator, Options
 from crane_identification.pipeline import FitResult, fit, validate
 from crane_identification.preparation import prepare
 from crane_model.errors import ConfigurationError, DataError
@@ -130,8 +130,47 @@ def test_motion_in_one_direction_leaves_parameters_undetermined(axis: Model) -> 
         "one way", ("axis",), 0, Signal(time, q[:, None], "q"),
         force=Signal(time, force[:, None], "f"),
     )  # fmt: skip
-    with pytest.raises(DataError, match=r"f_c\.axis, offset\.axis: .* only combinations"):
+    with pytest.raises(
+        DataError, match=r"f_c\.axis, offset\.axis: .* only combinations.*axis moves up"
+    ):
         fit(axis, [log], Options(average=False))
+
+
+@pytest.mark.parametrize("estimator", list(Estimator))
+def test_every_estimator_finds_the_axis(axis: Model, estimator: Estimator) -> None:
+    """From a log with a reference, which only the instruments need."""
+    logs = [_with_reference(axis_log(seed, axis)) for seed in (1, 2)]
+    estimate = fit(axis, logs, Options(estimator=estimator)).estimate
+    np.testing.assert_allclose(estimate.values, AXIS_THETA, rtol=0.03)
+    assert (np.abs(estimate.values - AXIS_THETA) < 4.0 * estimate.std_devs).all()
+    assert estimate.undetermined == ()
+
+
+def _with_reference(log: Log) -> Log:
+    assert log.reference_position is not None
+    time, q = log.reference_position.time, log.reference_position.value
+    v = np.gradient(q, time, axis=0)
+    velocity, acceleration = Signal(time, v, "r"), Signal(time, np.gradient(v, time, axis=0), "r")
+    return replace(log, reference_velocity=velocity, reference_acceleration=acceleration)
+
+
+def test_instruments_need_the_whole_reference(axis: Model) -> None:
+    with pytest.raises(DataError, match="axis 1: instrumental variables need the reference"):
+        fit(axis, [axis_log(1, axis)], Options(estimator=Estimator.INSTRUMENTAL))
+
+
+def test_what_was_not_excited_is_said_of_the_joint() -> None:
+    """The inner boom does not move at all: its inertia, its friction are in no row."""
+    log = crane_log(seed=1)
+    still = log.position.value.copy()
+    still[:, 0] = 0.45
+    held = replace(
+        log,
+        position=replace(log.position, value=still),
+        reference_position=replace(log.position, value=still),
+    )
+    with pytest.raises(DataError, match=r"f_c\.inner_boom.*inner_boom moves at no time"):
+        fit(crane_model(), [held])
 
 
 def test_a_machine_that_stands_still_is_refused(axis: Model) -> None:

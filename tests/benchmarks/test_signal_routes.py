@@ -1,0 +1,123 @@
+"""Three routes to velocity and acceleration, scored against the true motion of the stand-in."""
+
+from dataclasses import replace
+from pathlib import Path
+from typing import NamedTuple
+
+import numpy as np
+import pytest
+
+from crane_identification.data.bag_log import read_bag
+from crane_identification.data.log import Log, Signal
+from crane_identification.options import Options
+from crane_identification.pipeline import fit
+from crane_identification.preparation import prepare
+from crane_identification.signals.butterworth import ButterworthDifferentiator
+from crane_identification.signals.fourier import FourierFit
+from crane_identification.signals.kalman import KalmanSmoother
+from crane_identification.signals.motion import MotionEstimator
+from crane_model.configuration import packaged
+from crane_model.machine import load_machine
+from crane_model.model_file import Model, load_model
+from crane_sim.closed_loop import record
+from crane_sim.make_bag import write_bag
+from crane_sim.parameters import load_stand_in
+from crane_sim.plant import Plant
+from crane_sim.planted import planted
+from crane_sim.sampled import Sensors
+from crane_trajectory.check import load_clearance
+from crane_trajectory.controller import load_gains
+from crane_trajectory.motion import plan
+from crane_trajectory.periodic import load_trajectory
+
+PERIODS = 5
+USUAL = 2.5  # Hz, ten times the highest frequency of the reference
+CUTOFFS = (6.0, 8.0, 10.0, 12.0, 15.0, 18.0, 22.0, 26.0, 30.0)
+
+
+class Experiment(NamedTuple):
+    """A recording, and what really moved: (n, 3) at its times."""
+
+    log: Log
+    velocity: np.ndarray
+    acceleration: np.ndarray
+    theta: np.ndarray
+
+
+class Score(NamedTuple):
+    """Errors relative to the truth, root mean square over joints; of Θ over parameters."""
+
+    velocity: float
+    acceleration: float
+    parameters: float
+
+
+@pytest.fixture(scope="module", params=["stand_in.yaml", "stand_in_dynamic_friction.yaml"])
+def experiment(
+    request: pytest.FixtureRequest, tmp_path_factory: pytest.TempPathFactory
+) -> Experiment:
+    machine, parameters = load_machine(), load_stand_in(packaged("crane_sim", request.param))
+    trajectory = load_trajectory(packaged("crane_trajectory", "excitation_20s.yaml"))
+    motion = plan(machine, trajectory, parameters.start, PERIODS, load_clearance())
+    plant = Plant(parameters, machine, motion.start)
+    made = record(motion, plant, Sensors(parameters.sensors, machine, 1), load_gains(None))
+    path = tmp_path_factory.mktemp("bags") / Path(request.param).stem
+    write_bag(path, machine, made)
+    velocity = made.true_velocity[:, 1:]
+    acceleration = np.gradient(velocity, made.time, axis=0)
+    theta = np.array([one.value for one in planted(parameters, machine)])
+    return Experiment(read_bag(path, model().joints), velocity, acceleration, theta)
+
+
+def model() -> Model:
+    return load_model(packaged("crane_model", "crane_model.yaml"))
+
+
+def averaged_alike(log: Log, values: np.ndarray, options: Options) -> np.ndarray:
+    """What preparation makes of a measured force, made of the truth."""
+    force = Signal(log.position.time, values, "truth")
+    truth = replace(log, force=force, pressure_a=None, pressure_b=None)
+    (preparation,) = prepare(model(), truth, options)
+    assert preparation.record.force is not None
+    return preparation.record.force
+
+
+def score(experiment: Experiment, motion: MotionEstimator, average: bool) -> Score:
+    options = Options(motion=motion, average=average, trim=(500, 500))
+    (preparation,) = prepare(model(), experiment.log, options)
+
+    def error(estimate: np.ndarray, truth: np.ndarray) -> float:
+        known = averaged_alike(experiment.log, truth, options)
+        share = ((estimate - known) ** 2).mean(axis=0) / (known**2).mean(axis=0)
+        return float(np.sqrt(share.mean()))
+
+    found = fit(model(), [experiment.log], options).estimate.values / experiment.theta - 1.0
+    return Score(
+        error(preparation.record.velocity, experiment.velocity),
+        error(preparation.record.acceleration, experiment.acceleration),
+        float(np.sqrt((found**2).mean())),
+    )
+
+
+@pytest.mark.parametrize("average", [True, False], ids=["averaged", "not averaged"])
+def test_the_default_is_never_worse_than_butterworth(experiment: Experiment, average: bool) -> None:
+    """Of Butterworth, also the cut-off that the truth itself would choose."""
+    butterworth = {fc: score(experiment, ButterworthDifferentiator(fc), average) for fc in CUTOFFS}
+    best = min(CUTOFFS, key=lambda fc: butterworth[fc].acceleration)
+    routes = {
+        "Kalman + RTS": score(experiment, KalmanSmoother(), average),
+        f"Butterworth, {best:g} Hz (best in hindsight)": butterworth[best],
+        f"Butterworth, {USUAL:g} Hz (usual)": score(
+            experiment, ButterworthDifferentiator(USUAL), average
+        ),
+    }
+    if average:
+        routes["Fourier fit"] = score(experiment, FourierFit(), average)
+    print(f"\n{experiment.log.source}, {'averaged' if average else 'not averaged'}")
+    print(f"  {'relative rms error of':40s} velocity  acceleration  parameters")
+    for name, one in routes.items():
+        print(f"  {name:40s} {one.velocity:8.2%}  {one.acceleration:12.1%}  {one.parameters:10.2%}")
+    chosen = routes["Fourier fit" if average else "Kalman + RTS"]
+    assert chosen.velocity < 1.05 * butterworth[best].velocity
+    assert chosen.acceleration < 1.05 * butterworth[best].acceleration
+    assert chosen.acceleration < routes[f"Butterworth, {USUAL:g} Hz (usual)"].acceleration
