@@ -95,6 +95,7 @@ def _design(arguments: argparse.Namespace, argv: list[str]) -> None:
     settings = load_design_settings(arguments.settings)
     model = load_model(arguments.model or packaged("crane_model", "crane_model.yaml"))
     clearance = load_clearance(arguments.clearance)
+    arguments.out.parent.mkdir(parents=True, exist_ok=True)
     if arguments.sweeps:
         _sweeps(arguments, argv, settings, model, clearance)
     else:
@@ -187,7 +188,7 @@ def _files(arguments: argparse.Namespace) -> list[Path]:
     if arguments.count is None:
         return [arguments.out]
     try:
-        arguments.out.mkdir(parents=True)
+        arguments.out.mkdir()
     except FileExistsError:
         raise ConfigurationError(
             f"{arguments.out}: exists; a campaign is written to a new folder"
