@@ -8,7 +8,7 @@ from crane_driver.can.cycles import CycleNumbers
 from crane_driver.can.decoder import Readings
 from crane_driver.can.layout import Layout
 
-WAITING = 8  # cycles that may be open at a time; older ones are given up
+WAITING = 7  # cycles for which a frame is waited for; less than half a round of a 4-bit counter
 
 
 class Complete(NamedTuple):
@@ -42,9 +42,10 @@ class Assembly:
         self._kind = kind
         self._messages = frozenset(one.name for one in carriers)
         self._span = min((one.cycle for one in carriers), default=0.0) / 2
+        self._longest = WAITING * 2 * self._span
         self._unknown = dict.fromkeys(getattr(layout, kind), math.nan)
         self._numbers = (
-            CycleNumbers(carriers, layout.timing.lost) if CycleNumbers.possible(carriers) else None
+            CycleNumbers(carriers, layout.timing) if CycleNumbers.possible(carriers) else None
         )
         self._by_counter = False
         self._open: dict[int, _Set] = {}  # by number of the cycle, in order of arrival
@@ -79,6 +80,9 @@ class Assembly:
         if number <= self._done:  # a later cycle was complete before
             return None
         one = self._open.get(number)
+        if one and readings.steady - one.steady > self._longest:
+            self._give_up([number])  # a round of the counter ago
+            one = None
         if one is None:
             one = _Set(readings.stamp, readings.steady, dict(self._unknown))
             self._open[number] = one

@@ -4,6 +4,7 @@ from collections.abc import Sequence
 
 from crane_driver.can.decoder import Readings
 from crane_driver.can.layout import MessageLayout
+from crane_driver.can.mapping import Timing
 
 AGREED = 3  # sets in a row with the same counters beside each other, before these are relied on
 
@@ -13,16 +14,17 @@ class CycleNumbers:
 
     The counters of two messages need not be equal, but their difference stays the same while both
     are sent in every cycle. It is learnt from sets that belong together beyond doubt (`learn`), and
-    forgotten when a counter may have gone round unseen or jumped, as after a restart of its device.
+    forgotten when it may have changed, as after a restart of a device: when a message was missing,
+    a counter jumped, or one message fell behind the others by half a round of its counter.
     """
 
-    def __init__(self, messages: Sequence[MessageLayout], longest_loss: int):
-        """longest_loss: frames; a greater loss in a row is taken for a jump of the counter."""
+    def __init__(self, messages: Sequence[MessageLayout], timing: Timing):
         self._layouts = {one.name: one for one in messages}
-        self._longest_loss = longest_loss
+        self._timing = timing
         self._counters: dict[str, int] = {}
         self._last: dict[str, float] = {}  # s, steady
         self._count: dict[str, int] = {}  # cycles of each message since its counter was first seen
+        self._newest = 0  # number
         self._offsets: dict[str, int] | None = None
         self._candidate: dict[str, int] = {}
         self._agreed = 0
@@ -43,12 +45,19 @@ class CycleNumbers:
         count, cycle = layout.protection.counter_count, layout.cycle
         silence = readings.steady - self._last.get(message, readings.steady)
         step = (counter - self._counters.get(message, counter)) % count
-        if silence > count / 2 * cycle or step > self._longest_loss + 1:
+        if silence > self._timing.missing * cycle or step > self._timing.lost + 1:
             self.forget()
             step = 0
         self._counters[message], self._last[message] = counter, readings.steady
         self._count[message] = self._count.get(message, 0) + step
-        return None if self._offsets is None else self._count[message] - self._offsets[message]
+        if self._offsets is None:
+            return None
+        number = self._count[message] - self._offsets[message]
+        if abs(number - self._newest) > count // 2:
+            self.forget()
+            return None
+        self._newest = max(self._newest, number)
+        return number
 
     def learn(self) -> None:
         """The newest frames of all messages belong to one cycle."""
@@ -60,6 +69,7 @@ class CycleNumbers:
         self._candidate = offsets
         if self._agreed >= AGREED:
             self._offsets = offsets
+            self._newest = self._count[first]
 
     def forget(self) -> None:
         """Learn anew which counters belong together."""

@@ -23,6 +23,7 @@ from crane_driver.can.frame import Fault, FaultKind, Frame
 
 POLL = 0.1  # s, longest wait for a frame before the state of the bus is looked at
 FIRST_PAUSE, LONGEST_PAUSE = 0.1, 5.0  # s, before the bus is reopened; doubled at every failure
+AT_ONCE, ATTEMPTS = 20e-6, 5  # s, within which two clocks are read; else they are read again
 OLDEST_STAMP = 1.0  # s, an older stamp of a back end is of another clock
 
 
@@ -155,15 +156,9 @@ class Link:
                 self._queue(message)
 
     def _queue(self, message: can.Message) -> None:
-        age = time.time() - message.timestamp
-        if not 0.0 <= age < OLDEST_STAMP:
-            age = 0.0
+        stamp, steady = _stamps(message.timestamp)
         frame = Frame(
-            message.arbitration_id,
-            bytes(message.data),
-            message.is_extended_id,
-            time.time_ns() - int(age * 1e9),
-            time.monotonic() - age,
+            message.arbitration_id, bytes(message.data), message.is_extended_id, stamp, steady
         )
         self.received += 1
         if self.state is BusState.SILENT:
@@ -209,6 +204,22 @@ class Link:
         traceback: TracebackType | None,
     ) -> None:
         self.close()
+
+
+def _stamps(received: float) -> tuple[int, float]:
+    """Wall clock [ns] and steady clock [s] at reception, from the stamp of the back end [s].
+
+    Both clocks are read at one instant: a thread that is held up between the two would shift them.
+    """
+    for _ in range(ATTEMPTS):
+        before, now, after = time.monotonic(), time.time_ns(), time.monotonic()
+        if after - before < AT_ONCE:
+            break
+    stamp = round(received * 1e9)
+    age = now - stamp
+    if not 0 <= age < OLDEST_STAMP * 1e9:
+        return now, before
+    return stamp, before - age * 1e-9
 
 
 def _shown(error: Exception) -> str:
