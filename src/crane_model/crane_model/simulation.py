@@ -81,8 +81,8 @@ def simulate(
             q, v, now = q_next, v_next, after
         course.append((q, v, (v - start) / period))
     positions, velocities, accelerations = (np.stack(parts) for parts in zip(*course, strict=True))
-    flat = drive.reshape(-1, drive.shape[-1])
-    force = _generalized(model, positions.reshape(flat.shape), flat).reshape(drive.shape)
+    arms = _lever_arms(model, positions.reshape(-1, drive.shape[-1]))
+    force = drive * arms.reshape(drive.shape)
     time = period * np.arange(len(drive))
     return Simulation(time, positions, velocities, accelerations, force)
 
@@ -137,9 +137,10 @@ class _Instant:
     ) -> Record:
         """The N runs in a state, stacked as often as `acceleration` (cases N, j) asks for."""
         cases = 1 if acceleration is None else len(acceleration) // len(q)
+        arms = _lever_arms(self.model, q)
 
         def stacked(values: np.ndarray) -> np.ndarray:
-            return np.tile(values, (cases, *np.ones(values.ndim - 1, dtype=int)))
+            return np.concatenate([values] * cases)
 
         return Record(
             joints=self.model.joints,
@@ -147,8 +148,8 @@ class _Instant:
             velocity=stacked(v),
             acceleration=np.zeros_like(v) if acceleration is None else acceleration,
             direction_known=direction,
-            force=stacked(_generalized(self.model, q, self.drive)),
-            force_rate=stacked(_generalized(self.model, q, self._rate)),
+            force=stacked(self.drive * arms),
+            force_rate=stacked(self._rate * arms),
             memory={term: stacked(state) for term, state in (memory or {}).items()},
             **{name: stacked(values) for name, values in self._beside.items()},
         )
@@ -162,32 +163,31 @@ def _next_velocity(
     v_start: np.ndarray,
     step: float,
 ) -> np.ndarray:
-    """v_start + step M^-1 (tau - rest - dry s) with s in Sgn(result); M and rest at (q, v)."""
-    mass, rest, dry = _split(at, memory, q, v)
+    """v_start + step M^-1 (load - dry s) with s in Sgn(result); M and load at (q, v)."""
+    mass, load, dry = _split(at, memory, q, v)
     inverse = _inverse(at.model, mass)
-    load = _generalized(at.model, q, at.drive) - rest
     free = v_start + step * np.einsum("nij,nj->ni", inverse, load)
     return _with_dry_friction(free, step * inverse, np.maximum(dry, 0.0))
 
 
 def _inverse(model: Model, mass: np.ndarray) -> np.ndarray:
-    try:
-        root = np.linalg.inv(np.linalg.cholesky(mass))
-    except np.linalg.LinAlgError:
+    inverse, positive = _inverses(mass)
+    if not positive:
         raise RangeError(
             f"simulation of '{model.name}': the mass matrix is not positive definite; either the "
             "inertial values of the model are not physical or the steps are too long for its "
             "friction and the motion has grown without bound"
-        ) from None
-    return root.transpose(0, 2, 1) @ root
+        )
+    return inverse
 
 
 def _split(
     at: _Instant, memory: Mapping[MemoryTerm, np.ndarray], q: np.ndarray, v: np.ndarray
 ) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-    """Force of the model as M a + rest + dry s, by evaluating it once on j + 2 stacked cases.
+    """M, load and dry of drive - model = load - M a - dry s, from one evaluation of the model.
 
-    Being linear in acceleration and in the direction s of motion is all that is asked of a term.
+    It is evaluated on j + 2 stacked cases of a and s, the directions of motion. Being linear in
+    acceleration and in the direction of motion is all that is asked of a term.
     """
     runs, joints = q.shape
     cases = joints + 2
@@ -197,16 +197,43 @@ def _split(
         acceleration[j, :, j] = 1.0
     direction[-1] = 1.0
     both = acceleration.reshape(-1, joints), direction.reshape(-1, joints)
-    force = at.model.predict(at.record(q, v, *both, memory)).reshape(cases, runs, joints)
+    record = at.record(q, v, *both, memory)
+    assert record.force is not None  # it is the drive
+    force = at.model.predict(record).reshape(cases, runs, joints)
     rest = force[-2]
     mass = (force[:joints] - rest).transpose(1, 2, 0)
-    return mass, rest, force[-1] - rest
+    return mass, record.force[:runs] - rest, force[-1] - rest
 
 
-def _generalized(model: Model, q: np.ndarray, drive: np.ndarray) -> np.ndarray:
-    if model.machine is None:
-        return drive
-    return drive * lever_arms(model.machine, q)
+def _lever_arms(model: Model, q: np.ndarray) -> np.ndarray:
+    """(n, j) from cylinder forces, or generalized forces, to generalized forces."""
+    return np.ones_like(q) if model.machine is None else lever_arms(model.machine, q)
+
+
+@njit(cache=True)
+def _inverses(mass: np.ndarray) -> tuple[np.ndarray, bool]:
+    """Inverses of N symmetric matrices (N, j, j), and whether all are positive definite.
+
+    Gauss-Jordan elimination: without exchange of rows, pivots are positive for such matrices only.
+    """
+    runs, joints, _ = mass.shape
+    inverse = mass.copy()
+    for n in range(runs):
+        m = inverse[n]
+        for k in range(joints):
+            pivot = m[k, k]
+            if not pivot > 0.0:
+                return inverse, False
+            m[k, k] = 1.0
+            for j in range(joints):
+                m[k, j] /= pivot
+            for i in range(joints):
+                if i != k:
+                    factor = m[i, k]
+                    m[i, k] = 0.0
+                    for j in range(joints):
+                        m[i, j] -= factor * m[k, j]
+    return inverse, True
 
 
 @njit(cache=True)
