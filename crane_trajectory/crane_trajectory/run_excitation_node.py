@@ -4,6 +4,8 @@ HAZARD: the crane moves by itself. Ctrl-C brings it to rest; software is no safe
 """
 
 import argparse
+import json
+import math
 import sys
 from collections.abc import Callable, Iterator, Sequence
 from contextlib import contextmanager
@@ -15,10 +17,10 @@ from rclpy.action import ActionClient
 from rclpy.executors import SingleThreadedExecutor
 from rclpy.node import Node
 from rclpy.task import Future
-from rclpy.utilities import remove_ros_args
 from std_srvs.srv import Trigger
 from tqdm import tqdm
 
+from crane_driver.nodes.command_line import own_arguments
 from crane_driver.nodes.context import Stop, ros
 from crane_interfaces.action import RunExcitation
 from crane_model.cli import INTERRUPTED, run
@@ -118,7 +120,7 @@ class RunExcitationClient(Node):
 def main(argv: Sequence[str] | None = None) -> int:
     """Run an excitation trajectory on the crane; exit status 0 if it was completed."""
     argv = sys.argv if argv is None else ["run_excitation", *argv]
-    options = _parser().parse_args(remove_ros_args(argv)[1:])
+    options = _parser().parse_args(own_arguments(argv[1:]))
     interrupted = False
 
     def body() -> None:
@@ -126,6 +128,8 @@ def main(argv: Sequence[str] | None = None) -> int:
         with ros(argv) as stop:
             result = _run(options, RunExcitationClient(stop))
             interrupted = stop.requested
+        if options.result:
+            _write(options.result, result)
         _tell(result)
 
     status = run(body)
@@ -137,6 +141,18 @@ def _run(options: argparse.Namespace, client: RunExcitationClient) -> RunExcitat
         return client.run(options.trajectory, options.periods)
     with client.enabled():
         return client.run(options.trajectory, options.periods)
+
+
+def _write(file: Path, result: RunExcitation.Result) -> None:
+    errors = zip(result.name, result.rms_tracking_error.tolist(), strict=True)
+    content = {
+        "outcome": Outcome(result.outcome).name,
+        "message": result.message,
+        "rms_tracking_error": {
+            joint: error if math.isfinite(error) else None for joint, error in errors
+        },
+    }
+    file.write_text(json.dumps(content, indent=2, ensure_ascii=False) + "\n", encoding="utf-8")
 
 
 def _tell(result: RunExcitation.Result) -> None:
@@ -157,6 +173,9 @@ def _parser() -> argparse.ArgumentParser:
     parser.add_argument("--periods", type=_count, required=True, help="whole periods to run")
     parser.add_argument(
         "--enable", action="store_true", help="enable the driver before, and disable it after"
+    )
+    parser.add_argument(
+        "--result", type=Path, metavar="FILE", help="write the result of the action there, as JSON"
     )
     return parser
 

@@ -14,7 +14,6 @@ from crane_driver.bags.types import (
     VALVE_COMMAND,
     typestore,
 )
-from crane_model.machine import JOINTS
 
 ESTIMATE = "/parameter_estimate"
 GAP = 1.5  # cycles between two stamps
@@ -33,19 +32,6 @@ def gaps(bag: Path) -> dict[str, int]:
     intervals = {name: np.diff(data.stamp) for name, data in topics.items()}
     cycle = np.median(intervals[JOINT_STATES.name])
     return {name: int((steps > GAP * cycle).sum()) for name, steps in intervals.items()}
-
-
-def tracking_rms(bag: Path) -> dict[str, float]:
-    """Root mean square of reference minus position, per joint [rad, m], while there is one."""
-    topics = read_topics(bag, (JOINT_STATES, JOINT_REFERENCE))
-    states = topics[JOINT_STATES.name].select(JOINTS)
-    reference = topics[JOINT_REFERENCE.name].select(JOINTS)
-    rms = {}
-    for j, joint in enumerate(JOINTS):
-        position = np.interp(reference.stamp, states.stamp, states.fields["position"][:, j])
-        error = reference.fields["position"][:, j] - position
-        rms[joint] = float(np.sqrt((error**2).mean()))
-    return rms
 
 
 def online_estimate(bag: Path) -> dict[str, tuple[float, float]]:

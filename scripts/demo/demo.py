@@ -7,16 +7,16 @@ law, and the bias this brings is seen. Everything is done by the executables tha
 results are left in runs/demo.
 """
 
+import os
 import shutil
 import sys
 import time
 from collections.abc import Iterator
-from concurrent.futures import ThreadPoolExecutor
 from contextlib import contextmanager
 
 import live
 from laws import DYNAMIC_LAW, OUT, REPORT_LAW, identify, make_bags, note_planted
-from processes import DemoError
+from processes import DemoError, Processes
 from results import write_summary
 from rich.console import Console
 from rich.progress import Progress, SpinnerColumn, TextColumn, TimeElapsedColumn
@@ -49,8 +49,15 @@ def main() -> int:
     console = Console()
     phases = Phases(console)
     shutil.rmtree(OUT, ignore_errors=True)  # only ever written by this script
+    domain = live.own_domain()
+    environment = {
+        "ROS_DOMAIN_ID": str(domain),
+        "ROS_AUTOMATIC_DISCOVERY_RANGE": "LOCALHOST",
+    }
+    os.environ.update(environment)
     try:
-        _demo(console, phases)
+        with Processes(OUT / "logs", environment) as suite:
+            _demo(console, phases, suite, domain)
     except DemoError as error:
         print(f"error: {error}", file=sys.stderr)
         return 1
@@ -61,21 +68,18 @@ def main() -> int:
     return 0
 
 
-def _demo(console: Console, phases: Phases) -> None:
+def _demo(console: Console, phases: Phases, suite: Processes, domain: int) -> None:
     laws = REPORT_LAW, DYNAMIC_LAW
     for law in laws:
         (law.folder / "bags").mkdir(parents=True)
-        note_planted(law)
+        note_planted(suite, law)
     start = time.monotonic()
-    live.record(OUT, REPORT_LAW.plant, SEED, console.print)
+    live.record(suite, domain, REPORT_LAW, SEED, console.print)
     phases.seconds["live"] = round(time.monotonic() - start, 2)
     with phases.phase("bags", f"two bags of {DYNAMIC_LAW.name}, faster than real time"):
-        make_bags(DYNAMIC_LAW)
-    with (
-        phases.phase("identify", "identification: fit, validation on the other bag, report"),
-        ThreadPoolExecutor(len(laws)) as pool,
-    ):
-        list(pool.map(identify, laws))
+        make_bags(suite, DYNAMIC_LAW)
+    with phases.phase("identify", "identification: fit, validation on the other bag, report"):
+        identify(suite, *laws)
     write_summary(phases.seconds)
     console.print(table(), errors_table(), bags_table())
     console.print(f"Report: {OUT}/report.html   Model: {OUT}/model.yaml   All: {OUT}/summary.json")

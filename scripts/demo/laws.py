@@ -1,12 +1,11 @@
 """The stand-in machines of the demo, where their results go, and the offline tools run on them."""
 
 import json
-from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
-from processes import run
+from processes import Processes
 
 from crane_model.configuration import packaged
 
@@ -27,6 +26,10 @@ class Law:
         """Folder of the bag recorded for `use`, "train" or "validate"."""
         return self.folder / "bags" / use
 
+    def result(self, use: str) -> Path:
+        """File of the result of the live experiment of `use`."""
+        return self.folder / f"excitation_{use}.json"
+
     def read(self, name: str) -> dict[str, Any]:
         """One of the JSON files of this law."""
         return json.loads((self.folder / name).read_text(encoding="utf-8"))
@@ -40,31 +43,31 @@ DYNAMIC_LAW = Law(
 )
 
 
-def make_bags(law: Law) -> None:
+def note_planted(suite: Processes, law: Law) -> None:
+    """Write what is planted in the machine to a file beside its bags."""
+    text = suite.output("planted", "crane_sim", "planted", "--plant", law.plant, "--json")
+    (law.folder / "planted.json").write_text(text, encoding="utf-8")
+
+
+def make_bags(suite: Processes, law: Law) -> None:
     """One bag to fit on and one, of another trajectory and other noise, to validate on."""
-
-    def make(seed: int, use: str, trajectory: str) -> None:
-        run(
-            *("crane_sim", "make_bag", "--plant", law.plant, "--out", law.bag(use)),
+    trajectories = {"train": EXCITATION, "validate": VALIDATION}
+    for seed, (use, trajectory) in enumerate(trajectories.items(), start=1):
+        suite.start(
+            *(f"make_bag_{use}", "crane_sim", "make_bag", "--plant", law.plant),
             *("--trajectory", packaged("crane_trajectory", trajectory)),
-            *("--periods", PERIODS, "--seed", seed),
+            *("--periods", PERIODS, "--seed", seed, "--out", law.bag(use)),
         )
-
-    with ThreadPoolExecutor() as pool:
-        list(pool.map(make, (1, 2), ("train", "validate"), (EXCITATION, VALIDATION)))
+    suite.finish(*(f"make_bag_{use}" for use in trajectories))
 
 
-def note_planted(law: Law) -> None:
-    """Write what is planted in the machine beside its bags."""
-    planted = run("crane_sim", "planted", "--plant", law.plant, "--json")
-    (law.folder / "planted.json").write_text(planted, encoding="utf-8")
-
-
-def identify(law: Law) -> None:
-    """Fit and validate; writes model.yaml, summary.json and report.html."""
-    run(
-        *("crane_identification", "identify", "--out", law.folder),
-        *("--model", packaged("crane_model", "crane_model.yaml")),
-        *("--train", law.bag("train"), "--validate", law.bag("validate")),
-        *("--reference-values", law.folder / "planted.json"),
-    )
+def identify(suite: Processes, *laws: Law) -> None:
+    """Fit and validate, all at once; writes model.yaml, summary.json and report.html of each."""
+    for law in laws:
+        suite.start(
+            *(f"identify_{law.folder.name}", "crane_identification", "identify"),
+            *("--model", packaged("crane_model", "crane_model.yaml"), "--out", law.folder),
+            *("--train", law.bag("train"), "--validate", law.bag("validate")),
+            *("--reference-values", law.folder / "planted.json"),
+        )
+    suite.finish(*(f"identify_{law.folder.name}" for law in laws))

@@ -2,12 +2,13 @@
 
 import os
 import socket
+import time
 from collections.abc import Callable
-from pathlib import Path
+from typing import Self
 
 import rclpy
 from diagnostic_msgs.msg import DiagnosticArray
-from laws import EXCITATION, VALIDATION
+from laws import EXCITATION, VALIDATION, Law
 from processes import DemoError, Processes
 from rclpy.context import Context
 from rclpy.executors import SingleThreadedExecutor
@@ -20,6 +21,8 @@ from crane_model.configuration import packaged
 DOMAINS = 101  # ROS_DOMAIN_ID 1 to this can be used on every Linux
 FIT_PERIODS, VALIDATION_PERIODS = 3, 2
 TRIES = 2
+NAME = "demo"
+DISCOVERY = 2.0  # s in which nodes that are there already are found
 ANSWER = 10.0  # s
 Say = Callable[[str], None]
 
@@ -28,11 +31,12 @@ class Onlooker:
     """A node that sees when the others are ready."""
 
     def __init__(self, domain: int):
+        self._domain = domain
         self._context = Context()
         rclpy.init(
             context=self._context, domain_id=domain, signal_handler_options=SignalHandlerOptions.NO
         )
-        self._node = Node("demo", context=self._context)
+        self._node = Node(NAME, context=self._context)
         self._executor = SingleThreadedExecutor(context=self._context)
         self._executor.add_node(self._node)
         self._node.create_subscription(DiagnosticArray, "/diagnostics", self._diagnostics, 10)
@@ -57,8 +61,17 @@ class Onlooker:
         self._node.destroy_client(service)
         self._driver = ""  # until it is told anew
 
-    def close(self) -> None:
-        """Leave the graph."""
+    def __enter__(self) -> Self:
+        end = time.monotonic() + DISCOVERY
+        while time.monotonic() < end:
+            self._executor.spin_once(timeout_sec=0.1)
+        if others := [name for name in self._node.get_node_names() if name != NAME]:
+            raise DemoError(
+                f"ROS domain {self._domain} is not empty: {', '.join(others)}; start the demo again"
+            )
+        return self
+
+    def __exit__(self, *_: object) -> None:
         self._node.destroy_node()
         rclpy.shutdown(context=self._context)
 
@@ -68,65 +81,62 @@ class Onlooker:
                 self._driver = next((v.value for v in status.values if v.key == "state"), "")
 
 
-def record(folder: Path, plant: Path, seed: int, say: Say) -> None:
-    """Bags `train` and `validate` in `folder`/bags, and the identification node's model.
+def record(suite: Processes, domain: int, law: Law, seed: int, say: Say) -> None:
+    """The bags of `law`, recorded live, and the identification node's model beside them.
 
     `DemoError` if a process fails or an experiment ends early, twice.
     """
-    domain = int(os.environ.get("ROS_DOMAIN_ID") or 1 + os.getpid() % DOMAINS)
     port = _free_port()
-    onlooker = Onlooker(domain)
-    try:
-        with Processes(folder / "logs", {"ROS_DOMAIN_ID": str(domain)}) as suite:
-            say("starting: simulated crane, driver, trajectory, identification, recorder")
-            suite.start(
-                *("crane", "crane_sim", "simulated_crane", "--bus-option", f"port={port}"),
-                *("--plant", plant, "--seed", seed),
-            )
-            suite.start(
-                *("driver", "crane_driver", "driver", "--ros-args"),
-                *("-p", f"bus.options:=port={port}"),
-            )
-            suite.start("trajectory", "crane_trajectory", "trajectory")
-            suite.start(
-                *("identification", "crane_identification", "identification", "--ros-args"),
-                *("-p", f"model_output:={folder / 'online_model.yaml'}"),
-            )
-            _experiment(suite, onlooker, folder, "train", EXCITATION, FIT_PERIODS, 3)
-            suite.stop("identification")
-            say("a second, other motion, for validation")
-            _experiment(
-                *(suite, onlooker, folder, "validate", VALIDATION),
-                *(VALIDATION_PERIODS, 2),
-            )
-            say("stopping every process")
-    finally:
-        onlooker.close()
+    with Onlooker(domain) as onlooker:
+        say("starting: simulated crane, driver, trajectory, identification, recorder")
+        suite.start(
+            *("crane", "crane_sim", "simulated_crane", "--bus-option", f"port={port}"),
+            *("--plant", law.plant, "--seed", seed),
+        )
+        suite.start(
+            *("driver", "crane_driver", "driver", "--ros-args"),
+            *("-p", f"bus.options:=port={port}"),
+        )
+        suite.start("trajectory", "crane_trajectory", "trajectory")
+        suite.start("identification", "crane_identification", "identification")
+        _experiment(suite, onlooker, law, "train", EXCITATION, FIT_PERIODS, 3)
+        suite.stop("identification")
+        say("a second, other motion, for validation")
+        _experiment(suite, onlooker, law, "validate", VALIDATION, VALIDATION_PERIODS, 2)
+        for name in ("trajectory", "driver", "crane"):
+            suite.stop(name)
 
 
 def _experiment(
     suite: Processes,
     onlooker: Onlooker,
-    folder: Path,
+    law: Law,
     use: str,
     trajectory: str,
     periods: int,
     listeners: int,
 ) -> None:
     """One recorded experiment; once more if it ended early, as it may on a busy computer."""
-    bag = folder / "bags" / use
+    bag = law.bag(use)
     for attempt in range(TRIES):
         suite.start("recorder", "crane_driver", "recorder", "--out", bag)
         suite.until(lambda: onlooker.ready(listeners), "the nodes do not find each other")
         status = suite.attend(
             *("excitation", "crane_trajectory", "run_excitation", "--enable"),
             *("--trajectory", packaged("crane_trajectory", trajectory), "--periods", periods),
+            *("--result", law.result(use)),
         )
         suite.stop("recorder")
         if status == 0:
             return
         bag.rename(bag.with_name(f"{use}_ended_early_{attempt}"))
     raise DemoError(f"the experiment '{use}' ended early {TRIES} times; the lines above say why")
+
+
+def own_domain() -> int:
+    """A ROS domain for this demo: never the user's, in which a real crane may be."""
+    domain = 1 + os.getpid() % DOMAINS
+    return domain if str(domain) != os.environ.get("ROS_DOMAIN_ID") else 1 + domain % DOMAINS
 
 
 def _free_port() -> int:

@@ -27,14 +27,6 @@ def command(package: str, executable: str, *arguments: object) -> list[str]:
     return [str(path), *map(str, arguments)]
 
 
-def run(package: str, executable: str, *arguments: object) -> str:
-    """Run one executable to its end and return what it printed; `DemoError` if it fails."""
-    done = subprocess.run(command(package, executable, *arguments), capture_output=True, text=True)
-    if done.returncode:
-        raise DemoError(f"{package} {executable} failed ({done.returncode}):\n{done.stderr}")
-    return done.stdout
-
-
 class Processes:
     """Processes that live within a `with` block; the last to start is the first to be stopped.
 
@@ -65,6 +57,8 @@ class Processes:
             self.stop(name)
         for number, handler in self._handlers.items():
             signal.signal(number, handler)
+        if self._interrupted and error is None:
+            raise KeyboardInterrupt
 
     def _interrupt(self, _number: int, _frame: FrameType | None) -> None:
         """Only `check` acts on it, so that no process is lost on its way and none ends half."""
@@ -92,21 +86,47 @@ class Processes:
         )
         self._running[name] = process
         while process.poll() is None:
-            self.check()
+            self.check(name)
             time.sleep(0.1)
         del self._running[name]
         return process.returncode
 
-    def check(self) -> None:
+    def output(self, name: str, package: str, executable: str, *arguments: object) -> str:
+        """Run one to its end; what it printed."""
+        self._log(name).unlink(missing_ok=True)
+        self.start(name, package, executable, *arguments)
+        self.finish(name)
+        return self._log(name).read_text(encoding="utf-8")
+
+    def finish(self, *names: str) -> None:
+        """Wait until these have ended; `DemoError` with the end of its log if one has failed."""
+        left = list(names)
+        while left:
+            self.check(*left)
+            for name in left:
+                process = self._running[name]
+                if process.poll() is not None:
+                    left.remove(name)
+                    if process.returncode:
+                        raise self._ended(name)
+                    del self._running[name]
+                    break
+            time.sleep(0.1)
+
+    def check(self, *may_end: str) -> None:
         """`KeyboardInterrupt` after Ctrl-C; `DemoError` if a process in the background ended."""
         if self._interrupted:
             raise KeyboardInterrupt
         for name, process in self._running.items():
-            log = self._log(name)
-            if process.poll() is not None and log.exists():
-                lines = log.read_text(encoding="utf-8", errors="replace").splitlines()
-                end = "\n".join(lines[-LAST_LINES:])
-                raise DemoError(f"{name} ended ({process.returncode}); {log} ends with:\n{end}")
+            if process.poll() is not None and name not in may_end:
+                raise self._ended(name)
+
+    def _ended(self, name: str) -> DemoError:
+        log = self._log(name)
+        lines = log.read_text(encoding="utf-8", errors="replace").splitlines()
+        end = "\n".join(lines[-LAST_LINES:])
+        status = self._running[name].returncode
+        return DemoError(f"{name} ended ({status}); {log} ends with:\n{end}")
 
     def stop(self, name: str) -> None:
         """Ask one to end, and see to it."""

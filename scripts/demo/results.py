@@ -1,12 +1,11 @@
 """The demo's summary.json: the fit's own, and what only the demo knows."""
 
 import json
+import math
 from typing import Any
 
 import bags
 from laws import DYNAMIC_LAW, OUT, REPORT_LAW, Law
-
-USES = ("train", "validate")
 
 
 def parameters(law: Law) -> list[dict[str, Any]]:
@@ -23,20 +22,23 @@ def parameters(law: Law) -> list[dict[str, Any]]:
             "batch": fitted.get("value", fitted.get("batch")),
             "batch_std": fitted.get("std_dev", fitted.get("batch_std")),
         }
-        if name in online:
-            row["rls"], row["rls_std"] = online[name]
+        if name in online:  # JSON knows no infinity: None is what the data did not determine
+            value, std_dev = online[name]
+            known = math.isfinite(value) and math.isfinite(std_dev)
+            row["rls"], row["rls_std"] = (value, std_dev) if known else (None, None)
         rows.append(row)
     return rows
 
 
 def write_summary(seconds: dict[str, float]) -> None:
     """Add planted values, online estimates, what was recorded, and wall times."""
-    folders = {use: REPORT_LAW.bag(use) for use in USES}
     summary = REPORT_LAW.read("summary.json") | {
         "parameters": parameters(REPORT_LAW),
-        "tracking_rms": bags.tracking_rms(folders["train"]),
-        "bag_messages": {use: bags.messages(folder) for use, folder in folders.items()},
-        "bag_gaps": {use: bags.gaps(folder) for use, folder in folders.items()},
+        "tracking_rms": REPORT_LAW.read(REPORT_LAW.result("train").name)["rms_tracking_error"],
+        "bag_messages": bags.messages(REPORT_LAW.bag("train")),
+        "bag_gaps": bags.gaps(REPORT_LAW.bag("train")),
+        "validation_bag_messages": bags.messages(REPORT_LAW.bag("validate")),
+        "validation_bag_gaps": bags.gaps(REPORT_LAW.bag("validate")),
         "dynamic_friction": DYNAMIC_LAW.read("summary.json")
         | {"parameters": parameters(DYNAMIC_LAW)},
         "wall_seconds": seconds,

@@ -42,6 +42,8 @@ def _rounded(value: float, std_dev: float) -> str:
 def _estimate(row: dict[str, Any], kind: str) -> tuple[str, str]:
     """Value ± standard deviation, and how many of these the value is off."""
     value, std_dev = row[kind], row[f"{kind}_std"]
+    if value is None:
+        return "not determined", ""
     off = (value - row["planted"]) / std_dev
     return f"{_rounded(value, std_dev)} ± {_rounded(std_dev, std_dev)}", f"{off:+.1f}"
 
@@ -53,13 +55,9 @@ def bags_table() -> Table:
     for heading in ("fit", "gaps", "validation", "gaps"):
         result.add_column(heading, justify="right")
     summary = REPORT_LAW.read("summary.json")
-    for topic in summary["bag_gaps"]["train"]:
-        cells = [
-            str(summary[key][use][topic])
-            for use in ("train", "validate")
-            for key in ("bag_messages", "bag_gaps")
-        ]
-        result.add_row(topic, *cells)
+    columns = "bag_messages", "bag_gaps", "validation_bag_messages", "validation_bag_gaps"
+    for topic in summary["bag_gaps"]:
+        result.add_row(topic, *(str(summary[column][topic]) for column in columns))
     rms = ", ".join(
         f"{joint} {value * 1e3:.0f} m{JOINT_UNITS[joint]}"
         for joint, value in summary["tracking_rms"].items()

@@ -19,7 +19,7 @@ pytestmark = pytest.mark.realtime
 
 
 @pytest.fixture
-def demo(tmp_path: Path, ros_domain: int) -> Iterator[subprocess.Popen[bytes]]:
+def demo(tmp_path: Path) -> Iterator[subprocess.Popen[bytes]]:
     """The demo in a folder of its own; all its processes inherit a mark."""
     process = subprocess.Popen(
         [sys.executable, str(DEMO)],
