@@ -27,12 +27,15 @@ class BasicSolution(NamedTuple):
     condition: float
 
 
-def solve(matrix: np.ndarray, force: np.ndarray) -> BasicSolution:
+def solve(
+    matrix: np.ndarray, force: np.ndarray, tolerance: float = RANK_TOLERANCE
+) -> BasicSolution:
     """Least squares of weighted rows `matrix` (N, p), `force` (N,) by orthogonal decomposition.
 
-    Columns are scaled to norm 1 inside, so that the units of the parameters do not matter.
+    Columns are scaled to norm 1 inside, so that the units of the parameters do not matter; what is
+    within `tolerance` of the others counts as dependent on them.
     """
-    basis = reveal_rank(matrix, RANK_TOLERANCE)
+    basis = reveal_rank(matrix, tolerance)
     kept, dropped = list(basis.independent), list(basis.dependent)
     norms = np.linalg.norm(matrix, axis=0)
     q, r = np.linalg.qr(matrix[:, kept] / norms[kept])

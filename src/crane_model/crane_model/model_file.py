@@ -58,9 +58,13 @@ class Model:
     def regressor(self, record: Record) -> np.ndarray:
         """Phi of (28) on n samples: (n, j, p)."""
         columns = np.zeros((*record.position.shape, len(self.parameters)))
+        self.fill(record, columns)
+        return columns
+
+    def fill(self, record: Record, columns: np.ndarray) -> None:
+        """Write Phi of (28) into `columns` (n, j, p), which comes as zeros."""
         for term, part in zip(self.terms, self._parts, strict=True):
             term.fill(record, self.setting, columns[:, :, part])
-        return columns
 
     @cached_property
     def _parts(self) -> tuple[slice, ...]:

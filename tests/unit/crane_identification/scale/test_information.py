@@ -1,0 +1,110 @@
+"""Information matrices hold what the rows hold, add up, and find dependent columns."""
+
+import tracemalloc
+from collections.abc import Iterator
+
+import numpy as np
+import pytest
+from unit.crane_identification.online.online_crane import crane, motion
+
+from crane_identification.estimation.least_squares import balancing, least_squares, solve_weighted
+from crane_identification.estimation.rows import Rows
+from crane_identification.scale.information import BLOCK, Information
+from crane_model.errors import DataError
+from crane_model.model_file import Model
+from crane_model.record import Record
+
+SCALES = np.array([40.0, 15.0, 25.0])  # of the noise
+
+
+def measured(samples: int, start: float = 0.0, seed: int = 0) -> Record:
+    """The crane in motion, with the force that its model predicts and noise."""
+    model = crane()
+    time = start + 0.01 * np.arange(samples)
+    record = Record(model.joints, time, *motion(time))
+    noise = np.random.default_rng(seed).normal(size=(samples, 3)) * SCALES
+    force = model.regressor(record) @ np.linspace(900.0, 20.0, len(model.parameters)) + noise
+    return Record(model.joints, time, *motion(time), force=force)
+
+
+def rows_of(model: Model, record: Record, used: np.ndarray | None = None) -> Rows:
+    assert record.force is not None
+    return Rows(
+        joints=model.joints,
+        names=tuple(p.name for p in model.parameters),
+        units=tuple(p.unit for p in model.parameters),
+        time=record.time,
+        run=np.zeros(len(record), dtype=int),
+        matrix=model.regressor(record),
+        force=record.force,
+        used=np.ones((len(record), 3), dtype=bool) if used is None else used,
+    )
+
+
+def test_estimate_is_that_of_the_rows() -> None:
+    used = np.random.default_rng(1).random((3000, 3)) < 0.7
+    rows = rows_of(crane(), measured(3000), used)
+    information = Information.of(rows)
+    assert information.rows.tolist() == used.sum(axis=0).tolist()
+    weights = information.balancing()
+    np.testing.assert_allclose(weights, balancing(rows), rtol=1e-9)
+    found, expected = information.solve(weights), solve_weighted(rows, weights)
+    np.testing.assert_allclose(found.values, expected.values, rtol=1e-9)
+    np.testing.assert_allclose(found.bread, expected.bread, rtol=1e-7)
+    np.testing.assert_allclose(found.values, least_squares(rows).values, rtol=1e-9)
+    residual = rows.rms(rows.residual(found.values))
+    np.testing.assert_allclose(information.rms(found.values), residual, rtol=1e-9)
+
+
+def test_records_are_the_rows_of_their_samples() -> None:
+    """Over more than one block, whole records and parts."""
+    record = measured(BLOCK + 700)
+    found = Information.of_records(crane(), [record])
+    expected = Information.of(rows_of(crane(), record))
+    np.testing.assert_allclose(found.matrix, expected.matrix, rtol=1e-9, atol=1e-6)
+    assert found.rows.tolist() == expected.rows.tolist()
+
+
+def test_it_adds_up() -> None:
+    first, second = measured(500), measured(800, start=30.0, seed=2)
+    apart = Information.of_records(crane(), [first]) + Information.of_records(crane(), [second])
+    together = Information.of_records(crane(), [first, second])
+    np.testing.assert_allclose(apart.matrix, together.matrix, rtol=1e-12)
+    assert apart.rows.tolist() == [1300] * 3
+
+
+def test_dependent_columns_are_found() -> None:
+    rows = rows_of(crane(), measured(900))
+    rows.matrix[:, :, 4] = 2.0 * rows.matrix[:, :, 1] - rows.matrix[:, :, 2]
+    found = Information.of(rows).solve(np.ones(3))
+    expected = solve_weighted(rows, np.ones(3))
+    assert found.determined.tolist() == expected.determined.tolist()
+    assert not found.determined.all()
+    assert np.isinf(found.condition)
+
+
+def test_memory_does_not_grow_with_the_samples() -> None:
+    def peak(records: int) -> int:
+        def stream() -> Iterator[Record]:
+            for _ in range(records):
+                yield measured(2 * BLOCK)
+
+        tracemalloc.start()
+        Information.of_records(crane(), stream())
+        size = tracemalloc.get_traced_memory()[1]
+        tracemalloc.stop()
+        return size
+
+    peak(1)
+    assert peak(6) < 1.2 * peak(2)
+
+
+def test_what_does_not_belong_together_is_refused() -> None:
+    record = measured(100)
+    other = Information.of_records(crane(), [record])
+    renamed = Information(other.joints, other.names[::-1], other.units, other.matrix, other.rows)
+    with pytest.raises(DataError, match="different models"):
+        other + renamed
+    without = Record(record.joints, record.time, *motion(record.time))
+    with pytest.raises(DataError, match="no measured force"):
+        Information.of_records(crane(), [without])
