@@ -16,7 +16,12 @@ from crane_identification.data.resample import Samples, resample, sampling_rate
 from crane_identification.options import Options
 from crane_identification.periodicity import Periodicity, detect_periodicity
 from crane_identification.progress import Progress, silent
-from crane_identification.signals.gate import moving, trusted_bandwidth, velocity_resolution
+from crane_identification.signals.gate import (
+    SETTLING,
+    moving,
+    trusted_bandwidth,
+    velocity_resolution,
+)
 from crane_identification.signals.motion import Motion, encoder_resolution
 from crane_identification.signals.routes import estimate_period, estimate_record
 from crane_model.cylinders import generalized_forces
@@ -33,7 +38,8 @@ class Preparation:
     """One run of a recording, ready for the regressor.
 
     `record`: n samples every `step` s with motion and generalized force; one averaged period if
-    `averaging` is not None. `moving` (n, j): where the sign of the velocity is known. `bandwidth`
+    `averaging` is not None. `moving` (n, j): where the sign of the velocity is known, and
+    friction has settled behind a reversal; `signed` (n, j): where the sign is known. `bandwidth`
     (j,) [Hz] of the motion. `periods` (M, n, j): the generalized forces that were averaged.
     `reference`: the record along the motion that was asked for, None where it was not recorded.
     """
@@ -42,6 +48,7 @@ class Preparation:
     record: Record
     step: float
     moving: np.ndarray
+    signed: np.ndarray
     bandwidth: np.ndarray
     averaging: Averaging | None
     periods: np.ndarray
@@ -133,6 +140,7 @@ def _whole(
         record=record,
         step=step,
         moving=known[kept],
+        signed=_moving(model, motion, step, False, options, settling=0.0)[kept],
         bandwidth=bandwidth,
         averaging=None,
         periods=signals["force"][np.newaxis],
@@ -166,6 +174,7 @@ def _averaged(
         record=record,
         step=step,
         moving=_moving(model, motion, step, True, options),
+        signed=_moving(model, motion, step, True, options, settling=0.0),
         bandwidth=motion.bandwidth[: len(model.joints)],
         averaging=Averaging(length * step, used, whole - used, remainder, drift(periods)),
         periods=periods,
@@ -218,12 +227,17 @@ def _along_reference(record: Record, signals: dict[str, np.ndarray]) -> Record |
 
 
 def _moving(
-    model: Model, motion: Motion, step: float, periodic: bool, options: Options
+    model: Model,
+    motion: Motion,
+    step: float,
+    periodic: bool,
+    options: Options,
+    settling: float = SETTLING,
 ) -> np.ndarray:
     """(n, j): where the sign of the velocity is known, or everywhere if nothing is masked."""
     if not options.mask_reversals:
         return np.ones((len(motion.position), len(model.joints)), dtype=bool)
-    return moving(motion, step, periodic)[:, : len(model.joints)]
+    return moving(motion, step, periodic, settling)[:, : len(model.joints)]
 
 
 def _record(

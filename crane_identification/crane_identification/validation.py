@@ -57,7 +57,7 @@ def compare(model: Model, preparation: Preparation, factor: int) -> Validation:
 
     allowed = np.clip(record.force, *model.range_at_standstill(record))
     measured = filtered(record.force)
-    predicted = filtered(np.where(preparation.moving, model.predict(record), allowed))
+    predicted = filtered(np.where(preparation.signed, model.predict(record), allowed))
     gravity = filtered(model.gravity(record))
     rows = build_rows(model, preparation, factor)
     return Validation(

@@ -39,8 +39,9 @@ def test_physical_and_hardly_worse(noise: float) -> None:
         indefinite.append((smallest_eigenvalue(plain.values, POSES) <= 0.0).mean())
         poses.append((smallest_eigenvalue(physical.values, POSES) > 0.0).sum())
         impossible += not bodies_exist(plain.values)
+    data = f"half of the rows, noise {noise:g}" if noise else "all rows"
     print(
-        f"\n{'all rows' if not noise else f'half of the rows, noise {noise:g}'}: {len(ratios)} fits; "
+        f"\n{data}: {len(ratios)} fits; "
         f"least squares: {impossible} machines that cannot exist, M indefinite in up to "
         f"{max(indefinite):.0%} of poses; physically consistent: M positive definite in at least "
         f"{min(poses)} of {POSES} poses, held-out error {np.mean(ratios):.3f} (worst "

@@ -69,7 +69,7 @@ def test_defaults_agree_with_the_authors(model: Model, log: Log, published: FitR
     """The smoother and the mask, tuned by the data alone, find the same machine."""
     ours = fit(model, [log], Options(average=False)).estimate
     difference = ours.values - published.estimate.values
-    assert (np.abs(difference) < 2 * ours.std_devs).all()
+    assert (np.abs(difference) < 3 * ours.std_devs).all()
     assert (ours.std_devs > published.estimate.std_devs).all()  # the residual is not white
 
 

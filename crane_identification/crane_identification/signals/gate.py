@@ -34,8 +34,10 @@ def trusted_bandwidth(bandwidth: np.ndarray, known: np.ndarray) -> float:
     return float(bandwidth[known.any(axis=0)].min())
 
 
-def moving(motion: Motion, step: float, periodic: bool) -> np.ndarray:
+def moving(motion: Motion, step: float, periodic: bool, settling: float = SETTLING) -> np.ndarray:
     """(n, j): True where joint j moves, and has done and will do so for a smoothing cycle and more.
+
+    `settling` [s] is added to the cycle; without it, only the sign of the velocity is known.
 
     At standstill (13) is set-valued, and near a reversal the velocity estimate lags or leads the
     true one: rows from there are wrong by up to 2 f_c, which biases the friction parameters.
@@ -49,6 +51,6 @@ def moving(motion: Motion, step: float, periodic: bool) -> np.ndarray:
     around = np.concatenate([still, still, still]) if periodic else still
     out = np.empty_like(around)
     for j, bandwidth in enumerate(motion.bandwidth):
-        guard = int(np.ceil((GUARD_CYCLES / bandwidth + SETTLING) / step - ROUNDING))
+        guard = int(np.ceil((GUARD_CYCLES / bandwidth + settling) / step - ROUNDING))
         out[:, j] = ~binary_dilation(around[:, j], iterations=guard)
     return out[n : 2 * n] if periodic else out
