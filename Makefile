@@ -1,5 +1,6 @@
 # make demo    the whole suite at work, results in runs/demo
 # make test    all tests
+# make study   the report's experiment with 20 + 2 trajectories, results in runs/study
 # make bench   measurements of speed
 # make lint    style and types
 # make setup   only what every target above does first: environment, packages, build
@@ -18,7 +19,7 @@ export ROS_AUTOMATIC_DISCOVERY_RANGE := LOCALHOST
 or_none := || [ $$? -eq 5 ]
 in_env := source scripts/env.sh &&
 
-.PHONY: help demo test bench lint setup clean
+.PHONY: help demo study test bench lint setup clean
 
 help:
 	@sed -n '/^$$/q; s/^# //p' Makefile
@@ -28,6 +29,9 @@ setup:
 
 demo: setup
 	@$(in_env) python scripts/demo/demo.py
+
+study: setup
+	@$(in_env) python scripts/study/study.py
 
 test: setup
 	@$(in_env) python -m pytest -n 2 -m "not realtime" $(TESTS) $(or_none)

@@ -18,6 +18,9 @@ from crane_trajectory.fourier import FourierTrajectory, Samples
 
 Positive = Annotated[float, Field(gt=0)]
 
+UNSEEN = 1e-9
+"""Share of a parameter in what recordings do not tell, below which they determine it."""
+
 
 class Experiment(Schema):
     """The recording for which standard deviations are predicted."""
@@ -71,12 +74,21 @@ def information(
 def relative_std_devs(
     model: Model, information: np.ndarray, plausible: dict[str, float]
 ) -> dict[str, float]:
-    """Predicted standard deviation of each parameter that has a plausible value, relative to it."""
-    std_devs = np.sqrt(np.diag(np.linalg.inv(information)))
+    """Predicted standard deviation of each parameter that has a plausible value, relative to it.
+
+    Those that the recordings do not determine are left out: one trajectory of a campaign alone may
+    tell nothing of some.
+    """
+    scale = np.sqrt(np.diag(information))
+    scale[scale == 0.0] = 1.0
+    eigenvalues, vectors = np.linalg.eigh(information / np.outer(scale, scale))
+    seen = eigenvalues > len(scale) * np.finfo(float).eps * eigenvalues[-1]
+    std_devs = np.sqrt((vectors[:, seen] ** 2 / eigenvalues[seen]).sum(axis=1)) / scale
+    determined = (vectors[:, ~seen] ** 2).sum(axis=1) < UNSEEN
     return {
         parameter.name: float(std_dev / abs(plausible[parameter.name]))
-        for parameter, std_dev in zip(model.parameters, std_devs, strict=True)
-        if parameter.name in plausible
+        for parameter, std_dev, known in zip(model.parameters, std_devs, determined, strict=True)
+        if known and parameter.name in plausible
     }
 
 

@@ -106,8 +106,9 @@ class Figure:
             layout["annotations"].append(_title(panel, domain[1]))
             if len(self.left_out):
                 layout["shapes"].append(_shading(self.left_out, domain))
-            data += [trace for band in panel.bands for trace in _area(band, name)]
-            data += [_line(curve, panel.unit, name) for curve in panel.curves]
+            seen = panel.span and panel.span[1] - panel.span[0]
+            data += [trace for band in panel.bands for trace in _area(band, name, seen)]
+            data += [_line(curve, panel.unit, name, seen) for curve in panel.curves]
         return {"data": data, "layout": layout}
 
 
@@ -145,21 +146,21 @@ def _title(panel: Panel, top: float) -> dict[str, Any]:
     }
 
 
-def _line(curve: Curve, unit: str, axis: str) -> dict[str, Any]:
+def _line(curve: Curve, unit: str, axis: str, seen: float | None) -> dict[str, Any]:
     kept = thin(curve.time, curve.values)
     return {
         "type": "scatter",
         "mode": "lines",
         "name": curve.name,
         "x": _rounded(curve.time[kept]),
-        "y": _rounded(curve.values[kept]),
+        "y": _rounded(curve.values[kept], seen),
         "yaxis": axis,
         "line": {"color": curve.colour, "width": curve.width},
         "hovertemplate": f"%{{y:.4~g}} {unit}<extra>{curve.name}</extra>",
     }
 
 
-def _area(band: Band, axis: str) -> list[dict[str, Any]]:
+def _area(band: Band, axis: str, seen: float | None) -> list[dict[str, Any]]:
     """The lower edge, and the upper one with the area between them."""
     edges = []
     for values, fill in ((band.low, "none"), (band.high, "tonexty")):
@@ -170,7 +171,7 @@ def _area(band: Band, axis: str) -> list[dict[str, Any]]:
                 "mode": "lines",
                 "name": band.name,
                 "x": _rounded(band.time[kept]),
-                "y": _rounded(values[kept]),
+                "y": _rounded(values[kept], seen),
                 "yaxis": axis,
                 "line": {"width": 0},
                 "fill": fill,
@@ -210,10 +211,13 @@ def _dashed(limit: float, axis: str) -> dict[str, Any]:
     }
 
 
-def _rounded(values: np.ndarray) -> list[float | None]:
-    """Numbers short enough for a page; null where there is a gap."""
+def _rounded(values: np.ndarray, seen: float | None = None) -> list[float | None]:
+    """Numbers short enough for a page, for a panel that shows so much of them (None: all).
+
+    null where there is a gap.
+    """
     finite = np.isfinite(values)
-    largest = float(np.abs(values[finite]).max(initial=0.0))
+    largest = seen or float(np.abs(values[finite]).max(initial=0.0))
     decimals = _DIGITS - 1 - floor(log10(largest)) if largest > 0 else 0
     rounded = np.round(values, decimals).tolist()
     if finite.all():

@@ -32,7 +32,8 @@ def findings(
     return (
         *_parameters(fit),
         *(note for log in logs for note in _recording(log)),
-        *(note for p in preparations for note in _preparation(p, units)),
+        *(note for p in preparations for note in _preparation(p)),
+        *_drifts(preparations, units),
         *_gaps(preparations),
         *_lack_of_fit(fit),
         *_excitation(fit),
@@ -78,7 +79,7 @@ def _recording(log: Log) -> list[str]:
     return notes
 
 
-def _preparation(preparation: Preparation, units: Sequence[str]) -> list[str]:
+def _preparation(preparation: Preparation) -> list[str]:
     source, averaging = preparation.source, preparation.averaging
     if averaging is None:
         return []
@@ -93,17 +94,27 @@ def _preparation(preparation: Preparation, units: Sequence[str]) -> list[str]:
             f"{source}: {averaging.transient} of {averaging.transient + averaging.used} periods "
             "left out at the start: not periodic yet."
         )
-    drift = averaging.drift
-    notes += [
-        f"{source}: the force of the {spoken(joint)} drifts by {plain(float(rate))} {unit} a "
-        f"period."
-        for joint, rate, p_value, unit in zip(
-            preparation.record.joints, drift.rate, drift.p_value, units, strict=True
-        )
-        if p_value < BEYOND_NOISE
-    ]
     if averaging.used == 1:
         notes.append(f"{source}: only one period, so that its noise is not known.")
+    return notes
+
+
+def _drifts(preparations: Sequence[Preparation], units: Sequence[str]) -> list[str]:
+    """One note a joint, however many recordings drift."""
+    notes = []
+    for j, unit in enumerate(units):
+        rates = {
+            p.source: float(p.averaging.drift.rate[j])
+            for p in preparations
+            if p.averaging is not None and p.averaging.drift.p_value[j] < BEYOND_NOISE
+        }
+        if rates:
+            which = max(rates, key=lambda source: rates[source])
+            others = f"; so it does in {len(rates)} recordings" if len(rates) > 1 else ""
+            notes.append(
+                f"{which}: the force of the {spoken(preparations[0].record.joints[j])} drifts by "
+                f"{plain(rates[which])} {unit} a period{others}."
+            )
     return notes
 
 
