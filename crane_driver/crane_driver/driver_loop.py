@@ -46,6 +46,13 @@ class PressureSample(NamedTuple):
     tank: float
 
 
+class _Measured(NamedTuple):
+    """Joints whose pressures are still to come."""
+
+    positions: Complete
+    velocities: list[float]
+
+
 class DriverLoop:
     """One thread calls `receive` when frames have come, and `check` and `valve_frames` in every
     cycle of the valve frames. Times are of the steady clock [s].
@@ -73,9 +80,10 @@ class DriverLoop:
         self._machine = machine
         self._positions = Assembly(layout, "positions")
         self._pressures = Assembly(layout, "pressures")
-        self._pressure_span = 1.5 * max((one.cycle for one in layout.readings if one.pressures),
-                                        default=0.0)  # fmt: skip
-        self._newest: Complete | None = None
+        cycles = [one.cycle for one in layout.readings if one.pressures]
+        self._pressure_cycle = max(cycles, default=0.0)
+        self._newest: Complete | None = None  # pressures
+        self._waiting: _Measured | None = None
         density = [jerk_density[joint] for joint in self.joints]
         resolution = [layout.resolution(joint) for joint in self.joints]
         self._filter = VelocityFilter(density, resolution)
@@ -110,8 +118,12 @@ class DriverLoop:
             if complete := self._pressures.add(readings):
                 self._newest = complete
                 pressures.append(self._pressure_sample(complete))
+                joints += self._joint_samples(readings.steady)
             if complete := self._positions.add(readings):
-                joints.append(self._joint_sample(complete))
+                joints += self._joint_samples(math.inf)  # of the cycle before
+                self._waiting = self._measured(complete)
+                joints += self._joint_samples(readings.steady)
+        joints += self._joint_samples(now)
         return joints, pressures
 
     def check(self, publishers: int, now: float) -> None:
@@ -145,17 +157,33 @@ class DriverLoop:
             self._acceptance.sent(frame, now)
         return frames
 
-    def _joint_sample(self, complete: Complete) -> JointSample:
-        readings = [complete.values[joint] for joint in self.joints]
-        _, velocity, _ = self._filter.update(complete.steady, readings)
+    def _measured(self, positions: Complete) -> _Measured:
+        readings = [positions.values[joint] for joint in self.joints]
+        _, velocity, _ = self._filter.update(positions.steady, readings)
         velocities = velocity.tolist()
-        self.supervisor.readings(complete.values, dict(zip(self.joints, velocities, strict=True)))
-        return JointSample(complete.stamp, readings, velocities, self._effort(complete))
+        self.supervisor.readings(positions.values, dict(zip(self.joints, velocities, strict=True)))
+        return _Measured(positions, velocities)
+
+    def _joint_samples(self, now: float) -> list[JointSample]:
+        """The joints that wait, once the pressures of their cycle are there; at the latest when
+        half a cycle is over, for a controller waits for them.
+        """
+        if self._waiting is None:
+            return []
+        positions, velocities = self._waiting
+        half = self._pressure_cycle / 2
+        newest = self._newest
+        together = newest is not None and abs(newest.steady - positions.steady) <= half
+        if not together and now - positions.steady < half:
+            return []
+        self._waiting = None
+        readings = [positions.values[joint] for joint in self.joints]
+        return [JointSample(positions.stamp, readings, velocities, self._effort(positions))]
 
     def _effort(self, complete: Complete) -> list[float]:
         """(27) by the newest pressures, unless they are older than the positions by a cycle."""
         newest = self._newest
-        if newest is None or complete.steady - newest.steady > self._pressure_span:
+        if newest is None or complete.steady - newest.steady > 1.5 * self._pressure_cycle:
             return [math.nan] * len(self.joints)
         effort = []
         for joint in self.joints:

@@ -2,14 +2,20 @@
 
 import os
 import signal
+import threading
 import time
 from collections.abc import Callable, Iterator
+from contextlib import contextmanager
 from itertools import pairwise
+from pathlib import Path
 
 import pytest
 from integration.driver_stage import PATIENCE, Commander, Stage, Valves, commander
 
+from crane_driver.can.bus import BusSettings
+from crane_driver.can.codec import MachineCodec
 from crane_driver.can.frame import Frame
+from crane_driver.can.link import Link
 from crane_driver.safety.settings import load_safety
 from crane_interfaces.msg import ValveCommand
 
@@ -19,10 +25,34 @@ SAFETY = load_safety()
 SMALLEST = 1e-3  # two steps of the spool signal
 SLACK = 1.0  # s, that a busy test machine may take beyond the times of the driver
 
+# A driver whose bus is gone, as an adapter that is pulled out, while the file GONE exists.
+DRIVER = """
+import pathlib, sys
+from can.interfaces.udp_multicast import UdpMulticastBus as Bus
+gone = pathlib.Path({gone!r})
+def mortal(method):
+    def call(*arguments, **named):
+        if gone.exists():
+            raise OSError(19, "No such device")
+        return method(*arguments, **named)
+    return call
+for name in ("__init__", "recv", "send"):
+    setattr(Bus, name, mortal(getattr(Bus, name)))
+from crane_driver.driver_node import main
+sys.exit(main(sys.argv[1:]))
+"""
+
 
 @pytest.fixture(scope="module")
-def stage(ros_domain: int, tmp_path_factory: pytest.TempPathFactory) -> Iterator[Stage]:
-    one = Stage(tmp_path_factory.mktemp("driver"), [])
+def gone(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """While this file exists, the driver has no bus."""
+    return tmp_path_factory.mktemp("bus") / "gone"
+
+
+@pytest.fixture(scope="module")
+def stage(ros_domain: int, gone: Path, tmp_path_factory: pytest.TempPathFactory) -> Iterator[Stage]:
+    driver = DRIVER.format(gone=str(gone))
+    one = Stage(tmp_path_factory.mktemp("driver"), [], driver=driver)
     yield one
     one.close()
 
@@ -132,6 +162,79 @@ def test_a_machine_that_falls_silent_is_a_fault_and_nothing_is_published(
         os.kill(stage.machine.pid, signal.SIGCONT)
     stage.until(lambda: len(stage.states) > states + 20)
     assert stage.safety()[0].startswith("fault")  # never enabled by itself
+    success, text = stage.call("enable")
+    assert not success
+    assert text.startswith("not enabled: the state is fault; CAN: ")
+    stage.disabled()
+
+
+def test_a_bus_that_is_lost_is_reopened_but_never_enabled_again(
+    stage: Stage, hand: Commander, gone: Path
+) -> None:
+    stage.moving(hand, slew=0.5)
+    before = len(stage.valves)
+    gone.touch()
+    try:
+        stage.until(lambda: stage.machine_state == "CommandTimeout")  # no way to reach the valves
+        assert "No such device; reopened in 0." in fault(stage, "CAN bus")
+        assert stage.diagnostics["driver: bus"][1] == "lost"
+        silent = len(stage.valves)
+    finally:
+        gone.unlink()
+    stage.until(lambda: len(stage.valves) > silent + 200)
+    assert all(one.enabled for one in stage.valves[before:silent])
+    again = [one for one in stage.valves[silent:] if one.enabled or one.commands["slew"]]
+    assert len(again) * stage.layout.commands[0].cycle <= SAFETY.ramp_time + SLACK
+    stage.until(lambda: stage.safety()[0].startswith("fault"))
+    assert int(stage.diagnostics["driver: bus"][2]["times reopened"]) >= 1
+    stage.disabled()
+
+
+@contextmanager
+def played(stage: Stage) -> Iterator[threading.Event]:
+    """A machine in the place of the simulated one; it accepts commands while the event is set."""
+    hears, done = threading.Event(), threading.Event()
+    hears.set()
+    state = stage.states[-1]
+    positions = dict(zip(state.name, state.position, strict=True))
+    pressures = dict.fromkeys(stage.layout.pressures, 1e6)
+    codec = MachineCodec(stage.layout)
+    accepted: dict[str, int] = {}
+
+    def play() -> None:
+        with Link(BusSettings(extra={"port": stage.port})) as link:
+            while not done.wait(min(codec.cycles.values())):
+                for frame in link.take():
+                    command = codec.decode(frame)
+                    if command and command.counter is not None and hears.is_set():
+                        accepted[command.message] = command.counter
+                for name in codec.cycles:
+                    well = {"valve_unit": "Enabled"}
+                    link.send(
+                        codec.reading_frame(name, positions, pressures, well, accepted=accepted)
+                    )
+
+    os.kill(stage.machine.pid, signal.SIGSTOP)
+    thread = threading.Thread(target=play)
+    thread.start()
+    try:
+        yield hears
+    finally:
+        done.set()
+        thread.join()
+        os.kill(stage.machine.pid, signal.SIGCONT)
+
+
+def test_valves_that_do_not_accept_what_they_are_sent_are_a_fault(
+    stage: Stage, hand: Commander
+) -> None:
+    with played(stage) as hears:
+        stage.moving(hand, slew=0.5)
+        since = len(stage.valves)
+        hears.clear()
+        ramped(stage, since)
+        detail = fault(stage, "CAN not accepted ValveStatus")
+        assert "ValveCommand has been sent for 1" in detail
     stage.disabled()
 
 
@@ -181,6 +284,18 @@ def test_a_wrong_counter_is_a_fault(stage: Stage, hand: Commander) -> None:
     assert {"CAN sequence EncoderBase", "CAN repeated EncoderBase"} & values.keys()
 
 
+def test_a_repeated_frame_is_a_fault(stage: Stage, hand: Commander) -> None:
+    stage.moving(hand, slew=0.5)
+    since, states = len(stage.valves), len(stage.states)
+    old = encoder_frame(stage)
+    for _ in range(5):  # one of the machine's own may come before the first of them
+        stage.link.send(old)
+    ramped(stage, since)
+    assert "EncoderBase (120): repeated: counter " in fault(stage, "CAN repeated EncoderBase")
+    stamps = [(one.header.stamp.sec, one.header.stamp.nanosec) for one in stage.states[states:]]
+    assert stamps == sorted(set(stamps))
+
+
 def test_emergency_stop_is_neutral_at_once_and_latched(stage: Stage, hand: Commander) -> None:
     stage.moving(hand, slew=0.5)
     since = len(stage.valves)
@@ -207,6 +322,23 @@ def test_enable_is_refused_while_a_command_is_not_neutral(stage: Stage, hand: Co
     success, text = stage.call("enable")
     assert not success
     assert "the command is slew 0.5; command neutral first" in text
+
+
+def test_a_speed_beyond_table_2_is_held_back(stage: Stage, hand: Commander) -> None:
+    """The open spool alone would turn the crane at more than 1 rad/s."""
+    fastest, most = 0.4, 0.0
+    deadline = time.monotonic() + PATIENCE
+    stage.until(lambda: stage.states)
+    side = -1.0 if stage.states[-1].position[0] > 0.0 else 1.0  # where there is way to go
+    while side * stage.states[-1].position[0] < 0.8:
+        assert time.monotonic() < deadline, stage.states[-1].position
+        if not stage.valves[-1].enabled:  # at first, and after a fault of a busy test machine
+            stage.moving(hand, slew=side * 0.12)
+            hand.send(slew=side)
+        stage.spin()
+        most = max(most, side * stage.states[-1].velocity[0])
+    assert 0.5 * fastest < most <= 1.4 * fastest  # what a late test machine adds
+    stage.disabled()
 
 
 def test_at_a_limit_the_command_goes_no_further(stage: Stage, hand: Commander) -> None:

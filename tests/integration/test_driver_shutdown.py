@@ -1,42 +1,78 @@
-"""A driver that is ended, or killed, in the middle of a motion."""
+"""A driver that is ended, crashes or is killed in the middle of a motion."""
 
 import signal
+import time
 from collections.abc import Iterator
-from pathlib import Path
 
 import pytest
-from integration.driver_stage import Stage, commander
+from integration.driver_stage import DRIVER, Stage, Valves, commander
 
 pytestmark = pytest.mark.realtime
 
 SMALLEST = 1e-3  # two steps of the spool signal
 
+# A driver with a programming error that shows itself on SIGUSR1.
+FAULTY = """
+import signal, sys
+from crane_driver.driver_loop import DriverLoop
+from crane_driver.driver_node import main
+check, signals = DriverLoop.check, []
+signal.signal(signal.SIGUSR1, lambda number, frame: signals.append(number))
+def fail(loop, publishers, now):
+    if signals:
+        raise ZeroDivisionError("planted in a callback")
+    check(loop, publishers, now)
+DriverLoop.check = fail
+sys.exit(main(sys.argv[1:]))
+"""
 
-@pytest.fixture
-def stage(ros_domain: int, tmp_path: Path) -> Iterator[Stage]:
-    one = Stage(tmp_path, [])
+
+@pytest.fixture(scope="module")
+def stage(ros_domain: int, tmp_path_factory: pytest.TempPathFactory) -> Iterator[Stage]:
+    one = Stage(tmp_path_factory.mktemp("driver"), [])
     yield one
     one.close()
 
 
-def ended_by(stage: Stage, number: signal.Signals) -> int:
-    """End the driver while the slew valve is open; the count of valve frames before."""
+def ended_by(stage: Stage, *signals: signal.Signals, program: str = DRIVER) -> list[Valves]:
+    """End the driver while the slew valve is open; the valve frames since then."""
+    if stage.driver.poll() is not None:
+        stage.start_driver(program)
     with commander(stage) as hand:
         stage.moving(hand, slew=0.5)
         since = len(stage.valves)
-        stage.driver.send_signal(number)
+        for number in signals:
+            stage.driver.send_signal(number)
+            time.sleep(0.02)  # within the ramp
         stage.until(lambda: stage.driver.poll() is not None)
         stage.spin()
-    return since
+    return stage.valves[since:]
 
 
-def test_shutdown_ramps_to_neutral(stage: Stage) -> None:
-    since = ended_by(stage, signal.SIGINT)
-    values = [one.commands["slew"] for one in stage.valves[since:]]
-    assert stage.driver.returncode == 0
+def assert_ramp(frames: list[Valves]) -> None:
+    """Down to neutral, and not at once."""
+    values = [one.commands["slew"] for one in frames]
     assert values[-1] == 0.0
-    assert not stage.valves[-1].enabled
-    assert len([one for one in values if SMALLEST < one < 0.49]) >= 4, "not at once"
+    assert not frames[-1].enabled
+    assert len([one for one in values if SMALLEST < one < 0.49]) >= 4, values
+
+
+def test_shutdown_ramps_to_neutral_however_often_ctrl_c_is_pressed(stage: Stage) -> None:
+    frames = ended_by(stage, *[signal.SIGINT] * 4)
+    assert stage.driver.returncode == 0
+    assert_ramp(frames)
+
+
+def test_the_end_of_its_terminal_ramps_to_neutral(stage: Stage) -> None:
+    frames = ended_by(stage, signal.SIGHUP)
+    assert stage.driver.returncode == 0
+    assert_ramp(frames)
+
+
+def test_an_error_in_a_callback_ramps_to_neutral(stage: Stage) -> None:
+    frames = ended_by(stage, signal.SIGUSR1, program=FAULTY)
+    assert stage.driver.returncode == 1
+    assert_ramp(frames)
 
 
 def test_a_driver_that_is_killed_leaves_the_valves_to_time_out(stage: Stage) -> None:

@@ -83,8 +83,7 @@ def test_samples_hold_what_the_machine_measured_stamped_when_it_came(bench: Benc
     assert (pressures.supply, pressures.tank) == pytest.approx((17e6, 2e5), abs=1e4)
 
 
-def test_effort_is_the_generalized_force_of_the_pressures(bench: Bench) -> None:
-    bench.run(3)
+def test_effort_is_the_generalized_force_of_the_pressures_of_the_same_cycle(bench: Bench) -> None:
     joints, pressures = bench.run(1)
     (expected,) = generalized_forces(
         MACHINE,
@@ -96,18 +95,36 @@ def test_effort_is_the_generalized_force_of_the_pressures(bench: Bench) -> None:
     assert joints.effort[1:] == pytest.approx(expected.tolist(), rel=1e-3)
 
 
-def test_the_first_sample_has_no_velocity_and_no_effort(bench: Bench) -> None:
+def test_the_first_sample_has_no_velocity(bench: Bench) -> None:
     joints, _ = bench.run(1)
     assert np.isnan(joints.velocity).all()
-    assert np.isnan(joints.effort).all()
     assert np.isfinite(joints.position).all()
+
+
+def test_joints_wait_half_a_cycle_for_their_pressures_and_no_longer(bench: Bench) -> None:
+    bench.run(5)
+    frames = bench.frames()
+    encoders = [one for one in frames if one.id in (0x120, 0x121)]
+    others = [one for one in frames if one not in encoders]
+    assert bench.loop.receive(encoders, [], bench.now) == ([], [])
+    assert bench.loop.receive([], [], bench.now + 0.4 * CYCLE) == ([], [])
+    (joints,), (pressures,) = bench.loop.receive(
+        [one._replace(steady=bench.now + 0.4 * CYCLE) for one in others], [], bench.now
+    )
+    assert joints.stamp == pressures.stamp == frames[0].stamp
+    frames = bench.frames()
+    assert bench.loop.receive(frames[:2], [], bench.now) == ([], [])
+    (joints,), _ = bench.loop.receive([], [], bench.now + 0.5 * CYCLE)
+    assert joints.stamp == frames[0].stamp
+    assert np.isfinite(joints.effort[1:]).all()  # of the cycle before
 
 
 def test_effort_of_old_pressures_is_none(bench: Bench) -> None:
     bench.run(5)
     for _ in range(3):
         frames = [one for one in bench.frames() if one.id not in (0x130, 0x131)]
-        (joints,), pressures = bench.receive(frames)
+        bench.receive(frames)
+        (joints,), pressures = bench.loop.receive([], [], bench.now + 0.5 * CYCLE)
         assert not pressures
     assert np.isnan(joints.effort).all()
 
