@@ -20,7 +20,9 @@ from crane_identification.progress import Progress
 from crane_identification.progress_bar import ProgressBar
 from crane_identification.report import page, summary
 from crane_identification.report.content import IdentificationReport, Provenance
+from crane_identification.report.errors import pooled
 from crane_identification.report.findings import findings
+from crane_identification.scale.cluster import fit_on_cluster
 from crane_model import cli
 from crane_model.configuration import load
 from crane_model.errors import ConfigurationError, DataError
@@ -74,6 +76,9 @@ def identify(arguments: argparse.Namespace) -> None:
     options = Options(
         average=arguments.average, period=arguments.period, estimator=arguments.estimator
     )
+    if arguments.cluster:
+        on_cluster(model, arguments, options)
+        return
     with ProgressBar() as progress:
         sources = Sources(model, columns, progress)
         training, held_out = sources.read(arguments.train), sources.read(arguments.validate)
@@ -99,6 +104,29 @@ def identify(arguments: argparse.Namespace) -> None:
         summary.write(arguments.out / "summary.json", report)
         page.write(arguments.out / "report.html", report, progress)
     _tell(report, arguments.out)
+
+
+def on_cluster(model: Model, arguments: argparse.Namespace, options: Options) -> None:
+    """Fit on a Dask cluster, validate here; the figures of a report would need all rows here."""
+    if options.estimator is not Estimator.LEAST_SQUARES or arguments.recursive:
+        raise ConfigurationError(
+            "--cluster sums information matrices, which is least squares (31); give "
+            "--estimator least_squares, without --recursive"
+        )
+    with ProgressBar() as progress:
+        result = fit_on_cluster(model, arguments.train, arguments.cluster, options, progress)
+        sources = Sources(model, None, progress)
+        held_out = sources.read(arguments.validate)
+        validations = validate(result.model, held_out, options, progress) if held_out else ()
+    errors = pooled(result.model, validations) if validations else None
+    arguments.out.mkdir(parents=True, exist_ok=True)
+    save_model(arguments.out / "model.yaml", result.model)
+    summary.write_of_cluster(arguments.out / "summary.json", result, errors)
+    print(
+        f"{len(model.parameters)} parameters from {result.information.rows.sum()} equations of "
+        f"{len(arguments.train)} recordings, by {result.workers} workers"
+    )
+    print(f"written: {arguments.out}/model.yaml, {arguments.out}/summary.json")
 
 
 def _tell(report: IdentificationReport, out: Path) -> None:
@@ -147,6 +175,12 @@ def parser() -> argparse.ArgumentParser:
         "scatter between periods; robust: outliers do not steer it; instrumental: free of the bias "
         "that feedback brings, from the recorded reference; consistent (default): least squares "
         "among physical parameters, which is (31) wherever that is physical",
+    )
+    add(
+        "--cluster",
+        metavar="ADDRESS",
+        help="scheduler of a Dask cluster (tcp://HOST:PORT) whose workers read the training bags; "
+        "for more of them than one machine holds",
     )
     add(
         "--recursive",

@@ -4,7 +4,6 @@ from dataclasses import dataclass
 
 import numpy as np
 from scipy.ndimage import uniform_filter1d
-from scipy.signal import fftconvolve
 
 from crane_model.errors import DataError
 
@@ -17,6 +16,8 @@ SPREAD = 5.0
 """Equal: to within this many times the 0.9 quantile of the difference over the repeating part."""
 SLACK = (16.0, 8.0, 4.0, 2.0, *(1.0,) * 16)
 """Multiples of about equal with which the search for the exact lag proceeds."""
+SEARCHED = 3000
+"""Samples of the signal, thinned, in which the period is sought; then it is found exactly."""
 ROUNDING = 1e-9
 """Share of the range of the reference below which differences are rounding."""
 MOVES = 20.0
@@ -84,18 +85,27 @@ def _normalized(reference: np.ndarray) -> np.ndarray:
 
 
 def _candidates(signal: np.ndarray) -> np.ndarray:
-    """Lags at which the mean squared difference has a minimum, ascending, past the first rise."""
-    n = len(signal)
-    power = (signal**2).sum(axis=1)
-    products = sum(fftconvolve(x, x[::-1])[n - 1 :] for x in signal.T)
-    energy = np.concatenate([[0.0], np.cumsum(power)])
-    lag = np.arange(int(LONGEST * n))
-    difference = (energy[n - lag] + energy[n] - energy[lag] - 2 * products[lag]) / (n - lag)
+    """Lags at which the signal comes closest to itself, ascending, past the first rise.
+
+    Close over one period somewhere: approach and stop, however long, do not shift the minimum.
+    """
+    thin = max(len(signal) // SEARCHED, 1)
+    coarse = signal[::thin]
+    lags = np.arange(1, int(LONGEST * len(coarse)))
+    difference = np.array([_closest(coarse, int(lag)) for lag in lags])
     risen = int(np.argmax(difference > 0.5 * difference.mean()))
     inner = difference[1:-1]
     minimum = (inner <= difference[:-2]) & (inner <= difference[2:])
     found = np.flatnonzero(minimum) + 1
-    return found[found > risen]
+    return lags[found[found > risen]] * thin
+
+
+def _closest(signal: np.ndarray, lag: int) -> float:
+    """Least mean squared difference to the signal `lag` later, over a stretch as long."""
+    squares = ((signal[lag:] - signal[:-lag]) ** 2).sum(axis=1)
+    sums = np.cumsum(np.concatenate([[0.0], squares]))
+    length = min(max(int(SEEN * lag), 1), len(squares))
+    return float((sums[length:] - sums[:-length]).min()) / length
 
 
 def _difference(signal: np.ndarray, lag: float) -> np.ndarray:

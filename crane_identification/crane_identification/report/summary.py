@@ -8,6 +8,8 @@ from typing import TypedDict
 import numpy as np
 
 from crane_identification.report.content import IdentificationReport
+from crane_identification.report.errors import JointErrors
+from crane_identification.scale.cluster import ClusterFit
 
 
 class ParameterSummary(TypedDict):
@@ -140,6 +142,41 @@ def summarize(report: IdentificationReport) -> Summary:
 def write(path: Path | str, report: IdentificationReport) -> None:
     """Write `summarize(report)` as JSON."""
     text = json.dumps(summarize(report), indent=2, ensure_ascii=False, allow_nan=False)
+    Path(path).write_text(text + "\n", encoding="utf-8")
+
+
+class ClusterSummary(TypedDict):
+    """As `Summary`, what is known without the rows of the training recordings."""
+
+    model: str
+    method: str
+    parameters: list[ParameterSummary]
+    heldout_relative_error: dict[str, float | None]
+    heldout_relative_error_without_gravity: dict[str, float | None]
+    noise_floor: dict[str, float | None]
+    samples: int
+
+
+def write_of_cluster(path: Path | str, fit: ClusterFit, held_out: JointErrors | None) -> None:
+    """Write what a fit on a cluster found, and its errors on validation recordings, as JSON."""
+    information, model = fit.information, fit.model
+    assert model.std_devs is not None  # of a fitted model
+
+    def per_joint(values: np.ndarray) -> dict[str, float | None]:
+        return {joint: _number(v) for joint, v in zip(model.joints, values, strict=True)}
+
+    content = ClusterSummary(
+        model=model.name,
+        method=model.provenance,
+        parameters=_parameters(information.names, information.units, model.theta, model.std_devs),
+        heldout_relative_error=per_joint(held_out.relative) if held_out else {},
+        heldout_relative_error_without_gravity=per_joint(held_out.without_gravity)
+        if held_out
+        else {},
+        noise_floor=per_joint(held_out.noise_floor) if held_out else {},
+        samples=int(information.rows.sum()),
+    )
+    text = json.dumps(content, indent=2, ensure_ascii=False, allow_nan=False)
     Path(path).write_text(text + "\n", encoding="utf-8")
 
 

@@ -66,6 +66,15 @@ def test_does_not_depend_on_clock_or_units(seed: int, shift: float, scale: float
     assert moved.start == pytest.approx(found.start + shift, abs=0.05)
 
 
+@pytest.mark.parametrize("seed", range(8))
+def test_long_approach_hides_nothing(seed: int) -> None:
+    """Longer than the period, and only two periods after it."""
+    time, position, begin, _ = reference(20.0, 2, 100.0, seed, approach=25.0)
+    found = detect_periodicity(time, position)
+    assert found.period == pytest.approx(20.0, rel=1e-5)
+    assert found.start == pytest.approx(begin, abs=0.6)
+
+
 def test_exactly_two_periods_and_nothing_else() -> None:
     time = np.arange(4000) / 100
     position = np.stack([np.sin(np.pi / 10 * time), np.cos(np.pi / 5 * time)], axis=1)

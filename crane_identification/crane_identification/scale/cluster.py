@@ -1,0 +1,148 @@
+"""Least squares over more recordings than one machine holds, on a Dask cluster.
+
+Every recording is read, prepared and turned into rows by one worker and stays there; only its
+information matrix travels, and their sum gives the same Θ as all rows in one place. A second round
+over the rows gives the covariance: there the noise of each recording is judged by itself, so that
+the standard deviations are close to, and not the same as, those of all rows in one place.
+"""
+
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
+from functools import reduce
+from operator import add
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from distributed import Client, as_completed
+
+from crane_identification.data.bag_log import read_bag
+from crane_identification.estimation.covariance import Covariance, correlated, white
+from crane_identification.estimation.lack_of_fit import lack_of_fit
+from crane_identification.estimation.rows import Rows
+from crane_identification.options import Options
+from crane_identification.preparation import Preparation, prepare
+from crane_identification.progress import Progress, silent
+from crane_identification.regression import build_rows, common_factor
+from crane_identification.scale.information import Information
+from crane_model.errors import ConfigurationError, DataError
+from crane_model.model_file import Model
+
+ANSWER = 30.0  # s for the scheduler to answer
+
+
+@dataclass(frozen=True)
+class ClusterFit:
+    """The `model` with its values, from the `information` of all recordings."""
+
+    model: Model
+    information: Information
+    workers: int
+
+
+def fit_on_cluster(
+    model: Model,
+    recordings: Sequence[Path],
+    address: str,
+    options: Options | None = None,
+    progress: Progress = silent,
+) -> ClusterFit:
+    """Θ of `model` by least squares (31) from bags that the workers of a Dask cluster can read.
+
+    `address` is that of the scheduler, tcp://host:port. Raises `ConfigurationError` if no scheduler
+    answers or it has no workers, `DataError` as `pipeline.fit` does.
+    """
+    options = options or Options()
+    try:
+        client = Client(address, timeout=ANSWER, set_as_default=False)
+    except OSError as error:
+        raise ConfigurationError(
+            f"no Dask scheduler answers at {address} within {ANSWER:g} s ({error}); start one with "
+            "`dask scheduler`, and workers with `dask worker ADDRESS` where the bags can be read"
+        ) from None
+    with client:
+        workers = len(client.scheduler_info()["workers"])
+        if not workers:
+            raise ConfigurationError(
+                f"the Dask scheduler at {address} has no workers; start some with `dask worker "
+                f"{address}`"
+            )
+        return _fit(client, workers, model, recordings, options, progress)
+
+
+def _fit(
+    client: Client,
+    workers: int,
+    model: Model,
+    recordings: Sequence[Path],
+    options: Options,
+    progress: Progress,
+) -> ClusterFit:
+    def on_workers(function: Callable[..., Any], *arguments: Sequence[Any]) -> list[Any]:
+        return client.map(function, *arguments, pure=False)
+
+    def results(futures: list[Any], phase: str) -> list[Any]:
+        for done, _ in enumerate(as_completed(futures, loop=client.loop), start=1):
+            progress(phase, done / len(futures))
+        return client.gather(futures)
+
+    (everywhere,) = client.scatter([model], broadcast=True)
+    paths = [str(path.resolve()) for path in recordings]
+    repeated = [everywhere] * len(paths), [options] * len(paths)
+    prepared = on_workers(_prepared, paths, *repeated)
+    factors = results(on_workers(_factor, prepared), "reading on the cluster")
+    factor = min(factors) if options.decimation is None else options.decimation
+    rows = on_workers(_rows, prepared, repeated[0], [factor] * len(paths))
+    information = reduce(add, results(on_workers(Information.of, rows), "information"))
+    if information.rows.sum() <= len(information.names):
+        raise DataError(
+            f"least squares: {information.rows.sum()} rows for {len(information.names)} "
+            "parameters; record longer"
+        )
+    weights = information.balancing()
+    solution = information.solve(weights)
+    if not solution.determined.all():
+        unknown = np.array(information.names)[~solution.determined]
+        raise DataError(
+            f"model '{model.name}': {', '.join(unknown)}: these recordings show only combinations "
+            "of these parameters; excite the joints more or take terms out of the model"
+        )
+    noise = (
+        [weights] * len(paths),
+        [solution.values] * len(paths),
+        [options.covariance] * len(paths),
+    )
+    meat = sum(results(on_workers(_meat, rows, *noise), "uncertainty"))
+    covariance = solution.bread @ meat @ solution.bread
+    fitted = model.with_estimate(
+        solution.values,
+        np.sqrt(np.diag(covariance)),
+        f"least squares (31) from the information of {len(paths)} recordings, "
+        f"{information.rows.sum()} rows",
+    )
+    return ClusterFit(fitted, information, workers)
+
+
+def _prepared(path: str, model: Model, options: Options) -> list[Preparation]:
+    return prepare(model, read_bag(path, model.joints), options)
+
+
+def _factor(preparations: list[Preparation]) -> int:
+    return common_factor(preparations)
+
+
+def _rows(preparations: list[Preparation], model: Model, factor: int) -> Rows:
+    return Rows.stack([build_rows(model, one, factor) for one in preparations])
+
+
+def _meat(
+    rows: Rows, weights: np.ndarray, values: np.ndarray, assumption: Covariance
+) -> np.ndarray:
+    """Σ ΦᵀW Γ WΦ (p, p) of one recording."""
+    unit = np.eye(len(values))
+    spread = np.broadcast_to(weights, rows.force.shape)
+    residual = spread * rows.residual(values)
+    if assumption is Covariance.CORRELATED:
+        return correlated(rows, spread, residual, unit, lack_of_fit(rows, values))
+    columns = rows.stacked * spread[rows.used][:, None]
+    return columns.T @ columns * white(residual[rows.used], unit, assumption)[0, 0]
