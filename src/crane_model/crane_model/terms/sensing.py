@@ -86,7 +86,7 @@ class ChamberGain(OneJointTerm):
     def joint_parameters(self, setting: Setting) -> tuple[Parameter, ...]:
         """gain."""
         unit = gain_unit(setting, self.joint)
-        meaning = "share by which the pressure of chamber B is measured too small"
+        meaning = "share by which the pressure of chamber B is measured too large"
         return (Parameter("gain_B", unit, None, meaning),)
 
     def joint_columns(self, record: Record, setting: Setting, j: int) -> np.ndarray:

@@ -1,0 +1,138 @@
+"""What wrong sensors do to the measured force, worked out anew and compared with the columns."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from unit.crane_model.test_term_registry import SETTING, random_record
+
+from crane_model.cylinders import generalized_forces, lever_arm
+from crane_model.dynamics import Geometry, gravity_vector
+from crane_model.machine import PLANAR_JOINTS, Machine
+from crane_model.record import Record
+from crane_model.terms.actuator import ActuatorInertia
+from crane_model.terms.nuisance import VelocityLag
+from crane_model.terms.sensing import (
+    ChamberGain,
+    EncoderOffset,
+    PressureGain,
+    PressureOffset,
+    TimeSkew,
+)
+
+
+@pytest.fixture(scope="module")
+def record(machine: Machine) -> Record:
+    """Its force is that of its pressures (27)."""
+    record = random_record()
+    pressures = record.pressure_a, record.pressure_b
+    return replace(record, force=generalized_forces(machine, record.position, *pressures))
+
+
+def changed_force(machine: Machine, record: Record, j: int, a: float, b: float, gain: float):
+    """What is measured if A reads a [Pa] too much, B times 1 + b, and both times 1 + gain."""
+    p_a, p_b = record.pressure_a.copy(), record.pressure_b.copy()
+    p_a[:, j] = (1.0 + gain) * p_a[:, j] + a
+    p_b[:, j] = (1.0 + gain) * (1.0 + b) * p_b[:, j]
+    return generalized_forces(machine, record.position, p_a, p_b)
+
+
+@pytest.mark.parametrize("joint", PLANAR_JOINTS)
+def test_offset_and_gain_of_transducers(machine: Machine, record: Record, joint: str) -> None:
+    """The columns are taken from true pressures here; on data, from measured ones."""
+    j = PLANAR_JOINTS.index(joint)
+    for term, value, change in (
+        (PressureOffset(joint=joint), 1e5, (1e5, 0.0, 0.0)),
+        (ChamberGain(joint=joint), 0.03, (0.0, 0.03, 0.0)),
+        (PressureGain(joint=joint), 0.02, (0.0, 0.0, 0.02)),
+    ):
+        measured = changed_force(machine, record, j, *change)
+        error = value * term.columns(record, SETTING)[:, :, 0]
+        np.testing.assert_allclose(error, measured - record.force, rtol=1e-9, atol=1e-6)
+
+
+@pytest.mark.parametrize("joint", ["inner_boom", "outer_boom"])
+def test_encoder_offset_is_the_change_of_the_torque(
+    machine: Machine, geometry: Geometry, record: Record, joint: str
+) -> None:
+    j, offset = PLANAR_JOINTS.index(joint), 1e-6
+    wrong = record.position.copy()
+    wrong[:, j] += offset
+    measured = generalized_forces(machine, wrong, record.pressure_a, record.pressure_b)
+    columns = EncoderOffset(joint=joint).columns(record, SETTING)
+    error = (measured - record.force) / offset
+    np.testing.assert_allclose(columns[:, :, 0], error, rtol=1e-4, atol=1e-2)
+    # weight of the telescope at the true angle, from that at the wrong one
+    weight = np.zeros(9)
+    weight[6] = 1.0
+    at_true = wrong.copy()
+    at_true[:, j] -= 2 * offset
+    change = (
+        gravity_vector(geometry, weight, at_true) - gravity_vector(geometry, weight, wrong)
+    ) / (2 * offset)
+    np.testing.assert_allclose(columns[:, 2, 1], change[:, 2], atol=1e-5)
+    np.testing.assert_allclose(columns[:, 1, 1], change[:, 1], atol=1e-5)
+
+
+def test_delay_of_pressures_moves_the_force_along_its_rate(machine: Machine) -> None:
+    """Two runs, between which the force jumps; the lever arm is that of the instant."""
+    delay, half = 2e-3, 300
+    time = np.tile(np.arange(half) * 0.005, 2)
+    run = np.repeat([0, 1], half)
+    q = np.stack([0.4 + 0.2 * np.sin(time), -1.2 + 0 * time, 0.5 + 0 * time], axis=1)
+
+    def force(t: np.ndarray) -> np.ndarray:
+        cylinder = 2e4 * np.sin(3.0 * t) + 5e3 * run
+        tau = np.zeros((2 * half, 3))
+        tau[:, 0] = lever_arm(machine, "inner_boom", q[:, 0]) * cylinder
+        return tau
+
+    still = np.zeros_like(q)
+    true = Record(PLANAR_JOINTS, time, q, still, still, run=run, force=force(time))
+    column = TimeSkew(joint="inner_boom").columns(true, SETTING)[:, :, 0]
+    error = force(time - delay) - force(time)
+    inner = np.tile(np.arange(half) % half, 2)
+    inside = (inner > 0) & (inner < half - 1)
+    np.testing.assert_allclose(
+        delay * column[inside], error[inside], atol=0.02 * np.abs(error).max()
+    )
+    ends = np.abs(delay * column[~inside] - error[~inside]).max()
+    assert ends < 0.1 * np.abs(error).max()  # differences do not reach into the other run
+    rate = np.ones_like(q)
+    known = TimeSkew(joint="inner_boom").columns(replace(true, force_rate=rate), SETTING)
+    assert (known[:, 0, 0] == -1.0).all()
+
+
+@pytest.mark.parametrize("joint", PLANAR_JOINTS)
+def test_inertia_of_the_actuator_is_the_lagrangian_of_its_piston(
+    machine: Machine, joint: str
+) -> None:
+    """d/dt (dT/dq') - dT/dq of T = x'^2/2, by differences."""
+    j, h = PLANAR_JOINTS.index(joint), 1e-5
+    record = random_record()
+    q, v, a = (each[:, j] for each in (record.position, record.velocity, record.acceleration))
+
+    def momentum(t: float) -> np.ndarray:
+        return lever_arm(machine, joint, q + v * t + a * t**2 / 2) ** 2 * (v + a * t)
+
+    def kinetic(q: np.ndarray) -> np.ndarray:
+        return (lever_arm(machine, joint, q) * v) ** 2 / 2
+
+    expected = (momentum(h) - momentum(-h)) / (2 * h) - (kinetic(q + h) - kinetic(q - h)) / (2 * h)
+    column = ActuatorInertia(joint=joint).columns(record, SETTING)[:, j, 0]
+    np.testing.assert_allclose(column, expected, rtol=1e-5, atol=1e-5)
+
+
+def test_velocity_lag_takes_up_friction_at_a_misplaced_reversal() -> None:
+    """Friction tanh(v/w) of the true velocity, seen at one that is late and too flat."""
+    speed, late, flat = 0.02, 0.004, 0.03
+    time = np.arange(0.0, 6.0, 0.005)
+    v, a = np.sin(2.0 * time)[:, None] * 0.1, np.cos(2.0 * time)[:, None] * 0.2
+    error = np.tanh(((1.0 + flat) * v + late * a) / speed) - np.tanh(v / speed)
+    seen = Record(("outer_boom",), time, 0 * v, v, a)
+    setting = SETTING._replace(units={"outer_boom": "rad"})
+    columns = VelocityLag(joint="outer_boom", speed=speed).columns(seen, setting)[:, 0]
+    values, *_ = np.linalg.lstsq(columns, error[:, 0], rcond=None)
+    left = np.linalg.norm(error[:, 0] - columns @ values) / np.linalg.norm(error)
+    assert left < 0.1
+    np.testing.assert_allclose(values, [flat, late / speed], rtol=0.15)
