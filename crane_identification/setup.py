@@ -7,7 +7,7 @@ setup(
     version="0.1.0",
     license="Apache-2.0",
     packages=find_packages(include=[PACKAGE, f"{PACKAGE}.*"]),
-    package_data={PACKAGE: ["data/*", "report/page.*"]},
+    package_data={PACKAGE: ["data/*", "report/page.*", "discrepancy/report/page.*"]},
     data_files=[
         ("share/ament_index/resource_index/packages", [f"resource/{PACKAGE}"]),
         (f"share/{PACKAGE}", ["package.xml"]),
@@ -16,6 +16,7 @@ setup(
     zip_safe=False,
     entry_points={
         "console_scripts": [
+            "diagnose = crane_identification.discrepancy.diagnose:main",
             "identify = crane_identification.identify:main",
             "identification = crane_identification.online.identification_node:main",
         ]

@@ -16,7 +16,7 @@ from crane_identification.signals.decimate import decimate, decimation_rows
 from crane_model.errors import DataError
 from crane_model.model_file import Model
 from crane_model.record import Record
-from crane_model.terms import Term, joints_of, nuisances
+from crane_model.terms import Term, joints_of, nuisances, typical
 
 
 class Region(Enum):
@@ -30,6 +30,7 @@ class Region(Enum):
 class Run:
     """One gapless run: its record, the rows of it that are kept, and the gate before the filter."""
 
+    source: str
     record: Record
     gate: np.ndarray  # (samples, j)
     factor: int
@@ -79,9 +80,7 @@ class Evidence:
     def columns(self, term: Term) -> np.ndarray:
         """The columns (n, j, k) of a term, filtered as the force; `DataError` if it needs more."""
         setting = self.model.setting
-        out = np.concatenate(
-            [run.filtered(term.columns(run.record, setting)) for run in self.runs]
-        )
+        out = np.concatenate([run.filtered(term.columns(run.record, setting)) for run in self.runs])
         if not np.isfinite(out).all():
             raise DataError(f"term '{term.type}': what it needs was not logged throughout")
         return out
@@ -106,7 +105,8 @@ def gather(
         n = len(preparation.record)
         record = replace(preparation.record, run=np.full(n, first_run + number))
         assert record.force is not None  # prepare() refuses such recordings
-        run = Run(record, np.ones_like(known) if region is Region.ALL else known, factor)
+        gate = np.ones_like(known) if region is Region.ALL else known
+        run = Run(preparation.source, record, gate, factor)
         columns = [model.regressor(record)]
         columns += [term.columns(record, model.setting) for term in beside]
         kept = decimation_rows(n, factor)
@@ -129,7 +129,12 @@ def _nuisances(model: Model) -> list[Term]:
     """Every nuisance on every joint, at both ends and in the middle of its range."""
     out = []
     for cls in nuisances(model.setting):
-        (field, shape), = cls.shapes.items()
+        ((field, shape),) = cls.shapes.items()
         for joint in joints_of(cls, model.setting):
-            out += [cls(joint=joint, **{field: float(x)}) for x in shape.grid[::2]]
+            out += [
+                cls.model_validate(
+                    {"type": typical(cls, joint).type, "joint": joint, field: float(x)}
+                )
+                for x in shape.grid[::2]
+            ]
     return out

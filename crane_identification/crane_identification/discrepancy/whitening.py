@@ -8,8 +8,12 @@ import numpy as np
 from crane_identification.discrepancy.evidence import Evidence
 from crane_identification.estimation.autoregression import Autoregression, restricted_likelihood
 
-NEGLIGIBLE = 1e-4  # of the largest singular value: directions below are rounding
+NEGLIGIBLE = 1e-8  # of the largest eigenvalue: directions below are rounding
+DIRECTIONS = 60  # of the candidates that the largest model takes, the commonest ones
 ROWS_PER_DIRECTION = 12  # a joint with fewer rows does not carry another direction
+SAME = 0.999
+"""A column whose part beyond the base is correlated like this with the residual is the measured
+force itself: it explains everything, noise included, and says nothing."""
 
 
 class _Pick(NamedTuple):
@@ -57,15 +61,16 @@ def whitener(evidence: Evidence, largest: np.ndarray) -> Whitener:
     Noise is what no model explains: estimated beside a smaller model it would hold the effects
     that are sought, and whitening would remove them.
     """
-    noise, picks = [], []
+    noise: list[Autoregression | None] = []
+    picks: list[_Pick] = []
     first = np.diff(evidence.run, prepend=-1) != 0
     for j in range(len(evidence.joints)):
         used = evidence.used[:, j]
         if not used.any():
             noise.append(None)
             continue
-        columns = np.concatenate([evidence.base[:, j], largest[:, j]], axis=1)
-        found = _noise(columns, evidence.force[:, j], used, evidence.run)
+        columns = evidence.base[:, j], largest[:, j]
+        found = _noise(*columns, evidence.force[:, j], used, evidence.run)
         noise.append(found)
         before = _used_before(used, first, len(found.polynomial) - 1)
         for m, (polynomial, variance) in enumerate(_predictors(found)):
@@ -76,19 +81,35 @@ def whitener(evidence: Evidence, largest: np.ndarray) -> Whitener:
 
 
 def _noise(
-    columns: np.ndarray, force: np.ndarray, used: np.ndarray, run: np.ndarray
+    base: np.ndarray, columns: np.ndarray, force: np.ndarray, used: np.ndarray, run: np.ndarray
 ) -> Autoregression:
-    norms = np.linalg.norm(columns[used], axis=0)
-    kept = columns[:, norms > 0.0] / norms[norms > 0.0]
-    left, size, right = np.linalg.svd(kept[used], full_matrices=False)
     most = max(int(used.sum()) // ROWS_PER_DIRECTION, 1)
-    count = min(int((size > NEGLIGIBLE * size[0]).sum()) if len(size) else 0, most)
-    basis = np.zeros((len(used), count))
-    basis[used] = left[:, :count]
+    known = leading(base[used], most)
+    rest = columns[used] - known @ (known.T @ columns[used])
+    residual = force[used] - known @ (known.T @ force[used])
+    norms = np.linalg.norm(rest, axis=0)
+    telling = norms > NEGLIGIBLE * np.linalg.norm(columns[used], axis=0)
+    telling[telling] &= np.abs(residual @ rest[:, telling]) < (
+        SAME * norms[telling] * np.linalg.norm(residual)
+    )
+    count = min(DIRECTIONS, most - known.shape[1])
+    more = leading(rest[:, telling], count) if count > 0 else rest[:, :0]
+    basis = np.zeros((len(used), known.shape[1] + more.shape[1]))
+    basis[used] = np.linalg.qr(np.concatenate([known, more], axis=1))[0]
     found = restricted_likelihood(*(_by_run(v, run) for v in (basis, force, used)))
     assert found is not None  # fewer directions than rows
     floor = (1e-9 * np.sqrt((force[used] ** 2).mean())) ** 2  # of a machine without any noise
     return Autoregression(found.polynomial, max(found.variance, floor, np.finfo(float).tiny))
+
+
+def leading(columns: np.ndarray, most: int) -> np.ndarray:
+    """Orthonormal (n, d <= most): the directions that most of the columns (n, k) share."""
+    norms = np.linalg.norm(columns, axis=0)
+    scaled = columns[:, norms > 0.0] / norms[norms > 0.0]
+    power, vectors = np.linalg.eigh(scaled.T @ scaled)
+    order = np.argsort(power)[::-1][:most]
+    kept = order[power[order] > NEGLIGIBLE * power.max(initial=0.0)]
+    return scaled @ vectors[:, kept] / np.sqrt(power[kept])
 
 
 def _predictors(noise: Autoregression) -> list[tuple[np.ndarray, float]]:

@@ -1,0 +1,43 @@
+"""Does an effect improve the prediction of recordings that its parameters were not fitted to?"""
+
+import numpy as np
+
+from crane_identification.discrepancy.evidence import Evidence
+from crane_identification.discrepancy.whitening import Whitener
+
+FEWEST_BAGS = 4  # with fewer, blocks of time take their place
+BLOCKS = 6
+
+
+def folds(evidence: Evidence) -> tuple[np.ndarray, tuple[str, ...]]:
+    """The fold (n,) of each row, and the names of the folds: recordings, or blocks of time."""
+    names = list(dict.fromkeys(run.source for run in evidence.runs))
+    if len(names) >= FEWEST_BAGS:
+        return evidence.bag, tuple(names)
+    order = np.arange(len(evidence.time))
+    block = order * BLOCKS // len(order)
+    return block, tuple(f"block {i + 1} of {BLOCKS}" for i in range(BLOCKS))
+
+
+def held_out_gains(
+    evidence: Evidence, whitener: Whitener, before: np.ndarray, added: np.ndarray
+) -> tuple[np.ndarray, tuple[str, ...]]:
+    """2 dlogL of each held-out fold that the columns `added` (n, j, k) gain beside `before`."""
+    fold, names = folds(evidence)
+    label = fold[whitener.row]
+    force, small = whitener(evidence.force), whitener(before)
+    large = np.concatenate([small, whitener(added)], axis=1)
+    gains = np.zeros(len(names))
+    for number in range(len(names)):
+        out = label == number
+        cost = [_left(columns, force, out) for columns in (small, large)]
+        gains[number] = cost[0] - cost[1]
+    return gains, names
+
+
+def _left(columns: np.ndarray, force: np.ndarray, out: np.ndarray) -> float:
+    """Sum of squares of the rows `out` that a fit to the others leaves."""
+    norms = np.linalg.norm(columns, axis=0)
+    scaled = columns / np.where(norms > 0.0, norms, 1.0)
+    values = np.linalg.lstsq(scaled[~out], force[~out], rcond=1e-9)[0]
+    return float(((force[out] - scaled[out] @ values) ** 2).sum())

@@ -1,0 +1,183 @@
+"""Which of the sets that the search found are findings, and which rivals each has."""
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from crane_identification.discrepancy.candidates import Family, Option
+from crane_identification.discrepancy.cross_validation import held_out_gains
+from crane_identification.discrepancy.null import null_gains
+from crane_identification.discrepancy.search import Search
+from crane_identification.discrepancy.selection import Choice, extended, solve
+from crane_identification.discrepancy.thresholds import Thresholds
+
+DISTINCT = 0.9
+"""Correlation beside the model below which the columns of two effects are different."""
+
+
+@dataclass(frozen=True)
+class Accepted:
+    """An effect that the data ask for.
+
+    `score`: 2 dlogL that the set loses without it; `threshold` and `null` (replicates,) of the best
+    score when nothing is missing; `held_out` gains of the folds `fold_names`. `runner_up`: the best
+    family in its place, `margin` behind by; `members`: all families that cannot be told from it.
+    `strength`: rms of what it explains over that of its joint's force; `correlation` of the
+    runner-up's columns with its own, beside the model.
+    """
+
+    option: Option
+    score: float
+    threshold: float
+    null: np.ndarray
+    held_out: np.ndarray
+    fold_names: tuple[str, ...]
+    runner_up: Family | None
+    margin: float
+    correlation: float
+    members: tuple[Family, ...]
+    visibility: float
+    strength: float
+
+
+def decide(search: Search, thresholds: Thresholds) -> tuple[list[Accepted], float]:
+    """The largest set all of whose effects pass, strongest first; and the first threshold."""
+    accepted: list[Accepted] = []
+    first_threshold = _threshold(_null(search, None), thresholds)
+    for size in range(1, len(search.sizes) + 1):
+        choice = search.best(size)
+        assert choice is not None
+        null = _null(search, search.best(size - 1))
+        marginal = _marginal(search, choice)
+        threshold = _threshold(null, thresholds)
+        weakest = int(np.argmin(marginal))
+        if marginal[weakest] <= threshold:
+            break
+        if marginal[weakest] < thresholds.further_share * max(marginal):
+            break
+        found = [
+            _judged(search, choice, place, marginal[place], threshold, null, thresholds)
+            for place in range(size)
+        ]
+        if any(not _passes(one, thresholds) for one in found):
+            break
+        if size > 1 and _vague(found[weakest]):
+            break
+        accepted = sorted(found, key=lambda one: -one.score)
+    return accepted, first_threshold
+
+
+def _passes(one: Accepted, thresholds: Thresholds) -> bool:
+    enough = float((one.held_out > 0.0).mean()) >= thresholds.folds_share
+    return enough and one.strength >= thresholds.smallest_strength
+
+
+def _vague(one: Accepted) -> bool:
+    """Whether a further effect is no better than others that look different.
+
+    That is what remains where the first one has another form than the catalogue gives it.
+    """
+    return bool(one.members) and one.correlation < DISTINCT
+
+
+def _null(search: Search, before: Choice | None) -> np.ndarray:
+    members = search.projection.members
+    inside = [int(c) for i in before.options for c in members[i]] if before else []
+    return null_gains(search.projection, inside)
+
+
+def _threshold(null: np.ndarray, thresholds: Thresholds) -> float:
+    return thresholds.score_factor * float(np.quantile(null, 1.0 - thresholds.false_alarm_rate))
+
+
+def _others(search: Search, choice: Choice, place: int) -> Choice:
+    """The set without one of its effects."""
+    rest = choice.options[:place] + choice.options[place + 1 :]
+    empty = Choice((), 0.0, np.zeros(0))
+    return (solve(search.projection, rest) or empty) if rest else empty
+
+
+def _marginal(search: Search, choice: Choice) -> list[float]:
+    """What the set loses without each of its effects."""
+    places = range(len(choice.options))
+    return [choice.gain - _others(search, choice, place).gain for place in places]
+
+
+def _judged(
+    search: Search,
+    choice: Choice,
+    place: int,
+    score: float,
+    threshold: float,
+    null: np.ndarray,
+    thresholds: Thresholds,
+) -> Accepted:
+    projection = search.projection
+    number = choice.options[place]
+    own = projection.options[number]
+    others = _others(search, choice, place)
+    rivals = [
+        rival
+        for rival in sorted(extended(projection, others), key=lambda one: -one.gain)
+        if projection.options[rival.options[-1]].family != own.family
+    ]
+    left = max(search.explainable - choice.gain, 0.0)
+    needed = max(threshold, thresholds.lead_share * left)
+    members, correlation = [], 0.0
+    for rank, rival in enumerate(rivals):
+        alike = _alike(search, number, rival.options[-1])
+        correlation = alike if rank == 0 else correlation
+        if choice.gain - rival.gain <= needed or alike > thresholds.alike:
+            members.append(projection.options[rival.options[-1]].family)
+    evidence = search.evidence
+    columns = [projection.options[i].columns for i in others.options]
+    before = np.concatenate([evidence.base, *columns], axis=2)
+    held_out, names = held_out_gains(evidence, search.whitener, before, own.columns)
+    return Accepted(
+        option=own,
+        score=score,
+        threshold=threshold,
+        null=null,
+        held_out=held_out,
+        fold_names=names,
+        runner_up=projection.options[rivals[0].options[-1]].family if rivals else None,
+        margin=choice.gain - rivals[0].gain if rivals else score,
+        correlation=correlation,
+        members=tuple(members),
+        visibility=float(projection.visibility[number]),
+        strength=_strength(search, own, score),
+    )
+
+
+def _alike(search: Search, one: int, other: int) -> float:
+    """Cosine of the smallest angle between the columns of two options, beside the base."""
+    projection = search.projection
+    a, b = projection.members[one], projection.members[other]
+    if len(a) != len(b):
+        return 0.0
+    gram = projection.gram
+    if len(a) == 1:
+        return float(abs(gram[a[0], b[0]]))
+    roots = [np.linalg.cholesky(gram[np.ix_(c, c)] + 1e-12 * np.eye(len(c))) for c in (a, b)]
+    mixed = np.linalg.solve(roots[0], np.linalg.solve(roots[1], gram[np.ix_(b, a)]).T)
+    return float(np.linalg.svd(mixed, compute_uv=False).min())
+
+
+def _strength(search: Search, option: Option, score: float) -> float:
+    """Root mean square of what the option explains, over that of the force where it acts."""
+    evidence = search.evidence
+    power = evidence.rms(np.linalg.norm(option.columns, axis=2))
+    j = int(np.argmax(power / np.maximum(evidence.force_rms, np.finfo(float).tiny)))
+    noise = search.whitener.noise[j]
+    assert noise is not None  # the option acts there
+    rows = int(evidence.used[:, j].sum())
+    return float(np.sqrt(score / rows * noise.variance) / evidence.force_rms[j])
+
+
+def detectable(search: Search, threshold: float) -> float:
+    """Median over the testable families of the least strength that would reach the threshold."""
+    strengths: dict[Family, float] = {}
+    for option, share in zip(search.projection.options, search.projection.visibility, strict=True):
+        least = _strength(search, option, threshold) / max(float(share), 1e-9)
+        strengths[option.family] = min(strengths.get(option.family, np.inf), least)
+    return float(np.median(list(strengths.values()))) if strengths else np.inf

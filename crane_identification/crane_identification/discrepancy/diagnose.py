@@ -1,0 +1,87 @@
+"""`diagnose`: where a model disagrees with recordings, which effect is missing, and the proof."""
+
+import argparse
+import sys
+from collections.abc import Sequence
+from datetime import UTC, datetime
+from pathlib import Path
+
+from crane_identification.data.column_map import ColumnMap
+from crane_identification.discrepancy import explain, findings
+from crane_identification.discrepancy.diagnosis import diagnose
+from crane_identification.discrepancy.report import page
+from crane_identification.discrepancy.thresholds import load_thresholds
+from crane_identification.identify import TABLES, Sources
+from crane_identification.options import Options
+from crane_identification.progress_bar import ProgressBar
+from crane_identification.report.content import Provenance
+from crane_model import cli
+from crane_model.configuration import load
+from crane_model.errors import ConfigurationError, DataError
+from crane_model.model_file import load_model, save_model
+
+NEEDED = ("model", "train", "validate", "out")
+
+
+def run(arguments: argparse.Namespace) -> None:
+    """Everything the command does; raises `CraneError` with what is wrong."""
+    if arguments.explain is not None:
+        print("\n".join(explain.lines(explain.read(arguments.explain))))
+        return
+    absent = [f"--{name}" for name in NEEDED if not getattr(arguments, name)]
+    if absent:
+        raise ConfigurationError(f"{', '.join(absent)}: needed for a diagnosis; see --help")
+    model = load_model(arguments.model)
+    both = {p.resolve() for p in arguments.train} & {p.resolve() for p in arguments.validate}
+    if both:
+        raise DataError(
+            f"{', '.join(map(str, sorted(both)))}: given for training and for validation; the gap "
+            "is proved on recordings that took no part"
+        )
+    columns = load(arguments.columns, ColumnMap) if arguments.columns else None
+    thresholds = load_thresholds(arguments.thresholds)
+    with ProgressBar() as progress:
+        sources = Sources(model, columns, progress)
+        training, held_out = sources.read(arguments.train), sources.read(arguments.validate)
+        options = Options(period=arguments.period)
+        result = diagnose(model, training, held_out, options, thresholds, progress)
+        provenance = Provenance.of(
+            datetime.now(UTC).strftime("%Y-%m-%d %H:%M UTC"),
+            ["diagnose", *arguments.given],
+            str(arguments.model),
+        )
+        arguments.out.mkdir(parents=True, exist_ok=True)
+        save_model(arguments.out / "model.yaml", result.after)
+        findings.write(arguments.out / "findings.json", result)
+        page.write(arguments.out / "report.html", result, provenance)
+    print("\n".join(explain.lines(findings.content(result))))
+    print(f"written: {arguments.out}/findings.json, model.yaml, report.html")
+
+
+def parser() -> argparse.ArgumentParser:
+    """The command line."""
+    result = argparse.ArgumentParser(
+        prog="diagnose",
+        description="Find where a model disagrees with recordings, name the missing effect, add "
+        "it, and show on held-out recordings that the gap shrank. Writes findings.json, model.yaml "
+        "and report.html.",
+        epilog=f"Recordings are bags (folders) or tables ({', '.join(TABLES)}) with a column map.",
+    )
+    add = result.add_argument
+    add("--model", type=Path, help="model file (YAML) that lists the terms")
+    add("--train", type=Path, nargs="+", default=[], help="recordings to look into")
+    add("--validate", type=Path, nargs="+", default=[], help="recordings to prove the answer on")
+    add("--out", type=Path, help="folder for the results")
+    add("--columns", type=Path, help="column map (YAML) of the tables")
+    add("--period", type=float, help="period [s] of the motion, where no reference is recorded")
+    add("--thresholds", type=Path, help="thresholds (YAML; default: the frozen ones)")
+    add("--explain", type=Path, metavar="DIR", help="print the answer in DIR in twenty lines")
+    return result
+
+
+def main(argv: Sequence[str] | None = None) -> int:
+    """Entry point; exit status 0, 1 for an error that is named, 130 when interrupted."""
+    given = list(sys.argv[1:] if argv is None else argv)
+    arguments = parser().parse_args(given)
+    arguments.given = given
+    return cli.run(lambda: run(arguments))

@@ -1,0 +1,312 @@
+"""The diagnosis: from logs and a model to a verdict, findings, an extended model, and its proof."""
+
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+from enum import StrEnum
+
+import numpy as np
+
+from crane_identification.data.log import Log
+from crane_identification.discrepancy.candidates import Family
+from crane_identification.discrepancy.cross_validation import folds
+from crane_identification.discrepancy.decision import Accepted, decide, detectable
+from crane_identification.discrepancy.evidence import Evidence, gather
+from crane_identification.discrepancy.gap import Gap, measure, residual
+from crane_identification.discrepancy.learner import Features, Learnt, features, learn
+from crane_identification.discrepancy.refit import refit, shape_std_devs
+from crane_identification.discrepancy.region import Region, region
+from crane_identification.discrepancy.search import Search, search
+from crane_identification.discrepancy.thresholds import Thresholds
+from crane_identification.options import Options
+from crane_identification.preparation import Preparation, prepare
+from crane_identification.progress import Progress, silent
+from crane_identification.regression import common_factor
+from crane_model.errors import DataError
+from crane_model.model_file import Model
+
+FEWEST_ROWS = 8  # per parameter of the model, below which nothing can be said
+
+
+class Verdict(StrEnum):
+    """What a diagnosis answers."""
+
+    NAMED = "named"
+    CLASS = "class"
+    NONE = "none"
+    UNKNOWN = "unknown"
+    INSUFFICIENT = "insufficient_data"
+
+
+@dataclass(frozen=True)
+class Value:
+    """One parameter of a finding, linear or shape."""
+
+    name: str
+    value: float
+    std_dev: float
+    unit: str
+
+
+@dataclass(frozen=True)
+class Finding:
+    """An accepted effect with its parameters in the extended model."""
+
+    accepted: Accepted
+    parameters: tuple[Value, ...]
+
+    @property
+    def family(self) -> Family:
+        """The effect and its joint."""
+        return self.accepted.option.family
+
+
+@dataclass(frozen=True)
+class Diagnosis:
+    """Everything that page, summary and text are made of.
+
+    Per joint (j,): `energy` share of the unexplained energy, `regions` that carry it, `learnt` from
+    the residual before and after; `left_white` whether what remains is noise by its correlation.
+    """
+
+    verdict: Verdict
+    reason: str
+    before: Model
+    after: Model
+    search: Search
+    thresholds: Thresholds
+    threshold: float
+    findings: tuple[Finding, ...]
+    training: Evidence
+    held_out: Evidence
+    gap: Gap
+    energy: np.ndarray
+    regions: tuple[Region | None, ...]
+    learnt_before: Learnt
+    learnt_after: Learnt
+    correlation_left: np.ndarray
+    detectable: float
+    known: Features
+
+    @property
+    def joints(self) -> tuple[str, ...]:
+        """Names of the joints."""
+        return self.before.joints
+
+
+def diagnose(
+    model: Model,
+    training: Sequence[Log],
+    validation: Sequence[Log],
+    options: Options,
+    thresholds: Thresholds,
+    progress: Progress = silent,
+) -> Diagnosis:
+    """Where `model` disagrees with the recordings, and why.
+
+    The model is fitted to the training recordings first, so that its values are not what differs.
+    `DataError` if recordings cannot be used or do not determine the parameters of the model.
+    """
+    for name, logs in (("--train", training), ("--validate", validation)):
+        if not logs:
+            raise DataError(f"no recordings given; name at least one with {name}")
+    whole = replace(options, average=False)
+    prepared = _prepared(model, (*training, *validation), whole, progress)
+    sources = {log.source for log in training}
+    train = [p for p in prepared if p.source in sources]
+    hold = [p for p in prepared if p.source not in sources]
+    factor = common_factor(train, options.decimation)
+    evidence = gather(model, train, factor)
+    held_out = gather(model, hold, factor, first_run=len(train))
+    found = search(evidence, progress)
+    accepted, threshold = decide(found, thresholds)
+    text = ", ".join(sorted(sources))
+    before = refit(evidence, text)
+    known, (fold, _) = features(evidence), folds(evidence)
+    left = residual(evidence, before)
+    learnt_before = learn(evidence, known, left, fold)
+    progress("what is left", 0.5)
+    after, values = _extended(found, before, evidence, accepted, train, factor, text)
+    left_after = residual(evidence, after)
+    learnt_after = learn(evidence, known, left_after, fold) if accepted else learnt_before
+    progress("what is left", 1.0)
+    least = detectable(found, threshold)
+    verdict, reason = _verdict(
+        found, accepted, (left, left_after), (learnt_before, learnt_after), least, thresholds
+    )
+    if verdict is Verdict.UNKNOWN:
+        accepted, after, values = [], before, []
+    gap = measure(before, after, evidence, held_out, _averaged(model, validation, options))
+    progress("gap", 1.0)
+    energy = _energy(found, left)
+    return Diagnosis(
+        verdict=verdict,
+        reason=reason,
+        before=before,
+        after=after,
+        search=found,
+        thresholds=thresholds,
+        threshold=threshold,
+        findings=tuple(Finding(a, v) for a, v in zip(accepted, values, strict=True)),
+        training=evidence,
+        held_out=held_out,
+        gap=gap,
+        energy=energy,
+        regions=tuple(
+            region(known, left[:, j], evidence.used[:, j]) for j in range(len(model.joints))
+        ),
+        learnt_before=learnt_before,
+        learnt_after=learnt_after,
+        correlation_left=_correlation(evidence, residual(evidence, after)),
+        detectable=least,
+        known=known,
+    )
+
+
+def _prepared(
+    model: Model, logs: Sequence[Log], options: Options, progress: Progress
+) -> list[Preparation]:
+    out = []
+    for number, log in enumerate(logs):
+
+        def partly(phase: str, done: float, number: int = number) -> None:
+            progress(phase, (number + done) / len(logs))
+
+        out += prepare(model, log, options, partly)
+    return out
+
+
+def _averaged(model: Model, logs: Sequence[Log], options: Options) -> list[Preparation]:
+    """The validation recordings averaged, those that are periodic; their scatter is the noise."""
+    out = []
+    for log in logs:
+        try:
+            out += prepare(model, log, replace(options, average=True))
+        except DataError:
+            continue  # not periodic: no scatter
+    return out
+
+
+def _extended(
+    found: Search,
+    before: Model,
+    evidence: Evidence,
+    accepted: Sequence[Accepted],
+    train: Sequence[Preparation],
+    factor: int,
+    sources: str,
+) -> tuple[Model, list[tuple[Value, ...]]]:
+    """The model with the accepted terms, refitted jointly, and the parameters of each."""
+    if not accepted:
+        return before, []
+    model = before
+    for one in accepted:
+        model = model.with_term(one.option.term)
+    after = refit(gather(model, train, factor), sources)
+    own = [_own(after, one) for one in accepted]
+    assert after.std_devs is not None  # just fitted
+    shapes = shape_std_devs(
+        found, [one.option for one in accepted], [after.theta[part] for part in own]
+    )
+    values = []
+    for one, part, spread in zip(accepted, own, shapes, strict=True):
+        linear = [
+            Value(
+                after.parameters[i].name,
+                float(after.theta[i]),
+                float(after.std_devs[i]),
+                after.parameters[i].unit,
+            )
+            for i in range(part.start, part.stop)
+        ]
+        bent = [
+            Value(name, float(one.option.shape[name]), spread[name], _unit(after, one, shape.unit))
+            for name, shape in one.option.family.term.shapes.items()
+        ]
+        values.append(tuple(linear + bent))
+    return after, values
+
+
+def _unit(model: Model, one: Accepted, unit: str) -> str:
+    """Units of shapes are given for joints of both kinds; that of the joint at hand."""
+    both = unit.split(" or ")
+    joint = one.option.family.joint
+    prismatic = joint is not None and model.setting.units[joint] == "m"
+    return both[-1] if prismatic else both[0]
+
+
+def _own(model: Model, one: Accepted) -> slice:
+    """Which parameters of the extended model belong to an accepted effect."""
+    begin = 0
+    for term in model.terms:
+        count = len(term.parameters(model.setting))
+        if term == one.option.term:
+            return slice(begin, begin + count)
+        begin += count
+    raise AssertionError("the term is in the model")
+
+
+def _verdict(
+    found: Search,
+    accepted: Sequence[Accepted],
+    left: tuple[np.ndarray, np.ndarray],
+    learnt: tuple[Learnt, Learnt],
+    least: float,
+    thresholds: Thresholds,
+) -> tuple[Verdict, str]:
+    before, after = (_energy_of(found, values) for values in left)
+    something = learnt[0].share > thresholds.learner_share
+    if accepted:
+        remaining = float((after * np.where(learnt[1].share > 0, learnt[1].share, 0.0)).sum())
+        named = float((before - after).sum())
+        share = named / max(named + remaining, np.finfo(float).tiny)
+        if share < thresholds.explained_share:
+            return (
+                Verdict.UNKNOWN,
+                f"the best of the catalogue explain {share:.0%} of what can be explained; "
+                f"{thresholds.explained_share:.0%} are asked for",
+            )
+        if any(one.members for one in accepted):
+            return Verdict.CLASS, "these recordings do not tell effects apart"
+        return Verdict.NAMED, f"the effects explain {share:.0%} of what can be explained"
+    if something.any():
+        joints = [j for j, there in zip(found.evidence.joints, something, strict=True) if there]
+        return (
+            Verdict.UNKNOWN,
+            f"what is left on {', '.join(joints)} can be predicted, but by nothing in the catalogue",
+        )
+    tested = {option.family for option in found.projection.options}
+    share = len(tested) / max(len(tested) + len(found.untestable), 1)
+    if share < thresholds.testable_share:
+        return (
+            Verdict.INSUFFICIENT,
+            f"only {share:.0%} of the effects would show in these recordings; excite the joints "
+            "more: both directions, several speeds, the whole range",
+        )
+    if least > thresholds.detectable_strength:
+        return (
+            Verdict.INSUFFICIENT,
+            f"an effect would have to be {least:.1%} of the drive force to show; record more",
+        )
+    return Verdict.NONE, f"effects above {least:.2%} of the drive force would have shown"
+
+
+def _energy_of(found: Search, left: np.ndarray) -> np.ndarray:
+    """Energy (j,) of a residual (n, j) in units of the noise."""
+    variance = [1.0 if noise is None else noise.variance for noise in found.whitener.noise]
+    return (np.where(found.evidence.used, left, 0.0) ** 2).sum(axis=0) / np.array(variance)
+
+
+def _energy(found: Search, left: np.ndarray) -> np.ndarray:
+    """Share (j,) of the energy beyond noise that each joint carries."""
+    beyond = np.maximum(_energy_of(found, left) - found.evidence.used.sum(axis=0), 0.0)
+    total = float(beyond.sum())
+    return beyond / total if total > 0.0 else np.zeros_like(beyond)
+
+
+def _correlation(evidence: Evidence, left: np.ndarray) -> np.ndarray:
+    """Correlation (j,) of neighbouring rows of a residual; 0 for white noise."""
+    both = evidence.used[1:] & evidence.used[:-1] & (np.diff(evidence.run) == 0)[:, np.newaxis]
+    product = np.where(both, left[1:] * left[:-1], 0.0).sum(axis=0)
+    power = np.where(evidence.used, left**2, 0.0).sum(axis=0)
+    share = both.sum(axis=0) / np.maximum(evidence.used.sum(axis=0), 1)
+    return product / np.maximum(power * share, np.finfo(float).tiny)

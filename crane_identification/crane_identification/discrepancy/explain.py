@@ -1,0 +1,79 @@
+"""A diagnosis in twenty lines of text, from the findings.json that it wrote."""
+
+import json
+from pathlib import Path
+from typing import Any
+
+from crane_model.errors import DataError
+
+ANSWERS = {
+    "named": "Something is missing, and these recordings say what.",
+    "class": "Something is missing; these recordings narrow it down to a class.",
+    "none": "Nothing is missing that these recordings could show.",
+    "unknown": "Something is missing that the catalogue does not hold.",
+    "insufficient_data": "These recordings do not suffice to say.",
+}
+
+
+def read(folder: Path) -> dict[str, Any]:
+    """findings.json of a diagnosis; `DataError` if there is none."""
+    path = folder / "findings.json"
+    try:
+        return json.loads(path.read_text(encoding="utf-8"))
+    except FileNotFoundError:
+        raise DataError(
+            f"{path}: no such file; name the folder that diagnose wrote with --out"
+        ) from None
+    except (OSError, ValueError) as error:
+        raise DataError(f"{path}: not readable: {error}; diagnose again") from None
+
+
+def lines(content: dict[str, Any]) -> list[str]:
+    """At most twenty lines."""
+    out = [ANSWERS[content["verdict"]], f"  {content['reason']}", "Where the model disagrees:"]
+    for joint, one in content["where"].items():
+        region = one["region"]
+        where = (
+            f", most with {region['variable']} in {region['range'][0]:.3g} .. "
+            f"{region['range'][1]:.3g}"
+            if region and one["energy_share"] > 0.05
+            else ""
+        )
+        out.append(f"  {joint}: {one['energy_share']:.0%} of what is unexplained{where}")
+    for number, finding in enumerate(content["findings"], start=1):
+        out += _finding(number, finding)
+    out.append("Held-out force error, before -> after (noise floor, learner):")
+    for joint, old in content["gap"]["before"].items():
+        new, closed = content["gap"]["after"][joint], content["gap"]["closed"][joint]
+        share = "" if closed is None else f", {closed:.0%} of the explainable gap closed"
+        out.append(
+            f"  {joint}: {_percent(old['force_relative_error'])} -> "
+            f"{_percent(new['force_relative_error'])} ({_percent(old['noise_floor'])}, "
+            f"{_percent(old['best_achievable'])}){share}"
+        )
+    left = [joint for joint, one in content["left"].items() if not one["white"]]
+    out.append(
+        f"What is left is not white on {', '.join(left)}." if left else "What is left is white."
+    )
+    return out[:20]
+
+
+def _finding(number: int, finding: dict[str, Any]) -> list[str]:
+    values = ", ".join(
+        f"{p['name']} = {p['value']:.4g} +- {p['std_dev'] or 0:.2g} {p['unit']}"
+        for p in finding["parameters"]
+    )
+    out = [f"{number}. {finding['name']}, {finding['joint']}: {values}"]
+    evidence = f"   score {finding['score']:.0f}, threshold {finding['threshold']:.0f}"
+    if finding["runner_up"]:
+        runner = finding["runner_up"]
+        evidence += f"; {finding['margin']:.0f} ahead of {runner['name']}, {runner['joint']}"
+    out.append(evidence)
+    if finding["class_members"]:
+        names = ", ".join(f"{one['name']} ({one['joint']})" for one in finding["class_members"][:3])
+        out += [f"   not told from {names}", f"   settled by {finding['settled_by']}"]
+    return out
+
+
+def _percent(value: float | None) -> str:
+    return "?" if value is None else f"{value:.2%}"

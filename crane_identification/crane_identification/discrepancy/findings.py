@@ -1,0 +1,131 @@
+"""findings.json: the answer for programs."""
+
+import json
+import math
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from crane_identification.discrepancy.diagnosis import Diagnosis, Finding
+from crane_identification.discrepancy.gap import Gap
+from crane_identification.motion_validation import MotionValidation
+
+WHITE = 0.25  # correlation of neighbouring rows up to which what is left counts as white
+
+
+def write(path: Path | str, diagnosis: Diagnosis) -> None:
+    """Write the file."""
+    text = json.dumps(content(diagnosis), indent=2, allow_nan=False, ensure_ascii=False)
+    Path(path).write_text(text + "\n", encoding="utf-8")
+
+
+def content(diagnosis: Diagnosis) -> dict[str, Any]:
+    """All of it as plain mappings; numbers that are not known are null."""
+    return _plain(
+        {
+            "verdict": diagnosis.verdict.value,
+            "reason": diagnosis.reason,
+            "where": _where(diagnosis),
+            "findings": [_finding(diagnosis, one) for one in diagnosis.findings],
+            "gap": {
+                "before": _side(diagnosis, diagnosis.gap.before, diagnosis.gap.motion_before),
+                "after": _side(diagnosis, diagnosis.gap.after, diagnosis.gap.motion_after),
+                "closed": dict(zip(diagnosis.joints, diagnosis.gap.closed, strict=True)),
+            },
+            "left": {
+                joint: {
+                    "white": abs(correlation) < WHITE,
+                    "correlation": correlation,
+                    "learnable_share": share,
+                }
+                for joint, correlation, share in zip(
+                    diagnosis.joints,
+                    diagnosis.correlation_left,
+                    diagnosis.learnt_after.share,
+                    strict=True,
+                )
+            },
+            "not_testable": _reasons(diagnosis.search.untestable),
+            "not_observable": _reasons(diagnosis.search.unobservable),
+            "detectable_strength": diagnosis.detectable,
+        }
+    )
+
+
+def _where(diagnosis: Diagnosis) -> dict[str, Any]:
+    motion = diagnosis.gap.motion_before
+    out = {}
+    for j, joint in enumerate(diagnosis.joints):
+        region = diagnosis.regions[j]
+        out[joint] = {
+            "energy_share": diagnosis.energy[j],
+            "motion_error": motion.position_rms[j],
+            "region": None
+            if region is None
+            else {
+                "variable": region.variable,
+                "range": [region.low, region.high],
+                "share": region.share,
+            },
+        }
+    return out
+
+
+def _finding(diagnosis: Diagnosis, finding: Finding) -> dict[str, Any]:
+    accepted, family = finding.accepted, finding.family
+    runner = accepted.runner_up
+    return {
+        "effect": family.type,
+        "name": family.effect.name,
+        "joint": family.where,
+        "class_members": [
+            {"effect": one.type, "name": one.effect.name, "joint": one.where}
+            for one in accepted.members
+        ],
+        "parameters": [value.__dict__ for value in finding.parameters],
+        "score": accepted.score,
+        "threshold": accepted.threshold,
+        "false_alarm_rate": diagnosis.thresholds.false_alarm_rate,
+        "runner_up": None
+        if runner is None
+        else {"effect": runner.type, "name": runner.effect.name, "joint": runner.where},
+        "margin": accepted.margin,
+        "visibility": accepted.visibility,
+        "strength": accepted.strength,
+        "held_out_gains": dict(zip(accepted.fold_names, accepted.held_out, strict=True)),
+        "settled_by": family.effect.settled_by,
+    }
+
+
+def _side(diagnosis: Diagnosis, error: np.ndarray, motion: MotionValidation) -> dict[str, Any]:
+    gap: Gap = diagnosis.gap
+    return {
+        joint: {
+            "force_relative_error": error[j],
+            "noise_floor": gap.floor[j],
+            "best_achievable": gap.best[j],
+            "motion_error": motion.position_rms[j],
+            "motion_displacement": motion.displacement_rms[j],
+        }
+        for j, joint in enumerate(gap.joints)
+    }
+
+
+def _reasons(families: dict[Any, str]) -> list[dict[str, str]]:
+    return [
+        {"effect": family.type, "joint": family.where, "reason": reason}
+        for family, reason in families.items()
+    ]
+
+
+def _plain(value: Any) -> Any:
+    if isinstance(value, dict):
+        return {str(key): _plain(item) for key, item in value.items()}
+    if isinstance(value, list | tuple):
+        return [_plain(item) for item in value]
+    if isinstance(value, np.bool_):
+        return bool(value)
+    if isinstance(value, float | np.floating):
+        return float(value) if math.isfinite(value) else None
+    return value

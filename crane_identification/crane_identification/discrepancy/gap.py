@@ -1,0 +1,87 @@
+"""The gap between model and measurement on recordings that took no part, before and after."""
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+
+from crane_identification.averaging import noise_of_mean
+from crane_identification.discrepancy.evidence import Evidence
+from crane_identification.discrepancy.learner import predict_elsewhere
+from crane_identification.motion_validation import MotionValidation, validate_motion
+from crane_identification.preparation import Preparation
+from crane_identification.signals.decimate import decimate
+from crane_model.model_file import Model
+
+
+@dataclass(frozen=True)
+class Gap:
+    """Per joint (j,), relative to the rms of the force: error `before` and `after`, the `floor` of
+    noise (NaN where no period was repeated), and the `best` that a flexible learner reaches.
+
+    `motion_before` and `motion_after`: errors of the simulated motion.
+    """
+
+    joints: tuple[str, ...]
+    before: np.ndarray
+    after: np.ndarray
+    floor: np.ndarray
+    best: np.ndarray
+    motion_before: MotionValidation
+    motion_after: MotionValidation
+
+    @property
+    def reachable(self) -> np.ndarray:
+        """What any model could reach: the noise floor, or where none is known the learner."""
+        return np.where(np.isfinite(self.floor), self.floor, self.best)
+
+    @property
+    def closed(self) -> np.ndarray:
+        """Share (j,) of the explainable gap, in energy, that is closed; NaN where there is none."""
+        explainable = self.before**2 - self.reachable**2
+        gained = self.before**2 - self.after**2
+        there = explainable > 0.05 * self.before**2
+        return np.where(there, np.divide(gained, np.where(there, explainable, 1.0)), np.nan)
+
+
+def measure(
+    before: Model,
+    after: Model,
+    training: Evidence,
+    held_out: Evidence,
+    averaged: Sequence[Preparation],
+) -> Gap:
+    """Both models, fitted to the training recordings, on the held-out ones."""
+    force = held_out.force_rms
+    left = residual(training, before)
+    learnt = predict_elsewhere(training, left, held_out)
+    old = residual(held_out, before)
+    records = [run.record for run in held_out.runs]
+    return Gap(
+        joints=before.joints,
+        before=held_out.rms(old) / force,
+        after=held_out.rms(residual(held_out, after)) / force,
+        floor=noise_floor(averaged, held_out.runs[0].factor, len(force)) / force,
+        best=np.minimum(held_out.rms(old - learnt), held_out.rms(old)) / force,
+        motion_before=validate_motion(before, records),
+        motion_after=validate_motion(after, records),
+    )
+
+
+def residual(evidence: Evidence, model: Model) -> np.ndarray:
+    """Measured less predicted force (n, j) on the rows of the evidence."""
+    parts = [run.filtered(model.regressor(run.record)) @ model.theta for run in evidence.runs]
+    return np.where(evidence.used, evidence.force - np.concatenate(parts), 0.0)
+
+
+def noise_floor(averaged: Sequence[Preparation], factor: int, joints: int) -> np.ndarray:
+    """Root mean square noise (j,) of the filtered force, from the scatter between periods."""
+    powers = []
+    for preparation in averaged:
+        count = len(preparation.periods)
+        if count < 2:
+            continue
+        periods = np.stack([decimate(one, factor, True) for one in preparation.periods])
+        gate = decimate(preparation.moving.astype(float), factor, True) > 0.5
+        powers.append(noise_of_mean(periods, gate) ** 2 * count)
+    return np.sqrt(np.mean(powers, axis=0)) if powers else np.full(joints, np.nan)

@@ -1,0 +1,121 @@
+"""What candidates add to the base model: their columns with the base projected out.
+
+By the theorem of Frisch, Waugh and Lovell, least squares on these gives the parameters and the
+gain of the full model: no effect is absorbed in Theta, and Theta is not biased by one.
+"""
+
+from dataclasses import dataclass
+from functools import cached_property
+from typing import Self
+
+import numpy as np
+
+from crane_identification.discrepancy.candidates import Family, Option
+from crane_identification.discrepancy.evidence import Evidence
+from crane_identification.discrepancy.whitening import SAME, Whitener, leading
+
+VISIBLE = 0.05
+"""Share of a column's norm that must be left beside the base for its effect to be testable."""
+
+
+@dataclass(frozen=True)
+class Projection:
+    """Options as columns (N, K) of norm one beside the base, and the residual (N,) of the base.
+
+    `owner` (K,) is the number of the option of each column, `positive` (K,) its sign constraint,
+    `scale` (K,) what one unit of the parameter weighs, `visibility` per option.
+    """
+
+    options: tuple[Option, ...]
+    columns: np.ndarray
+    residual: np.ndarray
+    owner: np.ndarray
+    positive: np.ndarray
+    scale: np.ndarray
+    visibility: np.ndarray
+
+    @cached_property
+    def gram(self) -> np.ndarray:
+        """Inner products of the columns (K, K)."""
+        return self.columns.T @ self.columns
+
+    @cached_property
+    def score(self) -> np.ndarray:
+        """Inner products of the columns with the residual (K,)."""
+        return self.columns.T @ self.residual
+
+    @cached_property
+    def members(self) -> tuple[np.ndarray, ...]:
+        """The columns of each option."""
+        return tuple(np.flatnonzero(self.owner == i) for i in range(len(self.options)))
+
+    def kept(self, wanted: np.ndarray) -> Self:
+        """The options marked in `wanted` (options,) alone."""
+        numbers = np.flatnonzero(wanted)
+        columns = np.isin(self.owner, numbers)
+        return type(self)(
+            tuple(self.options[i] for i in numbers),
+            self.columns[:, columns],
+            self.residual,
+            np.searchsorted(numbers, self.owner[columns]),
+            self.positive[columns],
+            self.scale[columns],
+            self.visibility[numbers],
+        )
+
+
+def project(
+    evidence: Evidence, whitener: Whitener, options: list[Option], base: np.ndarray | None = None
+) -> Projection:
+    """All options beside the base of the evidence, whitened."""
+    base = whitened_base(evidence, whitener) if base is None else base
+    force = whitener(evidence.force)
+    residual = force - base @ (base.T @ force)
+    parts, visibility = [], np.zeros(len(options))
+    scales = []
+    for number, option in enumerate(options):
+        columns = whitener(option.columns)
+        rest = columns - base @ (base.T @ columns)
+        norms, whole = np.linalg.norm(rest, axis=0), np.linalg.norm(columns, axis=0)
+        share = np.divide(norms, whole, out=np.zeros_like(norms), where=whole > 0.0)
+        visibility[number] = share.max(initial=0.0)
+        scales.append(norms)
+        parts.append(np.divide(rest, norms, out=np.zeros_like(rest), where=norms > 1e-12 * whole))
+    owner = np.repeat(np.arange(len(options)), [len(s) for s in scales])
+    return Projection(
+        tuple(options),
+        np.concatenate(parts, axis=1),
+        residual,
+        owner,
+        np.concatenate([option.positive for option in options]),
+        np.concatenate(scales),
+        visibility,
+    )
+
+
+def whitened_base(evidence: Evidence, whitener: Whitener) -> np.ndarray:
+    """Orthonormal basis (N, d) of the whitened base."""
+    columns = whitener(evidence.base)
+    return leading(columns, columns.shape[1])
+
+
+def testable(projection: Projection) -> tuple[np.ndarray, dict[Family, str]]:
+    """Which options (options,) can be tested, and why families cannot."""
+    wanted = projection.visibility >= VISIBLE
+    itself = np.abs(projection.score) > SAME * np.linalg.norm(projection.residual)
+    for number in np.unique(projection.owner[itself]):
+        wanted[number] = False
+    reasons: dict[Family, str] = {}
+    best: dict[Family, float] = {}
+    for option, share in zip(projection.options, projection.visibility, strict=True):
+        best[option.family] = max(best.get(option.family, 0.0), float(share))
+    usable = {o.family for o, good in zip(projection.options, wanted, strict=True) if good}
+    for family, share in best.items():
+        if family in usable:
+            continue
+        reasons[family] = (
+            f"{share:.1%} of its column is left beside the model, {VISIBLE:.0%} needed"
+            if share < VISIBLE
+            else "its column is the measured force itself"
+        )
+    return wanted, reasons

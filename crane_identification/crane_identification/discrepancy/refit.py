@@ -1,0 +1,75 @@
+"""Joint estimate of a model on evidence, and of shape parameters the uncertainty beside it."""
+
+from collections.abc import Sequence
+
+import numpy as np
+
+from crane_identification.discrepancy.candidates import Option, option
+from crane_identification.discrepancy.evidence import Evidence
+from crane_identification.discrepancy.search import Search
+from crane_identification.estimation.consistent import consistent
+from crane_identification.estimation.physics import physics
+from crane_identification.estimation.rows import Rows
+from crane_model.errors import DataError
+from crane_model.model_file import Model
+
+STEP = 0.02  # relative, of the difference with respect to a shape parameter
+
+
+def refit(evidence: Evidence, sources: str) -> Model:
+    """The model of the evidence with values and standard deviations, all estimated together."""
+    model = evidence.model
+    parameters = model.parameters
+    rows = Rows(
+        joints=model.joints,
+        names=tuple(p.name for p in parameters),
+        units=tuple(p.unit for p in parameters),
+        time=evidence.time,
+        run=evidence.run,
+        matrix=evidence.base[:, :, : len(parameters)],
+        force=evidence.force,
+        used=evidence.used,
+    )
+    estimate = consistent(rows, physics(model))
+    if estimate.undetermined:
+        raise DataError(
+            f"model '{model.name}': {', '.join(estimate.undetermined)}: these recordings show only "
+            "combinations of these parameters; excite the joints more or take terms out"
+        )
+    provenance = f"diagnose: {estimate.method}, {estimate.samples} rows of {sources}"
+    return model.with_estimate(estimate.values, estimate.std_devs, provenance)
+
+
+def shape_std_devs(
+    search: Search, chosen: Sequence[Option], values: Sequence[np.ndarray]
+) -> list[dict[str, float]]:
+    """One standard deviation of each shape parameter of each option, beside everything else.
+
+    Linearized: the derivative of the option's force with respect to the parameter is one more
+    column. `values` holds the parameters of each option.
+    """
+    evidence, white = search.evidence, search.whitener
+    base = [white(one.columns) for one in chosen]
+    out: list[dict[str, float]] = []
+    slopes, keys = [], []
+    for number, (one, value) in enumerate(zip(chosen, values, strict=True)):
+        out.append({})
+        for name in one.family.term.shapes:
+            middle = one.shape[name]
+            ends = [
+                option(evidence, one.family, {**one.shape, name: middle * (1.0 + s)}).columns
+                for s in (-STEP, STEP)
+            ]
+            slope = (ends[1] - ends[0]) @ value / (2.0 * STEP * middle)
+            slopes.append(white(slope))
+            keys.append((number, name))
+    if not slopes:
+        return out
+    columns = np.concatenate([np.stack(slopes, axis=1), *base], axis=1)
+    columns = columns - search.base @ (search.base.T @ columns)
+    size = np.maximum(np.linalg.norm(columns, axis=0), np.finfo(float).tiny)
+    gram = (columns / size).T @ (columns / size)
+    spread = np.sqrt(np.abs(np.diag(np.linalg.pinv(gram, rcond=1e-10)))) / size
+    for (number, name), std in zip(keys, spread, strict=False):
+        out[number][name] = float(std)
+    return out

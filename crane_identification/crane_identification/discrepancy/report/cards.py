@@ -1,0 +1,181 @@
+"""One evidence card per finding, and the pictures of the gap."""
+
+from typing import Any, NamedTuple
+
+import numpy as np
+
+from crane_identification.discrepancy.diagnosis import Diagnosis, Finding
+from crane_identification.discrepancy.gap import residual
+from crane_identification.discrepancy.region import region
+from crane_identification.discrepancy.report import charts
+from crane_identification.report.notation import spoken, unit, with_uncertainty
+from crane_model.terms import Term
+
+WINDOW = 25.0  # s of the held-out recording that is drawn
+
+
+class Picture(NamedTuple):
+    """A figure of the page: the id of its div, what it says, and its description."""
+
+    key: str
+    caption: str
+    description: dict[str, Any]
+
+    @property
+    def height(self) -> int:
+        """px."""
+        return int(self.description["layout"]["height"])
+
+
+class Line(NamedTuple):
+    """One parameter as text."""
+
+    name: str
+    value: str
+    std_dev: str
+    unit: str
+
+
+class Card(NamedTuple):
+    """Everything about one finding."""
+
+    number: int
+    title: str
+    where: str
+    signature: str
+    strength: str
+    members: str
+    runner_up: str
+    settled_by: str
+    parameters: tuple[Line, ...]
+    pictures: tuple[Picture, ...]
+
+
+def cards(diagnosis: Diagnosis) -> list[Card]:
+    """Strongest first."""
+    return [_card(diagnosis, n, one) for n, one in enumerate(diagnosis.findings, start=1)]
+
+
+def gap_pictures(diagnosis: Diagnosis) -> list[Picture]:
+    """Force and simulated motion on the held-out recordings, before and after."""
+    gap = diagnosis.gap
+    names = [spoken(joint) for joint in diagnosis.joints]
+    force = charts.grouped_bars(
+        names,
+        (
+            ("before", charts.BEFORE, 100 * gap.before),
+            ("after", charts.AFTER, 100 * gap.after),
+            ("learner", charts.BEST, 100 * gap.best),
+            ("noise floor", charts.FLOOR, 100 * gap.floor),
+        ),
+        "error of the force [% of its rms]",
+    )
+    motion = charts.grouped_bars(
+        names,
+        (
+            ("before", charts.BEFORE, 1e3 * gap.motion_before.position_rms),
+            ("after", charts.AFTER, 1e3 * gap.motion_after.position_rms),
+        ),
+        f"error after {gap.motion_before.horizon:.2g} s [mrad, mm]",
+    )
+    return [
+        Picture("gap-force", "Force that the model does not explain", force),
+        Picture("gap-motion", "Simulated against measured motion", motion),
+    ]
+
+
+def where_picture(diagnosis: Diagnosis) -> Picture:
+    """Which joint carries what the model does not explain."""
+    names = [spoken(joint) for joint in diagnosis.joints]
+    bars = charts.grouped_bars(
+        names, (("share", charts.BEFORE, 100 * diagnosis.energy),), "share of the unexplained [%]"
+    )
+    return Picture("where", "Which joint", bars)
+
+
+def _card(diagnosis: Diagnosis, number: int, finding: Finding) -> Card:
+    accepted, family = finding.accepted, finding.family
+    runner = accepted.runner_up
+    return Card(
+        number=number,
+        title=family.effect.name,
+        where="the whole crane" if family.joint is None else spoken(family.joint),
+        signature=family.effect.signature,
+        strength=f"{100 * accepted.strength:.2g} % of the drive force",
+        members=", ".join(f"{one.effect.name} ({spoken(one.where)})" for one in accepted.members),
+        runner_up=""
+        if runner is None
+        else f"{runner.effect.name} ({spoken(runner.where)}), {accepted.margin:.0f} behind",
+        settled_by=family.effect.settled_by,
+        parameters=tuple(
+            Line(p.name, *with_uncertainty(p.value, p.std_dev), unit(p.unit))
+            for p in finding.parameters
+        ),
+        pictures=_pictures(diagnosis, number, finding),
+    )
+
+
+def _pictures(diagnosis: Diagnosis, number: int, finding: Finding) -> tuple[Picture, ...]:
+    accepted = finding.accepted
+    evidence, held_out = diagnosis.training, diagnosis.held_out
+    effect = accepted.option.columns @ _own_values(diagnosis, accepted.option.term)
+    j = int(np.argmax(evidence.rms(effect) / evidence.force_rms))
+    force_unit = unit(diagnosis.before.setting.force_unit(diagnosis.joints[j]))
+    left = f"τ − τ<sub>model</sub> [{force_unit}]"
+    used = evidence.used[:, j]
+    before = residual(evidence, diagnosis.before)[used, j]
+    after = residual(evidence, diagnosis.after)[used, j]
+    own = diagnosis.known.about(diagnosis.joints[j])
+    follows = region(own, effect[:, j], used)
+    variable = follows.variable if follows else own.names[0]
+    x = diagnosis.known.values[used, diagnosis.known.names.index(variable)]
+    return (
+        Picture(
+            f"signature-{number}",
+            "What the model leaves, against what it follows",
+            charts.cloud(x, before, after, before - after, (spoken(variable), left)),
+        ),
+        Picture(
+            f"null-{number}",
+            "Score, against what chance gives",
+            charts.null_histogram(accepted.null, accepted.threshold, accepted.score),
+        ),
+        Picture(
+            f"folds-{number}",
+            "Does it help on recordings it was not fitted to?",
+            charts.fold_bars(accepted.fold_names, accepted.held_out),
+        ),
+        Picture(
+            f"force-{number}",
+            f"Held out: {spoken(diagnosis.joints[j])}, measured less predicted force",
+            _held_out_curves(diagnosis, held_out.run[0], j, force_unit),
+        ),
+    )
+
+
+def _held_out_curves(diagnosis: Diagnosis, run: int, j: int, force_unit: str) -> dict[str, Any]:
+    held_out = diagnosis.held_out
+    inside = held_out.run == run
+    time = held_out.time[inside]
+    middle = time[0] + (time[-1] - time[0]) / 2.0
+    shown = np.flatnonzero(inside)[np.abs(time - middle) <= WINDOW / 2.0]
+    gone = np.where(held_out.used[shown, j], 0.0, np.nan)  # a gap where the joint turns
+    series = [
+        (name, colour, residual(held_out, model)[shown, j] + gone)
+        for name, colour, model in (
+            ("before", charts.BEFORE, diagnosis.before),
+            ("after", charts.AFTER, diagnosis.after),
+        )
+    ]
+    return charts.curves(held_out.time[shown], series, f"τ − τ<sub>model</sub> [{force_unit}]")
+
+
+def _own_values(diagnosis: Diagnosis, term: Term) -> np.ndarray:
+    """The parameters of a term in the extended model."""
+    model, begin = diagnosis.after, 0
+    for each in model.terms:
+        count = len(each.parameters(model.setting))
+        if each == term:
+            return model.theta[begin : begin + count]
+        begin += count
+    raise AssertionError("findings are terms of the extended model")

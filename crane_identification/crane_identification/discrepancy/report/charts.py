@@ -1,0 +1,214 @@
+"""The pictures of a diagnosis as plotly.js wants them; colours are names of CSS variables."""
+
+from collections.abc import Mapping, Sequence
+from typing import Any
+
+import numpy as np
+
+BEFORE, AFTER, FLOOR, BEST, EFFECT = "--before", "--after", "--scatter", "--planted", "--ink"
+POINTS = 1500  # of a cloud; more do not show
+BARS = 40  # of a histogram
+_FONT = {"size": 11, "color": "--soft", "family": "--sans"}
+
+
+def description(
+    data: Sequence[Mapping[str, Any]], x: str, y: str, height: int = 240, **more: Any
+) -> dict[str, Any]:
+    """Traces over one pair of axes with these titles."""
+    layout: dict[str, Any] = {
+        "height": height,
+        "margin": {"l": 58, "r": 12, "t": 26, "b": 42},
+        "font": _FONT,
+        "paper_bgcolor": "rgba(0,0,0,0)",
+        "plot_bgcolor": "rgba(0,0,0,0)",
+        "showlegend": False,
+        "hoverlabel": {"font": {"family": "--sans", "size": 11}},
+        "modebar": {"bgcolor": "rgba(0,0,0,0)", "color": "--soft", "activecolor": "--ink"},
+        "xaxis": axis(title={"text": x, "standoff": 6, "font": _FONT}),
+        "yaxis": axis(),
+        "annotations": [
+            {
+                "text": y,
+                "x": 0,
+                "xref": "paper",
+                "xanchor": "left",
+                "xshift": -52,
+                "y": 1,
+                "yref": "paper",
+                "yanchor": "bottom",
+                "yshift": 5,
+                "showarrow": False,
+                "font": {"size": 12, "color": "--ink", "family": "--sans"},
+            }
+        ],
+    }
+    for name, value in more.items():
+        layout[name] = {**layout.get(name, {}), **value} if isinstance(value, dict) else value
+    return {"data": list(data), "layout": layout}
+
+
+def axis(**more: Any) -> dict[str, Any]:
+    """An axis in the style of the reports."""
+    return {
+        "gridcolor": "--grid",
+        "zerolinecolor": "--rule",
+        "zerolinewidth": 1,
+        "linecolor": "--rule",
+        "tickfont": _FONT,
+        "exponentformat": "none",
+        **more,
+    }
+
+
+def grouped_bars(
+    names: Sequence[str], groups: Sequence[tuple[str, str, np.ndarray]], title: str
+) -> dict[str, Any]:
+    """Bars side by side for each name: groups of (label, colour, values) [percent or so]."""
+    data = [
+        {
+            "type": "bar",
+            "name": label,
+            "x": list(names),
+            "y": numbers(values),
+            "marker": {"color": colour},
+            "text": [f"{v:.3g}" if np.isfinite(v) else "?" for v in values],
+            "textposition": "outside",
+            "textfont": _FONT,
+            "cliponaxis": False,
+            "hovertemplate": f"%{{x}}: %{{y:.3g}}<extra>{label}</extra>",
+        }
+        for label, colour, values in groups
+    ]
+    return description(data, "", title, barmode="group", bargap=0.3)
+
+
+def cloud(
+    x: np.ndarray,
+    before: np.ndarray,
+    after: np.ndarray,
+    effect: np.ndarray,
+    titles: tuple[str, str],
+) -> dict[str, Any]:
+    """A residual before and after over the quantity it follows, and the effect that was added."""
+    thin = np.unique(np.linspace(0, len(x) - 1, min(POINTS, len(x))).astype(int))
+    order = thin[np.argsort(x[thin])]
+    centres, means = _binned(x, effect)
+    data = [
+        points("before", BEFORE, x[order], before[order]),
+        points("after", AFTER, x[order], after[order]),
+        {
+            "type": "scatter",
+            "mode": "lines",
+            "name": "the effect",
+            "x": numbers(centres),
+            "y": numbers(means),
+            "line": {"color": EFFECT, "width": 2},
+            "hovertemplate": "%{y:.4~g}<extra>the effect</extra>",
+        },
+    ]
+    return description(data, *titles)
+
+
+def points(name: str, colour: str, x: np.ndarray, y: np.ndarray) -> dict[str, Any]:
+    """Dots."""
+    return {
+        "type": "scatter",
+        "mode": "markers",
+        "name": name,
+        "x": numbers(x),
+        "y": numbers(y),
+        "marker": {"color": colour, "size": 3, "opacity": 0.55},
+        "hovertemplate": f"%{{y:.4~g}}<extra>{name}</extra>",
+    }
+
+
+def null_histogram(null: np.ndarray, threshold: float, score: float) -> dict[str, Any]:
+    """The best score when nothing is missing, the threshold and the score of the effect."""
+    top = 1.3 * max(score, threshold)
+    edges = np.geomspace(max(float(null.min()), 1e-3), top, BARS + 1)
+    counts = np.histogram(null, edges)[0] / len(null)
+    high = float(counts.max())
+    data = [
+        {
+            "type": "bar",
+            "name": "nothing missing",
+            "x": numbers(np.sqrt(edges[1:] * edges[:-1])),
+            "y": numbers(counts),
+            "width": numbers(np.diff(edges)),
+            "marker": {"color": FLOOR},
+            "hovertemplate": "%{x:.3g}<extra>nothing missing</extra>",
+        },
+        mark("threshold", BEFORE, threshold, high, "dot"),
+        mark("this effect", AFTER, score, high, "solid"),
+    ]
+    return description(
+        data, "score (2 Δ log likelihood)", "share of bootstrap runs", xaxis={"type": "log"}
+    )
+
+
+def mark(name: str, colour: str, x: float, height: float, dash: str) -> dict[str, Any]:
+    """An upright line with its name on top."""
+    return {
+        "type": "scatter",
+        "mode": "lines+text",
+        "name": name,
+        "x": [x, x],
+        "y": [0.0, height],
+        "text": ["", name],
+        "textposition": "top left" if name == "this effect" else "top center",
+        "textfont": {**_FONT, "color": colour},
+        "cliponaxis": False,
+        "line": {"color": colour, "width": 2, "dash": dash},
+        "hovertemplate": f"%{{x:.4~g}}<extra>{name}</extra>",
+    }
+
+
+def fold_bars(names: Sequence[str], gains: np.ndarray) -> dict[str, Any]:
+    """What the effect gains on each held-out fold."""
+    labels = [str(number + 1) for number in range(len(names))]
+    data = [
+        {
+            "type": "bar",
+            "x": labels,
+            "y": numbers(gains),
+            "customdata": list(names),
+            "marker": {"color": [AFTER if gain > 0 else BEFORE for gain in gains]},
+            "hovertemplate": "%{customdata}: %{y:.4~g}<extra></extra>",
+        }
+    ]
+    return description(
+        data, "held-out recording", "gain (2 Δ log likelihood)", xaxis={"type": "category"}
+    )
+
+
+def curves(
+    time: np.ndarray, series: Sequence[tuple[str, str, np.ndarray]], title: str
+) -> dict[str, Any]:
+    """Lines over time."""
+    data = [
+        {
+            "type": "scatter",
+            "mode": "lines",
+            "name": name,
+            "x": numbers(time),
+            "y": numbers(values),
+            "line": {"color": colour, "width": 1.3},
+            "hovertemplate": f"%{{y:.4~g}}<extra>{name}</extra>",
+        }
+        for name, colour, values in series
+    ]
+    return description(data, "t [s]", title)
+
+
+def numbers(values: np.ndarray) -> list[float | None]:
+    """Five significant digits; null where there is no number."""
+    return [float(f"{v:.5g}") if np.isfinite(v) else None for v in np.asarray(values, dtype=float)]
+
+
+def _binned(x: np.ndarray, y: np.ndarray, bins: int = 40) -> tuple[np.ndarray, np.ndarray]:
+    edges = np.linspace(x.min(), x.max(), bins + 1)
+    place = np.clip(np.searchsorted(edges, x, side="right") - 1, 0, bins - 1)
+    count = np.bincount(place, minlength=bins)
+    means = np.bincount(place, y, bins) / np.maximum(count, 1)
+    there = count > 0
+    return ((edges[1:] + edges[:-1]) / 2.0)[there], means[there]
