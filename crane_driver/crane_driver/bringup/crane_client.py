@@ -42,6 +42,7 @@ class CraneClient(Node):
         self.pressures: list[dict[str, float]] = []
         self._received = -np.inf
         self._trouble = ""
+        self._refused: int | None = None  # commands, as the driver has told since it was enabled
         self.create_subscription(JointState, "/joint_states", self._joint_state, DEPTH)
         self.create_subscription(
             CylinderPressures, "/cylinder_pressures", self._cylinder_pressures, DEPTH
@@ -101,7 +102,7 @@ class CraneClient(Node):
             if not answer.success:
                 raise MotionError(f"the driver does not enable the crane: {answer.message}")
             drive.enabled = True
-            self._trouble = ""
+            self._trouble, self._refused = "", None
             yield drive
         finally:
             drive.leave()
@@ -174,8 +175,15 @@ class CraneClient(Node):
 
     def _diagnosed(self, message: DiagnosticArray) -> None:
         for one in message.status:
-            if one.name == "driver: safety" and one.level == DiagnosticStatus.ERROR:
+            if one.name != "driver: safety":
+                continue
+            if one.level == DiagnosticStatus.ERROR:
                 self._trouble = one.message
+            values = {value.key: value.value for value in one.values}
+            refused = int(values.get("commands refused", 0))
+            if self._refused is not None and refused > self._refused:
+                self._trouble = f"it refuses commands: {values.get('last refusal')}"
+            self._refused = refused
 
 
 class NodeDrive:
