@@ -142,10 +142,12 @@ class DriverLoop:
     def valve_frames(self, now: float, commanded: bool = False) -> list[Frame]:
         """The valve frames if they are due at `now`, else none.
 
-        A command is sent on at once (`commanded`), so that it does not wait for the cycle.
+        A command is sent on at once (`commanded`), so that it does not wait for the cycle; one that
+        comes too soon after the last valve frame, as soon as another one may follow.
         """
         if commanded:
             if now - self._sent < CLOSEST * self.cycle:
+                self._due = self._sent + CLOSEST * self.cycle
                 return []
         elif now < self._due - EARLY * self.cycle:
             return []

@@ -162,18 +162,20 @@ class Driver(LifecycleNode):
         """Frames or faults of the bus wait to be taken."""
         if self._loop is None or self._link is None:
             return
-        joints, pressures = self._loop.receive(
-            self._link.take(), self._link.take_faults(), time.monotonic()
-        )
+        self._take(self._loop, self._link)
+        self._send(self._link, self._loop.valve_frames(time.monotonic()))
+
+    def _take(self, loop: DriverLoop, link: Link) -> None:
+        joints, pressures = loop.receive(link.take(), link.take_faults(), time.monotonic())
         for pressure_sample in pressures:
-            self._pressures.publish(cylinder_pressures(pressure_sample, self._loop.cylinders))
+            self._pressures.publish(cylinder_pressures(pressure_sample, loop.cylinders))
         for joint_sample in joints:
-            self._joints.publish(joint_state(joint_sample, self._loop.joints))
+            self._joints.publish(joint_state(joint_sample, loop.joints))
 
     def _cycle(self) -> None:
-        self._receive()  # before it is judged what has not come
         if self._loop is None or self._link is None:
             return
+        self._take(self._loop, self._link)  # before it is judged what has not come
         now = time.monotonic()
         self._loop.check(self._commanders(), now)
         self._send(self._link, self._loop.valve_frames(now))

@@ -185,6 +185,17 @@ def test_commands_are_sent_on_at_once_and_take_the_place_of_the_cycle(bench: Ben
     assert sum(map(len, flood)) <= 0.05 / CYCLE * 2 + 1
 
 
+def test_a_command_too_soon_after_a_valve_frame_is_sent_half_a_cycle_after_it(
+    bench: Bench,
+) -> None:
+    now = START + 10 * CYCLE
+    assert bench.loop.valve_frames(now, commanded=True)
+    assert not bench.loop.valve_frames(now + 0.2 * CYCLE, commanded=True)
+    assert not bench.loop.valve_frames(now + 0.3 * CYCLE)
+    assert bench.loop.valve_frames(now + 0.5 * CYCLE)
+    assert not bench.loop.valve_frames(now + 1.3 * CYCLE)
+
+
 def test_unknown_frames_are_counted(bench: Bench) -> None:
     bench.receive([Frame(0x7FF, b"", steady=bench.now)])
     assert bench.loop.codec.unknown == {(0x7FF, False): 1}
