@@ -21,8 +21,8 @@ from recordings import Campaign, Experiment, StudyError, design, record, run
 from rich.console import Console
 from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn, TimeElapsedColumn
 
-from crane_model.configuration import packaged
-from crane_trajectory.periodic import load_trajectory
+from crane_model.configuration import load, packaged
+from crane_trajectory.fourier import FourierTrajectory
 
 ROOT = Path(__file__).resolve().parents[2]
 EMPS = ROOT / "tests" / "integration" / "emps"  # model and column map
@@ -69,7 +69,7 @@ def study(arguments: argparse.Namespace, console: Console) -> None:
             design(campaign, experiment)
             progress.advance(progress.task_ids[0])
     for campaign in (training, validation):
-        merits = [load_trajectory(file).figures_of_merit for file in campaign.trajectories]
+        merits = [load(file, FourierTrajectory).figures_of_merit for file in campaign.trajectories]
         conditions = ", ".join(f"{merit['condition_number']:.0f}" for merit in merits)
         console.print(f"  cond Φ of each, {campaign.name}: {conditions}", highlight=False)
     with phase(console, "bags recorded", training.count + validation.count) as progress:

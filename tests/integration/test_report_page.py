@@ -10,6 +10,7 @@ import pytest
 from unit.crane_identification.report.html_reader import Element, read_html
 from unit.crane_identification.report.synthetic_crane import PLANTED, crane_model, record_crane
 
+from crane_identification.online.replay import recursion
 from crane_identification.options import Options
 from crane_identification.pipeline import fit
 from crane_identification.preparation import prepare
@@ -58,6 +59,7 @@ def report() -> IdentificationReport:
         warnings=("A warning.",),
         provenance=Provenance.of("2012-06-01", ["identify"], "crane.yaml"),
         planted=PLANTED,
+        recursive=recursion(crane_model(), training),
     )
 
 
@@ -89,7 +91,8 @@ def test_nothing_is_said_on_the_console(opened):
 
 def test_every_figure_is_drawn(opened):
     plots = opened.page.find("div", class_="plot")
-    assert len(plots) == (2 + 1 + 1) * 3
+    settling, references, recordings, averages, validations = 5, 2 * 3, 2 * 3, 3, 3
+    assert len(plots) == settling + references + recordings + averages + validations
     for plot in plots:
         key = plot.attributes["id"]
         assert plot.find("svg", class_="main-svg"), key
@@ -113,9 +116,17 @@ def test_colours_of_the_page_reach_the_figures(opened):
 def test_every_row_of_the_tables_is_there(opened):
     rows = {
         kind: len(opened.page.find("table", class_=kind)[0].find("td", class_="strong"))
-        for kind in ("parameters", "errors", "entries")
+        for kind in ("parameters", "errors", "entries", "recursive", "recursive-errors")
     }
-    assert rows == {"parameters": 20, "errors": 3, "entries": 8}
+    assert rows == {
+        "parameters": 20,
+        "errors": 3,
+        "entries": 8,
+        "recursive": 20,
+        "recursive-errors": 3,
+    }
+    (sources,) = opened.page.find("table", class_="sources")
+    assert len(sources.find("tr")) == 1 + 3
 
 
 def test_nothing_on_the_open_page_points_to_a_network(opened):

@@ -28,7 +28,6 @@ SETTLED = 0.2
 class RecursiveRow(NamedTuple):
     """One parameter by the recursion and by the fit; `difference` in standard deviations."""
 
-    name: str
     symbol: Markup
     unit: str
     value: str
@@ -67,12 +66,11 @@ def recursive_groups(report: IdentificationReport) -> list[RecursiveGroup]:
             groups.append(RecursiveGroup(heading, []))
         groups[-1].rows.append(
             RecursiveRow(
-                parameter.name,
                 parameter_symbol(parameter.name),
                 unit(parameter.unit),
                 *with_uncertainty(value, std_dev),
                 *with_uncertainty(fitted, fitted_std_dev),
-                f"{plain((value - fitted) / spread, 2)}",
+                plain((value - fitted) / spread, 2),
             )
         )
     return groups

@@ -60,6 +60,7 @@ def record_crane(
         "pressure_b": pressure_b + noise[1],
         "reference_position": position + lag,
         "reference_velocity": velocity + 0.05 * acceleration,
+        "reference_acceleration": acceleration + 0.05 * np.gradient(acceleration, time, axis=0),
     }
     return Log(
         source=source,

@@ -1,0 +1,98 @@
+"""The study in small: designed, recorded, identified recursively and at once, and shown."""
+
+import json
+import os
+import subprocess
+import sys
+from pathlib import Path
+from typing import Any
+
+import pytest
+import recordings
+from recordings import Campaign, Experiment
+from unit.crane_identification.report.html_reader import figure_descriptions, read_html
+
+SCRIPT = Path(recordings.__file__).with_name("study.py")
+EXPERIMENT = Experiment(period=20.0, harmonics=4, starts=1, periods=2)
+
+
+@pytest.fixture(scope="module")
+def out(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    return tmp_path_factory.mktemp("study") / "new"
+
+
+@pytest.fixture(scope="module")
+def printed(out: Path) -> str:
+    """What a study of two trajectories and one to validate on prints."""
+    done = subprocess.run(
+        [sys.executable, str(SCRIPT), "--out", str(out)]
+        + ["--training", "2", "--validation", "1"]
+        + [f"--{name}={value}" for name, value in vars(EXPERIMENT).items()],
+        capture_output=True,
+        text=True,
+        env=os.environ | {"COLUMNS": "160"},  # so that no heading is broken
+    )
+    assert done.returncode == 0, done.stderr
+    return done.stdout
+
+
+@pytest.fixture(scope="module")
+def summary(printed: str, out: Path) -> dict[str, Any]:
+    return json.loads((out / "summary.json").read_text(encoding="utf-8"))
+
+
+def test_recursion_finds_what_was_planted(summary, out):
+    planted = json.loads((out / "planted.json").read_text(encoding="utf-8"))
+    for row in summary["recursive"]["parameters"]:
+        true = planted[row["name"]]
+        assert abs(row["value"] - true) < 0.1 * abs(true), row
+
+
+def test_both_estimates_predict_a_bag_that_neither_saw(summary):
+    assert len(summary["training_bags"]) == 2
+    assert len(summary["validation_bags"]) == 1
+    for errors in (
+        summary["heldout_relative_error"],
+        summary["recursive"]["heldout_relative_error"],
+    ):
+        assert list(errors) == ["inner_boom", "outer_boom", "telescope"]
+        assert max(errors.values()) < 0.05
+
+
+def test_its_page_has_the_figures_of_the_report(summary, out):
+    tree = read_html((out / "report.html").read_text(encoding="utf-8"))
+    keys = figure_descriptions(tree).keys()
+    joints = summary["heldout_relative_error"]
+    for figure in ("reference-0", "recording-1", "average-0", "validation-0"):  # 8, 9, 10, 12
+        assert {f"{figure}-{joint}" for joint in joints} <= keys
+    (table,) = tree.find("table", class_="recursive")
+    assert len(table.find("td", class_="value")) == 20
+
+
+def test_tables_and_times_are_printed(printed):
+    for words in ("bags recorded", "CPU", "m_TL", "noise floor", "validation/training", "EMPS"):
+        assert words in printed
+
+
+def test_what_is_there_is_not_made_again(printed, out, monkeypatch):
+    def never(*arguments: object) -> str:
+        raise AssertionError(arguments)
+
+    monkeypatch.setattr(recordings, "run", never)
+    done: list[None] = []
+    campaigns = [Campaign("training", 2, 1, out), Campaign("validation", 1, 101, out)]
+    for campaign in campaigns:
+        recordings.design(campaign, EXPERIMENT)
+    recordings.record(campaigns, EXPERIMENT, lambda: done.append(None))
+    assert len(done) == 3
+
+
+def test_an_executable_that_fails_ends_the_study_with_its_error(tmp_path):
+    done = subprocess.run(
+        [sys.executable, str(SCRIPT), "--out", str(tmp_path / "new"), "--starts", "0"],
+        capture_output=True,
+        text=True,
+    )
+    assert done.returncode == 1
+    assert done.stderr.startswith("error: crane_trajectory design failed")
+    assert "must be at least 1, got 0" in done.stderr
