@@ -13,6 +13,8 @@ from crane_identification.discrepancy.thresholds import Thresholds
 
 DISTINCT = 0.9
 """Correlation beside the model below which the columns of two effects are different."""
+SAME_FORM = 0.95
+"""Correlation above which one effect is taken for a special case of the other."""
 
 
 @dataclass(frozen=True)
@@ -45,8 +47,9 @@ def decide(search: Search, thresholds: Thresholds) -> tuple[list[Accepted], floa
     accepted: list[Accepted] = []
     first_threshold = _threshold(_null(search, None), thresholds)
     for size in range(1, len(search.sizes) + 1):
-        choice = search.best(size)
-        assert choice is not None
+        best = search.best(size)
+        assert best is not None
+        choice = _simplest(search, best, thresholds, first_threshold)
         null = _null(search, search.best(size - 1))
         marginal = _marginal(search, choice)
         threshold = _threshold(null, thresholds)
@@ -90,6 +93,50 @@ def _threshold(null: np.ndarray, thresholds: Thresholds) -> float:
     return thresholds.score_factor * float(np.quantile(null, 1.0 - thresholds.false_alarm_rate))
 
 
+def _simplest(search: Search, choice: Choice, thresholds: Thresholds, threshold: float) -> Choice:
+    """The set with effects replaced by simpler ones that they are no better than.
+
+    Presliding over no way and a Stribeck curve without end are Coulomb friction.
+    """
+    for place in range(len(choice.options)):
+        own = choice.options[place]
+        needed = _needed(search, choice, thresholds, threshold)
+        for rival in _rivals(search, choice, place):
+            other = rival.options[-1]
+            if choice.gain - rival.gain > needed:
+                break
+            if _freedom(search, other) < _freedom(search, own) and _same(search, own, other):
+                order = (*choice.options[:place], other, *choice.options[place + 1 :])
+                choice = solve(search.projection, order) or choice
+                break
+    return choice
+
+
+def _needed(search: Search, choice: Choice, thresholds: Thresholds, threshold: float) -> float:
+    """Lead by which effects are told apart: beyond noise, and beyond what is left unexplained."""
+    left = max(search.explainable - choice.gain, 0.0)
+    return max(threshold, thresholds.lead_share * left)
+
+
+def _rivals(search: Search, choice: Choice, place: int) -> list[Choice]:
+    """The set with each other family in the place of one of its effects, best first."""
+    projection = search.projection
+    family = projection.options[choice.options[place]].family
+    replaced = extended(projection, _others(search, choice, place))
+    ranked = sorted(replaced, key=lambda one: -one.gain)
+    return [one for one in ranked if projection.options[one.options[-1]].family != family]
+
+
+def _freedom(search: Search, number: int) -> int:
+    """Number of parameters of an option, shapes included."""
+    option = search.projection.options[number]
+    return len(option.positive) + len(option.family.term.shapes)
+
+
+def _same(search: Search, one: int, other: int) -> bool:
+    return _alike(search, one, other) > SAME_FORM
+
+
 def _others(search: Search, choice: Choice, place: int) -> Choice:
     """The set without one of its effects."""
     rest = choice.options[:place] + choice.options[place + 1 :]
@@ -116,17 +163,15 @@ def _judged(
     number = choice.options[place]
     own = projection.options[number]
     others = _others(search, choice, place)
-    rivals = [
-        rival
-        for rival in sorted(extended(projection, others), key=lambda one: -one.gain)
-        if projection.options[rival.options[-1]].family != own.family
-    ]
-    left = max(search.explainable - choice.gain, 0.0)
-    needed = max(threshold, thresholds.lead_share * left)
+    rivals = _rivals(search, choice, place)
+    needed = _needed(search, choice, thresholds, threshold)
     members, correlation = [], 0.0
     for rank, rival in enumerate(rivals):
         alike = _alike(search, number, rival.options[-1])
         correlation = alike if rank == 0 else correlation
+        more = _freedom(search, rival.options[-1]) > _freedom(search, number)
+        if more and alike > SAME_FORM:
+            continue  # the same with more freedom, which it does not need
         if choice.gain - rival.gain <= needed or alike > thresholds.alike:
             members.append(projection.options[rival.options[-1]].family)
     evidence = search.evidence

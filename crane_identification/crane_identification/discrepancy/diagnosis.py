@@ -272,7 +272,7 @@ def _verdict(
         joints = [j for j, there in zip(found.evidence.joints, something, strict=True) if there]
         return (
             Verdict.UNKNOWN,
-            f"what is left on {', '.join(joints)} can be predicted, but by nothing in the catalogue",
+            f"what is left on {', '.join(joints)} follows a law, but none of the catalogue",
         )
     tested = {option.family for option in found.projection.options}
     share = len(tested) / max(len(tested) + len(found.untestable), 1)

@@ -112,16 +112,17 @@ def solve(projection: Projection, numbers: tuple[int, ...]) -> Choice | None:
     values = np.zeros(len(columns))
     positive = projection.positive[columns]
     while free.any():
+        values[:] = 0.0
         part = columns[free]
         gram = projection.gram[np.ix_(part, part)]
         if np.linalg.eigvalsh(gram)[0] < SINGULAR**2:
             return None
-        values[:] = 0.0
         values[free] = np.linalg.solve(gram, projection.score[part])
         wrong = free & positive & (values < 0.0)
         if not wrong.any():
             break
         free &= ~wrong
+    values[~free] = 0.0
     for number in numbers:
         if not values[projection.owner[columns] == number].any():
             return None

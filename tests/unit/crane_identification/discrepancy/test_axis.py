@@ -1,0 +1,111 @@
+"""Whole diagnoses of one axis: cheap, with every verdict."""
+
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+import pytest
+from unit.crane_identification.synthetic import axis_log
+
+from crane_identification.data.log import Log, Signal
+from crane_identification.discrepancy import explain, findings
+from crane_identification.discrepancy.diagnosis import Diagnosis, Verdict, diagnose
+from crane_identification.discrepancy.thresholds import load_thresholds
+from crane_identification.options import Options
+from crane_model.model_file import Model, load_model, save_model
+
+FULL = ("inertia", "viscous", "coulomb", "offset")
+SEEDS = range(4)
+
+
+def model(folder: Path, *types: str) -> Model:
+    terms = "".join(f"  - {{type: {name}, joint: axis}}\n" for name in types)
+    (folder / "axis.yaml").write_text(f"name: one axis\njoints: {{axis: m}}\nterms:\n{terms}")
+    return load_model(folder / "axis.yaml")
+
+
+def log(folder: Path, seed: int, law: str = "") -> Log:
+    """An axis that obeys the full model, plus 3 N rms of another `law`."""
+    made = axis_log(seed, model(folder, *FULL), periods=2)
+    assert made.force is not None
+    q = made.position.value
+    v = np.gradient(q[:, 0], made.position.time)[:, None]
+    added = {"": 0.0 * q, "spring": q, "waves": np.sin(30.0 * q) * np.cos(9.0 * v)}[law]
+    size = float(np.sqrt((added**2).mean())) or 1.0
+    force = Signal(made.force.time, made.force.value + 3.0 * added / size, "f")
+    return replace(made, force=force)
+
+
+def diagnosed(folder: Path, types: tuple[str, ...], law: str = "") -> Diagnosis:
+    logs = [log(folder, seed, law) for seed in SEEDS]
+    return diagnose(model(folder, *types), logs[:-1], logs[-1:], Options(), load_thresholds())
+
+
+@pytest.fixture(scope="module")
+def without_coulomb(tmp_path_factory: pytest.TempPathFactory) -> Diagnosis:
+    return diagnosed(tmp_path_factory.mktemp("axis"), ("inertia", "viscous"))
+
+
+def test_the_missing_terms_are_named_strongest_first(without_coulomb: Diagnosis) -> None:
+    """Coulomb friction of 8 N, then the offset of -1.5 N; both with their values."""
+    assert without_coulomb.verdict in (Verdict.NAMED, Verdict.CLASS)
+    first, second = without_coulomb.findings
+    assert first.family.type == "coulomb" and not first.accepted.members
+    assert {second.family.type, *(m.type for m in second.accepted.members)} >= {"offset"}
+    value = first.parameters[0]
+    assert value.value == pytest.approx(8.0, abs=4 * value.std_dev + 0.1)
+    assert second.parameters[0].value == pytest.approx(-1.5, abs=0.2)
+
+
+def test_the_gap_closes_on_the_held_out_recording(without_coulomb: Diagnosis) -> None:
+    gap = without_coulomb.gap
+    assert gap.closed[0] > 0.95
+    assert gap.after[0] < 1.5 * gap.floor[0]
+    assert (gap.motion_after.position_rms < 0.5 * gap.motion_before.position_rms).all()
+
+
+def test_a_complete_model_lacks_nothing(tmp_path: Path) -> None:
+    result = diagnosed(tmp_path, FULL)
+    assert result.verdict is Verdict.NONE
+    assert not result.findings and result.after is result.before
+
+
+def test_a_spring_is_named(tmp_path: Path) -> None:
+    result = diagnosed(tmp_path, FULL, "spring")
+    assert result.verdict is Verdict.NAMED
+    assert [one.family.type for one in result.findings] == ["hose_stiffness"]
+
+
+def test_a_law_that_is_not_in_the_catalogue_is_not_given_a_name(tmp_path: Path) -> None:
+    result = diagnosed(tmp_path, FULL, "waves")
+    assert result.verdict is Verdict.UNKNOWN
+    assert not result.findings
+    assert result.regions[0] is not None and "axis" in result.regions[0].variable
+
+
+def test_the_extended_model_loads_and_lacks_nothing_more(
+    without_coulomb: Diagnosis, tmp_path: Path
+) -> None:
+    save_model(tmp_path / "model.yaml", without_coulomb.after)
+    extended = load_model(tmp_path / "model.yaml")
+    assert extended.values == pytest.approx(without_coulomb.after.theta)
+    logs = [log(tmp_path, seed) for seed in SEEDS]
+    again = diagnose(extended, logs[:-1], logs[-1:], Options(), load_thresholds())
+    assert again.verdict is Verdict.NONE
+
+
+def test_findings_hold_every_key(without_coulomb: Diagnosis) -> None:
+    content = findings.content(without_coulomb)
+    assert {"verdict", "where", "findings", "gap", "left"} <= set(content)
+    assert set(content["findings"][0]) >= {
+        *("effect", "name", "joint", "class_members", "parameters", "score", "threshold"),
+        *("false_alarm_rate", "runner_up", "margin", "visibility", "settled_by"),
+    }
+    assert set(content["findings"][0]["parameters"][0]) == {"name", "value", "std_dev", "unit"}
+    assert set(content["where"]["axis"]) >= {"energy_share", "motion_error", "region"}
+
+
+def test_the_explanation_fits_on_a_screen(without_coulomb: Diagnosis) -> None:
+    lines = explain.lines(findings.content(without_coulomb))
+    assert len(lines) <= 20
+    assert any("Coulomb friction" in line for line in lines)
