@@ -64,6 +64,12 @@ def hand(stage: Stage) -> Iterator[Commander]:
         yield process
 
 
+def swing(stage: Stage, hand: Commander) -> None:
+    """The crane turns, the valve of the slew half open, towards the middle of its range."""
+    side = -1.0 if stage.states[-1].position[0] > 0.0 else 1.0
+    stage.moving(hand, slew=0.5 * side)
+
+
 def ramped(stage: Stage, since: int, joint: str = "slew") -> list[Valves]:
     """Wait until the valves are closed; assert that they closed by a ramp, and stay closed."""
     stage.until(lambda: not stage.valves[-1].enabled)
@@ -91,12 +97,12 @@ def fault(stage: Stage, name: str) -> str:
 def test_a_publisher_that_stops_makes_the_valves_ramp_to_neutral(
     stage: Stage, hand: Commander
 ) -> None:
-    stage.moving(hand, slew=0.5)
+    swing(stage, hand)
     since = len(stage.valves)
     hand.pause()
     frames = ramped(stage, since)
     assert "last command 1" in fault(stage, "command timeout")
-    held = [one for one in frames if one.commands["slew"] > 0.5 - SMALLEST]
+    held = [one for one in frames if abs(one.commands["slew"]) > 0.5 - SMALLEST]
     assert held[-1].steady - held[0].steady <= SAFETY.command_timeout + SLACK
     hand.send(slew=0.5)
     count = len(stage.valves)
@@ -116,7 +122,7 @@ def test_a_publisher_that_stops_makes_the_valves_ramp_to_neutral(
 def test_a_wrong_command_is_refused_as_a_whole_and_named(
     command: dict[str, float], reason: str, stage: Stage, hand: Commander
 ) -> None:
-    stage.moving(hand, slew=0.5)
+    swing(stage, hand)
     since = len(stage.valves)
     hand.send(**command)
     frames = ramped(stage, since)
@@ -128,7 +134,7 @@ def test_a_wrong_command_is_refused_as_a_whole_and_named(
 
 
 def test_two_publishers_are_refused_and_reported(stage: Stage, hand: Commander) -> None:
-    stage.moving(hand, slew=0.5)
+    swing(stage, hand)
     since = len(stage.valves)
     second = stage.node.create_publisher(ValveCommand, "/valve_command", 10)
     try:
@@ -147,7 +153,7 @@ def test_two_publishers_are_refused_and_reported(stage: Stage, hand: Commander) 
 def test_a_machine_that_falls_silent_is_a_fault_and_nothing_is_published(
     stage: Stage, hand: Commander
 ) -> None:
-    stage.moving(hand, slew=0.5)
+    swing(stage, hand)
     since = len(stage.valves)
     os.kill(stage.machine.pid, signal.SIGSTOP)
     try:
@@ -171,12 +177,12 @@ def test_a_machine_that_falls_silent_is_a_fault_and_nothing_is_published(
 def test_a_bus_that_is_lost_is_reopened_but_never_enabled_again(
     stage: Stage, hand: Commander, gone: Path
 ) -> None:
-    stage.moving(hand, slew=0.5)
+    swing(stage, hand)
     before = len(stage.valves)
     gone.touch()
     try:
         stage.until(lambda: stage.machine_state == "CommandTimeout")  # no way to reach the valves
-        assert "No such device; reopened in 0." in fault(stage, "CAN bus")
+        assert "No such device" in fault(stage, "CAN bus")
         assert stage.diagnostics["driver: bus"][1] == "lost"
         silent = len(stage.valves)
     finally:
@@ -229,7 +235,7 @@ def test_valves_that_do_not_accept_what_they_are_sent_are_a_fault(
     stage: Stage, hand: Commander
 ) -> None:
     with played(stage) as hears:
-        stage.moving(hand, slew=0.5)
+        swing(stage, hand)
         since = len(stage.valves)
         hears.clear()
         ramped(stage, since)
@@ -261,7 +267,7 @@ def encoder_frame(stage: Stage) -> Frame:
 def test_a_damaged_frame_is_a_fault_and_is_not_published(
     damage: Callable[[bytes], bytes], name: str, detail: str, stage: Stage, hand: Commander
 ) -> None:
-    stage.moving(hand, slew=0.5)
+    swing(stage, hand)
     since = len(stage.valves)
     frame = encoder_frame(stage)
     refused = int(stage.diagnostics["driver: EncoderBase"][2]["frames refused"])
@@ -273,7 +279,7 @@ def test_a_damaged_frame_is_a_fault_and_is_not_published(
 
 def test_a_wrong_counter_is_a_fault(stage: Stage, hand: Commander) -> None:
     """An old frame, whole and with a right checksum, comes in between."""
-    stage.moving(hand, slew=0.5)
+    swing(stage, hand)
     since = len(stage.valves)
     old = encoder_frame(stage)
     stage.frames.clear()
@@ -285,7 +291,7 @@ def test_a_wrong_counter_is_a_fault(stage: Stage, hand: Commander) -> None:
 
 
 def test_a_repeated_frame_is_a_fault(stage: Stage, hand: Commander) -> None:
-    stage.moving(hand, slew=0.5)
+    swing(stage, hand)
     since, states = len(stage.valves), len(stage.states)
     old = encoder_frame(stage)
     for _ in range(5):  # one of the machine's own may come before the first of them
@@ -297,12 +303,12 @@ def test_a_repeated_frame_is_a_fault(stage: Stage, hand: Commander) -> None:
 
 
 def test_emergency_stop_is_neutral_at_once_and_latched(stage: Stage, hand: Commander) -> None:
-    stage.moving(hand, slew=0.5)
+    swing(stage, hand)
     since = len(stage.valves)
     success, _ = stage.call("emergency_stop")
     assert success
     stage.until(lambda: not stage.valves[-1].enabled)
-    between = [one for one in stage.valves[since:] if SMALLEST < one.commands["slew"] < 0.4]
+    between = [one for one in stage.valves[since:] if SMALLEST < abs(one.commands["slew"]) < 0.4]
     assert not between, "ramped"
     assert stage.call("enable") == (False, "not enabled: the state is emergency stop")
     assert stage.safety()[0] == "emergency stop"
@@ -310,7 +316,7 @@ def test_emergency_stop_is_neutral_at_once_and_latched(stage: Stage, hand: Comma
 
 
 def test_disable_ramps_to_neutral(stage: Stage, hand: Commander) -> None:
-    stage.moving(hand, slew=0.5)
+    swing(stage, hand)
     since = len(stage.valves)
     assert stage.call("disable") == (True, "disabled")
     ramped(stage, since)
