@@ -13,7 +13,7 @@ from crane_identification.discrepancy.thresholds import Thresholds
 
 DISTINCT = 0.9
 """Correlation beside the model below which the columns of two effects are different."""
-SAME_FORM = 0.95
+SAME_FORM = 0.9
 """Correlation above which one effect is taken for a special case of the other."""
 
 

@@ -1,0 +1,140 @@
+"""The diagnosis by its executable: a machine that lacks nothing, and EMPS without its friction."""
+
+import json
+import subprocess
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+from ament_index_python.packages import get_package_prefix
+from scipy.io import loadmat
+
+from crane_model.configuration import packaged
+from crane_model.model_file import load_model
+
+MODEL = packaged("crane_model", "crane_model.yaml")
+EMPS = Path(__file__).parent / "emps"
+PUBLISHED = {"inertia.axis": 95.1089, "f_v.axis": 203.5034, "f_c.axis": 20.3935}
+BARE = """
+name: EMPS, inertia and viscous friction only
+joints: {axis: m}
+terms:
+  - {type: inertia, joint: axis}
+  - {type: viscous, joint: axis}
+"""
+
+
+def _run(package: str, executable: str, *arguments: object) -> subprocess.CompletedProcess[str]:
+    path = Path(get_package_prefix(package)) / "lib" / package / executable
+    return subprocess.run([str(path), *map(str, arguments)], capture_output=True, text=True)
+
+
+def _diagnose(*arguments: object) -> subprocess.CompletedProcess[str]:
+    return _run("crane_identification", "diagnose", *arguments)
+
+
+def _findings(folder: Path) -> dict[str, Any]:
+    return json.loads((folder / "findings.json").read_text(encoding="utf-8"))
+
+
+@pytest.fixture(scope="module")
+def bags(tmp_path_factory: pytest.TempPathFactory) -> tuple[Path, Path, Path]:
+    folder = tmp_path_factory.mktemp("bags")
+    out = []
+    for name, trajectory, seed in (
+        ("first", "excitation_20s.yaml", 21),
+        ("second", "validation_20s.yaml", 22),
+        ("held_out", "validation_20s.yaml", 23),
+    ):
+        file = packaged("crane_trajectory", trajectory)
+        what = ("--trajectory", file, "--periods", 2, "--seed", seed, "--out", folder / name)
+        done = _run("crane_sim", "make_bag", *what)
+        assert done.returncode == 0, done.stderr
+        out.append(folder / name)
+    return out[0], out[1], out[2]
+
+
+@pytest.fixture(scope="module")
+def nothing(
+    bags: tuple[Path, Path, Path], tmp_path_factory: pytest.TempPathFactory
+) -> tuple[Path, str]:
+    """The folder that a diagnosis of the whole model writes, and what it prints."""
+    out = tmp_path_factory.mktemp("diagnosis") / "new"
+    what = ("--model", MODEL, "--train", *bags[:2], "--validate", bags[2], "--out", out)
+    done = _diagnose(*what)
+    assert done.returncode == 0, done.stderr
+    return out, done.stdout
+
+
+def test_a_machine_that_obeys_its_model_lacks_nothing(nothing: tuple[Path, str]) -> None:
+    out, said = nothing
+    content = _findings(out)
+    assert content["verdict"] == "none" and content["findings"] == []
+    assert "Nothing is missing" in said
+    for joint, error in content["gap"]["after"].items():
+        assert error["force_relative_error"] < 2.0 * error["noise_floor"], joint
+    assert load_model(out / "model.yaml").values is not None
+    assert "Nothing is missing" in (out / "report.html").read_text(encoding="utf-8")
+
+
+def test_the_answer_is_told_again(nothing: tuple[Path, str]) -> None:
+    out, said = nothing
+    done = _diagnose("--explain", out)
+    assert done.returncode == 0
+    assert len(done.stdout.splitlines()) <= 20
+    assert done.stdout.strip() in said
+
+
+@pytest.mark.parametrize(
+    ("arguments", "said"),
+    [
+        (["--model", MODEL], "--train, --validate, --out"),
+        (["--explain", "absent"], "findings.json"),
+        (
+            ["--model", MODEL, "--train", "a", "--validate", "a", "--out", "b"],
+            "took no part",
+        ),
+    ],
+)
+def test_what_cannot_be_done_is_said(tmp_path: Path, arguments: list[object], said: str) -> None:
+    done = _diagnose(*arguments)
+    assert done.returncode == 1
+    assert done.stderr.startswith("error: ") and said in done.stderr
+
+
+@pytest.fixture(scope="module")
+def emps(real_data: Path, tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """A diagnosis of inertia and viscous friction on the first part, proved on the last."""
+    folder = tmp_path_factory.mktemp("emps")
+    data = loadmat(real_data / "emps" / "DATA_EMPS.mat")
+    table = np.column_stack([data[name].ravel() for name in ("t", "qm", "vir")])
+    cut = int(0.7 * len(table))
+    for name, part in (("train", table[:cut]), ("held_out", table[cut:])):
+        rows = "\n".join(",".join(map(repr, row)) for row in part.tolist())
+        (folder / f"{name}.csv").write_text("t,qm,vir\n" + rows, encoding="utf-8")
+    (folder / "bare.yaml").write_text(BARE, encoding="utf-8")
+    done = _diagnose(
+        *("--model", folder / "bare.yaml", "--columns", EMPS / "columns.yaml"),
+        *("--train", folder / "train.csv", "--validate", folder / "held_out.csv"),
+        *("--out", folder / "out"),
+    )
+    assert done.returncode == 0, done.stderr
+    return folder / "out"
+
+
+def test_coulomb_friction_of_emps_is_named_then_its_offset(emps: Path) -> None:
+    first, second = _findings(emps)["findings"][:2]
+    assert first["effect"] == "coulomb" and first["class_members"] == []
+    assert {second["effect"], *(one["effect"] for one in second["class_members"])} >= {"offset"}
+
+
+def test_the_additions_bring_the_published_fit_of_emps(emps: Path) -> None:
+    """Within 3 %, as the recording is not the whole one."""
+    model = load_model(emps / "model.yaml")
+    found = dict(zip([p.name for p in model.parameters], model.theta, strict=True))
+    for name, value in PUBLISHED.items():
+        assert found[name] == pytest.approx(value, rel=0.03)
+    gap = _findings(emps)["gap"]
+    after = gap["after"]["axis"]["force_relative_error"]
+    assert after < 0.3 * gap["before"]["axis"]["force_relative_error"]
