@@ -124,8 +124,10 @@ def emps(real_data: Path, tmp_path_factory: pytest.TempPathFactory) -> Path:
 
 
 def test_coulomb_friction_of_emps_is_named_then_its_offset(emps: Path) -> None:
+    """Beside it at most what is Coulomb friction with a rounded jump."""
     first, second = _findings(emps)["findings"][:2]
-    assert first["effect"] == "coulomb" and first["class_members"] == []
+    assert first["effect"] == "coulomb"
+    assert {one["effect"] for one in first["class_members"]} <= {"maxwell_slip", "presliding"}
     assert {second["effect"], *(one["effect"] for one in second["class_members"])} >= {"offset"}
 
 
