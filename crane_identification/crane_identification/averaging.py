@@ -102,7 +102,8 @@ def drift(periods: np.ndarray) -> Drift:
     independent = independent_samples(deviation, np.ones((samples, joints), dtype=bool))
     ratio = np.divide(steady * others, rest, out=np.ones(joints), where=rest > 0.0)
     p_value = fisher.sf(ratio, independent, others * independent)
-    return Drift(np.sqrt(steady / samples) / length, p_value)
+    change = np.maximum(steady - rest / others, 0.0)  # without what the scatter adds to it
+    return Drift(np.sqrt(change / samples) / length, p_value)
 
 
 def independent_samples(deviation: np.ndarray, used: np.ndarray) -> np.ndarray:

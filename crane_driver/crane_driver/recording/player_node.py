@@ -1,6 +1,7 @@
 """The player as a node: publishes the messages of a bag when they are due, and the bag's time."""
 
 import time
+from collections import Counter
 from collections.abc import Callable, Collection, Iterable, Sequence
 
 from rclpy.duration import Duration
@@ -18,6 +19,8 @@ from crane_model.errors import DataError
 
 TICK = 10_000_000  # ns between two messages on /clock
 LOOK = NANOSECONDS  # ns between two looks for other publishers
+UNKNOWN = "_NODE_NAME_UNKNOWN_"  # what rmw says until it has been told the name
+UNNAMED = 5  # looks, after which a publisher is pointed out without a name
 LAST_MESSAGES = 2.0  # s that subscribers have to acknowledge what was sent last
 
 
@@ -32,6 +35,7 @@ class Player(Node):
         self._time = self.create_publisher(Clock, CLOCK, QoSProfile(depth=10))
         self._publishers_of: dict[str, Publisher] = {}  # recorded topic -> publisher
         self._contested: set[str] = set()
+        self._unnamed: Counter[str] = Counter()
         self._next_tick = self._next_look = 0
 
     def offer(self, topics: Sequence[PlayedTopic]) -> None:
@@ -106,8 +110,11 @@ class Player(Node):
         for publisher in self._publishers_of.values():
             name = publisher.topic_name
             if name not in self._contested and self.count_publishers(name) > 1:
-                self._contested.add(name)
                 nodes = {one.node_name for one in self.get_publishers_info_by_topic(name)}
+                if UNKNOWN in nodes and self._unnamed[name] < UNNAMED:
+                    self._unnamed[name] += 1  # its name follows, as a rule
+                    continue
+                self._contested.add(name)
                 self.get_logger().warning(
                     f"{name} is also published by {', '.join(sorted(nodes - {self.get_name()}))}: "
                     "subscribers get both; stop one of them, or leave the topic out by --topics"

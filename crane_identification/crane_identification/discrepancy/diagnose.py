@@ -74,7 +74,7 @@ def parser() -> argparse.ArgumentParser:
     add("--out", type=Path, help="folder for the results")
     add("--columns", type=Path, help="column map (YAML) of the tables")
     add("--period", type=float, help="period [s] of the motion, where no reference is recorded")
-    add("--thresholds", type=Path, help="thresholds (YAML; default: the frozen ones)")
+    add("--thresholds", type=Path, help="thresholds (YAML; default: the packaged ones)")
     add("--explain", type=Path, metavar="DIR", help="print the answer in DIR in twenty lines")
     return result
 

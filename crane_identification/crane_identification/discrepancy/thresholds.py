@@ -1,4 +1,4 @@
-"""Thresholds of a diagnosis, calibrated once on recordings in which nothing is missing."""
+"""Thresholds of a diagnosis, in a file beside the code."""
 
 from pathlib import Path
 from typing import Annotated
@@ -28,5 +28,5 @@ class Thresholds(Schema):
 
 
 def load_thresholds(path: Path | None = None) -> Thresholds:
-    """The frozen values, or those of a file; `ConfigurationError` names what is wrong in it."""
+    """The packaged values, or those of a file; `ConfigurationError` names what is wrong in it."""
     return load(path or packaged("crane_identification", "discrepancy.yaml"), Thresholds)

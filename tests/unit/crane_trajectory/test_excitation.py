@@ -166,7 +166,7 @@ def test_criterion_of_a_candidate_is_that_of_its_published_coefficients():
 def test_a_campaign_tells_more_than_as_many_copies_of_its_first():
     given = problem(Kind.D_OPTIMALITY)
     with ThreadPoolExecutor(2) as pool:
-        found = [x.trajectory for x in campaign(given, ["a", "b"], 1, 2, pool)]
+        found = [x.trajectory for x in campaign(given, ["a", "b"], 1, 6, pool)]
     assert [x.name for x in found] == ["a", "b"]
     first, second = (given.criterion.gram(one_period(MODEL, x, QUICK.samples)) for x in found)
     together, copies = given.criterion.exact(first + second), given.criterion.exact(2.0 * first)

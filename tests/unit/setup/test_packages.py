@@ -63,8 +63,8 @@ def test_every_direct_requirement_is_compiled() -> None:
     compiled = {line.split("==")[0] for path in REQUIREMENTS for line in pins(path)}
     for path in (ROOT / "scripts" / "requirements").glob("*.in"):
         for line in path.read_text().splitlines():
-            if name := re.match(r"\w[\w-]*", line):
-                assert name[0].lower() in compiled, f"{path.name}: {line}"
+            if name := re.match(r"\w[\w.-]*", line):
+                assert name[0].lower().replace(".", "-") in compiled, f"{path.name}: {line}"
 
 
 def test_continuous_integration_runs_the_command_of_the_readme() -> None:

@@ -82,7 +82,7 @@ def test_every_figure_has_its_place_and_its_curves(report, tree):
     joints = report.fit.model.joints
     assert set(places) == {
         f"{kind}-{i}-{joint}"
-        for kind in ("recording", "average", "validation")
+        for kind in ("reference", "recording", "average", "validation")
         for i in range(2)
         for joint in joints
     }
