@@ -4,6 +4,8 @@ A linear filter applied to both sides of (28) leaves Θ as it is and removes wha
 band in which the estimated motion can be trusted ("parallel filtering").
 """
 
+from functools import cache
+
 import numpy as np
 from scipy import signal
 
@@ -37,12 +39,18 @@ def decimate(values: np.ndarray, factor: int, periodic: bool = False) -> np.ndar
         return values
     if n <= PADDING:
         raise DataError(f"{n} samples cannot be filtered; at least {PADDING + 1} are needed")
-    sections = signal.cheby1(ORDER, RIPPLE, PASS_BAND / factor, output="sos")
+    sections = _low_pass(factor)
     rows = decimation_rows(n, factor)
     if not periodic:
         return signal.sosfiltfilt(sections, values, axis=0, padlen=PADDING)[rows]
     around = np.concatenate([values, values, values])
     return signal.sosfiltfilt(sections, around, axis=0, padlen=PADDING)[rows + n]
+
+
+@cache
+def _low_pass(factor: int) -> np.ndarray:
+    """Sections of the filter."""
+    return signal.cheby1(ORDER, RIPPLE, PASS_BAND / factor, output="sos")
 
 
 def decimation_factor(bandwidth: float, step: float) -> int:

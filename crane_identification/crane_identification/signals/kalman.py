@@ -130,27 +130,37 @@ def smoothed_covariance(h: float) -> np.ndarray:
 def smooth(readings: np.ndarray, h: float) -> np.ndarray:
     """Smoothed scaled states (n, 3) of scaled readings (n,).
 
-    The gains depend on no reading: filterpy computes them until they are constant (to rounding),
-    and the compiled loops carry the states, which is the same filter at a fraction of the cost.
+    The gains depend on no reading: they are computed until they are constant (to rounding), and
+    the loops over the readings carry the states alone.
     """
     kalman = scaled_filter(h)
-    gains, filtered = [], []
-    for _ in range(len(readings)):
-        kalman.update(0.0)
-        gains.append(kalman.K[:, 0].copy())
-        filtered.append(kalman.P.copy())
-        kalman.predict()
-        if len(filtered) > 1 and _constant(filtered[-2], filtered[-1]):
-            break
-    covariances = np.array(filtered)
+    gains, covariances = _gains(kalman.F, kalman.Q, kalman.P, len(readings))
     predicted = kalman.F @ covariances @ kalman.F.T + kalman.Q
     back = np.swapaxes(np.linalg.solve(predicted, kalman.F @ covariances), 1, 2)
-    states = _forward(readings, h, np.array(gains))
+    states = _forward(readings, h, gains)
     return _backward(states, h, np.ascontiguousarray(back))
 
 
-def _constant(before: np.ndarray, after: np.ndarray) -> bool:
-    return bool(np.all(np.abs(after - before) <= CONVERGED * np.abs(after)))
+@njit(cache=True)
+def _gains(
+    transition: np.ndarray, disturbance: np.ndarray, start: np.ndarray, most: int
+) -> tuple[np.ndarray, np.ndarray]:
+    """Gains (k, 3) and filtered covariances (k, 3, 3), k <= `most` until they are constant.
+
+    In the form of Joseph, which keeps covariances positive in spite of a diffuse start.
+    """
+    gains, filtered = np.empty((most, STATES)), np.empty((most, STATES, STATES))
+    predicted = start.copy()
+    for k in range(most):
+        gain = predicted[:, 0] / (predicted[0, 0] + 1.0)
+        keeps = np.eye(STATES)
+        keeps[:, 0] -= gain
+        now = keeps @ predicted @ keeps.T + np.outer(gain, gain)
+        gains[k], filtered[k] = gain, now
+        if k > 0 and (np.abs(now - filtered[k - 1]) <= CONVERGED * np.abs(now)).all():
+            return gains[: k + 1], filtered[: k + 1]
+        predicted = transition @ now @ transition.T + disturbance
+    return gains, filtered
 
 
 @njit(cache=True)
