@@ -30,7 +30,7 @@ EARLY = 0.1  # cycles, by which a timer may come too early
 class JointSample(NamedTuple):
     """Joints in the order of `DriverLoop.joints`; NaN where there is no measurement."""
 
-    stamp: int  # ns, of reception
+    stamp: int  # ns, of the sampling as reception tells it
     position: list[float]  # rad, m
     velocity: list[float]  # rad/s, m/s
     effort: list[float]  # N m, N: generalized force (27) of the pressures
@@ -39,7 +39,7 @@ class JointSample(NamedTuple):
 class PressureSample(NamedTuple):
     """Cylinders in the order of `DriverLoop.cylinders` [Pa]; NaN where there is no measurement."""
 
-    stamp: int  # ns, of reception
+    stamp: int  # ns, of the sampling as reception tells it
     chamber_a: list[float]
     chamber_b: list[float]
     supply: float
@@ -161,7 +161,7 @@ class DriverLoop:
 
     def _measured(self, positions: Complete) -> _Measured:
         readings = [positions.values[joint] for joint in self.joints]
-        _, velocity, _ = self._filter.update(positions.steady, readings)
+        _, velocity, _ = self._filter.update(positions.sampled, readings)
         velocities = velocity.tolist()
         self.supervisor.readings(positions.values, dict(zip(self.joints, velocities, strict=True)))
         return _Measured(positions, velocities)
@@ -175,8 +175,8 @@ class DriverLoop:
         positions, velocities = self._waiting
         half = self._pressure_cycle / 2
         newest = self._newest
-        together = newest is not None and abs(newest.steady - positions.steady) <= half
-        if not together and now - positions.steady < half:
+        together = newest is not None and abs(newest.sampled - positions.sampled) <= half
+        if not together and now - positions.received < half:
             return []
         self._waiting = None
         readings = [positions.values[joint] for joint in self.joints]
@@ -185,7 +185,7 @@ class DriverLoop:
     def _effort(self, complete: Complete) -> list[float]:
         """(27) by the newest pressures, unless they are older than the positions by a cycle."""
         newest = self._newest
-        if newest is None or complete.steady - newest.steady > 1.5 * self._pressure_cycle:
+        if newest is None or complete.sampled - newest.sampled > 1.5 * self._pressure_cycle:
             return [math.nan] * len(self.joints)
         effort = []
         for joint in self.joints:

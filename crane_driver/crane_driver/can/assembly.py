@@ -7,6 +7,7 @@ from typing import Literal, NamedTuple
 from crane_driver.can.cycles import CycleNumbers
 from crane_driver.can.decoder import Readings
 from crane_driver.can.layout import Layout
+from crane_driver.can.sampling import SamplingClock
 
 WAITING = 7  # cycles for which a frame is waited for; less than half a round of a 4-bit counter
 
@@ -14,8 +15,9 @@ WAITING = 7  # cycles for which a frame is waited for; less than half a round of
 class Complete(NamedTuple):
     """The readings of one cycle."""
 
-    stamp: int  # ns, of the first of the frames: it is nearest to the sampling instant
-    steady: float  # s, likewise
+    stamp: int  # ns since the epoch, of the sampling
+    sampled: float  # s, steady, likewise
+    received: float  # s, steady, of the first of the frames
     values: dict[str, float]  # all names, in the layout's order; NaN where it is no measurement
 
 
@@ -35,14 +37,17 @@ class Assembly:
     Frames belong together by their counters, however late a frame is received. Until the counters
     are known, or where the mapping names none, they belong together if they were received within
     half a cycle.
+
+    Numbered cycles are stamped with the instant at which they were sampled (see `SamplingClock`),
+    others with the reception of their first frame.
     """
 
     def __init__(self, layout: Layout, kind: Literal["positions", "pressures"]):
         carriers = [one for one in layout.readings if getattr(one, kind)]
         self._kind = kind
         self._messages = frozenset(one.name for one in carriers)
-        self._span = min((one.cycle for one in carriers), default=0.0) / 2
-        self._longest = WAITING * 2 * self._span
+        self._cycle = min((one.cycle for one in carriers), default=0.0)
+        self._clock = SamplingClock(self._cycle)
         self._unknown = dict.fromkeys(getattr(layout, kind), math.nan)
         self._numbers = (
             CycleNumbers(carriers, layout.timing) if CycleNumbers.possible(carriers) else None
@@ -60,6 +65,7 @@ class Assembly:
         if self._by_counter is not (number is not None):  # from here on the numbers are others
             self._by_counter = number is not None
             self._give_up(list(self._open))
+            self._clock = SamplingClock(self._cycle)
             self._done = -1 if number is None else number - 1
         if number is None:
             number = self._number_by_time(readings)
@@ -70,7 +76,7 @@ class Assembly:
         if not self._open:
             return self._done + 1
         ((number, open_set),) = self._open.items()
-        late = readings.steady - open_set.steady > self._span
+        late = readings.steady - open_set.steady > self._cycle / 2
         if not late and readings.message not in open_set.arrived:
             return number
         self._give_up([number])
@@ -80,7 +86,7 @@ class Assembly:
         if number <= self._done:  # a later cycle was complete before
             return None
         one = self._open.get(number)
-        if one and readings.steady - one.steady > self._longest:
+        if one and readings.steady - one.steady > WAITING * self._cycle:
             self._give_up([number])  # a round of the counter ago
             one = None
         if one is None:
@@ -98,7 +104,10 @@ class Assembly:
         self._done = number
         if self._numbers and not self._by_counter:
             self._numbers.learn()
-        return Complete(one.stamp, one.steady, one.values)
+        sampled = self._clock.sampled(number, one.steady) if self._by_counter else one.steady
+        return Complete(
+            one.stamp - round((one.steady - sampled) * 1e9), sampled, one.steady, one.values
+        )
 
     def _give_up(self, numbers: list[int]) -> None:
         for number in numbers:

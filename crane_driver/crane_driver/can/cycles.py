@@ -33,7 +33,7 @@ class CycleNumbers:
     def possible(messages: Sequence[MessageLayout]) -> bool:
         """Whether all have a counter and the same cycle time."""
         counted = all(one.protection.counter for one in messages)
-        return len(messages) > 1 and counted and len({one.cycle for one in messages}) == 1
+        return counted and len({one.cycle for one in messages}) == 1
 
     def number(self, readings: Readings) -> int | None:
         """Number of the frame's cycle, one more from cycle to cycle; None while it is not known."""

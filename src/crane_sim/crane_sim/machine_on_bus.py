@@ -19,7 +19,11 @@ LONGEST_STEP = 0.1  # s; a machine that was kept from running for longer loses t
 
 
 class MachineOnBus:
-    """Plant, sensors and valve unit. Its time is the steady clock, from `start` [s] on."""
+    """Plant, sensors and valve unit. Its time is the steady clock, from `start` [s] on.
+
+    Readings are taken at even times, as devices with a clock of their own do, however late the
+    process is woken to send them.
+    """
 
     def __init__(
         self,
@@ -50,22 +54,15 @@ class MachineOnBus:
             for message in layout.readings
             for state in message.states
         }
-        self._now, self._cycle = start, 0
+        self._time, self._cycle = start, 0
         self.lost = 0.0  # s that the plant did not run
+        self._read = self._measure()
 
-    def step(self, frames: Iterable[Frame], now: float) -> list[Frame]:
-        """Run until `now` with the commands of `frames`, and give the frames of the next cycle."""
+    def exchange(self, frames: Iterable[Frame]) -> list[Frame]:
+        """Take the commands of `frames`, and give the frames of the last readings."""
         for frame in frames:
             self.valves.receive(frame)
-        elapsed = now - self._now
-        self._now = now
-        if elapsed > LONGEST_STEP:
-            self.lost += elapsed - LONGEST_STEP
-            elapsed = LONGEST_STEP
-        commands = np.array(self._operator.spools(self.valves.commands(now)))
-        if elapsed > 0 and self._operator.engine:
-            self._plant.advance(commands, elapsed)
-        positions, pressures = self._measure()
+        positions, pressures = self._read
         states = self._states | {"valve_unit": self.valves.state}
         due = [name for name, every in self._every.items() if self._cycle % every == 0]
         self._cycle += 1
@@ -74,6 +71,18 @@ class MachineOnBus:
             self._codec.reading_frame(name, positions, pressures, states, accepted=accepted)
             for name in due
         ]
+
+    def run(self, until: float) -> None:
+        """Let the plant run with the commands that are there, and take the next readings."""
+        elapsed = until - self._time
+        commands = np.array(self._operator.spools(self.valves.commands(self._time)))
+        self._time = until
+        if elapsed > LONGEST_STEP:
+            self.lost += elapsed - LONGEST_STEP
+            elapsed = LONGEST_STEP
+        if elapsed > 0 and self._operator.engine:
+            self._plant.advance(commands, elapsed)
+        self._read = self._measure()
 
     def _measure(self) -> tuple[dict[str, float], dict[str, float]]:
         plant = self._plant

@@ -1,7 +1,7 @@
 """Keeping real time, and saying when it is not kept."""
 
 REPORT = 1.0  # s, at least between two reports
-BACKLOG = 5  # cycles, that are run one upon the other after a delay
+BACKLOG = 10  # cycles, that are run one upon the other after a delay
 
 
 class Pace:
@@ -13,7 +13,7 @@ class Pace:
 
     def __init__(self, period: float, start: float):
         self._period = period
-        self._due = start + period
+        self.due = start + period  # s, steady, when the next cycle is
         self._reported = start
         self.cycles = self.left_out = 0
         self.longest = 0.0  # s, delay
@@ -22,17 +22,17 @@ class Pace:
 
     def pause(self, now: float) -> float:
         """Time until the next cycle [s]; 0 where it is overdue."""
-        return max(0.0, self._due - now)
+        return max(0.0, self.due - now)
 
     def next(self, now: float) -> str | None:
         """End a cycle at `now`; what is to be reported, if anything."""
         self.cycles += 1
-        self._due += self._period
-        delay = now - self._due
+        self.due += self._period
+        delay = now - self.due
         self.longest = max(self.longest, delay)
         if delay > BACKLOG * self._period:
             missed = int(delay / self._period) + 1
-            self._due += missed * self._period
+            self.due += missed * self._period
             self.left_out += missed
             self._new += missed
             self._new_longest = max(self._new_longest, delay)

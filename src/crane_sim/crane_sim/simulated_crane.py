@@ -57,19 +57,23 @@ def _run(options: argparse.Namespace, stop: threading.Event) -> None:
     sensors = Sensors(parameters.sensors, machine, options.seed)
     with Link(settings) as link:
         # Compiled here, not while the clock runs: the first steps may take seconds.
-        MachineOnBus(layout, plant, sensors, 0.0).step([], parameters.step)
+        warm = MachineOnBus(layout, plant, sensors, 0.0)
+        warm.run(parameters.step)
+        warm.exchange([])
         link.take()
         operator = Operator()
         if options.operator:
             threading.Thread(
                 target=operator.follow, args=(sys.stdin, sys.stderr), daemon=True
             ).start()
-        crane = MachineOnBus(layout, plant, sensors, time.monotonic(), operator)
-        pace = Pace(crane.period, time.monotonic())
+        start = time.monotonic()
+        crane = MachineOnBus(layout, plant, sensors, start, operator)
+        pace = Pace(crane.period, start)
+        crane.run(pace.due)
         print(f"simulated crane on {settings}, every {crane.period * 1e3:g} ms", flush=True)
         shown = crane.valves.state
         while not stop.wait(pace.pause(time.monotonic())):
-            for frame in crane.step(link.take(), time.monotonic()):
+            for frame in crane.exchange(link.take()):
                 with suppress(BusError):  # the link reports a lost bus, and reopens it
                     link.send(frame)
             for fault in link.take_faults():
@@ -79,6 +83,7 @@ def _run(options: argparse.Namespace, stop: threading.Event) -> None:
                 print(f"valves: {shown}", flush=True)
             if report := pace.next(time.monotonic()):
                 print(report, file=sys.stderr, flush=True)
+            crane.run(pace.due)  # until the next readings, while nobody waits for them
         print(pace.summary(crane.lost), flush=True)
 
 

@@ -30,7 +30,7 @@ def test_a_set_is_complete_with_its_last_frame_and_has_the_stamp_of_its_first(
 ) -> None:
     assert add(positions, "EncoderBase", 1.0, BASE) is None
     complete = add(positions, "EncoderBoom", 1.0003, BOOM)
-    assert complete == Complete(1_000_000_000, 1.0, {**BASE, **BOOM})
+    assert complete == Complete(1_000_000_000, 1.0, 1.0, {**BASE, **BOOM})
     assert tuple(complete.values) == ("slew", "inner_boom", "outer_boom", "telescope")
 
 
@@ -138,7 +138,7 @@ def test_whatever_the_delays_sets_are_of_one_cycle_and_none_is_left_out(
         if not any(later > cycle and before < at for later, before in whole.items())
     ]
     assert cycles == expected
-    assert [one.steady for one in sets] == [min(came[cycle]) for cycle in expected]
+    assert [one.received for one in sets] == [min(came[cycle]) for cycle in expected]
 
 
 def test_counters_that_never_agree_leave_the_time_rule(positions: Assembly) -> None:
