@@ -10,6 +10,7 @@ from dataclasses import dataclass
 from typing import Self
 
 import numpy as np
+from numba import njit
 from numpy.linalg import LinAlgError
 from scipy.linalg import cholesky
 
@@ -51,20 +52,19 @@ class Information:
         parameters = len(model.parameters)
         joints = len(model.joints)
         matrix = np.zeros((joints, parameters + 1, parameters + 1))
-        # Samples of one joint lie together, so that each product runs over one piece of memory.
-        block = np.zeros((joints, BLOCK, parameters + 1))
+        # The samples of a column lie together.
+        block = np.zeros((joints, parameters + 1, BLOCK))
         count = 0
         for record in records:
             if record.force is None:
                 raise DataError("information: a record has no measured force; give one that has")
             for start in range(0, len(record), BLOCK):
                 part = record.take(slice(start, start + BLOCK))
-                filled = block[:, : len(part)]
+                filled = block[:, :, : len(part)]
                 filled[:] = 0.0
-                model.fill(part, filled.transpose(1, 0, 2)[:, :, :-1])
-                filled[:, :, -1] = part.force.T  # type: ignore[union-attr]
-                for j in range(joints):
-                    matrix[j] += filled[j].T @ filled[j]
+                model.fill(part, filled[:, :-1].transpose(2, 0, 1))
+                filled[:, -1] = part.force.T  # type: ignore[union-attr]
+                _accumulate(filled, matrix)
             count += len(record)
         names = tuple(parameter.name for parameter in model.parameters)
         units = tuple(parameter.unit for parameter in model.parameters)
@@ -97,6 +97,31 @@ class Information:
         scale = np.sqrt(np.maximum(np.diag(total), np.finfo(float).tiny))
         triangle = _root(total / np.outer(scale, scale)) * scale
         return solve(triangle[:-1, :-1], triangle[:-1, -1], DEPENDENT)
+
+
+@njit(cache=True, fastmath={"reassoc", "contract"})  # sums may be vectorised; NaN stays NaN
+def _accumulate(columns: np.ndarray, total: np.ndarray) -> None:
+    """Add the products of `columns` (j, k, n) to `total` (j, k, k).
+
+    Only of columns that are not zero on their joint: friction of the others is, which is most.
+    """
+    joints, width, samples = columns.shape
+    seen = np.empty(width, dtype=np.int64)
+    for j in range(joints):
+        count = 0
+        for k in range(width):
+            if np.any(columns[j, k] != 0.0):
+                seen[count] = k
+                count += 1
+        for first in range(count):
+            for second in range(first + 1):
+                a, b = seen[first], seen[second]
+                product = 0.0
+                for i in range(samples):
+                    product += columns[j, a, i] * columns[j, b, i]
+                total[j, a, b] += product
+                if a != b:
+                    total[j, b, a] += product
 
 
 def _root(matrix: np.ndarray) -> np.ndarray:

@@ -69,12 +69,15 @@ def _fill_regressor(
         phi, psi, s = q[i, 0] + theta, q[i, 0] + q[i, 1], q[i, 2]
         dphi, dpsi, ds = v[i, 0], v[i, 0] + v[i, 1], v[i, 2]
         ddphi, ddpsi, dds = acc[i, 0], acc[i, 0] + acc[i, 1], acc[i, 2]
-        sin_d, cos_d = np.sin(psi - phi), np.cos(psi - phi)
+        sin_phi, cos_phi = np.sin(phi), np.cos(phi)
         sin_psi, cos_psi = np.sin(psi), np.cos(psi)
+        # of psi - phi: functions of an angle are what costs most here
+        sin_d = sin_psi * cos_phi - cos_psi * sin_phi
+        cos_d = cos_psi * cos_phi + sin_psi * sin_phi
         # Euler-Lagrange (4) in (phi, psi, s), parameter by parameter; other entries stay zero
         phi_row[0] = ddphi
-        phi_row[1] = g * np.cos(phi)
-        phi_row[2] = -g * np.sin(phi)
+        phi_row[1] = g * cos_phi
+        phi_row[2] = -g * sin_phi
         psi_row[3] = ddpsi
         phi_row[4] = a * (ddpsi * cos_d - dpsi**2 * sin_d)
         psi_row[4] = a * (ddphi * cos_d + dphi**2 * sin_d) + g * cos_psi
