@@ -7,12 +7,14 @@ import numpy as np
 from crane_identification.discrepancy.candidates import Family, Option
 from crane_identification.discrepancy.cross_validation import held_out_gains
 from crane_identification.discrepancy.null import null_gains
-from crane_identification.discrepancy.search import Search
-from crane_identification.discrepancy.selection import Choice, extended, solve
+from crane_identification.discrepancy.search import LARGEST_SET, Search
+from crane_identification.discrepancy.selection import NOTHING, Choice, extended, solve
 from crane_identification.discrepancy.thresholds import Thresholds
 
 DISTINCT = 0.9
 """Correlation beside the model below which the columns of two effects are different."""
+RELATED = 0.2
+"""Correlation below which an effect is no rival: it explains something else."""
 SAME_FORM = 0.9
 """Correlation above which one effect is taken for a special case of the other."""
 
@@ -45,12 +47,13 @@ class Accepted:
 def decide(search: Search, thresholds: Thresholds) -> tuple[list[Accepted], float]:
     """The largest set all of whose effects pass, strongest first; and the first threshold."""
     accepted: list[Accepted] = []
-    first_threshold = _threshold(_null(search, None), thresholds)
-    for size in range(1, len(search.sizes) + 1):
+    first_threshold = _threshold(_null(search, NOTHING), thresholds)
+    for size in range(1, LARGEST_SET + 1):
         best = search.best(size)
-        assert best is not None
+        if best is None:
+            break
         choice = _simplest(search, best, thresholds, first_threshold)
-        null = _null(search, search.best(size - 1))
+        null = _null(search, search.sets(size - 1)[0])
         marginal = _marginal(search, choice)
         threshold = _threshold(null, thresholds)
         weakest = int(np.argmin(marginal))
@@ -83,14 +86,16 @@ def _vague(one: Accepted) -> bool:
     return bool(one.members) and one.correlation < DISTINCT
 
 
-def _null(search: Search, before: Choice | None) -> np.ndarray:
+def _null(search: Search, before: Choice) -> np.ndarray:
     members = search.projection.members
-    inside = [int(c) for i in before.options for c in members[i]] if before else []
+    inside = [int(c) for i in before.options for c in members[i]]
     return null_gains(search.projection, inside)
 
 
 def _threshold(null: np.ndarray, thresholds: Thresholds) -> float:
-    return thresholds.score_factor * float(np.quantile(null, 1.0 - thresholds.false_alarm_rate))
+    return thresholds.score_factor * float(
+        np.quantile(null, 1.0 - thresholds.false_alarm_rate / 2.0)
+    )
 
 
 def _simplest(search: Search, choice: Choice, thresholds: Thresholds, threshold: float) -> Choice:
@@ -140,8 +145,7 @@ def _same(search: Search, one: int, other: int) -> bool:
 def _others(search: Search, choice: Choice, place: int) -> Choice:
     """The set without one of its effects."""
     rest = choice.options[:place] + choice.options[place + 1 :]
-    empty = Choice((), 0.0, np.zeros(0))
-    return (solve(search.projection, rest) or empty) if rest else empty
+    return (solve(search.projection, rest) or NOTHING) if rest else NOTHING
 
 
 def _marginal(search: Search, choice: Choice) -> list[float]:
@@ -163,12 +167,14 @@ def _judged(
     number = choice.options[place]
     own = projection.options[number]
     others = _others(search, choice, place)
-    rivals = _rivals(search, choice, place)
+    rivals = [
+        (rival, alike)
+        for rival in _rivals(search, choice, place)
+        if (alike := _alike(search, number, rival.options[-1])) > RELATED
+    ]
     needed = _needed(search, choice, thresholds, threshold)
-    members, correlation = [], 0.0
-    for rank, rival in enumerate(rivals):
-        alike = _alike(search, number, rival.options[-1])
-        correlation = alike if rank == 0 else correlation
+    members, correlation = [], rivals[0][1] if rivals else 0.0
+    for rival, alike in rivals:
         more = _freedom(search, rival.options[-1]) > _freedom(search, number)
         if more and alike > SAME_FORM:
             continue  # the same with more freedom, which it does not need
@@ -185,12 +191,12 @@ def _judged(
         null=null,
         held_out=held_out,
         fold_names=names,
-        runner_up=projection.options[rivals[0].options[-1]].family if rivals else None,
-        margin=choice.gain - rivals[0].gain if rivals else score,
+        runner_up=projection.options[rivals[0][0].options[-1]].family if rivals else None,
+        margin=choice.gain - rivals[0][0].gain if rivals else score,
         correlation=correlation,
         members=tuple(members),
         visibility=float(projection.visibility[number]),
-        strength=_strength(search, own, score),
+        strength=_strength(search, number, score),
     )
 
 
@@ -208,21 +214,25 @@ def _alike(search: Search, one: int, other: int) -> float:
     return float(np.linalg.svd(mixed, compute_uv=False).min())
 
 
-def _strength(search: Search, option: Option, score: float) -> float:
-    """Root mean square of what the option explains, over that of the force where it acts."""
+def _strength(search: Search, number: int, score: float) -> float:
+    """Root mean square of what an option of this score explains, over that of its joint's force."""
+    shares = search.energy_shares(number)
     evidence = search.evidence
-    power = evidence.rms(np.linalg.norm(option.columns, axis=2))
-    j = int(np.argmax(power / np.maximum(evidence.force_rms, np.finfo(float).tiny)))
-    noise = search.whitener.noise[j]
-    assert noise is not None  # the option acts there
-    rows = int(evidence.used[:, j].sum())
-    return float(np.sqrt(score / rows * noise.variance) / evidence.force_rms[j])
+    joints = len(evidence.joints)
+    variance = np.array([0.0 if one is None else one.variance for one in search.whitener.noise])
+    power = (score * shares * variance).reshape(-1, joints).sum(axis=0)
+    rows = evidence.used.reshape(len(evidence.time), -1, joints).sum(axis=(0, 1))
+    rms = np.sqrt(power / np.maximum(rows, 1))
+    force = evidence.force_rms[:joints]
+    return float(np.max(np.divide(rms, force, out=np.zeros_like(rms), where=force > 0.0)))
 
 
 def detectable(search: Search, threshold: float) -> float:
     """Median over the testable families of the least strength that would reach the threshold."""
     strengths: dict[Family, float] = {}
-    for option, share in zip(search.projection.options, search.projection.visibility, strict=True):
-        least = _strength(search, option, threshold) / max(float(share), 1e-9)
-        strengths[option.family] = min(strengths.get(option.family, np.inf), least)
+    options = search.projection.options
+    for number, share in enumerate(search.projection.visibility):
+        family = options[number].family
+        least = _strength(search, number, threshold) / max(float(share), 1e-9)
+        strengths[family] = min(strengths.get(family, np.inf), least)
     return float(np.median(list(strengths.values()))) if strengths else np.inf

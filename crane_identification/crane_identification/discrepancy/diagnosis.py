@@ -2,7 +2,6 @@
 
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
-from enum import StrEnum
 
 import numpy as np
 
@@ -15,26 +14,16 @@ from crane_identification.discrepancy.gap import Gap, measure, residual
 from crane_identification.discrepancy.learner import Features, Learnt, features, learn
 from crane_identification.discrepancy.refit import refit, shape_std_devs
 from crane_identification.discrepancy.region import Region, region
+from crane_identification.discrepancy.repeating import repeating
 from crane_identification.discrepancy.search import Search, search
 from crane_identification.discrepancy.thresholds import Thresholds
+from crane_identification.discrepancy.verdict import Verdict, judge, noise_energy
 from crane_identification.options import Options
 from crane_identification.preparation import Preparation, prepare
 from crane_identification.progress import Progress, silent
 from crane_identification.regression import common_factor
 from crane_model.errors import DataError
 from crane_model.model_file import Model
-
-FEWEST_ROWS = 8  # per parameter of the model, below which nothing can be said
-
-
-class Verdict(StrEnum):
-    """What a diagnosis answers."""
-
-    NAMED = "named"
-    CLASS = "class"
-    NONE = "none"
-    UNKNOWN = "unknown"
-    INSUFFICIENT = "insufficient_data"
 
 
 @dataclass(frozen=True)
@@ -121,21 +110,29 @@ def diagnose(
     accepted, threshold = decide(found, thresholds)
     text = ", ".join(sorted(sources))
     before = refit(evidence, text)
-    known, (fold, _) = features(evidence), folds(evidence)
+    seen, joints = evidence.moving, len(model.joints)
+    known, (fold, _) = features(seen), folds(seen)
     left = residual(evidence, before)
-    learnt_before = learn(evidence, known, left, fold)
+    learnt_before = learn(seen, known, left[:, :joints], fold)
     progress("what is left", 0.5)
     after, values = _extended(found, before, evidence, accepted, train, factor, text)
     left_after = residual(evidence, after)
-    learnt_after = learn(evidence, known, left_after, fold) if accepted else learnt_before
+    learnt_after = learn(seen, known, left_after[:, :joints], fold) if accepted else learnt_before
     progress("what is left", 1.0)
     least = detectable(found, threshold)
-    verdict, reason = _verdict(
-        found, accepted, (left, left_after), (learnt_before, learnt_after), least, thresholds
+    periods = _averaged(model, validation, options)
+    verdict, reason = judge(
+        found,
+        accepted,
+        energies=(noise_energy(found, left), noise_energy(found, left_after)),
+        learnt=(learnt_before, learnt_after),
+        repeating=repeating(after, periods),
+        least=least,
+        thresholds=thresholds,
     )
     if verdict is Verdict.UNKNOWN:
         accepted, after, values = [], before, []
-    gap = measure(before, after, evidence, held_out, _averaged(model, validation, options))
+    gap = measure(before, after, evidence, held_out, periods)
     progress("gap", 1.0)
     energy = _energy(found, left)
     return Diagnosis(
@@ -151,12 +148,10 @@ def diagnose(
         held_out=held_out,
         gap=gap,
         energy=energy,
-        regions=tuple(
-            region(known, left[:, j], evidence.used[:, j]) for j in range(len(model.joints))
-        ),
+        regions=tuple(region(known, left[:, j], evidence.used[:, j]) for j in range(joints)),
         learnt_before=learnt_before,
         learnt_after=learnt_after,
-        correlation_left=_correlation(evidence, residual(evidence, after)),
+        correlation_left=_correlation(seen, residual(seen, after)),
         detectable=least,
         known=known,
     )
@@ -245,60 +240,10 @@ def _own(model: Model, one: Accepted) -> slice:
     raise AssertionError("the term is in the model")
 
 
-def _verdict(
-    found: Search,
-    accepted: Sequence[Accepted],
-    left: tuple[np.ndarray, np.ndarray],
-    learnt: tuple[Learnt, Learnt],
-    least: float,
-    thresholds: Thresholds,
-) -> tuple[Verdict, str]:
-    before, after = (_energy_of(found, values) for values in left)
-    something = learnt[0].share > thresholds.learner_share
-    if accepted:
-        remaining = float((after * np.where(learnt[1].share > 0, learnt[1].share, 0.0)).sum())
-        named = float((before - after).sum())
-        share = named / max(named + remaining, np.finfo(float).tiny)
-        if share < thresholds.explained_share:
-            return (
-                Verdict.UNKNOWN,
-                f"the best of the catalogue explain {share:.0%} of what can be explained; "
-                f"{thresholds.explained_share:.0%} are asked for",
-            )
-        if any(one.members for one in accepted):
-            return Verdict.CLASS, "these recordings do not tell effects apart"
-        return Verdict.NAMED, f"the effects explain {share:.0%} of what can be explained"
-    if something.any():
-        joints = [j for j, there in zip(found.evidence.joints, something, strict=True) if there]
-        return (
-            Verdict.UNKNOWN,
-            f"what is left on {', '.join(joints)} follows a law, but none of the catalogue",
-        )
-    tested = {option.family for option in found.projection.options}
-    share = len(tested) / max(len(tested) + len(found.untestable), 1)
-    if share < thresholds.testable_share:
-        return (
-            Verdict.INSUFFICIENT,
-            f"only {share:.0%} of the effects would show in these recordings; excite the joints "
-            "more: both directions, several speeds, the whole range",
-        )
-    if least > thresholds.detectable_strength:
-        return (
-            Verdict.INSUFFICIENT,
-            f"an effect would have to be {least:.1%} of the drive force to show; record more",
-        )
-    return Verdict.NONE, f"effects above {least:.2%} of the drive force would have shown"
-
-
-def _energy_of(found: Search, left: np.ndarray) -> np.ndarray:
-    """Energy (j,) of a residual (n, j) in units of the noise."""
-    variance = [1.0 if noise is None else noise.variance for noise in found.whitener.noise]
-    return (np.where(found.evidence.used, left, 0.0) ** 2).sum(axis=0) / np.array(variance)
-
-
 def _energy(found: Search, left: np.ndarray) -> np.ndarray:
     """Share (j,) of the energy beyond noise that each joint carries."""
-    beyond = np.maximum(_energy_of(found, left) - found.evidence.used.sum(axis=0), 0.0)
+    channels = np.maximum(noise_energy(found, left) - found.evidence.used.sum(axis=0), 0.0)
+    beyond = channels.reshape(-1, len(found.evidence.joints)).sum(axis=0)
     total = float(beyond.sum())
     return beyond / total if total > 0.0 else np.zeros_like(beyond)
 

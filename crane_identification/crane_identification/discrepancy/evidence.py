@@ -1,6 +1,8 @@
 """What recordings say about a model: its regressor and the force, filtered alike, run by run.
 
-Nothing is averaged over periods: drift and memory stay visible.
+Nothing is averaged over periods: drift and memory stay visible. Each joint is asked in two zones:
+while it moves, where friction is settled, and close to its reversals, where effects with memory
+show and the velocity estimate is at its worst. Their rows have noise of their own.
 """
 
 from collections.abc import Sequence
@@ -10,47 +12,70 @@ from functools import cached_property
 
 import numpy as np
 
+from crane_identification.discrepancy.filtering import thinned
 from crane_identification.preparation import Preparation
 from crane_identification.regression import OPEN
-from crane_identification.signals.decimate import decimate, decimation_rows
+from crane_identification.signals.decimate import decimation_rows
 from crane_model.errors import DataError
 from crane_model.model_file import Model
 from crane_model.record import Record
 from crane_model.terms import Term, joints_of, nuisances, typical
 
+OPEN_TURNING = 0.15
+"""As `OPEN` close to reversals, which are shorter than what the filter sees."""
 
-class Region(Enum):
-    """Which samples are asked."""
 
-    MOVING = "while the joints move"
-    ALL = "with the reversals"
+class Zone(Enum):
+    """Which samples of a joint are asked."""
+
+    MOVING = "while it moves"
+    TURNING = "close to reversals"
+
+    def gate(self, preparation: Preparation) -> np.ndarray:
+        """(samples, j): 1.0 within the zone."""
+        if self is Zone.MOVING:
+            return preparation.moving.astype(float)
+        return (preparation.signed & ~preparation.moving).astype(float)
+
+    @property
+    def open(self) -> float:
+        """Share of what the filter sees that must be within the zone, for a row to be used."""
+        return OPEN if self is Zone.MOVING else OPEN_TURNING
 
 
 @dataclass(frozen=True)
 class Run:
-    """One gapless run: its record, the rows of it that are kept, and the gate before the filter."""
+    """One gapless run: its record, which samples its channels see, and how many make a row."""
 
     source: str
     record: Record
-    gate: np.ndarray  # (samples, j)
+    gate: np.ndarray  # (samples, channels)
     factor: int
 
+    @property
+    def kept(self) -> np.ndarray:
+        """Samples that become rows."""
+        return decimation_rows(len(self.record), self.factor)
+
     def filtered(self, columns: np.ndarray) -> np.ndarray:
-        """(samples, j, k) to the decimated rows, gated; columns of zeros cost nothing."""
-        kept = len(decimation_rows(len(self.record), self.factor))
-        out = np.zeros((kept, *columns.shape[1:]))
+        """(samples, j, k) to gated rows (n, channels, k); columns of zeros cost nothing."""
+        zones = self.gate.shape[1] // columns.shape[1]
+        out = np.zeros((len(self.kept), self.gate.shape[1], columns.shape[2]))
         there = columns.any(axis=0)
-        gated = columns[:, there] * self.gate[:, np.nonzero(there)[0]]
-        out[:, there] = decimate(gated, self.factor)
+        for zone in range(zones):
+            part = slice(zone * columns.shape[1], (zone + 1) * columns.shape[1])
+            gate = self.gate[:, part][:, np.nonzero(there)[0]]
+            out[:, part][:, there] = thinned(columns[:, there] * gate, self.factor)
         return out
 
 
 @dataclass(frozen=True)
 class Evidence:
-    """n decimated rows of j joints: `base` (n, j, p), `force` (n, j) [N m, N], `used` (n, j).
+    """n rows of c channels: `base` (n, c, p), `force` (n, c) [N m, N], `used` (n, c).
 
-    `run` and `bag` (n,) number the gapless runs and the recordings that they come from, `time`
-    (n,) [s]. The first columns of `base` are the regressor of the model, the rest nuisance.
+    Channels are the j joints in the first zone, then in the second. `run` and `bag` (n,) number the
+    gapless runs and the recordings that they come from, `time` (n,) [s]. The first columns of
+    `base` are the regressor of the model, the rest nuisance close to reversals.
     """
 
     model: Model
@@ -64,21 +89,38 @@ class Evidence:
 
     @property
     def joints(self) -> tuple[str, ...]:
-        """Names of the columns of `force`."""
+        """Names of the joints, each with a channel in every zone."""
         return self.model.joints
+
+    @property
+    def channels(self) -> int:
+        """Number c."""
+        return self.force.shape[1]
+
+    @cached_property
+    def moving(self) -> "Evidence":
+        """The first zone alone, whose channels are the joints, beside the model alone."""
+        j, p = len(self.joints), len(self.model.parameters)
+        return replace(
+            self,
+            runs=tuple(replace(run, gate=run.gate[:, :j]) for run in self.runs),
+            force=self.force[:, :j],
+            base=self.base[:, :j, :p],
+            used=self.used[:, :j],
+        )
 
     @cached_property
     def force_rms(self) -> np.ndarray:
-        """Root mean square of the force over the used rows of each joint (j,)."""
+        """Root mean square of the force over the used rows of each channel (c,)."""
         return self.rms(self.force)
 
     def rms(self, values: np.ndarray) -> np.ndarray:
-        """Root mean square (j,) of values (n, j) over the used rows."""
+        """Root mean square (c,) of values (n, c) over the used rows."""
         power = (np.where(self.used, values, 0.0) ** 2).sum(axis=0)
         return np.sqrt(power / np.maximum(self.used.sum(axis=0), 1))
 
     def columns(self, term: Term) -> np.ndarray:
-        """The columns (n, j, k) of a term, filtered as the force; `DataError` if it needs more."""
+        """The columns (n, c, k) of a term, filtered as the force; `DataError` if it needs more."""
         setting = self.model.setting
         out = np.concatenate([run.filtered(term.columns(run.record, setting)) for run in self.runs])
         if not np.isfinite(out).all():
@@ -87,37 +129,32 @@ class Evidence:
 
 
 def gather(
-    model: Model,
-    preparations: Sequence[Preparation],
-    factor: int,
-    region: Region = Region.MOVING,
-    first_run: int = 0,
+    model: Model, preparations: Sequence[Preparation], factor: int, first_run: int = 0
 ) -> Evidence:
-    """The rows of all runs, numbered from `first_run`.
-
-    With the reversals, the nuisance terms of the catalogue stand beside the model.
-    """
+    """The rows of all runs, numbered from `first_run`, in both zones."""
     sources = list(dict.fromkeys(p.source for p in preparations))
-    beside = _nuisances(model) if region is Region.ALL else []
+    beside = _nuisances(model)
+    joints, known = len(model.joints), len(model.parameters)
     parts, runs = [], []
     for number, preparation in enumerate(preparations):
-        known = preparation.moving.astype(float)
         n = len(preparation.record)
         record = replace(preparation.record, run=np.full(n, first_run + number))
         assert record.force is not None  # prepare() refuses such recordings
-        gate = np.ones_like(known) if region is Region.ALL else known
+        gate = np.concatenate([zone.gate(preparation) for zone in Zone], axis=1)
         run = Run(preparation.source, record, gate, factor)
         columns = [model.regressor(record)]
         columns += [term.columns(record, model.setting) for term in beside]
-        kept = decimation_rows(n, factor)
+        base = run.filtered(np.concatenate(columns, axis=2))
+        base[:, :joints, known:] = 0.0  # they stand for what happens close to reversals
+        least = np.repeat([zone.open for zone in Zone], joints)
         parts.append(
             (
-                record.time[kept],
-                np.full(len(kept), first_run + number),
-                np.full(len(kept), sources.index(preparation.source)),
+                record.time[run.kept],
+                np.full(len(run.kept), first_run + number),
+                np.full(len(run.kept), sources.index(preparation.source)),
                 run.filtered(record.force[..., np.newaxis])[..., 0],
-                run.filtered(np.concatenate(columns, axis=2)),
-                decimate(run.gate, factor) > OPEN,
+                base,
+                thinned(gate, factor) > least,
             )
         )
         runs.append(run)

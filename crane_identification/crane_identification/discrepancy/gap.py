@@ -10,6 +10,7 @@ from crane_identification.discrepancy.evidence import Evidence
 from crane_identification.discrepancy.learner import predict_elsewhere
 from crane_identification.motion_validation import MotionValidation, validate_motion
 from crane_identification.preparation import Preparation
+from crane_identification.regression import OPEN
 from crane_identification.signals.decimate import decimate
 from crane_model.model_file import Model
 
@@ -52,24 +53,35 @@ def measure(
     averaged: Sequence[Preparation],
 ) -> Gap:
     """Both models, fitted to the training recordings, on the held-out ones."""
-    force = held_out.force_rms
-    left = residual(training, before)
-    learnt = predict_elsewhere(training, left, held_out)
-    old = residual(held_out, before)
+    j = len(before.joints)
+    old, new = residual(held_out, before), residual(held_out, after)
+    learnt = np.minimum(np.abs(old), np.abs(new))  # close to reversals, what the better one leaves
+    seen = training.moving
+    learnt[:, :j] = predict_elsewhere(seen, residual(seen, before), held_out.moving) - old[:, :j]
+    force = over_zones(held_out, held_out.force)
+    errors = [over_zones(held_out, values) / force for values in (old, new, learnt)]
     records = [run.record for run in held_out.runs]
     return Gap(
         joints=before.joints,
-        before=held_out.rms(old) / force,
-        after=held_out.rms(residual(held_out, after)) / force,
-        floor=noise_floor(averaged, held_out.runs[0].factor, len(force)) / force,
-        best=np.minimum(held_out.rms(old - learnt), held_out.rms(old)) / force,
+        before=errors[0],
+        after=errors[1],
+        floor=noise_floor(averaged, held_out.runs[0].factor, j) / force,
+        best=np.minimum(errors[2], errors[0]),
         motion_before=validate_motion(before, records),
         motion_after=validate_motion(after, records),
     )
 
 
+def over_zones(evidence: Evidence, values: np.ndarray) -> np.ndarray:
+    """Root mean square (j,) of values (n, c) over the used rows of both zones of each joint."""
+    joints = len(evidence.joints)
+    power = (np.where(evidence.used, values, 0.0) ** 2).reshape(len(values), -1, joints)
+    rows = evidence.used.reshape(len(values), -1, joints).sum(axis=(0, 1))
+    return np.sqrt(power.sum(axis=(0, 1)) / np.maximum(rows, 1))
+
+
 def residual(evidence: Evidence, model: Model) -> np.ndarray:
-    """Measured less predicted force (n, j) on the rows of the evidence."""
+    """Measured less predicted force (n, c) on the rows of the evidence."""
     parts = [run.filtered(model.regressor(run.record)) @ model.theta for run in evidence.runs]
     return np.where(evidence.used, evidence.force - np.concatenate(parts), 0.0)
 
@@ -82,6 +94,6 @@ def noise_floor(averaged: Sequence[Preparation], factor: int, joints: int) -> np
         if count < 2:
             continue
         periods = np.stack([decimate(one, factor, True) for one in preparation.periods])
-        gate = decimate(preparation.moving.astype(float), factor, True) > 0.5
+        gate = decimate(preparation.signed.astype(float), factor, True) > OPEN
         powers.append(noise_of_mean(periods, gate) ** 2 * count)
     return np.sqrt(np.mean(powers, axis=0)) if powers else np.full(joints, np.nan)

@@ -3,15 +3,16 @@
 from dataclasses import dataclass
 
 import numpy as np
+from scipy.stats import ttest_1samp
 from sklearn.ensemble import HistGradientBoostingRegressor
 from threadpoolctl import threadpool_limits
 
 from crane_identification.discrepancy.evidence import Evidence
-from crane_identification.signals.decimate import decimation_rows
 from crane_model.record import Record
 
 ITERATIONS = 80
 SEED = 7
+BLOCK = 10  # rows, some seconds: longer than what a residual remembers
 FEWEST_ROWS = 60  # of a joint, below which nothing is learnt
 
 
@@ -34,14 +35,14 @@ def features(evidence: Evidence) -> Features:
     parts = []
     names: tuple[str, ...] = ()
     for run in evidence.runs:
-        columns = _quantities(run.record)
+        columns = quantities(run.record)
         names = tuple(columns)
-        kept = decimation_rows(len(run.record), run.factor)
-        parts.append(np.stack([values[kept] for values in columns.values()], axis=1))
+        parts.append(np.stack([values[run.kept] for values in columns.values()], axis=1))
     return Features(names, np.concatenate(parts))
 
 
-def _quantities(record: Record) -> dict[str, np.ndarray]:
+def quantities(record: Record) -> dict[str, np.ndarray]:
+    """What a law may depend on, by name: (n,) each."""
     out: dict[str, np.ndarray] = {}
     for j, joint in enumerate(record.joints):
         q, v = record.position[:, j], record.velocity[:, j]
@@ -74,21 +75,27 @@ def _way(q: np.ndarray, v: np.ndarray) -> np.ndarray:
 class Learnt:
     """Out-of-fold prediction (n, j) of a residual, and per joint (j,) the share it explains.
 
-    Folds that it predicts worse than zero, where it has to extrapolate, count as not explained.
+    Folds that it predicts worse than zero, where it has to extrapolate, count as not explained in
+    both. `p_value`: how likely a residual without any law gives such gains; `strength`: root mean
+    square of what is explained, over that of the joint's force.
     """
 
     prediction: np.ndarray
     share: np.ndarray
+    p_value: np.ndarray
+    strength: np.ndarray
 
 
 def learn(evidence: Evidence, known: Features, residual: np.ndarray, fold: np.ndarray) -> Learnt:
     """Predict the residual (n, j) of each fold from the others."""
     prediction = np.zeros_like(residual)
-    share = np.zeros(residual.shape[1])
+    share, strength = np.zeros((2, residual.shape[1]))
+    p_value = np.ones(residual.shape[1])
     for j in range(residual.shape[1]):
         used = evidence.used[:, j]
         if used.sum() < FEWEST_ROWS:
             continue
+        gain = np.zeros(len(used))
         for number in np.unique(fold[used]):
             inside = used & (fold != number)
             outside = used & (fold == number)
@@ -97,12 +104,21 @@ def learn(evidence: Evidence, known: Features, residual: np.ndarray, fold: np.nd
             model = fitted(known.values[inside], residual[inside, j])
             expected = model.predict(known.values[outside])
             actual = residual[outside, j]
-            if ((actual - expected) ** 2).sum() < (actual**2).sum():
+            gain[outside] = actual**2 - (actual - expected) ** 2
+            if gain[outside].sum() > 0.0:
                 prediction[outside, j] = expected
         power = float((residual[used, j] ** 2).sum())
         left = float(((residual - prediction)[used, j] ** 2).sum())
         share[j] = 1.0 - left / power if power > 0.0 else 0.0
-    return Learnt(prediction, share)
+        strength[j] = np.sqrt(max(power - left, 0.0) / used.sum()) / evidence.force_rms[j]
+        p_value[j] = _by_chance(gain[used])
+    return Learnt(prediction, share, p_value, strength)
+
+
+def _by_chance(gain: np.ndarray) -> float:
+    """p of gains (n,) whose true mean is at most zero; neighbours, alike, count as one block."""
+    blocks = gain[: len(gain) // BLOCK * BLOCK].reshape(-1, BLOCK).mean(axis=1)
+    return float(ttest_1samp(blocks, 0.0, alternative="greater").pvalue)
 
 
 def fitted(values: np.ndarray, target: np.ndarray) -> HistGradientBoostingRegressor:

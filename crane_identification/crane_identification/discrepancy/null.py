@@ -17,8 +17,7 @@ def null_gains(
     columns are jointly normal with their Gram matrix as covariance, and need no rows at all.
     """
     rng = np.random.default_rng(SEED)
-    noise = rng.standard_normal((projection.columns.shape[0], replicates))
-    score = projection.columns.T @ noise
+    score = projection.root @ rng.standard_normal((len(projection.gram), replicates))
     gram = projection.gram
     if inside:
         mixed = np.linalg.solve(gram[np.ix_(inside, inside)], gram[inside])

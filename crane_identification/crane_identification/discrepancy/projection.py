@@ -4,7 +4,7 @@ By the theorem of Frisch, Waugh and Lovell, least squares on these gives the par
 gain of the full model: no effect is absorbed in Theta, and Theta is not biased by one.
 """
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import cached_property
 from typing import Self
 
@@ -23,7 +23,8 @@ class Projection:
     """Options as columns (N, K) of norm one beside the base, and the residual (N,) of the base.
 
     `owner` (K,) is the number of the option of each column, `positive` (K,) its sign constraint,
-    `scale` (K,) what one unit of the parameter weighs, `visibility` per option.
+    `scale` (K,) what one unit of the parameter weighs, `visibility` per option, that
+    of its least visible column.
     """
 
     options: tuple[Option, ...]
@@ -45,6 +46,12 @@ class Projection:
         return self.columns.T @ self.residual
 
     @cached_property
+    def root(self) -> np.ndarray:
+        """R (K, K) with R R^T the Gram matrix: from white noise to scores."""
+        power, vectors = np.linalg.eigh(self.gram)
+        return vectors * np.sqrt(np.maximum(power, 0.0))
+
+    @cached_property
     def members(self) -> tuple[np.ndarray, ...]:
         """The columns of each option."""
         return tuple(np.flatnonzero(self.owner == i) for i in range(len(self.options)))
@@ -63,6 +70,22 @@ class Projection:
             self.visibility[numbers],
         )
 
+    def joined(self, other: Self) -> Self:
+        """These options, then those of `other`."""
+        grown = replace(
+            self,
+            options=self.options + other.options,
+            columns=np.concatenate([self.columns, other.columns], axis=1),
+            owner=np.concatenate([self.owner, other.owner + len(self.options)]),
+            positive=np.concatenate([self.positive, other.positive]),
+            scale=np.concatenate([self.scale, other.scale]),
+            visibility=np.concatenate([self.visibility, other.visibility]),
+        )
+        # Inner products of the old columns are known.
+        mixed = self.columns.T @ other.columns
+        grown.__dict__["gram"] = np.block([[self.gram, mixed], [mixed.T, other.gram]])
+        return grown
+
 
 def project(
     evidence: Evidence, whitener: Whitener, options: list[Option], base: np.ndarray | None = None
@@ -78,7 +101,7 @@ def project(
         rest = columns - base @ (base.T @ columns)
         norms, whole = np.linalg.norm(rest, axis=0), np.linalg.norm(columns, axis=0)
         share = np.divide(norms, whole, out=np.zeros_like(norms), where=whole > 0.0)
-        visibility[number] = share.max(initial=0.0)
+        visibility[number] = share.min(initial=1.0)
         scales.append(norms)
         parts.append(np.divide(rest, norms, out=np.zeros_like(rest), where=norms > 1e-12 * whole))
     owner = np.repeat(np.arange(len(options)), [len(s) for s in scales])

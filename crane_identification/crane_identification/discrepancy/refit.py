@@ -5,8 +5,9 @@ from collections.abc import Sequence
 import numpy as np
 
 from crane_identification.discrepancy.candidates import Option, option
-from crane_identification.discrepancy.evidence import Evidence
+from crane_identification.discrepancy.evidence import Evidence, Zone
 from crane_identification.discrepancy.search import Search
+from crane_identification.discrepancy.whitening import leading
 from crane_identification.estimation.consistent import consistent
 from crane_identification.estimation.physics import physics
 from crane_identification.estimation.rows import Rows
@@ -20,14 +21,15 @@ def refit(evidence: Evidence, sources: str) -> Model:
     """The model of the evidence with values and standard deviations, all estimated together."""
     model = evidence.model
     parameters = model.parameters
+    matrix, force = _beside_nuisances(evidence)
     rows = Rows(
-        joints=model.joints,
+        joints=tuple(f"{joint}, {zone.value}" for zone in Zone for joint in model.joints),
         names=tuple(p.name for p in parameters),
         units=tuple(p.unit for p in parameters),
         time=evidence.time,
         run=evidence.run,
-        matrix=evidence.base[:, :, : len(parameters)],
-        force=evidence.force,
+        matrix=matrix,
+        force=force,
         used=evidence.used,
     )
     estimate = consistent(rows, physics(model))
@@ -38,6 +40,21 @@ def refit(evidence: Evidence, sources: str) -> Model:
         )
     provenance = f"diagnose: {estimate.method}, {estimate.samples} rows of {sources}"
     return model.with_estimate(estimate.values, estimate.std_devs, provenance)
+
+
+def _beside_nuisances(evidence: Evidence) -> tuple[np.ndarray, np.ndarray]:
+    """Regressor (n, c, p) and force (n, c) without what the nuisance columns can explain."""
+    p = len(evidence.model.parameters)
+    matrix, force = evidence.base[:, :, :p].copy(), evidence.force.copy()
+    for c in range(evidence.channels):
+        used = evidence.used[:, c]
+        nuisance = evidence.base[used, c, p:]
+        if not nuisance.any():
+            continue
+        known = leading(nuisance, nuisance.shape[1])
+        matrix[used, c] -= known @ (known.T @ matrix[used, c])
+        force[used, c] -= known @ (known.T @ force[used, c])
+    return matrix, force
 
 
 def shape_std_devs(

@@ -1,6 +1,7 @@
 """The search for missing effects on one body of evidence: grid, beam, refinement of shapes."""
 
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, field
+from functools import cached_property
 from typing import Any
 
 import numpy as np
@@ -14,12 +15,14 @@ from crane_identification.discrepancy.projection import (
     testable,
     whitened_base,
 )
-from crane_identification.discrepancy.selection import Choice, best_sets, solve
+from crane_identification.discrepancy.selection import NOTHING, Beside, Choice, larger_sets, solve
 from crane_identification.discrepancy.whitening import Whitener, whitener
 from crane_identification.progress import Progress, silent
 
 EVALUATIONS = 8  # of each shape parameter when it is refined
+LARGEST_SET = 6  # effects that are sought together
 RIVALS = 3  # best families of size one whose shapes are refined, so that the race is fair
+LARGEST = 1e12  # gain; beyond, the search for shapes would lose its numbers
 NEIGHBOUR = 0.6  # of the range (logarithmic) that lies to either side of a grid point
 
 
@@ -33,7 +36,8 @@ class Search:
     projection: Projection
     untestable: dict[Family, str]
     unobservable: dict[Family, str]
-    sizes: list[list[Choice]] = field(default_factory=list)
+    progress: Progress = silent
+    _sizes: list[list[Choice]] = field(default_factory=lambda: [[NOTHING]])
 
     @property
     def explainable(self) -> float:
@@ -41,13 +45,35 @@ class Search:
         rows = len(self.projection.residual) - self.base.shape[1]
         return float(self.projection.residual @ self.projection.residual) - rows
 
+    def sets(self, size: int) -> list[Choice]:
+        """The best sets of so many effects, best first; their shapes are refined."""
+        while len(self._sizes) <= size:
+            before, number = self._sizes[-1], len(self._sizes)
+            rough = larger_sets(self.projection, before)
+            for choice in rough[: RIVALS if number == 1 else 1]:
+                self.refine(choice)
+            self._sizes.append(larger_sets(self.projection, before))
+            self.progress("search", number / (LARGEST_SET + 1))
+        return self._sizes[size]
+
     def best(self, size: int) -> Choice | None:
-        """The best set of so many effects."""
-        return self.sizes[size - 1][0] if 0 < size <= len(self.sizes) else None
+        """The best set of so many effects; None if there is none."""
+        sets = self.sets(size)
+        return sets[0] if sets else None
 
     def terms(self, choice: Choice) -> list[Option]:
         """The options of a set."""
         return [self.projection.options[i] for i in choice.options]
+
+    def energy_shares(self, number: int) -> np.ndarray:
+        """Share (c,) of what an option explains beside the base that each channel carries."""
+        power = (self.projection.columns[:, self.projection.members[number]] ** 2).sum(axis=1)
+        shares = np.bincount(self._channel, power, self.evidence.channels)
+        return shares / max(float(shares.sum()), np.finfo(float).tiny)
+
+    @cached_property
+    def _channel(self) -> np.ndarray:
+        return self.whitener.channel
 
     def refine(self, choice: Choice) -> Choice:
         """The set with the shapes of its options refined, which become options of their own."""
@@ -64,61 +90,45 @@ class Search:
         middle = np.log(start.shape[name])
         low = max(middle - step, np.log(shape.lowest))
         high = min(middle + step, np.log(shape.highest))
-        found: dict[float, tuple[float, Projection, Choice]] = {}
+        if not high > low:
+            return choice
+        tried: list[tuple[float, Projection]] = []
+        beside = Beside(self.projection, _others(choice, place))
 
         def cost(position: float) -> float:
-            value = {**start.shape, name: float(np.exp(position))}
-            trial = self._with(start.family, value)
-            numbers = list(choice.options)
-            numbers[place] = len(trial.options) - 1
-            solved = solve(trial, tuple(numbers))
-            found[position] = (solved.gain if solved else -np.inf, trial, solved or choice)
-            return -found[position][0]
+            one = self._alone(start.family, {**start.shape, name: float(np.exp(position))})
+            gain = beside.gain(one)
+            tried.append((gain, one))
+            return -min(max(gain, 0.0), LARGEST)
 
         minimize_scalar(
             cost, bounds=(low, high), method="bounded", options={"maxiter": EVALUATIONS}
         )
-        gain, projection, solved = max(found.values(), key=lambda entry: entry[0])
+        gain, one = max(tried, key=lambda entry: entry[0])
         if gain <= choice.gain:
             return choice
-        self.projection = projection
-        return solved
+        self.projection = self.projection.joined(one)
+        numbers = list(choice.options)
+        numbers[place] = len(self.projection.options) - 1
+        return solve(self.projection, tuple(numbers)) or choice
 
-    def _with(self, family: Family, shape: dict[str, Any]) -> Projection:
-        """The projection with one more option, the last."""
-        one = project(
+    def _alone(self, family: Family, shape: dict[str, Any]) -> Projection:
+        """The projection of a single option."""
+        return project(
             self.evidence, self.whitener, [option(self.evidence, family, shape)], self.base
         )
-        old = self.projection
-        grown = replace(
-            old,
-            options=old.options + one.options,
-            columns=np.concatenate([old.columns, one.columns], axis=1),
-            owner=np.concatenate([old.owner, one.owner + len(old.options)]),
-            positive=np.concatenate([old.positive, one.positive]),
-            scale=np.concatenate([old.scale, one.scale]),
-            visibility=np.concatenate([old.visibility, one.visibility]),
-        )
-        # Inner products of the old columns are known.
-        mixed = old.columns.T @ one.columns
-        grown.__dict__["gram"] = np.block([[old.gram, mixed], [mixed.T, one.gram]])
-        return grown
+
+
+def _others(choice: Choice, place: int) -> tuple[int, ...]:
+    return choice.options[:place] + choice.options[place + 1 :]
 
 
 def search(evidence: Evidence, progress: Progress = silent) -> Search:
-    """All candidates of the catalogue, up to three together, their shapes refined."""
+    """All candidates of the catalogue beside the model."""
     wanted = families(evidence.model, len(evidence.runs))
     found, unobservable = options(evidence, wanted, progress)
     white = whitener(evidence, np.concatenate([one.columns for one in found], axis=2))
     base = whitened_base(evidence, white)
     projection = project(evidence, white, found, base)
     good, untestable = testable(projection)
-    out = Search(evidence, white, base, projection.kept(good), untestable, unobservable)
-    out.sizes = best_sets(out.projection)
-    for size in range(1, len(out.sizes) + 1):
-        rivals = out.sizes[size - 1][: RIVALS if size == 1 else 1]
-        for number, choice in enumerate(rivals):
-            out.refine(choice)
-            progress("search", (size - 1 + (number + 1) / len(rivals)) / len(out.sizes))
-        out.sizes = best_sets(out.projection)
-    return out
+    return Search(evidence, white, base, projection.kept(good), untestable, unobservable, progress)

@@ -8,7 +8,6 @@ import numpy as np
 from crane_identification.discrepancy.projection import Projection
 
 BEAM = 24  # sets that are followed from each size to the next
-LARGEST_SET = 3
 SINGULAR = (
     1e-6  # share of a column's norm left beside the chosen ones below which it is one of them
 )
@@ -22,26 +21,22 @@ class Choice(NamedTuple):
     values: np.ndarray  # of the columns of the options, one after another
 
 
-def best_sets(projection: Projection, largest: int = LARGEST_SET) -> list[list[Choice]]:
-    """For each size from 1, the sets of families with the largest gain, best first.
+NOTHING = Choice((), 0.0, np.zeros(0))
+
+
+def larger_sets(projection: Projection, beam: list[Choice]) -> list[Choice]:
+    """The sets with one family more than those of `beam` that gain most, best first.
 
     One set of options for each set of families. Sets in which a parameter has the wrong sign do
     not count: without that option they are no worse.
     """
-    beam: list[Choice] = [Choice((), 0.0, np.zeros(0))]
-    sizes = []
-    for _ in range(largest):
-        found: dict[frozenset, Choice] = {}
-        for start in beam:
-            for choice in extended(projection, start):
-                key = frozenset(projection.options[i].family for i in choice.options)
-                if key not in found or choice.gain > found[key].gain:
-                    found[key] = choice
-        beam = sorted(found.values(), key=lambda choice: -choice.gain)[:BEAM]
-        if not beam:
-            break
-        sizes.append(beam)
-    return sizes
+    found: dict[frozenset, Choice] = {}
+    for start in beam:
+        for choice in extended(projection, start):
+            key = frozenset(projection.options[i].family for i in choice.options)
+            if key not in found or choice.gain > found[key].gain:
+                found[key] = choice
+    return sorted(found.values(), key=lambda choice: -choice.gain)[:BEAM]
 
 
 def extended(projection: Projection, start: Choice) -> Iterator[Choice]:
@@ -88,18 +83,31 @@ def option_gains(projection: Projection, gram: np.ndarray, score: np.ndarray) ->
 def _constrained(
     gram: np.ndarray, score: np.ndarray, columns: np.ndarray, positive: np.ndarray
 ) -> float:
-    """Largest gain of any subset of an option's columns whose signs are right."""
-    best = -np.inf
-    for code in range(1, 2 ** len(columns)):
-        chosen = np.flatnonzero([(code >> bit) & 1 for bit in range(len(columns))])
-        part = columns[chosen]
-        block = gram[np.ix_(part, part)]
-        if np.linalg.eigvalsh(block)[0] < SINGULAR**2:
-            continue
-        values = np.linalg.solve(block, score[part])
-        if (values[positive[chosen]] >= 0.0).all():
-            best = max(best, float(values @ score[part]))
-    return best
+    """Gain of an option's columns with those of wrong sign at zero; -inf if nothing is left."""
+    block = np.ix_(columns, columns)
+    values = constrained(gram[block], score[columns], positive)
+    return -np.inf if values is None or not values.any() else float(values @ score[columns])
+
+
+def constrained(gram: np.ndarray, score: np.ndarray, positive: np.ndarray) -> np.ndarray | None:
+    """Solution of gram values = score with the `positive` values that would be negative at zero.
+
+    None where columns coincide.
+    """
+    free = np.ones(len(score), dtype=bool)
+    values = np.zeros(len(score))
+    while free.any():
+        part = gram[np.ix_(free, free)]
+        if np.linalg.eigvalsh(part)[0] < SINGULAR**2:
+            return None
+        values[:] = 0.0
+        values[free] = np.linalg.solve(part, score[free])
+        wrong = free & positive & (values < 0.0)
+        if not wrong.any():
+            break
+        free &= ~wrong
+    values[~free] = 0.0
+    return values
 
 
 def solve(projection: Projection, numbers: tuple[int, ...]) -> Choice | None:
@@ -108,25 +116,34 @@ def solve(projection: Projection, numbers: tuple[int, ...]) -> Choice | None:
     A constrained parameter of an option with several may rest at zero.
     """
     columns = np.concatenate([projection.members[i] for i in numbers])
-    free = np.ones(len(columns), dtype=bool)
-    values = np.zeros(len(columns))
-    positive = projection.positive[columns]
-    while free.any():
-        values[:] = 0.0
-        part = columns[free]
-        gram = projection.gram[np.ix_(part, part)]
-        if np.linalg.eigvalsh(gram)[0] < SINGULAR**2:
-            return None
-        values[free] = np.linalg.solve(gram, projection.score[part])
-        wrong = free & positive & (values < 0.0)
-        if not wrong.any():
-            break
-        free &= ~wrong
-    values[~free] = 0.0
+    gram, score = projection.gram[np.ix_(columns, columns)], projection.score[columns]
+    values = constrained(gram, score, projection.positive[columns])
+    if values is None:
+        return None
     for number in numbers:
         if not values[projection.owner[columns] == number].any():
             return None
-    return Choice(numbers, float(values @ projection.score[columns]), values)
+    return Choice(numbers, float(values @ score), values)
+
+
+class Beside:
+    """Gains of further options beside some that a projection has."""
+
+    def __init__(self, projection: Projection, numbers: tuple[int, ...]) -> None:
+        inside = [column for i in numbers for column in projection.members[i]]
+        self._inside = np.array(inside, dtype=int)
+        self._projection = projection
+
+    def gain(self, one: Projection) -> float:
+        """Gain of the set with the single option of `one`; -inf where a sign is wrong."""
+        old, inside = self._projection, self._inside
+        columns = np.concatenate([old.columns[:, inside], one.columns], axis=1)
+        positive = np.concatenate([old.positive[inside], one.positive])
+        score = columns.T @ old.residual
+        values = constrained(columns.T @ columns, score, positive)
+        if values is None or not values[len(inside) :].any():
+            return -np.inf
+        return float(values @ score)
 
 
 def _without(projection: Projection, inside: list[int]) -> tuple[np.ndarray, np.ndarray]:

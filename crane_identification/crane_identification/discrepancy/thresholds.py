@@ -22,7 +22,7 @@ class Thresholds(Schema):
     lead_share: Share
     alike: Share
     explained_share: Share
-    learner_share: Share
+    repeating_strength: Share
     testable_share: Share
     detectable_strength: Share
 

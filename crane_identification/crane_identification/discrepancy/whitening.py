@@ -1,4 +1,4 @@
-"""Rows whose noise is independent and of variance one, by an autoregression per joint."""
+"""Rows whose noise is independent and of variance one, by an autoregression per channel."""
 
 from dataclasses import dataclass
 from typing import NamedTuple
@@ -10,16 +10,16 @@ from crane_identification.estimation.autoregression import Autoregression, restr
 
 NEGLIGIBLE = 1e-8  # of the largest eigenvalue: directions below are rounding
 DIRECTIONS = 60  # of the candidates that the largest model takes, the commonest ones
-ROWS_PER_DIRECTION = 12  # a joint with fewer rows does not carry another direction
+ROWS_PER_DIRECTION = 12  # a channel with fewer rows does not carry another direction
 SAME = 0.999
 """A column whose part beyond the base is correlated like this with the residual is the measured
 force itself: it explains everything, noise included, and says nothing."""
 
 
 class _Pick(NamedTuple):
-    """Rows of one joint with the same number of used rows directly before them."""
+    """Rows of one channel with the same number of used rows directly before them."""
 
-    joint: int
+    channel: int
     rows: np.ndarray
     polynomial: np.ndarray
     deviation: float
@@ -27,9 +27,9 @@ class _Pick(NamedTuple):
 
 @dataclass(frozen=True)
 class Whitener:
-    """Turns rows (n, j, ...) of the evidence into N independent rows of variance one.
+    """Turns rows (n, c, ...) of the evidence into N independent rows of variance one.
 
-    `row` and `joint` (N,) say where each comes from; `noise` holds the autoregression per joint.
+    `row` and `channel` (N,) say where each comes from; `noise` holds the autoregressions.
     """
 
     noise: tuple[Autoregression | None, ...]
@@ -41,22 +41,26 @@ class Whitener:
         return np.concatenate([pick.rows for pick in self.picks])
 
     @property
-    def joint(self) -> np.ndarray:
-        """(N,) joint."""
-        return np.concatenate([np.full(len(pick.rows), pick.joint) for pick in self.picks])
+    def channel(self) -> np.ndarray:
+        """(N,) channel."""
+        return np.concatenate([np.full(len(pick.rows), pick.channel) for pick in self.picks])
 
     def __call__(self, values: np.ndarray) -> np.ndarray:
-        """(n, j, ...) to (N, ...)."""
+        """(n, c, ...) to (N, ...)."""
+        there = np.asarray(values.reshape(*values.shape[:2], -1).any(axis=(0, 2)))
         parts = []
-        for joint, rows, polynomial, deviation in self.picks:
-            column = values[:, joint]
+        for channel, rows, polynomial, deviation in self.picks:
+            if not there[channel]:
+                parts.append(np.zeros((len(rows), *values.shape[2:])))
+                continue
+            column = values[:, channel]
             part = sum(a * column[rows - lag] for lag, a in enumerate(polynomial))
             parts.append(part / deviation)
         return np.concatenate(parts)
 
 
 def whitener(evidence: Evidence, largest: np.ndarray) -> Whitener:
-    """From the residual of the `largest` model: its columns (n, j, K) beside the base.
+    """From the residual of the `largest` model: its columns (n, c, K) beside the base.
 
     Noise is what no model explains: estimated beside a smaller model it would hold the effects
     that are sought, and whitening would remove them.
@@ -64,19 +68,19 @@ def whitener(evidence: Evidence, largest: np.ndarray) -> Whitener:
     noise: list[Autoregression | None] = []
     picks: list[_Pick] = []
     first = np.diff(evidence.run, prepend=-1) != 0
-    for j in range(len(evidence.joints)):
-        used = evidence.used[:, j]
+    for c in range(evidence.channels):
+        used = evidence.used[:, c]
         if not used.any():
             noise.append(None)
             continue
-        columns = evidence.base[:, j], largest[:, j]
-        found = _noise(*columns, evidence.force[:, j], used, evidence.run)
+        columns = evidence.base[:, c], largest[:, c]
+        found = _noise(*columns, evidence.force[:, c], used, evidence.run)
         noise.append(found)
         before = _used_before(used, first, len(found.polynomial) - 1)
         for m, (polynomial, variance) in enumerate(_predictors(found)):
             rows = np.flatnonzero(used & (before == m))
             if len(rows):
-                picks.append(_Pick(j, rows, polynomial, float(np.sqrt(variance))))
+                picks.append(_Pick(c, rows, polynomial, float(np.sqrt(variance))))
     return Whitener(tuple(noise), tuple(picks))
 
 
@@ -85,6 +89,7 @@ def _noise(
 ) -> Autoregression:
     most = max(int(used.sum()) // ROWS_PER_DIRECTION, 1)
     known = leading(base[used], most)
+    columns = columns[:, columns.any(axis=0)]
     rest = columns[used] - known @ (known.T @ columns[used])
     residual = force[used] - known @ (known.T @ force[used])
     norms = np.linalg.norm(rest, axis=0)

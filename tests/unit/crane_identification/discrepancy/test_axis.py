@@ -9,8 +9,9 @@ from unit.crane_identification.synthetic import axis_log
 
 from crane_identification.data.log import Log, Signal
 from crane_identification.discrepancy import explain, findings
-from crane_identification.discrepancy.diagnosis import Diagnosis, Verdict, diagnose
+from crane_identification.discrepancy.diagnosis import Diagnosis, diagnose
 from crane_identification.discrepancy.thresholds import load_thresholds
+from crane_identification.discrepancy.verdict import Verdict
 from crane_identification.options import Options
 from crane_model.model_file import Model, load_model, save_model
 

@@ -9,10 +9,19 @@ from scipy.stats import chi2
 from crane_identification.discrepancy.candidates import Family, Option
 from crane_identification.discrepancy.null import null_gains
 from crane_identification.discrepancy.projection import Projection
-from crane_identification.discrepancy.selection import best_sets, solve
+from crane_identification.discrepancy.selection import NOTHING, Choice, larger_sets, solve
 from crane_model.terms import REGISTRY
 
 ROWS = 400
+
+
+def best_sets(made: Projection, largest: int) -> list[list[Choice]]:
+    """The best sets of 1 to `largest` families."""
+    beam, sizes = [NOTHING], []
+    for _ in range(largest):
+        beam = larger_sets(made, beam)
+        sizes.append(beam)
+    return sizes
 
 
 def projection(
@@ -72,7 +81,7 @@ def test_a_parameter_of_the_wrong_sign_does_not_count() -> None:
     rng = np.random.default_rng(3)
     column = rng.standard_normal(ROWS)
     made = projection({"stribeck": column}, -column, positive=True)
-    assert best_sets(made, 1) == []
+    assert larger_sets(made, [NOTHING]) == []
     assert solve(made, (0,)) is None
 
 

@@ -1,0 +1,114 @@
+"""The verdict: from what was found, what is left of it, and what the recordings could show."""
+
+from collections.abc import Sequence
+from enum import StrEnum
+
+import numpy as np
+
+from crane_identification.discrepancy.decision import Accepted
+from crane_identification.discrepancy.learner import Learnt
+from crane_identification.discrepancy.repeating import Repeating
+from crane_identification.discrepancy.search import Search
+from crane_identification.discrepancy.thresholds import Thresholds
+
+
+class Verdict(StrEnum):
+    """What a diagnosis answers."""
+
+    NAMED = "named"
+    CLASS = "class"
+    NONE = "none"
+    UNKNOWN = "unknown"
+    INSUFFICIENT = "insufficient_data"
+
+
+def judge(
+    found: Search,
+    accepted: Sequence[Accepted],
+    energies: tuple[np.ndarray, np.ndarray],
+    learnt: tuple[Learnt, Learnt],
+    repeating: Repeating | None,
+    least: float,
+    thresholds: Thresholds,
+) -> tuple[Verdict, str]:
+    """The verdict and its reason.
+
+    `energies` (c,) of the residual and what is `learnt` from it, before and after the `accepted`
+    effects are added; `repeating` beside what the extended model explains; `least` strength that
+    would show.
+    """
+    if accepted:
+        return _of_effects(accepted, energies, learnt[1], thresholds)
+    law = learned(learnt[0], thresholds)
+    if law.any():
+        return (
+            Verdict.UNKNOWN,
+            f"what is left on {_listed(found, law)} follows a law, but none of the catalogue",
+        )
+    again = _repeats(repeating, thresholds)
+    if again is not None and again.any():
+        return (
+            Verdict.UNKNOWN,
+            f"what is left on {_listed(found, again)} comes again in each period, and no effect "
+            "of the catalogue explains it",
+        )
+    tested = {option.family for option in found.projection.options}
+    share = len(tested) / max(len(tested) + len(found.untestable), 1)
+    if share < thresholds.testable_share:
+        return (
+            Verdict.INSUFFICIENT,
+            f"only {share:.0%} of the effects would show in these recordings; excite the joints "
+            "more: both directions, several speeds, the whole range",
+        )
+    if least > thresholds.detectable_strength:
+        return (
+            Verdict.INSUFFICIENT,
+            f"an effect would have to be {least:.1%} of the drive force to show; record more",
+        )
+    noise = "" if again is None else "what is left is not more than scatters between periods; "
+    return Verdict.NONE, f"{noise}effects above {least:.2%} of the drive force would have shown"
+
+
+def learned(learnt: Learnt, thresholds: Thresholds) -> np.ndarray:
+    """(j,): whether a law is in the residual, beyond chance and beyond errors of the processing."""
+    limit = thresholds.false_alarm_rate / 2.0 / len(learnt.share)
+    return (learnt.p_value < limit) & (learnt.strength > thresholds.smallest_strength)
+
+
+def noise_energy(found: Search, left: np.ndarray) -> np.ndarray:
+    """Energy (c,) of a residual (n, c) in units of the noise."""
+    variance = [1.0 if noise is None else noise.variance for noise in found.whitener.noise]
+    return (np.where(found.evidence.used, left, 0.0) ** 2).sum(axis=0) / np.array(variance)
+
+
+def _of_effects(
+    accepted: Sequence[Accepted],
+    energies: tuple[np.ndarray, np.ndarray],
+    left: Learnt,
+    thresholds: Thresholds,
+) -> tuple[Verdict, str]:
+    before, after = energies
+    learnable = np.maximum(left.share, 0.0)
+    remaining = float((after[: len(learnable)] * learnable).sum())
+    named = float((before - after).sum())
+    share = named / max(named + remaining, np.finfo(float).tiny)
+    if share < thresholds.explained_share:
+        return (
+            Verdict.UNKNOWN,
+            f"the best of the catalogue explain {share:.0%} of what can be explained; "
+            f"{thresholds.explained_share:.0%} are asked for",
+        )
+    if any(one.members for one in accepted):
+        return Verdict.CLASS, "these recordings do not tell effects apart"
+    return Verdict.NAMED, f"the effects explain {share:.0%} of what can be explained"
+
+
+def _repeats(repeating: Repeating | None, thresholds: Thresholds) -> np.ndarray | None:
+    if repeating is None:
+        return None
+    limit = thresholds.false_alarm_rate / 2.0 / len(repeating.strength)
+    return (repeating.p_value < limit) & (repeating.strength > thresholds.repeating_strength)
+
+
+def _listed(found: Search, which: np.ndarray) -> str:
+    return ", ".join(joint for joint, one in zip(found.evidence.joints, which, strict=True) if one)
