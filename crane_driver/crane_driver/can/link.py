@@ -1,5 +1,6 @@
 """The open bus: a thread that receives, stamps and queues frames, and comes back after losses."""
 
+import math
 import threading
 import time
 import uuid
@@ -22,6 +23,8 @@ from crane_driver.can.bus import (
 from crane_driver.can.frame import Fault, FaultKind, Frame
 
 POLL = 0.1  # s, longest wait for a frame before the state of the bus is looked at
+GATHER = 5e-4  # s without a frame that end a train of them
+LONGEST_TRAIN = 2e-3  # s
 FIRST_PAUSE, LONGEST_PAUSE = 0.1, 5.0  # s, before the bus is reopened; doubled at every failure
 AT_ONCE, ATTEMPTS = 20e-6, 5  # s, within which two clocks are read; else they are read again
 OLDEST_STAMP = 1.0  # s, an older stamp of a back end is of another clock
@@ -141,11 +144,20 @@ class Link:
                 self._report(FaultKind.BUS, f"closing: {_shown(error)}")
 
     def _receive(self) -> None:
+        """Queue what comes, and wake who takes it once per train of frames: one cycle of a machine
+        is several frames, and to be woken costs more than to take them.
+        """
         assert self._bus is not None
+        train = math.inf  # s, steady, since when frames wait for which nobody has been woken
         while not self._stop.is_set():
-            message = self._bus.recv(POLL)
+            waiting = train < math.inf
+            message = self._bus.recv(GATHER if waiting else POLL)
+            if waiting and (message is None or time.monotonic() - train > LONGEST_TRAIN):
+                train = math.inf
+                self._wake()
             if message is None:
-                check_state(self._bus, self._settings)
+                if not waiting:
+                    check_state(self._bus, self._settings)
             elif message.is_error_frame:
                 self._error_frame(message)
             elif self._mark and message.channel == self._mark:
@@ -154,6 +166,7 @@ class Link:
                 self.ignored += 1
             else:
                 self._queue(message)
+                train = min(train, time.monotonic())
 
     def _queue(self, message: can.Message) -> None:
         stamp, steady = _stamps(message.timestamp)
@@ -171,7 +184,6 @@ class Link:
         if begins:
             waiting = f"{self._frames.maxlen} frames wait; the oldest are dropped"
             self._report(FaultKind.OVERFLOW, waiting)
-        self._wake()
 
     def _error_frame(self, message: can.Message) -> None:
         state = state_of_error_frame(message.arbitration_id, message.data)

@@ -1,5 +1,7 @@
 """When a device took its readings, from when their frames were received."""
 
+import math
+
 WINDOW = 10.0  # s over which the clock of a device is followed
 LEARNT = 1.0  # s after which it is relied on
 PATIENCE = 1.0  # s in which at least one frame comes without delay, or the clock has changed
@@ -20,6 +22,7 @@ class SamplingClock:
     def __init__(self, cycle: float):
         """cycle: nominal, [s]."""
         self._cycle = cycle
+        self._last = -math.inf
         self._begin()
 
     def sampled(self, number: int, received: float) -> float:
@@ -42,7 +45,7 @@ class SamplingClock:
 
     def _begin(self) -> None:
         self._hull: list[Cycle] = []
-        self._prompt = self._last = float("-inf")
+        self._prompt = -math.inf  # reception of the last frame without delay
 
     def _extend(self, new: Cycle) -> None:
         """Add a point to the hull, whose edges become steeper from left to right."""

@@ -6,14 +6,13 @@ from dataclasses import dataclass, replace
 from typing import Any
 
 from diagnostic_msgs.msg import DiagnosticArray, DiagnosticStatus, KeyValue
-from rclpy.callback_groups import CallbackGroup
 from rclpy.clock import Clock, ClockType
 from rclpy.node import Node
-from rclpy.subscription import Subscription
 from rclpy.topic_endpoint_info import TopicEndpointInfo
 from rclpy.type_hash import TypeHash
 
 from crane_driver.bags.types import typestore
+from crane_driver.nodes.polled import Polled
 from crane_driver.recording.bag import RecordedBag
 from crane_driver.recording.definitions import installed_definition, message_class
 from crane_driver.recording.metadata import RecordedTopic
@@ -27,33 +26,13 @@ FLUSH = 0.5  # s; what is younger is lost when the process is killed
 REPORT = 1.0  # s
 
 
-class Polled(CallbackGroup):
-    """Subscriptions that the executor leaves alone.
-
-    A callback through the executor costs 0.3 ms a message, taking a message from the queue of its
-    subscription a hundredth of that. The time of reception is stamped by the middleware, so that
-    nothing is lost by coming for it later.
-    """
-
-    def can_execute(self, entity: object) -> bool:
-        """Never."""
-        return False
-
-    def beginning_execution(self, entity: object) -> bool:
-        """Never."""
-        return False
-
-    def ending_execution(self, entity: object) -> None:
-        """Nothing to do."""
-
-
 @dataclass
 class Recorded:
     """A topic that is being recorded."""
 
     topic: RecordedTopic
     number: int  # in the bag
-    subscription: Subscription
+    messages: Polled
     service: Service
     arrivals: Arrivals
 
@@ -68,7 +47,6 @@ class Recorder(Node):
         self.recorded: dict[str, Recorded] = {}
         self.problems: dict[str, str] = {}  # of a topic
         self._bag = bag
-        self._polled = Polled()
         self._diagnostics = self.create_publisher(DiagnosticArray, "/diagnostics", 10)
         steady = Clock(clock_type=ClockType.STEADY_TIME)
         for period, work in (
@@ -82,11 +60,7 @@ class Recorder(Node):
         """Write what arrived since the last call, in the order of reception."""
         arrived: list[tuple[int, bytes, dict[str, Any], Recorded]] = []
         for recorded in self.recorded.values():
-            queue, msgtype = recorded.subscription.handle, recorded.subscription.msg_type
-            for _ in range(recorded.service.depth):
-                if (taken := queue.take_message(msgtype, True)) is None:
-                    break
-                data, info = taken
+            for data, info in recorded.messages.take():
                 # other middleware than Fast DDS may not stamp
                 arrived.append((info["received_timestamp"] or time.time_ns(), data, info, recorded))
         arrived.sort(key=lambda one: one[0])
@@ -124,16 +98,9 @@ class Recorder(Node):
             name, msgtype, definition, tuple(offered(one.qos_profile) for one in same)
         )
         service = request(topic.offered_qos)
-        subscription = self.create_subscription(
-            message_class(msgtype),
-            name,
-            lambda message: None,  # never called: see Polled
-            profile(service),
-            callback_group=self._polled,
-            raw=True,
-        )
+        messages = Polled(self, message_class(msgtype), name, profile(service), raw=True)
         arrivals = Arrivals(len(same), time.monotonic())
-        self.recorded[name] = Recorded(topic, self._bag.add(topic), subscription, service, arrivals)
+        self.recorded[name] = Recorded(topic, self._bag.add(topic), messages, service, arrivals)
         print(f"recording {name} ({msgtype}, {service})", flush=True)
 
     def _report(self) -> None:

@@ -9,12 +9,12 @@ from diagnostic_msgs.msg import DiagnosticArray
 from rclpy.clock import Clock, ClockType
 from rclpy.lifecycle import LifecycleNode, LifecycleState, TransitionCallbackReturn
 from rclpy.qos import DurabilityPolicy, QoSProfile, ReliabilityPolicy
-from rclpy.subscription import Subscription
 from sensor_msgs.msg import JointState
 from std_srvs.srv import Trigger
 
 from crane_driver.nodes.managed import AUTOSTART, run_managed
 from crane_driver.nodes.parameters import NodeParameter, Number, Numbers, Text, declare, hold
+from crane_driver.nodes.polled import Polled
 from crane_identification.online.condition import Condition, status
 from crane_identification.online.estimator import Forces, OnlineEstimator, OnlineOptions
 from crane_identification.online.topics import Feed, estimate_message, forces_message
@@ -33,6 +33,7 @@ LATCHED = QoSProfile(
     durability=DurabilityPolicy.TRANSIENT_LOCAL,
 )
 PUBLISH = 1.0  # s
+VISIT = 0.05  # s between two visits to the queues, which hold 100 times as much
 
 DEFAULTS = OnlineOptions()
 MODEL = Text(
@@ -92,7 +93,7 @@ class Identification(LifecycleNode):
         fixed = [parameter for parameter in PARAMETERS if parameter is not MODEL_OUTPUT]
         hold(self, fixed, lambda: "configured" if self._estimator else "unconfigured")
         self._condition = Condition()
-        self._listening: list[Subscription] = []
+        self._listening: list[tuple[Polled, Callable[[Any], None]]] = []
         self._diagnostics = self.create_publisher(DiagnosticArray, "/diagnostics", 10)
         self._estimates = self.create_lifecycle_publisher(
             ParameterEstimate, "/parameter_estimate", LATCHED
@@ -103,7 +104,9 @@ class Identification(LifecycleNode):
         self.create_service(Trigger, "~/reset_estimator", self._reset)
         self.create_service(Trigger, "~/save_model", self._save)
         # steady time: under use_sim_time without /clock, the node's clock stands still
-        self.create_timer(PUBLISH, self._tell, clock=Clock(clock_type=ClockType.STEADY_TIME))
+        steady = Clock(clock_type=ClockType.STEADY_TIME)
+        self.create_timer(VISIT, self._visit, clock=steady)
+        self.create_timer(PUBLISH, self._tell, clock=steady)
 
     def on_configure(self, state: LifecycleState) -> TransitionCallbackReturn:
         """Read model and parameters."""
@@ -127,13 +130,14 @@ class Identification(LifecycleNode):
         """Listen; what was learned before a deactivation is kept."""
         assert self._estimator is not None
         feed = Feed(self._estimator, JOINT_STATES, PRESSURES)
-        listen = self._listen
         self._listening = [
-            self.create_subscription(
-                JointState, JOINT_STATES, listen(JOINT_STATES, feed.joint_states), DEEP
+            (
+                Polled(self, JointState, JOINT_STATES, DEEP),
+                self._learner(JOINT_STATES, feed.joint_states),
             ),
-            self.create_subscription(
-                CylinderPressures, PRESSURES, listen(PRESSURES, feed.pressures), DEEP
+            (
+                Polled(self, CylinderPressures, PRESSURES, DEEP),
+                self._learner(PRESSURES, feed.pressures),
             ),
         ]
         self._condition.listen(time.monotonic(), JOINT_STATES, PRESSURES)
@@ -142,8 +146,8 @@ class Identification(LifecycleNode):
     def on_deactivate(self, state: LifecycleState) -> TransitionCallbackReturn:
         """Listen no more."""
         self._condition.listen(time.monotonic())
-        for subscription in self._listening:
-            self.destroy_subscription(subscription)
+        for topic, _ in self._listening:
+            topic.close()
         self._listening = []
         return super().on_deactivate(state)
 
@@ -152,8 +156,13 @@ class Identification(LifecycleNode):
         self._estimator = None
         return super().on_cleanup(state)
 
-    def _listen(self, topic: str, feed: Callable[[Any], list[Forces]]) -> Callable[[Any], None]:
-        def take(message: Any) -> None:
+    def _visit(self) -> None:
+        for topic, learn in self._listening:
+            for message, _ in topic.take():
+                learn(message)
+
+    def _learner(self, topic: str, feed: Callable[[Any], list[Forces]]) -> Callable[[Any], None]:
+        def learn(message: Any) -> None:
             self._condition.arrived(topic, time.monotonic())
             try:
                 forces = feed(message)
@@ -166,7 +175,7 @@ class Identification(LifecycleNode):
             for one in forces:
                 self._forces.publish(forces_message(self._estimator.model.joints, one))
 
-        return take
+        return learn
 
     def _tell(self) -> None:
         """Publish estimate and diagnostics."""
