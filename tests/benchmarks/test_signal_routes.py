@@ -63,7 +63,7 @@ def experiment(
     made = record(motion, plant, Sensors(parameters.sensors, machine, 1), load_gains(None))
     path = tmp_path_factory.mktemp("bags") / Path(request.param).stem
     write_bag(path, machine, made)
-    velocity = made.true_velocity[:, 1:]
+    velocity = made.truth.velocity[:, 1:]
     acceleration = np.gradient(velocity, made.time, axis=0)
     theta = np.array([one.value for one in planted(parameters, machine)])
     return Experiment(read_bag(path, model().joints), velocity, acceleration, theta)

@@ -18,6 +18,20 @@ Progress = Callable[[Iterable[int]], Iterable[int]]
 
 
 @dataclass(frozen=True)
+class Truth:
+    """What no real machine shows, at the n instants of a recording; k effects are hidden."""
+
+    time: np.ndarray  # (n,) s
+    position: np.ndarray  # (n, 4) rad, m
+    velocity: np.ndarray  # (n, 4)
+    acceleration: np.ndarray  # (n, 4)
+    pressure_a: np.ndarray  # (n, 4) Pa
+    pressure_b: np.ndarray  # (n, 4)
+    hidden_force: np.ndarray  # (k, n, 4) N m, N
+    hidden_flow: np.ndarray  # (k, n, 4) m3/s
+
+
+@dataclass(frozen=True)
 class Recording:
     """n cycles of the controller; (n, 4) in the order of JOINTS."""
 
@@ -28,8 +42,7 @@ class Recording:
     cylinders: tuple[str, ...]  # the columns of `pressures`
     command: np.ndarray  # (n, 4) -1..1
     reference: Reference
-    true_position: np.ndarray  # (n, 4), which no real machine shows
-    true_velocity: np.ndarray  # (n, 4)
+    truth: Truth
 
 
 def record(
@@ -47,13 +60,15 @@ def record(
     velocity_filter = VelocityFilter(
         [density[joint] for joint in JOINTS], [chain.encoder_resolution[joint] for joint in JOINTS]
     )
-    position, velocity, commands, q, v, p_a, p_b = np.zeros((7, count, len(JOINTS)))
+    position, velocity, commands, q, v, a, p_a, p_b = np.zeros((8, count, len(JOINTS)))
+    force, flow = np.zeros((2, plant.hidden_count, count, len(JOINTS)))
     supply = np.empty(count)
     table, u = gains.table, np.zeros(len(JOINTS))
     for k in progress(range(count)):
         time = float(times[k])
         plant.advance(u, time - plant.time)
         q[k], v[k] = plant.q, plant.v
+        a[k], force[:, k], flow[:, k] = plant.acceleration, plant.hidden_force, plant.hidden_flow
         p_a[k], p_b[k], supply[k] = plant.pressure_a, plant.pressure_b, plant.supply_pressure
         position[k] = sensors.positions(q[k])
         _, velocity[k], _ = velocity_filter.update(time, position[k])
@@ -66,10 +81,9 @@ def record(
         time=times,
         position=position,
         velocity=velocity,
-        pressures=sensors.pressures(p_a, p_b, supply, plant.tank_pressure),
+        pressures=sensors.pressures(p_a, p_b, supply, plant.tank_pressure, times),
         cylinders=sensors.cylinders,
         command=commands,
         reference=reference,
-        true_position=q,
-        true_velocity=v,
+        truth=Truth(times, q, v, a, p_a, p_b, force, flow),
     )

@@ -21,13 +21,19 @@ from crane_model.cylinders import cylinder_force, lever_arm
 from crane_model.errors import DataError
 from crane_model.machine import JOINTS, Machine, load_machine
 from crane_model.urdf import urdf
-from crane_sim.closed_loop import Recording, record
-from crane_sim.parameters import load_stand_in
+from crane_sim.closed_loop import Progress, Recording, record
+from crane_sim.hidden.calibrate import calibrate
+from crane_sim.hidden.clean import Clean, clean
+from crane_sim.hidden.form import Planted
+from crane_sim.hidden.label import check_place, write_label
+from crane_sim.hidden.sensing import faults
+from crane_sim.hidden.spec import load_spec
+from crane_sim.parameters import StandIn, load_stand_in
 from crane_sim.plant import Plant
 from crane_sim.sampled import Sensors
 from crane_trajectory.check import load_clearance
-from crane_trajectory.controller import load_gains
-from crane_trajectory.motion import plan
+from crane_trajectory.controller import Gains, load_gains
+from crane_trajectory.motion import Motion, plan
 from crane_trajectory.periodic import load_trajectory
 
 EPOCH = 1_735_689_600  # s; bags begin here, 2025-01-01, so that the same seed gives the same bag
@@ -74,6 +80,28 @@ def write_bag(path: Path, machine: Machine, recording: Recording) -> None:
             references.write(stamp, stamp, *(part[k] for part in reference[:3]))
 
 
+def make(
+    out: Path,
+    machine: Machine,
+    stand_in: StandIn,
+    motion: Motion,
+    gains: Gains,
+    seed: int,
+    planted: Sequence[Planted] = (),
+    progress: Progress = iter,
+) -> Clean:
+    """Write the bag `out` of a machine that hides effects; what truly happened is returned.
+
+    `motion` is that of `plan`; `seed` is that of noise and jitter. The bag holds what a machine
+    without hidden effects would write: nothing but readings differs.
+    """
+    plant = Plant(stand_in, machine, motion.start, planted)
+    sensors = Sensors(stand_in.sensors, machine, seed, faults(planted))
+    recording = record(motion, plant, sensors, gains, progress)
+    write_bag(out, machine, recording)
+    return clean(machine, planted, sensors.faults, recording.truth)
+
+
 def main(argv: Sequence[str] | None = None) -> int:
     """Make a bag with the stand-in machine: approach, N periods of a trajectory, and stop."""
     parser = argparse.ArgumentParser(prog="make_bag", description=main.__doc__)
@@ -84,7 +112,13 @@ def main(argv: Sequence[str] | None = None) -> int:
     parser.add_argument("--plant", type=Path, help="stand-in file (default: the packaged one)")
     parser.add_argument("--machine", type=Path, help="machine file (default: the packaged one)")
     parser.add_argument("--gains", type=Path, help="controller gains (default: the packaged ones)")
+    parser.add_argument("--hide", type=Path, help="effects that the machine hides, YAML")
+    parser.add_argument(
+        "--label", type=Path, help="new file, not in the bag's folder, that tells what was hidden"
+    )
     arguments = parser.parse_args(argv)
+    if (arguments.hide is None) != (arguments.label is None):
+        parser.error("--hide and --label: give both or none")
 
     def progress(cycles: Iterable[int]) -> Iterable[int]:
         return tqdm(cycles, desc=arguments.out.name, unit="cycle", disable=not sys.stderr.isatty())
@@ -100,9 +134,15 @@ def main(argv: Sequence[str] | None = None) -> int:
             arguments.periods,
             load_clearance(),
         )
-        plant = Plant(parameters, machine, motion.start)
-        sensors = Sensors(parameters.sensors, machine, arguments.seed)
         gains = load_gains(arguments.gains)
-        write_bag(arguments.out, machine, record(motion, plant, sensors, gains, progress))
+        planted: tuple[Planted, ...] = ()
+        if arguments.hide is not None:
+            check_place(arguments.label, arguments.out)
+            spec = load_spec(arguments.hide)
+            planted = calibrate(spec, machine, parameters, motion, gains)
+        seed = arguments.seed
+        truth = make(arguments.out, machine, parameters, motion, gains, seed, planted, progress)
+        if arguments.label is not None:
+            write_label(arguments.label, arguments.out, seed, planted, truth)
 
     return cli.run(body)

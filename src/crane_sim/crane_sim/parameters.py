@@ -4,6 +4,7 @@ from pathlib import Path
 from typing import Annotated, Any, Generic, Self, TypeVar
 
 import numpy as np
+import yaml
 from pydantic import Field, model_validator
 
 from crane_model.configuration import Schema, packaged, read_yaml, validate
@@ -176,6 +177,12 @@ def load_stand_in(path: Path | str | None = None) -> StandIn:
             )
         content = _merged(base, difference)
     return validate(content, StandIn, path)
+
+
+def save_stand_in(path: Path | str, stand_in: StandIn) -> None:
+    """As a complete file that `load_stand_in` reads."""
+    text = yaml.safe_dump(stand_in.model_dump(mode="json", exclude_none=True), sort_keys=False)
+    Path(path).write_text(text, encoding="utf-8")
 
 
 def _merged(base: dict[str, Any], difference: dict[str, Any]) -> dict[str, Any]:

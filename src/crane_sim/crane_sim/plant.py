@@ -1,7 +1,7 @@
 """The plant: valves, oil, cylinders, bodies and friction, stepped together in compiled code."""
 
 import math
-from typing import NamedTuple
+from collections.abc import Sequence
 
 import numpy as np
 from numba import njit
@@ -11,6 +11,9 @@ from crane_model.machine import JOINT_UNITS, JOINTS, Machine
 from crane_sim.constants import Constants, pack
 from crane_sim.cylinders import set_lengths_and_levers, stop_force
 from crane_sim.friction import step_lugre, step_set_valued
+from crane_sim.hidden.form import Planted
+from crane_sim.hidden.kernel import act, settle
+from crane_sim.hidden.working import Hidden, work
 from crane_sim.hydraulics import (
     chamber_step,
     opening,
@@ -21,39 +24,14 @@ from crane_sim.hydraulics import (
 )
 from crane_sim.parameters import StandIn
 from crane_sim.rigid_bodies import mass_and_bias
-
-ACTUATOR = ("length", "lever", "spool", "spool_rate", "p_a", "p_b")
-"""Fields of an actuator's record: cylinder m, dx/dq; spool -1..1 (positive extends), 1/s; Pa."""
-
-
-class State(NamedTuple):
-    """All that changes; arrays (4,) in the order of JOINTS, but `supply` (1,)."""
-
-    q: np.ndarray  # rad, m
-    v: np.ndarray  # rad/s, m/s
-    mode: np.ndarray  # int: sticking, or direction of motion
-    bristle: np.ndarray  # rad, m: deflection with dynamic friction
-    actuators: np.ndarray  # records, fields ACTUATOR
-    supply: np.ndarray  # Pa
-
-
-class Scratch(NamedTuple):
-    """Room for the intermediate results of a step."""
-
-    mass: np.ndarray  # (4, 4)
-    bias: np.ndarray  # (4,)
-    force: np.ndarray  # (4,)
-    impulse: np.ndarray  # (4,)
-    friction: np.ndarray  # (5, 4)
-    growth: np.ndarray  # (4,) piston speed, m/s
+from crane_sim.state import ACTUATOR, Scratch, State
 
 
 @njit(cache=True, error_model="numpy")
 def _generalized_forces(constants: Constants, state: State, force: np.ndarray) -> None:
     """What drives the joints, friction and inertia apart: (4,) N m, N.
 
-    The one place where forces are summed: any further effect that pushes on a joint is added here,
-    from a module of its own and with its own entries in `State`.
+    What hidden effects add to it, and to the bodies and the friction, is in `hidden.kernel`.
     """
     for i in range(4):
         cylinder, actuator = constants.cylinders[i], state.actuators[i]
@@ -63,10 +41,18 @@ def _generalized_forces(constants: Constants, state: State, force: np.ndarray) -
 
 
 @njit(cache=True, error_model="numpy")
-def _move(constants: Constants, state: State, scratch: Scratch, step: float) -> None:
+def _move(
+    constants: Constants, hidden: Hidden, state: State, scratch: Scratch, step: float
+) -> None:
     """Velocities from the forces (6), then positions and cylinders from the new velocities."""
     mass_and_bias(constants.chain, state.q, state.v, scratch.mass, scratch.bias)
     _generalized_forces(constants, state, scratch.force)
+    law = constants.friction
+    for i in range(4):
+        scratch.before[i] = state.v[i]
+    if len(hidden.law) > 0:
+        act(hidden, constants, state, scratch, step)
+        law = scratch.law
     for i in range(4):
         impulse = step * (scratch.force[i] - scratch.bias[i])
         for j in range(4):
@@ -74,14 +60,16 @@ def _move(constants: Constants, state: State, scratch: Scratch, step: float) -> 
         scratch.impulse[i] = impulse
     if constants.dynamic_friction:
         step_lugre(
-            constants.friction, scratch.mass, scratch.impulse, step,
+            law, scratch.mass, scratch.impulse, step,
             state.bristle, scratch.friction, state.v,
         )  # fmt: skip
     else:
         step_set_valued(
-            constants.friction, scratch.mass, scratch.impulse, step,
+            law, scratch.mass, scratch.impulse, step,
             state.mode, scratch.friction, state.v,
         )  # fmt: skip
+    if len(hidden.law) > 0:
+        settle(hidden, constants, state, scratch, step)
     for i in range(4):
         state.q[i] += step * state.v[i]
         scratch.growth[i] = -state.actuators[i].length
@@ -121,6 +109,7 @@ def _fill(constants: Constants, state: State, growth: np.ndarray, step: float) -
 @njit(cache=True, error_model="numpy")
 def _advance(
     constants: Constants,
+    hidden: Hidden,
     state: State,
     scratch: Scratch,
     command: np.ndarray,
@@ -133,7 +122,7 @@ def _advance(
             actuator.spool, actuator.spool_rate = spool_step(
                 constants.valves[i], command[i], actuator.spool, actuator.spool_rate, step
             )
-        _move(constants, state, scratch, step)
+        _move(constants, hidden, state, scratch, step)
         _fill(constants, state, scratch.growth, step)
 
 
@@ -143,18 +132,34 @@ class Plant:
     It starts at rest at `q0` (4,) with centred spools and chamber pressures that carry gravity; the
     two pressures of a cylinder then add up to the supply pressure where that is possible, as a
     valve with equal metering edges leaves them. Nothing in it is random: noise is in the sensors.
+    Of `planted`, faults of sensors have no part in it.
     """
 
-    def __init__(self, parameters: StandIn, machine: Machine, q0: np.ndarray):
+    def __init__(
+        self,
+        parameters: StandIn,
+        machine: Machine,
+        q0: np.ndarray,
+        planted: Sequence[Planted] = (),
+    ):
         """`RangeError` if q0 is outside Table 2 or gravity exceeds what the pump can hold."""
         _check_pose(machine, q0)
         self.parameters, self.machine = parameters, machine
         self.time = 0.0  # s
         self.tank_pressure = machine.hydraulics.tank_pressure
         self._constants = pack(parameters, machine)
+        self._hidden = work(planted, machine)
         self._scratch = Scratch(
-            np.empty((4, 4)), np.empty(4), np.empty(4), np.empty(4), np.empty((5, 4)), np.empty(4)
+            mass=np.empty((4, 4)),
+            bias=np.empty(4),
+            force=np.zeros(4),
+            impulse=np.empty(4),
+            friction=np.empty((5, 4)),
+            growth=np.empty(4),
+            before=np.zeros(4),
+            law=self._constants.friction.copy(),
         )
+        self._step = parameters.step
         self._state = self._at_rest(np.array(q0, dtype=float))
 
     def advance(self, command: np.ndarray, duration: float) -> None:
@@ -167,7 +172,10 @@ class Plant:
         if not np.isfinite(command).all():
             raise RangeError(f"valve command {command}: must be finite, in -1..1 for each joint")
         count = max(1, math.ceil(duration / self.parameters.step - 1e-6))
-        _advance(self._constants, self._state, self._scratch, command, duration / count, count)
+        self._step = duration / count
+        _advance(
+            self._constants, self._hidden, self._state, self._scratch, command, self._step, count
+        )
         self.time += duration
         if not np.isfinite(self._state.q).all():
             raise RangeError(
@@ -184,6 +192,26 @@ class Plant:
     def v(self) -> np.ndarray:
         """(4,) velocities [rad/s, m/s]; exactly 0 where a joint sticks by (13)."""
         return self._state.v.copy()
+
+    @property
+    def acceleration(self) -> np.ndarray:
+        """(4,) mean over the last step [rad/s2, m/s2]; 0 before the first."""
+        return (self._state.v - self._scratch.before) / self._step
+
+    @property
+    def hidden_count(self) -> int:
+        """How many hidden effects act in the plant."""
+        return len(self._hidden.law)
+
+    @property
+    def hidden_flow(self) -> np.ndarray:
+        """(k, 4) what flows more into chamber A for each hidden effect [m3/s]."""
+        return self._hidden.flow.copy()
+
+    @property
+    def hidden_force(self) -> np.ndarray:
+        """(k, 4) what each hidden effect asked of the drives in the last step [N m, N]."""
+        return self._hidden.force.copy()
 
     @property
     def pressure_a(self) -> np.ndarray:
@@ -206,13 +234,22 @@ class Plant:
         return float(self._state.supply[0])
 
     def _at_rest(self, q: np.ndarray) -> State:
-        constants = self._constants
+        constants, scratch = self._constants, self._scratch
         actuators = np.zeros(len(JOINTS), np.dtype([(name, float) for name in ACTUATOR]))
         set_lengths_and_levers(constants.linkages, q, actuators)
-        mass_and_bias(constants.chain, q, np.zeros(4), self._scratch.mass, self._scratch.bias)
+        state = State(
+            q=q,
+            v=np.zeros(4),
+            mode=np.zeros(4, dtype=np.int64),
+            bristle=np.zeros(4),
+            actuators=actuators,
+            supply=np.array([self.machine.hydraulics.supply_pressure]),
+        )
+        mass_and_bias(constants.chain, q, state.v, scratch.mass, scratch.bias)
+        act(self._hidden, constants, state, scratch, self._step)
         tank, supply = self.tank_pressure, self.machine.hydraulics.supply_pressure
         area_a, area_b = constants.cylinders["area_a"], constants.cylinders["area_b"]
-        piston = self._scratch.bias / actuators["lever"]
+        piston = (scratch.bias - scratch.force) / actuators["lever"]
         p_a = (piston + area_b * (supply + tank)) / (area_a + area_b)
         p_a = np.clip(p_a, np.maximum(tank, (piston + area_b * tank) / area_a), supply)
         p_b = (area_a * p_a - piston) / area_b
@@ -225,14 +262,7 @@ class Plant:
                 "hold; start from another pose"
             )
         actuators["p_a"], actuators["p_b"] = p_a, p_b
-        return State(
-            q=q,
-            v=np.zeros(4),
-            mode=np.zeros(4, dtype=np.int64),
-            bristle=np.zeros(4),
-            actuators=actuators,
-            supply=np.array([supply]),
-        )
+        return state
 
 
 def _check_pose(machine: Machine, q0: np.ndarray) -> None:

@@ -1,0 +1,24 @@
+"""All forms of all effects that can be hidden."""
+
+from itertools import groupby
+
+from crane_sim.hidden import friction, loads, memory, pushes, sensing
+from crane_sim.hidden.form import Form
+
+_ALL = (
+    *friction.FORMS,
+    *pushes.FORMS,
+    *memory.FORMS,
+    *loads.FORMS,
+    *sensing.FORMS,
+)
+
+FORMS: dict[str, tuple[Form, ...]] = {
+    effect: tuple(forms) for effect, forms in groupby(_ALL, key=lambda form: form.effect)
+}
+"""Effect to its forms, the first of which is the default."""
+
+
+def joints_of(form: Form) -> tuple[str, ...]:
+    """The joints on which a form can act; empty for one of the whole machine."""
+    return form.joints

@@ -1,0 +1,97 @@
+"""Hidden effects in a step of the plant: `act` before the velocities are found, `settle` after.
+
+Nothing here runs in a plant that hides nothing.
+"""
+
+import numpy as np
+from numba import njit
+
+from crane_sim.constants import Constants
+from crane_sim.hidden import friction, loads, memory, pushes
+from crane_sim.hidden.working import FLOW, FRICTION, LOADS, MEMORY, PUSHES, Hidden
+from crane_sim.state import Scratch, State
+
+
+@njit(cache=True, error_model="numpy")
+def act(hidden: Hidden, constants: Constants, state: State, scratch: Scratch, step: float) -> None:
+    """Add to mass, bias, forces and friction of `scratch`; its friction is that of the machine."""
+    for i in range(4):
+        scratch.law[i] = constants.friction[i]
+    count = len(hidden.law)
+    for k in range(count):
+        if LOADS <= hidden.law[k] < FLOW:
+            loads.carry(hidden, k, constants, state)
+            for i in range(4):
+                scratch.bias[i] += hidden.bias[k, i]
+                for j in range(4):
+                    scratch.mass[i, j] += hidden.mass[k, i, j]
+    for k in range(count):  # friction follows the forces of the cylinders, so it comes first
+        if FRICTION <= hidden.law[k] < PUSHES:
+            hidden.level[k] = _raise(hidden, k, constants, state, scratch, step)
+    for k in range(count):
+        if PUSHES <= hidden.law[k] < LOADS:
+            hidden.level[k] = _resist(hidden, k, state, scratch, step)
+
+
+@njit(cache=True, error_model="numpy")
+def _raise(
+    hidden: Hidden, k: int, constants: Constants, state: State, scratch: Scratch, step: float
+) -> float:
+    """Coulomb friction of effect k [N m, N]; what is left of that of the joint stays above 0."""
+    i = hidden.joint[k]
+    law = scratch.law[i]
+    extra = friction.level(hidden, k, i, constants, state, scratch, step)
+    extra = max(extra, -0.95 * min(law.coulomb_up, law.coulomb_down))
+    law.coulomb_up += extra
+    law.coulomb_down += extra
+    return extra
+
+
+@njit(cache=True, error_model="numpy")
+def _resist(hidden: Hidden, k: int, state: State, scratch: Scratch, step: float) -> float:
+    """Let effect k resist; what of it deviates from the model of (13) [N m, N]."""
+    i, law = hidden.joint[k], hidden.law[k]
+    v = scratch.before[i]
+    if law < MEMORY:
+        force = pushes.push(hidden, k, i, state)
+        deviation = force
+    elif law == memory.TWO_MODES:
+        scratch.mass[i, i] -= memory.bent_inertia(hidden.value[k])
+        force = memory.bending(hidden, k)
+        deviation = force
+    elif law == memory.PIN_PLAY:
+        force = memory.play(hidden, k, scratch.force[i], state.q[i])
+        deviation = force
+    else:
+        coulomb = memory.replaced(hidden.value[k], scratch, i)
+        force = coulomb * memory.presliding(hidden, k, v, step)
+        deviation = force - coulomb * np.sign(v) if abs(v) > memory.STILL else 0.0
+    scratch.force[i] -= force
+    return deviation
+
+
+@njit(cache=True, error_model="numpy")
+def settle(
+    hidden: Hidden, constants: Constants, state: State, scratch: Scratch, step: float
+) -> None:
+    """Note what each effect asked of the drives in this step, and advance what follows from it."""
+    change = state.v - scratch.before
+    for k in range(len(hidden.law)):
+        i, law = hidden.joint[k], hidden.law[k]
+        if law < PUSHES:
+            hidden.force[k, i] = hidden.level[k] * np.sign(state.v[i])
+        elif law < LOADS:
+            hidden.force[k, i] = hidden.level[k]
+            if law == memory.TWO_MODES:
+                memory.bend(hidden, k, change[i], step)
+                rigid = memory.bent_inertia(hidden.value[k]) * change[i] / step
+                hidden.force[k, i] -= rigid
+        elif law < FLOW:
+            for a in range(4):
+                total = hidden.bias[k, a]
+                for b in range(4):
+                    total += hidden.mass[k, a, b] * change[b] / step
+                hidden.force[k, a] = total
+            if law == loads.PENDULUM:
+                loads.swing(hidden, k, constants.chain, state.q, change, step)
+    hidden.clock[0] += step
