@@ -14,7 +14,7 @@ from crane_model.model_file import Model
 from crane_model.terms import Effect, Term, candidates, joints_of
 
 WHOLE = "all"  # in place of a joint
-LARGEST_GRID = 12  # shapes of a family; between them, the best is refined
+LARGEST_GRID = 16  # shapes of a family; between them, the best is refined
 
 
 @dataclass(frozen=True)

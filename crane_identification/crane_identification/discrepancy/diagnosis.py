@@ -12,6 +12,7 @@ from crane_identification.discrepancy.decision import Accepted, decide, detectab
 from crane_identification.discrepancy.evidence import Evidence, gather
 from crane_identification.discrepancy.gap import Gap, measure, residual
 from crane_identification.discrepancy.learner import Features, Learnt, features, learn
+from crane_identification.discrepancy.motion_choice import suited
 from crane_identification.discrepancy.refit import refit, shape_std_devs
 from crane_identification.discrepancy.region import Region, region
 from crane_identification.discrepancy.repeating import repeating
@@ -115,6 +116,7 @@ def diagnose(
     left = residual(evidence, before)
     learnt_before = learn(seen, known, left[:, :joints], fold)
     progress("what is left", 0.5)
+    accepted = suited(found, before, accepted)
     after, values = _extended(found, before, evidence, accepted, train, factor, text)
     left_after = residual(evidence, after)
     learnt_after = learn(seen, known, left_after[:, :joints], fold) if accepted else learnt_before

@@ -65,6 +65,15 @@ class Search:
         """The options of a set."""
         return [self.projection.options[i] for i in choice.options]
 
+    def number(self, option: Option) -> int:
+        """Which of the options of the projection it is."""
+        return next(i for i, one in enumerate(self.projection.options) if one is option)
+
+    def added(self, family: Family, shape: dict[str, Any]) -> int:
+        """The number of a new option."""
+        self.projection = self.projection.joined(self._alone(family, shape))
+        return len(self.projection.options) - 1
+
     def energy_shares(self, number: int) -> np.ndarray:
         """Share (c,) of what an option explains beside the base that each channel carries."""
         power = (self.projection.columns[:, self.projection.members[number]] ** 2).sum(axis=1)

@@ -10,6 +10,7 @@ from crane_identification.estimation.autoregression import Autoregression, restr
 
 NEGLIGIBLE = 1e-8  # of the largest eigenvalue: directions below are rounding
 DIRECTIONS = 60  # of the candidates that the largest model takes, the commonest ones
+ROWS_PER_UNKNOWN = 1.5  # of the base; a channel with fewer says nothing about what it lacks
 ROWS_PER_DIRECTION = 12  # a channel with fewer rows does not carry another direction
 SAME = 0.999
 """A column whose part beyond the base is correlated like this with the residual is the measured
@@ -70,7 +71,7 @@ def whitener(evidence: Evidence, largest: np.ndarray) -> Whitener:
     first = np.diff(evidence.run, prepend=-1) != 0
     for c in range(evidence.channels):
         used = evidence.used[:, c]
-        if not used.any():
+        if used.sum() < ROWS_PER_UNKNOWN * np.linalg.matrix_rank(evidence.base[used, c]):
             noise.append(None)
             continue
         columns = evidence.base[:, c], largest[:, c]
@@ -87,8 +88,7 @@ def whitener(evidence: Evidence, largest: np.ndarray) -> Whitener:
 def _noise(
     base: np.ndarray, columns: np.ndarray, force: np.ndarray, used: np.ndarray, run: np.ndarray
 ) -> Autoregression:
-    most = max(int(used.sum()) // ROWS_PER_DIRECTION, 1)
-    known = leading(base[used], most)
+    known = leading(base[used], base.shape[1])
     columns = columns[:, columns.any(axis=0)]
     rest = columns[used] - known @ (known.T @ columns[used])
     residual = force[used] - known @ (known.T @ force[used])
@@ -97,7 +97,7 @@ def _noise(
     telling[telling] &= np.abs(residual @ rest[:, telling]) < (
         SAME * norms[telling] * np.linalg.norm(residual)
     )
-    count = min(DIRECTIONS, most - known.shape[1])
+    count = min(DIRECTIONS, (int(used.sum()) - known.shape[1]) // ROWS_PER_DIRECTION)
     more = leading(rest[:, telling], count) if count > 0 else rest[:, :0]
     basis = np.zeros((len(used), known.shape[1] + more.shape[1]))
     basis[used] = np.linalg.qr(np.concatenate([known, more], axis=1))[0]

@@ -28,7 +28,7 @@ class Stribeck(JointTerm):
     )
     shapes: ClassVar[dict[str, Shape]] = {
         "speed": Shape(3e-3, 0.12, "rad/s or m/s", 8, "speed at which the excess has died out"),
-        "exponent": Shape(0.5, 2.0, "1", 3, "how abruptly it dies out"),
+        "exponent": Shape(1.0, 2.0, "1", 2, "how abruptly it dies out"),
     }
 
     speed: float = Field(gt=0)
