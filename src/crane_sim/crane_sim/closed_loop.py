@@ -2,6 +2,7 @@
 
 from collections.abc import Callable, Iterable
 from dataclasses import dataclass
+from typing import Protocol
 
 import numpy as np
 
@@ -10,11 +11,22 @@ from crane_model.machine import JOINTS
 from crane_sim.plant import Plant
 from crane_sim.sampled import Pressures, Sensors
 from crane_trajectory.controller import Gains, command
-from crane_trajectory.motion import Motion, Reference
+from crane_trajectory.motion import Reference
 
 REST = 1.0  # s, recorded at rest before and after the motion
 
 Progress = Callable[[Iterable[int]], Iterable[int]]
+
+
+class Course(Protocol):
+    """Where the crane is to be led: from rest to rest."""
+
+    @property
+    def duration(self) -> float:
+        """Until it is at rest again [s]."""
+
+    def reference(self, time: np.ndarray) -> Reference:
+        """At time (n,) [s]."""
 
 
 @dataclass(frozen=True)
@@ -46,9 +58,9 @@ class Recording:
 
 
 def record(
-    motion: Motion, plant: Plant, sensors: Sensors, gains: Gains, progress: Progress = iter
+    motion: Course, plant: Plant, sensors: Sensors, gains: Gains, progress: Progress = iter
 ) -> Recording:
-    """Lead the plant, which rests at `motion.start`, through the motion and to rest again.
+    """Lead the plant, which rests where the motion starts, through the motion and to rest again.
 
     Each cycle reads the sensors, filters the velocity and commands the valves (36); the valves stay
     closed until a velocity is known. `progress` wraps the cycles, as tqdm does.

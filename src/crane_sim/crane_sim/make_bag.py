@@ -27,6 +27,7 @@ from crane_sim.hidden.clean import Clean, clean
 from crane_sim.hidden.form import Planted
 from crane_sim.hidden.label import check_place, write_label
 from crane_sim.hidden.sensing import faults
+from crane_sim.hidden.slewing import slewing
 from crane_sim.hidden.spec import load_spec
 from crane_sim.parameters import StandIn, load_stand_in
 from crane_sim.plant import Plant
@@ -97,7 +98,7 @@ def make(
     """
     plant = Plant(stand_in, machine, motion.start, planted)
     sensors = Sensors(stand_in.sensors, machine, seed, faults(planted))
-    recording = record(motion, plant, sensors, gains, progress)
+    recording = record(slewing(motion, planted), plant, sensors, gains, progress)
     write_bag(out, machine, recording)
     return clean(machine, planted, sensors.faults, recording.truth)
 

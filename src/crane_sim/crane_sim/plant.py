@@ -11,6 +11,7 @@ from crane_model.machine import JOINT_UNITS, JOINTS, Machine
 from crane_sim.constants import Constants, pack
 from crane_sim.cylinders import set_lengths_and_levers, stop_force
 from crane_sim.friction import step_lugre, step_set_valued
+from crane_sim.hidden.flow import leak, meter, note_softness, softness
 from crane_sim.hidden.form import Planted
 from crane_sim.hidden.kernel import act, settle
 from crane_sim.hidden.working import Hidden, work
@@ -79,25 +80,37 @@ def _move(
 
 
 @njit(cache=True, error_model="numpy")
-def _fill(constants: Constants, state: State, growth: np.ndarray, step: float) -> None:
+def _fill(
+    constants: Constants, hidden: Hidden, state: State, growth: np.ndarray, step: float
+) -> None:
     """Chamber and supply pressures from valve openings and piston speeds `growth` (4,)."""
-    oil, supply = constants.oil, state.supply[0]
+    oil, supply, hides = constants.oil, state.supply[0], len(hidden.law) > 0
     drawn = 0.0
     for i in range(4):
         cylinder, valve = constants.cylinders[i], constants.valves[i]
         actuator = state.actuators[i]
         p_a, p_b = actuator.p_a, actuator.p_b
         x = opening(actuator.spool - valve.null, valve.dead_zone)
+        leakage, softer_a, softer_b = cylinder.leakage, 1.0, 1.0
+        if hides:
+            x = meter(hidden, constants, state, i)
+            leakage = leak(hidden, constants, state, i)
+            softer_a = softness(hidden, constants, i, p_a)
+            softer_b = softness(hidden, constants, i, p_b)
         volume = cylinder.dead_volume_a + cylinder.area_a * (actuator.length - cylinder.length_min)
         flow, slope = port_flow(oil, valve.flow_gain * x, supply, p_a)
         actuator.p_a, flow_a = chamber_step(
-            oil, p_a, p_b, flow, slope, cylinder.leakage, volume, cylinder.area_a * growth[i], step
-        )
+            oil, p_a, p_b, flow, slope, leakage, softer_a * volume,
+            cylinder.area_a * growth[i], step,
+        )  # fmt: skip
+        if hides:
+            note_softness(hidden, constants, i, p_a, volume, (actuator.p_a - p_a) / step)
         volume = cylinder.dead_volume_b + cylinder.area_b * (cylinder.length_max - actuator.length)
         flow, slope = port_flow(oil, -valve.flow_gain * x, supply, p_b)
         actuator.p_b, flow_b = chamber_step(
-            oil, p_b, p_a, flow, slope, cylinder.leakage, volume, -cylinder.area_b * growth[i], step
-        )
+            oil, p_b, p_a, flow, slope, leakage, softer_b * volume,
+            -cylinder.area_b * growth[i], step,
+        )  # fmt: skip
         if x > 0.0:
             drawn += flow_a
         elif x < 0.0:
@@ -123,7 +136,7 @@ def _advance(
                 constants.valves[i], command[i], actuator.spool, actuator.spool_rate, step
             )
         _move(constants, hidden, state, scratch, step)
-        _fill(constants, state, scratch.growth, step)
+        _fill(constants, hidden, state, scratch.growth, step)
 
 
 class Plant:

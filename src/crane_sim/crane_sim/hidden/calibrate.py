@@ -10,6 +10,7 @@ from crane_sim.closed_loop import record
 from crane_sim.hidden.clean import Clean, clean
 from crane_sim.hidden.form import Form, Planted, Scale
 from crane_sim.hidden.sensing import faults
+from crane_sim.hidden.slewing import slewing
 from crane_sim.hidden.spec import Spec
 from crane_sim.parameters import StandIn
 from crane_sim.plant import Plant
@@ -80,7 +81,7 @@ def moved(
     """What the machine does with these effects on the motion."""
     plant = Plant(stand_in, machine, motion.start, planted)
     sensors = Sensors(stand_in.sensors, machine, 0, faults(planted))
-    recording = record(motion, plant, sensors, gains)
+    recording = record(slewing(motion, planted), plant, sensors, gains)
     return clean(machine, planted, sensors.faults, recording.truth)
 
 

@@ -2,7 +2,7 @@
 
 from itertools import groupby
 
-from crane_sim.hidden import friction, loads, memory, pushes, sensing
+from crane_sim.hidden import flow, friction, loads, memory, pushes, sensing
 from crane_sim.hidden.form import Form
 
 _ALL = (
@@ -11,6 +11,7 @@ _ALL = (
     *memory.FORMS,
     *loads.FORMS,
     *sensing.FORMS,
+    *flow.FORMS,
 )
 
 FORMS: dict[str, tuple[Form, ...]] = {

@@ -21,6 +21,8 @@ def act(hidden: Hidden, constants: Constants, state: State, scratch: Scratch, st
     for k in range(count):
         if LOADS <= hidden.law[k] < FLOW:
             loads.carry(hidden, k, constants, state)
+            if hidden.law[k] == loads.CENTRIFUGAL:
+                continue
             for i in range(4):
                 scratch.bias[i] += hidden.bias[k, i]
                 for j in range(4):

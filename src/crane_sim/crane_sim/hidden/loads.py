@@ -9,10 +9,10 @@ from crane_model.linkages import inner_boom, outer_boom
 from crane_sim.constants import Constants
 from crane_sim.hidden.form import Draw, Form, Magnitude
 from crane_sim.hidden.working import LOADS, Hidden
-from crane_sim.rigid_bodies import GRIPPER, INNER_BOOM, OUTER_BOOM, Chain
+from crane_sim.rigid_bodies import GRIPPER, INNER_BOOM, OUTER_BOOM, Chain, mass_and_bias
 from crane_sim.state import State
 
-BODY_AT_TIP, TILTED, HOSE, ROD, PENDULUM, GUSTS = range(LOADS, LOADS + 6)
+BODY_AT_TIP, TILTED, HOSE, ROD, PENDULUM, GUSTS, CENTRIFUGAL = range(LOADS, LOADS + 7)
 
 GUST = ((0.11, 1.0), (0.23, 0.8), (0.41, 0.6), (0.67, 0.5), (1.03, 0.35), (1.57, 0.25))  # Hz, share
 
@@ -39,6 +39,8 @@ def carry(hidden: Hidden, k: int, constants: Constants, state: State) -> None:
         bias[i] = size * lever * slope * v[i] * v[i]
     elif law == PENDULUM:
         _add_swing(hidden, k, chain, q, bias)
+    elif law == CENTRIFUGAL:
+        _note_centrifugal(chain, q, v, mass, bias)
     else:  # GUSTS
         push = 0.0
         for n, (frequency, share) in enumerate(GUST):
@@ -138,6 +140,20 @@ def _add_hose(
 
 
 @njit(cache=True, error_model="numpy")
+def _note_centrifugal(
+    chain: Chain, q: np.ndarray, v: np.ndarray, mass: np.ndarray, bias: np.ndarray
+) -> None:
+    """What slewing does to the booms. It is part of every machine: noted, not added."""
+    rate, gravity = np.zeros(4), np.empty(4)
+    mass_and_bias(chain, q, rate, mass, gravity)
+    rate[0] = v[0]
+    mass_and_bias(chain, q, rate, mass, bias)
+    for i in range(4):
+        bias[i] -= gravity[i]
+    mass[:] = 0.0
+
+
+@njit(cache=True, error_model="numpy")
 def _lever_and_slope(constants: Constants, i: int, q: np.ndarray) -> tuple[float, float]:
     """dx/dq and d2x/dq2 of the cylinder of joint i."""
     c = constants.linkages
@@ -197,6 +213,8 @@ FORMS = (
     Form("actuator_inertia", "rod", ROD, Magnitude("mass", "kg", 100.0, 20000.0)),
     Form("swinging_load", "pendulum", PENDULUM, Magnitude("mass", "kg", 10.0, 80.0),
          (Draw("length", "m", 0.4, 2.0), Draw("damping", "1", 0.01, 0.05)), ()),
+    Form("slew_coupling", "slewing", CENTRIFUGAL, Magnitude("speed", "rad/s", 0.2, 0.38),
+         (Draw("frequency", "rad/s", 0.5, 0.9),), ()),
     Form("wind", "gusts", GUSTS, Magnitude("force", "N", 20.0, 2000.0),
          (Draw("phase", "1", 0.0, 1.0),), (), outside=True),
 )  # fmt: skip
