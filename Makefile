@@ -1,5 +1,6 @@
 # make demo    the whole suite at work, results in runs/demo
 # make test    all tests
+# make discrepancy-benchmark   how often `diagnose` is right about hidden effects, in runs/
 # make study   the report's experiment with 20 + 2 trajectories, results in runs/study
 # make bench   measurements of speed
 # make lint    style and types
@@ -19,7 +20,7 @@ export ROS_AUTOMATIC_DISCOVERY_RANGE := LOCALHOST
 or_none := || [ $$? -eq 5 ]
 in_env := source scripts/env.sh &&
 
-.PHONY: help demo study test bench lint setup clean
+.PHONY: help demo study discrepancy-benchmark test bench lint setup clean
 
 help:
 	@sed -n '/^$$/q; s/^# //p' Makefile
@@ -32,6 +33,9 @@ demo: setup
 
 study: setup
 	@$(in_env) python scripts/study/study.py
+
+discrepancy-benchmark: setup
+	@$(in_env) python scripts/discrepancy_benchmark/benchmark.py
 
 test: setup
 	@$(in_env) python -m pytest -n 2 -m "not realtime" $(TESTS) $(or_none)

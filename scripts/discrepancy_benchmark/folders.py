@@ -1,0 +1,65 @@
+"""Where the benchmark keeps what: bags, sealed labels and answers of a set lie apart."""
+
+import json
+import shutil
+from collections.abc import Iterator
+from contextlib import contextmanager
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+
+@dataclass(frozen=True)
+class Folders:
+    """The folders of one set of cases; within each of the first three, one folder a case."""
+
+    top: Path
+
+    @property
+    def bags(self) -> Path:
+        """All that the answering process is given: recordings and the model to diagnose."""
+        return self.top / "bags"
+
+    @property
+    def sealed(self) -> Path:
+        """What is hidden in each case, and its clean simulation; for the scorer."""
+        return self.top / "sealed"
+
+    @property
+    def answers(self) -> Path:
+        """What the diagnosis and the methods beside it said."""
+        return self.top / "answers"
+
+    @property
+    def results(self) -> Path:
+        """Scores, for programs."""
+        return self.top / "results.json"
+
+
+def done(folder: Path) -> set[str]:
+    """The cases that are finished in a folder."""
+    return {entry.name for entry in folder.iterdir()} if folder.exists() else set()
+
+
+@contextmanager
+def new(folder: Path) -> Iterator[Path]:
+    """Where to write what becomes `folder` once it is complete, in place of what is there."""
+    unfinished = folder.parent.parent / "unfinished" / folder.parent.name / folder.name
+    for old in (unfinished, folder):  # of a run that was interrupted
+        shutil.rmtree(old, ignore_errors=True)
+    unfinished.mkdir(parents=True)
+    yield unfinished
+    folder.parent.mkdir(parents=True, exist_ok=True)
+    unfinished.rename(folder)
+
+
+def write_json(path: Path, content: Any) -> None:
+    """Write JSON that is complete or not there."""
+    unfinished = path.with_name(path.name + ".unfinished")
+    unfinished.write_text(json.dumps(content, indent=1, allow_nan=False) + "\n", encoding="utf-8")
+    unfinished.rename(path)
+
+
+def read_json(path: Path) -> Any:
+    """Its content."""
+    return json.loads(path.read_text(encoding="utf-8"))

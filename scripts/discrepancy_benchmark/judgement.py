@@ -1,0 +1,104 @@
+"""Whether an answer is right."""
+
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
+from enum import StrEnum
+from typing import Any
+
+from cases import TWINS, Kind
+
+Place = tuple[str, str]
+"""An effect and its joint, or `all`."""
+
+
+OURS = "diagnose"  # among the names of methods
+
+
+class Outcome(StrEnum):
+    """How an answer compares with what is hidden."""
+
+    RIGHT = "right"
+    TOO_WIDE = "too wide"  # a class that holds it, and others that the data do tell from it
+    PARTLY = "one of two"
+    NOT_NAMED = "unknown"  # said to be outside the catalogue, and is in it
+    MISSED = "missed"
+    WRONG_NAME = "wrong name"
+    FALSE_ALARM = "false alarm"
+    REFUSED = "refused"  # insufficient data, where nothing is hidden
+    CRASH = "crash"
+
+
+@dataclass(frozen=True)
+class Answer:
+    """A verdict and its findings: the effect named first, then the other members of its class."""
+
+    verdict: str
+    findings: tuple[tuple[Place, ...], ...]
+
+    @classmethod
+    def of_diagnosis(cls, content: dict[str, Any]) -> "Answer":
+        """What `findings.json` says."""
+        findings = ((finding, *finding.get("class_members", ())) for finding in content["findings"])
+        places = tuple(tuple((one["effect"], one["joint"]) for one in found) for found in findings)
+        return cls(content["verdict"], places)
+
+    @classmethod
+    def of_names(cls, names: Sequence[Sequence[str]]) -> "Answer":
+        """Of a method that only names effects."""
+        findings = tuple(((str(effect), str(joint)),) for effect, joint in names)
+        return cls("named" if findings else "none", findings)
+
+    @property
+    def headline(self) -> str:
+        """The strongest effect, or the verdict where none is named."""
+        if self.verdict in {"named", "class"} and self.findings:
+            return self.findings[0][0][0]
+        return self.verdict
+
+
+def judge(
+    kind: Kind, hidden: Sequence[Place], answer: Answer, twin: Callable[[int, Place], bool]
+) -> Outcome:
+    """`twin(i, other)` says whether `other` explains the i-th hidden effect as well as its own law;
+    a class counts as right where all its members do.
+    """
+    verdict = answer.verdict
+    if verdict == "crash":
+        return Outcome.CRASH
+    if kind is Kind.NOTHING:
+        silent = {"none": Outcome.RIGHT, "insufficient_data": Outcome.REFUSED}
+        return silent.get(verdict, Outcome.FALSE_ALARM)
+    if kind is Kind.OUTSIDE and verdict == "unknown":
+        return Outcome.RIGHT
+    if verdict == "insufficient_data":
+        return Outcome.RIGHT if kind in {Kind.CLASS, Kind.INSUFFICIENT} else Outcome.MISSED
+    if verdict == "unknown":
+        return Outcome.NOT_NAMED
+    if verdict == "none":
+        return Outcome.MISSED
+    if kind is Kind.CLASS:
+        return _of_twins(answer)
+    return _named(hidden, answer, twin)
+
+
+def _of_twins(answer: Answer) -> Outcome:
+    known = {(effect, "telescope") for effect in TWINS}
+    if len(answer.findings) != 1 or not set(answer.findings[0]) & known:
+        return Outcome.WRONG_NAME
+    found = set(answer.findings[0])
+    if len(found & known) < 2:
+        return Outcome.WRONG_NAME  # picks one where nothing tells them apart
+    return Outcome.RIGHT if found <= known else Outcome.TOO_WIDE
+
+
+def _named(hidden: Sequence[Place], answer: Answer, twin: Callable[[int, Place], bool]) -> Outcome:
+    found, wide = set(), False
+    for members in answer.findings:
+        meant = [i for i, place in enumerate(hidden) if place in members and i not in found]
+        if not meant:
+            return Outcome.WRONG_NAME
+        found.add(meant[0])
+        wide |= not all(place == hidden[meant[0]] or twin(meant[0], place) for place in members)
+    if len(found) < len(hidden):
+        return Outcome.PARTLY
+    return Outcome.TOO_WIDE if wide else Outcome.RIGHT

@@ -1,0 +1,154 @@
+"""First process of the benchmark: makes the bags of a set, and seals what is hidden in them."""
+
+import argparse
+import sys
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass, replace
+from pathlib import Path
+
+import numpy as np
+from cases import Case, CaseSet, Hidden, cases
+from clean import save_clean
+from folders import Folders, done, new, write_json
+from motions import Excitation, motions
+from work import in_processes
+
+from crane_model.configuration import packaged
+from crane_model.errors import RangeError
+from crane_model.machine import load_machine
+from crane_model.model_file import Model, load_model, save_model
+from crane_sim.hidden.calibrate import calibrate
+from crane_sim.hidden.form import Planted
+from crane_sim.hidden.label import label
+from crane_sim.hidden.spec import HiddenEffect, Spec
+from crane_sim.make_bag import make
+from crane_sim.parameters import load_stand_in
+from crane_sim.variation import vary
+from crane_trajectory.check import load_clearance
+from crane_trajectory.controller import load_gains
+
+SPREAD = 0.15  # of the machines' parameters
+WEAKER = 0.5  # what is asked for next of an effect that cannot be so strong
+ATTEMPTS = 5
+LATE = "payload"  # changes between recordings; in all of them it would be a link's mass
+
+
+@dataclass(frozen=True)
+class Job:
+    """A case and where its set lies; `sets` of three motions each to train on."""
+
+    case: Case
+    folders: Folders
+    sets: int
+
+
+def make_case(job: Job) -> None:
+    """Bags, the model to diagnose, and the sealed truth of one case.
+
+    Motions on which the machine cannot carry what is to be hidden are drawn anew.
+    """
+    for attempt in range(ATTEMPTS):
+        try:
+            _make(job, attempt)
+            return
+        except RangeError as error:
+            reason = error
+    raise reason
+
+
+def _make(job: Job, attempt: int) -> None:
+    case, folders = job.case, job.folders
+    entropy = np.random.SeedSequence([20261121, *case.seed, attempt])
+    of_machine, of_motions, of_effects, of_sensors = (
+        int(one.generate_state(1)[0]) for one in entropy.spawn(4)
+    )
+    machine, gains, clearance = load_machine(), load_gains(), load_clearance()
+    stand_in = vary(load_stand_in(), of_machine, SPREAD)
+    rng = np.random.default_rng(of_motions)
+    start = stand_in.start
+    train, validate = motions(rng, machine, start, clearance, case.excitation, job.sets)
+    first = train[0]
+    if case.excitation is Excitation.POOR:  # how strong an effect is does not depend on the data
+        first = motions(rng, machine, start, clearance, Excitation.RICH, 1)[0][0]
+
+    def planted(effects: tuple[Hidden, ...]) -> tuple[Planted, ...]:
+        hidden = tuple(HiddenEffect.model_validate(one.model_dump()) for one in effects)
+        spec = Spec(seed=of_effects, effects=hidden)
+        return calibrate(spec, machine, stand_in, replace(first, periods=1), gains)
+
+    effects, found = _strongest(planted, case.effects)
+    case = case.model_copy(update={"effects": effects})
+    with new(folders.bags / case.name) as bags, new(folders.sealed / case.name) as sealed:
+        write_json(sealed / "case.json", case.model_dump(mode="json"))
+        for place in (bags, sealed):
+            save_model(place / "model.yaml", _model(case))
+        seed = of_sensors
+        for part, planned in (("train", train), ("validate", validate)):
+            (bags / part).mkdir()
+            for number, motion in enumerate(planned):
+                there = _present(found, part, number, len(planned))
+                bag = bags / part / str(number)
+                clean = make(bag, machine, stand_in, motion, gains, seed, there)
+                write_json(sealed / f"{part}-{number}.json", {"effects": label(there, clean)})
+                save_clean(sealed / f"{part}-{number}.npz", clean)
+                seed += 1
+
+
+def _strongest(
+    planted: Callable[[tuple[Hidden, ...]], tuple[Planted, ...]], effects: tuple[Hidden, ...]
+) -> tuple[tuple[Hidden, ...], tuple[Planted, ...]]:
+    """As strong as asked for, or half of it, and so on, where that cannot be."""
+    for _ in range(ATTEMPTS):
+        try:
+            return effects, planted(effects)
+        except RangeError as error:
+            reason = error
+            effects = tuple(
+                one.model_copy(update={"strength": WEAKER * one.strength}) for one in effects
+            )
+    raise reason
+
+
+def _present(found: tuple[Planted, ...], part: str, number: int, count: int) -> tuple[Planted, ...]:
+    """What one recording carries: a payload only the later half of those to train on."""
+    late = part == "train" and number >= count // 2
+    return tuple(one for one in found if late or one.form.effect != LATE)
+
+
+def _model(case: Case) -> Model:
+    """The model of the suite without the terms that the case lacks."""
+    model = load_model(packaged("crane_model", "crane_model.yaml"))
+    kept = tuple(
+        term
+        for term in model.terms
+        if not (term.type in case.lacks and getattr(term, "joint", None) == "telescope")
+    )
+    return replace(model, terms=kept)
+
+
+def main(argv: Sequence[str] | None = None) -> int:
+    """Make the bags of a set of cases, and seal what is hidden in them."""
+    parser = argparse.ArgumentParser(prog="make_cases", description=main.__doc__)
+    add = parser.add_argument
+    add("--set", type=CaseSet, choices=list(CaseSet), required=True, dest="which")
+    add("--count", type=int, required=True, help="cases of the set")
+    add("--from", type=int, default=0, dest="first", help="first case to make")
+    add("--to", type=int, dest="last", help="case to stop before")
+    add("--sets", type=int, default=2, help="of three recordings to train on")
+    add("--quick", action="store_true", help="one short recording to train on instead")
+    add("--folder", type=Path, required=True, help="of the set")
+    add("--workers", type=int, default=1)
+    arguments = parser.parse_args(argv)
+    folders = Folders(arguments.folder)
+    there = done(folders.bags) | done(folders.answers)
+    wanted = cases(arguments.which, arguments.count)[arguments.first : arguments.last]
+    if arguments.quick:
+        wanted = [case.model_copy(update={"excitation": Excitation.POOR}) for case in wanted]
+    jobs = [Job(case, folders, arguments.sets) for case in wanted if case.name not in there]
+    if jobs:
+        in_processes(make_case, jobs, arguments.workers, "bags")
+    return 0
+
+
+if __name__ == "__main__":
+    sys.exit(main())

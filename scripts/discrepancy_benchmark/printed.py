@@ -1,0 +1,72 @@
+"""What the benchmark prints."""
+
+from typing import Any
+
+from judgement import OURS
+from rich import box
+from rich.table import Table
+
+TARGETS = {
+    "false_alarms": ("false alarms, nothing hidden", "≤ 5 %"),
+    "right_from_2_percent": ("right, single, from 2 % of the force, identifiable", "≥ 95 %"),
+    "right_from_2_percent_all": ("the same, all", ""),
+    "right_at_1_percent": ("right at 1 %, identifiable", "≥ 80 %"),
+    "pairs_at_4_percent": ("pairs of 4 % each: both and only those", "≥ 85 %"),
+    "one_of_two": ("pairs: one of them", ""),
+    "unknown_recognised": ("outside the catalogue: unknown", "≥ 90 %"),
+    "twins": ("twins: class, or insufficient data", ""),
+    "too_little_data": ("too little data: said so", ""),
+    "wrong_names": ("wrong names, of all answers", "≤ 2 %"),
+    "too_wide": ("class wider than it must be", ""),
+    "crashes": ("crashed", "0 %"),
+}
+"""Keys of the summary of a method, what they are, and what is aimed at."""
+
+
+def tables(results: dict[str, Any]) -> list[Table]:
+    """Rates of all methods, the power curve, and what only a diagnosis gives."""
+    summary = results["summary"]
+    methods = summary["methods"]
+    first = _table(f"{summary['cases']} cases: share [95 % interval] of answers")
+    power = _table("Right name and joint of single, identifiable effects, by strength")
+    first.add_column("")
+    first.add_column("aim", justify="right")
+    power.add_column("strength")
+    for name in methods:
+        first.add_column(name, justify="right")
+        power.add_column(name, justify="right")
+    for key, (words, target) in TARGETS.items():
+        first.add_row(words, target, *(_rate(method[key]) for method in methods.values()))
+    for strength in methods[OURS]["power"]:
+        cells = (_rate(method["power"][strength]) for method in methods.values())
+        power.add_row(f"{float(strength):.1%}", *cells)
+    last = _table("Named effects: median [95 % interval]")
+    for heading in ("", "aim", "median", "cases"):
+        last.add_column(heading)
+    for key, words, target, shown in (
+        ("gap_closed", "share of the explainable gap closed", "≥ 80 %", "{:.0%}"),
+        ("gap_closed_by_learner", "the same by the flexible learner, all cases", "", "{:.0%}"),
+        ("parameter_error", "relative error of comparable parameters", "", "{:.1%}"),
+        ("seconds", "CPU time of a diagnosis", "", "{:.0f} s"),
+    ):
+        value = summary[key]
+        last.add_row(words, target, _interval(value, "median", shown), str(value["of"]))
+    return [first, power, last]
+
+
+def _table(title: str) -> Table:
+    return Table(title=title, title_justify="left", box=box.SIMPLE_HEAD, padding=(0, 1, 0, 0))
+
+
+def _rate(value: dict[str, Any]) -> str:
+    return f"{_interval(value, 'rate', '{:.0%}')} of {value['of']}" if value["of"] else "-"
+
+
+def _interval(value: dict[str, Any], key: str, shown: str) -> str:
+    if value[key] is None:
+        return "-"
+    middle = shown.format(value[key])
+    if value["interval"] is None:
+        return middle
+    low, high = (shown.format(end) for end in value["interval"])
+    return f"{middle} [{low}, {high}]"

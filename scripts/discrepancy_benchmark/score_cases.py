@@ -1,0 +1,114 @@
+"""Third process of the benchmark: opens the labels and scores the answers."""
+
+import argparse
+import math
+import sys
+from collections.abc import Sequence
+from dataclasses import dataclass
+from functools import partial
+from pathlib import Path
+from typing import Any
+
+import figures
+from answer_cases import digest
+from folders import Folders, done, new, read_json, write_json
+from judgement import OURS, Answer, Outcome, judge
+from printed import tables
+from rich.console import Console
+from summary import summary
+from truth import Truth, load_truth
+from work import in_processes
+
+from crane_model.model_file import Model, load_model
+
+NAMED = (Outcome.RIGHT, Outcome.TOO_WIDE, Outcome.PARTLY)
+
+
+@dataclass(frozen=True)
+class Job:
+    """A case that is answered."""
+
+    name: str
+    folders: Folders
+
+
+def score_case(job: Job) -> None:
+    """One row of the results, written beside the others."""
+    sealed, given = job.folders.sealed / job.name, job.folders.answers / job.name
+    truth, model = load_truth(sealed), load_model(sealed / "model.yaml")
+    content, others = read_json(given / "answer.json"), read_json(given / "baselines.json")
+    answers = {OURS: Answer.of_diagnosis(content)}
+    answers |= {name: Answer.of_names(names) for name, names in others.items()}
+    twin = partial(truth.twin, model)
+    outcomes = {
+        name: judge(truth.case.kind, truth.places, answer, twin) for name, answer in answers.items()
+    }
+    gap = truth.gap(model)
+    row = {
+        "case": job.name,
+        "kind": truth.case.kind.value,
+        "excitation": truth.case.excitation.value,
+        "hidden": [
+            one.model_dump(mode="json") | {"reached": float(s), "visibility": float(v)}
+            for one, s, v in zip(
+                truth.case.effects, truth.strength, truth.visibility(model), strict=True
+            )
+        ],
+        "gap": dict(zip(model.joints, gap.tolist(), strict=True)),
+        "outcomes": {name: outcome.value for name, outcome in outcomes.items()},
+        "answers": {name: [answer.verdict, answer.findings] for name, answer in answers.items()},
+        "headlines": {name: answer.headline for name, answer in answers.items()},
+        "reason": content["reason"],
+        "statistics": content.get("statistics"),
+        "seconds": content.get("seconds"),
+        "parameter_errors": truth.parameter_errors(content) if outcomes[OURS] in NAMED else [],
+        "closed": _closed(truth, model, given) if outcomes[OURS] in NAMED else None,
+        "closed_by_learner": _learnt(content, gap) if truth.places else None,
+    }
+    with new(job.folders.top / "rows" / job.name) as out:
+        write_json(out / "row.json", row)
+
+
+def _closed(truth: Truth, model: Model, given: Path) -> float | None:
+    value = truth.closed(model, load_model(given / "model.yaml"))
+    return value if math.isfinite(value) else None
+
+
+def _learnt(content: dict[str, Any], gap: Any) -> float | None:
+    """Share of the explainable gap that the flexible learner closes on the same recordings."""
+    if "gap" not in content:
+        return None
+    before = content["gap"]["before"].values()
+    gained = sum(one["force_relative_error"] ** 2 - one["best_achievable"] ** 2 for one in before)
+    return min(gained / float((gap**2).sum()), 1.0)
+
+
+def main(argv: Sequence[str] | None = None) -> int:
+    """Score the answers of a set: results.json, tables, figures."""
+    parser = argparse.ArgumentParser(prog="score_cases", description=main.__doc__)
+    add = parser.add_argument
+    add("--folder", type=Path, required=True, help="of the set")
+    add("--thresholds", type=Path, help="thresholds (YAML; default: the packaged ones)")
+    add("--workers", type=int, default=1)
+    arguments = parser.parse_args(argv)
+    folders = Folders(arguments.folder)
+    rows = folders.top / "rows"
+    answered = sorted(done(folders.answers) & done(folders.sealed))
+    waiting = [Job(name, folders) for name in answered if name not in done(rows)]
+    if waiting:
+        in_processes(score_case, waiting, arguments.workers, "scores")
+    scored = [read_json(rows / name / "row.json") for name in answered]
+    results = {
+        "thresholds": digest(arguments.thresholds),
+        "summary": summary(scored),
+        "cases": scored,
+    }
+    write_json(folders.results, results)
+    figures.write(folders.top, scored)
+    Console().print(*tables(results))
+    print(f"written: {folders.results}, and figures beside it")
+    return 0
+
+
+if __name__ == "__main__":
+    sys.exit(main())

@@ -1,0 +1,91 @@
+"""What the rows of all cases say together, with 95 % intervals."""
+
+from collections.abc import Callable, Sequence
+from typing import Any
+
+from cases import PAIR, STRENGTHS, Kind
+from judgement import OURS, Outcome
+from rates import median, rate
+
+VISIBLE = 0.05  # share of an effect beside the model below which data of this kind do not show it
+
+Row = dict[str, Any]
+
+
+def summary(rows: Sequence[Row]) -> dict[str, Any]:
+    """Rates of every method, and what only a diagnosis gives."""
+    methods = list(dict.fromkeys(name for row in rows for name in row["outcomes"]))
+    ours = [row for row in rows if OURS in row["outcomes"]]
+    hidden = [row for row in ours if row["hidden"]]
+    return {
+        "cases": len(rows),
+        "methods": {name: _of_method(rows, name) for name in methods},
+        "gap_closed": median([row["closed"] for row in ours if row["closed"] is not None]),
+        "gap_closed_by_learner": median(
+            [row["closed_by_learner"] for row in hidden if row["closed_by_learner"] is not None]
+        ),
+        "parameter_error": median([e for row in ours for e in row["parameter_errors"]]),
+        "seconds": median([row["seconds"] for row in ours if row["seconds"]]),
+        "not_identifiable": sum(not identifiable(row) for row in of_kind(rows, Kind.SINGLE)),
+    }
+
+
+def of_kind(rows: Sequence[Row], kind: Kind) -> list[Row]:
+    """The rows of one kind of case."""
+    return [row for row in rows if row["kind"] == kind]
+
+
+def identifiable(row: Row) -> bool:
+    """Whether the clean recordings show every effect of the case beside the model."""
+    return all(one["visibility"] >= VISIBLE for one in row["hidden"])
+
+
+def share(
+    rows: Sequence[Row], method: str, wanted: Callable[[Outcome], bool] | Outcome
+) -> dict[str, Any]:
+    """How often the outcome of a method is the wanted one."""
+    outcomes = [Outcome(row["outcomes"][method]) for row in rows if method in row["outcomes"]]
+    return rate([wanted(o) if callable(wanted) else o is wanted for o in outcomes])
+
+
+def power(rows: Sequence[Row], method: str) -> dict[float, dict[str, Any]]:
+    """Share of right answers to single effects that can be identified, by strength."""
+    singles = [row for row in of_kind(rows, Kind.SINGLE) if identifiable(row)]
+    return {
+        strength: share(
+            [row for row in singles if row["hidden"][0]["strength"] == strength],
+            method,
+            Outcome.RIGHT,
+        )
+        for strength in STRENGTHS
+    }
+
+
+def _of_method(rows: Sequence[Row], method: str) -> dict[str, Any]:
+    singles = of_kind(rows, Kind.SINGLE)
+    seen = [row for row in singles if identifiable(row)]
+
+    def at(strength: float) -> list[Row]:
+        return [row for row in seen if row["hidden"][0]["strength"] >= strength]
+
+    nothing = of_kind(rows, Kind.NOTHING)
+    pairs = [row for row in of_kind(rows, Kind.PAIR) if identifiable(row)]
+    return {
+        "false_alarms": share(nothing, method, Outcome.FALSE_ALARM),
+        "right_from_2_percent": share(at(0.02), method, Outcome.RIGHT),
+        "right_from_2_percent_all": share(
+            [row for row in singles if row["hidden"][0]["strength"] >= 0.02], method, Outcome.RIGHT
+        ),
+        "right_at_1_percent": share(
+            [row for row in seen if row["hidden"][0]["strength"] == 0.01], method, Outcome.RIGHT
+        ),
+        "power": {f"{s:g}": value for s, value in power(rows, method).items()},
+        f"pairs_at_{PAIR:.0%}".replace("%", "_percent"): share(pairs, method, Outcome.RIGHT),
+        "one_of_two": share(pairs, method, Outcome.PARTLY),
+        "unknown_recognised": share(of_kind(rows, Kind.OUTSIDE), method, Outcome.RIGHT),
+        "twins": share(of_kind(rows, Kind.CLASS), method, Outcome.RIGHT),
+        "too_little_data": share(of_kind(rows, Kind.INSUFFICIENT), method, Outcome.RIGHT),
+        "wrong_names": share(rows, method, Outcome.WRONG_NAME),
+        "too_wide": share(rows, method, Outcome.TOO_WIDE),
+        "crashes": share(rows, method, Outcome.CRASH),
+    }

@@ -1,0 +1,181 @@
+"""What is true of a case by its clean simulation: strength, identifiability, explainable gap."""
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from functools import cached_property
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from cases import Case
+from clean import Seen, load_seen
+from folders import read_json
+
+from crane_identification.discrepancy.candidates import WHOLE, Family
+from crane_model.errors import CraneError
+from crane_model.model_file import Model
+from crane_model.terms import REGISTRY
+
+AS_WELL = 0.01  # of the energy of what is hidden: another law that explains it so nearly is a twin
+
+COMPARABLE = {
+    "chamber_gain": ("gain_B", ("gain",)),
+    "encoder_offset": ("dq", ("offset",)),
+    "hose_mass": ("rho_hose", ("density",)),
+    "load_friction": ("mu_load", ("mu",)),
+    "payload": ("m_payload", ("mass",)),
+    "pressure_gain": ("gain", ("gain",)),
+    "pressure_offset": ("dp", ("offset",)),
+    "swinging_load": ("m_swinging", ("mass",)),
+    "time_skew": ("delay", ("delay", "lag")),
+}
+"""Effect to the parameter of the catalogue's law that is also one of the hidden law, and its names
+there. Where the laws differ in form, their parameters do not mean the same.
+"""
+
+Place = tuple[str, str]
+"""An effect and its joint, or `all`."""
+
+
+@dataclass(frozen=True)
+class Truth:
+    """A case, its labels (one a recording), and its recordings without noise."""
+
+    case: Case
+    labels: tuple[dict[str, Any], ...]
+    train: Seen
+    validate: Seen
+
+    @property
+    def places(self) -> tuple[Place, ...]:
+        """What is hidden where."""
+        return tuple((one.effect, one.joint or WHOLE) for one in self.case.effects)
+
+    @cached_property
+    def strength(self) -> np.ndarray:
+        """(k,) rms of each effect over that of the drive force, on the joint where it is most."""
+        force = self.train.rms(self.train.record.needed("force", "the scorer"))
+        return np.array([(self.train.rms(part) / force).max() for part in self.train.hidden])
+
+    def visibility(self, model: Model) -> np.ndarray:
+        """(k,) share of each effect's norm beside the `model`: below 0.05 no data of this kind
+        show it.
+        """
+        base = _Base(model, self.train)
+        shares = []
+        for part in self.train.hidden:
+            whole = base.rows(part)
+            norm = np.linalg.norm(whole)
+            shares.append(np.linalg.norm(base.beside(whole)) / norm if norm > 0.0 else 0.0)
+        return np.array(shares)
+
+    def parameter_errors(self, content: dict[str, Any]) -> list[float]:
+        """Relative errors of the parameters that mean the same in the hidden law as in the answer.
+
+        By magnitude: either side has its own convention of signs.
+        """
+        true = {
+            (one["name"], one["joint"] or WHOLE): one
+            for label in self.labels
+            for one in label["effects"]
+        }
+        errors = []
+        for finding in content["findings"]:
+            hidden = true.get((finding["effect"], finding["joint"]))
+            own, theirs = COMPARABLE.get(finding["effect"], ("", ()))
+            for given in hidden["parameters"] if hidden else ():
+                if given["name"] in theirs:
+                    found = next(p for p in finding["parameters"] if p["name"].split(".")[0] == own)
+                    errors.append(abs(abs(found["value"]) / abs(given["value"]) - 1.0))
+        return errors
+
+    def twin(self, model: Model, number: int, other: Place) -> bool:
+        """Whether another effect explains the hidden one as well as its own law does."""
+        base = _Base(model, self.train)
+        hidden = base.beside(base.rows(self.train.hidden[number]))
+        own = _explained(base, hidden, self.places[number])
+        return _explained(base, hidden, other) >= own - AS_WELL
+
+    def gap(self, model: Model) -> np.ndarray:
+        """(j,) error of the model, fitted to clean recordings, on those to validate on, over the
+        force: what could be explained if the effects were known.
+        """
+        theta = _Base(model, self.train).theta
+        return _error(self.validate, model, theta)
+
+    def closed(self, before: Model, after: Model) -> float:
+        """Share of the explainable gap, in energy relative to the force, that `after` closes."""
+        open_ = (self.gap(before) ** 2).sum()
+        left = (_error(self.validate, after, after.theta) ** 2).sum()
+        return float(1.0 - left / open_) if open_ > 0.0 else float("nan")
+
+
+class _Base:
+    """The columns of a model on the clean training recordings, in units of each joint's force."""
+
+    def __init__(self, model: Model, seen: Seen):
+        self.model, self.seen = model, seen
+        force = seen.record.needed("force", "the scorer")
+        self._unit = seen.rms(force)
+        columns = self.rows(model.regressor(seen.record))
+        self._norms = np.linalg.norm(columns, axis=0)
+        self._columns = columns / np.where(self._norms > 0.0, self._norms, 1.0)
+        self._basis = np.linalg.svd(self._columns, full_matrices=False)[0]
+
+    @property
+    def theta(self) -> np.ndarray:
+        """Least squares (31)."""
+        force = self.rows(self.seen.record.needed("force", "the scorer"))
+        return np.linalg.lstsq(self._columns, force, rcond=1e-10)[0] / self._norms
+
+    def rows(self, values: np.ndarray) -> np.ndarray:
+        """(n, j, ...) to the rows that count."""
+        unit = self._unit.reshape(1, -1, *[1] * (values.ndim - 2))
+        return (values / unit)[self.seen.used]
+
+    def beside(self, rows: np.ndarray) -> np.ndarray:
+        """What is left of rows (N, ...) beside the columns."""
+        return rows - self._basis @ (self._basis.T @ rows)
+
+
+def _explained(base: _Base, hidden: np.ndarray, place: Place) -> float:
+    """Share of the energy of `hidden` that a law of the catalogue explains at its best shape."""
+    effect, where = place
+    if effect not in REGISTRY:
+        return 0.0
+    family = Family(REGISTRY[effect], None if where == WHOLE else where)
+    energy = float(hidden @ hidden)
+    best = 0.0
+    for shape in family.grid():
+        try:
+            columns = family.at(shape).columns(base.seen.record, base.model.setting)
+        except CraneError:
+            continue  # not logged
+        rows = base.beside(base.rows(columns))
+        left = hidden - rows @ np.linalg.lstsq(rows, hidden, rcond=1e-9)[0]
+        best = max(best, 1.0 - float(left @ left) / energy)
+    return best
+
+
+def _error(seen: Seen, model: Model, theta: np.ndarray) -> np.ndarray:
+    force = seen.record.needed("force", "the scorer")
+    return seen.rms(force - model.regressor(seen.record) @ theta) / seen.rms(force)
+
+
+def load_truth(folder: Path) -> Truth:
+    """Open what is sealed."""
+    case = Case.model_validate(read_json(folder / "case.json"))
+    train, validate = (_part(folder, case, part) for part in ("train", "validate"))
+    return Truth(case, (*train[0], *validate[0]), train[1], validate[1])
+
+
+def _part(folder: Path, case: Case, part: str) -> tuple[list[dict[str, Any]], Seen]:
+    files = sorted(folder.glob(f"{part}-*.npz"))
+    labels = [read_json(file.with_suffix(".json")) for file in files]
+    return labels, load_seen(files, [_present(case, one) for one in labels], len(case.effects))
+
+
+def _present(case: Case, label: dict[str, Any]) -> Sequence[int]:
+    """Which effects of the case a recording carries."""
+    own = {(one["name"], one["joint"]) for one in label["effects"]}
+    return [i for i, one in enumerate(case.effects) if (one.effect, one.joint) in own]
