@@ -13,9 +13,8 @@ from ament_index_python.packages import get_package_prefix
 
 Advance = Callable[[], object]
 
-CRITERION = "d-optimality"
-"""A condition number of all data together falls when a joint that is known well does not move at
-all, and later trajectories of a campaign would hold it still; information only ever adds up."""
+CRITERION = "a-optimality"
+"""Predicted standard deviations are what counts in the end."""
 
 
 class StudyError(Exception):

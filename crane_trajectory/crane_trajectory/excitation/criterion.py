@@ -84,8 +84,12 @@ class Criterion(NamedTuple):
     """What is minimised, of which columns, and what earlier trajectories already tell.
 
     `plausible` (c,) are values that standard deviations relate to. The rows of joint i count
-    `row_weight[i]` (j,) times; `prior` (p, p) is the sum of the weighted Phi^T Phi of earlier
+    `row_weight[i]` (j,) times; `prior` (p, p) is the sum of the weighted Phi^T Phi of `earlier`
     trajectories of a campaign.
+
+    A trajectory of a campaign is judged by all data with it, and as much by its own: together with
+    enough earlier ones, one on which a joint hardly moves looks nearly as good as any other, and
+    identification leaves out what is recorded near standstill.
     """
 
     kind: Kind
@@ -93,6 +97,7 @@ class Criterion(NamedTuple):
     plausible: np.ndarray
     row_weight: np.ndarray
     prior: np.ndarray
+    earlier: int = 0
 
     @classmethod
     def of(
@@ -130,11 +135,18 @@ class Criterion(NamedTuple):
 
     def after(self, regressor: np.ndarray) -> "Criterion":
         """The criterion of the next trajectory, once one with this regressor has been run."""
-        return self._replace(prior=self.prior + self.gram(regressor))
+        return self._replace(prior=self.prior + self.gram(regressor), earlier=self.earlier + 1)
 
     def evaluate(self, gram: np.ndarray, power: float = POWER) -> Value:
         """The criterion and its derivative with respect to the `gram` of one more trajectory."""
-        counted = self.columns.T @ (gram + self.prior) @ self.columns
+        together = self._of_all(gram + self.prior, power)
+        if not self.earlier:
+            return together
+        alone, share = self._of_all(gram, power), self.earlier + 1
+        return Value(alone.value + share * together.value, alone.slope + share * together.slope)
+
+    def _of_all(self, gram: np.ndarray, power: float) -> Value:
+        counted = self.columns.T @ gram @ self.columns
         match self.kind:
             case Kind.RAW:
                 value, slope = log_condition(counted, power)
@@ -154,6 +166,12 @@ class Criterion(NamedTuple):
         """The criterion without power means: logs of the condition numbers themselves."""
         if self.kind in (Kind.D_OPTIMALITY, Kind.A_OPTIMALITY):
             return self.evaluate(gram).value
-        raw, normalised = condition_numbers(self.columns.T @ (gram + self.prior) @ self.columns)
+        together = self._condition(gram + self.prior)
+        if not self.earlier:
+            return together
+        return self._condition(gram) + (self.earlier + 1) * together
+
+    def _condition(self, gram: np.ndarray) -> float:
+        raw, normalised = condition_numbers(self.columns.T @ gram @ self.columns)
         counted = {Kind.RAW: raw, Kind.NORMALISED: normalised, Kind.PRODUCT: raw * normalised}
         return float(np.log(counted[self.kind]))

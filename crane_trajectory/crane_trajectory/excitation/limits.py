@@ -17,6 +17,7 @@ from crane_trajectory.excitation.settings import Margins
 from crane_trajectory.fourier import Samples
 
 POSES = 7  # per joint, among which the home pose is chosen
+NEGLIGIBLE = 1e-3  # share of the flow, m: a search ends this close to a limit, within its margin
 TIP = [0, 2]  # rows of the tip's Jacobian: distance from the pillar, height
 
 
@@ -110,7 +111,7 @@ class Limits:
         mended = waves.ravel()
         for share in 1.0 - np.linspace(0.0, 1.0, 21):
             drawn = self.drawn_home(mended, share)
-            if (self.reserves(drawn) >= 0.0).all():
+            if (self.reserves(drawn) >= -NEGLIGIBLE).all():
                 return drawn
         return self.drawn_home(mended, 0.0)
 

@@ -129,13 +129,16 @@ class ExcitationProblem:
 
     def explore(self, rng: np.random.Generator) -> np.ndarray:
         """The point that the first stage leads to from a random trajectory."""
-        point = self.descend(self.random_point(rng), self.search.explore)
-        return self.start_limits.mend(point)
+        start = self.random_point(rng)
+        found = self.start_limits.mend(self.descend(start, self.search.explore))
+        return min(found, start, key=self.value)
 
     def polish(self, point: np.ndarray, name: str) -> Candidate:
         """The trajectory that the second stage leads to, within the limits at all times."""
         limits = self.limits(self.search.polish.grid_per_harmonic)
-        return self.fitted(limits.mend(self.descend(point, self.search.polish)), name)
+        found = limits.mend(self.descend(point, self.search.polish))
+        candidates = [self.fitted(one, name) for one in (found, point)]
+        return min(candidates, key=lambda one: (bool(one.violations), one.criterion))
 
     def fitted(self, point: np.ndarray, name: str) -> Candidate:
         """The trajectory of a point, scaled down where extremes between grid points need it."""

@@ -110,11 +110,18 @@ def test_d_optimality_weighs_rows_by_their_noise():
     assert criterion.exact(criterion.gram(PHI)) == pytest.approx(-volume / 40.0)
 
 
-def test_what_earlier_trajectories_tell_is_added():
-    criterion = Criterion.of(MODEL, Kind.RAW, ColumnSet.BASE, *JUDGED)
+@pytest.mark.parametrize("kind", list(Kind))
+def test_a_trajectory_of_a_campaign_counts_with_all_data_and_by_itself(kind):
+    criterion = Criterion.of(MODEL, kind, ColumnSet.BASE, *JUDGED)
     later = criterion.after(PHI[:50])
-    both = criterion.gram(PHI)
-    assert later.exact(later.gram(PHI[50:])) == pytest.approx(criterion.exact(both))
+    own, both = criterion.gram(PHI[50:]), criterion.gram(PHI)
+    alone, together = criterion.exact(own), criterion.exact(both)
+    assert later.exact(own) == pytest.approx(alone + 2 * together)
+    np.testing.assert_allclose(
+        later.evaluate(own).slope,
+        criterion.evaluate(own).slope + 2 * criterion.evaluate(both).slope,
+        rtol=1e-6,
+    )
 
 
 def test_a_model_without_the_columns_of_9_is_refused():
