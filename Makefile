@@ -11,6 +11,9 @@
 
 SHELL := bash
 TESTS ?= tests/unit tests/integration
+# What promises a number beside the benchmarks proper.
+BENCH := tests/benchmarks tests/integration/test_cluster.py \
+	tests/unit/crane_identification/test_estimators.py
 export PYTHON
 # Nothing started from here talks to other machines.
 export ROS_AUTOMATIC_DISCOVERY_RANGE := LOCALHOST
@@ -38,11 +41,11 @@ discrepancy-benchmark: setup
 	@$(in_env) python scripts/discrepancy_benchmark/benchmark.py
 
 test: setup
-	@$(in_env) python -m pytest -n 2 -m "not realtime" $(TESTS) $(or_none)
+	@$(in_env) python -m pytest -n 2 --dist loadgroup -m "not realtime" $(TESTS) $(or_none)
 	@$(in_env) python -m pytest -m realtime --reruns 2 $(TESTS) $(or_none)
 
 bench: setup
-	@$(in_env) python -m pytest -s tests/benchmarks
+	@$(in_env) python -m pytest -s $(BENCH)
 
 lint: setup
 	@$(in_env) ruff check . && ruff format --check . && mypy

@@ -1,9 +1,12 @@
 import os
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from pathlib import Path
+from typing import NamedTuple
 
 import pytest
 from hypothesis import HealthCheck, settings
+from rich.console import Console
+from rich.table import Table
 
 # The same examples on every machine; the first call of compiled code takes seconds.
 settings.register_profile(
@@ -12,6 +15,36 @@ settings.register_profile(
 settings.load_profile("suite")
 
 ROOT = Path(__file__).resolve().parents[1]
+
+
+class Measurement(NamedTuple):
+    """A number that the project promises, as the last run of `file` found it."""
+
+    quantity: str
+    target: str
+    value: str
+    file: str
+
+
+MEASUREMENTS = pytest.StashKey[list[Measurement]]()
+
+
+@pytest.fixture
+def measured(request: pytest.FixtureRequest) -> Callable[[str, str, str], None]:
+    """`measured(quantity, target, value)` puts a row into the table at the end of the run."""
+    rows = request.config.stash.setdefault(MEASUREMENTS, [])
+    return lambda quantity, target, value: rows.append(
+        Measurement(quantity, target, value, request.path.name)
+    )
+
+
+def pytest_terminal_summary(config: pytest.Config) -> None:
+    if not (rows := config.stash.get(MEASUREMENTS, [])):
+        return
+    table = Table("quantity", "target", "measured", "by", title="What was measured", width=150)
+    for row in rows:
+        table.add_row(*row)
+    Console(width=150, highlight=False).print(table)
 
 
 @pytest.fixture(scope="session")

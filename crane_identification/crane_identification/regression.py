@@ -18,12 +18,21 @@ OPEN = 0.5
 
 
 def common_factor(preparations: Sequence[Preparation], given: int | None = None) -> int:
-    """The decimation factor that the least known motion of all allows, or the `given` one."""
+    """The decimation factor that the least known motion of all allows, or the `given` one.
+
+    `DataError` naming a recording in which no joint moves.
+    """
     if given is not None:
         return given
-    return min(
-        decimation_factor(trusted_bandwidth(p.bandwidth, p.moving), p.step) for p in preparations
-    )
+    return min(_factor(one) for one in preparations)
+
+
+def _factor(preparation: Preparation) -> int:
+    try:
+        bandwidth = trusted_bandwidth(preparation.bandwidth, preparation.moving)
+    except DataError as error:
+        raise DataError(f"{preparation.source}: {error}") from None
+    return decimation_factor(bandwidth, preparation.step)
 
 
 def build_rows(model: Model, preparation: Preparation, factor: int) -> Rows:

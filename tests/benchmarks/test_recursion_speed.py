@@ -33,7 +33,7 @@ def best(work: Callable[[], None]) -> float:
     return min(times) / ROWS * 1e6
 
 
-def test_update_beside_filterpy(rows: tuple[np.ndarray, np.ndarray]) -> None:
+def test_update_beside_filterpy(rows: tuple[np.ndarray, np.ndarray], measured) -> None:
     matrix, force = rows
     used, weights = np.ones(JOINTS, dtype=bool), np.ones(JOINTS)
     recursion = Recursion(JOINTS, PARAMETERS, 0.999)
@@ -62,11 +62,16 @@ def test_update_beside_filterpy(rows: tuple[np.ndarray, np.ndarray]) -> None:
         f"the values, {solve:.0f} us to read values and covariance; "
         f"filterpy's KalmanFilter: {theirs:.1f} us an update"
     )
+    measured(
+        "recursive update, 20 parameters x 3 joints",
+        "under 30 us",
+        f"{ours:.1f} us; filterpy's KalmanFilter {theirs:.1f} us",
+    )
     assert ours < 30.0
     assert ours < theirs
 
 
-def test_whole_estimator_from_readings_to_rows() -> None:
+def test_whole_estimator_from_readings_to_rows(measured) -> None:
     log = record_log(20.0)
     replay(crane(), record_log(4.0))  # compiles
     begin = time.process_time()
@@ -76,5 +81,10 @@ def test_whole_estimator_from_readings_to_rows() -> None:
     print(
         f"\nonline estimator: {spent / len(log.position.time) * 1e6:.0f} us a sample, "
         f"{100 * share:.1f} % of one core at {RATE:.0f} Hz"
+    )
+    measured(
+        "online estimator, from readings to Θ",
+        "",
+        f"{spent / len(log.position.time) * 1e6:.0f} us a sample",
     )
     assert share < 0.25

@@ -41,7 +41,7 @@ def stacked_by_pinocchio(q: np.ndarray, v: np.ndarray, a: np.ndarray) -> Callabl
 
 
 @pytest.mark.parametrize("samples", [1_000, 10_000, 100_000])
-def test_regressor_is_at_least_five_times_as_fast(samples: int) -> None:
+def test_regressor_is_at_least_five_times_as_fast(samples: int, measured) -> None:
     rng = np.random.default_rng(22)
     q = rng.uniform([-0.45, -2.7, 0.0], [1.37, -0.1, 1.55], (samples, 3))
     v, a = rng.standard_normal((2, samples, 3))
@@ -60,6 +60,11 @@ def test_regressor_is_at_least_five_times_as_fast(samples: int) -> None:
         rate = best_rate(samples, stacked_by(model))
         ratio = rate / pinocchio
         print(f"  crane_model                {columns:2d}        {rate / 1e6:10.3f}{ratio:18.1f}")
+        measured(
+            f"regressor of {columns} columns, {samples} samples",
+            "5 times Pinocchio from Python",
+            f"{rate / 1e6:.1f} million samples/s, {ratio:.1f} times",
+        )
         assert ratio >= AT_LEAST, (
             f"{columns} columns, {samples} samples: {ratio:.1f} times as fast as Pinocchio, "
             f"at least {AT_LEAST} are needed"
