@@ -23,6 +23,7 @@ from rich.progress import Progress, SpinnerColumn, TextColumn, TimeElapsedColumn
 from tables import bags_table, errors_table, table
 
 SEED = 1
+WIDTH = 100  # characters, where the output is no terminal
 
 
 class Phases:
@@ -46,7 +47,7 @@ class Phases:
 
 def main() -> int:
     """Run the demo; exit status 0, 1 if something failed, 130 after Ctrl-C."""
-    console = Console()
+    console = Console() if sys.stdout.isatty() else Console(width=WIDTH)
     phases = Phases(console)
     shutil.rmtree(OUT, ignore_errors=True)  # only ever written by this script
     domain = live.own_domain()

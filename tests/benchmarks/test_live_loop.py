@@ -20,6 +20,7 @@ import numpy as np
 from integration.driver_stage import free_port
 from integration.recording_graph import Process
 from mcap.reader import make_reader
+from scipy.ndimage import minimum_filter1d
 
 from crane_driver.can.binding import load_layout
 from crane_driver.can.bus import BusSettings
@@ -32,6 +33,8 @@ MEASURED = float(os.environ.get("CRANE_LIVE_SECONDS", "60"))  # s
 FLOOR = 10.0  # s
 MARGIN = 0.5  # s, at both ends of what is compared
 MILLISECOND = 1_000_000  # ns
+CYCLE = 5 * MILLISECOND
+PROMPT = 401  # cycles, among which one is received without delay
 SETTLING = 3.0  # s, until all subscriptions are known to all publishers
 PATIENCE = 60.0  # s
 ANSWER = 0x7F0  # id, of the floor
@@ -97,15 +100,23 @@ def read(bag: Path) -> dict[str, Recorded]:
     return recorded
 
 
-def cycles(bus: Bus, identifiers: tuple[int, ...]) -> np.ndarray:
-    """Stamp [ns] of the first frame of each cycle, from the machine's first one on."""
+class Cycles(NamedTuple):
+    """Times [ns] of each cycle, from the machine's first one on."""
+
+    received: np.ndarray  # its first frame, by the listener
+    sampled: np.ndarray  # by the machine's even clock: where the promptest frames around it lie
+
+
+def cycles(bus: Bus, identifiers: tuple[int, ...]) -> Cycles:
     by_message = [bus.of(identifier) for identifier in identifiers]
     count = min(map(len, by_message))
     counters = np.array([[one.data[1] & 0xF for one in frames[:count]] for frames in by_message])
     assert (np.diff(counters) % 15 == 1).all(), "the listener itself has lost frames"
     assert (counters == counters[0]).all(), "frames of different cycles side by side"
     stamps = np.array([[one.stamp for one in frames[:count]] for frames in by_message])
-    return stamps.min(axis=0)
+    received = stamps.min(axis=0)
+    due = CYCLE * np.arange(count)
+    return Cycles(received, due + minimum_filter1d(received - due, PROMPT))
 
 
 def edge(after: int, cycles: np.ndarray, stamps: np.ndarray) -> int:
@@ -117,7 +128,7 @@ def edge(after: int, cycles: np.ndarray, stamps: np.ndarray) -> int:
     raise AssertionError("no gap between the cycles")
 
 
-def ways(bus: Bus, commands: Recorded, window: tuple[int, int]) -> np.ndarray:
+def ways(bus: Bus, commands: Recorded, cycles: Cycles, window: tuple[int, int]) -> np.ndarray:
     """Time [ms] from each encoder frame to the first valve frame with the answer to it."""
     codec = MachineCodec(LAYOUT)
     sent: dict[int, list[int]] = defaultdict(list)
@@ -135,9 +146,10 @@ def ways(bus: Bus, commands: Recorded, window: tuple[int, int]) -> np.ndarray:
             continue
         (command,) = struct.unpack_from("<d", data, len(data) - 8)
         frames = np.array(sent[round(command / STEP)])
-        later = frames[(frames > stamp) & (frames < stamp + VALUES * 5_000_000 // 2)]
+        asked = cycles.received[np.abs(cycles.sampled - stamp).argmin()]
+        later = frames[(frames > asked) & (frames < asked + VALUES * CYCLE // 2)]
         if later.size:  # else a newer command took its place before it was sent
-            times.append((later[0] - stamp) * 1e-6)
+            times.append((later[0] - asked) * 1e-6)
     return np.array(times)
 
 
@@ -209,15 +221,17 @@ def report(
     bus: Bus, bag: dict[str, Recorded], window: tuple[int, int], least: np.ndarray, told: str
 ) -> None:
     sent = {"/joint_states": cycles(bus, ENCODERS), "/cylinder_pressures": cycles(bus, PRESSURES)}
-    rate = np.count_nonzero((sent["/joint_states"] >= window[0])
-                            & (sent["/joint_states"] < window[1])) / MEASURED  # fmt: skip
+    encoders = sent["/joint_states"]
+    kept = (encoders.received >= window[0]) & (encoders.received < window[1])
+    late = (encoders.received - encoders.sampled)[kept] * 1e-6
+    rate = np.count_nonzero(kept) / MEASURED
     print(f"\n{MEASURED:.0f} s, {rate:.1f} cycles/s on the bus; {told}")
     print("topic                  on the bus   published   in the bag   lost")
     lost = {}
     shift = np.empty(0)
     for topic in TOPICS:
         one = bag[topic]
-        due = sent.get(topic, sent["/joint_states"])  # the controller answers these
+        due = sent.get(topic, sent["/joint_states"]).sampled  # the controller answers these
         begin, end = (edge(instant, due, one.stamp) for instant in window)
         kept = (one.stamp >= begin) & (one.stamp < end)
         expected = due[(due >= begin) & (due < end)]
@@ -230,9 +244,10 @@ def report(
             shift = np.abs(one.stamp[kept] - expected) * 1e-6
     states = bag["/joint_states"]
     delay = (states.log_time - states.stamp) * 1e-6
-    loop = ways(bus, bag["/valve_command"], window)
+    loop = ways(bus, bag["/valve_command"], encoders, window)
+    print(f"encoder frame: received after it was sampled             {percentiles(late)}")
     if shift.size:
-        print(f"joint state: stamp beside that of the listener           {percentiles(shift)}")
+        print(f"joint state: stamp beside the instant of sampling        {percentiles(shift)}")
     print(f"joint state: received in the recorder after its stamp    {percentiles(delay)}")
     print(f"encoder frame -> valve frame, {len(loop):5d} loops             {percentiles(loop)}")
     print(
