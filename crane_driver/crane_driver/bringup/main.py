@@ -5,8 +5,6 @@ import sys
 from collections.abc import Callable, Sequence
 from pathlib import Path
 
-from rclpy.utilities import remove_ros_args
-
 from crane_driver.bringup import measuring, moving
 from crane_driver.bringup.bench import Bench, Protocol
 from crane_driver.bringup.crane_client import CraneClient
@@ -14,6 +12,7 @@ from crane_driver.bringup.series import MAPPING, RESULT, STEPS, Series
 from crane_driver.bringup.terminal import Terminal
 from crane_driver.can.binding import load_layout
 from crane_driver.can.mapping import Mapping
+from crane_driver.nodes.command_line import own_arguments
 from crane_driver.nodes.context import ros
 from crane_model.cli import run
 from crane_model.configuration import load, packaged
@@ -36,7 +35,7 @@ Questions are answered on the terminal, or by a file: bringup STEP --out FOLDER 
 def main(argv: Sequence[str] | None = None) -> int:
     """Run one step of the bring-up."""
     argv = sys.argv[1:] if argv is None else argv
-    options = _parser().parse_args(remove_ros_args(["bringup", *argv])[1:])
+    options = _parser().parse_args(own_arguments(argv))
     if options.step == "status":
         return run(lambda: _status(Series(options.out)))
     return run(lambda: _measure(argv, options))
