@@ -1,0 +1,54 @@
+"""The packaged gains leave room for a loop that is late: oil and booms must not begin to swing."""
+
+from collections import deque
+from typing import Any
+
+import numpy as np
+from scipy.signal import butter, sosfiltfilt
+
+from crane_model.configuration import packaged
+from crane_model.machine import JOINTS, load_machine
+from crane_sim.closed_loop import record
+from crane_sim.parameters import load_stand_in
+from crane_sim.plant import Plant
+from crane_sim.sampled import Sensors
+from crane_trajectory.check import load_clearance
+from crane_trajectory.controller import load_gains
+from crane_trajectory.motion import plan
+from crane_trajectory.periodic import load_trajectory
+from crane_trajectory.trajectory_parameters import TOLERANCE
+
+LATE = 10  # cycles of 5 ms
+SWINGING = 0.05  # rad/s, m/s: rms over a second of what is faster than 2 Hz
+MEAN = np.full(200, 1 / 200)  # over a second
+
+
+class Late:
+    """A plant whose valves get each command some cycles late."""
+
+    def __init__(self, plant: Plant, cycles: int):
+        self._plant = plant
+        self._waiting = deque([np.zeros(len(JOINTS))] * cycles)
+
+    def __getattr__(self, name: str) -> Any:
+        return getattr(self._plant, name)
+
+    def advance(self, command: np.ndarray, duration: float) -> None:
+        self._waiting.append(command.copy())
+        self._plant.advance(self._waiting.popleft(), duration)
+
+
+def test_commands_that_are_50_ms_late_set_nothing_swinging() -> None:
+    machine, parameters = load_machine(), load_stand_in()
+    trajectory = load_trajectory(packaged("crane_trajectory", "excitation_20s.yaml"))
+    motion = plan(machine, trajectory, parameters.start, 1, load_clearance())
+    plant = Late(Plant(parameters, machine, motion.start), LATE)
+    sensors = Sensors(parameters.sensors, machine, 1)
+    recording = record(motion, plant, sensors, load_gains())  # type: ignore[arg-type]
+
+    band = butter(4, [2.0, 20.0], "bandpass", fs=200.0, output="sos")
+    fast = sosfiltfilt(band, recording.truth.velocity, axis=0)
+    error = np.abs(recording.position - recording.reference.position).max(axis=0)
+    for i, joint in enumerate(JOINTS):
+        assert np.sqrt(np.convolve(fast[:, i] ** 2, MEAN, "valid").max()) < SWINGING, joint
+        assert error[i] < TOLERANCE[joint], joint
