@@ -30,7 +30,10 @@ from crane_model.model_file import Model
 from crane_model.record import Record
 
 REFERENCE = ("reference_position", "reference_velocity", "reference_acceleration")
-LOGGED = ("pressure_a", "pressure_b", "slew_position", "command", "temperature")
+LOGGED = (
+    *("pressure_a", "pressure_b", "supply_pressure", "tank_pressure"),
+    *("slew_position", "command", "temperature"),
+)
 
 
 @dataclass(frozen=True)
@@ -167,19 +170,41 @@ def _averaged(
     resolution = resolution_of_mean(fold(_coordinates(signals), length, used), _resolution(log))
     motion = estimate_period(options.motion, _coordinates(mean), step, resolution, progress)
     record = _record(model, step * np.arange(length), mean, motion, options.mask_reversals)
+    alike = _moving_alike(model, log, signals, step, length, used, options)
     periods = fold(signals["force"], length, used)
     remainder = (len(rows) - whole * length) * step
     return Preparation(
         source=log.source,
         record=record,
         step=step,
-        moving=_moving(model, motion, step, True, options),
+        moving=_moving(model, motion, step, True, options) & alike,
         signed=_moving(model, motion, step, True, options, settling=0.0),
         bandwidth=motion.bandwidth[: len(model.joints)],
         averaging=Averaging(length * step, used, whole - used, remainder, drift(periods)),
         periods=periods,
         reference=_along_reference(record, mean),
     )
+
+
+def _moving_alike(
+    model: Model,
+    log: Log,
+    signals: dict[str, np.ndarray],
+    step: float,
+    length: int,
+    periods: int,
+    options: Options,
+) -> np.ndarray:
+    """(length, j): where each joint moves in all of the last `periods`, and in one direction.
+
+    A joint that comes to rest on its way sets off again at another time in each period: the mean
+    force is then none that friction (13) gives at the mean velocity.
+    """
+    if not options.mask_reversals:
+        return np.ones((length, len(model.joints)), dtype=bool)
+    motion = estimate_record(None, signals["position"], step, _resolution(log))
+    direction = np.sign(motion.velocity) * moving(motion, step, False)
+    return np.abs(fold(direction, length, periods).sum(axis=0)) == periods
 
 
 def _signals(model: Model, samples: Samples, rows: np.ndarray) -> dict[str, np.ndarray]:
@@ -258,6 +283,8 @@ def _record(
         force=signals["force"],
         pressure_a=signals.get("pressure_a"),
         pressure_b=signals.get("pressure_b"),
+        supply_pressure=signals.get("supply_pressure"),
+        tank_pressure=signals.get("tank_pressure"),
         command=signals.get("command"),
         temperature=signals.get("temperature"),
         velocity_resolution=velocity_resolution(motion)[:joints] if mask_reversals else None,

@@ -9,6 +9,7 @@ from pathlib import Path
 from crane_identification.data.column_map import ColumnMap
 from crane_identification.discrepancy import explain, findings
 from crane_identification.discrepancy.diagnosis import diagnose
+from crane_identification.discrepancy.flow import load_usual
 from crane_identification.discrepancy.report import page
 from crane_identification.discrepancy.thresholds import load_thresholds
 from crane_identification.identify import TABLES, Sources
@@ -44,7 +45,8 @@ def run(arguments: argparse.Namespace) -> None:
         sources = Sources(model, columns, progress)
         training, held_out = sources.read(arguments.train), sources.read(arguments.validate)
         options = Options(period=arguments.period)
-        result = diagnose(model, training, held_out, options, thresholds, progress)
+        usual = load_usual(arguments.hydraulics)
+        result = diagnose(model, training, held_out, options, thresholds, progress, usual)
         provenance = Provenance.of(
             datetime.now(UTC).strftime("%Y-%m-%d %H:%M UTC"),
             ["diagnose", *arguments.given],
@@ -75,6 +77,7 @@ def parser() -> argparse.ArgumentParser:
     add("--columns", type=Path, help="column map (YAML) of the tables")
     add("--period", type=float, help="period [s] of the motion, where no reference is recorded")
     add("--thresholds", type=Path, help="thresholds (YAML; default: the packaged ones)")
+    add("--hydraulics", type=Path, help="what is usual of valves and oil (YAML)")
     add("--explain", type=Path, metavar="DIR", help="print the answer in DIR in twenty lines")
     return result
 

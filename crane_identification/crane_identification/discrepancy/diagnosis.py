@@ -10,6 +10,7 @@ from crane_identification.discrepancy.candidates import Family
 from crane_identification.discrepancy.cross_validation import folds
 from crane_identification.discrepancy.decision import Accepted, decide, detectable
 from crane_identification.discrepancy.evidence import Evidence, gather
+from crane_identification.discrepancy.flow import Flow, Usual, examine, load_usual
 from crane_identification.discrepancy.gap import Gap, measure, residual
 from crane_identification.discrepancy.learner import Features, Learnt, features, learn
 from crane_identification.discrepancy.motion_choice import suited
@@ -18,7 +19,7 @@ from crane_identification.discrepancy.region import Region, region
 from crane_identification.discrepancy.repeating import repeating
 from crane_identification.discrepancy.search import Search, search
 from crane_identification.discrepancy.thresholds import Thresholds
-from crane_identification.discrepancy.verdict import Verdict, judge, noise_energy
+from crane_identification.discrepancy.verdict import Verdict, judge, noise_energy, with_flow
 from crane_identification.options import Options
 from crane_identification.preparation import Preparation, prepare
 from crane_identification.progress import Progress, silent
@@ -76,6 +77,8 @@ class Diagnosis:
     correlation_left: np.ndarray
     detectable: float
     known: Features
+    flows: tuple[Flow, ...]
+    flow_unobservable: dict[tuple[str, str], str]
 
     @property
     def joints(self) -> tuple[str, ...]:
@@ -90,8 +93,11 @@ def diagnose(
     options: Options,
     thresholds: Thresholds,
     progress: Progress = silent,
+    usual: Usual | None = None,
 ) -> Diagnosis:
     """Where `model` disagrees with the recordings, and why.
+
+    `usual` says what is usual of the hydraulics (None: the packaged values).
 
     The model is fitted to the training recordings first, so that its values are not what differs.
     `DataError` if recordings cannot be used or do not determine the parameters of the model.
@@ -134,6 +140,8 @@ def diagnose(
     )
     if verdict is Verdict.UNKNOWN:
         accepted, after, values = [], before, []
+    flows, no_flow = examine(evidence, usual or load_usual())
+    verdict, reason = with_flow(verdict, reason, flows)
     gap = measure(before, after, evidence, held_out, periods)
     progress("gap", 1.0)
     energy = _energy(found, left)
@@ -156,6 +164,8 @@ def diagnose(
         correlation_left=_correlation(seen, residual(seen, after)),
         detectable=least,
         known=known,
+        flows=tuple(flows),
+        flow_unobservable=no_flow,
     )
 
 

@@ -8,6 +8,7 @@ from typing import Any
 import numpy as np
 
 from crane_identification.discrepancy.diagnosis import Diagnosis, Finding
+from crane_identification.discrepancy.flow import SIGMAS, Flow, Quantity
 from crane_identification.discrepancy.gap import Gap
 from crane_identification.motion_validation import MotionValidation
 
@@ -27,7 +28,12 @@ def content(diagnosis: Diagnosis) -> dict[str, Any]:
             "verdict": diagnosis.verdict.value,
             "reason": diagnosis.reason,
             "where": _where(diagnosis),
-            "findings": [_finding(diagnosis, one) for one in diagnosis.findings],
+            "findings": [_finding(diagnosis, one) for one in diagnosis.findings]
+            + [
+                _of_flow(diagnosis, flow.joint, one)
+                for flow in diagnosis.flows
+                for one in flow.missing
+            ],
             "gap": {
                 "before": _side(diagnosis, diagnosis.gap.before, diagnosis.gap.motion_before),
                 "after": _side(diagnosis, diagnosis.gap.after, diagnosis.gap.motion_after),
@@ -47,7 +53,12 @@ def content(diagnosis: Diagnosis) -> dict[str, Any]:
                 )
             },
             "not_testable": _reasons(diagnosis.search.untestable),
-            "not_observable": _reasons(diagnosis.search.unobservable),
+            "not_observable": _reasons(diagnosis.search.unobservable)
+            + [
+                {"effect": effect, "joint": joint, "reason": reason}
+                for (effect, joint), reason in diagnosis.flow_unobservable.items()
+            ],
+            "flow": {flow.joint: _flow(flow) for flow in diagnosis.flows},
             "detectable_strength": diagnosis.detectable,
         }
     )
@@ -96,6 +107,41 @@ def _finding(diagnosis: Diagnosis, finding: Finding) -> dict[str, Any]:
         "held_out_gains": dict(zip(accepted.fold_names, accepted.held_out, strict=True)),
         "settled_by": family.effect.settled_by,
     }
+
+
+def _of_flow(diagnosis: Diagnosis, joint: str, one: Quantity) -> dict[str, Any]:
+    """A finding of the flow balance, by the same keys; it adds nothing to the model of forces."""
+    return {
+        "effect": one.type,
+        "name": one.effect.name,
+        "joint": joint,
+        "class_members": [],
+        "parameters": [_value(one)],
+        "score": one.score,
+        "threshold": (SIGMAS * one.std_dev / one.value) ** 2 * one.score,
+        "false_alarm_rate": diagnosis.thresholds.false_alarm_rate,
+        "runner_up": None,
+        "margin": one.score,
+        "visibility": 1.0,
+        "strength": one.share,
+        "held_out_gains": {},
+        "settled_by": one.effect.settled_by,
+    }
+
+
+def _flow(flow: Flow) -> dict[str, Any]:
+    """Everything the flow balance says of a joint."""
+    return {
+        "unexplained_share": flow.unexplained,
+        "quantities": {
+            one.type: {**_value(one), "usual_limit": one.usual, "share_beyond_usual": one.share}
+            for one in flow.quantities
+        },
+    }
+
+
+def _value(one: Quantity) -> dict[str, Any]:
+    return {"name": one.type, "value": one.value, "std_dev": one.std_dev, "unit": one.unit}
 
 
 def _side(diagnosis: Diagnosis, error: np.ndarray, motion: MotionValidation) -> dict[str, Any]:

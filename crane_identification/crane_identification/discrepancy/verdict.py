@@ -6,6 +6,7 @@ from enum import StrEnum
 import numpy as np
 
 from crane_identification.discrepancy.decision import Accepted
+from crane_identification.discrepancy.flow import Flow
 from crane_identification.discrepancy.learner import Learnt
 from crane_identification.discrepancy.repeating import Repeating
 from crane_identification.discrepancy.search import Search
@@ -67,6 +68,19 @@ def judge(
         )
     noise = "" if again is None else "what is left is not more than scatters between periods; "
     return Verdict.NONE, f"{noise}effects above {least:.2%} of the drive force would have shown"
+
+
+def with_flow(verdict: Verdict, reason: str, flows: Sequence[Flow]) -> tuple[Verdict, str]:
+    """The verdict where the flow of oil, which the torque cannot show, tells something more."""
+    if not any(flow.missing for flow in flows):
+        return verdict, reason
+    said = "; ".join(
+        f"{one.effect.name} of {flow.joint} is beyond what is usual"
+        for flow in flows
+        for one in flow.missing
+    )
+    settled = verdict in (Verdict.NONE, Verdict.INSUFFICIENT)
+    return (Verdict.NAMED, said) if settled else (verdict, f"{reason}; {said}")
 
 
 def learned(learnt: Learnt, thresholds: Thresholds) -> np.ndarray:

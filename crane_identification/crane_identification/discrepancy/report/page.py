@@ -47,6 +47,7 @@ def render(diagnosis: Diagnosis, provenance: Provenance) -> str:
             for joint, one in zip(diagnosis.joints, diagnosis.regions, strict=True)
             if one is not None
         ],
+        spoken=spoken,
         untestable=_listed(diagnosis.search.untestable),
         unobservable=_listed(diagnosis.search.unobservable),
         provenance=provenance,

@@ -1,0 +1,61 @@
+"""The hydraulics of a simulated cylinder, found again and compared with what is usual."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from unit.crane_model.test_flow import BAND, BETA, DK, JOINT, LEAK, K, moved
+
+from crane_identification.discrepancy.evidence import Evidence, Run
+from crane_identification.discrepancy.flow import Flow, Usual, examine
+from crane_model.configuration import packaged
+from crane_model.model_file import load_model
+
+USUAL = Usual(
+    dead_zone=0.09,
+    hysteresis=0.01,
+    asymmetry=0.03,
+    leakage=1e-13,
+    bulk_modulus=0.9e9,
+    smallest_share=0.001,
+)
+
+
+@pytest.fixture(scope="module")
+def evidence() -> Evidence:
+    model = load_model(packaged("crane_model", "crane_model.yaml"))
+    assert model.machine is not None
+    record = moved(model.machine, BAND, DK)
+    run = Run("cylinder", record, np.ones((len(record), 1)), 10)
+    nothing = np.zeros((1, 1))
+    return Evidence(
+        model, (run,), nothing[0], nothing[0], nothing[0], nothing, nothing, nothing > 0
+    )
+
+
+@pytest.fixture(scope="module")
+def flow(evidence: Evidence) -> Flow:
+    found, absent = examine(evidence, USUAL)
+    assert {joint for _, joint in absent} == {"inner_boom", "outer_boom"}  # not in this record
+    return found[0]
+
+
+def test_values_come_back(flow: Flow) -> None:
+    values = {one.type: one.value for one in flow.quantities}
+    assert values["valve_dead_zone"] == pytest.approx(BAND, abs=0.002)
+    assert values["valve_asymmetry"] == pytest.approx(DK / K, rel=0.05)
+    assert values["internal_leakage"] == pytest.approx(LEAK, rel=0.1)
+    assert values["oil_compressibility"] == pytest.approx(1.0 / BETA, rel=0.1)
+    assert abs(values["valve_hysteresis"]) < 0.005
+
+
+def test_what_is_beyond_the_usual_is_missing(flow: Flow) -> None:
+    assert {one.type for one in flow.missing} == {"valve_asymmetry", "internal_leakage"}
+
+
+def test_without_supply_pressure_it_is_not_observable(evidence: Evidence) -> None:
+    (run,) = evidence.runs
+    blind = replace(run, record=replace(run.record, supply_pressure=None))
+    found, absent = examine(replace(evidence, runs=(blind,)), USUAL)
+    assert not found
+    assert "supply pressure" in absent["valve_dead_zone", JOINT]
