@@ -55,7 +55,8 @@ def test_requirement_files_agree() -> None:
     versions: dict[str, set[str]] = {}
     for path in REQUIREMENTS[:-1]:
         for line in pins(path):
-            versions.setdefault(line.split("==")[0], set()).add(line)
+            name, version = line.partition(";")[0].strip().split("==")  # for whatever Python
+            versions.setdefault(name, set()).add(version)
     assert {name: found for name, found in versions.items() if len(found) > 1} == {}
 
 
