@@ -19,7 +19,11 @@ Progress = Callable[[Iterable[int]], Iterable[int]]
 
 
 class Course(Protocol):
-    """Where the crane is to be led: from rest to rest."""
+    """Where the crane is to be led, from rest to rest, as `crane_trajectory.motion` has it."""
+
+    @property
+    def start(self) -> np.ndarray:
+        """(4,) where it rests at time 0 [rad, m]."""
 
     @property
     def duration(self) -> float:
@@ -80,7 +84,9 @@ def record(
         time = float(times[k])
         plant.advance(u, time - plant.time)
         q[k], v[k] = plant.q, plant.v
-        a[k], force[:, k], flow[:, k] = plant.acceleration, plant.hidden_force, plant.hidden_flow
+        a[k] = plant.acceleration
+        if plant.hidden_count:
+            force[:, k], flow[:, k] = plant.hidden_force, plant.hidden_flow
         p_a[k], p_b[k], supply[k] = plant.pressure_a, plant.pressure_b, plant.supply_pressure
         position[k] = sensors.positions(q[k])
         _, velocity[k], _ = velocity_filter.update(time, position[k])

@@ -21,7 +21,7 @@ from crane_model.cylinders import cylinder_force, lever_arm
 from crane_model.errors import DataError
 from crane_model.machine import JOINTS, Machine, load_machine
 from crane_model.urdf import urdf
-from crane_sim.closed_loop import Progress, Recording, record
+from crane_sim.closed_loop import Course, Progress, Recording, record
 from crane_sim.hidden.calibrate import calibrate
 from crane_sim.hidden.clean import Clean, clean
 from crane_sim.hidden.form import Planted
@@ -34,7 +34,7 @@ from crane_sim.plant import Plant
 from crane_sim.sampled import Sensors
 from crane_trajectory.check import load_clearance
 from crane_trajectory.controller import Gains, load_gains
-from crane_trajectory.motion import Motion, plan
+from crane_trajectory.motion import plan
 from crane_trajectory.periodic import load_trajectory
 
 EPOCH = 1_735_689_600  # s; bags begin here, 2025-01-01, so that the same seed gives the same bag
@@ -85,7 +85,7 @@ def make(
     out: Path,
     machine: Machine,
     stand_in: StandIn,
-    motion: Motion,
+    motion: Course,
     gains: Gains,
     seed: int,
     planted: Sequence[Planted] = (),

@@ -2,8 +2,10 @@
 
 import pytest
 
+from crane_model.configuration import packaged
 from crane_model.machine import Machine, load_machine
 from crane_sim.parameters import StandIn, load_stand_in
+from crane_trajectory.periodic import PeriodicTrajectory, load_trajectory
 
 
 @pytest.fixture(scope="session")
@@ -16,3 +18,9 @@ def machine() -> Machine:
 def stand_in() -> StandIn:
     """The stand-in with the report's friction law."""
     return load_stand_in()
+
+
+@pytest.fixture(scope="session")
+def trajectory() -> PeriodicTrajectory:
+    """The packaged excitation of 20 s."""
+    return load_trajectory(packaged("crane_trajectory", "excitation_20s.yaml"))

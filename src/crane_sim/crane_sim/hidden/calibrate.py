@@ -6,7 +6,7 @@ import numpy as np
 
 from crane_model.errors import RangeError
 from crane_model.machine import Machine
-from crane_sim.closed_loop import record
+from crane_sim.closed_loop import Course, record
 from crane_sim.hidden.clean import Clean, clean
 from crane_sim.hidden.form import Form, Planted, Scale
 from crane_sim.hidden.sensing import faults
@@ -16,7 +16,6 @@ from crane_sim.parameters import StandIn
 from crane_sim.plant import Plant
 from crane_sim.sampled import Sensors
 from crane_trajectory.controller import Gains
-from crane_trajectory.motion import Motion
 
 PASSES = 12
 TOLERANCE = 0.05  # of the wanted strength
@@ -24,7 +23,7 @@ LARGEST_STEP = 8.0  # by which a magnitude changes at once
 
 
 def calibrate(
-    spec: Spec, machine: Machine, stand_in: StandIn, motion: Motion, gains: Gains
+    spec: Spec, machine: Machine, stand_in: StandIn, motion: Course, gains: Gains
 ) -> tuple[Planted, ...]:
     """The effects of `spec` with all their parameters, for this machine on this motion.
 
@@ -76,7 +75,7 @@ def draw(spec: Spec, stand_in: StandIn) -> tuple[Planted, ...]:
 
 
 def moved(
-    planted: Sequence[Planted], machine: Machine, stand_in: StandIn, motion: Motion, gains: Gains
+    planted: Sequence[Planted], machine: Machine, stand_in: StandIn, motion: Course, gains: Gains
 ) -> Clean:
     """What the machine does with these effects on the motion."""
     plant = Plant(stand_in, machine, motion.start, planted)

@@ -65,9 +65,11 @@ def _resist(hidden: Hidden, k: int, state: State, scratch: Scratch, step: float)
         force = memory.play(hidden, k, scratch.force[i], state.q[i])
         deviation = force
     else:
-        coulomb = memory.replaced(hidden.value[k], scratch, i)
-        force = coulomb * memory.presliding(hidden, k, v, step)
-        deviation = force - coulomb * np.sign(v) if abs(v) > memory.STILL else 0.0
+        up, down = memory.replaced(hidden.value[k], scratch, i)
+        share = memory.presliding(hidden, k, v, step)
+        force = share * (up if share >= 0.0 else down)
+        sliding = up if v > 0.0 else -down
+        deviation = force - sliding if abs(v) > memory.STILL else 0.0
     scratch.force[i] -= force
     return deviation
 

@@ -49,6 +49,8 @@ def check_place(path: Path, bag: Path) -> None:
             f"--label {path}: lies in the folder of the bag, {bag}, which must not tell what is "
             "hidden; name a file elsewhere"
         )
+    if path.suffix != ".json":
+        raise ConfigurationError(f"--label {path}: the suffix of a label is .json")
     for file in (path, clean_path(path)):
         if file.exists():
             raise DataError(f"{file}: exists; name a label that does not exist yet")

@@ -17,14 +17,13 @@ SECOND_MODE = (2.7, 0.25)  # frequency and inertia, as shares of those of the fi
 
 
 @njit(cache=True, error_model="numpy")
-def replaced(value: np.ndarray, scratch: Scratch, i: int) -> float:
+def replaced(value: np.ndarray, scratch: Scratch, i: int) -> tuple[float, float]:
     """Take a share, value[1], of Coulomb friction (13) away, which presliding friction replaces.
 
-    What is returned [N m, N] is for the direction in which the joint moves.
+    What is taken [N m, N], upwards and downwards.
     """
-    law = scratch.law[i]
-    share = value[1]
-    taken = share * (law.coulomb_up if scratch.before[i] >= 0.0 else law.coulomb_down)
+    law, share = scratch.law[i], value[1]
+    taken = share * law.coulomb_up, share * law.coulomb_down
     law.coulomb_up *= 1.0 - share
     law.coulomb_down *= 1.0 - share
     return taken

@@ -6,9 +6,10 @@ from dataclasses import dataclass
 import numpy as np
 
 from crane_model.machine import JOINTS
+from crane_sim.closed_loop import Course
 from crane_sim.hidden.form import Planted
 from crane_sim.hidden.loads import CENTRIFUGAL
-from crane_trajectory.motion import Motion, Reference
+from crane_trajectory.motion import Reference
 
 SLEW = JOINTS.index("slew")
 
@@ -17,7 +18,7 @@ SLEW = JOINTS.index("slew")
 class Slewing:
     """A motion during which the slew swings to and fro: its speed, and rad of phase a second."""
 
-    motion: Motion
+    motion: Course
     speed: float  # rad/s, largest
     frequency: float  # rad/s
 
@@ -52,7 +53,7 @@ def _with_slew(values: np.ndarray, slewed: np.ndarray) -> np.ndarray:
     return values
 
 
-def slewing(motion: Motion, planted: Sequence[Planted]) -> Motion | Slewing:
+def slewing(motion: Course, planted: Sequence[Planted]) -> Course:
     """The motion, with the slew if one of the effects is that of slewing."""
     for effect in planted:
         if effect.form.law == CENTRIFUGAL:

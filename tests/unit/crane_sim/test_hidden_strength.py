@@ -1,0 +1,241 @@
+"""Hidden effects in a machine that moves: balance of forces, strength, and what is refused."""
+
+from dataclasses import dataclass
+from pathlib import Path
+
+import numpy as np
+import pytest
+from unit.crane_sim.hidden_machine import planted
+
+from crane_model.errors import ConfigurationError, RangeError
+from crane_model.machine import JOINTS, PLANAR_JOINTS, Machine
+from crane_sim.constants import pack_chain
+from crane_sim.hidden.calibrate import calibrate, draw, moved
+from crane_sim.hidden.form import Planted
+from crane_sim.hidden.forms import FORMS, joints_of
+from crane_sim.hidden.label import check_place, clean_path, label
+from crane_sim.hidden.memory import STILL
+from crane_sim.hidden.spec import HiddenEffect, Spec, load_spec
+from crane_sim.parameters import StandIn, load_stand_in, save_stand_in
+from crane_sim.plant import Plant
+from crane_sim.rigid_bodies import inverse_dynamics
+from crane_sim.variation import vary
+from crane_trajectory.controller import Gains, load_gains
+from crane_trajectory.motion import Reference
+
+CATALOGUE = {
+    "stribeck", "stiction", "presliding", "maxwell_slip", "load_friction", "seal_friction",
+    "pad_friction", "position_friction", "cyclic_friction", "viscous_quadratic", "warm_up",
+    "pressure_offset", "pressure_gain", "chamber_gain", "encoder_offset", "base_tilt", "payload",
+    "hose_stiffness", "hose_mass", "actuator_inertia", "backlash", "boom_flexibility", "time_skew",
+    "end_cushioning", "swinging_load", "slew_coupling", "valve_dead_zone", "valve_hysteresis",
+    "valve_asymmetry", "internal_leakage", "oil_compressibility",
+}  # fmt: skip
+
+
+@pytest.fixture(scope="module")
+def gains() -> Gains:
+    """The packaged ones."""
+    return load_gains()
+
+
+@dataclass(frozen=True)
+class Strokes:
+    """All planar joints to and fro, each at its own pace, and back at rest."""
+
+    start: np.ndarray
+    duration: float = 8.0
+
+    def reference(self, time: np.ndarray) -> Reference:
+        """One minus cosine, whole swings."""
+        omega = 2 * np.pi * np.array([0.0, 2.0, 3.0, 3.0]) / self.duration
+        reach = np.array([0.0, 0.08, 0.12, 0.15])
+        phase = np.outer(np.clip(time, 0.0, self.duration), omega)
+        return Reference(
+            self.start + reach * (1 - np.cos(phase)),
+            reach * omega * np.sin(phase),
+            reach * omega**2 * np.cos(phase),
+            np.zeros(len(phase)),
+        )
+
+
+@pytest.fixture(scope="module")
+def motion(stand_in: StandIn) -> Strokes:
+    """Eight seconds."""
+    return Strokes(stand_in.start)
+
+
+def test_every_effect_of_the_catalogue_can_be_hidden_and_some_outside() -> None:
+    """Rows 1 to 29; at least five that no catalogue has."""
+    inside = {name for name, forms in FORMS.items() if not forms[0].outside}
+    assert inside == CATALOGUE
+    assert len(FORMS.keys() - inside) >= 5
+    numbers = [form.law for forms in FORMS.values() for form in forms]
+    assert len(set(numbers)) == len(numbers)
+    for forms in FORMS.values():
+        for form in forms:
+            assert set(joints_of(form)) <= set(PLANAR_JOINTS)
+            assert form.outside == forms[0].outside
+            assert "{" not in form.unit(form.magnitude.unit, "telescope")
+
+
+def test_nothing_hidden_changes_nothing(machine: Machine, stand_in: StandIn) -> None:
+    """Effects of no size leave the motion as it is, to the last bit."""
+    nil = [
+        planted("hose_stiffness", "telescope", 0.0, 1.0),
+        planted("stribeck", "inner_boom", 0.0, 0.01),
+        planted("payload", None, 0.0, 0.1, 0.1),
+        planted("valve_asymmetry", "outer_boom", 0.0, 0.01),
+        planted("internal_leakage", "outer_boom", 0.0),
+    ]
+    plants = [Plant(stand_in, machine, stand_in.start, effects) for effects in ((), nil)]
+    for plant in plants:
+        for command in ([0.0, 0.3, 0.3, 0.3], [0.1, -0.3, 0.2, -0.4]):
+            plant.advance(np.array(command), 0.4)
+    plain, hiding = plants
+    for name in ("q", "v", "pressure_a", "pressure_b"):
+        np.testing.assert_array_equal(getattr(plain, name), getattr(hiding, name))
+    assert hiding.hidden_force.shape == (5, 4)
+    assert plain.hidden_force.shape == (0, 4)
+
+
+def test_forces_of_all_effects_close_the_balance(
+    machine: Machine, stand_in: StandIn, motion: Strokes, gains: Gains
+) -> None:
+    """Seen force = bodies (6) + friction (13) + the parts of the effects, many at once."""
+    effects = (
+        planted("stribeck", "telescope", 100.0, 0.02),
+        planted("load_friction", "outer_boom", 0.03, 200.0),
+        planted("viscous_quadratic", "inner_boom", 5000.0, 1.8),
+        planted("detent", "outer_boom", 60.0, 20.0, 0.3),
+        planted("maxwell_slip", "inner_boom", 2e-3, 0.6),
+        planted("boom_flexibility", "inner_boom", 20.0, 3.0, 0.1),
+        planted("base_tilt", None, 0.02),
+        planted("payload", None, 10.0, 0.2, 0.2),
+        planted("hose_mass", None, 2.0),
+        planted("actuator_inertia", "inner_boom", 200.0),
+        planted("swinging_load", None, 8.0, 1.0, 0.02),
+        planted("wind", None, 20.0, 0.4),
+        planted("pressure_offset", "inner_boom", 1e5, 0.1, 40.0),
+        planted("encoder_offset", "outer_boom", 0.01),
+    )
+    clean = moved(effects, machine, stand_in, motion, gains)
+    chain, law = pack_chain(stand_in, machine), stand_in.friction
+    up = np.where(clean.velocity > 0.0, 1.0, -1.0)
+    coulomb = law.array("f_c") * up + law.array("df_c")
+    viscous = law.array("f_v") * clean.velocity + law.array("df_v") * np.abs(clean.velocity)
+    bodies = [
+        inverse_dynamics(chain, *motion)
+        for motion in zip(clean.position, clean.velocity, clean.acceleration, strict=True)
+    ]
+    left = clean.seen_drive - (np.array(bodies) + coulomb + viscous + clean.force.sum(axis=0))
+    slides = (np.abs(clean.velocity) > STILL)[:, 1:]
+    drive = np.sqrt(np.mean(clean.seen_drive[:, 1:] ** 2, axis=0))
+    for i, joint in enumerate(PLANAR_JOINTS):
+        rest = left[slides[:, i], i + 1]
+        assert len(rest) > 500
+        assert np.sqrt(np.mean(rest**2)) < 2e-3 * drive[i], joint
+    assert clean.force.shape == (len(effects), len(clean.time), len(JOINTS))
+    assert (clean.strength(effects) > 1e-4).all()
+
+
+def test_strength_comes_as_wanted(
+    machine: Machine, stand_in: StandIn, motion: Strokes, gains: Gains
+) -> None:
+    """Two at once, one in the plant and one in a sensor; the label tells what was reached."""
+    spec = Spec(
+        seed=4,
+        effects=(
+            HiddenEffect(effect="presliding", joint="inner_boom", strength=0.02),
+            HiddenEffect(effect="crosstalk", joint="telescope", strength=0.04),
+        ),
+    )
+    effects = calibrate(spec, machine, stand_in, motion, gains)
+    clean = moved(effects, machine, stand_in, motion, gains)
+    np.testing.assert_allclose(clean.strength(effects), [0.02, 0.04], rtol=0.15)
+    first, second = label(effects, clean)
+    assert (first["effect"], second["effect"], second["name"]) == (
+        "presliding", "outside", "crosstalk",
+    )  # fmt: skip
+    assert first["joint"] == "inner_boom"
+    assert first["strength_requested"] == 0.02
+    rms = np.sqrt(np.mean(clean.force[1, :, 3] ** 2) / np.mean(clean.drive[:, 3] ** 2))
+    assert second["strength"] == pytest.approx(rms)
+    assert [entry["unit"] for entry in first["parameters"]] == ["rad", "1", "s"]
+
+
+def test_what_cannot_be_reached_is_refused_by_name(
+    machine: Machine, stand_in: StandIn, motion: Strokes, gains: Gains
+) -> None:
+    """Centrifugal force is weak within the limits of the slew."""
+    spec = Spec(effects=(HiddenEffect(effect="slew_coupling", strength=0.2),))
+    with pytest.raises(RangeError, match=r"slew_coupling.*0\.38 rad/s.*0\.2 was asked"):
+        calibrate(spec, machine, stand_in, motion, gains)
+
+
+def test_parameters_are_drawn_from_the_seed_or_given(stand_in: StandIn) -> None:
+    """The same seed gives the same; what is given stays."""
+
+    def drawn(seed: int, **parameters: float) -> Planted:
+        effect = HiddenEffect(
+            effect="stribeck", joint="telescope", strength=0.02, parameters=parameters
+        )
+        return draw(Spec(seed=seed, effects=(effect,)), stand_in)[0]
+
+    assert drawn(1) == drawn(1)
+    assert drawn(1).values[1] != drawn(2).values[1]
+    assert drawn(1, speed=0.03).values[1] == 0.03
+    given = HiddenEffect(effect="payload", parameters={"mass": 12.5, "gyration": 0.2})
+    values = draw(Spec(effects=(given,)), stand_in)[0].values
+    assert (values[0], values[2]) == (12.5, 0.2)
+
+
+@pytest.mark.parametrize(
+    ("entry", "message"),
+    [
+        ("effect: ghost, strength: 0.1", "no effect 'ghost'"),
+        ("effect: stribeck, joint: telescope, strength: 0.1, form: exp", "no form 'exp'"),
+        ("effect: stribeck, strength: 0.1", "acts on a joint of inner_boom"),
+        ("effect: stribeck, joint: slew, strength: 0.1", "acts on a joint of inner_boom"),
+        ("effect: encoder_offset, joint: telescope, strength: 0.1", "acts on a joint of"),
+        ("effect: payload, joint: telescope, strength: 0.1", "give no joint"),
+        ("effect: payload", "either its strength or its parameter mass"),
+        ("effect: payload, strength: 0.1, parameters: {mass: 3}", "either its strength"),
+        ("effect: payload, strength: 0.1, parameters: {weight: 3}", "not weight"),
+        ("effect: payload, strength: -0.1", "strength"),
+    ],
+)
+def test_wrong_specifications_are_refused_by_name(tmp_path: Path, entry: str, message: str) -> None:
+    """File, key and remedy."""
+    path = tmp_path / "spec.yaml"
+    path.write_text(f"effects:\n  - {{{entry}}}\n", encoding="utf-8")
+    with pytest.raises(ConfigurationError, match=message):
+        load_spec(path)
+
+
+def test_a_label_lies_outside_of_the_bag(tmp_path: Path) -> None:
+    """In any spelling of the path; and no label is overwritten."""
+    bag = tmp_path / "bag"
+    for inside in (bag / "label.json", bag / "deep" / "label.json", bag / ".." / "bag" / "x.json"):
+        with pytest.raises(ConfigurationError, match="must not tell what is hidden"):
+            check_place(inside, bag)
+    there = tmp_path / "label.json"
+    check_place(there, bag)
+    clean_path(there).touch()
+    with pytest.raises(ConfigurationError, match="suffix"):
+        check_place(tmp_path / "label.npz", bag)
+    with pytest.raises(Exception, match="exists"):
+        check_place(there, bag)
+
+
+def test_other_machines(stand_in: StandIn, machine: Machine, tmp_path: Path) -> None:
+    """Each seed its machine, within the spread; written and read as a file."""
+    one, again, other = (vary(stand_in, seed, 0.1) for seed in (1, 1, 2))
+    assert one == again != other
+    ratio = other.bodies.gripper.mass / stand_in.bodies.gripper.mass
+    assert 0.9 <= ratio <= 1.1 and ratio != 1.0
+    ratios = other.friction.array("f_c") / stand_in.friction.array("f_c")
+    assert ((ratios >= 0.9) & (ratios <= 1.1)).all()
+    assert len(np.unique(ratios)) == 4
+    save_stand_in(tmp_path / "machine.yaml", other)
+    assert load_stand_in(tmp_path / "machine.yaml") == other
