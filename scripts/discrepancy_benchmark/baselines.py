@@ -1,5 +1,6 @@
 """What other methods answer from the same residual and the same columns, whitened alike."""
 
+import warnings
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 
@@ -63,7 +64,9 @@ def sparse_regression(given: Problem) -> Answer:
     best, chosen = _bic(given, []), np.zeros(len(given.names))
     for sparsity in np.geomspace(LEAST, max(0.9 * strongest, 2.0 * LEAST), SPARSITIES):
         optimizer = STLSQ(threshold=float(sparsity), alpha=0.0)
-        optimizer.fit(given.columns, given.residual[:, np.newaxis])
+        with warnings.catch_warnings():
+            warnings.simplefilter("ignore")  # of thresholds that leave nothing
+            optimizer.fit(given.columns, given.residual[:, np.newaxis])
         values = np.asarray(optimizer.coef_)[0]
         score = _bic(given, np.flatnonzero(values).tolist())
         if score < best:

@@ -20,7 +20,7 @@ from crane_model import cli
 
 HERE = Path(__file__).resolve().parent
 COUNTS = {CaseSet.TUNING: 40, CaseSet.CALIBRATION: 60, CaseSet.SCORING: 140}
-BATCH = 20  # cases whose bags are on the disk at once, about 2 GB
+BATCH = 8  # cases whose bags are on the disk at once, 1 GB
 
 
 def run(arguments: argparse.Namespace) -> None:

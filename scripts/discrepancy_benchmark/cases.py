@@ -104,18 +104,11 @@ def cases(which: CaseSet, count: int) -> list[Case]:
                 kind=kind,
                 seed=(number, k),
                 effects=effects,
-                excitation=_excitation(kind, effects),
+                excitation=Excitation.POOR if kind is Kind.INSUFFICIENT else Excitation.RICH,
                 lacks=LACKS if kind is Kind.CLASS else (),
             )
         )
     return sorted(out, key=lambda case: case.name)
-
-
-def _excitation(kind: Kind, effects: Sequence[Hidden]) -> Excitation:
-    if kind is Kind.INSUFFICIENT:
-        return Excitation.POOR
-    slewing = any(one.effect == "slew_coupling" for one in effects)
-    return Excitation.SLEWING if slewing else Excitation.RICH
 
 
 def apportioned(shares: dict[Kind, float], count: int) -> dict[Kind, int]:

@@ -63,7 +63,8 @@ def _power(rows: Sequence[Row]) -> Figure:
         ylabel="right name and joint [%], 95 % interval",
         ylim=(-3, 103),
     )
-    axes.legend(frameon=False, loc="upper left", bbox_to_anchor=(0.0, 1.0))
+    axes.set_xlim(80 * STRENGTHS[0], 125 * STRENGTHS[-1])
+    figure.legend(frameon=False, loc="outside upper left", ncols=2)
     return figure
 
 

@@ -6,7 +6,7 @@ from enum import StrEnum
 import numpy as np
 
 from crane_model.errors import RangeError
-from crane_model.machine import JOINTS, PLANAR_JOINTS, Machine
+from crane_model.machine import PLANAR_JOINTS, Machine
 from crane_trajectory.check import Clearance, pump_flow, tip_room
 from crane_trajectory.fourier import FourierTrajectory
 from crane_trajectory.motion import Motion, plan
@@ -26,7 +26,6 @@ class Excitation(StrEnum):
     """How well a case is excited."""
 
     RICH = "rich"
-    SLEWING = "slewing"  # the same, and the slew moves as well
     POOR = "poor"  # one short, slow, small motion
 
 
@@ -42,7 +41,6 @@ def motions(
 
     Every motion begins at rest in the pose `start` (4,).
     """
-    joints = JOINTS if excitation is Excitation.SLEWING else PLANAR_JOINTS
 
     def fitting(draw: Callable[[float], PeriodicTrajectory], periods: int) -> Motion:
         for _ in range(ATTEMPTS):
@@ -56,17 +54,15 @@ def motions(
                     return plan(machine, trajectory, start, periods, clearance)
                 except RangeError:
                     continue
-        raise RangeError(f"no motion of {', '.join(joints)} fits in {ATTEMPTS} attempts")
+        raise RangeError(f"no motion fits in {ATTEMPTS} attempts")
 
     def periodic(period: float, periods: int, size: float = 0.9) -> Motion:
         drawn = period * rng.uniform(0.9, 1.1)
-        return fitting(
-            lambda share: _fourier(rng, machine, joints, round(drawn, 2), size * share), periods
-        )
+        return fitting(lambda share: _fourier(rng, machine, round(drawn, 2), size * share), periods)
 
     def sweeps() -> Motion:
         drawn = round(rng.uniform(18.0, 22.0), 2)
-        return fitting(lambda share: _sweeps(rng, machine, joints, drawn, 0.9 * share), 2)
+        return fitting(lambda share: _sweeps(rng, machine, drawn, 0.9 * share), 2)
 
     if excitation is Excitation.POOR:
         return [periodic(16.0, 1, 0.08)], [periodic(16.0, 1, 0.08)]
@@ -87,12 +83,12 @@ def _has_room(machine: Machine, clearance: Clearance, trajectory: PeriodicTrajec
 
 
 def _fourier(
-    rng: np.random.Generator, machine: Machine, joints: tuple[str, ...], period: float, size: float
+    rng: np.random.Generator, machine: Machine, period: float, size: float
 ) -> FourierTrajectory:
     """A random series; `size` is the share of range or speed that it takes, what is less."""
     time = np.linspace(0.0, period, 20 * HARMONICS, endpoint=False)
     columns = []
-    for joint in joints:
+    for joint in PLANAR_JOINTS:
         coefficients = rng.standard_normal(2 * HARMONICS) / np.tile(np.arange(1, HARMONICS + 1), 2)
         shape = FourierTrajectory.from_coefficients(
             "", period, (joint,), np.append(0.0, coefficients)[:, np.newaxis]
@@ -106,16 +102,16 @@ def _fourier(
         offset = rng.uniform(limits.position_min + free - low, limits.position_max - free - high)
         columns.append(np.append(offset, factor * coefficients))
     return FourierTrajectory.from_coefficients(
-        "excitation", period, joints, np.round(np.stack(columns, axis=1), 6)
+        "excitation", period, PLANAR_JOINTS, np.round(np.stack(columns, axis=1), 6)
     )
 
 
 def _sweeps(
-    rng: np.random.Generator, machine: Machine, joints: tuple[str, ...], period: float, size: float
+    rng: np.random.Generator, machine: Machine, period: float, size: float
 ) -> SweepTrajectory:
     """All joints at once, each up and down at its own constant speeds, with a dwell at each end."""
     courses = {}
-    for joint in joints:
+    for joint in PLANAR_JOINTS:
         limits = machine.limits[joint]
         dwells = rng.uniform(*DWELL, 2)
         up = rng.uniform(0.35, 0.65) * (period - dwells.sum())

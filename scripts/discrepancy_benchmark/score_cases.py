@@ -21,6 +21,7 @@ from work import in_processes
 
 from crane_model.model_file import Model, load_model
 
+WIDTH = 132  # of the tables; narrower, their columns break
 NAMED = (Outcome.RIGHT, Outcome.TOO_WIDE, Outcome.PARTLY)
 
 
@@ -49,7 +50,7 @@ def score_case(job: Job) -> None:
         "kind": truth.case.kind.value,
         "excitation": truth.case.excitation.value,
         "hidden": [
-            one.model_dump(mode="json") | {"reached": float(s), "visibility": float(v)}
+            one.model_dump(mode="json") | {"reached": s, "visibility": v}
             for one, s, v in zip(
                 truth.case.effects, truth.strength, truth.visibility(model), strict=True
             )
@@ -62,7 +63,9 @@ def score_case(job: Job) -> None:
         "statistics": content.get("statistics"),
         "seconds": content.get("seconds"),
         "parameter_errors": truth.parameter_errors(content) if outcomes[OURS] in NAMED else [],
-        "closed": _closed(truth, model, given) if outcomes[OURS] in NAMED else None,
+        "closed": _closed(truth, model, given)
+        if truth.places and outcomes[OURS] in NAMED
+        else None,
         "closed_by_learner": _learnt(content, gap) if truth.places else None,
     }
     with new(job.folders.top / "rows" / job.name) as out:
@@ -105,7 +108,7 @@ def main(argv: Sequence[str] | None = None) -> int:
     }
     write_json(folders.results, results)
     figures.write(folders.top, scored)
-    Console().print(*tables(results))
+    Console(width=WIDTH).print(*tables(results))
     print(f"written: {folders.results}, and figures beside it")
     return 0
 

@@ -36,8 +36,12 @@ def of_kind(rows: Sequence[Row], kind: Kind) -> list[Row]:
 
 
 def identifiable(row: Row) -> bool:
-    """Whether the clean recordings show every effect of the case beside the model."""
-    return all(one["visibility"] >= VISIBLE for one in row["hidden"])
+    """Whether the clean recordings show every effect of the case beside the model.
+
+    Of effects on flows, which have no visibility in the force, that is taken for granted.
+    """
+    shown = [one["visibility"] for one in row["hidden"]]
+    return all(part is None or part >= VISIBLE for part in shown)
 
 
 def share(

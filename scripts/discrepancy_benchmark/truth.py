@@ -2,7 +2,6 @@
 
 from collections.abc import Sequence
 from dataclasses import dataclass
-from functools import cached_property
 from pathlib import Path
 from typing import Any
 
@@ -51,23 +50,29 @@ class Truth:
         """What is hidden where."""
         return tuple((one.effect, one.joint or WHOLE) for one in self.case.effects)
 
-    @cached_property
-    def strength(self) -> np.ndarray:
-        """(k,) rms of each effect over that of the drive force, on the joint where it is most."""
-        force = self.train.rms(self.train.record.needed("force", "the scorer"))
-        return np.array([(self.train.rms(part) / force).max() for part in self.train.hidden])
+    @property
+    def strength(self) -> list[float]:
+        """(k,) largest strength reached in any recording to train on, by its label."""
+        reached = [
+            {(one["name"], one["joint"]): float(one["strength"]) for one in label["effects"]}
+            for label in self.labels
+        ]
+        return [
+            max(label.get((one.effect, one.joint), 0.0) for label in reached)
+            for one in self.case.effects
+        ]
 
-    def visibility(self, model: Model) -> np.ndarray:
+    def visibility(self, model: Model) -> list[float | None]:
         """(k,) share of each effect's norm beside the `model`: below 0.05 no data of this kind
-        show it.
+        show it. None of an effect that acts on flows, not on forces.
         """
         base = _Base(model, self.train)
-        shares = []
+        shares: list[float | None] = []
         for part in self.train.hidden:
             whole = base.rows(part)
-            norm = np.linalg.norm(whole)
-            shares.append(np.linalg.norm(base.beside(whole)) / norm if norm > 0.0 else 0.0)
-        return np.array(shares)
+            norm = float(np.linalg.norm(whole))
+            shares.append(float(np.linalg.norm(base.beside(whole))) / norm if norm > 0.0 else None)
+        return shares
 
     def parameter_errors(self, content: dict[str, Any]) -> list[float]:
         """Relative errors of the parameters that mean the same in the hidden law as in the answer.
@@ -93,6 +98,8 @@ class Truth:
         """Whether another effect explains the hidden one as well as its own law does."""
         base = _Base(model, self.train)
         hidden = base.beside(base.rows(self.train.hidden[number]))
+        if not hidden.any():
+            return False  # acts on flows
         own = _explained(base, hidden, self.places[number])
         return _explained(base, hidden, other) >= own - AS_WELL
 
@@ -104,7 +111,11 @@ class Truth:
         return _error(self.validate, model, theta)
 
     def closed(self, before: Model, after: Model) -> float:
-        """Share of the explainable gap, in energy relative to the force, that `after` closes."""
+        """Share of the explainable gap, in energy relative to the force, that `after` closes; NaN
+        where nothing acts on forces.
+        """
+        if not self.train.hidden.any():
+            return float("nan")
         open_ = (self.gap(before) ** 2).sum()
         left = (_error(self.validate, after, after.theta) ** 2).sum()
         return float(1.0 - left / open_) if open_ > 0.0 else float("nan")
