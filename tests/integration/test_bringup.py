@@ -52,7 +52,7 @@ VALVES = {  # dead bands +0.085 and -0.055; +0.06 and -0.10
     "inner_boom": {"dead_zone": 0.07, "null_bias": 0.015},
     "outer_boom": {"dead_zone": 0.08, "null_bias": -0.02},
 }
-FAST = ["--joints", *MEASURED, "--seconds", "0.5", "--rate", "0.2", "--repeats", "1"]
+FAST = ["--joints", *MEASURED, "--seconds", "0.5", "--rate", "0.1", "--repeats", "1"]
 
 
 class Workshop:
