@@ -3,10 +3,13 @@
 from dataclasses import dataclass
 
 import numpy as np
+from scipy.ndimage import uniform_filter1d
 from scipy.stats import f as fisher
 
 TRANSIENT = 2.0
 """A first period that differs from the later ones by this many times their scatter is transient."""
+LOCAL = 0.04
+"""Share of the period over which the scatter is taken as equally large."""
 
 
 @dataclass(frozen=True)
@@ -109,15 +112,24 @@ def drift(periods: np.ndarray) -> Drift:
 def independent_samples(deviation: np.ndarray, used: np.ndarray) -> np.ndarray:
     """How many of n samples (j,) are independent: tr(C)²/tr(C²) of their covariance C.
 
-    From the autocovariance of deviations (M, n, j) from the mean of M periods, over the `used`
-    (n, j) samples, up to the lag at which it is lost in its own uncertainty.
+    From deviations (M, n, j) from the mean of M periods, over the `used` (n, j) samples: C has
+    their variance, which changes over the period, and one autocorrelation, up to the lag at which
+    it is lost in its own uncertainty. Where joints turn back the periods differ most, so that a
+    few samples may hold most of the power, and the others tell nothing beside them.
     """
     count, samples, joints = deviation.shape
     length = 2 * samples
     masked = np.where(used, deviation, 0.0)
-    products = np.fft.irfft((np.abs(np.fft.rfft(masked, length, axis=1)) ** 2).sum(axis=0), axis=0)
-    pairs = np.fft.irfft(np.abs(np.fft.rfft(used.astype(float), length, axis=0)) ** 2, axis=0)
-    pairs = np.round(pairs[:samples])
+    size = np.sqrt(_local_power(masked, used))
+    scaled = np.divide(
+        masked, size, out=np.zeros_like(masked), where=np.broadcast_to(size > 0.0, masked.shape)
+    )
+    products = np.fft.irfft((np.abs(np.fft.rfft(scaled, length, axis=1)) ** 2).sum(axis=0), axis=0)
+    pairs, power = (
+        np.fft.irfft(np.abs(np.fft.rfft(values, length, axis=0)) ** 2, axis=0)[:samples]
+        for values in (used.astype(float), np.where(used, size**2, 0.0))
+    )
+    pairs = np.round(pairs)
     out = np.ones(joints)
     for j in range(joints):
         present = pairs[:, j] > 0
@@ -129,6 +141,14 @@ def independent_samples(deviation: np.ndarray, used: np.ndarray) -> np.ndarray:
         noise = 2.0 / np.sqrt(np.maximum((count - 1) * pairs[:, j], 1.0))
         lost = np.flatnonzero(np.abs(correlation) < noise)
         last = int(lost[0]) if len(lost) else samples
-        weight = pairs[:, j] / pairs[0, j]
-        out[j] = pairs[0, j] / (1.0 + 2.0 * (weight * correlation**2)[1:last].sum())
+        total = (size[used[:, j], j] ** 2).sum()
+        out[j] = total**2 / (power[0, j] + 2.0 * (power[:, j] * correlation**2)[1:last].sum())
     return out
+
+
+def _local_power(masked: np.ndarray, used: np.ndarray) -> np.ndarray:
+    """Mean square (n, j) of deviations (M, n, j) around each sample, 0 where there are none."""
+    window = max(int(LOCAL * masked.shape[1]), 1)
+    near = uniform_filter1d((masked**2).mean(axis=0), window, axis=0, mode="wrap")
+    share = uniform_filter1d(used.astype(float), window, axis=0, mode="wrap")
+    return np.divide(near, share, out=np.zeros_like(near), where=share > 0.5 / window)

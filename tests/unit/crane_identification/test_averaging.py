@@ -81,6 +81,18 @@ def test_drift_between_periods_is_told_from_scatter() -> None:
     assert found.rate[1] == pytest.approx(0.02, rel=0.5)
 
 
+def test_scatter_in_bursts_is_no_drift() -> None:
+    """As at reversals, where the periods stick at different times; counting the power as spread
+    over the whole period would find a drift in one of three."""
+    rng, at = np.random.default_rng(0), np.arange(1000)
+    size = 0.05 + sum(np.exp(-0.5 * ((at - burst) / 15) ** 2) for burst in (100, 400, 420, 800))
+    p_values = []
+    for _ in range(200):
+        noise = lfilter([1.0], [1.0, -0.8], rng.normal(size=(3, 1100)), axis=1)[:, 100:]
+        p_values.append(drift((noise * size)[:, :, None]).p_value[0])
+    assert 0.01 < np.mean(np.array(p_values) < 0.05) < 0.15
+
+
 def test_two_periods_cannot_drift() -> None:
     found = drift(noisy(2, seed=6)[1])
     assert np.isnan(found.rate).all() and np.isnan(found.p_value).all()
