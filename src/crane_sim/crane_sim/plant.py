@@ -43,7 +43,7 @@ def _generalized_forces(constants: Constants, state: State, force: np.ndarray) -
 
 @njit(cache=True, error_model="numpy")
 def _move(
-    constants: Constants, hidden: Hidden, state: State, scratch: Scratch, step: float
+    constants: Constants, hidden: Hidden | None, state: State, scratch: Scratch, step: float
 ) -> None:
     """Velocities from the forces (6), then positions and cylinders from the new velocities."""
     mass_and_bias(constants.chain, state.q, state.v, scratch.mass, scratch.bias)
@@ -51,7 +51,7 @@ def _move(
     law = constants.friction
     for i in range(4):
         scratch.before[i] = state.v[i]
-    if len(hidden.law) > 0:
+    if hidden is not None:
         act(hidden, constants, state, scratch, step)
         law = scratch.law
     for i in range(4):
@@ -69,7 +69,7 @@ def _move(
             law, scratch.mass, scratch.impulse, step,
             state.mode, scratch.friction, state.v,
         )  # fmt: skip
-    if len(hidden.law) > 0:
+    if hidden is not None:
         settle(hidden, constants, state, scratch, step)
     for i in range(4):
         state.q[i] += step * state.v[i]
@@ -81,10 +81,10 @@ def _move(
 
 @njit(cache=True, error_model="numpy")
 def _fill(
-    constants: Constants, hidden: Hidden, state: State, growth: np.ndarray, step: float
+    constants: Constants, hidden: Hidden | None, state: State, growth: np.ndarray, step: float
 ) -> None:
     """Chamber and supply pressures from valve openings and piston speeds `growth` (4,)."""
-    oil, supply, hides = constants.oil, state.supply[0], len(hidden.law) > 0
+    oil, supply = constants.oil, state.supply[0]
     drawn = 0.0
     for i in range(4):
         cylinder, valve = constants.cylinders[i], constants.valves[i]
@@ -92,7 +92,7 @@ def _fill(
         p_a, p_b = actuator.p_a, actuator.p_b
         x = opening(actuator.spool - valve.null, valve.dead_zone)
         leakage, softer_a, softer_b = cylinder.leakage, 1.0, 1.0
-        if hides:
+        if hidden is not None:
             x = meter(hidden, constants, state, i)
             leakage = leak(hidden, constants, state, i)
             softer_a = softness(hidden, constants, i, p_a)
@@ -103,7 +103,7 @@ def _fill(
             oil, p_a, p_b, flow, slope, leakage, softer_a * volume,
             cylinder.area_a * growth[i], step,
         )  # fmt: skip
-        if hides:
+        if hidden is not None:
             note_softness(hidden, constants, i, p_a, volume, (actuator.p_a - p_a) / step)
         volume = cylinder.dead_volume_b + cylinder.area_b * (cylinder.length_max - actuator.length)
         flow, slope = port_flow(oil, -valve.flow_gain * x, supply, p_b)
@@ -122,7 +122,7 @@ def _fill(
 @njit(cache=True, error_model="numpy")
 def _advance(
     constants: Constants,
-    hidden: Hidden,
+    hidden: Hidden | None,
     state: State,
     scratch: Scratch,
     command: np.ndarray,
@@ -161,7 +161,7 @@ class Plant:
         self.time = 0.0  # s
         self.tank_pressure = machine.hydraulics.tank_pressure
         self._constants = pack(parameters, machine)
-        self._hidden = work(planted, machine)
+        self._hidden = work(planted, machine)  # None is compiled apart: no cost where none hides
         self._scratch = Scratch(
             mass=np.empty((4, 4)),
             bias=np.empty(4),
@@ -214,17 +214,17 @@ class Plant:
     @property
     def hidden_count(self) -> int:
         """How many hidden effects act in the plant."""
-        return len(self._hidden.law)
+        return 0 if self._hidden is None else len(self._hidden.law)
 
     @property
     def hidden_flow(self) -> np.ndarray:
         """(k, 4) what flows more into chamber A for each hidden effect [m3/s]."""
-        return self._hidden.flow.copy()
+        return np.zeros((0, 4)) if self._hidden is None else self._hidden.flow.copy()
 
     @property
     def hidden_force(self) -> np.ndarray:
         """(k, 4) what each hidden effect asked of the drives in the last step [N m, N]."""
-        return self._hidden.force.copy()
+        return np.zeros((0, 4)) if self._hidden is None else self._hidden.force.copy()
 
     @property
     def pressure_a(self) -> np.ndarray:
@@ -259,7 +259,8 @@ class Plant:
             supply=np.array([self.machine.hydraulics.supply_pressure]),
         )
         mass_and_bias(constants.chain, q, state.v, scratch.mass, scratch.bias)
-        act(self._hidden, constants, state, scratch, self._step)
+        if self._hidden is not None:
+            act(self._hidden, constants, state, scratch, self._step)
         tank, supply = self.tank_pressure, self.machine.hydraulics.supply_pressure
         area_a, area_b = constants.cylinders["area_a"], constants.cylinders["area_b"]
         piston = (scratch.bias - scratch.force) / actuators["lever"]

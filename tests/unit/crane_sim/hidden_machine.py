@@ -77,6 +77,8 @@ def rig(stand_in: StandIn, machine: Machine, *effects: Planted) -> Rig:
         before=np.zeros(4),
         law=constants.friction.copy(),
     )
-    made = Rig(constants, work(effects, machine), state, scratch)
+    hidden = work(effects, machine)
+    assert hidden is not None
+    made = Rig(constants, hidden, state, scratch)
     made.put(stand_in.start, np.zeros(4))
     return made

@@ -172,7 +172,7 @@ def test_slewing_is_noted_and_not_added(machine: Machine, stand_in: StandIn, q: 
     v = np.array([0.3, 0.05, -0.1, 0.2])
 
     def kinetic(q: np.ndarray) -> float:
-        probe = rig(stand_in, machine)
+        probe = rig(stand_in, machine, planted("base_tilt", None, 0.0))
         probe.put(q, np.zeros(4))
         return 0.5 * probe.scratch.mass[0, 0] * v[0] ** 2
 

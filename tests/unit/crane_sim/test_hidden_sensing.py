@@ -11,6 +11,7 @@ from crane_sim.hidden.fault import Fault
 from crane_sim.hidden.flow import leak, meter, note_softness, softness
 from crane_sim.hidden.form import Planted
 from crane_sim.hidden.sensing import faults
+from crane_sim.hydraulics import opening
 from crane_sim.parameters import StandIn
 
 JOINT, COLUMN = "outer_boom", 2
@@ -93,11 +94,11 @@ def spool(hidden: Rig, position: float) -> float:
 
 def test_valves(machine: Machine, stand_in: StandIn) -> None:
     """More overlap, two gains, edges that trail; what they change in the flow is noted."""
-    plain = rig(stand_in, machine)
+    zone = stand_in.valves.outer_boom.dead_zone
     overlap = rig(stand_in, machine, planted("valve_dead_zone", JOINT, 0.1, 0.004))
     gains = rig(stand_in, machine, planted("valve_asymmetry", JOINT, 0.2, 0.004))
     for position in (-0.8, -0.3, 0.3, 0.8):
-        x = spool(plain, position)
+        x = opening(position, zone)
         assert spool(overlap, position) == pytest.approx(x - 0.1 * np.sign(x), abs=2e-3)
         assert spool(gains, position) == pytest.approx(x * (1 + 0.2 * np.sign(x)))
         actuator, valve = gains.state.actuators[COLUMN], gains.constants.valves[COLUMN]
@@ -106,12 +107,12 @@ def test_valves(machine: Machine, stand_in: StandIn) -> None:
         # more flows in at the one edge, less flows out at the other
         more = valve["flow_gain"] * 0.2 * abs(x) * np.sqrt(abs(drop))
         assert gains.hidden.flow[0, COLUMN] == pytest.approx(more, rel=2e-3)
-    assert abs(spool(overlap, 0.1)) < 0.05 * abs(spool(plain, 0.1)) + 2e-3
+    assert abs(spool(overlap, 0.1)) < 0.05 * opening(0.1, zone) + 2e-3
 
     play = rig(stand_in, machine, planted("valve_hysteresis", JOINT, 0.06))
-    assert spool(play, 0.5) == pytest.approx(spool(plain, 0.47))
-    assert spool(play, 0.46) == pytest.approx(spool(plain, 0.47))
-    assert spool(play, 0.3) == pytest.approx(spool(plain, 0.33))
+    assert spool(play, 0.5) == pytest.approx(opening(0.47, zone))
+    assert spool(play, 0.46) == pytest.approx(opening(0.47, zone))
+    assert spool(play, 0.3) == pytest.approx(opening(0.33, zone))
 
 
 def test_leakage_and_softness(machine: Machine, stand_in: StandIn) -> None:

@@ -20,6 +20,18 @@ def viscous(stand_in: StandIn, joint: str) -> float:
     return stand_in.friction[joint].f_v
 
 
+def carried(stand_in: StandIn, joint: str) -> float:
+    """About the inertia that the joint moves [kg m2, kg]: for booms that of all beyond at 1.4 m."""
+    bodies = stand_in.bodies
+    mass = bodies.telescope.mass + bodies.gripper.mass
+    if joint == "telescope":
+        return mass
+    mass += bodies.outer_boom.mass
+    if joint == "inner_boom":
+        mass += bodies.inner_boom.mass
+    return mass * 1.4**2
+
+
 def unscaled(stand_in: StandIn, joint: str) -> float:
     """1."""
     return 1.0

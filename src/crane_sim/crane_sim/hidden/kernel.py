@@ -1,6 +1,6 @@
 """Hidden effects in a step of the plant: `act` before the velocities are found, `settle` after.
 
-Nothing here runs in a plant that hides nothing.
+Nothing here runs, or is compiled, for a plant that hides nothing.
 """
 
 import numpy as np

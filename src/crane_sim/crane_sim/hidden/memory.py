@@ -5,7 +5,7 @@ import math
 import numpy as np
 from numba import njit
 
-from crane_sim.hidden.form import Draw, Form, Magnitude, coulomb
+from crane_sim.hidden.form import Draw, Form, Magnitude, carried, coulomb
 from crane_sim.hidden.working import MEMORY, Hidden
 from crane_sim.state import Scratch
 
@@ -120,6 +120,6 @@ FORMS = (
          (Draw("clearance", "{coordinate}", 4e-3, 1.5e-2),
           Draw("threshold", "{force}", 0.02, 0.05, coulomb))),
     Form("boom_flexibility", "two_modes", TWO_MODES,
-         Magnitude("J", "{force} s2/{coordinate}", 5.0, 200.0),
-         (Draw("frequency", "Hz", 1.0, 4.0), Draw("damping", "1", 0.03, 0.15))),
+         Magnitude("J", "{force} s2/{coordinate}", 0.05, 0.4, carried),
+         (Draw("frequency", "Hz", 0.8, 3.0), Draw("damping", "1", 0.03, 0.15))),
 )  # fmt: skip

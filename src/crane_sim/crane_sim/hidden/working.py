@@ -30,9 +30,14 @@ class Hidden(NamedTuple):
     clock: np.ndarray  # (1,) s
 
 
-def work(planted: Sequence[Planted], machine: Machine) -> Hidden:
-    """Effects that act in the plant, before its first step; faults of sensors are left out."""
+def work(planted: Sequence[Planted], machine: Machine) -> Hidden | None:
+    """Effects that act in the plant, before its first step; None if there is none.
+
+    Faults of sensors are left out.
+    """
     inside = [effect for effect in planted if isinstance(effect.form.law, int)]
+    if not inside:
+        return None
     count = len(inside)
     value = np.zeros((count, VALUES))
     middle, half = np.zeros(count), np.ones(count)
