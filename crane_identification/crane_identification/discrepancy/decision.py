@@ -15,6 +15,8 @@ DISTINCT = 0.9
 """Correlation beside the model below which the columns of two effects are different."""
 RELATED = 0.2
 """Correlation below which an effect is no rival: it explains something else."""
+KIN_SHARE = 0.5
+"""Share of an effect's score by which it must lead another law of the same effect."""
 SAME_FORM = 0.9
 """Correlation above which one effect is taken for a special case of the other."""
 
@@ -171,15 +173,22 @@ def _judged(
         (rival, alike)
         for rival in _rivals(search, choice, place)
         if (alike := _alike(search, number, rival.options[-1])) > RELATED
+        or _kin(own.family, projection.options[rival.options[-1]].family)
     ]
     needed = _needed(search, choice, thresholds, threshold)
     members, correlation = [], rivals[0][1] if rivals else 0.0
     for rival, alike in rivals:
-        more = _freedom(search, rival.options[-1]) > _freedom(search, number)
+        other = projection.options[rival.options[-1]]
+        lead = choice.gain - rival.gain
+        if _kin(own.family, other.family):
+            if lead < KIN_SHARE * score:
+                members.append(other.family)
+            continue
+        more = bool(other.shape) and _freedom(search, rival.options[-1]) > _freedom(search, number)
         if more and alike > SAME_FORM:
             continue  # the same with more freedom, which it does not need
-        if choice.gain - rival.gain <= needed or alike > thresholds.alike:
-            members.append(projection.options[rival.options[-1]].family)
+        if lead <= needed or alike > thresholds.alike:
+            members.append(other.family)
     evidence = search.evidence
     columns = [projection.options[i].columns for i in others.options]
     before = np.concatenate([evidence.base, *columns], axis=2)
@@ -200,14 +209,17 @@ def _judged(
     )
 
 
+def _kin(one: Family, other: Family) -> bool:
+    """Whether both are laws of the same effect, on the same joint."""
+    return one.joint == other.joint and other.type in one.effect.kin
+
+
 def _alike(search: Search, one: int, other: int) -> float:
     """Cosine of the smallest angle between the columns of two options, beside the base."""
     projection = search.projection
     a, b = projection.members[one], projection.members[other]
-    if len(a) != len(b):
-        return 0.0
     gram = projection.gram
-    if len(a) == 1:
+    if len(a) == len(b) == 1:
         return float(abs(gram[a[0], b[0]]))
     roots = [np.linalg.cholesky(gram[np.ix_(c, c)] + 1e-12 * np.eye(len(c))) for c in (a, b)]
     mixed = np.linalg.solve(roots[0], np.linalg.solve(roots[1], gram[np.ix_(b, a)]).T)

@@ -140,7 +140,7 @@ def diagnose(
     )
     if verdict is Verdict.UNKNOWN:
         accepted, after, values = [], before, []
-    flows, no_flow = examine(evidence, usual or load_usual())
+    flows, no_flow = examine(evidence, held_out, usual or load_usual())
     verdict, reason = with_flow(verdict, reason, flows)
     gap = measure(before, after, evidence, held_out, periods)
     progress("gap", 1.0)

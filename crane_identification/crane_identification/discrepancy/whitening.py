@@ -11,6 +11,7 @@ from crane_identification.estimation.autoregression import Autoregression, restr
 NEGLIGIBLE = 1e-8  # of the largest eigenvalue: directions below are rounding
 DIRECTIONS = 60  # of the candidates that the largest model takes, the commonest ones
 ROWS_PER_UNKNOWN = 1.5  # of the base; a channel with fewer says nothing about what it lacks
+FEWEST_ROWS = 8
 ROWS_PER_DIRECTION = 12  # a channel with fewer rows does not carry another direction
 SAME = 0.999
 """A column whose part beyond the base is correlated like this with the residual is the measured
@@ -71,11 +72,11 @@ def whitener(evidence: Evidence, largest: np.ndarray) -> Whitener:
     first = np.diff(evidence.run, prepend=-1) != 0
     for c in range(evidence.channels):
         used = evidence.used[:, c]
-        if used.sum() < ROWS_PER_UNKNOWN * np.linalg.matrix_rank(evidence.base[used, c]):
+        known = leading(evidence.base[used, c], evidence.base.shape[2])
+        if used.sum() < max(ROWS_PER_UNKNOWN * known.shape[1], FEWEST_ROWS):
             noise.append(None)
             continue
-        columns = evidence.base[:, c], largest[:, c]
-        found = _noise(*columns, evidence.force[:, c], used, evidence.run)
+        found = _noise(known, largest[:, c], evidence.force[:, c], used, evidence.run)
         noise.append(found)
         before = _used_before(used, first, len(found.polynomial) - 1)
         for m, (polynomial, variance) in enumerate(_predictors(found)):
@@ -86,9 +87,9 @@ def whitener(evidence: Evidence, largest: np.ndarray) -> Whitener:
 
 
 def _noise(
-    base: np.ndarray, columns: np.ndarray, force: np.ndarray, used: np.ndarray, run: np.ndarray
+    known: np.ndarray, columns: np.ndarray, force: np.ndarray, used: np.ndarray, run: np.ndarray
 ) -> Autoregression:
-    known = leading(base[used], base.shape[1])
+    """Beside the orthonormal directions `known` of the base, and those of the columns."""
     columns = columns[:, columns.any(axis=0)]
     rest = columns[used] - known @ (known.T @ columns[used])
     residual = force[used] - known @ (known.T @ force[used])
@@ -102,7 +103,7 @@ def _noise(
     basis = np.zeros((len(used), known.shape[1] + more.shape[1]))
     basis[used] = np.linalg.qr(np.concatenate([known, more], axis=1))[0]
     found = restricted_likelihood(*(_by_run(v, run) for v in (basis, force, used)))
-    assert found is not None  # fewer directions than rows
+    assert found is not None  # `whitener` asks for more rows than directions
     floor = (1e-9 * np.sqrt((force[used] ** 2).mean())) ** 2  # of a machine without any noise
     return Autoregression(found.polynomial, max(found.variance, floor, np.finfo(float).tiny))
 

@@ -12,6 +12,7 @@ class Effect(NamedTuple):
     signature: str  # how it shows in the residual of a model that lacks it
     confusable: tuple[str, ...]  # types of the terms that it is easily taken for
     settled_by: str  # the experiment that tells it from them
+    kin: tuple[str, ...] = ()  # types of terms that are other laws of the same effect: one class
 
 
 class Shape(NamedTuple):

@@ -29,6 +29,7 @@ class MaxwellSlip(MemoryTerm, OneJointTerm):
         "nested loops against displacement that remember the turning points",
         ("stribeck", "presliding", "backlash"),
         "small slow strokes of several lengths about one position",
+        kin=("presliding",),
     )
     shapes: ClassVar[dict[str, Shape]] = {
         "travel": Shape(1e-3, 5e-2, "rad or m", 7, "displacement at which the last element slips")

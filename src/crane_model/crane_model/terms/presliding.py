@@ -27,6 +27,7 @@ class Presliding(JointMemoryTerm):
         "a loop against displacement after every reversal, the same at all speeds",
         ("coulomb", "stribeck", "maxwell_slip", "backlash", "time_skew"),
         "small slow strokes about one position, to and fro",
+        kin=("maxwell_slip",),
     )
     shapes: ClassVar[dict[str, Shape]] = {
         "travel": Shape(3e-4, 3e-2, "rad or m", 9, "displacement over which friction builds up")

@@ -35,7 +35,7 @@ def evidence() -> Evidence:
 
 @pytest.fixture(scope="module")
 def flow(evidence: Evidence) -> Flow:
-    found, absent = examine(evidence, USUAL)
+    found, absent = examine(evidence, evidence, USUAL)
     assert {joint for _, joint in absent} == {"inner_boom", "outer_boom"}  # not in this record
     return found[0]
 
@@ -56,6 +56,6 @@ def test_what_is_beyond_the_usual_is_missing(flow: Flow) -> None:
 def test_without_supply_pressure_it_is_not_observable(evidence: Evidence) -> None:
     (run,) = evidence.runs
     blind = replace(run, record=replace(run.record, supply_pressure=None))
-    found, absent = examine(replace(evidence, runs=(blind,)), USUAL)
+    found, absent = examine(replace(evidence, runs=(blind,)), evidence, USUAL)
     assert not found
     assert "supply pressure" in absent["valve_dead_zone", JOINT]
