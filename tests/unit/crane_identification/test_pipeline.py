@@ -5,6 +5,7 @@ import numpy as np
 import pytest
 from unit.crane_identification.synthetic import (
     AXIS_THETA,
+    LEAD,
     PERIOD,
     RATE,
     axis_log,
@@ -118,6 +119,23 @@ def test_rows_near_reversals_are_not_used(axis: Model) -> None:
     assert 0 < resolution[0] < 0.05 * np.abs(velocity).max()
     assert 0.5 < preparation.moving.mean() < 0.98
     assert not result.rows.used.all()
+
+
+def test_rows_where_one_period_stands_are_not_used(axis: Model) -> None:
+    """In the second period the axis sets off 0.8 s later after a reversal, and catches up."""
+    log = axis_log(6, axis)
+    assert log.reference_position is not None
+    time, asked = log.position.time, log.reference_position.value[:, 0]
+    second = (time > LEAD + PERIOD) & (time < LEAD + 2 * PERIOD - 2.0)
+    turns = np.flatnonzero(second[1:-1] & (np.diff(asked)[1:] * np.diff(asked)[:-1] < 0)) + 1
+    since = time - time[turns[0]]
+    caught_up = np.clip((since - 0.8) / 0.4, 0.0, 1.0)
+    late = asked[turns[0]] + caught_up**2 * (3 - 2 * caught_up) * (asked - asked[turns[0]])
+    stuck = np.where((since > 0.0) & (since < 1.2), late, asked)
+    late_log = replace(log, position=Signal(time, stuck[:, None], "q"))
+    both = [prepare(axis, one, Options())[0] for one in (log, late_log)]
+    instant = round((time[turns[0]] + 0.6 - LEAD) * RATE) % round(PERIOD * RATE)
+    assert [bool(one.moving[instant, 0]) for one in both] == [True, False]
 
 
 def test_motion_in_one_direction_leaves_parameters_undetermined(axis: Model) -> None:
