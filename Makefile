@@ -32,7 +32,7 @@ setup:
 	@scripts/setup.sh
 
 demo: setup
-	@$(in_env) python scripts/demo/demo.py
+	@$(in_env) python scripts/demo/demo.py $(if $(SEED),--seed $(SEED))
 
 study: setup
 	@$(in_env) python scripts/study/study.py

@@ -3,10 +3,12 @@
 Simulated crane, driver, trajectory, identification and recorder run as processes; two experiments
 are recorded, the model is fitted to one bag and validated on the other. Then the same from bags of
 a machine with dynamic friction (LuGre), made faster than real time: the model cannot represent that
-law, and the bias this brings is seen. Everything is done by the executables that a user would call;
+law, and the bias this brings is seen. Last, the machine gets an effect that the model lacks, and
+its bags alone must tell which. Everything is done by the executables that a user would call;
 results are left in runs/demo.
 """
 
+import argparse
 import os
 import shutil
 import sys
@@ -15,6 +17,7 @@ from collections.abc import Iterator
 from contextlib import contextmanager
 
 import live
+import missing
 from laws import DYNAMIC_LAW, OUT, REPORT_LAW, identify, make_bags, note_planted
 from processes import DemoError, Processes
 from results import write_summary
@@ -47,6 +50,9 @@ class Phases:
 
 def main() -> int:
     """Run the demo; exit status 0, 1 if something failed, 130 after Ctrl-C."""
+    parser = argparse.ArgumentParser(description="The whole suite at work.")
+    parser.add_argument("--seed", type=int, default=SEED, help="of noise and of what is hidden")
+    options = parser.parse_args()
     console = Console() if sys.stdout.isatty() else Console(width=WIDTH)
     phases = Phases(console)
     shutil.rmtree(OUT, ignore_errors=True)  # only ever written by this script
@@ -58,7 +64,7 @@ def main() -> int:
     os.environ.update(environment)
     try:
         with Processes(OUT / "logs", environment) as suite:
-            _demo(console, phases, suite, domain)
+            _demo(console, phases, suite, domain, options.seed)
     except DemoError as error:
         print(f"error: {error}", file=sys.stderr)
         return 1
@@ -69,21 +75,29 @@ def main() -> int:
     return 0
 
 
-def _demo(console: Console, phases: Phases, suite: Processes, domain: int) -> None:
+def _demo(console: Console, phases: Phases, suite: Processes, domain: int, seed: int) -> None:
     laws = REPORT_LAW, DYNAMIC_LAW
     for law in laws:
         (law.folder / "bags").mkdir(parents=True)
         note_planted(suite, law)
     start = time.monotonic()
-    live.record(suite, domain, REPORT_LAW, SEED, console.print)
+    live.record(suite, domain, REPORT_LAW, seed, console.print)
     phases.seconds["live"] = round(time.monotonic() - start, 2)
     with phases.phase("bags", f"two bags of {DYNAMIC_LAW.name}, faster than real time"):
         make_bags(suite, DYNAMIC_LAW)
     with phases.phase("identify", "identification: fit, validation on the other bag, report"):
         identify(suite, *laws)
-    write_summary(phases.seconds)
     console.print(table(), errors_table(), bags_table())
-    console.print(f"Report: {OUT}/report.html   Model: {OUT}/model.yaml   All: {OUT}/summary.json")
+    with phases.phase("missing_bags", "last act: bags of a machine with an effect the model lacks"):
+        missing.make_bags(suite, seed)
+    with phases.phase("diagnose", "which effect is it? asked of the bags alone"):
+        missing.diagnose(suite)
+    console.print(missing.answer(suite), highlight=False)
+    console.print(missing.table())
+    write_summary(phases.seconds)
+    console.print(
+        f"Reports: {OUT}/report.html, {missing.ANSWER}/report.html   All: {OUT}/summary.json"
+    )
 
 
 if __name__ == "__main__":

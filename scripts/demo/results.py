@@ -5,6 +5,7 @@ import math
 from typing import Any
 
 import bags
+import missing
 from laws import DYNAMIC_LAW, OUT, REPORT_LAW, Law
 
 
@@ -41,6 +42,7 @@ def write_summary(seconds: dict[str, float]) -> None:
         "validation_bag_gaps": bags.gaps(REPORT_LAW.bag("validate")),
         "dynamic_friction": DYNAMIC_LAW.read("summary.json")
         | {"parameters": parameters(DYNAMIC_LAW)},
+        "missing_effect": missing.summary(),
         "wall_seconds": seconds,
     }
     text = json.dumps(summary, indent=2, ensure_ascii=False)

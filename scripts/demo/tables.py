@@ -13,7 +13,7 @@ from crane_model.machine import JOINT_UNITS
 
 def table() -> Table:
     """Parameter, unit, planted, and what was identified online and offline."""
-    result = _table("Θ: planted in the simulated crane, identified online and from its bag")
+    result = plain_table("Θ: planted in the simulated crane, identified online and from its bag")
     for heading in ("parameter", "unit"):
         result.add_column(heading, no_wrap=True)
     for heading in ("planted", "online ± σ", "off/σ", "offline ± σ", "off/σ"):
@@ -29,7 +29,8 @@ def table() -> Table:
     return result
 
 
-def _table(title: str) -> Table:
+def plain_table(title: str) -> Table:
+    """One without frames."""
     return Table(title=title, title_justify="left", box=box.SIMPLE_HEAD, padding=(0, 1, 0, 0))
 
 
@@ -50,7 +51,7 @@ def _estimate(row: dict[str, Any], kind: str) -> tuple[str, str]:
 
 def bags_table() -> Table:
     """What was recorded, and how well the crane followed."""
-    result = _table("Messages recorded live at 200 Hz, and gaps of more than 1.5 cycles")
+    result = plain_table("Messages recorded live at 200 Hz, and gaps of more than 1.5 cycles")
     result.add_column("topic", no_wrap=True)
     for heading in ("fit", "gaps", "validation", "gaps"):
         result.add_column(heading, justify="right")
@@ -68,7 +69,7 @@ def bags_table() -> Table:
 
 def errors_table() -> Table:
     """Held-out errors per joint."""
-    result = _table("On the bag that was not used for fitting: error of force and of motion")
+    result = plain_table("On the bag that was not used for fitting: error of force and of motion")
     result.add_column("joint", no_wrap=True)
     for heading in (
         *("‖τ-τ̂‖/‖τ‖", "without gravity", "noise floor", "with LuGre"),

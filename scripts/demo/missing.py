@@ -1,0 +1,101 @@
+"""The last act: one effect that the model lacks is hidden in the machine, and found in its bags.
+
+What is hidden is drawn from the seed, and is opened only after the answer.
+"""
+
+import json
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import yaml
+from laws import EXCITATION, OUT, VALIDATION
+from processes import Processes
+from rich.table import Table
+from tables import plain_table
+
+from crane_model.configuration import packaged
+from crane_model.machine import PLANAR_JOINTS
+
+# What these motions show; `make discrepancy-benchmark` hides everything.
+EFFECTS = ("stribeck", "viscous_quadratic", "load_friction", "position_friction", "hose_stiffness")
+PERIODS = 3
+STRENGTH = 0.04  # rms of the force of the effect over that of the drive
+FOLDER = OUT / "missing_effect"
+ANSWER = FOLDER / "diagnosis"
+LABELS = FOLDER / "labels"  # outside of the bags' folders: nobody who reads these sees it
+TRAIN = {"train_0": EXCITATION, "train_1": VALIDATION, "train_2": EXCITATION}
+HELD_OUT = {"held_out": VALIDATION}
+
+
+def make_bags(suite: Processes, seed: int) -> None:
+    """Record the machine with the effect, faster than real time."""
+    rng = np.random.default_rng(seed)
+    effect, joint = str(rng.choice(EFFECTS)), str(rng.choice(PLANAR_JOINTS))
+    hidden = {"effect": effect, "joint": joint, "strength": STRENGTH}
+    LABELS.mkdir(parents=True)
+    spec = LABELS / "hidden.yaml"
+    spec.write_text(yaml.safe_dump({"seed": seed, "effects": [hidden]}), encoding="utf-8")
+    bags = TRAIN | HELD_OUT
+    for number, (name, trajectory) in enumerate(bags.items(), start=1):
+        suite.start(
+            *(name, "crane_sim", "make_bag", "--out", FOLDER / "bags" / name),
+            *("--trajectory", packaged("crane_trajectory", trajectory)),
+            *("--periods", PERIODS, "--seed", 10 * seed + number),
+            *("--hide", spec, "--label", LABELS / f"{name}.json"),
+        )
+    suite.finish(*bags)
+
+
+def diagnose(suite: Processes) -> None:
+    """Answer from the bags alone."""
+    bags = FOLDER / "bags"
+    suite.start(
+        *("diagnose", "crane_identification", "diagnose", "--out", ANSWER),
+        *("--model", packaged("crane_model", "crane_model.yaml")),
+        *("--train", *(bags / name for name in TRAIN)),
+        *("--validate", *(bags / name for name in HELD_OUT)),
+    )
+    suite.finish("diagnose")
+
+
+def answer(suite: Processes) -> str:
+    """The answer in a few lines."""
+    return suite.output("explain", "crane_identification", "diagnose", "--explain", ANSWER)
+
+
+def table() -> Table:
+    """The answer beside the label, which is opened here."""
+    result = plain_table("The label, opened only now, and the answer")
+    for heading in ("", "effect", "joint"):
+        result.add_column(heading, no_wrap=True)
+    for heading in ("strength", "force unexplained before", "after"):
+        result.add_column(heading, justify="right")
+    found = _findings()
+    (hidden,) = _label()["effects"]
+    result.add_row("hidden", hidden["effect"], hidden["joint"], f"{hidden['strength']:.1%}", "", "")
+    gap = found["gap"]
+    for one in found["findings"]:
+        error = (
+            f"{gap[when][one['joint']]['force_relative_error']:.2%}" if one["joint"] in gap[when]
+            else ""
+            for when in ("before", "after")
+        )  # fmt: skip
+        result.add_row("found", one["effect"], one["joint"], "", *error)
+    if not found["findings"]:
+        result.add_row(str(found["verdict"]), "", "", "", "", "")
+    return result
+
+
+def summary() -> dict[str, Any]:
+    """For summary.json."""
+    return {"hidden": _label()["effects"], "answer": _findings()}
+
+
+def _findings() -> dict[str, Any]:
+    return json.loads((ANSWER / "findings.json").read_text(encoding="utf-8"))
+
+
+def _label() -> dict[str, Any]:
+    path: Path = LABELS / "held_out.json"
+    return json.loads(path.read_text(encoding="utf-8"))
