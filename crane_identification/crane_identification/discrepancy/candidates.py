@@ -1,6 +1,6 @@
 """The effects that a model may lack: every candidate term, on every joint, at every shape."""
 
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from itertools import product
 from typing import Any
@@ -83,24 +83,26 @@ class Option:
     positive: np.ndarray
 
 
-def families(model: Model, runs: int) -> list[Family]:
-    """Every candidate on every joint of the model, without those that the model has."""
+def families(model: Model, bags: Sequence[tuple[int, ...]]) -> list[Family]:
+    """Every candidate on every joint of the model, without those that the model has.
+
+    `bags`: the numbers of the runs of each recording.
+    """
     present = {(term.type, getattr(term, "joint", None)) for term in model.terms}
     out = []
     for cls in candidates(model.setting):
         joints = joints_of(cls, model.setting) or (None,)
-        within = _parts(runs) if "runs" in cls.model_fields else ()
+        within = _parts(bags) if "runs" in cls.model_fields else ()
         if "runs" in cls.model_fields and not within:
             continue
         out += [Family(cls, joint, within) for joint in joints]
     return [family for family in out if (family.type, family.joint) not in present]
 
 
-def _parts(runs: int) -> tuple[tuple[int, ...], ...]:
-    """Each run by itself, and all from one on: what may have changed between runs."""
-    alone = [(run,) for run in range(runs)]
-    later = [tuple(range(run, runs)) for run in range(1, runs - 1)]
-    return tuple(alone + later) if runs > 1 else ()
+def _parts(bags: Sequence[tuple[int, ...]]) -> tuple[tuple[int, ...], ...]:
+    """Each recording by itself, and all from one on: what may have changed between them."""
+    later = [tuple(run for bag in bags[first:] for run in bag) for first in range(1, len(bags) - 1)]
+    return (*bags, *later) if len(bags) > 1 else ()
 
 
 def option(evidence: Evidence, family: Family, shape: Mapping[str, Any]) -> Option:

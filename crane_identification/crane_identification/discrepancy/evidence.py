@@ -48,6 +48,7 @@ class Run:
     """One gapless run: its record, which samples its channels see, and how many make a row."""
 
     source: str
+    number: int
     record: Record
     gate: np.ndarray  # (samples, channels)
     factor: int
@@ -97,6 +98,14 @@ class Evidence:
         """Number c."""
         return self.force.shape[1]
 
+    @property
+    def bags(self) -> list[tuple[int, ...]]:
+        """Numbers of the runs of each recording."""
+        sources = dict.fromkeys(run.source for run in self.runs)
+        return [
+            tuple(run.number for run in self.runs if run.source == source) for source in sources
+        ]
+
     @cached_property
     def moving(self) -> "Evidence":
         """The first zone alone, whose channels are the joints, beside the model alone."""
@@ -141,7 +150,7 @@ def gather(
         record = replace(preparation.record, run=np.full(n, first_run + number))
         assert record.force is not None  # prepare() refuses such recordings
         gate = np.concatenate([zone.gate(preparation) for zone in Zone], axis=1)
-        run = Run(preparation.source, record, gate, factor)
+        run = Run(preparation.source, first_run + number, record, gate, factor)
         columns = [model.regressor(record)]
         columns += [term.columns(record, model.setting) for term in beside]
         base = run.filtered(np.concatenate(columns, axis=2))

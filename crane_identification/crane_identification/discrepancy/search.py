@@ -134,7 +134,7 @@ def _others(choice: Choice, place: int) -> tuple[int, ...]:
 
 def search(evidence: Evidence, progress: Progress = silent) -> Search:
     """All candidates of the catalogue beside the model."""
-    wanted = families(evidence.model, len(evidence.runs))
+    wanted = families(evidence.model, evidence.bags)
     found, unobservable = options(evidence, wanted, progress)
     white = whitener(evidence, np.concatenate([one.columns for one in found], axis=2))
     base = whitened_base(evidence, white)

@@ -5,6 +5,7 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from crane_identification.discrepancy.diagnosis import Diagnosis, Finding
+from crane_identification.discrepancy.evidence import Zone
 from crane_identification.discrepancy.gap import residual
 from crane_identification.discrepancy.region import region
 from crane_identification.discrepancy.report import charts
@@ -119,20 +120,22 @@ def _pictures(diagnosis: Diagnosis, number: int, finding: Finding) -> tuple[Pict
     accepted = finding.accepted
     evidence, held_out = diagnosis.training, diagnosis.held_out
     effect = accepted.option.columns @ _own_values(diagnosis, accepted.option.term)
-    j = int(np.argmax(evidence.rms(effect) / evidence.force_rms))
+    channel = int(np.argmax(_visible(diagnosis, effect)))
+    j = channel % len(diagnosis.joints)
     force_unit = unit(diagnosis.before.setting.force_unit(diagnosis.joints[j]))
     left = f"τ − τ<sub>model</sub> [{force_unit}]"
-    used = evidence.used[:, j]
-    before = residual(evidence, diagnosis.before)[used, j]
-    after = residual(evidence, diagnosis.after)[used, j]
+    used = evidence.used[:, channel]
+    before = residual(evidence, diagnosis.before)[used, channel]
+    after = residual(evidence, diagnosis.after)[used, channel]
+    zone = list(Zone)[channel // len(diagnosis.joints)].value
     own = diagnosis.known.about(diagnosis.joints[j])
-    follows = region(own, effect[:, j], used)
+    follows = region(own, effect[:, channel], used)
     variable = follows.variable if follows else own.names[0]
     x = diagnosis.known.values[used, diagnosis.known.names.index(variable)]
     return (
         Picture(
             f"signature-{number}",
-            "What the model leaves, against what it follows",
+            f"What the model leaves {zone}, against what it follows",
             charts.cloud(x, before, after, before - after, (spoken(variable), left)),
         ),
         Picture(
@@ -151,6 +154,15 @@ def _pictures(diagnosis: Diagnosis, number: int, finding: Finding) -> tuple[Pict
             _held_out_curves(diagnosis, held_out.run[0], j, force_unit),
         ),
     )
+
+
+def _visible(diagnosis: Diagnosis, effect: np.ndarray) -> np.ndarray:
+    """Energy (c,) of what an effect (n, c) changes in each channel, in units of what is left."""
+    evidence = diagnosis.training
+    changed = residual(evidence, diagnosis.before) - residual(evidence, diagnosis.after)
+    own = np.where(evidence.rms(effect) > 0.0, evidence.rms(changed), 0.0)
+    left = np.maximum(evidence.rms(residual(evidence, diagnosis.after)), np.finfo(float).tiny)
+    return evidence.used.sum(axis=0) * (own / left) ** 2
 
 
 def _held_out_curves(diagnosis: Diagnosis, run: int, j: int, force_unit: str) -> dict[str, Any]:

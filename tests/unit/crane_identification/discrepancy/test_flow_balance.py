@@ -26,7 +26,7 @@ def evidence() -> Evidence:
     model = load_model(packaged("crane_model", "crane_model.yaml"))
     assert model.machine is not None
     record = moved(model.machine, BAND, DK)
-    run = Run("cylinder", record, np.ones((len(record), 1)), 10)
+    run = Run("cylinder", 0, record, np.ones((len(record), 1)), 10)
     nothing = np.zeros((1, 1))
     return Evidence(
         model, (run,), nothing[0], nothing[0], nothing[0], nothing, nothing, nothing > 0
