@@ -1,5 +1,6 @@
 """Hidden effects in a machine that moves: balance of forces, strength, and what is refused."""
 
+import re
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -188,6 +189,30 @@ def test_parameters_are_drawn_from_the_seed_or_given(stand_in: StandIn) -> None:
     given = HiddenEffect(effect="payload", parameters={"mass": 12.5, "gyration": 0.2})
     values = draw(Spec(effects=(given,)), stand_in)[0].values
     assert (values[0], values[2]) == (12.5, 0.2)
+
+
+def test_the_sign_is_drawn_where_either_is_possible(stand_in: StandIn) -> None:
+    """Zeros of transducers read too much or too little; friction is friction."""
+
+    def signs(effect: str) -> set[float]:
+        entry = HiddenEffect(effect=effect, joint="telescope", strength=0.02)
+        return {
+            float(np.sign(draw(Spec(seed=seed, effects=(entry,)), stand_in)[0].values[0]))
+            for seed in range(20)
+        }
+
+    assert signs("pressure_offset") == {-1.0, 1.0}
+    assert signs("stribeck") == {1.0}
+
+
+def test_readme_lists_every_effect_with_its_forms() -> None:
+    """In the table of the section about hiding effects."""
+    text = (Path(__file__).resolve().parents[3] / "README.md").read_text(encoding="utf-8")
+    section = text.split("### Hiding effects in the stand-in machine")[1].split("\n### ")[0]
+    listed = {
+        name: names.split(", ") for name, names in re.findall(r"`(\w+)` \(([\w, ]+)\)", section)
+    }
+    assert listed == {name: [form.name for form in forms] for name, forms in FORMS.items()}
 
 
 @pytest.mark.parametrize(

@@ -69,6 +69,8 @@ def draw(spec: Spec, stand_in: StandIn) -> tuple[Planted, ...]:
             for entry in form.draws
         }
         start = form.magnitude.start * _scale(form.magnitude.of, stand_in, effect.joint)
+        if form.signed:
+            start *= rng.choice([-1.0, 1.0])
         values = {form.magnitude.name: start} | drawn | effect.parameters
         planted.append(Planted(form, effect.joint, tuple(values.values()), effect.strength))
     return tuple(planted)
@@ -95,9 +97,9 @@ def _scaled(
     effect = planted[k]
     value, form = effect.values[0] * factor, effect.form
     highest = form.magnitude.highest * _scale(form.magnitude.of, stand_in, effect.joint)
-    if value > highest and effect.values[0] >= highest:
+    if abs(value) > highest and abs(effect.values[0]) >= highest:
         raise RangeError(_beyond(form, effect, highest, reached))
-    values = (min(value, highest), *effect.values[1:])
+    values = (float(np.clip(value, -highest, highest)), *effect.values[1:])
     return (*planted[:k], effect._replace(values=values), *planted[k + 1 :])
 
 

@@ -102,7 +102,7 @@ FORMS = (
          (Draw("corner", "1", 0.003, 0.01),)),
     Form("valve_hysteresis", "trailing_edges", PLAY, Magnitude("width", "1", 0.02, 0.4)),
     Form("valve_asymmetry", "two_gains", TWO_GAINS, Magnitude("share", "1", 0.05, 0.8),
-         (Draw("corner", "1", 0.003, 0.01),)),
+         (Draw("corner", "1", 0.003, 0.01),), signed=True),
     Form("internal_leakage", "orifice", ORIFICE_LEAK,
          Magnitude("conductance", "m3/(s Pa^0.5)", 1e-9, 1e-7)),
     Form("oil_compressibility", "hose_wall", HOSE_WALL, Magnitude("softness", "1", 0.5, 40.0),

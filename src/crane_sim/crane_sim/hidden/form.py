@@ -71,6 +71,7 @@ class Form(NamedTuple):
     draws: tuple[Draw, ...] = ()
     joints: tuple[str, ...] = PLANAR_JOINTS  # on which it can act; empty: the whole machine
     outside: bool = False  # of the catalogue that a diagnosis knows
+    signed: bool = False  # its magnitude may as well be negative, which is drawn too
 
     def unit(self, text: str, joint: str | None) -> str:
         """The unit of a parameter on a joint."""

@@ -208,7 +208,7 @@ def swing(
 FORMS = (
     Form("payload", "body", BODY_AT_TIP, Magnitude("mass", "kg", 8.0, 400.0),
          (Draw("reach", "m", 0.0, 0.3), Draw("gyration", "m", 0.1, 0.3)), ()),
-    Form("base_tilt", "exact", TILTED, Magnitude("angle", "rad", 0.02, 0.35), (), ()),
+    Form("base_tilt", "exact", TILTED, Magnitude("angle", "rad", 0.02, 0.35), (), (), signed=True),
     Form("hose_mass", "reel", HOSE, Magnitude("density", "kg/m", 2.0, 60.0), (), ()),
     Form("actuator_inertia", "rod", ROD, Magnitude("mass", "kg", 100.0, 20000.0)),
     Form("swinging_load", "pendulum", PENDULUM, Magnitude("mass", "kg", 10.0, 80.0),

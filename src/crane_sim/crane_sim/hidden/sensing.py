@@ -1,5 +1,6 @@
 """Hidden faults of sensors: zeros, gains, delays, and some that no catalogue has."""
 
+from abc import ABC, abstractmethod
 from collections.abc import Sequence
 
 import numpy as np
@@ -21,7 +22,7 @@ def faults(planted: Sequence[Planted]) -> tuple[Fault, ...]:
     )
 
 
-class OneTransducer(Fault):
+class OneTransducer(Fault, ABC):
     """A fault of the transducer of chamber A."""
 
     def pressures(self, time: np.ndarray, chamber_a: np.ndarray, chamber_b: np.ndarray) -> BOTH:
@@ -30,9 +31,9 @@ class OneTransducer(Fault):
         shown[:, self.column] = self.shown(time, chamber_a[:, self.column])
         return shown, chamber_b
 
+    @abstractmethod
     def shown(self, time: np.ndarray, pressure: np.ndarray) -> np.ndarray:
         """What it shows of a pressure (n,) [Pa]."""
-        raise NotImplementedError
 
 
 class Zero(OneTransducer):
@@ -69,7 +70,7 @@ class Ripple(Fault):
         return shown_a, shown_b
 
 
-class Crosstalk(OneTransducer):
+class Crosstalk(Fault):
     """A channel that picks up some of the next joint's."""
 
     def pressures(self, time: np.ndarray, chamber_a: np.ndarray, chamber_b: np.ndarray) -> BOTH:
@@ -169,20 +170,21 @@ _BOOMS = ("inner_boom", "outer_boom")
 
 FORMS = (
     Form("pressure_offset", "warming", Zero, _OFFSET,
-         (Draw("recovery", "1", 0.0, 0.1), Draw("warming", "s", 30.0, 90.0))),
-    Form("pressure_gain", "both", BothGains, Magnitude("gain", "1", 0.02, 0.5)),
-    Form("chamber_gain", "chamber_b", GainOfB, Magnitude("gain", "1", 0.02, 0.8)),
+         (Draw("recovery", "1", 0.0, 0.1), Draw("warming", "s", 30.0, 90.0)), signed=True),
+    Form("pressure_gain", "both", BothGains, Magnitude("gain", "1", 0.02, 0.5), signed=True),
+    Form("chamber_gain", "chamber_b", GainOfB, Magnitude("gain", "1", 0.02, 0.8), signed=True),
     Form("encoder_offset", "turned", Turned, Magnitude("offset", "{coordinate}", 0.01, 0.2),
-         (), _BOOMS),
+         (), _BOOMS, signed=True),
     Form("time_skew", "delay", Delay, Magnitude("delay", "s", 0.01, 0.2)),
     Form("time_skew", "lag", Lag, Magnitude("lag", "s", 0.01, 0.2)),
-    Form("crosstalk", "next_joint", Crosstalk, Magnitude("share", "1", 0.02, 0.5), outside=True),
+    Form("crosstalk", "next_joint", Crosstalk, Magnitude("share", "1", 0.02, 0.5),
+         outside=True, signed=True),
     Form("encoder_eccentricity", "disk", Eccentric,
          Magnitude("error", "{coordinate}", 0.01, 0.1),
          (Draw("turns", "rad/{coordinate}", 6.0, 16.0), Draw("phase", "rad", 0.0, 2 * np.pi)),
          _BOOMS, outside=True),
     Form("transducer_bow", "parabola", Bow, Magnitude("bow", "Pa", 5e4, 3e6),
-         (Draw("span", "Pa", 1.2e7, 2.0e7),), outside=True),
+         (Draw("span", "Pa", 1.2e7, 2.0e7),), outside=True, signed=True),
     Form("pressure_ripple", "pump", Ripple, Magnitude("ripple", "Pa", 5e4, 3e6),
          (Draw("frequency", "Hz", 1.0, 4.0),), outside=True),
 )  # fmt: skip
