@@ -20,7 +20,7 @@ import live
 import missing
 from laws import DYNAMIC_LAW, OUT, REPORT_LAW, identify, make_bags, note_planted
 from processes import DemoError, Processes
-from results import write_summary
+from results import complete_summary, write_summary
 from rich.console import Console
 from rich.progress import Progress, SpinnerColumn, TextColumn, TimeElapsedColumn
 from tables import bags_table, errors_table, table
@@ -87,6 +87,7 @@ def _demo(console: Console, phases: Phases, suite: Processes, domain: int, seed:
         make_bags(suite, DYNAMIC_LAW)
     with phases.phase("identify", "identification: fit, validation on the other bag, report"):
         identify(suite, *laws)
+    write_summary()
     console.print(table(), errors_table(), bags_table())
     with phases.phase("missing_bags", "last act: bags of a machine with an effect the model lacks"):
         missing.make_bags(suite, seed)
@@ -94,7 +95,7 @@ def _demo(console: Console, phases: Phases, suite: Processes, domain: int, seed:
         missing.diagnose(suite)
     console.print(missing.answer(suite), highlight=False)
     console.print(missing.table())
-    write_summary(phases.seconds)
+    complete_summary(phases.seconds)
     console.print(
         f"Reports: {OUT}/report.html, {missing.ANSWER}/report.html   All: {OUT}/summary.json"
     )

@@ -31,8 +31,8 @@ def parameters(law: Law) -> list[dict[str, Any]]:
     return rows
 
 
-def write_summary(seconds: dict[str, float]) -> None:
-    """Add planted values, online estimates, what was recorded, and wall times."""
+def write_summary() -> None:
+    """Add planted values, online estimates, and what was recorded."""
     summary = REPORT_LAW.read("summary.json") | {
         "parameters": parameters(REPORT_LAW),
         "tracking_rms": REPORT_LAW.read(REPORT_LAW.result("train").name)["rms_tracking_error"],
@@ -42,8 +42,16 @@ def write_summary(seconds: dict[str, float]) -> None:
         "validation_bag_gaps": bags.gaps(REPORT_LAW.bag("validate")),
         "dynamic_friction": DYNAMIC_LAW.read("summary.json")
         | {"parameters": parameters(DYNAMIC_LAW)},
-        "missing_effect": missing.summary(),
-        "wall_seconds": seconds,
     }
+    _write(summary)
+
+
+def complete_summary(seconds: dict[str, float]) -> None:
+    """Add the missing effect, and wall times."""
+    rest = {"missing_effect": missing.summary(), "wall_seconds": seconds}
+    _write(REPORT_LAW.read("summary.json") | rest)
+
+
+def _write(summary: dict[str, Any]) -> None:
     text = json.dumps(summary, indent=2, ensure_ascii=False)
     (OUT / "summary.json").write_text(text + "\n", encoding="utf-8")
