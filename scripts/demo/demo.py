@@ -95,7 +95,7 @@ def _demo(console: Console, phases: Phases, suite: Processes, domain: int, seed:
         missing.diagnose(suite)
     console.print(missing.answer(suite), highlight=False)
     console.print(missing.table())
-    complete_summary(phases.seconds)
+    complete_summary(missing.summary(), phases.seconds)
     console.print(
         f"Reports: {OUT}/report.html, {missing.ANSWER}/report.html   All: {OUT}/summary.json"
     )

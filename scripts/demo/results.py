@@ -5,7 +5,6 @@ import math
 from typing import Any
 
 import bags
-import missing
 from laws import DYNAMIC_LAW, OUT, REPORT_LAW, Law
 
 
@@ -46,9 +45,9 @@ def write_summary() -> None:
     _write(summary)
 
 
-def complete_summary(seconds: dict[str, float]) -> None:
-    """Add the missing effect, and wall times."""
-    rest = {"missing_effect": missing.summary(), "wall_seconds": seconds}
+def complete_summary(missing_effect: dict[str, Any], seconds: dict[str, float]) -> None:
+    """Add what the last act hid and found, and wall times."""
+    rest = {"missing_effect": missing_effect, "wall_seconds": seconds}
     _write(REPORT_LAW.read("summary.json") | rest)
 
 
