@@ -81,7 +81,8 @@ def _diagnosed(folder: Path, thresholds: Path | None) -> Diagnosis:
 
 def statistics(diagnosis: Diagnosis) -> dict[str, float]:
     """What thresholds are compared with: the best score in units of its bootstrap quantile, whether
-    it is a finding or not; the same of findings alone; and how strong a law the learner finds.
+    it is a finding or not; the same of findings alone; how strong a law the learner finds; and the
+    number of findings in the flow.
     """
     thresholds, learnt = diagnosis.thresholds, diagnosis.learnt_before
     quantile = diagnosis.threshold / thresholds.score_factor
@@ -92,6 +93,7 @@ def statistics(diagnosis: Diagnosis) -> dict[str, float]:
         "score": best.gain / quantile if best is not None else 0.0,
         "accepted": accepted / quantile,
         "learner": float(learnt.strength[sure].max(initial=0.0)),
+        "flow": float(sum(len(flow.missing) for flow in diagnosis.flows)),
     }
 
 

@@ -11,6 +11,7 @@ from crane_identification.discrepancy.search import Search
 MOST = 8  # effects in an answer
 SPARSITIES = 12  # thresholds that are tried
 LEAST = 2.0  # of them, in standard deviations of a coefficient
+ITSELF = "pressure_gain"  # its columns are the measured force, and all of them together explain it
 SINGULAR = 1e-3  # share of a column's norm beside the chosen ones, below which it is one of them
 
 Answer = list[tuple[str, str]]
@@ -39,7 +40,7 @@ def problem(search: Search) -> Problem:
         fitted = columns @ np.linalg.lstsq(columns, projection.residual, rcond=1e-9)[0]
         norm = float(np.linalg.norm(fitted))
         name = (option.family.type, option.family.where)
-        if norm > best.get(name, (0.0, fitted))[0]:
+        if name[0] != ITSELF and norm > best.get(name, (0.0, fitted))[0]:
             best[name] = (norm, fitted / norm)
     channel = search.whitener.channel % len(joints)
     return Problem(

@@ -88,7 +88,7 @@ def _threshold(rows: Sequence[Row]) -> Figure | None:
         return None
     left.set_ylabel("share of cases above")
     left.set_xscale("log")
-    right.legend(frameon=False)
+    right.legend(frameon=False, loc="upper right")
     return figure
 
 

@@ -65,6 +65,7 @@ def calibrated(folders: Folders) -> dict[str, Any]:
         "cases": len(known),
         "allowed": now.false_alarm_rate,
         "alarms": alarms,
+        "alarms_of_the_flow": sum(one["flow"] > 0.0 for one in known),
         "thresholds": found,
     }
 
@@ -111,6 +112,7 @@ def lines(found: dict[str, Any]) -> Sequence[str]:
     values = ", ".join(f"{name} {value}" for name, value in found["thresholds"].items())
     return [
         f"{found['cases']} cases that hide nothing, {found['allowed']:.0%} allowed to alarm: "
-        f"{found['alarms']} do with",
-        f"  {values}",
+        f"{found['alarms']} do with {values}",
+        f"beside these, {found['alarms_of_the_flow']} find something in the flow, which has limits "
+        "of its own",
     ]

@@ -22,7 +22,7 @@ from work import in_processes
 from crane_model.model_file import Model, load_model
 
 WIDTH = 132  # of the tables; narrower, their columns break
-NAMED = (Outcome.RIGHT, Outcome.TOO_WIDE, Outcome.PARTLY)
+NAMED = (Outcome.RIGHT, Outcome.TOO_WIDE, Outcome.PARTLY)  # where effects are named
 
 
 @dataclass(frozen=True)
@@ -45,6 +45,7 @@ def score_case(job: Job) -> None:
         name: judge(truth.case.kind, truth.places, answer, twin) for name, answer in answers.items()
     }
     gap = truth.gap(model)
+    named = bool(truth.places) and bool(answers[OURS].findings) and outcomes[OURS] in NAMED
     row = {
         "case": job.name,
         "kind": truth.case.kind.value,
@@ -62,10 +63,8 @@ def score_case(job: Job) -> None:
         "reason": content["reason"],
         "statistics": content.get("statistics"),
         "seconds": content.get("seconds"),
-        "parameter_errors": truth.parameter_errors(content) if outcomes[OURS] in NAMED else [],
-        "closed": _closed(truth, model, given)
-        if truth.places and outcomes[OURS] in NAMED
-        else None,
+        "parameter_errors": truth.parameter_errors(content) if named else [],
+        "closed": _closed(truth, model, given) if named else None,
         "closed_by_learner": _learnt(content, gap) if truth.places else None,
     }
     with new(job.folders.top / "rows" / job.name) as out:
