@@ -29,10 +29,10 @@ def act(hidden: Hidden, constants: Constants, state: State, scratch: Scratch, st
                     scratch.mass[i, j] += hidden.mass[k, i, j]
     for k in range(count):  # friction follows the forces of the cylinders, so it comes first
         if FRICTION <= hidden.law[k] < PUSHES:
-            hidden.level[k] = _raise(hidden, k, constants, state, scratch, step)
+            hidden.part[k] = _raise(hidden, k, constants, state, scratch, step)
     for k in range(count):
         if PUSHES <= hidden.law[k] < LOADS:
-            hidden.level[k] = _resist(hidden, k, state, scratch, step)
+            hidden.part[k] = _resist(hidden, k, state, scratch, step)
 
 
 @njit(cache=True, error_model="numpy")
@@ -56,22 +56,20 @@ def _resist(hidden: Hidden, k: int, state: State, scratch: Scratch, step: float)
     v = scratch.before[i]
     if law < MEMORY:
         force = pushes.push(hidden, k, i, state)
-        deviation = force
     elif law == memory.TWO_MODES:
         scratch.mass[i, i] -= memory.bent_inertia(hidden.value[k])
         force = memory.bending(hidden, k)
-        deviation = force
     elif law == memory.PIN_PLAY:
         force = memory.play(hidden, k, scratch.force[i], state.q[i])
-        deviation = force
     else:
         up, down = memory.replaced(hidden.value[k], scratch, i)
         share = memory.presliding(hidden, k, v, step)
         force = share * (up if share >= 0.0 else down)
+        scratch.force[i] -= force
         sliding = up if v > 0.0 else -down
-        deviation = force - sliding if abs(v) > memory.STILL else 0.0
+        return force - sliding if abs(v) > memory.STILL else 0.0
     scratch.force[i] -= force
-    return deviation
+    return force
 
 
 @njit(cache=True, error_model="numpy")
@@ -83,9 +81,9 @@ def settle(
     for k in range(len(hidden.law)):
         i, law = hidden.joint[k], hidden.law[k]
         if law < PUSHES:
-            hidden.force[k, i] = hidden.level[k] * np.sign(state.v[i])
+            hidden.force[k, i] = hidden.part[k] * np.sign(state.v[i])
         elif law < LOADS:
-            hidden.force[k, i] = hidden.level[k]
+            hidden.force[k, i] = hidden.part[k]
             if law == memory.TWO_MODES:
                 memory.bend(hidden, k, change[i], step)
                 rigid = memory.bent_inertia(hidden.value[k]) * change[i] / step

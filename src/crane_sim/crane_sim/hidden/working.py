@@ -22,7 +22,7 @@ class Hidden(NamedTuple):
     middle: np.ndarray  # (k,) of the range of the joint [rad, m]
     half: np.ndarray  # (k,) of the width of that range
     memory: np.ndarray  # (k, MEMORIES) states, all zero at the start
-    level: np.ndarray  # (k,) Coulomb friction added in this step
+    part: np.ndarray  # (k,) Coulomb friction, or force, that is added in this step
     mass: np.ndarray  # (k, 4, 4) inertia added in this step
     bias: np.ndarray  # (k, 4) and forces that come with it
     force: np.ndarray  # (k, 4) what the drives must give more, after the last step
@@ -57,7 +57,7 @@ def work(planted: Sequence[Planted], machine: Machine) -> Hidden | None:
         middle=middle,
         half=half,
         memory=np.zeros((count, MEMORIES)),
-        level=np.zeros(count),
+        part=np.zeros(count),
         mass=np.zeros((count, 4, 4)),
         bias=np.zeros((count, 4)),
         force=np.zeros((count, 4)),
