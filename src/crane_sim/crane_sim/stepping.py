@@ -85,7 +85,7 @@ def _fill(
         p_a, p_b = actuator.p_a, actuator.p_b
         x = opening(actuator.spool - valve.null, valve.dead_zone)
         leakage, softer_a, softer_b = cylinder.leakage, 1.0, 1.0
-        if hidden is not None:
+        if hidden is not None and hidden.flows:
             x = meter(hidden, constants, state, i)
             leakage = leak(hidden, constants, state, i)
             softer_a = softness(hidden, constants, i, p_a)
@@ -96,7 +96,7 @@ def _fill(
             oil, p_a, p_b, flow, slope, leakage, softer_a * volume,
             cylinder.area_a * growth[i], step,
         )  # fmt: skip
-        if hidden is not None:
+        if hidden is not None and hidden.flows:
             note_softness(hidden, constants, i, p_a, volume, (actuator.p_a - p_a) / step)
         volume = cylinder.dead_volume_b + cylinder.area_b * (cylinder.length_max - actuator.length)
         flow, slope = port_flow(oil, -valve.flow_gain * x, supply, p_b)

@@ -77,7 +77,9 @@ def settle(
     hidden: Hidden, constants: Constants, state: State, scratch: Scratch, step: float
 ) -> None:
     """Note what each effect asked of the drives in this step, and advance what follows from it."""
-    change = state.v - scratch.before
+    change = scratch.impulse  # it has done its work in this step
+    for i in range(4):
+        change[i] = state.v[i] - scratch.before[i]
     for k in range(len(hidden.law)):
         i, law = hidden.joint[k], hidden.law[k]
         if law < PUSHES:

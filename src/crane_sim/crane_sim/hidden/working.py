@@ -28,6 +28,7 @@ class Hidden(NamedTuple):
     force: np.ndarray  # (k, 4) what the drives must give more, after the last step
     flow: np.ndarray  # (k, 4) what flows more into chamber A, m3/s
     clock: np.ndarray  # (1,) s
+    flows: bool  # whether any of them acts in the flow
 
 
 def work(planted: Sequence[Planted], machine: Machine) -> Hidden | None:
@@ -36,9 +37,10 @@ def work(planted: Sequence[Planted], machine: Machine) -> Hidden | None:
     Faults of sensors are left out.
     """
     inside = [effect for effect in planted if isinstance(effect.form.law, int)]
-    if not inside:
-        return None
+    laws = [effect.form.law for effect in inside if isinstance(effect.form.law, int)]
     count = len(inside)
+    if count == 0:
+        return None
     value = np.zeros((count, VALUES))
     middle, half = np.zeros(count), np.ones(count)
     for k, effect in enumerate(inside):
@@ -48,7 +50,7 @@ def work(planted: Sequence[Planted], machine: Machine) -> Hidden | None:
             middle[k] = (limits.position_max + limits.position_min) / 2.0
             half[k] = (limits.position_max - limits.position_min) / 2.0
     return Hidden(
-        law=np.array([effect.form.law for effect in inside], dtype=np.int64),
+        law=np.array(laws, dtype=np.int64),
         joint=np.array(
             [-1 if effect.joint is None else JOINTS.index(effect.joint) for effect in inside],
             dtype=np.int64,
@@ -63,4 +65,5 @@ def work(planted: Sequence[Planted], machine: Machine) -> Hidden | None:
         force=np.zeros((count, 4)),
         flow=np.zeros((count, 4)),
         clock=np.zeros(1),
+        flows=any(law >= FLOW for law in laws),
     )
