@@ -16,6 +16,8 @@ from judgement import Answer, Outcome, judge
 from motions import Excitation
 from rates import median, rate
 
+pytestmark = pytest.mark.xdist_group("discrepancy_benchmark")  # one run for all of them
+
 SCRIPTS = Path(benchmark.__file__).parent
 CASES = 2
 STRIBECK, LOAD = ("stribeck", "telescope"), ("load_friction", "telescope")
@@ -175,7 +177,7 @@ def test_every_case_is_answered_and_scored(finished):
     results = json.loads(folders.results.read_text(encoding="utf-8"))
     assert len(results["cases"]) == CASES
     assert results["summary"]["cases"] == CASES
-    assert "false alarms" in said and "SINDy" in said
+    assert "false alarms" in said
     for row in results["cases"]:
         assert row["outcomes"]["diagnose"] != Outcome.CRASH, row["reason"]
         assert (folders.answers / row["case"] / "answer.json").exists()
