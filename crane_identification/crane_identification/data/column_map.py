@@ -60,7 +60,10 @@ ANGULAR = {"angle", "angular velocity", "torque"}
 
 
 class JointColumns(Schema):
-    """The columns of one joint: its position, and its force or the pressures of its cylinder."""
+    """The columns of one joint: its position, and its force or the pressures of its cylinder.
+
+    With both, the force is taken as given; the pressures are for terms that depend on them.
+    """
 
     position: PositionColumn
     force: ForceColumn | None = None
@@ -73,8 +76,8 @@ class JointColumns(Schema):
     def _consistent(self) -> Self:
         if (self.pressure_a is None) != (self.pressure_b is None):
             raise ValueError("pressure_a and pressure_b are only of use together")
-        if (self.force is None) == (self.pressure_a is None):
-            raise ValueError("give either force, or pressure_a and pressure_b")
+        if self.force is None and self.pressure_a is None:
+            raise ValueError("give either force, or pressure_a and pressure_b, or both")
         angular = self.position.quantity in ANGULAR
         for name in ("force", "velocity"):
             column = getattr(self, name)
