@@ -6,7 +6,7 @@ from unit.crane_identification.synthetic import crane_model
 
 from crane_identification.pipeline import fit
 
-EXPERIMENTS = 24
+EXPERIMENTS = 12
 SPREAD = 0.07  # of the share of 20 parameters that one experiment covers, standard deviation
 
 
