@@ -29,7 +29,7 @@ def tables(results: dict[str, Any]) -> list[Table]:
     methods = summary["methods"]
     first = _table(f"{summary['cases']} cases: share [95 % interval] of answers")
     power = _table("Right name and joint of single, identifiable effects, by strength")
-    first.add_column("")
+    first.add_column("", no_wrap=True)
     first.add_column("aim", justify="right")
     power.add_column("strength")
     for name in methods:

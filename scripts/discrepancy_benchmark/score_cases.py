@@ -21,7 +21,7 @@ from work import in_processes
 
 from crane_model.model_file import Model, load_model
 
-WIDTH = 132  # of the tables; narrower, their columns break
+WIDTH = 144  # of the tables; narrower, their columns break
 NAMED = (Outcome.RIGHT, Outcome.TOO_WIDE, Outcome.PARTLY)  # where effects are named
 
 
