@@ -60,7 +60,7 @@ def lines(content: dict[str, Any]) -> list[str]:
 
 def _finding(number: int, finding: dict[str, Any]) -> list[str]:
     values = ", ".join(
-        f"{p['name']} = {p['value']:.4g} +- {p['std_dev'] or 0:.2g} {p['unit']}"
+        f"{p['name']} = {p['value']:.4g} +- {p['std_dev'] or 0:.2g} {_shown(p['unit'])}".rstrip()
         for p in finding["parameters"]
     )
     out = [f"{number}. {finding['name']}, {finding['joint']}: {values}"]
@@ -73,6 +73,10 @@ def _finding(number: int, finding: dict[str, Any]) -> list[str]:
         names = ", ".join(f"{one['name']} ({one['joint']})" for one in finding["class_members"][:3])
         out += [f"   not told from {names}", f"   settled by {finding['settled_by']}"]
     return out
+
+
+def _shown(unit: str) -> str:
+    return "" if unit == "1" else unit
 
 
 def _percent(value: float | None) -> str:

@@ -109,7 +109,11 @@ def _card(diagnosis: Diagnosis, number: int, finding: Finding) -> Card:
         else f"{runner.effect.name} ({spoken(runner.where)}), {accepted.margin:.0f} behind",
         settled_by=family.effect.settled_by,
         parameters=tuple(
-            Line(p.name, *with_uncertainty(p.value, p.std_dev), unit(p.unit))
+            Line(
+                p.name,
+                *with_uncertainty(p.value, p.std_dev),
+                "" if p.unit == "1" else unit(p.unit),
+            )
             for p in finding.parameters
         ),
         pictures=_pictures(diagnosis, number, finding),

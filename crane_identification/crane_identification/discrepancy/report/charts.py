@@ -71,7 +71,7 @@ def grouped_bars(
             "x": list(names),
             "y": numbers(values),
             "marker": {"color": colour},
-            "text": [f"{v:.3g}" if np.isfinite(v) else "?" for v in values],
+            "text": [f"{v:.2g}" if np.isfinite(v) else "?" for v in values],
             "textposition": "outside",
             "textfont": _FONT,
             "cliponaxis": False,
