@@ -10,7 +10,7 @@
 # PYTHON=... names the interpreter for the virtual environment, TESTS=... the tests to run.
 
 SHELL := bash
-TESTS ?= tests/unit tests/integration
+TESTS ?= tests/integration tests/unit
 # What promises a number beside the benchmarks proper.
 BENCH := tests/benchmarks tests/integration/test_cluster.py \
 	tests/unit/crane_identification/test_estimators.py
@@ -41,7 +41,7 @@ discrepancy-benchmark: setup
 	@$(in_env) python scripts/discrepancy_benchmark/benchmark.py
 
 test: setup
-	@$(in_env) python -m pytest -n 2 --dist loadgroup -m "not realtime" $(TESTS) $(or_none)
+	@$(in_env) python -m pytest -n 2 --dist loadfile --no-loadscope-reorder -m "not realtime" $(TESTS) $(or_none)
 	@$(in_env) python -m pytest -m realtime --reruns 2 $(TESTS) $(or_none)
 
 bench: setup

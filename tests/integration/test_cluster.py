@@ -18,8 +18,6 @@ from crane_model.errors import ConfigurationError, DataError
 from crane_model.model_file import load_model
 from crane_sim import make_bag
 
-pytestmark = pytest.mark.xdist_group("cluster")  # one worker makes what all of it looks at
-
 MODEL = packaged("crane_model", "crane_model.yaml")
 OPTIONS = Options(estimator=Estimator.LEAST_SQUARES)
 

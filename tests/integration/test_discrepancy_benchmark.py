@@ -16,8 +16,6 @@ from judgement import Answer, Outcome, judge
 from motions import Excitation
 from rates import median, rate
 
-pytestmark = pytest.mark.xdist_group("discrepancy_benchmark")  # one run for all of them
-
 SCRIPTS = Path(benchmark.__file__).parent
 CASES = 2
 STRIBECK, LOAD = ("stribeck", "telescope"), ("load_friction", "telescope")

@@ -18,8 +18,6 @@ from crane_identification.report import page
 from crane_identification.report.content import IdentificationReport, Provenance
 from crane_identification.validation import compare
 
-pytestmark = pytest.mark.xdist_group("report page")  # one worker makes what all of it looks at
-
 BROWSERS = ("chromium", "chromium-browser", "google-chrome", "google-chrome-stable")
 FLAGS = (
     "--headless",

@@ -12,8 +12,6 @@ import recordings
 from recordings import Campaign, Experiment
 from unit.crane_identification.report.html_reader import figure_descriptions, read_html
 
-pytestmark = pytest.mark.xdist_group("study")  # one worker makes what all of it looks at
-
 SCRIPT = Path(recordings.__file__).with_name("study.py")
 EXPERIMENT = Experiment(period=14.0, harmonics=3, starts=1, periods=2)
 
