@@ -187,7 +187,9 @@ def _judged(
         more = bool(other.shape) and _freedom(search, rival.options[-1]) > _freedom(search, number)
         if more and alike > SAME_FORM:
             continue  # the same with more freedom, which it does not need
-        if lead <= needed or alike > thresholds.alike:
+        # What is but a part of the effect's columns may look alike and explain less.
+        whole = len(other.positive) >= len(own.positive)
+        if lead <= needed or (whole and alike > thresholds.alike):
             members.append(other.family)
     evidence = search.evidence
     columns = [projection.options[i].columns for i in others.options]
