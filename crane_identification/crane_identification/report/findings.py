@@ -32,7 +32,7 @@ def findings(
     return (
         *_parameters(fit),
         *(note for log in logs for note in _recording(log)),
-        *(note for p in preparations for note in _preparation(p)),
+        *_together([(p.source, note) for p in preparations for note in _preparation(p)]),
         *_drifts(preparations, units),
         *_gaps(preparations),
         *_lack_of_fit(fit),
@@ -79,23 +79,31 @@ def _recording(log: Log) -> list[str]:
     return notes
 
 
+def _together(notes: Sequence[tuple[str, str]]) -> list[str]:
+    """Each note once, behind the recordings that it is about."""
+    sources: dict[str, list[str]] = {}
+    for source, note in notes:
+        sources.setdefault(note, []).append(source)
+    return [f"{listed(about)}: {note}" for note, about in sources.items()]
+
+
 def _preparation(preparation: Preparation) -> list[str]:
-    source, averaging = preparation.source, preparation.averaging
+    averaging = preparation.averaging
     if averaging is None:
         return []
     notes = []
     if averaging.incomplete > REMAINDER * averaging.period:
         notes.append(
-            f"{source}: {plain(averaging.incomplete)} s fill no whole period of "
+            f"{plain(averaging.incomplete)} s fill no whole period of "
             f"{plain(averaging.period)} s and are not used."
         )
     if averaging.transient:
         notes.append(
-            f"{source}: {averaging.transient} of {averaging.transient + averaging.used} periods "
+            f"{averaging.transient} of {averaging.transient + averaging.used} periods "
             "left out at the start: not periodic yet."
         )
     if averaging.used == 1:
-        notes.append(f"{source}: only one period, so that its noise is not known.")
+        notes.append("only one period, so that its noise is not known.")
     return notes
 
 
