@@ -18,9 +18,6 @@ export PYTHON
 # Nothing started from here talks to other machines.
 export ROS_AUTOMATIC_DISCOVERY_RANGE := LOCALHOST
 
-# Tests of a machine in real time run alone, and again if they fail: other work on the same cores
-# makes true faults. Either half of the tests may be empty (pytest's exit status 5) in TESTS.
-or_none := || [ $$? -eq 5 ]
 in_env := source scripts/env.sh &&
 
 .PHONY: help demo study discrepancy-benchmark test bench lint setup clean
@@ -41,8 +38,7 @@ discrepancy-benchmark: setup
 	@$(in_env) python scripts/discrepancy_benchmark/benchmark.py
 
 test: setup
-	@$(in_env) python -m pytest -n 2 --dist loadfile --no-loadscope-reorder -m "not realtime" $(TESTS) $(or_none)
-	@$(in_env) python -m pytest -m realtime --reruns 2 $(TESTS) $(or_none)
+	@$(in_env) scripts/test.sh $(TESTS)
 
 bench: setup
 	@$(in_env) python -m pytest -s $(BENCH)
