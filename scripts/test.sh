@@ -22,7 +22,7 @@ fi
 some "${in_parallel[@]}" "${others[@]}"
 if [ ${#units[@]} -gt 0 ]; then
     log=$(mktemp)
-    some chrt --idle 0 "${in_parallel[@]}" "${units[@]}" >"$log" 2>&1 &
+    chrt --idle 0 "${in_parallel[@]}" "${units[@]}" >"$log" 2>&1 &
     running=$!
     trap 'kill $running 2>/dev/null || true; rm -f "$log"' EXIT
 fi
@@ -31,5 +31,5 @@ if [ ${#units[@]} -gt 0 ]; then
     status=0
     wait "$running" || status=$?
     cat "$log"
-    exit "$status"
+    [ "$status" -eq 0 ] || [ "$status" -eq 5 ]
 fi
