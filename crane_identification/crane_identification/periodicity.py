@@ -18,6 +18,9 @@ SLACK = (16.0, 8.0, 4.0, 2.0, *(1.0,) * 16)
 """Multiples of about equal with which the search for the exact lag proceeds."""
 SEARCHED = 3000
 """Samples of the signal, thinned, in which the period is sought; then it is found exactly."""
+NEAR = 0.75
+"""Of a step, within which the reference was recorded where it counts: what is interpolated over
+samples that were not recorded must not end the part that repeats."""
 ROUNDING = 1e-9
 """Share of the range of the reference below which differences are rounding."""
 MOVES = 20.0
@@ -53,11 +56,16 @@ def detect_periodicity(
     signal = _normalized(
         np.stack([np.interp(uniform, time, column) for column in reference.T], axis=1)
     )
+    after = np.searchsorted(time, uniform).clip(1, len(time) - 1)
+    away = np.minimum(np.abs(uniform - time[after - 1]), np.abs(time[after] - uniform))
+    recorded = away <= NEAR * step
     largest_step = float(np.abs(np.diff(signal, axis=0)).max())
     about, moves = STEPS * largest_step, MOVES * largest_step
     lags = _candidates(signal) if period is None else np.array([period / step])
     for lag in lags:
-        exact, first, last = _agreement(signal, float(lag), about, moves, period is not None)
+        exact, first, last = _agreement(
+            signal, recorded, float(lag), about, moves, period is not None
+        )
         if last - first >= (SEEN if period is None else GLIMPSED) * exact and exact > lag / 2:
             length = exact * float(step)
             return Periodicity(length, float(uniform[first]), float(uniform[last]) + length)
@@ -119,22 +127,30 @@ def _difference(signal: np.ndarray, lag: float) -> np.ndarray:
     return ahead - signal[:n]
 
 
-def _distance(signal: np.ndarray, lag: float) -> np.ndarray:
-    """Root mean square of that difference over a window around every k, and over all columns."""
+def _distance(signal: np.ndarray, recorded: np.ndarray, lag: float) -> np.ndarray:
+    """Root mean square of that difference over all columns and the recorded ones of a window around
+    every k; 0 where none of it was recorded."""
     power = (_difference(signal, lag) ** 2).sum(axis=1)
-    return np.sqrt(uniform_filter1d(power, _window(lag)).clip(0.0))
+    n, whole = len(power), int(lag)
+    seen = recorded[:n] & recorded[whole : whole + n]
+    seen &= recorded[np.minimum(np.arange(n) + whole + 1, len(recorded) - 1)]
+    weight = uniform_filter1d(seen.astype(float), _window(lag))
+    mean = uniform_filter1d(power * seen, _window(lag)).clip(0.0)
+    return np.sqrt(np.divide(mean, weight, out=np.zeros(n), where=weight > ROUNDING))
 
 
 def _window(lag: float) -> int:
     return 2 * round(WINDOW * lag / 2) + 1
 
 
-def _repeating(signal: np.ndarray, lag: float, tolerance: float, moves: float) -> tuple[int, int]:
+def _repeating(
+    signal: np.ndarray, recorded: np.ndarray, lag: float, tolerance: float, moves: float
+) -> tuple[int, int]:
     """First and last sample k of the longest moving part in which k and k + lag agree.
 
     Agreement around k is that of the whole window, so the part reaches half of it further.
     """
-    equal = _distance(signal, lag) <= tolerance
+    equal = _distance(signal, recorded, lag) <= tolerance
     edges = np.flatnonzero(np.diff(equal, prepend=False, append=False)).reshape(-1, 2)
     span = int(np.ceil(lag))
     best = (0, 0)
@@ -149,7 +165,12 @@ def _repeating(signal: np.ndarray, lag: float, tolerance: float, moves: float) -
 
 
 def _agreement(
-    signal: np.ndarray, lag: float, about: float, moves: float, known: bool
+    signal: np.ndarray,
+    recorded: np.ndarray,
+    lag: float,
+    about: float,
+    moves: float,
+    known: bool,
 ) -> tuple[float, int, int]:
     """The lag at which the signal agrees best with itself, and first and last sample k that do.
 
@@ -159,15 +180,15 @@ def _agreement(
     slope = np.gradient(signal, axis=0)
     equal = SLACK[0] * about
     for slack in SLACK:
-        first, last = _repeating(signal, lag, equal, moves)
+        first, last = _repeating(signal, recorded, lag, equal, moves)
         if last <= first:
             break
         if not known:  # Gauss-Newton
             error, gradient = _difference(signal, lag)[first:last], slope[first:last]
             correction = float((error * gradient).sum() / (gradient**2).sum())
             lag = float(np.clip(lag - correction, 1.0, len(signal) - 3.0))
-        spread = _distance(signal, lag)[first:last]
+        spread = _distance(signal, recorded, lag)[first:last]
         if not len(spread):
             break
         equal = min(slack * about, SPREAD * float(np.quantile(spread, TYPICAL)) + ROUNDING)
-    return lag, *_repeating(signal, lag, equal, moves)
+    return lag, *_repeating(signal, recorded, lag, equal, moves)
