@@ -120,3 +120,16 @@ def test_standing_still_is_not_periodic() -> None:
     step = smooth_step((time - 4.0) / 2.0)[:, None]  # stands, moves once, stands
     with pytest.raises(DataError, match="does not repeat itself"):
         detect_periodicity(time, step)
+
+
+def test_references_that_were_not_recorded_do_not_end_the_repeating_part():
+    """As where the node that publishes them was too busy for some cycles."""
+    time, position, begin, end = reference(20.0, 3, 200.0, 7)
+    rng = np.random.default_rng(8)
+    kept = np.ones(len(time), dtype=bool)
+    for at in rng.integers(1, len(time) - 5, 40):
+        kept[at : at + rng.integers(1, 4)] = False
+    found = detect_periodicity(time[kept], position[kept])
+    assert found.period == pytest.approx(20.0, rel=1e-6)
+    assert found.start == pytest.approx(begin, abs=0.3)
+    assert found.end == pytest.approx(end, abs=0.3)
