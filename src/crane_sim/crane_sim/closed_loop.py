@@ -34,8 +34,8 @@ class Course(Protocol):
 
 
 @dataclass(frozen=True)
-class Truth:
-    """What no real machine shows, at the n instants of a recording; k effects are hidden."""
+class States:
+    """What truly happened, at n instants; an axis of 4 follows JOINTS."""
 
     time: np.ndarray  # (n,) s
     position: np.ndarray  # (n, 4) rad, m
@@ -43,6 +43,12 @@ class Truth:
     acceleration: np.ndarray  # (n, 4)
     pressure_a: np.ndarray  # (n, 4) Pa
     pressure_b: np.ndarray  # (n, 4)
+
+
+@dataclass(frozen=True)
+class Truth(States):
+    """What no real machine shows, at the n instants of a recording; k effects are hidden."""
+
     hidden_force: np.ndarray  # (k, n, 4) N m, N
     hidden_flow: np.ndarray  # (k, n, 4) m3/s
 

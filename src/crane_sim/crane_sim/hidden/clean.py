@@ -8,7 +8,7 @@ import numpy as np
 
 from crane_model.cylinders import cylinder_force, lever_arm
 from crane_model.machine import JOINTS, PLANAR_JOINTS, Machine
-from crane_sim.closed_loop import Truth
+from crane_sim.closed_loop import States, Truth
 from crane_sim.hidden.fault import Fault
 from crane_sim.hidden.form import Planted
 
@@ -16,15 +16,9 @@ PLANAR = [JOINTS.index(joint) for joint in PLANAR_JOINTS]
 
 
 @dataclass(frozen=True)
-class Clean:
-    """n samples without noise and quantisation, k effects; an axis of 4 follows JOINTS."""
+class Clean(States):
+    """n samples without noise and quantisation, k effects."""
 
-    time: np.ndarray  # (n,) s
-    position: np.ndarray  # (n, 4) rad, m
-    velocity: np.ndarray  # (n, 4)
-    acceleration: np.ndarray  # (n, 4)
-    pressure_a: np.ndarray  # (n, 4) Pa
-    pressure_b: np.ndarray  # (n, 4)
     drive: np.ndarray  # (n, 4) generalized forces of the cylinders (27), N m, N
     seen_position: np.ndarray  # (n, 4) with the faults of the sensors
     seen_drive: np.ndarray  # (n, 4) generalized forces from pressures and positions as seen
