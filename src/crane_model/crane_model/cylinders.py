@@ -1,5 +1,7 @@
 """Cylinders (17)-(27) on arrays: length, lever arm, pressures to generalized forces and back."""
 
+from collections.abc import Sequence
+
 import numpy as np
 
 from crane_model.errors import RangeError
@@ -53,25 +55,32 @@ def cylinder_force(
     return cylinder.area_a * np.asarray(pressure_a) - cylinder.area_b * np.asarray(pressure_b)
 
 
-def lever_arms(machine: Machine, q: np.ndarray) -> np.ndarray:
-    """(n, 3) planar coordinates to (n, 3) lever arms dx/dq."""
-    return np.stack(
-        [lever_arm(machine, joint, q[:, i]) for i, joint in enumerate(PLANAR_JOINTS)], axis=1
-    )
+def lever_arms(
+    machine: Machine, q: np.ndarray, joints: Sequence[str] = PLANAR_JOINTS
+) -> np.ndarray:
+    """(n, k) coordinates of k joints to (n, k) lever arms dx/dq."""
+    return np.stack([lever_arm(machine, joint, q[:, i]) for i, joint in enumerate(joints)], axis=1)
 
 
 def generalized_forces(
-    machine: Machine, q: np.ndarray, pressure_a: np.ndarray, pressure_b: np.ndarray
+    machine: Machine,
+    q: np.ndarray,
+    pressure_a: np.ndarray,
+    pressure_b: np.ndarray,
+    joints: Sequence[str] = PLANAR_JOINTS,
 ) -> np.ndarray:
-    """(27): tau2, tau3 [N m], F4 [N] from planar coordinates and chamber pressures, each (n, 3)."""
+    """(27): torques [N m], F4 [N] from coordinates and chamber pressures, each (n, k) of k joints.
+
+    Of the planar joints: tau2, tau3, F4.
+    """
     forces = np.stack(
         [
             cylinder_force(machine, joint, pressure_a[:, i], pressure_b[:, i])
-            for i, joint in enumerate(PLANAR_JOINTS)
+            for i, joint in enumerate(joints)
         ],
         axis=1,
     )
-    return forces * lever_arms(machine, q)
+    return forces * lever_arms(machine, q, joints)
 
 
 def cylinder_forces_from_generalized(

@@ -17,7 +17,7 @@ from crane_driver.bags.types import (
 )
 from crane_driver.bags.writer import BagWriter
 from crane_model import cli
-from crane_model.cylinders import cylinder_force, lever_arm
+from crane_model.cylinders import generalized_forces
 from crane_model.errors import DataError
 from crane_model.machine import JOINTS, Machine, load_machine
 from crane_model.urdf import urdf
@@ -43,15 +43,14 @@ EPOCH = 1_735_689_600  # s; bags begin here, 2025-01-01, so that the same seed g
 def effort(machine: Machine, recording: Recording) -> np.ndarray:
     """(n, 4) generalized forces (27) from readings [N m, N]; NaN where there is no transducer."""
     tau = np.full_like(recording.position, np.nan)
-    for column, joint in enumerate(recording.cylinders):
-        i = JOINTS.index(joint)
-        force = cylinder_force(
-            machine,
-            joint,
-            recording.pressures.chamber_a[:, column],
-            recording.pressures.chamber_b[:, column],
-        )
-        tau[:, i] = lever_arm(machine, joint, recording.position[:, i]) * force
+    columns = [JOINTS.index(joint) for joint in recording.cylinders]
+    tau[:, columns] = generalized_forces(
+        machine,
+        recording.position[:, columns],
+        recording.pressures.chamber_a,
+        recording.pressures.chamber_b,
+        recording.cylinders,
+    )
     return tau
 
 

@@ -6,7 +6,7 @@ from pathlib import Path
 
 import numpy as np
 
-from crane_model.cylinders import cylinder_force, lever_arm
+from crane_model.cylinders import generalized_forces, lever_arms
 from crane_model.machine import JOINTS, PLANAR_JOINTS, Machine
 from crane_sim.closed_loop import States, Truth
 from crane_sim.hidden.fault import Fault
@@ -40,17 +40,6 @@ class Clean(States):
         np.savez_compressed(path, **asdict(self))
 
 
-def generalized_forces(
-    machine: Machine, q: np.ndarray, pressure_a: np.ndarray, pressure_b: np.ndarray
-) -> np.ndarray:
-    """(n, 4) forces (27) of all four cylinders [N m, N]."""
-    tau = np.empty_like(q)
-    for i, joint in enumerate(JOINTS):
-        force = cylinder_force(machine, joint, pressure_a[:, i], pressure_b[:, i])
-        tau[:, i] = lever_arm(machine, joint, q[:, i]) * force
-    return tau
-
-
 def clean(
     machine: Machine, planted: Sequence[Planted], faults: Sequence[Fault], truth: Truth
 ) -> Clean:
@@ -59,7 +48,7 @@ def clean(
     A fault's part is what it changes in the force that is computed from the readings.
     """
     q, p_a, p_b = truth.position, truth.pressure_a, truth.pressure_b
-    drive = seen = generalized_forces(machine, q, p_a, p_b)
+    drive = seen = generalized_forces(machine, q, p_a, p_b, JOINTS)
     force = np.zeros((len(planted), *drive.shape))
     flow = np.zeros_like(force)
     inside = [k for k, effect in enumerate(planted) if isinstance(effect.form.law, int)]
@@ -69,13 +58,10 @@ def clean(
     for k, fault in zip(outside, faults, strict=True):
         q = fault.positions(q)
         p_a, p_b = fault.pressures(truth.time, p_a, p_b)
-        before, seen = seen, generalized_forces(machine, q, p_a, p_b)
+        before, seen = seen, generalized_forces(machine, q, p_a, p_b, JOINTS)
         force[k] = seen - before
     areas = np.array([machine.cylinders[joint].area_a for joint in JOINTS])
-    levers = np.stack(
-        [lever_arm(machine, joint, truth.position[:, i]) for i, joint in enumerate(JOINTS)], axis=1
-    )
-    swept = areas * levers * truth.velocity
+    swept = areas * lever_arms(machine, truth.position, JOINTS) * truth.velocity
     return Clean(
         time=truth.time,
         position=truth.position,
