@@ -59,7 +59,10 @@ def lever_arms(
     machine: Machine, q: np.ndarray, joints: Sequence[str] = PLANAR_JOINTS
 ) -> np.ndarray:
     """(n, k) coordinates of k joints to (n, k) lever arms dx/dq."""
-    return np.stack([lever_arm(machine, joint, q[:, i]) for i, joint in enumerate(joints)], axis=1)
+    arms = np.empty(q.shape)
+    for i, joint in enumerate(joints):
+        arms[:, i] = lever_arm(machine, joint, q[:, i])
+    return arms
 
 
 def generalized_forces(
@@ -73,14 +76,10 @@ def generalized_forces(
 
     Of the planar joints: tau2, tau3, F4.
     """
-    forces = np.stack(
-        [
-            cylinder_force(machine, joint, pressure_a[:, i], pressure_b[:, i])
-            for i, joint in enumerate(joints)
-        ],
-        axis=1,
-    )
-    return forces * lever_arms(machine, q, joints)
+    tau = lever_arms(machine, q, joints)
+    for i, joint in enumerate(joints):
+        tau[:, i] *= cylinder_force(machine, joint, pressure_a[:, i], pressure_b[:, i])
+    return tau
 
 
 def cylinder_forces_from_generalized(
