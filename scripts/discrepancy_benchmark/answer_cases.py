@@ -1,7 +1,6 @@
 """Second process of the benchmark: answers from bags alone. It cannot see what is hidden."""
 
 import argparse
-import hashlib
 import shutil
 import sys
 import time
@@ -20,9 +19,8 @@ from work import in_processes
 from crane_identification.data.bag_log import read_bag
 from crane_identification.discrepancy.diagnosis import Diagnosis, diagnose
 from crane_identification.discrepancy.findings import content
-from crane_identification.discrepancy.thresholds import load_thresholds
+from crane_identification.discrepancy.thresholds import Thresholds, load_thresholds
 from crane_identification.options import Options
-from crane_model.configuration import packaged
 from crane_model.errors import CraneError
 from crane_model.model_file import load_model, save_model
 
@@ -31,17 +29,17 @@ KNOWING = ("crane_sim", "cases", "make_cases", "motions", "clean", "truth", "sco
 
 @dataclass(frozen=True)
 class Job:
-    """A case, the folders of its set, and thresholds in place of the packaged ones."""
+    """A case, the folders of its set, and the thresholds of the diagnosis."""
 
     name: str
     folders: Folders
-    thresholds: Path | None
+    thresholds: Thresholds
     keep: bool
 
 
 def blindfold(folders: Folders) -> None:
     """See bags and answers of the set alone, and none of the code that knows what is hidden."""
-    own = [folders.bags, folders.answers, folders.top / "unfinished" / folders.answers.name]
+    own = [folders.bags, folders.answers, folders.scores / "unfinished" / folders.answers.name]
     confine(folders.top, own, KNOWING)
 
 
@@ -70,13 +68,13 @@ def answer_case(job: Job) -> None:
         shutil.rmtree(folder)
 
 
-def _diagnosed(folder: Path, thresholds: Path | None) -> Diagnosis:
+def _diagnosed(folder: Path, thresholds: Thresholds) -> Diagnosis:
     model = load_model(folder / "model.yaml")
     train, validate = (
         [read_bag(bag, model.joints) for bag in sorted((folder / part).iterdir())]
         for part in ("train", "validate")
     )
-    return diagnose(model, train, validate, Options(), load_thresholds(thresholds))
+    return diagnose(model, train, validate, Options(), thresholds)
 
 
 def statistics(diagnosis: Diagnosis) -> dict[str, float]:
@@ -97,24 +95,20 @@ def statistics(diagnosis: Diagnosis) -> dict[str, float]:
     }
 
 
-def digest(thresholds: Path | None) -> str:
-    """Which thresholds they are."""
-    path = thresholds or packaged("crane_identification", "discrepancy.yaml")
-    return hashlib.sha256(path.read_bytes()).hexdigest()
-
-
 def main(argv: Sequence[str] | None = None) -> int:
     """Diagnose every case whose bags are there."""
     parser = argparse.ArgumentParser(prog="answer_cases", description=main.__doc__)
     add = parser.add_argument
     add("--folder", type=Path, required=True, help="of the set")
+    add("--round", default="", help="folder of the answers in it (default: itself)")
     add("--thresholds", type=Path, help="thresholds (YAML; default: the packaged ones)")
     add("--workers", type=int, default=1)
     add("--keep-bags", action="store_true", help="keep the bags of cases that are answered")
     arguments = parser.parse_args(argv)
-    folders = Folders(arguments.folder)
+    folders = Folders(arguments.folder, arguments.round)
     waiting = sorted(done(folders.bags) - done(folders.answers))
-    jobs = [Job(name, folders, arguments.thresholds, arguments.keep_bags) for name in waiting]
+    thresholds = load_thresholds(arguments.thresholds)  # lies where the processes may not look
+    jobs = [Job(name, folders, thresholds, arguments.keep_bags) for name in waiting]
     if jobs:
         in_processes(answer_case, jobs, arguments.workers, "answers", partial(blindfold, folders))
     return 0

@@ -2,7 +2,8 @@
 
 One process makes bags of machines that hide effects, a second one answers from the bags alone, a
 third opens the labels and scores. What is finished is kept, so that an interrupted run goes on
-where it was; thresholds and code should not change in between.
+where it was; code should not change in between. Bags do not depend on thresholds: they may be made
+ahead, and serve for the next thresholds too if they are kept.
 """
 
 import argparse
@@ -26,42 +27,56 @@ BATCH = 8  # cases whose bags are on the disk at once, 1 GB
 def run(arguments: argparse.Namespace) -> None:
     """All stages, batch by batch; raises `CraneError` with what is wrong."""
     which: CaseSet = arguments.which
-    count = COUNTS[which] if arguments.cases is None else arguments.cases
+    count: int = arguments.cases
     top: Path = arguments.out / which.value
-    thresholds: Path | None = None
-    if which is CaseSet.SCORING:
-        top /= freeze.require_frozen()[:12]
-        if Folders(top).results.exists():
-            print(f"scored already with these thresholds, which is done once: {top}/results.json")
-            stage("score_cases", top, arguments.workers)
-            return
-    folders = Folders(top)
-    top.mkdir(parents=True, exist_ok=True)
+    if arguments.bags_only:
+        make(arguments, Folders(top), 0, count)
+        return
+    scoring = which is CaseSet.SCORING
+    folders = Folders(top, freeze.require_frozen()[:12] if scoring else "")
+    if scoring and folders.results.exists():
+        print(f"scored already with these thresholds, which is done once: {folders.results}")
+        stage("score_cases", folders, arguments.workers)
+        return
+    folders.scores.mkdir(parents=True, exist_ok=True)
+    beside: tuple[object, ...] = ("--keep-bags",) if arguments.keep_bags else ()
     if which is CaseSet.CALIBRATION:
-        thresholds = top / "open.yaml"
-        freeze.write_open(thresholds)
-    beside = () if thresholds is None else ("--thresholds", thresholds)
-    keep = ("--keep-bags",) if arguments.keep_bags else ()
-    quick = ("--quick",) if arguments.quick else ()
+        beside += ("--thresholds", freeze.write_open(top / "open.yaml"))
     for first in range(0, count, BATCH):
-        last = min(first + BATCH, count)
-        stage(
-            *("make_cases", top, arguments.workers, "--set", which.value, "--count", count),
-            *("--from", first, "--to", last, "--sets", arguments.sets, *quick),
-        )
-        stage("answer_cases", top, arguments.workers, *beside, *keep)
+        make(arguments, folders, first, min(first + BATCH, count))
+        stage("answer_cases", folders, arguments.workers, *beside)
         print(f"{len(done(folders.answers))} of {count} cases answered", flush=True)
     if which is CaseSet.CALIBRATION:
         found = freeze.freeze(folders) if arguments.freeze else freeze.calibrated(folders)
         print("\n".join(freeze.lines(found)))
         return
-    stage("score_cases", top, arguments.workers)
+    stage("score_cases", folders, arguments.workers)
 
 
-def stage(script: str, folder: Path, workers: int, *arguments: object) -> None:
+def make(arguments: argparse.Namespace, folders: Folders, first: int, last: int) -> None:
+    """The bags of the cases from `first` to before `last` that are not there."""
+    quick = ("--quick",) if arguments.quick else ()
+    stage(
+        *("make_cases", folders, arguments.workers, "--set", arguments.which.value),
+        *(
+            "--count",
+            arguments.cases,
+            "--from",
+            first,
+            "--to",
+            last,
+            "--sets",
+            arguments.sets,
+            *quick,
+        ),
+    )
+
+
+def stage(script: str, folders: Folders, workers: int, *arguments: object) -> None:
     """Run a stage as a process of its own; the benchmark ends with its status if it fails."""
-    command = [sys.executable, HERE / f"{script}.py", "--folder", folder, "--workers", workers]
-    done_ = subprocess.run([*map(str, command), *map(str, arguments)])
+    command: list[object] = [sys.executable, HERE / f"{script}.py", "--workers", workers]
+    command += ["--folder", folders.top, "--round", folders.round, *arguments]
+    done_ = subprocess.run([str(word) for word in command])
     if done_.returncode:
         raise SystemExit(done_.returncode)
 
@@ -77,8 +92,11 @@ def main(argv: Sequence[str] | None = None) -> int:
     add("--workers", type=int, default=os.cpu_count() or 1, help="processes")
     add("--out", type=Path, default=Path("runs/discrepancy_benchmark"), help="folder")
     add("--keep-bags", action="store_true", help="100 MB a case; to answer again")
+    add("--bags-only", action="store_true", help="make the bags of all cases, and stop")
     add("--freeze", action="store_true", help="write the calibrated thresholds to the package")
     arguments = parser.parse_args(argv)
+    if arguments.cases is None:
+        arguments.cases = COUNTS[arguments.which]
     return cli.run(lambda: run(arguments))
 
 

@@ -1,4 +1,8 @@
-"""Where the benchmark keeps what: bags, sealed labels and answers of a set lie apart."""
+"""Where the benchmark keeps what: bags, sealed labels and answers of a set lie apart.
+
+Bags and labels do not depend on thresholds, answers and scores do: of the same cases there may be
+several rounds of them.
+"""
 
 import json
 import shutil
@@ -11,9 +15,13 @@ from typing import Any
 
 @dataclass(frozen=True)
 class Folders:
-    """The folders of one set of cases; within each of the first three, one folder a case."""
+    """The folders of one set of cases, and of one `round` of answers to them ("": the only one).
+
+    Within bags, sealed, answers and rows: one folder a case.
+    """
 
     top: Path
+    round: str = ""
 
     @property
     def bags(self) -> Path:
@@ -28,12 +36,22 @@ class Folders:
     @property
     def answers(self) -> Path:
         """What the diagnosis and the methods beside it said."""
-        return self.top / "answers"
+        return self.scores / "answers"
+
+    @property
+    def scores(self) -> Path:
+        """Of the round: answers, what became of them, and figures."""
+        return self.top / self.round
+
+    @property
+    def rows(self) -> Path:
+        """The score of each case."""
+        return self.scores / "rows"
 
     @property
     def results(self) -> Path:
         """Scores, for programs."""
-        return self.top / "results.json"
+        return self.scores / "results.json"
 
 
 def done(folder: Path) -> set[str]:

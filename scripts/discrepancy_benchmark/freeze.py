@@ -1,12 +1,12 @@
 """Thresholds from cases that hide nothing, and the record that they are frozen."""
 
+import hashlib
 from collections.abc import Sequence
 from datetime import UTC, datetime
 from pathlib import Path
 from typing import Any
 
 import numpy as np
-from answer_cases import digest
 from folders import Folders, done, read_json, write_json
 from ruamel.yaml import YAML
 
@@ -25,9 +25,10 @@ FEWEST = 30  # cases, below which a quantile this far out is not known
 DIGITS = 3
 
 
-def write_open(path: Path) -> None:
-    """The packaged thresholds with both gates of a false alarm open."""
+def write_open(path: Path) -> Path:
+    """The packaged thresholds with both gates of a false alarm open, in a file."""
     with_values(path, OPEN)
+    return path
 
 
 def with_values(path: Path, values: dict[str, float]) -> None:
@@ -90,19 +91,28 @@ def freeze(folders: Folders) -> dict[str, Any]:
     path = packaged("crane_identification", "discrepancy.yaml").resolve()
     with_values(path, found["thresholds"])
     load_thresholds(path)
-    found |= {"digest": digest(path), "date": datetime.now(UTC).strftime("%Y-%m-%d")}
+    found |= {"digest": digest(), "date": datetime.now(UTC).strftime("%Y-%m-%d")}
     write_json(RECORD, found)
     return found
 
 
+def digest() -> str:
+    """Which thresholds and limits the package holds."""
+    found = hashlib.sha256()
+    for name in ("discrepancy.yaml", "hydraulics.yaml"):
+        found.update(packaged("crane_identification", name).read_bytes())
+    return found.hexdigest()
+
+
 def require_frozen() -> str:
     """The digest of the packaged thresholds; `ConfigurationError` if they are not those frozen."""
-    now = digest(None)
+    now = digest()
     frozen = read_json(RECORD)["digest"] if RECORD.exists() else "none"
     if now != frozen:
         raise ConfigurationError(
-            f"discrepancy.yaml ({now[:12]}) is not what was frozen ({frozen[:12]}): the scoring "
-            "set is for frozen thresholds only; calibrate with --set calibration --freeze"
+            f"discrepancy.yaml and hydraulics.yaml ({now[:12]}) are not what was frozen "
+            f"({frozen[:12]}): the scoring set is for frozen thresholds only; calibrate with "
+            "--set calibration --freeze"
         )
     return now
 

@@ -137,9 +137,10 @@ def main(argv: Sequence[str] | None = None) -> int:
     add("--sets", type=int, default=2, help="of three recordings to train on")
     add("--quick", action="store_true", help="one short recording to train on instead")
     add("--folder", type=Path, required=True, help="of the set")
+    add("--round", default="", help="of answers: cases that are answered there are not made")
     add("--workers", type=int, default=1)
     arguments = parser.parse_args(argv)
-    folders = Folders(arguments.folder)
+    folders = Folders(arguments.folder, arguments.round)
     there = done(folders.bags) | done(folders.answers)
     wanted = cases(arguments.which, arguments.count)[arguments.first : arguments.last]
     if arguments.quick:

@@ -10,7 +10,7 @@ from pathlib import Path
 from typing import Any
 
 import figures
-from answer_cases import digest
+import freeze
 from folders import Folders, done, new, read_json, write_json
 from judgement import OURS, Answer, Outcome, judge
 from printed import tables
@@ -67,7 +67,7 @@ def score_case(job: Job) -> None:
         "closed": _closed(truth, model, given) if named else None,
         "closed_by_learner": _learnt(content, gap) if truth.places else None,
     }
-    with new(job.folders.top / "rows" / job.name) as out:
+    with new(job.folders.rows / job.name) as out:
         write_json(out / "row.json", row)
 
 
@@ -90,23 +90,22 @@ def main(argv: Sequence[str] | None = None) -> int:
     parser = argparse.ArgumentParser(prog="score_cases", description=main.__doc__)
     add = parser.add_argument
     add("--folder", type=Path, required=True, help="of the set")
-    add("--thresholds", type=Path, help="thresholds (YAML; default: the packaged ones)")
+    add("--round", default="", help="folder of the answers in it (default: itself)")
     add("--workers", type=int, default=1)
     arguments = parser.parse_args(argv)
-    folders = Folders(arguments.folder)
-    rows = folders.top / "rows"
+    folders = Folders(arguments.folder, arguments.round)
     answered = sorted(done(folders.answers) & done(folders.sealed))
-    waiting = [Job(name, folders) for name in answered if name not in done(rows)]
+    waiting = [Job(name, folders) for name in answered if name not in done(folders.rows)]
     if waiting:
         in_processes(score_case, waiting, arguments.workers, "scores")
-    scored = [read_json(rows / name / "row.json") for name in answered]
+    scored = [read_json(folders.rows / name / "row.json") for name in answered]
     results = {
-        "thresholds": digest(arguments.thresholds),
+        "thresholds": freeze.digest(),
         "summary": summary(scored),
         "cases": scored,
     }
     write_json(folders.results, results)
-    figures.write(folders.top, scored)
+    figures.write(folders.scores, scored)
     Console(width=WIDTH).print(*tables(results))
     print(f"written: {folders.results}, and figures beside it")
     return 0

@@ -16,7 +16,7 @@ from crane_identification.discrepancy.learner import Features, Learnt, features,
 from crane_identification.discrepancy.motion_choice import suited
 from crane_identification.discrepancy.refit import refit, shape_std_devs
 from crane_identification.discrepancy.region import Region, region
-from crane_identification.discrepancy.repeating import repeating
+from crane_identification.discrepancy.repeating import Repeating, repeating
 from crane_identification.discrepancy.search import Search, search
 from crane_identification.discrepancy.thresholds import Thresholds
 from crane_identification.discrepancy.verdict import Verdict, judge, noise_energy, with_flow
@@ -56,7 +56,8 @@ class Diagnosis:
     """Everything that page, summary and text are made of.
 
     Per joint (j,): `energy` share of the unexplained energy, `regions` that carry it, `learnt` from
-    the residual before and after; `left_white` whether what remains is noise by its correlation.
+    the residual before and after, `repeating` what comes again in each period before;
+    `correlation_left` of neighbouring rows of what remains, 0 for noise.
     """
 
     verdict: Verdict
@@ -76,6 +77,7 @@ class Diagnosis:
     learnt_after: Learnt
     correlation_left: np.ndarray
     detectable: float
+    repeating: Repeating | None
     known: Features
     flows: tuple[Flow, ...]
     flow_unobservable: dict[tuple[str, str], str]
@@ -129,12 +131,13 @@ def diagnose(
     progress("what is left", 1.0)
     least = detectable(found, threshold)
     periods = _averaged(model, validation, options)
+    again = repeating(before, periods)
     verdict, reason = judge(
         found,
         accepted,
         energies=(noise_energy(found, left), noise_energy(found, left_after)),
         learnt=(learnt_before, learnt_after),
-        repeating=repeating(after, periods),
+        repeating=again,
         least=least,
         thresholds=thresholds,
     )
@@ -163,6 +166,7 @@ def diagnose(
         learnt_after=learnt_after,
         correlation_left=_correlation(seen, residual(seen, after)),
         detectable=least,
+        repeating=again,
         known=known,
         flows=tuple(flows),
         flow_unobservable=no_flow,
