@@ -111,6 +111,19 @@ def cases(which: CaseSet, count: int) -> list[Case]:
     return sorted(out, key=lambda case: case.name)
 
 
+def with_others(case: Case, number: int) -> Case:
+    """The case with other effects of the same kind and strength, drawn for the `number`-th time."""
+    rng = np.random.default_rng([20261121, *case.seed, number])
+    drawn = _drawn(rng, case.kind is Kind.OUTSIDE, [one.strength for one in case.effects])
+    old = {one.effect for one in case.effects}
+    effects: list[Hidden] = []
+    for wanted in case.effects:
+        other = next(one for one in drawn if one.effect not in old)
+        effects.append(other.model_copy(update={"strength": wanted.strength}))
+        old.add(other.effect)
+    return case.model_copy(update={"effects": tuple(effects)})
+
+
 def apportioned(shares: dict[Kind, float], count: int) -> dict[Kind, int]:
     """`count` split by the largest remainders."""
     whole = {kind: int(share * count) for kind, share in shares.items()}

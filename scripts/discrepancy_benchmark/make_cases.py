@@ -7,14 +7,14 @@ from dataclasses import dataclass, replace
 from pathlib import Path
 
 import numpy as np
-from cases import Case, CaseSet, Hidden, cases
+from cases import Case, CaseSet, Hidden, cases, with_others
 from clean import save_clean
 from folders import Folders, done, new, write_json
 from motions import Excitation, motions
 from work import in_processes
 
 from crane_model.configuration import packaged
-from crane_model.errors import RangeError
+from crane_model.errors import CraneError, RangeError
 from crane_model.machine import load_machine
 from crane_model.model_file import Model, load_model, save_model
 from crane_sim.hidden.calibrate import calibrate
@@ -29,7 +29,8 @@ from crane_trajectory.controller import load_gains
 
 SPREAD = 0.15  # of the machines' parameters
 WEAKER = 0.5  # what is asked for next of an effect that cannot be so strong
-ATTEMPTS = 5
+ATTEMPTS = 4
+REDRAWN = 4  # times as many, with other effects
 LATE = "payload"  # changes between recordings; in all of them it would be a link's mass
 
 
@@ -45,13 +46,17 @@ class Job:
 def make_case(job: Job) -> None:
     """Bags, the model to diagnose, and the sealed truth of one case.
 
-    Motions on which the machine cannot carry what is to be hidden are drawn anew.
+    Motions on which the machine cannot carry what is to be hidden are drawn anew; what no motion
+    shows, as the cushioning of an end where the boom cannot get, makes way for other effects.
     """
-    for attempt in range(ATTEMPTS):
+    case = job.case
+    for attempt in range(REDRAWN * ATTEMPTS):
+        if attempt and attempt % ATTEMPTS == 0:
+            case = with_others(job.case, attempt)
         try:
-            _make(job, attempt)
+            _make(replace(job, case=case), attempt)
             return
-        except RangeError as error:
+        except CraneError as error:
             reason = error
     raise reason
 
