@@ -23,11 +23,14 @@ from crane_model.flow import FLOW_REGISTRY, FlowTerm, flow_regressor, piston_flo
 from crane_model.flow.oil import InternalLeakage, OilCompressibility
 from crane_model.flow.valve import Valve, ValveAsymmetry, ValveDeadZone, ValveHysteresis
 from crane_model.machine import Machine
+from crane_model.record import Record
 from crane_model.terms import Effect
 
 FEWEST_ROWS = 200  # of both chambers together
+LEAST_PRESSURE = 1e5  # Pa above the tank's, below which a chamber is about to be empty
 SIGMAS = 3.0  # by which a value must lie outside of what is usual
 CLEARLY = 2.0  # times the variance that the usual value leaves on held-out recordings
+FURTHER_SHARE = 0.05  # of the energy that the strongest explains, at least of a further one
 UNKNOWN_FLOW = 0.1  # share of the flow left unexplained above which the balance tells nothing
 WIDEST_DEAD_ZONE = 0.3
 WIDEST_PLAY = 0.2
@@ -40,7 +43,7 @@ Positive = Annotated[float, Field(gt=0)]
 class Usual(Schema):
     """What is usual of valves and oil; `hydraulics.yaml` says what each is."""
 
-    dead_zone: Positive
+    dead_zone: dict[str, Positive]
     hysteresis: Positive
     asymmetry: Positive
     leakage: Positive
@@ -57,8 +60,8 @@ def load_usual(path: Path | None = None) -> Usual:
 class Quantity:
     """A value of the hydraulics with one standard deviation, and the limit of what is usual.
 
-    With the usual value in its place, `share` of the piston's flow (rms) more is unexplained, and
-    the balance loses the `score` 2 dlogL; both are 0 where the value is usual.
+    With that limit in its place, `share` of the piston's flow (rms) more is unexplained, and the
+    balance loses the `score` 2 dlogL; both are 0 where the value is usual.
     """
 
     kind: type[FlowTerm]
@@ -92,8 +95,12 @@ class Flow:
 
     @property
     def missing(self) -> tuple[Quantity, ...]:
-        """What is not as usual, strongest first."""
-        return tuple(sorted((q for q in self.quantities if q.missing), key=lambda q: -q.score))
+        """What is not as usual, strongest first.
+
+        A law that is not quite its own takes others along: they explain little beside it.
+        """
+        found = sorted((q for q in self.quantities if q.missing), key=lambda q: -q.score)
+        return tuple(q for q in found if q.share**2 >= FURTHER_SHARE * found[0].share ** 2)
 
 
 def examine(
@@ -168,6 +175,12 @@ class _Balance:
 
         return self._rows(columns)
 
+    def _filled(self, record: Record) -> np.ndarray:
+        """(samples,) where no chamber is about to be empty: then it draws oil past the valve."""
+        j, of = record.column(self.joint), f"flow of '{self.joint}'"
+        pressures = [record.needed(name, of)[:, j] for name in ("pressure_a", "pressure_b")]
+        return np.minimum(*pressures) > record.needed("tank_pressure", of) + LEAST_PRESSURE
+
     def _rows(self, of: Callable[[Run], np.ndarray]) -> np.ndarray:
         """(N, k) from (samples, 2, k) of each run, filtered like the torque."""
         parts = []
@@ -175,7 +188,7 @@ class _Balance:
             values = of(run)
             if not np.isfinite(values).all():
                 raise DataError(f"flow of '{self.joint}': what it needs was not logged throughout")
-            gate = run.gate[:, run.record.column(self.joint)]
+            gate = run.gate[:, run.record.column(self.joint)] * self._filled(run.record)
             rows = thinned(values * gate[:, np.newaxis, np.newaxis], run.factor)
             rows = rows[thinned(gate, run.factor) > OPEN]
             parts.append(rows.reshape(-1, rows.shape[2]))
@@ -184,6 +197,10 @@ class _Balance:
 
 def _examined(here: _Balance, there: _Balance, usual: Usual) -> Flow:
     """All quantities of a joint, from its balance `here`, proved `there`."""
+    if here.joint not in usual.dead_zone:
+        raise DataError(
+            f"flow of '{here.joint}': what is usual of its valve is not known; add its dead_zone"
+        )
 
     def left(band: float) -> float:
         columns = np.concatenate([here.spool(band)[:, :2], here.leak_and_oil], axis=1)
@@ -237,7 +254,7 @@ def _examined(here: _Balance, there: _Balance, usual: Usual) -> Flow:
     change = (here.spool(band + STEP)[:, 0] - columns[:, SPOOL]) * gain / STEP
     band_std = float(np.sqrt(free.rest / max(float(change @ change), np.finfo(float).tiny)))
     found = (
-        judged(ValveDeadZone, band, band_std, usual.dead_zone, None),
+        judged(ValveDeadZone, band, band_std, usual.dead_zone[here.joint], None),
         judged(
             *(ValveHysteresis, width * values[PLAY] / gain, width * spread[PLAY] / abs(gain)),
             *(usual.hysteresis, PLAY),

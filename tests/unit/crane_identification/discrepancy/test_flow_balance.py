@@ -12,7 +12,7 @@ from crane_model.configuration import packaged
 from crane_model.model_file import load_model
 
 USUAL = Usual(
-    dead_zone=0.09,
+    dead_zone={JOINT: 0.09},
     hysteresis=0.01,
     asymmetry=0.03,
     leakage=1e-13,
@@ -59,3 +59,27 @@ def test_without_supply_pressure_it_is_not_observable(evidence: Evidence) -> Non
     found, absent = examine(replace(evidence, runs=(blind,)), evidence, USUAL)
     assert not found
     assert "supply pressure" in absent["valve_dead_zone", JOINT]
+
+
+def test_a_chamber_that_draws_oil_past_the_valve_is_not_asked(
+    evidence: Evidence, flow: Flow
+) -> None:
+    (run,) = evidence.runs
+    record = run.record
+    j = record.column(JOINT)
+    assert record.pressure_a is not None and record.pressure_b is not None
+    assert record.tank_pressure is not None and record.velocity is not None
+    starved = np.arange(len(record)) % 1000 < 150
+    pressure, speed = record.pressure_b.copy(), record.velocity.copy()
+    pressure[starved, j] = record.tank_pressure[starved]
+    speed[starved, j] *= 1.5  # more than the valve lets in
+    torn = replace(run, record=replace(record, pressure_b=pressure, velocity=speed))
+    found, _ = examine(replace(evidence, runs=(torn,)), evidence, USUAL)
+    assert [one.type for one in found[0].missing] == [one.type for one in flow.missing]
+
+
+def test_without_a_usual_dead_zone_nothing_is_said(evidence: Evidence) -> None:
+    other = USUAL.model_copy(update={"dead_zone": {"slew": 0.05}})
+    found, absent = examine(evidence, evidence, other)
+    assert not found
+    assert "not known" in absent["valve_dead_zone", JOINT]
