@@ -143,7 +143,9 @@ def diagnose(
     )
     if verdict is Verdict.UNKNOWN:
         accepted, after, values = [], before, []
-    flows, no_flow = examine(evidence, held_out, usual or load_usual())
+    named = [one.option.family for one in accepted]
+    wrong = {one.where for one in named if one.term.family == "sensing"}
+    flows, no_flow = examine(evidence, held_out, usual or load_usual(), wrong)
     verdict, reason = with_flow(verdict, reason, flows)
     gap = measure(before, after, evidence, held_out, periods)
     progress("gap", 1.0)

@@ -5,7 +5,7 @@ cannot show in its residual. They do in the balance of flow, which is fitted as 
 machine has some of each, and an effect is missing where a value is not the usual one.
 """
 
-from collections.abc import Callable
+from collections.abc import Callable, Collection
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Annotated, NamedTuple
@@ -31,6 +31,8 @@ LEAST_PRESSURE = 1e5  # Pa above the tank's, below which a chamber is about to b
 SIGMAS = 3.0  # by which a value must lie outside of what is usual
 CLEARLY = 2.0  # times the variance that the usual value leaves on held-out recordings
 FURTHER_SHARE = 0.05  # of the energy that the strongest explains, at least of a further one
+TRUE_TO = 0.006  # share of the flow that sensors and processing leave unexplained at most
+EXPLAINED = 0.7  # of the energy beyond the usual must be named, or what is there is unknown
 UNKNOWN_FLOW = 0.1  # share of the flow left unexplained above which the balance tells nothing
 WIDEST_DEAD_ZONE = 0.3
 WIDEST_PLAY = 0.2
@@ -95,26 +97,40 @@ class Flow:
 
     @property
     def missing(self) -> tuple[Quantity, ...]:
-        """What is not as usual, strongest first.
+        """What is not as usual, strongest first; nothing where that is `unknown`.
 
         A law that is not quite its own takes others along: they explain little beside it.
         """
+        return () if self.unknown else self._beyond
+
+    @property
+    def unknown(self) -> bool:
+        """Whether most of what is left has a law that is none of the quantities'."""
+        named = sum(one.share**2 for one in self._beyond)
+        beyond = named + self.unexplained**2
+        return self.unexplained > TRUE_TO and named < EXPLAINED * beyond
+
+    @property
+    def _beyond(self) -> tuple[Quantity, ...]:
         found = sorted((q for q in self.quantities if q.missing), key=lambda q: -q.score)
         return tuple(q for q in found if q.share**2 >= FURTHER_SHARE * found[0].share ** 2)
 
 
 def examine(
-    evidence: Evidence, held_out: Evidence, usual: Usual
+    evidence: Evidence, held_out: Evidence, usual: Usual, distrusted: Collection[str] = ()
 ) -> tuple[list[Flow], dict[tuple[str, str], str]]:
     """Each joint whose flow was recorded, and why effects are not observable on the others.
 
     An effect is missing where its value lies beyond what is usual, and where the usual value
-    predicts the flow of the `held_out` recordings clearly worse.
+    predicts the flow of the `held_out` recordings clearly worse. Sensors of the joints `distrusted`
+    are known to be wrong.
     """
     found: list[Flow] = []
     absent: dict[tuple[str, str], str] = {}
     for joint in evidence.joints:
         try:
+            if joint in distrusted:
+                raise DataError(f"flow of '{joint}': its sensors are wrong; mend them first")
             found.append(_examined(_Balance(evidence, joint), _Balance(held_out, joint), usual))
         except DataError as error:
             effects = [name for name, cls in FLOW_REGISTRY.items() if cls.effect is not None]

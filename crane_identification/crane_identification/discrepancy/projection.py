@@ -14,6 +14,11 @@ from crane_identification.discrepancy.candidates import Family, Option
 from crane_identification.discrepancy.evidence import Evidence
 from crane_identification.discrepancy.whitening import SAME, Whitener, leading
 
+TINY = np.finfo(float).tiny
+ONCE, NEARLY = 0.05, 0.95
+"""The measured force explains itself with the coefficient one: a column within `ONCE` of that and
+correlated with the residual by more than `NEARLY` is made of it, as |tau| sgn(v) is where friction
+is all that the force overcomes."""
 VISIBLE = 0.05
 """Share of a column's norm that must be left beside the base for its effect to be testable."""
 
@@ -122,23 +127,51 @@ def whitened_base(evidence: Evidence, whitener: Whitener) -> np.ndarray:
     return leading(columns, columns.shape[1])
 
 
-def testable(projection: Projection) -> tuple[np.ndarray, dict[Family, str]]:
+def testable(
+    projection: Projection, evidence: Evidence, whitener: Whitener
+) -> tuple[np.ndarray, dict[Family, str]]:
     """Which options (options,) can be tested, and why families cannot."""
-    wanted = projection.visibility >= VISIBLE
-    itself = np.abs(projection.score) > SAME * np.linalg.norm(projection.residual)
-    for number in np.unique(projection.owner[itself]):
-        wanted[number] = False
-    reasons: dict[Family, str] = {}
-    best: dict[Family, float] = {}
-    for option, share in zip(projection.options, projection.visibility, strict=True):
-        best[option.family] = max(best.get(option.family, 0.0), float(share))
-    usable = {o.family for o, good in zip(projection.options, wanted, strict=True) if good}
-    for family, share in best.items():
-        if family in usable:
-            continue
-        reasons[family] = (
-            f"{share:.1%} of its column is left beside the model, {VISIBLE:.0%} needed"
-            if share < VISIBLE
-            else "its column is the measured force itself"
-        )
+    visible = projection.visibility >= VISIBLE
+    families = [option.family for option in projection.options]
+    itself = _force_itself(projection, evidence, whitener)
+    wanted = visible & np.array([family not in itself for family in families], dtype=bool)
+    reasons = dict.fromkeys(itself, "its column is the measured force itself")
+    seen = {family for family, one in zip(families, visible, strict=True) if one}
+    for family in dict.fromkeys(families):
+        if family not in seen:
+            best = max(
+                share
+                for one, share in zip(families, projection.visibility, strict=True)
+                if one == family
+            )
+            reasons[family] = (
+                f"{best:.1%} of its column is left beside the model, {VISIBLE:.0%} needed"
+            )
     return wanted, reasons
+
+
+def _force_itself(projection: Projection, evidence: Evidence, whitener: Whitener) -> set[Family]:
+    """Families of one joint with a column that is, beside the model there, the residual there.
+
+    Asked on the rows of that joint alone: what the joints share in the base, and the residual of
+    the others, would hide it.
+    """
+    joints = evidence.joints
+    force, base = whitener(evidence.force), whitener(evidence.base)
+    first = {option.family: option for option in reversed(projection.options)}
+    found = set()
+    for j, joint in enumerate(joints):
+        rows = whitener.channel % len(joints) == j
+        known = leading(base[rows], base.shape[1])
+        rest = force[rows] - known @ (known.T @ force[rows])
+        for family, option in first.items():
+            if family.joint != joint:
+                continue
+            columns = whitener(option.columns)[rows]
+            columns = columns - known @ (known.T @ columns)
+            size, score = np.linalg.norm(columns, axis=0), rest @ columns
+            alike = np.abs(score) / np.maximum(size * np.linalg.norm(rest), TINY)
+            once = np.abs(score / np.maximum(size**2, TINY) - 1.0) < ONCE
+            if ((alike > SAME) | (once & (alike > NEARLY))).any():
+                found.add(family)
+    return found

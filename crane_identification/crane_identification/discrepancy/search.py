@@ -139,5 +139,5 @@ def search(evidence: Evidence, progress: Progress = silent) -> Search:
     white = whitener(evidence, np.concatenate([one.columns for one in found], axis=2))
     base = whitened_base(evidence, white)
     projection = project(evidence, white, found, base)
-    good, untestable = testable(projection)
+    good, untestable = testable(projection, evidence, white)
     return Search(evidence, white, base, projection.kept(good), untestable, unobservable, progress)

@@ -71,6 +71,13 @@ def judge(
 
 def with_flow(verdict: Verdict, reason: str, flows: Sequence[Flow]) -> tuple[Verdict, str]:
     """The verdict where the flow of oil, which the torque cannot show, tells something more."""
+    strange = [flow for flow in flows if flow.unknown]
+    if verdict is Verdict.NONE and strange:
+        return Verdict.UNKNOWN, "; ".join(
+            f"{flow.unexplained:.1%} of the flow of {flow.joint} follow a law, but none of the "
+            "catalogue"
+            for flow in strange
+        )
     if not any(flow.missing for flow in flows):
         return verdict, reason
     said = "; ".join(

@@ -83,3 +83,20 @@ def test_without_a_usual_dead_zone_nothing_is_said(evidence: Evidence) -> None:
     found, absent = examine(evidence, evidence, other)
     assert not found
     assert "not known" in absent["valve_dead_zone", JOINT]
+
+
+def test_a_law_of_no_valve_and_no_oil_is_unknown(evidence: Evidence, flow: Flow) -> None:
+    (run,) = evidence.runs
+    record = run.record
+    assert not flow.unknown and record.velocity is not None
+    eccentric = replace(
+        record, velocity=record.velocity * (1.0 + 0.1 * np.sin(9.0 * record.position))
+    )
+    found, _ = examine(replace(evidence, runs=(replace(run, record=eccentric),)), evidence, USUAL)
+    assert found[0].unknown and not found[0].missing
+
+
+def test_joints_with_wrong_sensors_are_not_asked(evidence: Evidence) -> None:
+    found, absent = examine(evidence, evidence, USUAL, {JOINT})
+    assert not found
+    assert "sensors" in absent["internal_leakage", JOINT]

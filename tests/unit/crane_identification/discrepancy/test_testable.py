@@ -1,0 +1,49 @@
+"""Which candidates can be tested at all."""
+
+from pathlib import Path
+
+import numpy as np
+
+from crane_identification.discrepancy import projection
+from crane_identification.discrepancy.candidates import Family, Option
+from crane_identification.discrepancy.evidence import Evidence
+from crane_identification.discrepancy.whitening import whitener
+from crane_model.model_file import load_model
+from crane_model.terms.friction_speed import QuadraticViscous
+from crane_model.terms.sensing import PressureGain
+
+N = 400
+
+
+def test_a_gain_of_the_measured_force_is_not_tested(tmp_path: Path) -> None:
+    """Also where another joint lacks something and the joints share a parameter of the base."""
+    (tmp_path / "two.yaml").write_text(
+        "name: two axes\njoints: {one: m, other: m}\n"
+        "terms:\n  - {type: inertia, joint: one}\n  - {type: inertia, joint: other}\n"
+    )
+    rng = np.random.default_rng(3)
+    base = np.zeros((N, 4, 3))
+    base[:, 0, 0], base[:, 1, 1] = rng.standard_normal((2, N))
+    base[:, :2, 2] = rng.standard_normal((N, 2))
+    law = rng.standard_normal((N, 2))
+    force = np.zeros((N, 4))
+    force[:, :2] = base[:, :2] @ [5.0, 3.0, 2.0] + law + 0.1 * rng.standard_normal((N, 2))
+    used = np.zeros((N, 4), dtype=bool)
+    used[:, :2] = True
+    zeros = np.zeros(N, dtype=int)
+    model = load_model(tmp_path / "two.yaml")
+    evidence = Evidence(model, (), np.arange(N) * 0.1, zeros, zeros, force, base, used)
+
+    def option(family: Family, column: np.ndarray) -> Option:
+        columns = np.zeros((N, 4, 1))
+        columns[:, 0, 0] = column
+        return Option(family, {}, family.at({}), columns, np.array([False]))
+
+    gain, loss = Family(PressureGain, "one"), Family(QuadraticViscous, "one")
+    options = [option(gain, force[:, 0]), option(loss, law[:, 0] + rng.standard_normal(N))]
+    white = whitener(evidence, np.concatenate([one.columns for one in options], axis=2))
+    wanted, reasons = projection.testable(
+        projection.project(evidence, white, options), evidence, white
+    )
+    assert wanted.tolist() == [False, True]
+    assert reasons == {gain: "its column is the measured force itself"}
