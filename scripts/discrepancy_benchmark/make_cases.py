@@ -42,6 +42,11 @@ class Job:
     folders: Folders
     sets: int
 
+    @property
+    def name(self) -> str:
+        """Of the case."""
+        return self.case.name
+
 
 def make_case(job: Job) -> None:
     """Bags, the model to diagnose, and the sealed truth of one case.
