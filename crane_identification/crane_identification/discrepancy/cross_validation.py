@@ -3,7 +3,8 @@
 import numpy as np
 
 from crane_identification.discrepancy.evidence import Evidence
-from crane_identification.discrepancy.whitening import Whitener
+from crane_identification.discrepancy.projection import VISIBLE
+from crane_identification.discrepancy.whitening import Whitener, leading
 
 FEWEST_BAGS = 4  # with fewer, blocks of time take their place
 BLOCKS = 6
@@ -22,17 +23,30 @@ def folds(evidence: Evidence) -> tuple[np.ndarray, tuple[str, ...]]:
 def held_out_gains(
     evidence: Evidence, whitener: Whitener, before: np.ndarray, added: np.ndarray
 ) -> tuple[np.ndarray, tuple[str, ...]]:
-    """2 dlogL of each held-out fold that the columns `added` (n, j, k) gain beside `before`."""
+    """2 dlogL of each held-out fold that the columns `added` (n, j, k) gain beside `before`.
+
+    NaN for a fold without which the others do not tell the columns from those before.
+    """
     fold, names = folds(evidence)
     label = fold[whitener.row]
-    force, small = whitener(evidence.force), whitener(before)
-    large = np.concatenate([small, whitener(added)], axis=1)
-    gains = np.zeros(len(names))
+    force, small, new = whitener(evidence.force), whitener(before), whitener(added)
+    large = np.concatenate([small, new], axis=1)
+    gains = np.full(len(names), np.nan)
     for number in range(len(names)):
         out = label == number
+        if _visible(small[~out], new[~out]) < VISIBLE:
+            continue
         cost = [_left(columns, force, out) for columns in (small, large)]
         gains[number] = cost[0] - cost[1]
     return gains, names
+
+
+def _visible(before: np.ndarray, added: np.ndarray) -> float:
+    """Share of the norm of the columns `added` that is left beside those `before`; the least."""
+    known = leading(before, before.shape[1])
+    whole = np.linalg.norm(added, axis=0)
+    rest = np.linalg.norm(added - known @ (known.T @ added), axis=0)
+    return float(np.divide(rest, whole, out=np.zeros_like(rest), where=whole > 0.0).min())
 
 
 def _left(columns: np.ndarray, force: np.ndarray, out: np.ndarray) -> float:

@@ -17,6 +17,8 @@ RELATED = 0.2
 """Correlation below which an effect is no rival: it explains something else."""
 KIN_SHARE = 0.5
 """Share of an effect's score by which it must lead another law of the same effect."""
+FOLDS_TO_FAIL = 4
+"""Folds of which one may fail, whatever share is asked for."""
 SAME_FORM = 0.9
 """Correlation above which one effect is taken for a special case of the other."""
 
@@ -76,8 +78,18 @@ def decide(search: Search, thresholds: Thresholds) -> tuple[list[Accepted], floa
 
 
 def _passes(one: Accepted, thresholds: Thresholds) -> bool:
-    enough = float((one.held_out > 0.0).mean()) >= thresholds.folds_share
-    return enough and one.strength >= thresholds.smallest_strength
+    return _helps(one.held_out, thresholds) and one.strength >= thresholds.smallest_strength
+
+
+def _helps(gains: np.ndarray, thresholds: Thresholds) -> bool:
+    """Whether an effect improves the prediction of recordings that it was not fitted to.
+
+    In all folds (NaN: not asked) but a few; of four and more, one may differ in something else.
+    """
+    asked = gains[np.isfinite(gains)]
+    failed = int((asked <= 0.0).sum())
+    allowed = max((1.0 - thresholds.folds_share) * len(asked), float(len(asked) >= FOLDS_TO_FAIL))
+    return 2 * len(asked) > len(gains) and failed <= allowed and float(asked.sum()) > 0.0
 
 
 def _vague(one: Accepted) -> bool:
@@ -191,6 +203,7 @@ def _judged(
         whole = len(other.positive) >= len(own.positive)
         if lead <= needed or (whole and alike > thresholds.alike):
             members.append(other.family)
+    members += _same_as(search, [rival.options[-1] for rival, _ in rivals], members, thresholds)
     evidence = search.evidence
     columns = [projection.options[i].columns for i in others.options]
     before = np.concatenate([evidence.base, *columns], axis=2)
@@ -209,6 +222,20 @@ def _judged(
         visibility=float(projection.visibility[number]),
         strength=_strength(search, number, score),
     )
+
+
+def _same_as(
+    search: Search, rivals: list[int], members: list[Family], thresholds: Thresholds
+) -> list[Family]:
+    """Further rivals whose columns are those of a member: they belong to the class as well."""
+    options = search.projection.options
+    known = [number for number in rivals if options[number].family in members]
+    return [
+        options[number].family
+        for number in rivals
+        if number not in known
+        and any(_alike(search, number, one) > thresholds.alike for one in known)
+    ]
 
 
 def _kin(one: Family, other: Family) -> bool:

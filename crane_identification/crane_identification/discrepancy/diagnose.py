@@ -2,6 +2,7 @@
 
 import argparse
 import sys
+import time
 from collections.abc import Sequence
 from datetime import UTC, datetime
 from pathlib import Path
@@ -21,6 +22,7 @@ from crane_model.configuration import load
 from crane_model.errors import ConfigurationError, DataError
 from crane_model.model_file import load_model, save_model
 
+WITHOUT = "effects that the answer is sought without, as findings.json names them: what else fits?"
 NEEDED = ("model", "train", "validate", "out")
 
 
@@ -32,6 +34,7 @@ def run(arguments: argparse.Namespace) -> None:
     absent = [f"--{name}" for name in NEEDED if not getattr(arguments, name)]
     if absent:
         raise ConfigurationError(f"{', '.join(absent)}: needed for a diagnosis; see --help")
+    start = time.perf_counter()
     model = load_model(arguments.model)
     both = {p.resolve() for p in arguments.train} & {p.resolve() for p in arguments.validate}
     if both:
@@ -46,7 +49,9 @@ def run(arguments: argparse.Namespace) -> None:
         training, held_out = sources.read(arguments.train), sources.read(arguments.validate)
         options = Options(period=arguments.period)
         usual = load_usual(arguments.hydraulics)
-        result = diagnose(model, training, held_out, options, thresholds, progress, usual)
+        result = diagnose(
+            model, training, held_out, options, thresholds, progress, usual, arguments.without
+        )
         provenance = Provenance.of(
             datetime.now(UTC).strftime("%Y-%m-%d %H:%M UTC"),
             ["diagnose", *arguments.given],
@@ -58,6 +63,10 @@ def run(arguments: argparse.Namespace) -> None:
         page.write(arguments.out / "report.html", result, provenance)
     print("\n".join(explain.lines(findings.content(result))))
     print(f"written: {arguments.out}/findings.json, model.yaml, report.html")
+    logs = [*training, *held_out]
+    samples = sum(len(log.position.time) for log in logs)
+    seconds = time.perf_counter() - start
+    print(f"{len(logs)} recordings, {samples} samples of each joint, {seconds:.0f} s")
 
 
 def parser() -> argparse.ArgumentParser:
@@ -76,6 +85,7 @@ def parser() -> argparse.ArgumentParser:
     add("--out", type=Path, help="folder for the results")
     add("--columns", type=Path, help="column map (YAML) of the tables")
     add("--period", type=float, help="period [s] of the motion, where no reference is recorded")
+    add("--without", nargs="+", default=[], metavar="EFFECT", help=WITHOUT)
     add("--thresholds", type=Path, help="thresholds (YAML; default: the packaged ones)")
     add("--hydraulics", type=Path, help="what is usual of valves and oil (YAML)")
     add("--explain", type=Path, metavar="DIR", help="print the answer in DIR in twenty lines")

@@ -1,14 +1,15 @@
 """The diagnosis: from logs and a model to a verdict, findings, an extended model, and its proof."""
 
-from collections.abc import Sequence
+from collections.abc import Collection, Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
 
 from crane_identification.data.log import Log
-from crane_identification.discrepancy.candidates import Family
+from crane_identification.discrepancy.candidates import Family, families
 from crane_identification.discrepancy.cross_validation import folds
 from crane_identification.discrepancy.decision import Accepted, decide, detectable
+from crane_identification.discrepancy.determined import decimation, fitted
 from crane_identification.discrepancy.evidence import Evidence, gather
 from crane_identification.discrepancy.flow import Flow, Usual, examine, load_usual
 from crane_identification.discrepancy.gap import Gap, measure, residual
@@ -23,9 +24,9 @@ from crane_identification.discrepancy.verdict import Verdict, judge, noise_energ
 from crane_identification.options import Options
 from crane_identification.preparation import Preparation, prepare
 from crane_identification.progress import Progress, silent
-from crane_identification.regression import common_factor
-from crane_model.errors import DataError
+from crane_model.errors import ConfigurationError, DataError
 from crane_model.model_file import Model
+from crane_model.terms import REGISTRY, Term
 
 
 @dataclass(frozen=True)
@@ -57,7 +58,8 @@ class Diagnosis:
 
     Per joint (j,): `energy` share of the unexplained energy, `regions` that carry it, `learnt` from
     the residual before and after, `repeating` what comes again in each period before;
-    `correlation_left` of neighbouring rows of what remains, 0 for noise.
+    `correlation_left` of neighbouring rows of what remains, 0 for noise. `undetermined` parameters
+    of the given model were left out of it; the answer is sought `without` these effects.
     """
 
     verdict: Verdict
@@ -79,6 +81,8 @@ class Diagnosis:
     detectable: float
     repeating: Repeating | None
     known: Features
+    undetermined: tuple[str, ...]
+    without: frozenset[str]
     flows: tuple[Flow, ...]
     flow_unobservable: dict[tuple[str, str], str]
 
@@ -96,29 +100,37 @@ def diagnose(
     thresholds: Thresholds,
     progress: Progress = silent,
     usual: Usual | None = None,
+    without: Collection[str] = (),
 ) -> Diagnosis:
     """Where `model` disagrees with the recordings, and why.
 
-    `usual` says what is usual of the hydraulics (None: the packaged values).
+    `usual` says what is usual of the hydraulics (None: the packaged values). `without` names
+    effects (types of terms) that the answer is sought without: what else could it be?
 
     The model is fitted to the training recordings first, so that its values are not what differs.
-    `DataError` if recordings cannot be used or do not determine the parameters of the model.
+    `DataError` if recordings cannot be used or do not determine the parameters of the model;
+    `ConfigurationError` if an effect is not in the catalogue.
     """
     for name, logs in (("--train", training), ("--validate", validation)):
         if not logs:
             raise DataError(f"no recordings given; name at least one with {name}")
+    unknown = sorted(set(without) - {name for name, cls in REGISTRY.items() if cls.effect})
+    if unknown:
+        raise ConfigurationError(
+            f"{', '.join(unknown)}: no effect that shows in the force; name effects as "
+            "findings.json does"
+        )
     whole = replace(options, average=False)
     prepared = _prepared(model, (*training, *validation), whole, progress)
     sources = {log.source for log in training}
     train = [p for p in prepared if p.source in sources]
     hold = [p for p in prepared if p.source not in sources]
-    factor = common_factor(train, options.decimation)
-    evidence = gather(model, train, factor)
-    held_out = gather(model, hold, factor, first_run=len(train))
-    found = search(evidence, progress)
-    accepted, threshold = decide(found, thresholds)
+    factor = decimation(train, options.decimation)
     text = ", ".join(sorted(sources))
-    before = refit(evidence, text)
+    evidence, before, left_out = fitted(model, train, factor, text)
+    held_out = gather(before, hold, factor, first_run=len(train))
+    found = search(evidence, _wanted(evidence, left_out, without), progress)
+    accepted, threshold = decide(found, thresholds)
     seen, joints = evidence.moving, len(model.joints)
     known, (fold, _) = features(seen), folds(seen)
     left = residual(evidence, before)
@@ -139,6 +151,7 @@ def diagnose(
         learnt=(learnt_before, learnt_after),
         repeating=again,
         least=least,
+        undetermined=_names(model, left_out),
         thresholds=thresholds,
     )
     if verdict is Verdict.UNKNOWN:
@@ -170,9 +183,28 @@ def diagnose(
         detectable=least,
         repeating=again,
         known=known,
+        undetermined=_names(model, left_out),
+        without=frozenset(without),
         flows=tuple(flows),
         flow_unobservable=no_flow,
     )
+
+
+def _wanted(
+    evidence: Evidence, left_out: Collection[Term], without: Collection[str]
+) -> list[Family]:
+    """The families that are asked for: not `without`, and none that the model had."""
+    had = {(term.type, getattr(term, "joint", None)) for term in left_out}
+    return [
+        family
+        for family in families(evidence.model, evidence.bags)
+        if family.type not in without and (family.type, family.joint) not in had
+    ]
+
+
+def _names(model: Model, terms: Sequence[Term]) -> tuple[str, ...]:
+    """The parameters of terms."""
+    return tuple(p.name for term in terms for p in term.parameters(model.setting))
 
 
 def _prepared(

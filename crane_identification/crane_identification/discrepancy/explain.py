@@ -40,6 +40,10 @@ def lines(content: dict[str, Any]) -> list[str]:
             else ""
         )
         out.append(f"  {joint}: {one['energy_share']:.0%} of what is unexplained{where}")
+    if content["undetermined"]:
+        out.append(f"Not determined, and left out: {', '.join(content['undetermined'])}")
+    if content["without"]:
+        out.append(f"Not asked for: {', '.join(content['without'])}")
     for number, finding in enumerate(content["findings"], start=1):
         out += _finding(number, finding)
     out.append("Held-out force error, before -> after (noise floor, learner):")

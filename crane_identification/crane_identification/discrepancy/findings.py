@@ -52,6 +52,8 @@ def content(diagnosis: Diagnosis) -> dict[str, Any]:
                     strict=True,
                 )
             },
+            "undetermined": diagnosis.undetermined,
+            "without": sorted(diagnosis.without),
             "not_testable": _reasons(diagnosis.search.untestable),
             "not_observable": _reasons(diagnosis.search.unobservable)
             + [

@@ -17,8 +17,22 @@ from crane_model.model_file import Model
 STEP = 0.02  # relative, of the difference with respect to a shape parameter
 
 
+class UndeterminedError(DataError):
+    """The recordings show only combinations of the parameters `names` of a model."""
+
+    def __init__(self, model: Model, names: tuple[str, ...]) -> None:
+        self.names = names
+        super().__init__(
+            f"model '{model.name}': {', '.join(names)}: these recordings show only "
+            "combinations of these parameters; excite the joints more or take terms out"
+        )
+
+
 def refit(evidence: Evidence, sources: str) -> Model:
-    """The model of the evidence with values and standard deviations, all estimated together."""
+    """The model of the evidence with values and standard deviations, all estimated together.
+
+    `UndeterminedError` where the recordings do not determine all of them.
+    """
     model = evidence.model
     parameters = model.parameters
     matrix, force = _beside_nuisances(evidence)
@@ -34,10 +48,7 @@ def refit(evidence: Evidence, sources: str) -> Model:
     )
     estimate = consistent(rows, physics(model))
     if estimate.undetermined:
-        raise DataError(
-            f"model '{model.name}': {', '.join(estimate.undetermined)}: these recordings show only "
-            "combinations of these parameters; excite the joints more or take terms out"
-        )
+        raise UndeterminedError(model, estimate.undetermined)
     provenance = f"diagnose: {estimate.method}, {estimate.samples} rows of {sources}"
     return model.with_estimate(estimate.values, estimate.std_devs, provenance)
 

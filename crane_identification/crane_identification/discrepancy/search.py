@@ -7,7 +7,7 @@ from typing import Any
 import numpy as np
 from scipy.optimize import minimize_scalar
 
-from crane_identification.discrepancy.candidates import Family, Option, families, option, options
+from crane_identification.discrepancy.candidates import Family, Option, option, options
 from crane_identification.discrepancy.evidence import Evidence
 from crane_identification.discrepancy.projection import (
     Projection,
@@ -132,9 +132,8 @@ def _others(choice: Choice, place: int) -> tuple[int, ...]:
     return choice.options[:place] + choice.options[place + 1 :]
 
 
-def search(evidence: Evidence, progress: Progress = silent) -> Search:
-    """All candidates of the catalogue beside the model."""
-    wanted = families(evidence.model, evidence.bags)
+def search(evidence: Evidence, wanted: list[Family], progress: Progress = silent) -> Search:
+    """The `wanted` candidates beside the model."""
     found, unobservable = options(evidence, wanted, progress)
     white = whitener(evidence, np.concatenate([one.columns for one in found], axis=2))
     base = whitened_base(evidence, white)

@@ -30,6 +30,7 @@ def judge(
     learnt: tuple[Learnt, Learnt],
     repeating: Repeating | None,
     least: float,
+    undetermined: Sequence[str],
     thresholds: Thresholds,
 ) -> tuple[Verdict, str]:
     """The verdict and its reason.
@@ -51,6 +52,12 @@ def judge(
             Verdict.UNKNOWN,
             f"what is left on {_listed(found, again)} comes again in each period, and no effect "
             "of the catalogue explains it",
+        )
+    if undetermined:
+        return (
+            Verdict.INSUFFICIENT,
+            f"they do not even determine {', '.join(undetermined)} of the model; excite the "
+            "joints more: both directions, several speeds, the whole range",
         )
     tested = {option.family for option in found.projection.options}
     share = len(tested) / max(len(tested) + len(found.untestable), 1)

@@ -117,7 +117,14 @@ class Model:
 
     def with_term(self, term: Term) -> Self:
         """The model extended by one term; its values are dropped, for all must be fitted anew."""
-        return replace(self, terms=(*self.terms, term), values=None, std_devs=None, provenance="")
+        return self._of((*self.terms, term))
+
+    def without_term(self, term: Term) -> Self:
+        """The model without one of its terms, and without values."""
+        return self._of(tuple(one for one in self.terms if one != term))
+
+    def _of(self, terms: tuple[Term, ...]) -> Self:
+        return replace(self, terms=terms, values=None, std_devs=None, provenance="")
 
 
 class _Value(Schema):

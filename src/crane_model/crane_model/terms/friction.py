@@ -41,6 +41,7 @@ class CoulombAsymmetry(JointTerm):
         "a constant force, whatever the motion",
         ("offset", "pressure_offset", "viscous_asymmetry", "chamber_gain"),
         "readings of the pressure transducers at zero pressure",
+        ("viscous_asymmetry",),
     )
 
     def column(self, record: Record, j: int) -> np.ndarray:
@@ -84,6 +85,7 @@ class ViscousAsymmetry(JointTerm):
         "grows with the speed, with the same sign in both directions",
         ("coulomb_asymmetry", "temperature_viscosity", "warm_up"),
         "sweeps at several constant speeds both ways",
+        ("coulomb_asymmetry",),
     )
 
     def column(self, record: Record, j: int) -> np.ndarray:
