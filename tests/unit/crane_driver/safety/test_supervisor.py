@@ -1,61 +1,24 @@
-"""The supervisor: a clock that the test moves, and one test for each thing that may go wrong."""
+"""The supervisor: one test for each thing that may go wrong."""
 
 import math
 from itertools import pairwise
 
 import pytest
-from hypothesis import settings as hypothesis_settings
-from hypothesis import strategies as st
-from hypothesis.stateful import RuleBasedStateMachine, initialize, invariant, rule
+from unit.crane_driver.safety.supervised import (
+    CAN_FAULT,
+    CYCLE,
+    MIDDLE,
+    NEUTRAL,
+    SAFETY,
+    STILL,
+    Bench,
+)
 
 from crane_driver.can.frame import Fault, FaultKind
-from crane_driver.safety.settings import load_safety
 from crane_driver.safety.states import TRANSITIONS, Event, State
-from crane_driver.safety.supervisor import Output, RefusedError, Supervisor, check_valves
+from crane_driver.safety.supervisor import Output, RefusedError, check_valves
 from crane_model.errors import ConfigurationError
-from crane_model.machine import JOINTS, load_machine
-
-MACHINE, SAFETY = load_machine(), load_safety()
-CYCLE = 0.005  # s
-MIDDLE = {
-    joint: (MACHINE.limits[joint].position_min + MACHINE.limits[joint].position_max) / 2
-    for joint in JOINTS
-}
-STILL = dict.fromkeys(JOINTS, 0.0)
-NEUTRAL = Output(STILL, enabled=False)
-CAN_FAULT = Fault(FaultKind.CHECKSUM, "Crc is 0x00", "EncoderBase", "120")
-
-
-class Bench:
-    def __init__(self) -> None:
-        self.now = 50.0
-        self.it = Supervisor(JOINTS, MACHINE, SAFETY, self.now)
-        self.it.readings(MIDDLE, STILL)
-
-    def run(self, seconds: float, command: dict[str, float] | None = None) -> list[Output]:
-        """Cycles of the bus, with a command in each if there is one."""
-        outputs = []
-        for _ in range(math.ceil(seconds / CYCLE)):
-            self.now += CYCLE
-            self.it.ready(True, self.now)
-            if command is not None:
-                self.command(**command)
-            outputs.append(self.it.output(self.now))
-        return outputs
-
-    def command(self, **values: float) -> None:
-        self.it.command(list(values), list(values.values()), self.now)
-
-    def enabled(self) -> "Bench":
-        self.run(SAFETY.settling_time + 2 * CYCLE)
-        self.it.enable(self.now)
-        self.run(2 * CYCLE, {"slew": 0.0})
-        return self
-
-    def moving(self) -> "Bench":
-        """Enabled, with the slew valve fully open."""
-        assert self.enabled().run(1.0, {"slew": 1.0})[-1] == Output({**STILL, "slew": 1.0}, True)
-        return self
+from crane_model.machine import JOINTS
 
 
 def fell(outputs: list[Output]) -> None:
@@ -259,77 +222,3 @@ def test_a_valve_without_a_position_is_refused() -> None:
     check_valves(JOINTS, JOINTS)
     with pytest.raises(ConfigurationError, match="telescope can be commanded, but there is no pos"):
         check_valves(JOINTS, JOINTS[:3])
-
-
-class AnyOrder(RuleBasedStateMachine):
-    """Whatever happens in whatever order, the rules of the output hold."""
-
-    @initialize()
-    def start(self) -> None:
-        self.bench = Bench()
-        self.before = 0.0
-        self.last_good = -math.inf
-        self.bench.run(0.3)
-
-    @rule(seconds=st.sampled_from([0.005, 0.05, 0.3]), send=st.booleans())
-    def wait(self, seconds: float, send: bool) -> None:
-        for _ in range(round(seconds / CYCLE)):
-            if send:
-                self.send(0.0)
-            self._cycle()
-
-    @rule(value=st.sampled_from([0.0, 0.03, 0.5, -1.0, math.nan, 2.0]))
-    def send(self, value: float) -> None:
-        try:
-            self.bench.command(slew=value)
-        except RefusedError:
-            return
-        assert abs(value) <= 1.0
-        self.last_good = self.bench.now
-
-    @rule(count=st.sampled_from([0, 1, 2]))
-    def publishers(self, count: int) -> None:
-        self.bench.it.published_by(count)
-
-    @rule()
-    def can_fault(self) -> None:
-        self.bench.it.can_faults([CAN_FAULT], self.bench.now)
-
-    @rule(request=st.sampled_from(["enable", "enable", "disable", "stop", "reset"]))
-    def ask(self, request: str) -> None:
-        it, now = self.bench.it, self.bench.now
-        before = it.state
-        try:
-            match request:
-                case "enable":
-                    it.enable(now)
-                case "disable":
-                    it.disable()
-                case "stop":
-                    it.emergency_stop()
-                    self.before = 0.0
-                case "reset":
-                    it.reset(now)
-        except RefusedError:
-            assert it.state is before
-
-    def _cycle(self) -> None:
-        (output,) = self.bench.run(CYCLE)
-        value, state = output.commands["slew"], self.bench.it.state
-        if state is not State.ENABLED:
-            assert abs(value) <= max(0.0, abs(self.before) - CYCLE / SAFETY.ramp_time) + 1e-9
-            assert output.enabled == (value != 0.0)
-        if self.bench.now - self.last_good > SAFETY.command_timeout + CYCLE:
-            assert abs(value) <= abs(self.before)
-        if state in (State.ESTOP, State.OFFLINE):
-            assert output == NEUTRAL
-        self.before = value
-
-    @invariant()
-    def latched_faults_forbid_motion(self) -> None:
-        if hasattr(self, "bench") and self.bench.it.faults:
-            assert self.bench.it.state not in (State.ENABLED, State.DISABLED)
-
-
-TestAnyOrder = AnyOrder.TestCase
-TestAnyOrder.settings = hypothesis_settings(max_examples=30, stateful_step_count=25, deadline=None)
