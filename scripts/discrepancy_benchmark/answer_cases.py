@@ -12,6 +12,7 @@ from pathlib import Path
 from typing import Any
 
 import baselines
+import numpy as np
 from confinement import confine
 from folders import Folders, done, new, write_json
 from work import in_processes
@@ -19,21 +20,26 @@ from work import in_processes
 from crane_identification.data.bag_log import read_bag
 from crane_identification.discrepancy.diagnosis import Diagnosis, diagnose
 from crane_identification.discrepancy.findings import content
+from crane_identification.discrepancy.flow import Usual, load_usual
+from crane_identification.discrepancy.null import null_gains
 from crane_identification.discrepancy.thresholds import Thresholds, load_thresholds
 from crane_identification.options import Options
 from crane_model.errors import CraneError
 from crane_model.model_file import load_model, save_model
 
+LEVELS = np.linspace(0.0, 1.0, 101)  # of the quantiles of the bootstrap
+DIGITS = 4
 KNOWING = ("crane_sim", "cases", "make_cases", "motions", "clean", "truth", "score_cases")
 
 
 @dataclass(frozen=True)
 class Job:
-    """A case, the folders of its set, and the thresholds of the diagnosis."""
+    """A case, the folders of its set, the thresholds, and what is usual of the hydraulics."""
 
     name: str
     folders: Folders
     thresholds: Thresholds
+    usual: Usual
     keep: bool
 
 
@@ -50,7 +56,7 @@ def answer_case(job: Job) -> None:
         start = time.process_time()
         answer: dict[str, Any]
         try:
-            diagnosis = _diagnosed(folder, job.thresholds)
+            diagnosis = _diagnosed(folder, job.thresholds, job.usual)
         except CraneError as error:  # recordings are refused: that is an answer
             answer = {"verdict": "insufficient_data", "reason": str(error), "findings": []}
             others: dict[str, baselines.Answer] = {}
@@ -68,21 +74,27 @@ def answer_case(job: Job) -> None:
         shutil.rmtree(folder)
 
 
-def _diagnosed(folder: Path, thresholds: Thresholds) -> Diagnosis:
+def _diagnosed(folder: Path, thresholds: Thresholds, usual: Usual) -> Diagnosis:
     model = load_model(folder / "model.yaml")
     train, validate = (
         [read_bag(bag, model.joints) for bag in sorted((folder / part).iterdir())]
         for part in ("train", "validate")
     )
-    return diagnose(model, train, validate, Options(), thresholds)
+    return diagnose(model, train, validate, Options(), thresholds, usual=usual)
 
 
-def statistics(diagnosis: Diagnosis) -> dict[str, float]:
-    """What thresholds are compared with: the best score in units of its bootstrap quantile, whether
-    it is a finding or not; the same of findings alone; how strong a law the learner finds; and the
-    number of findings in the flow.
+def statistics(diagnosis: Diagnosis) -> dict[str, Any]:
+    """What thresholds are compared with.
+
+    `score`: the best one in units of its bootstrap quantile, whether it is a finding or not;
+    `accepted`: the same of findings; `learner`: strength of a law that it is sure of; `repeating`:
+    strength of what comes again in each period; `flow`: share of it that the strongest effect makes
+    up; `flow_left`: share that none explains. `promised`: 0 to 100 % quantiles of the best score by
+    the bootstrap, in the same unit.
     """
-    thresholds, learnt = diagnosis.thresholds, diagnosis.learnt_before
+    thresholds, learnt, again = diagnosis.thresholds, diagnosis.learnt_before, diagnosis.repeating
+    quantities = [one for flow in diagnosis.flows for one in flow.quantities]
+    null = null_gains(diagnosis.search.projection, [])
     quantile = diagnosis.threshold / thresholds.score_factor
     best = diagnosis.search.best(1)
     accepted = max((finding.accepted.score for finding in diagnosis.findings), default=0.0)
@@ -91,7 +103,10 @@ def statistics(diagnosis: Diagnosis) -> dict[str, float]:
         "score": best.gain / quantile if best is not None else 0.0,
         "accepted": accepted / quantile,
         "learner": float(learnt.strength[sure].max(initial=0.0)),
-        "flow": float(sum(len(flow.missing) for flow in diagnosis.flows)),
+        "repeating": 0.0 if again is None else float(again.strength.max()),
+        "flow": max((one.share for one in quantities if one.missing), default=0.0),
+        "flow_left": max((flow.unexplained for flow in diagnosis.flows), default=0.0),
+        "promised": np.round(np.quantile(null, LEVELS) / quantile, DIGITS).tolist(),
     }
 
 
@@ -102,13 +117,14 @@ def main(argv: Sequence[str] | None = None) -> int:
     add("--folder", type=Path, required=True, help="of the set")
     add("--round", default="", help="folder of the answers in it (default: itself)")
     add("--thresholds", type=Path, help="thresholds (YAML; default: the packaged ones)")
+    add("--hydraulics", type=Path, help="what is usual of them (YAML; default: the packaged one)")
     add("--workers", type=int, default=1)
     add("--keep-bags", action="store_true", help="keep the bags of cases that are answered")
     arguments = parser.parse_args(argv)
     folders = Folders(arguments.folder, arguments.round)
     waiting = sorted(done(folders.bags) - done(folders.answers))
-    thresholds = load_thresholds(arguments.thresholds)  # lies where the processes may not look
-    jobs = [Job(name, folders, thresholds, arguments.keep_bags) for name in waiting]
+    thresholds, usual = load_thresholds(arguments.thresholds), load_usual(arguments.hydraulics)
+    jobs = [Job(name, folders, thresholds, usual, arguments.keep_bags) for name in waiting]
     if jobs:
         in_processes(answer_case, jobs, arguments.workers, "answers", partial(blindfold, folders))
     return 0

@@ -41,7 +41,9 @@ def run(arguments: argparse.Namespace) -> None:
     folders.scores.mkdir(parents=True, exist_ok=True)
     beside: tuple[object, ...] = ("--keep-bags",) if arguments.keep_bags else ()
     if which is CaseSet.CALIBRATION:
-        beside += ("--thresholds", freeze.write_open(top / "open.yaml"))
+        files = freeze.write_open(top)
+        beside += ("--thresholds", files["discrepancy.yaml"])
+        beside += ("--hydraulics", files["hydraulics.yaml"])
     for first in range(0, count, BATCH):
         make(arguments, folders, first, min(first + BATCH, count))
         stage("answer_cases", folders, arguments.workers, *beside)

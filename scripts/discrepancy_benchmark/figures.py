@@ -2,6 +2,7 @@
 
 from collections.abc import Sequence
 from pathlib import Path
+from typing import Any
 
 import matplotlib as mpl
 import numpy as np
@@ -13,6 +14,7 @@ from summary import Row, identifiable, of_kind, power, share
 
 COLOURS = ("#1f5fa8", "#c4552d", "#3a8f5c", "#7a7a7a", "#8a5fa8")
 VERDICTS = ("unknown", "none", "insufficient_data", "crash")
+DPI = 140
 NARROW = 0.03  # of a step, by which curves stand apart so that their intervals can be read
 
 
@@ -25,7 +27,27 @@ def write(folder: Path, rows: Sequence[Row]) -> None:
         ("confusion", _confusion(rows)),
     ):
         if figure is not None:
-            figure.savefig(folder / f"{name}.png", dpi=140)
+            figure.savefig(folder / f"{name}.png", dpi=DPI)
+
+
+def write_agreement(folder: Path, agreement: dict[str, Any]) -> None:
+    """bootstrap.png: sorted scores of null cases over what the bootstrap promises."""
+    figure = Figure(figsize=(4.6, 4.4), layout="constrained")
+    axes = figure.add_subplot()
+    found, promised = np.array(agreement["found"]), np.array(agreement["promised"])
+    most = 1.08 * max(found.max(), promised.max(), 1.0)
+    axes.plot([0, most], [0, most], color="0.6", linewidth=1, label="agreement")
+    axes.axhline(1.0, color=COLOURS[1], linewidth=1, linestyle="--", label="threshold, factor 1")
+    axes.plot(promised, found, "o", markersize=4, color=COLOURS[0], label="a case")
+    axes.set(
+        xlabel="best score promised by the bootstrap",
+        ylabel="best score through the whole sensor chain",
+        xlim=(0, most),
+        ylim=(0, most),
+        aspect="equal",
+    )
+    axes.legend(frameon=False, loc="upper left")
+    figure.savefig(folder / "bootstrap.png", dpi=DPI)
 
 
 def _power(rows: Sequence[Row]) -> Figure:

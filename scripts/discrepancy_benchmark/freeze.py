@@ -4,48 +4,73 @@ import hashlib
 from collections.abc import Sequence
 from datetime import UTC, datetime
 from pathlib import Path
-from typing import Any
+from typing import Any, NamedTuple
 
+import figures
 import numpy as np
+from calibration import agreement, together
 from folders import Folders, done, read_json, write_json
 from ruamel.yaml import YAML
 
+from crane_identification.discrepancy.flow import load_usual
 from crane_identification.discrepancy.thresholds import load_thresholds
 from crane_model.configuration import packaged
 from crane_model.errors import ConfigurationError, DataError
 
 RECORD = Path(__file__).with_name("frozen.json")
-OPEN = {"score_factor": 1e-3, "further_share": 1.0, "explained_share": 0.0}
-"""Thresholds at which the best single effect is a finding if it passes all other gates: whether it
+FILES = ("discrepancy.yaml", "hydraulics.yaml")
+OPEN = {
+    "discrepancy.yaml": {"score_factor": 1e-3, "further_share": 1.0, "explained_share": 0.0},
+    "hydraulics.yaml": {"smallest_share": 1e-9},
+}
+"""Values at which the best single effect is a finding if it passes all other gates: whether it
 would have been an alarm is then known for any threshold.
 """
-GATES = {"score_factor": "accepted", "smallest_strength": "learner"}
-"""Threshold to the statistic that is compared with it."""
+
+
+class Gate(NamedTuple):
+    """A threshold, the statistic of an answer that is compared with it, and the least it may be:
+    None is what the file holds now.
+    """
+
+    file: str
+    threshold: str
+    statistic: str
+    least: float | None
+
+
+GATES = (
+    Gate("discrepancy.yaml", "score_factor", "accepted", 1.0),  # the bootstrap alone
+    Gate("discrepancy.yaml", "smallest_strength", "learner", None),
+    Gate("discrepancy.yaml", "repeating_strength", "repeating", 0.0),
+    Gate("hydraulics.yaml", "smallest_share", "flow", None),
+    Gate("hydraulics.yaml", "unexplained", "flow_left", None),
+)
 FEWEST = 30  # cases, below which a quantile this far out is not known
 DIGITS = 3
 
 
-def write_open(path: Path) -> Path:
-    """The packaged thresholds with both gates of a false alarm open, in a file."""
-    with_values(path, OPEN)
-    return path
+def write_open(folder: Path) -> dict[str, Path]:
+    """The packaged files with the gates of a false alarm open, written to a folder; by name."""
+    found = {name: folder / f"open_{name}" for name in FILES}
+    for name, path in found.items():
+        with_values(name, path, OPEN[name])
+    return found
 
 
-def with_values(path: Path, values: dict[str, float]) -> None:
-    """The packaged file with other values, comments kept."""
+def with_values(name: str, path: Path, values: dict[str, float]) -> None:
+    """A packaged file with other values, comments kept."""
     yaml = YAML()
-    content = yaml.load(packaged("crane_identification", "discrepancy.yaml"))
+    yaml.width = 100
+    content = yaml.load(packaged("crane_identification", name))
     content.update(values)
     with path.open("w", encoding="utf-8") as file:
         yaml.dump(content, file)
 
 
 def calibrated(folders: Folders) -> dict[str, Any]:
-    """Both thresholds such that together they let through the share of null cases that the file
-    allows; `DataError` where there are too few cases.
-
-    Neither becomes laxer than the bootstrap alone, or than it is. Either gets the same share of the
-    alarms, found by lowering both quantiles together.
+    """Thresholds such that together they let through the share of null cases that the file allows,
+    and how far the bootstrap of a diagnosis agrees; `DataError` where there are too few cases.
     """
     answers = [read_json(folders.answers / name / "answer.json") for name in done(folders.answers)]
     known = [answer["statistics"] for answer in answers if "statistics" in answer]
@@ -54,43 +79,31 @@ def calibrated(folders: Folders) -> dict[str, Any]:
             f"{folders.answers}: {len(known)} answers with statistics; {FEWEST} are needed to set "
             "a threshold, make more cases"
         )
-    now = load_thresholds()
-    values = np.array([[one[key] for key in GATES.values()] for one in known])
-    limits, alarms = together(values, now.false_alarm_rate)
-    least_of = (1.0, now.smallest_strength)  # the bootstrap alone; errors of the processing
-    found = {
-        name: max(float(f"{limit:.{DIGITS}g}"), least)
-        for name, limit, least in zip(GATES, limits, least_of, strict=True)
-    }
+    now = load_thresholds().model_dump() | load_usual().model_dump()
+    values = np.array([[one[gate.statistic] for gate in GATES] for one in known])
+    least = [now[gate.threshold] if gate.least is None else gate.least for gate in GATES]
+    limits, alarms = together(values, now["false_alarm_rate"], least)
+    rounded = (float(f"{limit:.{DIGITS}g}") for limit in limits)
+    agrees = agreement(known)
+    figures.write_agreement(folders.scores, agrees)
+    write_json(folders.scores / "calibration.json", {"agreement": agrees, "statistics": known})
     return {
         "cases": len(known),
-        "allowed": now.false_alarm_rate,
+        "allowed": now["false_alarm_rate"],
         "alarms": alarms,
-        "alarms_of_the_flow": sum(one["flow"] > 0.0 for one in known),
-        "thresholds": found,
+        "largest": dict(zip((g.threshold for g in GATES), values.max(axis=0), strict=True)),
+        "thresholds": dict(zip((g.threshold for g in GATES), rounded, strict=True)),
+        "bootstrap": {"level": agrees["level"], "above": agrees["above"]},
     }
-
-
-def together(values: np.ndarray, allowed: float) -> tuple[np.ndarray, int]:
-    """Limits (g,) at one quantile of each gate's `values` (n, g), the lowest at which at most
-    `allowed` of the cases pass any; and how many pass. A margin of half a step lies above each.
-    """
-    ordered = np.sort(values, axis=0)
-    for rank in range(len(values)):
-        limits = ordered[rank]
-        alarms = int((values > limits).any(axis=1).sum())
-        if alarms <= allowed * len(values):
-            above = ordered[min(rank + 1, len(values) - 1)]
-            return (limits + above) / 2.0, int((values > (limits + above) / 2.0).any(axis=1).sum())
-    raise AssertionError("nothing lies above the largest values")
 
 
 def freeze(folders: Folders) -> dict[str, Any]:
     """Write the thresholds into the package, and record their digest."""
     found = calibrated(folders)
-    path = packaged("crane_identification", "discrepancy.yaml").resolve()
-    with_values(path, found["thresholds"])
-    load_thresholds(path)
+    for name in FILES:
+        own = {g.threshold: found["thresholds"][g.threshold] for g in GATES if g.file == name}
+        with_values(name, packaged("crane_identification", name).resolve(), own)
+    load_thresholds(), load_usual()
     found |= {"digest": digest(), "date": datetime.now(UTC).strftime("%Y-%m-%d")}
     write_json(RECORD, found)
     return found
@@ -99,7 +112,7 @@ def freeze(folders: Folders) -> dict[str, Any]:
 def digest() -> str:
     """Which thresholds and limits the package holds."""
     found = hashlib.sha256()
-    for name in ("discrepancy.yaml", "hydraulics.yaml"):
+    for name in FILES:
         found.update(packaged("crane_identification", name).read_bytes())
     return found.hexdigest()
 
@@ -119,10 +132,16 @@ def require_frozen() -> str:
 
 def lines(found: dict[str, Any]) -> Sequence[str]:
     """For people."""
-    values = ", ".join(f"{name} {value}" for name, value in found["thresholds"].items())
+    above = found["bootstrap"]["above"]
+    low, high = above["interval"]
+    level = found["bootstrap"]["level"]
     return [
         f"{found['cases']} cases that hide nothing, {found['allowed']:.0%} allowed to alarm: "
-        f"{found['alarms']} do with {values}",
-        f"beside these, {found['alarms_of_the_flow']} find something in the flow, which has limits "
-        "of its own",
+        f"{found['alarms']} do with",
+        *(
+            f"  {name}: {value} (largest value of a case: {found['largest'][name]:.3g})"
+            for name, value in found["thresholds"].items()
+        ),
+        f"above the bootstrap's quantile of {level:.0%} are {above['rate']:.1%} "
+        f"[{low:.1%}, {high:.1%}] of the cases; {1.0 - level:.0%} are promised",
     ]

@@ -31,7 +31,6 @@ LEAST_PRESSURE = 1e5  # Pa above the tank's, below which a chamber is about to b
 SIGMAS = 3.0  # by which a value must lie outside of what is usual
 CLEARLY = 2.0  # times the variance that the usual value leaves on held-out recordings
 FURTHER_SHARE = 0.05  # of the energy that the strongest explains, at least of a further one
-TRUE_TO = 0.006  # share of the flow that sensors and processing leave unexplained at most
 EXPLAINED = 0.7  # of the energy beyond the usual must be named, or what is there is unknown
 UNKNOWN_FLOW = 0.1  # share of the flow left unexplained above which the balance tells nothing
 WIDEST_DEAD_ZONE = 0.3
@@ -51,6 +50,7 @@ class Usual(Schema):
     leakage: Positive
     bulk_modulus: Positive
     smallest_share: Positive
+    unexplained: Positive
 
 
 def load_usual(path: Path | None = None) -> Usual:
@@ -89,11 +89,14 @@ class Quantity:
 
 @dataclass(frozen=True)
 class Flow:
-    """The hydraulics of one joint, and the share of the piston's flow (rms) left unexplained."""
+    """The hydraulics of one joint, and the share of the piston's flow (rms) left unexplained, with
+    the most of it that is usual.
+    """
 
     joint: str
     quantities: tuple[Quantity, ...]
     unexplained: float
+    usual: float
 
     @property
     def missing(self) -> tuple[Quantity, ...]:
@@ -108,7 +111,7 @@ class Flow:
         """Whether most of what is left has a law that is none of the quantities'."""
         named = sum(one.share**2 for one in self._beyond)
         beyond = named + self.unexplained**2
-        return self.unexplained > TRUE_TO and named < EXPLAINED * beyond
+        return self.unexplained > self.usual and named < EXPLAINED * beyond
 
     @property
     def _beyond(self) -> tuple[Quantity, ...]:
@@ -282,7 +285,7 @@ def _examined(here: _Balance, there: _Balance, usual: Usual) -> Flow:
         judged(InternalLeakage, values[LEAK], spread[LEAK], usual.leakage, LEAK),
         judged(OilCompressibility, values[SOFT], spread[SOFT], 1.0 / usual.bulk_modulus, SOFT),
     )
-    return Flow(here.joint, found, unexplained)
+    return Flow(here.joint, found, unexplained, usual.unexplained)
 
 
 def _lowest(cost: Callable[[float], float], highest: float) -> float:

@@ -18,6 +18,7 @@ USUAL = Usual(
     leakage=1e-13,
     bulk_modulus=0.9e9,
     smallest_share=0.001,
+    unexplained=0.006,
 )
 
 
