@@ -5,7 +5,7 @@ from typing import Annotated, Self
 import numpy as np
 from pydantic import AfterValidator, Field, model_validator
 
-from crane_identification.data.units import UNITS
+from crane_identification.data.units import COUNTS, UNITS
 from crane_model.configuration import Schema
 
 
@@ -48,13 +48,13 @@ def measuring(*quantities: str) -> AfterValidator:
 
 
 TimeColumn = Annotated[Column, measuring("time")]
-AngleColumn = Annotated[Column, measuring("angle")]
-PositionColumn = Annotated[Column, measuring("angle", "length")]
-VelocityColumn = Annotated[Column, measuring("angular velocity", "linear velocity")]
-ForceColumn = Annotated[Column, measuring("torque", "force")]
-PressureColumn = Annotated[Column, measuring("pressure")]
+AngleColumn = Annotated[Column, measuring("angle", COUNTS)]
+PositionColumn = Annotated[Column, measuring("angle", "length", COUNTS)]
+VelocityColumn = Annotated[Column, measuring("angular velocity", "linear velocity", COUNTS)]
+ForceColumn = Annotated[Column, measuring("torque", "force", COUNTS)]
+PressureColumn = Annotated[Column, measuring("pressure", COUNTS)]
 CommandColumn = Annotated[Column, measuring("command")]
-TemperatureColumn = Annotated[Column, measuring("temperature")]
+TemperatureColumn = Annotated[Column, measuring("temperature", COUNTS)]
 
 ANGULAR = {"angle", "angular velocity", "torque"}
 
@@ -81,7 +81,9 @@ class JointColumns(Schema):
         angular = self.position.quantity in ANGULAR
         for name in ("force", "velocity"):
             column = getattr(self, name)
-            if column and (column.quantity in ANGULAR) != angular:
+            if column is None or COUNTS in (column.quantity, self.position.quantity):
+                continue
+            if (column.quantity in ANGULAR) != angular:
                 raise ValueError(
                     f"{name} in {column.unit!r} does not fit a position in {self.position.unit!r}"
                 )

@@ -22,7 +22,8 @@ class Log:
     """One recording. Columns of (n, j) signals are in the order of `joints`; None is not logged.
 
     Time zero is the first position, `start` [ns] on the clock of the recording. `missing` names
-    the topics or quantities that are not there, `notes` what had to be mended.
+    the topics or quantities that are not there, `notes` what had to be mended, `uncalibrated` the
+    quantities that are in counts of their sensors instead of SI units.
     """
 
     source: str
@@ -43,3 +44,4 @@ class Log:
     temperature: Signal | None = None  # (n,) deg C
     missing: tuple[str, ...] = ()
     notes: tuple[str, ...] = ()
+    uncalibrated: tuple[str, ...] = ()

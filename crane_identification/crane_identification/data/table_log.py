@@ -8,6 +8,7 @@ import numpy as np
 from crane_identification.data.column_map import Column, ColumnMap
 from crane_identification.data.columns import Columns, read_columns
 from crane_identification.data.log import Log, Signal
+from crane_identification.data.units import COUNTS
 from crane_model.errors import DataError
 
 NANOSECONDS = 1e9
@@ -28,6 +29,16 @@ def read_table(path: Path | str, column_map: ColumnMap, joints: Sequence[str]) -
     names = dict.fromkeys(column.column for column in wanted)
     table = read_columns(path, names, column_map.separator)
     start, time = _time(path, column_map, table)
+    given = [
+        (f"{name} of {joint}", c)
+        for joint, one in zip(joints, of_joint, strict=True)
+        for name, c in one.items()
+    ]
+    raw = tuple(
+        f"{name.replace('_', ' ')} ({column.column})"
+        for name, column in (*given, *shared.items())
+        if column.quantity == COUNTS
+    )
 
     def matrix(quantity: str) -> Signal:
         columns = [one[quantity] for one in of_joint]
@@ -57,6 +68,8 @@ def read_table(path: Path | str, column_map: ColumnMap, joints: Sequence[str]) -
         tank_pressure=vector_if_given("tank_pressure"),
         slew_position=vector_if_given("slew_position"),
         temperature=vector_if_given("temperature"),
+        notes=(f"{', '.join(raw)}: in counts, and so is what follows from them",) if raw else (),
+        uncalibrated=raw,
     )
 
 

@@ -11,6 +11,9 @@ class Unit(NamedTuple):
     factor: float
 
 
+COUNTS = "counts"
+"""Unit and quantity of a sensor that was never calibrated: its numbers stay as they are."""
+
 UNITS = {
     "s": Unit("time", 1.0),
     "ms": Unit("time", 1e-3),
@@ -38,4 +41,5 @@ UNITS = {
     "deg C": Unit("temperature", 1.0),
     "-": Unit("command", 1.0),
     "%": Unit("command", 1e-2),
+    COUNTS: Unit(COUNTS, 1.0),
 }

@@ -8,19 +8,19 @@ import numpy as np
 from crane_identification.data.log import Log
 from crane_identification.discrepancy.candidates import Family, families
 from crane_identification.discrepancy.cross_validation import folds
-from crane_identification.discrepancy.decision import Accepted, decide, detectable
+from crane_identification.discrepancy.decision import decide, detectable
 from crane_identification.discrepancy.determined import decimation, fitted
 from crane_identification.discrepancy.evidence import Evidence, gather
+from crane_identification.discrepancy.extension import Finding, extended, in_counts
 from crane_identification.discrepancy.flow import Flow, Usual, examine, load_usual
 from crane_identification.discrepancy.gap import Gap, measure, residual
 from crane_identification.discrepancy.learner import Features, Learnt, features, learn
 from crane_identification.discrepancy.motion_choice import suited
-from crane_identification.discrepancy.refit import refit, shape_std_devs
 from crane_identification.discrepancy.region import Region, region
 from crane_identification.discrepancy.repeating import Repeating, repeating
 from crane_identification.discrepancy.search import Search, search
 from crane_identification.discrepancy.thresholds import Thresholds
-from crane_identification.discrepancy.verdict import Verdict, judge, noise_energy, with_flow
+from crane_identification.discrepancy.verdict import Verdict, judge, noise_energy, proved, with_flow
 from crane_identification.options import Options
 from crane_identification.preparation import Preparation, prepare
 from crane_identification.progress import Progress, silent
@@ -30,36 +30,14 @@ from crane_model.terms import REGISTRY, Term
 
 
 @dataclass(frozen=True)
-class Value:
-    """One parameter of a finding, linear or shape."""
-
-    name: str
-    value: float
-    std_dev: float
-    unit: str
-
-
-@dataclass(frozen=True)
-class Finding:
-    """An accepted effect with its parameters in the extended model."""
-
-    accepted: Accepted
-    parameters: tuple[Value, ...]
-
-    @property
-    def family(self) -> Family:
-        """The effect and its joint."""
-        return self.accepted.option.family
-
-
-@dataclass(frozen=True)
 class Diagnosis:
     """Everything that page, summary and text are made of.
 
     Per joint (j,): `energy` share of the unexplained energy, `regions` that carry it, `learnt` from
     the residual before and after, `repeating` what comes again in each period before;
     `correlation_left` of neighbouring rows of what remains, 0 for noise. `undetermined` parameters
-    of the given model were left out of it; the answer is sought `without` these effects.
+    of the given model were left out of it; the answer is sought `without` these effects;
+    `uncalibrated` quantities are in counts.
     """
 
     verdict: Verdict
@@ -83,6 +61,7 @@ class Diagnosis:
     known: Features
     undetermined: tuple[str, ...]
     without: frozenset[str]
+    uncalibrated: tuple[str, ...]
     flows: tuple[Flow, ...]
     flow_unobservable: dict[tuple[str, str], str]
 
@@ -121,10 +100,12 @@ def diagnose(
             "findings.json does"
         )
     whole = replace(options, average=False)
-    prepared = _prepared(model, (*training, *validation), whole, progress)
+    logs = (*training, *validation)
+    prepared = _prepared(model, logs, whole, progress)
     sources = {log.source for log in training}
     train = [p for p in prepared if p.source in sources]
     hold = [p for p in prepared if p.source not in sources]
+    uncalibrated = tuple(dict.fromkeys(name for log in logs for name in log.uncalibrated))
     factor = decimation(train, options.decimation)
     text = ", ".join(sorted(sources))
     evidence, before, left_out = fitted(model, train, factor, text)
@@ -137,7 +118,7 @@ def diagnose(
     learnt_before = learn(seen, known, left[:, :joints], fold)
     progress("what is left", 0.5)
     accepted = suited(found, before, accepted)
-    after, values = _extended(found, before, evidence, accepted, train, factor, text)
+    after, values = extended(found, before, evidence, accepted, train, factor, text)
     left_after = residual(evidence, after)
     learnt_after = learn(seen, known, left_after[:, :joints], fold) if accepted else learnt_before
     progress("what is left", 1.0)
@@ -161,6 +142,7 @@ def diagnose(
     flows, no_flow = examine(evidence, held_out, usual or load_usual(), wrong)
     verdict, reason = with_flow(verdict, reason, flows)
     gap = measure(before, after, evidence, held_out, periods)
+    reason = proved(reason, gap)
     progress("gap", 1.0)
     energy = _energy(found, left)
     return Diagnosis(
@@ -171,7 +153,10 @@ def diagnose(
         search=found,
         thresholds=thresholds,
         threshold=threshold,
-        findings=tuple(Finding(a, v) for a, v in zip(accepted, values, strict=True)),
+        findings=tuple(
+            Finding(a, in_counts(v) if uncalibrated else v)
+            for a, v in zip(accepted, values, strict=True)
+        ),
         training=evidence,
         held_out=held_out,
         gap=gap,
@@ -185,6 +170,7 @@ def diagnose(
         known=known,
         undetermined=_names(model, left_out),
         without=frozenset(without),
+        uncalibrated=uncalibrated,
         flows=tuple(flows),
         flow_unobservable=no_flow,
     )
@@ -229,65 +215,6 @@ def _averaged(model: Model, logs: Sequence[Log], options: Options) -> list[Prepa
         except DataError:
             continue  # not periodic: no scatter
     return out
-
-
-def _extended(
-    found: Search,
-    before: Model,
-    evidence: Evidence,
-    accepted: Sequence[Accepted],
-    train: Sequence[Preparation],
-    factor: int,
-    sources: str,
-) -> tuple[Model, list[tuple[Value, ...]]]:
-    """The model with the accepted terms, refitted jointly, and the parameters of each."""
-    if not accepted:
-        return before, []
-    model = before
-    for one in accepted:
-        model = model.with_term(one.option.term)
-    after = refit(gather(model, train, factor), sources)
-    own = [_own(after, one) for one in accepted]
-    assert after.std_devs is not None  # just fitted
-    shapes = shape_std_devs(
-        found, [one.option for one in accepted], [after.theta[part] for part in own]
-    )
-    values = []
-    for one, part, spread in zip(accepted, own, shapes, strict=True):
-        linear = [
-            Value(
-                after.parameters[i].name,
-                float(after.theta[i]),
-                float(after.std_devs[i]),
-                after.parameters[i].unit,
-            )
-            for i in range(part.start, part.stop)
-        ]
-        bent = [
-            Value(name, float(one.option.shape[name]), spread[name], _unit(after, one, shape.unit))
-            for name, shape in one.option.family.term.shapes.items()
-        ]
-        values.append(tuple(linear + bent))
-    return after, values
-
-
-def _unit(model: Model, one: Accepted, unit: str) -> str:
-    """Units of shapes are given for joints of both kinds; that of the joint at hand."""
-    both = unit.split(" or ")
-    joint = one.option.family.joint
-    prismatic = joint is not None and model.setting.units[joint] == "m"
-    return both[-1] if prismatic else both[0]
-
-
-def _own(model: Model, one: Accepted) -> slice:
-    """Which parameters of the extended model belong to an accepted effect."""
-    begin = 0
-    for term in model.terms:
-        count = len(term.parameters(model.setting))
-        if term == one.option.term:
-            return slice(begin, begin + count)
-        begin += count
-    raise AssertionError("the term is in the model")
 
 
 def _energy(found: Search, left: np.ndarray) -> np.ndarray:

@@ -42,6 +42,8 @@ def lines(content: dict[str, Any]) -> list[str]:
         out.append(f"  {joint}: {one['energy_share']:.0%} of what is unexplained{where}")
     if content["undetermined"]:
         out.append(f"Not determined, and left out: {', '.join(content['undetermined'])}")
+    if content["needs_units"]:
+        out.append(f"In counts, and need units: {', '.join(content['needs_units'])}")
     if content["without"]:
         out.append(f"Not asked for: {', '.join(content['without'])}")
     for number, finding in enumerate(content["findings"], start=1):

@@ -7,7 +7,8 @@ from typing import Any
 
 import numpy as np
 
-from crane_identification.discrepancy.diagnosis import Diagnosis, Finding
+from crane_identification.discrepancy.diagnosis import Diagnosis
+from crane_identification.discrepancy.extension import Finding
 from crane_identification.discrepancy.flow import SIGMAS, Flow, Quantity
 from crane_identification.discrepancy.gap import Gap
 from crane_identification.motion_validation import MotionValidation
@@ -53,6 +54,7 @@ def content(diagnosis: Diagnosis) -> dict[str, Any]:
                 )
             },
             "undetermined": diagnosis.undetermined,
+            "needs_units": diagnosis.uncalibrated,
             "without": sorted(diagnosis.without),
             "not_testable": _reasons(diagnosis.search.untestable),
             "not_observable": _reasons(diagnosis.search.unobservable)

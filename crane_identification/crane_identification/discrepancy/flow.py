@@ -26,7 +26,7 @@ from crane_model.machine import Machine
 from crane_model.record import Record
 from crane_model.terms import Effect
 
-FEWEST_ROWS = 200  # of both chambers together
+LEAST_TIME = 10.0  # s of motion in either direction
 LEAST_PRESSURE = 1e5  # Pa above the tank's, below which a chamber is about to be empty
 SIGMAS = 3.0  # by which a value must lie outside of what is usual
 CLEARLY = 2.0  # times the variance that the usual value leaves on held-out recordings
@@ -50,6 +50,7 @@ class Usual(Schema):
     leakage: Positive
     bulk_modulus: Positive
     smallest_share: Positive
+    unexplained: Positive
     unexplained: Positive
 
 
@@ -132,9 +133,10 @@ def examine(
     absent: dict[tuple[str, str], str] = {}
     for joint in evidence.joints:
         try:
+            here, there = _Balance(evidence, joint), _Balance(held_out, joint)
             if joint in distrusted:
-                raise DataError(f"flow of '{joint}': its sensors are wrong; mend them first")
-            found.append(_examined(_Balance(evidence, joint), _Balance(held_out, joint), usual))
+                raise DataError(f"flow of '{joint}': its sensors may be wrong; settle that first")
+            found.append(_examined(here, there, usual))
         except DataError as error:
             effects = [name for name, cls in FLOW_REGISTRY.items() if cls.effect is not None]
             absent |= {(effect, joint): str(error) for effect in sorted(effects)}
@@ -165,10 +167,11 @@ class _Balance:
         )
         flow = self._rows(lambda run: piston_flow(run.record, machine, joint)[..., np.newaxis])
         self.flow = flow[:, 0]
-        if len(flow) < FEWEST_ROWS or not flow.any():
+        up, down = self._times()
+        if min(up, down) < LEAST_TIME or not flow.any():
             raise DataError(
-                f"flow of '{joint}': {len(flow)} rows while it moves, {FEWEST_ROWS} needed; "
-                "record longer"
+                f"flow of '{joint}': it moves up for {up:.0f} s and down for {down:.0f} s, "
+                f"{LEAST_TIME:.0f} s each needed; record longer"
             )
 
     def columns(self, band: float, width: float) -> np.ndarray:
@@ -199,6 +202,17 @@ class _Balance:
         j, of = record.column(self.joint), f"flow of '{self.joint}'"
         pressures = [record.needed(name, of)[:, j] for name in ("pressure_a", "pressure_b")]
         return np.minimum(*pressures) > record.needed("tank_pressure", of) + LEAST_PRESSURE
+
+    def _times(self) -> tuple[float, float]:
+        """How long [s] the joint moves in either direction, where it is asked."""
+        times = np.zeros(2)
+        for run in self.runs:
+            record, j = run.record, run.record.column(self.joint)
+            steps = np.diff(record.time, append=record.time[-1:])
+            steps = steps * run.gate[:, j] * self._filled(record)
+            up = record.velocity[:, j] > 0.0
+            times += steps[up].sum(), steps[~up].sum()
+        return float(times[0]), float(times[1])
 
     def _rows(self, of: Callable[[Run], np.ndarray]) -> np.ndarray:
         """(N, k) from (samples, 2, k) of each run, filtered like the torque."""
@@ -241,6 +255,8 @@ def _examined(here: _Balance, there: _Balance, usual: Usual) -> Flow:
             f"{UNKNOWN_FLOW:.0%} allowed; move faster"
         )
     gain = float(free.values[SPOOL])
+    if gain < SIGMAS * free.std_devs[SPOOL]:
+        raise DataError(f"flow of '{here.joint}': it does not follow the valve; check its command")
     proof = there.columns(band, width)
     least = float(((there.flow - proof @ free.values) ** 2).mean())
 

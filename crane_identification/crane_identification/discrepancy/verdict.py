@@ -7,10 +7,14 @@ import numpy as np
 
 from crane_identification.discrepancy.decision import Accepted
 from crane_identification.discrepancy.flow import Flow
+from crane_identification.discrepancy.gap import Gap
 from crane_identification.discrepancy.learner import Learnt
 from crane_identification.discrepancy.repeating import Repeating
 from crane_identification.discrepancy.search import Search
 from crane_identification.discrepancy.thresholds import Thresholds
+
+SPOKEN = 4  # members of a class that the reason lists
+WORSE = 1.05  # times the error before, on held-out recordings, that is more than chance
 
 
 class Verdict(StrEnum):
@@ -96,6 +100,21 @@ def with_flow(verdict: Verdict, reason: str, flows: Sequence[Flow]) -> tuple[Ver
     return (Verdict.NAMED, said) if settled else (verdict, f"{reason}; {said}")
 
 
+def proved(reason: str, gap: Gap) -> str:
+    """The reason, and where what was added does not carry over to the held-out recordings."""
+    worse = [
+        joint
+        for joint, before, after in zip(gap.joints, gap.before, gap.after, strict=True)
+        if after > WORSE * before
+    ]
+    if not worse:
+        return reason
+    return (
+        f"{reason}; it does not carry over to the held-out recordings, whose force on "
+        f"{', '.join(worse)} is predicted worse: they differ in something else"
+    )
+
+
 def learned(learnt: Learnt, thresholds: Thresholds) -> np.ndarray:
     """(j,): whether a law is in the residual, beyond chance and beyond errors of the processing."""
     limit = thresholds.false_alarm_rate / 2.0 / len(learnt.share)
@@ -125,9 +144,17 @@ def _of_effects(
             f"the best of the catalogue explain {share:.0%} of what can be explained; "
             f"{thresholds.explained_share:.0%} are asked for",
         )
-    if any(one.members for one in accepted):
-        return Verdict.CLASS, "these recordings do not tell effects apart"
+    classes = [_alternatives(one) for one in accepted if one.members]
+    if classes:
+        return Verdict.CLASS, f"these recordings do not tell apart: {'; '.join(classes)}"
     return Verdict.NAMED, f"the effects explain {share:.0%} of what can be explained"
+
+
+def _alternatives(one: Accepted) -> str:
+    """The class of an effect in words."""
+    others = [member.label for member in one.members]
+    more = f", and {len(others) - SPOKEN} more" if len(others) > SPOKEN else ""
+    return ", ".join([one.option.family.label, *others[:SPOKEN]]) + more
 
 
 def _repeats(repeating: Repeating | None, thresholds: Thresholds) -> np.ndarray | None:

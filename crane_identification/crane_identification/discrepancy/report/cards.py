@@ -4,8 +4,9 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from crane_identification.discrepancy.diagnosis import Diagnosis, Finding
+from crane_identification.discrepancy.diagnosis import Diagnosis
 from crane_identification.discrepancy.evidence import Zone
+from crane_identification.discrepancy.extension import Finding
 from crane_identification.discrepancy.gap import residual
 from crane_identification.discrepancy.region import region
 from crane_identification.discrepancy.report import charts

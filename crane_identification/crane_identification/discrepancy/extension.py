@@ -1,0 +1,100 @@
+"""The model with the accepted effects, refitted jointly, and the parameters of each of them."""
+
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+
+from crane_identification.data.units import COUNTS
+from crane_identification.discrepancy.candidates import Family
+from crane_identification.discrepancy.decision import Accepted
+from crane_identification.discrepancy.evidence import Evidence, gather
+from crane_identification.discrepancy.refit import refit, shape_std_devs
+from crane_identification.discrepancy.search import Search
+from crane_identification.preparation import Preparation
+from crane_model.model_file import Model
+
+
+@dataclass(frozen=True)
+class Value:
+    """One parameter of a finding, linear or shape."""
+
+    name: str
+    value: float
+    std_dev: float
+    unit: str
+
+
+@dataclass(frozen=True)
+class Finding:
+    """An accepted effect with its parameters in the extended model."""
+
+    accepted: Accepted
+    parameters: tuple[Value, ...]
+
+    @property
+    def family(self) -> Family:
+        """The effect and its joint."""
+        return self.accepted.option.family
+
+
+def extended(
+    found: Search,
+    before: Model,
+    evidence: Evidence,
+    accepted: Sequence[Accepted],
+    train: Sequence[Preparation],
+    factor: int,
+    sources: str,
+) -> tuple[Model, list[tuple[Value, ...]]]:
+    """The model with the accepted terms, refitted jointly, and the parameters of each."""
+    if not accepted:
+        return before, []
+    model = before
+    for one in accepted:
+        model = model.with_term(one.option.term)
+    after = refit(gather(model, train, factor), sources)
+    own = [_own(after, one) for one in accepted]
+    assert after.std_devs is not None  # just fitted
+    shapes = shape_std_devs(
+        found, [one.option for one in accepted], [after.theta[part] for part in own]
+    )
+    values = []
+    for one, part, spread in zip(accepted, own, shapes, strict=True):
+        linear = [
+            Value(
+                after.parameters[i].name,
+                float(after.theta[i]),
+                float(after.std_devs[i]),
+                after.parameters[i].unit,
+            )
+            for i in range(part.start, part.stop)
+        ]
+        bent = [
+            Value(name, float(one.option.shape[name]), spread[name], _unit(after, one, shape.unit))
+            for name, shape in one.option.family.term.shapes.items()
+        ]
+        values.append(tuple(linear + bent))
+    return after, values
+
+
+def in_counts(values: tuple[Value, ...]) -> tuple[Value, ...]:
+    """Parameters that are found in counts."""
+    return tuple(replace(one, unit=COUNTS if one.unit != "1" else "1") for one in values)
+
+
+def _unit(model: Model, one: Accepted, unit: str) -> str:
+    """Units of shapes are given for joints of both kinds; that of the joint at hand."""
+    both = unit.split(" or ")
+    joint = one.option.family.joint
+    prismatic = joint is not None and model.setting.units[joint] == "m"
+    return both[-1] if prismatic else both[0]
+
+
+def _own(model: Model, one: Accepted) -> slice:
+    """Which parameters of the extended model belong to an accepted effect."""
+    begin = 0
+    for term in model.terms:
+        count = len(term.parameters(model.setting))
+        if term == one.option.term:
+            return slice(begin, begin + count)
+        begin += count
+    raise AssertionError("the term is in the model")
