@@ -26,7 +26,7 @@ from crane_model.machine import Machine
 from crane_model.record import Record
 from crane_model.terms import Effect
 
-LEAST_TIME = 10.0  # s of motion in either direction
+LEAST_TIME = 8.0  # s of motion in either direction
 LEAST_PRESSURE = 1e5  # Pa above the tank's, below which a chamber is about to be empty
 SIGMAS = 3.0  # by which a value must lie outside of what is usual
 CLEARLY = 2.0  # times the variance that the usual value leaves on held-out recordings
@@ -50,7 +50,6 @@ class Usual(Schema):
     leakage: Positive
     bulk_modulus: Positive
     smallest_share: Positive
-    unexplained: Positive
     unexplained: Positive
 
 

@@ -30,7 +30,7 @@ def evidence() -> Evidence:
     run = Run("cylinder", 0, record, np.ones((len(record), 1)), 10)
     nothing = np.zeros((1, 1))
     return Evidence(
-        model, (run,), nothing[0], nothing[0], nothing[0], nothing, nothing, nothing > 0
+        model, 4 * (run,), nothing[0], nothing[0], nothing[0], nothing, nothing, nothing > 0
     )
 
 
@@ -55,9 +55,9 @@ def test_what_is_beyond_the_usual_is_missing(flow: Flow) -> None:
 
 
 def test_without_supply_pressure_it_is_not_observable(evidence: Evidence) -> None:
-    (run,) = evidence.runs
+    run = evidence.runs[0]
     blind = replace(run, record=replace(run.record, supply_pressure=None))
-    found, absent = examine(replace(evidence, runs=(blind,)), evidence, USUAL)
+    found, absent = examine(replace(evidence, runs=4 * (blind,)), evidence, USUAL)
     assert not found
     assert "supply pressure" in absent["valve_dead_zone", JOINT]
 
@@ -65,7 +65,7 @@ def test_without_supply_pressure_it_is_not_observable(evidence: Evidence) -> Non
 def test_a_chamber_that_draws_oil_past_the_valve_is_not_asked(
     evidence: Evidence, flow: Flow
 ) -> None:
-    (run,) = evidence.runs
+    run = evidence.runs[0]
     record = run.record
     j = record.column(JOINT)
     assert record.pressure_a is not None and record.pressure_b is not None
@@ -75,7 +75,7 @@ def test_a_chamber_that_draws_oil_past_the_valve_is_not_asked(
     pressure[starved, j] = record.tank_pressure[starved]
     speed[starved, j] *= 1.5  # more than the valve lets in
     torn = replace(run, record=replace(record, pressure_b=pressure, velocity=speed))
-    found, _ = examine(replace(evidence, runs=(torn,)), evidence, USUAL)
+    found, _ = examine(replace(evidence, runs=4 * (torn,)), evidence, USUAL)
     assert [one.type for one in found[0].missing] == [one.type for one in flow.missing]
 
 
@@ -87,13 +87,15 @@ def test_without_a_usual_dead_zone_nothing_is_said(evidence: Evidence) -> None:
 
 
 def test_a_law_of_no_valve_and_no_oil_is_unknown(evidence: Evidence, flow: Flow) -> None:
-    (run,) = evidence.runs
+    run = evidence.runs[0]
     record = run.record
     assert not flow.unknown and record.velocity is not None
     eccentric = replace(
         record, velocity=record.velocity * (1.0 + 0.1 * np.sin(9.0 * record.position))
     )
-    found, _ = examine(replace(evidence, runs=(replace(run, record=eccentric),)), evidence, USUAL)
+    found, _ = examine(
+        replace(evidence, runs=4 * (replace(run, record=eccentric),)), evidence, USUAL
+    )
     assert found[0].unknown and not found[0].missing
 
 
@@ -101,3 +103,9 @@ def test_joints_with_wrong_sensors_are_not_asked(evidence: Evidence) -> None:
     found, absent = examine(evidence, evidence, USUAL, {JOINT})
     assert not found
     assert "sensors" in absent["internal_leakage", JOINT]
+
+
+def test_a_short_motion_tells_nothing_of_the_flow(evidence: Evidence) -> None:
+    found, absent = examine(replace(evidence, runs=evidence.runs[:1]), evidence, USUAL)
+    assert not found
+    assert "record longer" in absent["internal_leakage", JOINT]
