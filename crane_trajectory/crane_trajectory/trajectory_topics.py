@@ -17,7 +17,6 @@ from crane_trajectory.reference_clock import Target
 
 NAMES = list(JOINTS)
 DRIVER = "driver: safety"  # the status of /diagnostics that tells the driver's state
-ENABLED = "enabled"
 
 
 class Sample(NamedTuple):

@@ -51,13 +51,13 @@ def test_imports_point_one_way(package: str) -> None:
         assert not forbidden, f"{file.relative_to(ROOT)} imports {', '.join(sorted(forbidden))}"
 
 
-NODE_SIDE = ("_node", "parameters", "topics", "condition")
+NODE_SIDE = ("_node", "_action", "parameters", "topics", "condition")
 
 
 @pytest.mark.parametrize("package", sorted(FOLDERS.keys() - {"crane_driver"}))
 def test_mathematics_imports_no_ros(package: str) -> None:
-    """Only nodes (..._node.py) do, with their parameters, topics and diagnostics, and the
-    driver, whose work it is; crane_model has no node.
+    """Only nodes (..._node.py) do, with their actions, parameters, topics and diagnostics, and
+    the driver, whose work it is; crane_model has no node.
     """
     for file in FOLDERS[package].rglob("*.py"):
         if file.stem.endswith(NODE_SIDE) and package != "crane_model":
