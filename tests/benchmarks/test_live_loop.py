@@ -17,7 +17,7 @@ from pathlib import Path
 from typing import NamedTuple
 
 import numpy as np
-from integration.driver_stage import free_port
+from integration.processes import free_port
 from integration.recording_graph import Process
 from mcap.reader import make_reader
 from scipy.ndimage import minimum_filter1d

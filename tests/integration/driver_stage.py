@@ -1,11 +1,6 @@
-"""Simulated crane, driver and a publisher of commands as processes; the test watches their bus."""
+"""Simulated crane and driver as processes; the test watches their bus and their topics."""
 
-import json
 import os
-import signal
-import socket
-import subprocess
-import sys
 import time
 from collections.abc import Callable, Iterator, Mapping
 from contextlib import contextmanager
@@ -15,6 +10,8 @@ from typing import NamedTuple, Self
 import rclpy
 import yaml
 from diagnostic_msgs.msg import DiagnosticArray
+from integration.commander import Commander
+from integration.processes import DRIVER, MACHINE, PATIENCE, TIMING, end, free_port, start
 from rclpy.executors import SingleThreadedExecutor
 from rclpy.node import Node
 from rclpy.qos import DurabilityPolicy, QoSProfile
@@ -30,39 +27,8 @@ from crane_driver.can.link import Link
 from crane_interfaces.msg import CylinderPressures
 from crane_model.configuration import packaged
 
-PATIENCE = 120.0  # s, bounds a failing test; a passing one ends with its condition
 LATCHED = QoSProfile(depth=1, durability=DurabilityPolicy.TRANSIENT_LOCAL)
 SERVICES = ("enable", "disable", "emergency_stop", "reset_fault")
-# A busy test machine is late by itself: here frames may come much later than on a real bus.
-TIMING = {"late": 200, "missing": 300, "lost": 2}
-
-RUN = "import sys; from {module} import main; sys.exit(main(sys.argv[1:]))"
-DRIVER = RUN.format(module="crane_driver.driver_node")
-MACHINE = RUN.format(module="crane_sim.simulated_crane")
-COMMANDER = """
-import json, sys, threading, time, rclpy
-from rclpy.node import Node
-from crane_interfaces.msg import ValveCommand
-command = {}
-done = threading.Event()
-def read():
-    global command
-    for line in sys.stdin:
-        command = json.loads(line)
-    done.set()
-threading.Thread(target=read, daemon=True).start()
-rclpy.init()
-node = Node("commander")
-publisher = node.create_publisher(ValveCommand, "/valve_command", 10)
-while not done.is_set():
-    now = command
-    if now is not None:
-        message = ValveCommand(name=list(now), command=[float(v) for v in now.values()])
-        message.header.stamp = node.get_clock().now().to_msg()
-        publisher.publish(message)
-    time.sleep(0.01)
-rclpy.shutdown()
-"""
 
 
 class Valves(NamedTuple):
@@ -72,67 +38,6 @@ class Valves(NamedTuple):
     stamp: int  # ns
     commands: dict[str, float]
     enabled: bool
-
-
-def free_port() -> int:
-    with socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as probe:
-        probe.bind(("", 0))
-        return probe.getsockname()[1]
-
-
-def line(program: str, *arguments: str) -> list[str]:
-    return [sys.executable, "-c", program, *arguments]
-
-
-def environment() -> dict[str, str]:
-    return os.environ | {"PYTHONPATH": os.pathsep.join(sys.path)}
-
-
-def start(program: str, *arguments: str) -> subprocess.Popen[str]:
-    return subprocess.Popen(
-        line(program, *arguments),
-        stdin=subprocess.PIPE,
-        stdout=subprocess.PIPE,
-        text=True,
-        env=environment(),
-    )
-
-
-def end(process: subprocess.Popen[str], number: int = signal.SIGTERM) -> int:
-    if process.poll() is None:
-        process.send_signal(signal.SIGCONT)
-        process.send_signal(number)
-    try:
-        return process.wait(30.0)
-    except subprocess.TimeoutExpired:
-        process.kill()
-        return process.wait()
-
-
-class Commander:
-    """A process that publishes commands at 100 Hz."""
-
-    def __init__(self) -> None:
-        self.process = start(COMMANDER)
-        self.send()
-
-    def send(self, **commands: float) -> None:
-        self._tell(commands)
-
-    def pause(self) -> None:
-        """Stay there as a publisher, but publish nothing."""
-        self._tell(None)
-
-    def end(self) -> None:
-        """Leave the graph: one that is killed is missed by others only after 20 s."""
-        assert self.process.stdin
-        self.process.stdin.close()
-        self.process.wait(PATIENCE)
-
-    def _tell(self, what: object) -> None:
-        assert self.process.stdin
-        self.process.stdin.write(json.dumps(what) + "\n")
-        self.process.stdin.flush()
 
 
 class Stage:
@@ -171,7 +76,7 @@ class Stage:
         self.states: list[JointState] = []
         self.pressures: list[CylinderPressures] = []
         self.diagnostics: dict[str, tuple[bytes, str, dict[str, str]]] = {}
-        self.reports = 0
+        self.reported = 0  # ns, when the driver made its last report
         self.frames: list[Frame] = []  # of the machine
         self.machine_state = ""  # what the valve unit says of itself
         self.valves: list[Valves] = []
@@ -186,15 +91,18 @@ class Stage:
             String, "/robot_description", lambda message: self.description.append(message.data),
             LATCHED,
         )  # fmt: skip
-        self.until(lambda: self.states and self.valves and self.pressures)
+        self.until(lambda: self.states and self.valves and self.pressures and self.diagnostics)
         self.until(lambda: all(one.service_is_ready() for one in self._clients.values()))
 
     def start_driver(self, program: str = DRIVER) -> None:
         """Another driver in the place of one that has ended."""
         assert self.driver.poll() is not None
         self.driver = start(program, *self._arguments)
+        self.diagnostics.clear()
         states, valves = len(self.states), len(self.valves)
-        self.until(lambda: len(self.states) > states and len(self.valves) > valves)
+        self.until(
+            lambda: len(self.states) > states and len(self.valves) > valves and self.diagnostics
+        )
 
     def close(self) -> None:
         for process in (self.driver, self.machine):
@@ -233,19 +141,28 @@ class Stage:
         answer = future.result()
         return answer.success, answer.message
 
+    @property
     def safety(self) -> tuple[str, dict[str, str]]:
-        """Message and values of a report on safety that is newer than this call."""
-        before = self.reports
-        self.until(lambda: self.reports > before + 1)
+        """Message and values of the last report on safety; a new state is reported at once."""
         _, message, values = self.diagnostics["driver: safety"]
         return message, values
 
+    def report(self) -> tuple[str, dict[str, str]]:
+        """What a report on safety says that was made after this call."""
+        called = time.time_ns()
+        self.until(lambda: self.reported > called)
+        return self.safety
+
     def disabled(self) -> Self:
         """The crane at rest, well, and disabled."""
+
+        def well() -> bool:
+            return self.safety[0] == "disabled"
+
         self.call("disable")
         self.until(lambda: not self.valves[-1].enabled)
         # a fault that goes on comes back
-        self.until(lambda: self.call("reset_fault")[0] and self.safety()[0] == "disabled")
+        self.until(lambda: self.call("reset_fault")[0] and self.within(well, 1.0))
         return self
 
     def enabled(self) -> Self:
@@ -253,8 +170,8 @@ class Stage:
 
         def tried() -> bool:
             self.disabled()
-            self.call("enable")
-            return self.valves[-1].enabled or self.within(lambda: self.valves[-1].enabled)
+            enabled, _ = self.call("enable")  # refused until the neutral commands have arrived
+            return enabled and self.within(lambda: self.valves[-1].enabled, 1.0)
 
         self.until(tried)
         return self
@@ -272,7 +189,8 @@ class Stage:
             commander.send(slew=0.0)
             self.enabled()
             commander.send(**commands)
-            if self.within(arrived):
+            self.within(lambda: arrived() or not self.valves[-1].enabled)
+            if arrived():
                 return self
         raise AssertionError(f"not moving; {self.diagnostics}")
 
@@ -284,10 +202,12 @@ class Stage:
         return condition()
 
     def _diagnosed(self, message: DiagnosticArray) -> None:
-        self.reports += 1
         for one in message.status:
             values = {pair.key: pair.value for pair in one.values}
             self.diagnostics[one.name] = (one.level, one.message, values)
+            if one.name == "driver: safety":
+                stamp = message.header.stamp
+                self.reported = stamp.sec * 10**9 + stamp.nanosec
 
 
 @contextmanager

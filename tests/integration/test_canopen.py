@@ -6,7 +6,8 @@ import canopen
 import pytest
 from canopen.objectdictionary import ObjectDictionary, ODVariable
 from canopen.objectdictionary.datatypes import UNSIGNED16
-from integration.driver_stage import Commander, Stage, commander
+from integration.commander import Commander
+from integration.driver_stage import Stage, commander
 
 from crane_driver.can.bus import BusSettings, open_bus
 
@@ -60,13 +61,13 @@ def hand(stage: Stage) -> Iterator[Commander]:
 
 
 def shown(stage: Stage) -> tuple[bytes, str]:
-    stage.safety()
+    stage.report()
     level, text, _ = stage.diagnostics[f"driver: {NAME}"]
     return level, text
 
 
 def test_without_the_device_the_crane_cannot_be_enabled(stage: Stage) -> None:
-    state, _ = stage.safety()
+    state, _ = stage.report()
     assert state == "offline"
     success, text = stage.call("enable")
     assert not success
@@ -127,7 +128,7 @@ def test_trouble_in_operation_ramps_to_neutral_is_latched_and_can_be_reset(
     values = [one.commands["slew"] for one in stage.valves[since:]]
     assert len([one for one in values if 1e-3 < one < 0.49]) >= 4, "not at once"
     assert values[-1] == 0.0
-    state, faults = stage.safety()
+    state, faults = stage.report()
     assert state.startswith("fault")
     assert detail in faults[f"CAN {name} {NAME}"]
     if trouble is lost:

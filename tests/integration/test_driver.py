@@ -2,15 +2,14 @@
 
 import math
 import signal
-import subprocess
 import time
 import xml.etree.ElementTree as ET
 from collections.abc import Iterator
-from pathlib import Path
 
 import numpy as np
 import pytest
-from integration.driver_stage import DRIVER, PATIENCE, Stage, environment, free_port, line, start
+from integration.driver_stage import Stage
+from integration.processes import DRIVER, PATIENCE, free_port, start
 from lifecycle_msgs.msg import State, Transition
 from lifecycle_msgs.srv import ChangeState, GetState
 
@@ -62,7 +61,7 @@ def test_the_urdf_comes_to_whoever_asks_late(stage: Stage) -> None:
 
 
 def test_diagnostics_name_safety_bus_and_every_message(stage: Stage) -> None:
-    stage.safety()
+    stage.report()
     assert {name for name in stage.diagnostics if name.startswith("driver: ")} == {
         "driver: safety",
         "driver: bus",
@@ -143,29 +142,3 @@ def test_an_idle_driver_waits_to_be_configured(stage: Stage) -> None:
     finally:
         driver.send_signal(signal.SIGINT)
         assert driver.wait(PATIENCE) == 0
-
-
-@pytest.mark.parametrize(
-    ("parameter", "reason"),
-    [
-        ("bus.bitrate:=-5", "parameter 'bus.bitrate': must be from 0 to 1e+06 bit/s, got -5"),
-        ("jerk_density.slew:=0", "parameter 'jerk_density.slew': must be from 1e-09 to 1e+06 "),
-        ("bus.interface:=carrier_pigeon", "carrier_pigeon"),
-        ("machine:=absent.yaml", "absent.yaml: no such file"),
-    ],
-)
-def test_a_driver_that_cannot_start_says_why_and_ends(
-    parameter: str, reason: str, ros_domain: int, tmp_path: Path
-) -> None:
-    output = tmp_path / "output"
-    with output.open("w") as file:
-        done = subprocess.run(
-            line(DRIVER, "--ros-args", "-p", parameter),
-            stdout=file,
-            stderr=subprocess.STDOUT,
-            timeout=PATIENCE,
-            env=environment(),
-            check=False,
-        )
-    assert done.returncode == 1
-    assert reason in output.read_text()

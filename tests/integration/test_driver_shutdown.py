@@ -5,7 +5,9 @@ import time
 from collections.abc import Iterator
 
 import pytest
-from integration.driver_stage import DRIVER, Stage, Valves, commander
+from integration.commander import Commander
+from integration.driver_stage import Stage, Valves, commander
+from integration.processes import DRIVER
 
 pytestmark = pytest.mark.realtime
 
@@ -34,18 +36,26 @@ def stage(ros_domain: int, tmp_path_factory: pytest.TempPathFactory) -> Iterator
     one.close()
 
 
-def ended_by(stage: Stage, *signals: signal.Signals, program: str = DRIVER) -> list[Valves]:
+@pytest.fixture(scope="module")
+def hand(stage: Stage) -> Iterator[Commander]:
+    """The publisher of commands; it stays when the driver ends."""
+    with commander(stage) as process:
+        yield process
+
+
+def ended_by(
+    stage: Stage, hand: Commander, *signals: signal.Signals, program: str = DRIVER
+) -> list[Valves]:
     """End the driver while the slew valve is open; the valve frames since then."""
     if stage.driver.poll() is not None:
         stage.start_driver(program)
-    with commander(stage) as hand:
-        stage.moving(hand, slew=0.5)
-        since = len(stage.valves)
-        for number in signals:
-            stage.driver.send_signal(number)
-            time.sleep(0.02)  # within the ramp
-        stage.until(lambda: stage.driver.poll() is not None)
-        stage.spin()
+    stage.moving(hand, slew=0.5)
+    since = len(stage.valves)
+    for number in signals:
+        stage.driver.send_signal(number)
+        time.sleep(0.02)  # within the ramp
+    stage.until(lambda: stage.driver.poll() is not None)
+    stage.spin()
     return stage.valves[since:]
 
 
@@ -57,25 +67,29 @@ def assert_ramp(frames: list[Valves]) -> None:
     assert len([one for one in values if SMALLEST < one < 0.49]) >= 4, values
 
 
-def test_shutdown_ramps_to_neutral_however_often_ctrl_c_is_pressed(stage: Stage) -> None:
-    frames = ended_by(stage, *[signal.SIGINT] * 4)
+def test_shutdown_ramps_to_neutral_however_often_ctrl_c_is_pressed(
+    stage: Stage, hand: Commander
+) -> None:
+    frames = ended_by(stage, hand, *[signal.SIGINT] * 4)
     assert stage.driver.returncode == 0
     assert_ramp(frames)
 
 
-def test_the_end_of_its_terminal_ramps_to_neutral(stage: Stage) -> None:
-    frames = ended_by(stage, signal.SIGHUP)
+def test_the_end_of_its_terminal_ramps_to_neutral(stage: Stage, hand: Commander) -> None:
+    frames = ended_by(stage, hand, signal.SIGHUP)
     assert stage.driver.returncode == 0
     assert_ramp(frames)
 
 
-def test_an_error_in_a_callback_ramps_to_neutral(stage: Stage) -> None:
-    frames = ended_by(stage, signal.SIGUSR1, program=FAULTY)
+def test_an_error_in_a_callback_ramps_to_neutral(stage: Stage, hand: Commander) -> None:
+    frames = ended_by(stage, hand, signal.SIGUSR1, program=FAULTY)
     assert stage.driver.returncode == 1
     assert_ramp(frames)
 
 
-def test_a_driver_that_is_killed_leaves_the_valves_to_time_out(stage: Stage) -> None:
-    ended_by(stage, signal.SIGKILL)
+def test_a_driver_that_is_killed_leaves_the_valves_to_time_out(
+    stage: Stage, hand: Commander
+) -> None:
+    ended_by(stage, hand, signal.SIGKILL)
     assert stage.valves[-1].enabled  # no time for anything
     stage.until(lambda: stage.machine_state == "CommandTimeout")

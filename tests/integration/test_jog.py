@@ -15,7 +15,8 @@ from contextlib import contextmanager, suppress
 from itertools import pairwise
 
 import pytest
-from integration.driver_stage import RUN, Stage, end, environment, line
+from integration.driver_stage import Stage
+from integration.processes import RUN, end, environment, line
 from sensor_msgs.msg import Joy
 
 pytestmark = pytest.mark.realtime
@@ -144,7 +145,7 @@ def test_a_held_key_raises_the_inner_boom_and_letting_go_stops_it(
     assert max(value for _, value in sent) > MOVING
     assert min(value for _, value in sent) >= 0.0
     assert max(b - a for (_, a), (_, b) in pairwise(sent)) < 0.06, "ramped"
-    assert stage.safety()[0].startswith("enabled"), "it ended well"
+    assert stage.report()[0].startswith("enabled"), "it ended well"
 
 
 def test_a_tap_is_a_nudge(stage: Stage, terminal: Terminal) -> None:
@@ -186,7 +187,7 @@ def test_a_signal_ends_it_at_neutral_and_restores_the_terminal(
     assert terminal.process.returncode == 0
     assert terminal.settings == terminal.before
     stage.until(lambda: stage.valves[-1].commands["inner_boom"] == 0.0)
-    assert stage.safety()[0].startswith("enabled"), "no fault"
+    assert stage.report()[0].startswith("enabled"), "no fault"
 
 
 def test_a_joystick_moves_while_its_deadman_button_is_held(stage: Stage) -> None:
@@ -221,7 +222,7 @@ def test_a_joystick_moves_while_its_deadman_button_is_held(stage: Stage) -> None
         silent = time.monotonic()
         stage.until(lambda: stage.valves[-1].commands["inner_boom"] == 0.0)
         assert stage.valves[-1].steady - silent < 0.1 + STOP + SLACK
-        assert stage.safety()[0].startswith("enabled")
+        assert stage.report()[0].startswith("enabled")
     stage.node.destroy_publisher(publisher)
 
 
@@ -243,6 +244,6 @@ def test_a_jog_that_is_killed_is_a_fault_and_the_valves_ramp_to_neutral(stage: S
     values = [value for _, value in commands(stage, since)]
     assert values[-1] == 0.0
     assert len([one for one in values if 0.0 < one < values[0]]) >= 2, "not at once"
-    state, faults = stage.safety()
+    state, faults = stage.report()
     assert state.startswith("fault")
     assert "command timeout" in faults

@@ -11,7 +11,7 @@ from pathlib import Path
 
 import pytest
 from ament_index_python.packages import get_package_prefix, get_package_share_directory
-from integration.driver_stage import free_port
+from integration.processes import free_port
 
 from crane_driver.driver_parameters import PARAMETERS as DRIVER
 from crane_identification.online.identification_node import PARAMETERS as IDENTIFICATION

@@ -5,15 +5,17 @@ import signal
 import subprocess
 import time
 from collections.abc import Callable, Iterator
+from contextlib import contextmanager
 
 import pytest
-from integration.driver_stage import MACHINE, PATIENCE, end, free_port, start
+from integration.processes import MACHINE, PATIENCE, end, free_port, start
 
 from crane_driver.can.binding import load_layout
 from crane_driver.can.bus import BusSettings
 from crane_driver.can.codec import DriverCodec
 from crane_driver.can.decoder import Readings
 from crane_driver.can.link import Link
+from crane_sim.simulated_crane import main
 
 pytestmark = pytest.mark.realtime
 
@@ -48,12 +50,21 @@ class Bench:
         return next(one.positions[joint] for one in self.readings[::-1] if joint in one.positions)
 
 
-@pytest.fixture
-def bench() -> Iterator[Bench]:
+@contextmanager
+def at_work() -> Iterator[Bench]:
     one = Bench()
-    yield one
-    end(one.process)
-    one.link.close()
+    try:
+        yield one
+    finally:
+        end(one.process)
+        one.link.close()
+
+
+@pytest.fixture(scope="module")
+def bench() -> Iterator[Bench]:
+    """What tests share, until one of them ends it."""
+    with at_work() as one:
+        yield one
 
 
 def test_it_moves_on_command_and_stops_when_commands_do(bench: Bench) -> None:
@@ -70,7 +81,7 @@ def test_it_moves_on_command_and_stops_when_commands_do(bench: Bench) -> None:
 
 
 def test_it_runs_in_real_time_and_says_how_well(bench: Bench) -> None:
-    bench.until(lambda: bench.readings)
+    bench.readings.clear()
     bench.until(lambda: len(bench.readings) > 2000)
     cycles = [one for one in bench.readings if one.message == "EncoderBase"]
     elapsed = cycles[-1].steady - cycles[0].steady
@@ -87,14 +98,14 @@ def test_it_runs_in_real_time_and_says_how_well(bench: Bench) -> None:
 
 
 def test_a_bus_that_cannot_be_opened_ends_it_with_a_message() -> None:
-    process = start(MACHINE, "--interface", "socketcan", "--channel", "nocan0")
-    assert process.wait(PATIENCE) == 1
+    assert main(["--interface", "socketcan", "--channel", "nocan0"]) == 1
 
 
-def test_it_ends_by_itself_when_its_terminal_does(bench: Bench) -> None:
-    bench.until(lambda: bench.readings)
-    bench.process.send_signal(signal.SIGHUP)
-    try:
-        assert bench.process.wait(PATIENCE) == 0
-    except subprocess.TimeoutExpired:
-        pytest.fail("still running")
+def test_it_ends_by_itself_when_its_terminal_does() -> None:
+    with at_work() as bench:
+        bench.until(lambda: bench.readings)
+        bench.process.send_signal(signal.SIGHUP)
+        try:
+            assert bench.process.wait(PATIENCE) == 0
+        except subprocess.TimeoutExpired:
+            pytest.fail("still running")

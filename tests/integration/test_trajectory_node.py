@@ -12,7 +12,8 @@ from typing import Any
 import numpy as np
 import pytest
 import yaml
-from integration.driver_stage import RUN, Stage, end, start
+from integration.driver_stage import Stage
+from integration.processes import RUN, end, start
 from lifecycle_msgs.msg import Transition
 from lifecycle_msgs.srv import ChangeState
 from rcl_interfaces.msg import Parameter, ParameterType, ParameterValue
@@ -210,7 +211,7 @@ def test_an_experiment_is_completed(crane: Experiments) -> None:
     change = (np.diff(position, axis=0) - velocity[1:] * np.diff(stamps)[:, None])[step]
     assert np.abs(change).max() < 2e-3  # the reference is continuous
     assert np.ptp(position[:, 0]) == 0.0
-    assert crane.stage.safety()[0] == "enabled"  # commands that end at neutral leave no fault
+    assert crane.stage.report()[0] == "enabled"  # commands that end at neutral leave no fault
 
 
 def test_canceled_the_crane_comes_to_rest_and_holds_still(crane: Experiments) -> None:
@@ -302,4 +303,4 @@ def test_ended_by_a_signal_the_crane_is_at_rest_first(crane: Experiments) -> Non
     assert ending.result().result.outcome == Outcome.DEACTIVATED
     assert end(crane.process) == 0
     crane.holds_still()
-    assert crane.stage.safety()[0] == "enabled"
+    assert crane.stage.report()[0] == "enabled"

@@ -1,0 +1,108 @@
+"""A crane that turns, ways to make faults while it does, and what is to be seen then."""
+
+import os
+import signal
+import threading
+from collections.abc import Iterator
+from contextlib import contextmanager
+from itertools import pairwise
+
+from integration.commander import Commander
+from integration.driver_stage import Stage, Valves
+
+from crane_driver.can.bus import BusSettings
+from crane_driver.can.codec import MachineCodec
+from crane_driver.can.frame import Frame
+from crane_driver.can.link import Link
+
+SMALLEST = 1e-3  # two steps of the spool signal
+
+# A driver whose bus is gone, as an adapter that is pulled out, while the file GONE exists.
+DRIVER = """
+import pathlib, sys
+from can.interfaces.udp_multicast import UdpMulticastBus as Bus
+gone = pathlib.Path({gone!r})
+def mortal(method):
+    def call(*arguments, **named):
+        if gone.exists():
+            raise OSError(19, "No such device")
+        return method(*arguments, **named)
+    return call
+for name in ("__init__", "recv", "send"):
+    setattr(Bus, name, mortal(getattr(Bus, name)))
+from crane_driver.driver_node import main
+sys.exit(main(sys.argv[1:]))
+"""
+
+
+def swing(stage: Stage, hand: Commander) -> None:
+    """The crane turns, the valve of the slew half open, towards the middle of its range."""
+    side = -1.0 if stage.states[-1].position[0] > 0.0 else 1.0
+    stage.moving(hand, slew=0.5 * side)
+
+
+def ramped(stage: Stage, since: int, joint: str = "slew") -> list[Valves]:
+    """Wait until the valves are closed; assert that they closed by a ramp, and stay closed."""
+    stage.until(lambda: not stage.valves[-1].enabled)
+    closed = len(stage.valves)
+    stage.until(lambda: len(stage.valves) > closed + 20)
+    frames = stage.valves[since:]
+    falling = [abs(one.commands[joint]) for one in frames if one.enabled]
+    start = next(i for i, value in enumerate(falling) if value < falling[0] - SMALLEST)
+    ramp = falling[start - 1 :]
+    assert all(after <= before for before, after in pairwise(ramp))
+    assert len(ramp) >= 4, "not at once"
+    assert ramp[-1] <= 0.5 * ramp[0]
+    assert all(one.commands[joint] == 0.0 for one in stage.valves[closed:])
+    return frames
+
+
+def fault(stage: Stage, name: str) -> str:
+    """The text of the fault `name`, which must be latched."""
+    stage.until(lambda: name in stage.safety[1])
+    message, values = stage.safety
+    assert message.startswith("fault"), message
+    return values[name]
+
+
+@contextmanager
+def played(stage: Stage) -> Iterator[threading.Event]:
+    """A machine in the place of the simulated one; it accepts commands while the event is set."""
+    hears, done = threading.Event(), threading.Event()
+    hears.set()
+    state = stage.states[-1]
+    positions = dict(zip(state.name, state.position, strict=True))
+    pressures = dict.fromkeys(stage.layout.pressures, 1e6)
+    codec = MachineCodec(stage.layout)
+    accepted: dict[str, int] = {}
+
+    def play() -> None:
+        with Link(BusSettings(extra={"port": stage.port})) as link:
+            while not done.wait(min(codec.cycles.values())):
+                for frame in link.take():
+                    command = codec.decode(frame)
+                    if command and command.counter is not None and hears.is_set():
+                        accepted[command.message] = command.counter
+                for name in codec.cycles:
+                    well = {"valve_unit": "Enabled"}
+                    link.send(
+                        codec.reading_frame(name, positions, pressures, well, accepted=accepted)
+                    )
+
+    os.kill(stage.machine.pid, signal.SIGSTOP)
+    thread = threading.Thread(target=play)
+    thread.start()
+    try:
+        yield hears
+    finally:
+        done.set()
+        thread.join()
+        os.kill(stage.machine.pid, signal.SIGCONT)
+
+
+def encoder_frame(stage: Stage) -> Frame:
+    """The newest frame of an encoder, as another device would send it."""
+    stage.frames.clear()
+    identifier = next(one.message.frame_id for one in stage.layout.readings if one.positions)
+    stage.until(lambda: [one for one in stage.frames if one.id == identifier])
+    return [one for one in stage.frames if one.id == identifier][-1]

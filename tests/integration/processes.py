@@ -1,0 +1,50 @@
+"""Driver and simulated crane as processes that tests start and end."""
+
+import os
+import signal
+import socket
+import subprocess
+import sys
+
+PATIENCE = 120.0  # s, bounds a failing test; a passing one ends with its condition
+# A busy test machine is late by itself: here frames may come much later than on a real bus.
+TIMING = {"late": 200, "missing": 300, "lost": 2}
+
+RUN = "import sys; from {module} import main; sys.exit(main(sys.argv[1:]))"
+DRIVER = RUN.format(module="crane_driver.driver_node")
+MACHINE = RUN.format(module="crane_sim.simulated_crane")
+
+
+def free_port() -> int:
+    with socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as probe:
+        probe.bind(("", 0))
+        return probe.getsockname()[1]
+
+
+def line(program: str, *arguments: str) -> list[str]:
+    return [sys.executable, "-c", program, *arguments]
+
+
+def environment() -> dict[str, str]:
+    return os.environ | {"PYTHONPATH": os.pathsep.join(sys.path)}
+
+
+def start(program: str, *arguments: str) -> subprocess.Popen[str]:
+    return subprocess.Popen(
+        line(program, *arguments),
+        stdin=subprocess.PIPE,
+        stdout=subprocess.PIPE,
+        text=True,
+        env=environment(),
+    )
+
+
+def end(process: subprocess.Popen[str], number: int = signal.SIGTERM) -> int:
+    if process.poll() is None:
+        process.send_signal(signal.SIGCONT)
+        process.send_signal(number)
+    try:
+        return process.wait(30.0)
+    except subprocess.TimeoutExpired:
+        process.kill()
+        return process.wait()
