@@ -4,12 +4,12 @@ from dataclasses import dataclass
 
 import numpy as np
 from scipy.ndimage import uniform_filter1d
-from scipy.stats import f as fisher
+from scipy.stats import t as student
 
 TRANSIENT = 2.0
 """A first period that differs from the later ones by this many times their scatter is transient."""
 LOCAL = 0.04
-"""Share of the period over which the scatter is taken as equally large."""
+"""Share of the period over which the scatter is taken as equally large, and a drift is sought."""
 
 
 @dataclass(frozen=True)
@@ -87,26 +87,48 @@ def resolution_of_mean(periods: np.ndarray, resolution: np.ndarray) -> np.ndarra
     return np.sqrt(12 * (rounding - own + own / len(periods)))
 
 
-def drift(periods: np.ndarray) -> Drift:
+def drift(periods: np.ndarray, used: np.ndarray) -> Drift:
     """The steady change in M periods (M, n, j) and whether their scatter explains it.
 
-    Without drift, the contrast along the number of the period is as large as any other.
+    Over the `used` (n, j) samples. Of the power of the scatter the contrast along the number of the
+    period has one part in M - 1 if there is no drift, whatever the noise and its correlation. This
+    share is taken in each of many stretches of the period, so that all count alike: a drift shows
+    in most of them, a joint that vibrates, or sets off late in one of the periods, in a few. As
+    these lie side by side, neighbouring stretches count as less than two where they are alike.
     """
     count, samples, joints = periods.shape
     if count < 3:
         return Drift(np.full(joints, np.nan), np.full(joints, np.nan))
     number = np.arange(count) - (count - 1) / 2
     length = np.linalg.norm(number)
-    deviation = periods - periods.mean(axis=0)
+    deviation = np.where(used, periods - periods.mean(axis=0), 0.0)
     contrast = np.tensordot(number / length, deviation, axes=1)  # (n, j)
-    steady = (contrast**2).sum(axis=0)
-    rest = (deviation**2).sum(axis=(0, 1)) - steady
-    others = count - 2
-    independent = independent_samples(deviation, np.ones((samples, joints), dtype=bool))
-    ratio = np.divide(steady * others, rest, out=np.ones(joints), where=rest > 0.0)
-    p_value = fisher.sf(ratio, independent, others * independent)
-    change = np.maximum(steady - rest / others, 0.0)  # without what the scatter adds to it
-    return Drift(np.sqrt(change / samples) / length, p_value)
+    starts = np.arange(0, samples, max(int(LOCAL * samples), 1))
+    steady, whole = (
+        np.add.reduceat(power, starts) for power in (contrast**2, (deviation**2).sum(axis=0))
+    )  # (stretches, j)
+    expected = 1.0 / (count - 1)
+    p_value = np.full(joints, np.nan)
+    for j in range(joints):
+        seen = whole[:, j] > 0.0
+        if seen.sum() > 2:
+            p_value[j] = _p_value(steady[seen, j] / whole[seen, j], expected)
+    # Without what the scatter adds to it.
+    change = np.maximum(steady.sum(axis=0) - expected * whole.sum(axis=0), 0.0) / (1.0 - expected)
+    return Drift(np.sqrt(change / np.maximum(used.sum(axis=0), 1)) / length, p_value)
+
+
+def _p_value(share: np.ndarray, expected: float) -> float:
+    """How likely neighbours (n,) that are alike have a mean so far above the expected one."""
+    above = share.mean() - expected
+    deviation = share - share.mean()
+    power = (deviation**2).sum()
+    if not power > 0.0:
+        return 0.0 if above > 0.0 else 1.0
+    alike = max(float((deviation[1:] * deviation[:-1]).sum() / power), 0.0)
+    independent = max(len(share) * (1.0 - alike) / (1.0 + alike), 2.0)
+    error = np.sqrt(power / (len(share) - 1) / independent)
+    return float(student.sf(above / error, independent - 1.0))
 
 
 def independent_samples(deviation: np.ndarray, used: np.ndarray) -> np.ndarray:

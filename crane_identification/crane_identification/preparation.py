@@ -42,9 +42,10 @@ class Preparation:
 
     `record`: n samples every `step` s with motion and generalized force; one averaged period if
     `averaging` is not None. `moving` (n, j): where the sign of the velocity is known, and
-    friction has settled behind a reversal; `signed` (n, j): where the sign is known. `bandwidth`
-    (j,) [Hz] of the motion. `periods` (M, n, j): the generalized forces that were averaged.
-    `reference`: the record along the motion that was asked for, None where it was not recorded.
+    friction has settled behind a reversal; `signed` (n, j): where the sign is known; of an average
+    both hold in each of its periods. `bandwidth` (j,) [Hz] of the motion. `periods` (M, n, j): the
+    generalized forces that were averaged. `reference`: the record along the motion that was asked
+    for, None where it was not recorded.
     """
 
     source: str
@@ -170,17 +171,18 @@ def _averaged(
     resolution = resolution_of_mean(fold(_coordinates(signals), length, used), _resolution(log))
     motion = estimate_period(options.motion, _coordinates(mean), step, resolution, progress)
     record = _record(model, step * np.arange(length), mean, motion, options.mask_reversals)
-    alike = _moving_alike(model, log, signals, step, length, used, options)
+    alike, signed_alike = _moving_alike(model, log, signals, step, length, used, options)
+    known = _moving(model, motion, step, True, options) & alike
     periods = fold(signals["force"], length, used)
     remainder = (len(rows) - whole * length) * step
     return Preparation(
         source=log.source,
         record=record,
         step=step,
-        moving=_moving(model, motion, step, True, options) & alike,
-        signed=_moving(model, motion, step, True, options, settling=0.0),
+        moving=known,
+        signed=_moving(model, motion, step, True, options, settling=0.0) & signed_alike,
         bandwidth=motion.bandwidth[: len(model.joints)],
-        averaging=Averaging(length * step, used, whole - used, remainder, drift(periods)),
+        averaging=Averaging(length * step, used, whole - used, remainder, drift(periods, known)),
         periods=periods,
         reference=_along_reference(record, mean),
     )
@@ -194,17 +196,22 @@ def _moving_alike(
     length: int,
     periods: int,
     options: Options,
-) -> np.ndarray:
+) -> tuple[np.ndarray, np.ndarray]:
     """(length, j): where each joint moves in all of the last `periods`, and in one direction.
 
+    First where friction has settled in all of them, then where the sign of the velocity is known.
     A joint that comes to rest on its way sets off again at another time in each period: the mean
     force is then none that friction (13) gives at the mean velocity.
     """
     if not options.mask_reversals:
-        return np.ones((length, len(model.joints)), dtype=bool)
+        everywhere = np.ones((length, len(model.joints)), dtype=bool)
+        return everywhere, everywhere
     motion = estimate_record(None, signals["position"], step, _resolution(log))
-    direction = np.sign(motion.velocity) * moving(motion, step, False)
-    return np.abs(fold(direction, length, periods).sum(axis=0)) == periods
+    settled, signed = (
+        np.abs(fold(np.sign(motion.velocity) * known, length, periods).sum(axis=0)) == periods
+        for known in (moving(motion, step, False), moving(motion, step, False, settling=0.0))
+    )
+    return settled, signed
 
 
 def _signals(model: Model, samples: Samples, rows: np.ndarray) -> dict[str, np.ndarray]:

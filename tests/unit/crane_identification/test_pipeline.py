@@ -136,6 +136,7 @@ def test_rows_where_one_period_stands_are_not_used(axis: Model) -> None:
     both = [prepare(axis, one, Options())[0] for one in (log, late_log)]
     instant = round((time[turns[0]] + 0.6 - LEAD) * RATE) % round(PERIOD * RATE)
     assert [bool(one.moving[instant, 0]) for one in both] == [True, False]
+    assert [bool(one.signed[instant, 0]) for one in both] == [True, False]
 
 
 def test_motion_in_one_direction_leaves_parameters_undetermined(axis: Model) -> None:
