@@ -9,7 +9,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 from diagnostic_msgs.msg import DiagnosticArray, DiagnosticStatus
-from integration.recording_graph import LATCHED, Graph, Source, graph
+from integration.recording_graph import LATCHED, Graph, Process, Source, graph
 from rclpy.qos import QoSProfile, ReliabilityPolicy
 from rosbags.interfaces import Qos, QosDurability, QosReliability
 from rosbags.rosbag2 import Reader
@@ -58,6 +58,12 @@ def states_of(path: Path) -> list[int]:
     return data[JOINT_STATES.name].stamp.tolist() if data else []
 
 
+def begun(ros: Graph, source: Source, recorder: Process) -> None:
+    """Wait until publishers and recorder have found each other, both ways."""
+    source.wait_for_subscribers()
+    ros.wait(lambda: all(f"recording {name} " in recorder.output for name in source.publishers))
+
+
 class Health:
     """What the recorder tells about itself on /diagnostics."""
 
@@ -81,7 +87,7 @@ def test_no_message_is_lost(ros: Graph, bag: Path) -> None:
     """At 200 Hz on four topics over ten seconds; SIGTERM leaves a bag that every reader opens."""
     source = Source(ros)
     recorder = ros.start("recorder", "--out", bag)
-    source.wait_for_subscribers()
+    begun(ros, source, recorder)
     source.send(2000)
     source.wait_until_received()
     assert recorder.end(signal.SIGTERM) == 0
@@ -123,7 +129,7 @@ def test_latched_and_best_effort_topics(ros: Graph, bag: Path) -> None:
 def test_kill_loses_at_most_the_last_second(ros: Graph, bag: Path, tmp_path: Path) -> None:
     source = Source(ros)
     recorder = ros.start("recorder", "--out", bag)
-    source.wait_for_subscribers()
+    begun(ros, source, recorder)
     source.send(700)
     killed = time.time_ns()
     assert recorder.end(signal.SIGKILL) == -signal.SIGKILL
@@ -147,7 +153,7 @@ def test_kill_loses_at_most_the_last_second(ros: Graph, bag: Path, tmp_path: Pat
 def test_split_files(ros: Graph, bag: Path) -> None:
     source = Source(ros)
     recorder = ros.start("recorder", "--out", bag, "--split-seconds", 0.5)
-    source.wait_for_subscribers()
+    begun(ros, source, recorder)
     source.send(400)
     source.wait_until_received()
     assert recorder.end(signal.SIGTERM) == 0
@@ -161,11 +167,13 @@ def test_split_files(ros: Graph, bag: Path) -> None:
 
 
 def test_impatient_user_does_not_damage_the_bag(ros: Graph, bag: Path) -> None:
-    """Ctrl-C, again and again, and a hang-up."""
-    source = Source(ros)
+    """Nor lose anything: messages with the publisher's first breath, then Ctrl-C, again and again,
+    and a hang-up.
+    """
     recorder = ros.start("recorder", "--out", bag)
-    source.wait_for_subscribers()
-    source.send(100)
+    ros.wait(lambda: all(ros.node.count_subscribers(topic.name) for topic in TOPICS))
+    source = Source(ros)
+    source.send(5)  # less than what the publisher keeps for a slow subscriber
     source.wait_until_received()
     assert recorder.end(signal.SIGINT, signal.SIGINT, signal.SIGHUP, signal.SIGINT) == 0
     assert stamps(bag) == {topic.name: source.stamps for topic in TOPICS}
@@ -174,7 +182,7 @@ def test_impatient_user_does_not_damage_the_bag(ros: Graph, bag: Path) -> None:
 def test_diagnostics_tell_how_it_goes(ros: Graph, bag: Path) -> None:
     source, health = Source(ros), Health(ros)
     recorder = ros.start("recorder", "--out", bag)
-    source.wait_for_subscribers()
+    begun(ros, source, recorder)
     source.send(300)
     ros.wait(lambda: all(health.messages(topic) == 300 for topic in source.publishers))
     assert health.status.level == DiagnosticStatus.OK
@@ -212,7 +220,7 @@ def test_full_disk_ends_the_recording(ros: Graph, bag: Path, tmp_path: Path) -> 
     """With an error that names the remedy, which works."""
     source = Source(ros)
     recorder = ros.start("recorder", "--out", bag)
-    source.wait_for_subscribers()
+    begun(ros, source, recorder)
     resource.prlimit(recorder.process.pid, resource.RLIMIT_FSIZE, (200_000, 200_000))
     while recorder.running:
         source.send(20)

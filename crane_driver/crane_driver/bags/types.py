@@ -28,7 +28,17 @@ JOINT_STATES = Topic("/joint_states", "sensor_msgs/msg/JointState")
 CYLINDER_PRESSURES = Topic("/cylinder_pressures", f"{INTERFACES}/msg/CylinderPressures")
 VALVE_COMMAND = Topic("/valve_command", f"{INTERFACES}/msg/ValveCommand")
 JOINT_REFERENCE = Topic("/joint_reference", f"{INTERFACES}/msg/JointReference")
+PARAMETER_ESTIMATE = Topic(
+    "/parameter_estimate", f"{INTERFACES}/msg/ParameterEstimate", latched=True
+)
+GENERALIZED_FORCES = Topic("/generalized_forces", f"{INTERFACES}/msg/GeneralizedForces")
+DIAGNOSTICS = Topic("/diagnostics", "diagnostic_msgs/msg/DiagnosticArray")
 ROBOT_DESCRIPTION = Topic("/robot_description", "std_msgs/msg/String", latched=True)
+TOPICS = (
+    *(JOINT_STATES, CYLINDER_PRESSURES, VALVE_COMMAND, JOINT_REFERENCE),
+    *(PARAMETER_ESTIMATE, GENERALIZED_FORCES, DIAGNOSTICS, ROBOT_DESCRIPTION),
+)
+"""All that the nodes of the suite publish; reliably."""
 
 
 def typestore() -> Typestore:

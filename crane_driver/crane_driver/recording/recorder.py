@@ -8,6 +8,7 @@ from pathlib import Path
 
 from rclpy.executors import SingleThreadedExecutor
 
+from crane_driver.bags.types import TOPICS
 from crane_driver.nodes.command_line import own_arguments
 from crane_driver.nodes.context import ros
 from crane_driver.recording.arguments import positive
@@ -16,16 +17,7 @@ from crane_driver.recording.recorder_node import Recorder
 from crane_driver.recording.statistics import shown, table
 from crane_model.cli import run
 
-TOPICS = (
-    "/joint_states",
-    "/cylinder_pressures",
-    "/valve_command",
-    "/joint_reference",
-    "/parameter_estimate",
-    "/generalized_forces",
-    "/diagnostics",
-    "/robot_description",
-)
+NAMES = tuple(topic.name for topic in TOPICS)
 MEGABYTE = 1_000_000
 
 
@@ -45,7 +37,7 @@ def _record(argv: Sequence[str], out: Path, topics: Sequence[str], split: Split)
             executor.add_node(recorder)
             while not stop.requested:
                 executor.spin_once(timeout_sec=0.1)
-            recorder.take()
+            recorder.visit()
         print(_summary(bag, recorder), flush=True)
 
 
@@ -73,7 +65,7 @@ def _parser() -> argparse.ArgumentParser:
     )
     parser.add_argument("--out", type=Path, required=True, metavar="BAG", help="a new folder")
     parser.add_argument(
-        "--topics", nargs="+", default=TOPICS, metavar="TOPIC", help=f"default: {' '.join(TOPICS)}"
+        "--topics", nargs="+", default=NAMES, metavar="TOPIC", help=f"default: {' '.join(NAMES)}"
     )
     parser.add_argument(
         "--split-size",

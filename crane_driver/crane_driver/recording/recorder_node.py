@@ -3,7 +3,7 @@
 import time
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
-from typing import Any
+from typing import Any, NamedTuple
 
 from diagnostic_msgs.msg import DiagnosticArray, DiagnosticStatus, KeyValue
 from rclpy.clock import Clock, ClockType
@@ -11,12 +11,12 @@ from rclpy.node import Node
 from rclpy.topic_endpoint_info import TopicEndpointInfo
 from rclpy.type_hash import TypeHash
 
-from crane_driver.bags.types import typestore
+from crane_driver.bags.types import TOPICS, Topic, typestore
 from crane_driver.nodes.polled import Polled
 from crane_driver.recording.bag import RecordedBag
 from crane_driver.recording.definitions import installed_definition, message_class
 from crane_driver.recording.metadata import RecordedTopic
-from crane_driver.recording.qos import Service, request
+from crane_driver.recording.qos import DEPTH, Service, request
 from crane_driver.recording.ros import offered, profile
 from crane_driver.recording.statistics import Arrivals, shown
 from crane_model.errors import DataError
@@ -24,6 +24,14 @@ from crane_model.errors import DataError
 VISIT = 0.05  # s between two visits to the queues of the subscriptions
 FLUSH = 0.5  # s; what is younger is lost when the process is killed
 REPORT = 1.0  # s
+
+
+class Early(NamedTuple):
+    """A subscription before there is a publisher, so that none of its messages is missed."""
+
+    msgtype: str
+    service: Service
+    messages: Polled
 
 
 @dataclass
@@ -47,17 +55,23 @@ class Recorder(Node):
         self.recorded: dict[str, Recorded] = {}
         self.problems: dict[str, str] = {}  # of a topic
         self._bag = bag
+        self._early = {one.name: self._expect(one) for one in TOPICS if one.name in self.topics}
         self._diagnostics = self.create_publisher(DiagnosticArray, "/diagnostics", 10)
         steady = Clock(clock_type=ClockType.STEADY_TIME)
         for period, work in (
-            (VISIT, self._visit),
+            (VISIT, self.visit),
             (FLUSH, bag.flush),
             (REPORT, self._report),
         ):
             self.create_timer(period, work, clock=steady)
 
-    def take(self) -> None:
-        """Write what arrived since the last call, in the order of reception."""
+    def visit(self) -> None:
+        """Look for new publishers, and write what has arrived since the last call."""
+        self._search()
+        self._take()
+
+    def _take(self) -> None:
+        """In the order of reception."""
         arrived: list[tuple[int, bytes, dict[str, Any], Recorded]] = []
         for recorded in self.recorded.values():
             for data, info in recorded.messages.take():
@@ -71,12 +85,16 @@ class Recorder(Node):
             )
             recorded.arrivals.arrived(sequence)
 
-    def _visit(self) -> None:
-        self.take()
-        self._search()
+    def _expect(self, topic: Topic) -> Early:
+        """Subscribe as the suite publishes; what others offer is seen when they come."""
+        service = Service(reliable=True, latched=topic.latched, depth=DEPTH)
+        return Early(topic.msgtype, service, self._subscribe(topic.name, topic.msgtype, service))
+
+    def _subscribe(self, name: str, msgtype: str, service: Service) -> Polled:
+        return Polled(self, message_class(msgtype), name, profile(service), raw=True)
 
     def _search(self) -> None:
-        """Subscribe to the topics that have got publishers."""
+        """Record the topics that have got publishers."""
         for name in self.topics:
             if name in self.recorded or name in self.problems:
                 continue
@@ -98,7 +116,13 @@ class Recorder(Node):
             name, msgtype, definition, tuple(offered(one.qos_profile) for one in same)
         )
         service = request(topic.offered_qos)
-        messages = Polled(self, message_class(msgtype), name, profile(service), raw=True)
+        early = self._early.pop(name, None)
+        if early and (early.msgtype, early.service) == (msgtype, service):
+            messages = early.messages
+        else:
+            if early:
+                early.messages.close()
+            messages = self._subscribe(name, msgtype, service)
         arrivals = Arrivals(len(same), time.monotonic())
         self.recorded[name] = Recorded(topic, self._bag.add(topic), messages, service, arrivals)
         print(f"recording {name} ({msgtype}, {service})", flush=True)
