@@ -7,7 +7,7 @@ import numpy as np
 from matplotlib import rc_context
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
-from scipy.signal import savgol_filter
+from scipy.ndimage import gaussian_filter1d
 
 from crane_driver.bringup.dead_band import DeadBandFit, DeadBandResult
 from crane_driver.bringup.encoder import EncoderResult
@@ -29,7 +29,7 @@ STYLE: Any = {
     "legend.frameon": False,
 }
 PANEL = (4.6, 2.9)  # inch
-SMOOTHING = 31  # samples of the speed that is drawn
+SMOOTHING = 8.0  # samples, of the speed that is drawn
 BAR = 1e5  # Pa
 
 
@@ -177,8 +177,7 @@ def _figure(count: int) -> tuple[Figure, list[Axes]]:
 def _speed(trace: Trace, fit: DeadBandFit) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
     """Command that acted, speed, and which samples the fit used."""
     step = float(np.median(np.diff(trace.time)))
-    window = min(SMOOTHING, len(trace.time) // 2 * 2 - 1)
-    speed = savgol_filter(trace.position, window, 2, deriv=1, delta=step)
+    speed = gaussian_filter1d(trace.position, SMOOTHING, order=1, mode="nearest") / step
     command = np.interp(trace.time - fit.lag, trace.time, trace.command)
     return command, speed, np.isfinite(fit.fitted) & (np.abs(command) > fit.dead_band)
 
