@@ -5,14 +5,18 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from integration.browser import installed, opened
 from unit.crane_identification.synthetic import axis_log
 
 from crane_identification.data.log import Log, Signal
 from crane_identification.discrepancy import explain, findings
 from crane_identification.discrepancy.diagnosis import Diagnosis, diagnose
+from crane_identification.discrepancy.report import page
 from crane_identification.discrepancy.thresholds import load_thresholds
 from crane_identification.discrepancy.verdict import Verdict
 from crane_identification.options import Options
+from crane_identification.report.content import Provenance
+from crane_model.errors import ConfigurationError
 from crane_model.model_file import Model, load_model, save_model
 
 FULL = ("inertia", "viscous", "coulomb", "offset")
@@ -37,9 +41,12 @@ def log(folder: Path, seed: int, law: str = "") -> Log:
     return replace(made, force=force)
 
 
-def diagnosed(folder: Path, types: tuple[str, ...], law: str = "") -> Diagnosis:
+def diagnosed(
+    folder: Path, types: tuple[str, ...], law: str = "", without: tuple[str, ...] = ()
+) -> Diagnosis:
     logs = [log(folder, seed, law) for seed in SEEDS]
-    return diagnose(model(folder, *types), logs[:-1], logs[-1:], Options(), load_thresholds())
+    lacking = model(folder, *types)
+    return diagnose(lacking, logs[:-1], logs[-1:], Options(), load_thresholds(), without=without)
 
 
 @pytest.fixture(scope="module")
@@ -77,6 +84,17 @@ def test_a_spring_is_named(tmp_path: Path) -> None:
     assert [one.family.type for one in result.findings] == ["hose_stiffness"]
 
 
+def test_without_its_entry_a_spring_is_not_given_another_name(tmp_path: Path) -> None:
+    result = diagnosed(tmp_path, FULL, "spring", without=("hose_stiffness",))
+    assert result.verdict is Verdict.UNKNOWN and not result.findings
+    assert findings.content(result)["without"] == ["hose_stiffness"]
+
+
+def test_an_effect_that_is_not_in_the_catalogue_is_not_left_out(tmp_path: Path) -> None:
+    with pytest.raises(ConfigurationError, match="nonsense: no effect that shows in the force"):
+        diagnosed(tmp_path, FULL, without=("nonsense",))
+
+
 def test_a_law_that_is_not_in_the_catalogue_is_not_given_a_name(tmp_path: Path) -> None:
     result = diagnosed(tmp_path, FULL, "waves")
     assert result.verdict is Verdict.UNKNOWN
@@ -110,3 +128,18 @@ def test_the_explanation_fits_on_a_screen(without_coulomb: Diagnosis) -> None:
     lines = explain.lines(findings.content(without_coulomb))
     assert len(lines) <= 20
     assert any("Coulomb friction" in line for line in lines)
+
+
+def test_the_report_is_drawn_by_a_real_browser(without_coulomb: Diagnosis, tmp_path: Path) -> None:
+    """Three figures of the gap and four of each finding, and not a word on the console."""
+    provenance = Provenance.of("2012-06-01", ["diagnose"], "axis.yaml")
+    seen = opened(installed(), tmp_path, page.render(without_coulomb, provenance))
+    assert seen.console == []
+    cards = seen.page.find("article", class_="finding")
+    assert len(cards) == len(without_coulomb.findings) == 2
+    assert len(seen.plots()) == 3 + 4 * len(cards)
+    for card, finding in zip(cards, without_coulomb.findings, strict=True):
+        assert finding.family.effect.name in card.find("h3")[0].text
+        bars = card.find("g", class_="bars")
+        assert len(bars) == 2 and all(one.find("path") for one in bars)  # chance, and folds
+        assert len(card.find("path", class_="js-line")) >= 5
