@@ -4,6 +4,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from crane_identification.estimation.rows import Rows
 from crane_identification.preparation import Preparation
 from crane_identification.regression import build_rows, noise_floor
 from crane_identification.signals.decimate import decimate, decimation_rows
@@ -14,10 +15,11 @@ from crane_model.model_file import Model
 class Validation:
     """How a model predicts one recording; all forces after the same zero-phase filter.
 
-    `time` (n,) [s]; `measured`, `predicted` and the model's `gravity` part (n, j) [N m or N]. Where
-    a joint stands or turns back, friction (13) may be anything between its two branches: the
-    prediction there is the force in that range nearest to the measured one, which costs nothing
-    only if the measured force is one that the model allows.
+    `rows`: the equations that a fit would use of it. `time` (n,) [s]; `measured`, `predicted` and
+    the model's `gravity` part (n, j) [N m or N]. Where a joint stands or turns back, friction (13)
+    may be anything between its two branches: the prediction there is the force in that range
+    nearest to the measured one, which costs nothing only if the measured force is one that the
+    model allows.
 
     Per joint (j,): `relative_error` ‖τ - τ̂‖/‖τ‖ over all samples; `relative_error_moving`, the same
     over the share `moving` of them at which the sign of the joint's velocity is known; and
@@ -25,6 +27,7 @@ class Validation:
     """
 
     preparation: Preparation
+    rows: Rows
     joints: tuple[str, ...]
     time: np.ndarray
     measured: np.ndarray
@@ -62,6 +65,7 @@ def compare(model: Model, preparation: Preparation, factor: int) -> Validation:
     rows = build_rows(model, preparation, factor)
     return Validation(
         preparation=preparation,
+        rows=rows,
         joints=model.joints,
         time=record.time[decimation_rows(len(record), factor)],
         measured=measured,

@@ -7,7 +7,6 @@ import numpy as np
 
 from crane_identification.estimation.rows import Rows
 from crane_identification.preparation import Preparation
-from crane_identification.regression import build_rows
 from crane_identification.signals.decimate import decimate
 from crane_identification.validation import Validation
 from crane_model.model_file import Model
@@ -34,7 +33,7 @@ def pooled(model: Model, validations: Sequence[Validation]) -> JointErrors:
     error = measured - np.concatenate([v.predicted for v in validations])
     gravity = np.concatenate([v.gravity for v in validations])
     noise = np.sqrt(sum(len(v.time) * v.noise_floor**2 for v in validations))
-    rows = Rows.stack([build_rows(model, v.preparation, _factor(v)) for v in validations])
+    rows = Rows.stack([v.rows for v in validations])
     whole = np.linalg.norm(measured, axis=0)
     return JointErrors(
         relative=np.linalg.norm(error, axis=0) / whole,

@@ -6,7 +6,6 @@ from typing import NamedTuple
 import numpy as np
 
 from crane_identification.estimation.estimate import condition_numbers
-from crane_identification.regression import build_rows
 from crane_identification.report.content import IdentificationReport
 from crane_identification.report.notation import NONE, percent, plain
 from crane_identification.validation import Validation
@@ -29,22 +28,19 @@ def source_rows(report: IdentificationReport) -> list[SourceRow]:
         "training": report.compared,
         "validation": report.validations,
     }
-    return [row for use, compared in uses.items() for row in _rows(report, use, compared)]
+    return [row for use, compared in uses.items() for row in _rows(use, compared)]
 
 
-def _rows(
-    report: IdentificationReport, use: str, compared: Sequence[Validation]
-) -> Iterator[SourceRow]:
+def _rows(use: str, compared: Sequence[Validation]) -> Iterator[SourceRow]:
     for one in compared:
         averaging, record = one.preparation.averaging, one.preparation.record
-        rows = build_rows(report.fit.model, one.preparation, report.fit.decimation)
         length = float(record.time[-1] - record.time[0]) + one.preparation.step
         yield SourceRow(
             source=one.source,
             use=use,
             period=plain(averaging.period if averaging else length),
             periods=str(averaging.used) if averaging else NONE,
-            condition=_condition(rows.stacked),
+            condition=_condition(one.rows.stacked),
             errors=[percent(float(error)) for error in one.relative_error],
         )
 
