@@ -10,6 +10,7 @@ from crane_identification.online.gate import Gate
 from crane_identification.online.matching import Matched, Matcher
 from crane_identification.online.recursion import Recursion, Solution
 from crane_identification.online.smoother import NANOSECONDS, FixedLagSmoother, Smoothed
+from crane_identification.online.window import Row, Window
 from crane_model.configuration import load, packaged
 from crane_model.cylinders import generalized_forces
 from crane_model.errors import ConfigurationError, DataError, RangeError
@@ -19,20 +20,20 @@ from crane_model.record import Record
 from crane_model.sensors import SensorChain
 
 REFRESH = NANOSECONDS  # between two weightings of the joints for the prediction
-NOTHING = np.empty(0)
-GAP_SHARE = 0.125  # of the lag: readings that the fine smoother needs
-FINE = 0.25  # of lag and period: the smoother whose velocity opens the gate
+INSTANTS = 4  # of the smoother for every row
+SHARE = 0.25  # of the lag: half the window of the smoother
+GAP_SHARE = 0.125  # of the lag: readings that the smoother needs
 
 
 @dataclass(frozen=True)
 class OnlineOptions:
     """Choices of online identification; times in s.
 
-    `lag` is half the window of the smoother, `period` that of the rows (more of them tell nothing
-    new: their windows overlap), `largest_gap` what may be missing before a new run begins, at most
-    an eighth of the lag. `forgetting` is the factor λ per row: the memory is period/(1 - λ).
-    `encoder_resolution` (j,) [rad or m] is one count of the encoder of each joint of the model;
-    None: those of the laboratory crane.
+    `lag` is half the window of a row (and four times that of the smoother), `period` the time from
+    row to row (more of them tell nothing new: their windows overlap), `largest_gap` what may be
+    missing before a new run begins, at most an eighth of the lag. `forgetting` is the factor λ per
+    row: the memory is period/(1 - λ). `encoder_resolution` (j,) [rad or m] is one count of the
+    encoder of each joint of the model; None: those of the laboratory crane.
     """
 
     lag: float = 0.2
@@ -43,7 +44,7 @@ class OnlineOptions:
 
 
 class Forces(NamedTuple):
-    """Generalized forces (j,) [N m or N] at `stamp` [ns], both behind the smoother.
+    """Generalized forces (j,) [N m or N] of the row at `stamp` [ns].
 
     `predicted` is NaN while the parameters are not all determined; `used` (j,) says whose rows the
     estimate learned from.
@@ -58,9 +59,10 @@ class Forces(NamedTuple):
 class OnlineEstimator:
     """Θ of a model from encoder and pressure readings, in any interleaving of the two streams.
 
-    The standard deviations take the residual of each joint as an autoregression (see
-    `ResidualCorrelation`): smoothed forces are correlated from row to row, and counting every row
-    as independent would make them several times too narrow. What they do not cover is a bias from
+    The standard deviations sum the autocorrelation of the residual of each joint (see
+    `ResidualCorrelation`): averaged forces are correlated from row to row, and counting every row
+    as independent would make them two to three times too narrow. Over twenty recordings they agree
+    with the scatter of the estimates between recordings. What they do not cover is a bias from
     effects that the model lacks.
     """
 
@@ -82,15 +84,18 @@ class OnlineEstimator:
         """Forget everything that was learned and counted."""
         o, joints = self.options, len(self.model.joints)
         self.matcher = Matcher(round(o.largest_gap * NANOSECONDS))
-        self.smoother = FixedLagSmoother(joints, o.lag, o.period, o.largest_gap)
-        self._fine = FixedLagSmoother(joints, FINE * o.lag, FINE * o.period, o.largest_gap)
-        self._gate = Gate(self._noise, round(o.lag * NANOSECONDS))
+        step = round(o.period * NANOSECONDS / INSTANTS)
+        half = round(o.lag * NANOSECONDS) // step
+        self.smoother = FixedLagSmoother(joints, SHARE * o.lag, step / NANOSECONDS, o.largest_gap)
+        self._gate = Gate(self._noise)
+        self._window = Window(self._sides, half, INSTANTS, step)
         self._recursion = Recursion(joints, len(self.model.parameters), o.forgetting)
-        self._correlation = ResidualCorrelation(joints)
+        shared = 2 * (half + half // INSTANTS) // INSTANTS  # rows that see a reading
+        self._correlation = ResidualCorrelation(joints, 4 * shared, self._window.overlap)
         self._solution = self._recursion.solve()
         self._run = -1
         self.stamp = 0  # ns, of the newest row
-        self.rows = 0  # instants that came out of the gate
+        self.rows = 0  # used or not
         self.invalid = 0  # readings that are not finite or outside what the linkages can reach
 
     def add_position(self, stamp: int, position: np.ndarray) -> list[Forces]:
@@ -151,44 +156,47 @@ class OnlineEstimator:
             except RangeError:
                 self.invalid += 1
                 continue
-            for row in self.smoother.add(stamp, position, np.concatenate([force, pressure])):
-                self._gate.add_row(row)
-            for fine in self._fine.add(stamp, position, NOTHING):
-                out += [self._learn(*decided) for decided in self._gate.add_velocity(fine)]
+            for smoothed in self.smoother.add(stamp, position, np.concatenate([force, pressure])):
+                self._gate.add(smoothed)
+                row = self._window.add(smoothed)
+                if row is not None:
+                    out.append(self._learn(row, self._gate.open(row.begin)))
         return out
 
-    def _learn(self, smoothed: Smoothed, used: np.ndarray) -> Forces:
+    def _learn(self, row: Row, used: np.ndarray) -> Forces:
         """Predict the row with what is known, then learn from it."""
-        columns = self.model.regressor(self._record(smoothed))[0]
-        force = smoothed.carried[: len(used)]
         predicted = np.full(len(used), np.nan)
-        if smoothed.run != self._run:
-            self._run = smoothed.run
+        if row.run != self._run:
+            self._run = row.run
             self._correlation.interrupt()
         if self._solution.determined.all():
-            predicted = columns @ self._recursion.values(self._solution.weights)
-            self._correlation.add(force - predicted, used)
-        self._recursion.update(columns, force, used)
-        if smoothed.stamp // REFRESH != self.stamp // REFRESH:
+            predicted = row.columns @ self._recursion.values(self._solution.weights)
+            self._correlation.add(row.force - predicted, used)
+        self._recursion.update(row.columns, row.force, used)
+        if row.stamp // REFRESH != self.stamp // REFRESH:
             self._solution = self.solve()
-        self.stamp = smoothed.stamp
+        self.stamp = row.stamp
         self.rows += 1
-        return Forces(smoothed.stamp, force, predicted, used)
+        return Forces(row.stamp, row.force, predicted, used)
 
-    def _record(self, smoothed: Smoothed) -> Record:
+    def _sides(self, instants: list[Smoothed]) -> np.ndarray:
+        """Both sides of (28) at these instants, (n, j, p + 1)."""
         joints = len(self.model.joints)
-        pressure_a, pressure_b = np.split(smoothed.carried[joints:], 2)
-        return Record(
+        carried = np.array([one.carried for one in instants])
+        force, pressure_a, pressure_b = np.split(carried, [joints, 2 * joints], axis=1)
+        record = Record(
             joints=self.model.joints,
-            time=np.array([smoothed.stamp / NANOSECONDS]),
-            position=smoothed.position[np.newaxis],
-            velocity=smoothed.velocity[np.newaxis],
-            acceleration=smoothed.acceleration[np.newaxis],
-            force=smoothed.carried[np.newaxis, :joints],
-            pressure_a=pressure_a[np.newaxis],
-            pressure_b=pressure_b[np.newaxis],
-            velocity_resolution=self._gate.resolution(smoothed),
+            time=np.array([one.stamp / NANOSECONDS for one in instants]),
+            position=np.array([one.position for one in instants]),
+            velocity=np.array([one.velocity for one in instants]),
+            acceleration=np.array([one.acceleration for one in instants]),
+            force=force,
+            pressure_a=pressure_a,
+            pressure_b=pressure_b,
+            # the finest of them: what the gate lets through has a sign at every instant
+            velocity_resolution=np.min([self._gate.resolution(one) for one in instants], axis=0),
         )
+        return np.concatenate([self.model.regressor(record), force[:, :, np.newaxis]], axis=2)
 
 
 def _check(options: OnlineOptions) -> None:

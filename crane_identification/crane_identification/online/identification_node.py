@@ -50,7 +50,14 @@ FORGETTING = Number(
     1.0,
     "Forgetting factor per row; the memory is period/(1 - forgetting). At configure",
 )
-LAG = Number("lag", DEFAULTS.lag, "s", 0.05, 2.0, "Half the window of the smoother. At configure")
+LAG = Number(
+    "lag",
+    DEFAULTS.lag,
+    "s",
+    0.05,
+    2.0,
+    "Half the window of a row, four times that of the smoother. At configure",
+)
 PERIOD = Number(
     "period", DEFAULTS.period, "s", 0.005, 1.0, "Time from row to row, at most lag. At configure"
 )

@@ -4,10 +4,10 @@ The operator S convolves the linear interpolation of the readings with the kerne
 
     s(t) = 315/512 (3 - 11 u²) (1 - u²)³ / lag,  u = t/lag,  |u| < 1.
 
-Both sides of (28) see the same dynamics: Sτ stands against the regressor at Sq and at its exact
-derivatives (Sq)' and (Sq)'', which are the convolutions with s' and s''. S leaves polynomials up to
-degree 3 as they are, which makes φ(Sq) equal to Sφ(q) up to the fourth order of lag, and passes
-motion up to 0.78/lag (-3 dB; what is missing there is missing on both sides).
+Its derivatives are exact: (Sq)' and (Sq)'' are the convolutions with s' and s''. S leaves
+polynomials up to degree 3 as they are, which makes φ(Sq) equal to Sφ(q) up to the fourth order of
+lag, and passes motion up to 0.78/lag (-3 dB). So lag has to be short beside everything the crane
+does, its swinging on the oil included; rows are made of many instants (see `window`).
 
 Why no fixed-lag Kalman smoother: its velocity is no derivative of its position while the gains
 settle, it never quite forgets a bad reading, and its gains would follow every jitter of the stamps

@@ -23,14 +23,20 @@ AMPLITUDE = np.array([0.3, 0.6, 0.45])
 HARMONICS = np.array([[1, 3, 7], [2, 3, 5], [1, 4, 6]])  # of each joint
 PERIOD = 20.0  # s
 STANDS = 1.0  # s, before it begins to move
+SWING = np.array([2e-3, 8e-3, 0.0])  # rad, rad, m: on its oil, where it does
+SWING_HARMONICS, SWING_SHARES = np.array([48, 49, 50]), np.array([-0.25, 0.5, -0.25])  # one burst
 
 
 def crane() -> Model:
     return load_model(packaged("crane_model", "crane_model.yaml"))
 
 
-def motion(time: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-    """Position, velocity, acceleration (n, 3); at rest until `STANDS`."""
+def motion(
+    time: np.ndarray, swing: np.ndarray | float = 0.0
+) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+    """Position, velocity, acceleration (n, 3); at rest until `STANDS`, then with a burst of `swing`
+    (3,) at 2.5 Hz in every period.
+    """
     omega = 2 * np.pi / PERIOD * HARMONICS
     share = AMPLITUDE[:, None] / (HARMONICS * (1 / HARMONICS).sum(axis=1, keepdims=True))
     angle = omega * np.maximum(time - STANDS, 0.0)[:, None, None]
@@ -38,14 +44,21 @@ def motion(time: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
     position = CENTRE + (share * (1 - np.cos(angle))).sum(axis=2) / 2
     velocity = (share * omega * np.sin(angle)).sum(axis=2) / 2
     acceleration = (share * omega**2 * np.cos(angle)).sum(axis=2) / 2 * moves
+    omega = 2 * np.pi / PERIOD * SWING_HARMONICS
+    angle = omega * np.maximum(time - STANDS, 0.0)[:, None]
+    position += np.outer(np.cos(angle) @ SWING_SHARES, swing * np.ones(3))
+    velocity -= np.outer(np.sin(angle) @ (SWING_SHARES * omega), swing * np.ones(3))
+    acceleration -= np.outer(np.cos(angle) @ (SWING_SHARES * omega**2), swing * np.ones(3)) * moves
     return position, velocity, acceleration
 
 
-def pressures(model: Model, time: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+def pressures(
+    model: Model, time: np.ndarray, swing: np.ndarray | float = 0.0
+) -> tuple[np.ndarray, np.ndarray]:
     """Chamber pressures (n, 3) that move the crane so."""
     machine = model.machine
     assert isinstance(machine, Machine)
-    position, velocity, acceleration = motion(time)
+    position, velocity, acceleration = motion(time, swing)
     record = Record(model.joints, time, position, velocity, acceleration)
     planted = model.with_estimate(PLANTED.astype(float), np.zeros(len(PLANTED)), "planted")
     drive = cylinder_forces_from_generalized(machine, position, planted.predict(record))
@@ -56,7 +69,9 @@ def pressures(model: Model, time: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
     return (drive + areas[:, 1] * chamber_b) / areas[:, 0], chamber_b
 
 
-def record_log(seconds: float, seed: int = 0, noise: float = 1e4) -> Log:
+def record_log(
+    seconds: float, seed: int = 0, noise: float = 1e4, swing: np.ndarray | float = 0.0
+) -> Log:
     """What encoders and transducers (noise in Pa) read of it at 200 Hz, each at its own times."""
     rng = np.random.default_rng(seed)
     model = crane()
@@ -64,8 +79,8 @@ def record_log(seconds: float, seed: int = 0, noise: float = 1e4) -> Log:
     encoder = np.round(nominal + rng.uniform(-JITTER, JITTER, len(nominal)), 9)
     encoder -= encoder[0]
     oil = np.round(nominal + BEHIND + rng.uniform(-JITTER, JITTER, len(nominal)), 9)
-    chamber_a, chamber_b = pressures(model, oil)
-    position = ENCODER * np.round(motion(encoder)[0] / ENCODER)
+    chamber_a, chamber_b = pressures(model, oil, swing)
+    position = ENCODER * np.round(motion(encoder, swing)[0] / ENCODER)
     return Log(
         source="synthetic crane",
         joints=model.joints,

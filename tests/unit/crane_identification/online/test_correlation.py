@@ -6,10 +6,11 @@ import pytest
 from crane_identification.online.correlation import ResidualCorrelation
 
 LONG = 40_000
+LAGS = 40
 
 
 def factor(residual: np.ndarray, used: np.ndarray | None = None) -> float:
-    correlation = ResidualCorrelation(1)
+    correlation = ResidualCorrelation(1, LAGS)
     used = np.ones(len(residual), dtype=bool) if used is None else used
     for e, u in zip(residual, used, strict=True):
         correlation.add(np.array([e]), np.array([u]))
@@ -35,6 +36,14 @@ def test_what_is_anticorrelated_counts_as_white() -> None:
     assert factor(autoregression(-0.5)[:6000]) == 1.0
 
 
+def test_of_windows_that_overlap_it_is_their_overlap() -> None:
+    """White noise under Hann windows: an autoregression of low order would be nearly singular."""
+    weights = np.hanning(11)[1:-1]
+    noise = np.random.default_rng(0).standard_normal(12_000)
+    expected = weights.sum() ** 2 / (weights**2).sum()
+    assert factor(np.convolve(noise, weights, "valid")) == pytest.approx(expected, rel=0.25)
+
+
 def test_gaps_do_not_hide_the_correlation() -> None:
     residual = autoregression(0.8)[:12_000]
     used = np.arange(len(residual)) % 50 < 30
@@ -43,11 +52,11 @@ def test_gaps_do_not_hide_the_correlation() -> None:
 
 
 def test_nothing_is_known_without_residuals() -> None:
-    assert ResidualCorrelation(3).factors().tolist() == [1.0, 1.0, 1.0]
+    assert ResidualCorrelation(3, LAGS, 2.5).factors().tolist() == [2.5, 2.5, 2.5]
 
 
 def test_an_interruption_separates_neighbours() -> None:
-    correlation = ResidualCorrelation(1)
+    correlation = ResidualCorrelation(1, LAGS)
     for e in np.random.default_rng(0).standard_normal(2000):
         for value in (e, e):
             correlation.add(np.array([value]), np.array([True]))
