@@ -1,4 +1,8 @@
-"""Whether an answer is right."""
+"""Whether an answer is right: by effect and joint, whichever of its laws the catalogue names.
+
+Position-dependent friction may be linear or cyclic in q: to the catalogue these are laws of one
+effect (`Effect.law_of`, `Effect.kin`), and naming either on the joint of the other is right.
+"""
 
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
@@ -6,6 +10,9 @@ from enum import StrEnum
 from typing import Any
 
 from cases import TWINS, Kind
+
+from crane_model.flow import FLOW_REGISTRY
+from crane_model.terms import REGISTRY
 
 Place = tuple[str, str]
 """An effect and its joint, or `all`."""
@@ -56,6 +63,26 @@ class Answer:
         return self.verdict
 
 
+def effect_of(law: str) -> str:
+    """The type of one law that stands for all laws of the same effect."""
+    cls = REGISTRY.get(law) or FLOW_REGISTRY.get(law)
+    if cls is None or cls.effect is None:
+        return law  # in no catalogue
+    return cls.effect.law_of or min((law, *cls.effect.kin))
+
+
+def laws() -> dict[str, list[str]]:
+    """The effects of which the catalogue holds several laws, with these."""
+    found: dict[str, list[str]] = {}
+    for law in sorted(REGISTRY | FLOW_REGISTRY):
+        found.setdefault(effect_of(law), []).append(law)
+    return {effect: several for effect, several in found.items() if len(several) > 1}
+
+
+def _same(one: Place, other: Place) -> bool:
+    return one[1] == other[1] and effect_of(one[0]) == effect_of(other[0])
+
+
 def judge(
     kind: Kind, hidden: Sequence[Place], answer: Answer, twin: Callable[[int, Place], bool]
 ) -> Outcome:
@@ -94,11 +121,15 @@ def _of_twins(answer: Answer) -> Outcome:
 def _named(hidden: Sequence[Place], answer: Answer, twin: Callable[[int, Place], bool]) -> Outcome:
     found, wide = set(), False
     for members in answer.findings:
-        meant = [i for i, place in enumerate(hidden) if place in members and i not in found]
+        meant = [
+            i
+            for i, place in enumerate(hidden)
+            if i not in found and any(_same(place, one) for one in members)
+        ]
         if not meant:
             return Outcome.WRONG_NAME
         found.add(meant[0])
-        wide |= not all(place == hidden[meant[0]] or twin(meant[0], place) for place in members)
+        wide |= not all(_same(one, hidden[meant[0]]) or twin(meant[0], one) for one in members)
     if len(found) < len(hidden):
         return Outcome.PARTLY
     return Outcome.TOO_WIDE if wide else Outcome.RIGHT

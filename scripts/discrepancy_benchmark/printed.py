@@ -2,7 +2,7 @@
 
 from typing import Any
 
-from judgement import OURS
+from judgement import OURS, laws
 from rich import box
 from rich.table import Table
 
@@ -52,6 +52,15 @@ def tables(results: dict[str, Any]) -> list[Table]:
         value = summary[key]
         last.add_row(words, target, _interval(value, "median", shown), str(value["of"]))
     return [first, power, last]
+
+
+def notes() -> list[str]:
+    """What counts as right beyond the tables' words."""
+    several = "; ".join(" = ".join(laws_) for laws_ in laws().values())
+    return [
+        f"Laws of one effect in the catalogue, either of which is right: {several}.",
+        "A class is right if each of its members explains the hidden force as well as its own law.",
+    ]
 
 
 def _table(title: str) -> Table:

@@ -13,7 +13,7 @@ import figures
 import freeze
 from folders import Folders, done, new, read_json, write_json
 from judgement import OURS, Answer, Outcome, judge
-from printed import tables
+from printed import notes, tables
 from rich.console import Console
 from summary import summary
 from truth import Truth, load_truth
@@ -106,7 +106,9 @@ def main(argv: Sequence[str] | None = None) -> int:
     }
     write_json(folders.results, results)
     figures.write(folders.scores, scored)
-    Console(width=WIDTH).print(*tables(results))
+    console = Console(width=WIDTH)
+    console.print(*tables(results))
+    console.print(*notes(), sep="\n", highlight=False)
     print(f"written: {folders.results}, and figures beside it")
     return 0
 

@@ -13,6 +13,7 @@ import pytest
 from cases import SHARES, STRENGTHS, CaseSet, Kind, apportioned, cases
 from folders import Folders, done, new
 from judgement import Answer, Outcome, judge
+from leave_one_out import Left, became
 from motions import Excitation
 from rates import median, rate
 
@@ -20,6 +21,8 @@ SCRIPTS = Path(benchmark.__file__).parent
 CASES = 2
 STRIBECK, LOAD = ("stribeck", "telescope"), ("load_friction", "telescope")
 """Two effects."""
+CYCLIC, LINEAR = ("cyclic_friction", "telescope"), ("position_friction", "telescope")
+"""Two laws of one effect."""
 
 
 def run(script: str, *arguments: object) -> subprocess.CompletedProcess[str]:
@@ -94,6 +97,14 @@ def answer(verdict: str, *findings: tuple[tuple[str, str], ...]) -> Answer:
             answer("named", (STRIBECK,), (LOAD,)),
             Outcome.WRONG_NAME,
         ),
+        (Kind.SINGLE, [CYCLIC], answer("named", (LINEAR,)), Outcome.RIGHT),
+        (Kind.SINGLE, [CYCLIC], answer("class", (CYCLIC, LINEAR)), Outcome.RIGHT),
+        (
+            Kind.SINGLE,
+            [CYCLIC],
+            answer("named", (("position_friction", "inner_boom"),)),
+            Outcome.WRONG_NAME,
+        ),
         (Kind.SINGLE, [STRIBECK], answer("class", (LOAD, STRIBECK)), Outcome.TOO_WIDE),
         (Kind.SINGLE, [STRIBECK], answer("unknown"), Outcome.NOT_NAMED),
         (Kind.SINGLE, [STRIBECK], answer("crash"), Outcome.CRASH),
@@ -124,6 +135,21 @@ def test_findings_are_read_with_their_classes():
     given = Answer.of_diagnosis({"verdict": "class", "findings": [finding]})
     assert given == answer("class", (("a", "j"), ("b", "all")))
     assert given.headline == "a"
+
+
+@pytest.mark.parametrize(
+    ("given", "left"),
+    [
+        (answer("unknown"), Left.UNKNOWN),
+        (answer("none"), Left.SILENT),
+        (answer("named", (("presliding", "telescope"),)), Left.DECLARED),
+        (answer("class", (LOAD, ("presliding", "telescope"))), Left.DECLARED_CLASS),
+        (answer("named", (("presliding", "inner_boom"),)), Left.WRONG),
+        (answer("named", (("presliding", "telescope"),), (("hose_mass", "all"),)), Left.WRONG),
+    ],
+)
+def test_what_becomes_of_an_effect_whose_entry_is_left_out(given, left):
+    assert became(STRIBECK, given) is left
 
 
 # --- arithmetic -----------------------------------------------------------------------------------

@@ -201,6 +201,13 @@ def test_candidates_are_described(name: str) -> None:
         assert shape.grid[-1] == pytest.approx(shape.highest)
 
 
+def test_another_law_names_the_usual_one_of_its_effect() -> None:
+    others = {name: REGISTRY[name].effect.law_of for name in CANDIDATES}
+    assert others["cyclic_friction"] == "position_friction"
+    for name, usual in others.items():
+        assert not usual or (usual in CANDIDATES and usual != name and not others[usual])
+
+
 def test_terms_are_confusable_both_ways_and_with_candidates() -> None:
     for name in CANDIDATES:
         effect = REGISTRY[name].effect

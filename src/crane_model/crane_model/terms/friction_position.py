@@ -44,6 +44,7 @@ class CyclicFriction(OneJointTerm):
         "friction in both directions waxes and wanes with the position",
         ("position_friction",),
         "slow sweeps both ways over the whole range",
+        law_of="position_friction",
     )
     shapes: ClassVar[dict[str, Shape]] = {
         "wave": Shape(3.0, 40.0, "rad/rad or rad/m", 9, "phase per rad or m of the joint")

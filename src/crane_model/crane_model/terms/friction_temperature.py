@@ -49,6 +49,7 @@ class WarmUp(JointTerm):
         "viscous friction falls with the time since the start, whatever the motion",
         ("viscous", "viscous_asymmetry", "temperature_viscosity"),
         "the same motion with cold and with warm oil, and a record of the oil temperature",
+        law_of="temperature_viscosity",
     )
     shapes: ClassVar[dict[str, Shape]] = {
         "warming": Shape(20.0, 2000.0, "s", 6, "time constant with which the oil warms up")
