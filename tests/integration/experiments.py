@@ -1,0 +1,125 @@
+"""The trajectory node as a process over driver and simulated crane, and what it says."""
+
+import subprocess
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import yaml
+from integration.driver_stage import Stage
+from integration.processes import RUN, start
+from lifecycle_msgs.msg import Transition
+from lifecycle_msgs.srv import ChangeState
+from rcl_interfaces.msg import Parameter, ParameterType, ParameterValue
+from rcl_interfaces.srv import SetParameters
+from rclpy.action import ActionClient
+
+from crane_interfaces.action import RunExcitation
+from crane_interfaces.msg import JointReference, ValveCommand
+
+TRAJECTORY = RUN.format(module="crane_trajectory.trajectory_node")
+PERIOD = 5.0  # s
+TIMEOUT = 0.3  # s; a busy test machine is late by itself
+SHORT = {
+    "name": "short",
+    "period": PERIOD,
+    "joints": {
+        "inner_boom": {"offset": 0.35, "sine": [0.06], "cosine": [0.02]},
+        "outer_boom": {"offset": -1.5, "sine": [0.0, 0.06], "cosine": [0.1, 0.0]},
+        "telescope": {"offset": 0.4, "sine": [0.1], "cosine": [0.05]},
+    },
+}
+MOVING = 0.03  # rad/s, m/s
+
+
+class Experiments:
+    """The node under test, and what it says."""
+
+    def __init__(self, stage: Stage, folder: Path):
+        self.stage, self.folder = stage, folder
+        self.file = folder / "short.yaml"
+        self.file.write_text(yaml.safe_dump(SHORT))
+        self.references: list[JointReference] = []
+        self.commands: list[ValveCommand] = []
+        self.feedback: list[Any] = []
+        node = stage.node
+        node.create_subscription(JointReference, "/joint_reference", self.references.append, 50)
+        node.create_subscription(ValveCommand, "/valve_command", self.commands.append, 50)
+        self.action = ActionClient(node, RunExcitation, "/run_excitation")
+        self._set = node.create_client(SetParameters, "/trajectory/set_parameters")
+        self._change = node.create_client(ChangeState, "/trajectory/change_state")
+        self.process: subprocess.Popen[str]
+        self.begin()
+
+    def begin(self) -> None:
+        self.process = start(TRAJECTORY, "--ros-args", "-p", f"states_timeout:={TIMEOUT}")
+        for ready in (self.action.server_is_ready, self._set.service_is_ready):
+            self.stage.until(ready)
+        self.stage.until(self._change.service_is_ready)
+
+    def send(self, file: Path | None = None, periods: int = 1) -> Any:
+        """A goal; its handle."""
+        request = RunExcitation.Goal(trajectory=str(file or self.file), periods=periods)
+        sent = self.action.send_goal_async(
+            request, lambda message: self.feedback.append(message.feedback)
+        )
+        self.stage.until(sent.done)
+        assert sent.result().accepted
+        return sent.result()
+
+    def result(self, handle: Any) -> RunExcitation.Result:
+        ending = handle.get_result_async()
+        self.stage.until(ending.done)
+        return ending.result().result
+
+    def refused(self, file: Path | None = None, periods: int = 1) -> RunExcitation.Result:
+        """The result of a goal that must not move anything."""
+        before, commands = self.position, len(self.commands)
+        result = self.result(self.send(file, periods))
+        assert np.abs(self.position - before).max() < 0.002
+        assert not any(np.any(np.abs(one.command) > 0.0) for one in self.commands[commands:])
+        return result
+
+    def moving(self) -> Any:
+        """The handle of a goal under which the crane moves."""
+        for _ in range(5):  # a test machine that is too busy makes true faults
+            self.stage.enabled()
+            handle = self.send(periods=3)
+            ending = handle.get_result_async()
+            self.stage.until(lambda ending=ending: ending.done() or self.speed() > MOVING)
+            if not ending.done():
+                return handle
+        raise AssertionError("the crane does not move")
+
+    def speed(self) -> float:
+        return float(np.abs(self.stage.states[-1].velocity).max())
+
+    @property
+    def position(self) -> np.ndarray:
+        return np.array(self.stage.states[-1].position)
+
+    def holds_still(self) -> None:
+        """At rest, valves neutral, no publisher of commands, and nothing creeps."""
+        self.stage.until(lambda: self.stage.node.count_publishers("/valve_command") == 0)
+        assert self.speed() < MOVING
+        before, count = self.position, len(self.stage.states)
+        self.stage.until(lambda: len(self.stage.states) > count + 100)
+        assert np.abs(self.position - before).max() < 0.01
+
+    def set(self, name: str, value: float | str) -> tuple[bool, str]:
+        given = (
+            ParameterValue(type=ParameterType.PARAMETER_STRING, string_value=value)
+            if isinstance(value, str)
+            else ParameterValue(type=ParameterType.PARAMETER_DOUBLE, double_value=value)
+        )
+        request = SetParameters.Request(parameters=[Parameter(name=name, value=given)])
+        future = self._set.call_async(request)
+        self.stage.until(future.done)
+        (answer,) = future.result().results
+        return answer.successful, answer.reason
+
+    def change(self, transition: int) -> None:
+        request = ChangeState.Request(transition=Transition(id=transition))
+        future = self._change.call_async(request)
+        self.stage.until(future.done)
+        assert future.result().success
