@@ -72,7 +72,6 @@ def _work(
         share.value = done
 
     try:
-        outcome = function(*arguments, progress=progress), None
+        sender.send((function(*arguments, progress=progress), None))
     except CraneError as error:
-        outcome = None, error
-    sender.send(outcome)
+        sender.send((None, error))
