@@ -10,12 +10,14 @@ from cases import STRENGTHS, Kind
 from judgement import OURS, Outcome
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
-from summary import Row, identifiable, of_kind, power, share
+from matplotlib.ticker import FuncFormatter, LogLocator, NullFormatter, PercentFormatter
+from summary import Row, identifiable, learnt, of_kind, power, share
 
 COLOURS = ("#1f5fa8", "#c4552d", "#3a8f5c", "#7a7a7a", "#8a5fa8")
 VERDICTS = ("unknown", "none", "insufficient_data", "crash")
 DPI = 140
-NARROW = 0.03  # of a step, by which curves stand apart so that their intervals can be read
+LEARNER = "flexible learner, no name"
+NARROW = 0.06  # of a step, by which curves stand apart so that their intervals can be read
 
 
 def write(folder: Path, rows: Sequence[Row]) -> None:
@@ -32,36 +34,46 @@ def write(folder: Path, rows: Sequence[Row]) -> None:
 
 def write_agreement(folder: Path, agreement: dict[str, Any]) -> None:
     """bootstrap.png: sorted scores of null cases over what the bootstrap promises."""
-    figure = Figure(figsize=(4.6, 4.4), layout="constrained")
+    figure = Figure(figsize=(5.0, 5.2), layout="constrained")
     axes = figure.add_subplot()
     found, promised = np.array(agreement["found"]), np.array(agreement["promised"])
-    most = 1.08 * max(found.max(), promised.max(), 1.0)
-    axes.plot([0, most], [0, most], color="0.6", linewidth=1, label="agreement")
+    ends = 0.8 * min(found.min(), promised.min()), 1.25 * max(found.max(), promised.max(), 1.0)
+    axes.plot(ends, ends, color="0.6", linewidth=1, label="agreement")
     axes.axhline(1.0, color=COLOURS[1], linewidth=1, linestyle="--", label="threshold, factor 1")
     axes.plot(promised, found, "o", markersize=4, color=COLOURS[0], label="a case")
     axes.set(
-        xlabel="best score promised by the bootstrap",
-        ylabel="best score through the whole sensor chain",
-        xlim=(0, most),
-        ylim=(0, most),
+        xlabel="best score promised by the bootstrap, over its 98.5 % quantile",
+        ylabel="best score through the whole sensor chain, in the same unit",
+        xscale="log",
+        yscale="log",
+        xlim=ends,
+        ylim=ends,
         aspect="equal",
     )
-    axes.legend(frameon=False, loc="upper left")
+    for axis in (axes.xaxis, axes.yaxis):
+        axis.set_major_locator(LogLocator(subs=(1, 2, 5)))
+        axis.set_major_formatter(FuncFormatter(lambda value, _: f"{value:g}"))
+        axis.set_minor_formatter(NullFormatter())
+    axes.grid(alpha=0.3)
+    figure.legend(frameon=False, loc="outside upper left", ncols=3)
     figure.savefig(folder / "bootstrap.png", dpi=DPI)
 
 
 def _power(rows: Sequence[Row]) -> Figure:
-    """Right name and joint over the strength, ours and others."""
+    """Right name and joint over the strength, ours and others, and what a learner is sure of."""
     figure = Figure(figsize=(7.2, 4.4), layout="constrained")
     axes = figure.add_subplot()
     methods = list(dict.fromkeys(name for row in rows for name in row["outcomes"]))
-    for number, method in enumerate(methods):
-        curve = power(rows, method)
+    nothing, sees = of_kind(rows, Kind.NOTHING), learnt(rows)
+    curves = {
+        name: (power(rows, name), share(nothing, name, Outcome.FALSE_ALARM)) for name in methods
+    }
+    curves[LEARNER] = sees["power"], sees["false_alarms"]
+    for number, (method, (curve, alarms)) in enumerate(curves.items()):
         known = [s for s in STRENGTHS if curve[s]["of"]]
-        shift = 2.0 ** (NARROW * (number - len(methods) / 2))
+        shift = 2.0 ** (NARROW * (number - (len(curves) - 1) / 2))
         middle = np.array([curve[s]["rate"] for s in known])
         ends = np.array([curve[s]["interval"] for s in known]).reshape(-1, 2)
-        alarms = share(of_kind(rows, Kind.NOTHING), method, Outcome.FALSE_ALARM)
         told = "" if alarms["rate"] is None else f" ({alarms['rate']:.0%} false alarms)"
         axes.errorbar(
             np.array(known) * 100 * shift,
@@ -71,6 +83,7 @@ def _power(rows: Sequence[Row]) -> Figure:
             markersize=4,
             capsize=2,
             linewidth=2 if method == OURS else 1.2,
+            linestyle="--" if method == LEARNER else "-",
             color=COLOURS[number % len(COLOURS)],
             label=method + told,
         )
@@ -110,7 +123,11 @@ def _threshold(rows: Sequence[Row]) -> Figure | None:
         return None
     left.set_ylabel("share of cases above")
     left.set_xscale("log")
-    right.legend(frameon=False, loc="upper right")
+    left.yaxis.set_major_formatter(PercentFormatter(1.0, decimals=0))
+    right.xaxis.set_major_formatter(PercentFormatter(1.0))
+    figure.legend(
+        *left.get_legend_handles_labels(), frameon=False, loc="outside upper left", ncols=3
+    )
     return figure
 
 
@@ -122,8 +139,8 @@ def _survival(
         values = sorted(row["statistics"][key] for row in rows if row["statistics"])
         if values:
             there = True
-            above = 1.0 - np.arange(len(values)) / len(values)
-            axes.step(values, above, where="pre", color=COLOURS[number], label=name)
+            above = 1.0 - np.arange(len(values) + 1) / len(values)
+            axes.step([*values, values[-1]], above, where="pre", color=COLOURS[number], label=name)
     axes.set_xlabel(words)
     axes.grid(alpha=0.3)
     return there

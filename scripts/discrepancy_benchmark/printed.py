@@ -37,8 +37,10 @@ def tables(results: dict[str, Any]) -> list[Table]:
         power.add_column(name, justify="right")
     for key, (words, target) in TARGETS.items():
         first.add_row(words, target, *(_rate(method[key]) for method in methods.values()))
+    power.add_column("flexible learner:\nsure of some law", justify="right")
     for strength in methods[OURS]["power"]:
-        cells = (_rate(method["power"][strength]) for method in methods.values())
+        curves = (*methods.values(), summary["learner"])
+        cells = (_rate(curve["power"][strength]) for curve in curves)
         power.add_row(f"{float(strength):.1%}", *cells)
     last = _table("Named effects: median [95 % interval]")
     for heading in ("", "aim", "median", "cases"):

@@ -7,6 +7,8 @@ from cases import PAIR, STRENGTHS, Kind
 from judgement import OURS, Outcome
 from rates import median, rate
 
+from crane_identification.discrepancy.thresholds import load_thresholds
+
 VISIBLE = 0.05  # share of an effect beside the model below which data of this kind do not show it
 
 Row = dict[str, Any]
@@ -16,7 +18,7 @@ def summary(rows: Sequence[Row]) -> dict[str, Any]:
     """Rates of every method, and what only a diagnosis gives."""
     methods = list(dict.fromkeys(name for row in rows for name in row["outcomes"]))
     ours = [row for row in rows if OURS in row["outcomes"]]
-    hidden = [row for row in ours if row["hidden"]]
+    hidden, sees = [row for row in ours if row["hidden"]], learnt(ours)
     return {
         "cases": len(rows),
         "methods": {name: _of_method(rows, name) for name in methods},
@@ -24,10 +26,34 @@ def summary(rows: Sequence[Row]) -> dict[str, Any]:
         "gap_closed_by_learner": median(
             [row["closed_by_learner"] for row in hidden if row["closed_by_learner"] is not None]
         ),
+        "learner": {
+            **{name: value for name, value in sees.items() if name != "power"},
+            "power": {f"{s:g}": value for s, value in sees["power"].items()},
+        },
         "parameter_error": median([e for row in ours for e in row["parameter_errors"]]),
         "seconds": median([row["seconds"] for row in ours if row["seconds"]]),
         "not_identifiable": sum(not identifiable(row) for row in of_kind(rows, Kind.SINGLE)),
     }
+
+
+def learnt(rows: Sequence[Row]) -> dict[str, Any]:
+    """How often the flexible learner is sure of a law: alarms, and by strength like `power`."""
+    least = load_thresholds().smallest_strength
+
+    def sees(some: Sequence[Row]) -> dict[str, Any]:
+        return rate([bool(r["statistics"]) and r["statistics"]["learner"] > least for r in some])
+
+    return {
+        "false_alarms": sees(of_kind(rows, Kind.NOTHING)),
+        "outside": sees(of_kind(rows, Kind.OUTSIDE)),
+        "power": {s: sees(of) for s, of in by_strength(rows).items()},
+    }
+
+
+def by_strength(rows: Sequence[Row]) -> dict[float, list[Row]]:
+    """Cases of single effects that can be identified, by the strength that was asked for."""
+    seen = [row for row in of_kind(rows, Kind.SINGLE) if identifiable(row)]
+    return {s: [row for row in seen if row["hidden"][0]["strength"] == s] for s in STRENGTHS}
 
 
 def of_kind(rows: Sequence[Row], kind: Kind) -> list[Row]:
@@ -54,15 +80,7 @@ def share(
 
 def power(rows: Sequence[Row], method: str) -> dict[float, dict[str, Any]]:
     """Share of right answers to single effects that can be identified, by strength."""
-    singles = [row for row in of_kind(rows, Kind.SINGLE) if identifiable(row)]
-    return {
-        strength: share(
-            [row for row in singles if row["hidden"][0]["strength"] == strength],
-            method,
-            Outcome.RIGHT,
-        )
-        for strength in STRENGTHS
-    }
+    return {s: share(of, method, Outcome.RIGHT) for s, of in by_strength(rows).items()}
 
 
 def _of_method(rows: Sequence[Row], method: str) -> dict[str, Any]:
