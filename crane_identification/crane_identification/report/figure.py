@@ -80,6 +80,7 @@ class Figure:
             "height": self.height,
             "margin": {"l": 46, "r": 10, "t": 0, "b": 0},
             "font": _FONT,
+            "separators": ".",  # none between thousands
             "paper_bgcolor": "rgba(0,0,0,0)",
             "plot_bgcolor": "rgba(0,0,0,0)",
             "showlegend": False,
@@ -124,7 +125,6 @@ def _axis(**more: Any) -> dict[str, Any]:
         "linecolor": "--rule",
         "tickfont": _FONT,
         "exponentformat": "none",
-        "separatethousands": False,
         **more,
     }
 

@@ -47,10 +47,15 @@ def plain(value: float, digits: int = 3) -> str:
 
 
 def percent(share: float) -> str:
-    """A share of one in percent with two decimals; above 100 % with none."""
+    """A share of one in percent with two decimals, a small one with its first digit; above 100 %
+    with none.
+    """
     if not isfinite(share):
         return NONE
-    return _fixed(100 * share, 2 if abs(share) < 1 else 0) + NARROW_SPACE + "%"
+    decimals = 2 if abs(share) < 1 else 0
+    if 0 < abs(share) < 1e-4 and float(f"{share:.0e}"):
+        decimals = min(-floor(log10(float(f"{abs(share):.0e}"))) - 2, _LONGEST)
+    return _fixed(100 * share, decimals) + NARROW_SPACE + "%"
 
 
 def short_percent(share: float) -> str:
