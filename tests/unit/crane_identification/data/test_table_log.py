@@ -211,3 +211,15 @@ def test_mat_of_version_7_3(tmp_path: Path) -> None:
     path = tmp_path / "table.mat"
     path.write_bytes(b"MATLAB 7.3 MAT-file".ljust(124) + b"\x00\x02IM" + b"\x00" * 400)
     assert "save it with '-v7'" in refusal(path)
+
+
+def test_counts_stay_as_they_are_and_are_said(tmp_path: Path) -> None:
+    boom = joint_columns("boom", "counts") | {"pressure_a": {"column": "pa_boom", "unit": "counts"}}
+    path = write(tmp_path / "table.csv")
+    log = read_table(path, column_map(joints={"boom": boom}), ("boom",))
+    np.testing.assert_array_equal(log.position.value[:, 0], TABLE["q_boom"])
+    assert log.uncalibrated == ("position of boom (q_boom)", "pressure a of boom (pa_boom)")
+    assert log.notes == (
+        f"{', '.join(log.uncalibrated)}: in counts, and so is what follows from them",
+    )
+    assert read_table(path, column_map(), JOINTS).uncalibrated == ()
