@@ -23,7 +23,7 @@ AMPLITUDE = np.array([0.3, 0.6, 0.45])
 HARMONICS = np.array([[1, 3, 7], [2, 3, 5], [1, 4, 6]])  # of each joint
 PERIOD = 20.0  # s
 STANDS = 1.0  # s, before it begins to move
-SWING = np.array([2e-3, 8e-3, 0.0])  # rad, rad, m: on its oil, where it does
+SWING = np.array([3e-3, 12e-3, 0.0])  # rad, rad, m: on its oil, where it does
 SWING_HARMONICS, SWING_SHARES = np.array([48, 49, 50]), np.array([-0.25, 0.5, -0.25])  # one burst
 
 

@@ -52,18 +52,12 @@ def test_standard_deviations_are_those_of_many_recordings() -> None:
     assert 0.7 < np.sqrt(np.mean(np.square(errors))) < 1.5
 
 
-def test_a_crane_that_swings_on_its_oil_is_identified_without_bias() -> None:
-    """Φ of a smoothed motion is not the smoothed Φ: inertia would be off by many deviations."""
-    solution = replay(crane(), record_log(22.0, swing=SWING))[0].solve()
-    assert (np.abs(solution.values - PLANTED) < 4.0 * solution.std_devs).all()
-    assert solution.std_devs[0] < 0.02 * PLANTED[0]
+Kept = tuple[np.ndarray, np.ndarray, np.ndarray]
 
 
-def test_it_is_the_batch_solution_of_its_own_rows(
-    log: Log, monkeypatch: pytest.MonkeyPatch
-) -> None:
-    """At forgetting factor 1, to 1e-8."""
-    kept: list[tuple[np.ndarray, np.ndarray, np.ndarray]] = []
+def with_rows(log: Log, monkeypatch: pytest.MonkeyPatch) -> tuple[OnlineEstimator, Kept]:
+    """An estimator that was fed, and its rows: columns (n, 3, p), force and use (n, 3)."""
+    kept: list[Kept] = []
     estimator = OnlineEstimator(crane())
     update = estimator._recursion.update
 
@@ -74,6 +68,27 @@ def test_it_is_the_batch_solution_of_its_own_rows(
     monkeypatch.setattr(estimator._recursion, "update", keep)
     feed(estimator, log)
     matrix, force, used = (np.array(part) for part in zip(*kept, strict=True))
+    return estimator, (matrix, force, used)
+
+
+def test_rows_of_a_crane_that_swings_on_its_oil_are_as_true_as_others(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    """Without noise, planted parameters leave no more than the encoders' counts explain.
+
+    Columns of a motion smoothed over the whole lag leave 4.4 N m and 1.7 N of this swing.
+    """
+    log = record_log(14.0, noise=0.0, swing=SWING)
+    matrix, force, used = with_rows(log, monkeypatch)[1]
+    left = np.where(used, force - matrix @ PLANTED, 0.0)
+    assert (np.sqrt((left**2).sum(axis=0) / used.sum(axis=0)) < [2.0, 1.0, 0.3]).all()
+
+
+def test_it_is_the_batch_solution_of_its_own_rows(
+    log: Log, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """At forgetting factor 1, to 1e-8."""
+    estimator, (matrix, force, used) = with_rows(log, monkeypatch)
     names = tuple(p.name for p in estimator.model.parameters)
     units = tuple(p.unit for p in estimator.model.parameters)
     time, run = np.arange(len(used)) * 0.05, np.zeros(len(used), dtype=int)
