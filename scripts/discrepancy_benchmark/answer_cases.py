@@ -20,7 +20,7 @@ from work import in_processes
 from crane_identification.data.bag_log import read_bag
 from crane_identification.discrepancy.diagnosis import Diagnosis, diagnose
 from crane_identification.discrepancy.findings import content
-from crane_identification.discrepancy.flow import Usual, load_usual
+from crane_identification.discrepancy.hydraulics import Usual, load_usual
 from crane_identification.discrepancy.null import null_gains
 from crane_identification.discrepancy.thresholds import Thresholds, load_thresholds
 from crane_identification.options import Options

@@ -12,7 +12,7 @@ from calibration import agreement, together
 from folders import Folders, done, read_json, write_json
 from ruamel.yaml import YAML
 
-from crane_identification.discrepancy.flow import load_usual
+from crane_identification.discrepancy.hydraulics import load_usual
 from crane_identification.discrepancy.thresholds import load_thresholds
 from crane_model.configuration import packaged
 from crane_model.errors import ConfigurationError, DataError

@@ -10,7 +10,7 @@ from pathlib import Path
 from crane_identification.data.column_map import ColumnMap
 from crane_identification.discrepancy import explain, findings
 from crane_identification.discrepancy.diagnosis import diagnose
-from crane_identification.discrepancy.flow import load_usual
+from crane_identification.discrepancy.hydraulics import load_usual
 from crane_identification.discrepancy.report import page
 from crane_identification.discrepancy.thresholds import load_thresholds
 from crane_identification.identify import TABLES, Sources

@@ -12,8 +12,9 @@ from crane_identification.discrepancy.decision import decide, detectable
 from crane_identification.discrepancy.determined import decimation, fitted
 from crane_identification.discrepancy.evidence import Evidence, gather
 from crane_identification.discrepancy.extension import Finding, extended, in_counts
-from crane_identification.discrepancy.flow import Flow, Usual, examine, load_usual
+from crane_identification.discrepancy.flow import examine
 from crane_identification.discrepancy.gap import Gap, measure, residual
+from crane_identification.discrepancy.hydraulics import Flow, Usual, load_usual
 from crane_identification.discrepancy.learner import Features, Learnt, features, learn
 from crane_identification.discrepancy.motion_choice import suited
 from crane_identification.discrepancy.region import Region, region

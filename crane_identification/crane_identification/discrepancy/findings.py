@@ -9,8 +9,9 @@ import numpy as np
 
 from crane_identification.discrepancy.diagnosis import Diagnosis
 from crane_identification.discrepancy.extension import Finding
-from crane_identification.discrepancy.flow import SIGMAS, Flow, Quantity
+from crane_identification.discrepancy.flow import SIGMAS
 from crane_identification.discrepancy.gap import Gap
+from crane_identification.discrepancy.hydraulics import Flow, Quantity
 from crane_identification.motion_validation import MotionValidation
 
 WHITE = 0.25  # correlation of neighbouring rows up to which what is left counts as white

@@ -6,117 +6,32 @@ machine has some of each, and an effect is missing where a value is not the usua
 """
 
 from collections.abc import Callable, Collection
-from dataclasses import dataclass
-from pathlib import Path
-from typing import Annotated, NamedTuple
+from typing import NamedTuple
 
 import numpy as np
-from pydantic import Field
 from scipy.optimize import minimize_scalar
 
 from crane_identification.discrepancy.evidence import Evidence, Run
 from crane_identification.discrepancy.filtering import thinned
+from crane_identification.discrepancy.hydraulics import Flow, Quantity, Usual
 from crane_identification.regression import OPEN
-from crane_model.configuration import Schema, load, packaged
 from crane_model.errors import DataError
 from crane_model.flow import FLOW_REGISTRY, FlowTerm, flow_regressor, piston_flow
 from crane_model.flow.oil import InternalLeakage, OilCompressibility
 from crane_model.flow.valve import Valve, ValveAsymmetry, ValveDeadZone, ValveHysteresis
 from crane_model.machine import Machine
 from crane_model.record import Record
-from crane_model.terms import Effect
 
 LEAST_TIME = 8.0  # s of motion in either direction
 LEAST_PRESSURE = 1e5  # Pa above the tank's, below which a chamber is about to be empty
 SIGMAS = 3.0  # by which a value must lie outside of what is usual
 CLEARLY = 2.0  # times the variance that the usual value leaves on held-out recordings
-FURTHER_SHARE = 0.05  # of the energy that the strongest explains, at least of a further one
-EXPLAINED = 0.7  # of the energy beyond the usual must be named, or what is there is unknown
 UNKNOWN_FLOW = 0.1  # share of the flow left unexplained above which the balance tells nothing
 WIDEST_DEAD_ZONE = 0.3
 WIDEST_PLAY = 0.2
 STEP = 0.02  # of the dead zone, for its derivative
 SPOOL, ALWAYS, LEAK, SOFT, UNEVEN, PLAY = 0, slice(0, 5), 2, 3, 5, 6  # columns of the balance
 UNITS: dict[type[FlowTerm], str] = {InternalLeakage: "m3/(s Pa)", OilCompressibility: "1/Pa"}
-Positive = Annotated[float, Field(gt=0)]
-
-
-class Usual(Schema):
-    """What is usual of valves and oil; `hydraulics.yaml` says what each is."""
-
-    dead_zone: dict[str, Positive]
-    hysteresis: Positive
-    asymmetry: Positive
-    leakage: Positive
-    bulk_modulus: Positive
-    smallest_share: Positive
-    unexplained: Positive
-
-
-def load_usual(path: Path | None = None) -> Usual:
-    """The packaged values, or those of a file; `ConfigurationError` names what is wrong in it."""
-    return load(path or packaged("crane_identification", "hydraulics.yaml"), Usual)
-
-
-@dataclass(frozen=True)
-class Quantity:
-    """A value of the hydraulics with one standard deviation, and the limit of what is usual.
-
-    With that limit in its place, `share` of the piston's flow (rms) more is unexplained, and the
-    balance loses the `score` 2 dlogL; both are 0 where the value is usual.
-    """
-
-    kind: type[FlowTerm]
-    value: float
-    std_dev: float
-    unit: str
-    usual: float
-    share: float
-    score: float
-    missing: bool
-
-    @property
-    def type(self) -> str:
-        """Name of the effect in the catalogue."""
-        return str(self.kind.model_fields["type"].default)
-
-    @property
-    def effect(self) -> Effect:
-        """What people call it."""
-        assert self.kind.effect is not None  # only such terms are quantities
-        return self.kind.effect
-
-
-@dataclass(frozen=True)
-class Flow:
-    """The hydraulics of one joint, and the share of the piston's flow (rms) left unexplained, with
-    the most of it that is usual.
-    """
-
-    joint: str
-    quantities: tuple[Quantity, ...]
-    unexplained: float
-    usual: float
-
-    @property
-    def missing(self) -> tuple[Quantity, ...]:
-        """What is not as usual, strongest first; nothing where that is `unknown`.
-
-        A law that is not quite its own takes others along: they explain little beside it.
-        """
-        return () if self.unknown else self._beyond
-
-    @property
-    def unknown(self) -> bool:
-        """Whether most of what is left has a law that is none of the quantities'."""
-        named = sum(one.share**2 for one in self._beyond)
-        beyond = named + self.unexplained**2
-        return self.unexplained > self.usual and named < EXPLAINED * beyond
-
-    @property
-    def _beyond(self) -> tuple[Quantity, ...]:
-        found = sorted((q for q in self.quantities if q.missing), key=lambda q: -q.score)
-        return tuple(q for q in found if q.share**2 >= FURTHER_SHARE * found[0].share ** 2)
 
 
 def examine(

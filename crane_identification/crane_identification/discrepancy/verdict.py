@@ -6,8 +6,8 @@ from enum import StrEnum
 import numpy as np
 
 from crane_identification.discrepancy.decision import Accepted
-from crane_identification.discrepancy.flow import Flow
 from crane_identification.discrepancy.gap import Gap
+from crane_identification.discrepancy.hydraulics import Flow
 from crane_identification.discrepancy.learner import Learnt
 from crane_identification.discrepancy.repeating import Repeating
 from crane_identification.discrepancy.search import Search

@@ -7,7 +7,8 @@ import pytest
 from unit.crane_model.test_flow import BAND, BETA, DK, JOINT, LEAK, K, moved
 
 from crane_identification.discrepancy.evidence import Evidence, Run
-from crane_identification.discrepancy.flow import Flow, Usual, examine
+from crane_identification.discrepancy.flow import examine
+from crane_identification.discrepancy.hydraulics import Flow, Usual
 from crane_model.configuration import packaged
 from crane_model.model_file import load_model
 
