@@ -98,7 +98,7 @@ def main(argv: Sequence[str] | None = None) -> int:
     waiting = [Job(name, folders) for name in answered if name not in done(folders.rows)]
     if waiting:
         in_processes(score_case, waiting, arguments.workers, "scores")
-    scored = [read_json(folders.rows / name / "row.json") for name in answered]
+    scored = [read_json(folders.rows / name / "row.json") for name in sorted(done(folders.rows))]
     results = {
         "thresholds": freeze.digest(),
         "summary": summary(scored),

@@ -28,8 +28,8 @@ COMPARABLE = {
     "swinging_load": ("m_swinging", ("mass",)),
     "time_skew": ("delay", ("delay", "lag")),
 }
-"""Effect to the parameter of the catalogue's law that is also one of the hidden law, and its names
-there. Where the laws differ in form, their parameters do not mean the same.
+"""Effect to how the name of that parameter begins which the catalogue's law shares with the hidden
+one, and to its names there. Where the laws differ in form, their parameters do not mean the same.
 """
 
 Place = tuple[str, str]
@@ -90,7 +90,7 @@ class Truth:
             own, theirs = COMPARABLE.get(finding["effect"], ("", ()))
             for given in hidden["parameters"] if hidden else ():
                 if given["name"] in theirs:
-                    found = next(p for p in finding["parameters"] if p["name"].split(".")[0] == own)
+                    found = next(p for p in finding["parameters"] if p["name"].startswith(own))
                     errors.append(abs(abs(found["value"]) / abs(given["value"]) - 1.0))
         return errors
 
