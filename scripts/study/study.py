@@ -27,6 +27,7 @@ from crane_trajectory.fourier import FourierTrajectory
 ROOT = Path(__file__).resolve().parents[2]
 EMPS = ROOT / "tests" / "integration" / "emps"  # model and column map
 SEEDS = {"training": 1, "validation": 101}
+WIDTH = 110  # characters, where the output is no terminal
 
 
 @contextmanager
@@ -117,7 +118,7 @@ def main(argv: Sequence[str] | None = None) -> int:
     add("--starts", type=int, default=2, help="searches for every trajectory")
     arguments = parser.parse_args(argv)
     try:
-        study(arguments, Console())
+        study(arguments, Console() if sys.stdout.isatty() else Console(width=WIDTH))
     except StudyError as error:
         print(f"error: {error}", file=sys.stderr)
         return 1
