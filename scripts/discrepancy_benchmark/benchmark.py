@@ -60,17 +60,8 @@ def make(arguments: argparse.Namespace, folders: Folders, first: int, last: int)
     quick = ("--quick",) if arguments.quick else ()
     stage(
         *("make_cases", folders, arguments.workers, "--set", arguments.which.value),
-        *(
-            "--count",
-            arguments.cases,
-            "--from",
-            first,
-            "--to",
-            last,
-            "--sets",
-            arguments.sets,
-            *quick,
-        ),
+        *("--count", arguments.cases, "--from", first, "--to", last),
+        *("--sets", arguments.sets, *quick),
     )
 
 

@@ -50,13 +50,11 @@ def fitted(
 
 def _dispensable(evidence: Evidence, error: UndeterminedError) -> Term:
     """Of the terms that are not determined, the one without which least is left unexplained."""
-    model, begin, costs = evidence.model, 0, dict[Term, float]()
+    model, costs = evidence.model, dict[Term, float]()
     for term in model.terms:
-        names = [p.name for p in term.parameters(model.setting)]
-        own = slice(begin, begin + len(names))
-        begin = own.stop
-        if set(names) <= set(error.names) and len(model.terms) > 1:
-            costs[term] = _left(evidence, own)
+        names = {p.name for p in term.parameters(model.setting)}
+        if names <= set(error.names) and len(model.terms) > 1:
+            costs[term] = _left(evidence, model.part(term))
     if not costs:
         raise error
     return min(costs, key=lambda term: costs[term])

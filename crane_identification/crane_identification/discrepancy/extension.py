@@ -52,7 +52,7 @@ def extended(
     for one in accepted:
         model = model.with_term(one.option.term)
     after = refit(gather(model, train, factor), sources)
-    own = [_own(after, one) for one in accepted]
+    own = [after.part(one.option.term) for one in accepted]
     assert after.std_devs is not None  # just fitted
     shapes = shape_std_devs(
         found, [one.option for one in accepted], [after.theta[part] for part in own]
@@ -87,14 +87,3 @@ def _unit(model: Model, one: Accepted, unit: str) -> str:
     joint = one.option.family.joint
     prismatic = joint is not None and model.setting.units[joint] == "m"
     return both[-1] if prismatic else both[0]
-
-
-def _own(model: Model, one: Accepted) -> slice:
-    """Which parameters of the extended model belong to an accepted effect."""
-    begin = 0
-    for term in model.terms:
-        count = len(term.parameters(model.setting))
-        if term == one.option.term:
-            return slice(begin, begin + count)
-        begin += count
-    raise AssertionError("the term is in the model")

@@ -136,16 +136,13 @@ def testable(
     itself = _force_itself(projection, evidence, whitener)
     wanted = visible & np.array([family not in itself for family in families], dtype=bool)
     reasons = dict.fromkeys(itself, "its column is the measured force itself")
-    seen = {family for family, one in zip(families, visible, strict=True) if one}
-    for family in dict.fromkeys(families):
-        if family not in seen:
-            best = max(
-                share
-                for one, share in zip(families, projection.visibility, strict=True)
-                if one == family
-            )
+    best: dict[Family, float] = {}
+    for family, share in zip(families, projection.visibility, strict=True):
+        best[family] = max(best.get(family, 0.0), float(share))
+    for family, share in best.items():
+        if share < VISIBLE:
             reasons[family] = (
-                f"{best:.1%} of its column is left beside the model, {VISIBLE:.0%} needed"
+                f"{share:.1%} of its column is left beside the model, {VISIBLE:.0%} needed"
             )
     return wanted, reasons
 

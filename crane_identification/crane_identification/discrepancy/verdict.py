@@ -40,7 +40,8 @@ def judge(
     """The verdict and its reason.
 
     `energies` (c,) of the residual and what is `learnt` from it, before and after the `accepted`
-    effects are added; `repeating` before; `least` strength that would show.
+    effects are added; `repeating` before; `least` strength that would show;
+    `undetermined` parameters of the model.
     """
     if accepted:
         return _of_effects(accepted, energies, learnt[1], thresholds)

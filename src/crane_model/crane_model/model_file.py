@@ -66,6 +66,10 @@ class Model:
         for term, part in zip(self.terms, self._parts, strict=True):
             term.fill(record, self.setting, columns[:, :, part])
 
+    def part(self, term: Term) -> slice:
+        """Which parameters, columns of Phi, belong to one of the model's terms."""
+        return self._parts[self.terms.index(term)]
+
     @cached_property
     def _parts(self) -> tuple[slice, ...]:
         """Which columns of Phi belong to each term."""

@@ -11,7 +11,6 @@ from crane_identification.discrepancy.gap import residual
 from crane_identification.discrepancy.region import region
 from crane_identification.discrepancy.report import charts
 from crane_identification.report.notation import spoken, unit, with_uncertainty
-from crane_model.terms import Term
 
 WINDOW = 25.0  # s of the held-out recording that is drawn
 
@@ -124,7 +123,9 @@ def _card(diagnosis: Diagnosis, number: int, finding: Finding) -> Card:
 def _pictures(diagnosis: Diagnosis, number: int, finding: Finding) -> tuple[Picture, ...]:
     accepted = finding.accepted
     evidence, held_out = diagnosis.training, diagnosis.held_out
-    effect = accepted.option.columns @ _own_values(diagnosis, accepted.option.term)
+    effect = (
+        accepted.option.columns @ diagnosis.after.theta[diagnosis.after.part(accepted.option.term)]
+    )
     channel = int(np.argmax(_visible(diagnosis, effect)))
     j = channel % len(diagnosis.joints)
     force_unit = unit(diagnosis.before.setting.force_unit(diagnosis.joints[j]))
@@ -185,14 +186,3 @@ def _held_out_curves(diagnosis: Diagnosis, run: int, j: int, force_unit: str) ->
         )
     ]
     return charts.curves(held_out.time[shown], series, f"τ − τ<sub>model</sub> [{force_unit}]")
-
-
-def _own_values(diagnosis: Diagnosis, term: Term) -> np.ndarray:
-    """The parameters of a term in the extended model."""
-    model, begin = diagnosis.after, 0
-    for each in model.terms:
-        count = len(each.parameters(model.setting))
-        if each == term:
-            return model.theta[begin : begin + count]
-        begin += count
-    raise AssertionError("findings are terms of the extended model")
