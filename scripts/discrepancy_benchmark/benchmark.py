@@ -20,7 +20,12 @@ from folders import Folders, done
 from crane_model import cli
 
 HERE = Path(__file__).resolve().parent
-COUNTS = {CaseSet.TUNING: 40, CaseSet.CALIBRATION: 60, CaseSet.SCORING: 96}
+COUNTS = {
+    CaseSet.TUNING: 40,
+    CaseSet.CALIBRATION: 60,
+    CaseSet.SCORING: 96,
+    CaseSet.FORMER: 96,
+}
 BATCH = 8  # cases whose bags are on the disk at once, 1 GB
 
 

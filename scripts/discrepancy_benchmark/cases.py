@@ -27,6 +27,11 @@ class CaseSet(StrEnum):
     TUNING = "tuning"  # to find out what a diagnosis gets wrong
     CALIBRATION = "calibration"  # nothing hidden: to set thresholds
     SCORING = "scoring"  # once for each set of thresholds
+    FORMER = "former"  # scored with the thresholds before these; for tuning since
+
+
+SEEDS = {CaseSet.TUNING: 0, CaseSet.CALIBRATION: 1, CaseSet.FORMER: 2, CaseSet.SCORING: 4}
+"""Before new thresholds are frozen, the scoring set becomes the former one and gets a new seed."""
 
 
 class Kind(StrEnum):
@@ -74,7 +79,7 @@ class Case(Schema):
 
 def cases(which: CaseSet, count: int) -> list[Case]:
     """The cases of a set, in an order that tells nothing. Those of CALIBRATION hide nothing."""
-    number = list(CaseSet).index(which)
+    number = SEEDS[which]
     rng = np.random.default_rng([20261121, number])
     if which is CaseSet.CALIBRATION:
         kinds = [Kind.NOTHING] * count
@@ -97,7 +102,7 @@ def cases(which: CaseSet, count: int) -> list[Case]:
         elif kind is Kind.INSUFFICIENT:
             faint = str(rng.choice(FAINT))
             effects = (_hidden(rng, faint, str(rng.choice(PLANAR_JOINTS)), PAIR),)
-        name = hashlib.blake2b(f"{which}/{k}".encode(), digest_size=5).hexdigest()
+        name = hashlib.blake2b(f"{number}/{k}".encode(), digest_size=5).hexdigest()
         out.append(
             Case(
                 name=name,
