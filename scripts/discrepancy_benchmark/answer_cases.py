@@ -87,12 +87,11 @@ def statistics(diagnosis: Diagnosis) -> dict[str, Any]:
     """What thresholds are compared with.
 
     `score`: the best one in units of its bootstrap quantile, whether it is a finding or not;
-    `accepted`: the same of findings; `learner`: strength of a law that it is sure of; `repeating`:
-    strength of what comes again in each period; `flow`: share of it that the strongest effect makes
-    up; `flow_left`: share that none explains. `promised`: 0 to 100 % quantiles of the best score by
-    the bootstrap, in the same unit.
+    `accepted`: the same of findings; `learner`: strength of a law that it is sure of; `flow`: share
+    of it that the strongest effect makes up; `flow_left`: share that none explains. `promised`: 0
+    to 100 % quantiles of the best score by the bootstrap, in the same unit.
     """
-    thresholds, learnt, again = diagnosis.thresholds, diagnosis.learnt_before, diagnosis.repeating
+    thresholds, learnt = diagnosis.thresholds, diagnosis.learnt_before
     quantities = [one for flow in diagnosis.flows for one in flow.quantities]
     null = null_gains(diagnosis.search.projection, [])
     quantile = diagnosis.threshold / thresholds.score_factor
@@ -103,7 +102,6 @@ def statistics(diagnosis: Diagnosis) -> dict[str, Any]:
         "score": best.gain / quantile if best is not None else 0.0,
         "accepted": accepted / quantile,
         "learner": float(learnt.strength[sure].max(initial=0.0)),
-        "repeating": 0.0 if again is None else float(again.strength.max()),
         "flow": max((one.share for one in quantities if one.missing), default=0.0),
         "flow_left": max((flow.unexplained for flow in diagnosis.flows), default=0.0),
         "promised": np.round(np.quantile(null, LEVELS) / quantile, DIGITS).tolist(),

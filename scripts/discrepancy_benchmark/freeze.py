@@ -40,11 +40,10 @@ class Gate(NamedTuple):
 
 
 GATES = (
-    Gate("discrepancy.yaml", "score_factor", "accepted", 1.0),  # the bootstrap alone
+    Gate("discrepancy.yaml", "score_factor", "score", 1.0),  # the bootstrap alone
     Gate("discrepancy.yaml", "smallest_strength", "learner", None),
-    Gate("discrepancy.yaml", "repeating_strength", "repeating", 0.0),
     Gate("hydraulics.yaml", "smallest_share", "flow", None),
-    Gate("hydraulics.yaml", "unexplained", "flow_left", None),
+    Gate("hydraulics.yaml", "unexplained", "flow_left", 0.0),
 )
 FEWEST = 30  # cases, below which a quantile this far out is not known
 DIGITS = 3

@@ -105,7 +105,10 @@ def judge(
         return Outcome.MISSED
     if kind is Kind.CLASS:
         return _of_twins(answer)
-    return _named(hidden, answer, twin)
+    outcome = _named(hidden, answer, twin)
+    if kind is Kind.INSUFFICIENT and outcome is Outcome.TOO_WIDE:
+        return Outcome.RIGHT  # so little data does not tell the class apart
+    return outcome
 
 
 def _of_twins(answer: Answer) -> Outcome:
@@ -119,17 +122,16 @@ def _of_twins(answer: Answer) -> Outcome:
 
 
 def _named(hidden: Sequence[Place], answer: Answer, twin: Callable[[int, Place], bool]) -> Outcome:
-    found, wide = set(), False
+    """Two findings may be laws of one hidden effect that neither describes alone."""
+    found: set[int] = set()
+    wide = False
     for members in answer.findings:
-        meant = [
-            i
-            for i, place in enumerate(hidden)
-            if i not in found and any(_same(place, one) for one in members)
-        ]
+        meant = [i for i, place in enumerate(hidden) if any(_same(place, one) for one in members)]
         if not meant:
             return Outcome.WRONG_NAME
-        found.add(meant[0])
-        wide |= not all(_same(one, hidden[meant[0]]) or twin(meant[0], one) for one in members)
+        own = next((i for i in meant if i not in found), meant[0])
+        found.add(own)
+        wide |= not all(_same(one, hidden[own]) or twin(own, one) for one in members)
     if len(found) < len(hidden):
         return Outcome.PARTLY
     return Outcome.TOO_WIDE if wide else Outcome.RIGHT

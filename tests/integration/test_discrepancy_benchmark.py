@@ -105,6 +105,8 @@ def answer(verdict: str, *findings: tuple[tuple[str, str], ...]) -> Answer:
         ),
         (Kind.SINGLE, [CYCLIC], answer("named", (LINEAR,)), Outcome.RIGHT),
         (Kind.SINGLE, [CYCLIC], answer("class", (CYCLIC, LINEAR)), Outcome.RIGHT),
+        (Kind.SINGLE, [CYCLIC], answer("named", (LINEAR,), (CYCLIC,)), Outcome.RIGHT),
+        (Kind.PAIR, [CYCLIC, LOAD], answer("named", (LINEAR,), (CYCLIC,)), Outcome.PARTLY),
         (
             Kind.SINGLE,
             [CYCLIC],
@@ -118,6 +120,8 @@ def answer(verdict: str, *findings: tuple[tuple[str, str], ...]) -> Answer:
         (Kind.PAIR, [STRIBECK, LOAD], answer("named", (LOAD,)), Outcome.PARTLY),
         (Kind.INSUFFICIENT, [STRIBECK], answer("insufficient_data"), Outcome.RIGHT),
         (Kind.INSUFFICIENT, [STRIBECK], answer("none"), Outcome.MISSED),
+        (Kind.INSUFFICIENT, [STRIBECK], answer("class", (LOAD, STRIBECK)), Outcome.RIGHT),
+        (Kind.INSUFFICIENT, [STRIBECK], answer("named", (LOAD,)), Outcome.WRONG_NAME),
         (
             Kind.CLASS,
             [],

@@ -64,7 +64,7 @@ class Family:
         while np.prod(points) > LARGEST_GRID:
             points[int(np.argmax(points))] -= 1
         pairs = zip(shapes.values(), points, strict=True)
-        axes = [np.geomspace(shape.lowest, shape.highest, n) for shape, n in pairs]
+        axes = [shape.spread(n) for shape, n in pairs]
         for values in product(*axes):
             yield dict(zip(shapes, map(float, values), strict=True))
 

@@ -3,11 +3,11 @@
 import numpy as np
 
 from crane_identification.discrepancy.evidence import Evidence
-from crane_identification.discrepancy.projection import VISIBLE
 from crane_identification.discrepancy.whitening import Whitener, leading
 
 FEWEST_BAGS = 4  # with fewer, blocks of time take their place
 BLOCKS = 6
+KEPT = 0.2  # of how visible an effect is in all folds: with less, the others do not determine it
 
 
 def folds(evidence: Evidence) -> tuple[np.ndarray, tuple[str, ...]]:
@@ -32,9 +32,10 @@ def held_out_gains(
     force, small, new = whitener(evidence.force), whitener(before), whitener(added)
     large = np.concatenate([small, new], axis=1)
     gains = np.full(len(names), np.nan)
+    visible = _visible(small, new)
     for number in range(len(names)):
         out = label == number
-        if _visible(small[~out], new[~out]) < VISIBLE:
+        if _visible(small[~out], new[~out]) < KEPT * visible:
             continue
         cost = [_left(columns, force, out) for columns in (small, large)]
         gains[number] = cost[0] - cost[1]

@@ -19,6 +19,8 @@ KIN_SHARE = 0.5
 """Share of an effect's score by which it must lead another law of the same effect."""
 FOLDS_TO_FAIL = 4
 """Folds of which one may fail, whatever share is asked for."""
+NEARLY_ALL = 0.9
+"""Share of the effects that would show at the strength that is called detectable."""
 SAME_FORM = 0.9
 """Correlation above which one effect is taken for a special case of the other."""
 
@@ -119,7 +121,7 @@ def _simplest(search: Search, choice: Choice, thresholds: Thresholds, threshold:
     """
     for place in range(len(choice.options)):
         own = choice.options[place]
-        needed = _needed(search, choice, thresholds, threshold)
+        needed = _needed(search, choice, place, thresholds, threshold)
         for rival in _rivals(search, choice, place):
             other = rival.options[-1]
             if choice.gain - rival.gain > needed:
@@ -131,10 +133,14 @@ def _simplest(search: Search, choice: Choice, thresholds: Thresholds, threshold:
     return choice
 
 
-def _needed(search: Search, choice: Choice, thresholds: Thresholds, threshold: float) -> float:
-    """Lead by which effects are told apart: beyond noise, and beyond what is left unexplained."""
-    left = max(search.explainable - choice.gain, 0.0)
-    return max(threshold, thresholds.lead_share * left)
+def _needed(
+    search: Search, choice: Choice, place: int, thresholds: Thresholds, threshold: float
+) -> float:
+    """Lead by which effects are told apart: beyond noise, and beyond what is left unexplained
+    where the effect acts.
+    """
+    left = search.unexplained(choice)[search.channels(choice.options[place])].sum()
+    return max(threshold, thresholds.lead_share * max(float(left), 0.0))
 
 
 def _rivals(search: Search, choice: Choice, place: int) -> list[Choice]:
@@ -187,7 +193,7 @@ def _judged(
         if (alike := _alike(search, number, rival.options[-1])) > RELATED
         or _kin(own.family, projection.options[rival.options[-1]].family)
     ]
-    needed = _needed(search, choice, thresholds, threshold)
+    needed = _needed(search, choice, place, thresholds, threshold)
     members, correlation = [], rivals[0][1] if rivals else 0.0
     for rival, alike in rivals:
         other = projection.options[rival.options[-1]]
@@ -269,11 +275,11 @@ def _strength(search: Search, number: int, score: float) -> float:
 
 
 def detectable(search: Search, threshold: float) -> float:
-    """Median over the testable families of the least strength that would reach the threshold."""
+    """Strength at which nearly all of the testable families would reach the threshold."""
     strengths: dict[Family, float] = {}
     options = search.projection.options
     for number, share in enumerate(search.projection.visibility):
         family = options[number].family
         least = _strength(search, number, threshold) / max(float(share), 1e-9)
         strengths[family] = min(strengths.get(family, np.inf), least)
-    return float(np.median(list(strengths.values()))) if strengths else np.inf
+    return float(np.quantile(list(strengths.values()), NEARLY_ALL)) if strengths else np.inf

@@ -18,7 +18,6 @@ from crane_identification.discrepancy.hydraulics import Flow, Usual, load_usual
 from crane_identification.discrepancy.learner import Features, Learnt, features, learn
 from crane_identification.discrepancy.motion_choice import suited
 from crane_identification.discrepancy.region import Region, region
-from crane_identification.discrepancy.repeating import Repeating, repeating
 from crane_identification.discrepancy.search import Search, search
 from crane_identification.discrepancy.thresholds import Thresholds
 from crane_identification.discrepancy.verdict import Verdict, judge, noise_energy, proved, with_flow
@@ -35,10 +34,9 @@ class Diagnosis:
     """Everything that page, summary and text are made of.
 
     Per joint (j,): `energy` share of the unexplained energy, `regions` that carry it, `learnt` from
-    the residual before and after, `repeating` what comes again in each period before;
-    `correlation_left` of neighbouring rows of what remains, 0 for noise. `undetermined` parameters
-    of the given model were left out of it; the answer is sought `without` these effects;
-    `uncalibrated` quantities are in counts.
+    the residual before and after; `correlation_left` of neighbouring rows of what remains, 0 for
+    noise. `undetermined` parameters of the given model were left out of it; the answer is sought
+    `without` these effects; `uncalibrated` quantities are in counts.
     """
 
     verdict: Verdict
@@ -58,7 +56,6 @@ class Diagnosis:
     learnt_after: Learnt
     correlation_left: np.ndarray
     detectable: float
-    repeating: Repeating | None
     known: Features
     undetermined: tuple[str, ...]
     without: frozenset[str]
@@ -125,13 +122,11 @@ def diagnose(
     progress("what is left", 1.0)
     least = detectable(found, threshold)
     periods = _averaged(model, validation, options)
-    again = repeating(before, periods)
     verdict, reason = judge(
         found,
         accepted,
         energies=(noise_energy(found, left), noise_energy(found, left_after)),
         learnt=(learnt_before, learnt_after),
-        repeating=again,
         least=least,
         undetermined=_names(model, left_out),
         thresholds=thresholds,
@@ -167,7 +162,6 @@ def diagnose(
         learnt_after=learnt_after,
         correlation_left=_correlation(seen, residual(seen, after)),
         detectable=least,
-        repeating=again,
         known=known,
         undetermined=_names(model, left_out),
         without=frozenset(without),

@@ -19,8 +19,10 @@ ONCE, NEARLY = 0.05, 0.95
 """The measured force explains itself with the coefficient one: a column within `ONCE` of that and
 correlated with the residual by more than `NEARLY` is made of it, as |tau| sgn(v) is where friction
 is all that the force overcomes."""
-VISIBLE = 0.05
-"""Share of a column's norm that must be left beside the base for its effect to be testable."""
+VISIBLE = 0.02
+"""Share of a column's norm that must be left beside the base for its effect to be testable. Asked
+in the zone that shows it: friction with memory is Coulomb's but for the reversals.
+"""
 
 
 @dataclass(frozen=True)
@@ -28,8 +30,8 @@ class Projection:
     """Options as columns (N, K) of norm one beside the base, and the residual (N,) of the base.
 
     `owner` (K,) is the number of the option of each column, `positive` (K,) its sign constraint,
-    `scale` (K,) what one unit of the parameter weighs, `visibility` per option, that
-    of its least visible column.
+    `scale` (K,) what one unit of the parameter weighs, `visibility` per option, that of its least
+    visible column in the zone that most of its rest lies in.
     """
 
     options: tuple[Option, ...]
@@ -99,14 +101,14 @@ def project(
     base = whitened_base(evidence, whitener) if base is None else base
     force = whitener(evidence.force)
     residual = force - base @ (base.T @ force)
+    zone = whitener.channel // len(evidence.joints)
     parts, visibility = [], np.zeros(len(options))
     scales = []
     for number, option in enumerate(options):
         columns = whitener(option.columns)
         rest = columns - base @ (base.T @ columns)
         norms, whole = np.linalg.norm(rest, axis=0), np.linalg.norm(columns, axis=0)
-        share = np.divide(norms, whole, out=np.zeros_like(norms), where=whole > 0.0)
-        visibility[number] = share.min(initial=1.0)
+        visibility[number] = _visibility(columns, rest, zone).min(initial=1.0)
         scales.append(norms)
         parts.append(np.divide(rest, norms, out=np.zeros_like(rest), where=norms > 1e-12 * whole))
     owner = np.repeat(np.arange(len(options)), [len(s) for s in scales])
@@ -119,6 +121,18 @@ def project(
         np.concatenate(scales),
         visibility,
     )
+
+
+def _visibility(columns: np.ndarray, rest: np.ndarray, zone: np.ndarray) -> np.ndarray:
+    """Share (k,) of the norm of columns (N, k) that is their rest, where most of the rest lies."""
+    several = range(int(zone.max()) + 1)
+    left, whole = (
+        np.stack([np.linalg.norm(values[zone == z], axis=0) for z in several])
+        for values in (rest, columns)
+    )
+    most = left.argmax(axis=0)[np.newaxis]
+    left, whole = (np.take_along_axis(values, most, axis=0)[0] for values in (left, whole))
+    return np.divide(left, whole, out=np.zeros_like(left), where=whole > 0.0)
 
 
 def whitened_base(evidence: Evidence, whitener: Whitener) -> np.ndarray:

@@ -21,9 +21,10 @@ from crane_identification.progress import Progress, silent
 
 EVALUATIONS = 8  # of each shape parameter when it is refined
 LARGEST_SET = 6  # effects that are sought together
-RIVALS = 3  # best families of size one whose shapes are refined, so that the race is fair
+RIVALS = 4  # best sets of each size whose shapes are refined, so that the race is fair,
+CLOSE = 0.3  # if they add at least this share of what the best one adds
 LARGEST = 1e12  # gain; beyond, the search for shapes would lose its numbers
-NEIGHBOUR = 0.6  # of the range (logarithmic) that lies to either side of a grid point
+NEIGHBOUR = 0.6  # of the way to the next point of the grid, to either side
 
 
 @dataclass
@@ -39,21 +40,30 @@ class Search:
     progress: Progress = silent
     _sizes: list[list[Choice]] = field(default_factory=lambda: [[NOTHING]])
 
-    @property
-    def explainable(self) -> float:
-        """Energy of the residual beyond noise of variance one."""
-        rows = len(self.projection.residual) - self.base.shape[1]
-        return float(self.projection.residual @ self.projection.residual) - rows
+    def unexplained(self, choice: Choice) -> np.ndarray:
+        """Energy (c,) beyond noise of variance one that a set leaves in each channel."""
+        inside = [column for i in choice.options for column in self.projection.members[i]]
+        left = self.projection.residual - self.projection.columns[:, inside] @ choice.values
+        noise = 1.0 - (self.base**2).sum(axis=1)
+        return np.bincount(self._channel, left**2 - noise, self.evidence.channels)
+
+    def channels(self, number: int) -> np.ndarray:
+        """The channels in which an option acts: those of its joint, or all."""
+        joint, joints = self.projection.options[number].family.joint, self.evidence.joints
+        every = np.arange(self.evidence.channels)
+        return every if joint is None else every[every % len(joints) == joints.index(joint)]
 
     def sets(self, size: int) -> list[Choice]:
         """The best sets of so many effects, best first; their shapes are refined."""
         while len(self._sizes) <= size:
-            before, number = self._sizes[-1], len(self._sizes)
-            rough = larger_sets(self.projection, before)
-            for choice in rough[: RIVALS if number == 1 else 1]:
-                self.refine(choice)
+            before = self._sizes[-1]
+            known = before[0].gain
+            rough = larger_sets(self.projection, before)[:RIVALS]
+            for choice in rough:
+                if choice.gain - known > CLOSE * (rough[0].gain - known):
+                    self.refine(choice)
             self._sizes.append(larger_sets(self.projection, before))
-            self.progress("search", number / (LARGEST_SET + 1))
+            self.progress("search", (len(self._sizes) - 1) / (LARGEST_SET + 1))
         return self._sizes[size]
 
     def best(self, size: int) -> Choice | None:
@@ -95,17 +105,13 @@ class Search:
         start = self.projection.options[choice.options[place]]
         shape = start.family.term.shapes[name]
         points = len({one[name] for one in start.family.grid()})
-        step = np.log(shape.highest / shape.lowest) / max(points - 1, 1) * NEIGHBOUR
-        middle = np.log(start.shape[name])
-        low = max(middle - step, np.log(shape.lowest))
-        high = min(middle + step, np.log(shape.highest))
-        if not high > low:
-            return choice
+        step, middle = NEIGHBOUR / max(points - 1, 1), shape.share(start.shape[name])
+        low, high = max(middle - step, 0.0), min(middle + step, 1.0)
         tried: list[tuple[float, Projection]] = []
         beside = Beside(self.projection, _others(choice, place))
 
-        def cost(position: float) -> float:
-            one = self._alone(start.family, {**start.shape, name: float(np.exp(position))})
+        def cost(share: float) -> float:
+            one = self._alone(start.family, {**start.shape, name: shape.value(float(share))})
             gain = beside.gain(one)
             tried.append((gain, one))
             return -min(max(gain, 0.0), LARGEST)

@@ -22,7 +22,6 @@ class Thresholds(Schema):
     lead_share: Share
     alike: Share
     explained_share: Share
-    repeating_strength: Share
     testable_share: Share
     detectable_strength: Share
 

@@ -9,7 +9,6 @@ from crane_identification.discrepancy.decision import Accepted
 from crane_identification.discrepancy.gap import Gap
 from crane_identification.discrepancy.hydraulics import Flow
 from crane_identification.discrepancy.learner import Learnt
-from crane_identification.discrepancy.repeating import Repeating
 from crane_identification.discrepancy.search import Search
 from crane_identification.discrepancy.thresholds import Thresholds
 
@@ -32,7 +31,6 @@ def judge(
     accepted: Sequence[Accepted],
     energies: tuple[np.ndarray, np.ndarray],
     learnt: tuple[Learnt, Learnt],
-    repeating: Repeating | None,
     least: float,
     undetermined: Sequence[str],
     thresholds: Thresholds,
@@ -40,7 +38,7 @@ def judge(
     """The verdict and its reason.
 
     `energies` (c,) of the residual and what is `learnt` from it, before and after the `accepted`
-    effects are added; `repeating` before; `least` strength that would show;
+    effects are added; `least` strength that would show;
     `undetermined` parameters of the model.
     """
     if accepted:
@@ -50,13 +48,6 @@ def judge(
         return (
             Verdict.UNKNOWN,
             f"what is left on {_listed(found, law)} follows a law, but none of the catalogue",
-        )
-    again = _repeats(repeating, thresholds)
-    if again is not None and again.any():
-        return (
-            Verdict.UNKNOWN,
-            f"what is left on {_listed(found, again)} comes again in each period, and no effect "
-            "of the catalogue explains it",
         )
     if undetermined:
         return (
@@ -75,10 +66,12 @@ def judge(
     if least > thresholds.detectable_strength:
         return (
             Verdict.INSUFFICIENT,
-            f"an effect would have to be {least:.1%} of the drive force to show; record more",
+            f"of ten effects, one would not show at {least:.1%} of the drive force; record more",
         )
-    noise = "" if again is None else "what is left is not more than scatters between periods; "
-    return Verdict.NONE, f"{noise}effects above {least:.2%} of the drive force would have shown"
+    return (
+        Verdict.NONE,
+        f"nine in ten effects above {least:.2%} of the drive force would have shown",
+    )
 
 
 def with_flow(verdict: Verdict, reason: str, flows: Sequence[Flow]) -> tuple[Verdict, str]:
@@ -135,7 +128,7 @@ def _of_effects(
     thresholds: Thresholds,
 ) -> tuple[Verdict, str]:
     before, after = energies
-    learnable = np.maximum(left.share, 0.0)
+    learnable = np.where(learned(left, thresholds), left.share, 0.0)
     remaining = float((after[: len(learnable)] * learnable).sum())
     named = float((before - after).sum())
     share = named / max(named + remaining, np.finfo(float).tiny)
@@ -156,13 +149,6 @@ def _alternatives(one: Accepted) -> str:
     others = [member.label for member in one.members]
     more = f", and {len(others) - SPOKEN} more" if len(others) > SPOKEN else ""
     return ", ".join([one.option.family.label, *others[:SPOKEN]]) + more
-
-
-def _repeats(repeating: Repeating | None, thresholds: Thresholds) -> np.ndarray | None:
-    if repeating is None:
-        return None
-    limit = thresholds.false_alarm_rate / 2.0 / len(repeating.strength)
-    return (repeating.p_value < limit) & (repeating.strength > thresholds.repeating_strength)
 
 
 def _listed(found: Search, which: np.ndarray) -> str:

@@ -199,6 +199,9 @@ def test_candidates_are_described(name: str) -> None:
         assert UNIT.fullmatch(shape.unit.split(" or ")[0]), shape.unit
         assert shape.grid[0] == pytest.approx(shape.lowest)
         assert shape.grid[-1] == pytest.approx(shape.highest)
+        shares = np.linspace(0.0, 1.0, shape.points)
+        assert [shape.share(x) for x in shape.grid] == pytest.approx(shares)
+        assert [shape.value(x) for x in shares] == pytest.approx(shape.grid)
 
 
 def test_another_law_names_the_usual_one_of_its_effect() -> None:

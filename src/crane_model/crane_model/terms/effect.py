@@ -17,15 +17,36 @@ class Effect(NamedTuple):
 
 
 class Shape(NamedTuple):
-    """A field of a term in which its force is not linear, and where its value is sought."""
+    """A field of a term in which its force is not linear, and where its value is sought.
+
+    Values are tried in equal ratios or, where that is what changes the force evenly, `even` steps.
+    """
 
     lowest: float
     highest: float
     unit: str
     points: int
     meaning: str
+    even: bool = False
 
     @property
     def grid(self) -> np.ndarray:
-        """(points,) from lowest to highest, in equal ratios."""
-        return np.geomspace(self.lowest, self.highest, self.points)
+        """(points,) from lowest to highest."""
+        return self.spread(self.points)
+
+    def spread(self, points: int) -> np.ndarray:
+        """(points,) values from lowest to highest."""
+        return (np.linspace if self.even else np.geomspace)(self.lowest, self.highest, points)
+
+    def share(self, value: float) -> float:
+        """Where a value lies between lowest, 0, and highest, 1."""
+        if self.even:
+            return (value - self.lowest) / (self.highest - self.lowest)
+        return float(np.log(value / self.lowest) / np.log(self.highest / self.lowest))
+
+    def value(self, share: float) -> float:
+        """The value at that `share`, which is kept from 0 to 1."""
+        share = min(max(share, 0.0), 1.0)
+        if self.even:
+            return self.lowest + share * (self.highest - self.lowest)
+        return float(self.lowest * (self.highest / self.lowest) ** share)

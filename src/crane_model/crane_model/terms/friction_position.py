@@ -47,7 +47,9 @@ class CyclicFriction(OneJointTerm):
         law_of="position_friction",
     )
     shapes: ClassVar[dict[str, Shape]] = {
-        "wave": Shape(3.0, 40.0, "rad/rad or rad/m", 9, "phase per rad or m of the joint")
+        "wave": Shape(
+            3.0, 40.0, "rad/rad or rad/m", 16, "phase per rad or m of the joint", even=True
+        )
     }
 
     wave: float = Field(gt=0)

@@ -47,3 +47,27 @@ def test_a_gain_of_the_measured_force_is_not_tested(tmp_path: Path) -> None:
     )
     assert wanted.tolist() == [False, True]
     assert reasons == {gain: "its column is the measured force itself"}
+
+
+def test_friction_with_memory_is_as_visible_as_close_to_reversals(tmp_path: Path) -> None:
+    """Elsewhere it is Coulomb's, which the model has."""
+    (tmp_path / "one.yaml").write_text(
+        "name: an axis\njoints: {one: m}\nterms:\n  - {type: coulomb, joint: one}\n"
+    )
+    rng = np.random.default_rng(4)
+    base = np.zeros((N, 2, 1))
+    base[:, :, 0] = np.sign(rng.standard_normal((N, 2)))
+    base[:, 1] *= 0.01  # few samples are close to reversals
+    memory = base.copy()
+    memory[:, 1, 0] *= 0.3 + 0.7 * (rng.random(N) < 0.5)
+    force = base[:, :, 0] + 0.1 * rng.standard_normal((N, 2))
+    zeros, used = np.zeros(N, dtype=int), np.ones((N, 2), dtype=bool)
+    model = load_model(tmp_path / "one.yaml")
+    evidence = Evidence(model, (), np.arange(N) * 0.1, zeros, zeros, force, base, used)
+    family = Family(QuadraticViscous, "one")
+    option = Option(family, {}, family.at({}), memory, np.array([False]))
+    white = whitener(evidence, memory)
+    found = projection.project(evidence, white, [option])
+    overall = float(found.scale[0] / np.linalg.norm(white(memory)))
+    assert overall < projection.VISIBLE
+    assert found.visibility[0] > 0.2
