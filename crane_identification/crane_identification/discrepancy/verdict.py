@@ -130,7 +130,7 @@ def _of_effects(
     before, after = energies
     learnable = np.where(learned(left, thresholds), left.share, 0.0)
     remaining = float((after[: len(learnable)] * learnable).sum())
-    named = float((before - after).sum())
+    named = max(float((before - after).sum()), 0.0)
     share = named / max(named + remaining, np.finfo(float).tiny)
     if share < thresholds.explained_share:
         return (
