@@ -137,12 +137,15 @@ def independent_samples(deviation: np.ndarray, used: np.ndarray) -> np.ndarray:
     From deviations (M, n, j) from the mean of M periods, over the `used` (n, j) samples: C has
     their variance, which changes over the period, and one autocorrelation, up to the lag at which
     it is lost in its own uncertainty. Where joints turn back the periods differ most, so that a
-    few samples may hold most of the power, and the others tell nothing beside them.
+    few samples may hold most of the power, and the others tell nothing beside them. The chance by
+    which the variance, seen in few samples, is uneven too is taken out of C².
     """
     count, samples, joints = deviation.shape
     length = 2 * samples
+    window = max(int(LOCAL * samples), 1)
+    overlap = np.maximum(1.0 - np.arange(samples) / window, 0.0)
     masked = np.where(used, deviation, 0.0)
-    size = np.sqrt(_local_power(masked, used))
+    size = np.sqrt(_local_power(masked, used, window))
     scaled = np.divide(
         masked, size, out=np.zeros_like(masked), where=np.broadcast_to(size > 0.0, masked.shape)
     )
@@ -163,14 +166,18 @@ def independent_samples(deviation: np.ndarray, used: np.ndarray) -> np.ndarray:
         noise = 2.0 / np.sqrt(np.maximum((count - 1) * pairs[:, j], 1.0))
         lost = np.flatnonzero(np.abs(correlation) < noise)
         last = int(lost[0]) if len(lost) else samples
+        alike = correlation**2
+        alike[last:] = 0.0
+        alike[1:] *= 2.0  # lags to both sides
+        # A variance from f degrees of freedom has the relative variance 2/f.
+        chance = 2.0 * (overlap @ alike) / window / (count - 1) * overlap
         total = (size[used[:, j], j] ** 2).sum()
-        out[j] = total**2 / (power[0, j] + 2.0 * (power[:, j] * correlation**2)[1:last].sum())
+        out[j] = total**2 / (power[:, j] / (1.0 + chance) @ alike)
     return out
 
 
-def _local_power(masked: np.ndarray, used: np.ndarray) -> np.ndarray:
-    """Mean square (n, j) of deviations (M, n, j) around each sample, 0 where there are none."""
-    window = max(int(LOCAL * masked.shape[1]), 1)
+def _local_power(masked: np.ndarray, used: np.ndarray, window: int) -> np.ndarray:
+    """Mean square (n, j) of deviations (M, n, j) in a window around each sample, 0 if none."""
     near = uniform_filter1d((masked**2).mean(axis=0), window, axis=0, mode="wrap")
     share = uniform_filter1d(used.astype(float), window, axis=0, mode="wrap")
     return np.divide(near, share, out=np.zeros_like(near), where=share > 0.5 / window)

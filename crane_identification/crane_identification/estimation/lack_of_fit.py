@@ -47,7 +47,7 @@ def lack_of_fit(rows: Rows, values: np.ndarray) -> LackOfFit:
         of_noise += mean_noise**2 / independent / others
     left = 1.0 - _absorbed(rows, residual)
     seen = (noise > 0.0) & (left > 0.0)
-    ratio[seen] = ((residual**2).sum(axis=0) / noise)[seen] / left[seen]
+    ratio[seen] = (residual**2).sum(axis=0)[seen] / noise[seen] / left[seen]
     freedom[seen] = (left * noise**2)[seen] / variance[seen]
     noise_freedom[seen] = noise[seen] ** 2 / of_noise[seen]
     p_value[seen] = fisher.sf(ratio[seen], freedom[seen], noise_freedom[seen])

@@ -127,6 +127,17 @@ def test_independent_samples_of_an_autoregression(correlation: float) -> None:
     assert found[0] == pytest.approx(expected, rel=0.1)
 
 
+@pytest.mark.parametrize("periods", [3, 6])
+@pytest.mark.parametrize("samples", [50, 200])
+def test_independent_samples_of_a_short_record(periods: int, samples: int) -> None:
+    """White noise: all of them, though a variance from a few samples differs by chance."""
+    rng = np.random.default_rng(9)
+    noise = rng.normal(size=(periods, samples, 100))
+    used = np.ones((samples, 100), dtype=bool)
+    found = independent_samples(noise - noise.mean(axis=0), used)
+    assert found.mean() == pytest.approx(samples, rel=0.1)
+
+
 def test_equal_periods_round_alike_and_different_ones_do_not() -> None:
     resolution = np.array([0.01, 0.01])
     ramp = np.linspace(0.0, 3.0, 400)[None, :, None] * np.ones((4, 1, 2))

@@ -1,5 +1,6 @@
 """The estimators beside plain least squares: each against an oracle of its own."""
 
+import warnings
 from dataclasses import replace
 
 import numpy as np
@@ -179,6 +180,18 @@ def test_lack_of_fit_is_wrongly_seen_as_often_as_it_says() -> None:
         system = replace(rows(matrix, matrix @ THETA + mean[:, 0]), scatter=(noise - mean,))
         p_values.append(lack_of_fit(system, THETA).p_value[0])
     assert 0.01 < np.mean(np.array(p_values) < 0.05) < 0.12
+
+
+def test_lack_of_fit_of_a_joint_that_stands_still_is_not_known() -> None:
+    system = repeated(8)
+    used, scatter = system.used.copy(), system.scatter[0].copy()
+    used[:, 1], scatter[:, :, 1] = False, 0.0
+    still = replace(system, used=used, scatter=(scatter,))
+    with warnings.catch_warnings():
+        warnings.simplefilter("error")
+        found = lack_of_fit(still, weighted(still).values)
+    assert np.isnan(found.p_value[1])
+    assert found.p_value[0] > 0.01
 
 
 def test_without_repeated_periods_lack_of_fit_is_not_known() -> None:
