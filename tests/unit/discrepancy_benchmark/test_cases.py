@@ -1,0 +1,39 @@
+"""Which cases the sets of the benchmark hold, and how well their motions excite."""
+
+import pytest
+from cases import SHARES, STRENGTHS, CaseSet, Kind, apportioned, cases
+from motions import Excitation
+
+
+def test_sets_share_no_case():
+    names = [case.name for which in CaseSet for case in cases(which, 60)]
+    seeds = [case.seed for which in CaseSet for case in cases(which, 60)]
+    assert len(set(names)) == len(set(seeds)) == 60 * len(CaseSet)
+
+
+def test_kinds_have_their_shares_and_names_tell_nothing():
+    drawn = cases(CaseSet.SCORING, 100)
+    kinds = [case.kind for case in drawn]
+    assert {kind: kinds.count(kind) for kind in Kind} == {
+        kind: round(100 * share) for kind, share in SHARES.items()
+    }
+    assert len(set(kinds[:20])) > 2  # sorted by name, not by kind
+    single = [case.effects[0].strength for case in drawn if case.kind is Kind.SINGLE]
+    assert {strength: single.count(strength) for strength in STRENGTHS} == dict.fromkeys(
+        STRENGTHS, 7
+    )
+    assert all(len({e.effect for e in c.effects}) == 2 for c in drawn if c.kind is Kind.PAIR)
+
+
+def test_calibration_hides_nothing():
+    assert all(not case.effects for case in cases(CaseSet.CALIBRATION, 40))
+
+
+@pytest.mark.parametrize("count", [1, 7, 40, 143])
+def test_shares_add_up(count):
+    assert sum(apportioned(SHARES, count).values()) == count
+
+
+def test_motions_are_rich_where_they_should_be():
+    rich = [case for case in cases(CaseSet.TUNING, 40) if case.kind is not Kind.INSUFFICIENT]
+    assert all(case.excitation is not Excitation.POOR for case in rich)
