@@ -1,6 +1,6 @@
 """From a log to the record that the model is evaluated on: resampled, averaged, smoothed."""
 
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 
 import numpy as np
 
@@ -16,24 +16,19 @@ from crane_identification.data.resample import Samples, resample, sampling_rate
 from crane_identification.options import Options
 from crane_identification.periodicity import Periodicity, detect_periodicity
 from crane_identification.progress import Progress, silent
-from crane_identification.signals.gate import (
-    SETTLING,
-    moving,
-    trusted_bandwidth,
-    velocity_resolution,
+from crane_identification.run_signals import (
+    along_reference,
+    coordinates,
+    record_of,
+    resolution_of,
+    signals_of,
 )
-from crane_identification.signals.motion import Motion, encoder_resolution
+from crane_identification.signals.gate import SETTLING, moving, trusted_bandwidth
+from crane_identification.signals.motion import Motion
 from crane_identification.signals.routes import estimate_period, estimate_record
-from crane_model.cylinders import generalized_forces
 from crane_model.errors import DataError
 from crane_model.model_file import Model
 from crane_model.record import Record
-
-REFERENCE = ("reference_position", "reference_velocity", "reference_acceleration")
-LOGGED = (
-    *("pressure_a", "pressure_b", "supply_pressure", "tank_pressure"),
-    *("slew_position", "command", "temperature"),
-)
 
 
 @dataclass(frozen=True)
@@ -121,10 +116,10 @@ def _whole(
     progress: Progress,
 ) -> Preparation:
     """The run as it is, without the ends that the smoother's memory spoils."""
-    signals = _signals(model, samples, rows)
+    signals = signals_of(model, samples, rows)
     step = 1.0 / samples.rate
     motion = estimate_record(
-        options.motion, _coordinates(signals), step, _resolution(log), progress
+        options.motion, coordinates(signals), step, resolution_of(log), progress
     )
     bandwidth = motion.bandwidth[: len(model.joints)]
     known = _moving(model, motion, step, False, options)
@@ -138,7 +133,7 @@ def _whole(
     kept = slice(begin, len(rows) - end)
     signals = {name: values[kept] for name, values in signals.items()}
     time = samples.time[rows][kept]
-    record = _record(model, time, signals, motion.during(kept), options.mask_reversals)
+    record = record_of(model, time, signals, motion.during(kept), options.mask_reversals)
     return Preparation(
         source=log.source,
         record=record,
@@ -148,7 +143,7 @@ def _whole(
         bandwidth=bandwidth,
         averaging=None,
         periods=signals["force"][np.newaxis],
-        reference=_along_reference(record, signals),
+        reference=along_reference(record, signals),
     )
 
 
@@ -162,15 +157,15 @@ def _averaged(
     progress: Progress,
 ) -> Preparation:
     """The mean over the last whole periods of the run (37)-(38)."""
-    signals = _signals(model, samples, rows)
+    signals = signals_of(model, samples, rows)
     step = 1.0 / samples.rate
     whole = len(rows) // length
     transient = transient_periods(fold(signals["position"], length, whole))
     used = min(whole - transient, options.periods or whole)
     mean = {name: fold(values, length, used).mean(axis=0) for name, values in signals.items()}
-    resolution = resolution_of_mean(fold(_coordinates(signals), length, used), _resolution(log))
-    motion = estimate_period(options.motion, _coordinates(mean), step, resolution, progress)
-    record = _record(model, step * np.arange(length), mean, motion, options.mask_reversals)
+    resolution = resolution_of_mean(fold(coordinates(signals), length, used), resolution_of(log))
+    motion = estimate_period(options.motion, coordinates(mean), step, resolution, progress)
+    record = record_of(model, step * np.arange(length), mean, motion, options.mask_reversals)
     alike, signed_alike = _moving_alike(model, log, signals, step, length, used, options)
     known = _moving(model, motion, step, True, options) & alike
     periods = fold(signals["force"], length, used)
@@ -184,7 +179,7 @@ def _averaged(
         bandwidth=motion.bandwidth[: len(model.joints)],
         averaging=Averaging(length * step, used, whole - used, remainder, drift(periods, known)),
         periods=periods,
-        reference=_along_reference(record, mean),
+        reference=along_reference(record, mean),
     )
 
 
@@ -206,56 +201,12 @@ def _moving_alike(
     if not options.mask_reversals:
         everywhere = np.ones((length, len(model.joints)), dtype=bool)
         return everywhere, everywhere
-    motion = estimate_record(None, signals["position"], step, _resolution(log))
+    motion = estimate_record(None, signals["position"], step, resolution_of(log))
     settled, signed = (
         np.abs(fold(np.sign(motion.velocity) * known, length, periods).sum(axis=0)) == periods
         for known in (moving(motion, step, False), moving(motion, step, False, settling=0.0))
     )
     return settled, signed
-
-
-def _signals(model: Model, samples: Samples, rows: np.ndarray) -> dict[str, np.ndarray]:
-    """What a record holds besides time and motion, on the given rows; absent where not logged."""
-    names = ("position", "force", *LOGGED, *REFERENCE)
-    logged = {name: getattr(samples, name) for name in names}
-    signals = {name: values[rows] for name, values in logged.items() if values is not None}
-    if "force" not in signals:
-        if model.machine is None or "pressure_a" not in signals:
-            raise DataError(
-                f"{samples.source}: holds neither generalized forces nor, with a machine in the "
-                f"model, chamber pressures to compute them from (27); map or record one of them"
-            )
-        signals["force"] = generalized_forces(
-            model.machine, signals["position"], signals["pressure_a"], signals["pressure_b"]
-        )
-    return signals
-
-
-def _resolution(log: Log) -> np.ndarray:
-    """Encoder resolution (coordinates,) of the readings as they were logged."""
-    signals = [log.position] if log.slew_position is None else [log.position, log.slew_position]
-    return np.concatenate(
-        [
-            encoder_resolution(values[np.isfinite(values).all(axis=1)])
-            for values in (signal.value.reshape(len(signal.time), -1) for signal in signals)
-        ]
-    )
-
-
-def _coordinates(signals: dict[str, np.ndarray]) -> np.ndarray:
-    """Positions of the joints and, last and where it is logged beside them, of the slew joint."""
-    if "slew_position" not in signals:
-        return signals["position"]
-    return np.column_stack([signals["position"], signals["slew_position"]])
-
-
-def _along_reference(record: Record, signals: dict[str, np.ndarray]) -> Record | None:
-    """`record` with the motion that was asked for, where all of it is known."""
-    motion = [signals[name] for name in REFERENCE if name in signals]
-    if len(motion) < len(REFERENCE) or not all(np.isfinite(values).all() for values in motion):
-        return None
-    position, velocity, acceleration = motion
-    return replace(record, position=position, velocity=velocity, acceleration=acceleration)
 
 
 def _moving(
@@ -270,37 +221,3 @@ def _moving(
     if not options.mask_reversals:
         return np.ones((len(motion.position), len(model.joints)), dtype=bool)
     return moving(motion, step, periodic, settling)[:, : len(model.joints)]
-
-
-def _record(
-    model: Model,
-    time: np.ndarray,
-    signals: dict[str, np.ndarray],
-    motion: Motion,
-    mask_reversals: bool,
-) -> Record:
-    joints = len(model.joints)
-    record = Record(
-        joints=model.joints,
-        time=time,
-        position=motion.position[:, :joints],
-        velocity=motion.velocity[:, :joints],
-        acceleration=motion.acceleration[:, :joints],
-        run=np.zeros(len(time), dtype=int),
-        force=signals["force"],
-        pressure_a=signals.get("pressure_a"),
-        pressure_b=signals.get("pressure_b"),
-        supply_pressure=signals.get("supply_pressure"),
-        tank_pressure=signals.get("tank_pressure"),
-        command=signals.get("command"),
-        temperature=signals.get("temperature"),
-        velocity_resolution=velocity_resolution(motion)[:joints] if mask_reversals else None,
-    )
-    if "slew_position" not in signals:
-        return record
-    return replace(
-        record,
-        slew_position=motion.position[:, joints],
-        slew_velocity=motion.velocity[:, joints],
-        slew_acceleration=motion.acceleration[:, joints],
-    )
