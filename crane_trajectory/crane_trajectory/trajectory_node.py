@@ -23,12 +23,12 @@ from rclpy.task import Future
 from sensor_msgs.msg import JointState
 
 from crane_driver.nodes.managed import run_managed
-from crane_driver.nodes.parameters import declare, hold
+from crane_driver.nodes.parameters import declare, given, hold
 from crane_interfaces.msg import JointReference, ValveCommand
-from crane_model.errors import CraneError, DataError
+from crane_model.errors import ConfigurationError, CraneError, DataError
 from crane_model.machine import JOINTS, Machine, load_machine
 from crane_trajectory.check import Clearance, load_clearance
-from crane_trajectory.controller import command
+from crane_trajectory.controller import command, load_gains
 from crane_trajectory.experiment import Experiment, Outcome
 from crane_trajectory.motion import Motion, plan
 from crane_trajectory.periodic import PeriodicTrajectory
@@ -38,11 +38,14 @@ from crane_trajectory.trajectory_condition import status
 from crane_trajectory.trajectory_parameters import (
     CHANGEABLE,
     CLEARANCE,
+    CONTROLLER,
     FIXED,
     MACHINE,
+    SINGLE_GAINS,
     STATES_TIMEOUT,
     current_values,
     tuning,
+    values_of,
 )
 from crane_trajectory.trajectory_topics import (
     command_message,
@@ -57,6 +60,7 @@ REPORT = 1.0  # s
 POLL = 0.001  # s
 NEWEST = QoSProfile(depth=1)
 DEPTH = 10
+GAIN_NAMES = {one.name for one in SINGLE_GAINS}
 SUCCESS, FAILURE = TransitionCallbackReturn.SUCCESS, TransitionCallbackReturn.FAILURE
 
 
@@ -65,6 +69,7 @@ class Trajectory(LifecycleNode):
 
     def __init__(self) -> None:
         super().__init__("trajectory")
+        self._single_gains = given(self, SINGLE_GAINS)  # no file changes these
         declare(self, (*FIXED, *CHANGEABLE))
         self._lifecycle = "unconfigured"
         hold(self, FIXED, lambda: self._lifecycle)
@@ -92,6 +97,7 @@ class Trajectory(LifecycleNode):
     def on_configure(self, state: LifecycleState) -> TransitionCallbackReturn:
         """Read parameters and files."""
         try:
+            self._read_gains()
             self._tuning = tuning(current_values(self))
             self._timeout = STATES_TIMEOUT.read(self)
             self._machine = load_machine(MACHINE.read(self) or None)
@@ -241,6 +247,21 @@ class Trajectory(LifecycleNode):
 
     # parameters and reports
 
+    def _read_gains(self) -> None:
+        """Gains of the controller file become the parameters that were not given by themselves."""
+        file = CONTROLLER.read(self)
+        read = {
+            name: value
+            for name, value in values_of(load_gains(file or None)).items()
+            if name not in self._single_gains
+        }
+        result = self.set_parameters_atomically(
+            [Parameter(name, value=value) for name, value in read.items()]
+        )
+        self._single_gains -= read.keys()  # it was no user who set them
+        if not result.successful:
+            raise ConfigurationError(f"{file}: {result.reason}" if file else result.reason)
+
     def _check_parameters(self, parameters: list[Parameter]) -> SetParametersResult:
         given = {one.name: one.value for one in parameters}
         try:
@@ -249,7 +270,8 @@ class Trajectory(LifecycleNode):
             return SetParametersResult(successful=False, reason=str(error))
         return SetParametersResult(successful=True)
 
-    def _take_parameters(self, _: list[Parameter]) -> None:
+    def _take_parameters(self, parameters: list[Parameter]) -> None:
+        self._single_gains |= {one.name for one in parameters} & GAIN_NAMES
         if self._lifecycle == "unconfigured":
             return
         self._tuning = tuning(current_values(self))

@@ -31,6 +31,11 @@ MACHINE = Text(
 CLEARANCE = Text(
     "clearance", "", "File of the room that the boom tip keeps; empty: packaged. At configure"
 )
+CONTROLLER = Text(
+    "controller",
+    "",
+    "File of the gains, for each that is not given by itself; empty: packaged. At configure",
+)
 STATES_TIMEOUT = Number(
     "states_timeout",
     0.06,
@@ -40,7 +45,7 @@ STATES_TIMEOUT = Number(
     "Silence of /joint_states after which the crane is brought to rest. At configure",
 )
 SATURATION = Number("saturation", 1.0, "-", 0.01, 1.0, f"Largest spool command{LIVE}")
-FIXED = (AUTOSTART, MACHINE, CLEARANCE, STATES_TIMEOUT)
+FIXED = (AUTOSTART, MACHINE, CLEARANCE, CONTROLLER, STATES_TIMEOUT)
 
 
 def _gain(joint: str, field: str, default: float) -> Number:
@@ -69,11 +74,17 @@ TOLERANCES = {
     )
     for joint, tolerance in TOLERANCE.items()
 }
-CHANGEABLE = (
-    SATURATION,
-    *TOLERANCES.values(),
-    *(parameter for joint in GAINS.values() for parameter in joint.values()),
-)
+SINGLE_GAINS = tuple(parameter for joint in GAINS.values() for parameter in joint.values())
+CHANGEABLE = (SATURATION, *TOLERANCES.values(), *SINGLE_GAINS)
+
+
+def values_of(gains: Gains) -> dict[str, float]:
+    """The gains by the names of their parameters."""
+    return {
+        GAINS[joint][field].name: value
+        for joint, fields in gains.model_dump().items()
+        for field, value in fields.items()
+    }
 
 
 def current_values(node: Node) -> dict[str, Any]:

@@ -9,6 +9,7 @@ from launch_ros.parameter_descriptions import ParameterValue
 ARGUMENTS = {
     "machine": ("", "Machine YAML with the limits; empty: the laboratory crane"),
     "clearance": ("", "File of the room that the boom tip keeps; empty: packaged"),
+    "controller": ("", "File of the gains, as bring-up writes it; empty: packaged"),
 }
 
 
@@ -29,7 +30,13 @@ def generate_launch_description() -> LaunchDescription:
                 package="crane_trajectory",
                 executable="trajectory",
                 output="screen",
-                parameters=[{"machine": text("machine"), "clearance": text("clearance")}],
+                parameters=[
+                    {
+                        "machine": text("machine"),
+                        "clearance": text("clearance"),
+                        "controller": text("controller"),
+                    }
+                ],
             ),
         ]
     )

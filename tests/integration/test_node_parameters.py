@@ -1,13 +1,18 @@
 """What can be set on a running node, as `ros2 param set` does it."""
 
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
+from pathlib import Path
 
 import pytest
 import rclpy
+import yaml
+from rclpy.lifecycle import TransitionCallbackReturn
 from rclpy.node import Node
 from rclpy.parameter import Parameter
 
 from crane_driver.nodes.parameters import Number, Numbers, Switch, Text, declare, hold
+from crane_model.configuration import packaged
+from crane_trajectory.trajectory_node import Trajectory
 
 LAG = Number("lag", 0.2, "s", 0.05, 2.0, "Half the window")
 COUNT = Number("count", 3, "-", 0, 10, "A number of things", whole=True)
@@ -67,3 +72,77 @@ def test_what_is_read_at_configure_is_held_while_the_node_is_configured(node: No
         assert node.set_parameters([same])[0].successful
     state = "unconfigured"
     assert node.set_parameters([Parameter("lag", value=0.5)])[0].successful
+
+
+def controller_file(path: Path, **slew: float) -> Path:
+    """The packaged controller with other gains of the slew."""
+    content = yaml.safe_load(packaged("crane_trajectory", "controller.yaml").read_text())
+    path.write_text(yaml.safe_dump(content | {"slew": content["slew"] | slew}))
+    return path
+
+
+@pytest.fixture
+def trajectory(ros_domain: int) -> Iterator[Callable[..., Trajectory]]:
+    """Makes a node with parameters as the command line gives them, not configured yet."""
+    nodes = []
+
+    def make(**given: object) -> Trajectory:
+        arguments = [f"{name.replace('__', '.')}:={value}" for name, value in given.items()]
+        ros = [word for one in arguments for word in ("-p", one)]
+        rclpy.init(args=["--ros-args", *ros] if ros else [], domain_id=ros_domain)
+        nodes.append(Trajectory())
+        return nodes[-1]
+
+    yield make
+    for node in nodes:
+        node.destroy_node()
+    rclpy.shutdown()
+
+
+def test_gains_are_those_of_the_controller_file_but_for_single_ones_that_are_given(
+    trajectory: Callable[..., Trajectory], tmp_path: Path
+) -> None:
+    """2.0 is the packaged kp as well: given is given."""
+    first = controller_file(tmp_path / "first.yaml", kp=3.0, kd=0.3)
+    node = trajectory(controller=first, gains__slew__kp=2.0)
+
+    def gains() -> list[float]:
+        return [node.get_parameter(f"gains.slew.{name}").value for name in ("kp", "kd")]
+
+    assert node.trigger_configure() is TransitionCallbackReturn.SUCCESS
+    assert gains() == [2.0, 0.3]
+    assert node._tuning is not None
+    assert node._tuning.gains[0, :2].tolist() == [2.0, 0.3]
+    second = Parameter("controller", value=str(controller_file(tmp_path / "second.yaml", kd=0.4)))
+    (held,) = node.set_parameters([second])
+    assert not held.successful
+    node.trigger_cleanup()
+    node.set_parameters([second, Parameter("gains.slew.standstill_speed", value=0.03)])
+    assert node.trigger_configure() is TransitionCallbackReturn.SUCCESS
+    assert gains() == [2.0, 0.4]
+    assert node._tuning.gains[0].tolist()[4] == 0.03
+
+
+@pytest.mark.parametrize(
+    ("slew", "reason"),
+    [
+        ({"kp": -1.0}, "slew.kp"),
+        ({"kp": 2000.0, "position_tolerance": 1e-6}, "'gains.slew.kp': must be from 1e-06 to 1000"),
+        ({"kp": 100.0}, "kp times position_tolerance is 0.5, more than dead_zone_positive"),
+        (None, "no such file"),
+    ],
+)
+def test_a_controller_file_that_cannot_be_used_is_named(
+    slew: dict[str, float] | None,
+    reason: str,
+    trajectory: Callable[..., Trajectory],
+    tmp_path: Path,
+    capfd: pytest.CaptureFixture[str],
+) -> None:
+    file = tmp_path / "mine.yaml"
+    if slew is not None:
+        controller_file(file, **slew)
+    assert trajectory(controller=file).trigger_configure() is TransitionCallbackReturn.FAILURE
+    said = capfd.readouterr().err
+    assert f"{file}" in said
+    assert reason in said

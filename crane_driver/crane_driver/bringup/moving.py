@@ -161,7 +161,11 @@ def gains(bench: Bench, controller: Path) -> None:
     kept = ", ".join(joint for joint in base if joint not in results)
     target = run / CONTROLLER
     copy_changed(controller, target, change, f"{run.name}, measured; from {controller}")
-    bench.terminal.say(f"gains: {target}" + (f"; {kept}: as in {controller}" if kept else ""))
+    bench.terminal.say(
+        f"gains: {target}"
+        + (f"; {kept}: as in {controller}" if kept else "")
+        + f"; for the trajectory node: -p controller:={target.resolve()}"
+    )
 
 
 def _return(mover: Mover, bands: dict[int, DeadBandResult], speed: float) -> None:

@@ -133,6 +133,20 @@ class Numbers:
 NodeParameter = Text | Switch | Number | Numbers
 
 
+def given(node: Node, parameters: Sequence[NodeParameter]) -> set[str]:
+    """Names of those that were given at the start, by command line or launch file, even where the
+    value is the default; to be asked before `declare`.
+    """
+    names = set()
+    for parameter in parameters:
+        without_default = ParameterDescriptor(dynamic_typing=True)
+        one = node.declare_parameter(parameter.name, descriptor=without_default)
+        if one.type_ is not Parameter.Type.NOT_SET:
+            names.add(parameter.name)
+        node.undeclare_parameter(parameter.name)
+    return names
+
+
 def declare(node: Node, parameters: Sequence[NodeParameter]) -> None:
     """Declare all of them, whatever the type of what was given for them.
 
