@@ -7,7 +7,12 @@ import numpy as np
 from crane_identification.averaging import noise_of_mean
 from crane_identification.estimation.rows import Rows
 from crane_identification.preparation import Preparation
-from crane_identification.signals.decimate import decimate, decimation_factor, decimation_rows
+from crane_identification.signals.decimate import (
+    decimate,
+    decimation_factor,
+    decimation_rows,
+    filtered_noise,
+)
 from crane_identification.signals.gate import trusted_bandwidth
 from crane_model.errors import DataError
 from crane_model.model_file import Model
@@ -56,6 +61,7 @@ def build_rows(model: Model, preparation: Preparation, factor: int) -> Rows:
         force=decimate(record.force * gate, factor, preparation.periodic),
         used=decimate(gate, factor, preparation.periodic) > OPEN,
         scatter=(_scatter(preparation, factor),),
+        filtered=filtered_noise(factor),
     )
 
 

@@ -5,6 +5,7 @@ and with few rows that is most of its low frequencies. Restricted maximum likeli
 Thompson 1971) uses only what no column can explain, and so has no such bias.
 """
 
+from collections.abc import Callable
 from typing import NamedTuple
 
 import numpy as np
@@ -16,30 +17,43 @@ ROWS_PER_ORDER = 10  # that no column explains; fewer do not carry another coeff
 LARGEST_REFLECTION = 0.98  # keeps the memory of the model finite
 GRADIENT = 0.05  # of the log-likelihood at which the search ends; a difference of 1 says nothing
 ROUNDING = 1e-24  # share of the force's sum of squares below which the rest is rounding
+MEMORY = 2 * HIGHEST_ORDER
+"""Samples from which filtered noise is predicted, which has no order of its own."""
+UNFILTERED = np.ones(1)
+
+Predictors = tuple[list[np.ndarray], np.ndarray]
+"""Polynomials that predict a sample from 0, 1, ... before it, and the variances of their errors
+relative to that of the process."""
 
 
 class Autoregression(NamedTuple):
-    """Noise whitened by `polynomial` (order + 1,), 1 + a1 z⁻¹ + ..., with the given `variance`."""
+    """Noise whitened by `polynomial` (order + 1,), 1 + a1 z⁻¹ + ..., with the given `variance`.
+
+    Or such noise, and its variance, behind a filter: `filtered` (lags,) is the autocorrelation that
+    the filter alone gives to white noise.
+    """
 
     polynomial: np.ndarray
     variance: float
+    filtered: np.ndarray = UNFILTERED
 
     def autocovariance(self, lags: int) -> np.ndarray:
         """Autocovariance (lags,)."""
         points = 8 * (lags + 64)
-        spectrum = 1.0 / np.abs(np.fft.rfft(self.polynomial, points)) ** 2
+        spectrum = _power(self.filtered, points)
+        spectrum = spectrum / np.abs(np.fft.rfft(self.polynomial, points)) ** 2
         covariance = np.fft.irfft(spectrum, points)[:lags]
         return self.variance * covariance / covariance[0]
 
 
 def restricted_likelihood(
-    columns: np.ndarray, force: np.ndarray, used: np.ndarray
+    columns: np.ndarray, force: np.ndarray, used: np.ndarray, filtered: np.ndarray = UNFILTERED
 ) -> Autoregression | None:
     """The noise of force = columns × parameters + noise; None if the columns explain all of it.
 
     `columns` (r, n, p), linearly independent, `force` and `used` (r, n), of r runs of n samples;
     rows are whitened by as many used samples as stand directly before them. Order by Schwarz
-    (1978).
+    (1978). `filtered` (lags,): the autocorrelation that a filter has given to white noise.
     """
     samples, explained = int(used.sum()), columns.shape[2]
     free = samples - explained
@@ -49,20 +63,20 @@ def restricted_likelihood(
     basis[used] = np.linalg.qr(columns[used])[0]
     rest[used] = force[used] - basis[used] @ (basis[used].T @ force[used])
     power = float((rest**2).sum())
-    white = Autoregression(np.ones(1), power / free)
+    white = Autoregression(np.ones(1), power / free, filtered)
     if power <= ROUNDING * float((force[used] ** 2).sum()):
         return white
     values = np.concatenate([basis, rest[..., np.newaxis]], axis=2)
     best, lowest, start = white, np.inf, np.zeros(0)
     for order in range(min(HIGHEST_ORDER, free // ROWS_PER_ORDER) + 1):
-        likelihood = _Likelihood(values, used, order)
+        likelihood = _Likelihood(values, used, order, filtered)
         if order:
             start = minimize(likelihood.cost, [*start, 0.0], options={"gtol": GRADIENT}).x
         schwarz = likelihood.cost(start) + order * np.log(free)
         if schwarz < lowest:
-            polynomials, variances = _predictors(start)
-            variance = likelihood.rest(start) / free / variances[-1]
-            best, lowest = Autoregression(polynomials[-1], variance), schwarz
+            variance = likelihood.rest(start) / free / likelihood.predictors(start)[1][-1]
+            polynomial = _predictors(start)[0][-1]
+            best, lowest = Autoregression(polynomial, variance, filtered), schwarz
     return best
 
 
@@ -70,14 +84,18 @@ class _Likelihood:
     """-2 log restricted likelihood of an order, as a function of its reflection coefficients.
 
     All sums over samples are done once: values × values at every pair of lags, for the samples
-    with 0, 1, ..., order used samples before them.
+    with 0, 1, ... used samples before them, up to the memory.
     """
 
-    def __init__(self, values: np.ndarray, used: np.ndarray, order: int) -> None:
+    def __init__(
+        self, values: np.ndarray, used: np.ndarray, order: int, filtered: np.ndarray
+    ) -> None:
         self.free = int(used.sum()) - (values.shape[2] - 1)
         self.counts, self.products = [], []
-        before = _used_before(used, order)
-        for m in range(order + 1):
+        self.predictors = _predictors if len(filtered) == 1 else _behind(filtered)
+        memory = order if len(filtered) == 1 else MEMORY
+        before = _used_before(used, memory)
+        for m in range(memory + 1):
             run, sample = np.nonzero(used & (before == m))
             lagged = np.stack([values[run, sample - lag] for lag in range(m + 1)])
             self.counts.append(len(run))
@@ -85,21 +103,22 @@ class _Likelihood:
 
     def cost(self, search: np.ndarray) -> float:
         """The value at reflection coefficients LARGEST_REFLECTION tanh(search)."""
+        predictors = self.predictors(search)
         try:
-            factor = self._factor(search)
+            factor = self._factor(predictors)
         except LinAlgError:  # rounding at the edge of stability
             return np.inf
-        _, variances = _predictors(search)
+        variances = predictors[1]
         diagonal = np.log(np.diag(factor))
         scale = np.log(variances / variances[-1]) @ np.array(self.counts)
         return float(2 * self.free * diagonal[-1] + 2 * diagonal[:-1].sum() + scale)
 
     def rest(self, search: np.ndarray) -> float:
         """Sum of squares of the whitened force that no whitened column explains."""
-        return float(self._factor(search)[-1, -1] ** 2)
+        return float(self._factor(self.predictors(search))[-1, -1] ** 2)
 
-    def _factor(self, search: np.ndarray) -> np.ndarray:
-        polynomials, variances = _predictors(search)
+    def _factor(self, predictors: Predictors) -> np.ndarray:
+        polynomials, variances = predictors
         total = sum(
             np.einsum("l,m,lmkq->kq", a, a, product) * variances[-1] / variance
             for a, product, variance in zip(polynomials, self.products, variances, strict=True)
@@ -107,15 +126,39 @@ class _Likelihood:
         return cholesky(total, lower=True)
 
 
-def _predictors(search: np.ndarray) -> tuple[list[np.ndarray], np.ndarray]:
-    """Polynomials of order 0 to that of the model (Levinson), and their error variances relative
-    to the variance of the process."""
+def _predictors(search: np.ndarray) -> Predictors:
+    """Those of order 0 to that of the model (Levinson)."""
     polynomials, variances = [np.ones(1)], [1.0]
     for reflection in LARGEST_REFLECTION * np.tanh(search):
         longer = np.append(polynomials[-1], 0.0)
         polynomials.append(longer + reflection * longer[::-1])
         variances.append(variances[-1] * (1 - reflection**2))
     return polynomials, np.array(variances)
+
+
+def _power(filtered: np.ndarray, points: int) -> np.ndarray:
+    """Spectrum (points / 2 + 1,) of an autocorrelation of one side.
+
+    Not below zero, which the cut tail may leave where nothing passes the filter.
+    """
+    return np.maximum(2.0 * np.fft.rfft(filtered, points).real - filtered[0], 0.0)
+
+
+def _behind(filtered: np.ndarray) -> Callable[[np.ndarray], Predictors]:
+    """Those of order 0 to MEMORY of such a model behind a filter."""
+
+    def predictors(search: np.ndarray) -> Predictors:
+        model = Autoregression(_predictors(search)[0][-1], 1.0, filtered)
+        covariance = model.autocovariance(MEMORY + 1)
+        polynomials, variances = [np.ones(1)], [1.0]
+        for order in range(1, MEMORY + 1):
+            longer = np.append(polynomials[-1], 0.0)
+            reflection = -float(longer @ covariance[order::-1]) / variances[-1]
+            polynomials.append(longer + reflection * longer[::-1])
+            variances.append(variances[-1] * (1 - reflection**2))
+        return polynomials, np.array(variances)
+
+    return predictors
 
 
 def _used_before(used: np.ndarray, highest: int) -> np.ndarray:

@@ -3,7 +3,7 @@
 from enum import StrEnum
 
 import numpy as np
-from scipy.linalg import matmul_toeplitz
+from scipy.linalg import helmert, matmul_toeplitz
 
 from crane_identification.estimation.autoregression import Autoregression, restricted_likelihood
 from crane_identification.estimation.lack_of_fit import LackOfFit
@@ -43,11 +43,12 @@ def correlated(
     """Covariance B (Σ ΦᵀW Γ WΦ) B (p, p), Γ the autocovariance of the noise of each joint.
 
     Γ is that of an autoregressive model. Where the residual is noise, as the test of lack of fit
-    sees it, the model is fitted to the scatter between periods, and its variance is that of scatter
-    and residual together. Else it is fitted to the rows of the joint alone, and scaled up where the
-    weighted `residual` (n, j) is larger: then the joints contradict each other. On records of a
-    hundred rows its intervals cover what they claim, where those of a kernel estimate (Newey and
-    West) are up to twice too narrow.
+    sees it, the model is that of the scatter between periods before the parallel filter: what the
+    filter does to noise is known, and found anew from fifty rows it would make standard deviations
+    a matter of chance. Its variance is that of scatter and residual together. Else the model is
+    fitted to the rows of the joint alone, and scaled up where the weighted `residual` (n, j) is
+    larger: then the joints contradict each other. On records of a hundred rows its intervals cover
+    what they claim, where those of a kernel estimate (Newey and West) are up to twice too narrow.
     """
     runs = [np.flatnonzero(rows.run == run) for run in np.unique(rows.run)]
     meat = np.zeros_like(bread)
@@ -83,17 +84,17 @@ def _shown_by_scatter(
     for run, deviation in enumerate(rows.scatter):
         own = rows.run == run
         padding = (0, longest - deviation.shape[1])
-        # Each period, scaled so that its variance is that of the mean.
-        scaled = deviation[:, :, j] * weight[own] / np.sqrt(len(deviation) - 1)
-        deviations.append(np.pad(scaled, ((0, 0), padding)))
-        used.append(np.tile(np.pad(rows.used[own, j], padding), (len(deviation), 1)))
+        # The deviations of M periods hold M - 1 independent ones, each of the variance of a period.
+        contrasts = helmert(len(deviation)) @ deviation[:, :, j] / np.sqrt(len(deviation))
+        deviations.append(np.pad(contrasts * weight[own], ((0, 0), padding)))
+        used.append(np.tile(np.pad(rows.used[own, j], padding), (len(contrasts), 1)))
     force, known = np.concatenate(deviations), np.concatenate(used)
-    noise = restricted_likelihood(np.zeros((*force.shape, 0)), force, known)
+    noise = restricted_likelihood(np.zeros((*force.shape, 0)), force, known, rows.filtered)
     if noise is None:
         return None
     freedom, of_noise = left.freedom[j], left.noise_freedom[j]
     pooled = (of_noise + freedom * left.ratio[j]) / (of_noise + freedom)
-    return Autoregression(noise.polynomial, noise.variance * float(pooled))
+    return noise._replace(variance=noise.variance * float(pooled))
 
 
 def _by_run(values: np.ndarray, runs: list[np.ndarray]) -> np.ndarray:

@@ -1,7 +1,7 @@
 """The overdetermined system (29): stacked rows of regressor columns and generalized force."""
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from typing import Self
 
 import numpy as np
@@ -16,7 +16,8 @@ class Rows:
     `matrix` (n, j, p), `force` (n, j) [N m or N], `used` (n, j): False where a row tells nothing
     (it is left out, and keeps its place in time); `run` (n,) numbers the recordings; `time` (n,)
     [s]. Where the force is a mean over periods, `scatter` holds, per recording, the deviations
-    (periods, its rows, j) of each period from it.
+    (periods, its rows, j) of each period from it. `filtered` (lags,): autocorrelation that the
+    parallel filter gives to white noise.
     """
 
     joints: tuple[str, ...]
@@ -28,6 +29,7 @@ class Rows:
     force: np.ndarray
     used: np.ndarray
     scatter: tuple[np.ndarray, ...] = ()
+    filtered: np.ndarray = field(default_factory=lambda: np.ones(1))
 
     def __post_init__(self) -> None:
         n, joints = self.force.shape
@@ -65,6 +67,7 @@ class Rows:
             np.concatenate([part.force for part in parts]),
             np.concatenate([part.used for part in parts]),
             tuple(one for part in parts for one in part.scatter),
+            first.filtered,
         )
 
     @property

@@ -16,6 +16,7 @@ RIPPLE = 0.05  # dB
 PASS_BAND = 0.8  # of half the sampling rate after decimation; these three as MATLAB's decimate
 PADDING = 3 * ORDER
 KEPT_SHARE = 0.2  # of the bandwidth of the motion
+MEMORY = 64  # rows after which the filter has forgotten everything
 
 
 def decimation_rows(samples: int, factor: int) -> np.ndarray:
@@ -45,6 +46,18 @@ def decimate(values: np.ndarray, factor: int, periodic: bool = False) -> np.ndar
         return signal.sosfiltfilt(sections, values, axis=0, padlen=PADDING)[rows]
     around = np.concatenate([values, values, values])
     return signal.sosfiltfilt(sections, around, axis=0, padlen=PADDING)[rows + n]
+
+
+@cache
+def filtered_noise(factor: int) -> np.ndarray:
+    """Autocorrelation (lags,) that `decimate` gives to white noise."""
+    if factor == 1:
+        return np.ones(1)
+    impulse = np.zeros(2 * MEMORY * factor)
+    impulse[MEMORY * factor] = 1.0
+    response = signal.sosfiltfilt(_low_pass(factor), impulse, padlen=0)
+    covariance = signal.correlate(response, response)[len(response) - 1 :: factor][:MEMORY]
+    return covariance / covariance[0]
 
 
 @cache

@@ -8,6 +8,7 @@ from scipy.signal import lfilter
 from statsmodels.tsa.arima.model import ARIMA
 
 from crane_identification.estimation.autoregression import (
+    UNFILTERED,
     Autoregression,
     restricted_likelihood,
 )
@@ -21,12 +22,15 @@ def process(n: int, seed: int, polynomial: np.ndarray = POLYNOMIAL) -> np.ndarra
 
 
 def fitted(
-    values: np.ndarray, columns: np.ndarray | None = None, used: np.ndarray | None = None
+    values: np.ndarray,
+    columns: np.ndarray | None = None,
+    used: np.ndarray | None = None,
+    filtered: np.ndarray = UNFILTERED,
 ) -> Autoregression:
     """The noise of runs (r, n), with columns (r, n, p) if any."""
     columns = np.zeros((*values.shape, 0)) if columns is None else columns
     used = np.ones(values.shape, dtype=bool) if used is None else used
-    noise = restricted_likelihood(columns, values, used)
+    noise = restricted_likelihood(columns, values, used, filtered)
     assert noise is not None
     return noise
 
@@ -94,6 +98,28 @@ def test_gaps_do_not_bias_it() -> None:
     np.testing.assert_allclose(noise.polynomial[:3], POLYNOMIAL, atol=0.05)
     spoilt = np.where(used, values, np.nan)
     np.testing.assert_array_equal(fitted(spoilt, used=used).polynomial, noise.polynomial)
+
+
+FILTER = np.array([0.4, 1.0, 0.4])
+FILTERED = np.convolve(FILTER, FILTER)[2:] / np.convolve(FILTER, FILTER)[2]
+
+
+def test_behind_a_filter_it_is_the_noise_before_it() -> None:
+    values = lfilter(FILTER, [1.0], process(20_000, seed=7))
+    noise = fitted(values[None], filtered=FILTERED)
+    np.testing.assert_allclose(noise.polynomial, POLYNOMIAL, atol=0.03)
+    sample = [np.mean(values[lag:] * values[: len(values) - lag]) for lag in range(8)]
+    np.testing.assert_allclose(noise.autocovariance(8), sample, atol=0.05 * sample[0])
+
+
+def test_behind_a_filter_the_likelihood_is_exact() -> None:
+    """White noise before it, records no longer than the memory, against dense matrices."""
+    covariance = toeplitz(np.pad(FILTERED, (0, 5)))
+    values = np.linalg.cholesky(covariance) @ np.random.default_rng(8).normal(size=(8, 30))
+    noise = fitted(values.T, filtered=FILTERED)
+    assert len(noise.polynomial) == 1
+    expected = np.einsum("nr,nm,mr->", values, np.linalg.inv(covariance), values) / values.size
+    assert noise.variance == pytest.approx(expected)
 
 
 def test_runs_are_not_connected() -> None:

@@ -5,7 +5,7 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from scipy.linalg import block_diag
+from scipy.linalg import block_diag, toeplitz
 from scipy.signal import lfilter
 from statsmodels.regression.linear_model import GLS
 from statsmodels.robust.norms import TukeyBiweight
@@ -19,6 +19,7 @@ from crane_identification.estimation.least_squares import least_squares
 from crane_identification.estimation.robust import robust
 from crane_identification.estimation.rows import Rows
 from crane_identification.estimation.weighted import weighted
+from crane_identification.signals.decimate import decimate, filtered_noise
 from crane_model.errors import DataError
 
 NOISE = np.array([[1.0, 6.0], [6.0, 49.0]])  # of one period, between two joints
@@ -155,6 +156,32 @@ def test_instruments_that_are_the_regressor_give_least_squares() -> None:
         same, plain = instrumental(system, along, covariance), least_squares(system, covariance)
         np.testing.assert_allclose(same.values, plain.values, rtol=1e-9)
         np.testing.assert_allclose(same.covariance, plain.covariance, rtol=1e-6)
+
+
+def test_standard_deviations_of_short_averages_are_known_well() -> None:
+    """Three periods of 50 rows behind the parallel filter, against the true covariance.
+
+    A free autoregression of such rows finds standard deviations that scatter by a third.
+    """
+    samples, factor, periods = 50, 20, 3
+    rng, matrix = np.random.default_rng(12), columns(samples)
+    covariance = toeplitz(np.pad(filtered_noise(factor), (0, samples))[:samples])
+    inverse = np.linalg.pinv(matrix)
+    size = decimate(rng.normal(size=(factor * samples, 1000)), factor, periodic=True).std()
+    found = []
+    for _ in range(40):
+        noise = decimate(rng.normal(size=(factor * samples, periods)), factor, periodic=True)
+        noise = noise.T[:, :, None] / size
+        mean = noise.mean(axis=0)
+        system = replace(
+            rows(matrix, matrix @ THETA + mean[:, 0]),
+            scatter=(noise - mean,),
+            filtered=filtered_noise(factor),
+        )
+        found.append(least_squares(system).std_devs)
+    true = np.sqrt(np.diag(inverse @ covariance @ inverse.T) / periods)
+    np.testing.assert_allclose(np.mean(found, axis=0), true, rtol=0.1)
+    assert (np.std(found, axis=0) < 0.2 * true).all()
 
 
 def test_lack_of_fit_is_seen_in_the_joint_that_has_it() -> None:

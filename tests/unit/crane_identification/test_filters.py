@@ -9,6 +9,7 @@ from crane_identification.signals.decimate import (
     decimate,
     decimation_factor,
     decimation_rows,
+    filtered_noise,
 )
 from crane_model.errors import DataError
 
@@ -82,6 +83,17 @@ def test_decimation_removes_what_lies_above_the_band() -> None:
     low, high = np.sin(2 * np.pi * 1.0 * TIME), np.sin(2 * np.pi * 25.0 * TIME)
     out = decimate(low + high, 10)
     np.testing.assert_allclose(out[20:-20], low[decimation_rows(4001, 10)][20:-20], atol=0.02)
+
+
+@pytest.mark.parametrize("factor", [1, 2, 30])
+def test_filtered_noise_has_the_correlation_that_it_says(factor: int) -> None:
+    noise = np.random.default_rng(6).normal(size=(500 * factor, 200))
+    rows = decimate(noise, factor, periodic=True)
+    around = np.concatenate([rows, rows])
+    found = [(around[lag : lag + 500] * rows).mean() / (rows**2).mean() for lag in range(10)]
+    said = np.zeros(10)
+    said[: len(filtered_noise(factor))] = filtered_noise(factor)[:10]
+    np.testing.assert_allclose(found, said, atol=0.015)
 
 
 def test_too_few_samples() -> None:
