@@ -205,10 +205,10 @@ def test_the_sign_is_drawn_where_either_is_possible(stand_in: StandIn) -> None:
     assert signs("stribeck") == {1.0}
 
 
-def test_readme_lists_every_effect_with_its_forms() -> None:
-    """In the table of the section about hiding effects."""
-    text = (Path(__file__).resolve().parents[3] / "README.md").read_text(encoding="utf-8")
-    section = text.split("### Hiding effects in the stand-in machine")[1].split("\n### ")[0]
+def test_the_page_of_effects_lists_every_effect_with_its_forms() -> None:
+    """In the table of what can be hidden."""
+    page = Path(__file__).resolve().parents[3] / "docs" / "effects.md"
+    section = page.read_text(encoding="utf-8").split("## What the stand-in machine can hide\n")[1]
     listed = {
         name: names.split(", ") for name, names in re.findall(r"`(\w+)` \(([\w, ]+)\)", section)
     }

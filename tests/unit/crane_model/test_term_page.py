@@ -11,13 +11,13 @@ from crane_model.flow import FLOW_REGISTRY
 from crane_model.model_file import load_model
 from crane_model.terms import REGISTRY, candidates, joints_of, typical
 
-README = Path(__file__).resolve().parents[3] / "README.md"
+PAGE = Path(__file__).resolve().parents[3] / "docs" / "effects.md"
 
 
 @pytest.fixture(scope="module")
 def page() -> str:
-    text = README.read_text(encoding="utf-8")
-    return text.split("#### The catalogue of effects\n")[1].split("\n### ")[0]
+    text = PAGE.read_text(encoding="utf-8")
+    return text.split("## The catalogue of effects\n")[1].split("\n## ")[0]
 
 
 def test_the_tables_list_every_effect_as_its_class_states_it(page: str) -> None:
@@ -39,7 +39,7 @@ def test_the_example_of_an_effect_of_ones_own(page: str, tmp_path: Path) -> None
     (code,) = re.findall(r"```python\n(.*?)```", page, re.DOTALL)
     known = set(REGISTRY)
     try:
-        exec(compile(code, str(README), "exec"), {"__name__": "effect_of_ones_own"})
+        exec(compile(code, str(PAGE), "exec"), {"__name__": "effect_of_ones_own"})
         (name,) = set(REGISTRY) - known
         cls = REGISTRY[name]
         assert cls in candidates(SETTING)
