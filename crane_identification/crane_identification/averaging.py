@@ -6,6 +6,8 @@ import numpy as np
 from scipy.ndimage import uniform_filter1d
 from scipy.stats import t as student
 
+from crane_identification.signals.decimate import UNFILTERED
+
 TRANSIENT = 2.0
 """A first period that differs from the later ones by this many times their scatter is transient."""
 LOCAL = 0.04
@@ -131,14 +133,17 @@ def _p_value(share: np.ndarray, expected: float) -> float:
     return float(student.sf(above / error, independent - 1.0))
 
 
-def independent_samples(deviation: np.ndarray, used: np.ndarray) -> np.ndarray:
+def independent_samples(
+    deviation: np.ndarray, used: np.ndarray, filtered: np.ndarray = UNFILTERED
+) -> np.ndarray:
     """How many of n samples (j,) are independent: tr(C)²/tr(C²) of their covariance C.
 
     From deviations (M, n, j) from the mean of M periods, over the `used` (n, j) samples: C has
     their variance, which changes over the period, and one autocorrelation, up to the lag at which
-    it is lost in its own uncertainty. Where joints turn back the periods differ most, so that a
-    few samples may hold most of the power, and the others tell nothing beside them. The chance by
-    which the variance, seen in few samples, is uneven too is taken out of C².
+    it is lost in its own uncertainty; but at least that which a filter gives to white noise,
+    `filtered` (lags,). Where joints turn back the periods differ most, so that a few samples may
+    hold most of the power, and the others tell nothing beside them. The chance by which the
+    variance, seen in few samples, is uneven too is taken out of C².
     """
     count, samples, joints = deviation.shape
     length = 2 * samples
@@ -168,6 +173,8 @@ def independent_samples(deviation: np.ndarray, used: np.ndarray) -> np.ndarray:
         last = int(lost[0]) if len(lost) else samples
         alike = correlation**2
         alike[last:] = 0.0
+        known = min(len(filtered), samples)
+        alike[:known] = np.maximum(alike[:known], filtered[:known] ** 2)
         alike[1:] *= 2.0  # lags to both sides
         # A variance from f degrees of freedom has the relative variance 2/f.
         chance = 2.0 * (overlap @ alike) / window / (count - 1) * overlap

@@ -12,6 +12,8 @@ import numpy as np
 from scipy.linalg import LinAlgError, cholesky
 from scipy.optimize import minimize
 
+from crane_identification.signals.decimate import UNFILTERED
+
 HIGHEST_ORDER = 4
 ROWS_PER_ORDER = 10  # that no column explains; fewer do not carry another coefficient
 LARGEST_REFLECTION = 0.98  # keeps the memory of the model finite
@@ -19,7 +21,6 @@ GRADIENT = 0.05  # of the log-likelihood at which the search ends; a difference 
 ROUNDING = 1e-24  # share of the force's sum of squares below which the rest is rounding
 MEMORY = 2 * HIGHEST_ORDER
 """Samples from which filtered noise is predicted, which has no order of its own."""
-UNFILTERED = np.ones(1)
 
 Predictors = tuple[list[np.ndarray], np.ndarray]
 """Polynomials that predict a sample from 0, 1, ... before it, and the variances of their errors

@@ -8,6 +8,7 @@ of freedom as it has independent samples (Satterthwaite 1946).
 from dataclasses import dataclass
 
 import numpy as np
+from scipy.linalg import matmul_toeplitz
 from scipy.stats import f as fisher
 
 from crane_identification.averaging import independent_samples
@@ -41,7 +42,7 @@ def lack_of_fit(rows: Rows, values: np.ndarray) -> LackOfFit:
     for run, deviation in enumerate(rows.scatter):
         used, others = rows.used[rows.run == run], len(deviation) - 1
         mean_noise = np.where(used, deviation**2, 0.0).sum(axis=(0, 1)) / others / len(deviation)
-        independent = independent_samples(deviation, used)
+        independent = independent_samples(deviation, used, rows.filtered)
         noise += mean_noise
         variance += mean_noise**2 / independent
         of_noise += mean_noise**2 / independent / others
@@ -55,11 +56,22 @@ def lack_of_fit(rows: Rows, values: np.ndarray) -> LackOfFit:
 
 
 def _absorbed(rows: Rows, residual: np.ndarray) -> np.ndarray:
-    """Share (j,) of the noise of each joint that the parameters take up: mean leverage."""
+    """Share (j,) of the noise of each joint that the parameters take up.
+
+    Of white noise the mean leverage; of filtered noise more, whose power lies where the columns
+    have theirs. With H = ΦBΦᵀ and R the correlation of the rows, tr(2HR - HRH) over tr(R).
+    """
     size = rows.rms(residual)
     weights = np.divide(1.0, size, out=np.ones_like(size), where=size > 0.0)
-    matrix = rows.matrix * weights[:, np.newaxis]
+    matrix = np.where(rows.used[..., np.newaxis], rows.matrix * weights[:, np.newaxis], 0.0)
     bread = solve(matrix[rows.used], np.zeros(rows.samples)).bread
-    leverage = np.einsum("njk,kl,njl->nj", matrix, bread, matrix)
-    share = np.where(rows.used, leverage, 0.0).sum(axis=0)
+    smeared = np.empty_like(matrix)
+    for run in (rows.run == number for number in np.unique(rows.run)):
+        lags = np.zeros(run.sum())
+        lags[: len(rows.filtered)] = rows.filtered[: len(lags)]
+        flat = matrix[run].reshape(len(lags), -1)
+        smeared[run] = matmul_toeplitz(lags, flat).reshape(matrix[run].shape)
+    meat = bread @ np.einsum("njk,njl->kl", matrix, smeared) @ bread
+    share = 2.0 * np.einsum("njk,kl,njl->j", matrix, bread, smeared)
+    share -= np.einsum("njk,kl,njl->j", matrix, meat, matrix)
     return share / np.maximum(rows.used.sum(axis=0), 1)

@@ -6,6 +6,7 @@ from typing import Self
 
 import numpy as np
 
+from crane_identification.signals.decimate import UNFILTERED
 from crane_model.errors import DataError
 
 
@@ -29,7 +30,7 @@ class Rows:
     force: np.ndarray
     used: np.ndarray
     scatter: tuple[np.ndarray, ...] = ()
-    filtered: np.ndarray = field(default_factory=lambda: np.ones(1))
+    filtered: np.ndarray = field(default_factory=lambda: UNFILTERED)
 
     def __post_init__(self) -> None:
         n, joints = self.force.shape

@@ -17,6 +17,8 @@ PASS_BAND = 0.8  # of half the sampling rate after decimation; these three as MA
 PADDING = 3 * ORDER
 KEPT_SHARE = 0.2  # of the bandwidth of the motion
 MEMORY = 64  # rows after which the filter has forgotten everything
+UNFILTERED = np.ones(1)
+"""Autocorrelation (lags,) of white noise that has passed no filter."""
 
 
 def decimation_rows(samples: int, factor: int) -> np.ndarray:
@@ -52,7 +54,7 @@ def decimate(values: np.ndarray, factor: int, periodic: bool = False) -> np.ndar
 def filtered_noise(factor: int) -> np.ndarray:
     """Autocorrelation (lags,) that `decimate` gives to white noise."""
     if factor == 1:
-        return np.ones(1)
+        return UNFILTERED
     impulse = np.zeros(2 * MEMORY * factor)
     impulse[MEMORY * factor] = 1.0
     response = signal.sosfiltfilt(_low_pass(factor), impulse, padlen=0)
