@@ -57,7 +57,7 @@ def test_gain_of_a_transducer_or_friction_of_a_direction(unloaded: dict[str, Any
     (finding,) = unloaded["findings"]
     members = {finding["effect"], *(one["effect"] for one in finding["class_members"])}
     assert members == {"chamber_gain", "coulomb_asymmetry", "viscous_asymmetry", "offset"}
-    assert finding["score"] > 5.0 * finding["threshold"]
+    assert finding["score"] > 2.0 * finding["threshold"]
     assert "transducers" in finding["settled_by"]
 
 
@@ -74,18 +74,15 @@ def test_what_was_not_recorded_is_said(unloaded: dict[str, Any]) -> None:
     assert "temperature" in reasons["temperature_viscosity"]
 
 
-def test_with_a_load_there_is_the_same_class(real_data: Path, tmp_path: Path) -> None:
+def test_with_a_load_at_one_speed_the_data_do_not_suffice(real_data: Path, tmp_path: Path) -> None:
     """With a valve on its shaft: what one speed does not determine is left out, and said.
 
     The force is friction and load alone, which friction in proportion to it explains by itself.
     """
     content = diagnosed(tmp_path, real_data / "hydraulic_rotary_actuators" / "Act_1")
-    assert content["verdict"] == "class"
-    classes = [
-        {finding["effect"], *(one["effect"] for one in finding["class_members"])}
-        for finding in content["findings"]
-    ]
-    assert {"chamber_gain", "coulomb_asymmetry", "viscous_asymmetry", "offset"} in classes
+    assert content["verdict"] == "insufficient_data"
+    assert "f_v.actuator" in content["reason"]
+    assert content["findings"] == []
     assert content["undetermined"] == ["f_v.actuator"]
     reasons = {one["effect"]: one["reason"] for one in content["not_testable"]}
     assert "force itself" in reasons["load_friction"]
