@@ -60,7 +60,7 @@ def notes() -> list[str]:
     """What counts as right beyond the tables' words."""
     several = "; ".join(" = ".join(laws_) for laws_ in laws().values())
     return [
-        f"Laws of one effect in the catalogue, either of which is right, or both: {several}.",
+        f"Laws of one effect, any of which is right: {several}.",
         "A class is right if each of its members explains the hidden force as well as its own law;",
         "where the data are too few, it is right if it holds the hidden effect.",
     ]
