@@ -73,10 +73,10 @@ def test_time_is_linear_and_memory_constant(record: Record, measured) -> None:
         return size
 
     with threadpool_limits(1):
-        each = [seconds(records) / records for records in (1, 8)]
-    memory = [peak(records) for records in (1, 8)]
+        each = [seconds(records) / records for records in (4, 32)]
+    memory = [peak(records) for records in (4, 32)]
     measured(
-        "8 recordings beside 1: time a recording, memory",
+        "32 recordings beside 4: time a recording, memory",
         "the same",
         f"{each[1] / each[0]:.2f}, {memory[1] / memory[0]:.2f} times",
     )
