@@ -9,11 +9,13 @@ import numpy as np
 from crane_model.machine import JOINTS, PLANAR_JOINTS
 from crane_model.record import Record
 from crane_sim.hidden.clean import Clean
+from crane_sim.parameters import load_stand_in
 
 EVERY = 4  # of the samples of a bag, that are kept
 PLANAR = [JOINTS.index(joint) for joint in PLANAR_JOINTS]
 SLEW = JOINTS.index("slew")
 SPEED = 1e-4  # rad/s, m/s, below which a joint counts as at rest
+COUNTS = 2  # of its encoder, that a joint must have moved since it turned: one there, one here
 
 
 def save_clean(path: Path, clean: Clean) -> None:
@@ -41,7 +43,8 @@ def save_clean(path: Path, clean: Clean) -> None:
 class Seen:
     """Recordings of a case without noise: n samples of j joints.
 
-    `hidden` (k, n, j): the part of each effect in the force; `used` (n, j): where a joint moves.
+    `hidden` (k, n, j): the part of each effect in the force; `used` (n, j): where a joint moves
+    and encoders tell which way.
     """
 
     record: Record
@@ -85,5 +88,17 @@ def load_seen(paths: Sequence[Path], effects: Sequence[Sequence[int]], count: in
         slew_velocity=slew[1],
         slew_acceleration=slew[2],
     )
-    used = np.abs(record.velocity) > SPEED
+    steps = load_stand_in().sensors.encoder_resolution
+    seen = _way(record) > COUNTS * np.array([steps[joint] for joint in PLANAR_JOINTS])
+    used = seen & (np.abs(record.velocity) > SPEED)
     return Seen(record, np.concatenate(hidden, axis=1), used)
+
+
+def _way(record: Record) -> np.ndarray:
+    """(n, j) how far each joint has moved since it last turned, or since the recording began."""
+    ways = np.sign(record.velocity)
+    turned = np.ones(ways.shape, dtype=bool)
+    turned[1:] = (ways[1:] != ways[:-1]) | (np.diff(record.run) != 0)[:, np.newaxis]
+    number = np.arange(len(ways))[:, np.newaxis]
+    last = np.maximum.accumulate(np.where(turned, number, 0), axis=0)
+    return np.abs(record.position - np.take_along_axis(record.position, last, axis=0))

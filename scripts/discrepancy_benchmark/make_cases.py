@@ -90,6 +90,7 @@ def _make(job: Job, attempt: int) -> None:
     case = case.model_copy(update={"effects": effects})
     with new(folders.bags / case.name) as bags, new(folders.sealed / case.name) as sealed:
         write_json(sealed / "case.json", case.model_dump(mode="json"))
+        write_json(sealed / "stand_in.json", stand_in.model_dump(mode="json"))
         for place in (bags, sealed):
             save_model(place / "model.yaml", _model(case))
         seed = of_sensors

@@ -9,7 +9,7 @@ from rates import median, rate
 
 from crane_identification.discrepancy.thresholds import load_thresholds
 
-VISIBLE = 0.05  # share of an effect beside the model below which data of this kind do not show it
+VISIBLE = 0.05  # share of an effect that recordings can show, below which they do not
 
 Row = dict[str, Any]
 
@@ -62,10 +62,7 @@ def of_kind(rows: Sequence[Row], kind: Kind) -> list[Row]:
 
 
 def identifiable(row: Row) -> bool:
-    """Whether the clean recordings show every effect of the case beside the model.
-
-    Of effects on flows, which have no visibility in the force, that is taken for granted.
-    """
+    """Whether the clean recordings show every effect of the case, by its visibility."""
     shown = [one["visibility"] for one in row["hidden"]]
     return all(part is None or part >= VISIBLE for part in shown)
 

@@ -9,11 +9,14 @@ import numpy as np
 from cases import Case
 from clean import Seen, load_seen
 from folders import read_json
+from unusual import beyond_usual
 
 from crane_identification.discrepancy.candidates import WHOLE, Family
+from crane_identification.discrepancy.hydraulics import load_usual
 from crane_model.errors import CraneError
 from crane_model.model_file import Model
 from crane_model.terms import REGISTRY
+from crane_sim.parameters import StandIn
 
 AS_WELL = 0.01  # of the energy of what is hidden: another law that explains it so nearly is a twin
 
@@ -38,9 +41,10 @@ Place = tuple[str, str]
 
 @dataclass(frozen=True)
 class Truth:
-    """A case, its labels (one a recording), and its recordings without noise."""
+    """A case, its machine, its labels (one a recording), and its recordings without noise."""
 
     case: Case
+    stand_in: StandIn
     labels: tuple[dict[str, Any], ...]
     train: Seen
     validate: Seen
@@ -63,30 +67,37 @@ class Truth:
         ]
 
     def visibility(self, model: Model) -> list[float | None]:
-        """(k,) share of each effect's norm beside the `model`: below 0.05 no data of this kind
-        show it. None of an effect that acts on flows, not on forces.
+        """(k,) share of each effect that recordings of this kind can show.
+
+        In the force: the norm beside the `model`, where encoders tell which way a joint moves, over
+        the whole norm. In the flow: what is beyond the usual; None where nothing says what that is.
         """
         base = _Base(model, self.train)
+        usual = load_usual()
         shares: list[float | None] = []
-        for part in self.train.hidden:
-            whole = base.rows(part)
-            norm = float(np.linalg.norm(whole))
-            shares.append(float(np.linalg.norm(base.beside(whole))) / norm if norm > 0.0 else None)
+        for place, part in zip(self.places, self.train.hidden, strict=True):
+            norm = base.whole(part)
+            if norm > 0.0:
+                shares.append(float(np.linalg.norm(base.beside(base.rows(part)))) / norm)
+            else:
+                effect = self._labels[place]
+                shares.append(beyond_usual(effect, self.stand_in, self.train.record, usual))
         return shares
+
+    @property
+    def _labels(self) -> dict[Place, dict[str, Any]]:
+        """What the labels say of each effect."""
+        every = (one for label in self.labels for one in label["effects"])
+        return {(one["name"], one["joint"] or WHOLE): one for one in every}
 
     def parameter_errors(self, content: dict[str, Any]) -> list[float]:
         """Relative errors of the parameters that mean the same in the hidden law as in the answer.
 
         By magnitude: either side has its own convention of signs.
         """
-        true = {
-            (one["name"], one["joint"] or WHOLE): one
-            for label in self.labels
-            for one in label["effects"]
-        }
-        errors = []
+        errors, labels = [], self._labels
         for finding in content["findings"]:
-            hidden = true.get((finding["effect"], finding["joint"]))
+            hidden = labels.get((finding["effect"], finding["joint"]))
             own, theirs = COMPARABLE.get(finding["effect"], ("", ()))
             for given in hidden["parameters"] if hidden else ():
                 if given["name"] in theirs:
@@ -144,6 +155,10 @@ class _Base:
         unit = self._unit.reshape(1, -1, *[1] * (values.ndim - 2))
         return (values / unit)[self.seen.used]
 
+    def whole(self, values: np.ndarray) -> float:
+        """Norm of values (n, j) over all samples, at rest and close to reversals too."""
+        return float(np.linalg.norm(values / self._unit))
+
     def beside(self, rows: np.ndarray) -> np.ndarray:
         """What is left of rows (N, ...) beside the columns."""
         return rows - self._basis @ (self._basis.T @ rows)
@@ -177,7 +192,8 @@ def load_truth(folder: Path) -> Truth:
     """Open what is sealed."""
     case = Case.model_validate(read_json(folder / "case.json"))
     train, validate = (_part(folder, case, part) for part in ("train", "validate"))
-    return Truth(case, (*train[0], *validate[0]), train[1], validate[1])
+    stand_in = StandIn.model_validate(read_json(folder / "stand_in.json"))
+    return Truth(case, stand_in, (*train[0], *validate[0]), train[1], validate[1])
 
 
 def _part(folder: Path, case: Case, part: str) -> tuple[list[dict[str, Any]], Seen]:

@@ -1,0 +1,118 @@
+"""What recordings of a kind can show at all: of friction with memory, and of valves and oil."""
+
+import numpy as np
+import pytest
+from cases import Case, Hidden, Kind
+from clean import load_seen, save_clean
+from truth import Truth
+from unusual import beyond_usual
+
+from crane_identification.discrepancy.hydraulics import load_usual
+from crane_model.configuration import packaged
+from crane_model.machine import JOINTS, PLANAR_JOINTS
+from crane_model.model_file import load_model
+from crane_model.record import Record
+from crane_sim.hidden.clean import Clean
+from crane_sim.parameters import load_stand_in
+
+JOINT = "outer_boom"
+FORCE = 4000.0  # N m
+MODEL = load_model(packaged("crane_model", "crane_model.yaml"))
+STAND_IN = load_stand_in()
+COUNT = STAND_IN.sensors.encoder_resolution[JOINT]
+
+
+def presliding(travel: float, tmp_path) -> Truth:
+    """A machine without noise whose friction needs `travel` [rad] after each reversal to settle."""
+    time = np.arange(0.0, 60.0, 0.005)
+    angle = np.outer(time, 2.0 * np.pi * np.array([0.05, 0.11, 0.13, 0.17]))
+    size, rate = np.array([0.3, 0.2, 0.3, 0.2]), np.diff(angle, axis=0)[0] / 0.005
+    position = size * np.sin(angle) + np.array([0.0, 0.4, -0.8, 0.5])
+    velocity = size * rate * np.cos(angle)
+    j, planar = JOINTS.index(JOINT), PLANAR_JOINTS.index(JOINT)
+    turned = np.concatenate([[True], np.diff(np.sign(velocity[:, j])) != 0])
+    last = np.maximum.accumulate(np.where(turned, np.arange(len(time)), 0))
+    way = np.abs(position[:, j] - position[last, j])
+    lost = np.zeros((1, len(time), 4))
+    lost[0, :, j] = -2.0 * FORCE * np.sign(velocity[:, j]) * np.exp(-way / travel)
+    pressure = np.full_like(position, 8e6)
+    record = Record(
+        joints=PLANAR_JOINTS,
+        time=time,
+        position=position[:, 1:],
+        velocity=velocity[:, 1:],
+        acceleration=(-size * rate**2 * np.sin(angle))[:, 1:],
+        run=np.zeros(len(time), dtype=int),
+        slew_position=position[:, 0],
+        slew_velocity=velocity[:, 0],
+        slew_acceleration=(-size * rate**2 * np.sin(angle))[:, 0],
+    )
+    drive = np.zeros_like(position)
+    drive[:, 1:] = MODEL.regressor(record) @ np.linspace(50.0, 100.0, len(MODEL.parameters))
+    drive += lost[0]
+    clean = Clean(
+        time=time,
+        position=position,
+        velocity=velocity,
+        acceleration=-size * rate**2 * np.sin(angle),
+        pressure_a=pressure,
+        pressure_b=pressure,
+        drive=drive,
+        seen_position=position,
+        seen_drive=drive,
+        force=lost,
+        flow=np.zeros_like(lost),
+        strength_by_joint=np.zeros((1, 4)),
+    )
+    save_clean(tmp_path / "train-0.npz", clean)
+    seen = load_seen([tmp_path / "train-0.npz"], [[0]], 1)
+    assert seen.used[:, planar].mean() > 0.9
+    effect = Hidden(effect="presliding", joint=JOINT, form="bouc_wen", strength=0.02)
+    case = Case(name="presliding", kind=Kind.SINGLE, seed=(0, 0), effects=(effect,))
+    return Truth(case, STAND_IN, (), seen, seen)
+
+
+def test_memory_within_two_counts_of_an_encoder_is_not_identifiable(tmp_path):
+    (within,) = presliding(0.5 * COUNT, tmp_path).visibility(MODEL)
+    assert within is not None and within < 0.05
+
+
+def test_memory_over_many_counts_is_identifiable(tmp_path):
+    (beyond,) = presliding(100.0 * COUNT, tmp_path).visibility(MODEL)
+    assert beyond is not None and beyond > 0.5
+
+
+@pytest.mark.parametrize(
+    ("effect", "form", "values", "beyond"),
+    [
+        ("valve_hysteresis", "trailing_edges", {"width": 0.0005}, 0.0),
+        ("valve_hysteresis", "trailing_edges", {"width": 0.004}, 0.75),
+        ("valve_asymmetry", "two_gains", {"share": -0.006}, 0.5),
+        ("oil_compressibility", "hose_wall", {"softness": 0.05, "stiffening": 1e7}, 0.0),
+        # 1.3e9 / (1 + 2 / (1 + 1)) = 0.65e9 Pa beside the 1.05e9 Pa of the data sheet
+        ("oil_compressibility", "hose_wall", {"softness": 2.0, "stiffening": 8e6}, 1 - 0.65 / 1.05),
+        # 1e-12 m3/(s Pa) and the machine's own beside 3e-14
+        ("internal_leakage", "orifice", {"conductance": 1e-12 * np.sqrt(5e5)}, 0.97),
+        ("air_in_oil", "isothermal", {"share": 0.1}, None),
+    ],
+)
+def test_valves_and_oil_count_beyond_what_is_usual(effect, form, values, beyond):
+    n, j = 10, len(PLANAR_JOINTS)
+    zeros, pressure = np.zeros((n, j)), np.full((n, j), 8e6)
+    record = Record(
+        joints=PLANAR_JOINTS,
+        time=np.arange(n) * 0.02,
+        position=zeros,
+        velocity=zeros,
+        acceleration=zeros,
+        pressure_a=pressure,
+        pressure_b=pressure,
+    )
+    label = {
+        "name": effect,
+        "joint": JOINT,
+        "form": form,
+        "parameters": [{"name": name, "value": value} for name, value in values.items()],
+    }
+    found = beyond_usual(label, STAND_IN, record, load_usual())
+    assert found == (None if beyond is None else pytest.approx(beyond, abs=0.02))
