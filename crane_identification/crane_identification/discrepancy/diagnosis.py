@@ -17,10 +17,18 @@ from crane_identification.discrepancy.gap import Gap, measure, residual
 from crane_identification.discrepancy.hydraulics import Flow, Usual, load_usual
 from crane_identification.discrepancy.learner import Features, Learnt, features, learn
 from crane_identification.discrepancy.motion_choice import suited
+from crane_identification.discrepancy.pulsation import Pulsation, pulsations
 from crane_identification.discrepancy.region import Region, region
 from crane_identification.discrepancy.search import Search, search
 from crane_identification.discrepancy.thresholds import Thresholds
-from crane_identification.discrepancy.verdict import Verdict, judge, noise_energy, proved, with_flow
+from crane_identification.discrepancy.verdict import (
+    Verdict,
+    judge,
+    noise_energy,
+    proved,
+    with_flow,
+    with_pulsation,
+)
 from crane_identification.options import Options
 from crane_identification.preparation import Preparation, prepare
 from crane_identification.progress import Progress, silent
@@ -62,6 +70,7 @@ class Diagnosis:
     uncalibrated: tuple[str, ...]
     flows: tuple[Flow, ...]
     flow_unobservable: dict[tuple[str, str], str]
+    pulsations: tuple[Pulsation, ...]
 
     @property
     def joints(self) -> tuple[str, ...]:
@@ -137,6 +146,8 @@ def diagnose(
     wrong = {one.where for one in named if one.term.family == "sensing"}
     flows, no_flow = examine(evidence, held_out, usual or load_usual(), wrong)
     verdict, reason = with_flow(verdict, reason, flows)
+    lines = pulsations(evidence.joints, (*evidence.runs, *held_out.runs))
+    verdict, reason = with_pulsation(verdict, reason, lines)
     gap = measure(before, after, evidence, held_out, periods)
     reason = proved(reason, gap)
     progress("gap", 1.0)
@@ -168,6 +179,7 @@ def diagnose(
         uncalibrated=uncalibrated,
         flows=tuple(flows),
         flow_unobservable=no_flow,
+        pulsations=lines,
     )
 
 

@@ -63,6 +63,7 @@ def content(diagnosis: Diagnosis) -> dict[str, Any]:
                 {"effect": effect, "joint": joint, "reason": reason}
                 for (effect, joint), reason in diagnosis.flow_unobservable.items()
             ],
+            "pulsations": [vars(one) for one in diagnosis.pulsations],
             "flow": {flow.joint: _flow(flow) for flow in diagnosis.flows},
             "detectable_strength": diagnosis.detectable,
         }

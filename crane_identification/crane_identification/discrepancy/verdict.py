@@ -9,6 +9,7 @@ from crane_identification.discrepancy.decision import Accepted
 from crane_identification.discrepancy.gap import Gap
 from crane_identification.discrepancy.hydraulics import Flow
 from crane_identification.discrepancy.learner import Learnt
+from crane_identification.discrepancy.pulsation import Pulsation
 from crane_identification.discrepancy.search import Search
 from crane_identification.discrepancy.thresholds import Thresholds
 
@@ -92,6 +93,22 @@ def with_flow(verdict: Verdict, reason: str, flows: Sequence[Flow]) -> tuple[Ver
     )
     settled = verdict in (Verdict.NONE, Verdict.INSUFFICIENT)
     return (Verdict.NAMED, said) if settled else (verdict, f"{reason}; {said}")
+
+
+def with_pulsation(
+    verdict: Verdict, reason: str, pulsations: Sequence[Pulsation]
+) -> tuple[Verdict, str]:
+    """The verdict where a line is in the force above the band that everything else is sought in."""
+    if not pulsations:
+        return verdict, reason
+    said = "; ".join(
+        f"the force of {one.joint} pulsates at {one.frequency:.2f} Hz in all recordings "
+        f"({one.strength:.1%} of it), which no effect of the catalogue does"
+        for one in pulsations
+    )
+    if verdict is Verdict.NONE:
+        return Verdict.UNKNOWN, said
+    return verdict, f"{reason}; {said}"
 
 
 def proved(reason: str, gap: Gap) -> str:
