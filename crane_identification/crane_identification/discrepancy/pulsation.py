@@ -15,7 +15,7 @@ from crane_identification.discrepancy.evidence import Run
 from crane_identification.signals.decimate import PASS_BAND
 
 FEWEST_RECORDINGS = 4
-SPACING = 0.0125  # Hz, of the frequencies that are asked: less than a recording of a minute resolves
+SPACING = 0.0125  # Hz, of the frequencies that are asked: finer than a minute resolves
 AROUND = 1.0  # Hz to either side, whose median is the level that a line stands out of
 HIGHEST = 0.2  # of the sampling rate
 CLEAR = 7.4
