@@ -146,7 +146,7 @@ def diagnose(
     wrong = {one.where for one in named if one.term.family == "sensing"}
     flows, no_flow = examine(evidence, held_out, usual or load_usual(), wrong)
     verdict, reason = with_flow(verdict, reason, flows)
-    lines = pulsations(evidence.joints, (*evidence.runs, *held_out.runs))
+    lines = pulsations(after, (*evidence.runs, *held_out.runs))
     verdict, reason = with_pulsation(verdict, reason, lines)
     gap = measure(before, after, evidence, held_out, periods)
     reason = proved(reason, gap)

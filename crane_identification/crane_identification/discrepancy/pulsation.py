@@ -1,7 +1,7 @@
-"""Pulsation: a line in the spectrum of the force, above the band in which the model is asked.
+"""Pulsation: a line in the spectrum of the residual, faster than anything that is moved on purpose.
 
-The rows of the evidence are filtered to the band in which the motion is known, so that nothing else
-of a diagnosis sees it. Booms swing there as well, but in every pose at another frequency: what has
+The rows of the evidence hold few of its periods and nothing that it depends on, so that nothing
+else of a diagnosis sees it. Booms swing as fast, but in every pose at another frequency: what has
 the same one in all recordings comes from elsewhere, as from a pump or from electronics.
 """
 
@@ -12,21 +12,23 @@ import numpy as np
 from scipy import ndimage, signal
 
 from crane_identification.discrepancy.evidence import Run
-from crane_identification.signals.decimate import PASS_BAND
+from crane_model.model_file import Model
 
 FEWEST_RECORDINGS = 4
 SPACING = 0.0125  # Hz, of the frequencies that are asked: finer than a minute resolves
 AROUND = 1.0  # Hz to either side, whose median is the level that a line stands out of
+LOWEST = 1.0  # Hz
 HIGHEST = 0.2  # of the sampling rate
-CLEAR = 7.4
+CLEAR = 7.5
 """What log(power over level), its mean over R recordings times sqrt(R), exceeds at a line. Swinging
-booms, friction and noise reached 6.7 in 74 sets of recordings, a line of 1.8 % of the force 7.9."""
+booms, friction and noise reached 5.7 in 72 sets of recordings, a line of 1.8 % of the force 10.5.
+"""
 TINY = np.finfo(float).tiny
 
 
 @dataclass(frozen=True)
 class Pulsation:
-    """A line in the force of a joint at a `frequency` [Hz].
+    """A line in the force of a joint at a `frequency` [Hz] that the model does not explain.
 
     `strength`: its rms over that of the joint's force, in the middle one of the recordings.
     """
@@ -36,8 +38,10 @@ class Pulsation:
     strength: float
 
 
-def pulsations(joints: Sequence[str], runs: Sequence[Run]) -> tuple[Pulsation, ...]:
-    """The clearest line of each of the j joints that has one; none in too few recordings."""
+def pulsations(model: Model, runs: Sequence[Run]) -> tuple[Pulsation, ...]:
+    """The clearest line of each joint that has one beside the fitted `model`; none in too few
+    recordings.
+    """
     longest = dict[str, Run]()
     for run in runs:
         other = longest.get(run.source)
@@ -45,18 +49,17 @@ def pulsations(joints: Sequence[str], runs: Sequence[Run]) -> tuple[Pulsation, .
             longest[run.source] = run
     if len(longest) < FEWEST_RECORDINGS:
         return ()
-    lowest = max(PASS_BAND * 0.5 / (run.factor * _step(run)) for run in longest.values())
     highest = min(HIGHEST / _step(run) for run in longest.values())
-    asked = np.arange(lowest, highest, SPACING)
+    asked = np.arange(LOWEST, highest, SPACING)
     if not len(asked):
         return ()
-    spectra = [_spectrum(run, asked) for run in longest.values()]
+    spectra = [_spectrum(model, run, asked) for run in longest.values()]
     clear = np.mean([ratio for ratio, _ in spectra], axis=0) * np.sqrt(len(spectra))
     strength = np.median([strength for _, strength in spectra], axis=0)
     best = clear.argmax(axis=0)
     return tuple(
         Pulsation(joint, float(asked[k]), float(strength[k, j]))
-        for j, (joint, k) in enumerate(zip(joints, best, strict=True))
+        for j, (joint, k) in enumerate(zip(model.joints, best, strict=True))
         if clear[k, j] > CLEAR
     )
 
@@ -66,14 +69,15 @@ def _step(run: Run) -> float:
     return float(np.diff(run.record.time).mean())
 
 
-def _spectrum(run: Run, asked: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    """(f, j) at the frequencies `asked` [Hz] (f,): log of the power over the level around, and the
-    rms of a line there over that of the force.
+def _spectrum(model: Model, run: Run, asked: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    """(f, j) at the frequencies `asked` [Hz] (f,): log of the residual's power over the level
+    around, and the rms of a line there over that of the force.
     """
     force = run.record.needed("force", "a search for pulsation")
+    residual = force - model.predict(run.record)
     window = signal.windows.hann(len(force))[:, np.newaxis]
     count = max(round(1.0 / (SPACING * _step(run))), len(force))
-    size = np.abs(np.fft.rfft((force - force.mean(axis=0)) * window, n=count, axis=0))
+    size = np.abs(np.fft.rfft((residual - residual.mean(axis=0)) * window, n=count, axis=0))
     frequency = np.fft.rfftfreq(count, _step(run))
     width = round(2.0 * AROUND / float(frequency[1]))
     level = ndimage.median_filter(size, size=(width, 1), mode="nearest")

@@ -98,7 +98,7 @@ def with_flow(verdict: Verdict, reason: str, flows: Sequence[Flow]) -> tuple[Ver
 def with_pulsation(
     verdict: Verdict, reason: str, pulsations: Sequence[Pulsation]
 ) -> tuple[Verdict, str]:
-    """The verdict where a line is in the force above the band that everything else is sought in."""
+    """The verdict where a line is in the force that no motion makes."""
     if not pulsations:
         return verdict, reason
     said = "; ".join(
