@@ -96,6 +96,7 @@ def load_seen(paths: Sequence[Path], effects: Sequence[Sequence[int]], count: in
 
 def _way(record: Record) -> np.ndarray:
     """(n, j) how far each joint has moved since it last turned, or since the recording began."""
+    assert record.run is not None  # load_seen gives it
     ways = np.sign(record.velocity)
     turned = np.ones(ways.shape, dtype=bool)
     turned[1:] = (ways[1:] != ways[:-1]) | (np.diff(record.run) != 0)[:, np.newaxis]

@@ -20,7 +20,12 @@ from crane_model.errors import ConfigurationError, DataError
 RECORD = Path(__file__).with_name("frozen.json")
 FILES = ("discrepancy.yaml", "hydraulics.yaml")
 OPEN = {
-    "discrepancy.yaml": {"score_factor": 1e-3, "further_share": 1.0, "explained_share": 0.0},
+    "discrepancy.yaml": {
+        "score_factor": 1e-3,
+        "further_share": 1.0,
+        "explained_share": 0.0,
+        "left_share": 1.0,
+    },
     "hydraulics.yaml": {"smallest_share": 1e-9},
 }
 """Values at which the best single effect is a finding if it passes all other gates: whether it

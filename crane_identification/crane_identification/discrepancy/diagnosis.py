@@ -124,6 +124,7 @@ def diagnose(
     left = residual(evidence, before)
     learnt_before = learn(seen, known, left[:, :joints], fold)
     progress("what is left", 0.5)
+    left_share = found.left_share([one.option for one in accepted])
     accepted = suited(found, before, accepted)
     after, values = extended(found, before, evidence, accepted, train, factor, text)
     left_after = residual(evidence, after)
@@ -136,6 +137,7 @@ def diagnose(
         accepted,
         energies=(noise_energy(found, left), noise_energy(found, left_after)),
         learnt=(learnt_before, learnt_after),
+        left_share=left_share,
         least=least,
         undetermined=_names(model, left_out),
         thresholds=thresholds,

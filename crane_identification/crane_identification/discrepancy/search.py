@@ -1,5 +1,6 @@
 """The search for missing effects on one body of evidence: grid, beam, refinement of shapes."""
 
+from collections.abc import Sequence
 from dataclasses import dataclass, field
 from functools import cached_property
 from typing import Any
@@ -46,6 +47,19 @@ class Search:
         left = self.projection.residual - self.projection.columns[:, inside] @ choice.values
         noise = 1.0 - (self.base**2).sum(axis=1)
         return np.bincount(self._channel, left**2 - noise, self.evidence.channels)
+
+    def left_share(self, wanted: Sequence[Option]) -> float:
+        """Share of the energy beyond noise that options together leave where they act; 0 for none.
+
+        Noise is an estimate, so that what is left may be a little less than nothing.
+        """
+        numbers = tuple(self.number(one) for one in wanted)
+        choice = solve(self.projection, numbers) if numbers else None
+        if choice is None:
+            return 0.0
+        own = sorted({int(channel) for number in numbers for channel in self.channels(number)})
+        before, after = (self.unexplained(one)[own].sum() for one in (NOTHING, choice))
+        return float(after / before) if before > 0.0 else 0.0
 
     def channels(self, number: int) -> np.ndarray:
         """The channels in which an option acts: those of its joint, or all."""

@@ -18,10 +18,12 @@ class Thresholds(Schema):
     score_factor: Positive
     smallest_strength: Share
     further_share: Share
+    elsewhere_share: Share
     folds_share: Share
     lead_share: Share
     alike: Share
     explained_share: Share
+    left_share: Share
     testable_share: Share
     detectable_strength: Share
 

@@ -32,6 +32,7 @@ def judge(
     accepted: Sequence[Accepted],
     energies: tuple[np.ndarray, np.ndarray],
     learnt: tuple[Learnt, Learnt],
+    left_share: float,
     least: float,
     undetermined: Sequence[str],
     thresholds: Thresholds,
@@ -39,11 +40,11 @@ def judge(
     """The verdict and its reason.
 
     `energies` (c,) of the residual and what is `learnt` from it, before and after the `accepted`
-    effects are added; `least` strength that would show;
-    `undetermined` parameters of the model.
+    effects are added; `left_share` of the energy beyond noise that these leave where they act;
+    `least` strength that would show; `undetermined` parameters of the model.
     """
     if accepted:
-        return _of_effects(accepted, energies, learnt[1], thresholds)
+        return _of_effects(accepted, energies, learnt[1], left_share, thresholds)
     law = learned(learnt[0], thresholds)
     if law.any():
         return (
@@ -142,6 +143,7 @@ def _of_effects(
     accepted: Sequence[Accepted],
     energies: tuple[np.ndarray, np.ndarray],
     left: Learnt,
+    left_share: float,
     thresholds: Thresholds,
 ) -> tuple[Verdict, str]:
     before, after = energies
@@ -154,6 +156,12 @@ def _of_effects(
             Verdict.UNKNOWN,
             f"the best of the catalogue explain {share:.0%} of what can be explained; "
             f"{thresholds.explained_share:.0%} are asked for",
+        )
+    if left_share > thresholds.left_share:
+        return (
+            Verdict.UNKNOWN,
+            f"the best of the catalogue leave {left_share:.0%} of the energy beyond noise where "
+            f"they act; at most {thresholds.left_share:.0%} are allowed",
         )
     classes = [_alternatives(one) for one in accepted if one.members]
     if classes:
