@@ -8,8 +8,17 @@ import numpy as np
 from crane_identification.discrepancy.candidates import Family, Option
 from crane_identification.discrepancy.cross_validation import held_out_gains
 from crane_identification.discrepancy.null import null_gains
+from crane_identification.discrepancy.rivals import (
+    freedom,
+    in_place_of,
+    kin,
+    likeness,
+    same_as,
+    without,
+)
 from crane_identification.discrepancy.search import LARGEST_SET, Search
-from crane_identification.discrepancy.selection import NOTHING, Choice, extended, solve
+from crane_identification.discrepancy.selection import NOTHING, Choice, solve
+from crane_identification.discrepancy.strength import strength
 from crane_identification.discrepancy.thresholds import Thresholds
 
 DISTINCT = 0.9
@@ -20,8 +29,6 @@ KIN_SHARE = 0.5
 """Share of an effect's score by which it must lead another law of the same effect."""
 FOLDS_TO_FAIL = 4
 """Folds of which one may fail, whatever share is asked for."""
-NEARLY_ALL = 0.9
-"""Share of the effects that would show at the strength that is called detectable."""
 SAME_FORM = 0.9
 """Correlation above which one effect is taken for a special case of the other."""
 
@@ -140,11 +147,11 @@ def _simplest(search: Search, choice: Choice, thresholds: Thresholds, threshold:
     for place in range(len(choice.options)):
         own = choice.options[place]
         needed = _needed(search, choice, place, thresholds, threshold)
-        for rival in _rivals(search, choice, place):
+        for rival in in_place_of(search, choice, place):
             other = rival.options[-1]
             if choice.gain - rival.gain > needed:
                 break
-            if _freedom(search, other) < _freedom(search, own) and _same(search, own, other):
+            if freedom(search, other) < freedom(search, own) and _same(search, own, other):
                 order = (*choice.options[:place], other, *choice.options[place + 1 :])
                 choice = solve(search.projection, order) or choice
                 break
@@ -161,35 +168,14 @@ def _needed(
     return max(threshold, thresholds.lead_share * max(float(left), 0.0))
 
 
-def _rivals(search: Search, choice: Choice, place: int) -> list[Choice]:
-    """The set with each other family in the place of one of its effects, best first."""
-    projection = search.projection
-    family = projection.options[choice.options[place]].family
-    replaced = extended(projection, _others(search, choice, place))
-    ranked = sorted(replaced, key=lambda one: -one.gain)
-    return [one for one in ranked if projection.options[one.options[-1]].family != family]
-
-
-def _freedom(search: Search, number: int) -> int:
-    """Number of parameters of an option, shapes included."""
-    option = search.projection.options[number]
-    return len(option.positive) + len(option.family.term.shapes)
-
-
 def _same(search: Search, one: int, other: int) -> bool:
-    return _alike(search, one, other) > SAME_FORM
-
-
-def _others(search: Search, choice: Choice, place: int) -> Choice:
-    """The set without one of its effects."""
-    rest = choice.options[:place] + choice.options[place + 1 :]
-    return (solve(search.projection, rest) or NOTHING) if rest else NOTHING
+    return likeness(search, one, other) > SAME_FORM
 
 
 def _marginal(search: Search, choice: Choice) -> list[float]:
     """What the set loses without each of its effects."""
     places = range(len(choice.options))
-    return [choice.gain - _others(search, choice, place).gain for place in places]
+    return [choice.gain - without(search, choice, place).gain for place in places]
 
 
 def _judged(
@@ -204,32 +190,32 @@ def _judged(
     projection = search.projection
     number = choice.options[place]
     own = projection.options[number]
-    others = _others(search, choice, place)
+    rest = without(search, choice, place)
     rivals = [
         (rival, alike)
-        for rival in _rivals(search, choice, place)
-        if (alike := _alike(search, number, rival.options[-1])) > RELATED
-        or _kin(own.family, projection.options[rival.options[-1]].family)
+        for rival in in_place_of(search, choice, place)
+        if (alike := likeness(search, number, rival.options[-1])) > RELATED
+        or kin(own.family, projection.options[rival.options[-1]].family)
     ]
     needed = _needed(search, choice, place, thresholds, threshold)
     members, correlation = [], rivals[0][1] if rivals else 0.0
     for rival, alike in rivals:
         other = projection.options[rival.options[-1]]
         lead = choice.gain - rival.gain
-        if _kin(own.family, other.family):
+        if kin(own.family, other.family):
             if lead < KIN_SHARE * score:
                 members.append(other.family)
             continue
-        more = bool(other.shape) and _freedom(search, rival.options[-1]) > _freedom(search, number)
+        more = bool(other.shape) and freedom(search, rival.options[-1]) > freedom(search, number)
         if more and alike > SAME_FORM:
             continue  # the same with more freedom, which it does not need
         # What is but a part of the effect's columns may look alike and explain less.
         whole = len(other.positive) >= len(own.positive)
         if lead <= needed or (whole and alike > thresholds.alike):
             members.append(other.family)
-    members += _same_as(search, [rival.options[-1] for rival, _ in rivals], members, thresholds)
+    members += same_as(search, [rival.options[-1] for rival, _ in rivals], members, thresholds)
     evidence = search.evidence
-    columns = [projection.options[i].columns for i in others.options]
+    columns = [projection.options[i].columns for i in rest.options]
     before = np.concatenate([evidence.base, *columns], axis=2)
     held_out, names = held_out_gains(evidence, search.whitener, before, own.columns)
     return Accepted(
@@ -244,60 +230,5 @@ def _judged(
         correlation=correlation,
         members=tuple(members),
         visibility=float(projection.visibility[number]),
-        strength=_strength(search, number, score),
+        strength=strength(search, number, score),
     )
-
-
-def _same_as(
-    search: Search, rivals: list[int], members: list[Family], thresholds: Thresholds
-) -> list[Family]:
-    """Further rivals whose columns are those of a member: they belong to the class as well."""
-    options = search.projection.options
-    known = [number for number in rivals if options[number].family in members]
-    return [
-        options[number].family
-        for number in rivals
-        if number not in known
-        and any(_alike(search, number, one) > thresholds.alike for one in known)
-    ]
-
-
-def _kin(one: Family, other: Family) -> bool:
-    """Whether both are laws of the same effect, on the same joint."""
-    return one.joint == other.joint and other.type in one.effect.kin
-
-
-def _alike(search: Search, one: int, other: int) -> float:
-    """Cosine of the smallest angle between the columns of two options, beside the base."""
-    projection = search.projection
-    a, b = projection.members[one], projection.members[other]
-    gram = projection.gram
-    if len(a) == len(b) == 1:
-        return float(abs(gram[a[0], b[0]]))
-    roots = [np.linalg.cholesky(gram[np.ix_(c, c)] + 1e-12 * np.eye(len(c))) for c in (a, b)]
-    mixed = np.linalg.solve(roots[0], np.linalg.solve(roots[1], gram[np.ix_(b, a)]).T)
-    return float(np.linalg.svd(mixed, compute_uv=False).min())
-
-
-def _strength(search: Search, number: int, score: float) -> float:
-    """Root mean square of what an option of this score explains, over that of its joint's force."""
-    shares = search.energy_shares(number)
-    evidence = search.evidence
-    joints = len(evidence.joints)
-    variance = np.array([0.0 if one is None else one.variance for one in search.whitener.noise])
-    power = (score * shares * variance).reshape(-1, joints).sum(axis=0)
-    rows = evidence.used.reshape(len(evidence.time), -1, joints).sum(axis=(0, 1))
-    rms = np.sqrt(power / np.maximum(rows, 1))
-    force = evidence.force_rms[:joints]
-    return float(np.max(np.divide(rms, force, out=np.zeros_like(rms), where=force > 0.0)))
-
-
-def detectable(search: Search, threshold: float) -> float:
-    """Strength at which nearly all of the testable families would reach the threshold."""
-    strengths: dict[Family, float] = {}
-    options = search.projection.options
-    for number, share in enumerate(search.projection.visibility):
-        family = options[number].family
-        least = _strength(search, number, threshold) / max(float(share), 1e-9)
-        strengths[family] = min(strengths.get(family, np.inf), least)
-    return float(np.quantile(list(strengths.values()), NEARLY_ALL)) if strengths else np.inf

@@ -8,7 +8,7 @@ import numpy as np
 from crane_identification.data.log import Log
 from crane_identification.discrepancy.candidates import Family, families
 from crane_identification.discrepancy.cross_validation import folds
-from crane_identification.discrepancy.decision import decide, detectable
+from crane_identification.discrepancy.decision import decide
 from crane_identification.discrepancy.determined import decimation, fitted
 from crane_identification.discrepancy.evidence import Evidence, gather
 from crane_identification.discrepancy.extension import Finding, extended, in_counts
@@ -20,6 +20,7 @@ from crane_identification.discrepancy.motion_choice import suited
 from crane_identification.discrepancy.pulsation import Pulsation, pulsations
 from crane_identification.discrepancy.region import Region, region
 from crane_identification.discrepancy.search import Search, search
+from crane_identification.discrepancy.strength import detectable
 from crane_identification.discrepancy.thresholds import Thresholds
 from crane_identification.discrepancy.verdict import (
     Verdict,
