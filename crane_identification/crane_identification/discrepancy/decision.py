@@ -1,6 +1,5 @@
 """Which of the sets that the search found are findings, and which rivals each has."""
 
-from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -14,6 +13,7 @@ from crane_identification.discrepancy.rivals import (
     kin,
     likeness,
     same_as,
+    slight,
     without,
 )
 from crane_identification.discrepancy.search import LARGEST_SET, Search
@@ -73,7 +73,7 @@ def decide(search: Search, thresholds: Thresholds) -> tuple[list[Accepted], floa
         weakest = int(np.argmin(marginal))
         if marginal[weakest] <= threshold:
             break
-        if _slight(search, choice, marginal, thresholds):
+        if slight([search.channels(number) for number in choice.options], marginal, thresholds):
             break
         found = [
             _judged(search, choice, place, marginal[place], threshold, null, thresholds)
@@ -85,23 +85,6 @@ def decide(search: Search, thresholds: Thresholds) -> tuple[list[Accepted], floa
             break
         accepted = sorted(found, key=lambda one: -one.score)
     return accepted, first_threshold
-
-
-def _slight(
-    search: Search, choice: Choice, marginal: Sequence[float], thresholds: Thresholds
-) -> bool:
-    """Whether an effect of the set gains too little beside another one to be told from its form.
-
-    What a law leaves because it is not quite that of the machine is on its own joint, most of it.
-    """
-    channels = [set(search.channels(number).tolist()) for number in choice.options]
-    for own, gain in zip(channels, marginal, strict=True):
-        there = max(g for other, g in zip(channels, marginal, strict=True) if own & other)
-        if gain < thresholds.further_share * there:
-            return True
-        if gain < thresholds.elsewhere_share * max(marginal):
-            return True
-    return False
 
 
 def _passes(one: Accepted, thresholds: Thresholds) -> bool:

@@ -1,5 +1,7 @@
 """Other effects in the place of one: what a set gains with them, and how alike they are to it."""
 
+from collections.abc import Sequence
+
 import numpy as np
 
 from crane_identification.discrepancy.candidates import Family
@@ -58,3 +60,18 @@ def same_as(
         if number not in known
         and any(likeness(search, number, one) > thresholds.alike for one in known)
     ]
+
+
+def slight(channels: Sequence[np.ndarray], gains: Sequence[float], thresholds: Thresholds) -> bool:
+    """Whether one of several effects gains too little beside another to be told from its form.
+
+    `channels` are those where each acts. What a law leaves because it is not quite that of the
+    machine is on its own joint, most of it.
+    """
+    where = [set(one.tolist()) for one in channels]
+    for own, gain in zip(where, gains, strict=True):
+        there = max(g for other, g in zip(where, gains, strict=True) if own & other)
+        least = max(thresholds.further_share * there, thresholds.elsewhere_share * max(gains))
+        if gain < least:
+            return True
+    return False

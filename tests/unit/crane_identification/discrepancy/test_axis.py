@@ -21,6 +21,7 @@ from crane_model.model_file import Model, load_model, save_model
 
 FULL = ("inertia", "viscous", "coulomb", "offset")
 SEEDS = range(4)
+PULSATION = 2.7  # Hz
 
 
 def model(folder: Path, *types: str) -> Model:
@@ -35,7 +36,13 @@ def log(folder: Path, seed: int, law: str = "") -> Log:
     assert made.force is not None
     q = made.position.value
     v = np.gradient(q[:, 0], made.position.time)[:, None]
-    added = {"": 0.0 * q, "spring": q, "waves": np.sin(30.0 * q) * np.cos(9.0 * v)}[law]
+    time = (made.force.time - made.force.time[0])[:, np.newaxis]
+    added = {
+        "": 0.0 * q,
+        "spring": q,
+        "waves": np.sin(30.0 * q) * np.cos(9.0 * v),
+        "pulsation": np.sin(2.0 * np.pi * PULSATION * time + seed),
+    }[law]
     size = float(np.sqrt((added**2).mean())) or 1.0
     force = Signal(made.force.time, made.force.value + 3.0 * added / size, "f")
     return replace(made, force=force)
@@ -100,6 +107,23 @@ def test_a_law_that_is_not_in_the_catalogue_is_not_given_a_name(tmp_path: Path) 
     assert result.verdict is Verdict.UNKNOWN
     assert not result.findings
     assert result.regions[0] is not None and "axis" in result.regions[0].variable
+
+
+def test_a_pulsation_is_unknown_and_listed(tmp_path: Path) -> None:
+    found = diagnosed(tmp_path, FULL, "pulsation")
+    assert found.verdict is Verdict.UNKNOWN
+    assert f"pulsates at {PULSATION:.2f} Hz" in found.reason
+    (line,) = findings.content(found)["pulsations"]
+    assert line["joint"] == "axis" and line["frequency"] == pytest.approx(PULSATION, abs=0.02)
+
+
+def test_what_effects_leave_where_they_act_is_known(without_coulomb: Diagnosis) -> None:
+    """All of them leave noise; the weakest alone leaves most of what the others explain."""
+    search = without_coulomb.search
+    options = [finding.accepted.option for finding in without_coulomb.findings]
+    assert abs(search.left_share(options)) < 0.1
+    assert search.left_share(options[-1:]) > 0.5
+    assert search.left_share([]) == 0.0
 
 
 def test_the_extended_model_loads_and_lacks_nothing_more(
