@@ -15,9 +15,9 @@ import baselines
 import numpy as np
 from confinement import confine
 from folders import Folders, done, new, write_json
+from given import given
 from work import in_processes
 
-from crane_identification.data.bag_log import read_bag
 from crane_identification.discrepancy.diagnosis import Diagnosis, diagnose
 from crane_identification.discrepancy.findings import content
 from crane_identification.discrepancy.hydraulics import Usual, load_usual
@@ -25,7 +25,7 @@ from crane_identification.discrepancy.null import null_gains
 from crane_identification.discrepancy.thresholds import Thresholds, load_thresholds
 from crane_identification.options import Options
 from crane_model.errors import CraneError
-from crane_model.model_file import load_model, save_model
+from crane_model.model_file import save_model
 
 LEVELS = np.linspace(0.0, 1.0, 101)  # of the quantiles of the bootstrap
 DIGITS = 4
@@ -56,10 +56,10 @@ def answer_case(job: Job) -> None:
         start = time.process_time()
         answer: dict[str, Any]
         try:
-            diagnosis = _diagnosed(folder, job.thresholds, job.usual)
+            diagnosis = diagnose(*given(folder), Options(), job.thresholds, usual=job.usual)
         except CraneError as error:  # recordings are refused: that is an answer
             answer = {"verdict": "insufficient_data", "reason": str(error), "findings": []}
-            others: dict[str, baselines.Answer] = {}
+            others: dict[str, baselines.Names] = {}
         except Exception:  # the other cases go on; this one counts as wrong
             answer = {"verdict": "crash", "reason": traceback.format_exc(), "findings": []}
             others = {}
@@ -72,15 +72,6 @@ def answer_case(job: Job) -> None:
         write_json(out / "baselines.json", others)
     if not job.keep:
         shutil.rmtree(folder)
-
-
-def _diagnosed(folder: Path, thresholds: Thresholds, usual: Usual) -> Diagnosis:
-    model = load_model(folder / "model.yaml")
-    train, validate = (
-        [read_bag(bag, model.joints) for bag in sorted((folder / part).iterdir())]
-        for part in ("train", "validate")
-    )
-    return diagnose(model, train, validate, Options(), thresholds, usual=usual)
 
 
 def statistics(diagnosis: Diagnosis) -> dict[str, Any]:

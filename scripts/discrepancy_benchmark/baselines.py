@@ -14,7 +14,7 @@ LEAST = 2.0  # of them, in standard deviations of a coefficient
 ITSELF = "pressure_gain"  # its columns are the measured force, and all of them together explain it
 SINGULAR = 1e-3  # share of a column's norm beside the chosen ones, below which it is one of them
 
-Answer = list[tuple[str, str]]
+Names = list[tuple[str, str]]
 """Effects, strongest first, each with its joint or `all`."""
 
 
@@ -26,7 +26,7 @@ class Problem:
 
     residual: np.ndarray
     columns: np.ndarray
-    names: Answer
+    names: Names
     joints: tuple[str, ...]
     energy: np.ndarray
 
@@ -52,12 +52,12 @@ def problem(search: Search) -> Problem:
     )
 
 
-def always_stribeck(given: Problem) -> Answer:
+def always_stribeck(given: Problem) -> Names:
     """The usual suspect, on the joint with most energy beyond noise."""
     return [("stribeck", given.joints[int(np.argmax(given.energy))])]
 
 
-def sparse_regression(given: Problem) -> Answer:
+def sparse_regression(given: Problem) -> Names:
     """Sequentially thresholded least squares (pysindy), its threshold by BIC."""
     from pysindy import STLSQ
 
@@ -75,7 +75,7 @@ def sparse_regression(given: Problem) -> Answer:
     return [given.names[i] for i in np.argsort(-np.abs(chosen)) if chosen[i]]
 
 
-def forward_regression(given: Problem) -> Answer:
+def forward_regression(given: Problem) -> Names:
     """Forward orthogonal regression: what reduces the error most is added until BIC rises."""
     inside: list[int] = []
     score = _bic(given, inside)
@@ -100,14 +100,14 @@ def _bic(given: Problem, inside: Sequence[int]) -> float:
     return n * float(np.log(left @ left)) + len(inside) * float(np.log(n))
 
 
-METHODS: dict[str, Callable[[Problem], Answer]] = {
+METHODS: dict[str, Callable[[Problem], Names]] = {
     "always Stribeck": always_stribeck,
     "sparse regression (SINDy)": sparse_regression,
     "forward regression (FROLS)": forward_regression,
 }
 
 
-def answers(search: Search) -> dict[str, Answer]:
+def answers(search: Search) -> dict[str, Names]:
     """The answer of every method; where pysindy is not installed, it is left out."""
     given = problem(search)
     out = {}

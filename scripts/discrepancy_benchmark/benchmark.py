@@ -74,9 +74,9 @@ def stage(script: str, folders: Folders, workers: int, *arguments: object) -> No
     """Run a stage as a process of its own; the benchmark ends with its status if it fails."""
     command: list[object] = [sys.executable, HERE / f"{script}.py", "--workers", workers]
     command += ["--folder", folders.top, "--round", folders.round, *arguments]
-    done_ = subprocess.run([str(word) for word in command])
-    if done_.returncode:
-        raise SystemExit(done_.returncode)
+    status = subprocess.run([str(word) for word in command]).returncode
+    if status:
+        raise SystemExit(status)
 
 
 def main(argv: Sequence[str] | None = None) -> int:

@@ -6,14 +6,13 @@ from pathlib import Path
 
 import numpy as np
 
-from crane_model.machine import JOINTS, PLANAR_JOINTS
+from crane_model.machine import PLANAR_JOINTS
 from crane_model.record import Record
-from crane_sim.hidden.clean import Clean
+from crane_sim.hidden.clean import PLANAR, Clean
+from crane_sim.hidden.slewing import SLEW
 from crane_sim.parameters import load_stand_in
 
 EVERY = 4  # of the samples of a bag, that are kept
-PLANAR = [JOINTS.index(joint) for joint in PLANAR_JOINTS]
-SLEW = JOINTS.index("slew")
 SPEED = 1e-4  # rad/s, m/s, below which a joint counts as at rest
 COUNTS = 2  # of its encoder, that a joint must have moved since it turned: one there, one here
 

@@ -14,12 +14,12 @@ class PeekError(Exception):
 
 def confine(root: Path, allowed: Sequence[Path], modules: Sequence[str]) -> None:
     """From now on nothing under `root` is opened or listed but what is in `allowed`, and none of
-    the `modules` is imported. There is no way back.
+    the `modules` is imported, on pain of `PeekError`. There is no way back.
     """
     fence = _plain(root)
     inside = tuple(_plain(path) for path in allowed)
     if known := sorted(name for name in sys.modules if name.split(".")[0] in modules):
-        raise PeekError(f"imported already: {', '.join(known)}")
+        raise PeekError(f"imported already: {', '.join(known)}; confine the process before")
 
     def within(path: str, folder: str) -> bool:
         return path == folder or path.startswith(folder + os.sep)

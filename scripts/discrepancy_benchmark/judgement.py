@@ -17,7 +17,6 @@ from crane_model.terms import REGISTRY
 Place = tuple[str, str]
 """An effect and its joint, or `all`."""
 
-
 OURS = "diagnose"  # among the names of methods
 
 

@@ -13,6 +13,7 @@ from pathlib import Path
 
 from cases import Case, CaseSet, Kind
 from folders import Folders, done, new, read_json, write_json
+from given import given
 from judgement import Answer, Place
 from rates import rate
 from rich import box
@@ -20,14 +21,12 @@ from rich.console import Console
 from rich.table import Table
 from work import in_processes
 
-from crane_identification.data.bag_log import read_bag
 from crane_identification.discrepancy.candidates import WHOLE
 from crane_identification.discrepancy.diagnosis import diagnose
 from crane_identification.discrepancy.findings import content
 from crane_identification.discrepancy.thresholds import load_thresholds
 from crane_identification.options import Options
 from crane_model.errors import CraneError
-from crane_model.model_file import load_model
 from crane_model.terms import REGISTRY
 
 
@@ -79,17 +78,11 @@ def became(hidden: Place, answer: Answer) -> Left:
 def answer_case(job: Job) -> None:
     """Diagnose again without the entry; what is refused is said to be insufficient."""
     folder = job.folders.bags / job.name
-    model = load_model(folder / "model.yaml")
-    train, validate = (
-        [read_bag(bag, model.joints) for bag in sorted((folder / part).iterdir())]
-        for part in ("train", "validate")
-    )
+    recordings = given(folder)
     with new(_answers(job.folders) / job.name) as out:
         try:
             found = content(
-                diagnose(
-                    *(model, train, validate, Options(), load_thresholds()), without=[job.effect]
-                )
+                diagnose(*recordings, Options(), load_thresholds(), without=[job.effect])
             )
         except CraneError as error:
             found = {"verdict": "insufficient_data", "reason": str(error), "findings": []}

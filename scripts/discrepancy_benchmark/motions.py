@@ -54,7 +54,10 @@ def motions(
                     return plan(machine, trajectory, start, periods, clearance)
                 except RangeError:
                     continue
-        raise RangeError(f"no motion fits in {ATTEMPTS} attempts")
+        raise RangeError(
+            f"none of {ATTEMPTS} motions fits the machine, each tried in {TRIES} sizes down to "
+            f"{SHRINK ** (TRIES - 1):.0%}; ask for slower or smaller ones"
+        )
 
     def periodic(period: float, periods: int, size: float = 0.9) -> Motion:
         drawn = period * rng.uniform(0.9, 1.1)
@@ -85,7 +88,7 @@ def _has_room(machine: Machine, clearance: Clearance, trajectory: PeriodicTrajec
 def _fourier(
     rng: np.random.Generator, machine: Machine, period: float, size: float
 ) -> FourierTrajectory:
-    """A random series; `size` is the share of range or speed that it takes, what is less."""
+    """A random series; `size` is the share of range or speed that it takes, whichever is less."""
     time = np.linspace(0.0, period, 20 * HARMONICS, endpoint=False)
     columns = []
     for joint in PLANAR_JOINTS:

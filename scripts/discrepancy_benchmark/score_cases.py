@@ -11,6 +11,7 @@ from typing import Any
 
 import figures
 import freeze
+import numpy as np
 from folders import Folders, done, new, read_json, write_json
 from judgement import OURS, Answer, Outcome, judge
 from printed import notes, tables
@@ -76,8 +77,8 @@ def _closed(truth: Truth, model: Model, given: Path) -> float | None:
     return value if math.isfinite(value) else None
 
 
-def _learnt(content: dict[str, Any], gap: Any) -> float | None:
-    """Share of the explainable gap that the flexible learner closes on the same recordings."""
+def _learnt(content: dict[str, Any], gap: np.ndarray) -> float | None:
+    """Share of the explainable gap (j,) that the flexible learner closes on the same recordings."""
     if "gap" not in content:
         return None
     before = content["gap"]["before"].values()

@@ -9,6 +9,7 @@ import numpy as np
 from cases import Case
 from clean import Seen, load_seen
 from folders import read_json
+from judgement import Place
 from unusual import beyond_usual
 
 from crane_identification.discrepancy.candidates import WHOLE, Family
@@ -34,9 +35,6 @@ COMPARABLE = {
 """Effect to how the name of that parameter begins which the catalogue's law shares with the hidden
 one, and to its names there. Where the laws differ in form, their parameters do not mean the same.
 """
-
-Place = tuple[str, str]
-"""An effect and its joint, or `all`."""
 
 
 @dataclass(frozen=True)

@@ -11,15 +11,14 @@ import numpy as np
 
 from crane_identification.discrepancy.hydraulics import Usual
 from crane_model.record import Record
+from crane_sim.hidden.flow import LAMINAR
 from crane_sim.parameters import StandIn
-
-LAMINAR = 5e5  # Pa, below which a leak is laminar
 
 
 def beyond_usual(
     effect: dict[str, Any], stand_in: StandIn, record: Record, usual: Usual
 ) -> float | None:
-    """Share of the quantity's value that lies beyond the limit, 0 of a usual one.
+    """Share of the quantity's value that lies beyond the limit; 0 of a usual one.
 
     `effect` is an entry of a label, `record` what was recorded without noise. None where the data
     sheet has no such quantity.
