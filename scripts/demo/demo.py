@@ -25,6 +25,8 @@ from rich.console import Console
 from rich.progress import Progress, SpinnerColumn, TextColumn, TimeElapsedColumn
 from tables import bags_table, errors_table, table
 
+from crane_identification.report import terminal
+
 SEED = 1
 WIDTH = 100  # characters, where the output is no terminal
 
@@ -53,7 +55,7 @@ def main() -> int:
     parser = argparse.ArgumentParser(description="The whole suite at work.")
     parser.add_argument("--seed", type=int, default=SEED, help="of noise and of what is hidden")
     options = parser.parse_args()
-    console = Console() if sys.stdout.isatty() else Console(width=WIDTH)
+    console = terminal.console(WIDTH)
     phases = Phases(console)
     shutil.rmtree(OUT, ignore_errors=True)  # only ever written by this script
     domain = live.own_domain()

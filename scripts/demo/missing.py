@@ -12,8 +12,8 @@ import yaml
 from laws import EXCITATION, OUT, VALIDATION
 from processes import Processes
 from rich.table import Table
-from tables import plain_table
 
+from crane_identification.report.terminal import plain_table
 from crane_model.configuration import packaged
 from crane_model.machine import PLANAR_JOINTS
 

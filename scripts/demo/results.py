@@ -19,8 +19,8 @@ def parameters(law: Law) -> list[dict[str, Any]]:
             "name": name,
             "unit": fitted["unit"],
             "planted": planted[name],
-            "batch": fitted.get("value", fitted.get("batch")),
-            "batch_std": fitted.get("std_dev", fitted.get("batch_std")),
+            "batch": fitted["value"],
+            "batch_std": fitted["std_dev"],
         }
         if name in online:  # JSON knows no infinity: None is what the data did not determine
             value, std_dev = online[name]

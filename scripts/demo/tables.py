@@ -1,13 +1,11 @@
 """What the demo prints."""
 
-import math
 from typing import Any
 
 from laws import DYNAMIC_LAW, REPORT_LAW
-from results import parameters
-from rich import box
 from rich.table import Table
 
+from crane_identification.report.terminal import estimate, plain_table, rounded
 from crane_model.machine import JOINT_UNITS
 
 
@@ -18,35 +16,22 @@ def table() -> Table:
         result.add_column(heading, no_wrap=True)
     for heading in ("planted", "online ± σ", "off/σ", "offline ± σ", "off/σ"):
         result.add_column(heading, justify="right", no_wrap=True)
-    for row in parameters(REPORT_LAW):
+    for row in REPORT_LAW.read("summary.json")["parameters"]:
         result.add_row(
             row["name"],
             row["unit"],
-            _rounded(row["planted"], row["batch_std"]),
+            rounded(row["planted"], row["batch_std"]),
             *_estimate(row, "rls"),
             *_estimate(row, "batch"),
         )
     return result
 
 
-def plain_table(title: str) -> Table:
-    """One without frames."""
-    return Table(title=title, title_justify="left", box=box.SIMPLE_HEAD, padding=(0, 1, 0, 0))
-
-
-def _rounded(value: float, std_dev: float) -> str:
-    """The value to the place of the second digit of its standard deviation."""
-    places = max(0, 1 - math.floor(math.log10(std_dev)))
-    return f"{value:.{places}f}"
-
-
 def _estimate(row: dict[str, Any], kind: str) -> tuple[str, str]:
     """Value ± standard deviation, and how many of these the value is off."""
-    value, std_dev = row[kind], row[f"{kind}_std"]
-    if value is None:
+    if row[kind] is None:
         return "not determined", ""
-    off = (value - row["planted"]) / std_dev
-    return f"{_rounded(value, std_dev)} ± {_rounded(std_dev, std_dev)}", f"{off:+.1f}"
+    return estimate(row[kind], row[f"{kind}_std"], row["planted"])
 
 
 def bags_table() -> Table:

@@ -3,8 +3,9 @@
 from typing import Any
 
 from judgement import OURS, laws
-from rich import box
 from rich.table import Table
+
+from crane_identification.report.terminal import plain_table
 
 TARGETS = {
     "false_alarms": ("nothing hidden: false alarms", "≤ 5 %"),
@@ -27,8 +28,8 @@ def tables(results: dict[str, Any]) -> list[Table]:
     """Rates of all methods, the power curve, and what only a diagnosis gives."""
     summary = results["summary"]
     methods = summary["methods"]
-    first = _table(f"{summary['cases']} cases: share [95 % interval] of answers")
-    power = _table("Right name and joint of single, identifiable effects, by strength")
+    first = plain_table(f"{summary['cases']} cases: share [95 % interval] of answers")
+    power = plain_table("Right name and joint of single, identifiable effects, by strength")
     first.add_column("", no_wrap=True)
     first.add_column("aim", justify="right")
     power.add_column("strength")
@@ -42,7 +43,7 @@ def tables(results: dict[str, Any]) -> list[Table]:
         curves = (*methods.values(), summary["learner"])
         cells = (_rate(curve["power"][strength]) for curve in curves)
         power.add_row(f"{float(strength):.1%}", *cells)
-    last = _table("Named effects: median [95 % interval]")
+    last = plain_table("Named effects: median [95 % interval]")
     for heading in ("", "aim", "median", "cases"):
         last.add_column(heading)
     for key, words, target, shown in (
@@ -64,10 +65,6 @@ def notes() -> list[str]:
         "A class is right if each of its members explains the hidden force as well as its own law;",
         "where the data are too few, it is right if it holds the hidden effect.",
     ]
-
-
-def _table(title: str) -> Table:
-    return Table(title=title, title_justify="left", box=box.SIMPLE_HEAD, padding=(0, 1, 0, 0))
 
 
 def _rate(value: dict[str, Any]) -> str:

@@ -1,15 +1,15 @@
 """What the study prints."""
 
-import math
 from typing import Any
 
-from rich import box
 from rich.table import Table
+
+from crane_identification.report.terminal import estimate, plain_table, rounded
 
 
 def parameter_table(summary: dict[str, Any], planted: dict[str, float]) -> Table:
     """Each parameter: planted, by the recursion and by the fit to averaged periods."""
-    table = _table("Θ: planted in the stand-in machine, and identified from its bags")
+    table = plain_table("Θ: planted in the stand-in machine, and identified from its bags")
     for heading in ("parameter", "unit"):
         table.add_column(heading, no_wrap=True)
     for heading in ("planted", "recursion ± σ", "off/σ", "fit ± σ", "off/σ"):
@@ -21,16 +21,16 @@ def parameter_table(summary: dict[str, Any], planted: dict[str, float]) -> Table
         table.add_row(
             fitted["name"],
             fitted["unit"],
-            _rounded(true, fitted["std_dev"]),
-            *_estimate(recursive, true),
-            *_estimate(fitted, true),
+            rounded(true, fitted["std_dev"]),
+            *estimate(recursive["value"], recursive["std_dev"], true),
+            *estimate(fitted["value"], fitted["std_dev"], true),
         )
     return table
 
 
 def errors_table(summary: dict[str, Any]) -> Table:
     """Held-out errors of every joint, by the fit and by the recursion."""
-    table = _table("On bags that were not used for fitting: ‖τ-τ̂‖/‖τ‖")
+    table = plain_table("On bags that were not used for fitting: ‖τ-τ̂‖/‖τ‖")
     table.add_column("joint", no_wrap=True)
     for heading in (
         *("fit", "recursion", "noise floor", "fit, τ without gravity"),
@@ -49,22 +49,3 @@ def errors_table(summary: dict[str, Any]) -> Table:
             f"{error / trained:.2f}",
         )
     return table
-
-
-def _table(title: str) -> Table:
-    return Table(title=title, title_justify="left", box=box.SIMPLE_HEAD, padding=(0, 1, 0, 0))
-
-
-def _estimate(row: dict[str, Any], true: float) -> tuple[str, str]:
-    """Value ± standard deviation, and how many of these the value is off."""
-    value, std_dev = row["value"], row["std_dev"]
-    return (
-        f"{_rounded(value, std_dev)} ± {_rounded(std_dev, std_dev)}",
-        f"{(value - true) / std_dev:+.1f}",
-    )
-
-
-def _rounded(value: float, std_dev: float) -> str:
-    """The value to the place of the second digit of its standard deviation."""
-    places = max(0, 1 - math.floor(math.log10(std_dev)))
-    return f"{value:.{places}f}"

@@ -21,6 +21,7 @@ from recordings import Campaign, Experiment, StudyError, design, record, run
 from rich.console import Console
 from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn, TimeElapsedColumn
 
+from crane_identification.report import terminal
 from crane_model.configuration import load, packaged
 from crane_trajectory.fourier import FourierTrajectory
 
@@ -118,7 +119,7 @@ def main(argv: Sequence[str] | None = None) -> int:
     add("--starts", type=int, default=2, help="searches for every trajectory")
     arguments = parser.parse_args(argv)
     try:
-        study(arguments, Console() if sys.stdout.isatty() else Console(width=WIDTH))
+        study(arguments, terminal.console(WIDTH))
     except StudyError as error:
         print(f"error: {error}", file=sys.stderr)
         return 1

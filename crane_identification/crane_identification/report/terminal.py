@@ -1,0 +1,32 @@
+"""Tables as command lines print them, and estimates in their cells."""
+
+import math
+import sys
+
+from rich import box
+from rich.console import Console
+from rich.table import Table
+
+
+def console(width: int) -> Console:
+    """As wide as the terminal; of `width` characters where the output is none."""
+    return Console() if sys.stdout.isatty() else Console(width=width)
+
+
+def plain_table(title: str) -> Table:
+    """One without frames."""
+    return Table(title=title, title_justify="left", box=box.SIMPLE_HEAD, padding=(0, 1, 0, 0))
+
+
+def rounded(value: float, std_dev: float) -> str:
+    """The value to the place of the second digit of its standard deviation, which is above 0."""
+    places = max(0, 1 - math.floor(math.log10(std_dev)))
+    return f"{value:.{places}f}"
+
+
+def estimate(value: float, std_dev: float, true: float) -> tuple[str, str]:
+    """Value ± standard deviation, and how many of these the value is off."""
+    return (
+        f"{rounded(value, std_dev)} ± {rounded(std_dev, std_dev)}",
+        f"{(value - true) / std_dev:+.1f}",
+    )
