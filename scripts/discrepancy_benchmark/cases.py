@@ -10,7 +10,7 @@ from motions import Excitation
 
 from crane_model.configuration import Schema
 from crane_model.machine import PLANAR_JOINTS
-from crane_sim.hidden.forms import FORMS, joints_of
+from crane_sim.hidden.forms import FORMS
 
 STRENGTHS = (0.005, 0.01, 0.02, 0.04, 0.08)  # of single effects: rms over that of the drive force
 UNKNOWN = (0.02, 0.04, 0.08)  # of effects outside the catalogue
@@ -146,7 +146,7 @@ def _drawn(rng: np.random.Generator, outside: bool, strengths: Sequence[float]) 
             for forms in FORMS.values()
             for form in forms
             if form.outside is outside and form.effect not in ABSORBED
-            for joint in joints_of(form) or (None,)
+            for joint in form.joints or (None,)
         }
     )
     strength = cycle(strengths)
@@ -158,5 +158,5 @@ def _drawn(rng: np.random.Generator, outside: bool, strengths: Sequence[float]) 
 
 def _hidden(rng: np.random.Generator, effect: str, joint: str | None, strength: float) -> Hidden:
     """The effect in any of its forms that can act there."""
-    forms = [form.name for form in FORMS[effect] if joint is None or joint in joints_of(form)]
+    forms = [form.name for form in FORMS[effect] if joint is None or joint in form.joints]
     return Hidden(effect=effect, joint=joint, form=str(rng.choice(forms)), strength=strength)

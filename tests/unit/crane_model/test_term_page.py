@@ -7,9 +7,9 @@ import numpy as np
 import pytest
 from unit.crane_model.test_term_registry import SETTING, random_record
 
-from crane_model.flow import FLOW_REGISTRY
+from crane_model.flow import FLOW_REGISTRY, FlowTerm
 from crane_model.model_file import load_model
-from crane_model.terms import REGISTRY, candidates, joints_of, typical
+from crane_model.terms import REGISTRY, Term, candidates, joints_of, typical
 
 PAGE = Path(__file__).resolve().parents[3] / "docs" / "effects.md"
 
@@ -20,18 +20,33 @@ def page() -> str:
     return text.split("## The catalogue of effects\n")[1].split("\n## ")[0]
 
 
+def parameters(cls: type[Term] | type[FlowTerm]) -> list[tuple[str, str]]:
+    """Names and units of the parameters on the first joint that has them, then of the shapes."""
+    if issubclass(cls, Term):
+        joint = next(iter(joints_of(cls, SETTING)), None)
+        found = typical(cls, joint).parameters(SETTING)
+    else:
+        middle = {name: float(shape.grid[0]) for name, shape in cls.shapes.items()}
+        found = cls.model_validate({"joint": "telescope", **middle}).flow_parameters()
+    linear = [(p.name.split(".")[0], p.unit) for p in found]
+    return linear + [(name, shape.unit.split(" or ")[0]) for name, shape in cls.shapes.items()]
+
+
 def test_the_tables_list_every_effect_as_its_class_states_it(page: str) -> None:
+    """All but the equation, which is for people to compare."""
     rows = {}
     for line in page.splitlines():
         if line.startswith("| `"):
             cells = re.split(r"(?<!\\)\|", line)[1:-1]
-            kind, name, _, signature, confusable = (cell.strip() for cell in cells)
-            rows[kind.strip("`")] = name, signature, tuple(re.findall(r"`(\w+)`", confusable))
-    classes = {**REGISTRY, **FLOW_REGISTRY}
-    effects = {name: cls.effect for name, cls in classes.items() if cls.effect is not None}
-    assert rows == {
-        name: (effect.name, effect.signature, effect.confusable) for name, effect in effects.items()
-    }
+            kind, name, _, values, signature, confusable = (cell.strip() for cell in cells)
+            listed = re.findall(r"`(\w+)` \[(.+?)\]", values)
+            others = tuple(re.findall(r"`(\w+)`", confusable))
+            rows[kind.strip("`")] = name, listed, signature, others
+    expected = {}
+    for kind, cls in {**REGISTRY, **FLOW_REGISTRY}.items():
+        if (effect := cls.effect) is not None:
+            expected[kind] = effect.name, parameters(cls), effect.signature, effect.confusable
+    assert rows == expected
 
 
 def test_the_example_of_an_effect_of_ones_own(page: str, tmp_path: Path) -> None:

@@ -13,7 +13,7 @@ from crane_model.machine import JOINTS, PLANAR_JOINTS, Machine
 from crane_sim.constants import pack_chain
 from crane_sim.hidden.calibrate import calibrate, draw, moved
 from crane_sim.hidden.form import Planted
-from crane_sim.hidden.forms import FORMS, joints_of
+from crane_sim.hidden.forms import FORMS
 from crane_sim.hidden.label import check_place, clean_path, label
 from crane_sim.hidden.memory import STILL
 from crane_sim.hidden.spec import HiddenEffect, Spec, load_spec
@@ -75,7 +75,7 @@ def test_every_effect_of_the_catalogue_can_be_hidden_and_some_outside() -> None:
     assert len(set(numbers)) == len(numbers)
     for forms in FORMS.values():
         for form in forms:
-            assert set(joints_of(form)) <= set(PLANAR_JOINTS)
+            assert set(form.joints) <= set(PLANAR_JOINTS)
             assert form.outside == forms[0].outside
             assert "{" not in form.unit(form.magnitude.unit, "telescope")
 
@@ -206,13 +206,25 @@ def test_the_sign_is_drawn_where_either_is_possible(stand_in: StandIn) -> None:
 
 
 def test_the_page_of_effects_lists_every_effect_with_its_forms() -> None:
-    """In the table of what can be hidden."""
+    """In the table of what can be hidden, and each form with its parameters and their units."""
     page = Path(__file__).resolve().parents[3] / "docs" / "effects.md"
     section = page.read_text(encoding="utf-8").split("## What the stand-in machine can hide\n")[1]
     listed = {
         name: names.split(", ") for name, names in re.findall(r"`(\w+)` \(([\w, ]+)\)", section)
     }
     assert listed == {name: [form.name for form in forms] for name, forms in FORMS.items()}
+    rows = re.findall(r"^\| `(\w+)` \| `(\w+)` \| .* \| (.*) \|$", section, re.MULTILINE)
+    parameters = {
+        (effect, form): re.findall(r"`(\w+)` \[(.+?)\]", cell) for effect, form, cell in rows
+    }
+    assert parameters == {
+        (form.effect, form.name): [
+            (entry.name, form.unit(entry.unit, form.joints[0] if form.joints else None))
+            for entry in (form.magnitude, *form.draws)
+        ]
+        for forms in FORMS.values()
+        for form in forms
+    }
 
 
 @pytest.mark.parametrize(

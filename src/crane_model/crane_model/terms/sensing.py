@@ -72,7 +72,7 @@ class PressureGain(JointTerm):
 
 
 class ChamberGain(OneJointTerm):
-    """gain A_B p_B dx/dq: the transducer of chamber B off by a factor against that of A (19)."""
+    """-gain A_B p_B dx/dq: the transducer of chamber B off by a factor against that of A (19)."""
 
     type: Literal["chamber_gain"] = "chamber_gain"
     family: ClassVar[Family] = "sensing"

@@ -18,8 +18,3 @@ FORMS: dict[str, tuple[Form, ...]] = {
     effect: tuple(forms) for effect, forms in groupby(_ALL, key=lambda form: form.effect)
 }
 """Effect to its forms, the first of which is the default."""
-
-
-def joints_of(form: Form) -> tuple[str, ...]:
-    """The joints on which a form can act; empty for one of the whole machine."""
-    return form.joints

@@ -130,6 +130,6 @@ FORMS = (
     Form("cyclic_friction", "rectified", RECTIFIED, _SIZE, (_WAVE, _PHASE)),
     Form("wear_jump", "step", JUMP, _SIZE, (Draw("when", "s", 14.0, 24.0),), outside=True),
     Form("coupled_friction", "neighbour_speed", NEIGHBOUR, _SIZE,
-         (Draw("speed", "{coordinate}/s", 0.05, 0.15),),
+         (Draw("speed", "rad/s", 0.05, 0.15),),  # of the boom before
          ("outer_boom", "telescope"), outside=True),
 )  # fmt: skip
