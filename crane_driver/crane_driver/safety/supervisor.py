@@ -78,12 +78,13 @@ class Supervisor:
 
     def command(self, names: Sequence[str], values: Sequence[float], received: float) -> None:
         """Take a command that came at `received`; `RefusedError` if it is refused as a whole."""
+        if self.state is State.ENABLED:
+            self._judge_age(received)  # first: a command that comes too late mends nothing
         try:
             if self._publishers > 1:
                 raise RangeError(f"{self._publishers} publishers command the valves, one may")
             commands = check_command(names, values, self._valves)
-            fresh = received - self._received <= self._settings.command_timeout
-            continues = self.state is State.ENABLED and self._from_neutral and fresh
+            continues = self.state is State.ENABLED and self._from_neutral
             self._from_neutral = continues or self._is_neutral(commands)
             if self.state is State.ENABLED and not self._from_neutral:
                 raise RangeError(

@@ -1,6 +1,7 @@
 """The supervisor: one test for each thing that may go wrong."""
 
 import math
+from contextlib import suppress
 from itertools import pairwise
 
 import pytest
@@ -85,6 +86,19 @@ def test_an_old_command_ramps_to_neutral_and_latches() -> None:
     assert fault.text.startswith("command timeout: last command 10")
     assert "limit 100 ms, it was slew 1" in fault.text
     assert one.run(0.5, {"slew": 1.0})[-1] == NEUTRAL
+
+
+@pytest.mark.parametrize("late", [0.0, 1.0])
+def test_a_command_that_comes_too_late_does_not_hide_that_none_came(late: float) -> None:
+    """Between two cycles, before anybody has looked how old the last one is."""
+    one = Bench().moving()
+    one.now += SAFETY.command_timeout + 1e-3
+    with suppress(RefusedError):
+        one.command(slew=late)
+    outputs = one.run(SAFETY.ramp_time + 2 * CYCLE)
+    assert one.it.state is State.FAULT
+    assert "command timeout" in one.it.faults
+    fell(outputs)
 
 
 def test_commands_that_end_at_neutral_leave_no_fault_but_must_begin_there_again() -> None:
