@@ -79,6 +79,9 @@ class DriverLoop:
         self.supervisor = Supervisor(layout.valves, machine, settings, now)
         self._machine = machine
         self._positions = Assembly(layout, "positions")
+        cycles = [one.cycle for one in layout.readings if one.positions]
+        self._blind = layout.timing.late * max(cycles)  # s without a complete cycle of positions
+        self._located = -math.inf  # reception of the newest one
         self._pressures = Assembly(layout, "pressures")
         cycles = [one.cycle for one in layout.readings if one.pressures]
         self._pressure_cycle = max(cycles, default=0.0)
@@ -130,6 +133,8 @@ class DriverLoop:
         """What shows by nothing coming, and how many publishers of commands there are."""
         self.supervisor.can_faults(self.monitor.check(now) + self.devices.check(now), now)
         self.supervisor.news += self.devices.news()
+        if now - self._located > self._blind:  # though each frame by itself may come in time
+            self.supervisor.readings({}, {})
         self.supervisor.published_by(publishers)
         self.supervisor.ready(self.monitor.complete and self.devices.operational, now)
 
@@ -163,6 +168,7 @@ class DriverLoop:
         readings = [positions.values[joint] for joint in self.joints]
         _, velocity, _ = self._filter.update(positions.sampled, readings)
         velocities = velocity.tolist()
+        self._located = positions.received
         self.supervisor.readings(positions.values, dict(zip(self.joints, velocities, strict=True)))
         return _Measured(positions, velocities)
 
