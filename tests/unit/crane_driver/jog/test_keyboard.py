@@ -77,6 +77,7 @@ def test_requests_and_that_an_emergency_stop_is_heard_among_other_keys() -> None
     keyboard = Keyboard(HOLD)
     assert {key: keyboard.typed(key, 0.0) for key in REQUESTS} == REQUESTS
     assert keyboard.typed("kkxk", 0.0) is Request.EMERGENCY_STOP
+    assert keyboard.typed("\x1b[A\x1b[Ax", 0.0) is Request.EMERGENCY_STOP, "an arrow was held"
     assert keyboard.typed("ke", 0.0) is None, "nothing else is"
     assert keyboard.typed("eee", 0.0) is Request.ENABLE  # a held key
 
