@@ -116,14 +116,5 @@ def test_the_simulated_crane_at_full_spool_stays_within_table_2(
         assert beyond <= SWING, f"{beyond} rad or m beyond the limit"
         fastest_seen = max(fastest_seen, direction * plant.v[i])
     assert 0.7 * fastest <= fastest_seen
-    print(
-        "MEAS",
-        joint,
-        direction,
-        "speed",
-        fastest_seen / fastest,
-        "left",
-        direction * (end - plant.q[i]),
-    )
     assert fastest_seen <= 1.3 * fastest  # for a moment, until the correction has closed the spool
     assert direction * (end - plant.q[i]) <= 0.1 * fastest  # it does arrive
