@@ -153,8 +153,16 @@ def triangle(mover: Mover, direction: int, rate: float, speed: float, limit: flo
     return mover.trace(first)
 
 
-def step(mover: Mover, command: float, duration: float) -> Trace:
-    """From rest, a command at once and for `duration` [s]; the trace ends with it."""
+def step(mover: Mover, command: float, duration: float, limit: float) -> Trace:
+    """From rest, a command at once and for `duration` [s]; the trace ends with it.
+
+    `DataError` if the command is beyond `limit`; then nothing moves.
+    """
+    if abs(command) > limit:
+        raise DataError(
+            f"{mover.joint}: a step of {abs(command):.3g}, limit {limit:g}; lower --speed, or "
+            "allow more with --limit"
+        )
     mover.settle()
     first, begun = len(mover.samples), mover.samples[-1].time
     while mover.samples[-1].time - begun < duration:

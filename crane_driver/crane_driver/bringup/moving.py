@@ -127,7 +127,8 @@ def gains(bench: Bench, controller: Path) -> None:
         with bench.moving(joint) as mover:
             for direction, band in ((1, both.positive), (-1, both.negative)):
                 beyond = direction * protocol.speed / band.gain
-                trace = motion.step(mover, direction * band.dead_band + beyond, duration)
+                command = direction * band.dead_band + beyond
+                trace = motion.step(mover, command, duration, protocol.limit)
                 name = f"{joint}, {DIRECTIONS[direction]} direction"
                 fits[joint].append((trace, fit_step(name, trace, beyond)))
             _return(mover, {1: both.positive, -1: both.negative}, protocol.speed)

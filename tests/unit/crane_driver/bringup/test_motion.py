@@ -69,8 +69,15 @@ def test_another_joint_that_moves_is_named():
 def test_a_joint_goes_no_further_than_it_may():
     crane = Crane()
     with pytest.raises(MotionError, match=r"inner_boom has moved by \+0\.02"):
-        motion.step(mover(crane, travel=0.02), 0.2, 5.0)
+        motion.step(mover(crane, travel=0.02), 0.2, 5.0, 0.25)
     assert crane.position[0] < 0.022
+
+
+def test_a_step_is_not_larger_than_the_limit():
+    crane = Crane()
+    with pytest.raises(DataError, match=r"inner_boom: a step of 0\.3, limit 0\.25"):
+        motion.step(mover(crane), -0.3, 0.5, 0.25)
+    assert not crane.sent
 
 
 def test_a_joint_that_sinks_never_settles():
@@ -91,7 +98,7 @@ def test_a_triangle_shows_the_dead_band(direction, true):
 def test_it_goes_back_to_where_it_was(command):
     crane = Crane()
     hand = mover(crane)
-    motion.step(hand, command, 0.5)
+    motion.step(hand, command, 0.5, 0.25)
     assert abs(crane.position[0]) > 0.02
     motion.back(hand, 0.11, -0.08)
     assert abs(crane.position[0]) < 0.003
