@@ -11,7 +11,7 @@ from crane_model.errors import CraneError, DataError
 OTHERS = 10.0  # movements, by which another joint may be shaken
 FAR = 12.0  # movements, that a triangle takes at least until it turns
 STILL = 0.3  # s without a movement: a joint that stands
-PATIENCE = 10.0  # s until a joint stands
+PATIENCE = 10.0  # s until a joint stands, or moves
 
 
 class MotionError(CraneError):
@@ -173,12 +173,24 @@ def step(mover: Mover, command: float, duration: float, limit: float) -> Trace:
 
 
 def back(mover: Mover, upwards: float, downwards: float) -> None:
-    """Return to where the joint was before anything moved, by commands that move it slowly."""
+    """Return to where the joint was before anything moved, by commands that move it slowly.
+
+    `MotionError` if it comes no nearer for `PATIENCE`: a command that is left standing would move
+    it when the oil comes back.
+    """
     if abs(mover.displacement) <= mover.rest.movement:
         return
     sign = np.sign(mover.displacement)
     command = downwards if sign > 0 else upwards
-    while sign * mover.displacement > 0.0:
+    nearest, since = sign * mover.displacement, mover.samples[-1].time
+    while (left := sign * mover.displacement) > 0.0:
+        now = mover.samples[-1].time
+        if left < nearest - mover.rest.movement:
+            nearest, since = left, now
+        elif now - since > PATIENCE:
+            raise MotionError(
+                f"{mover.joint} does not come back by a command of {command:.3g} in {PATIENCE:g} s"
+            )
         mover.tick(command)
     mover.settle()
 

@@ -80,6 +80,28 @@ def test_a_step_is_not_larger_than_the_limit():
     assert not crane.sent
 
 
+def test_a_joint_that_does_not_come_back_is_let_go():
+    """As when the engine was stopped, and will be started again."""
+    crane = Crane()
+    hand = mover(crane)
+    motion.step(hand, 0.15, 0.5, 0.25)
+    crane.down = 1.0
+    crane.tick = limited(crane.tick, 2000)
+    with pytest.raises(MotionError, match=r"does not come back by a command of -0\.08"):
+        motion.back(hand, 0.11, -0.08)
+
+
+def limited(tick, count):
+    """`tick`, which fails after so many times: what would never end fails, too."""
+    left = iter(range(count))
+
+    def one(command):
+        next(left)
+        return tick(command)
+
+    return one
+
+
 def test_a_joint_that_sinks_never_settles():
     crane = Crane(up=0.0, down=0.0)
     crane.spool, crane.lag = -0.02, 1e9
