@@ -104,7 +104,7 @@ class Mover:
         if not self.samples:
             return
         moved = self.samples[-1].position - self._start
-        for i in np.flatnonzero(np.abs(moved) > self._allowed):
+        for i in np.flatnonzero(~(np.abs(moved) <= self._allowed)):  # what is no number, too
             if i == self._index:
                 raise MotionError(
                     f"{self.joint} has moved by {moved[i]:+.3g}, allowed ±{self._allowed[i]:.3g}"

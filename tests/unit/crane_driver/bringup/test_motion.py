@@ -73,6 +73,16 @@ def test_a_joint_goes_no_further_than_it_may():
     assert crane.position[0] < 0.022
 
 
+@pytest.mark.parametrize("joint", [0, 1])
+def test_a_joint_that_is_not_seen_is_let_go(joint):
+    crane = Crane()
+    hand = mover(crane)
+    hand.settle()
+    crane.position[joint] = np.nan
+    with pytest.raises(MotionError, match=f"{JOINTS[joint]} has moved by .*nan"):
+        hand.tick(0.1)
+
+
 def test_a_step_is_not_larger_than_the_limit():
     crane = Crane()
     with pytest.raises(DataError, match=r"inner_boom: a step of 0\.3, limit 0\.25"):
