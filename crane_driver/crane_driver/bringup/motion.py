@@ -56,8 +56,13 @@ class Mover:
         """One cycle of a command; `MotionError` if the crane goes where it should not."""
         tick = self._drive.tick(command)
         self._sent.append((tick.sent, command))
+        before = self.samples[-1:]
         self.samples += tick.samples
         self._watch()
+        if before and (leap := before[0].time - self.samples[-1].time) > 0.0:
+            raise MotionError(  # by that clock commands rise and fall
+                f"the clock of /joint_states was set back by {leap:.3g} s; measure again"
+            )
 
     @property
     def position(self) -> float:

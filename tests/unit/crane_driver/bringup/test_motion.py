@@ -83,6 +83,19 @@ def test_a_joint_that_is_not_seen_is_let_go(joint):
         hand.tick(0.1)
 
 
+def test_a_clock_that_is_set_back_opens_no_valve_further():
+    class SetBack(Crane):
+        def tick(self, command):
+            if 0.0 < command < max(self.sent, default=0.0) and self.now > 0.0:  # it closes
+                self.now -= 5.0
+            return super().tick(command)
+
+    crane = SetBack()
+    with pytest.raises(MotionError, match="clock of /joint_states was set back by 4.99"):
+        motion.triangle(mover(crane), 1, 0.05, 0.04, 0.25)
+    assert crane.sent[-1] < max(crane.sent) == crane.sent[-2]
+
+
 def test_a_step_is_not_larger_than_the_limit():
     crane = Crane()
     with pytest.raises(DataError, match=r"inner_boom: a step of 0\.3, limit 0\.25"):
