@@ -11,7 +11,7 @@ from crane_sim.constants import pack
 from crane_sim.cylinders import set_lengths_and_levers
 from crane_sim.hidden.form import Planted
 from crane_sim.hidden.kernel import act
-from crane_sim.hidden.working import work
+from crane_sim.hidden.working import packed
 from crane_sim.parameters import StandIn
 from crane_sim.rigid_bodies import mass_and_bias
 from crane_sim.state import ACTUATOR, Scratch, State
@@ -40,7 +40,7 @@ class Plant:
         self.time = 0.0  # s
         self.tank_pressure = machine.hydraulics.tank_pressure
         self._constants = pack(parameters, machine)
-        self._hidden = work(planted, machine)  # None is compiled apart: no cost where none hides
+        self._hidden = packed(planted, machine)  # None is compiled apart: no cost where none hides
         self._scratch = Scratch(
             mass=np.empty((4, 4)),
             bias=np.empty(4),

@@ -10,7 +10,7 @@ from crane_sim.cylinders import set_lengths_and_levers
 from crane_sim.hidden.form import Planted
 from crane_sim.hidden.forms import FORMS
 from crane_sim.hidden.kernel import act, settle
-from crane_sim.hidden.working import Hidden, work
+from crane_sim.hidden.working import Hidden, packed
 from crane_sim.parameters import StandIn
 from crane_sim.rigid_bodies import mass_and_bias
 from crane_sim.state import ACTUATOR, Scratch, State
@@ -77,7 +77,7 @@ def rig(stand_in: StandIn, machine: Machine, *effects: Planted) -> Rig:
         before=np.zeros(4),
         law=constants.friction.copy(),
     )
-    hidden = work(effects, machine)
+    hidden = packed(effects, machine)
     assert hidden is not None
     made = Rig(constants, hidden, state, scratch)
     made.put(stand_in.start, np.zeros(4))

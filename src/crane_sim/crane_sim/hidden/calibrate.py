@@ -51,9 +51,12 @@ def calibrate(
             planted = _scaled(planted, k, factor, reached[k], stand_in)
     if not open_ended:
         return planted
-    names = ", ".join(f"'{planted[k].form.effect}' at {reached[k]:.3g}" for k in open_ended)
+    names = ", ".join(
+        f"'{planted[k].form.effect}' at {reached[k]:.3g} instead of {planted[k].requested}"
+        for k in open_ended
+    )
     raise RangeError(
-        f"hidden effects did not come to the strengths they should have after {PASSES} tries: "
+        f"hidden effects did not come within {TOLERANCE:.0%} of their strengths in {PASSES} tries: "
         f"{names}; ask for other strengths or another motion"
     )
 

@@ -36,6 +36,21 @@ class OneTransducer(Fault, ABC):
         """What it shows of a pressure (n,) [Pa]."""
 
 
+class BothTransducers(Fault, ABC):
+    """A fault of the transducers of both chambers, the same in each."""
+
+    def pressures(self, time: np.ndarray, chamber_a: np.ndarray, chamber_b: np.ndarray) -> BOTH:
+        """Only that column is changed, in both."""
+        shown_a, shown_b = chamber_a.copy(), chamber_b.copy()
+        shown_a[:, self.column] = self.shown(time, chamber_a[:, self.column])
+        shown_b[:, self.column] = self.shown(time, chamber_b[:, self.column])
+        return shown_a, shown_b
+
+    @abstractmethod
+    def shown(self, time: np.ndarray, pressure: np.ndarray) -> np.ndarray:
+        """What either shows of a pressure (n,) [Pa]."""
+
+
 class Zero(OneTransducer):
     """A zero that has been lost, and comes back a little as the transducer warms up."""
 
@@ -83,16 +98,13 @@ class Crosstalk(Fault):
         return shown, chamber_b
 
 
-class BothGains(Fault):
+class BothGains(BothTransducers):
     """Both transducers of a cylinder, or its piston areas, off by one factor."""
 
-    def pressures(self, time: np.ndarray, chamber_a: np.ndarray, chamber_b: np.ndarray) -> BOTH:
-        """Both columns scaled."""
+    def shown(self, time: np.ndarray, pressure: np.ndarray) -> np.ndarray:
+        """Scaled."""
         (gain,) = self.values
-        shown_a, shown_b = chamber_a.copy(), chamber_b.copy()
-        shown_a[:, self.column] *= 1.0 + gain
-        shown_b[:, self.column] *= 1.0 + gain
-        return shown_a, shown_b
+        return pressure * (1.0 + gain)
 
 
 class GainOfB(Fault):
@@ -106,28 +118,22 @@ class GainOfB(Fault):
         return chamber_a, shown
 
 
-class Delay(Fault):
+class Delay(BothTransducers):
     """Pressures that are stamped late: those of a moment before are shown."""
 
-    def pressures(self, time: np.ndarray, chamber_a: np.ndarray, chamber_b: np.ndarray) -> BOTH:
+    def shown(self, time: np.ndarray, pressure: np.ndarray) -> np.ndarray:
         """Straight lines between the samples."""
         (delay,) = self.values
-        shown_a, shown_b = chamber_a.copy(), chamber_b.copy()
-        for shown, true in ((shown_a, chamber_a), (shown_b, chamber_b)):
-            shown[:, self.column] = np.interp(time - delay, time, true[:, self.column])
-        return shown_a, shown_b
+        return np.interp(time - delay, time, pressure)
 
 
-class Lag(Fault):
+class Lag(BothTransducers):
     """A narrow line before the transducers: first order, with the same delay at low frequency."""
 
-    def pressures(self, time: np.ndarray, chamber_a: np.ndarray, chamber_b: np.ndarray) -> BOTH:
+    def shown(self, time: np.ndarray, pressure: np.ndarray) -> np.ndarray:
         """From rest."""
         (lag,) = self.values
-        shown_a, shown_b = chamber_a.copy(), chamber_b.copy()
-        for shown, true in ((shown_a, chamber_a), (shown_b, chamber_b)):
-            shown[:, self.column] = _lagging(time, np.ascontiguousarray(true[:, self.column]), lag)
-        return shown_a, shown_b
+        return _lagging(time, np.ascontiguousarray(pressure), lag)
 
 
 @njit(cache=True)

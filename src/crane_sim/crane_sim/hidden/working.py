@@ -9,7 +9,7 @@ from crane_model.machine import JOINTS, Machine
 from crane_sim.hidden.form import Planted
 
 # Numbers of laws, by where they act in a step.
-FRICTION, PUSHES, MEMORY, LOADS, FLOW, END = 0, 100, 200, 300, 400, 500
+FRICTION, PUSHES, MEMORY, LOADS, FLOW = 0, 100, 200, 300, 400
 VALUES = MEMORIES = 8
 
 
@@ -31,7 +31,7 @@ class Hidden(NamedTuple):
     flows: bool  # whether any of them acts in the flow
 
 
-def work(planted: Sequence[Planted], machine: Machine) -> Hidden | None:
+def packed(planted: Sequence[Planted], machine: Machine) -> Hidden | None:
     """Effects that act in the plant, before its first step; None if there is none.
 
     Faults of sensors are left out.
