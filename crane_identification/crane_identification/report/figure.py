@@ -18,7 +18,7 @@ PLANTED, LIMIT = "--planted", "--soft"
 SCATTER, LEFT_OUT = "--scatter", "--left-out"
 
 _DIGITS = 5  # significant digits of a plotted number: finer than a pixel, even zoomed in
-_FONT = {"size": 11, "color": "--soft", "family": "--sans"}
+FONT = {"size": 11, "color": "--soft", "family": "--sans"}
 _TITLE_HEIGHT, _AXIS_HEIGHT = 30, 38  # px above each panel, and below the last
 
 
@@ -79,7 +79,7 @@ class Figure:
         layout: dict[str, Any] = {
             "height": self.height,
             "margin": {"l": 46, "r": 10, "t": 0, "b": 0},
-            "font": _FONT,
+            "font": FONT,
             "separators": ".",  # none between thousands
             "paper_bgcolor": "rgba(0,0,0,0)",
             "plot_bgcolor": "rgba(0,0,0,0)",
@@ -89,8 +89,8 @@ class Figure:
             "modebar": {"bgcolor": "rgba(0,0,0,0)", "color": "--soft", "activecolor": "--ink"},
             "annotations": [],
             "shapes": [],
-            "xaxis": _axis(anchor=_axis_name("y", len(self.panels)), zeroline=False)
-            | {"title": {"text": "t [s]", "standoff": 4, "font": _FONT}},
+            "xaxis": axis_style(anchor=_axis_name("y", len(self.panels)), zeroline=False)
+            | {"title": {"text": "t [s]", "standoff": 4, "font": FONT}},
         }
         data: list[dict[str, Any]] = []
         top = float(self.height)
@@ -99,7 +99,7 @@ class Figure:
             domain = [(top - panel.height) / self.height, top / self.height]
             top -= panel.height
             name = _axis_name("y", number)
-            axis = _axis(domain=domain, nticks=5)
+            axis = axis_style(domain=domain, nticks=5)
             layout[name.replace("y", "yaxis")] = axis
             if panel.span is not None:
                 axis |= {"range": list(panel.span), "autorange": False}
@@ -117,13 +117,14 @@ def _axis_name(letter: str, number: int) -> str:
     return letter if number == 1 else f"{letter}{number}"
 
 
-def _axis(**more: Any) -> dict[str, Any]:
+def axis_style(**more: Any) -> dict[str, Any]:
+    """An axis as all reports draw it, and what is different or more."""
     return {
         "gridcolor": "--grid",
         "zerolinecolor": "--rule",
         "zerolinewidth": 1,
         "linecolor": "--rule",
-        "tickfont": _FONT,
+        "tickfont": FONT,
         "exponentformat": "none",
         **more,
     }

@@ -1,19 +1,10 @@
 """report.html: one file, without network, of everything in the report."""
 
-import base64
-import gzip
-import json
-from functools import cache
-from importlib.resources import files
 from pathlib import Path
 from typing import NamedTuple
 
-from jinja2 import Environment, PackageLoader, StrictUndefined
-from markupsafe import Markup
-from plotly.offline import get_plotlyjs
-
 from crane_identification.progress import Progress, silent
-from crane_identification.report import tables
+from crane_identification.report import tables, template
 from crane_identification.report.content import IdentificationReport
 from crane_identification.report.figure import Figure
 from crane_identification.report.figures import (
@@ -53,14 +44,9 @@ def render(report: IdentificationReport, progress: Progress = silent) -> str:
     settling = settling_figures(report)
     rows = (*references, *recordings, *averages, *validations)
     shown = [*settling, *(figure for row in rows for figure in row.figures)]
-    environment = Environment(
-        loader=PackageLoader(__package__, "."),
-        autoescape=True,
-        undefined=StrictUndefined,
-        trim_blocks=True,
-        lstrip_blocks=True,
-    )
-    return environment.get_template("page.html").render(
+    return template.rendered(
+        __package__,
+        {figure.key: figure.description() for figure in shown},
         report=report,
         verdict=verdict(report),
         training_bags=bags(report.training_bags),
@@ -83,10 +69,8 @@ def render(report: IdentificationReport, progress: Progress = silent) -> str:
         recordings=recordings,
         averages=averages,
         validations=validations,
-        style=Markup(_part("page.css")),
-        script=Markup(_part("page.js")),
-        plotly=Markup(_packed_plotly()),
-        figures=Markup(_figure_data(shown)),
+        style=template.part(__package__, "page.css"),
+        script=template.part(__package__, "page.js"),
     )
 
 
@@ -120,24 +104,3 @@ def _figure_rows(
         figures = validation_figures(model, validation, f"validation-{number}")
         validations.append(FigureRow(validation.source, figures))
     return recordings, averages, validations
-
-
-def _figure_data(figures: list[Figure]) -> str:
-    """Descriptions by id, packed."""
-    descriptions = {figure.key: figure.description() for figure in figures}
-    return _packed(json.dumps(descriptions, separators=(",", ":"), allow_nan=False))
-
-
-def _part(name: str) -> str:
-    return (files(__package__) / name).read_text(encoding="utf-8")
-
-
-@cache
-def _packed_plotly() -> str:
-    """plotly.js: 2 MB instead of 5, and its addresses stay out of the page."""
-    return _packed(get_plotlyjs())
-
-
-def _packed(text: str) -> str:
-    """gzip in base64, which page.js unpacks; safe inside a script element."""
-    return base64.b64encode(gzip.compress(text.encode(), mtime=0)).decode()

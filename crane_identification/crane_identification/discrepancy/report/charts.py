@@ -5,27 +5,28 @@ from typing import Any
 
 import numpy as np
 
+from crane_identification.report.figure import FONT, axis_style
+
 BEFORE, AFTER, FLOOR, BEST, EFFECT = "--before", "--after", "--scatter", "--planted", "--ink"
 POINTS = 1500  # of a cloud; more do not show
 BARS = 40  # of a histogram
-_FONT = {"size": 11, "color": "--soft", "family": "--sans"}
+BINS = 40  # of the line of means through a cloud
+HEIGHT = 240  # px
 
 
-def description(
-    data: Sequence[Mapping[str, Any]], x: str, y: str, height: int = 240, **more: Any
-) -> dict[str, Any]:
+def description(data: Sequence[Mapping[str, Any]], x: str, y: str, **more: Any) -> dict[str, Any]:
     """Traces over one pair of axes with these titles."""
     layout: dict[str, Any] = {
-        "height": height,
+        "height": HEIGHT,
         "margin": {"l": 58, "r": 12, "t": 26, "b": 42},
-        "font": _FONT,
+        "font": FONT,
         "paper_bgcolor": "rgba(0,0,0,0)",
         "plot_bgcolor": "rgba(0,0,0,0)",
         "showlegend": False,
         "hoverlabel": {"font": {"family": "--sans", "size": 11}},
         "modebar": {"bgcolor": "rgba(0,0,0,0)", "color": "--soft", "activecolor": "--ink"},
-        "xaxis": axis(title={"text": x, "standoff": 6, "font": _FONT}),
-        "yaxis": axis(),
+        "xaxis": axis_style(title={"text": x, "standoff": 6, "font": FONT}),
+        "yaxis": axis_style(),
         "annotations": [
             {
                 "text": y,
@@ -47,19 +48,6 @@ def description(
     return {"data": list(data), "layout": layout}
 
 
-def axis(**more: Any) -> dict[str, Any]:
-    """An axis in the style of the reports."""
-    return {
-        "gridcolor": "--grid",
-        "zerolinecolor": "--rule",
-        "zerolinewidth": 1,
-        "linecolor": "--rule",
-        "tickfont": _FONT,
-        "exponentformat": "none",
-        **more,
-    }
-
-
 def grouped_bars(
     names: Sequence[str], groups: Sequence[tuple[str, str, np.ndarray]], title: str
 ) -> dict[str, Any]:
@@ -73,7 +61,7 @@ def grouped_bars(
             "marker": {"color": colour},
             "text": [f"{v:.2g}" if np.isfinite(v) else "?" for v in values],
             "textposition": "outside",
-            "textfont": _FONT,
+            "textfont": FONT,
             "cliponaxis": False,
             "hovertemplate": f"%{{x}}: %{{y:.3g}}<extra>{label}</extra>",
         }
@@ -156,7 +144,7 @@ def mark(name: str, colour: str, x: float, height: float, dash: str) -> dict[str
         "y": [0.0, height],
         "text": ["", name],
         "textposition": "top left" if name == "this effect" else "top center",
-        "textfont": {**_FONT, "color": colour},
+        "textfont": {**FONT, "color": colour},
         "cliponaxis": False,
         "line": {"color": colour, "width": 2, "dash": dash},
         "hovertemplate": f"%{{x:.4~g}}<extra>{name}</extra>",
@@ -205,10 +193,11 @@ def numbers(values: np.ndarray) -> list[float | None]:
     return [float(f"{v:.5g}") if np.isfinite(v) else None for v in np.asarray(values, dtype=float)]
 
 
-def _binned(x: np.ndarray, y: np.ndarray, bins: int = 40) -> tuple[np.ndarray, np.ndarray]:
-    edges = np.linspace(x.min(), x.max(), bins + 1)
-    place = np.clip(np.searchsorted(edges, x, side="right") - 1, 0, bins - 1)
-    count = np.bincount(place, minlength=bins)
-    means = np.bincount(place, y, bins) / np.maximum(count, 1)
+def _binned(x: np.ndarray, y: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    """Centres of bins over x (n,), and the mean of y (n,) in each; empty bins are left out."""
+    edges = np.linspace(x.min(), x.max(), BINS + 1)
+    place = np.clip(np.searchsorted(edges, x, side="right") - 1, 0, BINS - 1)
+    count = np.bincount(place, minlength=BINS)
+    means = np.bincount(place, y, BINS) / np.maximum(count, 1)
     there = count > 0
     return ((edges[1:] + edges[:-1]) / 2.0)[there], means[there]

@@ -1,18 +1,11 @@
 """report.html: one file, without network, with one evidence card per finding."""
 
-import base64
-import gzip
-import json
-from importlib.resources import files
 from pathlib import Path
-
-from jinja2 import Environment, PackageLoader, StrictUndefined
-from markupsafe import Markup
-from plotly.offline import get_plotlyjs
 
 from crane_identification.discrepancy.diagnosis import Diagnosis
 from crane_identification.discrepancy.explain import ANSWERS
 from crane_identification.discrepancy.report.cards import cards, gap_pictures, where_picture
+from crane_identification.report import template
 from crane_identification.report.content import Provenance
 from crane_identification.report.notation import spoken
 
@@ -28,15 +21,9 @@ def render(diagnosis: Diagnosis, provenance: Provenance) -> str:
     """The page as HTML."""
     found, gap, where = cards(diagnosis), gap_pictures(diagnosis), where_picture(diagnosis)
     shown = [where, *gap, *(picture for card in found for picture in card.pictures)]
-    environment = Environment(
-        loader=PackageLoader(__package__, "."),
-        autoescape=True,
-        undefined=StrictUndefined,
-        trim_blocks=True,
-        lstrip_blocks=True,
-    )
-    figures = {picture.key: picture.description for picture in shown}
-    return environment.get_template("page.html").render(
+    return template.rendered(
+        __package__,
+        {picture.key: picture.description for picture in shown},
         diagnosis=diagnosis,
         answer=ANSWERS[diagnosis.verdict.value],
         cards=found,
@@ -53,21 +40,10 @@ def render(diagnosis: Diagnosis, provenance: Provenance) -> str:
         provenance=provenance,
         training=list(dict.fromkeys(run.source for run in diagnosis.training.runs)),
         validation=list(dict.fromkeys(run.source for run in diagnosis.held_out.runs)),
-        style=Markup(_part(SHARED, "page.css") + _part(__package__, "page.css")),
-        script=Markup(_part(SHARED, "page.js")),
-        plotly=Markup(_packed(get_plotlyjs())),
-        figures=Markup(_packed(json.dumps(figures, separators=(",", ":"), allow_nan=False))),
+        style=template.part(SHARED, "page.css") + template.part(__package__, "page.css"),
+        script=template.part(SHARED, "page.js"),
     )
 
 
 def _listed(families: dict) -> list[tuple[str, str]]:
     return [(f"{f.effect.name} ({spoken(f.where)})", reason) for f, reason in families.items()]
-
-
-def _part(package: str, name: str) -> str:
-    return (files(package) / name).read_text(encoding="utf-8")
-
-
-def _packed(text: str) -> str:
-    """gzip in base64, which page.js unpacks; safe inside a script element."""
-    return base64.b64encode(gzip.compress(text.encode(), mtime=0)).decode()
