@@ -120,7 +120,7 @@ def options(
     absent: dict[Family, str] = {}
     for number, family in enumerate(wanted):
         try:
-            found += [option(evidence, family, shape) for shape in list(family.grid())]
+            found += [option(evidence, family, shape) for shape in family.grid()]
         except CraneError as error:
             found = [one for one in found if one.family != family]
             absent[family] = str(error)

@@ -3,6 +3,7 @@
 import numpy as np
 
 from crane_identification.discrepancy.evidence import Evidence
+from crane_identification.discrepancy.scaling import normed
 from crane_identification.discrepancy.whitening import Whitener, leading
 
 FEWEST_BAGS = 4  # with fewer, blocks of time take their place
@@ -52,7 +53,6 @@ def _visible(before: np.ndarray, added: np.ndarray) -> float:
 
 def _left(columns: np.ndarray, force: np.ndarray, out: np.ndarray) -> float:
     """Sum of squares of the rows `out` that a fit to the others leaves."""
-    norms = np.linalg.norm(columns, axis=0)
-    scaled = columns / np.where(norms > 0.0, norms, 1.0)
+    scaled, _ = normed(columns)
     values = np.linalg.lstsq(scaled[~out], force[~out], rcond=1e-9)[0]
     return float(((force[out] - scaled[out] @ values) ** 2).sum())

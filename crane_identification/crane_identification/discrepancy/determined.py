@@ -7,6 +7,7 @@ import numpy as np
 
 from crane_identification.discrepancy.evidence import Evidence, gather
 from crane_identification.discrepancy.refit import UndeterminedError, refit
+from crane_identification.discrepancy.scaling import normed
 from crane_identification.preparation import Preparation
 from crane_identification.regression import common_factor
 from crane_identification.signals.decimate import KEPT_SHARE
@@ -66,6 +67,5 @@ def _left(evidence: Evidence, without: slice) -> float:
     columns = np.delete(evidence.base, without, axis=2)[evidence.used]
     scaling = np.broadcast_to(1.0 / weight, evidence.force.shape)[evidence.used]
     matrix, force = columns * scaling[:, None], evidence.force[evidence.used] * scaling
-    norms = np.linalg.norm(matrix, axis=0)
-    matrix = matrix / np.where(norms > 0.0, norms, 1.0)
+    matrix, _ = normed(matrix)
     return float(((force - matrix @ np.linalg.lstsq(matrix, force, rcond=1e-9)[0]) ** 2).sum())

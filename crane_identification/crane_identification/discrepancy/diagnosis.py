@@ -25,7 +25,7 @@ from crane_identification.discrepancy.thresholds import Thresholds
 from crane_identification.discrepancy.verdict import (
     Verdict,
     judge,
-    noise_energy,
+    normalized_energy,
     proved,
     with_flow,
     with_pulsation,
@@ -127,7 +127,7 @@ def diagnose(
     progress("what is left", 0.5)
     left_share = found.left_share([one.option for one in accepted])
     accepted = suited(found, before, accepted)
-    after, values = extended(found, before, evidence, accepted, train, factor, text)
+    after, values = extended(found, before, accepted, train, factor, text)
     left_after = residual(evidence, after)
     learnt_after = learn(seen, known, left_after[:, :joints], fold) if accepted else learnt_before
     progress("what is left", 1.0)
@@ -136,7 +136,7 @@ def diagnose(
     verdict, reason = judge(
         found,
         accepted,
-        energies=(noise_energy(found, left), noise_energy(found, left_after)),
+        energies=(normalized_energy(found, left), normalized_energy(found, left_after)),
         learnt=(learnt_before, learnt_after),
         left_share=left_share,
         least=least,
@@ -229,7 +229,7 @@ def _averaged(model: Model, logs: Sequence[Log], options: Options) -> list[Prepa
 
 def _energy(found: Search, left: np.ndarray) -> np.ndarray:
     """Share (j,) of the energy beyond noise that each joint carries."""
-    channels = np.maximum(noise_energy(found, left) - found.evidence.used.sum(axis=0), 0.0)
+    channels = np.maximum(normalized_energy(found, left) - found.evidence.used.sum(axis=0), 0.0)
     beyond = channels.reshape(-1, len(found.evidence.joints)).sum(axis=0)
     total = float(beyond.sum())
     return beyond / total if total > 0.0 else np.zeros_like(beyond)

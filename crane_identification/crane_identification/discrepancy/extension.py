@@ -6,7 +6,7 @@ from dataclasses import dataclass, replace
 from crane_identification.data.units import COUNTS
 from crane_identification.discrepancy.candidates import Family
 from crane_identification.discrepancy.decision import Accepted
-from crane_identification.discrepancy.evidence import Evidence, gather
+from crane_identification.discrepancy.evidence import gather
 from crane_identification.discrepancy.refit import refit, shape_std_devs
 from crane_identification.discrepancy.search import Search
 from crane_identification.preparation import Preparation
@@ -39,13 +39,15 @@ class Finding:
 def extended(
     found: Search,
     before: Model,
-    evidence: Evidence,
     accepted: Sequence[Accepted],
     train: Sequence[Preparation],
     factor: int,
     sources: str,
 ) -> tuple[Model, list[tuple[Value, ...]]]:
-    """The model with the accepted terms, refitted jointly, and the parameters of each."""
+    """The model with the accepted terms, refitted jointly, and the parameters of each.
+
+    `UndeterminedError` where the recordings do not determine all of them.
+    """
     if not accepted:
         return before, []
     model = before

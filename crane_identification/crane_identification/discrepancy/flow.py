@@ -14,6 +14,7 @@ from scipy.optimize import minimize_scalar
 from crane_identification.discrepancy.evidence import Evidence, Run
 from crane_identification.discrepancy.filtering import thinned
 from crane_identification.discrepancy.hydraulics import Flow, Quantity, Usual
+from crane_identification.discrepancy.scaling import normed
 from crane_identification.regression import OPEN
 from crane_model.errors import DataError
 from crane_model.flow import FLOW_REGISTRY, FlowTerm, flow_regressor, piston_flow
@@ -30,7 +31,7 @@ UNKNOWN_FLOW = 0.1  # share of the flow left unexplained above which the balance
 WIDEST_DEAD_ZONE = 0.3
 WIDEST_PLAY = 0.2
 STEP = 0.02  # of the dead zone, for its derivative
-SPOOL, ALWAYS, LEAK, SOFT, UNEVEN, PLAY = 0, slice(0, 5), 2, 3, 5, 6  # columns of the balance
+SPOOL, LEAK, SOFT, UNEVEN, PLAY = 0, 2, 3, 5, 6  # columns of the balance
 UNITS: dict[type[FlowTerm], str] = {InternalLeakage: "m3/(s Pa)", OilCompressibility: "1/Pa"}
 
 
@@ -228,10 +229,8 @@ def _lowest(cost: Callable[[float], float], highest: float) -> float:
 
 
 def _solved(columns: np.ndarray, flow: np.ndarray) -> _Fit:
-    size = np.linalg.norm(columns, axis=0)
-    size = np.where(size > 0.0, size, 1.0)
-    scaled = columns / size
+    scaled, norms = normed(columns)
     values = np.linalg.lstsq(scaled, flow, rcond=1e-10)[0]
     rest = float(((flow - scaled @ values) ** 2).mean())
     spread = np.sqrt(rest * np.diag(np.linalg.pinv(scaled.T @ scaled, rcond=1e-10)))
-    return _Fit(values / size, spread / size, max(rest, np.finfo(float).tiny))
+    return _Fit(values / norms, spread / norms, max(rest, np.finfo(float).tiny))

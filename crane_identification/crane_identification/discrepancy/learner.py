@@ -31,7 +31,7 @@ class Features:
 
 
 def features(evidence: Evidence) -> Features:
-    """Motion, forces, pressures, command, slew, way since the last reversal, and time."""
+    """Motion, way since the last reversal, forces, pressures, command, slew, temperature, time."""
     parts = []
     names: tuple[str, ...] = ()
     for run in evidence.runs:

@@ -11,6 +11,7 @@ import numpy as np
 
 from crane_identification.discrepancy.candidates import Option
 from crane_identification.discrepancy.decision import Accepted
+from crane_identification.discrepancy.scaling import normed
 from crane_identification.discrepancy.search import Search
 from crane_identification.discrepancy.selection import Choice, solve
 from crane_identification.motion_validation import validate_motion
@@ -92,8 +93,7 @@ def _quickly(search: Search, added: Sequence[np.ndarray], known: int) -> np.ndar
     """Parameters of the model and of the `added` columns (n, c, k), by least squares."""
     evidence, white = search.evidence, search.whitener
     columns = np.concatenate([white(values) for values in (*added, evidence.base)], axis=1)
-    norms = np.linalg.norm(columns, axis=0)
-    scale = np.where(norms > 0.0, norms, 1.0)
-    values = np.linalg.lstsq(columns / scale, white(evidence.force), rcond=1e-10)[0] / scale
+    scaled, norms = normed(columns)
+    values = np.linalg.lstsq(scaled, white(evidence.force), rcond=1e-10)[0] / norms
     count = sum(one.shape[2] for one in added)
     return np.concatenate([values[count : count + known], values[:count]])

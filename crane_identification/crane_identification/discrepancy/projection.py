@@ -97,7 +97,10 @@ class Projection:
 def project(
     evidence: Evidence, whitener: Whitener, options: list[Option], base: np.ndarray | None = None
 ) -> Projection:
-    """All options beside the base of the evidence, whitened."""
+    """All options beside the base of the evidence, whitened.
+
+    `base` (N, d) is what `whitened_base` gives, where it is known already.
+    """
     base = whitened_base(evidence, whitener) if base is None else base
     force = whitener(evidence.force)
     residual = force - base @ (base.T @ force)

@@ -38,7 +38,6 @@ def region(known: Features, residual: np.ndarray, used: np.ndarray) -> Region | 
         count = np.maximum(np.bincount(place, minlength=len(edges) - 1), 1)
         mean = np.bincount(place, residual[used], len(edges) - 1) / count
         power = np.bincount(place, energy, len(edges) - 1)
-        # Even laws show in the mean of a bin, others in how the energy is spread.
         between = float((count * mean**2).sum() / max(energy.sum(), np.finfo(float).tiny))
         if between > best:
             best, chosen = between, Region(name, *_narrowest(edges, power))

@@ -23,7 +23,10 @@ def strength(search: Search, number: int, score: float) -> float:
 
 
 def detectable(search: Search, threshold: float) -> float:
-    """Strength at which nearly all of the testable families would reach the threshold."""
+    """Strength at which nearly all of the testable families would reach the threshold.
+
+    Infinite where none is testable.
+    """
     strengths: dict[Family, float] = {}
     options = search.projection.options
     for number, share in enumerate(search.projection.visibility):

@@ -45,7 +45,7 @@ def judge(
     """
     if accepted:
         return _of_effects(accepted, energies, learnt[1], left_share, thresholds)
-    law = learned(learnt[0], thresholds)
+    law = follows_law(learnt[0], thresholds)
     if law.any():
         return (
             Verdict.UNKNOWN,
@@ -127,13 +127,13 @@ def proved(reason: str, gap: Gap) -> str:
     )
 
 
-def learned(learnt: Learnt, thresholds: Thresholds) -> np.ndarray:
+def follows_law(learnt: Learnt, thresholds: Thresholds) -> np.ndarray:
     """(j,): whether a law is in the residual, beyond chance and beyond errors of the processing."""
     limit = thresholds.false_alarm_rate / 2.0 / len(learnt.share)
     return (learnt.p_value < limit) & (learnt.strength > thresholds.smallest_strength)
 
 
-def noise_energy(found: Search, left: np.ndarray) -> np.ndarray:
+def normalized_energy(found: Search, left: np.ndarray) -> np.ndarray:
     """Energy (c,) of a residual (n, c) in units of the noise."""
     variance = [1.0 if noise is None else noise.variance for noise in found.whitener.noise]
     return (np.where(found.evidence.used, left, 0.0) ** 2).sum(axis=0) / np.array(variance)
@@ -147,7 +147,7 @@ def _of_effects(
     thresholds: Thresholds,
 ) -> tuple[Verdict, str]:
     before, after = energies
-    learnable = np.where(learned(left, thresholds), left.share, 0.0)
+    learnable = np.where(follows_law(left, thresholds), left.share, 0.0)
     remaining = float((after[: len(learnable)] * learnable).sum())
     named = max(float((before - after).sum()), 0.0)
     share = named / max(named + remaining, np.finfo(float).tiny)
