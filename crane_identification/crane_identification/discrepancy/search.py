@@ -85,10 +85,6 @@ class Search:
         sets = self.sets(size)
         return sets[0] if sets else None
 
-    def terms(self, choice: Choice) -> list[Option]:
-        """The options of a set."""
-        return [self.projection.options[i] for i in choice.options]
-
     def number(self, option: Option) -> int:
         """Which of the options of the projection it is."""
         return next(i for i, one in enumerate(self.projection.options) if one is option)

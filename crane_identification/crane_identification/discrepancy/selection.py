@@ -8,9 +8,8 @@ import numpy as np
 from crane_identification.discrepancy.projection import Projection
 
 BEAM = 24  # sets that are followed from each size to the next
-SINGULAR = (
-    1e-6  # share of a column's norm left beside the chosen ones below which it is one of them
-)
+SINGULAR = 1e-6
+"""Share of a column's norm left beside the chosen ones, below which it is one of them."""
 
 
 class Choice(NamedTuple):
@@ -44,9 +43,8 @@ def extended(projection: Projection, start: Choice) -> Iterator[Choice]:
     inside = [c for i in start.options for c in projection.members[i]]
     gram, score = _without(projection, inside)
     present = {projection.options[i].family for i in start.options}
-    gains = option_gains(projection, gram, score)
-    limit = _promising(projection, gains)
-    for number in limit:
+    gains = _option_gains(projection, gram, score)
+    for number in _best_of_families(projection, gains):
         if projection.options[number].family in present or not gains[number] > 0.0:
             continue
         solved = solve(projection, (*start.options, int(number)))
@@ -54,7 +52,7 @@ def extended(projection: Projection, start: Choice) -> Iterator[Choice]:
             yield solved
 
 
-def _promising(projection: Projection, gains: np.ndarray) -> list[int]:
+def _best_of_families(projection: Projection, gains: np.ndarray) -> list[int]:
     """The best option of each family."""
     best: dict[object, int] = {}
     for number, option in enumerate(projection.options):
@@ -64,7 +62,7 @@ def _promising(projection: Projection, gains: np.ndarray) -> list[int]:
     return list(best.values())
 
 
-def option_gains(projection: Projection, gram: np.ndarray, score: np.ndarray) -> np.ndarray:
+def _option_gains(projection: Projection, gram: np.ndarray, score: np.ndarray) -> np.ndarray:
     """Gain (options,) of each option by itself, -inf where signs are wrong."""
     diagonal = np.diag(gram)
     good = diagonal > SINGULAR**2
@@ -75,14 +73,11 @@ def option_gains(projection: Projection, gram: np.ndarray, score: np.ndarray) ->
         if len(columns) == 1:
             gains[number] = single[columns[0]]
             continue
-        solution = _constrained(gram, score, columns, projection.positive[columns])
-        gains[number] = solution
+        gains[number] = _gain(gram, score, columns, projection.positive[columns])
     return gains
 
 
-def _constrained(
-    gram: np.ndarray, score: np.ndarray, columns: np.ndarray, positive: np.ndarray
-) -> float:
+def _gain(gram: np.ndarray, score: np.ndarray, columns: np.ndarray, positive: np.ndarray) -> float:
     """Gain of an option's columns with those of wrong sign at zero; -inf if nothing is left."""
     block = np.ix_(columns, columns)
     values = constrained(gram[block], score[columns], positive)
