@@ -4,12 +4,10 @@ import math
 from dataclasses import dataclass, field
 from typing import Literal, NamedTuple
 
-from crane_driver.can.cycles import CycleNumbers
+from crane_driver.can.cycles import WAITING, CycleNumbers
 from crane_driver.can.decoder import Readings
 from crane_driver.can.layout import Layout
 from crane_driver.can.sampling import SamplingClock
-
-WAITING = 7  # cycles for which a frame is waited for; less than half a round of a 4-bit counter
 
 
 class Complete(NamedTuple):

@@ -6,6 +6,7 @@ from crane_driver.can.decoder import Readings
 from crane_driver.can.layout import MessageLayout
 from crane_driver.can.mapping import Timing
 
+WAITING = 7  # cycles for which a frame is waited for; less than half a round of a 4-bit counter
 AGREED = 3  # sets in a row with the same counters beside each other, before these are relied on
 
 
@@ -15,7 +16,8 @@ class CycleNumbers:
     The counters of two messages need not be equal, but their difference stays the same while both
     are sent in every cycle. It is learnt from sets that belong together beyond doubt (`learn`), and
     forgotten when it may have changed, as after a restart of a device: when a message was missing,
-    a counter jumped, or one message fell behind the others by half a round of its counter.
+    a counter jumped, or one message fell behind the others by half a round of its counter, or
+    by as many cycles as a frame is waited for: devices with clocks of their own drift apart.
     """
 
     def __init__(self, messages: Sequence[MessageLayout], timing: Timing):
@@ -53,7 +55,7 @@ class CycleNumbers:
         if self._offsets is None:
             return None
         number = self._count[message] - self._offsets[message]
-        if abs(number - self._newest) > count // 2:
+        if abs(number - self._newest) >= min(count // 2, WAITING):
             self.forget()
             return None
         self._newest = max(self._newest, number)

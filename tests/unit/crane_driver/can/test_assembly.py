@@ -1,6 +1,7 @@
 """Sets of readings: never of two cycles, never with a value that is no measurement."""
 
 import math
+from itertools import pairwise
 from typing import NamedTuple
 
 import pytest
@@ -149,6 +150,21 @@ def test_counters_that_never_agree_leave_the_time_rule(positions: Assembly) -> N
         assert positions.add(readings(Sent(at + 1e-4, "EncoderBoom", 2 * cycle), 0))
     positions.add(readings(Sent(0.15, "EncoderBase", 30), 0))
     assert positions.add(readings(Sent(0.153, "EncoderBoom", 60), 0)) is None
+
+
+@pytest.mark.parametrize("drift", [-0.01, 0.01])
+def test_devices_whose_clocks_drift_apart_go_on_making_sets(
+    drift: float, positions: Assembly
+) -> None:
+    """Two encoders by themselves: one falls behind the other, whole cycles in the end."""
+    rates = {"EncoderBase": 1.0, "EncoderBoom": 1.0 + drift}
+    frames = sorted(
+        Sent(cycle * CYCLE * rate, message, cycle)
+        for cycle in range(2000)
+        for message, rate in rates.items()
+    )
+    complete = [frame.received for frame in frames if positions.add(readings(frame, 0))]
+    assert max(after - before for before, after in pairwise(complete)) < 3 * CYCLE
 
 
 def test_after_a_silence_the_counters_are_learnt_anew(positions: Assembly) -> None:
