@@ -152,7 +152,7 @@ def testable(
     families = [option.family for option in projection.options]
     itself = _force_itself(projection, evidence, whitener)
     wanted = visible & np.array([family not in itself for family in families], dtype=bool)
-    reasons = dict.fromkeys(itself, "its column is the measured force itself")
+    reasons = {f: "its column is the measured force itself" for f in families if f in itself}
     best: dict[Family, float] = {}
     for family, share in zip(families, projection.visibility, strict=True):
         best[family] = max(best.get(family, 0.0), float(share))
