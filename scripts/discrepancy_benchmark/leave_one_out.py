@@ -65,7 +65,9 @@ def became(hidden: Place, answer: Answer) -> Left:
     effect, joint = hidden
     declared = [
         any(
-            where in (joint, WHOLE) and name in REGISTRY and confusable(effect, name)
+            (joint == WHOLE or where in (joint, WHOLE))
+            and name in REGISTRY
+            and confusable(effect, name)
             for name, where in members
         )
         for members in answer.findings

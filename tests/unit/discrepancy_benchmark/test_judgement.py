@@ -100,3 +100,9 @@ def test_findings_are_read_with_their_classes():
 )
 def test_what_becomes_of_an_effect_whose_entry_is_left_out(given, left):
     assert became(STRIBECK, given) is left
+
+
+def test_what_tilts_the_base_may_be_taken_for_zeros_of_the_encoders_of_several_joints():
+    zeros = (("encoder_offset", "outer_boom"), ("encoder_offset", "inner_boom"))
+    assert became(("base_tilt", "all"), answer("class", zeros)) is Left.DECLARED_CLASS
+    assert became(("base_tilt", "all"), answer("named", (STRIBECK,))) is Left.WRONG

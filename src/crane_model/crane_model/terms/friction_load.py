@@ -48,7 +48,7 @@ class SealFriction(OneJointTerm):
     effect: ClassVar[Effect] = Effect(
         "pressure-dependent seal friction",
         "friction follows the sum of the chamber pressures, not their difference",
-        ("load_friction", "chamber_gain"),
+        ("load_friction", "chamber_gain", "position_friction"),
         "the same motion with raised back-pressure",
     )
 
