@@ -184,9 +184,19 @@ class Trajectory(LifecycleNode):
                     f"the driver is not enabled any more; its state is {self._ready.driver}",
                     now,
                 )
+            if several := self._several_states():
+                self._experiment.release(Outcome.STATES_LOST, several, now)
             self._send(self._experiment.watch(now))
         woken, self._next_watch = self._next_watch, Future(executor=self.executor)
         woken.set_result(None)
+
+    def _several_states(self) -> str:
+        """Who publishes joint states, if not the driver alone, as a player of bags would."""
+        if self.count_publishers("/joint_states") < 2:
+            return ""
+        names = {one.node_name for one in self.get_publishers_info_by_topic("/joint_states")}
+        listed = ", ".join(sorted(names))
+        return f"{listed} publish /joint_states, only the driver may; stop the others"
 
     def _send(self, u: np.ndarray | None) -> None:
         if u is not None and self._valves is not None:
@@ -212,6 +222,8 @@ class Trajectory(LifecycleNode):
         names = {one.node_name for one in others} - {self.get_name()}
         if names:
             return f"{', '.join(sorted(names))} may command the valves, only one may; stop it"
+        if several := self._several_states():
+            return several
         if lack := self._ready.lacking(self._timeout, time.monotonic()):
             return lack
         if self._valves is not None and not self._valves.get_subscription_count():

@@ -13,6 +13,7 @@ from integration.driver_stage import Stage
 from integration.experiments import MOVING, SHORT, TIMEOUT, Experiments
 from integration.processes import end
 from lifecycle_msgs.msg import Transition
+from sensor_msgs.msg import JointState
 
 from crane_model.configuration import packaged
 from crane_model.machine import JOINTS
@@ -119,6 +120,21 @@ def test_a_second_goal_is_refused_and_the_first_goes_on(crane: Experiments) -> N
     assert crane.stage.node.count_publishers("/valve_command") == 1
     first.cancel_goal_async()
     assert crane.result(first).outcome == Outcome.CANCELED
+
+
+def test_joint_states_of_somebody_else_end_it_and_are_refused(crane: Experiments) -> None:
+    """A bag that is played back beside the driver, say."""
+    node = crane.stage.node
+    handle = crane.moving()
+    other = node.create_publisher(JointState, "/joint_states", 1)
+    try:
+        lost, refused = crane.result(handle), crane.refused()
+    finally:
+        node.destroy_publisher(other)
+    assert (lost.outcome, refused.outcome) == (Outcome.STATES_LOST, Outcome.NOT_READY)
+    for result in (lost, refused):
+        assert f"driver, {node.get_name()} publish /joint_states" in result.message
+    crane.stage.until(lambda: node.count_publishers("/joint_states") == 1)
 
 
 def test_parameters_change_while_the_crane_moves_where_that_is_safe(crane: Experiments) -> None:
