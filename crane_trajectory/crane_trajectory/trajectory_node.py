@@ -24,6 +24,7 @@ from sensor_msgs.msg import JointState
 
 from crane_driver.nodes.managed import run_managed
 from crane_driver.nodes.parameters import declare, given, hold
+from crane_driver.nodes.publishers import publishers
 from crane_interfaces.msg import JointReference, ValveCommand
 from crane_model.errors import ConfigurationError, CraneError, DataError
 from crane_model.machine import JOINTS, Machine, load_machine
@@ -194,9 +195,8 @@ class Trajectory(LifecycleNode):
         """Who publishes joint states, if not the driver alone, as a player of bags would."""
         if self.count_publishers("/joint_states") < 2:
             return ""
-        names = {one.node_name for one in self.get_publishers_info_by_topic("/joint_states")}
-        listed = ", ".join(sorted(names))
-        return f"{listed} publish /joint_states, only the driver may; stop the others"
+        names = ", ".join(publishers(self, "/joint_states"))
+        return f"{names} publish /joint_states, only the driver may; stop the others"
 
     def _send(self, u: np.ndarray | None) -> None:
         if u is not None and self._valves is not None:
@@ -218,10 +218,9 @@ class Trajectory(LifecycleNode):
         """What is in the way of an experiment; empty if nothing is."""
         if not self.active:
             return f"the node is {self._lifecycle}; activate it"
-        others = self.get_publishers_info_by_topic("/valve_command")
-        names = {one.node_name for one in others} - {self.get_name()}
-        if names:
-            return f"{', '.join(sorted(names))} may command the valves, only one may; stop it"
+        others = [one for one in publishers(self, "/valve_command") if one != self.get_name()]
+        if others:
+            return f"{', '.join(others)} may command the valves, only one may; stop it"
         if several := self._several_states():
             return several
         if lack := self._ready.lacking(self._timeout, time.monotonic()):

@@ -4,7 +4,6 @@ Such effects do not show in the force. Every machine has leakage and soft oil, s
 of them is no discrepancy: no recording tells it from another machine of the same make.
 """
 
-from collections.abc import Callable
 from typing import Any
 
 import numpy as np
@@ -23,51 +22,27 @@ def beyond_usual(
     `effect` is an entry of a label, `record` what was recorded without noise. None where the data
     sheet has no such quantity.
     """
-    judged = QUANTITIES.get(effect["name"])
-    if judged is None:
-        return None
-    values = {one["name"]: one["value"] for one in effect["parameters"]}
-    value, limit = judged(values, effect["joint"], stand_in, record, usual)
-    return max(0.0, 1.0 - limit / value)
-
-
-Values = dict[str, float]
-Judged = tuple[float, float]
-"""The value of a quantity of the machine, and the limit of what is usual."""
-
-
-def _dead_zone(v: Values, joint: str, machine: StandIn, _: Record, usual: Usual) -> Judged:
-    own = machine.valves[joint].dead_zone
-    return own + (1.0 - own) * v["band"], usual.dead_zone[joint]
-
-
-def _hysteresis(v: Values, _: str, _machine: StandIn, _record: Record, usual: Usual) -> Judged:
-    return v["width"], usual.hysteresis
-
-
-def _asymmetry(v: Values, _: str, _machine: StandIn, _record: Record, usual: Usual) -> Judged:
-    return abs(v["share"]), usual.asymmetry
-
-
-def _leakage(v: Values, joint: str, machine: StandIn, record: Record, usual: Usual) -> Judged:
+    joint, given = effect["joint"], {one["name"]: one["value"] for one in effect["parameters"]}
     p_a, p_b = _pressures(joint, record)
-    orifice = v["conductance"] / np.sqrt(np.hypot(p_a - p_b, LAMINAR))
-    return machine.cylinders[joint].leakage + float(orifice.mean()), usual.leakage
-
-
-def _softness(v: Values, joint: str, machine: StandIn, record: Record, usual: Usual) -> Judged:
-    pressure = np.maximum(np.stack(_pressures(joint, record)), 0.0)
-    softer = 1.0 + float((v["softness"] / (1.0 + pressure / v["stiffening"])).mean())
-    return softer / machine.oil.bulk_modulus, 1.0 / usual.bulk_modulus
-
-
-QUANTITIES: dict[str, Callable[[Values, str, StandIn, Record, Usual], Judged]] = {
-    "valve_dead_zone": _dead_zone,
-    "valve_hysteresis": _hysteresis,
-    "valve_asymmetry": _asymmetry,
-    "internal_leakage": _leakage,
-    "oil_compressibility": _softness,
-}
+    match effect["name"]:
+        case "valve_dead_zone":
+            own = stand_in.valves[joint].dead_zone
+            value, limit = own + (1.0 - own) * given["band"], usual.dead_zone[joint]
+        case "valve_hysteresis":
+            value, limit = given["width"], usual.hysteresis
+        case "valve_asymmetry":
+            value, limit = abs(given["share"]), usual.asymmetry
+        case "internal_leakage":
+            orifice = given["conductance"] / np.sqrt(np.hypot(p_a - p_b, LAMINAR))
+            value = stand_in.cylinders[joint].leakage + float(orifice.mean())
+            limit = usual.leakage
+        case "oil_compressibility":
+            ratio = np.maximum(np.stack([p_a, p_b]), 0.0) / given["stiffening"]
+            softer = 1.0 + float((given["softness"] / (1.0 + ratio)).mean())
+            value, limit = softer / stand_in.oil.bulk_modulus, 1.0 / usual.bulk_modulus
+        case _:
+            return None
+    return max(0.0, 1.0 - limit / value)
 
 
 def _pressures(joint: str, record: Record) -> tuple[np.ndarray, np.ndarray]:

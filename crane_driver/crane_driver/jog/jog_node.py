@@ -26,6 +26,7 @@ from crane_driver.jog.terminal import NoTerminal, Terminal
 from crane_driver.nodes.command_line import own_arguments
 from crane_driver.nodes.context import Stop, ros
 from crane_driver.nodes.parameters import declare
+from crane_driver.nodes.publishers import publishers
 from crane_interfaces.msg import ValveCommand
 from crane_model.cli import run
 from crane_model.errors import CraneError
@@ -77,9 +78,8 @@ class Jog(Node):
         until = time.monotonic() + PATIENCE
         while not all(one.service_is_ready() for one in self._driver.values()):
             self._wait(stop, until, "no driver: start `ros2 run crane_driver driver` first")
-        if others := self.get_publishers_info_by_topic("/valve_command"):
-            names = ", ".join(sorted({one.node_name for one in others}))
-            raise JogError(f"{names} commands the valves already; stop it first")
+        if others := publishers(self, "/valve_command"):
+            raise JogError(f"{', '.join(others)} commands the valves already; stop it first")
         self._publisher = self.create_publisher(ValveCommand, "/valve_command", NEWEST)
         while not self._publisher.get_subscription_count():
             self._wait(stop, until, "the driver takes no commands: is it active?")

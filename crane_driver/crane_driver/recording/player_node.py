@@ -12,6 +12,7 @@ from rclpy.qos import QoSProfile
 from rosgraph_msgs.msg import Clock
 
 from crane_driver.nodes.context import Stop
+from crane_driver.nodes.publishers import publishers
 from crane_driver.recording.definitions import message_class
 from crane_driver.recording.playback import CLOCK, Due, Pace, PlayedTopic
 from crane_driver.recording.ros import NANOSECONDS, profile
@@ -110,7 +111,7 @@ class Player(Node):
         for publisher in self._publishers_of.values():
             name = publisher.topic_name
             if name not in self._contested and self.count_publishers(name) > 1:
-                nodes = {one.node_name for one in self.get_publishers_info_by_topic(name)}
+                nodes = set(publishers(self, name))
                 if UNKNOWN in nodes and self._unnamed[name] < UNNAMED:
                     self._unnamed[name] += 1  # its name follows, as a rule
                     continue

@@ -6,13 +6,13 @@ import numpy as np
 
 from crane_identification.discrepancy.candidates import Family
 from crane_identification.discrepancy.search import Search
-from crane_identification.discrepancy.selection import NOTHING, Choice, extended, solve
+from crane_identification.discrepancy.selection import NOTHING, Choice, extended, others, solve
 from crane_identification.discrepancy.thresholds import Thresholds
 
 
 def without(search: Search, choice: Choice, place: int) -> Choice:
     """The set without one of its effects."""
-    rest = choice.options[:place] + choice.options[place + 1 :]
+    rest = others(choice, place)
     return (solve(search.projection, rest) or NOTHING) if rest else NOTHING
 
 

@@ -16,7 +16,14 @@ from crane_identification.discrepancy.projection import (
     testable,
     whitened_base,
 )
-from crane_identification.discrepancy.selection import NOTHING, Beside, Choice, larger_sets, solve
+from crane_identification.discrepancy.selection import (
+    NOTHING,
+    Beside,
+    Choice,
+    larger_sets,
+    others,
+    solve,
+)
 from crane_identification.discrepancy.whitening import Whitener, whitener
 from crane_identification.progress import Progress, silent
 
@@ -118,7 +125,7 @@ class Search:
         step, middle = NEIGHBOUR / max(points - 1, 1), shape.share(start.shape[name])
         low, high = max(middle - step, 0.0), min(middle + step, 1.0)
         tried: list[tuple[float, Projection]] = []
-        beside = Beside(self.projection, _others(choice, place))
+        beside = Beside(self.projection, others(choice, place))
 
         def cost(share: float) -> float:
             one = self._alone(start.family, {**start.shape, name: shape.value(float(share))})
@@ -142,10 +149,6 @@ class Search:
         return project(
             self.evidence, self.whitener, [option(self.evidence, family, shape)], self.base
         )
-
-
-def _others(choice: Choice, place: int) -> tuple[int, ...]:
-    return choice.options[:place] + choice.options[place + 1 :]
 
 
 def search(evidence: Evidence, wanted: list[Family], progress: Progress = silent) -> Search:

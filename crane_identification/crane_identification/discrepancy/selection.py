@@ -121,6 +121,11 @@ def solve(projection: Projection, numbers: tuple[int, ...]) -> Choice | None:
     return Choice(numbers, float(values @ score), values)
 
 
+def others(choice: Choice, place: int) -> tuple[int, ...]:
+    """The options of a set without one of them."""
+    return choice.options[:place] + choice.options[place + 1 :]
+
+
 class Beside:
     """Gains of further options beside some that a projection has."""
 
