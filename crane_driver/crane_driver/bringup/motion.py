@@ -12,6 +12,7 @@ OTHERS = 10.0  # movements, by which another joint may be shaken
 FAR = 12.0  # movements, that a triangle takes at least until it turns
 STILL = 0.3  # s without a movement: a joint that stands
 PATIENCE = 10.0  # s until a joint stands, or moves
+SET_BACK = 0.05  # s; stamps go back by less where the driver begins to know when was sampled
 
 
 class MotionError(CraneError):
@@ -59,7 +60,7 @@ class Mover:
         before = self.samples[-1:]
         self.samples += tick.samples
         self._watch()
-        if before and (leap := before[0].time - self.samples[-1].time) > 0.0:
+        if before and (leap := before[0].time - self.samples[-1].time) > SET_BACK:
             raise MotionError(  # by that clock commands rise and fall
                 f"the clock of /joint_states was set back by {leap:.3g} s; measure again"
             )
