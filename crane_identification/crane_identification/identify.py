@@ -10,10 +10,10 @@ from pathlib import Path
 
 from pydantic import RootModel
 
-from crane_identification.data.bag_log import read_bag
 from crane_identification.data.column_map import ColumnMap
+from crane_identification.data.columns import TABLES
 from crane_identification.data.log import Log
-from crane_identification.data.table_log import read_table
+from crane_identification.data.recording_log import read_recording
 from crane_identification.online.replay import recursion
 from crane_identification.options import Estimator, Options
 from crane_identification.pipeline import fit, validate
@@ -30,8 +30,6 @@ from crane_model.configuration import load
 from crane_model.errors import ConfigurationError, DataError
 from crane_model.model_file import Model, load_model, save_model
 
-TABLES = (".csv", ".tsv", ".txt", ".parquet", ".mat")
-
 
 class ReferenceValues(RootModel[dict[str, float]]):
     """Known values of parameters by name, to be shown beside the estimates."""
@@ -47,17 +45,8 @@ class Sources:
 
     def read(self, paths: Sequence[Path]) -> tuple[Log, ...]:
         """A log of each bag or table; `DataError` and `ConfigurationError` as their readers."""
-        return tuple(self._read(path) for path in paths)
-
-    def _read(self, path: Path) -> Log:
-        if path.suffix.lower() not in TABLES:
-            return read_bag(path, self.model.joints, self.progress)
-        if self.columns is None:
-            raise ConfigurationError(
-                f"{path}: a table needs a column map that says which column holds what; "
-                "name it with --columns"
-            )
-        return read_table(path, self.columns, self.model.joints)
+        joints = self.model.joints
+        return tuple(read_recording(path, joints, self.columns, self.progress) for path in paths)
 
 
 def identify(arguments: argparse.Namespace) -> None:

@@ -102,7 +102,7 @@ def read_topics(
                     f"{path}: topic {name} announces {stated} messages, but only "
                     f"{len(log_times[name])} are readable; the bag is damaged or not complete"
                 )
-    return {name: _in_order(path, name, tables[name], np.array(log_times[name])) for name in wanted}
+    return {name: in_order(path, name, tables[name], np.array(log_times[name])) for name in wanted}
 
 
 def _check(path: Path, reader: Reader, topic: Topic, store: Typestore, needed: bool) -> bool:
@@ -158,7 +158,7 @@ def _read(
     return {name: concatenate(parts) for name, parts in tables.items()}, log_times
 
 
-def _in_order(path: Path, topic: str, table: Table, log_time: np.ndarray) -> TopicData:
+def in_order(path: Path, topic: str, table: Table, log_time: np.ndarray) -> TopicData:
     """Rows sorted by header stamp, or by log time where no header is stamped."""
     stamped_by: Literal["header", "log time"] = "header" if table.stamp.any() else "log time"
     stamp = table.stamp if stamped_by == "header" else log_time
