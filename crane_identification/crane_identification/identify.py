@@ -24,7 +24,6 @@ from crane_identification.report.content import IdentificationReport, Provenance
 from crane_identification.report.errors import pooled
 from crane_identification.report.findings import findings
 from crane_identification.scale.beside import Beside
-from crane_identification.scale.cluster import fit_on_cluster
 from crane_model import cli
 from crane_model.configuration import load
 from crane_model.errors import ConfigurationError, DataError
@@ -68,7 +67,7 @@ def identify(arguments: argparse.Namespace) -> None:
         average=arguments.average, period=arguments.period, estimator=arguments.estimator
     )
     if arguments.cluster:
-        on_cluster(model, arguments, options)
+        on_cluster(model, arguments, columns, options)
         return
     with ProgressBar() as progress, ExitStack() as processes:
         sources = Sources(model, columns, progress)
@@ -103,16 +102,24 @@ def identify(arguments: argparse.Namespace) -> None:
     _tell(report, arguments.out)
 
 
-def on_cluster(model: Model, arguments: argparse.Namespace, options: Options) -> None:
+def on_cluster(
+    model: Model, arguments: argparse.Namespace, columns: ColumnMap | None, options: Options
+) -> None:
     """Fit on a Dask cluster, validate here; the figures of a report would need all rows here."""
     if options.estimator is not Estimator.LEAST_SQUARES or arguments.recursive:
         raise ConfigurationError(
             "--cluster sums information matrices, which is least squares (31); give "
             "--estimator least_squares, without --recursive"
         )
+    try:
+        from crane_identification.scale.cluster import fit_on_cluster
+    except ImportError as error:
+        raise ConfigurationError(f"--cluster needs Dask: {error}; install distributed") from None
     with ProgressBar() as progress:
-        result = fit_on_cluster(model, arguments.train, arguments.cluster, options, progress)
-        sources = Sources(model, None, progress)
+        result = fit_on_cluster(
+            model, arguments.train, arguments.cluster, options, progress, columns
+        )
+        sources = Sources(model, columns, progress)
         held_out = sources.read(arguments.validate)
         validations = validate(result.model, held_out, options, progress) if held_out else ()
     errors = pooled(result.model, validations) if validations else None
@@ -140,7 +147,6 @@ def _tell(report: IdentificationReport, out: Path) -> None:
 def parser() -> argparse.ArgumentParser:
     """The command line."""
     result = argparse.ArgumentParser(
-        prog="identify",
         description="Fit the parameters of a model to recordings, validate them on others, and "
         "write model.yaml, summary.json and report.html.",
         epilog="Recordings are bags (folders, written by ros2 bag or by the suite) or tables "

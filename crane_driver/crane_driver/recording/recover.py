@@ -22,7 +22,6 @@ PATIENCE = 2.0  # s before a progress bar appears
 def main(argv: Sequence[str] | None = None) -> int:
     """Write what can be read of a damaged bag as a new one."""
     parser = argparse.ArgumentParser(
-        prog="recover",
         description="Makes a readable bag out of one that was not closed; that one is not touched.",
     )
     parser.add_argument("bag", type=Path, metavar="BAG", help="a folder, or one .mcap file of it")

@@ -72,7 +72,6 @@ def run(arguments: argparse.Namespace) -> None:
 def parser() -> argparse.ArgumentParser:
     """The command line."""
     result = argparse.ArgumentParser(
-        prog="diagnose",
         description="Find where a model disagrees with recordings, name the missing effect, add "
         "it, and show on held-out recordings that the gap shrank. Writes findings.json, model.yaml "
         "and report.html.",
