@@ -157,7 +157,7 @@ def parser() -> argparse.ArgumentParser:
     add("--train", type=Path, nargs="+", required=True, help="recordings to fit the model to")
     add("--validate", type=Path, nargs="+", default=[], help="recordings to validate it on")
     add("--out", type=Path, required=True, help="folder for the results")
-    add("--columns", type=Path, help="column map (YAML) of the tables")
+    add("--columns", type=Path, help="column map (YAML) of tables, or of your topics")
     add(
         "--period",
         type=_seconds,

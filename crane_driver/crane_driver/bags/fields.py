@@ -24,6 +24,10 @@ NAMES = "name"
 IDL_RULE = "=" * 80 + "\n"
 
 
+class AbsentError(ValueError):
+    """A message that is about other names, or leaves an array empty: others may hold the number."""
+
+
 @dataclass(frozen=True)
 class Place:
     """Where in a message a number stands: a field, dots leading into fields and places of arrays,
@@ -37,8 +41,9 @@ class Place:
         return self.field if self.index is None else f"{self.field}[{self.index}]"
 
     def number(self, message: Any) -> float:
-        """The number of a message of rosbags or rclpy; NaN where the array is empty, or the message
-        is about other names. `ValueError` says what the message has instead.
+        """The number of a message of rosbags or rclpy.
+
+        `ValueError` says what the message has instead, `AbsentError` if another one may have it.
         """
         value = message
         for part in self.field.split("."):
@@ -46,15 +51,24 @@ class Place:
         if self.index is None:
             if np.ndim(value):
                 raise ValueError(f"{self} holds {len(value)} values; give the index of one, from 0")
-            return float(value)
+            return _float(value)
         if not np.ndim(value):
             raise ValueError(f"{self.field} holds a single value; take out the index")
         if not len(value):
-            return math.nan
+            raise AbsentError(f"{self.field} is empty")
         if isinstance(self.index, int):
-            return float(_element(value, self.index))
+            return _float(_element(value, self.index))
         names = list(_field(message, NAMES))
-        return float(_element(value, names.index(self.index))) if self.index in names else math.nan
+        if self.index not in names:
+            raise AbsentError(f"{self}: its names are {', '.join(names) or 'none'}")
+        return _float(_element(value, names.index(self.index)))
+
+    def number_if_any(self, message: Any) -> float:
+        """The same, NaN where another message may have it."""
+        try:
+            return self.number(message)
+        except AbsentError:
+            return math.nan
 
 
 def _field(value: Any, name: str) -> Any:
@@ -64,6 +78,13 @@ def _field(value: Any, name: str) -> Any:
         fields = getattr(value, "__dataclass_fields__", None) or value.get_fields_and_field_types()
         present = [one for one in fields if not one.startswith("_")]
         raise ValueError(f"no field '{name}'; there are {', '.join(present)}") from None
+
+
+def _float(value: Any) -> float:
+    try:
+        return float(value)
+    except (TypeError, ValueError):
+        raise ValueError(f"no number, but {type(value).__name__}; name a field of it") from None
 
 
 def _element(values: Any, place: int) -> Any:
@@ -85,40 +106,51 @@ def read_fields(
     bag, topic, what there is instead, and the remedy.
     """
     path = Path(path)
-    numbers: dict[str, list[list[float]]] = {topic: [] for topic in wanted}
-    stamps: dict[str, list[np.ndarray]] = {topic: [] for topic in wanted}
-    log_times: dict[str, list[int]] = {topic: [] for topic in wanted}
-    names: dict[str, set[str]] = {topic: set() for topic in wanted}
+    gathered = {topic: _Gathered(tuple(places)) for topic, places in wanted.items()}
     with open_bag(path) as reader:
         known = {topic: _type(path, reader, topic, types.get(topic)) for topic in wanted}
+        done = 0
         for block in blocks(path, reader, wanted):
-            topic = block.topic
-            msgtype, store = known[topic]
+            msgtype, store = known[block.topic]
             try:
                 messages = [store.deserialize_cdr(one, msgtype) for one in block.messages]
-                numbers[topic] += [[one.number(m) for one in wanted[topic]] for m in messages]
-            except (SerdeError, ValueError, TypeError) as error:
+                gathered[block.topic].add(messages, block.log_times)
+            except (SerdeError, ValueError) as error:
                 raise DataError(
-                    f"{path}: topic {topic}, {msgtype}: {error}; correct the column map"
+                    f"{path}: topic {block.topic}, {msgtype}: {error}; correct the column map"
                 ) from error
-            stamps[topic].append(header_stamps(messages))
-            log_times[topic] += block.log_times
-            names[topic].update(getattr(messages[0], NAMES, ()))
+            done += len(messages)
             if progress:
-                done = sum(len(one) for one in log_times.values()) / reader.message_count
-                progress(f"reading {path.name}", min(done, 1.0))
-    result = {}
-    for topic, places in wanted.items():
-        values = np.array(numbers[topic], dtype=float)
-        for place, column in zip(places, values.T, strict=True):
-            if np.isnan(column).all():
-                there = f"; its names are {', '.join(sorted(names[topic]))}" * bool(names[topic])
-                raise DataError(f"{path}: topic {topic}: {place} never holds a number{there}")
-        fields = {str(place): values[:, i] for i, place in enumerate(places)}
-        nobody = np.ones((len(values), 0), dtype=bool)
-        table = Table((), np.concatenate(stamps[topic]), nobody, fields)
-        result[topic] = in_order(path, topic, table, np.array(log_times[topic])).select(())
-    return result
+                progress(f"reading {path.name}", min(done / reader.message_count, 1.0))
+    return {topic: one.data(path, topic) for topic, one in gathered.items()}
+
+
+class _Gathered:
+    """Numbers of the messages of one topic."""
+
+    def __init__(self, places: Sequence[Place]):
+        self._places = places
+        self._numbers: list[list[float]] = []
+        self._stamps: list[np.ndarray] = []
+        self._log_times: list[int] = []
+        self._names: set[str] = set()
+
+    def add(self, messages: Sequence[Any], log_times: Sequence[int]) -> None:
+        self._numbers += [[one.number_if_any(m) for one in self._places] for m in messages]
+        self._stamps.append(header_stamps(messages))
+        self._log_times += log_times
+        self._names.update(getattr(messages[0], NAMES, ()))
+
+    def data(self, path: Path, topic: str) -> TopicData:
+        numbers = np.array(self._numbers, dtype=float)
+        fields = {str(place): numbers[:, i] for i, place in enumerate(self._places)}
+        for place, values in fields.items():
+            if np.isnan(values).all():
+                names = f"; its names are {', '.join(sorted(self._names))}" if self._names else ""
+                raise DataError(f"{path}: topic {topic}: {place} never holds a number{names}")
+        nobody = np.ones((len(numbers), 0), dtype=bool)
+        table = Table((), np.concatenate(self._stamps), nobody, fields)
+        return in_order(path, topic, table, np.array(self._log_times)).select(())
 
 
 def _type(path: Path, reader: Reader, topic: str, expected: str | None) -> tuple[str, Typestore]:

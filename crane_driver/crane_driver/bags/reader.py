@@ -115,8 +115,8 @@ def _check(path: Path, reader: Reader, topic: Topic, store: Typestore, needed: b
         if topic.name in present:
             raise DataError(f"{path}: topic {topic.name} holds no message; check its publisher")
         raise DataError(
-            f"{path}: no topic {topic.name}; the bag holds {', '.join(present)}; record the topic "
-            "or name another bag"
+            f"{path}: no topic {topic.name}; the bag holds {', '.join(present)}; record the topic, "
+            "name yours in a column map (--columns), or name another bag"
         )
     stated = (*connections(reader, topic.name), *reader.connections)
     types = {one.msgtype for one in stated if one.topic == topic.name} - {topic.msgtype}

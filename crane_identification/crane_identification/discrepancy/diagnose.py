@@ -82,7 +82,7 @@ def parser() -> argparse.ArgumentParser:
     add("--train", type=Path, nargs="+", default=[], help="recordings to look into")
     add("--validate", type=Path, nargs="+", default=[], help="recordings to prove the answer on")
     add("--out", type=Path, help="folder for the results")
-    add("--columns", type=Path, help="column map (YAML) of the tables")
+    add("--columns", type=Path, help="column map (YAML) of tables, or of your topics")
     add("--period", type=float, help="period [s] of the motion, where no reference is recorded")
     add("--without", nargs="+", default=[], metavar="EFFECT", help=WITHOUT)
     add("--thresholds", type=Path, help="thresholds (YAML; default: the packaged ones)")
