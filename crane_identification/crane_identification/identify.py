@@ -28,6 +28,7 @@ from crane_model import cli
 from crane_model.configuration import load
 from crane_model.errors import ConfigurationError, DataError
 from crane_model.model_file import Model, load_model, save_model
+from crane_model.terms import load_terms
 
 
 class ReferenceValues(RootModel[dict[str, float]]):
@@ -50,6 +51,8 @@ class Sources:
 
 def identify(arguments: argparse.Namespace) -> None:
     """Everything the command does; raises `CraneError` with what is wrong."""
+    if arguments.terms:
+        load_terms(arguments.terms)
     model = load_model(arguments.model)
     overlap = {path.resolve() for path in arguments.train} & {
         path.resolve() for path in arguments.validate
@@ -111,6 +114,10 @@ def on_cluster(
             "--cluster sums information matrices, which is least squares (31); give "
             "--estimator least_squares, without --recursive"
         )
+    if arguments.terms:
+        raise ConfigurationError(
+            "--cluster: its workers do not have the file of --terms; leave it out"
+        )
     try:
         from crane_identification.scale.cluster import fit_on_cluster
     except ImportError as error:
@@ -157,6 +164,7 @@ def parser() -> argparse.ArgumentParser:
     add("--train", type=Path, nargs="+", required=True, help="recordings to fit the model to")
     add("--validate", type=Path, nargs="+", default=[], help="recordings to validate it on")
     add("--out", type=Path, required=True, help="folder for the results")
+    add("--terms", type=Path, metavar="FILE", help="Python file with terms of your own")
     add("--columns", type=Path, help="column map (YAML) of tables, or of your topics")
     add(
         "--period",

@@ -168,7 +168,11 @@ class Sum(Schema):
     @property
     def label(self) -> str:
         """All of them."""
-        return " + ".join(one.label for one in self.sum)
+        first, *others = self.sum
+        signs = ["-" if one.scale < 0 else "+" for one in others]
+        return " ".join(
+            [first.label, *(f"{s} {o.label}" for s, o in zip(signs, others, strict=True))]
+        )
 
 
 Source = Column | TopicField | Sum

@@ -30,8 +30,8 @@ def _natural(name: str) -> list[tuple[int, str]]:
 def read_table(path: Path | str, column_map: ColumnMap, joints: Sequence[str]) -> Log:
     """The signals of `joints` in a table, or in a folder of tables that are one recording.
 
-    Of a folder, the tables that have a column are read one after the other. `DataError` and
-    `ConfigurationError` name file, column and remedy.
+    Of a folder, the tables that a column names are read one after the other, as their time says.
+    `DataError` and `ConfigurationError` name file, column and remedy.
     """
     path = Path(path)
     if column_map.of_topics:
@@ -73,6 +73,12 @@ def _stream(files: Sequence[Path], column_map: ColumnMap, cells: Sequence[Cell])
     ]
     if column is None:
         assert column_map.rate is not None  # the map has one of the two
+        if len(files) > 1:
+            raise DataError(
+                f"{files[0].parent}: {len(files)} tables, {files[0].name} to {files[-1].name}, and "
+                "no time that says how they follow one another; name each as a recording, or give "
+                "a time column"
+            )
         numbers = _joined(tables)
         return Stream(0, np.arange(len(numbers[cells[0]])) / column_map.rate, numbers)
     kept = [np.flatnonzero(~empty_rows(table)) for table in tables]

@@ -21,6 +21,7 @@ from crane_model import cli
 from crane_model.configuration import load
 from crane_model.errors import ConfigurationError, DataError
 from crane_model.model_file import load_model, save_model
+from crane_model.terms import load_terms
 
 WITHOUT = "effects that the answer is sought without, as findings.json names them: what else fits?"
 NEEDED = ("model", "train", "validate", "out")
@@ -35,6 +36,8 @@ def run(arguments: argparse.Namespace) -> None:
     if absent:
         raise ConfigurationError(f"{', '.join(absent)}: needed for a diagnosis; see --help")
     start = time.perf_counter()
+    if arguments.terms:
+        load_terms(arguments.terms)
     model = load_model(arguments.model)
     both = {p.resolve() for p in arguments.train} & {p.resolve() for p in arguments.validate}
     if both:
@@ -82,6 +85,12 @@ def parser() -> argparse.ArgumentParser:
     add("--train", type=Path, nargs="+", default=[], help="recordings to look into")
     add("--validate", type=Path, nargs="+", default=[], help="recordings to prove the answer on")
     add("--out", type=Path, help="folder for the results")
+    add(
+        "--terms",
+        type=Path,
+        metavar="FILE",
+        help="Python file with terms of your own; those with an effect are sought, too",
+    )
     add("--columns", type=Path, help="column map (YAML) of tables, or of your topics")
     add("--period", type=float, help="period [s] of the motion, where no reference is recorded")
     add("--without", nargs="+", default=[], metavar="EFFECT", help=WITHOUT)

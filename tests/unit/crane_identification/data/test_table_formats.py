@@ -164,6 +164,8 @@ def test_a_folder_of_tables_is_one_recording(tmp_path: Path) -> None:
         (folder / f"log_{number}.csv").write_text(f"t,x,f\n{number},{number},{10 * number}\n\n")
     log = read_recording(folder, ["axis"], mapped(PLAIN))
     check(log, [0, 1, 2], [9, 10, 11], [90, 100, 110])
+    with pytest.raises(CraneError, match="3 tables, log_9.csv to log_11.csv, and no time"):
+        read_recording(folder, ["axis"], mapped("rate: 10\n" + AXIS))
     with pytest.raises(CraneError, match="needs a column map"):
         read_recording(folder, ["axis"], None)
 
@@ -204,6 +206,8 @@ joints:
 """
     log = read(tmp_path / "a.csv", "t,x,r,motor,spring\n0,1,3,1,100\n1,2,4,2,200\n", columns)
     check(log, [0, 1], [1, 2], [800, 1600])
+    assert log.force is not None
+    assert log.force.origin == "column motor - spring"
     assert log.reference_position is not None
     np.testing.assert_allclose(log.reference_position.value[:, 0], [3, 4])
     with pytest.raises(ValueError, match="a sum of different quantities, in kN, bar"):
