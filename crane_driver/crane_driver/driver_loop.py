@@ -9,6 +9,7 @@ import numpy as np
 from crane_driver.can.acceptance import Acceptance
 from crane_driver.can.assembly import Assembly, Complete
 from crane_driver.can.codec import DriverCodec
+from crane_driver.can.foreign import ForeignCommands
 from crane_driver.can.frame import UNUSABLE, Fault, Frame
 from crane_driver.can.health import Monitor
 from crane_driver.can.layout import Layout
@@ -75,6 +76,7 @@ class DriverLoop:
         self.codec = DriverCodec(layout)
         self.monitor = Monitor(layout.readings, layout.timing, now)
         self._acceptance = Acceptance(layout, settings.command_timeout)
+        self._foreign = ForeignCommands(layout)
         self.devices = Devices(layout.devices)
         self.supervisor = Supervisor(layout.valves, machine, settings, now)
         self._machine = machine
@@ -109,6 +111,9 @@ class DriverLoop:
         for frame in frames:
             if (of_device := self.devices.observe(frame)) is not None:
                 self.supervisor.can_faults(of_device, now)
+                continue
+            if foreign := self._foreign.observe(frame):
+                self.supervisor.can_faults([foreign], now)
                 continue
             readings = self.codec.decode(frame)
             if readings is None:
@@ -162,6 +167,7 @@ class DriverLoop:
         frames = self.codec.command_frames(output.commands, output.enabled)
         for frame in frames:
             self._acceptance.sent(frame, now)
+            self._foreign.sent(frame)
         return frames
 
     def _measured(self, positions: Complete) -> _Measured:

@@ -6,7 +6,7 @@ from dataclasses import dataclass
 from enum import StrEnum
 from typing import NamedTuple
 
-from crane_driver.can.frame import Fault
+from crane_driver.can.frame import Fault, FaultKind
 from crane_driver.safety.commands import check_command, ramped
 from crane_driver.safety.limits import JointLimiter
 from crane_driver.safety.settings import SafetySettings
@@ -111,7 +111,7 @@ class Supervisor:
         """Faults of bus, frames and devices."""
         for fault in faults:
             self._troubled = now
-            if self.state is State.OFFLINE:
+            if self.state is State.OFFLINE and fault.kind is not FaultKind.FOREIGN:
                 continue  # not well as yet, which is what this state says
             self._latch(Cause.CAN, f"{fault.kind} {fault.message}", str(fault))
 

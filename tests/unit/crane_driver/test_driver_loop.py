@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from crane_driver.can.binding import load_layout
-from crane_driver.can.codec import MachineCodec
+from crane_driver.can.codec import DriverCodec, MachineCodec
 from crane_driver.can.frame import Fault, FaultKind, Frame
 from crane_driver.can.layout import Layout
 from crane_driver.driver_loop import DriverLoop, JointSample, PressureSample
@@ -212,3 +212,30 @@ def test_a_command_too_soon_after_a_valve_frame_is_sent_half_a_cycle_after_it(
 def test_unknown_frames_are_counted(bench: Bench) -> None:
     bench.receive([Frame(0x7FF, b"", steady=bench.now)])
     assert bench.loop.codec.unknown == {(0x7FF, False): 1}
+
+
+@pytest.mark.parametrize("state", ["offline", "disabled", "enabled", "emergency stop"])
+def test_a_valve_frame_of_another_node_is_a_fault_in_every_state(state: str, bench: Bench) -> None:
+    foreign = DriverCodec(bench.loop.codec.layout).command_frames({"inner_boom": 0.4}, True)
+    supervisor = bench.loop.supervisor
+    if state != "offline":
+        bench.run(100)
+    if state == "enabled":
+        supervisor.enable(bench.now)
+    elif state == "emergency stop":
+        supervisor.emergency_stop()
+    assert supervisor.state == state
+    bench.receive([one._replace(steady=bench.now) for one in foreign])
+    assert supervisor.state is (State.ESTOP if state == "emergency stop" else State.FAULT)
+    text = supervisor.faults["CAN foreign command ValveCommand"].text
+    assert "another node commands the valves" in text
+    assert "inner_boom 0.4" in text
+    assert bench.loop.codec.unknown == {}
+
+
+def test_a_valve_frame_of_the_driver_that_comes_again_is_a_fault(bench: Bench) -> None:
+    bench.run(100)
+    frames = bench.loop.valve_frames(bench.now)
+    assert frames
+    bench.receive([one._replace(steady=bench.now) for one in frames])
+    assert "came back" in bench.loop.supervisor.faults["CAN foreign command ValveCommand"].text
