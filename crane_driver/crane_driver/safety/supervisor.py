@@ -137,6 +137,8 @@ class Supervisor:
                 f"not enabled: the command is {_shown(self._target)}; command neutral first"
             )
         self._from_neutral = fresh
+        for limiter in self._limiters.values():
+            limiter.restart()
         self._happen(Event.ENABLE)
 
     def disable(self) -> None:
