@@ -15,6 +15,7 @@ from crane_driver.can.health import Monitor
 from crane_driver.can.layout import Layout
 from crane_driver.can.mapping import LINES
 from crane_driver.canopen.devices import Devices
+from crane_driver.safety.plausibility import PositionWatch, believed
 from crane_driver.safety.settings import SafetySettings
 from crane_driver.safety.states import State
 from crane_driver.safety.supervisor import Supervisor, check_valves
@@ -79,10 +80,12 @@ class DriverLoop:
         self._foreign = ForeignCommands(layout)
         self.devices = Devices(layout.devices)
         self.supervisor = Supervisor(layout.valves, machine, settings, now)
-        self._machine = machine
+        self._machine, self._settings = machine, settings
+        self._resolution = {joint: layout.resolution(joint) for joint in layout.valves}
         self._positions = Assembly(layout, "positions")
-        cycles = [one.cycle for one in layout.readings if one.positions]
-        self._blind = layout.timing.late * max(cycles)  # s without a complete cycle of positions
+        self._position_cycle = max(one.cycle for one in layout.readings if one.positions)
+        self._blind = layout.timing.late * self._position_cycle  # s without a complete cycle
+        self._watches = self._new_watches()
         self._located = -math.inf  # reception of the newest one
         self._pressures = Assembly(layout, "pressures")
         cycles = [one.cycle for one in layout.readings if one.pressures]
@@ -170,7 +173,30 @@ class DriverLoop:
             self._foreign.sent(frame)
         return frames
 
+    def _new_watches(self) -> dict[str, PositionWatch]:
+        return {
+            joint: PositionWatch(
+                self._machine.limits[joint], resolution, self._position_cycle, self._settings
+            )
+            for joint, resolution in self._resolution.items()
+        }
+
+    def _believed(self, positions: Complete) -> Complete:
+        """Without the readings that cannot be true, which are faults."""
+        if self.supervisor.state is State.OFFLINE:  # as after every reset
+            self._watches = self._new_watches()
+        values, wrong = believed(
+            self._watches,
+            positions.sampled,
+            positions.values,
+            self.supervisor.sent,
+            self._newest.values if self._newest else {},
+        )
+        self.supervisor.not_believed(wrong)
+        return positions._replace(values=values)
+
     def _measured(self, positions: Complete) -> _Measured:
+        positions = self._believed(positions)
         readings = [positions.values[joint] for joint in self.joints]
         _, velocity, _ = self._filter.update(positions.sampled, readings)
         velocities = velocity.tolist()

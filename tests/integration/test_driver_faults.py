@@ -1,5 +1,6 @@
 """Faults injected into the running driver and simulated crane; what the valves are sent then."""
 
+import math
 import os
 import signal
 import time
@@ -157,6 +158,17 @@ def test_valves_that_do_not_accept_what_they_are_sent_are_a_fault(
         ramped(stage, since)
         detail = fault(stage, "CAN not accepted ValveStatus")
         assert "ValveCommand has been sent for 1" in detail
+    stage.disabled()
+
+
+def test_an_encoder_that_is_frozen_stops_the_crane(stage: Stage, hand: Commander) -> None:
+    """Its frames come with right counters and checksums, and the valves accept their commands."""
+    with played(stage):
+        swing(stage, hand)
+        since = len(stage.valves)
+        ramped(stage, since)
+        assert "slew: its position has not changed for 4" in fault(stage, "position slew")
+        assert math.isnan(stage.states[-1].position[0])
     stage.disabled()
 
 

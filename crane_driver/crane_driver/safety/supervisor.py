@@ -32,6 +32,7 @@ class Cause(StrEnum):
     COMMAND_TIMEOUT = "command timeout"
     SEVERAL_PUBLISHERS = "several publishers"
     NO_STATE = "no state"
+    POSITION = "position"
 
 
 @dataclass
@@ -106,6 +107,17 @@ class Supervisor:
     def readings(self, positions: Mapping[str, float], velocities: Mapping[str, float]) -> None:
         """The newest measured state; NaN where there is none."""
         self._position, self._velocity = dict(positions), dict(velocities)
+
+    @property
+    def sent(self) -> Mapping[str, float]:
+        """What the valves were last sent, -1 to 1 by joint."""
+        return self._output
+
+    def not_believed(self, wrong: Mapping[str, str]) -> None:
+        """Joints whose positions cannot be true, and why; offline, nothing moves by them."""
+        if self.state is not State.OFFLINE:
+            for joint, why in wrong.items():
+                self._latch(Cause.POSITION, joint, f"{joint}: {why}")
 
     def can_faults(self, faults: Iterable[Fault], now: float) -> None:
         """Faults of bus, frames and devices."""

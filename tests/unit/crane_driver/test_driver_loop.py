@@ -233,6 +233,29 @@ def test_a_valve_frame_of_another_node_is_a_fault_in_every_state(state: str, ben
     assert bench.loop.codec.unknown == {}
 
 
+def test_a_position_that_jumps_is_a_fault_and_is_not_published_until_reset(bench: Bench) -> None:
+    bench.run(100)
+    before = POSE["inner_boom"]
+    try:
+        POSE["inner_boom"] -= 0.3
+        joints, _ = bench.run(3)
+        assert math.isnan(joints.position[1])
+        assert math.isnan(joints.effort[1])
+        assert np.isfinite([joints.position[0], *joints.position[2:]]).all()
+        supervisor = bench.loop.supervisor
+        assert supervisor.state is State.FAULT
+        assert (
+            "inner_boom: its position jumped by -0.3"
+            in supervisor.faults["position inner_boom"].text
+        )
+        supervisor.reset(bench.now)
+        joints, _ = bench.run(100)
+        assert supervisor.state is State.DISABLED
+        assert math.isfinite(joints.position[1])
+    finally:
+        POSE["inner_boom"] = before
+
+
 def test_a_valve_frame_of_the_driver_that_comes_again_is_a_fault(bench: Bench) -> None:
     bench.run(100)
     frames = bench.loop.valve_frames(bench.now)
