@@ -9,7 +9,8 @@ from dataclasses import dataclass
 from enum import StrEnum
 from typing import Any
 
-from cases import TWINS, Kind
+from case import Kind
+from cases import TWINS
 
 from crane_model.flow import FLOW_REGISTRY
 from crane_model.terms import REGISTRY

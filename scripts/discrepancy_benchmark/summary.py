@@ -3,7 +3,8 @@
 from collections.abc import Callable, Sequence
 from typing import Any
 
-from cases import PAIR, STRENGTHS, Kind
+from case import Kind
+from cases import PAIR, STRENGTHS
 from judgement import OURS, Outcome
 from rates import median, rate
 

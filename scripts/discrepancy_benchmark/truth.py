@@ -6,7 +6,7 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
-from cases import Case
+from case import Case
 from clean import Seen, load_seen
 from folders import read_json
 from judgement import Place

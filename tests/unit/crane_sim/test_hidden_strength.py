@@ -17,10 +17,9 @@ from crane_sim.hidden.forms import FORMS
 from crane_sim.hidden.label import check_place, clean_path, label
 from crane_sim.hidden.memory import STILL
 from crane_sim.hidden.spec import HiddenEffect, Spec, load_spec
-from crane_sim.parameters import StandIn, load_stand_in, save_stand_in
+from crane_sim.parameters import StandIn
 from crane_sim.plant import Plant
 from crane_sim.rigid_bodies import inverse_dynamics
-from crane_sim.variation import vary
 from crane_trajectory.controller import Gains, load_gains
 from crane_trajectory.motion import Reference
 
@@ -263,16 +262,3 @@ def test_a_label_lies_outside_of_the_bag(tmp_path: Path) -> None:
         check_place(tmp_path / "label.npz", bag)
     with pytest.raises(Exception, match="exists"):
         check_place(there, bag)
-
-
-def test_other_machines(stand_in: StandIn, machine: Machine, tmp_path: Path) -> None:
-    """Each seed its machine, within the spread; written and read as a file."""
-    one, again, other = (vary(stand_in, seed, 0.1) for seed in (1, 1, 2))
-    assert one == again != other
-    ratio = other.bodies.gripper.mass / stand_in.bodies.gripper.mass
-    assert 0.9 <= ratio <= 1.1 and ratio != 1.0
-    ratios = other.friction.array("f_c") / stand_in.friction.array("f_c")
-    assert ((ratios >= 0.9) & (ratios <= 1.1)).all()
-    assert len(np.unique(ratios)) == 4
-    save_stand_in(tmp_path / "machine.yaml", other)
-    assert load_stand_in(tmp_path / "machine.yaml") == other

@@ -2,7 +2,7 @@
 
 import numpy as np
 import pytest
-from cases import Case, Hidden, Kind
+from case import Case, Hidden, Kind
 from clean import load_seen, save_clean
 from truth import Truth
 from unusual import beyond_usual

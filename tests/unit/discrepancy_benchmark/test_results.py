@@ -7,7 +7,8 @@ import figures
 import numpy as np
 import pytest
 from calibration import agreement, together
-from cases import STRENGTHS, Case, CaseSet, cases
+from case import Case
+from cases import STRENGTHS, CaseSet, cases
 from judgement import Outcome
 from printed import notes, tables
 from rates import median, rate
