@@ -109,7 +109,7 @@ def test_forces_of_all_effects_close_the_balance(
         planted("viscous_quadratic", "inner_boom", 5000.0, 1.8),
         planted("detent", "outer_boom", 60.0, 20.0, 0.3),
         planted("maxwell_slip", "inner_boom", 2e-3, 0.6),
-        planted("boom_flexibility", "inner_boom", 20.0, 3.0, 0.1),
+        planted("boom_flexibility", "inner_boom", 0.3, 1.5, 0.1),
         planted("base_tilt", None, 0.02),
         planted("payload", None, 10.0, 0.2, 0.2),
         planted("hose_mass", None, 2.0),

@@ -81,8 +81,7 @@ def draw(spec: Spec, stand_in: StandIn) -> tuple[Planted, ...]:
     for index, effect in enumerate(spec.effects):
         form, rng = effect.law, np.random.default_rng([spec.seed, index])
         drawn = {
-            entry.name: rng.uniform(entry.lowest, entry.highest)
-            * _scale(entry.of, stand_in, effect.joint)
+            entry.name: entry.between(rng) * _scale(entry.of, stand_in, effect.joint)
             for entry in form.draws
         }
         start = form.magnitude.start * _scale(form.magnitude.of, stand_in, effect.joint)
