@@ -126,11 +126,12 @@ class DriverLoop:
             if any(fault.kind in UNUSABLE for fault in faults):
                 continue
             self.supervisor.can_faults(self._acceptance.observe(readings), now)
-            if complete := self._pressures.add(readings):
+            for complete in self._pressures.add(readings):
                 self._newest = complete
                 pressures.append(self._pressure_sample(complete))
                 joints += self._joint_samples(readings.steady)
-            if complete := self._positions.add(readings):
+            # Cycles that had to wait until they had numbers are too old for who moves the crane.
+            for complete in self._positions.add(readings)[-1:]:
                 joints += self._joint_samples(math.inf)  # of the cycle before
                 self._waiting = self._measured(complete)
                 joints += self._joint_samples(readings.steady)
@@ -223,7 +224,7 @@ class DriverLoop:
     def _effort(self, complete: Complete) -> list[float]:
         """(27) by the newest pressures, unless they are older than the positions by a cycle."""
         newest = self._newest
-        if newest is None or complete.sampled - newest.sampled > 1.5 * self._pressure_cycle:
+        if newest is None or abs(complete.sampled - newest.sampled) > 1.5 * self._pressure_cycle:
             return [math.nan] * len(self.joints)
         effort = []
         for joint in self.joints:
