@@ -28,6 +28,7 @@ from crane_sim.parameters import load_stand_in
 from crane_sim.variation import vary, vary_valves
 from crane_trajectory.check import load_clearance
 from crane_trajectory.controller import load_gains
+from crane_trajectory.motion import Motion
 
 SPREAD = 0.15  # of the machines' parameters
 WEAKER = 0.5  # what is asked for next of an effect that cannot be so strong
@@ -80,18 +81,20 @@ def _make(job: Job, attempt: int) -> None:
     maker = Maker(np.random.default_rng(of_motions), machine, stand_in.start, clearance)
     if case.excitation is Excitation.POOR:
         train, validate = maker.poor()
-        first = maker.designed(1)[0][0]  # how strong an effect is does not depend on the data
+        measured = maker.designed(1)[0][:1]  # how strong an effect is does not depend on the data
+    elif case.world is World.FIELD:
+        train, validate = maker.of_the_field(job.sets)
+        measured = [*validate, *train]  # not every random motion shows every effect
     else:
-        draw = maker.of_the_field if case.world is World.FIELD else maker.designed
-        train, validate = draw(job.sets)
-        first = train[0]
+        train, validate = maker.designed(job.sets)
+        measured = train[:1]
 
-    def planted(effects: tuple[Hidden, ...]) -> tuple[Planted, ...]:
+    def planted(effects: tuple[Hidden, ...], motion: Motion) -> tuple[Planted, ...]:
         hidden = tuple(HiddenEffect(**one.model_dump(exclude={"carried"})) for one in effects)
         spec = Spec(seed=of_effects, effects=hidden)
-        return calibrate(spec, machine, stand_in, replace(first, periods=1), gains)
+        return calibrate(spec, machine, stand_in, replace(motion, periods=1), gains)
 
-    effects, found = _strongest(planted, case.effects)
+    effects, found = _strongest(planted, case.effects, measured)
     case = case.model_copy(update={"effects": effects})
     with new(folders.bags / case.name) as bags, new(folders.sealed / case.name) as sealed:
         write_json(sealed / "case.json", case.model_dump(mode="json"))
@@ -110,17 +113,20 @@ def _make(job: Job, attempt: int) -> None:
 
 
 def _strongest(
-    planted: Callable[[tuple[Hidden, ...]], tuple[Planted, ...]], effects: tuple[Hidden, ...]
+    planted: Callable[[tuple[Hidden, ...], Motion], tuple[Planted, ...]],
+    effects: tuple[Hidden, ...],
+    motions: Sequence[Motion],
 ) -> tuple[tuple[Hidden, ...], tuple[Planted, ...]]:
-    """As strong as asked for, or half of it, and so on, where that cannot be."""
+    """As strong as asked for on the first motion that shows it so; or half of it, and so on."""
     for _ in range(ATTEMPTS):
-        try:
-            return effects, planted(effects)
-        except RangeError as error:
-            reason = error
-            effects = tuple(
-                one.model_copy(update={"strength": WEAKER * one.strength}) for one in effects
-            )
+        for motion in motions:
+            try:
+                return effects, planted(effects, motion)
+            except RangeError as error:
+                reason = error
+        effects = tuple(
+            one.model_copy(update={"strength": WEAKER * one.strength}) for one in effects
+        )
     raise reason
 
 

@@ -20,6 +20,7 @@ STORIES = (
 CLEAR, STRONG = 0.04, 0.08  # rms over that of the drive force
 LOADS = (0.02, 0.04, 0.08)
 WARMING = (300.0, 1200.0)  # s, time constant of the oil; a session takes some 40 minutes
+ZONE = 0.3  # rad, m, before the ends of the stroke
 IN_FORCE = ("stribeck", "load_friction", "seal_friction", "viscous_quadratic", "hose_stiffness")
 IN_FLOW = ("valve_hysteresis", "internal_leakage", "oil_compressibility")
 
@@ -59,7 +60,10 @@ def _warming(rng: np.random.Generator, which: int) -> Told:
 
 def _strong(rng: np.random.Generator, which: int) -> Told:
     effect = "end_cushioning" if which == 0 else str(rng.choice(IN_FORCE))
-    return Kind.SINGLE, (in_any_form(rng, effect, _joint(rng), STRONG),), {}
+    hidden = in_any_form(rng, effect, _joint(rng), STRONG)
+    if which == 0:  # a zone that most motions enter
+        hidden = hidden.model_copy(update={"parameters": {"zone": ZONE}})
+    return Kind.SINGLE, (hidden,), {}
 
 
 def _once(rng: np.random.Generator, which: int) -> Told:

@@ -1,7 +1,6 @@
 """`make_bag`: a recording of the stand-in machine on an excitation trajectory, as an mcap bag."""
 
 import argparse
-import math
 import sys
 from collections.abc import Iterable, Sequence
 from datetime import UTC, datetime
@@ -41,6 +40,8 @@ from crane_trajectory.periodic import load_trajectory
 
 STARTED = datetime(2025, 1, 1, tzinfo=UTC)  # fixed, so that the same seed gives the same bag
 
+LONGEST = 1e7  # s that a machine runs, four months
+
 
 class Moment(NamedTuple):
     """When a recording begins: the machine was `started` then, and has been `running` [s] since."""
@@ -74,7 +75,8 @@ def write_bag(
     `started` is when the machine was: the zero of the times of the recording.
     """
     tau, pressures, reference = effort(machine, recording), recording.pressures, recording.reference
-    stamps = round(started.timestamp()) * 10**9 + np.round(recording.time * 1e9).astype(np.int64)
+    zero = round(started.timestamp() * 1e6) * 1000  # ns
+    stamps = zero + np.round(recording.time * 1e9).astype(np.int64)
     with BagWriter(path) as bag:
         description = bag.add(ROBOT_DESCRIPTION)
         states = bag.add_arrays(JOINT_STATES, JOINTS)
@@ -111,8 +113,8 @@ def make(
     """Write the bag `out` of a machine that hides effects; what truly happened is returned.
 
     `motion` is that of `plan`; `seed` is that of noise and jitter; at its `moment` the recording
-    begins. The bag holds what a machine
-    without hidden effects would write: nothing but readings differs.
+    begins. The bag holds what a machine without hidden effects would write: nothing but readings
+    differs.
     """
     plant = Plant(stand_in, machine, motion.start, planted, moment.running)
     sensors = Sensors(stand_in.sensors, machine, seed, faults(planted))
@@ -122,8 +124,10 @@ def make(
 
 
 def date(text: str) -> datetime:
-    """ISO 8601, in UTC where it names no zone."""
+    """ISO 8601, in UTC where it names no zone; `ValueError` if stamps cannot hold it."""
     date = datetime.fromisoformat(text)
+    if not 1970 < date.year < 2200:
+        raise ValueError
     return date if date.tzinfo else date.replace(tzinfo=UTC)
 
 
@@ -154,7 +158,7 @@ def main(argv: Sequence[str] | None = None) -> int:
         "or wears, go on from there (default: 0, a cold machine)",
     )
     parser.add_argument(
-        "--hide", type=Path, help="effects that the machine hides (YAML), or the label of a machine"
+        "--hide", type=Path, help="effects that the machine hides (YAML), or the label of a bag"
     )
     parser.add_argument(
         "--label", type=Path, help="new file, not in the bag's folder, that tells what was hidden"
@@ -162,8 +166,8 @@ def main(argv: Sequence[str] | None = None) -> int:
     arguments = parser.parse_args(argv)
     if (arguments.hide is None) != (arguments.label is None):
         parser.error("--hide and --label: give both or none")
-    if not 0.0 <= arguments.running < math.inf:
-        parser.error(f"--running {arguments.running:g}: how many seconds, 0 or more")
+    if not 0.0 <= arguments.running <= LONGEST:
+        parser.error(f"--running {arguments.running:g}: how many seconds, from 0 to {LONGEST:g}")
 
     def progress(cycles: Iterable[int]) -> Iterable[int]:
         return tqdm(cycles, desc=arguments.out.name, unit="cycle", disable=not sys.stderr.isatty())
