@@ -88,18 +88,19 @@ def decide(search: Search, thresholds: Thresholds) -> tuple[list[Accepted], floa
 
 
 def _passes(one: Accepted, thresholds: Thresholds) -> bool:
-    return _helps(one.held_out, thresholds) and one.strength >= thresholds.smallest_strength
+    return helps(one.held_out, thresholds) and one.strength >= thresholds.smallest_strength
 
 
-def _helps(gains: np.ndarray, thresholds: Thresholds) -> bool:
+def helps(gains: np.ndarray, thresholds: Thresholds) -> bool:
     """Whether an effect improves the prediction of recordings that it was not fitted to.
 
     In all folds (NaN: not asked) but a few; of four and more, one may differ in something else.
+    Folds are counted: how much one of them gains or loses decides nothing.
     """
     asked = gains[np.isfinite(gains)]
     failed = int((asked <= 0.0).sum())
     allowed = max((1.0 - thresholds.folds_share) * len(asked), float(len(asked) >= FOLDS_TO_FAIL))
-    return 2 * len(asked) > len(gains) and failed <= allowed and float(asked.sum()) > 0.0
+    return 2 * len(asked) > len(gains) and failed <= allowed
 
 
 def _vague(one: Accepted) -> bool:
