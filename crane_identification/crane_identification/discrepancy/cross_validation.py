@@ -32,8 +32,8 @@ def held_out_gains(
     """
     fold, names = folds(evidence)
     label = fold[whitener.row]
-    columns, force = [whitener(before), whitener(added)], whitener(evidence.force)
-    return np.array([gain(*columns, force, label == i) for i in range(len(names))]), names
+    old, new, force = whitener(before), whitener(added), whitener(evidence.force)
+    return np.array([gain(old, new, force, label == i) for i in range(len(names))]), names
 
 
 def gain(before: np.ndarray, added: np.ndarray, force: np.ndarray, out: np.ndarray) -> float:
