@@ -27,8 +27,8 @@ DISTINCT = 0.9
 RELATED = 0.2
 """Correlation below which an effect is no rival: it explains something else."""
 KIN_SHARE = 0.5
-"""Share of what is left unexplained by which an effect leads another law of the same effect: neither
-needs to be quite the machine's."""
+"""Share of what is left unexplained by which an effect leads another law of the same effect, where
+neither needs to be quite the machine's."""
 FOLDS_TO_FAIL = 4
 """Folds of which one may fail, whatever share is asked for."""
 SAME_FORM = 0.9
