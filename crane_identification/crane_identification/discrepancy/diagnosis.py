@@ -24,6 +24,7 @@ from crane_identification.discrepancy.strength import detectable
 from crane_identification.discrepancy.thresholds import Thresholds
 from crane_identification.discrepancy.trial import Trial, tried
 from crane_identification.discrepancy.verdict import (
+    Reach,
     Verdict,
     judge,
     proved,
@@ -117,7 +118,8 @@ def diagnose(
     progress("what is left", 1.0)
     gap = measure(before, last.model, evidence, held_out, _averaged(model, validation, options))
     least, undetermined = detectable(found, decision.threshold), _names(model, left_out)
-    answer, near = judge(found, first, last, gap, least, undetermined, thresholds), None
+    reach = Reach(found.testable_share, least, undetermined)
+    answer, near = judge(first, last, gap, reach, thresholds), None
     if answer.verdict is Verdict.UNKNOWN:
         objection = answer.objection or decision.objection
         effects = last.effects or last.dropped or decision.nearest

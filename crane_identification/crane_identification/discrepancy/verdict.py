@@ -10,7 +10,6 @@ from crane_identification.discrepancy.decision import Judged
 from crane_identification.discrepancy.gap import Gap
 from crane_identification.discrepancy.hydraulics import Flow
 from crane_identification.discrepancy.pulsation import Pulsation
-from crane_identification.discrepancy.search import Search
 from crane_identification.discrepancy.thresholds import Thresholds
 from crane_identification.discrepancy.trial import SIGMAS, Trial
 
@@ -38,19 +37,18 @@ class Answer(NamedTuple):
     objection: str = ""
 
 
-def judge(
-    found: Search,
-    before: Trial,
-    after: Trial,
-    gap: Gap,
-    least: float,
-    undetermined: Sequence[str],
-    thresholds: Thresholds,
-) -> Answer:
-    """The answer of the force: the model `before`, and `after` the effects are added.
-
-    `least` strength that would show; `undetermined` parameters of the model.
+class Reach(NamedTuple):
+    """What recordings can show: the share of effects that is `testable`, the `least` strength that
+    would show, and the parameters of the model that are `undetermined`.
     """
+
+    testable: float
+    least: float
+    undetermined: Sequence[str]
+
+
+def judge(before: Trial, after: Trial, gap: Gap, reach: Reach, thresholds: Thresholds) -> Answer:
+    """The answer of the force: the model `before`, and `after` the effects are added."""
     if after.effects:
         return _of_effects(before, after, gap, thresholds)
     if after.dropped:
@@ -68,26 +66,25 @@ def judge(
     above = _above_floor(gap, gap.before, thresholds)
     if above.any():
         return Answer(Verdict.UNKNOWN, _beyond_noise(gap, gap.before, above, thresholds))
-    if undetermined:
+    if reach.undetermined:
         return Answer(
             Verdict.INSUFFICIENT,
-            f"they do not even determine {', '.join(undetermined)} of the model; excite the "
+            f"they do not even determine {', '.join(reach.undetermined)} of the model; excite the "
             "joints more: both directions, several speeds, the whole range",
         )
-    tested = {option.family for option in found.projection.options}
-    share = len(tested) / max(len(tested) + len(found.untestable), 1)
-    if share < thresholds.testable_share:
+    if reach.testable < thresholds.testable_share:
         return Answer(
             Verdict.INSUFFICIENT,
-            f"only {share:.0%} of the effects would show in these recordings; excite the joints "
-            "more: both directions, several speeds, the whole range",
+            f"only {reach.testable:.0%} of the effects would show in these recordings; excite the "
+            "joints more: both directions, several speeds, the whole range",
         )
-    if least > thresholds.detectable_strength:
+    if reach.least > thresholds.detectable_strength:
         return Answer(
             Verdict.INSUFFICIENT,
-            f"of ten effects, one would not show at {least:.1%} of the drive force; record more",
+            f"of ten effects, one would not show at {reach.least:.1%} of the drive force; record "
+            "more",
         )
-    said = f"nine in ten effects above {least:.2%} of the drive force would have shown"
+    said = f"nine in ten effects above {reach.least:.2%} of the drive force would have shown"
     return Answer(Verdict.NONE, f"{said}; {_of_noise(gap)}")
 
 
