@@ -1,7 +1,7 @@
 """The gap between model and measurement on recordings that took no part, before and after."""
 
 from collections.abc import Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 
 import numpy as np
 
@@ -17,6 +17,7 @@ from crane_model.model_file import Model
 from crane_model.record import Record
 
 EXPLAINABLE = 0.05  # share of the energy of an error; less than that is no gap
+CLEAN = 2.0  # times the noise floor: what models reach from which nothing is missing
 RESOLUTION = 1e-6  # relative error, below which numbers are rounding
 
 
@@ -40,11 +41,11 @@ class Gap:
 
     @property
     def reachable(self) -> np.ndarray:
-        """What some model reaches (j,): the noise floor where one is known, the learner, `after`.
+        """What some model reaches (j,): noise where it is known, or the learner, or that `after`.
 
         Periods scatter by what the motion does not repeat as well, which a model may explain.
         """
-        return np.fmin(np.fmin(self.floor, self.best), self.after)
+        return np.fmin(np.fmin(CLEAN * self.floor, self.best), self.after)
 
     @property
     def closed(self) -> np.ndarray:
@@ -61,10 +62,6 @@ class Gap:
         )
         explainable = before - least
         return (before - after) / explainable if explainable > EXPLAINABLE * before else np.nan
-
-    def without_effects(self) -> "Gap":
-        """The gap where nothing is added."""
-        return replace(self, after=self.before, motion_after=self.motion_before)
 
     def over_floor(self, errors: np.ndarray) -> np.ndarray:
         """Errors (j,) over the noise floor; NaN where none is known."""

@@ -7,15 +7,15 @@ from typing import NamedTuple
 import numpy as np
 
 from crane_identification.discrepancy.decision import Judged
-from crane_identification.discrepancy.gap import Gap
+from crane_identification.discrepancy.gap import CLEAN, Gap
 from crane_identification.discrepancy.hydraulics import Flow
+from crane_identification.discrepancy.proof import WORSE, Proof
 from crane_identification.discrepancy.pulsation import Pulsation
 from crane_identification.discrepancy.thresholds import Thresholds
 from crane_identification.discrepancy.trial import SIGMAS, Trial
 
 SPOKEN = 4  # members of a class that the reason lists
 NOT_HELD = "something is left that no effect of the catalogue explains"
-WORSE = 1.05  # times the error before, on held-out recordings, that is more than chance
 
 
 class Verdict(StrEnum):
@@ -47,11 +47,14 @@ class Reach(NamedTuple):
     undetermined: Sequence[str]
 
 
-def judge(before: Trial, after: Trial, gap: Gap, reach: Reach, thresholds: Thresholds) -> Answer:
-    """The answer of the force: the model `before`, and `after` the effects are added."""
-    if after.effects:
-        return _of_effects(before, after, gap, thresholds)
-    if after.dropped:
+def judge(before: Trial, proof: Proof, reach: Reach, thresholds: Thresholds) -> Answer:
+    """The answer of the force: the trial `before`, and that with effects."""
+    gap = proof.gap
+    if proof.trial.effects:
+        return _of_effects(before, proof, thresholds)
+    if proof.short:
+        return Answer(Verdict.UNKNOWN, NOT_HELD, proof.short[0].objection)
+    if proof.trial.zero:
         return Answer(
             Verdict.UNKNOWN,
             NOT_HELD,
@@ -174,70 +177,54 @@ def _named_beside(answer: Answer, said: Sequence[str]) -> Answer:
     return answer._replace(verdict=verdict, reason=f"{answer.reason}; {text}")
 
 
-def proved(reason: str, gap: Gap) -> str:
-    """The reason, and where what was added makes the prediction of held-out recordings worse.
+def with_worse(answer: Answer, gap: Gap) -> Answer:
+    """The answer, and where what was added makes the prediction of held-out recordings worse.
 
-    That is more than the learner leaves, or than noise where that is known.
+    That is more than the error before, and than noise where that is known.
     """
     worse = [
         f"{joint} ({gap.before[j]:.2%} to {gap.after[j]:.2%})"
         for j, joint in enumerate(gap.joints)
-        if gap.after[j] > WORSE * np.fmax(gap.before[j], gap.floor[j])
+        if gap.after[j] > WORSE * np.fmax(gap.before[j], CLEAN * gap.floor[j])
     ]
     if not worse:
-        return reason
-    return (
-        f"{reason}; it does not carry over to the held-out recordings, whose force on "
-        f"{', '.join(worse)} is predicted worse: they differ in something else"
+        return answer
+    return answer._replace(
+        reason=f"{answer.reason}; it does not carry over to the held-out recordings, whose force "
+        f"on {', '.join(worse)} is predicted worse: they differ in something else"
     )
 
 
-def _of_effects(before: Trial, after: Trial, gap: Gap, thresholds: Thresholds) -> Answer:
-    """Effects that passed every test of the training recordings: do they close the gap?"""
-    share = after.explained(before, thresholds)
-    closed = gap.closed_on(after.joints())
-    refused = _refused(after, gap, share, closed, thresholds)
-    if refused:
-        return Answer(Verdict.UNKNOWN, NOT_HELD, refused)
-    explained = f"the effects explain {share:.0%} of what can be explained"
-    if np.isfinite(closed):
-        explained += f", and close {closed:.0%} of the gap on held-out recordings"
-    classes = [_alternatives(one) for one in after.effects if one.members]
-    apart = f"these recordings do not tell apart: {'; '.join(classes)}" if classes else ""
-    more = _more(after, gap, share, closed, thresholds)
+def _of_effects(before: Trial, proof: Proof, thresholds: Thresholds) -> Answer:
+    """Effects that passed every test: are they all?"""
+    share = proof.trial.explained(before, thresholds)
+    said = [f"the effects explain {share:.0%} of what can be explained"]
+    classes = [_alternatives(one) for one in proof.trial.effects if one.members]
+    apart = [f"these recordings do not tell apart: {'; '.join(classes)}"] if classes else []
+    more = _more(proof, share, thresholds)
     if more:
-        return Answer(Verdict.AND_MORE, "; ".join(filter(None, (explained, apart, *more))))
+        return Answer(Verdict.AND_MORE, "; ".join(said + apart + more))
     if classes:
-        return Answer(Verdict.CLASS, apart)
-    return Answer(Verdict.NAMED, explained)
+        return Answer(Verdict.CLASS, *apart)
+    return Answer(Verdict.NAMED, *said)
 
 
-def _refused(after: Trial, gap: Gap, share: float, closed: float, thresholds: Thresholds) -> str:
-    """Why effects are no names; empty if they are."""
-    if closed < thresholds.closed_share:
-        return (
-            f"it closes {closed:.0%} of the gap that can be closed on held-out recordings, and "
-            f"{thresholds.closed_share:.0%} are asked for"
-        )
-    worse = [j for j in after.joints() if gap.after[j] > WORSE * gap.before[j]]
-    if worse and not np.isfinite(closed):
-        return f"the held-out force of {gap.joints[worse[0]]} is predicted worse with it"
-    return ""
-
-
-def _more(after: Trial, gap: Gap, share: float, closed: float, thresholds: Thresholds) -> list[str]:
+def _more(proof: Proof, share: float, thresholds: Thresholds) -> list[str]:
     """What is missing beside the effects, in words; empty if nothing is."""
+    trial, gap = proof.trial, proof.gap
     said = []
-    least = thresholds.explained_share
-    if share < least or closed < least:
-        law = after.learnt.follows_law(thresholds)
-        where = f" on {_listed(gap, law)}" if law.any() else ""
-        said.append(f"something more is missing{where}: {least:.0%} are asked for")
-    if after.left_share > thresholds.left_share:
-        said.append(f"they leave {after.left_share:.0%} of the energy beyond noise where they act")
+    if share < thresholds.explained_share:
+        law = trial.learnt.follows_law(thresholds)
+        said.append(f"something more is missing, a law that is left on {_listed(gap, law)}")
+    if trial.left_share > thresholds.left_share:
+        said.append(f"they leave {trial.left_share:.0%} of the energy beyond noise where they act")
     above = _above_floor(gap, gap.after, thresholds)
     if above.any():
         said.append(_beyond_noise(gap, gap.after, above, thresholds))
+    said += [
+        f"{one.effect.option.family.label} would go with them, but {one.objection}"
+        for one in proof.short
+    ]
     return said
 
 
