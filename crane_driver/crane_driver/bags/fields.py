@@ -119,6 +119,11 @@ def read_fields(
                 raise DataError(
                     f"{path}: topic {block.topic}, {msgtype}: {error}; correct the column map"
                 ) from error
+            except KeyError as error:
+                raise DataError(
+                    f"{path}: topic {block.topic}: the definition of {msgtype} in the bag lacks "
+                    f"{error}; record it again with the package of that type installed"
+                ) from error
             done += len(messages)
             if progress:
                 progress(f"reading {path.name}", min(done / reader.message_count, 1.0))

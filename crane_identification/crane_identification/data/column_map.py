@@ -17,7 +17,7 @@ from crane_identification.data.sources import (
     Source,
     TopicField,
 )
-from crane_identification.data.units import COUNTS, UNITS
+from crane_identification.data.units import COUNTS, DATE, UNITS
 from crane_model.configuration import Schema
 from crane_model.errors import DataError
 
@@ -34,7 +34,15 @@ def measuring(*quantities: str) -> AfterValidator:
     return AfterValidator(check)
 
 
-TimeColumn = Annotated[Column, measuring("time")]
+def _plain_time(column: Column) -> Column:
+    if column.file != "*":
+        raise ValueError("every file has its time in the column of this name; take out file")
+    if column.unit == DATE and (column.scale, column.offset) != (1.0, 0.0):
+        raise ValueError(f"times of {DATE} have neither scale nor offset; take them out")
+    return column
+
+
+TimeColumn = Annotated[Column, measuring("time"), AfterValidator(_plain_time)]
 Angle = Annotated[AnySource, measuring("angle", COUNTS)]
 Position = Annotated[AnySource, measuring("angle", "length", COUNTS)]
 Velocity = Annotated[AnySource, measuring("angular velocity", "linear velocity", COUNTS)]

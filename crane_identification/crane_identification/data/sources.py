@@ -4,7 +4,7 @@ from abc import abstractmethod
 from typing import Annotated, Any, Self
 
 import numpy as np
-from pydantic import Discriminator, Field, Tag, model_validator
+from pydantic import AfterValidator, Discriminator, Field, Tag, model_validator
 
 from crane_identification.data.units import UNITS
 from crane_model.configuration import Schema
@@ -89,6 +89,12 @@ class Column(Reading):
         return self.column if self.index is None else f"{self.column}[{self.index}]"
 
 
+def _in_full(msgtype: str) -> str:
+    """`pkg/Type` as `pkg/msg/Type`."""
+    package, *_, name = msgtype.split("/")
+    return f"{package}/msg/{name}"
+
+
 class TopicField(Reading):
     """A field of the messages of a topic.
 
@@ -100,7 +106,7 @@ class TopicField(Reading):
     topic: str
     field: str
     index: Annotated[int, Field(ge=0)] | str | None = None
-    type: Annotated[str, Field(pattern=r"^\w+/msg/\w+$")] | None = None
+    type: Annotated[str, Field(pattern=r"^\w+/(msg/)?\w+$"), AfterValidator(_in_full)] | None = None
 
     @property
     def stream(self) -> str:

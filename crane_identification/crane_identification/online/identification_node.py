@@ -97,18 +97,8 @@ RESOLUTION = Numbers(
     "One count of the encoder of each joint of the model, in its order. At configure",
 )
 PARAMETERS: tuple[NodeParameter, ...] = (
-    *(
-        AUTOSTART,
-        MODEL,
-        COLUMNS,
-        MODEL_OUTPUT,
-        FORGETTING,
-        LAG,
-        PERIOD,
-        LARGEST_GAP,
-        RESOLUTION,
-        TIMEOUT,
-    ),
+    *(AUTOSTART, MODEL, COLUMNS, MODEL_OUTPUT, FORGETTING),
+    *(LAG, PERIOD, LARGEST_GAP, RESOLUTION, TIMEOUT),
 )
 
 

@@ -29,7 +29,7 @@ joints:
     pressure_a: {topic: /pressures, field: data, index: 1, unit: bar}
     pressure_b: {topic: /boom/rod, field: fluid_pressure, unit: Pa}
     command: {topic: /valve, field: spool, index: 0, unit: "%"}
-temperature: {topic: /valve, field: sensors.1.degrees, unit: deg C, type: own_msgs/msg/Valve}
+temperature: {topic: /valve, field: sensors.1.degrees, unit: deg C, type: own_msgs/Valve}
 """
 
 
@@ -128,7 +128,7 @@ def test_joints_of_different_topics_share_the_times_of_the_first(tmp_path: Path)
         ("data, index: 1", "data, index: 3", "no place 3 in an array of 3"),
         ("index: b", "index: c", r"position\[c\] never holds a number; its names are a, b"),
         ("unit: Pa", "unit: Pa, index: 0", "fluid_pressure holds a single value; take out the"),
-        ("type: own_msgs/msg/Valve", "type: std_msgs/msg/Float64", "is of type own_msgs/msg/Valve, "
+        ("type: own_msgs/Valve", "type: std_msgs/Float64", "is of type own_msgs/msg/Valve, "
          "expected std_msgs/msg/Float64"),
         ("sensors.1.degrees", "sensors", "sensors holds 2 values; give the index of one"),
         ("sensors.1.degrees", "sensors.1", "no number, but .*Sensor; name a field of it"),
@@ -151,6 +151,50 @@ def test_a_type_that_nobody_knows(tmp_path: Path) -> None:
         database.execute("DELETE FROM message_definitions")
     with pytest.raises(CraneError, match="does not define own_msgs/msg/Valve"):
         read_recording(path, ["boom"], mapped())
+
+
+IDL = """================================================================================
+IDL: own_msgs/msg/Level
+module own_msgs { module msg { struct Level { float level; own_msgs::msg::Inner inner; }; }; };
+================================================================================
+IDL: own_msgs/msg/Inner
+module own_msgs { module msg { struct Inner { double deep; }; }; };
+"""
+LEVEL = """
+joints:
+  boom:
+    position: {topic: /level, field: level, unit: m}
+    force: {topic: /level, field: inner.deep, unit: N}
+"""
+
+
+def write_levels(path: Path, definition: str) -> Path:
+    store = get_typestore(Stores.ROS2_JAZZY)
+    store.register(get_types_from_msg("float64 deep", "own_msgs/msg/Inner"))
+    store.register(get_types_from_msg("float32 level\nInner inner", "own_msgs/msg/Level"))
+    inner = store.types["own_msgs/msg/Inner"](deep=7.0)
+    message = store.types["own_msgs/msg/Level"](level=0.5, inner=inner)
+    with Writer(path, version=9, storage_plugin=StoragePlugin.MCAP) as writer:
+        connection = writer.add_connection(
+            "/level", "own_msgs/msg/Level", msgdef=definition, rihs01="RIHS01_" + "0" * 64
+        )
+        for number in range(COUNT):
+            data = store.serialize_cdr(message, "own_msgs/msg/Level")
+            writer.write(connection, START + number * STEP, data)
+    return path
+
+
+def test_definitions_in_idl(tmp_path: Path) -> None:
+    log = read_recording(write_levels(tmp_path / "bag", IDL), ["boom"], mapped(LEVEL))
+    assert log.force is not None
+    np.testing.assert_array_equal(log.position.value, 0.5)
+    np.testing.assert_array_equal(log.force.value, 7.0)
+
+
+def test_definitions_that_are_not_whole(tmp_path: Path) -> None:
+    path = write_levels(tmp_path / "bag", "float32 level\nown_msgs/Inner inner")
+    with pytest.raises(CraneError, match="own_msgs/msg/Level in the bag .*own_msgs/msg/Inner"):
+        read_recording(path, ["boom"], mapped(LEVEL))
 
 
 def test_a_map_is_of_bags_or_of_tables(tmp_path: Path) -> None:
