@@ -134,13 +134,17 @@ class _Examination:
 
     def _dead_zone(self) -> Quantity:
         """Of the direction in which it is wider."""
-        limit = self._usual.dead_zone[self._here.joint]
-        a, b = self._spool.dead_zones
-        usual = self._spool._replace(dead_zones=(min(a, limit), min(b, limit)))
-        std_dev = self._std_dev(np.eye(COLUMNS)[ZONES[0 if a >= b else 1]])
-        return self._judged(
-            "valve_dead_zone", max(a, b), std_dev, limit, lambda rows, _: (usual.columns(rows), 0.0)
-        )
+        limit, zones = self._usual.dead_zone[self._here.joint], self._spool.dead_zones
+        a, b = (min(zone, limit) for zone in zones)
+        usual = self._spool._replace(dead_zones=(a, b))
+        fixed = [part for part, zone in zip(ZONES, zones, strict=True) if zone > limit]
+
+        def tied(rows: FlowRows, _: np.ndarray) -> tuple[np.ndarray, float]:
+            return np.delete(usual.columns(rows), fixed, axis=1), 0.0
+
+        value = max(zones)
+        std_dev = self._std_dev(np.eye(COLUMNS)[ZONES[zones.index(value)]])
+        return self._judged("valve_dead_zone", value, std_dev, limit, tied)
 
     def _asymmetry(self) -> Quantity:
         limit, gains = self._usual.asymmetry, self._free.values[: len(EDGES)]
@@ -159,12 +163,13 @@ class _Examination:
             )
             return np.column_stack([*chambers, columns[:, len(EDGES) :]]), 0.0
 
-        return self._judged("valve_asymmetry", value, self._std_dev(gradient), limit, tied)
+        std_dev = self._std_dev(gradient)
+        return self._judged("valve_asymmetry", value, std_dev, limit, tied, abs(value))
 
     def _of_column(self, effect: str, part: int, unit: float, limit: float) -> Quantity:
         """Of a parameter that is the quantity over a `unit`."""
         value = float(self._free.values[part])
-        fixed = np.copysign(limit, value) / unit
+        fixed = limit / unit
 
         def tied(_: FlowRows, columns: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
             return np.delete(columns, part, axis=1), fixed * columns[:, part]
@@ -173,10 +178,16 @@ class _Examination:
         return self._judged(effect, unit * value, std_dev, limit, tied)
 
     def _judged(
-        self, effect: str, value: float, std_dev: float, limit: float, tied: Tied
+        self,
+        effect: str,
+        value: float,
+        std_dev: float,
+        limit: float,
+        tied: Tied,
+        size: float | None = None,
     ) -> Quantity:
-        """Beside the best balance in which the value is usual."""
-        if not abs(value) - limit >= SIGMAS * std_dev:
+        """Beside the best balance in which the value, or its `size`, is usual."""
+        if not (value if size is None else size) - limit >= SIGMAS * std_dev:
             return Quantity(effect, value, std_dev, limit, 0.0, 0.0, False)
         columns, known = tied(self._here, self._columns)
         fit = solved(columns, self._here.flow - known)

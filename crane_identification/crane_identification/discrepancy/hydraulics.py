@@ -11,9 +11,8 @@ from crane_model.flow import FLOW_EFFECTS
 from crane_model.terms import Effect
 
 SIGMAS = 3.0  # by which a value must lie outside of what is usual
-LAW = (
-    0.4  # correlation of neighbouring rows from which what is left is a law; filtered noise has 0.2
-)
+LAW = 0.4
+"""Correlation of neighbouring rows from which what is left is a law; filtered noise has 0.2."""
 FURTHER_SHARE = 0.05  # of the energy that the strongest explains, at least of a further one
 EXPLAINED = 0.7  # of the energy beyond the usual must be named, or what is there is unknown
 Positive = Annotated[float, Field(gt=0)]

@@ -78,6 +78,14 @@ def test_a_command_that_begins_late_costs_only_what_is_before(
     assert {one.type for one in found[0].missing} == {one.type for one in flow.missing}
 
 
+def test_a_recording_without_commands_is_left_out(evidence: Evidence, flow: Flow) -> None:
+    run = evidence.runs[0]
+    blind = replace(run, record=replace(run.record, command=None))
+    found, _ = examine(replace(evidence, runs=(blind, *evidence.runs)), evidence, USUAL)
+    assert found[0].quantities == flow.quantities
+    assert found[0].recorded - found[0].known == pytest.approx(8.0, abs=0.01)
+
+
 def test_too_little_of_the_command_is_refused_by_name(evidence: Evidence) -> None:
     record = evidence.runs[0].record
     assert record.command is not None
@@ -129,6 +137,19 @@ def test_a_command_of_the_wrong_sign_is_said_to_be_wrong(evidence: Evidence) -> 
 def test_what_is_beyond_the_usual_is_missing(flow: Flow) -> None:
     beyond = {"valve_asymmetry", "internal_leakage", "valve_hysteresis"}
     assert {one.type for one in flow.missing} == beyond
+
+
+def test_a_dead_zone_beyond_the_usual_is_missing_in_proportion(evidence: Evidence) -> None:
+    """Of one direction alone; what more is left without it is what that width lets through."""
+    narrow = USUAL.model_copy(update={"dead_zone": {JOINT: BANDS[0] - 0.01}})
+    wide = USUAL.model_copy(update={"dead_zone": {JOINT: BANDS[0] - 0.005}})
+    shares = []
+    for usual in (narrow, wide):
+        found, _ = examine(evidence, evidence, usual)
+        (quantity,) = (one for one in found[0].missing if one.type == "valve_dead_zone")
+        shares.append(quantity.share)
+    assert shares[0] == pytest.approx(2.0 * shares[1], rel=0.1)
+    assert shares[0] > 0.005
 
 
 def test_without_supply_pressure_it_is_not_observable(evidence: Evidence) -> None:
