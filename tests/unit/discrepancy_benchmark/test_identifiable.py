@@ -1,8 +1,10 @@
 """What recordings of a kind can show at all: of friction with memory, and of valves and oil."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
-from cases import Case, Hidden, Kind
+from case import Case, Hidden, Kind
 from clean import load_seen, save_clean
 from truth import Truth
 from unusual import beyond_usual
@@ -146,3 +148,22 @@ def test_what_is_hidden_in_a_valve_adds_to_what_the_machine_has():
     assert beyond["valve_asymmetry", 0.05] == pytest.approx(0.5, abs=0.01)
     assert beyond["valve_asymmetry", -0.05] == 0.0
     assert beyond["valve_dead_zone", 0.0] == pytest.approx(1 - 0.05 / 0.06)
+
+
+def test_loads_that_differ_are_each_compared_with_the_nearest(tmp_path):
+    truth = presliding(0.1, tmp_path)
+    labels = tuple(
+        {"effects": [{"name": "payload", "joint": None, "parameters": [given]}] if mass else []}
+        for mass in (10.0, 0.0, 6.0)
+        for given in [{"name": "mass", "value": mass}]
+    )
+    finding = {
+        "effect": "payload",
+        "joint": "all",
+        "parameters": [
+            {"name": "m_payload.0", "value": 10.1},
+            {"name": "m_payload.1", "value": 5.7},
+        ],
+    }
+    errors = replace(truth, labels=labels).parameter_errors({"findings": [finding]})
+    assert errors == pytest.approx([0.01, 0.05])
