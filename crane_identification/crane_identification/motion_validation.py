@@ -108,7 +108,9 @@ def _drive(model: Model, record: Record) -> np.ndarray:
         raise DataError("simulated motion: the record has neither pressures nor forces to drive it")
     if model.machine is None:
         return record.force
-    return cylinder_forces_from_generalized(model.machine, record.position, record.force)
+    return cylinder_forces_from_generalized(
+        model.machine, record.position, record.force, record.joints
+    )
 
 
 def _rms(error: np.ndarray) -> np.ndarray:

@@ -207,7 +207,7 @@ def _split(
 
 def _lever_arms(model: Model, q: np.ndarray) -> np.ndarray:
     """(n, j) from cylinder forces, or generalized forces, to generalized forces."""
-    return np.ones_like(q) if model.machine is None else lever_arms(model.machine, q)
+    return np.ones_like(q) if model.machine is None else lever_arms(model.machine, q, model.joints)
 
 
 @njit(cache=True)
