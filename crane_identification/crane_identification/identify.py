@@ -145,6 +145,8 @@ def _tell(report: IdentificationReport, out: Path) -> None:
     if report.held_out is not None:
         for joint, error in zip(estimate.joints, report.held_out.relative, strict=True):
             print(f"  {joint}: {error:.2%} of the force unexplained on held-out recordings")
+    if report.simulated is not None and report.simulated.reason:
+        print(f"  the motion cannot be simulated: {report.simulated.reason}")
     print(f"written: {out}/model.yaml, {out}/summary.json, {out}/report.html")
 
 
