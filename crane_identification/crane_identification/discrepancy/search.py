@@ -69,10 +69,8 @@ class Search:
         return float(after / before) if before > 0.0 else 0.0
 
     def channels(self, number: int) -> np.ndarray:
-        """The channels in which an option acts: those of its joint, or all."""
-        joint, joints = self.projection.options[number].family.joint, self.evidence.joints
-        every = np.arange(self.evidence.channels)
-        return every if joint is None else every[every % len(joints) == joints.index(joint)]
+        """The channels in which an option acts: of its joint, and of those that carry it too."""
+        return np.flatnonzero(self.projection.options[number].columns.any(axis=(0, 2)))
 
     def sets(self, size: int) -> list[Choice]:
         """The best sets of so many effects, best first; their shapes are refined."""

@@ -10,16 +10,22 @@ from crane_model.machine import JOINT_UNITS, PLANAR_JOINTS, Machine
 from crane_model.record import Record
 from crane_model.terms.term import Setting, Term
 
+_NEEDED = {joint: JOINT_UNITS[joint] for joint in PLANAR_JOINTS}
+
 
 def planar_machine(term: Term, setting: Setting) -> Machine:
     """The machine; `ConfigurationError` unless the model has one and its planar joints."""
-    needed = {joint: JOINT_UNITS[joint] for joint in PLANAR_JOINTS}
-    if setting.machine is None or not needed.items() <= setting.units.items():
+    if setting.machine is None or not holds_plane(setting):
         raise ConfigurationError(
-            f"term '{term.type}': needs a machine and the joints {_listed(needed)}, "
+            f"term '{term.type}': needs a machine and the joints {_listed(_NEEDED)}, "
             f"got {_listed(setting.units)}" + ("" if setting.machine else " and no machine")
         )
     return setting.machine
+
+
+def holds_plane(setting: Setting) -> bool:
+    """Whether a model has a machine and its planar joints."""
+    return setting.machine is not None and _NEEDED.items() <= setting.units.items()
 
 
 def planar_columns(record: Record) -> list[int]:
