@@ -10,6 +10,7 @@ from scipy.optimize import minimize_scalar
 
 from crane_identification.discrepancy.candidates import Family, Option, option, options
 from crane_identification.discrepancy.evidence import Evidence
+from crane_identification.discrepancy.left_out import left_out
 from crane_identification.discrepancy.projection import (
     Projection,
     project,
@@ -156,4 +157,8 @@ def search(evidence: Evidence, wanted: list[Family], progress: Progress = silent
     base = whitened_base(evidence, white)
     projection = project(evidence, white, found, base)
     good, untestable = testable(projection, evidence, white)
-    return Search(evidence, white, base, projection.kept(good), untestable, unobservable, progress)
+    hidden, whole, part = left_out(evidence, found)
+    untestable |= whole
+    unobservable |= {family: why for family, why in part.items() if family not in untestable}
+    kept = projection.kept(good & ~hidden)
+    return Search(evidence, white, base, kept, untestable, unobservable, progress)
