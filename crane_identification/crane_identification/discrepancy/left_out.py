@@ -43,7 +43,8 @@ def left_out(
             whole[family] = reason
         else:
             shapes = [one.shape for one, out in zip(options, lost, strict=True) if out]
-            part[family] = f"{_where(family, shapes)}, {reason}"
+            coordinate = evidence.model.setting.units.get(family.where, "rad")
+            part[family] = f"{_where(family, shapes, coordinate)}, {reason}"
     return hidden, whole, part
 
 
@@ -57,13 +58,14 @@ def seen(evidence: Evidence, term: Term) -> float:
     return float(np.sqrt(inside / total)) if total > 0.0 else 1.0
 
 
-def _where(family: Family, hidden: Sequence[dict[str, float]]) -> str:
-    """The shapes that are hidden, by the parameters that are not tried over their whole range."""
+def _where(family: Family, hidden: Sequence[dict[str, float]], coordinate: str) -> str:
+    """The shapes that are hidden, by the parameters whose other values are sought."""
     parts = []
     for name, shape in family.term.shapes.items():
-        every, some = ({one[name] for one in shapes} for shapes in (family.grid(), hidden))
-        if some != every:
-            low, high = min(some), max(some)
-            between = f"{low:.2g}" if low == high else f"{low:.2g} .. {high:.2g}"
-            parts.append(f"with {name} {between} {shape.unit}")
-    return ", ".join(parts) or "with some shapes"
+        every, some = (sorted({one[name] for one in shapes}) for shapes in (family.grid(), hidden))
+        unit = shape.unit_on(coordinate)
+        if some[-1] < every[-1]:
+            parts.append(f"{name} below {next(x for x in every if x > some[-1]):.2g} {unit}")
+        elif some[0] > every[0]:
+            parts.append(f"{name} above {max(x for x in every if x < some[0]):.2g} {unit}")
+    return f"with {' and '.join(parts)}" if parts else "with some shapes"

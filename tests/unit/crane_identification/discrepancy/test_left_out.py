@@ -65,8 +65,8 @@ def test_a_short_peak_is_not_sought_and_the_reason_says_where(evidence: Evidence
     np.testing.assert_array_equal(hidden, np.exp(-UNSEEN / travels) < SEEN)
     assert hidden.any() and not hidden.all()
     assert not whole and list(part) == [family]
-    longest = f"{travels[hidden].max():.2g}"
-    assert part[family].startswith(f"with travel 0.0003 .. {longest} rad or m, its peak lies in")
+    shortest = f"{travels[~hidden].min():.2g}"
+    assert part[family].startswith(f"with travel below {shortest} m, its peak lies in the rows")
 
 
 def test_where_no_row_is_used_none_of_it_is(evidence: Evidence) -> None:
