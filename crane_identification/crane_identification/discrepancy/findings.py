@@ -36,6 +36,7 @@ def content(diagnosis: Diagnosis) -> dict[str, Any]:
                 for flow in diagnosis.flows
                 for one in flow.missing
             ],
+            "nearest": _nearest(diagnosis),
             "gap": {
                 "before": _side(diagnosis, diagnosis.gap.before, diagnosis.gap.motion_before),
                 "after": _side(diagnosis, diagnosis.gap.after, diagnosis.gap.motion_after),
@@ -46,11 +47,13 @@ def content(diagnosis: Diagnosis) -> dict[str, Any]:
                     "white": abs(correlation) < WHITE,
                     "correlation": correlation,
                     "learnable_share": share,
+                    "law": law,
                 }
-                for joint, correlation, share in zip(
+                for joint, correlation, share, law in zip(
                     diagnosis.joints,
                     diagnosis.correlation_left,
                     diagnosis.learnt_after.share,
+                    diagnosis.learnt_after.follows_law(diagnosis.thresholds),
                     strict=True,
                 )
             },
@@ -108,10 +111,36 @@ def _finding(diagnosis: Diagnosis, finding: Finding) -> dict[str, Any]:
         if runner is None
         else {"effect": runner.type, "name": runner.effect.name, "joint": runner.where},
         "margin": accepted.margin,
+        "margin_needed": accepted.needed,
         "visibility": accepted.visibility,
         "strength": accepted.strength,
         "held_out_gains": dict(zip(accepted.fold_names, accepted.held_out, strict=True)),
         "settled_by": family.effect.settled_by,
+    }
+
+
+def _nearest(diagnosis: Diagnosis) -> dict[str, Any] | None:
+    """What comes closest where nothing is named, and why that does not do."""
+    near = diagnosis.nearest
+    if near is None:
+        return None
+    return {
+        "effects": [
+            {
+                "effect": one.option.family.type,
+                "name": one.option.family.effect.name,
+                "joint": one.option.family.where,
+                "score": one.score,
+                "threshold": one.threshold,
+            }
+            for one in near.effects
+        ],
+        "explained_share": near.explained,
+        "gap": {
+            joint: {"before": before, "after": after}
+            for joint, before, after in zip(near.joints, near.before, near.after, strict=True)
+        },
+        "objection": near.objection,
     }
 
 
@@ -128,6 +157,7 @@ def _of_flow(diagnosis: Diagnosis, joint: str, one: Quantity) -> dict[str, Any]:
         "false_alarm_rate": diagnosis.thresholds.false_alarm_rate,
         "runner_up": None,
         "margin": one.score,
+        "margin_needed": 0.0,
         "visibility": 1.0,
         "strength": one.share,
         "held_out_gains": {},

@@ -1,8 +1,10 @@
 """What recordings of a kind can show at all: of friction with memory, and of valves and oil."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
-from cases import Case, Hidden, Kind
+from case import Case, Hidden, Kind
 from clean import load_seen, save_clean
 from truth import Truth
 from unusual import beyond_usual
@@ -116,3 +118,22 @@ def test_valves_and_oil_count_beyond_what_is_usual(effect, form, values, beyond)
     }
     found = beyond_usual(label, STAND_IN, record, load_usual())
     assert found == (None if beyond is None else pytest.approx(beyond, abs=0.02))
+
+
+def test_loads_that_differ_are_each_compared_with_the_nearest(tmp_path):
+    truth = presliding(0.1, tmp_path)
+    labels = tuple(
+        {"effects": [{"name": "payload", "joint": None, "parameters": [given]}] if mass else []}
+        for mass in (10.0, 0.0, 6.0)
+        for given in [{"name": "mass", "value": mass}]
+    )
+    finding = {
+        "effect": "payload",
+        "joint": "all",
+        "parameters": [
+            {"name": "m_payload.0", "value": 10.1},
+            {"name": "m_payload.1", "value": 5.7},
+        ],
+    }
+    errors = replace(truth, labels=labels).parameter_errors({"findings": [finding]})
+    assert errors == pytest.approx([0.01, 0.05])

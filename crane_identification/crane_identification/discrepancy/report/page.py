@@ -3,7 +3,7 @@
 from pathlib import Path
 
 from crane_identification.discrepancy.diagnosis import Diagnosis
-from crane_identification.discrepancy.explain import ANSWERS
+from crane_identification.discrepancy.explain import ANSWERS, WHERE
 from crane_identification.discrepancy.report.cards import cards, gap_pictures, where_picture
 from crane_identification.report import template
 from crane_identification.report.content import Provenance
@@ -37,6 +37,7 @@ def render(diagnosis: Diagnosis, provenance: Provenance) -> str:
             if motion.reason
         ],
         where=where,
+        where_said=WHERE[diagnosis.verdict.value],
         regions=[
             (spoken(joint), one)
             for joint, one in zip(diagnosis.joints, diagnosis.regions, strict=True)
