@@ -200,6 +200,7 @@ def _side(diagnosis: Diagnosis, error: np.ndarray, motion: MotionValidation) -> 
             "best_achievable": gap.best[j],
             "motion_error": motion.position_rms[j],
             "motion_displacement": motion.displacement_rms[j],
+            "motion_reason": motion.reason,
         }
         for j, joint in enumerate(gap.joints)
     }
