@@ -156,6 +156,8 @@ def _tell(report: IdentificationReport, out: Path) -> None:
         ):
             noise = percent(floor) if np.isfinite(floor) else "not known: no period repeated"
             print(f"  {joint}: {percent(error)} ({noise})")
+    if report.simulated is not None and report.simulated.reason:
+        print(f"the motion cannot be simulated: {report.simulated.reason}")
     print(f"written: {out}/model.yaml, {out}/summary.json, {out}/report.html")
 
 

@@ -9,9 +9,8 @@ import numpy as np
 
 from crane_identification.discrepancy.diagnosis import Diagnosis
 from crane_identification.discrepancy.extension import Finding
-from crane_identification.discrepancy.flow import SIGMAS
 from crane_identification.discrepancy.gap import Gap
-from crane_identification.discrepancy.hydraulics import Flow, Quantity
+from crane_identification.discrepancy.hydraulics import SIGMAS, Flow, Quantity
 from crane_identification.motion_validation import MotionValidation
 
 WHITE = 0.25  # correlation of neighbouring rows up to which what is left counts as white
@@ -169,8 +168,20 @@ def _flow(flow: Flow) -> dict[str, Any]:
     """Everything the flow balance says of a joint."""
     return {
         "unexplained_share": flow.unexplained,
+        "correlation_left": flow.correlation,
+        "known_time": flow.known,
+        "recorded_time": flow.recorded,
+        "edge_gains": {
+            one.edge: {"value": one.value, "std_dev": one.std_dev, "determined": one.determined}
+            for one in flow.gains
+        },
         "quantities": {
-            one.type: {**_value(one), "usual_limit": one.usual, "share_beyond_usual": one.share}
+            one.type: {
+                **_value(one),
+                "usual_limit": one.usual,
+                "share_beyond_usual": one.share,
+                "determined": one.determined,
+            }
             for one in flow.quantities
         },
     }
@@ -189,6 +200,7 @@ def _side(diagnosis: Diagnosis, error: np.ndarray, motion: MotionValidation) -> 
             "best_achievable": gap.best[j],
             "motion_error": motion.position_rms[j],
             "motion_displacement": motion.displacement_rms[j],
+            "motion_reason": motion.reason,
         }
         for j, joint in enumerate(gap.joints)
     }
