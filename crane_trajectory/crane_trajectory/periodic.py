@@ -5,7 +5,7 @@ from typing import Protocol
 
 import numpy as np
 
-from crane_model.configuration import read_yaml, validate
+from crane_model.configuration import read_document
 from crane_trajectory.fourier import FourierTrajectory, Samples
 from crane_trajectory.sweep import SweepTrajectory
 
@@ -38,7 +38,8 @@ def load_trajectory(path: Path | str) -> FourierTrajectory | SweepTrajectory:
 
     `kind: sweep` marks sweeps and dwells; without a kind it is a Fourier series (32).
     """
-    content = read_yaml(path)
+    document = read_document(path)
+    content = document.content
     if isinstance(content, dict) and content.get("kind") == "sweep":
-        return validate(content, SweepTrajectory, path)
-    return validate(content, FourierTrajectory, path)
+        return document.validated(SweepTrajectory)
+    return document.validated(FourierTrajectory)

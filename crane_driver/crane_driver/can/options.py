@@ -2,11 +2,10 @@
 
 from collections.abc import Sequence
 
-import yaml
-from pydantic import ValidationError
-
 from crane_driver.can.bus import BusSettings, Extra
+from crane_model.configuration import validate
 from crane_model.errors import ConfigurationError
+from crane_model.yaml_text import WrongYamlError, YamlText
 
 
 def bus_settings(
@@ -20,19 +19,17 @@ def bus_settings(
     extra: dict[str, Extra] = {}
     for option in options:
         key, equals, text = option.partition("=")
-        value = yaml.safe_load(text) if equals else None
-        if not (key.isidentifier() and isinstance(value, bool | int | float | str)):
+        if not (key.isidentifier() and equals and isinstance(value := _value(text), Extra)):
             raise ConfigurationError(
                 f"bus option '{option}': write KEY=VALUE, for example port=43113"
             )
         extra[key] = value
+    given = {"interface": interface, "channel": channel or None, "bitrate": bitrate or None}
+    return validate({**given, "extra": extra}, BusSettings, "bus")
+
+
+def _value(text: str) -> object:
     try:
-        return BusSettings(
-            interface=interface, channel=channel or None, bitrate=bitrate or None, extra=extra
-        )
-    except ValidationError as error:
-        (problem, *_) = error.errors(include_url=False)
-        key = ".".join(str(part) for part in problem["loc"])
-        raise ConfigurationError(
-            f"bus {key}: {problem['msg']} (got {problem['input']!r})"
-        ) from None
+        return YamlText(text).content
+    except WrongYamlError:
+        return None

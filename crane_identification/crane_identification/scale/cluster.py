@@ -6,6 +6,7 @@ over the rows gives the covariance: there the noise of each recording is judged 
 the standard deviations are close to, and not the same as, those of all rows in one place.
 """
 
+import re
 from collections.abc import Callable, Sequence
 from functools import reduce
 from operator import add
@@ -29,6 +30,7 @@ from crane_model.errors import ConfigurationError, DataError
 from crane_model.model_file import Model
 
 ANSWER = 30.0  # s for the scheduler to answer
+ADDRESS = re.compile(r"(tcp|tls|ws|wss)://([^\s:/\[\]]+|\[[0-9a-fA-F:.]+\]):[0-9]{1,5}")
 
 
 def fit_on_cluster(
@@ -42,9 +44,14 @@ def fit_on_cluster(
     """Θ of `model` by least squares (31) from recordings that the workers of a Dask cluster can
     read, by `columns` or as bags of the suite.
 
-    `address` is that of the scheduler, tcp://host:port. Raises `ConfigurationError` if no scheduler
-    answers or it has no workers, `DataError` as `pipeline.fit` does.
+    `address` is that of the scheduler, tcp://host:port. Raises `ConfigurationError` if it is none,
+    no scheduler answers or it has no workers, `DataError` as `pipeline.fit` does.
     """
+    if not ADDRESS.fullmatch(address):
+        raise ConfigurationError(
+            f"no address of a Dask scheduler: {address}; write tcp://HOST:PORT, or tls://, ws:// "
+            "or wss:// where the scheduler listens so"
+        )
     options = options or Options()
     try:
         client = Client(address, timeout=ANSWER, set_as_default=False)

@@ -1,5 +1,7 @@
 """YAML files: read into validated, immutable objects; every error names file, key and value."""
 
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
 from importlib.resources import files
 from pathlib import Path
 from typing import Any, TypeVar
@@ -8,6 +10,10 @@ import yaml
 from pydantic import BaseModel, ConfigDict, ValidationError
 
 from crane_model.errors import ConfigurationError
+from crane_model.wording import wording
+from crane_model.yaml_text import WrongYamlError, YamlText
+
+LARGEST_FILE = 1_000_000  # bytes, a thousand times what the files of the suite have
 
 
 class Schema(BaseModel):
@@ -19,17 +25,23 @@ class Schema(BaseModel):
 SchemaType = TypeVar("SchemaType", bound=BaseModel)
 
 
-class _UniqueKeyLoader(yaml.SafeLoader):
-    """Refuses a key that stands twice in one mapping, of which YAML would keep the last."""
+@dataclass(frozen=True)
+class Document:
+    """The plain `content` of a YAML file, and where it stands in it."""
 
-    def construct_mapping(self, node: yaml.MappingNode, deep: bool = False) -> dict[Any, Any]:
-        seen = set()
-        for key in (key for key, _ in node.value if isinstance(key, yaml.ScalarNode)):
-            if key.value in seen:
-                message = f"the key '{key.value}' stands twice in one mapping"
-                raise yaml.constructor.ConstructorError(None, None, message, key.start_mark)
-            seen.add(key.value)
-        return super().construct_mapping(node, deep)
+    path: Path
+    text: YamlText
+
+    @property
+    def content(self) -> Any:
+        """Mappings, lists and scalars."""
+        return self.text.content
+
+    def validated(self, schema: type[SchemaType]) -> SchemaType:
+        """The content as a `schema`; `ConfigurationError` lists every wrong key with its line."""
+        return _validate(
+            self.content, schema, lambda place: f"{self.path}: line {self.text.line(place)}"
+        )
 
 
 def packaged(package: str, name: str) -> Path:
@@ -37,30 +49,38 @@ def packaged(package: str, name: str) -> Path:
     return Path(str(files(package))) / "data" / name
 
 
-def read_yaml(path: Path | str) -> Any:
-    """The plain content of a YAML file; `ConfigurationError` if it is absent or not YAML."""
+def read_document(path: Path | str) -> Document:
+    """A YAML file; `ConfigurationError` if it is absent, too large or not YAML."""
     path = Path(path)
     try:
-        return yaml.load(path.read_text(encoding="utf-8"), _UniqueKeyLoader)
+        if path.exists() and not path.is_file():  # a pipe would never end
+            raise ConfigurationError(f"{path}: cannot be read: it is not a file")
+        if (size := path.stat().st_size) > LARGEST_FILE:
+            raise ConfigurationError(
+                f"{path}: must have at most {LARGEST_FILE} bytes, got {size}; is it the right file?"
+            )
+        return Document(path, YamlText(path.read_text(encoding="utf-8")))
     except FileNotFoundError:
         raise ConfigurationError(f"{path}: no such file; check the path") from None
-    except (OSError, UnicodeDecodeError) as error:
+    except (OSError, ValueError) as error:  # not text in UTF-8, or no path at all
         raise ConfigurationError(f"{path}: cannot be read: {error}") from None
-    except yaml.YAMLError as error:
-        raise ConfigurationError(f"{path}: not valid YAML: {error}") from None
+    except WrongYamlError as error:
+        raise ConfigurationError(f"{path}: {error}") from None
+
+
+def read_yaml(path: Path | str) -> Any:
+    """The plain content of a YAML file; `ConfigurationError` as of `read_document`."""
+    return read_document(path).content
 
 
 def validate(content: Any, schema: type[SchemaType], source: Path | str) -> SchemaType:
     """`content` as a `schema`; `ConfigurationError` lists every wrong key of `source` at once."""
-    try:
-        return schema.model_validate(content)
-    except ValidationError as error:
-        raise ConfigurationError(_explain(error, source)) from None
+    return _validate(content, schema, lambda _: str(source))
 
 
 def load(path: Path | str, schema: type[SchemaType]) -> SchemaType:
-    """Read and validate one YAML file; `ConfigurationError` names file, key, limit and value."""
-    return validate(read_yaml(path), schema, path)
+    """Read and validate one YAML file; `ConfigurationError` names file, line, key and value."""
+    return read_document(path).validated(schema)
 
 
 def save(path: Path | str, instance: BaseModel) -> None:
@@ -70,20 +90,17 @@ def save(path: Path | str, instance: BaseModel) -> None:
     Path(path).write_text(text, encoding="utf-8")
 
 
-def _explain(error: ValidationError, source: Path | str) -> str:
+def _validate(
+    content: Any, schema: type[SchemaType], place_of: Callable[[Sequence[int | str]], str]
+) -> SchemaType:
+    try:
+        return schema.model_validate(content)
+    except ValidationError as error:
+        problems = error.errors(include_url=False)
     lines = []
-    for problem in error.errors(include_url=False):
-        parts = [str(part) for part in problem["loc"]]
+    for problem in problems:
         # in <> is not a key, but which kind of thing an entry was taken for
-        key = ".".join(part for part in parts if not part.startswith("<")) or "(whole file)"
-        message = problem["msg"].removeprefix("Value error, ")
-        if problem["type"] == "model_type":
-            message = "must be a mapping of keys to values"
-        given = "" if problem["type"] in {"missing", "value_error"} else _shown(problem["input"])
-        lines.append(f"{source}: key '{key}': {message}{given}")
-    return "\n".join(lines)
-
-
-def _shown(value: Any) -> str:
-    text = repr(value)
-    return f" (got {text if len(text) <= 80 else text[:77] + '...'})"
+        parts = [one for one in problem["loc"] if not str(one).startswith("<")]
+        key = ".".join(map(str, parts)) or "(whole file)"
+        lines.append(f"{place_of(parts)}: key '{key}': {wording(problem)}")
+    raise ConfigurationError("\n".join(lines))

@@ -1,8 +1,28 @@
 """The exceptions of the suite: each message says which object, limit and value, and what to do."""
 
+LONGEST_LINE = 2000  # characters
+MOST_LINES = 50
+
 
 class CraneError(Exception):
-    """Base of every error the suite raises on purpose; catching it catches all of them."""
+    """Base of every error the suite raises on purpose; catching it catches all of them.
+
+    What came from outside may be of any length; a message that holds it stays readable.
+    """
+
+    def __str__(self) -> str:
+        lines = super().__str__().split("\n")
+        if (more := len(lines) - MOST_LINES) > 0:
+            lines[MOST_LINES:] = [f"and {more} more"]
+        return "\n".join(map(_shortened, lines))
+
+
+def _shortened(line: str) -> str:
+    """Without its middle if it is long: the beginning says what it is about, the end what to do."""
+    if len(line) <= LONGEST_LINE:
+        return line
+    half = LONGEST_LINE // 2
+    return f"{line[:half]} ... [{len(line) - 2 * half} characters left out] ... {line[-half:]}"
 
 
 class ConfigurationError(CraneError):

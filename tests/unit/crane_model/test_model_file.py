@@ -205,7 +205,7 @@ WRONG = {
     ),
     "negative standard deviation": (
         SLIDE + ESTIMATE.replace("0.5", "-0.5"),
-        ["'estimate.parameters.0.std_dev'", "greater than or equal to 0", "-0.5"],
+        ["'estimate.parameters.0.std_dev'", "at least 0", "-0.5"],
     ),
     "value that is not finite": (
         SLIDE + ESTIMATE.replace("30.0", ".nan"),

@@ -186,7 +186,7 @@ def test_pace_makes_up_for_short_delays_and_reports_long_ones() -> None:
         (["--pose", "telescope=5"], "telescope: the plant cannot start at 5 m"),
         (["--bus-option", "port"], "bus option 'port': write KEY=VALUE"),
         (["--interface", "carrier_pigeon"], "carrier_pigeon"),
-        (["--bitrate", "-1"], "bus bitrate: Input should be greater than 0"),
+        (["--bitrate", "-1"], "bus: key 'bitrate': must be greater than 0"),
     ],
 )
 def test_wrong_arguments_are_named(

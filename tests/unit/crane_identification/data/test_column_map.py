@@ -38,7 +38,7 @@ def test_sizes_of_the_units() -> None:
         (AXIS + "time: {column: t, unit: ISO 8601, scale: 2}\n", "have neither scale nor offset"),
         (AXIS + "rate: 10\nslew: {column: q1, unit: rad}\n", "key 'slew'"),
         (AXIS.replace("unit: m}", "unit: feet}") + "rate: 10\n", "unknown unit 'feet'; use one"),
-        (AXIS.replace("x, unit: m", "x") + "rate: 10\n", "position.unit': Field required"),
+        (AXIS.replace("x, unit: m", "x") + "rate: 10\n", "position.unit': is required"),
         (AXIS.replace("unit: m}", "unit: bar}") + "rate: 10\n", "'bar' measures pressure"),
         (AXIS.replace("unit: N", "unit: N m") + "rate: 10\n", "force in 'N m' does not fit a pos"),
         (AXIS.replace("unit: N", "unit: N, scale: 0") + "rate: 10\n", "scale must not be 0"),
