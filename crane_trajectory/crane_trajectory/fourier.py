@@ -9,13 +9,18 @@ from pydantic import Field, model_validator
 from crane_model.configuration import Schema
 from crane_model.machine import JOINTS
 
+MOST_HARMONICS = 50
+Period = Annotated[float, Field(ge=1.0, le=3600.0)]
+"""Of a trajectory [s]: what a crane can follow, and an experiment last."""
+Coefficients = Annotated[tuple[float, ...], Field(min_length=1, max_length=MOST_HARMONICS)]
+
 
 class JointSeries(Schema):
     """Coefficients of (32) for one joint [rad or m]: q_{i,0}, a_{i,k} and b_{i,k}, k = 1..N."""
 
     offset: float
-    sine: Annotated[tuple[float, ...], Field(min_length=1)]
-    cosine: Annotated[tuple[float, ...], Field(min_length=1)]
+    sine: Coefficients
+    cosine: Coefficients
 
     @model_validator(mode="after")
     def _paired(self) -> Self:
@@ -55,7 +60,7 @@ class FourierTrajectory(Schema):
     """A periodic trajectory (32) of one or more joints; joints that it does not name are held."""
 
     name: str
-    period: Annotated[float, Field(gt=0)]
+    period: Period
     joints: Annotated[dict[str, JointSeries], Field(min_length=1)]
     figures_of_merit: dict[str, float] = {}
     provenance: str = ""

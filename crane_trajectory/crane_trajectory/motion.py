@@ -30,6 +30,8 @@ from crane_trajectory.periodic import PeriodicTrajectory
 RUN_UP = 4.0  # s in which the clock reaches its normal rate, and in which it stops again
 APPROACH_SHARE = 0.5  # of the velocity limits and of the pump flow, used on the way to the start
 SHORTEST_APPROACH = 1.0  # s
+LONGEST_APPROACH = 600.0  # s
+LONGEST_MOTION = 24 * 3600.0  # s
 
 
 Course = tuple[np.ndarray, np.ndarray, np.ndarray]
@@ -169,14 +171,27 @@ def plan(
     """The motion from rest at `start` (4,) through `periods` of the trajectory to rest.
 
     The approach is as short as a share of the velocity limits and of the pump flow allows. Raises
-    `RangeError` that lists every limit that the whole motion would pass.
+    `RangeError` that lists every limit that the whole motion would pass, or if it takes too long.
     """
     start = np.asarray(start, dtype=float)
     if start.shape != (len(JOINTS),) or not np.isfinite(start).all():
         raise RangeError(f"start: one finite position for each of {', '.join(JOINTS)}, got {start}")
     if periods < 1:
         raise RangeError(f"periods: at least 1, got {periods}")
-    motion = Motion(trajectory, start, periods, _approach_time(machine, trajectory, start))
+    approach = _approach_time(machine, trajectory, start)
+    if not approach <= LONGEST_APPROACH:  # nor where it cannot be told
+        raise RangeError(
+            f"trajectory '{trajectory.name}' from {_pose(start)}: the way to its start would take "
+            f"{approach:.4g} s, at most {LONGEST_APPROACH:g} s are allowed; are its positions in "
+            "rad and m?"
+        )
+    motion = Motion(trajectory, start, periods, approach)
+    if motion.duration > LONGEST_MOTION:
+        raise RangeError(
+            f"periods: {periods} of {trajectory.period:g} s would move the crane for "
+            f"{motion.duration / 3600:.4g} h, at most {LONGEST_MOTION / 3600:g} h are allowed; "
+            "run fewer periods"
+        )
     refuse(
         motion.violations(machine, clearance),
         f"trajectory '{trajectory.name}' from {_pose(start)}",
@@ -196,7 +211,7 @@ def _approach_time(machine: Machine, trajectory: PeriodicTrajectory, start: np.n
     )
     flow = pump_flow(machine, JOINTS, line.position, line.velocity)
     needed = max(used.max(), flow.max() / machine.hydraulics.pump_flow) / APPROACH_SHARE
-    return max(float(needed), SHORTEST_APPROACH)
+    return float(np.maximum(needed, SHORTEST_APPROACH))  # which keeps nan
 
 
 def _pose(position: np.ndarray) -> str:

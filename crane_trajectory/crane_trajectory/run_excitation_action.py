@@ -1,7 +1,11 @@
 """The action /run_excitation: what becomes of a goal, from its request to its result."""
 
 import time
-from typing import Protocol
+from collections.abc import Callable
+from concurrent.futures import Future as Result
+from functools import partial
+from threading import Thread
+from typing import Protocol, TypeVar
 
 import numpy as np
 from rclpy.action import ActionServer, CancelResponse, GoalResponse
@@ -19,9 +23,15 @@ from crane_trajectory.trajectory_topics import feedback_message, result_message
 FEEDBACK = 0.1  # s
 PATIENCE = 2.0  # s for what a goal needs: driver enabled, joint states, crane at rest
 
+Made = TypeVar("Made")
+
 
 class NotReadyError(CraneError):
     """A goal cannot begin: the driver is not enabled, joint states do not come, the crane moves."""
+
+
+class CanceledError(CraneError):
+    """The goal was canceled before anything moved."""
 
 
 class Leader(Protocol):
@@ -38,14 +48,16 @@ class Leader(Protocol):
     def lacking(self) -> str:
         """What is in the way of an experiment; empty if nothing is."""
 
-    def plan(self, trajectory: PeriodicTrajectory, periods: int) -> Motion:
-        """The motion from where the crane is; `RangeError` where it may not go."""
+    def planner(self, trajectory: PeriodicTrajectory, periods: int) -> Callable[[], Motion]:
+        """What plans the motion from where the crane is now, in any thread; it raises `RangeError`
+        where the crane may not go.
+        """
 
     def open_valves(self) -> None:
         """Be the one who commands the valves."""
 
     def lead(self, motion: Motion) -> Experiment:
-        """Begin to lead the crane."""
+        """Begin to lead the crane; `NotReadyError` if it is not where the motion starts."""
 
     def end(self) -> None:
         """The experiment has ended, or has not begun."""
@@ -73,6 +85,8 @@ class Goals:
         self._busy = True
         try:
             return await self._run(goal)
+        except CanceledError as error:
+            return self._ended(goal, Outcome.CANCELED, str(error))
         except NotReadyError as error:
             return self._ended(goal, Outcome.NOT_READY, str(error))
         except CraneError as error:
@@ -82,15 +96,14 @@ class Goals:
             self._busy = False
 
     async def _run(self, goal: ServerGoalHandle) -> RunExcitation.Result:
-        trajectory = load_trajectory(goal.request.trajectory)
         if goal.request.periods < 1:
             raise ConfigurationError("periods: must be at least 1, got 0")
-        if not await self._ready(goal):
-            return self._ended(goal, Outcome.CANCELED, "canceled, nothing has moved")
-        motion = self._leader.plan(trajectory, goal.request.periods)
+        trajectory = await self._aside(goal, partial(load_trajectory, goal.request.trajectory))
+        await self._ready(goal)
+        planner = self._leader.planner(trajectory, goal.request.periods)
+        motion = await self._aside(goal, planner)
         self._leader.open_valves()
-        if not await self._ready(goal):
-            return self._ended(goal, Outcome.CANCELED, "canceled, nothing has moved")
+        await self._ready(goal)
         self._log.info(
             f"{trajectory.name}: {motion.periods} periods, {motion.duration:.1f} s from now to rest"
         )
@@ -105,16 +118,37 @@ class Goals:
                 goal.publish_feedback(feedback_message(experiment))
         return self._ended(goal, experiment.outcome, experiment.message, experiment.rms)
 
-    async def _ready(self, goal: ServerGoalHandle) -> bool:
-        """Wait until nothing is lacking; False if canceled, `NotReadyError` if it takes long."""
+    async def _aside(self, goal: ServerGoalHandle, work: Callable[[], Made]) -> Made:
+        """What `work` returns, while the executor does all the rest; `CanceledError` if canceled.
+
+        The thread is left to itself then: a file may be on a disk that does not answer.
+        """
+        result: Result[Made] = Result()
+
+        def run() -> None:
+            try:
+                result.set_result(work())
+            except Exception as error:
+                result.set_exception(error)
+
+        Thread(target=run, daemon=True).start()
+        while not result.done():
+            await self._next_watch(goal)
+        return result.result()
+
+    async def _ready(self, goal: ServerGoalHandle) -> None:
+        """Wait until nothing is lacking; `NotReadyError` if it takes long, `CanceledError`."""
         deadline = time.monotonic() + PATIENCE
         while lack := self._leader.lacking():
-            if goal.is_cancel_requested:
-                return False
             if time.monotonic() > deadline or not self._leader.active:
                 raise NotReadyError(f"not ready: {lack}; nothing has moved")
-            await self._leader.next_watch
-        return True
+            await self._next_watch(goal)
+
+    async def _next_watch(self, goal: ServerGoalHandle) -> None:
+        """For as long as nothing moves."""
+        if goal.is_cancel_requested:
+            raise CanceledError("canceled, nothing has moved")
+        await self._leader.next_watch
 
     def _ended(
         self,

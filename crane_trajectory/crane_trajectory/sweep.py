@@ -13,14 +13,16 @@ from pydantic import Field, model_validator
 
 from crane_model.configuration import Schema
 from crane_model.machine import JOINTS
-from crane_trajectory.fourier import Samples
+from crane_trajectory.fourier import Period, Samples
+
+Knots = Annotated[tuple[float, ...], Field(min_length=2, max_length=500)]
 
 
 class JointCourse(Schema):
     """Positions [rad or m] of one joint at increasing times [s], from 0 to the period."""
 
-    time: Annotated[tuple[float, ...], Field(min_length=2)]
-    position: Annotated[tuple[float, ...], Field(min_length=2)]
+    time: Knots
+    position: Knots
 
     @model_validator(mode="after")
     def _periodic(self) -> Self:
@@ -44,8 +46,8 @@ class SweepTrajectory(Schema):
 
     kind: Literal["sweep"]
     name: str
-    period: Annotated[float, Field(gt=0)]
-    corner: Annotated[float, Field(gt=0)]  # s, over which corners are rounded
+    period: Period
+    corner: Annotated[float, Field(ge=0.1)]  # s, over which corners are rounded
     joints: Annotated[dict[str, JointCourse], Field(min_length=1)]
     provenance: str = ""
 

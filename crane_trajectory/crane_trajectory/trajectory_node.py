@@ -8,7 +8,8 @@ Software is no safety stop: keep the emergency stop of the machine within reach.
 """
 
 import time
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
+from functools import partial
 
 import numpy as np
 from diagnostic_msgs.msg import DiagnosticArray
@@ -34,7 +35,7 @@ from crane_trajectory.experiment import Experiment, Outcome
 from crane_trajectory.motion import Motion, plan
 from crane_trajectory.periodic import PeriodicTrajectory
 from crane_trajectory.readiness import ENABLED, Readiness
-from crane_trajectory.run_excitation_action import Goals
+from crane_trajectory.run_excitation_action import Goals, NotReadyError
 from crane_trajectory.trajectory_condition import status
 from crane_trajectory.trajectory_parameters import (
     CHANGEABLE,
@@ -229,11 +230,11 @@ class Trajectory(LifecycleNode):
             return "no driver listens to /valve_command"
         return ""
 
-    def plan(self, trajectory: PeriodicTrajectory, periods: int) -> Motion:
-        """The motion from where the crane is; `RangeError` where it may not go."""
+    def planner(self, trajectory: PeriodicTrajectory, periods: int) -> Callable[[], Motion]:
+        """What plans the motion from where the crane is now, in any thread."""
         start = self._ready.position
         assert self._machine and self._clearance and start is not None
-        return plan(self._machine, trajectory, start, periods, self._clearance)
+        return partial(plan, self._machine, trajectory, start, periods, self._clearance)
 
     def open_valves(self) -> None:
         """Be the one who commands the valves."""
@@ -246,8 +247,13 @@ class Trajectory(LifecycleNode):
             self._valves = None
 
     def lead(self, motion: Motion) -> Experiment:
-        """Begin to lead the crane."""
-        assert self._tuning
+        """Begin to lead the crane; `NotReadyError` if it is not where the motion starts."""
+        assert self._tuning and self._ready.position is not None
+        moved = np.abs(self._ready.position - motion.start)
+        if (moved > self._tuning.tolerance / 2).any():
+            raise NotReadyError(
+                "not ready: the crane was moved while its motion was planned; send the goal again"
+            )
         self._experiment = Experiment(motion, self._tuning, self._timeout, time.monotonic())
         return self._experiment
 

@@ -19,6 +19,7 @@ from crane_model.configuration import packaged
 from crane_model.machine import JOINTS
 from crane_trajectory.experiment import Outcome
 
+ALIASES = "\n".join(f"x{i}: &x{i} [*x{i - 1}, *x{i - 1}]" for i in range(1, 20))
 pytestmark = pytest.mark.realtime
 
 
@@ -68,6 +69,35 @@ def test_a_goal_that_cannot_be_run_is_refused(
     result = crane.refused(crane.folder / file, periods)
     assert result.outcome == Outcome.TRAJECTORY_REFUSED
     assert reason in result.message
+
+
+@pytest.mark.parametrize(
+    ("text", "reason"),
+    [
+        (yaml.safe_dump(SHORT | {"period": 1e-9}), "line 23: key 'period': must be at least 1.0"),
+        ("x0: &x0 [1, 1]\n" + ALIASES, "line 1: holds more than 200000 values"),
+        ("name: " + "x" * 1_000_000, "must have at most 1000000 bytes"),
+    ],
+    ids=["period", "aliases", "size"],
+)
+def test_a_file_that_would_take_the_machine_is_refused(
+    text: str, reason: str, crane: Experiments
+) -> None:
+    hostile = crane.folder / "hostile.yaml"
+    hostile.write_text(text)
+    result = crane.refused(hostile)
+    assert result.outcome == Outcome.TRAJECTORY_REFUSED
+    assert reason in result.message
+
+
+def test_while_a_file_is_read_the_node_answers(crane: Experiments) -> None:
+    """Within the second that this one takes to be parsed, a goal is canceled."""
+    long = crane.folder / "long.yaml"
+    long.write_text(f"name: {[0.25] * 80_000}")
+    handle = crane.send(long)
+    handle.cancel_goal_async()
+    result = crane.result(handle)
+    assert (result.outcome, result.message) == (Outcome.CANCELED, "canceled, nothing has moved")
 
 
 def test_an_experiment_is_completed(crane: Experiments) -> None:

@@ -8,11 +8,12 @@ from collections.abc import Sequence
 
 import numpy as np
 
+from crane_model.configuration import validate
 from crane_model.errors import RangeError
 from crane_model.machine import PLANAR_JOINTS, Machine
 from crane_trajectory.check import Clearance, tip_room, trajectory_violations
 from crane_trajectory.excitation.settings import Margins
-from crane_trajectory.sweep import JointCourse, SweepTrajectory
+from crane_trajectory.sweep import SweepTrajectory
 
 POSES = 5  # per joint, among which the pose of the joints at rest is chosen
 FINE = 200  # positions of a sweep at which the room of the tip is looked at
@@ -31,7 +32,8 @@ def design_sweeps(
     """Sweeps of all planar joints, as wide as limits and room allow from one pose of the others.
 
     `shares` of the smaller velocity limit of a joint are its speeds, `dwell` [s] the rest at either
-    end. Raises `RangeError` if a limit would be passed or no pose leaves the tip its room.
+    end. Raises `ConfigurationError` if they last longer than a trajectory may, `RangeError` if a
+    limit would be passed or no pose leaves the tip its room.
     """
     limits = [machine.limits[joint] for joint in PLANAR_JOINTS]
     lowest, highest = np.array([(x.position_min, x.position_max) for x in limits]).T
@@ -57,18 +59,15 @@ def design_sweeps(
             go(column, ends[column][0], top * share)
         go(column, float(home[column]), middle)
     times = np.round(knots, DECIMALS).tolist()
-    trajectory = SweepTrajectory(
-        kind="sweep",
-        name=name,
-        period=times[-1],
-        corner=CORNER,
-        joints={
-            joint: JointCourse(time=tuple(times), position=tuple(course))
-            for joint, course in zip(
-                PLANAR_JOINTS, np.round(positions, DECIMALS).T.tolist(), strict=True
-            )
-        },
-    )
+    courses = zip(PLANAR_JOINTS, np.round(positions, DECIMALS).T.tolist(), strict=True)
+    content = {
+        "kind": "sweep",
+        "name": name,
+        "period": times[-1],
+        "corner": CORNER,
+        "joints": {joint: {"time": times, "position": course} for joint, course in courses},
+    }
+    trajectory = validate(content, SweepTrajectory, f"sweeps '{name}'")
     found = trajectory_violations(machine, trajectory, clearance)
     if found:
         listed = "\n  ".join(map(str, found))

@@ -109,6 +109,12 @@ def test_file_round_trip(tmp_path):
     [
         ("period: -20", "period"),
         ("period: .nan", "period"),
+        ("period: 1e-9", "'period': must be at least 1.0 (got"),
+        ("period: 4000", "'period': must be at most 3600.0 (got"),
+        (
+            f"joints: {{slew: {{offset: 0, sine: {[0] * 51}, cosine: {[0] * 51}}}}}",
+            "joints.slew.sine': must have at most 50 entries",
+        ),
         ("joints: {elbow: {offset: 0, sine: [1], cosine: [0]}}", "no joint 'elbow'"),
         ("joints: {slew: {offset: 0, sine: [1, 2], cosine: [0]}}", "2 coefficients and cosine 1"),
         ("joints: {slew: {offset: 0, sine: [], cosine: []}}", "joints.slew.sine"),

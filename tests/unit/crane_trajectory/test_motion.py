@@ -141,6 +141,19 @@ def test_a_trajectory_beyond_the_limits_is_refused_with_all_its_violations():
     assert "too fast" in text
 
 
+@pytest.mark.parametrize("offset", [1e9, -1e300])
+def test_a_start_that_is_out_of_reach_is_refused_and_takes_no_memory(offset):
+    series = JointSeries(offset=offset, sine=(0.1,), cosine=(0.0,))
+    trajectory = FourierTrajectory(name="far", period=20.0, joints={"telescope": series})
+    with pytest.raises(RangeError, match=r"'far' from .* at most 600 s are allowed"):
+        plan(MACHINE, trajectory, START, 1, CLEARANCE)
+
+
+def test_an_experiment_without_end_is_refused():
+    with pytest.raises(RangeError, match=r"periods: 4294967295 of 20 s would .* at most 24 h"):
+        plan(MACHINE, TRAJECTORY, START, 2**32 - 1, CLEARANCE)
+
+
 def test_a_motion_of_many_periods_is_checked_as_fast_as_one():
     motion = Motion(TRAJECTORY, START, 10_000, approach_time=5.0)
     assert motion.violations(MACHINE, CLEARANCE) == []

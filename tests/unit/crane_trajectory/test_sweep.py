@@ -65,6 +65,7 @@ def test_file_round_trip(tmp_path):
         ({"time": [0, 1, 1, 20], "position": [0, 1, 1, 0]}, "increase"),
         ({"time": [0, 1, 20], "position": [0, 1, 2]}, "the last must be the first"),
         ({"time": [0, 1, 20], "position": [0, 1]}, "time has 3 entries and position 2"),
+        ({"time": [0] * 501, "position": [0] * 501}, "must have at most 500 entries"),
         ({"time": [0, 1, 19], "position": [0, 1, 0]}, "must end with the period 20 s"),
     ],
 )
@@ -76,6 +77,13 @@ def test_a_wrong_file_is_refused_by_name(tmp_path, change, named):
     with pytest.raises(ConfigurationError, match=r"wrong\.yaml.*slew|wrong\.yaml") as caught:
         load_trajectory(path)
     assert named in str(caught.value)
+
+
+def test_a_corner_as_sharp_as_no_crane_turns_is_refused(tmp_path):
+    path = tmp_path / "sweep.yaml"
+    save(path, SWEEP.model_copy(update={"corner": 1e-7}))
+    with pytest.raises(ConfigurationError, match="'corner': must be at least 0.1"):
+        load_trajectory(path)
 
 
 def test_design_moves_one_joint_at_a_time_at_the_speeds_wanted(designed):
