@@ -1,27 +1,12 @@
 """The terms that a model is a sum of: one small class each, grouped in files by family.
 
-Importing this package fills the registry; a new effect is one new class, registered by its `type`.
+Importing this package imports every file of it, which fills the registry: a new effect is one new
+class in any of them, registered by its `type`.
 """
 
-from crane_model.terms import (
-    actuator,
-    backlash,
-    elasticity,
-    friction,
-    friction_load,
-    friction_position,
-    friction_speed,
-    friction_temperature,
-    gravity_and_load,
-    maxwell_slip,
-    nuisance,
-    presliding,
-    rigid_body,
-    sensing,
-    single_axis,
-    stiction,
-    swinging_load,
-)
+from importlib import import_module
+from pkgutil import iter_modules
+
 from crane_model.terms.catalogue import candidates, joints_of, nuisances, typical
 from crane_model.terms.effect import Effect, Shape
 from crane_model.terms.joint_term import JointTerm, OneJointTerm
@@ -41,27 +26,13 @@ __all__ = [
     "Setting",
     "Shape",
     "Term",
-    "actuator",
-    "backlash",
     "candidates",
-    "elasticity",
-    "friction",
-    "friction_load",
-    "friction_position",
-    "friction_speed",
-    "friction_temperature",
-    "gravity_and_load",
     "joints_of",
     "load_terms",
-    "maxwell_slip",
-    "nuisance",
     "nuisances",
-    "presliding",
-    "rigid_body",
-    "sensing",
-    "single_axis",
-    "stiction",
-    "swinging_load",
     "term_from_mapping",
     "typical",
 ]
+
+for _file in iter_modules(__path__):  # last: the terms may import all that stands above
+    import_module(f"{__name__}.{_file.name}")
