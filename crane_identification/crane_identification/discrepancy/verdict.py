@@ -53,7 +53,7 @@ def judge(before: Trial, proof: Proof, reach: Reach, thresholds: Thresholds) -> 
     if proof.trial.effects:
         return _of_effects(before, proof, thresholds)
     if proof.short:
-        return Answer(Verdict.UNKNOWN, NOT_HELD, proof.short[0].objection)
+        return Answer(Verdict.UNKNOWN, NOT_HELD, proof.short[-1].objection)
     if proof.trial.zero:
         return Answer(
             Verdict.UNKNOWN,
@@ -177,36 +177,28 @@ def _named_beside(answer: Answer, said: Sequence[str]) -> Answer:
     return answer._replace(verdict=verdict, reason=f"{answer.reason}; {text}")
 
 
-def with_worse(answer: Answer, gap: Gap) -> Answer:
-    """The answer, and where what was added makes the prediction of held-out recordings worse.
-
-    That is more than the error before, and than noise where that is known.
-    """
-    worse = [
-        f"{joint} ({gap.before[j]:.2%} to {gap.after[j]:.2%})"
-        for j, joint in enumerate(gap.joints)
-        if gap.after[j] > WORSE * np.fmax(gap.before[j], CLEAN * gap.floor[j])
-    ]
-    if not worse:
-        return answer
-    return answer._replace(
-        reason=f"{answer.reason}; it does not carry over to the held-out recordings, whose force "
-        f"on {', '.join(worse)} is predicted worse: they differ in something else"
-    )
-
-
 def _of_effects(before: Trial, proof: Proof, thresholds: Thresholds) -> Answer:
     """Effects that passed every test: are they all?"""
     share = proof.trial.explained(before, thresholds)
-    said = [f"the effects explain {share:.0%} of what can be explained"]
+    said = [f"the effects explain {share:.0%} of what can be explained", *_moved(proof)]
     classes = [_alternatives(one) for one in proof.trial.effects if one.members]
     apart = [f"these recordings do not tell apart: {'; '.join(classes)}"] if classes else []
     more = _more(proof, share, thresholds)
     if more:
         return Answer(Verdict.AND_MORE, "; ".join(said + apart + more))
     if classes:
-        return Answer(Verdict.CLASS, *apart)
-    return Answer(Verdict.NAMED, *said)
+        return Answer(Verdict.CLASS, "; ".join(apart + said))
+    return Answer(Verdict.NAMED, "; ".join(said))
+
+
+def _moved(proof: Proof) -> list[str]:
+    """What the effects do to the held-out errors where they act, in words."""
+    gap, acting = proof.gap, [one.option.family.joint for one in proof.trial.effects]
+    return [
+        f"the held-out error of {joint} falls from {gap.before[j]:.2%} to {gap.after[j]:.2%}"
+        for j, joint in enumerate(gap.joints)
+        if (joint in acting or None in acting) and gap.after[j] < gap.before[j]
+    ]
 
 
 def _more(proof: Proof, share: float, thresholds: Thresholds) -> list[str]:
@@ -221,6 +213,12 @@ def _more(proof: Proof, share: float, thresholds: Thresholds) -> list[str]:
     above = _above_floor(gap, gap.after, thresholds)
     if above.any():
         said.append(_beyond_noise(gap, gap.after, above, thresholds))
+    worse = gap.after > WORSE * np.fmax(gap.before, CLEAN * gap.floor)
+    said += [
+        f"the held-out force of {gap.joints[j]} is predicted worse with them, {gap.after[j]:.2%} "
+        f"in place of {gap.before[j]:.2%}"
+        for j in np.flatnonzero(worse)
+    ]
     said += [
         f"{one.effect.option.family.label} would go with them, but {one.objection}"
         for one in proof.short

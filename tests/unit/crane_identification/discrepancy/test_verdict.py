@@ -22,7 +22,6 @@ from crane_identification.discrepancy.verdict import (
     Verdict,
     judge,
     with_pulsation,
-    with_worse,
 )
 from crane_identification.motion_validation import MotionValidation
 from crane_model.configuration import packaged
@@ -226,10 +225,16 @@ def test_a_pulsation_beside_a_name_is_something_more() -> None:
     assert with_pulsation(Answer(Verdict.NONE, "x"), (line,)).verdict is Verdict.UNKNOWN
 
 
-@pytest.mark.parametrize(("after", "said"), [(0.0006, False), (0.0026, False), (0.004, True)])
-def test_noise_does_not_fail_to_carry_over(after: float, said: bool) -> None:
-    seen = replace(gap(0.0011, after), floor=np.full(3, 0.0013))
-    assert ("does not carry over" in with_worse(Answer(Verdict.NAMED, "x"), seen).reason) is said
+@pytest.mark.parametrize(("telescope", "worse"), [(0.0009, False), (0.00101, True)])
+def test_another_joint_that_becomes_worse_than_noise_is_something_more(
+    telescope: float, worse: bool
+) -> None:
+    """0.05 to 0.09 % are noise."""
+    seen = gap(0.0113, 0.0006)
+    seen = replace(seen, after=np.array([0.0005, 0.0006, telescope]), floor=np.full(3, 0.00048))
+    found = answer(AFTER, seen)
+    assert (found.verdict is Verdict.AND_MORE) is worse
+    assert ("telescope is predicted worse" in found.reason) is worse
 
 
 def test_the_nearest_candidate_is_described() -> None:
