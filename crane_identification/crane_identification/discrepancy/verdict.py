@@ -66,9 +66,9 @@ def judge(before: Trial, proof: Proof, reach: Reach, thresholds: Thresholds) -> 
             Verdict.UNKNOWN,
             f"what is left on {_listed(gap, law)} follows a law, but none of the catalogue",
         )
-    above = _above_floor(gap, gap.before, thresholds)
-    if above.any():
-        return Answer(Verdict.UNKNOWN, _beyond_noise(gap, gap.before, above, thresholds))
+    beyond = _beyond_noise(gap, gap.before, gap.training_before, thresholds.floor_factor)
+    if beyond:
+        return Answer(Verdict.UNKNOWN, "; ".join(beyond))
     if reach.undetermined:
         return Answer(
             Verdict.INSUFFICIENT,
@@ -100,29 +100,20 @@ def _of_noise(gap: Gap) -> str:
             "no held-out recording repeats its motion, so that only a learner tells from noise "
             f"what the model leaves of their force, up to {gap.before[j]:.2%} ({gap.joints[j]})"
         )
-    largest = float(np.nanmax(gap.over_floor(gap.before)))
-    return f"the held-out force errs by {largest:.1f} times the scatter between periods at most" + (
+    largest = float(np.nanmax(gap.over_floor(gap.largest_before)))
+    return f"the force errs by {largest:.1f} times the scatter between periods at most" + (
         "" if known.all() else f"; not known of {_listed(gap, ~known)}"
     )
 
 
-def _above_floor(gap: Gap, errors: np.ndarray, thresholds: Thresholds) -> np.ndarray:
-    """(j,): where held-out errors are more than the noise of recordings that repeat a motion."""
-    return np.nan_to_num(gap.over_floor(errors)) > thresholds.floor_factor
-
-
-def _beyond_noise(gap: Gap, errors: np.ndarray, above: np.ndarray, thresholds: Thresholds) -> str:
-    """What is more than noise, in words."""
-    said = []
-    for j in np.flatnonzero(above):
-        text = (
-            f"on held-out recordings the force of {gap.joints[j]} errs by {errors[j]:.2%}, "
-            f"{errors[j] / gap.floor[j]:.0f} times the scatter between periods"
-        )
-        if gap.training[j] < errors[j] / thresholds.floor_factor:
-            text += f", though only by {gap.training[j]:.2%} on those the model was fitted to"
-        said.append(text)
-    return "; ".join(said)
+def _beyond_noise(gap: Gap, held_out: np.ndarray, training: np.ndarray, factor: float) -> list[str]:
+    """Where relative errors (j,) are more than the noise of recordings that repeat a motion."""
+    times = gap.over_floor(np.maximum(held_out, training))
+    return [
+        f"the force of {gap.joints[j]} errs by {held_out[j]:.2%} on held-out recordings and by "
+        f"{training[j]:.2%} on the others, up to {times[j]:.0f} times the scatter between periods"
+        for j in np.flatnonzero(times > factor)
+    ]
 
 
 def with_flow(answer: Answer, flows: Sequence[Flow]) -> Answer:
@@ -210,9 +201,7 @@ def _more(proof: Proof, share: float, thresholds: Thresholds) -> list[str]:
         said.append(f"something more is missing, a law that is left on {_listed(gap, law)}")
     if trial.left_share > thresholds.left_share:
         said.append(f"they leave {trial.left_share:.0%} of the energy beyond noise where they act")
-    above = _above_floor(gap, gap.after, thresholds)
-    if above.any():
-        said.append(_beyond_noise(gap, gap.after, above, thresholds))
+    said += _beyond_noise(gap, gap.after, gap.training_after, thresholds.floor_factor)
     worse = gap.after > WORSE * np.fmax(gap.before, CLEAN * gap.floor)
     said += [
         f"the held-out force of {gap.joints[j]} is predicted worse with them, {gap.after[j]:.2%} "
