@@ -95,12 +95,12 @@ def _of_noise(gap: Gap) -> str:
     """How the held-out error of the model compares with noise, in words."""
     known = np.isfinite(gap.floor)
     if not known.any():
-        j = int(np.nanargmax(gap.before))
+        j = int(np.argmax(np.nan_to_num(gap.before)))
         return (
             "no held-out recording repeats its motion, so that only a learner tells from noise "
             f"what the model leaves of their force, up to {gap.before[j]:.2%} ({gap.joints[j]})"
         )
-    largest = float(np.nanmax(gap.over_floor(gap.largest_before)))
+    largest = float(np.nan_to_num(gap.over_floor(gap.largest_before)).max())
     return f"the force errs by {largest:.1f} times the scatter between periods at most" + (
         "" if known.all() else f"; not known of {_listed(gap, ~known)}"
     )

@@ -9,13 +9,14 @@ import pytest
 
 from crane_identification.discrepancy.candidates import Family, Option
 from crane_identification.discrepancy.decision import Judged
+from crane_identification.discrepancy.extension import Value
 from crane_identification.discrepancy.gap import Gap
 from crane_identification.discrepancy.learner import Learnt
 from crane_identification.discrepancy.nearest import Nearest
 from crane_identification.discrepancy.proof import Proof, Short, objection
 from crane_identification.discrepancy.pulsation import Pulsation
 from crane_identification.discrepancy.thresholds import load_thresholds
-from crane_identification.discrepancy.trial import Trial
+from crane_identification.discrepancy.trial import Trial, differs
 from crane_identification.discrepancy.verdict import (
     Answer,
     Reach,
@@ -220,6 +221,19 @@ def test_what_is_zero_within_its_deviation_is_no_name() -> None:
     after = replace(trial(energy=5000.0), zero=(effect("chamber_gain"),))
     found = answer(after=after)
     assert found.verdict is Verdict.UNKNOWN and "2 standard deviations" in found.objection
+
+
+@pytest.mark.parametrize(
+    ("values", "expected"),
+    [([(0.118, 0.13)], False), ([(0.3, 0.1)], True), ([(0.1, 0.1), (-5.0, 0.2)], True)],
+)
+def test_a_value_within_its_deviation_differs_from_nothing(values, expected: bool) -> None:
+    """Shapes, which come last, do not count."""
+    one = effect("chamber_gain")
+    option = replace(one.option, positive=np.zeros(len(values), dtype=bool))
+    shape = Value("wave", 3.0, 0.1, "rad/rad")
+    linear = [Value("gain", value, std_dev, "1") for value, std_dev in values]
+    assert differs(replace(one, option=option), [*linear, shape]) is expected
 
 
 def test_a_pulsation_beside_a_name_is_something_more() -> None:
