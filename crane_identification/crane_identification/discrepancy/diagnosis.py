@@ -30,7 +30,6 @@ from crane_identification.discrepancy.verdict import (
     judge,
     with_flow,
     with_pulsation,
-    with_worse,
 )
 from crane_identification.options import Options
 from crane_identification.preparation import Preparation, prepare
@@ -127,7 +126,6 @@ def diagnose(
         objection = answer.objection or decision.objection
         effects = [one.effect for one in proof.short] or last.zero or decision.nearest
         near = nearest(found, before, effects, objection, given, held_out) if effects else None
-    answer = with_worse(answer, gap)
     progress("gap", 1.0)
     wrong = {
         one.option.family.where
