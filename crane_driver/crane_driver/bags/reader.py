@@ -27,6 +27,7 @@ LARGEST_DISORDER = NANOSECONDS  # ns; messages may overtake one another, a clock
 class TopicData:
     """What a bag holds of one topic, in the order of its stamps.
 
+    log_time: when the recorder received each message, on the clock of the recorder.
     fields: (n, k) of each float64[] field, (n,) of each float64 field, with NaN as recorded.
     notes: what had to be mended, in words.
     """
@@ -36,6 +37,7 @@ class TopicData:
     names: tuple[str, ...]
     stamp: np.ndarray  # (n,) int64 [ns], increasing
     stamped_by: Literal["header", "log time"]  # log time where every header stamp is zero
+    log_time: np.ndarray  # (n,) int64 [ns]
     present: np.ndarray  # (n, k) bool: which names a message held
     fields: dict[str, np.ndarray]
     notes: tuple[str, ...] = ()
@@ -65,6 +67,7 @@ class TopicData:
             self,
             names=tuple(names),
             stamp=self.stamp[rows],
+            log_time=self.log_time[rows],
             present=self.present[cells(rows, columns)],
             fields={
                 key: value[cells(rows, columns)] if value.ndim == 2 else value[rows]
@@ -176,7 +179,15 @@ def _in_order(path: Path, topic: str, table: Table, log_time: np.ndarray) -> Top
     )
     fields = {key: value[order] for key, value in table.fields.items()}
     return TopicData(
-        path, topic, table.names, stamp[order], stamped_by, table.present[order], fields, notes
+        bag=path,
+        topic=topic,
+        names=table.names,
+        stamp=stamp[order],
+        stamped_by=stamped_by,
+        log_time=log_time[order],
+        present=table.present[order],
+        fields=fields,
+        notes=notes,
     )
 
 

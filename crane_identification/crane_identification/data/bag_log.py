@@ -1,6 +1,7 @@
 """From a bag to a log."""
 
 from collections.abc import Mapping, Sequence
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -36,7 +37,9 @@ def read_bag(path: Path | str, joints: Sequence[str], progress: Progress = silen
     start = int(states.stamp[0])
 
     def signal(data: TopicData, field: str) -> Signal:
-        return Signal((data.stamp - start) / NANOSECONDS, data.fields[field], data.topic)
+        time, received = (data.stamp - start) / NANOSECONDS, (data.log_time - start) / NANOSECONDS
+        known = data.stamped_by == "header"  # else the stamps are the log times
+        return Signal(time, data.fields[field], data.topic, received if known else None)
 
     def signal_if_any(data: TopicData | None, field: str) -> Signal | None:
         if data is None or np.isnan(data.fields[field]).all():
@@ -77,4 +80,4 @@ def _selected(
 
 
 def _first_column(signal: Signal | None) -> Signal | None:
-    return signal and Signal(signal.time, signal.value[:, 0], signal.origin)
+    return signal and replace(signal, value=signal.value[:, 0])

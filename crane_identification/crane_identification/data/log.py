@@ -9,12 +9,14 @@ import numpy as np
 class Signal:
     """Samples of quantities that were measured together: `time` (n,) [s] strictly increasing,
     `value` (n,) or (n, j) in SI units, NaN where nothing was measured; `origin` is the topic or
-    the columns that they come from.
+    the columns that they come from. `received` (n,) [s]: when the recorder received each sample,
+    counted like `time` but on the clock of the recorder; None where that is not known.
     """
 
     time: np.ndarray
     value: np.ndarray
     origin: str
+    received: np.ndarray | None = None
 
 
 @dataclass(frozen=True)

@@ -67,6 +67,15 @@ def test_signals_keep_their_own_stamps(tmp_path: Path) -> None:
     assert log.notes == ()
 
 
+def test_signals_say_when_the_recorder_received_them(tmp_path: Path) -> None:
+    """So that the clocks of topics can be compared: header against log time."""
+    log = read_bag(write(tmp_path / "bag"), PLANAR_JOINTS)
+    for signal in (log.position, log.pressure_a, log.slew_position):
+        assert signal is not None
+        assert signal.received is not None
+        np.testing.assert_allclose(signal.received - signal.time, 9e-9, atol=1e-12)
+
+
 def test_columns_follow_the_joints_of_the_model(tmp_path: Path) -> None:
     log = read_bag(write(tmp_path / "bag"), ["telescope", "inner_boom"])
     np.testing.assert_array_equal(log.position.value, POSITION[:, [3, 1]])
