@@ -6,15 +6,23 @@ import numpy as np
 
 from crane_identification.averaging import (
     Averaging,
+    completed,
     drift,
     fold,
     resolution_of_mean,
     transient_periods,
+    whole_periods,
 )
 from crane_identification.data.log import Log
-from crane_identification.data.resample import Samples, resample, sampling_rate
+from crane_identification.data.resample import Samples, measured, resample, sampling_rate
 from crane_identification.options import Options
-from crane_identification.periodicity import Periodicity, detect_periodicity
+from crane_identification.periodicity import (
+    REPEATS,
+    SEEN,
+    Periodicity,
+    detect_periodicity,
+    difference_after,
+)
 from crane_identification.progress import Progress, silent
 from crane_identification.run_signals import (
     along_reference,
@@ -75,36 +83,50 @@ def prepare(
         samples = resample(log)
         runs = [np.flatnonzero(samples.run == run) for run in np.unique(samples.run)]
         return [_whole(model, log, samples, rows, options, progress) for rows in runs]
-    periodicity = _periodicity(log, options)
-    length = round(periodicity.period * sampling_rate(log.position.time))
-    samples = resample(log, length / periodicity.period)
-    inside = (samples.time >= periodicity.start) & (samples.time <= periodicity.end)
+    try:
+        part = periodic_part(log, options.period)
+    except DataError as error:
+        raise DataError(f"{error}; or do not average: --no-average") from None
+    length = round(part.period * sampling_rate(log.position.time))
+    samples = resample(log, length / part.period)
+    inside = (samples.time >= part.start) & (samples.time <= part.end)
     runs = [np.flatnonzero((samples.run == run) & inside) for run in np.unique(samples.run)]
-    long_enough = [rows for rows in runs if len(rows) >= length]
+    long_enough = [rows for rows in runs if whole_periods(len(rows), length)]
     if not long_enough:
         raise DataError(
-            f"{log.source}: no whole period of {periodicity.period:.4g} s without a gap; record "
-            f"at least two, or do not average"
+            f"{log.source}: no whole period of {part.period:.4g} s without a gap; record at least "
+            f"two, or do not average: --no-average"
         )
     return [_averaged(model, log, samples, rows, length, options, progress) for rows in long_enough]
 
 
-def _periodicity(log: Log, options: Options) -> Periodicity:
-    reference = log.reference_position
-    if reference is not None:
-        finite = np.isfinite(reference.value).all(axis=1)
+def periodic_part(log: Log, period: float | None) -> Periodicity:
+    """The part of `log` that repeats after `period` [s] (None: to be found).
+
+    The reference, which has no noise, says it best; where none repeats, the positions do. They
+    decide whether the machine did. `DataError` if not.
+    """
+    position = measured(log, log.position)
+    if log.reference_position is not None:
         try:
-            return detect_periodicity(
-                reference.time[finite], reference.value[finite], options.period
+            reference = measured(log, log.reference_position)
+            part = detect_periodicity(reference.time, reference.value, period)
+        except DataError:
+            pass  # it stands still, or something else moved the machine
+        else:
+            twice = part.end - part.start > 2 * SEEN * part.period
+            difference = difference_after(position.time, position.value, part.period)
+            if not twice or difference <= REPEATS:
+                return part
+            raise DataError(
+                f"{log.source}: {reference.origin} repeats after {part.period:.4g} s, but the "
+                f"measured motion does not: it then differs by {difference:.0%} of its rms; cut "
+                "off with --from and --to what did not follow the reference"
             )
-        except DataError as error:
-            raise DataError(f"{log.source}: {error}") from None
-    if options.period is None:
-        raise DataError(
-            f"{log.source}: no reference (/joint_reference) to find the period in; give the "
-            f"period, or do not average"
-        )
-    return Periodicity(options.period, float(log.position.time[0]), float(log.position.time[-1]))
+    try:
+        return detect_periodicity(position.time, position.value, period)
+    except DataError as error:
+        raise DataError(f"{log.source}: {error}") from None
 
 
 def _whole(
@@ -159,7 +181,8 @@ def _averaged(
     """The mean over the last whole periods of the run (37)-(38)."""
     signals = signals_of(model, samples, rows)
     step = 1.0 / samples.rate
-    whole = len(rows) // length
+    whole = whole_periods(len(rows), length)
+    signals = {name: completed(values, length, whole) for name, values in signals.items()}
     transient = transient_periods(fold(signals["position"], length, whole))
     used = min(whole - transient, options.periods or whole)
     mean = {name: fold(values, length, used).mean(axis=0) for name, values in signals.items()}
@@ -169,7 +192,7 @@ def _averaged(
     alike, signed_alike = _moving_alike(model, log, signals, step, length, used, options)
     known = _moving(model, motion, step, True, options) & alike
     periods = fold(signals["force"], length, used)
-    remainder = (len(rows) - whole * length) * step
+    remainder = max(len(rows) - whole * length, 0) * step
     return Preparation(
         source=log.source,
         record=record,

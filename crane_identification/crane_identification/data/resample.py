@@ -70,7 +70,7 @@ def resample(
     The other signals do not split: they are interpolated too (the command holds its last value),
     with NaN where they were not logged yet or no more. `DataError` if too little is left.
     """
-    required = {name: _measured(log, getattr(log, name)) for name in REQUIRED if getattr(log, name)}
+    required = {name: measured(log, getattr(log, name)) for name in REQUIRED if getattr(log, name)}
     rate = rate or sampling_rate(required["position"].time)
     begin = max(signal.time[0] for signal in required.values())
     end = min(signal.time[-1] for signal in required.values())
@@ -115,8 +115,8 @@ def sampling_rate(time: np.ndarray) -> float:
     return float(np.sum(periods[counted]) / np.sum(intervals[counted]))
 
 
-def _measured(log: Log, signal: Signal) -> Signal:
-    """The samples at which every joint was measured."""
+def measured(log: Log, signal: Signal) -> Signal:
+    """The samples of `signal` at which every joint was measured; `DataError` if these are few."""
     complete = np.isfinite(signal.value).all(axis=1)
     count = np.count_nonzero(complete)
     if count < SHORTEST_RUN:
