@@ -10,6 +10,7 @@ from pathlib import Path
 
 from pydantic import RootModel
 
+from crane_identification.data.bad_samples import usable
 from crane_identification.data.bag_log import read_bag
 from crane_identification.data.column_map import ColumnMap
 from crane_identification.data.log import Log
@@ -39,15 +40,18 @@ class ReferenceValues(RootModel[dict[str, float]]):
 
 @dataclass(frozen=True)
 class Sources:
-    """Reads recordings of either kind, each file once."""
+    """Reads recordings of either kind, each file once: what `options` say is to be used of them."""
 
     model: Model
     columns: ColumnMap | None
+    options: Options
     progress: Progress
 
     def read(self, paths: Sequence[Path]) -> tuple[Log, ...]:
         """A log of each bag or table; `DataError` and `ConfigurationError` as their readers."""
-        return tuple(self._read(path) for path in paths)
+        return tuple(
+            usable(self._read(path), self.options.begin, self.options.end) for path in paths
+        )
 
     def _read(self, path: Path) -> Log:
         if path.suffix.lower() not in TABLES:
@@ -76,13 +80,17 @@ def identify(arguments: argparse.Namespace) -> None:
         load(arguments.reference_values, ReferenceValues) if arguments.reference_values else None
     )
     options = Options(
-        average=arguments.average, period=arguments.period, estimator=arguments.estimator
+        begin=arguments.begin,
+        end=arguments.end,
+        average=arguments.average,
+        period=arguments.period,
+        estimator=arguments.estimator,
     )
     if arguments.cluster:
         on_cluster(model, arguments, options)
         return
     with ProgressBar() as progress, ExitStack() as processes:
-        sources = Sources(model, columns, progress)
+        sources = Sources(model, columns, options, progress)
         training = sources.read(arguments.train)
         # Most of the time: reading by reading, in their order, on a core of its own.
         replayed = (
@@ -123,7 +131,7 @@ def on_cluster(model: Model, arguments: argparse.Namespace, options: Options) ->
         )
     with ProgressBar() as progress:
         result = fit_on_cluster(model, arguments.train, arguments.cluster, options, progress)
-        sources = Sources(model, None, progress)
+        sources = Sources(model, None, options, progress)
         held_out = sources.read(arguments.validate)
         validations = validate(result.model, held_out, options, progress) if held_out else ()
     errors = pooled(result.model, validations) if validations else None
@@ -163,11 +171,7 @@ def parser() -> argparse.ArgumentParser:
     add("--validate", type=Path, nargs="+", default=[], help="recordings to validate it on")
     add("--out", type=Path, required=True, help="folder for the results")
     add("--columns", type=Path, help="column map (YAML) of the tables")
-    add(
-        "--period",
-        type=_seconds,
-        help="period [s] over which to average, where no reference is recorded to find it in",
-    )
+    add_part(result)
     add(
         "--no-average",
         dest="average",
@@ -203,6 +207,32 @@ def parser() -> argparse.ArgumentParser:
         "simulated machine), shown in the report beside the estimates",
     )
     return result
+
+
+def add_part(parser: argparse.ArgumentParser) -> None:
+    """Adds the options that say which part of a recording is used, and its period."""
+    parser.add_argument(
+        "--from",
+        dest="begin",
+        type=_seconds,
+        default=Options().begin,
+        metavar="SECONDS",
+        help="leave out what comes before, counted from the start of each recording",
+    )
+    parser.add_argument(
+        "--to",
+        dest="end",
+        type=_seconds,
+        default=Options().end,
+        metavar="SECONDS",
+        help="leave out what comes behind, counted alike",
+    )
+    parser.add_argument(
+        "--period",
+        type=_seconds,
+        metavar="SECONDS",
+        help="period over which to average; found in the recordings where it is not given",
+    )
 
 
 def _seconds(text: str) -> float:

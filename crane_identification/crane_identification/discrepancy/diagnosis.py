@@ -31,7 +31,7 @@ from crane_identification.discrepancy.verdict import (
     with_pulsation,
 )
 from crane_identification.options import Options
-from crane_identification.preparation import Preparation, prepare
+from crane_identification.preparation import Preparation, periodic_part, prepare
 from crane_identification.progress import Progress, silent
 from crane_model.errors import ConfigurationError, DataError
 from crane_model.model_file import Model
@@ -45,7 +45,8 @@ class Diagnosis:
     Per joint (j,): `energy` share of the unexplained energy, `regions` that carry it, `learnt` from
     the residual before and after; `correlation_left` of neighbouring rows of what remains, 0 for
     noise. `undetermined` parameters of the given model were left out of it; the answer is sought
-    `without` these effects; `uncalibrated` quantities are in counts.
+    `without` these effects; `uncalibrated` quantities are in counts; `warnings` are about the
+    recordings.
     """
 
     verdict: Verdict
@@ -69,6 +70,7 @@ class Diagnosis:
     undetermined: tuple[str, ...]
     without: frozenset[str]
     uncalibrated: tuple[str, ...]
+    warnings: tuple[str, ...]
     flows: tuple[Flow, ...]
     flow_unobservable: dict[tuple[str, str], str]
     pulsations: tuple[Pulsation, ...]
@@ -132,7 +134,7 @@ def diagnose(
     learnt_after = learn(seen, known, left_after[:, :joints], fold) if accepted else learnt_before
     progress("what is left", 1.0)
     least = detectable(found, threshold)
-    periods = _averaged(model, validation, options)
+    periods, not_periodic = _averaged(model, validation, options)
     verdict, reason = judge(
         found,
         accepted,
@@ -180,6 +182,7 @@ def diagnose(
         undetermined=_names(model, left_out),
         without=frozenset(without),
         uncalibrated=uncalibrated,
+        warnings=(*(one for log in logs for one in log.warnings), *not_periodic),
         flows=tuple(flows),
         flow_unobservable=no_flow,
         pulsations=lines,
@@ -216,15 +219,27 @@ def _prepared(
     return out
 
 
-def _averaged(model: Model, logs: Sequence[Log], options: Options) -> list[Preparation]:
-    """The validation recordings averaged, those that are periodic; their scatter is the noise."""
-    out = []
+def _averaged(
+    model: Model, logs: Sequence[Log], options: Options
+) -> tuple[list[Preparation], list[str]]:
+    """The validation recordings averaged, those that are periodic; their scatter is the noise.
+
+    Beside them, which of them do not have the period that was given.
+    """
+    out: list[Preparation] = []
+    wrong = []
     for log in logs:
+        try:
+            periodic_part(log, options.period)
+        except DataError as error:
+            if options.period is not None:
+                wrong.append(f"{error}. Its noise floor is not known.")
+            continue  # not periodic: no scatter
         try:
             out += prepare(model, log, replace(options, average=True))
         except DataError:
-            continue  # not periodic: no scatter
-    return out
+            continue  # no whole period without a gap
+    return out, wrong
 
 
 def _energy(found: Search, left: np.ndarray) -> np.ndarray:

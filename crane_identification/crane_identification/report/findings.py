@@ -31,7 +31,7 @@ def findings(
     units = [setting.force_unit(joint) for joint in fit.model.joints]
     return (
         *_parameters(fit),
-        *(note for log in logs for note in _recording(log)),
+        *(warning for log in logs for warning in log.warnings),
         *_together([(p.source, note) for p in preparations for note in _preparation(p)]),
         *_drifts(preparations, units),
         *_gaps(preparations),
@@ -69,13 +69,6 @@ def _parameters(fit: FitResult) -> list[str]:
         notes.append(
             f"Standard deviation above {short_percent(UNCERTAIN)} of the value: {listed(doubtful)}."
         )
-    return notes
-
-
-def _recording(log: Log) -> list[str]:
-    notes = [f"{log.source}: {note}" for note in log.notes]
-    if log.missing:
-        notes.insert(0, f"{log.source}: not recorded: {listed(log.missing)}.")
     return notes
 
 

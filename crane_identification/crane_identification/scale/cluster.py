@@ -16,6 +16,7 @@ from typing import Any
 import numpy as np
 from distributed import Client, as_completed
 
+from crane_identification.data.bad_samples import usable
 from crane_identification.data.bag_log import read_bag
 from crane_identification.estimation.covariance import Covariance, correlated, white
 from crane_identification.estimation.lack_of_fit import lack_of_fit
@@ -124,7 +125,8 @@ def _fit(
 
 
 def _prepared(path: str, model: Model, options: Options) -> list[Preparation]:
-    return prepare(model, read_bag(path, model.joints), options)
+    log = usable(read_bag(path, model.joints), options.begin, options.end)
+    return prepare(model, log, options)
 
 
 def _factor(preparations: list[Preparation]) -> int:
