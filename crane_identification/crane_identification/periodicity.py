@@ -109,5 +109,7 @@ def difference_after(time: np.ndarray, position: np.ndarray, period: float) -> f
 
 
 def _periodicity(motion: Repetition, part: Agreement, period: float) -> Periodicity:
-    start, end = (motion.start + motion.step * index for index in (part.first, part.last))
+    start, end = (
+        motion.start + motion.step * index for index in (part.first, motion.best_end(part))
+    )
     return Periodicity(period, start, min(end + period, motion.start + motion.duration))

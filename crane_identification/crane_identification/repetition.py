@@ -220,6 +220,21 @@ class Repetition:
         travel = high(self.signal, window, axis=0) - low(self.signal, window, axis=0)
         return travel.max(axis=1) > AROUND * MOVES
 
+    def best_end(self, part: Agreement) -> int:
+        """Sample at which the whole periods of a part end that repeat best.
+
+        How long before and behind them the motion is nearly equal says nothing of the force.
+        """
+        periods = (part.last - part.first) / part.lag + 1.0
+        compared = int((np.floor(periods) - 1.0) * part.lag)
+        slack = part.last - part.first - compared
+        if compared < 1 or slack < 1:
+            return part.last
+        sums = np.cumsum(np.concatenate([[0.0], self._distance(part.lag) ** 2]))
+        begins = part.first + np.arange(slack + 1)
+        cost = sums[begins + compared] - sums[begins]
+        return int(begins[cost.argmin()] + compared)
+
     def _part(self, lag: float, tolerance: float, passing: float = 0.0) -> tuple[int, int]:
         """First and last sample of the part that moves longest and is equal to itself `lag` later.
 
