@@ -4,7 +4,10 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from crane_identification.repetition import OVERLAP, Agreement, Repetition
+from crane_identification.agreement import OVERLAP, Agreement, agreement, best_end
+from crane_identification.data.log import Log
+from crane_identification.data.resample import measured
+from crane_identification.repetition import Repetition
 from crane_model.errors import DataError
 
 REPEATS = 0.05
@@ -29,6 +32,35 @@ class Periodicity:
     end: float
 
 
+def periodic_part(log: Log, period: float | None) -> Periodicity:
+    """The part of `log` that repeats after `period` [s] (None: to be found).
+
+    The reference, which has no noise, says it best; where none repeats, the positions do. They
+    decide whether the machine did. `DataError` if not.
+    """
+    position = measured(log, log.position)
+    if log.reference_position is not None:
+        try:
+            reference = measured(log, log.reference_position)
+            part = detect_periodicity(reference.time, reference.value, period)
+        except DataError:
+            pass  # it stands still, or something else moved the machine
+        else:
+            motion = Repetition.of(position.time, position.value)
+            difference = motion.difference(part.period / motion.step)
+            if difference <= REPEATS or part.end - part.start < 2 * SEEN * part.period:
+                return part
+            raise DataError(
+                f"{log.source}: {reference.origin} repeats after {part.period:.4g} s, but the "
+                f"measured motion does not: it then differs by {difference:.0%} of its rms; cut "
+                "off with --from and --to what did not follow the reference"
+            )
+    try:
+        return detect_periodicity(position.time, position.value, period)
+    except DataError as error:
+        raise DataError(f"{log.source}: {error}") from None
+
+
 def detect_periodicity(
     time: np.ndarray, position: np.ndarray, period: float | None = None
 ) -> Periodicity:
@@ -45,7 +77,7 @@ def detect_periodicity(
 def _found(motion: Repetition) -> Periodicity:
     best: Agreement | None = None
     for lag in motion.candidates(REPEATS):
-        one = motion.agreement(lag)
+        one = agreement(motion, lag)
         if one is None or one.last - one.first < SEEN * one.lag or one.difference > REPEATS:
             continue
         if best is None or one.difference < best.difference / CLEARLY:
@@ -80,12 +112,12 @@ def _checked(motion: Repetition, period: float) -> Periodicity:
                 f"ends are {apart:.0%} of its rms apart; correct --period"
             )
         return Periodicity(period, motion.start, motion.start + motion.duration)
-    near = motion.agreement(lag)
+    near = agreement(motion, lag)
     wanted = min(SEEN * lag, OVERLAP * overlap)
     if near is not None and near.last - near.first >= wanted and near.difference <= REPEATS:
         off = abs(near.lag - lag)
         if off <= 1.0 + EXACT * lag:
-            return _periodicity(motion, motion.agreement(lag, known=True) or near, period)
+            return _periodicity(motion, agreement(motion, lag, known=True) or near, period)
     difference = motion.difference(lag)
     try:
         found = f"it repeats after {_found(motion).period:.5g} s"
@@ -101,15 +133,8 @@ def _checked(motion: Repetition, period: float) -> Periodicity:
     )
 
 
-def difference_after(time: np.ndarray, position: np.ndarray, period: float) -> float:
-    """Rms by which `position` (n, j) at times (n,) [s] differs from itself a `period` [s] later,
-    over its own rms, in the stretch of one period in which it differs least."""
-    motion = Repetition.of(time, position)
-    return motion.difference(period / motion.step)
-
-
 def _periodicity(motion: Repetition, part: Agreement, period: float) -> Periodicity:
     start, end = (
-        motion.start + motion.step * index for index in (part.first, motion.best_end(part))
+        motion.start + motion.step * index for index in (part.first, best_end(motion, part))
     )
     return Periodicity(period, start, min(end + period, motion.start + motion.duration))

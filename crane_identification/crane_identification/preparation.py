@@ -14,15 +14,9 @@ from crane_identification.averaging import (
     whole_periods,
 )
 from crane_identification.data.log import Log
-from crane_identification.data.resample import Samples, measured, resample, sampling_rate
+from crane_identification.data.resample import Samples, resample, sampling_rate
 from crane_identification.options import Options
-from crane_identification.periodicity import (
-    REPEATS,
-    SEEN,
-    Periodicity,
-    detect_periodicity,
-    difference_after,
-)
+from crane_identification.periodicity import periodic_part
 from crane_identification.progress import Progress, silent
 from crane_identification.run_signals import (
     along_reference,
@@ -31,6 +25,7 @@ from crane_identification.run_signals import (
     resolution_of,
     signals_of,
 )
+from crane_identification.signals.decimate import PADDING
 from crane_identification.signals.gate import SETTLING, moving, trusted_bandwidth
 from crane_identification.signals.motion import Motion
 from crane_identification.signals.routes import estimate_period, estimate_record
@@ -81,8 +76,7 @@ def prepare(
         )
     if not options.average:
         samples = resample(log)
-        runs = [np.flatnonzero(samples.run == run) for run in np.unique(samples.run)]
-        return [_whole(model, log, samples, rows, options, progress) for rows in runs]
+        return _whole_runs(model, log, samples, options, progress)
     try:
         part = periodic_part(log, options.period)
     except DataError as error:
@@ -100,33 +94,20 @@ def prepare(
     return [_averaged(model, log, samples, rows, length, options, progress) for rows in long_enough]
 
 
-def periodic_part(log: Log, period: float | None) -> Periodicity:
-    """The part of `log` that repeats after `period` [s] (None: to be found).
-
-    The reference, which has no noise, says it best; where none repeats, the positions do. They
-    decide whether the machine did. `DataError` if not.
-    """
-    position = measured(log, log.position)
-    if log.reference_position is not None:
+def _whole_runs(
+    model: Model, log: Log, samples: Samples, options: Options, progress: Progress
+) -> list[Preparation]:
+    """Those of the runs that something is left of; the error of the first where nothing is."""
+    out, errors = [], []
+    for run in np.unique(samples.run):
+        rows = np.flatnonzero(samples.run == run)
         try:
-            reference = measured(log, log.reference_position)
-            part = detect_periodicity(reference.time, reference.value, period)
-        except DataError:
-            pass  # it stands still, or something else moved the machine
-        else:
-            twice = part.end - part.start > 2 * SEEN * part.period
-            difference = difference_after(position.time, position.value, part.period)
-            if not twice or difference <= REPEATS:
-                return part
-            raise DataError(
-                f"{log.source}: {reference.origin} repeats after {part.period:.4g} s, but the "
-                f"measured motion does not: it then differs by {difference:.0%} of its rms; cut "
-                "off with --from and --to what did not follow the reference"
-            )
-    try:
-        return detect_periodicity(position.time, position.value, period)
-    except DataError as error:
-        raise DataError(f"{log.source}: {error}") from None
+            out.append(_whole(model, log, samples, rows, options, progress))
+        except DataError as error:
+            errors.append(error)
+    if not out:
+        raise errors[0]
+    return out
 
 
 def _whole(
@@ -147,10 +128,11 @@ def _whole(
     known = _moving(model, motion, step, False, options)
     spoilt = int(np.ceil(1.0 / (trusted_bandwidth(bandwidth, known) * step)))
     begin, end = options.trim if options.trim is not None else (spoilt, spoilt)
-    if begin + end >= len(rows):
+    if begin + end + PADDING >= len(rows):
         raise DataError(
-            f"{log.source}: nothing is left of {len(rows)} samples after cutting {begin} at the "
-            f"start and {end} at the end; record longer"
+            f"{log.source}: too little is left of {len(rows)} samples after cutting {begin} at the "
+            f"start and {end} at the end, where the motion is not known; record longer, or mend "
+            "what interrupts the recording"
         )
     kept = slice(begin, len(rows) - end)
     signals = {name: values[kept] for name, values in signals.items()}

@@ -13,14 +13,14 @@ from typing import Any
 import numpy as np
 
 from crane_identification.data.log import Log, Signal
+from crane_identification.data.resample import LARGEST_GAP
 from crane_model.errors import DataError
 
-BRIDGED = 0.1  # s, the longest that is bridged (as `resample` does)
 COUNTS = 4.0  # steps of the sensor that quantisation never makes
 NOISE = 8.0  # times the 0.75 quantile of all jumps, ...
 AROUND = 10.0  # ... or times the median of those around
 NEIGHBOURS = 25  # samples before and behind, that are around
-ACCELERATION = 10.0  # times what the joint reaches over BRIDGED for a hundredth of the time
+ACCELERATION = 10.0  # times what the joint reaches over LARGEST_GAP for a hundredth of the time
 SHOCKS = 3.0  # pressures and forces do jump: all three count so many times
 FASTER = 10.0  # than everything else in the recording: no machine does that
 FAR = 0.02  # of the range of the recording, at least, that such a jump leads
@@ -124,8 +124,8 @@ def _examine(time: np.ndarray, value: np.ndarray, moves: bool) -> _Found:
 
 
 def _acceleration(time: np.ndarray, value: np.ndarray, suspects: np.ndarray) -> float:
-    """What the joint reaches over BRIDGED for a hundredth of the time, without suspect samples."""
-    samples = max(round(BRIDGED / float(np.median(np.diff(time)))), 2)
+    """What the joint reaches for a hundredth of the time, without suspect samples."""
+    samples = max(round(LARGEST_GAP / float(np.median(np.diff(time)))), 2)
     if len(value) <= 2 * samples:
         return 0.0
     velocity = (value[samples:] - value[:-samples]) / (time[samples:] - time[:-samples])
@@ -178,7 +178,7 @@ def _excursions(
         ends = [
             j
             for j in range(i + 1, len(jumps))
-            if time[jumps[j]] - time[first - 1] <= BRIDGED
+            if time[jumps[j]] - time[first - 1] <= LARGEST_GAP
             and _returns(time, value, first, int(jumps[j]), limit[first - 1])
         ]
         if ends:

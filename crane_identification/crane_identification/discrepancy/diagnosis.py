@@ -31,7 +31,8 @@ from crane_identification.discrepancy.verdict import (
     with_pulsation,
 )
 from crane_identification.options import Options
-from crane_identification.preparation import Preparation, periodic_part, prepare
+from crane_identification.periodicity import periodic_part
+from crane_identification.preparation import Preparation, prepare
 from crane_identification.progress import Progress, silent
 from crane_model.errors import ConfigurationError, DataError
 from crane_model.model_file import Model

@@ -283,7 +283,7 @@ def test_errors_name_recording_and_remedy(axis: Model) -> None:
         DataError, match="axis 12: .* period of 13 s: .* repeats after 20 s; .* --no-av"
     ):
         fit(axis, [log], Options(period=13.0))
-    with pytest.raises(DataError, match="nothing is left of"):
+    with pytest.raises(DataError, match="too little is left of"):
         fit(axis, [log], Options(average=False, trim=(5000, 5000)))
     with pytest.raises(ConfigurationError, match="has no values yet"):
         validate(axis, [log])
