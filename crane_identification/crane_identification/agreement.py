@@ -30,6 +30,8 @@ ROUNDING = 1e-9
 """Share of the range below which differences are rounding."""
 ALIKE = 1e-6
 """Rms difference, as a share of the range, up to which whole periods repeat equally well."""
+NEARLY = 0.05
+"""Share of the lag."""
 AROUND = 0.1
 """Share of the lag around a sample in which a joint moves if it does at all."""
 
@@ -104,19 +106,20 @@ def _moves(motion: Repetition, lag: float) -> np.ndarray:
 
 
 def best_end(motion: Repetition, part: Agreement) -> int:
-    """Sample at which the whole periods of a part end that repeat best, the latest of them.
+    """Sample at which the whole periods end that repeat best, up to `NEARLY` before the part does.
 
-    How long before and behind them the motion is nearly equal says nothing of the force.
+    A machine that runs down leaves its path so slowly that its position is equal for a while when
+    its acceleration is not.
     """
     compared = int((part.last - part.first + LACKING) / part.lag) * round(part.lag)
     slack = part.last - part.first - compared
     if compared < 1 or slack < 1:
         return part.last
     sums = np.cumsum(np.concatenate([[0.0], _distance(motion, part.lag) ** 2]))
-    begins = part.first + np.arange(slack + 1)
+    begins = part.last - compared - np.arange(min(slack, int(NEARLY * part.lag)) + 1)
     cost = sums[begins + compared] - sums[begins]
     alike = cost <= cost.min() + compared * ALIKE**2
-    return int(begins[np.flatnonzero(alike)[-1]] + compared)
+    return int(begins[alike.argmax()] + compared)
 
 
 def _part(

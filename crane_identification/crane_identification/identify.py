@@ -229,7 +229,7 @@ def add_part(parser: argparse.ArgumentParser) -> None:
     )
     parser.add_argument(
         "--period",
-        type=_seconds,
+        type=_period,
         metavar="SECONDS",
         help="period over which to average; found in the recordings where it is not given",
     )
@@ -237,7 +237,14 @@ def add_part(parser: argparse.ArgumentParser) -> None:
 
 def _seconds(text: str) -> float:
     value = float(text)
-    if not 0.0 < value < float("inf"):
+    if not 0.0 <= value < float("inf"):
+        raise argparse.ArgumentTypeError(f"must be a number of seconds, at least 0, got {text}")
+    return value
+
+
+def _period(text: str) -> float:
+    value = _seconds(text)
+    if value == 0.0:
         raise argparse.ArgumentTypeError(f"must be a positive number of seconds, got {text}")
     return value
 

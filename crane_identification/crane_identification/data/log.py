@@ -1,5 +1,6 @@
 """A log: raw signals of one recording, each with its own time stamps."""
 
+import math
 from dataclasses import dataclass, fields, replace
 from typing import Any
 
@@ -73,8 +74,9 @@ class Log:
                 inside = np.flatnonzero((signal.time >= begin) & (signal.time <= end))
                 parts[name] = signal.take(inside) if len(inside) else None
         if parts["position"] is None:
+            until = "its end" if math.isinf(end) else f"{end:g} s"
             raise DataError(
-                f"{self.source}: no position from {begin:g} s to {end:g} s; it lasts "
+                f"{self.source}: no position from {begin:g} s to {until}; it lasts "
                 f"{self.position.time[-1]:.4g} s: correct --from and --to"
             )
         return replace(self, **parts)
