@@ -1,4 +1,4 @@
-"""Samples that cannot be what was measured: no plausible acceleration leads there and back.
+"""Samples that cannot be what was measured: nothing that is plausible leads there and back.
 
 A sample is judged by the velocities before and after it, against the noise around it, the noise of
 the whole recording, and one step of the sensor. What leaves the motion and comes back to it within
@@ -21,7 +21,7 @@ NOISE = 8.0  # times the 0.75 quantile of all jumps, ...
 AROUND = 10.0  # ... or times the median of those around
 NEIGHBOURS = 25  # samples before and behind, that are around
 ACCELERATION = 10.0  # times what the joint reaches over LARGEST_GAP for a hundredth of the time
-SHOCKS = 3.0  # pressures and forces do jump: all three count so many times
+SHOCK = 0.3  # of its range, to which a pressure or a force may really jump, and back
 FASTER = 10.0  # than everything else in the recording: no machine does that
 FAR = 0.02  # of the range of the recording, at least, that such a jump leads
 MANY = 0.05  # share of bad samples from which on the sensor is not to be trusted
@@ -58,8 +58,9 @@ def usable(log: Log, begin: float = 0.0, end: float = math.inf) -> Log:
             bad = _bad(log, what, signal, j, inside, name == "position")
             if len(bad):
                 notes.append(
-                    f"{what}: {_samples(len(bad))} left out, where no plausible acceleration "
-                    f"leads: {_which(signal, j, bad)}"
+                    f"{what}: {_samples(len(bad))} left out, where no plausible "
+                    f"{'acceleration' if name == 'position' else 'shock'} leads: "
+                    f"{_which(signal, j, bad)}"
                 )
                 value[bad, j] = np.nan
         cleaned[name] = replace(signal, value=value)
@@ -84,7 +85,7 @@ def _bad(
     bad = rows[found.bad & inside[rows]]
     if len(bad) > MANY * np.count_nonzero(inside[rows]):
         raise DataError(
-            f"{log.source}: {what}: no plausible acceleration leads to {_samples(len(bad))} of "
+            f"{log.source}: {what}: nothing plausible leads to {_samples(len(bad))} of "
             f"{np.count_nonzero(inside[rows])}, {_which(signal, j, bad)}; check the sensor and "
             "its wiring"
         )
@@ -103,14 +104,14 @@ def _which(signal: Signal, j: int, bad: np.ndarray) -> str:
 def _examine(time: np.ndarray, value: np.ndarray, moves: bool) -> _Found:
     """One column (n,) at times (n,) [s]; `moves`: a position, whose speed is bounded."""
     interval, size = np.diff(time), np.abs(_jumps(time, value))
-    strict = 1.0 if moves else SHOCKS
+    low, high = np.quantile(value, [0.01, 0.99])
     usual = max(COUNTS * _resolution(value), NOISE * float(np.quantile(size, 0.75)))
-    limit = np.full(len(size), strict * usual)
+    limit = np.full(len(size), usual if moves else max(usual, SHOCK * (high - low)))
     suspects = size > limit
-    limit += strict * ACCELERATION * _acceleration(time, value, suspects) * interval**2
+    limit += ACCELERATION * _acceleration(time, value, suspects) * interval**2
     suspects &= size > limit
     for k in np.flatnonzero(suspects).tolist():
-        limit[k] = max(limit[k], strict * AROUND * float(np.median(size[_near(k, len(size))])))
+        limit[k] = max(limit[k], AROUND * float(np.median(size[_near(k, len(size))])))
     jumps = np.flatnonzero(size > limit) + 1
     bad = np.zeros(len(value), dtype=bool)
     left = []
@@ -118,7 +119,8 @@ def _examine(time: np.ndarray, value: np.ndarray, moves: bool) -> _Found:
         bad[first:behind] = True
         if behind == first:
             left.append(first)
-    if not moves:
+    if not moves:  # a pressure or a force may begin and end anywhere, and stay where it jumps
+        bad[[0, -1]] = False
         return _Found(bad, np.empty(0, dtype=int))
     return _Found(bad, _away(time, value, np.array(left, dtype=int), bad))
 

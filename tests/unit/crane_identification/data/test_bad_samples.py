@@ -96,7 +96,7 @@ def test_a_sensor_that_is_mostly_wrong_is_refused() -> None:
         rows = np.flatnonzero(rng.random(12_000) < share)
         log = changed(recording(), 1, rows, 0.02)
         if refused:
-            with pytest.raises(DataError, match="telescope .*: no plausible acceleration leads to"):
+            with pytest.raises(DataError, match="telescope .*: nothing plausible leads to"):
                 usable(log)
         else:
             assert set(left_out(log)) <= set(rows.tolist())
@@ -108,6 +108,7 @@ def test_pressures_may_jump_but_not_there_and_back() -> None:
     assert log.pressure_a is not None
     value = log.pressure_a.value.copy()
     value[5000, 0] += 20e6
+    value[[0, 7000], 0] += 1.5e6  # as a hammer of the oil does
     log = usable(replace(log, pressure_a=replace(log.pressure_a, value=value)))
     assert log.pressure_a is not None
     assert np.argwhere(np.isnan(log.pressure_a.value)).tolist() == [[5000, 0]]
