@@ -180,7 +180,7 @@ def test_a_joint_that_hardly_moves_hides_nothing(beside: str) -> None:
     assert found.period == pytest.approx(20.0, abs=5e-3)
 
 
-@pytest.mark.parametrize("period", [10.0, 15.0, 19.0, 19.9, 20.1, 21.0, 30.0, 66.0])
+@pytest.mark.parametrize("period", [10.0, 19.0, 20.1, 66.0])
 def test_a_given_period_is_checked(period: float) -> None:
     time, position, *_ = reference(20.0, 3, 100.0, seed=3)
     position = measured(position, 5)
