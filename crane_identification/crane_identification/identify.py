@@ -11,6 +11,7 @@ from pathlib import Path
 import numpy as np
 from pydantic import RootModel
 
+from crane_identification.data.bad_samples import usable
 from crane_identification.data.column_map import ColumnMap
 from crane_identification.data.columns import TABLES
 from crane_identification.data.log import Log
@@ -40,16 +41,18 @@ class ReferenceValues(RootModel[dict[str, float]]):
 
 @dataclass(frozen=True)
 class Sources:
-    """Reads recordings of either kind, each file once."""
+    """Reads recordings of either kind, each file once: what `options` say is to be used of them."""
 
     model: Model
     columns: ColumnMap | None
+    options: Options
     progress: Progress
 
     def read(self, paths: Sequence[Path]) -> tuple[Log, ...]:
         """A log of each bag or table; `DataError` and `ConfigurationError` as their readers."""
-        joints = self.model.joints
-        return tuple(read_recording(path, joints, self.columns, self.progress) for path in paths)
+        joints, options = self.model.joints, self.options
+        logs = (read_recording(path, joints, self.columns, self.progress) for path in paths)
+        return tuple(usable(log, options.begin, options.end) for log in logs)
 
 
 def identify(arguments: argparse.Namespace) -> None:
@@ -70,13 +73,17 @@ def identify(arguments: argparse.Namespace) -> None:
         load(arguments.reference_values, ReferenceValues) if arguments.reference_values else None
     )
     options = Options(
-        average=arguments.average, period=arguments.period, estimator=arguments.estimator
+        begin=arguments.begin,
+        end=arguments.end,
+        average=arguments.average,
+        period=arguments.period,
+        estimator=arguments.estimator,
     )
     if arguments.cluster:
         on_cluster(model, arguments, columns, options)
         return
     with ProgressBar() as progress, ExitStack() as processes:
-        sources = Sources(model, columns, progress)
+        sources = Sources(model, columns, options, progress)
         training = sources.read(arguments.train)
         # Most of the time: reading by reading, in their order, on a core of its own.
         replayed = (
@@ -129,7 +136,7 @@ def on_cluster(
         result = fit_on_cluster(
             model, arguments.train, arguments.cluster, options, progress, columns
         )
-        sources = Sources(model, columns, progress)
+        sources = Sources(model, columns, options, progress)
         held_out = sources.read(arguments.validate)
         validations = validate(result.model, held_out, options, progress) if held_out else ()
     errors = pooled(result.model, validations) if validations else None
@@ -176,11 +183,7 @@ def parser() -> argparse.ArgumentParser:
     add("--out", type=Path, required=True, help="folder for the results")
     add("--terms", type=Path, metavar="FILE", help="Python file with terms of your own")
     add("--columns", type=Path, help="column map (YAML) of tables, or of your topics")
-    add(
-        "--period",
-        type=_seconds,
-        help="period [s] over which to average, where no reference is recorded to find it in",
-    )
+    add_part(result)
     add(
         "--no-average",
         dest="average",
@@ -218,9 +221,42 @@ def parser() -> argparse.ArgumentParser:
     return result
 
 
+def add_part(parser: argparse.ArgumentParser) -> None:
+    """Adds the options that say which part of a recording is used, and its period."""
+    parser.add_argument(
+        "--from",
+        dest="begin",
+        type=_seconds,
+        default=Options().begin,
+        metavar="SECONDS",
+        help="leave out what comes before, counted from the start of each recording",
+    )
+    parser.add_argument(
+        "--to",
+        dest="end",
+        type=_seconds,
+        default=Options().end,
+        metavar="SECONDS",
+        help="leave out what comes behind, counted alike",
+    )
+    parser.add_argument(
+        "--period",
+        type=_period,
+        metavar="SECONDS",
+        help="period over which to average; found in the recordings where it is not given",
+    )
+
+
 def _seconds(text: str) -> float:
     value = float(text)
-    if not 0.0 < value < float("inf"):
+    if not 0.0 <= value < float("inf"):
+        raise argparse.ArgumentTypeError(f"must be a number of seconds, at least 0, got {text}")
+    return value
+
+
+def _period(text: str) -> float:
+    value = _seconds(text)
+    if value == 0.0:
         raise argparse.ArgumentTypeError(f"must be a positive number of seconds, got {text}")
     return value
 

@@ -15,6 +15,7 @@ from typing import Any
 import numpy as np
 from distributed import Client, as_completed
 
+from crane_identification.data.bad_samples import usable
 from crane_identification.data.column_map import ColumnMap
 from crane_identification.data.recording_log import read_recording
 from crane_identification.estimation.covariance import Covariance, correlated, white
@@ -122,7 +123,8 @@ def _fit(
 def _prepared(
     path: Path, model: Model, columns: ColumnMap | None, options: Options
 ) -> list[Preparation]:
-    return prepare(model, read_recording(path, model.joints, columns), options)
+    log = usable(read_recording(path, model.joints, columns), options.begin, options.end)
+    return prepare(model, log, options)
 
 
 def _factor(preparations: list[Preparation]) -> int:
