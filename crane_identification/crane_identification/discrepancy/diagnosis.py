@@ -28,11 +28,13 @@ from crane_identification.discrepancy.verdict import (
     normalized_energy,
     proved,
     with_flow,
+    with_loads,
     with_pulsation,
 )
 from crane_identification.options import Options
-from crane_identification.preparation import Preparation, prepare
+from crane_identification.preparation import Preparation, prepare, prepare_all
 from crane_identification.progress import Progress, silent
+from crane_identification.session import Session, chronological
 from crane_model.errors import ConfigurationError, DataError
 from crane_model.model_file import Model
 from crane_model.terms import REGISTRY, Term
@@ -45,7 +47,8 @@ class Diagnosis:
     Per joint (j,): `energy` share of the unexplained energy, `regions` that carry it, `learnt` from
     the residual before and after; `correlation_left` of neighbouring rows of what remains, 0 for
     noise. `undetermined` parameters of the given model were left out of it; the answer is sought
-    `without` these effects; `uncalibrated` quantities are in counts.
+    `without` these effects; `uncalibrated` quantities are in counts. `session` says whether time
+    runs through all recordings.
     """
 
     verdict: Verdict
@@ -72,6 +75,7 @@ class Diagnosis:
     flows: tuple[Flow, ...]
     flow_unobservable: dict[tuple[str, str], str]
     pulsations: tuple[Pulsation, ...]
+    session: Session
 
     @property
     def joints(self) -> tuple[str, ...]:
@@ -108,8 +112,9 @@ def diagnose(
             "findings.json does"
         )
     whole = replace(options, average=False)
-    logs = (*training, *validation)
-    prepared = _prepared(model, logs, whole, progress)
+    logs = chronological((*training, *validation))
+    session = Session.of(logs)
+    prepared = prepare_all(model, logs, whole, progress, session)
     sources = {log.source for log in training}
     train = [p for p in prepared if p.source in sources]
     hold = [p for p in prepared if p.source not in sources]
@@ -118,7 +123,7 @@ def diagnose(
     text = ", ".join(sorted(sources))
     evidence, before, left_out = fitted(model, train, factor, text)
     held_out = gather(before, hold, factor, first_run=len(train))
-    found = search(evidence, _wanted(evidence, left_out, without), progress)
+    found = search(evidence, _wanted(before, evidence, left_out, without), progress)
     accepted, threshold = decide(found, thresholds)
     seen, joints = evidence.moving, len(model.joints)
     known, (fold, _) = features(seen), folds(seen)
@@ -152,7 +157,7 @@ def diagnose(
     lines = pulsations(after, (*evidence.runs, *held_out.runs))
     verdict, reason = with_pulsation(verdict, reason, lines)
     gap = measure(before, after, evidence, held_out, periods)
-    reason = proved(reason, gap)
+    verdict, reason = with_loads(verdict, proved(reason, gap), gap.loads)
     progress("gap", 1.0)
     energy = _energy(found, left)
     return Diagnosis(
@@ -183,17 +188,18 @@ def diagnose(
         flows=tuple(flows),
         flow_unobservable=no_flow,
         pulsations=lines,
+        session=session,
     )
 
 
 def _wanted(
-    evidence: Evidence, left_out: Collection[Term], without: Collection[str]
+    model: Model, evidence: Evidence, left_out: Collection[Term], without: Collection[str]
 ) -> list[Family]:
     """The families that are asked for: not `without`, and none that the model had."""
     had = {(term.type, getattr(term, "joint", None)) for term in left_out}
     return [
         family
-        for family in families(evidence.model, evidence.bags)
+        for family in families(model, evidence)
         if family.type not in without and (family.type, family.joint) not in had
     ]
 
@@ -201,19 +207,6 @@ def _wanted(
 def _names(model: Model, terms: Sequence[Term]) -> tuple[str, ...]:
     """The parameters of terms."""
     return tuple(p.name for term in terms for p in term.parameters(model.setting))
-
-
-def _prepared(
-    model: Model, logs: Sequence[Log], options: Options, progress: Progress
-) -> list[Preparation]:
-    out = []
-    for number, log in enumerate(logs):
-
-        def partly(phase: str, done: float, number: int = number) -> None:
-            progress(phase, (number + done) / len(logs))
-
-        out += prepare(model, log, options, partly)
-    return out
 
 
 def _averaged(model: Model, logs: Sequence[Log], options: Options) -> list[Preparation]:

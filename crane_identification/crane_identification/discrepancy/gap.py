@@ -8,6 +8,7 @@ import numpy as np
 from crane_identification.averaging import noise_of_mean
 from crane_identification.discrepancy.evidence import Evidence
 from crane_identification.discrepancy.learner import predict_elsewhere
+from crane_identification.discrepancy.weighing import Weighed, weighed
 from crane_identification.motion_validation import HORIZON, MotionValidation, validate_motion
 from crane_identification.preparation import Preparation
 from crane_identification.regression import OPEN
@@ -22,7 +23,8 @@ class Gap:
     """Per joint (j,), relative to the rms of the force: error `before` and `after`, the `floor` of
     noise (NaN where no period was repeated), and the `best` that a flexible learner reaches.
 
-    `motion_before` and `motion_after`: errors of the simulated motion.
+    `motion_before` and `motion_after`: errors of the simulated motion. `loads` of the held-out
+    recordings, which `carried` holds beside what the model after has.
     """
 
     joints: tuple[str, ...]
@@ -32,6 +34,8 @@ class Gap:
     best: np.ndarray
     motion_before: MotionValidation
     motion_after: MotionValidation
+    loads: tuple[Weighed, ...]
+    carried: Model
 
     @property
     def reachable(self) -> np.ndarray:
@@ -54,8 +58,13 @@ def measure(
     held_out: Evidence,
     averaged: Sequence[Preparation],
 ) -> Gap:
-    """Both models, fitted to the training recordings, on the held-out ones."""
+    """Both models, fitted to the training recordings, on the held-out ones.
+
+    The one after with the load of each of these, which is a property of that recording.
+    """
     j = len(before.joints)
+    usual = training.rms(residual(training, after))
+    after, loads = weighed(after, held_out, residual(held_out, after), usual)
     old, new = residual(held_out, before), residual(held_out, after)
     learnt = np.minimum(np.abs(old), np.abs(new))  # close to reversals, what the better one leaves
     seen = training.moving
@@ -71,6 +80,8 @@ def measure(
         best=np.minimum(errors[2], errors[0]),
         motion_before=simulated(before, records),
         motion_after=simulated(after, records),
+        loads=loads,
+        carried=after,
     )
 
 

@@ -10,6 +10,7 @@ from scipy.optimize import minimize_scalar
 
 from crane_identification.discrepancy.candidates import Family, Option, option, options
 from crane_identification.discrepancy.evidence import Evidence
+from crane_identification.discrepancy.loads import LOADS, agreeing, load_of, one_each
 from crane_identification.discrepancy.projection import (
     Projection,
     project,
@@ -24,7 +25,7 @@ from crane_identification.discrepancy.selection import (
     others,
     solve,
 )
-from crane_identification.discrepancy.whitening import Whitener, whitener
+from crane_identification.discrepancy.whitening import Whitener, leading, whitener
 from crane_identification.progress import Progress, silent
 
 EVALUATIONS = 8  # of each shape parameter when it is refined
@@ -112,11 +113,36 @@ class Search:
         return self.whitener.channel
 
     def refine(self, choice: Choice) -> Choice:
-        """The set with the shapes of its options refined, which become options of their own."""
+        """The set with the shapes of its options refined, which become options of their own.
+
+        Of loads, which recordings have one in common.
+        """
         for place in range(len(choice.options)):
+            if self.projection.options[choice.options[place]].family.parts:
+                choice = self._grouped(choice, place)
             for name in self.projection.options[choice.options[place]].family.term.shapes:
                 choice = self._refined(choice, place, name)
         return choice
+
+    def _grouped(self, choice: Choice, place: int) -> Choice:
+        """The set with one load for each group of recordings that agree, beside its other effects.
+
+        The lightest group has none: masses count from it.
+        """
+        family = self.projection.options[choice.options[place]].family
+        each = self._alone(family, {LOADS: one_each(self.evidence)})
+        inside = [int(c) for i in others(choice, place) for c in self.projection.members[i]]
+        known = leading(self.projection.columns[:, inside], len(inside))
+        columns = each.columns * each.scale
+        columns = columns - known @ (known.T @ columns)
+        residual = self.projection.residual - known @ (known.T @ self.projection.residual)
+        values = np.linalg.lstsq(columns, residual, rcond=1e-9)[0]
+        variance = max(float(((residual - columns @ values) ** 2).mean()), 1.0)
+        groups = agreeing(columns.T @ columns, columns.T @ residual, variance)
+        if len(groups) == 1:
+            return choice
+        loads = tuple(load_of(self.evidence, group) for group in groups[1:])
+        return self._better(choice, place, self._alone(family, {LOADS: loads}))
 
     def _refined(self, choice: Choice, place: int, name: str) -> Choice:
         start = self.projection.options[choice.options[place]]
@@ -136,8 +162,11 @@ class Search:
         minimize_scalar(
             cost, bounds=(low, high), method="bounded", options={"maxiter": EVALUATIONS}
         )
-        gain, one = max(tried, key=lambda entry: entry[0])
-        if gain <= choice.gain:
+        return self._better(choice, place, max(tried, key=lambda entry: entry[0])[1])
+
+    def _better(self, choice: Choice, place: int, one: Projection) -> Choice:
+        """The set with the single option of `one` in a place, if it gains by that."""
+        if Beside(self.projection, others(choice, place)).gain(one) <= choice.gain:
             return choice
         self.projection = self.projection.joined(one)
         numbers = list(choice.options)

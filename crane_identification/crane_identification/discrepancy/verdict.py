@@ -12,6 +12,7 @@ from crane_identification.discrepancy.learner import Learnt
 from crane_identification.discrepancy.pulsation import Pulsation
 from crane_identification.discrepancy.search import Search
 from crane_identification.discrepancy.thresholds import Thresholds
+from crane_identification.discrepancy.weighing import Weighed
 
 SPOKEN = 4  # members of a class that the reason lists
 WORSE = 1.05  # times the error before, on held-out recordings, that is more than chance
@@ -110,6 +111,20 @@ def with_pulsation(
     if verdict is Verdict.NONE:
         return Verdict.UNKNOWN, said
     return verdict, f"{reason}; {said}"
+
+
+def with_loads(verdict: Verdict, reason: str, loads: Sequence[Weighed]) -> tuple[Verdict, str]:
+    """The verdict where a held-out recording carries another load than all those trained on."""
+    said = "; ".join(
+        f"{one.recording} carries {abs(one.mass):.3g} kg {'more' if one.mass > 0.0 else 'less'} "
+        "than the recordings trained on"
+        for one in loads
+        if one.found
+    )
+    if not said:
+        return verdict, reason
+    settled = verdict in (Verdict.NONE, Verdict.INSUFFICIENT)
+    return (Verdict.NAMED, said) if settled else (verdict, f"{reason}; {said}")
 
 
 def proved(reason: str, gap: Gap) -> str:
