@@ -33,8 +33,8 @@ class Session:
             if pause < -TOUCHING:
                 return cls(
                     dict(begins),
-                    f"the stamps of {before.source} and {after.source} overlap, so they are not "
-                    "those of one session, and time counts from the start of each recording",
+                    f"the stamps of {before.source} and {after.source} overlap, so time counts "
+                    "from the start of each recording",
                 )
             if pause < COOLED:
                 begins[after.source] = begins[before.source]

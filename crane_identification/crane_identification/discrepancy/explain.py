@@ -48,7 +48,7 @@ def lines(content: dict[str, Any]) -> list[str]:
     if content["without"]:
         out.append(f"Not asked for: {', '.join(content['without'])}")
     if reason := content.get("clock", {}).get("reason"):
-        out.append(f"No clock of a session: {reason}")
+        out.append(f"No time of a session: {reason}")
     for number, finding in enumerate(content["findings"], start=1):
         out += _finding(number, finding)
     out.append("Held-out force error, before -> after (noise floor, learner):")
