@@ -18,6 +18,8 @@ Place = tuple[str, str]
 """An effect and its joint, or `all`."""
 
 OURS = "diagnose"  # among the names of methods
+AND_MORE = "named_and_more"  # right where its names are, though it does not say that this is all
+NAMING = {"named", AND_MORE, "class"}  # verdicts that name effects
 
 
 class Outcome(StrEnum):
@@ -57,7 +59,7 @@ class Answer:
     @property
     def headline(self) -> str:
         """The strongest effect, or the verdict where none is named."""
-        if self.verdict in {"named", "class"} and self.findings:
+        if self.verdict in NAMING and self.findings:
             return self.findings[0][0][0]
         return self.verdict
 

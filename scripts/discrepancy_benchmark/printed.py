@@ -11,6 +11,7 @@ TARGETS = {
     "false_alarms": ("nothing hidden: false alarms", "≤ 5 %"),
     "right_from_2_percent": ("single, from 2 %, identifiable", "≥ 95 %"),
     "right_from_2_percent_all": ("single, from 2 %, all", ""),
+    "hedged": ("of the right ones: 'and something more'", ""),
     "right_at_1_percent": ("single, 1 %, identifiable", "≥ 80 %"),
     "pairs_at_4_percent": ("pairs, 4 % each: both, only those", "≥ 85 %"),
     "one_of_two": ("pairs: one of them", ""),

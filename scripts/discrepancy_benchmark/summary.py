@@ -4,7 +4,7 @@ from collections.abc import Callable, Sequence
 from typing import Any
 
 from cases import PAIR, STRENGTHS, Kind
-from judgement import OURS, Outcome
+from judgement import AND_MORE, OURS, Outcome
 from rates import median, rate
 
 from crane_identification.discrepancy.thresholds import load_thresholds
@@ -94,6 +94,15 @@ def _of_method(rows: Sequence[Row], method: str) -> dict[str, Any]:
         "right_from_2_percent": share(at(0.02), method, Outcome.RIGHT),
         "right_from_2_percent_all": share(
             [row for row in singles if row["hidden"][0]["strength"] >= 0.02], method, Outcome.RIGHT
+        ),
+        "hedged": rate(
+            [
+                row["answers"][method][0] == AND_MORE
+                for row in singles
+                if method in row["outcomes"]
+                and row["hidden"][0]["strength"] >= 0.02
+                and row["outcomes"][method] == Outcome.RIGHT
+            ]
         ),
         "right_at_1_percent": share(
             [row for row in seen if row["hidden"][0]["strength"] == 0.01], method, Outcome.RIGHT

@@ -5,13 +5,22 @@ from dataclasses import dataclass, replace
 
 from crane_identification.data.units import COUNTS
 from crane_identification.discrepancy.candidates import Family
-from crane_identification.discrepancy.decision import Accepted
+from crane_identification.discrepancy.decision import Judged
 from crane_identification.discrepancy.evidence import gather
 from crane_identification.discrepancy.loads import LOADS, NO_LOAD, Loads
 from crane_identification.discrepancy.refit import refit, shape_std_devs
 from crane_identification.discrepancy.search import Search
 from crane_identification.preparation import Preparation
 from crane_model.model_file import Model
+
+
+@dataclass(frozen=True)
+class Training:
+    """What models are fitted to: recordings, the `factor` of their rows, and their names."""
+
+    recordings: Sequence[Preparation]
+    factor: int
+    sources: str
 
 
 @dataclass(frozen=True)
@@ -28,7 +37,7 @@ class Value:
 class Finding:
     """An accepted effect with its parameters in the extended model."""
 
-    accepted: Accepted
+    accepted: Judged
     parameters: tuple[Value, ...]
 
     @property
@@ -40,10 +49,8 @@ class Finding:
 def extended(
     found: Search,
     before: Model,
-    accepted: Sequence[Accepted],
-    train: Sequence[Preparation],
-    factor: int,
-    sources: str,
+    accepted: Sequence[Judged],
+    training: Training,
 ) -> tuple[Model, list[tuple[Value, ...]]]:
     """The model with the accepted terms, refitted jointly, and the parameters of each.
 
@@ -54,7 +61,7 @@ def extended(
     model = before
     for one in accepted:
         model = model.with_term(one.option.term)
-    after = refit(gather(model, train, factor), sources)
+    after = refit(gather(model, training.recordings, training.factor), training.sources)
     own = [after.part(one.option.term) for one in accepted]
     assert after.std_devs is not None  # just fitted
     shapes = shape_std_devs(
@@ -87,7 +94,7 @@ def carried_in(finding: Finding, recordings: Sequence[str]) -> dict[str, tuple[s
     pairs = zip(finding.parameters, loads, strict=True)
     carried = {value.name: load.recordings for value, load in pairs}
     loaded = {name for names in carried.values() for name in names}
-    return carried | {NO_LOAD: tuple(name for name in recordings if name not in loaded)}
+    return carried | {NO_LOAD: tuple(sorted(set(recordings) - loaded))}
 
 
 def in_counts(values: tuple[Value, ...]) -> tuple[Value, ...]:
@@ -95,7 +102,7 @@ def in_counts(values: tuple[Value, ...]) -> tuple[Value, ...]:
     return tuple(replace(one, unit=COUNTS if one.unit != "1" else "1") for one in values)
 
 
-def _unit(model: Model, one: Accepted, unit: str) -> str:
+def _unit(model: Model, one: Judged, unit: str) -> str:
     """Units of shapes are given for joints of both kinds; that of the joint at hand."""
     both = unit.split(" or ")
     joint = one.option.family.joint

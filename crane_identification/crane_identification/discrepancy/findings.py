@@ -40,6 +40,7 @@ def content(diagnosis: Diagnosis) -> dict[str, Any]:
                 for one in flow.missing
             ]
             + [_of_load(diagnosis, one) for one in diagnosis.gap.loads if one.found],
+            "nearest": _nearest(diagnosis),
             "gap": {
                 "before": _side(diagnosis, diagnosis.gap.before, diagnosis.gap.motion_before),
                 "after": _side(diagnosis, diagnosis.gap.after, diagnosis.gap.motion_after),
@@ -54,11 +55,13 @@ def content(diagnosis: Diagnosis) -> dict[str, Any]:
                     "white": abs(correlation) < WHITE,
                     "correlation": correlation,
                     "learnable_share": share,
+                    "law": law,
                 }
-                for joint, correlation, share in zip(
+                for joint, correlation, share, law in zip(
                     diagnosis.joints,
                     diagnosis.correlation_left,
                     diagnosis.learnt_after.share,
+                    diagnosis.learnt_after.follows_law(diagnosis.thresholds),
                     strict=True,
                 )
             },
@@ -121,6 +124,7 @@ def _finding(diagnosis: Diagnosis, finding: Finding) -> dict[str, Any]:
         if runner is None
         else {"effect": runner.type, "name": runner.effect.name, "joint": runner.where},
         "margin": accepted.margin,
+        "margin_needed": accepted.needed,
         "visibility": accepted.visibility,
         "strength": accepted.strength,
         "held_out_gains": dict(zip(accepted.fold_names, accepted.held_out, strict=True)),
@@ -140,7 +144,32 @@ def _of_load(diagnosis: Diagnosis, one: Weighed) -> dict[str, Any]:
         (one.mass / one.std_dev) ** 2,
         SIGMAS**2,
         None,
-    ) | {"carried_in": {name: [one.recording], NO_LOAD: diagnosis.training.sources}}
+    ) | {"carried_in": {name: [one.recording], NO_LOAD: sorted(diagnosis.training.sources)}}
+
+
+def _nearest(diagnosis: Diagnosis) -> dict[str, Any] | None:
+    """What comes closest where nothing is named, and why that does not do."""
+    near = diagnosis.nearest
+    if near is None:
+        return None
+    return {
+        "effects": [
+            {
+                "effect": one.option.family.type,
+                "name": one.option.family.effect.name,
+                "joint": one.option.family.where,
+                "score": one.score,
+                "threshold": one.threshold,
+            }
+            for one in near.effects
+        ],
+        "explained_share": near.explained,
+        "gap": {
+            joint: {"before": before, "after": after}
+            for joint, before, after in zip(near.joints, near.before, near.after, strict=True)
+        },
+        "objection": near.objection,
+    }
 
 
 def _of_flow(diagnosis: Diagnosis, joint: str, one: Quantity) -> dict[str, Any]:
@@ -171,6 +200,7 @@ def _by_itself(
         "false_alarm_rate": diagnosis.thresholds.false_alarm_rate,
         "runner_up": None,
         "margin": score,
+        "margin_needed": 0.0,
         "visibility": 1.0,
         "strength": strength,
         "held_out_gains": {},

@@ -1,7 +1,7 @@
 """The gap between model and measurement on recordings that took no part, before and after."""
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
@@ -17,11 +17,15 @@ from crane_model.errors import RangeError
 from crane_model.model_file import Model
 from crane_model.record import Record
 
+EXPLAINABLE = 0.05  # share of the energy of an error; less than that is no gap
+RESOLUTION = 1e-6  # relative error, below which numbers are rounding
+
 
 @dataclass(frozen=True)
 class Gap:
     """Per joint (j,), relative to the rms of the force: error `before` and `after`, the `floor` of
-    noise (NaN where no period was repeated), and the `best` that a flexible learner reaches.
+    noise (NaN where no period was repeated), and the `best` that a flexible learner reaches;
+    `training`: error before on the recordings that the model was fitted to.
 
     `motion_before` and `motion_after`: errors of the simulated motion. `loads` of the held-out
     recordings, which `carried` holds beside what the model after has.
@@ -32,6 +36,7 @@ class Gap:
     after: np.ndarray
     floor: np.ndarray
     best: np.ndarray
+    training: np.ndarray
     motion_before: MotionValidation
     motion_after: MotionValidation
     loads: tuple[Weighed, ...]
@@ -39,16 +44,37 @@ class Gap:
 
     @property
     def reachable(self) -> np.ndarray:
-        """What any model could reach: the noise floor, or where none is known the learner."""
-        return np.where(np.isfinite(self.floor), self.floor, self.best)
+        """What some model reaches (j,): the noise floor where one is known, the learner, `after`.
+
+        Periods scatter by what the motion does not repeat as well, which a model may explain.
+        """
+        return np.fmin(np.fmin(self.floor, self.best), self.after)
 
     @property
     def closed(self) -> np.ndarray:
         """Share (j,) of the explainable gap, in energy, that is closed; NaN where there is none."""
-        explainable = self.before**2 - self.reachable**2
-        gained = self.before**2 - self.after**2
-        there = explainable > 0.05 * self.before**2
-        return np.where(there, np.divide(gained, np.where(there, explainable, 1.0)), np.nan)
+        return np.array([self.closed_on([j]) for j in range(len(self.joints))])
+
+    def closed_on(self, joints: Sequence[int]) -> float:
+        """The same of several joints together, each in units of what is reachable there."""
+        own = list(joints)
+        unit = np.maximum(self.reachable[own], RESOLUTION) ** 2
+        before, after, least = (
+            float((error[own] ** 2 / unit).sum())
+            for error in (self.before, self.after, self.reachable)
+        )
+        explainable = before - least
+        return (before - after) / explainable if explainable > EXPLAINABLE * before else np.nan
+
+    def without_effects(self, model: Model) -> "Gap":
+        """The gap where nothing is added to the model before."""
+        return replace(
+            self, after=self.before, motion_after=self.motion_before, loads=(), carried=model
+        )
+
+    def over_floor(self, errors: np.ndarray) -> np.ndarray:
+        """Errors (j,) over the noise floor; NaN where none is known."""
+        return errors / np.maximum(self.floor, RESOLUTION)
 
 
 def measure(
@@ -68,9 +94,10 @@ def measure(
     old, new = residual(held_out, before), residual(held_out, after)
     learnt = np.minimum(np.abs(old), np.abs(new))  # close to reversals, what the better one leaves
     seen = training.moving
-    learnt[:, :j] = predict_elsewhere(seen, residual(seen, before), held_out.moving) - old[:, :j]
+    fitted = residual(training, before)
+    learnt[:, :j] = predict_elsewhere(seen, fitted[:, :j], held_out.moving) - old[:, :j]
     force = over_zones(held_out, held_out.force)
-    errors = [over_zones(held_out, values) / force for values in (old, new, learnt)]
+    errors = [relative(held_out, values) for values in (old, new, learnt)]
     records = [run.record for run in held_out.runs]
     return Gap(
         joints=before.joints,
@@ -78,6 +105,7 @@ def measure(
         after=errors[1],
         floor=noise_floor(averaged, held_out.runs[0].factor, j) / force,
         best=np.minimum(errors[2], errors[0]),
+        training=relative(training, fitted),
         motion_before=simulated(before, records),
         motion_after=simulated(after, records),
         loads=loads,
@@ -100,6 +128,11 @@ def over_zones(evidence: Evidence, values: np.ndarray) -> np.ndarray:
     power = (np.where(evidence.used, values, 0.0) ** 2).reshape(len(values), -1, joints)
     rows = evidence.used.reshape(len(values), -1, joints).sum(axis=(0, 1))
     return np.sqrt(power.sum(axis=(0, 1)) / np.maximum(rows, 1))
+
+
+def relative(evidence: Evidence, values: np.ndarray) -> np.ndarray:
+    """The same (j,) over that of the force."""
+    return over_zones(evidence, values) / over_zones(evidence, evidence.force)
 
 
 def residual(evidence: Evidence, model: Model) -> np.ndarray:

@@ -10,7 +10,7 @@ from dataclasses import replace
 import numpy as np
 
 from crane_identification.discrepancy.candidates import Option
-from crane_identification.discrepancy.decision import Accepted
+from crane_identification.discrepancy.decision import Judged
 from crane_identification.discrepancy.scaling import normed
 from crane_identification.discrepancy.search import Search
 from crane_identification.discrepancy.selection import Choice, solve
@@ -25,7 +25,7 @@ FACTORS = (0.4, 0.63, 0.8, 1.25, 1.6, 2.5)  # between shapes that are tried
 SIMULATED = 2  # runs, the longest
 
 
-def suited(search: Search, before: Model, accepted: Sequence[Accepted]) -> list[Accepted]:
+def suited(search: Search, before: Model, accepted: Sequence[Judged]) -> list[Judged]:
     """The accepted effects, each with the shape of those nearly alike that moves most truly."""
     longest = sorted(search.evidence.runs, key=lambda run: (-len(run.record), run.source))
     records = [run.record for run in longest[:SIMULATED]]
@@ -73,7 +73,7 @@ def _around(option: Option) -> list[dict[str, float]]:
 
 
 def _error(
-    before: Model, search: Search, choice: Choice, one: Accepted, records: Sequence[Record]
+    before: Model, search: Search, choice: Choice, one: Judged, records: Sequence[Record]
 ) -> float:
     """Error of the simulated motion over the displacement, of the joint that is worst off."""
     options = [search.projection.options[i] for i in choice.options]

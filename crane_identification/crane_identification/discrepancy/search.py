@@ -56,6 +56,12 @@ class Search:
         noise = 1.0 - (self.base**2).sum(axis=1)
         return np.bincount(self._channel, left**2 - noise, self.evidence.channels)
 
+    @property
+    def testable_share(self) -> float:
+        """Share of the effects that would show beside the model, of those that are observable."""
+        tested = {option.family for option in self.projection.options}
+        return len(tested) / max(len(tested) + len(self.untestable), 1)
+
     def left_share(self, wanted: Sequence[Option]) -> float:
         """Share of the energy beyond noise that options together leave where they act; 0 for none.
 

@@ -55,6 +55,10 @@ def made_up(case: Case) -> dict[str, Any]:
             "diagnose": Outcome.RIGHT.value if right else Outcome.MISSED.value,
             "always Stribeck": (Outcome.WRONG_NAME if case.effects else Outcome.FALSE_ALARM).value,
         },
+        "answers": {
+            "diagnose": ["named_and_more" if found else "none", []],
+            "always Stribeck": ["named", []],
+        },
         "headlines": {"diagnose": found[0].effect if found else "none"},
         "statistics": {"score": 100.0 if found else 0.5, "learner": 0.01 if found else 0.0},
         "seconds": 30.0,
@@ -71,6 +75,7 @@ def test_results_of_all_kinds_are_summed_up_printed_and_drawn(tmp_path):
     assert (ours["false_alarms"]["rate"], other["false_alarms"]["rate"]) == (0.0, 1.0)
     assert [ours["power"][f"{s:g}"]["rate"] for s in STRENGTHS] == [0.0, 0.0, 1.0, 1.0, 1.0]
     assert [found["learner"]["power"][f"{s:g}"]["rate"] for s in STRENGTHS] == [0, 0, 1, 1, 1]
+    assert (ours["hedged"]["rate"], other["hedged"]["rate"]) == (1.0, None)
     assert found["gap_closed"]["median"] == 0.9
     console = Console(width=144, record=True, file=StringIO())
     console.print(*tables({"summary": found}), *notes())

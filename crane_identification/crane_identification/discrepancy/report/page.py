@@ -3,7 +3,7 @@
 from pathlib import Path
 
 from crane_identification.discrepancy.diagnosis import Diagnosis
-from crane_identification.discrepancy.explain import ANSWERS
+from crane_identification.discrepancy.explain import ANSWERS, WHERE
 from crane_identification.discrepancy.loads import NO_LOAD
 from crane_identification.discrepancy.report.cards import cards, gap_pictures, where_picture
 from crane_identification.report import template
@@ -30,6 +30,7 @@ def render(diagnosis: Diagnosis, provenance: Provenance) -> str:
         cards=found,
         gap=gap,
         where=where,
+        where_said=WHERE[diagnosis.verdict.value],
         regions=[
             (spoken(joint), one)
             for joint, one in zip(diagnosis.joints, diagnosis.regions, strict=True)
