@@ -12,8 +12,9 @@ from crane_identification.discrepancy.loads import LOADS, one_each
 from crane_model.model_file import Model
 from crane_model.terms import Term, candidates, typical
 
-TWICE = 4.0  # power of what is left, over that in training: what differs is worth a load of its own
-MOST = 0.5  # of that power, which the load must then explain
+TWICE = 4.0
+"""Power of what is left of a joint, over that in training: more is worth a load of its own, if that
+leaves less of every joint."""
 BLOCKS = 8  # of a recording, one left out at a time: what is left is not white
 
 
@@ -36,8 +37,8 @@ def weighed(
     """The model with the load of each held-out recording, and these loads.
 
     `left` (n, c) is what the model leaves there, `usual` (c,) the rms of what it leaves in
-    training. Where those trained on carry the same, only a load that explains most of a clearly
-    larger residual is put in.
+    training. Where those trained on carry the same, a load is put in only if it makes of a residual
+    that is clearly larger a usual one.
     """
     term = _term_of_loads(model)
     if term is None:
@@ -49,15 +50,16 @@ def weighed(
     found, put, values = [], [], []
     for k, source in enumerate(held_out.sources):
         inside = held_out.bag == k
-        force, column = (
-            (each[inside] * weight[inside])[held_out.used[inside]]
-            for each in (left, columns[:, :, k])
-        )
+        rows, used = weight[inside], held_out.used[inside]
+        force, column = left[inside] * rows, columns[inside, :, k] * rows
         if not column.any():
             continue
-        mass, spread = _fitted(column, force)
-        power, rest = (float((each**2).mean()) for each in (force, force - mass * column))
-        if known or (power > TWICE and rest < MOST * power):
+        mass, spread = _fitted(column[used], force[used])
+        power, rest = (
+            float(((each**2).sum(axis=0) / np.maximum(used.sum(axis=0), 1)).max())
+            for each in (force, force - mass * column)
+        )
+        if known or rest < TWICE < power:
             put.append(loads[k])
             values.append(mass)
             found.append(Weighed(source, mass, spread, not known))
