@@ -97,7 +97,7 @@ class Search:
     def best(self, size: int) -> Choice | None:
         """The best set of so many effects; None if there is none."""
         sets = self.sets(size)
-        return sets[0] if sets else None
+        return self._regrouped(sets[0]) if sets else None
 
     def number(self, option: Option) -> int:
         """Which of the options of the projection it is."""
@@ -123,17 +123,22 @@ class Search:
 
         Of loads, which recordings have one in common.
         """
+        choice = self._regrouped(choice)
         for place in range(len(choice.options)):
-            if self.projection.options[choice.options[place]].family.parts:
-                choice = self._grouped(choice, place)
             for name in self.projection.options[choice.options[place]].family.term.shapes:
                 choice = self._refined(choice, place, name)
+        return choice
+
+    def _regrouped(self, choice: Choice) -> Choice:
+        for place, number in enumerate(choice.options):
+            if self.projection.options[number].family.parts:
+                choice = self._grouped(choice, place)
         return choice
 
     def _grouped(self, choice: Choice, place: int) -> Choice:
         """The set with one load for each group of recordings that agree, beside its other effects.
 
-        The lightest group has none: masses count from it.
+        The lightest group has none: masses count from it. More loads than that would gain more.
         """
         family = self.projection.options[choice.options[place]].family
         each = self._alone(family, {LOADS: one_each(self.evidence)})
@@ -147,8 +152,15 @@ class Search:
         groups = agreeing(columns.T @ columns, columns.T @ residual, variance)
         if len(groups) == 1:
             return choice
-        loads = tuple(load_of(self.evidence, group) for group in groups[1:])
-        return self._better(choice, place, self._alone(family, {LOADS: loads}))
+        shape = {LOADS: tuple(load_of(self.evidence, group) for group in groups[1:])}
+        same = [
+            number
+            for number, one in enumerate(self.projection.options)
+            if one.family == family and one.shape == shape
+        ]
+        numbers = list(choice.options)
+        numbers[place] = same[0] if same else self.added(family, shape)
+        return solve(self.projection, tuple(numbers)) or choice
 
     def _refined(self, choice: Choice, place: int, name: str) -> Choice:
         start = self.projection.options[choice.options[place]]
@@ -168,11 +180,8 @@ class Search:
         minimize_scalar(
             cost, bounds=(low, high), method="bounded", options={"maxiter": EVALUATIONS}
         )
-        return self._better(choice, place, max(tried, key=lambda entry: entry[0])[1])
-
-    def _better(self, choice: Choice, place: int, one: Projection) -> Choice:
-        """The set with the single option of `one` in a place, if it gains by that."""
-        if Beside(self.projection, others(choice, place)).gain(one) <= choice.gain:
+        gain, one = max(tried, key=lambda entry: entry[0])
+        if gain <= choice.gain:
             return choice
         self.projection = self.projection.joined(one)
         numbers = list(choice.options)
