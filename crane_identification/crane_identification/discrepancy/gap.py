@@ -89,8 +89,7 @@ def measure(
     The one after with the load of each of these, which is a property of that recording.
     """
     j = len(before.joints)
-    usual = training.rms(residual(training, after))
-    after, loads = weighed(after, held_out, residual(held_out, after), usual)
+    after, loads = with_own_loads(after, training, held_out)
     old, new = residual(held_out, before), residual(held_out, after)
     learnt = np.minimum(np.abs(old), np.abs(new))  # close to reversals, what the better one leaves
     seen = training.moving
@@ -111,6 +110,14 @@ def measure(
         loads=loads,
         carried=after,
     )
+
+
+def with_own_loads(
+    model: Model, training: Evidence, held_out: Evidence
+) -> tuple[Model, tuple[Weighed, ...]]:
+    """The model with what each held-out recording carries, and these loads."""
+    usual = training.rms(residual(training, model))
+    return weighed(model, held_out, residual(held_out, model), usual)
 
 
 def simulated(model: Model, records: Sequence[Record]) -> MotionValidation:

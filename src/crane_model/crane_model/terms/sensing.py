@@ -3,7 +3,6 @@
 from typing import ClassVar, Literal
 
 import numpy as np
-from pydantic import Field
 
 from crane_model.errors import ConfigurationError
 from crane_model.record import Record
@@ -114,7 +113,7 @@ class EncoderOffset(OneJointTerm):
     )
     of_model: ClassVar[dict[str, str]] = {"mass": "m_TL"}
 
-    mass: float = Field(default=0.0, ge=0)
+    mass: float = 0.0
 
     def joint_parameters(self, setting: Setting) -> tuple[Parameter, ...]:
         """dq."""
