@@ -26,6 +26,7 @@ OPEN = {
         "explained_share": 0.0,
         "left_share": 1.0,
         "closed_share": 0.0,
+        "simple_share": 0.0,
         "floor_factor": 1e6,
     },
     "hydraulics.yaml": {"smallest_share": 1e-9},

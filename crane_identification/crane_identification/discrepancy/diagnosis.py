@@ -12,11 +12,12 @@ from crane_identification.discrepancy.determined import decimation, fitted
 from crane_identification.discrepancy.evidence import Evidence, gather
 from crane_identification.discrepancy.extension import Finding, Training, in_counts
 from crane_identification.discrepancy.flow import examine
-from crane_identification.discrepancy.gap import Gap, measure
+from crane_identification.discrepancy.gap import Gap
 from crane_identification.discrepancy.hydraulics import Flow, Usual, load_usual
 from crane_identification.discrepancy.learner import Features, Learnt, features
 from crane_identification.discrepancy.motion_choice import suited
 from crane_identification.discrepancy.nearest import Nearest, nearest
+from crane_identification.discrepancy.proof import proved
 from crane_identification.discrepancy.pulsation import Pulsation, pulsations
 from crane_identification.discrepancy.region import Region, region
 from crane_identification.discrepancy.search import Search, search
@@ -27,7 +28,6 @@ from crane_identification.discrepancy.verdict import (
     Reach,
     Verdict,
     judge,
-    proved,
     with_flow,
     with_loads,
     with_pulsation,
@@ -120,18 +120,19 @@ def diagnose(
     known = features(evidence.moving)
     first = tried(found, before, (), given, known)
     progress("what is left", 0.5)
-    last = tried(found, before, suited(found, before, decision.accepted), given, known)
+    wanted = suited(found, before, decision.accepted)
+    periods = _averaged(model, validation, options)
+    proof = proved(found, before, wanted, given, known, held_out, periods, thresholds)
     progress("what is left", 1.0)
-    gap = measure(before, last.model, evidence, held_out, _averaged(model, validation, options))
+    last, gap = proof.trial, proof.gap
     least, undetermined = detectable(found, decision.threshold), _names(model, left_out)
     reach = Reach(found.testable_share, least, undetermined)
-    answer, near = judge(first, last, gap, reach, thresholds), None
+    answer, near = judge(first, proof, reach, thresholds), None
     if answer.verdict is Verdict.UNKNOWN:
         objection = answer.objection or decision.objection
-        effects = last.effects or last.dropped or decision.nearest
+        effects = [one.effect for one in proof.short] or last.zero or decision.nearest
         near = nearest(found, before, effects, objection, given, held_out) if effects else None
-        last, gap = first, gap.without_effects(before) if last.effects else gap
-    answer = with_loads(answer._replace(reason=proved(answer.reason, gap)), gap.loads)
+    answer = with_loads(answer, gap.loads)
     progress("gap", 1.0)
     wrong = {
         one.option.family.where

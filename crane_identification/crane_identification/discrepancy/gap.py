@@ -1,7 +1,7 @@
 """The gap between model and measurement on recordings that took no part, before and after."""
 
 from collections.abc import Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 
 import numpy as np
 
@@ -18,6 +18,7 @@ from crane_model.model_file import Model
 from crane_model.record import Record
 
 EXPLAINABLE = 0.05  # share of the energy of an error; less than that is no gap
+CLEAN = 2.0  # times the noise floor: what models reach from which nothing is missing
 RESOLUTION = 1e-6  # relative error, below which numbers are rounding
 
 
@@ -25,7 +26,7 @@ RESOLUTION = 1e-6  # relative error, below which numbers are rounding
 class Gap:
     """Per joint (j,), relative to the rms of the force: error `before` and `after`, the `floor` of
     noise (NaN where no period was repeated), and the `best` that a flexible learner reaches;
-    `training`: error before on the recordings that the model was fitted to.
+    `training_before` and `training_after`: errors on the recordings that models were fitted to.
 
     `motion_before` and `motion_after`: errors of the simulated motion. `loads` of the held-out
     recordings, which `carried` holds beside what the model after has.
@@ -36,7 +37,8 @@ class Gap:
     after: np.ndarray
     floor: np.ndarray
     best: np.ndarray
-    training: np.ndarray
+    training_before: np.ndarray
+    training_after: np.ndarray
     motion_before: MotionValidation
     motion_after: MotionValidation
     loads: tuple[Weighed, ...]
@@ -44,11 +46,11 @@ class Gap:
 
     @property
     def reachable(self) -> np.ndarray:
-        """What some model reaches (j,): the noise floor where one is known, the learner, `after`.
+        """What some model reaches (j,): noise where it is known, or the learner, or that `after`.
 
         Periods scatter by what the motion does not repeat as well, which a model may explain.
         """
-        return np.fmin(np.fmin(self.floor, self.best), self.after)
+        return np.fmin(np.fmin(CLEAN * self.floor, self.best), self.after)
 
     @property
     def closed(self) -> np.ndarray:
@@ -66,11 +68,10 @@ class Gap:
         explainable = before - least
         return (before - after) / explainable if explainable > EXPLAINABLE * before else np.nan
 
-    def without_effects(self, model: Model) -> "Gap":
-        """The gap where nothing is added to the model before."""
-        return replace(
-            self, after=self.before, motion_after=self.motion_before, loads=(), carried=model
-        )
+    @property
+    def largest_before(self) -> np.ndarray:
+        """The larger one of held-out and training error before (j,)."""
+        return np.maximum(self.before, self.training_before)
 
     def over_floor(self, errors: np.ndarray) -> np.ndarray:
         """Errors (j,) over the noise floor; NaN where none is known."""
@@ -104,7 +105,8 @@ def measure(
         after=errors[1],
         floor=noise_floor(averaged, held_out.runs[0].factor, j) / force,
         best=np.minimum(errors[2], errors[0]),
-        training=relative(training, fitted),
+        training_before=relative(training, fitted),
+        training_after=relative(training, residual(training, after)),
         motion_before=simulated(before, records),
         motion_after=simulated(after, records),
         loads=loads,

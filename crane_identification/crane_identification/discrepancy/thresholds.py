@@ -26,6 +26,7 @@ class Thresholds(Schema):
     explained_share: Share
     left_share: Share
     closed_share: Share
+    simple_share: Share
     floor_factor: Positive
     testable_share: Share
     detectable_strength: Share

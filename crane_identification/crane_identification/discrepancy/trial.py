@@ -23,14 +23,14 @@ not be there."""
 class Trial:
     """`model` is that with the `effects`, fitted; `values` are the parameters of each.
 
-    `dropped` are effects whose parameters may as well be zero.
+    `zero` are further effects whose parameters may as well be zero.
 
     On the training recordings: its `residual` (n, c), what is `learnt` from it, `energy` (c,) of it
     in units of the noise, and `left_share` of the energy beyond noise where the effects act.
     """
 
     effects: tuple[Judged, ...]
-    dropped: tuple[Judged, ...]
+    zero: tuple[Judged, ...]
     values: tuple[tuple[Value, ...], ...]
     model: Model
     residual: np.ndarray
@@ -45,12 +45,6 @@ class Trial:
         own = max(float((before.energy - self.energy).sum()), 0.0)
         return own / max(own + remaining, np.finfo(float).tiny)
 
-    def joints(self) -> list[int]:
-        """Numbers of the joints that the effects act on."""
-        names = self.model.joints
-        own = {one.option.family.joint for one in self.effects}
-        return [j for j, name in enumerate(names) if own & {name, None}]
-
 
 def tried(
     found: Search,
@@ -59,14 +53,14 @@ def tried(
     training: Training,
     known: Features,
 ) -> Trial:
-    """The model with effects; those whose parameters may as well be zero are dropped.
+    """The model with effects; those whose parameters may as well be zero are left out.
 
     `UndeterminedError` where the recordings do not determine all parameters.
     """
     chosen = tuple(effects)
     while True:
         model, values = extended(found, before, chosen, training)
-        sure = tuple(one for one, own in zip(chosen, values, strict=True) if _differs(one, own))
+        sure = tuple(one for one, own in zip(chosen, values, strict=True) if differs(one, own))
         if sure == chosen:
             break
         chosen = sure
@@ -75,7 +69,7 @@ def tried(
     seen = evidence.moving
     return Trial(
         effects=chosen,
-        dropped=tuple(one for one in effects if one not in chosen),
+        zero=tuple(one for one in effects if one not in chosen),
         values=tuple(values),
         model=model,
         residual=left,
@@ -85,7 +79,7 @@ def tried(
     )
 
 
-def _differs(one: Judged, values: Sequence[Value]) -> bool:
+def differs(one: Judged, values: Sequence[Value]) -> bool:
     """Whether a parameter of an effect is not zero; shapes of nothing say nothing."""
     linear = values[: len(one.option.positive)]
     return any(abs(value.value) > SIGMAS * value.std_dev for value in linear)
