@@ -28,6 +28,7 @@ from crane_identification.report.findings import findings
 from crane_identification.report.notation import percent
 from crane_identification.report.terminal import console, parameters
 from crane_identification.scale.beside import Beside
+from crane_identification.session import Session
 from crane_model import cli
 from crane_model.configuration import load
 from crane_model.errors import ConfigurationError, DataError
@@ -92,8 +93,11 @@ def identify(arguments: argparse.Namespace) -> None:
             else None
         )
         held_out = sources.read(arguments.validate)
-        result = fit(model, training, options, progress)
-        validations = validate(result.model, held_out, options, progress) if held_out else ()
+        session = Session.of((*training, *held_out))
+        result = fit(model, training, options, progress, session)
+        validations = (
+            validate(result.model, held_out, options, progress, session) if held_out else ()
+        )
         report = IdentificationReport(
             fit=result,
             options=options,
