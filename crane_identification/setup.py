@@ -16,6 +16,7 @@ setup(
     zip_safe=False,
     entry_points={
         "console_scripts": [
+            "check_recording = crane_identification.recording_check.command:main",
             "diagnose = crane_identification.discrepancy.diagnose:main",
             "identify = crane_identification.identify:main",
             "identification = crane_identification.online.identification_node:main",

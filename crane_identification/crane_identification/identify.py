@@ -19,6 +19,7 @@ from crane_identification.options import Estimator, Options
 from crane_identification.pipeline import fit, validate
 from crane_identification.progress import Progress
 from crane_identification.progress_bar import ProgressBar
+from crane_identification.recording_check.check import vetted
 from crane_identification.report import page, summary
 from crane_identification.report.content import IdentificationReport, Provenance
 from crane_identification.report.errors import pooled
@@ -84,6 +85,7 @@ def identify(arguments: argparse.Namespace) -> None:
     with ProgressBar() as progress, ExitStack() as processes:
         sources = Sources(model, columns, progress)
         training = sources.read(arguments.train)
+        suspicions = vetted(model.machine, training, arguments.trust_recordings)
         # Most of the time: reading by reading, in their order, on a core of its own.
         replayed = (
             processes.enter_context(Beside(recursion, model, training))
@@ -91,6 +93,7 @@ def identify(arguments: argparse.Namespace) -> None:
             else None
         )
         held_out = sources.read(arguments.validate)
+        suspicions += vetted(model.machine, held_out, arguments.trust_recordings)
         result = fit(model, training, options, progress)
         validations = validate(result.model, held_out, options, progress) if held_out else ()
         report = IdentificationReport(
@@ -98,7 +101,7 @@ def identify(arguments: argparse.Namespace) -> None:
             options=options,
             training=training,
             validations=validations,
-            warnings=findings(result, (*training, *held_out), validations),
+            warnings=(*suspicions, *findings(result, (*training, *held_out), validations)),
             provenance=Provenance.of(
                 datetime.now(UTC).strftime("%Y-%m-%d %H:%M UTC"),
                 ["identify", *arguments.given],
@@ -122,9 +125,14 @@ def on_cluster(model: Model, arguments: argparse.Namespace, options: Options) ->
             "--estimator least_squares, without --recursive"
         )
     with ProgressBar() as progress:
-        result = fit_on_cluster(model, arguments.train, arguments.cluster, options, progress)
+        trusted = arguments.trust_recordings
+        result = fit_on_cluster(
+            model, arguments.train, arguments.cluster, options, progress, trusted
+        )
         sources = Sources(model, None, progress)
         held_out = sources.read(arguments.validate)
+        for warning in (*result.suspicions, *vetted(model.machine, held_out, trusted)):
+            print(f"warning: {warning}", file=sys.stderr)
         validations = validate(result.model, held_out, options, progress) if held_out else ()
     errors = pooled(result.model, validations) if validations else None
     arguments.out.mkdir(parents=True, exist_ok=True)
@@ -190,6 +198,7 @@ def parser() -> argparse.ArgumentParser:
         help="scheduler of a Dask cluster (tcp://HOST:PORT) whose workers read the training bags; "
         "for more of them than one machine holds",
     )
+    trust_recordings(result)
     add(
         "--recursive",
         action="store_true",
@@ -203,6 +212,16 @@ def parser() -> argparse.ArgumentParser:
         "simulated machine), shown in the report beside the estimates",
     )
     return result
+
+
+def trust_recordings(to: argparse.ArgumentParser) -> None:
+    """The option that goes on with recordings that look wrong."""
+    to.add_argument(
+        "--trust-recordings",
+        action="store_true",
+        help="go on with recordings that look wrong (see check_recording); what is suspicious "
+        "becomes a warning",
+    )
 
 
 def _seconds(text: str) -> float:

@@ -13,9 +13,10 @@ from crane_identification.discrepancy.diagnosis import diagnose
 from crane_identification.discrepancy.hydraulics import load_usual
 from crane_identification.discrepancy.report import page
 from crane_identification.discrepancy.thresholds import load_thresholds
-from crane_identification.identify import TABLES, Sources
+from crane_identification.identify import TABLES, Sources, trust_recordings
 from crane_identification.options import Options
 from crane_identification.progress_bar import ProgressBar
+from crane_identification.recording_check.check import vetted
 from crane_identification.report.content import Provenance
 from crane_model import cli
 from crane_model.configuration import load
@@ -47,6 +48,7 @@ def run(arguments: argparse.Namespace) -> None:
     with ProgressBar() as progress:
         sources = Sources(model, columns, progress)
         training, held_out = sources.read(arguments.train), sources.read(arguments.validate)
+        suspicions = vetted(model.machine, (*training, *held_out), arguments.trust_recordings)
         options = Options(period=arguments.period)
         usual = load_usual(arguments.hydraulics)
         result = diagnose(
@@ -59,8 +61,10 @@ def run(arguments: argparse.Namespace) -> None:
         )
         arguments.out.mkdir(parents=True, exist_ok=True)
         save_model(arguments.out / "model.yaml", result.after)
-        findings.write(arguments.out / "findings.json", result)
-        page.write(arguments.out / "report.html", result, provenance)
+        findings.write(arguments.out / "findings.json", result, suspicions)
+        page.write(arguments.out / "report.html", result, provenance, suspicions)
+    for warning in suspicions:
+        print(f"warning: {warning}", file=sys.stderr)
     print("\n".join(explain.lines(findings.content(result))))
     print(f"written: {arguments.out}/findings.json, model.yaml, report.html")
     logs = [*training, *held_out]
@@ -88,6 +92,7 @@ def parser() -> argparse.ArgumentParser:
     add("--without", nargs="+", default=[], metavar="EFFECT", help=WITHOUT)
     add("--thresholds", type=Path, help="thresholds (YAML; default: the packaged ones)")
     add("--hydraulics", type=Path, help="what is usual of valves and oil (YAML)")
+    trust_recordings(result)
     add("--explain", type=Path, metavar="DIR", help="print the answer in DIR in twenty lines")
     return result
 

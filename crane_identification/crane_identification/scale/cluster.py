@@ -17,12 +17,14 @@ import numpy as np
 from distributed import Client, as_completed
 
 from crane_identification.data.bag_log import read_bag
+from crane_identification.data.log import Log
 from crane_identification.estimation.covariance import Covariance, correlated, white
 from crane_identification.estimation.lack_of_fit import lack_of_fit
 from crane_identification.estimation.rows import Rows
 from crane_identification.options import Options
 from crane_identification.preparation import Preparation, prepare
 from crane_identification.progress import Progress, silent
+from crane_identification.recording_check.check import vetted
 from crane_identification.regression import build_rows, common_factor
 from crane_identification.scale.information import Information
 from crane_model.errors import ConfigurationError, DataError
@@ -33,11 +35,14 @@ ANSWER = 30.0  # s for the scheduler to answer
 
 @dataclass(frozen=True)
 class ClusterFit:
-    """The `model` with its values, from the `information` of all recordings."""
+    """The `model` with its values, from the `information` of all recordings; what is suspected
+    of them.
+    """
 
     model: Model
     information: Information
     workers: int
+    suspicions: tuple[str, ...]
 
 
 def fit_on_cluster(
@@ -46,11 +51,13 @@ def fit_on_cluster(
     address: str,
     options: Options | None = None,
     progress: Progress = silent,
+    trusted: bool = False,
 ) -> ClusterFit:
     """Θ of `model` by least squares (31) from bags that the workers of a Dask cluster can read.
 
     `address` is that of the scheduler, tcp://host:port. Raises `ConfigurationError` if no scheduler
-    answers or it has no workers, `DataError` as `pipeline.fit` does.
+    answers or it has no workers, `DataError` as `pipeline.fit` does, and where a recording that is
+    not `trusted` looks wrong.
     """
     options = options or Options()
     try:
@@ -67,7 +74,7 @@ def fit_on_cluster(
                 f"the Dask scheduler at {address} has no workers; start some with `dask worker "
                 f"{address}`"
             )
-        return _fit(client, workers, model, recordings, options, progress)
+        return _fit(client, workers, model, recordings, options, progress, trusted)
 
 
 def _fit(
@@ -77,6 +84,7 @@ def _fit(
     recordings: Sequence[Path],
     options: Options,
     progress: Progress,
+    trusted: bool,
 ) -> ClusterFit:
     def on_workers(function: Callable[..., Any], *arguments: Sequence[Any]) -> list[Any]:
         return client.map(function, *arguments, pure=False)
@@ -89,7 +97,11 @@ def _fit(
     (everywhere,) = client.scatter([model], broadcast=True)
     paths = [str(path.resolve()) for path in recordings]
     repeated = [everywhere] * len(paths), [options] * len(paths)
-    prepared = on_workers(_prepared, paths, *repeated)
+    logs = on_workers(_read, paths, repeated[0])
+    trust = [trusted] * len(paths)
+    suspicions = results(on_workers(_vetted, logs, repeated[0], trust), "checking on the cluster")
+    prepared = on_workers(_prepared, logs, *repeated)
+    del logs  # workers need them no longer
     factors = results(on_workers(_factor, prepared), "reading on the cluster")
     factor = min(factors) if options.decimation is None else options.decimation
     rows = on_workers(_rows, prepared, repeated[0], [factor] * len(paths))
@@ -120,11 +132,19 @@ def _fit(
         f"least squares (31) from the information of {len(paths)} recordings, "
         f"{information.rows.sum()} rows",
     )
-    return ClusterFit(fitted, information, workers)
+    return ClusterFit(fitted, information, workers, tuple(one for of in suspicions for one in of))
 
 
-def _prepared(path: str, model: Model, options: Options) -> list[Preparation]:
-    return prepare(model, read_bag(path, model.joints), options)
+def _read(path: str, model: Model) -> Log:
+    return read_bag(path, model.joints)
+
+
+def _vetted(log: Log, model: Model, trusted: bool) -> tuple[str, ...]:
+    return vetted(model.machine, [log], trusted)
+
+
+def _prepared(log: Log, model: Model, options: Options) -> list[Preparation]:
+    return prepare(model, log, options)
 
 
 def _factor(preparations: list[Preparation]) -> int:
