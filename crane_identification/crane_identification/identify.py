@@ -19,7 +19,7 @@ from crane_identification.options import Estimator, Options
 from crane_identification.pipeline import fit, validate
 from crane_identification.progress import Progress
 from crane_identification.progress_bar import ProgressBar
-from crane_identification.recording_check.check import vetted
+from crane_identification.recording_check.check import blaming, vetted
 from crane_identification.report import page, summary
 from crane_identification.report.content import IdentificationReport, Provenance
 from crane_identification.report.errors import pooled
@@ -94,7 +94,8 @@ def identify(arguments: argparse.Namespace) -> None:
         )
         held_out = sources.read(arguments.validate)
         suspicions += vetted(model.machine, held_out, arguments.trust_recordings)
-        result = fit(model, training, options, progress)
+        with blaming(suspicions):
+            result = fit(model, training, options, progress)
         validations = validate(result.model, held_out, options, progress) if held_out else ()
         report = IdentificationReport(
             fit=result,

@@ -16,7 +16,7 @@ from crane_identification.discrepancy.thresholds import load_thresholds
 from crane_identification.identify import TABLES, Sources, trust_recordings
 from crane_identification.options import Options
 from crane_identification.progress_bar import ProgressBar
-from crane_identification.recording_check.check import vetted
+from crane_identification.recording_check.check import blaming, vetted
 from crane_identification.report.content import Provenance
 from crane_model import cli
 from crane_model.configuration import load
@@ -51,9 +51,10 @@ def run(arguments: argparse.Namespace) -> None:
         suspicions = vetted(model.machine, (*training, *held_out), arguments.trust_recordings)
         options = Options(period=arguments.period)
         usual = load_usual(arguments.hydraulics)
-        result = diagnose(
-            model, training, held_out, options, thresholds, progress, usual, arguments.without
-        )
+        with blaming(suspicions):
+            result = diagnose(
+                model, training, held_out, options, thresholds, progress, usual, arguments.without
+            )
         provenance = Provenance.of(
             datetime.now(UTC).strftime("%Y-%m-%d %H:%M UTC"),
             ["diagnose", *arguments.given],

@@ -15,8 +15,9 @@ from std_srvs.srv import Trigger
 from crane_driver.nodes.managed import AUTOSTART, run_managed
 from crane_driver.nodes.parameters import NodeParameter, Number, Numbers, Text, declare, hold
 from crane_driver.nodes.polled import Polled
-from crane_identification.online.condition import Condition, status
+from crane_identification.online.condition import Condition, recording, status
 from crane_identification.online.estimator import Forces, OnlineEstimator, OnlineOptions
+from crane_identification.online.recent import Recent
 from crane_identification.online.topics import Feed, estimate_message, forces_message
 from crane_interfaces.msg import CylinderPressures, GeneralizedForces, ParameterEstimate
 from crane_model.configuration import load, packaged
@@ -97,6 +98,7 @@ class Identification(LifecycleNode):
         super().__init__("identification")
         declare(self, PARAMETERS)
         self._estimator: OnlineEstimator | None = None
+        self._recent: Recent | None = None
         fixed = [parameter for parameter in PARAMETERS if parameter is not MODEL_OUTPUT]
         hold(self, fixed, lambda: "configured" if self._estimator else "unconfigured")
         self._condition = Condition()
@@ -136,7 +138,9 @@ class Identification(LifecycleNode):
     def on_activate(self, state: LifecycleState) -> TransitionCallbackReturn:
         """Listen; what was learned before a deactivation is kept."""
         assert self._estimator is not None
-        feed = Feed(self._estimator, JOINT_STATES, PRESSURES)
+        model = self._estimator.model
+        self._recent = Recent(model.machine, model.joints)
+        feed = Feed(self._estimator, self._recent, JOINT_STATES, PRESSURES)
         self._listening = [
             (
                 Polled(self, JointState, JOINT_STATES, DEEP),
@@ -160,7 +164,7 @@ class Identification(LifecycleNode):
 
     def on_cleanup(self, state: LifecycleState) -> TransitionCallbackReturn:
         """Forget the model and what was learned."""
-        self._estimator = None
+        self._estimator = self._recent = None
         return super().on_cleanup(state)
 
     def _visit(self) -> None:
@@ -193,7 +197,10 @@ class Identification(LifecycleNode):
         found = status(
             self.get_name(), self._condition, self._estimator, solution, time.monotonic()
         )
-        message = DiagnosticArray(status=[found])
+        if self._recent is not None:
+            self._recent.check()
+        checked = recording(self.get_name(), self._recent.found if self._recent else None)
+        message = DiagnosticArray(status=[found, checked])
         message.header.stamp = self.get_clock().now().to_msg()
         self._diagnostics.publish(message)
 

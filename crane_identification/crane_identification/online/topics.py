@@ -8,6 +8,7 @@ from builtin_interfaces.msg import Time
 from sensor_msgs.msg import JointState
 
 from crane_identification.online.estimator import Forces, OnlineEstimator
+from crane_identification.online.recent import Recent
 from crane_identification.online.recursion import Solution
 from crane_identification.online.smoother import NANOSECONDS
 from crane_interfaces.msg import CylinderPressures, GeneralizedForces, ParameterEstimate
@@ -40,10 +41,12 @@ class Columns:
 
 
 class Feed:
-    """Passes the messages of both topics on to an estimator."""
+    """Passes the messages of both topics on to an estimator, and to what checks them."""
 
-    def __init__(self, estimator: OnlineEstimator, joint_states: str, pressures: str):
-        self._estimator = estimator
+    def __init__(
+        self, estimator: OnlineEstimator, recent: Recent, joint_states: str, pressures: str
+    ):
+        self._estimator, self._recent = estimator, recent
         joints = estimator.model.joints
         self._states = Columns(joint_states, joints)
         self._pressures = Columns(pressures, joints)
@@ -51,13 +54,17 @@ class Feed:
     def joint_states(self, message: JointState) -> list[Forces]:
         """What the positions of a message complete; `DataError` if a joint is missing."""
         position = self._states.pick(message.name, "position", message.position)
-        return self._estimator.add_position(nanoseconds(message.header.stamp), position)
+        stamp = nanoseconds(message.header.stamp)
+        self._recent.add_position(stamp, position)
+        return self._estimator.add_position(stamp, position)
 
     def pressures(self, message: CylinderPressures) -> list[Forces]:
         """What the pressures of a message complete; `DataError` if a cylinder is missing."""
         chamber_a = self._pressures.pick(message.name, "chamber_a", message.chamber_a)
         chamber_b = self._pressures.pick(message.name, "chamber_b", message.chamber_b)
-        return self._estimator.add_pressure(nanoseconds(message.header.stamp), chamber_a, chamber_b)
+        stamp = nanoseconds(message.header.stamp)
+        self._recent.add_pressure(stamp, chamber_a, chamber_b)
+        return self._estimator.add_pressure(stamp, chamber_a, chamber_b)
 
 
 def nanoseconds(stamp: Time) -> int:

@@ -1,8 +1,12 @@
 """The check of a recording against the machine, before any fit."""
 
-from collections.abc import Iterable
+from collections.abc import Iterable, Iterator, Sequence
+from contextlib import contextmanager
 
-from crane_identification.data.log import Log
+import numpy as np
+
+from crane_identification.data.log import Log, Signal
+from crane_identification.data.resample import SHORTEST_RUN
 from crane_identification.recording_check.clocks import clocks
 from crane_identification.recording_check.grid import grid
 from crane_identification.recording_check.positions import positions
@@ -21,6 +25,8 @@ def check(machine: Machine | None, log: Log) -> Checked:
     Sensors first, one by one; only if none of them makes every result wrong, forces, which would
     repeat it in other words. Never raises what the fit will say better.
     """
+    if min(_samples(signal, log) for signal in _measured(log)) < SHORTEST_RUN:
+        return _result(log, (), f"fewer than {SHORTEST_RUN} samples of each joint")
     found: list[Suspicion] = [*clocks(log), *transducers(log)]
     if machine is None:
         return _result(log, found, "limits, pressures, forces: the model has no machine")
@@ -55,6 +61,26 @@ def vetted(machine: Machine | None, logs: Iterable[Log], trusted: bool) -> tuple
             "recording is right, --trust-recordings goes on with it"
         )
     return tuple(f"{one.source}: {wrong}" for one in checked for wrong in one.suspicions)
+
+
+@contextmanager
+def blaming(suspicions: Sequence[str]) -> Iterator[None]:
+    """What fails on suspicious recordings fails with what is suspicious of them."""
+    try:
+        yield
+    except DataError as error:
+        if not suspicions:
+            raise
+        raise DataError("\n".join([f"{error}", "Suspicious before:", *suspicions])) from error
+
+
+def _measured(log: Log) -> list[Signal]:
+    return [one for one in (log.position, log.force, log.pressure_a, log.pressure_b) if one]
+
+
+def _samples(signal: Signal, log: Log) -> int:
+    """At which all joints were measured."""
+    return int(np.isfinite(signal.value.reshape(-1, len(log.joints))).all(axis=1).sum())
 
 
 def _result(log: Log, found: Iterable[Suspicion], *unchecked: str) -> Checked:

@@ -60,7 +60,7 @@ def clocks(log: Log) -> Iterator[Suspicion]:
             yield Suspicion(
                 apart.origin,
                 f"received {abs(apart.offset):.3f} s {side} than its stamps say {against}",
-                "it is sent late, which does no harm, or stamped by another clock, which does",
+                "one of the two is sent late, which does no harm, or stamped by another clock",
                 decisive=False,
             )
 

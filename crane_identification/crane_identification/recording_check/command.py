@@ -37,8 +37,9 @@ def run(arguments: argparse.Namespace) -> None:
 
 def _lines(checked: Checked) -> list[str]:
     found = [(one.decisive, str(one)) for one in checked.suspicions]
+    looks = "wrong" if checked.decisive else "doubtful" if found else "right"
     return [
-        f"{checked.source}: {'looks wrong' if found else 'looks right'}",
+        f"{checked.source}: looks {looks}",
         *(f"  {'wrong' if decisive else 'doubtful'}: {text}" for decisive, text in found),
         *(f"  not checked: {what}" for what in checked.unchecked),
     ]

@@ -63,6 +63,7 @@ SHORTEST_DELAY = 0.03  # s: filters and friction that lags shift by 0.02 s
 LARGEST_DRIFT = 0.02  # s/s
 LEAST_UNEXPLAINED = 0.01  # of the force, below which no delay matters
 POWER_LEFT = 0.5  # of what is unexplained, if that was the delay
+ALONE = 0.25  # the same of a single joint; 2 % of wrong geometry leaves 0.4
 AGREEING = 0.3  # of the delay, as far as joints on one clock differ
 ROWS = 1500  # that a delay is sought on
 

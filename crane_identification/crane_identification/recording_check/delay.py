@@ -1,12 +1,14 @@
 """Delay and drift between forces and positions, where the force fits the motion best."""
 
 from dataclasses import dataclass
+from typing import NamedTuple
 
 import numpy as np
 from scipy.optimize import minimize
 
 from crane_identification.recording_check.constants import (
     AGREEING,
+    ALONE,
     DELAY_STEP,
     DRIFT,
     LARGEST_DRIFT,
@@ -22,6 +24,8 @@ from crane_identification.recording_check.grid import Grid
 from crane_model.model_file import Model
 
 TINY = float(np.finfo(float).tiny)
+SHORTEST_RECORDING = 6.0 * LONGEST_DELAY  # s, of which the ends are not used
+STEPS = np.arange(-LONGEST_DELAY, LONGEST_DELAY + DELAY_STEP / 2, DELAY_STEP)  # s
 DRIFTS = np.linspace(-LARGEST_DRIFT, LARGEST_DRIFT, 17)  # s/s, a quarter of a per cent apart
 
 
@@ -69,47 +73,68 @@ class _Scan:
 
 def find_delay(model: Model, whole: Grid) -> Delay | None:
     """The delay that explains most of what is unexplained, or None where none matters."""
-    if whole.record.time[-1] - whole.record.time[0] < 6.0 * LONGEST_DELAY:
+    if whole.record.time[-1] - whole.record.time[0] < SHORTEST_RECORDING:
         return None
-    scan = _Scan(model, whole)
-    count = len(whole.joints)
+    scan, joints = _Scan(model, whole), range(len(whole.joints))
     as_is = scan.left(0.0, 0.0)
     if np.sqrt(as_is.max()) < LEAST_UNEXPLAINED:
         return None
-    steps = np.arange(-LONGEST_DELAY, LONGEST_DELAY + DELAY_STEP / 2, DELAY_STEP)
-    at_steps = np.array([scan.left(step, 0.0) for step in steps])  # (steps, j)
-    best, drift = float(steps[at_steps.sum(axis=1).argmin()]), 0.0
-    drifting = [(d, s) for s in DRIFTS for d in best + DELAY_STEP * np.arange(-8, 9, 2)]
-    tried = [scan.left(*one).sum() for one in drifting]
-    if min(tried) < POWER_LEFT * at_steps.sum(axis=1).min():
-        best, drift = drifting[int(np.argmin(tried))]
-    best, drift = _refined(scan, best, drift)
-    seconds = float(scan.time[-1])
-    if drift and (abs(drift) < DRIFT or abs(drift) * seconds < LEAST_DRIFT):
-        best, drift = _refined(scan, best, 0.0)
-    own = [_refined_joint(scan, j, steps[at_steps[:, j].argmin()], drift) for j in range(count)]
+    at_steps = np.array([scan.left(step, 0.0) for step in STEPS])  # (steps, j)
+    delay, drift = _best(scan, at_steps.sum(axis=1))
+    own = [_of_joint(scan, j, STEPS[at_steps[:, j].argmin()], drift) for j in joints]
     shows = [
         j
-        for j, (delay, left) in enumerate(own)
-        if (drift or abs(delay) > SHORTEST_DELAY)
+        for j in joints
+        if (drift or abs(own[j].delay) > SHORTEST_DELAY)
         and np.sqrt(as_is[j]) > LEAST_UNEXPLAINED
-        and left < POWER_LEFT * as_is[j]
+        and own[j].left < POWER_LEFT * as_is[j]
     ]
     if not shows:
         return None
-    delays = np.array([own[j][0] for j in shows])
+    delays = np.array([own[j].delay for j in shows])
     typical = float(np.median(delays))
     alike = np.abs(delays - typical) < max(SHORTEST_DELAY, AGREEING * abs(typical))
     common = len(shows) > 1 and bool(alike.all())
     if not common:
-        worst = max(shows, key=lambda j: as_is[j] - own[j][1])
-        shows, best = [worst], own[worst][0]
-    without = scan.left(best, drift)
+        worst = max(shows, key=lambda j: as_is[j] - own[j].left)
+        if own[worst].left > ALONE * as_is[worst]:
+            return None
+        shows, delay = [worst], own[worst].delay
+    without = scan.left(delay, drift)
     left, left_without = (float(np.sqrt(power[shows].mean())) for power in (as_is, without))
-    return Delay(best, drift, left, left_without, tuple(whole.joints[j] for j in shows), common)
+    return Delay(delay, drift, left, left_without, tuple(whole.joints[j] for j in shows), common)
+
+
+class _OfJoint(NamedTuple):
+    """The best delay [s] of one joint, and the power that it leaves."""
+
+    delay: float
+    left: float
+
+
+def _of_joint(scan: _Scan, j: int, around: float, drift: float) -> _OfJoint:
+    delays = around + np.linspace(-DELAY_STEP, DELAY_STEP, 21)
+    left = np.array([scan.left(delay, drift)[j] for delay in delays])
+    return _OfJoint(float(delays[left.argmin()]), float(left.min()))
+
+
+def _best(scan: _Scan, at_steps: np.ndarray) -> tuple[float, float]:
+    """Delay and drift that leave least, given what each of `STEPS` leaves (steps,).
+
+    A drift must leave much less than any delay, and must be one that clocks have.
+    """
+    delay, drift = float(STEPS[at_steps.argmin()]), 0.0
+    drifting = [(d, s) for s in DRIFTS for d in delay + DELAY_STEP * np.arange(-8, 9, 2)]
+    tried = [scan.left(*one).sum() for one in drifting]
+    if min(tried) < POWER_LEFT * at_steps.min():
+        delay, drift = _refined(scan, *drifting[int(np.argmin(tried))])
+    if abs(drift) < max(DRIFT, LEAST_DRIFT / scan.time[-1]):
+        drift = 0.0
+    return (delay, drift) if drift else _refined(scan, delay, 0.0)
 
 
 def _refined(scan: _Scan, delay: float, drift: float) -> tuple[float, float]:
+    """The best delay and drift around these; without drift there is none."""
     scale = np.array([DELAY_STEP, DRIFT])
     free = np.array([1.0, float(drift != 0.0)])
     start = np.array([delay, drift])
@@ -120,10 +145,3 @@ def _refined(scan: _Scan, delay: float, drift: float) -> tuple[float, float]:
     found = minimize(left, np.zeros(2), method="Nelder-Mead", options={"maxfev": 60}).x
     best = start + free * scale * found
     return float(best[0]), float(best[1])
-
-
-def _refined_joint(scan: _Scan, j: int, around: float, drift: float) -> tuple[float, float]:
-    """Delay [s] of one joint, and the power that it leaves."""
-    delays = around + np.linspace(-DELAY_STEP, DELAY_STEP, 21)
-    left = np.array([scan.left(delay, drift)[j] for delay in delays])
-    return float(delays[left.argmin()]), float(left.min())

@@ -34,7 +34,7 @@ def masses(model: Model, values: np.ndarray, std_devs: np.ndarray) -> Iterator[S
     elif len(known) > 1 and (np.abs(known / factor - 1.0) < ALIKE).all():
         cause = (
             f"all are about {factor:.2g} times what is plausible: unit of force or pressure, "
-            "piston areas, or the machine file is of another machine"
+            "piston areas, or the plausible masses of the machine file"
         )
         yield Suspicion(where, evidence, cause, decisive=True)
     else:

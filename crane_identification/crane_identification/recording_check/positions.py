@@ -59,7 +59,7 @@ def _outside(machine: Machine, joint: str, ranges: dict[str, np.ndarray]) -> Ite
         return
     limits = machine.limits[joint]
     evidence = (
-        f"positions from {seen[0]:.4g} to {seen[1]:.4g} {unit}, but Table 2 allows "
+        f"from {seen[0]:.4g} to {seen[1]:.4g} {unit}, but Table 2 allows "
         f"{limits.position_min:g} to {limits.position_max:g} {unit}"
     )
     causes = list(_explanations(machine, joint, ranges))

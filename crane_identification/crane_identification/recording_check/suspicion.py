@@ -15,7 +15,7 @@ class Suspicion:
     decisive: bool
 
     def __str__(self) -> str:
-        return f"{self.where}: {self.evidence}; {self.cause}"
+        return f"{self.where}: {self.cause} ({self.evidence})"
 
 
 @dataclass(frozen=True)

@@ -17,6 +17,12 @@ from crane_identification.recording_check.suspicion import Suspicion
 from crane_identification.report.notation import spoken
 from crane_identification.signals.motion import encoder_resolution
 
+CAUSES = {
+    "highest": "clipped at the end of its range",
+    "lowest": "an empty chamber, or clipped at the lower end of its range",
+    "": "the transducer is stuck",
+}
+
 
 def transducers(log: Log) -> Iterator[Suspicion]:
     """Readings that stay the same while the joint moves; needs neither units nor a machine."""
@@ -66,5 +72,5 @@ def _still(
         f"{share:.1%} of the motion at one reading, {level:.6g}"
         f"{f', the {end} of all' if end else ''}, for up to {seconds:.2g} s"
     )
-    cause = "clipped at the end of its range" if end else "the transducer is stuck"
-    yield Suspicion(where, evidence, cause, decisive=bool(share > FROZEN))
+    cause = CAUSES[end]
+    yield Suspicion(where, evidence, cause, decisive=bool(share > FROZEN) and end != "lowest")

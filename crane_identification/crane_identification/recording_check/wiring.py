@@ -22,20 +22,21 @@ def wiring(whole: Grid) -> Iterator[Suspicion]:
     model = crane(whole.machine)
     found = equations(model, whole)
     left = found.explained(model)
+    values, std_devs, least = found.free()
+    implausible = tuple(masses(model, values, std_devs)) if left > NEEDED * least else ()
     delay = find_delay(model, whole)
     if left > POOR:
         tried = [(unexplained(model, one), one) for one in repairs(whole)]
         without, best = min(tried, key=lambda one: one[0])
         late = delay is not None and delay.common and delay.left_without < without
-        if not late and BETTER * without < left:
+        scaled = any(one.decisive for one in implausible)  # which explains as much without a mix-up
+        if not late and BETTER * without < (least if scaled else left):
             yield _mixed_up(whole, best, left, without)
             return
     if delay is not None:
         yield _late(delay)
         if delay.common:
             return
-    values, std_devs, least = found.free()
-    implausible = tuple(masses(model, values, std_devs)) if left > NEEDED * least else ()
     yield from implausible
     if left > UNEXPLAINED and not implausible:
         yield Suspicion(
@@ -52,17 +53,14 @@ def wiring(whole: Grid) -> Iterator[Suspicion]:
 
 
 def _mixed_up(whole: Grid, repair: Repair, left: float, without: float) -> Suspicion:
-    evidence = (
-        f"plausible masses and friction leave {left:.1%} of the force, {without:.1%} if "
-        f"{repair.what}"
-    )
+    evidence = f"plausible masses and friction leave {left:.1%} of the force, else {without:.1%}"
     if repair.joint is not None and whole.record.command is not None:
         j = whole.joints.index(repair.joint)
         flow, other = fit(whole, j, j), fit(whole, j, j, exchanged=True)
         if other.left < flow.left:
             evidence += (
-                f"; valve command and cylinder speed disagree by {flow.left:.1%}, and by "
-                f"{other.left:.1%} then"
+                f"; valve command and cylinder speed disagree by {flow.left:.1%}, else by "
+                f"{other.left:.1%}"
             )
     return Suspicion(repair.where, evidence, repair.what, decisive=True)
 
@@ -72,13 +70,13 @@ def _late(delay: Delay) -> Suspicion:
     behind = f"{abs(delay.delay):.2f} s {'behind' if delay.delay > 0.0 else 'ahead of'} positions"
     evidence = (
         f"forces fit {behind}{f', drifting by {delay.drift:+.2%}' if delay.drift else ''}: "
-        f"{delay.left:.1%} of them unexplained, {delay.left_without:.1%} without that"
+        f"{delay.left:.1%} of them unexplained, else {delay.left_without:.1%}"
     )
     cause = (
         "the two are stamped by clocks that run apart"
         if delay.drift
         else "the stamps of pressures and positions differ by that"
         if delay.common
-        else "a slow transducer or encoder, or an effect that looks like one"
+        else "a slow transducer or encoder, wrong geometry, or an effect that looks like a delay"
     )
     return Suspicion(where, evidence, cause, decisive=delay.common)
