@@ -53,13 +53,15 @@ def wiring(whole: Grid) -> Iterator[Suspicion]:
 
 
 def _mixed_up(whole: Grid, repair: Repair, left: float, without: float) -> Suspicion:
-    evidence = f"plausible masses and friction leave {left:.1%} of the force, else {without:.1%}"
+    evidence = (
+        f"plausible masses and friction leave {left:.1%} of the force, without that {without:.1%}"
+    )
     if repair.joint is not None and whole.record.command is not None:
         j = whole.joints.index(repair.joint)
         flow, other = fit(whole, j, j), fit(whole, j, j, exchanged=True)
         if other.left < flow.left:
             evidence += (
-                f"; valve command and cylinder speed disagree by {flow.left:.1%}, else by "
+                f"; valve command and cylinder speed disagree by {flow.left:.1%}, without that by "
                 f"{other.left:.1%}"
             )
     return Suspicion(repair.where, evidence, repair.what, decisive=True)
@@ -70,12 +72,12 @@ def _late(delay: Delay) -> Suspicion:
     behind = f"{abs(delay.delay):.2f} s {'behind' if delay.delay > 0.0 else 'ahead of'} positions"
     evidence = (
         f"forces fit {behind}{f', drifting by {delay.drift:+.2%}' if delay.drift else ''}: "
-        f"{delay.left:.1%} of them unexplained, else {delay.left_without:.1%}"
+        f"{delay.left:.1%} of them unexplained, without that {delay.left_without:.1%}"
     )
     cause = (
         "the two are stamped by clocks that run apart"
         if delay.drift
-        else "the stamps of pressures and positions differ by that"
+        else "pressures and positions are stamped by clocks that differ"
         if delay.common
         else "a slow transducer or encoder, wrong geometry, or an effect that looks like a delay"
     )
