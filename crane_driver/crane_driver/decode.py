@@ -65,6 +65,7 @@ def _write_bag(log: Log, table: LogTable, layout: Layout, path: Path) -> None:
         with writer:
             bag = LogBag(writer, layout)
             _read(log, table, bag)
+            bag.finish()
             if not bag.written:
                 raise DataError(f"{log.path}: its frames make no message; is it of this machine?")
     except DataError:

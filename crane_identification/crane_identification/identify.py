@@ -8,6 +8,7 @@ from dataclasses import dataclass
 from datetime import UTC, datetime
 from pathlib import Path
 
+import numpy as np
 from pydantic import RootModel
 
 from crane_identification.data.bag_log import read_bag
@@ -24,6 +25,8 @@ from crane_identification.report import page, summary
 from crane_identification.report.content import IdentificationReport, Provenance
 from crane_identification.report.errors import pooled
 from crane_identification.report.findings import findings
+from crane_identification.report.notation import percent
+from crane_identification.report.terminal import console, parameters
 from crane_identification.scale.beside import Beside
 from crane_identification.scale.cluster import fit_on_cluster
 from crane_model import cli
@@ -149,11 +152,18 @@ def on_cluster(model: Model, arguments: argparse.Namespace, options: Options) ->
 def _tell(report: IdentificationReport, out: Path) -> None:
     for warning in report.warnings:
         print(f"warning: {warning}", file=sys.stderr)
-    estimate = report.fit.estimate
+    estimate, held_out = report.fit.estimate, report.held_out
     print(f"{len(estimate.names)} parameters from {estimate.samples} equations")
-    if report.held_out is not None:
-        for joint, error in zip(estimate.joints, report.held_out.relative, strict=True):
-            print(f"  {joint}: {error:.2%} of the force unexplained on held-out recordings")
+    console(100).print(parameters(report))
+    if held_out is not None:
+        print("force unexplained on held-out recordings (noise floor):")
+        for joint, error, floor in zip(
+            estimate.joints, held_out.relative, held_out.noise_floor, strict=True
+        ):
+            noise = percent(floor) if np.isfinite(floor) else "not known: no period repeated"
+            print(f"  {joint}: {percent(error)} ({noise})")
+    if report.simulated is not None and report.simulated.reason:
+        print(f"the motion cannot be simulated: {report.simulated.reason}")
     print(f"written: {out}/model.yaml, {out}/summary.json, {out}/report.html")
 
 

@@ -32,7 +32,11 @@ def signals_of(model: Model, samples: Samples, rows: np.ndarray) -> dict[str, np
                 f"model, chamber pressures to compute them from (27); map or record one of them"
             )
         signals["force"] = generalized_forces(
-            model.machine, signals["position"], signals["pressure_a"], signals["pressure_b"]
+            model.machine,
+            signals["position"],
+            signals["pressure_a"],
+            signals["pressure_b"],
+            model.joints,
         )
     return signals
 

@@ -25,6 +25,9 @@ OPEN = {
         "further_share": 1.0,
         "explained_share": 0.0,
         "left_share": 1.0,
+        "closed_share": 0.0,
+        "simple_share": 0.0,
+        "floor_factor": 1e6,
     },
     "hydraulics.yaml": {"smallest_share": 1e-9},
 }
@@ -47,6 +50,7 @@ class Gate(NamedTuple):
 GATES = (
     Gate("discrepancy.yaml", "score_factor", "score", 1.0),  # the bootstrap alone
     Gate("discrepancy.yaml", "smallest_strength", "learner", None),
+    Gate("discrepancy.yaml", "floor_factor", "floor", 2.5),  # few periods say little of scatter
     Gate("hydraulics.yaml", "smallest_share", "flow", None),
     Gate("hydraulics.yaml", "unexplained", "flow_left", 0.0),
 )

@@ -11,10 +11,11 @@ from dataclasses import dataclass
 from enum import StrEnum
 from pathlib import Path
 
-from cases import Case, CaseSet, Kind
+from case import Case, Kind
+from cases import CaseSet
 from folders import Folders, done, new, read_json, write_json
 from given import given
-from judgement import Answer, Place
+from judgement import NAMING, Answer, Place
 from rates import rate
 from rich import box
 from rich.console import Console
@@ -60,7 +61,7 @@ def became(hidden: Place, answer: Answer) -> Left:
     """What the answer is, where the entry of the `hidden` effect was left out."""
     if answer.verdict == "unknown":
         return Left.UNKNOWN
-    if answer.verdict not in {"named", "class"}:
+    if answer.verdict not in NAMING:
         return Left.SILENT
     effect, joint = hidden
     declared = [

@@ -11,6 +11,7 @@ TARGETS = {
     "false_alarms": ("nothing hidden: false alarms", "≤ 5 %"),
     "right_from_2_percent": ("single, from 2 %, identifiable", "≥ 95 %"),
     "right_from_2_percent_all": ("single, from 2 %, all", ""),
+    "hedged": ("of the right ones: 'and something more'", ""),
     "right_at_1_percent": ("single, 1 %, identifiable", "≥ 80 %"),
     "pairs_at_4_percent": ("pairs, 4 % each: both, only those", "≥ 85 %"),
     "one_of_two": ("pairs: one of them", ""),
@@ -54,7 +55,20 @@ def tables(results: dict[str, Any]) -> list[Table]:
     ):
         value = summary[key]
         last.add_row(words, target, _interval(value, "median", shown), str(value["of"]))
-    return [first, power, last]
+    return [first, power, last, *_stories(summary["stories"])]
+
+
+def _stories(stories: dict[str, dict[str, int]]) -> list[Table]:
+    """What became of each, where cases tell stories."""
+    if not stories:
+        return []
+    table = plain_table("What strangers found: outcomes of diagnose")
+    for heading in ("story", "cases", "outcomes"):
+        table.add_column(heading)
+    for story, outcomes in stories.items():
+        said = ", ".join(f"{count} {outcome}" for outcome, count in outcomes.items())
+        table.add_row(story, str(sum(outcomes.values())), said)
+    return [table]
 
 
 def notes() -> list[str]:

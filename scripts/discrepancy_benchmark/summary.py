@@ -1,10 +1,12 @@
 """What the rows of all cases say together, with 95 % intervals."""
 
+from collections import Counter
 from collections.abc import Callable, Sequence
 from typing import Any
 
-from cases import PAIR, STRENGTHS, Kind
-from judgement import OURS, Outcome
+from case import Kind
+from cases import PAIR, STRENGTHS
+from judgement import AND_MORE, OURS, Outcome
 from rates import median, rate
 
 from crane_identification.discrepancy.thresholds import load_thresholds
@@ -32,6 +34,7 @@ def summary(rows: Sequence[Row]) -> dict[str, Any]:
         },
         "parameter_error": median([e for row in ours for e in row["parameter_errors"]]),
         "seconds": median([row["seconds"] for row in ours if row["seconds"]]),
+        "stories": _told(ours),
         "not_identifiable": sum(not identifiable(row) for row in of_kind(rows, Kind.SINGLE)),
     }
 
@@ -80,6 +83,15 @@ def power(rows: Sequence[Row], method: str) -> dict[float, dict[str, Any]]:
     return {s: share(of, method, Outcome.RIGHT) for s, of in by_strength(rows).items()}
 
 
+def _told(rows: Sequence[Row]) -> dict[str, dict[str, int]]:
+    """How often which outcome, by the story of the case, where it has one."""
+    outcomes: dict[str, Counter[str]] = {}
+    for row in rows:
+        if row["story"] is not None:
+            outcomes.setdefault(row["story"], Counter())[row["outcomes"][OURS]] += 1
+    return {story: dict(several.most_common()) for story, several in outcomes.items()}
+
+
 def _of_method(rows: Sequence[Row], method: str) -> dict[str, Any]:
     singles = of_kind(rows, Kind.SINGLE)
     seen = [row for row in singles if identifiable(row)]
@@ -94,6 +106,15 @@ def _of_method(rows: Sequence[Row], method: str) -> dict[str, Any]:
         "right_from_2_percent": share(at(0.02), method, Outcome.RIGHT),
         "right_from_2_percent_all": share(
             [row for row in singles if row["hidden"][0]["strength"] >= 0.02], method, Outcome.RIGHT
+        ),
+        "hedged": rate(
+            [
+                row["answers"][method][0] == AND_MORE
+                for row in singles
+                if method in row["outcomes"]
+                and row["hidden"][0]["strength"] >= 0.02
+                and row["outcomes"][method] == Outcome.RIGHT
+            ]
         ),
         "right_at_1_percent": share(
             [row for row in seen if row["hidden"][0]["strength"] == 0.01], method, Outcome.RIGHT

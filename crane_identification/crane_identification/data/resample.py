@@ -1,5 +1,6 @@
 """From asynchronous signals to samples on one uniform time base."""
 
+from collections.abc import Callable
 from dataclasses import dataclass
 from typing import Literal
 
@@ -68,7 +69,8 @@ def resample(
     rate: [Hz]; None: that of the positions. largest_gap: [s]; where positions, forces or pressures
     (or all but NaN of them) are further apart, the samples are split into runs, or refused.
     The other signals do not split: they are interpolated too (the command holds its last value),
-    with NaN where they were not logged yet or no more. `DataError` if too little is left.
+    each column for itself, with NaN where it was not logged yet, no more, or not for `largest_gap`
+    and two of its own intervals. `DataError` if too little is left.
     """
     required = {name: _measured(log, getattr(log, name)) for name in REQUIRED if getattr(log, name)}
     rate = rate or sampling_rate(required["position"].time)
@@ -89,7 +91,7 @@ def resample(
 
     def interpolated(name: str) -> np.ndarray | None:
         signal = required.get(name) or getattr(log, name)
-        return None if signal is None else _interpolate(signal, time)
+        return None if signal is None else _by_column(_interpolated, signal, time, largest_gap)
 
     return Samples(
         source=log.source,
@@ -97,8 +99,8 @@ def resample(
         rate=rate,
         time=time,
         run=run,
-        position=_interpolate(required["position"], time),
-        command=None if log.command is None else _hold(log.command, time),
+        position=_by_column(_interpolated, required["position"], time, largest_gap),
+        command=None if log.command is None else _by_column(_held, log.command, time, largest_gap),
         **{name: interpolated(name) for name in INTERPOLATED},
     )
 
@@ -157,15 +159,35 @@ def _runs(covered: np.ndarray) -> np.ndarray:
     return run
 
 
-def _interpolate(signal: Signal, time: np.ndarray) -> np.ndarray:
-    """The signal at each time, NaN before its first and after its last sample."""
+Method = Callable[[np.ndarray, np.ndarray, np.ndarray, float], np.ndarray]
+"""From times (k,) and values (k,) of a column, times (n,), and the longest gap [s] to (n,)."""
+
+
+def _by_column(method: Method, signal: Signal, time: np.ndarray, largest_gap: float) -> np.ndarray:
+    """The signal at each time (n,), from what is not NaN of each column."""
+    longest = largest_gap
+    if len(signal.time) > 1:
+        longest = max(largest_gap, 2.0 * float(np.median(np.diff(signal.time))))
+    out = np.full((len(time), *signal.value.shape[1:]), np.nan)
     columns = signal.value.reshape(len(signal.value), -1).T
-    values = np.column_stack([np.interp(time, signal.time, one) for one in columns])
-    values[(time < signal.time[0] - MARGIN) | (time > signal.time[-1] + MARGIN)] = np.nan
-    return values.reshape(len(time), *signal.value.shape[1:])
+    for into, values in zip(out.reshape(len(time), -1).T, columns, strict=True):
+        known = np.isfinite(values)
+        if known.any():
+            into[:] = method(signal.time[known], values[known], time, longest)
+    return out
 
 
-def _hold(signal: Signal, time: np.ndarray) -> np.ndarray:
-    """The last value at each time, NaN before the first."""
-    last = np.searchsorted(signal.time, time + MARGIN, side="right") - 1
-    return np.where((last >= 0)[:, np.newaxis], signal.value[last.clip(0)], np.nan)
+def _interpolated(
+    logged: np.ndarray, values: np.ndarray, time: np.ndarray, longest: float
+) -> np.ndarray:
+    after = np.searchsorted(logged, time - MARGIN).clip(0, len(logged) - 1)
+    before = (np.searchsorted(logged, time + MARGIN, side="right") - 1).clip(0)
+    known = (logged[before] <= time + MARGIN) & (time - MARGIN <= logged[after])
+    known &= logged[after] - logged[before] <= longest + MARGIN
+    return np.where(known, np.interp(time, logged, values), np.nan)
+
+
+def _held(logged: np.ndarray, values: np.ndarray, time: np.ndarray, longest: float) -> np.ndarray:
+    last = np.searchsorted(logged, time + MARGIN, side="right") - 1
+    known = (last >= 0) & (time - logged[last.clip(0)] <= longest + MARGIN)
+    return np.where(known, values[last.clip(0)], np.nan)

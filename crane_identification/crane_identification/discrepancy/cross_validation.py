@@ -3,12 +3,14 @@
 import numpy as np
 
 from crane_identification.discrepancy.evidence import Evidence
-from crane_identification.discrepancy.scaling import normed
 from crane_identification.discrepancy.whitening import Whitener, leading
 
 FEWEST_BAGS = 4  # with fewer, blocks of time take their place
 BLOCKS = 6
-KEPT = 0.2  # of how visible an effect is in all folds: with less, the others do not determine it
+HELD = 0.2
+"""Share of a direction's norm that the other folds must hold to determine its coefficient: the
+noise that the fold is predicted with because of it is then five times that of a row at most."""
+WITHIN = 1e-6  # share of a column's norm beside the others, below which it is one of them
 
 
 def folds(evidence: Evidence) -> tuple[np.ndarray, tuple[str, ...]]:
@@ -30,29 +32,43 @@ def held_out_gains(
     """
     fold, names = folds(evidence)
     label = fold[whitener.row]
-    force, small, new = whitener(evidence.force), whitener(before), whitener(added)
-    large = np.concatenate([small, new], axis=1)
-    gains = np.full(len(names), np.nan)
-    visible = _visible(small, new)
-    for number in range(len(names)):
-        out = label == number
-        if _visible(small[~out], new[~out]) < KEPT * visible:
-            continue
-        cost = [_left(columns, force, out) for columns in (small, large)]
-        gains[number] = cost[0] - cost[1]
-    return gains, names
+    old, new, force = whitener(before), whitener(added), whitener(evidence.force)
+    return np.array([gain(old, new, force, label == i) for i in range(len(names))]), names
 
 
-def _visible(before: np.ndarray, added: np.ndarray) -> float:
-    """Share of the norm of the columns `added` that is left beside those `before`; the least."""
+def gain(before: np.ndarray, added: np.ndarray, force: np.ndarray, out: np.ndarray) -> float:
+    """What the whitened columns `added` (N, k) gain on the rows `out` (N,), fitted to the others.
+
+    NaN where the others do not determine them. Directions of `before` (N, d) that the others do not
+    determine, as a nuisance of one recording, are taken out of both sides, with and without the
+    columns: nothing predicts them.
+    """
     known = leading(before, before.shape[1])
-    whole = np.linalg.norm(added, axis=0)
-    rest = np.linalg.norm(added - known @ (known.T @ added), axis=0)
-    return float(np.divide(rest, whole, out=np.zeros_like(rest), where=whole > 0.0).min())
+    rest = _beside(known, added)
+    own = np.linalg.norm(rest, axis=0) > WITHIN * np.linalg.norm(added, axis=0)
+    new = leading(rest[:, own], added.shape[1])
+    # Orthonormal columns keep their principal directions on any rows and on the others.
+    power, directions = np.linalg.eigh(known[~out].T @ known[~out])
+    turned = known @ directions
+    held, lost = turned[:, power >= HELD**2], turned[:, power < HELD**2]
+    both = np.concatenate([held, new, force[:, np.newaxis]], axis=1)
+    inside, outside = (
+        _beside(leading(lost[rows], lost.shape[1]), both[rows]) for rows in (~out, out)
+    )
+    k = held.shape[1]
+    left = _beside(leading(inside[:, :k], k), inside[:, k:-1])
+    if np.linalg.svd(left, compute_uv=False).min(initial=1.0) < HELD or not own.any():
+        return np.nan
+    costs = [_left(inside, outside, count) for count in (k, k + new.shape[1])]
+    return costs[0] - costs[1]
 
 
-def _left(columns: np.ndarray, force: np.ndarray, out: np.ndarray) -> float:
-    """Sum of squares of the rows `out` that a fit to the others leaves."""
-    scaled, _ = normed(columns)
-    values = np.linalg.lstsq(scaled[~out], force[~out], rcond=1e-9)[0]
-    return float(((force[out] - scaled[out] @ values) ** 2).sum())
+def _left(inside: np.ndarray, outside: np.ndarray, count: int) -> float:
+    """Sum of squares of the last column outside that its fit by the first `count` inside leaves."""
+    values = np.linalg.lstsq(inside[:, :count], inside[:, -1])[0]
+    return float(((outside[:, -1] - outside[:, :count] @ values) ** 2).sum())
+
+
+def _beside(known: np.ndarray, values: np.ndarray) -> np.ndarray:
+    """Values (N, k) without what the orthonormal columns `known` (N, d) explain."""
+    return values - known @ (known.T @ values)

@@ -12,6 +12,7 @@ from crane_identification.discrepancy.rivals import (
     in_place_of,
     kin,
     likeness,
+    mends,
     same_as,
     slight,
     without,
@@ -26,7 +27,8 @@ DISTINCT = 0.9
 RELATED = 0.2
 """Correlation below which an effect is no rival: it explains something else."""
 KIN_SHARE = 0.5
-"""Share of an effect's score by which it must lead another law of the same effect."""
+"""Share of what is left unexplained by which an effect leads another law of the same effect, where
+neither needs to be quite the machine's."""
 FOLDS_TO_FAIL = 4
 """Folds of which one may fail, whatever share is asked for."""
 SAME_FORM = 0.9
@@ -34,14 +36,14 @@ SAME_FORM = 0.9
 
 
 @dataclass(frozen=True)
-class Accepted:
-    """An effect that the data ask for.
+class Judged:
+    """An effect that was weighed against chance, held-out recordings and its rivals.
 
     `score`: 2 dlogL that the set loses without it; `threshold` and `null` (replicates,) of the best
     score when nothing is missing; `held_out` gains of the folds `fold_names`. `runner_up`: the best
-    family in its place, `margin` behind by; `members`: all families that cannot be told from it.
-    `strength`: rms of what it explains over that of its joint's force; `correlation` of the
-    runner-up's columns with its own, beside the model.
+    family in its place, `margin` behind by, where `needed` is asked for; `members`: all families
+    that cannot be told from it. `strength`: rms of what it explains over that of its joint's force;
+    `correlation` of the runner-up's columns with its own, beside the model.
     """
 
     option: Option
@@ -52,57 +54,88 @@ class Accepted:
     fold_names: tuple[str, ...]
     runner_up: Family | None
     margin: float
+    needed: float
     correlation: float
     members: tuple[Family, ...]
     visibility: float
     strength: float
 
 
-def decide(search: Search, thresholds: Thresholds) -> tuple[list[Accepted], float]:
-    """The largest set all of whose effects pass, strongest first; and the first threshold."""
-    accepted: list[Accepted] = []
+@dataclass(frozen=True)
+class Decision:
+    """The effects that the data ask for, strongest first, and the `threshold` of the first one.
+
+    Where there are none, `nearest` is the best of the catalogue, if one has the right sign, and
+    `objection` says which test it does not pass.
+    """
+
+    accepted: tuple[Judged, ...]
+    threshold: float
+    nearest: tuple[Judged, ...]
+    objection: str
+
+
+def decide(search: Search, thresholds: Thresholds) -> Decision:
+    """The largest set all of whose effects pass."""
+    accepted: tuple[Judged, ...] = ()
+    nearest, objection = accepted, ""
     first_threshold = _threshold(_null(search, NOTHING), thresholds)
     for size in range(1, LARGEST_SET + 1):
         best = search.best(size)
         if best is None:
             break
         choice = _simplest(search, best, thresholds, first_threshold)
-        null = _null(search, search.sets(size - 1)[0])
-        marginal = _marginal(search, choice)
-        threshold = _threshold(null, thresholds)
-        weakest = int(np.argmin(marginal))
-        if marginal[weakest] <= threshold:
+        if size > 1 and _of_one_form(search, choice, thresholds):
             break
-        if slight([search.channels(number) for number in choice.options], marginal, thresholds):
+        found = _all_judged(search, choice, thresholds)
+        wrong = [said for one in found if (said := _objection(one, thresholds))]
+        if size == 1:
+            nearest, objection = tuple(found), "".join(wrong)
+        if wrong or (size > 1 and _vague(min(found, key=lambda one: one.score))):
             break
-        found = [
-            _judged(search, choice, place, marginal[place], threshold, null, thresholds)
-            for place in range(size)
-        ]
-        if any(not _passes(one, thresholds) for one in found):
-            break
-        if size > 1 and _vague(found[weakest]):
-            break
-        accepted = sorted(found, key=lambda one: -one.score)
-    return accepted, first_threshold
+        accepted = tuple(sorted(found, key=lambda one: -one.score))
+    return Decision(accepted, first_threshold, nearest, objection)
 
 
-def _passes(one: Accepted, thresholds: Thresholds) -> bool:
-    return _helps(one.held_out, thresholds) and one.strength >= thresholds.smallest_strength
+def _of_one_form(search: Search, choice: Choice, thresholds: Thresholds) -> bool:
+    """Whether an effect of a set is but the form of another one of them."""
+    gains = _marginal(search, choice)
+    if slight([search.channels(number) for number in choice.options], gains, thresholds):
+        return True
+    return mends(search, choice.options, gains, thresholds)
 
 
-def _helps(gains: np.ndarray, thresholds: Thresholds) -> bool:
+def _objection(one: Judged, thresholds: Thresholds) -> str:
+    """Which test an effect does not pass; empty if it passes all."""
+    if one.score <= one.threshold:
+        return f"its score is {one.score:.0f}, and {one.threshold:.0f} is asked for"
+    if one.strength < thresholds.smallest_strength:
+        return (
+            f"it is {one.strength:.2g} of the drive force, where the errors of the processing "
+            f"itself reach {thresholds.smallest_strength:.2g}"
+        )
+    if not helps(one.held_out, thresholds):
+        asked = one.held_out[np.isfinite(one.held_out)]
+        return (
+            f"it improves the prediction of {int((asked > 0.0).sum())} of the "
+            f"{len(one.held_out)} parts that it was not fitted to"
+        )
+    return ""
+
+
+def helps(gains: np.ndarray, thresholds: Thresholds) -> bool:
     """Whether an effect improves the prediction of recordings that it was not fitted to.
 
     In all folds (NaN: not asked) but a few; of four and more, one may differ in something else.
+    Folds are counted: how much one of them gains or loses decides nothing.
     """
     asked = gains[np.isfinite(gains)]
     failed = int((asked <= 0.0).sum())
     allowed = max((1.0 - thresholds.folds_share) * len(asked), float(len(asked) >= FOLDS_TO_FAIL))
-    return 2 * len(asked) > len(gains) and failed <= allowed and float(asked.sum()) > 0.0
+    return 2 * len(asked) > len(gains) and failed <= allowed
 
 
-def _vague(one: Accepted) -> bool:
+def _vague(one: Judged) -> bool:
     """Whether a further effect is no better than others that look different.
 
     That is what remains where the first one has another form than the catalogue gives it.
@@ -129,7 +162,7 @@ def _simplest(search: Search, choice: Choice, thresholds: Thresholds, threshold:
     """
     for place in range(len(choice.options)):
         own = choice.options[place]
-        needed = _needed(search, choice, place, thresholds, threshold)
+        needed = max(threshold, thresholds.lead_share * _left(search, choice, place))
         for rival in in_place_of(search, choice, place):
             other = rival.options[-1]
             if choice.gain - rival.gain > needed:
@@ -141,14 +174,10 @@ def _simplest(search: Search, choice: Choice, thresholds: Thresholds, threshold:
     return choice
 
 
-def _needed(
-    search: Search, choice: Choice, place: int, thresholds: Thresholds, threshold: float
-) -> float:
-    """Lead by which effects are told apart: beyond noise, and beyond what is left unexplained
-    where the effect acts.
-    """
+def _left(search: Search, choice: Choice, place: int) -> float:
+    """What a set leaves unexplained where one of its effects acts."""
     left = search.unexplained(choice)[search.channels(choice.options[place])].sum()
-    return max(threshold, thresholds.lead_share * max(float(left), 0.0))
+    return max(float(left), 0.0)
 
 
 def _same(search: Search, one: int, other: int) -> bool:
@@ -161,6 +190,16 @@ def _marginal(search: Search, choice: Choice) -> list[float]:
     return [choice.gain - without(search, choice, place).gain for place in places]
 
 
+def _all_judged(search: Search, choice: Choice, thresholds: Thresholds) -> list[Judged]:
+    """The effects of a set, each against what chance adds to the best smaller set."""
+    null = _null(search, search.sets(len(choice.options) - 1)[0])
+    threshold = _threshold(null, thresholds)
+    return [
+        _judged(search, choice, place, score, threshold, null, thresholds)
+        for place, score in enumerate(_marginal(search, choice))
+    ]
+
+
 def _judged(
     search: Search,
     choice: Choice,
@@ -169,7 +208,7 @@ def _judged(
     threshold: float,
     null: np.ndarray,
     thresholds: Thresholds,
-) -> Accepted:
+) -> Judged:
     projection = search.projection
     number = choice.options[place]
     own = projection.options[number]
@@ -180,37 +219,41 @@ def _judged(
         if (alike := likeness(search, number, rival.options[-1])) > RELATED
         or kin(own.family, projection.options[rival.options[-1]].family)
     ]
-    needed = _needed(search, choice, place, thresholds, threshold)
-    members, correlation = [], rivals[0][1] if rivals else 0.0
+    left = _left(search, choice, place)
+    # Beyond noise, what is left unexplained, and columns that are not quite those of the machine.
+    needed = max(threshold, thresholds.lead_share * left, (1.0 - thresholds.alike**2) * score)
+    needed_of_kin = max(needed, KIN_SHARE * left)
+    members: list[Family] = []
     for rival, alike in rivals:
         other = projection.options[rival.options[-1]]
         lead = choice.gain - rival.gain
         if kin(own.family, other.family):
-            if lead < KIN_SHARE * score:
+            if lead <= needed_of_kin:
                 members.append(other.family)
             continue
         more = bool(other.shape) and freedom(search, rival.options[-1]) > freedom(search, number)
         if more and alike > SAME_FORM:
             continue  # the same with more freedom, which it does not need
-        # What is but a part of the effect's columns may look alike and explain less.
-        whole = len(other.positive) >= len(own.positive)
-        if lead <= needed or (whole and alike > thresholds.alike):
+        if lead <= needed:
             members.append(other.family)
-    members += same_as(search, [rival.options[-1] for rival, _ in rivals], members, thresholds)
+    members += same_as(search, [rival for rival, _ in rivals], members, needed, thresholds.alike)
     evidence = search.evidence
     columns = [projection.options[i].columns for i in rest.options]
     before = np.concatenate([evidence.base, *columns], axis=2)
     held_out, names = held_out_gains(evidence, search.whitener, before, own.columns)
-    return Accepted(
+    runner_up = projection.options[rivals[0][0].options[-1]].family if rivals else None
+    closest = runner_up is not None and kin(own.family, runner_up)
+    return Judged(
         option=own,
         score=score,
         threshold=threshold,
         null=null,
         held_out=held_out,
         fold_names=names,
-        runner_up=projection.options[rivals[0][0].options[-1]].family if rivals else None,
+        runner_up=runner_up,
         margin=choice.gain - rivals[0][0].gain if rivals else score,
-        correlation=correlation,
+        needed=needed_of_kin if closest else needed,
+        correlation=rivals[0][1] if rivals else 0.0,
         members=tuple(members),
         visibility=float(projection.visibility[number]),
         strength=strength(search, number, score),

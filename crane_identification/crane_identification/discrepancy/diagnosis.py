@@ -7,28 +7,30 @@ import numpy as np
 
 from crane_identification.data.log import Log
 from crane_identification.discrepancy.candidates import Family, families
-from crane_identification.discrepancy.cross_validation import folds
 from crane_identification.discrepancy.decision import decide
 from crane_identification.discrepancy.determined import decimation, fitted
 from crane_identification.discrepancy.evidence import Evidence, gather
-from crane_identification.discrepancy.extension import Finding, extended, in_counts
+from crane_identification.discrepancy.extension import Finding, Training, in_counts
 from crane_identification.discrepancy.flow import examine
-from crane_identification.discrepancy.gap import Gap, measure, residual
+from crane_identification.discrepancy.gap import Gap
 from crane_identification.discrepancy.hydraulics import Flow, Usual, load_usual
-from crane_identification.discrepancy.learner import Features, Learnt, features, learn
+from crane_identification.discrepancy.learner import Features, Learnt, features
 from crane_identification.discrepancy.motion_choice import suited
+from crane_identification.discrepancy.nearest import Nearest, nearest
+from crane_identification.discrepancy.proof import proved
 from crane_identification.discrepancy.pulsation import Pulsation, pulsations
 from crane_identification.discrepancy.region import Region, region
 from crane_identification.discrepancy.search import Search, search
 from crane_identification.discrepancy.strength import detectable
 from crane_identification.discrepancy.thresholds import Thresholds
+from crane_identification.discrepancy.trial import Trial, tried
 from crane_identification.discrepancy.verdict import (
+    Reach,
     Verdict,
     judge,
-    normalized_energy,
-    proved,
     with_flow,
     with_pulsation,
+    with_worse,
 )
 from crane_identification.options import Options
 from crane_identification.preparation import Preparation, prepare
@@ -56,6 +58,7 @@ class Diagnosis:
     thresholds: Thresholds
     threshold: float
     findings: tuple[Finding, ...]
+    nearest: Nearest | None
     training: Evidence
     held_out: Evidence
     gap: Gap
@@ -98,6 +101,80 @@ def diagnose(
     `DataError` if recordings cannot be used or do not determine the parameters of the model;
     `ConfigurationError` if an effect is not in the catalogue.
     """
+    _check(training, validation, without)
+    logs = (*training, *validation)
+    prepared = _prepared(model, logs, replace(options, average=False), progress)
+    sources = {log.source for log in training}
+    train = [p for p in prepared if p.source in sources]
+    hold = [p for p in prepared if p.source not in sources]
+    given = Training(train, decimation(train, options.decimation), ", ".join(sorted(sources)))
+    evidence, before, left_out = fitted(model, train, given.factor, given.sources)
+    held_out = gather(before, hold, given.factor, first_run=len(train))
+    found = search(evidence, _wanted(evidence, left_out, without), progress)
+    decision = decide(found, thresholds)
+    known = features(evidence.moving)
+    first = tried(found, before, (), given, known)
+    progress("what is left", 0.5)
+    wanted = suited(found, before, decision.accepted)
+    periods = _averaged(model, validation, options)
+    proof = proved(found, before, wanted, given, known, held_out, periods, thresholds)
+    progress("what is left", 1.0)
+    last, gap = proof.trial, proof.gap
+    least, undetermined = detectable(found, decision.threshold), _names(model, left_out)
+    reach = Reach(found.testable_share, least, undetermined)
+    answer, near = judge(first, proof, reach, thresholds), None
+    if answer.verdict is Verdict.UNKNOWN:
+        objection = answer.objection or decision.objection
+        effects = [one.effect for one in proof.short] or last.zero or decision.nearest
+        near = nearest(found, before, effects, objection, given, held_out) if effects else None
+    answer = with_worse(answer, gap)
+    progress("gap", 1.0)
+    wrong = {
+        one.option.family.where
+        for one in last.effects
+        if one.option.family.term.family == "sensing"
+    }
+    flows, no_flow = examine(evidence, held_out, usual or load_usual(), wrong)
+    lines = pulsations(last.model, (*evidence.runs, *held_out.runs))
+    answer = with_pulsation(with_flow(answer, flows), lines)
+    uncalibrated = tuple(dict.fromkeys(name for log in logs for name in log.uncalibrated))
+    return Diagnosis(
+        verdict=answer.verdict,
+        reason=f"{answer.reason}; {near}" if near else answer.reason,
+        before=before,
+        after=last.model,
+        search=found,
+        thresholds=thresholds,
+        threshold=decision.threshold,
+        findings=tuple(
+            Finding(one, in_counts(v) if uncalibrated else v)
+            for one, v in zip(last.effects, last.values, strict=True)
+        ),
+        nearest=near,
+        training=evidence,
+        held_out=held_out,
+        gap=gap,
+        energy=_energy(found, first),
+        regions=tuple(
+            region(known, first.residual[:, j], evidence.used[:, j])
+            for j in range(len(model.joints))
+        ),
+        learnt_before=first.learnt,
+        learnt_after=last.learnt,
+        correlation_left=_correlation(evidence.moving, last),
+        detectable=least,
+        known=known,
+        undetermined=undetermined,
+        without=frozenset(without),
+        uncalibrated=uncalibrated,
+        flows=tuple(flows),
+        flow_unobservable=no_flow,
+        pulsations=lines,
+    )
+
+
+def _check(training: Sequence[Log], validation: Sequence[Log], without: Collection[str]) -> None:
+    """Whether there is something to ask for, and to ask."""
     for name, logs in (("--train", training), ("--validate", validation)):
         if not logs:
             raise DataError(f"no recordings given; name at least one with {name}")
@@ -107,83 +184,6 @@ def diagnose(
             f"{', '.join(unknown)}: no effect that shows in the force; name effects as "
             "findings.json does"
         )
-    whole = replace(options, average=False)
-    logs = (*training, *validation)
-    prepared = _prepared(model, logs, whole, progress)
-    sources = {log.source for log in training}
-    train = [p for p in prepared if p.source in sources]
-    hold = [p for p in prepared if p.source not in sources]
-    uncalibrated = tuple(dict.fromkeys(name for log in logs for name in log.uncalibrated))
-    factor = decimation(train, options.decimation)
-    text = ", ".join(sorted(sources))
-    evidence, before, left_out = fitted(model, train, factor, text)
-    held_out = gather(before, hold, factor, first_run=len(train))
-    found = search(evidence, _wanted(evidence, left_out, without), progress)
-    accepted, threshold = decide(found, thresholds)
-    seen, joints = evidence.moving, len(model.joints)
-    known, (fold, _) = features(seen), folds(seen)
-    left = residual(evidence, before)
-    learnt_before = learn(seen, known, left[:, :joints], fold)
-    progress("what is left", 0.5)
-    left_share = found.left_share([one.option for one in accepted])
-    accepted = suited(found, before, accepted)
-    after, values = extended(found, before, accepted, train, factor, text)
-    left_after = residual(evidence, after)
-    learnt_after = learn(seen, known, left_after[:, :joints], fold) if accepted else learnt_before
-    progress("what is left", 1.0)
-    least = detectable(found, threshold)
-    periods = _averaged(model, validation, options)
-    verdict, reason = judge(
-        found,
-        accepted,
-        energies=(normalized_energy(found, left), normalized_energy(found, left_after)),
-        learnt=(learnt_before, learnt_after),
-        left_share=left_share,
-        least=least,
-        undetermined=_names(model, left_out),
-        thresholds=thresholds,
-    )
-    if verdict is Verdict.UNKNOWN:
-        accepted, after, values = [], before, []
-    named = [one.option.family for one in accepted]
-    wrong = {one.where for one in named if one.term.family == "sensing"}
-    flows, no_flow = examine(evidence, held_out, usual or load_usual(), wrong)
-    verdict, reason = with_flow(verdict, reason, flows)
-    lines = pulsations(after, (*evidence.runs, *held_out.runs))
-    verdict, reason = with_pulsation(verdict, reason, lines)
-    gap = measure(before, after, evidence, held_out, periods)
-    reason = proved(reason, gap)
-    progress("gap", 1.0)
-    energy = _energy(found, left)
-    return Diagnosis(
-        verdict=verdict,
-        reason=reason,
-        before=before,
-        after=after,
-        search=found,
-        thresholds=thresholds,
-        threshold=threshold,
-        findings=tuple(
-            Finding(a, in_counts(v) if uncalibrated else v)
-            for a, v in zip(accepted, values, strict=True)
-        ),
-        training=evidence,
-        held_out=held_out,
-        gap=gap,
-        energy=energy,
-        regions=tuple(region(known, left[:, j], evidence.used[:, j]) for j in range(joints)),
-        learnt_before=learnt_before,
-        learnt_after=learnt_after,
-        correlation_left=_correlation(seen, residual(seen, after)),
-        detectable=least,
-        known=known,
-        undetermined=_names(model, left_out),
-        without=frozenset(without),
-        uncalibrated=uncalibrated,
-        flows=tuple(flows),
-        flow_unobservable=no_flow,
-        pulsations=lines,
-    )
 
 
 def _wanted(
@@ -227,18 +227,19 @@ def _averaged(model: Model, logs: Sequence[Log], options: Options) -> list[Prepa
     return out
 
 
-def _energy(found: Search, left: np.ndarray) -> np.ndarray:
+def _energy(found: Search, before: Trial) -> np.ndarray:
     """Share (j,) of the energy beyond noise that each joint carries."""
-    channels = np.maximum(normalized_energy(found, left) - found.evidence.used.sum(axis=0), 0.0)
+    channels = np.maximum(before.energy - found.evidence.used.sum(axis=0), 0.0)
     beyond = channels.reshape(-1, len(found.evidence.joints)).sum(axis=0)
     total = float(beyond.sum())
     return beyond / total if total > 0.0 else np.zeros_like(beyond)
 
 
-def _correlation(evidence: Evidence, left: np.ndarray) -> np.ndarray:
-    """Correlation (j,) of neighbouring rows of a residual; 0 for white noise."""
-    both = evidence.used[1:] & evidence.used[:-1] & (np.diff(evidence.run) == 0)[:, np.newaxis]
+def _correlation(seen: Evidence, last: Trial) -> np.ndarray:
+    """Correlation (j,) of neighbouring rows of what is left; 0 for white noise."""
+    left = last.residual[:, : len(seen.joints)]
+    both = seen.used[1:] & seen.used[:-1] & (np.diff(seen.run) == 0)[:, np.newaxis]
     product = np.where(both, left[1:] * left[:-1], 0.0).sum(axis=0)
-    power = np.where(evidence.used, left**2, 0.0).sum(axis=0)
-    share = both.sum(axis=0) / np.maximum(evidence.used.sum(axis=0), 1)
+    power = np.where(seen.used, left**2, 0.0).sum(axis=0)
+    share = both.sum(axis=0) / np.maximum(seen.used.sum(axis=0), 1)
     return product / np.maximum(power * share, np.finfo(float).tiny)

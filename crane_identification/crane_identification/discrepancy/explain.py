@@ -8,11 +8,15 @@ from crane_model.errors import DataError
 
 ANSWERS = {
     "named": "Something is missing, and these recordings say what.",
+    "named_and_more": "Something is missing, and these recordings say what; so is something more.",
     "class": "Something is missing; these recordings narrow it down to a class.",
     "none": "Nothing is missing that these recordings could show.",
-    "unknown": "Something is missing that the catalogue does not hold.",
+    "unknown": "Something is missing, and no effect of the catalogue is it.",
     "insufficient_data": "These recordings do not suffice to say.",
 }
+DISAGREES = "Where the model disagrees"
+NOISE = "What the model leaves, noise as far as these recordings tell"
+WHERE = dict.fromkeys(ANSWERS, DISAGREES) | dict.fromkeys(("none", "insufficient_data"), NOISE)
 
 
 def read(folder: Path) -> dict[str, Any]:
@@ -30,7 +34,7 @@ def read(folder: Path) -> dict[str, Any]:
 
 def lines(content: dict[str, Any]) -> list[str]:
     """At most twenty lines."""
-    out = [ANSWERS[content["verdict"]], f"  {content['reason']}", "Where the model disagrees:"]
+    out = [ANSWERS[content["verdict"]], f"  {content['reason']}", f"{WHERE[content['verdict']]}:"]
     for joint, one in content["where"].items():
         region = one["region"]
         where = (
@@ -57,11 +61,17 @@ def lines(content: dict[str, Any]) -> list[str]:
             f"{_percent(new['force_relative_error'])} ({_percent(old['noise_floor'])}, "
             f"{_percent(old['best_achievable'])}){share}"
         )
-    left = [joint for joint, one in content["left"].items() if not one["white"]]
-    out.append(
-        f"What is left is not white on {', '.join(left)}." if left else "What is left is white."
-    )
+    out.append(_left(content["left"]))
     return out[:20]
+
+
+def _left(left: dict[str, Any]) -> str:
+    """Of what kind what is left is."""
+    law = [joint for joint, one in left.items() if one["law"]]
+    coloured = [joint for joint, one in left.items() if not (one["white"] or one["law"])]
+    said = [f"follows a law on {', '.join(law)}"] if law else []
+    said += [f"is coloured noise on {', '.join(coloured)}"] if coloured else []
+    return f"What is left {' and '.join(said)}." if said else "What is left is white noise."
 
 
 def _finding(number: int, finding: dict[str, Any]) -> list[str]:
@@ -73,7 +83,10 @@ def _finding(number: int, finding: dict[str, Any]) -> list[str]:
     evidence = f"   score {finding['score']:.0f}, threshold {finding['threshold']:.0f}"
     if finding["runner_up"]:
         runner = finding["runner_up"]
-        evidence += f"; {finding['margin']:.0f} ahead of {runner['name']}, {runner['joint']}"
+        evidence += (
+            f"; {finding['margin']:.0f} ahead of {runner['name']}, {runner['joint']} "
+            f"({finding['margin_needed']:.0f} asked)"
+        )
     out.append(evidence)
     if finding["class_members"]:
         names = ", ".join(f"{one['name']} ({one['joint']})" for one in finding["class_members"][:3])

@@ -5,12 +5,21 @@ from dataclasses import dataclass, replace
 
 from crane_identification.data.units import COUNTS
 from crane_identification.discrepancy.candidates import Family
-from crane_identification.discrepancy.decision import Accepted
+from crane_identification.discrepancy.decision import Judged
 from crane_identification.discrepancy.evidence import gather
 from crane_identification.discrepancy.refit import refit, shape_std_devs
 from crane_identification.discrepancy.search import Search
 from crane_identification.preparation import Preparation
 from crane_model.model_file import Model
+
+
+@dataclass(frozen=True)
+class Training:
+    """What models are fitted to: recordings, the `factor` of their rows, and their names."""
+
+    recordings: Sequence[Preparation]
+    factor: int
+    sources: str
 
 
 @dataclass(frozen=True)
@@ -27,7 +36,7 @@ class Value:
 class Finding:
     """An accepted effect with its parameters in the extended model."""
 
-    accepted: Accepted
+    accepted: Judged
     parameters: tuple[Value, ...]
 
     @property
@@ -39,10 +48,8 @@ class Finding:
 def extended(
     found: Search,
     before: Model,
-    accepted: Sequence[Accepted],
-    train: Sequence[Preparation],
-    factor: int,
-    sources: str,
+    accepted: Sequence[Judged],
+    training: Training,
 ) -> tuple[Model, list[tuple[Value, ...]]]:
     """The model with the accepted terms, refitted jointly, and the parameters of each.
 
@@ -53,7 +60,7 @@ def extended(
     model = before
     for one in accepted:
         model = model.with_term(one.option.term)
-    after = refit(gather(model, train, factor), sources)
+    after = refit(gather(model, training.recordings, training.factor), training.sources)
     own = [after.part(one.option.term) for one in accepted]
     assert after.std_devs is not None  # just fitted
     shapes = shape_std_devs(
@@ -70,8 +77,9 @@ def extended(
             )
             for i in range(part.start, part.stop)
         ]
+        coordinate = after.setting.units.get(one.option.family.where, "rad")
         bent = [
-            Value(name, float(one.option.shape[name]), spread[name], _unit(after, one, shape.unit))
+            Value(name, float(one.option.shape[name]), spread[name], shape.unit_on(coordinate))
             for name, shape in one.option.family.term.shapes.items()
         ]
         values.append(tuple(linear + bent))
@@ -81,11 +89,3 @@ def extended(
 def in_counts(values: tuple[Value, ...]) -> tuple[Value, ...]:
     """Parameters that are found in counts."""
     return tuple(replace(one, unit=COUNTS if one.unit != "1" else "1") for one in values)
-
-
-def _unit(model: Model, one: Accepted, unit: str) -> str:
-    """Units of shapes are given for joints of both kinds; that of the joint at hand."""
-    both = unit.split(" or ")
-    joint = one.option.family.joint
-    prismatic = joint is not None and model.setting.units[joint] == "m"
-    return both[-1] if prismatic else both[0]

@@ -10,9 +10,8 @@ import numpy as np
 
 from crane_identification.discrepancy.diagnosis import Diagnosis
 from crane_identification.discrepancy.extension import Finding
-from crane_identification.discrepancy.flow import SIGMAS
 from crane_identification.discrepancy.gap import Gap
-from crane_identification.discrepancy.hydraulics import Flow, Quantity
+from crane_identification.discrepancy.hydraulics import SIGMAS, Flow, Quantity
 from crane_identification.motion_validation import MotionValidation
 
 WHITE = 0.25  # correlation of neighbouring rows up to which what is left counts as white
@@ -38,6 +37,7 @@ def content(diagnosis: Diagnosis) -> dict[str, Any]:
                 for flow in diagnosis.flows
                 for one in flow.missing
             ],
+            "nearest": _nearest(diagnosis),
             "gap": {
                 "before": _side(diagnosis, diagnosis.gap.before, diagnosis.gap.motion_before),
                 "after": _side(diagnosis, diagnosis.gap.after, diagnosis.gap.motion_after),
@@ -48,11 +48,13 @@ def content(diagnosis: Diagnosis) -> dict[str, Any]:
                     "white": abs(correlation) < WHITE,
                     "correlation": correlation,
                     "learnable_share": share,
+                    "law": law,
                 }
-                for joint, correlation, share in zip(
+                for joint, correlation, share, law in zip(
                     diagnosis.joints,
                     diagnosis.correlation_left,
                     diagnosis.learnt_after.share,
+                    diagnosis.learnt_after.follows_law(diagnosis.thresholds),
                     strict=True,
                 )
             },
@@ -110,10 +112,36 @@ def _finding(diagnosis: Diagnosis, finding: Finding) -> dict[str, Any]:
         if runner is None
         else {"effect": runner.type, "name": runner.effect.name, "joint": runner.where},
         "margin": accepted.margin,
+        "margin_needed": accepted.needed,
         "visibility": accepted.visibility,
         "strength": accepted.strength,
         "held_out_gains": dict(zip(accepted.fold_names, accepted.held_out, strict=True)),
         "settled_by": family.effect.settled_by,
+    }
+
+
+def _nearest(diagnosis: Diagnosis) -> dict[str, Any] | None:
+    """What comes closest where nothing is named, and why that does not do."""
+    near = diagnosis.nearest
+    if near is None:
+        return None
+    return {
+        "effects": [
+            {
+                "effect": one.option.family.type,
+                "name": one.option.family.effect.name,
+                "joint": one.option.family.where,
+                "score": one.score,
+                "threshold": one.threshold,
+            }
+            for one in near.effects
+        ],
+        "explained_share": near.explained,
+        "gap": {
+            joint: {"before": before, "after": after}
+            for joint, before, after in zip(near.joints, near.before, near.after, strict=True)
+        },
+        "objection": near.objection,
     }
 
 
@@ -130,6 +158,7 @@ def _of_flow(diagnosis: Diagnosis, joint: str, one: Quantity) -> dict[str, Any]:
         "false_alarm_rate": diagnosis.thresholds.false_alarm_rate,
         "runner_up": None,
         "margin": one.score,
+        "margin_needed": 0.0,
         "visibility": 1.0,
         "strength": one.share,
         "held_out_gains": {},
@@ -141,8 +170,20 @@ def _flow(flow: Flow) -> dict[str, Any]:
     """Everything the flow balance says of a joint."""
     return {
         "unexplained_share": flow.unexplained,
+        "correlation_left": flow.correlation,
+        "known_time": flow.known,
+        "recorded_time": flow.recorded,
+        "edge_gains": {
+            one.edge: {"value": one.value, "std_dev": one.std_dev, "determined": one.determined}
+            for one in flow.gains
+        },
         "quantities": {
-            one.type: {**_value(one), "usual_limit": one.usual, "share_beyond_usual": one.share}
+            one.type: {
+                **_value(one),
+                "usual_limit": one.usual,
+                "share_beyond_usual": one.share,
+                "determined": one.determined,
+            }
             for one in flow.quantities
         },
     }
@@ -161,6 +202,7 @@ def _side(diagnosis: Diagnosis, error: np.ndarray, motion: MotionValidation) -> 
             "best_achievable": gap.best[j],
             "motion_error": motion.position_rms[j],
             "motion_displacement": motion.displacement_rms[j],
+            "motion_reason": motion.reason,
         }
         for j, joint in enumerate(gap.joints)
     }

@@ -8,19 +8,22 @@ import numpy as np
 from crane_identification.averaging import noise_of_mean
 from crane_identification.discrepancy.evidence import Evidence
 from crane_identification.discrepancy.learner import predict_elsewhere
-from crane_identification.motion_validation import HORIZON, MotionValidation, validate_motion
+from crane_identification.motion_validation import MotionValidation, validate_motion
 from crane_identification.preparation import Preparation
 from crane_identification.regression import OPEN
 from crane_identification.signals.decimate import decimate
-from crane_model.errors import RangeError
 from crane_model.model_file import Model
-from crane_model.record import Record
+
+EXPLAINABLE = 0.05  # share of the energy of an error; less than that is no gap
+CLEAN = 2.0  # times the noise floor: what models reach from which nothing is missing
+RESOLUTION = 1e-6  # relative error, below which numbers are rounding
 
 
 @dataclass(frozen=True)
 class Gap:
     """Per joint (j,), relative to the rms of the force: error `before` and `after`, the `floor` of
-    noise (NaN where no period was repeated), and the `best` that a flexible learner reaches.
+    noise (NaN where no period was repeated), and the `best` that a flexible learner reaches;
+    `training`: error before on the recordings that the model was fitted to.
 
     `motion_before` and `motion_after`: errors of the simulated motion.
     """
@@ -30,21 +33,37 @@ class Gap:
     after: np.ndarray
     floor: np.ndarray
     best: np.ndarray
+    training: np.ndarray
     motion_before: MotionValidation
     motion_after: MotionValidation
 
     @property
     def reachable(self) -> np.ndarray:
-        """What any model could reach: the noise floor, or where none is known the learner."""
-        return np.where(np.isfinite(self.floor), self.floor, self.best)
+        """What some model reaches (j,): noise where it is known, or the learner, or that `after`.
+
+        Periods scatter by what the motion does not repeat as well, which a model may explain.
+        """
+        return np.fmin(np.fmin(CLEAN * self.floor, self.best), self.after)
 
     @property
     def closed(self) -> np.ndarray:
         """Share (j,) of the explainable gap, in energy, that is closed; NaN where there is none."""
-        explainable = self.before**2 - self.reachable**2
-        gained = self.before**2 - self.after**2
-        there = explainable > 0.05 * self.before**2
-        return np.where(there, np.divide(gained, np.where(there, explainable, 1.0)), np.nan)
+        return np.array([self.closed_on([j]) for j in range(len(self.joints))])
+
+    def closed_on(self, joints: Sequence[int]) -> float:
+        """The same of several joints together, each in units of what is reachable there."""
+        own = list(joints)
+        unit = np.maximum(self.reachable[own], RESOLUTION) ** 2
+        before, after, least = (
+            float((error[own] ** 2 / unit).sum())
+            for error in (self.before, self.after, self.reachable)
+        )
+        explainable = before - least
+        return (before - after) / explainable if explainable > EXPLAINABLE * before else np.nan
+
+    def over_floor(self, errors: np.ndarray) -> np.ndarray:
+        """Errors (j,) over the noise floor; NaN where none is known."""
+        return errors / np.maximum(self.floor, RESOLUTION)
 
 
 def measure(
@@ -59,9 +78,10 @@ def measure(
     old, new = residual(held_out, before), residual(held_out, after)
     learnt = np.minimum(np.abs(old), np.abs(new))  # close to reversals, what the better one leaves
     seen = training.moving
-    learnt[:, :j] = predict_elsewhere(seen, residual(seen, before), held_out.moving) - old[:, :j]
+    fitted = residual(training, before)
+    learnt[:, :j] = predict_elsewhere(seen, fitted[:, :j], held_out.moving) - old[:, :j]
     force = over_zones(held_out, held_out.force)
-    errors = [over_zones(held_out, values) / force for values in (old, new, learnt)]
+    errors = [relative(held_out, values) for values in (old, new, learnt)]
     records = [run.record for run in held_out.runs]
     return Gap(
         joints=before.joints,
@@ -69,18 +89,10 @@ def measure(
         after=errors[1],
         floor=noise_floor(averaged, held_out.runs[0].factor, j) / force,
         best=np.minimum(errors[2], errors[0]),
-        motion_before=simulated(before, records),
-        motion_after=simulated(after, records),
+        training=relative(training, fitted),
+        motion_before=validate_motion(before, records),
+        motion_after=validate_motion(after, records),
     )
-
-
-def simulated(model: Model, records: Sequence[Record]) -> MotionValidation:
-    """Errors of the simulated motion; NaN for values that are not physical and do not move."""
-    try:
-        return validate_motion(model, records)
-    except RangeError:
-        unknown = np.full(len(model.joints), np.nan)
-        return MotionValidation(model.joints, HORIZON, 0, unknown, unknown)
 
 
 def over_zones(evidence: Evidence, values: np.ndarray) -> np.ndarray:
@@ -89,6 +101,11 @@ def over_zones(evidence: Evidence, values: np.ndarray) -> np.ndarray:
     power = (np.where(evidence.used, values, 0.0) ** 2).reshape(len(values), -1, joints)
     rows = evidence.used.reshape(len(values), -1, joints).sum(axis=(0, 1))
     return np.sqrt(power.sum(axis=(0, 1)) / np.maximum(rows, 1))
+
+
+def relative(evidence: Evidence, values: np.ndarray) -> np.ndarray:
+    """The same (j,) over that of the force."""
+    return over_zones(evidence, values) / over_zones(evidence, evidence.force)
 
 
 def residual(evidence: Evidence, model: Model) -> np.ndarray:

@@ -8,6 +8,7 @@ from sklearn.ensemble import HistGradientBoostingRegressor
 from threadpoolctl import threadpool_limits
 
 from crane_identification.discrepancy.evidence import Evidence
+from crane_identification.discrepancy.thresholds import Thresholds
 from crane_model.record import Record
 
 ITERATIONS = 80
@@ -84,6 +85,11 @@ class Learnt:
     share: np.ndarray
     p_value: np.ndarray
     strength: np.ndarray
+
+    def follows_law(self, thresholds: Thresholds) -> np.ndarray:
+        """(j,): whether a law is there, beyond chance and beyond errors of the processing."""
+        limit = thresholds.false_alarm_rate / 2.0 / len(self.share)
+        return (self.p_value < limit) & (self.strength > thresholds.smallest_strength)
 
 
 def learn(evidence: Evidence, known: Features, residual: np.ndarray, fold: np.ndarray) -> Learnt:

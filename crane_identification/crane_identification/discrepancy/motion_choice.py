@@ -10,12 +10,11 @@ from dataclasses import replace
 import numpy as np
 
 from crane_identification.discrepancy.candidates import Option
-from crane_identification.discrepancy.decision import Accepted
+from crane_identification.discrepancy.decision import Judged
 from crane_identification.discrepancy.scaling import normed
 from crane_identification.discrepancy.search import Search
 from crane_identification.discrepancy.selection import Choice, solve
 from crane_identification.motion_validation import validate_motion
-from crane_model.errors import CraneError
 from crane_model.model_file import Model
 from crane_model.record import Record
 
@@ -25,7 +24,7 @@ FACTORS = (0.4, 0.63, 0.8, 1.25, 1.6, 2.5)  # between shapes that are tried
 LONGEST = 2  # runs that are simulated
 
 
-def suited(search: Search, before: Model, accepted: Sequence[Accepted]) -> list[Accepted]:
+def suited(search: Search, before: Model, accepted: Sequence[Judged]) -> list[Judged]:
     """The accepted effects, each with the shape of those nearly alike that moves most truly."""
     records = [run.record for run in search.evidence.runs[:LONGEST]]
     chosen = list(accepted)
@@ -72,7 +71,7 @@ def _around(option: Option) -> list[dict[str, float]]:
 
 
 def _error(
-    before: Model, search: Search, choice: Choice, one: Accepted, records: Sequence[Record]
+    before: Model, search: Search, choice: Choice, one: Judged, records: Sequence[Record]
 ) -> float:
     """Error of the simulated motion over the displacement, of the joint that is worst off."""
     options = [search.projection.options[i] for i in choice.options]
@@ -80,9 +79,8 @@ def _error(
     for option in options:
         model = model.with_term(option.term)
     theta = _quickly(search, [option.columns for option in options], len(before.parameters))
-    try:
-        found = validate_motion(model.with_estimate(theta, np.zeros(len(theta)), "trial"), records)
-    except CraneError:  # these values do not move at all
+    found = validate_motion(model.with_estimate(theta, np.zeros(len(theta)), "trial"), records)
+    if found.reason:
         return np.inf
     joint = one.option.family.joint
     relative = np.nan_to_num(found.relative)

@@ -1,12 +1,21 @@
 """Other effects in the place of one: what a set gains with them, and how alike they are to it."""
 
 from collections.abc import Sequence
+from dataclasses import replace
 
 import numpy as np
 
-from crane_identification.discrepancy.candidates import Family
+from crane_identification.discrepancy.candidates import Family, Option
+from crane_identification.discrepancy.projection import Projection
 from crane_identification.discrepancy.search import Search
-from crane_identification.discrepancy.selection import NOTHING, Choice, extended, others, solve
+from crane_identification.discrepancy.selection import (
+    NOTHING,
+    Choice,
+    constrained,
+    extended,
+    others,
+    solve,
+)
 from crane_identification.discrepancy.thresholds import Thresholds
 
 
@@ -37,28 +46,51 @@ def kin(one: Family, other: Family) -> bool:
 
 
 def likeness(search: Search, one: int, other: int) -> float:
-    """Cosine of the smallest angle between the columns of two options, beside the base."""
+    """Cosine of the angle by which what one option explains lies outside the other, beside the
+    base: of the option with fewer columns the worst of them, as far as the signs of parameters let
+    the other one follow it.
+    """
+    few, many = sorted((one, other), key=lambda number: len(search.projection.members[number]))
     projection = search.projection
-    a, b = projection.members[one], projection.members[other]
-    gram = projection.gram
-    if len(a) == len(b) == 1:
-        return float(abs(gram[a[0], b[0]]))
-    roots = [np.linalg.cholesky(gram[np.ix_(c, c)] + 1e-12 * np.eye(len(c))) for c in (a, b)]
-    mixed = np.linalg.solve(roots[0], np.linalg.solve(roots[1], gram[np.ix_(b, a)]).T)
-    return float(np.linalg.svd(mixed, compute_uv=False).min())
+    a, b = projection.members[few], projection.members[many]
+    gram, free = projection.gram, ~projection.positive
+    if len(a) > 1 and free[a].all() and free[b].all():
+        roots = [np.linalg.cholesky(gram[np.ix_(c, c)] + 1e-12 * np.eye(len(c))) for c in (a, b)]
+        mixed = np.linalg.solve(roots[0], np.linalg.solve(roots[1], gram[np.ix_(b, a)]).T)
+        return float(np.linalg.svd(mixed, compute_uv=False).min())
+    return min(max(_followed(projection, sign, c, b) for sign in _signs(free[c])) for c in a)
+
+
+def _signs(free: bool) -> tuple[float, ...]:
+    """Signs that a parameter may have."""
+    return (1.0, -1.0) if free else (1.0,)
+
+
+def _followed(projection: Projection, sign: float, column: int, others: np.ndarray) -> float:
+    """Cosine between a column of that sign and the nearest force that others can have."""
+    inner = sign * projection.gram[others, column]
+    block = projection.gram[np.ix_(others, others)]
+    values = constrained(block, inner, projection.positive[others])
+    return 0.0 if values is None else float(np.sqrt(max(values @ inner, 0.0)))
 
 
 def same_as(
-    search: Search, rivals: list[int], members: list[Family], thresholds: Thresholds
+    search: Search, rivals: Sequence[Choice], members: Sequence[Family], needed: float, alike: float
 ) -> list[Family]:
-    """Further rivals whose columns are those of a member: they belong to the class as well."""
+    """Further rivals that are no worse than a member and whose columns are `alike` to its own: they
+    belong to the class as well.
+    """
     options = search.projection.options
-    known = [number for number in rivals if options[number].family in members]
+    known = [one for one in rivals if options[one.options[-1]].family in members]
     return [
-        options[number].family
-        for number in rivals
-        if number not in known
-        and any(likeness(search, number, one) > thresholds.alike for one in known)
+        options[one.options[-1]].family
+        for one in rivals
+        if one not in known
+        and any(
+            member.gain - one.gain <= needed
+            and likeness(search, one.options[-1], member.options[-1]) > alike
+            for member in known
+        )
     ]
 
 
@@ -74,4 +106,30 @@ def slight(channels: Sequence[np.ndarray], gains: Sequence[float], thresholds: T
         least = max(thresholds.further_share * there, thresholds.elsewhere_share * max(gains))
         if gain < least:
             return True
+    return False
+
+
+def mends(
+    search: Search, numbers: Sequence[int], gains: Sequence[float], thresholds: Thresholds
+) -> bool:
+    """Whether one of several laws that resist the motion gains too little beside another of these
+    on its joint to be more than what that one's form leaves.
+    """
+    options = search.projection.options
+    resisting: dict[str, list[float]] = {}
+    for number, gain in zip(numbers, gains, strict=True):
+        joint = options[number].family.joint
+        if joint is not None and reverses(search, options[number]):
+            resisting.setdefault(joint, []).append(gain)
+    return any(min(one) < thresholds.form_share * max(one) for one in resisting.values())
+
+
+def reverses(search: Search, option: Option) -> bool:
+    """Whether the force of an option changes its sign with the velocity, and nothing else."""
+    setting = search.evidence.model.setting
+    for run in search.evidence.runs:
+        there = option.term.columns(run.record, setting)
+        back = option.term.columns(replace(run.record, velocity=-run.record.velocity), setting)
+        if there.any():
+            return bool(np.allclose(back, -there))
     return False

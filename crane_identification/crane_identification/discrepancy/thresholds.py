@@ -19,11 +19,15 @@ class Thresholds(Schema):
     smallest_strength: Share
     further_share: Share
     elsewhere_share: Share
+    form_share: Share
     folds_share: Share
     lead_share: Share
     alike: Share
     explained_share: Share
     left_share: Share
+    closed_share: Share
+    simple_share: Share
+    floor_factor: Positive
     testable_share: Share
     detectable_strength: Share
 

@@ -2,179 +2,238 @@
 
 from collections.abc import Sequence
 from enum import StrEnum
+from typing import NamedTuple
 
 import numpy as np
 
-from crane_identification.discrepancy.decision import Accepted
-from crane_identification.discrepancy.gap import Gap
+from crane_identification.discrepancy.decision import Judged
+from crane_identification.discrepancy.gap import CLEAN, Gap
 from crane_identification.discrepancy.hydraulics import Flow
-from crane_identification.discrepancy.learner import Learnt
+from crane_identification.discrepancy.proof import WORSE, Proof
 from crane_identification.discrepancy.pulsation import Pulsation
-from crane_identification.discrepancy.search import Search
 from crane_identification.discrepancy.thresholds import Thresholds
+from crane_identification.discrepancy.trial import SIGMAS, Trial
 
 SPOKEN = 4  # members of a class that the reason lists
-WORSE = 1.05  # times the error before, on held-out recordings, that is more than chance
+NOT_HELD = "something is left that no effect of the catalogue explains"
 
 
 class Verdict(StrEnum):
     """What a diagnosis answers."""
 
     NAMED = "named"
+    AND_MORE = "named_and_more"
     CLASS = "class"
     NONE = "none"
     UNKNOWN = "unknown"
     INSUFFICIENT = "insufficient_data"
 
 
-def judge(
-    found: Search,
-    accepted: Sequence[Accepted],
-    energies: tuple[np.ndarray, np.ndarray],
-    learnt: tuple[Learnt, Learnt],
-    left_share: float,
-    least: float,
-    undetermined: Sequence[str],
-    thresholds: Thresholds,
-) -> tuple[Verdict, str]:
-    """The verdict and its reason.
+class Answer(NamedTuple):
+    """A verdict and its reason; `objection`: why effects that passed all tests are no names."""
 
-    `energies` (c,) of the residual and what is `learnt` from it, before and after the `accepted`
-    effects are added; `left_share` of the energy beyond noise that these leave where they act;
-    `least` strength that would show; `undetermined` parameters of the model.
+    verdict: Verdict
+    reason: str
+    objection: str = ""
+
+
+class Reach(NamedTuple):
+    """What recordings can show: the share of effects that is `testable`, the `least` strength that
+    would show, and the parameters of the model that are `undetermined`.
     """
-    if accepted:
-        return _of_effects(accepted, energies, learnt[1], left_share, thresholds)
-    law = follows_law(learnt[0], thresholds)
-    if law.any():
-        return (
+
+    testable: float
+    least: float
+    undetermined: Sequence[str]
+
+
+def judge(before: Trial, proof: Proof, reach: Reach, thresholds: Thresholds) -> Answer:
+    """The answer of the force: the trial `before`, and that with effects."""
+    gap = proof.gap
+    if proof.trial.effects:
+        return _of_effects(before, proof, thresholds)
+    if proof.short:
+        return Answer(Verdict.UNKNOWN, NOT_HELD, proof.short[0].objection)
+    if proof.trial.zero:
+        return Answer(
             Verdict.UNKNOWN,
-            f"what is left on {_listed(found, law)} follows a law, but none of the catalogue",
+            NOT_HELD,
+            f"its parameters are zero within {SIGMAS:.0f} standard deviations",
         )
-    if undetermined:
-        return (
+    law = before.learnt.follows_law(thresholds)
+    if law.any():
+        return Answer(
+            Verdict.UNKNOWN,
+            f"what is left on {_listed(gap, law)} follows a law, but none of the catalogue",
+        )
+    above = _above_floor(gap, gap.before, thresholds)
+    if above.any():
+        return Answer(Verdict.UNKNOWN, _beyond_noise(gap, gap.before, above, thresholds))
+    if reach.undetermined:
+        return Answer(
             Verdict.INSUFFICIENT,
-            f"they do not even determine {', '.join(undetermined)} of the model; excite the "
+            f"they do not even determine {', '.join(reach.undetermined)} of the model; excite the "
             "joints more: both directions, several speeds, the whole range",
         )
-    tested = {option.family for option in found.projection.options}
-    share = len(tested) / max(len(tested) + len(found.untestable), 1)
-    if share < thresholds.testable_share:
-        return (
+    if reach.testable < thresholds.testable_share:
+        return Answer(
             Verdict.INSUFFICIENT,
-            f"only {share:.0%} of the effects would show in these recordings; excite the joints "
-            "more: both directions, several speeds, the whole range",
+            f"only {reach.testable:.0%} of the effects would show in these recordings; excite the "
+            "joints more: both directions, several speeds, the whole range",
         )
-    if least > thresholds.detectable_strength:
-        return (
+    if reach.least > thresholds.detectable_strength:
+        return Answer(
             Verdict.INSUFFICIENT,
-            f"of ten effects, one would not show at {least:.1%} of the drive force; record more",
+            f"of ten effects, one would not show at {reach.least:.1%} of the drive force; record "
+            "more",
         )
-    return (
-        Verdict.NONE,
-        f"nine in ten effects above {least:.2%} of the drive force would have shown",
+    said = f"nine in ten effects above {reach.least:.2%} of the drive force would have shown"
+    return Answer(Verdict.NONE, f"{said}; {_of_noise(gap)}")
+
+
+def _of_noise(gap: Gap) -> str:
+    """How the held-out error of the model compares with noise, in words."""
+    known = np.isfinite(gap.floor)
+    if not known.any():
+        j = int(np.nanargmax(gap.before))
+        return (
+            "no held-out recording repeats its motion, so that only a learner tells from noise "
+            f"what the model leaves of their force, up to {gap.before[j]:.2%} ({gap.joints[j]})"
+        )
+    largest = float(np.nanmax(gap.over_floor(gap.before)))
+    return f"the held-out force errs by {largest:.1f} times the scatter between periods at most" + (
+        "" if known.all() else f"; not known of {_listed(gap, ~known)}"
     )
 
 
-def with_flow(verdict: Verdict, reason: str, flows: Sequence[Flow]) -> tuple[Verdict, str]:
-    """The verdict where the flow of oil, which the torque cannot show, tells something more."""
-    strange = [flow for flow in flows if flow.unknown]
-    if verdict is Verdict.NONE and strange:
-        return Verdict.UNKNOWN, "; ".join(
-            f"{flow.unexplained:.1%} of the flow of {flow.joint} follow a law, but none of the "
-            "catalogue"
-            for flow in strange
+def _above_floor(gap: Gap, errors: np.ndarray, thresholds: Thresholds) -> np.ndarray:
+    """(j,): where held-out errors are more than the noise of recordings that repeat a motion."""
+    return np.nan_to_num(gap.over_floor(errors)) > thresholds.floor_factor
+
+
+def _beyond_noise(gap: Gap, errors: np.ndarray, above: np.ndarray, thresholds: Thresholds) -> str:
+    """What is more than noise, in words."""
+    said = []
+    for j in np.flatnonzero(above):
+        text = (
+            f"on held-out recordings the force of {gap.joints[j]} errs by {errors[j]:.2%}, "
+            f"{errors[j] / gap.floor[j]:.0f} times the scatter between periods"
         )
-    if not any(flow.missing for flow in flows):
-        return verdict, reason
-    said = "; ".join(
+        if gap.training[j] < errors[j] / thresholds.floor_factor:
+            text += f", though only by {gap.training[j]:.2%} on those the model was fitted to"
+        said.append(text)
+    return "; ".join(said)
+
+
+def with_flow(answer: Answer, flows: Sequence[Flow]) -> Answer:
+    """The answer where the flow of oil, which the torque cannot show, tells something more."""
+    strange = [
+        f"{flow.unexplained:.1%} of the flow of {flow.joint} follow a law, but none of the "
+        "catalogue"
+        for flow in flows
+        if flow.unknown
+    ]
+    missing = [
         f"{one.effect.name} of {flow.joint} is beyond what is usual"
         for flow in flows
         for one in flow.missing
+    ]
+    return _named_beside(_unknown_beside(answer, strange), missing)
+
+
+def with_pulsation(answer: Answer, pulsations: Sequence[Pulsation]) -> Answer:
+    """The answer where a line is in the force that no motion makes."""
+    return _unknown_beside(
+        answer,
+        [
+            f"the force of {one.joint} pulsates at {one.frequency:.2f} Hz in all recordings "
+            f"({one.strength:.1%} of it), which no effect of the catalogue does"
+            for one in pulsations
+        ],
     )
-    settled = verdict in (Verdict.NONE, Verdict.INSUFFICIENT)
-    return (Verdict.NAMED, said) if settled else (verdict, f"{reason}; {said}")
 
 
-def with_pulsation(
-    verdict: Verdict, reason: str, pulsations: Sequence[Pulsation]
-) -> tuple[Verdict, str]:
-    """The verdict where a line is in the force that no motion makes."""
-    if not pulsations:
-        return verdict, reason
-    said = "; ".join(
-        f"the force of {one.joint} pulsates at {one.frequency:.2f} Hz in all recordings "
-        f"({one.strength:.1%} of it), which no effect of the catalogue does"
-        for one in pulsations
-    )
-    if verdict is Verdict.NONE:
-        return Verdict.UNKNOWN, said
-    return verdict, f"{reason}; {said}"
+def _unknown_beside(answer: Answer, said: Sequence[str]) -> Answer:
+    """The answer, and something that the catalogue does not hold."""
+    if not said:
+        return answer
+    text = "; ".join(said)
+    if answer.verdict is Verdict.NONE:
+        return Answer(Verdict.UNKNOWN, text)
+    more = answer.verdict in (Verdict.NAMED, Verdict.CLASS)
+    verdict = Verdict.AND_MORE if more else answer.verdict
+    return answer._replace(verdict=verdict, reason=f"{answer.reason}; {text}")
 
 
-def proved(reason: str, gap: Gap) -> str:
-    """The reason, and where what was added does not carry over to the held-out recordings."""
+def _named_beside(answer: Answer, said: Sequence[str]) -> Answer:
+    """The answer, and effects that are named for another reason."""
+    if not said:
+        return answer
+    text = "; ".join(said)
+    if answer.verdict in (Verdict.NONE, Verdict.INSUFFICIENT):
+        return Answer(Verdict.NAMED, text)
+    unknown = answer.verdict is Verdict.UNKNOWN
+    verdict = Verdict.AND_MORE if unknown else answer.verdict
+    return answer._replace(verdict=verdict, reason=f"{answer.reason}; {text}")
+
+
+def with_worse(answer: Answer, gap: Gap) -> Answer:
+    """The answer, and where what was added makes the prediction of held-out recordings worse.
+
+    That is more than the error before, and than noise where that is known.
+    """
     worse = [
-        joint
-        for joint, before, after in zip(gap.joints, gap.before, gap.after, strict=True)
-        if after > WORSE * before
+        f"{joint} ({gap.before[j]:.2%} to {gap.after[j]:.2%})"
+        for j, joint in enumerate(gap.joints)
+        if gap.after[j] > WORSE * np.fmax(gap.before[j], CLEAN * gap.floor[j])
     ]
     if not worse:
-        return reason
-    return (
-        f"{reason}; it does not carry over to the held-out recordings, whose force on "
-        f"{', '.join(worse)} is predicted worse: they differ in something else"
+        return answer
+    return answer._replace(
+        reason=f"{answer.reason}; it does not carry over to the held-out recordings, whose force "
+        f"on {', '.join(worse)} is predicted worse: they differ in something else"
     )
 
 
-def follows_law(learnt: Learnt, thresholds: Thresholds) -> np.ndarray:
-    """(j,): whether a law is in the residual, beyond chance and beyond errors of the processing."""
-    limit = thresholds.false_alarm_rate / 2.0 / len(learnt.share)
-    return (learnt.p_value < limit) & (learnt.strength > thresholds.smallest_strength)
-
-
-def normalized_energy(found: Search, left: np.ndarray) -> np.ndarray:
-    """Energy (c,) of a residual (n, c) in units of the noise."""
-    variance = [1.0 if noise is None else noise.variance for noise in found.whitener.noise]
-    return (np.where(found.evidence.used, left, 0.0) ** 2).sum(axis=0) / np.array(variance)
-
-
-def _of_effects(
-    accepted: Sequence[Accepted],
-    energies: tuple[np.ndarray, np.ndarray],
-    left: Learnt,
-    left_share: float,
-    thresholds: Thresholds,
-) -> tuple[Verdict, str]:
-    before, after = energies
-    learnable = np.where(follows_law(left, thresholds), left.share, 0.0)
-    remaining = float((after[: len(learnable)] * learnable).sum())
-    named = max(float((before - after).sum()), 0.0)
-    share = named / max(named + remaining, np.finfo(float).tiny)
-    if share < thresholds.explained_share:
-        return (
-            Verdict.UNKNOWN,
-            f"the best of the catalogue explain {share:.0%} of what can be explained; "
-            f"{thresholds.explained_share:.0%} are asked for",
-        )
-    if left_share > thresholds.left_share:
-        return (
-            Verdict.UNKNOWN,
-            f"the best of the catalogue leave {left_share:.0%} of the energy beyond noise where "
-            f"they act; at most {thresholds.left_share:.0%} are allowed",
-        )
-    classes = [_alternatives(one) for one in accepted if one.members]
+def _of_effects(before: Trial, proof: Proof, thresholds: Thresholds) -> Answer:
+    """Effects that passed every test: are they all?"""
+    share = proof.trial.explained(before, thresholds)
+    said = [f"the effects explain {share:.0%} of what can be explained"]
+    classes = [_alternatives(one) for one in proof.trial.effects if one.members]
+    apart = [f"these recordings do not tell apart: {'; '.join(classes)}"] if classes else []
+    more = _more(proof, share, thresholds)
+    if more:
+        return Answer(Verdict.AND_MORE, "; ".join(said + apart + more))
     if classes:
-        return Verdict.CLASS, f"these recordings do not tell apart: {'; '.join(classes)}"
-    return Verdict.NAMED, f"the effects explain {share:.0%} of what can be explained"
+        return Answer(Verdict.CLASS, *apart)
+    return Answer(Verdict.NAMED, *said)
 
 
-def _alternatives(one: Accepted) -> str:
+def _more(proof: Proof, share: float, thresholds: Thresholds) -> list[str]:
+    """What is missing beside the effects, in words; empty if nothing is."""
+    trial, gap = proof.trial, proof.gap
+    said = []
+    if share < thresholds.explained_share:
+        law = trial.learnt.follows_law(thresholds)
+        said.append(f"something more is missing, a law that is left on {_listed(gap, law)}")
+    if trial.left_share > thresholds.left_share:
+        said.append(f"they leave {trial.left_share:.0%} of the energy beyond noise where they act")
+    above = _above_floor(gap, gap.after, thresholds)
+    if above.any():
+        said.append(_beyond_noise(gap, gap.after, above, thresholds))
+    said += [
+        f"{one.effect.option.family.label} would go with them, but {one.objection}"
+        for one in proof.short
+    ]
+    return said
+
+
+def _alternatives(one: Judged) -> str:
     """The class of an effect in words."""
     others = [member.label for member in one.members]
     more = f", and {len(others) - SPOKEN} more" if len(others) > SPOKEN else ""
     return ", ".join([one.option.family.label, *others[:SPOKEN]]) + more
 
 
-def _listed(found: Search, which: np.ndarray) -> str:
-    return ", ".join(joint for joint, one in zip(found.evidence.joints, which, strict=True) if one)
+def _listed(gap: Gap, which: np.ndarray) -> str:
+    return ", ".join(joint for joint, one in zip(gap.joints, which, strict=True) if one)

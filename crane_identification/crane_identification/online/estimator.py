@@ -151,7 +151,7 @@ class OnlineEstimator:
             pressure_a, pressure_b = pressure[np.newaxis, :joints], pressure[np.newaxis, joints:]
             try:
                 force = generalized_forces(
-                    self._machine, position[np.newaxis], pressure_a, pressure_b
+                    self._machine, position[np.newaxis], pressure_a, pressure_b, self.model.joints
                 )[0]
             except RangeError:
                 self.invalid += 1

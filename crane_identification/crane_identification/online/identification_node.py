@@ -20,11 +20,9 @@ from crane_identification.online.estimator import Forces, OnlineEstimator, Onlin
 from crane_identification.online.recent import Recent
 from crane_identification.online.topics import Feed, estimate_message, forces_message
 from crane_interfaces.msg import CylinderPressures, GeneralizedForces, ParameterEstimate
-from crane_model.configuration import load, packaged
+from crane_model.configuration import packaged
 from crane_model.errors import CraneError, DataError
-from crane_model.machine import PLANAR_JOINTS
 from crane_model.model_file import load_model, save_model
-from crane_model.sensors import SensorChain
 
 JOINT_STATES, PRESSURES = "/joint_states", "/cylinder_pressures"
 DEEP = QoSProfile(depth=1000, reliability=ReliabilityPolicy.RELIABLE)
@@ -77,14 +75,12 @@ TIMEOUT = Number(
 
 RESOLUTION = Numbers(
     "encoder_resolution",
-    tuple(
-        load(packaged("crane_model", "sensors.yaml"), SensorChain).encoder_resolution[joint]
-        for joint in PLANAR_JOINTS
-    ),
+    (),
     "rad or m",
     1e-9,
     0.1,
-    "One count of the encoder of each joint of the model, in its order. At configure",
+    "One count of the encoder of each joint of the model, in its order; empty: those of the "
+    "laboratory crane. At configure",
 )
 PARAMETERS: tuple[NodeParameter, ...] = (
     *(AUTOSTART, MODEL, MODEL_OUTPUT, FORGETTING, LAG, PERIOD, LARGEST_GAP, RESOLUTION, TIMEOUT),
@@ -125,7 +121,7 @@ class Identification(LifecycleNode):
                 period=PERIOD.read(self),
                 forgetting=FORGETTING.read(self),
                 largest_gap=LARGEST_GAP.read(self),
-                encoder_resolution=RESOLUTION.read(self),
+                encoder_resolution=RESOLUTION.read(self) or None,
             )
             self._condition = Condition(timeout=TIMEOUT.read(self))
             file = MODEL.read(self) or packaged("crane_model", "crane_model.yaml")

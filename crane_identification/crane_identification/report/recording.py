@@ -69,7 +69,7 @@ def _forces(model: Model, samples: Samples) -> np.ndarray:
     assert model.machine is not None and samples.pressure_a is not None  # the fit refused such logs
     assert samples.pressure_b is not None
     return generalized_forces(
-        model.machine, samples.position, samples.pressure_a, samples.pressure_b
+        model.machine, samples.position, samples.pressure_a, samples.pressure_b, model.joints
     )
 
 

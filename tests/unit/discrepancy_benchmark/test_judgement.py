@@ -1,7 +1,7 @@
 """Whether an answer is right."""
 
 import pytest
-from cases import Kind
+from case import Kind
 from judgement import Answer, Outcome, judge
 from leave_one_out import Left, became
 
@@ -58,6 +58,16 @@ def answer(verdict: str, *findings: tuple[tuple[str, str], ...]) -> Answer:
         (Kind.SINGLE, [STRIBECK], answer("crash"), Outcome.CRASH),
         (Kind.PAIR, [STRIBECK, LOAD], answer("named", (LOAD,), (STRIBECK,)), Outcome.RIGHT),
         (Kind.PAIR, [STRIBECK, LOAD], answer("named", (LOAD,)), Outcome.PARTLY),
+        (Kind.PAIR, [STRIBECK, LOAD], answer("named_and_more", (LOAD,)), Outcome.PARTLY),
+        (Kind.SINGLE, [STRIBECK], answer("named_and_more", (STRIBECK,)), Outcome.RIGHT),
+        (Kind.SINGLE, [STRIBECK], answer("named_and_more", (LOAD,)), Outcome.WRONG_NAME),
+        (
+            Kind.OUTSIDE,
+            [("detent", "telescope")],
+            answer("named_and_more", (STRIBECK,)),
+            Outcome.WRONG_NAME,
+        ),
+        (Kind.NOTHING, [], answer("named_and_more", (STRIBECK,)), Outcome.FALSE_ALARM),
         (Kind.INSUFFICIENT, [STRIBECK], answer("insufficient_data"), Outcome.RIGHT),
         (Kind.INSUFFICIENT, [STRIBECK], answer("none"), Outcome.MISSED),
         (Kind.INSUFFICIENT, [STRIBECK], answer("class", (LOAD, STRIBECK)), Outcome.RIGHT),
@@ -93,6 +103,8 @@ def test_findings_are_read_with_their_classes():
         (answer("unknown"), Left.UNKNOWN),
         (answer("none"), Left.SILENT),
         (answer("named", (("presliding", "telescope"),)), Left.DECLARED),
+        (answer("named_and_more", (("presliding", "telescope"),)), Left.DECLARED),
+        (answer("named_and_more", (("hose_mass", "all"),)), Left.WRONG),
         (answer("class", (LOAD, ("presliding", "telescope"))), Left.DECLARED_CLASS),
         (answer("named", (("presliding", "inner_boom"),)), Left.WRONG),
         (answer("named", (("presliding", "telescope"),), (("hose_mass", "all"),)), Left.WRONG),

@@ -7,7 +7,8 @@ import figures
 import numpy as np
 import pytest
 from calibration import agreement, together
-from cases import STRENGTHS, Case, CaseSet, cases
+from case import Case, Story
+from cases import STRENGTHS, CaseSet, cases
 from judgement import Outcome
 from printed import notes, tables
 from rates import median, rate
@@ -50,10 +51,16 @@ def made_up(case: Case) -> dict[str, Any]:
     return {
         "case": case.name,
         "kind": case.kind.value,
+        "world": case.world.value,
+        "story": case.story,
         "hidden": [e.model_dump() | {"visibility": 0.5} for e in case.effects],
         "outcomes": {
             "diagnose": Outcome.RIGHT.value if right else Outcome.MISSED.value,
             "always Stribeck": (Outcome.WRONG_NAME if case.effects else Outcome.FALSE_ALARM).value,
+        },
+        "answers": {
+            "diagnose": ["named_and_more" if found else "none", []],
+            "always Stribeck": ["named", []],
         },
         "headlines": {"diagnose": found[0].effect if found else "none"},
         "statistics": {"score": 100.0 if found else 0.5, "learner": 0.01 if found else 0.0},
@@ -71,6 +78,7 @@ def test_results_of_all_kinds_are_summed_up_printed_and_drawn(tmp_path):
     assert (ours["false_alarms"]["rate"], other["false_alarms"]["rate"]) == (0.0, 1.0)
     assert [ours["power"][f"{s:g}"]["rate"] for s in STRENGTHS] == [0.0, 0.0, 1.0, 1.0, 1.0]
     assert [found["learner"]["power"][f"{s:g}"]["rate"] for s in STRENGTHS] == [0, 0, 1, 1, 1]
+    assert (ours["hedged"]["rate"], other["hedged"]["rate"]) == (1.0, None)
     assert found["gap_closed"]["median"] == 0.9
     console = Console(width=144, record=True, file=StringIO())
     console.print(*tables({"summary": found}), *notes())
@@ -90,3 +98,13 @@ def test_scores_are_compared_with_what_the_bootstrap_promises(factor, above):
     assert np.polyfit(found["promised"][:380], found["found"][:380], 1)[0] == pytest.approx(
         factor, rel=0.05
     )
+
+
+def test_what_became_of_each_story_is_told():
+    rows = [made_up(case) for case in cases(CaseSet.STRANGERS, 12)]
+    found = summary(rows)
+    assert found["stories"][Story.LOAD] == {Outcome.RIGHT: 3}
+    assert sum(n for told in found["stories"].values() for n in told.values()) == 12
+    console = Console(width=144, record=True, file=StringIO())
+    console.print(*tables({"summary": found}))
+    assert "a load, on and off" in console.export_text()

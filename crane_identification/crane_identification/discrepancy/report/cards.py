@@ -106,7 +106,8 @@ def _card(diagnosis: Diagnosis, number: int, finding: Finding) -> Card:
         members=", ".join(f"{one.effect.name} ({spoken(one.where)})" for one in accepted.members),
         runner_up=""
         if runner is None
-        else f"{runner.effect.name} ({spoken(runner.where)}), {accepted.margin:.0f} behind",
+        else f"{runner.effect.name} ({spoken(runner.where)}), {accepted.margin:.0f} behind, where "
+        f"{accepted.needed:.0f} are asked for",
         settled_by=family.effect.settled_by,
         parameters=tuple(
             Line(

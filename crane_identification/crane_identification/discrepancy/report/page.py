@@ -4,7 +4,7 @@ from collections.abc import Sequence
 from pathlib import Path
 
 from crane_identification.discrepancy.diagnosis import Diagnosis
-from crane_identification.discrepancy.explain import ANSWERS
+from crane_identification.discrepancy.explain import ANSWERS, WHERE
 from crane_identification.discrepancy.report.cards import cards, gap_pictures, where_picture
 from crane_identification.report import template
 from crane_identification.report.content import Provenance
@@ -31,7 +31,16 @@ def render(diagnosis: Diagnosis, provenance: Provenance, suspicions: Sequence[st
         answer=ANSWERS[diagnosis.verdict.value],
         cards=found,
         gap=gap,
+        not_simulated=[
+            f"{which} the findings, {motion.reason}"
+            for which, motion in (
+                ("before", diagnosis.gap.motion_before),
+                ("after", diagnosis.gap.motion_after),
+            )
+            if motion.reason
+        ],
         where=where,
+        where_said=WHERE[diagnosis.verdict.value],
         regions=[
             (spoken(joint), one)
             for joint, one in zip(diagnosis.joints, diagnosis.regions, strict=True)

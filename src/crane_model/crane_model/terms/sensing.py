@@ -16,7 +16,7 @@ from crane_model.terms.chambers import (
 from crane_model.terms.effect import Effect
 from crane_model.terms.gravity_and_load import turned_weight
 from crane_model.terms.joint_term import JointTerm, OneJointTerm
-from crane_model.terms.planar import planar_machine
+from crane_model.terms.planar import planar_columns, planar_machine
 from crane_model.terms.term import Family, Parameter, Setting
 
 
@@ -127,7 +127,8 @@ class EncoderOffset(OneJointTerm):
     def fill(self, record: Record, setting: Setting, columns: np.ndarray) -> None:
         """The first on the joint itself, the second on all three."""
         super().fill(record, setting, columns)
-        columns[:, :, 1] = -turned_weight(planar_machine(self, setting), record)
+        weight = turned_weight(planar_machine(self, setting), record)
+        columns[:, planar_columns(record), 1] = -weight
 
     def joint_columns(self, record: Record, setting: Setting, j: int) -> np.ndarray:
         """F d2x/dq2, and a column that `fill` writes."""

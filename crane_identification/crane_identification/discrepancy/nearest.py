@@ -1,0 +1,74 @@
+"""The best of the catalogue where it is not good enough: what it explains, and why not."""
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+
+from crane_identification.discrepancy.decision import Judged
+from crane_identification.discrepancy.evidence import Evidence
+from crane_identification.discrepancy.extension import Training, extended
+from crane_identification.discrepancy.gap import relative, residual
+from crane_identification.discrepancy.refit import UndeterminedError
+from crane_identification.discrepancy.search import Search
+from crane_model.model_file import Model
+
+
+@dataclass(frozen=True)
+class Nearest:
+    """Effects that come closest to what is missing, strongest first, and why they are no names.
+
+    `explained`: share of the energy beyond noise where they act. Held-out errors (j,) `before` and
+    `after` they are added; these are NaN where the recordings do not determine them.
+    """
+
+    joints: tuple[str, ...]
+    effects: tuple[Judged, ...]
+    explained: float
+    before: np.ndarray
+    after: np.ndarray
+    objection: str
+
+    def __str__(self) -> str:
+        """One sentence."""
+        first = self.effects[0]
+        own = {one.option.family.joint for one in self.effects}
+        acting = [j for j, joint in enumerate(self.joints) if own & {joint, None}]
+        worst = max(acting, key=lambda j: self.before[j])
+        moved = (
+            f" and takes the held-out error of {self.joints[worst]} from {self.before[worst]:.2%} "
+            f"to {self.after[worst]:.2%}"
+            if np.isfinite(self.after[worst])
+            else ""
+        )
+        return (
+            f"nearest is {' with '.join(one.option.family.label for one in self.effects)} (score "
+            f"{first.score:.0f}, threshold {first.threshold:.0f}), which explains "
+            f"{self.explained:.0%} of what is left where it acts{moved}; but {self.objection}"
+        )
+
+
+def nearest(
+    found: Search,
+    before: Model,
+    effects: Sequence[Judged],
+    objection: str,
+    training: Training,
+    held_out: Evidence,
+) -> Nearest:
+    """What `effects` would do to the model `before`."""
+    old = relative(held_out, residual(held_out, before))
+    try:
+        after, _ = extended(found, before, effects, training)
+        new = relative(held_out, residual(held_out, after))
+    except UndeterminedError:
+        new = np.full_like(old, np.nan)
+    left = found.left_share([one.option for one in effects])
+    return Nearest(
+        joints=before.joints,
+        effects=tuple(effects),
+        explained=float(np.clip(1.0 - left, 0.0, 1.0)),
+        before=old,
+        after=new,
+        objection=objection,
+    )

@@ -1,0 +1,91 @@
+"""A model with effects added: what it is after the fit, and what it leaves."""
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+
+from crane_identification.discrepancy.cross_validation import folds
+from crane_identification.discrepancy.decision import Judged
+from crane_identification.discrepancy.extension import Training, Value, extended
+from crane_identification.discrepancy.gap import residual
+from crane_identification.discrepancy.learner import Features, Learnt, learn
+from crane_identification.discrepancy.search import Search
+from crane_identification.discrepancy.thresholds import Thresholds
+from crane_model.model_file import Model
+
+SIGMAS = 2.0
+"""Standard deviations that one parameter of an effect is away from zero at least, or it may as well
+not be there."""
+
+
+@dataclass(frozen=True)
+class Trial:
+    """`model` is that with the `effects`, fitted; `values` are the parameters of each.
+
+    `zero` are further effects whose parameters may as well be zero.
+
+    On the training recordings: its `residual` (n, c), what is `learnt` from it, `energy` (c,) of it
+    in units of the noise, and `left_share` of the energy beyond noise where the effects act.
+    """
+
+    effects: tuple[Judged, ...]
+    zero: tuple[Judged, ...]
+    values: tuple[tuple[Value, ...], ...]
+    model: Model
+    residual: np.ndarray
+    learnt: Learnt
+    energy: np.ndarray
+    left_share: float
+
+    def explained(self, before: "Trial", thresholds: Thresholds) -> float:
+        """Share of what can be explained of what is left `before` that the effects do."""
+        learnable = np.where(self.learnt.follows_law(thresholds), self.learnt.share, 0.0)
+        remaining = float((self.energy[: len(learnable)] * learnable).sum())
+        own = max(float((before.energy - self.energy).sum()), 0.0)
+        return own / max(own + remaining, np.finfo(float).tiny)
+
+
+def tried(
+    found: Search,
+    before: Model,
+    effects: Sequence[Judged],
+    training: Training,
+    known: Features,
+) -> Trial:
+    """The model with effects; those whose parameters may as well be zero are left out.
+
+    `UndeterminedError` where the recordings do not determine all parameters.
+    """
+    chosen = tuple(effects)
+    while True:
+        model, values = extended(found, before, chosen, training)
+        sure = tuple(one for one, own in zip(chosen, values, strict=True) if _differs(one, own))
+        if sure == chosen:
+            break
+        chosen = sure
+    evidence = found.evidence
+    left = residual(evidence, model)
+    seen = evidence.moving
+    return Trial(
+        effects=chosen,
+        zero=tuple(one for one in effects if one not in chosen),
+        values=tuple(values),
+        model=model,
+        residual=left,
+        learnt=learn(seen, known, left[:, : len(evidence.joints)], folds(seen)[0]),
+        energy=normalized_energy(found, left),
+        left_share=found.left_share([one.option for one in chosen]),
+    )
+
+
+def _differs(one: Judged, values: Sequence[Value]) -> bool:
+    """Whether a parameter of an effect is not zero; shapes of nothing say nothing."""
+    linear = values[: len(one.option.positive)]
+    return any(abs(value.value) > SIGMAS * value.std_dev for value in linear)
+
+
+def normalized_energy(found: Search, left: np.ndarray) -> np.ndarray:
+    """Energy (c,) of a residual (n, c) in units of the noise."""
+    variance = [1.0 if noise is None else noise.variance for noise in found.whitener.noise]
+    return (np.where(found.evidence.used, left, 0.0) ** 2).sum(axis=0) / np.array(variance)

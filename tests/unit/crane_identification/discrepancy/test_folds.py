@@ -1,0 +1,73 @@
+"""Gains of held-out folds, on columns made up for the purpose with known answers."""
+
+import numpy as np
+import pytest
+
+from crane_identification.discrepancy.cross_validation import gain
+from crane_identification.discrepancy.decision import helps
+from crane_identification.discrepancy.thresholds import load_thresholds
+
+FOLDS, ROWS = 6, 200
+FOLD = np.repeat(np.arange(FOLDS), ROWS)
+
+
+def normal(seed: int, columns: int) -> np.ndarray:
+    return np.random.default_rng(seed).standard_normal((FOLDS * ROWS, columns))
+
+
+def gains(before: np.ndarray, added: np.ndarray, force: np.ndarray) -> np.ndarray:
+    return np.array([gain(before, added, force, number == FOLD) for number in range(FOLDS)])
+
+
+def test_gains_are_those_of_least_squares_on_the_other_folds() -> None:
+    before, added, noise = normal(1, 3), normal(2, 2), normal(3, 1)[:, 0]
+    force = before @ [1.0, -2.0, 0.5] + added @ [0.5, 0.2] + noise
+    out = FOLD == 2
+    costs = []
+    for columns in (before, np.hstack([before, added])):
+        values = np.linalg.lstsq(columns[~out], force[~out])[0]
+        costs.append(((force[out] - columns[out] @ values) ** 2).sum())
+    assert gain(before, added, force, out) == pytest.approx(costs[0] - costs[1])
+
+
+@pytest.mark.parametrize("leak", [0.0, 1e-9, 1e-6, 1e-3])
+def test_a_nuisance_of_one_recording_decides_nothing(leak: float) -> None:
+    """Its coefficient is not known to the others, whatever trace of it filters leave in them."""
+    before, added, noise = normal(4, 4), normal(5, 1), normal(6, 1)[:, 0]
+    nuisance = np.where(FOLD == 3, 1.0, leak)[:, np.newaxis] * normal(7, 1)
+    force = before[:, 0] + 0.5 * added[:, 0] + 50.0 * nuisance[:, 0] * (FOLD == 3) + noise
+    found = gains(np.hstack([before, nuisance]), added, force)
+    np.testing.assert_allclose(found, 0.25 * ROWS, rtol=0.6)
+
+
+def test_a_fold_that_alone_holds_the_effect_is_not_asked() -> None:
+    before, noise = normal(8, 3), normal(9, 1)[:, 0]
+    added = np.where(FOLD == 1, 1.0, 1e-7)[:, np.newaxis] * normal(10, 1)
+    found = gains(before, added, added[:, 0] + noise)
+    assert np.isnan(found[1])
+    assert (np.abs(found[[0, 2, 3, 4, 5]]) < 1.0).all()
+
+
+def test_columns_within_those_before_are_not_asked_for() -> None:
+    before, noise = normal(11, 3), normal(12, 1)[:, 0]
+    assert np.isnan(gains(before, before[:, :1] + before[:, 1:2], noise)).all()
+
+
+def test_what_is_not_there_helps_in_some_folds_at_most() -> None:
+    before, added, noise = normal(13, 3), normal(14, 1), normal(15, 1)[:, 0]
+    assert not helps(gains(before, added, noise), load_thresholds())
+
+
+@pytest.mark.parametrize(
+    ("found", "expected"),
+    [
+        ([10.0, 12.0, 9.0, 11.0, 8.0, -1.5e10], True),  # one that differs in something else
+        ([10.0, 12.0, 9.0, 11.0, -1.0, -1.0], False),
+        ([1e10, -1.0, -1.0, -1.0, -1.0, -1.0], False),  # nor does one that gains a lot
+        ([10.0, 12.0, -1.0], False),  # too few for one to differ
+        ([10.0, 12.0, 9.0, np.nan, np.nan, np.nan], False),  # most are not asked
+        ([10.0, 12.0, 9.0, 7.0, np.nan, np.nan], True),
+    ],
+)
+def test_folds_are_counted(found: list[float], expected: bool) -> None:
+    assert helps(np.array(found), load_thresholds()) is expected
