@@ -110,7 +110,7 @@ def grid(machine: Machine, log: Log, joints: tuple[str, ...]) -> Grid:
             acceleration=np.gradient(velocity, step, axis=0),
             pressure_a=smooth(samples.pressure_a),
             pressure_b=smooth(samples.pressure_b),
-            command=smooth(samples.command),
+            command=smooth(_closed_before(samples.command)),
             supply_pressure=constant(samples.supply_pressure, hydraulics.supply_pressure),
             tank_pressure=constant(samples.tank_pressure, hydraulics.tank_pressure),
         ),
@@ -122,3 +122,8 @@ def grid(machine: Machine, log: Log, joints: tuple[str, ...]) -> Grid:
     if lazy:
         raise DataError(f"{LEAST_MOTION:g} s of motion needed, got of {', '.join(lazy)}")
     return whole
+
+
+def _closed_before(command: np.ndarray | None) -> np.ndarray | None:
+    """(n, j) with valves closed where no command was logged yet, if any was."""
+    return None if command is None or np.isnan(command).all() else np.nan_to_num(command)

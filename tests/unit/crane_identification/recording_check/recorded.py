@@ -20,9 +20,11 @@ from crane_trajectory.motion import plan
 from crane_trajectory.periodic import load_trajectory
 
 
-def packaged_motion(machine: Machine, start: np.ndarray) -> Course:
+def packaged_motion(
+    machine: Machine, start: np.ndarray, name: str = "excitation_20s.yaml"
+) -> Course:
     """One period of 20 s, its approach and its end."""
-    trajectory = load_trajectory(packaged("crane_trajectory", "excitation_20s.yaml"))
+    trajectory = load_trajectory(packaged("crane_trajectory", name))
     return plan(machine, trajectory, start, 1, load_clearance())
 
 

@@ -167,6 +167,15 @@ def test_what_was_spoilt_is_named(
     assert any(cause in text for text in vetted(machine, [bad], trusted=True))
 
 
+def commanded_from(log: Log, begin: float) -> Log:
+    """The first command comes later than the first position, as live."""
+    command = log.command
+    assert command is not None
+    later = command.time >= command.time[0] + begin
+    signal = Signal(command.time[later], command.value[later], command.origin)
+    return replace(log, command=signal)
+
+
 MILD = {
     "absolute chambers": (
         lambda x: each(x, PRESSURES, lambda p: p + 101_325.0),
@@ -181,6 +190,11 @@ MILD = {
     "commands exchanged": (
         lambda x: each(x, ("command",), exchanged(INNER, OUTER)),
         "valve command of the outer boom",
+        "exchanged names",
+    ),
+    "commands exchanged and late": (
+        lambda x: commanded_from(each(x, ("command",), exchanged(INNER, OUTER)), 2.0),
+        "valve command of the inner boom",
         "exchanged names",
     ),
     "command sign": (
