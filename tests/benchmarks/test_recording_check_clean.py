@@ -1,9 +1,12 @@
-"""Forty machines as they should be, half of them with a hidden effect: none is suspected."""
+"""Forty machines as they should be, half of them with a hidden effect: none is suspected.
+
+A third has valves made for differential cylinders, a quarter runs random motions of the field.
+"""
 
 import multiprocessing
 
 import numpy as np
-from motions import Excitation, motions
+from motions import Maker
 from unit.crane_identification.recording_check.recorded import recorded
 
 from crane_identification.recording_check.check import check
@@ -14,7 +17,7 @@ from crane_sim.hidden.form import Form, Planted
 from crane_sim.hidden.forms import FORMS
 from crane_sim.hidden.spec import HiddenEffect, Spec
 from crane_sim.parameters import load_stand_in
-from crane_sim.variation import vary
+from crane_sim.variation import vary, vary_valves
 from crane_trajectory.check import load_clearance
 from crane_trajectory.controller import load_gains
 
@@ -28,8 +31,10 @@ def suspected(seed: int) -> tuple[str, list[str], bool]:
     rng = np.random.default_rng([20261122, seed])
     machine = load_machine()
     stand_in = vary(load_stand_in(), seed)
-    start, clearance = stand_in.start, load_clearance()
-    train, validate = motions(rng, machine, start, clearance, Excitation.RICH, 1)
+    if seed % 3 == 0:
+        stand_in = vary_valves(stand_in, machine, seed)
+    maker = Maker(rng, machine, stand_in.start, load_clearance())
+    train, validate = maker.of_the_field(1) if seed % 4 == 0 else maker.designed(1)
     planted: tuple[Planted, ...] = ()
     if seed % 2:
         planted = _hidden(

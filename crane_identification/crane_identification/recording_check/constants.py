@@ -71,7 +71,7 @@ ROWS = 1500  # that a delay is sought on
 KNOWN = 0.15  # relative standard deviation, from which on a mass is known
 # An effect that the model lacks biases masses that a recording hardly shows.
 NEEDED = 1.3  # times less of the force unexplained by implausible masses, or they are not asked
-ALIKE = 0.2  # relative, by which masses that one factor made wrong differ from each other
+ALIKE = 0.12  # relative, by which masses that one factor made wrong differ; with a load, by 0.2
 CORRELATED = 25.0  # rows that tell as much as one: half a second of a smooth signal
 
 # flow

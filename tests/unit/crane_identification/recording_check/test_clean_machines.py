@@ -7,6 +7,7 @@ import numpy as np
 import pytest
 from unit.crane_identification.recording_check.recorded import packaged_motion, recorded
 
+from crane_identification.data.log import Log
 from crane_identification.recording_check.check import check
 from crane_model.configuration import packaged
 from crane_model.machine import load_machine
@@ -36,6 +37,15 @@ def test_clean_machines_are_not_suspected(stand_in: StandIn, trajectory: str) ->
     assert not found.suspicions and not found.unchecked
 
 
+def with_effect(effect: str, joint: str | None, magnitude: dict[str, float]) -> Log:
+    """A recording of a machine that hides it."""
+    machine, stand_in = load_machine(), load_stand_in()
+    course = packaged_motion(machine, stand_in.start)
+    hidden = HiddenEffect(effect=effect, joint=joint, parameters=magnitude)
+    planted = calibrate(Spec(effects=(hidden,)), machine, stand_in, course, load_gains())
+    return recorded(stand_in, course, 4, planted)
+
+
 @pytest.mark.parametrize(
     ("effect", "joint", "magnitude"),
     [("load_friction", "outer_boom", {"mu": 0.04}), ("base_tilt", None, {"angle": 0.04})],
@@ -43,8 +53,9 @@ def test_clean_machines_are_not_suspected(stand_in: StandIn, trajectory: str) ->
 def test_an_effect_that_the_model_lacks_is_no_wrong_wiring(
     effect: str, joint: str | None, magnitude: dict[str, float]
 ) -> None:
-    machine, stand_in, gains = load_machine(), load_stand_in(), load_gains()
-    course = packaged_motion(machine, stand_in.start)
-    hidden = HiddenEffect(effect=effect, joint=joint, parameters=magnitude)
-    planted = calibrate(Spec(effects=(hidden,)), machine, stand_in, course, gains)
-    assert not check(machine, recorded(stand_in, course, 4, planted)).suspicions
+    assert not check(load_machine(), with_effect(effect, joint, magnitude)).suspicions
+
+
+def test_a_heavy_load_is_a_load_and_no_wrong_unit() -> None:
+    (found,) = check(load_machine(), with_effect("payload", None, {"mass": 130.0})).suspicions
+    assert not found.decisive and found.cause.startswith("a load")
