@@ -158,13 +158,17 @@ def spoilt() -> list:
 def test_what_was_spoilt_is_named(
     machine: Machine, good: Log, spoil: Callable[[Log], Log], where: str, cause: str
 ) -> None:
-    bad = spoil(good)
-    found = check(machine, bad)
+    found = check(machine, spoil(good))
     named = [one for one in found.decisive if where in one.where and cause in str(one)]
     assert named, [str(one) for one in found.suspicions]
-    with pytest.raises(DataError, match="--trust-recordings"):
-        vetted(machine, [bad], trusted=False)
-    assert any(cause in text for text in vetted(machine, [bad], trusted=True))
+
+
+def test_what_makes_results_wrong_is_refused_unless_trusted(machine: Machine, good: Log) -> None:
+    bad = replace(each(good, PRESSURES, lambda p: 1e-3 * p), source="bad")
+    with pytest.raises(DataError, match="bad: .*look like kPa[^$]*--trust-recordings"):
+        vetted(machine, [good, bad], trusted=False)
+    trusted = vetted(machine, [good, bad], trusted=True)
+    assert len(trusted) == 3 and all("look like kPa" in text for text in trusted)
 
 
 def commanded_from(log: Log, begin: float) -> Log:
