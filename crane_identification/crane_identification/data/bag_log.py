@@ -16,6 +16,7 @@ from crane_driver.bags.types import (
 )
 from crane_identification.data.log import Log, Signal
 from crane_identification.progress import Progress, silent
+from crane_model.errors import DataError
 
 SLEW = "slew"
 NANOSECONDS = 1e9
@@ -24,13 +25,20 @@ NANOSECONDS = 1e9
 def read_bag(path: Path | str, joints: Sequence[str], progress: Progress = silent) -> Log:
     """The signals of `joints` in a bag of either storage, recorded by anyone.
 
-    /joint_states and /cylinder_pressures are required; topics that a bag may lack are named in
-    `missing`. `DataError` names bag, topic and remedy (see `crane_driver.bags.reader`).
+    Positions are required, and chamber pressures or, in their place, the effort of /joint_states,
+    which is the generalized force; topics that are not there are named in `missing`. `DataError`
+    names bag, topic and remedy (see `crane_driver.bags.reader`).
     """
-    may_lack = (VALVE_COMMAND, JOINT_REFERENCE)
-    topics = read_topics(path, (JOINT_STATES, CYLINDER_PRESSURES), may_lack, progress)
+    may_lack = (CYLINDER_PRESSURES, VALVE_COMMAND, JOINT_REFERENCE)
+    topics = read_topics(path, (JOINT_STATES,), may_lack, progress)
     states = topics[JOINT_STATES.name].select(joints)
-    pressures = topics[CYLINDER_PRESSURES.name].select(joints)
+    pressures = topics.get(CYLINDER_PRESSURES.name)
+    pressures = pressures and pressures.select(joints)
+    if pressures is None and np.isnan(states.fields["effort"]).all():
+        raise DataError(
+            f"{path}: no topic {CYLINDER_PRESSURES.name}, and {JOINT_STATES.name} holds no effort "
+            f"(generalized force) of {', '.join(joints)} in its place; record one of them"
+        )
     command = _selected(topics, VALVE_COMMAND, joints)
     reference = _selected(topics, JOINT_REFERENCE, joints)
     slew = None if SLEW in joints else _selected(topics, JOINT_STATES, [SLEW])
@@ -46,6 +54,7 @@ def read_bag(path: Path | str, joints: Sequence[str], progress: Progress = silen
             return None
         return signal(data, field)
 
+    effort = () if pressures else (f"the effort of {JOINT_STATES.name} is taken as the force",)
     used = [data for data in (states, pressures, command, reference) if data]
     return Log(
         source=str(path),
@@ -53,8 +62,9 @@ def read_bag(path: Path | str, joints: Sequence[str], progress: Progress = silen
         start=start,
         position=signal(states, "position"),
         velocity=signal_if_any(states, "velocity"),
-        pressure_a=signal(pressures, "chamber_a"),
-        pressure_b=signal(pressures, "chamber_b"),
+        force=None if pressures else signal(states, "effort"),
+        pressure_a=signal(pressures, "chamber_a") if pressures else None,
+        pressure_b=signal(pressures, "chamber_b") if pressures else None,
         supply_pressure=signal_if_any(pressures, "supply"),
         tank_pressure=signal_if_any(pressures, "tank"),
         slew_position=_first_column(signal_if_any(slew, "position")),
@@ -64,10 +74,14 @@ def read_bag(path: Path | str, joints: Sequence[str], progress: Progress = silen
         reference_acceleration=signal_if_any(reference, "acceleration"),
         missing=tuple(
             topic.name
-            for topic, data in ((VALVE_COMMAND, command), (JOINT_REFERENCE, reference))
+            for topic, data in (
+                (CYLINDER_PRESSURES, pressures),
+                (VALVE_COMMAND, command),
+                (JOINT_REFERENCE, reference),
+            )
             if data is None
         ),
-        notes=tuple(note for data in used for note in data.notes),
+        notes=(*(note for data in used for note in data.notes), *effort),
     )
 
 

@@ -30,9 +30,9 @@ from crane_identification.discrepancy.verdict import (
     judge,
     with_flow,
     with_pulsation,
-    with_worse,
 )
 from crane_identification.options import Options
+from crane_identification.periodicity import periodic_part
 from crane_identification.preparation import Preparation, prepare
 from crane_identification.progress import Progress, silent
 from crane_model.errors import ConfigurationError, DataError
@@ -47,7 +47,8 @@ class Diagnosis:
     Per joint (j,): `energy` share of the unexplained energy, `regions` that carry it, `learnt` from
     the residual before and after; `correlation_left` of neighbouring rows of what remains, 0 for
     noise. `undetermined` parameters of the given model were left out of it; the answer is sought
-    `without` these effects; `uncalibrated` quantities are in counts.
+    `without` these effects; `uncalibrated` quantities are in counts; `warnings` are about the
+    recordings.
     """
 
     verdict: Verdict
@@ -72,6 +73,7 @@ class Diagnosis:
     undetermined: tuple[str, ...]
     without: frozenset[str]
     uncalibrated: tuple[str, ...]
+    warnings: tuple[str, ...]
     flows: tuple[Flow, ...]
     flow_unobservable: dict[tuple[str, str], str]
     pulsations: tuple[Pulsation, ...]
@@ -116,7 +118,7 @@ def diagnose(
     first = tried(found, before, (), given, known)
     progress("what is left", 0.5)
     wanted = suited(found, before, decision.accepted)
-    periods = _averaged(model, validation, options)
+    periods, not_periodic = _averaged(model, validation, options)
     proof = proved(found, before, wanted, given, known, held_out, periods, thresholds)
     progress("what is left", 1.0)
     last, gap = proof.trial, proof.gap
@@ -127,7 +129,6 @@ def diagnose(
         objection = answer.objection or decision.objection
         effects = [one.effect for one in proof.short] or last.zero or decision.nearest
         near = nearest(found, before, effects, objection, given, held_out) if effects else None
-    answer = with_worse(answer, gap)
     progress("gap", 1.0)
     wrong = {
         one.option.family.where
@@ -167,6 +168,7 @@ def diagnose(
         undetermined=undetermined,
         without=frozenset(without),
         uncalibrated=uncalibrated,
+        warnings=(*(one for log in logs for one in log.warnings), *not_periodic),
         flows=tuple(flows),
         flow_unobservable=no_flow,
         pulsations=lines,
@@ -216,15 +218,27 @@ def _prepared(
     return out
 
 
-def _averaged(model: Model, logs: Sequence[Log], options: Options) -> list[Preparation]:
-    """The validation recordings averaged, those that are periodic; their scatter is the noise."""
-    out = []
+def _averaged(
+    model: Model, logs: Sequence[Log], options: Options
+) -> tuple[list[Preparation], list[str]]:
+    """The validation recordings averaged, those that are periodic; their scatter is the noise.
+
+    Beside them, which of them do not have the period that was given.
+    """
+    out: list[Preparation] = []
+    wrong = []
     for log in logs:
+        try:
+            periodic_part(log, options.period)
+        except DataError as error:
+            if options.period is not None:
+                wrong.append(f"{error}. Its noise floor is not known.")
+            continue  # not periodic: no scatter
         try:
             out += prepare(model, log, replace(options, average=True))
         except DataError:
-            continue  # not periodic: no scatter
-    return out
+            continue  # no whole period without a gap
+    return out, wrong
 
 
 def _energy(found: Search, before: Trial) -> np.ndarray:

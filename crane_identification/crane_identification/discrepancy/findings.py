@@ -60,6 +60,7 @@ def content(diagnosis: Diagnosis) -> dict[str, Any]:
             },
             "undetermined": diagnosis.undetermined,
             "needs_units": diagnosis.uncalibrated,
+            "warnings": diagnosis.warnings,
             "without": sorted(diagnosis.without),
             "not_testable": _reasons(diagnosis.search.untestable),
             "not_observable": _reasons(diagnosis.search.unobservable)

@@ -23,7 +23,7 @@ RESOLUTION = 1e-6  # relative error, below which numbers are rounding
 class Gap:
     """Per joint (j,), relative to the rms of the force: error `before` and `after`, the `floor` of
     noise (NaN where no period was repeated), and the `best` that a flexible learner reaches;
-    `training`: error before on the recordings that the model was fitted to.
+    `training_before` and `training_after`: errors on the recordings that models were fitted to.
 
     `motion_before` and `motion_after`: errors of the simulated motion.
     """
@@ -33,7 +33,8 @@ class Gap:
     after: np.ndarray
     floor: np.ndarray
     best: np.ndarray
-    training: np.ndarray
+    training_before: np.ndarray
+    training_after: np.ndarray
     motion_before: MotionValidation
     motion_after: MotionValidation
 
@@ -60,6 +61,11 @@ class Gap:
         )
         explainable = before - least
         return (before - after) / explainable if explainable > EXPLAINABLE * before else np.nan
+
+    @property
+    def largest_before(self) -> np.ndarray:
+        """The larger one of held-out and training error before (j,)."""
+        return np.maximum(self.before, self.training_before)
 
     def over_floor(self, errors: np.ndarray) -> np.ndarray:
         """Errors (j,) over the noise floor; NaN where none is known."""
@@ -89,7 +95,8 @@ def measure(
         after=errors[1],
         floor=noise_floor(averaged, held_out.runs[0].factor, j) / force,
         best=np.minimum(errors[2], errors[0]),
-        training=relative(training, fitted),
+        training_before=relative(training, fitted),
+        training_after=relative(training, residual(training, after)),
         motion_before=validate_motion(before, records),
         motion_after=validate_motion(after, records),
     )

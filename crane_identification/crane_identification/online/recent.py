@@ -6,6 +6,7 @@ from collections.abc import Sequence
 import numpy as np
 
 from crane_identification.data.log import Log, Signal
+from crane_identification.online.estimator import Forces, OnlineEstimator
 from crane_identification.online.smoother import NANOSECONDS
 from crane_identification.recording_check.check import check
 from crane_identification.recording_check.suspicion import Checked
@@ -59,6 +60,26 @@ class Recent:
             pressure_a=Signal(pressure.time, chamber_a, pressure.origin),
             pressure_b=Signal(pressure.time, chamber_b, pressure.origin),
         )
+
+
+class Watched:
+    """An estimator whose readings are kept for the check, too."""
+
+    def __init__(self, estimator: OnlineEstimator, recent: Recent):
+        self._estimator, self._recent = estimator, recent
+        self.model, self.options = estimator.model, estimator.options
+
+    def add_position(self, stamp: int, position: np.ndarray) -> list[Forces]:
+        """As `OnlineEstimator.add_position`."""
+        self._recent.add_position(stamp, position)
+        return self._estimator.add_position(stamp, position)
+
+    def add_pressure(
+        self, stamp: int, chamber_a: np.ndarray, chamber_b: np.ndarray
+    ) -> list[Forces]:
+        """As `OnlineEstimator.add_pressure`."""
+        self._recent.add_pressure(stamp, chamber_a, chamber_b)
+        return self._estimator.add_pressure(stamp, chamber_a, chamber_b)
 
 
 def _keep(queue: deque[tuple[int, np.ndarray]], stamp: int, values: np.ndarray) -> None:

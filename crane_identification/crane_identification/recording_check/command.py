@@ -6,7 +6,8 @@ from collections.abc import Sequence
 from pathlib import Path
 
 from crane_identification.data.column_map import ColumnMap
-from crane_identification.identify import TABLES, Sources
+from crane_identification.identify import TABLES, Sources, add_part
+from crane_identification.options import Options
 from crane_identification.progress_bar import ProgressBar
 from crane_identification.recording_check.check import check
 from crane_identification.recording_check.forces import crane
@@ -25,7 +26,8 @@ def run(arguments: argparse.Namespace) -> None:
     )
     columns = load(arguments.columns, ColumnMap) if arguments.columns else None
     with ProgressBar() as progress:
-        logs = Sources(model, columns, progress).read(arguments.recordings)
+        options = Options(begin=arguments.begin, end=arguments.end)
+        logs = Sources(model, columns, options, progress).read(arguments.recordings)
     checked = [check(model.machine, log) for log in logs]
     print("\n".join(line for one in checked for line in _lines(one)))
     if refused := [one.source for one in checked if one.decisive]:
@@ -48,7 +50,6 @@ def _lines(checked: Checked) -> list[str]:
 def parser() -> argparse.ArgumentParser:
     """The command line."""
     result = argparse.ArgumentParser(
-        prog="check_recording",
         description="Check recordings against the machine before anything is fitted to them: "
         "units, signs, names, chambers, transducers, clocks. The exit status is 1 if one of them "
         "would make every result wrong.",
@@ -61,6 +62,7 @@ def parser() -> argparse.ArgumentParser:
     )
     machine.add_argument("--model", type=Path, help="model file; its machine and its joints")
     add("--columns", type=Path, help="column map (YAML) of the tables")
+    add_part(result)
     add("recordings", type=Path, nargs="+", metavar="RECORDING")
     return result
 
