@@ -29,6 +29,7 @@ from crane_identification.report.findings import findings
 from crane_identification.report.notation import percent
 from crane_identification.report.terminal import console, parameters
 from crane_identification.scale.beside import Beside
+from crane_identification.session import Session
 from crane_model import cli
 from crane_model.configuration import load
 from crane_model.errors import ConfigurationError, DataError
@@ -95,9 +96,12 @@ def identify(arguments: argparse.Namespace) -> None:
         )
         held_out = sources.read(arguments.validate)
         suspicions += vetted(model.machine, held_out, arguments.trust_recordings)
+        session = Session.of((*training, *held_out))
         with blaming(suspicions):
-            result = fit(model, training, options, progress)
-        validations = validate(result.model, held_out, options, progress) if held_out else ()
+            result = fit(model, training, options, progress, session)
+        validations = (
+            validate(result.model, held_out, options, progress, session) if held_out else ()
+        )
         report = IdentificationReport(
             fit=result,
             options=options,

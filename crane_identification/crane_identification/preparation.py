@@ -1,5 +1,6 @@
 """From a log to the record that the model is evaluated on: resampled, averaged, smoothed."""
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -25,6 +26,7 @@ from crane_identification.run_signals import (
     resolution_of,
     signals_of,
 )
+from crane_identification.session import Session
 from crane_identification.signals.decimate import PADDING
 from crane_identification.signals.gate import SETTLING, moving, trusted_bandwidth
 from crane_identification.signals.motion import Motion
@@ -62,10 +64,31 @@ class Preparation:
         return self.averaging is not None
 
 
+def prepare_all(
+    model: Model,
+    logs: Sequence[Log],
+    options: Options,
+    progress: Progress = silent,
+    session: Session | None = None,
+) -> list[Preparation]:
+    """`prepare` of each recording, in the time of the `session` (None: of these recordings)."""
+    session = session or Session.of(logs)
+    out = []
+    for number, log in enumerate(logs):
+
+        def partly(phase: str, done: float, number: int = number) -> None:
+            progress(phase, (number + done) / len(logs))
+
+        out += prepare(model, log, options, partly, session.since(log))
+    return out
+
+
 def prepare(
-    model: Model, log: Log, options: Options, progress: Progress = silent
+    model: Model, log: Log, options: Options, progress: Progress = silent, since: float = 0.0
 ) -> list[Preparation]:
     """A preparation of each gapless run of `log` (of each that holds a whole period, to average).
+
+    The time of its record counts from a moment `since` [s] before time zero of the log.
 
     Raises `DataError` if the log lacks joints or forces of the model, or no run is long enough.
     """
@@ -76,7 +99,7 @@ def prepare(
         )
     if not options.average:
         samples = resample(log)
-        return _whole_runs(model, log, samples, options, progress)
+        return _whole_runs(model, log, samples, options, progress, since)
     try:
         part = periodic_part(log, options.period)
     except DataError as error:
@@ -91,18 +114,21 @@ def prepare(
             f"{log.source}: no whole period of {part.period:.4g} s without a gap; record at least "
             f"two, or do not average: --no-average"
         )
-    return [_averaged(model, log, samples, rows, length, options, progress) for rows in long_enough]
+    return [
+        _averaged(model, log, samples, rows, length, options, progress, since)
+        for rows in long_enough
+    ]
 
 
 def _whole_runs(
-    model: Model, log: Log, samples: Samples, options: Options, progress: Progress
+    model: Model, log: Log, samples: Samples, options: Options, progress: Progress, since: float
 ) -> list[Preparation]:
     """Those of the runs that something is left of; the error of the first where nothing is."""
     out, errors = [], []
     for run in np.unique(samples.run):
         rows = np.flatnonzero(samples.run == run)
         try:
-            out.append(_whole(model, log, samples, rows, options, progress))
+            out.append(_whole(model, log, samples, rows, options, progress, since))
         except DataError as error:
             errors.append(error)
     if not out:
@@ -117,6 +143,7 @@ def _whole(
     rows: np.ndarray,
     options: Options,
     progress: Progress,
+    since: float,
 ) -> Preparation:
     """The run as it is, without the ends that the smoother's memory spoils."""
     signals = signals_of(model, samples, rows)
@@ -136,7 +163,7 @@ def _whole(
         )
     kept = slice(begin, len(rows) - end)
     signals = {name: values[kept] for name, values in signals.items()}
-    time = samples.time[rows][kept]
+    time = since + samples.time[rows][kept]
     record = record_of(model, time, signals, motion.during(kept), options.mask_reversals)
     return Preparation(
         source=log.source,
@@ -159,6 +186,7 @@ def _averaged(
     length: int,
     options: Options,
     progress: Progress,
+    since: float,
 ) -> Preparation:
     """The mean over the last whole periods of the run (37)-(38)."""
     signals = signals_of(model, samples, rows)
@@ -170,7 +198,8 @@ def _averaged(
     mean = {name: fold(values, length, used).mean(axis=0) for name, values in signals.items()}
     resolution = resolution_of_mean(fold(coordinates(signals), length, used), resolution_of(log))
     motion = estimate_period(options.motion, coordinates(mean), step, resolution, progress)
-    record = record_of(model, step * np.arange(length), mean, motion, options.mask_reversals)
+    time = since + fold(samples.time[rows], length, used).mean(axis=0)
+    record = record_of(model, time, mean, motion, options.mask_reversals)
     alike, signed_alike = _moving_alike(model, log, signals, step, length, used, options)
     known = _moving(model, motion, step, True, options) & alike
     periods = fold(signals["force"], length, used)

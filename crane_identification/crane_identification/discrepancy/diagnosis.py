@@ -29,12 +29,14 @@ from crane_identification.discrepancy.verdict import (
     Verdict,
     judge,
     with_flow,
+    with_loads,
     with_pulsation,
 )
 from crane_identification.options import Options
 from crane_identification.periodicity import periodic_part
-from crane_identification.preparation import Preparation, prepare
+from crane_identification.preparation import Preparation, prepare, prepare_all
 from crane_identification.progress import Progress, silent
+from crane_identification.session import Session, chronological
 from crane_model.errors import ConfigurationError, DataError
 from crane_model.model_file import Model
 from crane_model.terms import REGISTRY, Term
@@ -48,7 +50,7 @@ class Diagnosis:
     the residual before and after; `correlation_left` of neighbouring rows of what remains, 0 for
     noise. `undetermined` parameters of the given model were left out of it; the answer is sought
     `without` these effects; `uncalibrated` quantities are in counts; `warnings` are about the
-    recordings.
+    recordings. `session` says whether time runs through all of them.
     """
 
     verdict: Verdict
@@ -77,6 +79,7 @@ class Diagnosis:
     flows: tuple[Flow, ...]
     flow_unobservable: dict[tuple[str, str], str]
     pulsations: tuple[Pulsation, ...]
+    session: Session
 
     @property
     def joints(self) -> tuple[str, ...]:
@@ -104,15 +107,17 @@ def diagnose(
     `ConfigurationError` if an effect is not in the catalogue.
     """
     _check(training, validation, without)
-    logs = (*training, *validation)
-    prepared = _prepared(model, logs, replace(options, average=False), progress)
+    logs = chronological((*training, *validation))
+    session = Session.of(logs)
+    whole = replace(options, average=False)
+    prepared = prepare_all(model, logs, whole, progress, session)
     sources = {log.source for log in training}
     train = [p for p in prepared if p.source in sources]
     hold = [p for p in prepared if p.source not in sources]
     given = Training(train, decimation(train, options.decimation), ", ".join(sorted(sources)))
     evidence, before, left_out = fitted(model, train, given.factor, given.sources)
     held_out = gather(before, hold, given.factor, first_run=len(train))
-    found = search(evidence, _wanted(evidence, left_out, without), progress)
+    found = search(evidence, _wanted(before, evidence, left_out, without), progress)
     decision = decide(found, thresholds)
     known = features(evidence.moving)
     first = tried(found, before, (), given, known)
@@ -129,6 +134,7 @@ def diagnose(
         objection = answer.objection or decision.objection
         effects = [one.effect for one in proof.short] or last.zero or decision.nearest
         near = nearest(found, before, effects, objection, given, held_out) if effects else None
+    answer = with_loads(answer, gap.loads)
     progress("gap", 1.0)
     wrong = {
         one.option.family.where
@@ -172,6 +178,7 @@ def diagnose(
         flows=tuple(flows),
         flow_unobservable=no_flow,
         pulsations=lines,
+        session=session,
     )
 
 
@@ -189,13 +196,13 @@ def _check(training: Sequence[Log], validation: Sequence[Log], without: Collecti
 
 
 def _wanted(
-    evidence: Evidence, left_out: Collection[Term], without: Collection[str]
+    model: Model, evidence: Evidence, left_out: Collection[Term], without: Collection[str]
 ) -> list[Family]:
     """The families that are asked for: not `without`, and none that the model had."""
     had = {(term.type, getattr(term, "joint", None)) for term in left_out}
     return [
         family
-        for family in families(evidence.model, evidence.bags)
+        for family in families(model, evidence)
         if family.type not in without and (family.type, family.joint) not in had
     ]
 
@@ -203,19 +210,6 @@ def _wanted(
 def _names(model: Model, terms: Sequence[Term]) -> tuple[str, ...]:
     """The parameters of terms."""
     return tuple(p.name for term in terms for p in term.parameters(model.setting))
-
-
-def _prepared(
-    model: Model, logs: Sequence[Log], options: Options, progress: Progress
-) -> list[Preparation]:
-    out = []
-    for number, log in enumerate(logs):
-
-        def partly(phase: str, done: float, number: int = number) -> None:
-            progress(phase, (number + done) / len(logs))
-
-        out += prepare(model, log, options, partly)
-    return out
 
 
 def _averaged(

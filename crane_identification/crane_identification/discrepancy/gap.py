@@ -8,6 +8,7 @@ import numpy as np
 from crane_identification.averaging import noise_of_mean
 from crane_identification.discrepancy.evidence import Evidence
 from crane_identification.discrepancy.learner import predict_elsewhere
+from crane_identification.discrepancy.weighing import Weighed, weighed
 from crane_identification.motion_validation import MotionValidation, validate_motion
 from crane_identification.preparation import Preparation
 from crane_identification.regression import OPEN
@@ -25,7 +26,8 @@ class Gap:
     noise (NaN where no period was repeated), and the `best` that a flexible learner reaches;
     `training_before` and `training_after`: errors on the recordings that models were fitted to.
 
-    `motion_before` and `motion_after`: errors of the simulated motion.
+    `motion_before` and `motion_after`: errors of the simulated motion. `loads` of the held-out
+    recordings, which `carried` holds beside what the model after has.
     """
 
     joints: tuple[str, ...]
@@ -37,6 +39,8 @@ class Gap:
     training_after: np.ndarray
     motion_before: MotionValidation
     motion_after: MotionValidation
+    loads: tuple[Weighed, ...]
+    carried: Model
 
     @property
     def reachable(self) -> np.ndarray:
@@ -79,8 +83,12 @@ def measure(
     held_out: Evidence,
     averaged: Sequence[Preparation],
 ) -> Gap:
-    """Both models, fitted to the training recordings, on the held-out ones."""
+    """Both models, fitted to the training recordings, on the held-out ones.
+
+    The one after with the load of each of these, which is a property of that recording.
+    """
     j = len(before.joints)
+    after, loads = with_own_loads(after, training, held_out)
     old, new = residual(held_out, before), residual(held_out, after)
     learnt = np.minimum(np.abs(old), np.abs(new))  # close to reversals, what the better one leaves
     seen = training.moving
@@ -99,7 +107,17 @@ def measure(
         training_after=relative(training, residual(training, after)),
         motion_before=validate_motion(before, records),
         motion_after=validate_motion(after, records),
+        loads=loads,
+        carried=after,
     )
+
+
+def with_own_loads(
+    model: Model, training: Evidence, held_out: Evidence
+) -> tuple[Model, tuple[Weighed, ...]]:
+    """The model with what each held-out recording carries, and these loads."""
+    usual = training.rms(residual(training, model))
+    return weighed(model, held_out, residual(held_out, model), usual)
 
 
 def over_zones(evidence: Evidence, values: np.ndarray) -> np.ndarray:

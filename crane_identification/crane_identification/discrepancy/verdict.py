@@ -13,6 +13,7 @@ from crane_identification.discrepancy.proof import WORSE, Proof
 from crane_identification.discrepancy.pulsation import Pulsation
 from crane_identification.discrepancy.thresholds import Thresholds
 from crane_identification.discrepancy.trial import SIGMAS, Trial
+from crane_identification.discrepancy.weighing import Weighed
 
 SPOKEN = 4  # members of a class that the reason lists
 NOT_HELD = "something is left that no effect of the catalogue explains"
@@ -66,7 +67,7 @@ def judge(before: Trial, proof: Proof, reach: Reach, thresholds: Thresholds) -> 
             Verdict.UNKNOWN,
             f"what is left on {_listed(gap, law)} follows a law, but none of the catalogue",
         )
-    beyond = _beyond_noise(gap, gap.before, gap.training_before, thresholds.floor_factor)
+    beyond = _beyond_noise(gap, gap.after, gap.training_before, thresholds.floor_factor)
     if beyond:
         return Answer(Verdict.UNKNOWN, "; ".join(beyond))
     if reach.undetermined:
@@ -95,12 +96,12 @@ def _of_noise(gap: Gap) -> str:
     """How the held-out error of the model compares with noise, in words."""
     known = np.isfinite(gap.floor)
     if not known.any():
-        j = int(np.argmax(np.nan_to_num(gap.before)))
+        j = int(np.argmax(np.nan_to_num(gap.after)))
         return (
             "no held-out recording repeats its motion, so that only a learner tells from noise "
-            f"what the model leaves of their force, up to {gap.before[j]:.2%} ({gap.joints[j]})"
+            f"what the model leaves of their force, up to {gap.after[j]:.2%} ({gap.joints[j]})"
         )
-    largest = float(np.nan_to_num(gap.over_floor(gap.largest_before)).max())
+    largest = float(np.nan_to_num(gap.over_floor(np.maximum(gap.after, gap.training_before))).max())
     return f"the force errs by {largest:.1f} times the scatter between periods at most" + (
         "" if known.all() else f"; not known of {_listed(gap, ~known)}"
     )
@@ -166,6 +167,17 @@ def _named_beside(answer: Answer, said: Sequence[str]) -> Answer:
     unknown = answer.verdict is Verdict.UNKNOWN
     verdict = Verdict.AND_MORE if unknown else answer.verdict
     return answer._replace(verdict=verdict, reason=f"{answer.reason}; {text}")
+
+
+def with_loads(answer: Answer, loads: Sequence[Weighed]) -> Answer:
+    """The answer where a held-out recording carries another load than all those trained on."""
+    said = [
+        f"{one.recording} carries {abs(one.mass):.3g} kg {'more' if one.mass > 0.0 else 'less'} "
+        "than the recordings trained on"
+        for one in loads
+        if one.found
+    ]
+    return _named_beside(answer, said)
 
 
 def _of_effects(before: Trial, proof: Proof, thresholds: Thresholds) -> Answer:

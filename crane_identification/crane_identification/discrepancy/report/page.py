@@ -5,6 +5,7 @@ from pathlib import Path
 
 from crane_identification.discrepancy.diagnosis import Diagnosis
 from crane_identification.discrepancy.explain import ANSWERS, WHERE
+from crane_identification.discrepancy.loads import NO_LOAD
 from crane_identification.discrepancy.report.cards import cards, gap_pictures, where_picture
 from crane_identification.report import template
 from crane_identification.report.content import Provenance
@@ -47,6 +48,7 @@ def render(diagnosis: Diagnosis, provenance: Provenance, suspicions: Sequence[st
             if one is not None
         ],
         spoken=spoken,
+        no_load=NO_LOAD,
         untestable=_listed(diagnosis.search.untestable),
         unobservable=_listed(diagnosis.search.unobservable),
         provenance=provenance,

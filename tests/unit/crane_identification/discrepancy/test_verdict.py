@@ -22,8 +22,10 @@ from crane_identification.discrepancy.verdict import (
     Reach,
     Verdict,
     judge,
+    with_loads,
     with_pulsation,
 )
+from crane_identification.discrepancy.weighing import Weighed
 from crane_identification.motion_validation import MotionValidation
 from crane_model.configuration import packaged
 from crane_model.model_file import load_model
@@ -54,6 +56,8 @@ def gap(
         training_after=errors(before if after is None else after),
         motion_before=MOTION,
         motion_after=MOTION,
+        loads=(),
+        carried=MODEL,
     )
 
 
@@ -262,3 +266,18 @@ def test_the_nearest_candidate_is_described() -> None:
         "explains 43% of what is left where it acts and takes the held-out error of outer_boom "
         "from 1.13% to 0.90%; but it is not"
     )
+
+
+@pytest.mark.parametrize(
+    ("before", "after", "expected"),
+    [(0.05, 0.0006, Verdict.NAMED), (0.05, 0.05, Verdict.AND_MORE)],
+)
+def test_a_load_that_a_held_out_recording_alone_carries_is_named(
+    before: float, after: float, expected: Verdict
+) -> None:
+    """And is all there is where no more than noise is left beside it."""
+    loads = (Weighed("bag 7", 6.6, 0.01, found=True), Weighed("bag 8", 0.0, 0.01, found=False))
+    said = with_loads(answer(seen=gap(before, after, training=0.0006)), loads)
+    assert said.verdict is expected
+    assert "bag 7 carries 6.6 kg more than the recordings trained on" in said.reason
+    assert "bag 8" not in said.reason

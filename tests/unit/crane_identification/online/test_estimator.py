@@ -251,7 +251,8 @@ def test_forces_serve_as_pressures_do(
     position = np.column_stack(
         [np.interp(time, log.position.time, column) for column in log.position.value.T]
     )
-    force = generalized_forces(machine, position, log.pressure_a.value, log.pressure_b.value)
+    chambers = log.pressure_a.value, log.pressure_b.value
+    force = generalized_forces(machine, position, *chambers, crane().joints)
     log = replace(log, force=Signal(time, force, "effort"), pressure_a=None, pressure_b=None)
     estimator, forces = replay(crane(), log)
     expected = learned[0].solve()
