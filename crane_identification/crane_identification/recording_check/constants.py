@@ -1,8 +1,8 @@
 """Every limit of the check of recordings, and where it comes from.
 
-Shares of unexplained force were set on the stand-in machine: recordings as they should be leave
-0.2 to 3 %, with any effect of the catalogue at 4 % of the drive force at most 9 %; of the mix-ups
-that are looked for, the mildest leaves 13 %, and undoing it 2 %.
+Shares of unexplained force were set on recordings of the stand-in machine: as they should be, they
+leave 0.3 to 2 %, with an effect of 4 % of the drive force up to 5 %. Of the mix-ups that are looked
+for, the mildest left 12 %, and undoing it 2 %.
 """
 
 import math
