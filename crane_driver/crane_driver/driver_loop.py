@@ -9,11 +9,13 @@ import numpy as np
 from crane_driver.can.acceptance import Acceptance
 from crane_driver.can.assembly import Assembly, Complete
 from crane_driver.can.codec import DriverCodec
+from crane_driver.can.foreign import ForeignCommands
 from crane_driver.can.frame import UNUSABLE, Fault, Frame
 from crane_driver.can.health import Monitor
 from crane_driver.can.layout import Layout
 from crane_driver.can.mapping import LINES
 from crane_driver.canopen.devices import Devices
+from crane_driver.safety.plausibility import PositionWatch, believed
 from crane_driver.safety.settings import SafetySettings
 from crane_driver.safety.states import State
 from crane_driver.safety.supervisor import Supervisor, check_valves
@@ -75,12 +77,15 @@ class DriverLoop:
         self.codec = DriverCodec(layout)
         self.monitor = Monitor(layout.readings, layout.timing, now)
         self._acceptance = Acceptance(layout, settings.command_timeout)
+        self._foreign = ForeignCommands(layout)
         self.devices = Devices(layout.devices)
         self.supervisor = Supervisor(layout.valves, machine, settings, now)
-        self._machine = machine
+        self._machine, self._settings = machine, settings
+        self._resolution = {joint: layout.resolution(joint) for joint in layout.valves}
         self._positions = Assembly(layout, "positions")
-        cycles = [one.cycle for one in layout.readings if one.positions]
-        self._blind = layout.timing.late * max(cycles)  # s without a complete cycle of positions
+        self._position_cycle = max(one.cycle for one in layout.readings if one.positions)
+        self._blind = layout.timing.late * self._position_cycle  # s without a complete cycle
+        self._watches = self._new_watches()
         self._located = -math.inf  # reception of the newest one
         self._pressures = Assembly(layout, "pressures")
         cycles = [one.cycle for one in layout.readings if one.pressures]
@@ -110,6 +115,9 @@ class DriverLoop:
             if (of_device := self.devices.observe(frame)) is not None:
                 self.supervisor.can_faults(of_device, now)
                 continue
+            if foreign := self._foreign.observe(frame):
+                self.supervisor.can_faults([foreign], now)
+                continue
             readings = self.codec.decode(frame)
             if readings is None:
                 continue
@@ -118,11 +126,12 @@ class DriverLoop:
             if any(fault.kind in UNUSABLE for fault in faults):
                 continue
             self.supervisor.can_faults(self._acceptance.observe(readings), now)
-            if complete := self._pressures.add(readings):
+            for complete in self._pressures.add(readings):
                 self._newest = complete
                 pressures.append(self._pressure_sample(complete))
                 joints += self._joint_samples(readings.steady)
-            if complete := self._positions.add(readings):
+            # Cycles that had to wait until they had numbers are too old for who moves the crane.
+            for complete in self._positions.add(readings)[-1:]:
                 joints += self._joint_samples(math.inf)  # of the cycle before
                 self._waiting = self._measured(complete)
                 joints += self._joint_samples(readings.steady)
@@ -162,9 +171,33 @@ class DriverLoop:
         frames = self.codec.command_frames(output.commands, output.enabled)
         for frame in frames:
             self._acceptance.sent(frame, now)
+            self._foreign.sent(frame)
         return frames
 
+    def _new_watches(self) -> dict[str, PositionWatch]:
+        return {
+            joint: PositionWatch(
+                self._machine.limits[joint], resolution, self._position_cycle, self._settings
+            )
+            for joint, resolution in self._resolution.items()
+        }
+
+    def _believed(self, positions: Complete) -> Complete:
+        """Without the readings that cannot be true, which are faults."""
+        if self.supervisor.state is State.OFFLINE:  # as after every reset
+            self._watches = self._new_watches()
+        values, wrong = believed(
+            self._watches,
+            positions.sampled,
+            positions.values,
+            self.supervisor.sent,
+            self._newest.values if self._newest else {},
+        )
+        self.supervisor.not_believed(wrong)
+        return positions._replace(values=values)
+
     def _measured(self, positions: Complete) -> _Measured:
+        positions = self._believed(positions)
         readings = [positions.values[joint] for joint in self.joints]
         _, velocity, _ = self._filter.update(positions.sampled, readings)
         velocities = velocity.tolist()
@@ -191,7 +224,7 @@ class DriverLoop:
     def _effort(self, complete: Complete) -> list[float]:
         """(27) by the newest pressures, unless they are older than the positions by a cycle."""
         newest = self._newest
-        if newest is None or complete.sampled - newest.sampled > 1.5 * self._pressure_cycle:
+        if newest is None or abs(complete.sampled - newest.sampled) > 1.5 * self._pressure_cycle:
             return [math.nan] * len(self.joints)
         effort = []
         for joint in self.joints:

@@ -36,6 +36,7 @@ from crane_model.urdf import urdf
 
 REPORT = 1.0  # s
 DEPTH = 10  # messages
+TAKEN = 200  # frames at once: a flood must not keep the valves waiting for their frames
 OLDEST = 1.0  # s; a greater age is that of another clock
 LATCHED = QoSProfile(depth=1, durability=DurabilityPolicy.TRANSIENT_LOCAL)
 SUCCESS, FAILURE = TransitionCallbackReturn.SUCCESS, TransitionCallbackReturn.FAILURE
@@ -166,7 +167,8 @@ class Driver(LifecycleNode):
         self._send(self._link, self._loop.valve_frames(time.monotonic()))
 
     def _take(self, loop: DriverLoop, link: Link) -> None:
-        joints, pressures = loop.receive(link.take(), link.take_faults(), time.monotonic())
+        frames = link.take(TAKEN)
+        joints, pressures = loop.receive(frames, link.take_faults(), time.monotonic())
         for pressure_sample in pressures:
             self._pressures.publish(cylinder_pressures(pressure_sample, loop.cylinders))
         for joint_sample in joints:

@@ -7,15 +7,17 @@ import numpy as np
 
 from crane_identification.averaging import (
     Averaging,
+    completed,
     drift,
     fold,
     resolution_of_mean,
     transient_periods,
+    whole_periods,
 )
 from crane_identification.data.log import Log
 from crane_identification.data.resample import Samples, resample, sampling_rate
 from crane_identification.options import Options
-from crane_identification.periodicity import Periodicity, detect_periodicity
+from crane_identification.periodicity import periodic_part
 from crane_identification.progress import Progress, silent
 from crane_identification.run_signals import (
     along_reference,
@@ -25,6 +27,7 @@ from crane_identification.run_signals import (
     signals_of,
 )
 from crane_identification.session import Session
+from crane_identification.signals.decimate import PADDING
 from crane_identification.signals.gate import SETTLING, moving, trusted_bandwidth
 from crane_identification.signals.motion import Motion
 from crane_identification.signals.routes import estimate_period, estimate_record
@@ -96,18 +99,20 @@ def prepare(
         )
     if not options.average:
         samples = resample(log)
-        runs = [np.flatnonzero(samples.run == run) for run in np.unique(samples.run)]
-        return [_whole(model, log, samples, rows, options, progress, since) for rows in runs]
-    periodicity = _periodicity(log, options)
-    length = round(periodicity.period * sampling_rate(log.position.time))
-    samples = resample(log, length / periodicity.period)
-    inside = (samples.time >= periodicity.start) & (samples.time <= periodicity.end)
+        return _whole_runs(model, log, samples, options, progress, since)
+    try:
+        part = periodic_part(log, options.period)
+    except DataError as error:
+        raise DataError(f"{error}; or do not average: --no-average") from None
+    length = round(part.period * sampling_rate(log.position.time))
+    samples = resample(log, length / part.period)
+    inside = (samples.time >= part.start) & (samples.time <= part.end)
     runs = [np.flatnonzero((samples.run == run) & inside) for run in np.unique(samples.run)]
-    long_enough = [rows for rows in runs if len(rows) >= length]
+    long_enough = [rows for rows in runs if whole_periods(len(rows), length)]
     if not long_enough:
         raise DataError(
-            f"{log.source}: no whole period of {periodicity.period:.4g} s without a gap; record "
-            f"at least two, or do not average"
+            f"{log.source}: no whole period of {part.period:.4g} s without a gap; record at least "
+            f"two, or do not average: --no-average"
         )
     return [
         _averaged(model, log, samples, rows, length, options, progress, since)
@@ -115,22 +120,20 @@ def prepare(
     ]
 
 
-def _periodicity(log: Log, options: Options) -> Periodicity:
-    reference = log.reference_position
-    if reference is not None:
-        finite = np.isfinite(reference.value).all(axis=1)
+def _whole_runs(
+    model: Model, log: Log, samples: Samples, options: Options, progress: Progress, since: float
+) -> list[Preparation]:
+    """Those of the runs that something is left of; the error of the first where nothing is."""
+    out, errors = [], []
+    for run in np.unique(samples.run):
+        rows = np.flatnonzero(samples.run == run)
         try:
-            return detect_periodicity(
-                reference.time[finite], reference.value[finite], options.period
-            )
+            out.append(_whole(model, log, samples, rows, options, progress, since))
         except DataError as error:
-            raise DataError(f"{log.source}: {error}") from None
-    if options.period is None:
-        raise DataError(
-            f"{log.source}: no reference (/joint_reference) to find the period in; give the "
-            f"period, or do not average"
-        )
-    return Periodicity(options.period, float(log.position.time[0]), float(log.position.time[-1]))
+            errors.append(error)
+    if not out:
+        raise errors[0]
+    return out
 
 
 def _whole(
@@ -152,10 +155,11 @@ def _whole(
     known = _moving(model, motion, step, False, options)
     spoilt = int(np.ceil(1.0 / (trusted_bandwidth(bandwidth, known) * step)))
     begin, end = options.trim if options.trim is not None else (spoilt, spoilt)
-    if begin + end >= len(rows):
+    if begin + end + PADDING >= len(rows):
         raise DataError(
-            f"{log.source}: nothing is left of {len(rows)} samples after cutting {begin} at the "
-            f"start and {end} at the end; record longer"
+            f"{log.source}: too little is left of {len(rows)} samples after cutting {begin} at the "
+            f"start and {end} at the end, where the motion is not known; record longer, or mend "
+            "what interrupts the recording"
         )
     kept = slice(begin, len(rows) - end)
     signals = {name: values[kept] for name, values in signals.items()}
@@ -187,7 +191,8 @@ def _averaged(
     """The mean over the last whole periods of the run (37)-(38)."""
     signals = signals_of(model, samples, rows)
     step = 1.0 / samples.rate
-    whole = len(rows) // length
+    whole = whole_periods(len(rows), length)
+    signals = {name: completed(values, length, whole) for name, values in signals.items()}
     transient = transient_periods(fold(signals["position"], length, whole))
     used = min(whole - transient, options.periods or whole)
     mean = {name: fold(values, length, used).mean(axis=0) for name, values in signals.items()}
@@ -198,7 +203,7 @@ def _averaged(
     alike, signed_alike = _moving_alike(model, log, signals, step, length, used, options)
     known = _moving(model, motion, step, True, options) & alike
     periods = fold(signals["force"], length, used)
-    remainder = (len(rows) - whole * length) * step
+    remainder = max(len(rows) - whole * length, 0) * step
     return Preparation(
         source=log.source,
         record=record,

@@ -29,7 +29,10 @@ from crane_model.model_file import save_model
 
 LEVELS = np.linspace(0.0, 1.0, 101)  # of the quantiles of the bootstrap
 DIGITS = 4
-KNOWING = ("crane_sim", "cases", "make_cases", "motions", "clean", "truth", "score_cases")
+KNOWING = (
+    *("crane_sim", "case", "cases", "drawn", "strangers", "motions", "session", "make_cases"),
+    *("clean", "truth", "score_cases"),
+)
 
 
 @dataclass(frozen=True)

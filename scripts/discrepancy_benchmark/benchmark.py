@@ -22,9 +22,10 @@ from crane_model import cli
 HERE = Path(__file__).resolve().parent
 COUNTS = {
     CaseSet.TUNING: 40,
-    CaseSet.CALIBRATION: 60,
+    CaseSet.CALIBRATION: 40,
     CaseSet.SCORING: 96,
     CaseSet.FORMER: 96,
+    CaseSet.STRANGERS: 12,
 }
 BATCH = 8  # cases whose bags are on the disk at once, 1 GB
 

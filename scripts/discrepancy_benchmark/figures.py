@@ -6,7 +6,8 @@ from typing import Any
 
 import matplotlib as mpl
 import numpy as np
-from cases import STRENGTHS, Kind
+from case import Kind
+from cases import STRENGTHS
 from judgement import OURS, Outcome
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure

@@ -9,9 +9,9 @@ from dataclasses import dataclass
 from enum import StrEnum
 from typing import Any
 
-from cases import TWINS, Kind
+from case import Kind
+from cases import TWINS
 
-from crane_model.flow import FLOW_REGISTRY
 from crane_model.terms import REGISTRY
 
 Place = tuple[str, str]
@@ -66,16 +66,16 @@ class Answer:
 
 def effect_of(law: str) -> str:
     """The type of one law that stands for all laws of the same effect."""
-    cls = REGISTRY.get(law) or FLOW_REGISTRY.get(law)
+    cls = REGISTRY.get(law)
     if cls is None or cls.effect is None:
-        return law  # in no catalogue
+        return law  # in no catalogue, or of the flow, which has one law of each
     return cls.effect.law_of or min((law, *cls.effect.kin))
 
 
 def laws() -> dict[str, list[str]]:
     """The effects of which the catalogue holds several laws, with these."""
     found: dict[str, list[str]] = {}
-    for law in sorted(REGISTRY | FLOW_REGISTRY):
+    for law in sorted(REGISTRY):
         found.setdefault(effect_of(law), []).append(law)
     return {effect: several for effect, several in found.items() if len(several) > 1}
 

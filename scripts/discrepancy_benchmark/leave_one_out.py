@@ -11,7 +11,8 @@ from dataclasses import dataclass
 from enum import StrEnum
 from pathlib import Path
 
-from cases import Case, CaseSet, Kind
+from case import Case, Kind
+from cases import CaseSet
 from folders import Folders, done, new, read_json, write_json
 from given import given
 from judgement import NAMING, Answer, Place

@@ -7,10 +7,12 @@ from dataclasses import dataclass, replace
 from pathlib import Path
 
 import numpy as np
-from cases import Case, CaseSet, Hidden, cases, with_others
+from case import Case, Hidden, World
+from cases import CaseSet, cases, with_others
 from clean import save_clean
 from folders import Folders, done, new, write_json
-from motions import Excitation, motions
+from motions import Excitation, Maker
+from session import TRAIN, VALIDATE, recordings
 from work import in_processes
 
 from crane_model.configuration import packaged
@@ -23,15 +25,15 @@ from crane_sim.hidden.label import label
 from crane_sim.hidden.spec import HiddenEffect, Spec
 from crane_sim.make_bag import make
 from crane_sim.parameters import load_stand_in
-from crane_sim.variation import vary
+from crane_sim.variation import vary, vary_valves
 from crane_trajectory.check import load_clearance
 from crane_trajectory.controller import load_gains
+from crane_trajectory.motion import Motion
 
 SPREAD = 0.15  # of the machines' parameters
 WEAKER = 0.5  # what is asked for next of an effect that cannot be so strong
 ATTEMPTS = 4
 REDRAWN = 4  # times as many, with other effects
-LATE = "payload"  # changes between recordings; in all of them it would be a link's mass
 
 
 @dataclass(frozen=True)
@@ -69,61 +71,63 @@ def make_case(job: Job) -> None:
 def _make(job: Job, attempt: int) -> None:
     case, folders = job.case, job.folders
     entropy = np.random.SeedSequence([20261121, *case.seed, attempt])
-    of_machine, of_motions, of_effects, of_sensors = (
-        int(one.generate_state(1)[0]) for one in entropy.spawn(4)
+    of_machine, of_motions, of_effects, of_sensors, of_session = (
+        int(one.generate_state(1)[0]) for one in entropy.spawn(5)
     )
     machine, gains, clearance = load_machine(), load_gains(), load_clearance()
     stand_in = vary(load_stand_in(), of_machine, SPREAD)
-    rng = np.random.default_rng(of_motions)
-    start = stand_in.start
-    train, validate = motions(rng, machine, start, clearance, case.excitation, job.sets)
-    first = train[0]
-    if case.excitation is Excitation.POOR:  # how strong an effect is does not depend on the data
-        first = motions(rng, machine, start, clearance, Excitation.RICH, 1)[0][0]
+    if case.spools:
+        stand_in = vary_valves(stand_in, machine, of_machine)
+    maker = Maker(np.random.default_rng(of_motions), machine, stand_in.start, clearance)
+    if case.excitation is Excitation.POOR:
+        train, validate = maker.poor()
+        measured = maker.designed(1)[0][:1]  # how strong an effect is does not depend on the data
+    elif case.world is World.FIELD:
+        train, validate = maker.of_the_field(job.sets)
+        measured = [*validate, *train]  # not every random motion shows every effect
+    else:
+        train, validate = maker.designed(job.sets)
+        measured = train[:1]
 
-    def planted(effects: tuple[Hidden, ...]) -> tuple[Planted, ...]:
-        hidden = tuple(HiddenEffect.model_validate(one.model_dump()) for one in effects)
+    def planted(effects: tuple[Hidden, ...], motion: Motion) -> tuple[Planted, ...]:
+        hidden = tuple(HiddenEffect(**one.model_dump(exclude={"carried"})) for one in effects)
         spec = Spec(seed=of_effects, effects=hidden)
-        return calibrate(spec, machine, stand_in, replace(first, periods=1), gains)
+        return calibrate(spec, machine, stand_in, replace(motion, periods=1), gains)
 
-    effects, found = _strongest(planted, case.effects)
+    effects, found = _strongest(planted, case.effects, measured)
     case = case.model_copy(update={"effects": effects})
     with new(folders.bags / case.name) as bags, new(folders.sealed / case.name) as sealed:
         write_json(sealed / "case.json", case.model_dump(mode="json"))
         write_json(sealed / "stand_in.json", stand_in.model_dump(mode="json"))
         for place in (bags, sealed):
             save_model(place / "model.yaml", _model(case))
-        seed = of_sensors
-        for part, planned in (("train", train), ("validate", validate)):
+        for part in (TRAIN, VALIDATE):
             (bags / part).mkdir()
-            for number, motion in enumerate(planned):
-                there = _present(found, part, number, len(planned))
-                bag = bags / part / str(number)
-                clean = make(bag, machine, stand_in, motion, gains, seed, there)
-                write_json(sealed / f"{part}-{number}.json", {"effects": label(there, clean)})
-                save_clean(sealed / f"{part}-{number}.npz", clean)
-                seed += 1
+        rng = np.random.default_rng(of_session)
+        for seed, one in enumerate(recordings(rng, case, train, validate), of_sensors):
+            there, name = one.present(found), f"{one.part}-{one.number}"
+            bag = bags / one.part / str(one.number)
+            clean = make(bag, machine, stand_in, one.motion, gains, seed, there, one.moment)
+            write_json(sealed / f"{name}.json", {"effects": label(there, clean)})
+            save_clean(sealed / f"{name}.npz", clean)
 
 
 def _strongest(
-    planted: Callable[[tuple[Hidden, ...]], tuple[Planted, ...]], effects: tuple[Hidden, ...]
+    planted: Callable[[tuple[Hidden, ...], Motion], tuple[Planted, ...]],
+    effects: tuple[Hidden, ...],
+    motions: Sequence[Motion],
 ) -> tuple[tuple[Hidden, ...], tuple[Planted, ...]]:
-    """As strong as asked for, or half of it, and so on, where that cannot be."""
+    """As strong as asked for on the first motion that shows it so; or half of it, and so on."""
     for _ in range(ATTEMPTS):
-        try:
-            return effects, planted(effects)
-        except RangeError as error:
-            reason = error
-            effects = tuple(
-                one.model_copy(update={"strength": WEAKER * one.strength}) for one in effects
-            )
+        for motion in motions:
+            try:
+                return effects, planted(effects, motion)
+            except RangeError as error:
+                reason = error
+        effects = tuple(
+            one.model_copy(update={"strength": WEAKER * one.strength}) for one in effects
+        )
     raise reason
-
-
-def _present(found: tuple[Planted, ...], part: str, number: int, count: int) -> tuple[Planted, ...]:
-    """What one recording carries: a payload only the later half of those to train on."""
-    late = part == "train" and number >= count // 2
-    return tuple(one for one in found if late or one.form.effect != LATE)
 
 
 def _model(case: Case) -> Model:

@@ -1,6 +1,7 @@
-"""Motions of a case: periodic ones slow and fast, and sweeps at constant speed with dwells."""
+"""Motions of a case: designed ones, and those of the field, band-limited and random."""
 
 from collections.abc import Callable
+from dataclasses import dataclass
 from enum import StrEnum
 
 import numpy as np
@@ -8,7 +9,7 @@ import numpy as np
 from crane_model.errors import RangeError
 from crane_model.machine import PLANAR_JOINTS, Machine
 from crane_trajectory.check import Clearance, pump_flow, tip_room
-from crane_trajectory.fourier import FourierTrajectory
+from crane_trajectory.fourier import FourierTrajectory, Samples
 from crane_trajectory.motion import Motion, plan
 from crane_trajectory.periodic import PeriodicTrajectory
 from crane_trajectory.sweep import JointCourse, SweepTrajectory
@@ -20,6 +21,10 @@ TRIES = 8  # to shrink it, before another is drawn
 FREE = 0.05  # of the range of a joint, at both ends
 LOOKS = 50  # instants of a motion at which it is looked at before it is planned
 DWELL = (1.5, 2.5)  # s
+BAND = (0.12, 0.4)  # Hz, up to which a motion of the field goes
+REPEATED = (9.0, 20.0)  # s, the period of one that repeats
+STRETCH = (40.0, 65.0)  # s, the length of one that does not
+BEYOND = 1.4  # of its length, the period of the series that it is cut from
 
 
 class Excitation(StrEnum):
@@ -29,50 +34,109 @@ class Excitation(StrEnum):
     POOR = "poor"  # one short, slow, small motion
 
 
-def motions(
-    rng: np.random.Generator,
-    machine: Machine,
-    start: np.ndarray,
-    clearance: Clearance,
-    excitation: Excitation,
-    sets: int,
-) -> tuple[list[Motion], list[Motion]]:
-    """To train and to validate on: `sets` times a slow, a fast one and sweeps; a slow and a fast.
+@dataclass(frozen=True)
+class Stretch:
+    """Part of a random motion that does not come back to itself within its length."""
 
-    Every motion begins at rest in the pose `start` (4,).
-    """
+    whole: FourierTrajectory
+    period: float  # s, its length: of a motion that runs it once
 
-    def fitting(draw: Callable[[float], PeriodicTrajectory], periods: int) -> Motion:
+    @property
+    def name(self) -> str:
+        """For messages."""
+        return self.whole.name
+
+    @property
+    def harmonics(self) -> int:
+        """Of a series as long as the stretch."""
+        return int(np.ceil(self.whole.harmonics * self.period / self.whole.period))
+
+    @property
+    def joint_names(self) -> tuple[str, ...]:
+        """The joints that move."""
+        return self.whole.joint_names
+
+    def evaluate(self, time: np.ndarray) -> Samples:
+        """Of the whole motion, at any time (n,) [s]."""
+        return self.whole.evaluate(time)
+
+
+@dataclass(frozen=True)
+class Maker:
+    """Draws motions that fit the machine; every one begins at rest in the pose `start` (4,)."""
+
+    rng: np.random.Generator
+    machine: Machine
+    start: np.ndarray
+    clearance: Clearance
+
+    def designed(self, sets: int) -> tuple[list[Motion], list[Motion]]:
+        """To train and to validate on: `sets` times a slow, a fast one and sweeps; a slow and a
+        fast one.
+        """
+        train = [
+            motion
+            for _ in range(sets)
+            for motion in (self._periodic(17.0, 3), self._periodic(6.5, 4), self._sweeps())
+        ]
+        return train, [self._periodic(17.0, 3), self._periodic(6.5, 4)]
+
+    def of_the_field(self, sets: int) -> tuple[list[Motion], list[Motion]]:
+        """As many random ones, in any order; every other one repeats itself."""
+
+        def several(count: int) -> list[Motion]:
+            made = [self._repeated() if k % 2 else self._stretch() for k in range(count)]
+            return [made[k] for k in self.rng.permutation(count)]
+
+        return several(3 * sets), several(2)
+
+    def poor(self) -> tuple[list[Motion], list[Motion]]:
+        """One short, slow, small motion each."""
+        return [self._periodic(16.0, 1, 0.08)], [self._periodic(16.0, 1, 0.08)]
+
+    def _periodic(self, period: float, periods: int, size: float = 0.9) -> Motion:
+        drawn = round(period * self.rng.uniform(0.9, 1.1), 2)
+        return self._fitting(
+            lambda share: _fourier(self.rng, self.machine, drawn, size * share), periods
+        )
+
+    def _sweeps(self) -> Motion:
+        drawn = round(self.rng.uniform(18.0, 22.0), 2)
+        return self._fitting(lambda share: _sweeps(self.rng, self.machine, drawn, 0.9 * share), 2)
+
+    def _repeated(self) -> Motion:
+        period, band = round(self.rng.uniform(*REPEATED), 2), self.rng.uniform(*BAND)
+        harmonics = max(round(band * period), 2)
+        return self._fitting(
+            lambda share: _fourier(self.rng, self.machine, period, 0.9 * share, harmonics), 3
+        )
+
+    def _stretch(self) -> Motion:
+        length, band = round(self.rng.uniform(*STRETCH), 2), self.rng.uniform(*BAND)
+        period = round(BEYOND * length, 2)
+        harmonics = round(band * period)
+
+        def draw(share: float) -> Stretch:
+            return Stretch(_fourier(self.rng, self.machine, period, 0.9 * share, harmonics), length)
+
+        return self._fitting(draw, 1)
+
+    def _fitting(self, draw: Callable[[float], PeriodicTrajectory], periods: int) -> Motion:
         for _ in range(ATTEMPTS):
-            state = rng.bit_generator.state
+            state = self.rng.bit_generator.state
             for attempt in range(TRIES):
-                rng.bit_generator.state = state
+                self.rng.bit_generator.state = state
                 trajectory = draw(SHRINK**attempt)
-                if not _has_room(machine, clearance, trajectory):
+                if not _has_room(self.machine, self.clearance, trajectory):
                     continue
                 try:
-                    return plan(machine, trajectory, start, periods, clearance)
+                    return plan(self.machine, trajectory, self.start, periods, self.clearance)
                 except RangeError:
                     continue
         raise RangeError(
             f"none of {ATTEMPTS} motions fits the machine, each tried in {TRIES} sizes down to "
             f"{SHRINK ** (TRIES - 1):.0%}; ask for slower or smaller ones"
         )
-
-    def periodic(period: float, periods: int, size: float = 0.9) -> Motion:
-        drawn = period * rng.uniform(0.9, 1.1)
-        return fitting(lambda share: _fourier(rng, machine, round(drawn, 2), size * share), periods)
-
-    def sweeps() -> Motion:
-        drawn = round(rng.uniform(18.0, 22.0), 2)
-        return fitting(lambda share: _sweeps(rng, machine, drawn, 0.9 * share), 2)
-
-    if excitation is Excitation.POOR:
-        return [periodic(16.0, 1, 0.08)], [periodic(16.0, 1, 0.08)]
-    train = [
-        motion for _ in range(sets) for motion in (periodic(17.0, 3), periodic(6.5, 4), sweeps())
-    ]
-    return train, [periodic(17.0, 3), periodic(6.5, 4)]
 
 
 def _has_room(machine: Machine, clearance: Clearance, trajectory: PeriodicTrajectory) -> bool:
@@ -86,13 +150,19 @@ def _has_room(machine: Machine, clearance: Clearance, trajectory: PeriodicTrajec
 
 
 def _fourier(
-    rng: np.random.Generator, machine: Machine, period: float, size: float
+    rng: np.random.Generator,
+    machine: Machine,
+    period: float,
+    size: float,
+    harmonics: int = HARMONICS,
 ) -> FourierTrajectory:
-    """A random series; `size` is the share of range or speed that it takes, whichever is less."""
-    time = np.linspace(0.0, period, 20 * HARMONICS, endpoint=False)
+    """A random series, of even speed over its harmonics; `size` is the share of range or speed that
+    it takes, whichever is less.
+    """
+    time = np.linspace(0.0, period, 20 * harmonics, endpoint=False)
     columns = []
     for joint in PLANAR_JOINTS:
-        coefficients = rng.standard_normal(2 * HARMONICS) / np.tile(np.arange(1, HARMONICS + 1), 2)
+        coefficients = rng.standard_normal(2 * harmonics) / np.tile(np.arange(1, harmonics + 1), 2)
         shape = FourierTrajectory.from_coefficients(
             "", period, (joint,), np.append(0.0, coefficients)[:, np.newaxis]
         ).evaluate(time)

@@ -55,7 +55,20 @@ def tables(results: dict[str, Any]) -> list[Table]:
     ):
         value = summary[key]
         last.add_row(words, target, _interval(value, "median", shown), str(value["of"]))
-    return [first, power, last]
+    return [first, power, last, *_stories(summary["stories"])]
+
+
+def _stories(stories: dict[str, dict[str, int]]) -> list[Table]:
+    """What became of each, where cases tell stories."""
+    if not stories:
+        return []
+    table = plain_table("What strangers found: outcomes of diagnose")
+    for heading in ("story", "cases", "outcomes"):
+        table.add_column(heading)
+    for story, outcomes in stories.items():
+        said = ", ".join(f"{count} {outcome}" for outcome, count in outcomes.items())
+        table.add_row(story, str(sum(outcomes.values())), said)
+    return [table]
 
 
 def notes() -> list[str]:

@@ -50,6 +50,8 @@ def score_case(job: Job) -> None:
     row = {
         "case": job.name,
         "kind": truth.case.kind.value,
+        "world": truth.case.world.value,
+        "story": truth.case.story,
         "excitation": truth.case.excitation.value,
         "hidden": [
             one.model_dump(mode="json") | {"reached": s, "visibility": v}

@@ -1,9 +1,11 @@
 """What the rows of all cases say together, with 95 % intervals."""
 
+from collections import Counter
 from collections.abc import Callable, Sequence
 from typing import Any
 
-from cases import PAIR, STRENGTHS, Kind
+from case import Kind
+from cases import PAIR, STRENGTHS
 from judgement import AND_MORE, OURS, Outcome
 from rates import median, rate
 
@@ -32,6 +34,7 @@ def summary(rows: Sequence[Row]) -> dict[str, Any]:
         },
         "parameter_error": median([e for row in ours for e in row["parameter_errors"]]),
         "seconds": median([row["seconds"] for row in ours if row["seconds"]]),
+        "stories": _told(ours),
         "not_identifiable": sum(not identifiable(row) for row in of_kind(rows, Kind.SINGLE)),
     }
 
@@ -78,6 +81,15 @@ def share(
 def power(rows: Sequence[Row], method: str) -> dict[float, dict[str, Any]]:
     """Share of right answers to single effects that can be identified, by strength."""
     return {s: share(of, method, Outcome.RIGHT) for s, of in by_strength(rows).items()}
+
+
+def _told(rows: Sequence[Row]) -> dict[str, dict[str, int]]:
+    """How often which outcome, by the story of the case, where it has one."""
+    outcomes: dict[str, Counter[str]] = {}
+    for row in rows:
+        if row["story"] is not None:
+            outcomes.setdefault(row["story"], Counter())[row["outcomes"][OURS]] += 1
+    return {story: dict(several.most_common()) for story, several in outcomes.items()}
 
 
 def _of_method(rows: Sequence[Row], method: str) -> dict[str, Any]:

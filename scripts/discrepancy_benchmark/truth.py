@@ -6,7 +6,7 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
-from cases import Case
+from case import Case
 from clean import Seen, load_seen
 from folders import read_json
 from judgement import Place
@@ -78,29 +78,33 @@ class Truth:
             if norm > 0.0:
                 shares.append(float(np.linalg.norm(base.beside(base.rows(part)))) / norm)
             else:
-                effect = self._labels[place]
+                effect = self._labelled(place)[-1]
                 shares.append(beyond_usual(effect, self.stand_in, self.train.record, usual))
         return shares
 
-    @property
-    def _labels(self) -> dict[Place, dict[str, Any]]:
-        """What the labels say of each effect."""
+    def _labelled(self, place: Place) -> list[dict[str, Any]]:
+        """What the labels say of an effect, one entry for each recording that carries it."""
         every = (one for label in self.labels for one in label["effects"])
-        return {(one["name"], one["joint"] or WHOLE): one for one in every}
+        return [one for one in every if (one["name"], one["joint"] or WHOLE) == place]
 
     def parameter_errors(self, content: dict[str, Any]) -> list[float]:
         """Relative errors of the parameters that mean the same in the hidden law as in the answer.
 
-        By magnitude: either side has its own convention of signs.
+        By magnitude: either side has its own convention of signs. Where recordings differ, as in
+        their loads, each value that is found is compared with the nearest hidden one.
         """
-        errors, labels = [], self._labels
+        errors = []
         for finding in content["findings"]:
-            hidden = labels.get((finding["effect"], finding["joint"]))
             own, theirs = COMPARABLE.get(finding["effect"], ("", ()))
-            for given in hidden["parameters"] if hidden else ():
-                if given["name"] in theirs:
-                    found = next(p for p in finding["parameters"] if p["name"].startswith(own))
-                    errors.append(abs(abs(found["value"]) / abs(given["value"]) - 1.0))
+            hidden = [
+                abs(given["value"])
+                for effect in self._labelled((finding["effect"], finding["joint"]))
+                for given in effect["parameters"]
+                if given["name"] in theirs
+            ]
+            if hidden:
+                found = (p["value"] for p in finding["parameters"] if p["name"].startswith(own))
+                errors += [min(abs(abs(one) / true - 1.0) for true in hidden) for one in found]
         return errors
 
     def twin(self, model: Model, number: int, other: Place) -> bool:

@@ -9,6 +9,7 @@ from typing import Any
 import numpy as np
 
 from crane_identification.discrepancy.hydraulics import Usual
+from crane_model.flow.valve import EDGES, asymmetry
 from crane_model.record import Record
 from crane_sim.hidden.flow import LAMINAR
 from crane_sim.parameters import StandIn
@@ -24,14 +25,19 @@ def beyond_usual(
     """
     joint, given = effect["joint"], {one["name"]: one["value"] for one in effect["parameters"]}
     p_a, p_b = _pressures(joint, record)
+    valve = stand_in.valves[joint]
     match effect["name"]:
         case "valve_dead_zone":
-            own = stand_in.valves[joint].dead_zone
-            value, limit = own + (1.0 - own) * given["band"], usual.dead_zone[joint]
+            own = valve.dead_zone
+            value = own + abs(valve.null_bias) + (1.0 - own) * given["band"]
+            limit = usual.dead_zone[joint]
         case "valve_hysteresis":
             value, limit = given["width"], usual.hysteresis
         case "valve_asymmetry":
-            value, limit = abs(given["share"]), usual.asymmetry
+            more, less = 1.0 + given["share"], 1.0 - given["share"]
+            gains = [getattr(valve.edges, edge) for edge in EDGES]
+            value = abs(asymmetry(np.array(gains) * (more, less, less, more)))
+            limit = usual.asymmetry
         case "internal_leakage":
             orifice = given["conductance"] / np.sqrt(np.hypot(p_a - p_b, LAMINAR))
             value = stand_in.cylinders[joint].leakage + float(orifice.mean())
@@ -42,7 +48,7 @@ def beyond_usual(
             value, limit = softer / stand_in.oil.bulk_modulus, 1.0 / usual.bulk_modulus
         case _:
             return None
-    return max(0.0, 1.0 - limit / value)
+    return 0.0 if value <= limit else 1.0 - limit / value
 
 
 def _pressures(joint: str, record: Record) -> tuple[np.ndarray, np.ndarray]:

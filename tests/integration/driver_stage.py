@@ -63,8 +63,8 @@ class Stage:
         self.machine = start(MACHINE, "--bus-option", f"port={port}", *posed)
         options = {"bus.options": f"port={port}", "mapping": str(path), "safety": f"'{safety}'"}
         parameters = [one for name, value in options.items() for one in ("-p", f"{name}:={value}")]
-        self._arguments = ["--ros-args", *parameters]
-        self.driver = start(driver, *self._arguments)
+        self.arguments = ["--ros-args", *parameters]
+        self.driver = start(driver, *self.arguments)
         self.context = rclpy.Context()
         rclpy.init(context=self.context, domain_id=int(os.environ["ROS_DOMAIN_ID"]))
         self.node = Node("watcher", context=self.context)
@@ -97,7 +97,7 @@ class Stage:
     def start_driver(self, program: str = DRIVER) -> None:
         """Another driver in the place of one that has ended."""
         assert self.driver.poll() is not None
-        self.driver = start(program, *self._arguments)
+        self.driver = start(program, *self.arguments)
         self.diagnostics.clear()
         states, valves = len(self.states), len(self.valves)
         self.until(

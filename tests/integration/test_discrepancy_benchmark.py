@@ -85,6 +85,7 @@ def test_the_answering_process_sees_neither_labels_nor_what_made_them(finished):
         "list(folders.top.iterdir())",
         "import crane_sim.plant",
         "import cases",
+        "import session",
     )
     ended = subprocess.run(
         [sys.executable, "-c", PEEK, str(folders.top), name, *attempts],

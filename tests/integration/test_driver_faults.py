@@ -1,5 +1,6 @@
 """Faults injected into the running driver and simulated crane; what the valves are sent then."""
 
+import math
 import os
 import signal
 import time
@@ -7,11 +8,14 @@ from collections.abc import Callable, Iterator
 from pathlib import Path
 
 import pytest
+from domain_coordinator import domain_id
 from integration.commander import Commander
 from integration.driver_stage import Stage, commander
 from integration.faults import DRIVER, SMALLEST, encoder_frame, fault, played, ramped, swing
-from integration.processes import PATIENCE
+from integration.processes import DRIVER as SECOND_DRIVER
+from integration.processes import PATIENCE, end, start
 
+from crane_driver.can.codec import DriverCodec
 from crane_driver.safety.settings import load_safety
 from crane_interfaces.msg import ValveCommand
 
@@ -157,6 +161,17 @@ def test_valves_that_do_not_accept_what_they_are_sent_are_a_fault(
     stage.disabled()
 
 
+def test_an_encoder_that_is_frozen_stops_the_crane(stage: Stage, hand: Commander) -> None:
+    """Its frames come with right counters and checksums, and the valves accept their commands."""
+    with played(stage):
+        swing(stage, hand)
+        since = len(stage.valves)
+        ramped(stage, since)
+        assert "slew: its position has not changed for 4" in fault(stage, "position slew")
+        assert math.isnan(stage.states[-1].position[0])
+    stage.disabled()
+
+
 @pytest.mark.parametrize(
     ("damage", "name", "detail"),
     [
@@ -205,6 +220,39 @@ def test_a_repeated_frame_is_a_fault(stage: Stage, hand: Commander) -> None:
     assert "EncoderBase (120): repeated: counter " in fault(stage, "CAN repeated EncoderBase")
     stamps = [(one.header.stamp.sec, one.header.stamp.nanosec) for one in stage.states[states:]]
     assert stamps == sorted(set(stamps))
+
+
+def test_a_valve_command_of_another_node_is_a_fault_in_every_state(
+    stage: Stage, hand: Commander
+) -> None:
+    foreign = DriverCodec(stage.layout)
+    stage.disabled()
+    stage.link.send(foreign.command_frames({"inner_boom": 0.3}, True)[0])
+    assert "another node commands the valves (" in fault(stage, "CAN foreign command ValveCommand")
+    swing(stage, hand)
+    since = len(stage.valves)
+    stage.link.send(foreign.command_frames({"inner_boom": 0.3}, True)[0])
+    ramped(stage, since)
+    assert "inner_boom 0.3" in fault(stage, "CAN foreign command ValveCommand")
+    stage.disabled()
+
+
+def test_a_second_driver_on_the_bus_is_a_fault(
+    stage: Stage, hand: Commander, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """One of another ROS domain, which no topic tells of; it is disabled, and sends neutral."""
+    swing(stage, hand)
+    with domain_id() as another:
+        monkeypatch.setenv("ROS_DOMAIN_ID", str(another))
+        second = start(SECOND_DRIVER, *stage.arguments)
+    try:
+        fault(stage, "CAN foreign command ValveCommand")
+        success, text = stage.call("enable")
+        assert not success
+        assert "another node commands the valves" in text
+    finally:
+        end(second)
+    stage.disabled()
 
 
 def test_emergency_stop_is_neutral_at_once_and_latched(stage: Stage, hand: Commander) -> None:

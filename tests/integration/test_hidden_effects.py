@@ -2,6 +2,7 @@
 
 import json
 import subprocess
+from datetime import UTC, datetime
 from pathlib import Path
 
 import numpy as np
@@ -12,6 +13,7 @@ from crane_driver.bags.reader import read_topics
 from crane_driver.bags.types import CYLINDER_PRESSURES, JOINT_REFERENCE, JOINT_STATES
 from crane_model.configuration import packaged
 from crane_model.machine import PLANAR_JOINTS
+from crane_sim import make_bag
 
 SPEC = """
 seed: 5
@@ -83,6 +85,57 @@ def test_label_tells_all(made: Path) -> None:
     shares = np.sqrt(np.mean(clean["force"][:, :, 1:] ** 2, axis=1) / whole)
     for entry, share in zip(label["effects"], shares, strict=True):
         assert entry["strength"] == pytest.approx(share[PLANAR_JOINTS.index(entry["joint"])])
+
+
+def hidden(label: Path) -> list[tuple[str, str, dict[str, float]]]:
+    """Effects, joints and parameters by a label."""
+    effects = json.loads(label.read_text(encoding="utf-8"))["effects"]
+    return [
+        (one["name"], one["joint"], {p["name"]: p["value"] for p in one["parameters"]})
+        for one in effects
+    ]
+
+
+def test_one_spec_is_one_machine_whatever_is_recorded(made: Path, tmp_path: Path) -> None:
+    """Also later in the session, which the stamps tell."""
+    other = packaged("crane_trajectory", "validation_20s.yaml")
+    begun = ["--started", "2025-03-14T08:00:00", "--running", 600]
+    hide = ["--hide", made / "spec.yaml", "--label", tmp_path / "label.json"]
+    done = run("--out", tmp_path / "bag", "--trajectory", other, *begun, *hide)
+    assert done.returncode == 0, done.stderr
+    assert hidden(tmp_path / "label.json") == hidden(made / "label.json")
+    stamp = read_topics(tmp_path / "bag", (JOINT_STATES,))[JOINT_STATES.name].stamp[0]
+    start = datetime(2025, 3, 14, 8, 10, tzinfo=UTC).timestamp()
+    assert start < stamp / 1e9 < start + 0.01
+
+
+def test_a_label_makes_its_machine_again(made: Path, tmp_path: Path) -> None:
+    """To the byte, where the motion and the noise are those of its bag."""
+    label = tmp_path / "label.json"
+    done = run("--out", tmp_path / "bag", "--hide", made / "label.json", "--label", label)
+    assert done.returncode == 0, done.stderr
+    assert hidden(label) == hidden(made / "label.json")
+    bags = [(folder / "bag" / "bag.mcap").read_bytes() for folder in (tmp_path, made / "hiding")]
+    assert bags[0] == bags[1]
+
+
+def test_labels_of_other_machines_and_other_files_are_refused(
+    made: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    """By name, before anything is made."""
+    (tmp_path / "other.json").write_text('{"effects": [3]}', encoding="utf-8")
+    plant = packaged("crane_sim", "stand_in_dynamic_friction.yaml")
+    trajectory = packaged("crane_trajectory", "excitation_20s.yaml")
+    for words, arguments in (
+        ("label of another machine", ("--hide", made / "label.json", "--plant", plant)),
+        ("not the label of a bag", ("--hide", tmp_path / "other.json")),
+        ("no such file", ("--hide", tmp_path / "none.json")),
+    ):
+        where = ("--out", tmp_path / "bag", "--label", tmp_path / "label.json")
+        motion = ("--trajectory", trajectory, "--periods", 1)
+        assert make_bag.main([str(word) for word in (*where, *motion, *arguments)]) == 1
+        assert words in capsys.readouterr().err
+    assert not (tmp_path / "bag").exists()
 
 
 def test_a_label_in_the_bag_is_refused(made: Path, tmp_path: Path) -> None:

@@ -1,6 +1,7 @@
 """Readings that several frames of one cycle bring, put together without mixing cycles."""
 
 import math
+from collections import deque
 from dataclasses import dataclass, field
 from typing import Literal, NamedTuple
 
@@ -8,6 +9,9 @@ from crane_driver.can.cycles import WAITING, CycleNumbers
 from crane_driver.can.decoder import Readings
 from crane_driver.can.layout import Layout
 from crane_driver.can.sampling import SamplingClock
+
+MOST_WAITING = 1000  # frames
+CLOCK_SET = 1_000_000_000  # ns; the wall clock was set if it goes back by more
 
 
 class Complete(NamedTuple):
@@ -32,12 +36,12 @@ class _Set:
 class Assembly:
     """Collects the positions or the pressures of a layout from all frames that carry them.
 
-    Frames belong together by their counters, however late a frame is received. Until the counters
-    are known, or where the mapping names none, they belong together if they were received within
-    half a cycle.
+    Frames belong together by their counters, however late a frame is received. Until it is known
+    which counters belong together, frames wait. Where the mapping names no counters, frames belong
+    together if they were received within half a cycle.
 
     Numbered cycles are stamped with the instant at which they were sampled (see `SamplingClock`),
-    others with the reception of their first frame.
+    others with the reception of their first frame. Stamps increase.
     """
 
     def __init__(self, layout: Layout, kind: Literal["positions", "pressures"]):
@@ -45,32 +49,70 @@ class Assembly:
         self._kind = kind
         self._messages = frozenset(one.name for one in carriers)
         self._cycle = min((one.cycle for one in carriers), default=0.0)
-        self._clock = SamplingClock(self._cycle)
         self._unknown = dict.fromkeys(getattr(layout, kind), math.nan)
         self._numbers = (
             CycleNumbers(carriers, layout.timing) if CycleNumbers.possible(carriers) else None
         )
-        self._by_counter = False
+        self._epoch = 0
+        self._clock = SamplingClock(self._cycle)
+        # With their index, until numbers are known.
+        self._waiting: deque[tuple[Readings, int]] = deque()
         self._open: dict[int, _Set] = {}  # by number of the cycle, in order of arrival
-        self._done = -1  # number of the last complete cycle
-        self.incomplete = 0  # cycles given up because one of their frames did not come
+        self._done: int | None = -1 if self._numbers is None else None  # the last complete cycle
+        self._last = Complete(0, -math.inf, -math.inf, {})
+        self.incomplete = 0  # cycles given up: a frame is missing, or came too late for its place
 
-    def add(self, readings: Readings) -> Complete | None:
-        """The cycle that this frame completes; None while others are to come."""
+    def add(self, readings: Readings) -> list[Complete]:
+        """The cycles that this frame completes, oldest first; none while others are to come."""
         if readings.message not in self._messages:
-            return None
-        number = self._numbers.number(readings) if self._numbers else None
-        if self._by_counter is not (number is not None):  # from here on the numbers are others
-            self._by_counter = number is not None
-            self._give_up(list(self._open))
-            self._clock = SamplingClock(self._cycle)
-            self._done = -1 if number is None else number - 1
-        if number is None:
-            number = self._number_by_time(readings)
-        return self._add(number, readings)
+            return []
+        if self._numbers is None:
+            complete = self._add(self._number_by_time(readings), readings)
+            return [complete] if complete else []
+        index = self._numbers.place(readings)
+        if self._numbers.epoch != self._epoch:
+            self._begin(self._numbers.epoch)
+        if index is not None:
+            self._waiting.append((readings, index))
+        if len(self._waiting) > MOST_WAITING:
+            self._waiting.popleft()
+            self.incomplete += 1
+        return self._numbered(self._numbers) if self._numbers.known else []
+
+    def finish(self) -> list[Complete]:
+        """The cycles of frames that still wait for numbers: no more come."""
+        if self._numbers is None:
+            return []
+        self._numbers.settle()
+        return self._numbered(self._numbers) if self._numbers.known else []
+
+    def _numbered(self, numbers: CycleNumbers) -> list[Complete]:
+        """The cycles that the waiting frames complete."""
+        if not self._waiting:
+            return []
+        placed = [
+            (number, one)
+            for one, index in self._waiting
+            if (number := numbers.number(one.message, index, one.steady)) is not None
+        ]
+        self.incomplete += len(self._waiting) - len(placed)
+        self._waiting.clear()
+        if self._done is None and placed:
+            self._done = min(number for number, _ in placed) - 1
+        complete = [self._add(number, one) for number, one in placed]
+        return [one for one in complete if one]
+
+    def _begin(self, epoch: int) -> None:
+        """Numbers begin anew; what has come so far stays in pieces."""
+        self._give_up(list(self._open))
+        self.incomplete += len({index for _, index in self._waiting})
+        self._waiting.clear()
+        self._epoch, self._done = epoch, None
+        self._clock = SamplingClock(self._cycle)
 
     def _number_by_time(self, readings: Readings) -> int:
         """That of the open set, unless the frame cannot be of it."""
+        assert self._done is not None
         if not self._open:
             return self._done + 1
         ((number, open_set),) = self._open.items()
@@ -81,12 +123,10 @@ class Assembly:
         return number + 1
 
     def _add(self, number: int, readings: Readings) -> Complete | None:
+        assert self._done is not None
         if number <= self._done:  # a later cycle was complete before
             return None
         one = self._open.get(number)
-        if one and readings.steady - one.steady > WAITING * self._cycle:
-            self._give_up([number])  # a round of the counter ago
-            one = None
         if one is None:
             one = _Set(readings.stamp, readings.steady, dict(self._unknown))
             self._open[number] = one
@@ -100,12 +140,18 @@ class Assembly:
         del self._open[number]
         self._give_up([old for old in self._open if old < number])
         self._done = number
-        if self._numbers and not self._by_counter:
-            self._numbers.learn()
-        sampled = self._clock.sampled(number, one.steady) if self._by_counter else one.steady
-        return Complete(
-            one.stamp - round((one.steady - sampled) * 1e9), sampled, one.steady, one.values
-        )
+        return self._stamped(number, one)
+
+    def _stamped(self, number: int, one: _Set) -> Complete | None:
+        """None, and given up, if it was not sampled after the last one: a clock is wrong."""
+        sampled = self._clock.sampled(number, one.steady) if self._numbers else one.steady
+        stamp = one.stamp - round((one.steady - sampled) * 1e9)
+        back = self._last.stamp - stamp  # ns
+        if sampled <= self._last.sampled or 0 <= back < CLOCK_SET:
+            self.incomplete += 1
+            return None
+        self._last = Complete(stamp, sampled, one.steady, one.values)
+        return self._last
 
     def _give_up(self, numbers: list[int]) -> None:
         for number in numbers:

@@ -39,6 +39,7 @@ class FaultKind(StrEnum):
     HEARTBEAT = "heartbeat"  # of a CANopen device: lost
     REBOOT = "reboot"  # of a CANopen device in operation
     NOT_OPERATIONAL = "not operational"  # a CANopen device that was
+    FOREIGN = "foreign command"  # a valve frame that this driver did not send
     EMERGENCY = "emergency"  # message of a CANopen device
 
 

@@ -75,12 +75,17 @@ class Link:
             self._thread = None
         self._disconnect(BusState.CLOSED)
 
-    def take(self) -> list[Frame]:
-        """The frames received since the last call, oldest first."""
+    def take(self, most: int | None = None) -> list[Frame]:
+        """The frames received since the last call, oldest first; `most` of them, if that is given:
+        the others wait, and who takes frames is woken again.
+        """
         with self._lock:
-            frames = list(self._frames)
-            self._frames.clear()
-            self._overflowing = False
+            count = len(self._frames) if most is None else min(most, len(self._frames))
+            frames = [self._frames.popleft() for _ in range(count)]
+            more = bool(self._frames)
+            self._overflowing = self._overflowing and more
+        if more:
+            self._wake()
         return frames
 
     def take_faults(self) -> list[Fault]:

@@ -61,14 +61,23 @@ class LogBag:
             if not any(fault.kind in UNUSABLE for fault in faults):
                 self._readings(readings)
 
+    def finish(self) -> None:
+        """Write what still waits for other frames, of which no more come."""
+        self._write(self._positions.finish(), self._pressures.finish())
+
     def _readings(self, readings: Readings) -> None:
-        if complete := self._positions.add(readings):
+        self._write(self._positions.add(readings), self._pressures.add(readings))
+
+    def _write(self, positions: Iterable[Complete], pressures: Iterable[Complete]) -> None:
+        for complete in positions:
             position = list(complete.values.values())
             self._joint_states.write(
                 complete.stamp, complete.stamp, position, self._nothing, self._nothing
             )
             self.written[JOINT_STATES.name] += 1
-        if self._cylinder_pressures and (complete := self._pressures.add(readings)):
+        if self._cylinder_pressures is None:
+            return
+        for complete in pressures:
             self._cylinder_pressures.write(
                 complete.stamp, complete.stamp, *self._pressure_fields(complete)
             )

@@ -22,8 +22,15 @@ class JointLimiter:
         self._reaction = settings.reaction_time
         self._correction = settings.correction_time
         self._opening, self._opening_time = settings.opening, settings.opening_time
+        self.restart()
+
+    def restart(self) -> None:
+        """Begin at neutral, whatever was sent before."""
+        self._start(0.0)
+
+    def _start(self, direction: float) -> None:
+        self._direction = direction
         self._cap = 1.0
-        self._direction = 0.0
         self._sent = 0.0
         self._cause = 0.0  # the opening that the present speed comes from
 
@@ -34,8 +41,7 @@ class JointLimiter:
         """
         direction = math.copysign(1.0, command) if command else 0.0
         if direction != self._direction:
-            self._cap, self._direction = 1.0, direction
-            self._sent = self._cause = 0.0
+            self._start(direction)
         self._cause += (self._sent - self._cause) * min(1.0, dt / self._reaction)
         opened = max(self._sent, self._opening) + dt / self._opening_time
         bound = self._bound(direction, position, velocity, dt)

@@ -35,6 +35,9 @@ class SafetySettings(Schema):
     correction_time: Positive
     opening: Spool
     opening_time: Positive
+    jump_speed: Annotated[float, Field(ge=1)]
+    still_time: Positive
+    still_pressure: Positive
 
     @model_validator(mode="after")
     def _ordered(self) -> Self:

@@ -28,6 +28,7 @@ TRANSITIONS: dict[tuple[State, Event], State] = {
     (State.OFFLINE, Event.READY): State.DISABLED,
     (State.DISABLED, Event.ENABLE): State.ENABLED,
     (State.ENABLED, Event.DISABLE): State.DISABLED,
+    (State.OFFLINE, Event.FAULT): State.FAULT,  # only what is wrong in every state
     (State.DISABLED, Event.FAULT): State.FAULT,
     (State.ENABLED, Event.FAULT): State.FAULT,
     # Not to DISABLED: whether the machine is well has to be seen anew.

@@ -6,7 +6,7 @@ from dataclasses import dataclass
 from enum import StrEnum
 from typing import NamedTuple
 
-from crane_driver.can.frame import Fault
+from crane_driver.can.frame import Fault, FaultKind
 from crane_driver.safety.commands import check_command, ramped
 from crane_driver.safety.limits import JointLimiter
 from crane_driver.safety.settings import SafetySettings
@@ -32,6 +32,7 @@ class Cause(StrEnum):
     COMMAND_TIMEOUT = "command timeout"
     SEVERAL_PUBLISHERS = "several publishers"
     NO_STATE = "no state"
+    POSITION = "position"
 
 
 @dataclass
@@ -107,11 +108,22 @@ class Supervisor:
         """The newest measured state; NaN where there is none."""
         self._position, self._velocity = dict(positions), dict(velocities)
 
+    @property
+    def sent(self) -> Mapping[str, float]:
+        """What the valves were last sent, -1 to 1 by joint."""
+        return self._output
+
+    def not_believed(self, wrong: Mapping[str, str]) -> None:
+        """Joints whose positions cannot be true, and why; offline, nothing moves by them."""
+        if self.state is not State.OFFLINE:
+            for joint, why in wrong.items():
+                self._latch(Cause.POSITION, joint, f"{joint}: {why}")
+
     def can_faults(self, faults: Iterable[Fault], now: float) -> None:
         """Faults of bus, frames and devices."""
         for fault in faults:
             self._troubled = now
-            if self.state is State.OFFLINE:
+            if self.state is State.OFFLINE and fault.kind is not FaultKind.FOREIGN:
                 continue  # not well as yet, which is what this state says
             self._latch(Cause.CAN, f"{fault.kind} {fault.message}", str(fault))
 
@@ -137,6 +149,8 @@ class Supervisor:
                 f"not enabled: the command is {_shown(self._target)}; command neutral first"
             )
         self._from_neutral = fresh
+        for limiter in self._limiters.values():
+            limiter.restart()
         self._happen(Event.ENABLE)
 
     def disable(self) -> None:

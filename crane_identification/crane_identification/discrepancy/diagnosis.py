@@ -33,6 +33,7 @@ from crane_identification.discrepancy.verdict import (
     with_pulsation,
 )
 from crane_identification.options import Options
+from crane_identification.periodicity import periodic_part
 from crane_identification.preparation import Preparation, prepare, prepare_all
 from crane_identification.progress import Progress, silent
 from crane_identification.session import Session, chronological
@@ -48,8 +49,8 @@ class Diagnosis:
     Per joint (j,): `energy` share of the unexplained energy, `regions` that carry it, `learnt` from
     the residual before and after; `correlation_left` of neighbouring rows of what remains, 0 for
     noise. `undetermined` parameters of the given model were left out of it; the answer is sought
-    `without` these effects; `uncalibrated` quantities are in counts. `session` says whether time
-    runs through all recordings.
+    `without` these effects; `uncalibrated` quantities are in counts; `warnings` are about the
+    recordings. `session` says whether time runs through all of them.
     """
 
     verdict: Verdict
@@ -74,6 +75,7 @@ class Diagnosis:
     undetermined: tuple[str, ...]
     without: frozenset[str]
     uncalibrated: tuple[str, ...]
+    warnings: tuple[str, ...]
     flows: tuple[Flow, ...]
     flow_unobservable: dict[tuple[str, str], str]
     pulsations: tuple[Pulsation, ...]
@@ -121,7 +123,7 @@ def diagnose(
     first = tried(found, before, (), given, known)
     progress("what is left", 0.5)
     wanted = suited(found, before, decision.accepted)
-    periods = _averaged(model, validation, options)
+    periods, not_periodic = _averaged(model, validation, options)
     proof = proved(found, before, wanted, given, known, held_out, periods, thresholds)
     progress("what is left", 1.0)
     last, gap = proof.trial, proof.gap
@@ -172,6 +174,7 @@ def diagnose(
         undetermined=undetermined,
         without=frozenset(without),
         uncalibrated=uncalibrated,
+        warnings=(*(one for log in logs for one in log.warnings), *not_periodic),
         flows=tuple(flows),
         flow_unobservable=no_flow,
         pulsations=lines,
@@ -209,15 +212,27 @@ def _names(model: Model, terms: Sequence[Term]) -> tuple[str, ...]:
     return tuple(p.name for term in terms for p in term.parameters(model.setting))
 
 
-def _averaged(model: Model, logs: Sequence[Log], options: Options) -> list[Preparation]:
-    """The validation recordings averaged, those that are periodic; their scatter is the noise."""
-    out = []
+def _averaged(
+    model: Model, logs: Sequence[Log], options: Options
+) -> tuple[list[Preparation], list[str]]:
+    """The validation recordings averaged, those that are periodic; their scatter is the noise.
+
+    Beside them, which of them do not have the period that was given.
+    """
+    out: list[Preparation] = []
+    wrong = []
     for log in logs:
+        try:
+            periodic_part(log, options.period)
+        except DataError as error:
+            if options.period is not None:
+                wrong.append(f"{error}. Its noise floor is not known.")
+            continue  # not periodic: no scatter
         try:
             out += prepare(model, log, replace(options, average=True))
         except DataError:
-            continue  # not periodic: no scatter
-    return out
+            continue  # no whole period without a gap
+    return out, wrong
 
 
 def _energy(found: Search, before: Trial) -> np.ndarray:

@@ -78,8 +78,9 @@ def extended(
             )
             for i in range(part.start, part.stop)
         ]
+        coordinate = after.setting.units.get(one.option.family.where, "rad")
         bent = [
-            Value(name, float(one.option.shape[name]), spread[name], _unit(after, one, shape.unit))
+            Value(name, float(one.option.shape[name]), spread[name], shape.unit_on(coordinate))
             for name, shape in one.option.family.term.shapes.items()
         ]
         values.append(tuple(linear + bent))
@@ -100,11 +101,3 @@ def carried_in(finding: Finding, recordings: Sequence[str]) -> dict[str, tuple[s
 def in_counts(values: tuple[Value, ...]) -> tuple[Value, ...]:
     """Parameters that are found in counts."""
     return tuple(replace(one, unit=COUNTS if one.unit != "1" else "1") for one in values)
-
-
-def _unit(model: Model, one: Judged, unit: str) -> str:
-    """Units of shapes are given for joints of both kinds; that of the joint at hand."""
-    both = unit.split(" or ")
-    joint = one.option.family.joint
-    prismatic = joint is not None and model.setting.units[joint] == "m"
-    return both[-1] if prismatic else both[0]

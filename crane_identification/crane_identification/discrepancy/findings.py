@@ -10,8 +10,8 @@ import numpy as np
 from crane_identification.discrepancy.candidates import WHOLE, Family
 from crane_identification.discrepancy.diagnosis import Diagnosis
 from crane_identification.discrepancy.extension import Finding, carried_in
-from crane_identification.discrepancy.flow import SIGMAS as FLOW_SIGMAS
 from crane_identification.discrepancy.gap import Gap
+from crane_identification.discrepancy.hydraulics import SIGMAS as FLOW_SIGMAS
 from crane_identification.discrepancy.hydraulics import Flow, Quantity
 from crane_identification.discrepancy.loads import LOADS, NO_LOAD, SIGMAS
 from crane_identification.discrepancy.weighing import Weighed
@@ -71,6 +71,7 @@ def content(diagnosis: Diagnosis) -> dict[str, Any]:
                 "reason": diagnosis.session.fallback,
             },
             "needs_units": diagnosis.uncalibrated,
+            "warnings": diagnosis.warnings,
             "without": sorted(diagnosis.without),
             "not_testable": _reasons(diagnosis.search.untestable),
             "not_observable": _reasons(diagnosis.search.unobservable)
@@ -212,8 +213,20 @@ def _flow(flow: Flow) -> dict[str, Any]:
     """Everything the flow balance says of a joint."""
     return {
         "unexplained_share": flow.unexplained,
+        "correlation_left": flow.correlation,
+        "known_time": flow.known,
+        "recorded_time": flow.recorded,
+        "edge_gains": {
+            one.edge: {"value": one.value, "std_dev": one.std_dev, "determined": one.determined}
+            for one in flow.gains
+        },
         "quantities": {
-            one.type: {**_value(one), "usual_limit": one.usual, "share_beyond_usual": one.share}
+            one.type: {
+                **_value(one),
+                "usual_limit": one.usual,
+                "share_beyond_usual": one.share,
+                "determined": one.determined,
+            }
             for one in flow.quantities
         },
     }
@@ -232,6 +245,7 @@ def _side(diagnosis: Diagnosis, error: np.ndarray, motion: MotionValidation) -> 
             "best_achievable": gap.best[j],
             "motion_error": motion.position_rms[j],
             "motion_displacement": motion.displacement_rms[j],
+            "motion_reason": motion.reason,
         }
         for j, joint in enumerate(gap.joints)
     }

@@ -5,34 +5,36 @@ cannot show in its residual. They do in the balance of flow, which is fitted as 
 machine has some of each, and an effect is missing where a value is not the usual one.
 """
 
-from collections.abc import Callable, Collection
-from typing import NamedTuple
+from collections.abc import Callable, Collection, Sequence
 
 import numpy as np
-from scipy.optimize import minimize_scalar
 
-from crane_identification.discrepancy.evidence import Evidence, Run
-from crane_identification.discrepancy.filtering import thinned
-from crane_identification.discrepancy.hydraulics import Flow, Quantity, Usual
-from crane_identification.discrepancy.scaling import normed
-from crane_identification.regression import OPEN
+from crane_identification.discrepancy.evidence import Evidence
+from crane_identification.discrepancy.flow_fit import (
+    COLUMNS,
+    LEAK,
+    PLAY,
+    SOFT,
+    ZONES,
+    power,
+    searched,
+    solved,
+)
+from crane_identification.discrepancy.flow_rows import FlowRows
+from crane_identification.discrepancy.hydraulics import (
+    LAW,
+    SIGMAS,
+    Flow,
+    Gain,
+    Quantity,
+    Usual,
+)
 from crane_model.errors import DataError
-from crane_model.flow import FLOW_REGISTRY, FlowTerm, flow_regressor, piston_flow
-from crane_model.flow.oil import InternalLeakage, OilCompressibility
-from crane_model.flow.valve import Valve, ValveAsymmetry, ValveDeadZone, ValveHysteresis
-from crane_model.machine import Machine
-from crane_model.record import Record
+from crane_model.flow import FLOW_EFFECTS
+from crane_model.flow.valve import EDGES, asymmetry, by_chamber
 
-LEAST_TIME = 8.0  # s of motion in either direction
-LEAST_PRESSURE = 1e5  # Pa above the tank's, below which a chamber is about to be empty
-SIGMAS = 3.0  # by which a value must lie outside of what is usual
 CLEARLY = 2.0  # times the variance that the usual value leaves on held-out recordings
-UNKNOWN_FLOW = 0.1  # share of the flow left unexplained above which the balance tells nothing
-WIDEST_DEAD_ZONE = 0.3
-WIDEST_PLAY = 0.2
-STEP = 0.02  # of the dead zone, for its derivative
-SPOOL, LEAK, SOFT, UNEVEN, PLAY = 0, 2, 3, 5, 6  # columns of the balance
-UNITS: dict[type[FlowTerm], str] = {InternalLeakage: "m3/(s Pa)", OilCompressibility: "1/Pa"}
+UNKNOWN_FLOW = 0.1  # share of the flow left unexplained above which no value is any good
 
 
 def examine(
@@ -48,189 +50,150 @@ def examine(
     absent: dict[tuple[str, str], str] = {}
     for joint in evidence.joints:
         try:
-            here, there = _Balance(evidence, joint), _Balance(held_out, joint)
             if joint in distrusted:
                 raise DataError(f"flow of '{joint}': its sensors may be wrong; settle that first")
-            found.append(_examined(here, there, usual))
+            if joint not in usual.dead_zone:
+                raise DataError(
+                    f"flow of '{joint}': what is usual of its valve is not known; add its dead_zone"
+                )
+            here, there = FlowRows(evidence, joint), FlowRows(held_out, joint)
+            found.append(_Examination(here, there, usual).flow())
         except DataError as error:
-            effects = [name for name, cls in FLOW_REGISTRY.items() if cls.effect is not None]
-            absent |= {(effect, joint): str(error) for effect in sorted(effects)}
+            absent |= {(effect, joint): str(error) for effect in sorted(FLOW_EFFECTS)}
     return found, absent
 
 
-class _Fit(NamedTuple):
-    """Parameters of the seven columns, one standard deviation each, and the variance left."""
-
-    values: np.ndarray
-    std_devs: np.ndarray
-    rest: float
+Tied = Callable[[FlowRows, np.ndarray], tuple[np.ndarray, np.ndarray | float]]
+"""From rows and their columns to those of a balance with one quantity as it usually is, and the
+part of the flow that is then known."""
 
 
-class _Balance:
-    """Rows (N,) of the balance of flow of one joint while it moves, both chambers."""
-
-    def __init__(self, evidence: Evidence, joint: str) -> None:
-        machine = evidence.model.machine
-        if machine is None:
-            raise DataError(f"flow of '{joint}': the model has no machine with cylinders")
-        self.machine: Machine = machine
-        self.joint, self.runs = joint, evidence.runs
-        self.leak_and_oil = self._rows(
-            lambda run: flow_regressor(
-                (InternalLeakage(joint=joint), OilCompressibility(joint=joint)), run.record, machine
-            )
-        )
-        flow = self._rows(lambda run: piston_flow(run.record, machine, joint)[..., np.newaxis])
-        self.flow = flow[:, 0]
-        up, down = self._times()
-        if min(up, down) < LEAST_TIME or not flow.any():
-            raise DataError(
-                f"flow of '{joint}': it moves up for {up:.0f} s and down for {down:.0f} s, "
-                f"{LEAST_TIME:.0f} s each needed; record longer"
-            )
-
-    def columns(self, band: float, width: float) -> np.ndarray:
-        """(N, 7): spool, its change by a delay, leakage, oil (2), uneven gain, play."""
-        spool = self.spool(band)
-        parts = (spool[:, :2], self.leak_and_oil, spool[:, 2:], self.play(width))
-        return np.concatenate(parts, axis=1)
-
-    def play(self, width: float) -> np.ndarray:
-        """(N, 1): what play between command and spool changes, for K = 1."""
-        term = ValveHysteresis(joint=self.joint, width=width)
-        return self._rows(lambda run: flow_regressor((term,), run.record, self.machine))
-
-    def spool(self, band: float) -> np.ndarray:
-        """(N, 3): flow for K = 1 with this dead zone, its rate, and with K = -1 one way."""
-        valve = Valve(joint=self.joint)
-        terms = valve, ValveDeadZone(joint=self.joint, band=band)
-
-        def columns(run: Run) -> np.ndarray:
-            flow = flow_regressor(terms, run.record, self.machine).sum(axis=2)
-            way = np.sign(valve.opening(run.record, self.machine))[:, np.newaxis]
-            return np.stack([flow, run.record.rate(flow), way * flow], axis=2)
-
-        return self._rows(columns)
-
-    def _filled(self, record: Record) -> np.ndarray:
-        """(samples,) where no chamber is about to be empty: then it draws oil past the valve."""
-        j, of = record.column(self.joint), f"flow of '{self.joint}'"
-        pressures = [record.needed(name, of)[:, j] for name in ("pressure_a", "pressure_b")]
-        return np.minimum(*pressures) > record.needed("tank_pressure", of) + LEAST_PRESSURE
-
-    def _times(self) -> tuple[float, float]:
-        """How long [s] the joint moves in either direction, where it is asked."""
-        times = np.zeros(2)
-        for run in self.runs:
-            record, j = run.record, run.record.column(self.joint)
-            steps = np.diff(record.time, append=record.time[-1:])
-            steps = steps * run.gate[:, j] * self._filled(record)
-            up = record.velocity[:, j] > 0.0
-            times += steps[up].sum(), steps[~up].sum()
-        return float(times[0]), float(times[1])
-
-    def _rows(self, of: Callable[[Run], np.ndarray]) -> np.ndarray:
-        """(N, k) from (samples, 2, k) of each run, filtered like the torque."""
-        parts = []
-        for run in self.runs:
-            values = of(run)
-            if not np.isfinite(values).all():
-                raise DataError(f"flow of '{self.joint}': what it needs was not logged throughout")
-            gate = run.gate[:, run.record.column(self.joint)] * self._filled(run.record)
-            rows = thinned(values * gate[:, np.newaxis, np.newaxis], run.factor)
-            rows = rows[thinned(gate, run.factor) > OPEN]
-            parts.append(rows.reshape(-1, rows.shape[2]))
-        return np.concatenate(parts)
-
-
-def _examined(here: _Balance, there: _Balance, usual: Usual) -> Flow:
+class _Examination:
     """All quantities of a joint, from its balance `here`, proved `there`."""
-    if here.joint not in usual.dead_zone:
-        raise DataError(
-            f"flow of '{here.joint}': what is usual of its valve is not known; add its dead_zone"
+
+    def __init__(self, here: FlowRows, there: FlowRows, usual: Usual) -> None:
+        self._here, self._there, self._usual = here, there, usual
+        self._spool = searched(here)
+        self._columns, self._proof = self._spool.columns(here), self._spool.columns(there)
+        self._free = solved(self._columns, here.flow)
+        self._correlation = here.correlation(self._free.left)
+        self._least = power(there.flow - self._proof @ self._free.values)
+        self._flow_power = power(here.flow)
+
+    def flow(self) -> Flow:
+        """What the balance says; `DataError` if it says nothing."""
+        here, free = self._here, self._free
+        unexplained = float(np.sqrt(free.rest / self._flow_power))
+        if unexplained > UNKNOWN_FLOW and self._correlation < LAW:
+            raise DataError(
+                f"flow of '{here.joint}': {unexplained:.0%} of it is noise, at most "
+                f"{UNKNOWN_FLOW:.0%} allowed; move faster"
+            )
+        gains = tuple(
+            Gain(edge, float(free.values[k]), self._std_dev(np.eye(COLUMNS)[k]))
+            for k, edge in enumerate(EDGES)
+        )
+        self._require_gains(gains)
+        return Flow(
+            joint=here.joint,
+            quantities=self._quantities() if unexplained <= UNKNOWN_FLOW else (),
+            gains=gains,
+            unexplained=unexplained,
+            usual=self._usual.unexplained,
+            correlation=self._correlation,
+            known=here.known,
+            recorded=here.recorded,
         )
 
-    def left(band: float) -> float:
-        columns = np.concatenate([here.spool(band)[:, :2], here.leak_and_oil], axis=1)
-        return _solved(columns, here.flow).rest
+    def _require_gains(self, gains: Sequence[Gain]) -> None:
+        known = [gain for gain in gains if gain.determined]
+        wrong = [gain.edge for gain in known if gain.value < 0.0]
+        if wrong or not known:
+            raise DataError(
+                f"flow of '{self._here.joint}': it does not follow the valve"
+                + (f", and runs against it at the edge {', '.join(wrong)}" if wrong else "")
+                + "; check sign and log of its command, and that its chambers are not exchanged"
+            )
 
-    band = _lowest(left, WIDEST_DEAD_ZONE)
-    stiff = here.columns(band, WIDEST_PLAY)[:, :PLAY]
-    width = _lowest(
-        lambda x: _solved(np.concatenate([stiff, here.play(x)], axis=1), here.flow).rest,
-        WIDEST_PLAY,
-    )
-    columns = here.columns(band, width)
-    free = _solved(columns, here.flow)
-    power = float((here.flow**2).mean())
-    unexplained = float(np.sqrt(free.rest / power))
-    if unexplained > UNKNOWN_FLOW:
-        raise DataError(
-            f"flow of '{here.joint}': {unexplained:.0%} of it is left unexplained, at most "
-            f"{UNKNOWN_FLOW:.0%} allowed; move faster"
+    def _std_dev(self, gradient: np.ndarray) -> float:
+        """Of a function of the parameters: neighbouring rows of what is left are not independent,
+        as of an autoregression of first order.
+        """
+        alike = max(self._correlation, 0.0)
+        return float(np.sqrt((1.0 + alike) / (1.0 - alike))) * self._free.std_dev(gradient)
+
+    def _quantities(self) -> tuple[Quantity, ...]:
+        usual = self._usual
+        return (
+            self._dead_zone(),
+            self._of_column("valve_hysteresis", PLAY, self._spool.play, usual.hysteresis),
+            self._asymmetry(),
+            self._of_column("internal_leakage", LEAK, 1.0, usual.leakage),
+            self._of_column("oil_compressibility", SOFT, 1.0, 1.0 / usual.bulk_modulus),
         )
-    gain = float(free.values[SPOOL])
-    if gain < SIGMAS * free.std_devs[SPOOL]:
-        raise DataError(f"flow of '{here.joint}': it does not follow the valve; check its command")
-    proof = there.columns(band, width)
-    least = float(((there.flow - proof @ free.values) ** 2).mean())
 
-    def judged(
-        kind: type[FlowTerm], value: float, std_dev: float, limit: float, part: int | None
+    def _dead_zone(self) -> Quantity:
+        """Of the direction in which it is wider."""
+        limit, zones = self._usual.dead_zone[self._here.joint], self._spool.dead_zones
+        a, b = (min(zone, limit) for zone in zones)
+        usual = self._spool._replace(dead_zones=(a, b))
+        fixed = [part for part, zone in zip(ZONES, zones, strict=True) if zone > limit]
+
+        def tied(rows: FlowRows, _: np.ndarray) -> tuple[np.ndarray, float]:
+            return np.delete(usual.columns(rows), fixed, axis=1), 0.0
+
+        value = max(zones)
+        std_dev = self._std_dev(np.eye(COLUMNS)[ZONES[zones.index(value)]])
+        return self._judged("valve_dead_zone", value, std_dev, limit, tied)
+
+    def _asymmetry(self) -> Quantity:
+        limit, gains = self._usual.asymmetry, self._free.values[: len(EDGES)]
+        (mean_a, mean_b), shares = by_chamber(gains)
+        value = asymmetry(gains)
+        usual_a, usual_b = shares + (np.copysign(limit, value) - value)
+        gradient = np.zeros(COLUMNS)
+        gradient[:2] = gains[[1, 0]] * (1.0, -1.0) / (2.0 * mean_a) ** 2
+        gradient[2:4] = gains[[3, 2]] * (-1.0, 1.0) / (2.0 * mean_b) ** 2
+
+        def tied(_: FlowRows, columns: np.ndarray) -> tuple[np.ndarray, float]:
+            supply_a, a_tank, supply_b, b_tank = columns[:, : len(EDGES)].T
+            chambers = (
+                (1.0 + usual_a) * supply_a + (1.0 - usual_a) * a_tank,
+                (1.0 - usual_b) * supply_b + (1.0 + usual_b) * b_tank,
+            )
+            return np.column_stack([*chambers, columns[:, len(EDGES) :]]), 0.0
+
+        std_dev = self._std_dev(gradient)
+        return self._judged("valve_asymmetry", value, std_dev, limit, tied, abs(value))
+
+    def _of_column(self, effect: str, part: int, unit: float, limit: float) -> Quantity:
+        """Of a parameter that is the quantity over a `unit`."""
+        value = float(self._free.values[part])
+        fixed = limit / unit
+
+        def tied(_: FlowRows, columns: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+            return np.delete(columns, part, axis=1), fixed * columns[:, part]
+
+        std_dev = unit * self._std_dev(np.eye(COLUMNS)[part])
+        return self._judged(effect, unit * value, std_dev, limit, tied)
+
+    def _judged(
+        self,
+        effect: str,
+        value: float,
+        std_dev: float,
+        limit: float,
+        tied: Tied,
+        size: float | None = None,
     ) -> Quantity:
-        """`part`: the column whose parameter is in question, None for the dead zone."""
-        unit = UNITS.get(kind, "1")
-        value, std_dev = float(value), float(std_dev)
-        if abs(value) - limit < SIGMAS * std_dev:
-            return Quantity(kind, value, std_dev, unit, limit, 0.0, 0.0, False)
-        if part is None:
-            tied, other = here.columns(limit, width), there.columns(limit, width)
-            values = _solved(tied, here.flow).values
-        else:
-            tied, other = columns, proof
-            fixed = free.values[part] * limit / abs(value)
-            rest = np.delete(np.arange(columns.shape[1]), part)
-            values = np.zeros(columns.shape[1])
-            values[rest] = _solved(columns[:, rest], here.flow - fixed * columns[:, part]).values
-            values[part] = fixed
-        worse = float(((here.flow - tied @ values) ** 2).mean())
-        proved = float(((there.flow - other @ values) ** 2).mean()) > CLEARLY * least
-        share = float(np.sqrt(max(worse - free.rest, 0.0) / power))
-        score = len(here.flow) * float(np.log(worse / free.rest))
-        missing = proved and share > usual.smallest_share
-        return Quantity(kind, value, std_dev, unit, limit, share, score, missing)
-
-    values, spread = free.values, free.std_devs
-    change = (here.spool(band + STEP)[:, 0] - columns[:, SPOOL]) * gain / STEP
-    band_std = float(np.sqrt(free.rest / max(float(change @ change), np.finfo(float).tiny)))
-    found = (
-        judged(ValveDeadZone, band, band_std, usual.dead_zone[here.joint], None),
-        judged(
-            *(ValveHysteresis, width * values[PLAY] / gain, width * spread[PLAY] / abs(gain)),
-            *(usual.hysteresis, PLAY),
-        ),
-        judged(
-            *(ValveAsymmetry, values[UNEVEN] / gain, spread[UNEVEN] / abs(gain)),
-            *(usual.asymmetry, UNEVEN),
-        ),
-        judged(InternalLeakage, values[LEAK], spread[LEAK], usual.leakage, LEAK),
-        judged(OilCompressibility, values[SOFT], spread[SOFT], 1.0 / usual.bulk_modulus, SOFT),
-    )
-    return Flow(here.joint, found, unexplained, usual.unexplained)
-
-
-def _lowest(cost: Callable[[float], float], highest: float) -> float:
-    """Where the cost is lowest between 0.001 and `highest`."""
-    bounds, accuracy = (1e-3, highest), {"xatol": 1e-4}
-    found = minimize_scalar(
-        lambda x: cost(float(x)), bounds=bounds, method="bounded", options=accuracy
-    )
-    return float(found.x)
-
-
-def _solved(columns: np.ndarray, flow: np.ndarray) -> _Fit:
-    scaled, norms = normed(columns)
-    values = np.linalg.lstsq(scaled, flow, rcond=1e-10)[0]
-    rest = float(((flow - scaled @ values) ** 2).mean())
-    spread = np.sqrt(rest * np.diag(np.linalg.pinv(scaled.T @ scaled, rcond=1e-10)))
-    return _Fit(values / norms, spread / norms, max(rest, np.finfo(float).tiny))
+        """Beside the best balance in which the value, or its `size`, is usual."""
+        if not (value if size is None else size) - limit >= SIGMAS * std_dev:
+            return Quantity(effect, value, std_dev, limit, 0.0, 0.0, False)
+        columns, known = tied(self._here, self._columns)
+        fit = solved(columns, self._here.flow - known)
+        columns, known = tied(self._there, self._proof)
+        proved = power(self._there.flow - known - columns @ fit.values) > CLEARLY * self._least
+        share = float(np.sqrt(max(fit.rest - self._free.rest, 0.0) / self._flow_power))
+        score = len(self._here.flow) * float(np.log(fit.rest / self._free.rest))
+        missing = proved and share > self._usual.smallest_share
+        return Quantity(effect, value, std_dev, limit, share, score, missing)

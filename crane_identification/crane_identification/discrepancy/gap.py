@@ -9,13 +9,11 @@ from crane_identification.averaging import noise_of_mean
 from crane_identification.discrepancy.evidence import Evidence
 from crane_identification.discrepancy.learner import predict_elsewhere
 from crane_identification.discrepancy.weighing import Weighed, weighed
-from crane_identification.motion_validation import HORIZON, MotionValidation, validate_motion
+from crane_identification.motion_validation import MotionValidation, validate_motion
 from crane_identification.preparation import Preparation
 from crane_identification.regression import OPEN
 from crane_identification.signals.decimate import decimate
-from crane_model.errors import RangeError
 from crane_model.model_file import Model
-from crane_model.record import Record
 
 EXPLAINABLE = 0.05  # share of the energy of an error; less than that is no gap
 CLEAN = 2.0  # times the noise floor: what models reach from which nothing is missing
@@ -107,8 +105,8 @@ def measure(
         best=np.minimum(errors[2], errors[0]),
         training_before=relative(training, fitted),
         training_after=relative(training, residual(training, after)),
-        motion_before=simulated(before, records),
-        motion_after=simulated(after, records),
+        motion_before=validate_motion(before, records),
+        motion_after=validate_motion(after, records),
         loads=loads,
         carried=after,
     )
@@ -120,15 +118,6 @@ def with_own_loads(
     """The model with what each held-out recording carries, and these loads."""
     usual = training.rms(residual(training, model))
     return weighed(model, held_out, residual(held_out, model), usual)
-
-
-def simulated(model: Model, records: Sequence[Record]) -> MotionValidation:
-    """Errors of the simulated motion; NaN for values that are not physical and do not move."""
-    try:
-        return validate_motion(model, records)
-    except RangeError:
-        unknown = np.full(len(model.joints), np.nan)
-        return MotionValidation(model.joints, HORIZON, 0, unknown, unknown)
 
 
 def over_zones(evidence: Evidence, values: np.ndarray) -> np.ndarray:

@@ -15,7 +15,6 @@ from crane_identification.discrepancy.scaling import normed
 from crane_identification.discrepancy.search import Search
 from crane_identification.discrepancy.selection import Choice, solve
 from crane_identification.motion_validation import validate_motion
-from crane_model.errors import CraneError
 from crane_model.model_file import Model
 from crane_model.record import Record
 
@@ -81,9 +80,8 @@ def _error(
     for option in options:
         model = model.with_term(option.term)
     theta = _quickly(search, [option.columns for option in options], len(before.parameters))
-    try:
-        found = validate_motion(model.with_estimate(theta, np.zeros(len(theta)), "trial"), records)
-    except CraneError:  # these values do not move at all
+    found = validate_motion(model.with_estimate(theta, np.zeros(len(theta)), "trial"), records)
+    if found.reason:
         return np.inf
     joint = one.option.family.joint
     relative = np.nan_to_num(found.relative)

@@ -10,6 +10,7 @@ from scipy.optimize import minimize_scalar
 
 from crane_identification.discrepancy.candidates import Family, Option, option, options
 from crane_identification.discrepancy.evidence import Evidence
+from crane_identification.discrepancy.left_out import left_out
 from crane_identification.discrepancy.loads import LOADS, agreeing, load_of, one_each
 from crane_identification.discrepancy.projection import (
     Projection,
@@ -76,10 +77,8 @@ class Search:
         return float(after / before) if before > 0.0 else 0.0
 
     def channels(self, number: int) -> np.ndarray:
-        """The channels in which an option acts: those of its joint, or all."""
-        joint, joints = self.projection.options[number].family.joint, self.evidence.joints
-        every = np.arange(self.evidence.channels)
-        return every if joint is None else every[every % len(joints) == joints.index(joint)]
+        """The channels in which an option acts: of its joint, and of those that carry it too."""
+        return np.flatnonzero(self.projection.options[number].columns.any(axis=(0, 2)))
 
     def sets(self, size: int) -> list[Choice]:
         """The best sets of so many effects, best first; their shapes are refined."""
@@ -202,4 +201,8 @@ def search(evidence: Evidence, wanted: list[Family], progress: Progress = silent
     base = whitened_base(evidence, white)
     projection = project(evidence, white, found, base)
     good, untestable = testable(projection, evidence, white)
-    return Search(evidence, white, base, projection.kept(good), untestable, unobservable, progress)
+    hidden, whole, part = left_out(evidence, found)
+    untestable |= whole
+    unobservable |= {family: why for family, why in part.items() if family not in untestable}
+    kept = projection.kept(good & ~hidden)
+    return Search(evidence, white, base, kept, untestable, unobservable, progress)

@@ -102,9 +102,16 @@ def _constrained(
             f"physically consistent fit: the solver ends with '{problem.status}'; check the units "
             f"and signs of the recording, or see by plain least squares what is not physical"
         )
-    held = (
+    values = np.asarray(scaled.value) * units
+    if problem.value <= FELT**2:
+        return values, ()
+    held = tuple(
         name
         for name, constraint in constraints.items()
         if name not in ("base", "axis") and np.abs(constraint.dual_value).max() > FELT
     )
-    return np.asarray(scaled.value) * units, tuple(held) if problem.value > FELT**2 else ()
+    for one in physics.inequalities:
+        (which,) = np.nonzero(one.weights)
+        if one.name in held and len(which) == 1:  # the solver rests near the bound, not on it
+            values[which] = one.least / one.weights[which]
+    return values, held

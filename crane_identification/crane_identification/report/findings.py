@@ -7,8 +7,17 @@ import numpy as np
 from crane_identification.data.log import Log
 from crane_identification.pipeline import FitResult
 from crane_identification.preparation import Preparation
-from crane_identification.report.notation import listed, plain, short_percent, spoken
+from crane_identification.report.errors import pooled
+from crane_identification.report.notation import (
+    NONE,
+    listed,
+    plain,
+    short_percent,
+    shown,
+    spoken,
+)
 from crane_identification.validation import Validation
+from crane_model.terms import Parameter
 
 UNCERTAIN = 0.1
 """Relative standard deviation above which a parameter counts as uncertain."""
@@ -16,6 +25,9 @@ RESTING = 0.5
 """A joint that moves for less than this share of the time is weakly excited."""
 BEYOND_NOISE = 1e-3
 """Probability of the noise doing what is seen, below which it is said that something else does."""
+WORSE_ELSEWHERE = 1.5
+"""Held-out error over that of the training and its noise, above which a model does not carry over.
+"""
 REMAINDER = 0.05
 """Share of a period that may be lost at the ends of a recording without a word."""
 
@@ -31,12 +43,13 @@ def findings(
     units = [setting.force_unit(joint) for joint in fit.model.joints]
     return (
         *_parameters(fit),
-        *(note for log in logs for note in _recording(log)),
+        *(warning for log in logs for warning in log.warnings),
         *_together([(p.source, note) for p in preparations for note in _preparation(p)]),
         *_drifts(preparations, units),
         *_gaps(preparations),
         *_lack_of_fit(fit),
         *_excitation(fit),
+        *_elsewhere(fit, validations),
         *([] if validations else ["No recording was held out: the model is not validated."]),
     )
 
@@ -61,8 +74,10 @@ def _parameters(fit: FitResult) -> list[str]:
         )
     relative = estimate.relative_std_devs
     doubtful = [
-        f"{name} ({short_percent(float(share))})"
-        for name, share in zip(estimate.names, relative, strict=True)
+        f"{parameter.name} ({_doubt(parameter, float(value), float(std_dev))})"
+        for parameter, value, std_dev, share in zip(
+            fit.model.parameters, estimate.values, estimate.std_devs, relative, strict=True
+        )
         if share > UNCERTAIN
     ]
     if doubtful:
@@ -72,11 +87,12 @@ def _parameters(fit: FitResult) -> list[str]:
     return notes
 
 
-def _recording(log: Log) -> list[str]:
-    notes = [f"{log.source}: {note}" for note in log.notes]
-    if log.missing:
-        notes.insert(0, f"{log.source}: not recorded: {listed(log.missing)}.")
-    return notes
+def _doubt(parameter: Parameter, value: float, std_dev: float) -> str:
+    """The relative standard deviation of an uncertain estimate, or what is known instead."""
+    printed = shown(value, std_dev, parameter.minimum)
+    if printed.relative == NONE:
+        return printed.value
+    return short_percent(std_dev / abs(value)) if std_dev <= abs(value) else printed.relative
 
 
 def _together(notes: Sequence[tuple[str, str]]) -> list[str]:
@@ -152,4 +168,22 @@ def _excitation(fit: FitResult) -> list[str]:
         "training data; excite it more."
         for joint, moving in zip(fit.model.joints, share, strict=True)
         if moving < RESTING
+    ]
+
+
+def _elsewhere(fit: FitResult, validations: Sequence[Validation]) -> list[str]:
+    """Joints whose force the model predicts clearly worse where it was not fitted."""
+    if not validations:
+        return []
+    held_out, trained = pooled(fit.model, validations), fit.estimate.relative_error
+    expected = WORSE_ELSEWHERE * np.hypot(trained, np.nan_to_num(held_out.noise_floor))
+    return [
+        f"The model does not carry over to the held-out recordings: on the {spoken(joint)} it errs "
+        f"by {short_percent(float(there))} there and by {short_percent(float(here))} where it was "
+        "fitted. The machine has changed, its motion is another, or an effect is missing: ask "
+        "diagnose."
+        for joint, there, here, limit in zip(
+            fit.model.joints, held_out.moving, trained, expected, strict=True
+        )
+        if there > limit
     ]

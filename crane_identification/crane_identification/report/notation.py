@@ -1,10 +1,16 @@
 """Numbers as a person reads them: as many digits as their uncertainty allows."""
 
 from math import floor, isfinite, log10
+from typing import NamedTuple
 
 MINUS, NARROW_SPACE = "\u2212", "\u202f"
 NONE = "\u2013"
 """Stands where there is no number."""
+NOT_DETERMINED = "not determined"
+AT_BOUND_SIGMAS = 0.01
+"""Standard deviations from its bound, below which a value is the bound: what a solver rounds."""
+CERTAIN_SIGMAS = 2.0
+"""Standard deviations from its bound, below which a value only says how large it is at most."""
 
 _SUPERSCRIPTS = str.maketrans("-0123456789", "⁻⁰¹²³⁴⁵⁶⁷⁸⁹")
 _UNIT_POWERS = str.maketrans("23", "²³")
@@ -31,6 +37,43 @@ def with_uncertainty(value: float, std_dev: float) -> tuple[str, str]:
             _fixed(std_dev * scale, decimals + size) + power,
         )
     return _fixed(value, decimals), _fixed(std_dev, decimals)
+
+
+class Shown(NamedTuple):
+    """An estimate as it is printed: value, standard deviation, and the latter over the former."""
+
+    value: str
+    std_dev: str
+    relative: str
+
+
+def shown(value: float, std_dev: float, minimum: float | None = None) -> Shown:
+    """An estimate whose parameter physics keeps above `minimum`, where it does.
+
+    What recordings do not determine is said instead of a number. Without a bound, a parameter may
+    well be zero: its standard deviation is no share of it then.
+    """
+    if not isfinite(value):
+        return Shown(NOT_DETERMINED, NONE, NONE)
+    printed, deviation = with_uncertainty(value, std_dev)
+    if minimum is not None and isfinite(std_dev):
+        away = abs(value - minimum)  # below it the value is not physical, which others say
+        if away <= AT_BOUND_SIGMAS * std_dev:
+            return Shown(f"at its bound {plain(minimum)}", deviation, NONE)
+        if away < CERTAIN_SIGMAS * std_dev:
+            most = with_uncertainty(value + CERTAIN_SIGMAS * std_dev, std_dev)[0]
+            return Shown(f"{NOT_DETERMINED}, at most {most}", deviation, NONE)
+    if not value:
+        return Shown(printed, deviation, NONE)
+    relative = std_dev / abs(value)
+    return Shown(
+        printed, deviation, percent(relative) if relative <= 1.0 else f"> 100{NARROW_SPACE}%"
+    )
+
+
+def is_determined(value: float, std_dev: float, minimum: float | None = None) -> bool:
+    """Whether `shown` prints a number, or the bound that a value rests at."""
+    return not shown(value, std_dev, minimum).value.startswith(NOT_DETERMINED)
 
 
 def plain(value: float, digits: int = 3) -> str:

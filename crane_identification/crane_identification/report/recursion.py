@@ -16,7 +16,7 @@ from crane_identification.report.figure import (
     Figure,
     Panel,
 )
-from crane_identification.report.notation import percent, plain, spoken, unit, with_uncertainty
+from crane_identification.report.notation import percent, plain, shown, spoken, unit
 from crane_identification.report.symbols import parameter_symbol
 from crane_identification.report.tables import with_headings
 
@@ -68,8 +68,8 @@ def recursive_groups(report: IdentificationReport) -> list[RecursiveGroup]:
             RecursiveRow(
                 parameter_symbol(parameter.name),
                 unit(parameter.unit),
-                *with_uncertainty(value, std_dev),
-                *with_uncertainty(fitted, fitted_std_dev),
+                *shown(value, std_dev, parameter.minimum)[:2],
+                *shown(fitted, fitted_std_dev, parameter.minimum)[:2],
                 plain((value - fitted) / spread, 2),
             )
         )

@@ -12,8 +12,10 @@ from crane_identification.report.content import IdentificationReport
 from crane_identification.report.findings import UNCERTAIN
 from crane_identification.report.notation import (
     NONE,
+    Shown,
     percent,
     plain,
+    shown,
     spoken,
     unit,
     with_uncertainty,
@@ -110,7 +112,7 @@ def parameter_groups(report: IdentificationReport) -> list[ParameterGroup]:
     groups: list[ParameterGroup] = []
     for i, (heading, parameter) in enumerate(with_headings(report.fit.model)):
         value, std_dev = float(estimate.values[i]), float(estimate.std_devs[i])
-        shown, shown_std_dev = with_uncertainty(value, std_dev)
+        printed = shown(value, std_dev, parameter.minimum)
         relative = float(estimate.relative_std_devs[i])
         true = planted.get(parameter.name)
         if not groups or groups[-1].heading != heading:
@@ -120,9 +122,9 @@ def parameter_groups(report: IdentificationReport) -> list[ParameterGroup]:
                 name=parameter.name,
                 symbol=parameter_symbol(parameter.name),
                 unit=unit(parameter.unit),
-                value=shown if np.isfinite(value) else "not determined",
-                std_dev=shown_std_dev,
-                relative=percent(relative),
+                value=printed.value,
+                std_dev=printed.std_dev,
+                relative=printed.relative,
                 relative_mark=marks.relative_sigma_mark(relative),
                 doubtful=not relative <= UNCERTAIN,
                 meaning=prose(parameter.meaning),
@@ -159,9 +161,9 @@ def error_rows(report: IdentificationReport) -> list[ErrorRow]:
 
 
 def motion_rows(report: IdentificationReport) -> list[MotionRow]:
-    """Simulated against measured motion of each joint; none without validation."""
+    """Simulated against measured motion of each joint; none where nothing could be simulated."""
     simulated = report.simulated
-    if simulated is None:
+    if simulated is None or simulated.reason:
         return []
     units = report.fit.model.setting.units
     return [
@@ -193,8 +195,7 @@ def report_entries(report: IdentificationReport) -> list[ReportEntry]:
         ReportEntry(
             entry_symbol(name),
             unit(unit_),
-            *with_uncertainty(float(value), float(std_dev)),
-            percent(abs(float(std_dev / value))),
+            *_entry(float(value), float(std_dev)),
         )
         for name, unit_, value, std_dev in zip(
             REPORT_PARAMETERS, REPORT_UNITS, values, std_devs, strict=True
@@ -255,6 +256,10 @@ def with_headings(model: Model) -> Iterator[tuple[str, Parameter]]:
         joint = f", {spoken(term.joint)}" if isinstance(term, OneJointTerm) else ""
         for parameter in term.parameters(model.setting):
             yield term.family.capitalize() + joint, parameter
+
+
+def _entry(value: float, std_dev: float) -> Shown:
+    return shown(value, std_dev) if np.isfinite(value) else Shown(NONE, NONE, NONE)
 
 
 def _rigid_body_columns(model: Model) -> slice | None:

@@ -7,13 +7,16 @@ from rich import box
 from rich.console import Console
 from rich.table import Table
 
+from crane_identification.report.content import IdentificationReport
+from crane_identification.report.notation import shown
+
 
 def console(width: int) -> Console:
     """As wide as the terminal; of `width` characters where the output is none."""
     return Console() if sys.stdout.isatty() else Console(width=width)
 
 
-def plain_table(title: str) -> Table:
+def plain_table(title: str | None = None) -> Table:
     """One without frames."""
     return Table(title=title, title_justify="left", box=box.SIMPLE_HEAD, padding=(0, 1, 0, 0))
 
@@ -30,3 +33,19 @@ def estimate(value: float, std_dev: float, true: float) -> tuple[str, str]:
         f"{rounded(value, std_dev)} ± {rounded(std_dev, std_dev)}",
         f"{(value - true) / std_dev:+.1f}",
     )
+
+
+def parameters(report: IdentificationReport) -> Table:
+    """What was estimated, in the order of the model."""
+    result = plain_table()
+    result.add_column("parameter", no_wrap=True)
+    for heading in ("estimate", "± σ", "σ relative"):
+        result.add_column(heading, justify="right", no_wrap=True)
+    result.add_column("unit", no_wrap=True)
+    found = report.fit.estimate
+    for parameter, value, std_dev in zip(
+        report.fit.model.parameters, found.values, found.std_devs, strict=True
+    ):
+        printed = shown(float(value), float(std_dev), parameter.minimum)
+        result.add_row(parameter.name, *printed, parameter.unit)
+    return result

@@ -6,7 +6,7 @@ import numpy as np
 
 from crane_identification.report.content import IdentificationReport
 from crane_identification.report.findings import UNCERTAIN
-from crane_identification.report.notation import listed, short_percent, spoken
+from crane_identification.report.notation import is_determined, listed, short_percent, spoken
 
 TYPICAL_BAGS = 3  # as many are named; more are counted
 
@@ -41,9 +41,15 @@ def _errors(report: IdentificationReport) -> str:
 
 
 def _parameters(report: IdentificationReport) -> str:
-    relative = report.fit.estimate.relative_std_devs
-    count, determined = len(relative), int(np.isfinite(relative).sum())
-    certain = int((relative <= UNCERTAIN).sum())
+    estimate, parameters = report.fit.estimate, report.fit.model.parameters
+    count = len(parameters)
+    determined = sum(
+        is_determined(float(value), float(std_dev), parameter.minimum)
+        for parameter, value, std_dev in zip(
+            parameters, estimate.values, estimate.std_devs, strict=True
+        )
+    )
+    certain = int((estimate.relative_std_devs <= UNCERTAIN).sum())
     which = f"All {count}" if determined == count else f"{determined} of {count}"
     better = "all" if certain == determined else f"{certain}"
     return (

@@ -37,7 +37,7 @@ class Course(Protocol):
 class States:
     """What truly happened, at n instants; an axis of 4 follows JOINTS."""
 
-    time: np.ndarray  # (n,) s
+    time: np.ndarray  # (n,) s since the machine was started
     position: np.ndarray  # (n, 4) rad, m
     velocity: np.ndarray  # (n, 4)
     acceleration: np.ndarray  # (n, 4)
@@ -57,7 +57,7 @@ class Truth(States):
 class Recording:
     """n cycles of the controller; (n, 4) in the order of JOINTS."""
 
-    time: np.ndarray  # (n,) s, when the sensors were read
+    time: np.ndarray  # (n,) s since the machine was started, when the sensors were read
     position: np.ndarray  # (n, 4) rad, m: encoder readings
     velocity: np.ndarray  # (n, 4) rad/s, m/s: the driver's filter; NaN in the first sample
     pressures: Pressures
@@ -77,8 +77,9 @@ def record(
     """
     chain, density = plant.parameters.sensors, plant.parameters.jerk_density
     count = round((motion.duration + 2.0 * REST) / chain.period)
-    times = sensors.instants(chain.period, count)
-    reference = motion.reference(times - REST)
+    begin = plant.time
+    times = sensors.instants(begin + chain.period, count)
+    reference = motion.reference(times - begin - REST)
     velocity_filter = VelocityFilter(
         [density[joint] for joint in JOINTS], [chain.encoder_resolution[joint] for joint in JOINTS]
     )

@@ -9,7 +9,7 @@ from crane_model.cylinders import lever_arm
 from crane_model.machine import JOINTS, Machine
 from crane_sim.cylinders import CYLINDER, Linkages
 from crane_sim.friction import BRISTLES, LAW
-from crane_sim.hydraulics import VALVE, Oil
+from crane_sim.hydraulics import EDGES, VALVE, Oil
 from crane_sim.parameters import StandIn
 from crane_sim.rigid_bodies import BODY, Chain
 
@@ -123,6 +123,10 @@ def _pack_valves(parameters: StandIn, machine: Machine) -> np.ndarray:
     valves, rest = parameters.valves, parameters.start[:, None]
     levers = [lever_arm(machine, joint, rest[i])[0] for i, joint in enumerate(JOINTS)]
     sense = np.sign(levers)
+    gain = valves.array("rated_flow") / np.sqrt(valves.array("rated_drop"))
+    shares = {
+        edge: np.array([getattr(valves[joint].edges, edge) for joint in JOINTS]) for edge in EDGES
+    }
     return records(
         VALVE,
         {
@@ -132,7 +136,7 @@ def _pack_valves(parameters: StandIn, machine: Machine) -> np.ndarray:
             "rate_limit": valves.array("rate_limit"),
             "dead_zone": valves.array("dead_zone"),
             "null": sense * valves.array("null_bias"),
-            "flow_gain": valves.array("rated_flow") / np.sqrt(valves.array("rated_drop")),
+            **{edge: gain * share for edge, share in shares.items()},
         },
     )
 

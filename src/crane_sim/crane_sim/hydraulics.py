@@ -10,11 +10,13 @@ from typing import NamedTuple
 import numpy as np
 from numba import njit
 
-VALVE = ("sense", "frequency", "damping_ratio", "rate_limit", "dead_zone", "null", "flow_gain")
+EDGES = ("supply_a", "a_tank", "supply_b", "b_tank")
+"""The metering edges of a valve, by what they join."""
+VALVE = ("sense", "frequency", "damping_ratio", "rate_limit", "dead_zone", "null", *EDGES)
 """Fields of a valve's record. `sense` is +1 where extending the cylinder moves the joint in its
 positive direction, else -1; frequency [rad/s] of the undamped spool; rate_limit [strokes/s];
-dead_zone [strokes] to either side of `null` [strokes]; flow_gain [m3/s/sqrt(Pa)] of one metering
-edge, fully open."""
+dead_zone [strokes] to either side of `null` [strokes]; of each edge the gain, fully open
+[m3/s/sqrt(Pa)]."""
 
 
 class Oil(NamedTuple):
@@ -61,6 +63,14 @@ def opening(position: float, dead_zone: float) -> float:
 
 
 @njit(cache=True, error_model="numpy")
+def conductances(valve: np.record, x: float) -> tuple[float, float]:
+    """What chambers A and B see at a metering opening x [m3/s/sqrt(Pa)]: see `port_flow`."""
+    if x > 0.0:
+        return valve.supply_a * x, -valve.b_tank * x
+    return valve.a_tank * x, -valve.supply_b * x
+
+
+@njit(cache=True, error_model="numpy")
 def signed_root(drop: float, laminar: float) -> tuple[float, float]:
     """Turbulent orifice: sgn(d) sqrt|d|, made linear for |d| below `laminar`; and its slope.
 
@@ -76,7 +86,7 @@ def signed_root(drop: float, laminar: float) -> tuple[float, float]:
 def port_flow(oil: Oil, conductance: float, p_supply: float, p: float) -> tuple[float, float]:
     """Flow into a chamber through its metering edge, and its derivative to the chamber pressure.
 
-    `conductance` [m3/s/sqrt(Pa)] is flow gain times opening: positive to supply, negative to tank.
+    `conductance` [m3/s/sqrt(Pa)] is gain times opening: positive to supply, negative to tank.
     """
     source = p_supply if conductance > 0.0 else oil.tank_pressure
     root, slope = signed_root(source - p, oil.laminar_drop)

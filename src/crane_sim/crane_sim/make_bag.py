@@ -3,7 +3,9 @@
 import argparse
 import sys
 from collections.abc import Iterable, Sequence
+from datetime import UTC, datetime
 from pathlib import Path
+from typing import NamedTuple
 
 import numpy as np
 from tqdm import tqdm
@@ -22,13 +24,12 @@ from crane_model.errors import DataError
 from crane_model.machine import JOINTS, Machine, load_machine
 from crane_model.urdf import urdf
 from crane_sim.closed_loop import Course, Progress, Recording, record
-from crane_sim.hidden.calibrate import calibrate
+from crane_sim.hidden.calibrate import hidden_in
 from crane_sim.hidden.clean import Clean, clean
 from crane_sim.hidden.form import Planted
-from crane_sim.hidden.label import check_place, write_label
+from crane_sim.hidden.label import check_place, load_hidden, write_label
 from crane_sim.hidden.sensing import faults
 from crane_sim.hidden.slewing import slewing
-from crane_sim.hidden.spec import load_spec
 from crane_sim.parameters import StandIn, load_stand_in
 from crane_sim.plant import Plant
 from crane_sim.sampled import Sensors
@@ -37,7 +38,19 @@ from crane_trajectory.controller import Gains, load_gains
 from crane_trajectory.motion import plan
 from crane_trajectory.periodic import load_trajectory
 
-EPOCH = 1_735_689_600  # s; bags begin here, 2025-01-01, so that the same seed gives the same bag
+STARTED = datetime(2025, 1, 1, tzinfo=UTC)  # fixed, so that the same seed gives the same bag
+
+LONGEST = 1e7  # s that a machine runs, four months
+
+
+class Moment(NamedTuple):
+    """When a recording begins: the machine was `started` then, and has been `running` [s] since."""
+
+    started: datetime
+    running: float
+
+
+COLD = Moment(STARTED, 0.0)
 
 
 def effort(machine: Machine, recording: Recording) -> np.ndarray:
@@ -54,10 +67,16 @@ def effort(machine: Machine, recording: Recording) -> np.ndarray:
     return tau
 
 
-def write_bag(path: Path, machine: Machine, recording: Recording) -> None:
-    """The topics of the suite, each message stamped and logged when its sample was taken."""
+def write_bag(
+    path: Path, machine: Machine, recording: Recording, started: datetime = STARTED
+) -> None:
+    """The topics of the suite, each message stamped and logged when its sample was taken.
+
+    `started` is when the machine was: the zero of the times of the recording.
+    """
     tau, pressures, reference = effort(machine, recording), recording.pressures, recording.reference
-    stamps = EPOCH * 10**9 + np.round(recording.time * 1e9).astype(np.int64)
+    zero = round(started.timestamp() * 1e6) * 1000  # ns
+    stamps = zero + np.round(recording.time * 1e9).astype(np.int64)
     with BagWriter(path) as bag:
         description = bag.add(ROBOT_DESCRIPTION)
         states = bag.add_arrays(JOINT_STATES, JOINTS)
@@ -88,23 +107,33 @@ def make(
     gains: Gains,
     seed: int,
     planted: Sequence[Planted] = (),
+    moment: Moment = COLD,
     progress: Progress = iter,
 ) -> Clean:
     """Write the bag `out` of a machine that hides effects; what truly happened is returned.
 
-    `motion` is that of `plan`; `seed` is that of noise and jitter. The bag holds what a machine
-    without hidden effects would write: nothing but readings differs.
+    `motion` is that of `plan`; `seed` is that of noise and jitter; at its `moment` the recording
+    begins. The bag holds what a machine without hidden effects would write: nothing but readings
+    differs.
     """
-    plant = Plant(stand_in, machine, motion.start, planted)
+    plant = Plant(stand_in, machine, motion.start, planted, moment.running)
     sensors = Sensors(stand_in.sensors, machine, seed, faults(planted))
     recording = record(slewing(motion, planted), plant, sensors, gains, progress)
-    write_bag(out, machine, recording)
+    write_bag(out, machine, recording, moment.started)
     return clean(machine, planted, sensors.faults, recording.truth)
+
+
+def date(text: str) -> datetime:
+    """ISO 8601, in UTC where it names no zone; `ValueError` if stamps cannot hold it."""
+    date = datetime.fromisoformat(text)
+    if not 1970 < date.year < 2200:
+        raise ValueError
+    return date if date.tzinfo else date.replace(tzinfo=UTC)
 
 
 def main(argv: Sequence[str] | None = None) -> int:
     """Make a bag with the stand-in machine: approach, N periods of a trajectory, and stop."""
-    parser = argparse.ArgumentParser(prog="make_bag", description=main.__doc__)
+    parser = argparse.ArgumentParser(description=main.__doc__)
     parser.add_argument("--trajectory", type=Path, required=True, help="coefficients of (32), YAML")
     parser.add_argument("--periods", type=int, required=True, help="whole periods to record")
     parser.add_argument("--seed", type=int, default=0, help="of sensor noise and jitter")
@@ -112,13 +141,33 @@ def main(argv: Sequence[str] | None = None) -> int:
     parser.add_argument("--plant", type=Path, help="stand-in file (default: the packaged one)")
     parser.add_argument("--machine", type=Path, help="machine file (default: the packaged one)")
     parser.add_argument("--gains", type=Path, help="controller gains (default: the packaged ones)")
-    parser.add_argument("--hide", type=Path, help="effects that the machine hides, YAML")
+    parser.add_argument(
+        "--started",
+        type=date,
+        default=STARTED,
+        metavar="DATE",
+        help="when the machine was started, UTC as 2025-01-01T08:00:00 (the default: that day at "
+        "midnight); stamps follow from it",
+    )
+    parser.add_argument(
+        "--running",
+        type=float,
+        default=0.0,
+        metavar="SECONDS",
+        help="since the machine was started, when the recording begins: stamps, and what warms up "
+        "or wears, go on from there (default: 0, a cold machine)",
+    )
+    parser.add_argument(
+        "--hide", type=Path, help="effects that the machine hides (YAML), or the label of a bag"
+    )
     parser.add_argument(
         "--label", type=Path, help="new file, not in the bag's folder, that tells what was hidden"
     )
     arguments = parser.parse_args(argv)
     if (arguments.hide is None) != (arguments.label is None):
         parser.error("--hide and --label: give both or none")
+    if not 0.0 <= arguments.running <= LONGEST:
+        parser.error(f"--running {arguments.running:g}: how many seconds, from 0 to {LONGEST:g}")
 
     def progress(cycles: Iterable[int]) -> Iterable[int]:
         return tqdm(cycles, desc=arguments.out.name, unit="cycle", disable=not sys.stderr.isatty())
@@ -138,11 +187,13 @@ def main(argv: Sequence[str] | None = None) -> int:
         planted: tuple[Planted, ...] = ()
         if arguments.hide is not None:
             check_place(arguments.label, arguments.out)
-            spec = load_spec(arguments.hide)
-            planted = calibrate(spec, machine, parameters, motion, gains)
-        seed = arguments.seed
-        truth = make(arguments.out, machine, parameters, motion, gains, seed, planted, progress)
+            spec = load_hidden(arguments.hide, machine, parameters)
+            planted = hidden_in(spec, machine, parameters, gains)
+        seed, moment = arguments.seed, Moment(arguments.started, arguments.running)
+        truth = make(
+            arguments.out, machine, parameters, motion, gains, seed, planted, moment, progress
+        )
         if arguments.label is not None:
-            write_label(arguments.label, arguments.out, seed, planted, truth)
+            write_label(arguments.label, arguments.out, seed, machine, parameters, planted, truth)
 
     return cli.run(body)

@@ -90,8 +90,17 @@ class Bristles(Schema):
     stribeck_velocity: Positive  # rad/s or m/s
 
 
+class Edges(Schema):
+    """Flow through each metering edge of a valve, over the rated flow, by what the edge joins."""
+
+    supply_a: Positive = 1.0
+    a_tank: Positive = 1.0
+    supply_b: Positive = 1.0
+    b_tank: Positive = 1.0
+
+
 class Valve(Schema):
-    """A servo valve: second-order spool, overlap, four equal metering edges."""
+    """A servo valve: second-order spool, overlap, four metering edges."""
 
     rated_flow: Positive  # m3/s, fully open
     rated_drop: Positive  # Pa over one metering edge
@@ -100,6 +109,7 @@ class Valve(Schema):
     rate_limit: Positive  # strokes per s
     dead_zone: Fraction  # of the stroke, to either side of the null
     null_bias: float = 0.0  # of the stroke, positive moves the joint up: where the null lies
+    edges: Edges = Edges()
 
     @model_validator(mode="after")
     def _closed_at_rest(self) -> Self:

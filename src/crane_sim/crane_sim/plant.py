@@ -33,14 +33,18 @@ class Plant:
         machine: Machine,
         q0: np.ndarray,
         planted: Sequence[Planted] = (),
+        running: float = 0.0,
     ):
-        """`RangeError` if q0 is outside Table 2 or gravity exceeds what the pump can hold."""
+        """`running` [s] is for how long the machine has been on: what warms up or wears goes on
+        from there. `RangeError` if q0 is outside Table 2 or gravity exceeds what the pump can hold.
+        """
         _check_pose(machine, q0)
         self.parameters, self.machine = parameters, machine
-        self.time = 0.0  # s
+        self.time = running  # s since the machine was started
         self.tank_pressure = machine.hydraulics.tank_pressure
         self._constants = pack(parameters, machine)
-        self._hidden = packed(planted, machine)  # None is compiled apart: no cost where none hides
+        # None is compiled apart: no cost where none hides
+        self._hidden = packed(planted, machine, running)
         self._scratch = Scratch(
             mass=np.empty((4, 4)),
             bias=np.empty(4),

@@ -11,6 +11,7 @@ from crane_sim.hidden.kernel import act, settle
 from crane_sim.hidden.working import Hidden
 from crane_sim.hydraulics import (
     chamber_step,
+    conductances,
     opening,
     port_flow,
     pump_flow,
@@ -90,8 +91,9 @@ def _fill(
             leakage = leak(hidden, constants, state, i)
             softer_a = softness(hidden, constants, i, p_a)
             softer_b = softness(hidden, constants, i, p_b)
+        open_a, open_b = conductances(valve, x)
         volume = cylinder.dead_volume_a + cylinder.area_a * (actuator.length - cylinder.length_min)
-        flow, slope = port_flow(oil, valve.flow_gain * x, supply, p_a)
+        flow, slope = port_flow(oil, open_a, supply, p_a)
         actuator.p_a, flow_a = chamber_step(
             oil, p_a, p_b, flow, slope, leakage, softer_a * volume,
             cylinder.area_a * growth[i], step,
@@ -99,7 +101,7 @@ def _fill(
         if hidden is not None and hidden.flows:
             note_softness(hidden, constants, i, p_a, volume, (actuator.p_a - p_a) / step)
         volume = cylinder.dead_volume_b + cylinder.area_b * (cylinder.length_max - actuator.length)
-        flow, slope = port_flow(oil, -valve.flow_gain * x, supply, p_b)
+        flow, slope = port_flow(oil, open_b, supply, p_b)
         actuator.p_b, flow_b = chamber_step(
             oil, p_b, p_a, flow, slope, leakage, softer_b * volume,
             -cylinder.area_b * growth[i], step,

@@ -6,7 +6,8 @@ import numpy as np
 import pytest
 
 from crane_driver.can.binding import load_layout
-from crane_driver.can.codec import MachineCodec
+from crane_driver.can.codec import DriverCodec, MachineCodec
+from crane_driver.can.cycles import LEARNT
 from crane_driver.can.frame import Fault, FaultKind, Frame
 from crane_driver.can.layout import Layout
 from crane_driver.driver_loop import DriverLoop, JointSample, PressureSample
@@ -35,6 +36,12 @@ class Bench:
         self.loop = DriverLoop(layout, MACHINE, load_safety(), density, START)
         self.machine = MachineCodec(layout)
         self.now, self.count = START, 0
+
+    def learnt(self) -> "Bench":
+        """After the cycles in which counters are learnt."""
+        for _ in range(LEARNT):
+            self.receive(self.frames())
+        return self
 
     def frames(self, faulty: tuple[str, ...] = ()) -> list[Frame]:
         """The next cycle of the machine."""
@@ -67,14 +74,20 @@ def layout() -> Layout:
 
 
 @pytest.fixture
-def bench(layout: Layout) -> Bench:
+def fresh(layout: Layout) -> Bench:
     return Bench(layout)
+
+
+@pytest.fixture
+def bench(fresh: Bench) -> Bench:
+    return fresh.learnt()
 
 
 def test_samples_hold_what_the_machine_measured_stamped_when_it_came(bench: Bench) -> None:
     joints, pressures = bench.run(200)
-    assert joints.stamp == pressures.stamp == EPOCH + 10**9
-    expected = [POSE[joint] + SPEED[joint] for joint in JOINTS]
+    time = bench.count * CYCLE
+    assert joints.stamp == pressures.stamp == EPOCH + round(time * 1e9)
+    expected = [POSE[joint] + SPEED[joint] * time for joint in JOINTS]
     assert joints.position == pytest.approx(expected, abs=1e-4)
     assert joints.velocity == pytest.approx(list(SPEED.values()), abs=3e-3)
     assert bench.loop.cylinders == PLANAR_JOINTS
@@ -90,13 +103,16 @@ def test_effort_is_the_generalized_force_of_the_pressures_of_the_same_cycle(benc
         np.array([joints.position[1:]]),
         np.array([pressures.chamber_a]),
         np.array([pressures.chamber_b]),
+        PLANAR_JOINTS,
     )
     assert math.isnan(joints.effort[0])  # no transducers
     assert joints.effort[1:] == pytest.approx(expected.tolist(), rel=1e-3)
 
 
-def test_the_first_sample_has_no_velocity(bench: Bench) -> None:
-    joints, _ = bench.run(1)
+def test_the_first_sample_has_no_velocity(fresh: Bench) -> None:
+    joints = [one for _ in range(LEARNT) for one in fresh.receive(fresh.frames())[0]]
+    assert len(joints) == 1  # the newest of those that waited
+    (joints,) = joints
     assert np.isnan(joints.velocity).all()
     assert np.isfinite(joints.position).all()
 
@@ -212,3 +228,54 @@ def test_a_command_too_soon_after_a_valve_frame_is_sent_half_a_cycle_after_it(
 def test_unknown_frames_are_counted(bench: Bench) -> None:
     bench.receive([Frame(0x7FF, b"", steady=bench.now)])
     assert bench.loop.codec.unknown == {(0x7FF, False): 1}
+
+
+@pytest.mark.parametrize("state", ["offline", "disabled", "enabled", "emergency stop"])
+def test_a_valve_frame_of_another_node_is_a_fault_in_every_state(state: str, fresh: Bench) -> None:
+    bench = fresh if state == "offline" else fresh.learnt()
+    foreign = DriverCodec(bench.loop.codec.layout).command_frames({"inner_boom": 0.4}, True)
+    supervisor = bench.loop.supervisor
+    if state != "offline":
+        bench.run(100)
+    if state == "enabled":
+        supervisor.enable(bench.now)
+    elif state == "emergency stop":
+        supervisor.emergency_stop()
+    assert supervisor.state == state
+    bench.receive([one._replace(steady=bench.now) for one in foreign])
+    assert supervisor.state is (State.ESTOP if state == "emergency stop" else State.FAULT)
+    text = supervisor.faults["CAN foreign command ValveCommand"].text
+    assert "another node commands the valves" in text
+    assert "inner_boom 0.4" in text
+    assert bench.loop.codec.unknown == {}
+
+
+def test_a_position_that_jumps_is_a_fault_and_is_not_published_until_reset(bench: Bench) -> None:
+    bench.run(100)
+    before = POSE["inner_boom"]
+    try:
+        POSE["inner_boom"] -= 0.3
+        joints, _ = bench.run(3)
+        assert math.isnan(joints.position[1])
+        assert math.isnan(joints.effort[1])
+        assert np.isfinite([joints.position[0], *joints.position[2:]]).all()
+        supervisor = bench.loop.supervisor
+        assert supervisor.state is State.FAULT
+        assert (
+            "inner_boom: its position jumped by -0.3"
+            in supervisor.faults["position inner_boom"].text
+        )
+        supervisor.reset(bench.now)
+        joints, _ = bench.run(100)
+        assert supervisor.state is State.DISABLED
+        assert math.isfinite(joints.position[1])
+    finally:
+        POSE["inner_boom"] = before
+
+
+def test_a_valve_frame_of_the_driver_that_comes_again_is_a_fault(bench: Bench) -> None:
+    bench.run(100)
+    frames = bench.loop.valve_frames(bench.now)
+    assert frames
+    bench.receive([one._replace(steady=bench.now) for one in frames])
+    assert "came back" in bench.loop.supervisor.faults["CAN foreign command ValveCommand"].text

@@ -127,6 +127,7 @@ def test_friction_brakes_in_both_directions(tmp_path: Path) -> None:
     estimate = consistent(pushing, physics(model))
     assert estimate.values[2] == pytest.approx(0.0, abs=1e-6)
     assert estimate.bounds == ("f_c.axis >= 0",)
+    assert estimate.values[estimate.names.index("f_c.axis")] == 0.0  # exactly, as it is printed
     assert estimate.values[0] == pytest.approx(AXIS_THETA[0], rel=0.1)
     names = [one.name for one in physics(crane_model()).inequalities]
     for joint in PLANAR_JOINTS:

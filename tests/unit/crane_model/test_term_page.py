@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 from unit.crane_model.test_term_registry import SETTING, random_record
 
-from crane_model.flow import FLOW_REGISTRY, FlowTerm
+from crane_model.flow import FLOW_EFFECTS
 from crane_model.model_file import load_model
 from crane_model.terms import REGISTRY, Term, candidates, joints_of, typical
 
@@ -20,14 +20,10 @@ def page() -> str:
     return text.split("## The catalogue of effects\n")[1].split("\n## ")[0]
 
 
-def parameters(cls: type[Term] | type[FlowTerm]) -> list[tuple[str, str]]:
+def parameters(cls: type[Term]) -> list[tuple[str, str]]:
     """Names and units of the parameters on the first joint that has them, then of the shapes."""
-    if issubclass(cls, Term):
-        joint = next(iter(joints_of(cls, SETTING)), None)
-        found = typical(cls, joint).parameters(SETTING)
-    else:
-        middle = {name: float(shape.grid[0]) for name, shape in cls.shapes.items()}
-        found = cls.model_validate({"joint": "telescope", **middle}).flow_parameters()
+    joint = next(iter(joints_of(cls, SETTING)), None)
+    found = typical(cls, joint).parameters(SETTING)
     linear = [(p.name.split(".")[0], p.unit) for p in found]
     return linear + [(name, shape.unit.split(" or ")[0]) for name, shape in cls.shapes.items()]
 
@@ -43,9 +39,11 @@ def test_the_tables_list_every_effect_as_its_class_states_it(page: str) -> None:
             others = tuple(re.findall(r"`(\w+)`", confusable))
             rows[kind.strip("`")] = name, listed, signature, others
     expected = {}
-    for kind, cls in {**REGISTRY, **FLOW_REGISTRY}.items():
+    for kind, cls in REGISTRY.items():
         if (effect := cls.effect) is not None:
             expected[kind] = effect.name, parameters(cls), effect.signature, effect.confusable
+    for kind, (effect, symbol, unit) in FLOW_EFFECTS.items():
+        expected[kind] = effect.name, [(symbol, unit)], effect.signature, effect.confusable
     assert rows == expected
 
 

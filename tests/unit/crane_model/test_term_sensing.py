@@ -29,7 +29,9 @@ def record(machine: Machine) -> Record:
     """Its force is that of its pressures (27)."""
     record = random_record()
     pressures = record.pressure_a, record.pressure_b
-    return replace(record, force=generalized_forces(machine, record.position, *pressures))
+    return replace(
+        record, force=generalized_forces(machine, record.position, *pressures, record.joints)
+    )
 
 
 def changed_force(machine: Machine, record: Record, j: int, a: float, b: float, gain: float):
@@ -37,7 +39,7 @@ def changed_force(machine: Machine, record: Record, j: int, a: float, b: float, 
     p_a, p_b = record.pressure_a.copy(), record.pressure_b.copy()
     p_a[:, j] = (1.0 + gain) * p_a[:, j] + a
     p_b[:, j] = (1.0 + gain) * (1.0 + b) * p_b[:, j]
-    return generalized_forces(machine, record.position, p_a, p_b)
+    return generalized_forces(machine, record.position, p_a, p_b, record.joints)
 
 
 @pytest.mark.parametrize("joint", PLANAR_JOINTS)
@@ -62,7 +64,9 @@ def test_encoder_offset_changes_the_torque_and_what_the_bodies_ask_for(
     offset = 1e-6
     wrong = record.position.copy()
     wrong[:, PLANAR_JOINTS.index(joint)] += offset
-    measured = generalized_forces(machine, wrong, record.pressure_a, record.pressure_b)
+    measured = generalized_forces(
+        machine, wrong, record.pressure_a, record.pressure_b, record.joints
+    )
     true, predicted = (
         PlanarRigidBody().columns(replace(record, position=q), SETTING) @ INERTIAL
         for q in (record.position, wrong)

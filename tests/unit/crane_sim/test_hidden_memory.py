@@ -1,4 +1,4 @@
-"""Hidden effects with a memory: hysteresis, play, bending, a swinging load."""
+"""Hidden effects with a memory: hysteresis, play, a swinging load."""
 
 from itertools import pairwise
 
@@ -98,30 +98,6 @@ def test_play_shows_only_after_the_load_changed_sides(machine: Machine, stand_in
     assert noted(-300.0, 0.6101) == 0.0
     assert noted(-300.0, 0.6) == 0.0  # seated, wherever it goes
     assert noted(300.0, 0.6) == pytest.approx(-80.0)
-
-
-def test_bending_answers_as_two_oscillators(machine: Machine, stand_in: StandIn) -> None:
-    """Amplitude at a forced oscillation: J a |r^2 - 2 i z r| / |1 - r^2 + 2 i z r| of both."""
-    inertia, frequency, damping, forced = 20.0, 2.0, 0.1, 1.2
-    hidden = rig(stand_in, machine, planted("boom_flexibility", JOINT, inertia, frequency, damping))
-    omega, size = 2 * np.pi * forced, 0.1
-    times = STEP * np.arange(round(8.0 / STEP))
-    noted = np.empty_like(times)
-    q = np.array([0.0, 0.3, -1.4, 0.5])
-    speed = size * np.sin(omega * times)
-    for n in range(1, len(times)):
-        hidden.put(q, np.array([0.0, 0.0, 0.0, speed[n - 1]]))
-        hidden.act()
-        noted[n] = hidden.settle(np.array([0.0, 0.0, 0.0, speed[n]]))[0, COLUMN]
-    last = times > 8.0 - 4.0 / forced
-    basis = np.exp(1j * omega * times[last])
-    got = 2 * np.abs(np.mean(noted[last] * np.conj(basis)))
-    total = 0j
-    for ratio_of, share in ((1.0, 1.0), (2.7, 0.25)):
-        r = forced / (frequency * ratio_of)
-        # e'' + 2 z w e' + w^2 e = -a has e''/a = r^2 / (1 - r^2 + 2 i z r)
-        total += share * inertia * r**2 / (1 - r**2 + 2j * damping * r)
-    assert got == pytest.approx(abs(total) * size * omega, rel=0.02)
 
 
 def test_a_load_swings_with_the_frequency_of_its_length(

@@ -105,7 +105,7 @@ def test_valves(machine: Machine, stand_in: StandIn) -> None:
         tank = machine.hydraulics.tank_pressure
         drop = (17e6 if x > 0 else tank) - actuator["p_a"]
         # more flows in at the one edge, less flows out at the other
-        more = valve["flow_gain"] * 0.2 * abs(x) * np.sqrt(abs(drop))
+        more = valve["supply_a"] * 0.2 * abs(x) * np.sqrt(abs(drop))
         assert gains.hidden.flow[0, COLUMN] == pytest.approx(more, rel=2e-3)
     assert abs(spool(overlap, 0.1)) < 0.05 * opening(0.1, zone) + 2e-3
 

@@ -10,6 +10,7 @@ from crane_sim.constants import pack
 from crane_sim.hydraulics import (
     Oil,
     chamber_step,
+    conductances,
     opening,
     port_flow,
     pump_flow,
@@ -17,7 +18,7 @@ from crane_sim.hydraulics import (
     signed_root,
     spool_step,
 )
-from crane_sim.parameters import StandIn
+from crane_sim.parameters import Edges, StandIn
 
 LAMINAR = 1e5
 drops = st.floats(-3e7, 3e7)
@@ -27,6 +28,30 @@ drops = st.floats(-3e7, 3e7)
 def oil(machine: Machine, stand_in: StandIn) -> Oil:
     """The oil of the stand-in machine."""
     return pack(stand_in, machine).oil
+
+
+EDGES = {"supply_a": 1.1, "a_tank": 0.9, "supply_b": 0.7, "b_tank": 0.6}
+
+
+@pytest.mark.parametrize(
+    ("x", "at_a", "at_b"), [(0.4, "supply_a", "b_tank"), (-0.4, "a_tank", "supply_b")]
+)
+def test_each_metering_edge_has_a_gain_of_its_own(
+    machine: Machine, stand_in: StandIn, x: float, at_a: str, at_b: str
+) -> None:
+    """Over a drop of 3.5 MPa an edge passes its share of the rated flow."""
+    given = stand_in.valves.telescope
+    valves = stand_in.valves.model_copy(
+        update={"telescope": given.model_copy(update={"edges": Edges(**EDGES)})}
+    )
+    uneven = pack(stand_in.model_copy(update={"valves": valves}), machine)
+    supply, drop = 17.5e6, given.rated_drop
+    wanted_a, wanted_b = (share * given.rated_flow * x for share in (EDGES[at_a], -EDGES[at_b]))
+    fed, drained = supply - drop, uneven.oil.tank_pressure + drop
+    open_a, open_b = conductances(uneven.valves[3], x)
+    at_a_flow, _ = port_flow(uneven.oil, open_a, supply, fed if x > 0 else drained)
+    at_b_flow, _ = port_flow(uneven.oil, open_b, supply, drained if x > 0 else fed)
+    assert (at_a_flow, at_b_flow) == pytest.approx((wanted_a, wanted_b), rel=1e-3)
 
 
 @given(drop=drops, other=drops)

@@ -1,8 +1,12 @@
 """Which cases the sets of the benchmark hold, and how well their motions excite."""
 
 import pytest
-from cases import SHARES, STRENGTHS, CaseSet, Kind, apportioned, cases
+from case import Kind, Story, World
+from cases import SHARES, STRENGTHS, CaseSet, apportioned, cases, with_others
 from motions import Excitation
+from strangers import STORIES
+
+from crane_sim.hidden.spec import HiddenEffect
 
 
 def test_sets_share_no_case():
@@ -37,3 +41,27 @@ def test_shares_add_up(count):
 def test_motions_are_rich_where_they_should_be():
     rich = [case for case in cases(CaseSet.TUNING, 40) if case.kind is not Kind.INSUFFICIENT]
     assert all(case.excitation is not Excitation.POOR for case in rich)
+
+
+def test_calibration_is_half_of_the_field():
+    worlds = [case.world for case in cases(CaseSet.CALIBRATION, 40)]
+    assert worlds.count(World.FIELD) == worlds.count(World.LABORATORY) == 20
+    assert {case.world for case in cases(CaseSet.SCORING, 96)} == {World.LABORATORY}
+
+
+def test_strangers_tell_every_story_and_their_effects_can_be_hidden():
+    told = cases(CaseSet.STRANGERS, 24)
+    stories = [case.story for case in told]
+    assert {story: stories.count(story) for story in Story} == {
+        story: 2 * STORIES.count(story) for story in Story
+    }
+    for case in told:
+        for one in case.effects:
+            HiddenEffect(**one.model_dump(exclude={"carried"}))
+
+
+def test_effects_of_a_story_that_no_motion_shows_are_told_anew():
+    for case in cases(CaseSet.STRANGERS, 12):
+        again = with_others(case, 4)
+        assert (again.name, again.seed, again.story) == (case.name, case.seed, case.story)
+        assert [one.strength for one in again.effects] == [one.strength for one in case.effects]

@@ -1,8 +1,10 @@
 """What recordings of a kind can show at all: of friction with memory, and of valves and oil."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
-from cases import Case, Hidden, Kind
+from case import Case, Hidden, Kind
 from clean import load_seen, save_clean
 from truth import Truth
 from unusual import beyond_usual
@@ -13,7 +15,7 @@ from crane_model.machine import JOINTS, PLANAR_JOINTS
 from crane_model.model_file import load_model
 from crane_model.record import Record
 from crane_sim.hidden.clean import Clean
-from crane_sim.parameters import load_stand_in
+from crane_sim.parameters import Edges, load_stand_in
 
 JOINT = "outer_boom"
 FORCE = 4000.0  # N m
@@ -82,12 +84,28 @@ def test_memory_over_many_counts_is_identifiable(tmp_path):
     assert beyond is not None and beyond > 0.5
 
 
+def still() -> Record:
+    """At rest under 8 MPa."""
+    n, j = 10, len(PLANAR_JOINTS)
+    zeros, pressure = np.zeros((n, j)), np.full((n, j), 8e6)
+    return Record(
+        joints=PLANAR_JOINTS,
+        time=np.arange(n) * 0.02,
+        position=zeros,
+        velocity=zeros,
+        acceleration=zeros,
+        pressure_a=pressure,
+        pressure_b=pressure,
+    )
+
+
 @pytest.mark.parametrize(
     ("effect", "form", "values", "beyond"),
     [
         ("valve_hysteresis", "trailing_edges", {"width": 0.0005}, 0.0),
         ("valve_hysteresis", "trailing_edges", {"width": 0.004}, 0.75),
-        ("valve_asymmetry", "two_gains", {"share": -0.006}, 0.5),
+        ("valve_asymmetry", "two_gains", {"share": -0.04}, 0.0),
+        ("valve_asymmetry", "two_gains", {"share": -0.101}, 0.5),
         ("oil_compressibility", "hose_wall", {"softness": 0.05, "stiffening": 1e7}, 0.0),
         # 1.3e9 / (1 + 2 / (1 + 1)) = 0.65e9 Pa beside the 1.05e9 Pa of the data sheet
         ("oil_compressibility", "hose_wall", {"softness": 2.0, "stiffening": 8e6}, 1 - 0.65 / 1.05),
@@ -97,22 +115,55 @@ def test_memory_over_many_counts_is_identifiable(tmp_path):
     ],
 )
 def test_valves_and_oil_count_beyond_what_is_usual(effect, form, values, beyond):
-    n, j = 10, len(PLANAR_JOINTS)
-    zeros, pressure = np.zeros((n, j)), np.full((n, j), 8e6)
-    record = Record(
-        joints=PLANAR_JOINTS,
-        time=np.arange(n) * 0.02,
-        position=zeros,
-        velocity=zeros,
-        acceleration=zeros,
-        pressure_a=pressure,
-        pressure_b=pressure,
-    )
     label = {
         "name": effect,
         "joint": JOINT,
         "form": form,
         "parameters": [{"name": name, "value": value} for name, value in values.items()],
     }
-    found = beyond_usual(label, STAND_IN, record, load_usual())
+    found = beyond_usual(label, STAND_IN, still(), load_usual())
     assert found == (None if beyond is None else pytest.approx(beyond, abs=0.02))
+
+
+def test_what_is_hidden_in_a_valve_adds_to_what_the_machine_has():
+    """Gains of the edges, and a dead zone that is wider one way."""
+    given = STAND_IN.valves[JOINT]
+    uneven = Edges(supply_a=1.05, a_tank=0.95, supply_b=0.57, b_tank=0.63)  # 5 % by themselves
+    valve = given.model_copy(update={"edges": uneven, "null_bias": 0.01})
+    valves = STAND_IN.valves.model_copy(update={JOINT: valve})
+    usual = load_usual().model_copy(update={"asymmetry": 0.05, "dead_zone": {JOINT: 0.05}})
+    beyond = {}
+    for name, parameter, size in (
+        ("valve_asymmetry", "share", 0.05),
+        ("valve_asymmetry", "share", -0.05),
+        ("valve_dead_zone", "band", 0.0),
+    ):
+        label = {
+            "name": name,
+            "joint": JOINT,
+            "parameters": [{"name": parameter, "value": size}],
+        }
+        stand_in = STAND_IN.model_copy(update={"valves": valves})
+        beyond[name, size] = beyond_usual(label, stand_in, still(), usual)
+    assert beyond["valve_asymmetry", 0.05] == pytest.approx(0.5, abs=0.01)
+    assert beyond["valve_asymmetry", -0.05] == 0.0
+    assert beyond["valve_dead_zone", 0.0] == pytest.approx(1 - 0.05 / 0.06)
+
+
+def test_loads_that_differ_are_each_compared_with_the_nearest(tmp_path):
+    truth = presliding(0.1, tmp_path)
+    labels = tuple(
+        {"effects": [{"name": "payload", "joint": None, "parameters": [given]}] if mass else []}
+        for mass in (10.0, 0.0, 6.0)
+        for given in [{"name": "mass", "value": mass}]
+    )
+    finding = {
+        "effect": "payload",
+        "joint": "all",
+        "parameters": [
+            {"name": "m_payload.0", "value": 10.1},
+            {"name": "m_payload.1", "value": 5.7},
+        ],
+    }
+    errors = replace(truth, labels=labels).parameter_errors({"findings": [finding]})
+    assert errors == pytest.approx([0.01, 0.05])

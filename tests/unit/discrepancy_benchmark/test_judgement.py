@@ -1,7 +1,7 @@
 """Whether an answer is right."""
 
 import pytest
-from cases import Kind
+from case import Kind
 from judgement import Answer, Outcome, judge
 from leave_one_out import Left, became
 

@@ -7,7 +7,8 @@ import figures
 import numpy as np
 import pytest
 from calibration import agreement, together
-from cases import STRENGTHS, Case, CaseSet, cases
+from case import Case, Story
+from cases import STRENGTHS, CaseSet, cases
 from judgement import Outcome
 from printed import notes, tables
 from rates import median, rate
@@ -50,6 +51,8 @@ def made_up(case: Case) -> dict[str, Any]:
     return {
         "case": case.name,
         "kind": case.kind.value,
+        "world": case.world.value,
+        "story": case.story,
         "hidden": [e.model_dump() | {"visibility": 0.5} for e in case.effects],
         "outcomes": {
             "diagnose": Outcome.RIGHT.value if right else Outcome.MISSED.value,
@@ -95,3 +98,13 @@ def test_scores_are_compared_with_what_the_bootstrap_promises(factor, above):
     assert np.polyfit(found["promised"][:380], found["found"][:380], 1)[0] == pytest.approx(
         factor, rel=0.05
     )
+
+
+def test_what_became_of_each_story_is_told():
+    rows = [made_up(case) for case in cases(CaseSet.STRANGERS, 12)]
+    found = summary(rows)
+    assert found["stories"][Story.LOAD] == {Outcome.RIGHT: 3}
+    assert sum(n for told in found["stories"].values() for n in told.values()) == 12
+    console = Console(width=144, record=True, file=StringIO())
+    console.print(*tables({"summary": found}))
+    assert "a load, on and off" in console.export_text()

@@ -29,6 +29,14 @@ def render(diagnosis: Diagnosis, provenance: Provenance) -> str:
         answer=ANSWERS[diagnosis.verdict.value],
         cards=found,
         gap=gap,
+        not_simulated=[
+            f"{which} the findings, {motion.reason}"
+            for which, motion in (
+                ("before", diagnosis.gap.motion_before),
+                ("after", diagnosis.gap.motion_after),
+            )
+            if motion.reason
+        ],
         where=where,
         where_said=WHERE[diagnosis.verdict.value],
         regions=[

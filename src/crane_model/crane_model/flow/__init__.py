@@ -7,12 +7,13 @@ hydraulics to future work (its section 5); the symbols of areas and pressures ar
 
 from crane_model.flow import oil, valve
 from crane_model.flow.balance import flow_regressor, piston_flow
-from crane_model.flow.flow_term import FLOW_REGISTRY, FlowTerm, flow_candidates
+from crane_model.flow.effects import FLOW_EFFECTS, FlowEffect
+from crane_model.flow.flow_term import FlowTerm
 
 __all__ = [
-    "FLOW_REGISTRY",
+    "FLOW_EFFECTS",
+    "FlowEffect",
     "FlowTerm",
-    "flow_candidates",
     "flow_regressor",
     "oil",
     "piston_flow",

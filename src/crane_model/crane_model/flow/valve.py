@@ -1,6 +1,6 @@
-"""The valve: orifice flow of a spool, and how a real spool departs from it."""
+"""The valve: orifice flow of a spool through four metering edges, its overlap and its play."""
 
-from typing import ClassVar, Literal
+from typing import Literal
 
 import numpy as np
 from numba import njit
@@ -10,130 +10,64 @@ from crane_model.cylinders import lever_arm
 from crane_model.flow.flow_term import FlowTerm
 from crane_model.machine import Machine
 from crane_model.record import Record
-from crane_model.terms.effect import Effect, Shape
-from crane_model.terms.term import Parameter
 
-GAIN = "m3/(s Pa^0.5)"
+EDGES = ("supply_a", "a_tank", "supply_b", "b_tank")
+"""The metering edges of a valve, by what they join; the first and the last open together."""
 
 
-class SpoolTerm(FlowTerm):
-    """A term that is a flow through a spool, K times its opening times sqrt(pressure drop)."""
+class Valve(FlowTerm):
+    """Q = K x sqrt(pressure drop) at each edge, x the opening of the spool, K the edge's own.
+
+    The spool y trails its command u, |y - u| <= play/2, and stands where u leaves it; a run begins
+    with y = u. It feeds chamber A where y > dead_zone_a, chamber B where y < -dead_zone_b, and its
+    opening x is what y is beyond.
+    """
+
+    type: Literal["valve"] = "valve"
+
+    dead_zone_a: float = Field(default=0.0, ge=0, lt=1)
+    dead_zone_b: float = Field(default=0.0, ge=0, lt=1)
+    play: float = Field(default=0.0, ge=0, lt=1)
 
     def opening(self, record: Record, machine: Machine) -> np.ndarray:
-        """The spool command u, positive where it lets oil into chamber A: (n,)."""
+        """x, positive where oil is let into chamber A: (n,)."""
         q = record.position[:, record.column(self.joint)]
-        return self.needed(record, "command") * np.sign(lever_arm(machine, self.joint, q))
+        u = self.needed(record, "command") * np.sign(lever_arm(machine, self.joint, q))
+        y = u if self.play == 0.0 else _trailing(u, self.play / 2.0, record.first_of_run)
+        return np.maximum(0.0, y - self.dead_zone_a) + np.minimum(0.0, y + self.dead_zone_b)
 
-    def orifice_flow(self, opening: np.ndarray, record: Record) -> np.ndarray:
-        """Flow into A and B through a spool of K = 1 that is open by (n,): (n, 2)."""
+    def columns(self, record: Record, machine: Machine) -> np.ndarray:
+        """(n, 2, 4) for K = 1 m3/(s Pa^0.5) of each of EDGES; an edge serves one chamber alone."""
         p_a, p_b = self.needed(record, "pressure_a"), self.needed(record, "pressure_b")
         supply, tank = self.needed(record, "supply_pressure"), self.needed(record, "tank_pressure")
-        into = np.stack([_root(supply - p_a), -_root(p_b - tank)], axis=1)  # A fed, B drained
-        out = np.stack([_root(p_a - tank), -_root(supply - p_b)], axis=1)
-        u = opening[:, np.newaxis]
-        return u * np.where(u > 0.0, into, out)
+        x = self.opening(record, machine)
+        feeds_a, feeds_b = np.maximum(0.0, x), np.maximum(0.0, -x)
+        flow = np.zeros((len(record), 2, len(EDGES)))
+        flow[:, 0, 0] = feeds_a * _root(supply - p_a)
+        flow[:, 0, 1] = -feeds_b * _root(p_a - tank)
+        flow[:, 1, 2] = feeds_b * _root(supply - p_b)
+        flow[:, 1, 3] = -feeds_a * _root(p_b - tank)
+        return flow
+
+
+def by_chamber(gains: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    """Mean gain (2,) of the edges of chamber A and of B from those of all EDGES (4,), and by what
+    share (2,) that is larger which opens where chamber A is fed: K = mean (1 +- share).
+    """
+    feeding_a, feeding_b = gains[[0, 3]], gains[[1, 2]]
+    mean = (feeding_a + feeding_b) / 2.0
+    return mean, (feeding_a - feeding_b) / (2.0 * mean)
+
+
+def asymmetry(gains: np.ndarray) -> float:
+    """Share by which the gains (4,) of EDGES are larger where chamber A is fed, mean of both
+    chambers: none of a spool that is made for a differential cylinder, K_A / K_B = A_A / A_B.
+    """
+    return float(by_chamber(gains)[1].mean())
 
 
 def _root(drop: np.ndarray) -> np.ndarray:
     return np.sign(drop) * np.sqrt(np.abs(drop))
-
-
-class Valve(SpoolTerm):
-    """Q = K u sqrt(pressure drop): a spool with sharp edges and no play."""
-
-    type: Literal["valve"] = "valve"
-
-    def flow_parameters(self) -> tuple[Parameter, ...]:
-        """K."""
-        return (Parameter("K", GAIN, 0.0, "gain of the valve, mean of both directions"),)
-
-    def columns(self, record: Record, machine: Machine) -> np.ndarray:
-        """(n, 2, 1)."""
-        return self.orifice_flow(self.opening(record, machine), record)[:, :, np.newaxis]
-
-
-class ValveAsymmetry(SpoolTerm):
-    """Q = dK |u| sqrt(pressure drop): K + dK for u > 0, K - dK for u < 0."""
-
-    type: Literal["valve_asymmetry"] = "valve_asymmetry"
-    effect: ClassVar[Effect] = Effect(
-        "asymmetric gain of a valve",
-        "flow per command differs between the two directions",
-        ("valve_dead_zone", "internal_leakage"),
-        "steps of the command both ways, of several heights",
-    )
-
-    def flow_parameters(self) -> tuple[Parameter, ...]:
-        """dK."""
-        return (Parameter("dK", GAIN, None, "half the difference of the gain up and down"),)
-
-    def columns(self, record: Record, machine: Machine) -> np.ndarray:
-        """(n, 2, 1)."""
-        u = self.opening(record, machine)
-        return (np.sign(u)[:, np.newaxis] * self.orifice_flow(u, record))[:, :, np.newaxis]
-
-
-class ValveDeadZone(SpoolTerm):
-    """Q = K_d (dz(u) - u) sqrt(pressure drop), dz(u) = sgn(u) max(0, |u| - band): overlap.
-
-    Beside a valve with K, K_d = K is a spool that opens beyond `band`.
-    """
-
-    type: Literal["valve_dead_zone"] = "valve_dead_zone"
-    effect: ClassVar[Effect] = Effect(
-        "dead zone of a valve",
-        "no flow at small commands, and less by the same amount at all others",
-        ("valve_asymmetry", "valve_hysteresis", "internal_leakage"),
-        "slow ramps of the command through zero",
-    )
-    shapes: ClassVar[dict[str, Shape]] = {
-        "band": Shape(0.01, 0.3, "1", 10, "command at which the spool opens")
-    }
-
-    band: float = Field(gt=0, lt=1)
-
-    def flow_parameters(self) -> tuple[Parameter, ...]:
-        """K_d."""
-        return (Parameter("K_dead", GAIN, 0.0, "gain that the dead zone takes away"),)
-
-    def columns(self, record: Record, machine: Machine) -> np.ndarray:
-        """(n, 2, 1)."""
-        u = self.opening(record, machine)
-        open_beyond = np.sign(u) * np.maximum(0.0, np.abs(u) - self.band)
-        missing = self.orifice_flow(open_beyond, record) - self.orifice_flow(u, record)
-        return missing[:, :, np.newaxis]
-
-
-class ValveHysteresis(SpoolTerm):
-    """Q = K_h (y - u) sqrt(pressure drop), |y - u| <= width/2: the spool y trails its command u.
-
-    Beside a valve with K, K_h = K is a spool with play; y stands where u leaves it. A run begins
-    with y = u.
-    """
-
-    type: Literal["valve_hysteresis"] = "valve_hysteresis"
-    effect: ClassVar[Effect] = Effect(
-        "hysteresis of a valve",
-        "flow depends on whether the command rises or falls",
-        ("valve_dead_zone",),
-        "slow triangles of the command, to and fro",
-    )
-    shapes: ClassVar[dict[str, Shape]] = {
-        "width": Shape(0.01, 0.2, "1", 8, "play between command and spool")
-    }
-
-    width: float = Field(gt=0, lt=1)
-
-    def flow_parameters(self) -> tuple[Parameter, ...]:
-        """K_h."""
-        return (Parameter("K_play", GAIN, 0.0, "gain times the share of the play that acts"),)
-
-    def columns(self, record: Record, machine: Machine) -> np.ndarray:
-        """(n, 2, 1)."""
-        u = np.ascontiguousarray(self.opening(record, machine))
-        spool = _trailing(u, self.width / 2.0, record.first_of_run)
-        missing = self.orifice_flow(spool, record) - self.orifice_flow(u, record)
-        return missing[:, :, np.newaxis]
 
 
 @njit(cache=True)

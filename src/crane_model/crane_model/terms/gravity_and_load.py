@@ -10,7 +10,7 @@ from crane_model.dynamics import Geometry, lagrangian_regressor
 from crane_model.machine import Machine
 from crane_model.record import Record
 from crane_model.terms.effect import Effect, Shape
-from crane_model.terms.planar import Directions, Reach, planar_machine
+from crane_model.terms.planar import Directions, Reach, planar_columns, planar_machine
 from crane_model.terms.term import Family, Parameter, Setting, Term
 
 
@@ -38,8 +38,9 @@ class BaseTilt(Term):
         return (Parameter("m_tilt", "kg rad", None, meaning),)
 
     def fill(self, record: Record, setting: Setting, columns: np.ndarray) -> None:
-        """(n, 3, 1)."""
-        columns[:, :, 0] = turned_weight(planar_machine(self, setting), record)
+        """On the rows of inner boom, outer boom and telescope."""
+        weight = turned_weight(planar_machine(self, setting), record)
+        columns[:, planar_columns(record), 0] = weight
 
 
 def turned_weight(machine: Machine, record: Record) -> np.ndarray:
@@ -94,17 +95,17 @@ class Payload(Term):
         )
 
     def fill(self, record: Record, setting: Setting, columns: np.ndarray) -> None:
-        """(n, 3, loads)."""
-        machine = planar_machine(self, setting)
-        motion = record.position, record.velocity, record.acceleration
+        """On the rows of inner boom, outer boom and telescope: (n, 3, loads)."""
+        machine, at = planar_machine(self, setting), planar_columns(record)
+        motion = record.position[:, at], record.velocity[:, at], record.acceleration[:, at]
         column = lagrangian_regressor(Geometry.of(machine), *motion) @ tip_mass(machine)
         if self.loads is None:
-            columns[:, :, 0] = column
+            columns[:, at, 0] = column
             return
         run = np.zeros(len(record)) if record.run is None else record.run
         for k, load in enumerate(self.loads):
             inside = np.isin(run, load.runs)
-            columns[inside, :, k] = column[inside]
+            columns[:, at, k] = np.where(inside[:, np.newaxis], column, 0.0)
 
 
 def tip_mass(machine: Machine) -> np.ndarray:
@@ -136,12 +137,13 @@ class HoseMass(Term):
         return (Parameter("rho_hose", "kg/m", None, "mass of hoses that comes out per metre"),)
 
     def fill(self, record: Record, setting: Setting, columns: np.ndarray) -> None:
-        """(n, 3, 1)."""
+        """On the rows of inner boom, outer boom and telescope."""
         machine = planar_machine(self, setting)
         _, psi, extension = Directions.of(machine, record)
         turning = machine.gravity * extension**2 / 2.0 * np.cos(psi)
-        columns[:, 0, 0] = columns[:, 1, 0] = turning
-        columns[:, 2, 0] = machine.gravity * extension * np.sin(psi)
+        inner, outer, telescope = planar_columns(record)
+        columns[:, inner, 0] = columns[:, outer, 0] = turning
+        columns[:, telescope, 0] = machine.gravity * extension * np.sin(psi)
 
 
 class SlewCoupling(Term):
@@ -174,10 +176,11 @@ class SlewCoupling(Term):
         )
 
     def fill(self, record: Record, setting: Setting, columns: np.ndarray) -> None:
-        """(n, 3, 2)."""
+        """On the rows of inner boom, outer boom and telescope."""
         machine = planar_machine(self, setting)
         spin = self.needed(record, "slew_velocity") ** 2
         phi, _, _ = Directions.of(machine, record)
         reach = Reach.of(machine, self.reach, record)
-        columns[:, 0, 0] = spin * np.sin(phi) * np.cos(phi)
-        columns[:, :, 1] = -(spin * reach.distance)[:, np.newaxis] * reach.gradient
+        at = planar_columns(record)
+        columns[:, at[0], 0] = spin * np.sin(phi) * np.cos(phi)
+        columns[:, at, 1] = -(spin * reach.distance)[:, np.newaxis] * reach.gradient

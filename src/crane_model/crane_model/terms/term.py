@@ -89,5 +89,6 @@ def term_from_mapping(content: Mapping[str, Any]) -> Term:
     """The term that an entry of a model file describes; raises ValueError as pydantic wants it."""
     name = content.get("type") if isinstance(content, Mapping) else None
     if name not in REGISTRY:
-        raise ValueError(f"no term of type {name!r}; there are {', '.join(sorted(REGISTRY))}")
+        known = ", ".join(sorted(REGISTRY))
+        raise ValueError(f"no term of type {name!r}; there are {known}, and those of --terms FILE")
     return REGISTRY[name].model_validate(content)

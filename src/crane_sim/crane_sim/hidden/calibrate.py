@@ -4,6 +4,7 @@ from collections.abc import Sequence
 
 import numpy as np
 
+from crane_model.configuration import packaged
 from crane_model.errors import RangeError
 from crane_model.machine import Machine
 from crane_sim.closed_loop import Course, record
@@ -15,10 +16,14 @@ from crane_sim.hidden.spec import Spec
 from crane_sim.parameters import StandIn
 from crane_sim.plant import Plant
 from crane_sim.sampled import Sensors
+from crane_trajectory.check import load_clearance
 from crane_trajectory.controller import Gains
+from crane_trajectory.motion import plan
+from crane_trajectory.periodic import load_trajectory
 
 PASSES = 12
 TOLERANCE = 0.05  # of the wanted strength
+OWN_MOTION = "excitation_20s.yaml"  # on which a spec is calibrated that names no trajectory
 LARGEST_STEP = 8.0  # by which a magnitude changes at once
 
 
@@ -61,14 +66,22 @@ def calibrate(
     )
 
 
+def hidden_in(spec: Spec, machine: Machine, stand_in: StandIn, gains: Gains) -> tuple[Planted, ...]:
+    """The effects of `spec` on the motion of its own: one machine, whatever is recorded of it."""
+    if all(effect.strength is None for effect in spec.effects):
+        return draw(spec, stand_in)
+    trajectory = load_trajectory(spec.trajectory or packaged("crane_trajectory", OWN_MOTION))
+    motion = plan(machine, trajectory, stand_in.start, 1, load_clearance())
+    return calibrate(spec, machine, stand_in, motion, gains)
+
+
 def draw(spec: Spec, stand_in: StandIn) -> tuple[Planted, ...]:
     """The effects with the parameters that are given or drawn, each magnitude at its start."""
     planted = []
     for index, effect in enumerate(spec.effects):
         form, rng = effect.law, np.random.default_rng([spec.seed, index])
         drawn = {
-            entry.name: rng.uniform(entry.lowest, entry.highest)
-            * _scale(entry.of, stand_in, effect.joint)
+            entry.name: entry.between(rng) * _scale(entry.of, stand_in, effect.joint)
             for entry in form.draws
         }
         start = form.magnitude.start * _scale(form.magnitude.of, stand_in, effect.joint)

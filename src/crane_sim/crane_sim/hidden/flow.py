@@ -10,7 +10,7 @@ from numba import njit
 from crane_sim.constants import Constants
 from crane_sim.hidden.form import Draw, Form, Magnitude
 from crane_sim.hidden.working import FLOW, Hidden
-from crane_sim.hydraulics import opening, port_flow
+from crane_sim.hydraulics import conductances, opening, port_flow
 from crane_sim.state import State
 
 SOFT_OVERLAP, PLAY, TWO_GAINS, ORIFICE_LEAK, HOSE_WALL, AIR = range(FLOW, FLOW + 6)
@@ -38,10 +38,9 @@ def meter(hidden: Hidden, constants: Constants, state: State, i: int) -> float:
             x = opening(memory[0], valve.dead_zone)
         else:  # TWO_GAINS
             x *= 1.0 + value[0] * math.tanh(x / value[1])
-        flow, _ = port_flow(constants.oil, valve.flow_gain * x, state.supply[0], actuator.p_a)
-        former, _ = port_flow(
-            constants.oil, valve.flow_gain * before, state.supply[0], actuator.p_a
-        )
+        open_now, open_before = conductances(valve, x)[0], conductances(valve, before)[0]
+        flow, _ = port_flow(constants.oil, open_now, state.supply[0], actuator.p_a)
+        former, _ = port_flow(constants.oil, open_before, state.supply[0], actuator.p_a)
         hidden.flow[k, i] = flow - former
     return x
 

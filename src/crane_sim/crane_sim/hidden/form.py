@@ -3,6 +3,8 @@
 from collections.abc import Callable
 from typing import NamedTuple
 
+import numpy as np
+
 from crane_model.machine import JOINT_UNITS, PLANAR_JOINTS
 from crane_sim.hidden.fault import Fault
 from crane_sim.parameters import StandIn
@@ -18,18 +20,6 @@ def coulomb(stand_in: StandIn, joint: str) -> float:
 def viscous(stand_in: StandIn, joint: str) -> float:
     """f_v of the joint [N m s/rad, N s/m]."""
     return stand_in.friction[joint].f_v
-
-
-def carried(stand_in: StandIn, joint: str) -> float:
-    """About the inertia that the joint moves [kg m2, kg]: for booms that of all beyond at 1.4 m."""
-    bodies = stand_in.bodies
-    mass = bodies.telescope.mass + bodies.gripper.mass
-    if joint == "telescope":
-        return mass
-    mass += bodies.outer_boom.mass
-    if joint == "inner_boom":
-        mass += bodies.inner_boom.mass
-    return mass * 1.4**2
 
 
 def unscaled(stand_in: StandIn, joint: str) -> float:
@@ -52,13 +42,20 @@ class Magnitude(NamedTuple):
 
 
 class Draw(NamedTuple):
-    """A further parameter, drawn evenly between two values in units of `of`."""
+    """A further parameter, drawn between two values in units of `of`: evenly, or by `ratio`."""
 
     name: str
     unit: str
     lowest: float
     highest: float
     of: Scale = unscaled
+    ratio: bool = False
+
+    def between(self, rng: np.random.Generator) -> float:
+        """A value in units of `of`."""
+        if self.ratio:
+            return float(np.exp(rng.uniform(np.log(self.lowest), np.log(self.highest))))
+        return float(rng.uniform(self.lowest, self.highest))
 
 
 class Form(NamedTuple):

@@ -2,13 +2,14 @@
 
 from itertools import groupby
 
-from crane_sim.hidden import flow, friction, loads, memory, pushes, sensing
+from crane_sim.hidden import bending, flow, friction, loads, memory, pushes, sensing
 from crane_sim.hidden.form import Form
 
 _ALL = (
     *friction.FORMS,
     *pushes.FORMS,
     *memory.FORMS,
+    *bending.FORMS,
     *loads.FORMS,
     *sensing.FORMS,
     *flow.FORMS,

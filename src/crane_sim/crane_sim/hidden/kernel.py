@@ -7,7 +7,7 @@ import numpy as np
 from numba import njit
 
 from crane_sim.constants import Constants
-from crane_sim.hidden import friction, loads, memory, pushes
+from crane_sim.hidden import bending, friction, loads, memory, pushes
 from crane_sim.hidden.working import FLOW, FRICTION, LOADS, MEMORY, PUSHES, Hidden
 from crane_sim.state import Scratch, State
 
@@ -20,7 +20,10 @@ def act(hidden: Hidden, constants: Constants, state: State, scratch: Scratch, st
     count = len(hidden.law)
     for k in range(count):
         if LOADS <= hidden.law[k] < FLOW:
-            loads.carry(hidden, k, constants, state)
+            if hidden.law[k] == bending.TWO_MODES:
+                bending.carry(hidden, k, constants.chain, state.q, state.v)
+            else:
+                loads.carry(hidden, k, constants, state)
             if hidden.law[k] == loads.CENTRIFUGAL:
                 continue
             for i in range(4):
@@ -56,9 +59,6 @@ def _resist(hidden: Hidden, k: int, state: State, scratch: Scratch, step: float)
     v = scratch.before[i]
     if law < MEMORY:
         force = pushes.push(hidden, k, i, state)
-    elif law == memory.TWO_MODES:
-        scratch.mass[i, i] -= memory.bent_inertia(hidden.value[k])
-        force = memory.bending(hidden, k)
     elif law == memory.PIN_PLAY:
         force = memory.play(hidden, k, scratch.force[i], state.q[i])
     else:
@@ -86,10 +86,6 @@ def settle(
             hidden.force[k, i] = hidden.part[k] * np.sign(state.v[i])
         elif law < LOADS:
             hidden.force[k, i] = hidden.part[k]
-            if law == memory.TWO_MODES:
-                memory.bend(hidden, k, change[i], step)
-                rigid = memory.bent_inertia(hidden.value[k]) * change[i] / step
-                hidden.force[k, i] -= rigid
         elif law < FLOW:
             for a in range(4):
                 total = hidden.bias[k, a]
@@ -98,4 +94,6 @@ def settle(
                 hidden.force[k, a] = total
             if law == loads.PENDULUM:
                 loads.swing(hidden, k, constants.chain, state.q, change, step)
+            elif law == bending.TWO_MODES:
+                bending.bend(hidden, k, constants.chain, state.q, scratch.before, change, step)
     hidden.clock[0] += step

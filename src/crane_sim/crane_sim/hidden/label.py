@@ -1,14 +1,18 @@
 """The label: what a bag hides, kept away from the bag."""
 
+import hashlib
 import json
 from collections.abc import Sequence
 from pathlib import Path
 from typing import Any
 
+from crane_model.configuration import validate
 from crane_model.errors import ConfigurationError, DataError
-from crane_model.machine import JOINTS, PLANAR_JOINTS
+from crane_model.machine import JOINTS, PLANAR_JOINTS, Machine
 from crane_sim.hidden.clean import Clean
 from crane_sim.hidden.form import Planted
+from crane_sim.hidden.spec import Spec, load_spec
+from crane_sim.parameters import StandIn
 
 OUTSIDE = "outside"  # in the place of the id of an effect that no catalogue has
 
@@ -61,15 +65,64 @@ def clean_path(path: Path) -> Path:
     return path.with_suffix(".npz")
 
 
-def write_label(path: Path, bag: Path, seed: int, planted: Sequence[Planted], clean: Clean) -> None:
+def write_label(
+    path: Path,
+    bag: Path,
+    seed: int,
+    machine: Machine,
+    stand_in: StandIn,
+    planted: Sequence[Planted],
+    clean: Clean,
+) -> None:
     """The label of a bag and, beside it, the arrays of `clean`."""
     check_place(path, bag)
     content = {
         "bag": bag.name,
         "seed": seed,
         "clean": clean_path(path).name,
+        "machine": _digest(machine, stand_in),
         "effects": label(planted, clean),
     }
     path.parent.mkdir(parents=True, exist_ok=True)
     path.write_text(json.dumps(content, indent=2) + "\n", encoding="utf-8")
     clean.save(clean_path(path))
+
+
+def load_hidden(path: Path, machine: Machine, stand_in: StandIn) -> Spec:
+    """What a machine hides by the file of a spec, or by the label of a bag of that machine.
+
+    `ConfigurationError` if the file is wrong, or the label that of another machine.
+    """
+    if path.suffix != ".json":
+        return load_spec(path)
+    try:
+        content = json.loads(path.read_text(encoding="utf-8"))
+        effects = [
+            {
+                "effect": entry["name"],
+                "joint": entry["joint"],
+                "form": entry["form"],
+                "parameters": {one["name"]: one["value"] for one in entry["parameters"]},
+            }
+            for entry in content["effects"]
+        ]
+        own = content["machine"]
+    except FileNotFoundError:
+        raise ConfigurationError(f"{path}: no such file; check the path") from None
+    except (OSError, ValueError, KeyError, TypeError) as error:
+        raise ConfigurationError(
+            f"{path}: not the label of a bag ({error!r}); give one that --label has written, or a "
+            "spec (YAML)"
+        ) from None
+    if own != _digest(machine, stand_in):
+        raise ConfigurationError(
+            f"{path}: the label of another machine than '{stand_in.name}' with the geometry of "
+            f"'{machine.name}'; give the files --plant and --machine that its bag was made with"
+        )
+    return validate({"effects": effects}, Spec, path)
+
+
+def _digest(machine: Machine, stand_in: StandIn) -> str:
+    """Tells machines apart, whatever their names."""
+    text = machine.model_dump_json() + stand_in.model_dump_json()
+    return hashlib.blake2b(text.encode(), digest_size=8).hexdigest()

@@ -1,19 +1,18 @@
-"""Hidden effects with a memory: bristles and slip blocks, play, bending."""
+"""Hidden effects with a memory: bristles and slip blocks, play."""
 
 import math
 
 import numpy as np
 from numba import njit
 
-from crane_sim.hidden.form import Draw, Form, Magnitude, carried, coulomb
+from crane_sim.hidden.form import Draw, Form, Magnitude, coulomb
 from crane_sim.hidden.working import MEMORY, Hidden
 from crane_sim.state import Scratch
 
-BRISTLES, BOUC_WEN, SLIP_BLOCKS, PIN_PLAY, TWO_MODES = range(MEMORY, MEMORY + 5)
+BRISTLES, BOUC_WEN, SLIP_BLOCKS, PIN_PLAY = range(MEMORY, MEMORY + 4)
 
 STILL = 2e-3  # rad/s, m/s; below it (13) holds with any force, and no deviation from it shows
 BLOCKS = ((0.1, 0.15), (0.35, 0.25), (0.65, 0.3), (1.0, 0.3))  # travel and force, as shares
-SECOND_MODE = (2.7, 0.25)  # frequency and inertia, as shares of those of the first
 
 
 @njit(cache=True, error_model="numpy")
@@ -73,42 +72,6 @@ def play(hidden: Hidden, k: int, load: float, q: float) -> float:
     return -size * memory[0] * (1.0 - crossed * crossed * (3.0 - 2.0 * crossed))
 
 
-@njit(cache=True, error_model="numpy")
-def bending(hidden: Hidden, k: int) -> float:
-    """Force [N m, N] of two bent modes on the joint; memory: deflections, then their rates."""
-    value, memory = hidden.value[k], hidden.memory[k]
-    total = 0.0
-    for mode in range(2):
-        inertia, omega = _mode(value, mode)
-        total -= inertia * omega * (omega * memory[mode] + 2.0 * value[2] * memory[2 + mode])
-    return total
-
-
-@njit(cache=True, error_model="numpy")
-def bend(hidden: Hidden, k: int, change: float, step: float) -> None:
-    """Modes after a step in which the velocity of the joint changed; implicit in the rates."""
-    value, memory = hidden.value[k], hidden.memory[k]
-    for mode in range(2):
-        _, omega = _mode(value, mode)
-        rate = memory[2 + mode] - change - step * omega * omega * memory[mode]
-        memory[2 + mode] = rate / (1.0 + step * omega * (2.0 * value[2] + step * omega))
-        memory[mode] += step * memory[2 + mode]
-
-
-@njit(cache=True, error_model="numpy")
-def bent_inertia(value: np.ndarray) -> float:
-    """Inertia [kg m2, kg] that is on the bending side."""
-    return value[0] * (1.0 + SECOND_MODE[1])
-
-
-@njit(cache=True, error_model="numpy")
-def _mode(value: np.ndarray, mode: int) -> tuple[float, float]:
-    omega = 2.0 * math.pi * value[1]
-    if mode == 0:
-        return value[0], omega
-    return value[0] * SECOND_MODE[1], omega * SECOND_MODE[0]
-
-
 _TRAVEL = Magnitude("travel", "{coordinate}", 3e-3, 6e-2)
 _SHARE = Draw("share", "1", 0.5, 0.8)
 
@@ -119,7 +82,4 @@ FORMS = (
     Form("backlash", "pin", PIN_PLAY, Magnitude("f_g", "{force}", 0.3, 3.0, coulomb),
          (Draw("clearance", "{coordinate}", 4e-3, 1.5e-2),
           Draw("threshold", "{force}", 0.02, 0.05, coulomb))),
-    Form("boom_flexibility", "two_modes", TWO_MODES,
-         Magnitude("J", "{force} s2/{coordinate}", 0.05, 0.4, carried),
-         (Draw("frequency", "Hz", 0.8, 3.0), Draw("damping", "1", 0.03, 0.15))),
 )  # fmt: skip

@@ -57,12 +57,19 @@ class HiddenEffect(Schema):
 
 
 class Spec(Schema):
-    """Effects that one machine hides; `seed` is that of the parameters which are drawn."""
+    """Effects that one machine hides; `seed` is that of the parameters which are drawn.
+
+    Strengths are those on one period of `trajectory`, by default the packaged excitation.
+    """
 
     seed: int = 0
+    trajectory: Path | None = None
     effects: tuple[HiddenEffect, ...] = ()
 
 
 def load_spec(path: Path | str) -> Spec:
-    """The file `path`; `ConfigurationError` if it is wrong."""
-    return load(path, Spec)
+    """The file `path`; `ConfigurationError` if it is wrong. Its trajectory lies beside it."""
+    spec = load(path, Spec)
+    if spec.trajectory is None:
+        return spec
+    return spec.model_copy(update={"trajectory": Path(path).parent / spec.trajectory})

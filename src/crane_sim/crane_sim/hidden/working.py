@@ -27,12 +27,12 @@ class Hidden(NamedTuple):
     bias: np.ndarray  # (k, 4) and forces that come with it
     force: np.ndarray  # (k, 4) what the drives must give more, after the last step
     flow: np.ndarray  # (k, 4) what flows more into chamber A, m3/s
-    clock: np.ndarray  # (1,) s
+    clock: np.ndarray  # (1,) s since the machine was started
     flows: bool  # whether any of them acts in the flow
 
 
-def packed(planted: Sequence[Planted], machine: Machine) -> Hidden | None:
-    """Effects that act in the plant, before its first step; None if there is none.
+def packed(planted: Sequence[Planted], machine: Machine, running: float = 0.0) -> Hidden | None:
+    """Effects that act in the plant, `running` [s] after it was started; None if there is none.
 
     Faults of sensors are left out.
     """
@@ -64,6 +64,6 @@ def packed(planted: Sequence[Planted], machine: Machine) -> Hidden | None:
         bias=np.zeros((count, 4)),
         force=np.zeros((count, 4)),
         flow=np.zeros((count, 4)),
-        clock=np.zeros(1),
+        clock=np.array([running]),
         flows=any(law >= FLOW for law in laws),
     )

@@ -105,6 +105,25 @@ def test_the_state_is_active_only_once_a_frame_has_come(
         one.send(Frame(1, b""))
 
 
+def test_a_flood_is_taken_in_parts_and_the_taker_is_woken_for_the_rest(
+    settings: BusSettings,
+) -> None:
+    woken = threading.Event()
+    with Link(settings) as sender, Link(settings, woken.set) as receiver:
+        for number in range(10):
+            sender.send(Frame(number, b""))
+        until(lambda: receiver.received == 10)
+        taken = []
+        for count in (4, 4, 2):
+            until(woken.is_set)
+            woken.clear()
+            frames = receiver.take(4)
+            assert len(frames) == count
+            taken += [frame.id for frame in frames]
+        assert taken == list(range(10))
+        assert not receiver.take(4)
+
+
 def test_a_full_queue_drops_the_oldest_and_counts(settings: BusSettings) -> None:
     with Link(settings) as sender, Link(settings, capacity=8) as receiver:
         for batch in range(2):

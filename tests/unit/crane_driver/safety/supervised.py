@@ -35,6 +35,10 @@ class Bench:
             outputs.append(self.it.output(self.now))
         return outputs
 
+    def slew(self, position: float, velocity: float) -> None:
+        """Measured [rad, rad/s]; the other joints stand in the middle of their ranges."""
+        self.it.readings({**MIDDLE, "slew": position}, {**STILL, "slew": velocity})
+
     def command(self, **values: float) -> None:
         self.it.command(list(values), list(values.values()), self.now)
 

@@ -32,6 +32,18 @@ def fell(outputs: list[Output]) -> None:
     assert all(one.enabled == any(one.commands.values()) for one in outputs)
 
 
+def test_a_valve_that_is_enabled_anew_opens_from_neutral() -> None:
+    """Neutral and the next command may come between two outputs, so that no output is neutral."""
+    bench = Bench().moving()
+    bench.it.disable()
+    bench.run(SAFETY.ramp_time + CYCLE)
+    bench.it.enable(bench.now)
+    bench.command(slew=0.0)
+    bench.command(slew=1.0)
+    (output,) = bench.run(CYCLE)
+    assert 0.0 < output.commands["slew"] <= SAFETY.opening + CYCLE / SAFETY.opening_time + 1e-9
+
+
 def test_it_is_offline_until_the_readings_are_complete() -> None:
     one = Bench()
     one.it.ready(False, one.now + 10.0)

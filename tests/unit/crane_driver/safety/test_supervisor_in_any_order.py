@@ -5,7 +5,7 @@ import math
 from hypothesis import settings as hypothesis_settings
 from hypothesis import strategies as st
 from hypothesis.stateful import RuleBasedStateMachine, initialize, invariant, rule
-from unit.crane_driver.safety.supervised import CAN_FAULT, CYCLE, NEUTRAL, SAFETY, Bench
+from unit.crane_driver.safety.supervised import CAN_FAULT, CYCLE, MACHINE, NEUTRAL, SAFETY, Bench
 
 from crane_driver.safety.states import State
 from crane_driver.safety.supervisor import RefusedError
@@ -28,7 +28,7 @@ class AnyOrder(RuleBasedStateMachine):
                 self.send(0.0)
             self._cycle()
 
-    @rule(value=st.sampled_from([0.0, 0.03, 0.5, -1.0, math.nan, 2.0]))
+    @rule(value=st.sampled_from([0.0, 0.03, 0.5, 1.0, -1.0, math.nan, 2.0]))
     def send(self, value: float) -> None:
         try:
             self.bench.command(slew=value)
@@ -36,6 +36,13 @@ class AnyOrder(RuleBasedStateMachine):
             return
         assert abs(value) <= 1.0
         self.last_good = self.bench.now
+
+    @rule(at=st.floats(-0.02, 1.02), speed=st.sampled_from([0.0, 0.1, -0.1, 0.5, -0.5]))
+    def measured(self, at: float, speed: float) -> None:
+        """`at`: from one limit of the slew (0) to the other (1), and a little beyond."""
+        limits = MACHINE.limits["slew"]
+        width = limits.position_max - limits.position_min
+        self.bench.slew(limits.position_min + at * width, speed)
 
     @rule(count=st.sampled_from([0, 1, 2]))
     def publishers(self, count: int) -> None:
@@ -69,6 +76,9 @@ class AnyOrder(RuleBasedStateMachine):
         if state is not State.ENABLED:
             assert abs(value) <= max(0.0, abs(self.before) - CYCLE / SAFETY.ramp_time) + 1e-9
             assert output.enabled == (value != 0.0)
+        going_on = abs(self.before) if value * self.before > 0.0 else 0.0
+        opened = max(going_on, SAFETY.opening) + CYCLE / SAFETY.opening_time
+        assert abs(value) <= opened + 1e-9
         if self.bench.now - self.last_good > SAFETY.command_timeout + CYCLE:
             assert abs(value) <= abs(self.before)
         if state in (State.ESTOP, State.OFFLINE):

@@ -155,3 +155,21 @@ def test_other_signals() -> None:
     np.testing.assert_allclose(samples.reference_position[during, 0], 2.0 * samples.time[during])
     np.testing.assert_allclose(samples.temperature, 20.0 + samples.time)
     assert samples.velocity is samples.slew_position is samples.supply_pressure is None
+
+
+def test_other_signals_are_bridged_for_a_moment_and_unknown_for_longer() -> None:
+    """Each column for itself: what one joint lacks is no matter of the others."""
+    time = np.arange(600) / RATE
+    command, supply = line(time), Signal(time, np.cos(time), "")
+    command.value[100:110, 0] = np.nan  # 0.05 s
+    command.value[200:300, 0] = np.nan  # 0.5 s
+    supply.value[100:110] = supply.value[400:] = np.nan
+    samples = resample(log_of(line(time), line(time), command=command, supply_pressure=supply))
+    assert samples.command is not None and samples.supply_pressure is not None
+    known = np.isfinite(samples.command)
+    assert known[:, 1].all()
+    lost = np.flatnonzero(~known[:, 0])
+    assert (lost[0], lost[-1]) == (220, 299)  # held for 0.1 s
+    np.testing.assert_array_equal(samples.command[100:110, 0], samples.command[99, 0])
+    np.testing.assert_allclose(samples.supply_pressure[:400], np.cos(time[:400]), atol=1e-3)
+    assert np.isnan(samples.supply_pressure[400:]).all()

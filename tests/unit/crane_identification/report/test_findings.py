@@ -84,7 +84,18 @@ def test_gaps_resting_joints_and_what_a_log_says_of_itself(report):
     log = replace(report.training[0], missing=("/valve_command",), notes=("stamps repeated",))
     found = warnings_of(report, logs=[log])
     assert "train_0: not recorded: /valve_command." in found
-    assert "train_0: stamps repeated" in found
+    assert "train_0: stamps repeated." in found
+
+
+def test_a_model_that_errs_more_on_recordings_that_it_has_not_seen(report):
+    values = report.fit.model.theta.copy()
+    values[report.fit.estimate.names.index("f_c.telescope")] *= 1.3
+    model = report.fit.model.with_estimate(values, report.fit.estimate.std_devs, "another machine")
+    (warning,) = (
+        one for one in warnings_of(report, replace(report.fit, model=model)) if "carry over" in one
+    )
+    assert "on the telescope" in warning
+    assert not any("carry over" in one for one in warnings_of(report))
 
 
 def test_a_model_that_was_not_validated(report):

@@ -5,7 +5,15 @@ from hypothesis import example, given
 from hypothesis import strategies as st
 from unit.crane_identification.report.html_reader import number
 
-from crane_identification.report.notation import listed, percent, plain, unit, with_uncertainty
+from crane_identification.report.notation import (
+    is_determined,
+    listed,
+    percent,
+    plain,
+    shown,
+    unit,
+    with_uncertainty,
+)
 
 
 @pytest.mark.parametrize(
@@ -27,6 +35,23 @@ from crane_identification.report.notation import listed, percent, plain, unit, w
 )
 def test_value_ends_where_its_standard_deviation_does(value, std_dev, shown):
     assert with_uncertainty(value, std_dev) == shown
+
+
+@pytest.mark.parametrize(
+    ("value", "std_dev", "minimum", "printed"),
+    [
+        (95.1, 0.11, 0.0, ("95.10", "0.11", "0.12\u202f%")),
+        (98.9, 92.5, 0.0, ("not determined, at most 284", "92", "–")),
+        (-5.8e-11, 3.2, 0.0, ("at its bound 0", "3.2", "–")),
+        (-30.0, 3.2, 0.0, ("−30.0", "3.2", "10.67\u202f%")),  # not physical, and certain of it
+        (0.5, 3.2, None, ("0.5", "3.2", "> 100\u202f%")),  # an asymmetry may well be zero
+        (5e-14, 3.2, None, ("0.0", "3.2", "> 100\u202f%")),
+        (math.nan, math.nan, 0.0, ("not determined", "–", "–")),
+    ],
+)
+def test_what_data_do_not_determine_is_no_number(value, std_dev, minimum, printed):
+    assert shown(value, std_dev, minimum) == printed
+    assert is_determined(value, std_dev, minimum) is not printed[0].startswith("not")
 
 
 @given(

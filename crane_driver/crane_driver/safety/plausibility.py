@@ -1,0 +1,112 @@
+"""Positions that no joint can have: an encoder that is frozen, or that jumps, is not believed."""
+
+import math
+from collections.abc import Mapping, Sequence
+
+from crane_driver.safety.settings import SafetySettings
+from crane_model.machine import JointLimits
+
+STILL_STEPS = 3.0  # of the encoder, within which a reading counts as unchanged
+
+
+class _Stillness:
+    """How long a reading has not changed while the valve was open one way by more than `spool`."""
+
+    def __init__(self, spool: float, margin: float):
+        self._spool, self._margin = spool, margin
+        self._direction = 0.0
+        self._since = self._lowest = self._highest = math.nan
+        self._pressures: Sequence[float] = (math.nan, math.nan)
+
+    def observe(
+        self, time: float, position: float, spool: float, pressures: Sequence[float]
+    ) -> tuple[float, float]:
+        """Since when [s], and the largest change of a pressure since then [Pa]."""
+        direction = math.copysign(1.0, spool) if abs(spool) > self._spool else 0.0
+        self._lowest, self._highest = min(self._lowest, position), max(self._highest, position)
+        moved = not self._highest - self._lowest <= self._margin
+        if moved or not direction or direction != self._direction:
+            self._direction = direction
+            self._since, self._pressures = time, pressures
+            self._lowest = self._highest = position
+        changes = [abs(a - b) for a, b in zip(pressures, self._pressures, strict=True)]
+        return time - self._since, max(changes)
+
+
+class PositionWatch:
+    """Judges the reading of one joint by what its valve was sent and by what it can do at most.
+
+    What is not believed stays so until there is a new watch.
+    """
+
+    def __init__(
+        self, limits: JointLimits, resolution: float, cycle: float, settings: SafetySettings
+    ):
+        """`resolution`: one step of the encoder [rad, m]; `cycle`: of its message [s]."""
+        fastest = max(limits.velocity_max, -limits.velocity_min)
+        self._speed, self._margin = settings.jump_speed * fastest, STILL_STEPS * resolution
+        self._cycle, self._settings = cycle, settings
+        self._driven = _Stillness(settings.opening, self._margin)
+        self._pressed = _Stillness(settings.neutral, self._margin)
+        self._time, self._position = math.nan, math.nan
+        self.believed = True
+
+    def observe(
+        self, time: float, position: float, spool: float, pressures: Sequence[float]
+    ) -> str:
+        """What is newly wrong with a reading at `time` [s], in words; empty if nothing is.
+
+        `spool`: what the valve was last sent (-1 to 1); `pressures` [Pa] of both chambers,
+        NaN where they are not measured.
+        """
+        if not self.believed or not math.isfinite(position):
+            return ""
+        wrong = self._jumped(time, position) or self._still(time, position, spool, pressures)
+        self._time, self._position = time, position
+        self.believed = not wrong
+        return wrong
+
+    def _jumped(self, time: float, position: float) -> str:
+        change, elapsed = position - self._position, max(time - self._time, self._cycle)
+        if not abs(change) > self._speed * elapsed + self._margin:  # nor the first, from NaN
+            return ""
+        return (
+            f"its position jumped by {change:.3g} in {elapsed * 1e3:.0f} ms, the joint can move "
+            f"by {self._speed * elapsed:.2g}; look at encoder and wiring before reset_fault, "
+            "which believes it again"
+        )
+
+    def _still(self, time: float, position: float, spool: float, pressures: Sequence[float]) -> str:
+        longest, most = self._settings.still_time, self._settings.still_pressure
+        driven, _ = self._driven.observe(time, position, spool, pressures)
+        pressed, change = self._pressed.observe(time, position, spool, pressures)
+        if driven > longest:
+            why = f"for {driven * 1e3:.0f} ms with its valve open by {abs(spool):.2f}"
+        elif pressed > longest and change > most:
+            why = (
+                f"for {pressed * 1e3:.0f} ms while its pressures changed by {change / 1e5:.0f} bar"
+            )
+        else:
+            return ""
+        return (
+            f"its position has not changed {why}: the encoder is frozen, the joint is held or the "
+            "engine is off; look before reset_fault, which believes it again"
+        )
+
+
+def believed(
+    watches: Mapping[str, PositionWatch],
+    time: float,
+    positions: Mapping[str, float],
+    spools: Mapping[str, float],
+    pressures: Mapping[str, float],
+) -> tuple[dict[str, float], dict[str, str]]:
+    """The positions, NaN where they are not believed, and what is newly wrong, by joint."""
+    found, wrong = dict(positions), {}
+    for joint, watch in watches.items():
+        chambers = [pressures.get(f"{joint}.{chamber}", math.nan) for chamber in "ab"]
+        if said := watch.observe(time, positions[joint], spools[joint], chambers):
+            wrong[joint] = said
+        if not watch.believed:
+            found[joint] = math.nan
+    return found, wrong
