@@ -11,6 +11,7 @@ from pathlib import Path
 import numpy as np
 from pydantic import RootModel
 
+from crane_identification.data.bad_samples import usable
 from crane_identification.data.column_map import ColumnMap
 from crane_identification.data.columns import TABLES
 from crane_identification.data.log import Log
@@ -20,6 +21,7 @@ from crane_identification.options import Estimator, Options
 from crane_identification.pipeline import fit, validate
 from crane_identification.progress import Progress
 from crane_identification.progress_bar import ProgressBar
+from crane_identification.recording_check.check import blaming, vetted
 from crane_identification.report import page, summary
 from crane_identification.report.content import IdentificationReport, Provenance
 from crane_identification.report.errors import pooled
@@ -27,6 +29,7 @@ from crane_identification.report.findings import findings
 from crane_identification.report.notation import percent
 from crane_identification.report.terminal import console, parameters
 from crane_identification.scale.beside import Beside
+from crane_identification.session import Session
 from crane_model import cli
 from crane_model.configuration import load
 from crane_model.errors import ConfigurationError, DataError
@@ -40,16 +43,18 @@ class ReferenceValues(RootModel[dict[str, float]]):
 
 @dataclass(frozen=True)
 class Sources:
-    """Reads recordings of either kind, each file once."""
+    """Reads recordings of either kind, each file once: what `options` say is to be used of them."""
 
     model: Model
     columns: ColumnMap | None
+    options: Options
     progress: Progress
 
     def read(self, paths: Sequence[Path]) -> tuple[Log, ...]:
         """A log of each bag or table; `DataError` and `ConfigurationError` as their readers."""
-        joints = self.model.joints
-        return tuple(read_recording(path, joints, self.columns, self.progress) for path in paths)
+        joints, options = self.model.joints, self.options
+        logs = (read_recording(path, joints, self.columns, self.progress) for path in paths)
+        return tuple(usable(log, options.begin, options.end) for log in logs)
 
 
 def identify(arguments: argparse.Namespace) -> None:
@@ -70,14 +75,19 @@ def identify(arguments: argparse.Namespace) -> None:
         load(arguments.reference_values, ReferenceValues) if arguments.reference_values else None
     )
     options = Options(
-        average=arguments.average, period=arguments.period, estimator=arguments.estimator
+        begin=arguments.begin,
+        end=arguments.end,
+        average=arguments.average,
+        period=arguments.period,
+        estimator=arguments.estimator,
     )
     if arguments.cluster:
         on_cluster(model, arguments, columns, options)
         return
     with ProgressBar() as progress, ExitStack() as processes:
-        sources = Sources(model, columns, progress)
+        sources = Sources(model, columns, options, progress)
         training = sources.read(arguments.train)
+        suspicions = vetted(model.machine, training, arguments.trust_recordings)
         # Most of the time: reading by reading, in their order, on a core of its own.
         replayed = (
             processes.enter_context(Beside(recursion, model, training))
@@ -85,14 +95,19 @@ def identify(arguments: argparse.Namespace) -> None:
             else None
         )
         held_out = sources.read(arguments.validate)
-        result = fit(model, training, options, progress)
-        validations = validate(result.model, held_out, options, progress) if held_out else ()
+        suspicions += vetted(model.machine, held_out, arguments.trust_recordings)
+        session = Session.of((*training, *held_out))
+        with blaming(suspicions):
+            result = fit(model, training, options, progress, session)
+        validations = (
+            validate(result.model, held_out, options, progress, session) if held_out else ()
+        )
         report = IdentificationReport(
             fit=result,
             options=options,
             training=training,
             validations=validations,
-            warnings=findings(result, (*training, *held_out), validations),
+            warnings=(*suspicions, *findings(result, (*training, *held_out), validations)),
             provenance=Provenance.of(
                 datetime.now(UTC).strftime("%Y-%m-%d %H:%M UTC"),
                 ["identify", *arguments.given],
@@ -126,11 +141,14 @@ def on_cluster(
     except ImportError as error:
         raise ConfigurationError(f"--cluster needs Dask: {error}; install distributed") from None
     with ProgressBar() as progress:
+        trusted = arguments.trust_recordings
         result = fit_on_cluster(
-            model, arguments.train, arguments.cluster, options, progress, columns
+            model, arguments.train, arguments.cluster, options, progress, columns, trusted
         )
-        sources = Sources(model, columns, progress)
+        sources = Sources(model, columns, options, progress)
         held_out = sources.read(arguments.validate)
+        for warning in (*result.suspicions, *vetted(model.machine, held_out, trusted)):
+            print(f"warning: {warning}", file=sys.stderr)
         validations = validate(result.model, held_out, options, progress) if held_out else ()
     errors = pooled(result.model, validations) if validations else None
     arguments.out.mkdir(parents=True, exist_ok=True)
@@ -176,11 +194,8 @@ def parser() -> argparse.ArgumentParser:
     add("--out", type=Path, required=True, help="folder for the results")
     add("--terms", type=Path, metavar="FILE", help="Python file with terms of your own")
     add("--columns", type=Path, help="column map (YAML) of tables, or of your topics")
-    add(
-        "--period",
-        type=_seconds,
-        help="period [s] over which to average, where no reference is recorded to find it in",
-    )
+    add_part(result)
+    add_period(result)
     add(
         "--no-average",
         dest="average",
@@ -203,6 +218,7 @@ def parser() -> argparse.ArgumentParser:
         help="scheduler of a Dask cluster (tcp://HOST:PORT) whose workers read the training bags; "
         "for more of them than one machine holds",
     )
+    trust_recordings(result)
     add(
         "--recursive",
         action="store_true",
@@ -218,9 +234,56 @@ def parser() -> argparse.ArgumentParser:
     return result
 
 
+def add_part(parser: argparse.ArgumentParser) -> None:
+    """Adds the options that say which part of a recording is used."""
+    parser.add_argument(
+        "--from",
+        dest="begin",
+        type=_seconds,
+        default=Options().begin,
+        metavar="SECONDS",
+        help="leave out what comes before, counted from the start of each recording",
+    )
+    parser.add_argument(
+        "--to",
+        dest="end",
+        type=_seconds,
+        default=Options().end,
+        metavar="SECONDS",
+        help="leave out what comes behind, counted alike",
+    )
+
+
+def add_period(parser: argparse.ArgumentParser) -> None:
+    """Adds the option that says when the motion repeats."""
+    parser.add_argument(
+        "--period",
+        type=_period,
+        metavar="SECONDS",
+        help="period over which to average; found in the recordings where it is not given",
+    )
+
+
+def trust_recordings(to: argparse.ArgumentParser) -> None:
+    """The option that goes on with recordings that look wrong."""
+    to.add_argument(
+        "--trust-recordings",
+        action="store_true",
+        help="go on with recordings that look wrong (see check_recording); what is suspicious "
+        "becomes a warning",
+    )
+
+
 def _seconds(text: str) -> float:
     value = float(text)
-    if not 0.0 < value < float("inf"):
+    if not 0.0 <= value < float("inf"):
+        raise argparse.ArgumentTypeError(f"must be a number of seconds, at least 0, got {text}")
+    return value
+
+
+def _period(text: str) -> float:
+    value = _seconds(text)
+    if value == 0.0:
         raise argparse.ArgumentTypeError(f"must be a positive number of seconds, got {text}")
     return value
 
