@@ -41,7 +41,6 @@ setup(
         "numpy",
         "pyyaml",
         "rosbags>=0.11",
-        "tqdm",
     ],
     extras_require={
         "can": ["canopen", "cantools", "polars>=1", "pydantic>=2", "python-can"],

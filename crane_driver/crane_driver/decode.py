@@ -4,13 +4,13 @@ import argparse
 from collections.abc import Sequence
 from pathlib import Path
 
-from crane_model.cli import run
+from crane_model.cli import add_replace, check_out, command_line, run
 from crane_model.errors import CraneError
 
 
 def main(argv: Sequence[str] | None = None) -> int:
     """Command line of `ros2 run crane_driver decode`."""
-    parser = argparse.ArgumentParser(description=__doc__)
+    parser = command_line(description=__doc__)
     parser.add_argument("--dbc", type=Path, required=True, help="DBC file")
     parser.add_argument(
         "--log",
@@ -29,6 +29,7 @@ def main(argv: Sequence[str] | None = None) -> int:
     parser.add_argument(
         "--mapping", type=Path, help="mapping YAML: which signals are joints, pressures, commands"
     )
+    add_replace(parser)
     parser.add_argument("--channel", help="interface to read, where the log has several")
     options = parser.parse_args(argv)
     return run(lambda: _decode(options))
@@ -36,9 +37,11 @@ def main(argv: Sequence[str] | None = None) -> int:
 
 def _decode(options: argparse.Namespace) -> None:
     try:
-        from crane_driver.can.log_decoding import decode
+        from crane_driver.can.log_decoding import TABLES, decode
     except ImportError as error:
         raise CraneError(
             f"{error}; install what reads CAN: pip install 'crane_driver[can]'"
         ) from None
+    if options.out.suffix in TABLES:
+        check_out(options.out, replace=options.replace)
     print(decode(options.log, options.dbc, options.mapping, options.channel, options.out))

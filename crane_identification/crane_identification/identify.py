@@ -31,6 +31,7 @@ from crane_identification.report.terminal import console, parameters
 from crane_identification.scale.beside import Beside
 from crane_identification.session import Session
 from crane_model import cli
+from crane_model.arguments import above, between, one_of
 from crane_model.configuration import load
 from crane_model.errors import ConfigurationError, DataError
 from crane_model.model_file import Model, load_model, save_model
@@ -59,6 +60,8 @@ class Sources:
 
 def identify(arguments: argparse.Namespace) -> None:
     """Everything the command does; raises `CraneError` with what is wrong."""
+    names = ("model.yaml", "summary.json", *(() if arguments.cluster else ("report.html",)))
+    cli.check_out(*(arguments.out / name for name in names), replace=arguments.replace)
     if arguments.terms:
         load_terms(arguments.terms)
     model = load_model(arguments.model)
@@ -181,7 +184,7 @@ def _tell(report: IdentificationReport, out: Path) -> None:
 
 def parser() -> argparse.ArgumentParser:
     """The command line."""
-    result = argparse.ArgumentParser(
+    result = cli.command_line(
         description="Fit the parameters of a model to recordings, validate them on others, and "
         "write model.yaml, summary.json and report.html.",
         epilog="Recordings are bags (folders, written by ros2 bag or by the suite) or tables "
@@ -192,6 +195,7 @@ def parser() -> argparse.ArgumentParser:
     add("--train", type=Path, nargs="+", required=True, help="recordings to fit the model to")
     add("--validate", type=Path, nargs="+", default=[], help="recordings to validate it on")
     add("--out", type=Path, required=True, help="folder for the results")
+    cli.add_replace(result)
     add("--terms", type=Path, metavar="FILE", help="Python file with terms of your own")
     add("--columns", type=Path, help="column map (YAML) of tables, or of your topics")
     add_part(result)
@@ -204,7 +208,7 @@ def parser() -> argparse.ArgumentParser:
     )
     add(
         "--estimator",
-        type=Estimator,
+        type=one_of(Estimator),
         choices=list(Estimator),
         default=Options().estimator,
         help="least_squares: (31) as it stands; weighted: by the noise between joints, from the "
@@ -239,7 +243,7 @@ def add_part(parser: argparse.ArgumentParser) -> None:
     parser.add_argument(
         "--from",
         dest="begin",
-        type=_seconds,
+        type=between(0.0),
         default=Options().begin,
         metavar="SECONDS",
         help="leave out what comes before, counted from the start of each recording",
@@ -247,7 +251,7 @@ def add_part(parser: argparse.ArgumentParser) -> None:
     parser.add_argument(
         "--to",
         dest="end",
-        type=_seconds,
+        type=between(0.0),
         default=Options().end,
         metavar="SECONDS",
         help="leave out what comes behind, counted alike",
@@ -258,7 +262,7 @@ def add_period(parser: argparse.ArgumentParser) -> None:
     """Adds the option that says when the motion repeats."""
     parser.add_argument(
         "--period",
-        type=_period,
+        type=above(0.0),
         metavar="SECONDS",
         help="period over which to average; found in the recordings where it is not given",
     )
@@ -272,20 +276,6 @@ def trust_recordings(to: argparse.ArgumentParser) -> None:
         help="go on with recordings that look wrong (see check_recording); what is suspicious "
         "becomes a warning",
     )
-
-
-def _seconds(text: str) -> float:
-    value = float(text)
-    if not 0.0 <= value < float("inf"):
-        raise argparse.ArgumentTypeError(f"must be a number of seconds, at least 0, got {text}")
-    return value
-
-
-def _period(text: str) -> float:
-    value = _seconds(text)
-    if value == 0.0:
-        raise argparse.ArgumentTypeError(f"must be a positive number of seconds, got {text}")
-    return value
 
 
 def main(argv: Sequence[str] | None = None) -> int:

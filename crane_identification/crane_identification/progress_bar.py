@@ -1,11 +1,12 @@
-"""Progress on the terminal: one bar a phase, shown for phases that take longer than two seconds."""
+"""Progress of computations: one bar a phase."""
 
 from types import TracebackType
 from typing import Self
 
 from tqdm import tqdm
 
-PATIENCE = 2.0  # s before a bar appears
+from crane_model.progress_bar import progress_bar
+
 STEPS = 1000
 
 
@@ -21,12 +22,7 @@ class ProgressBar:
         if phase != self._phase or self._bar is None:
             self.close()
             self._phase = phase
-            self._bar = tqdm(
-                desc=phase,
-                total=STEPS,
-                delay=PATIENCE,
-                bar_format="{desc}: {percentage:3.0f} % |{bar}| {elapsed} < {remaining}",
-            )
+            self._bar = progress_bar(phase, STEPS)
         self._bar.update(round(done * STEPS) - self._bar.n)
 
     def close(self) -> None:

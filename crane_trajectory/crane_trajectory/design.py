@@ -8,13 +8,14 @@ from collections.abc import Sequence
 from pathlib import Path
 
 import numpy as np
-from tqdm import tqdm
 
-from crane_model.cli import run
+from crane_model.arguments import above, between, one_of, whole
+from crane_model.cli import add_replace, check_out, command_line, run
 from crane_model.configuration import packaged, save
 from crane_model.errors import ConfigurationError
 from crane_model.machine import JOINTS
 from crane_model.model_file import Model, load_model
+from crane_model.progress_bar import progress_bar
 from crane_trajectory.check import Clearance, load_clearance
 from crane_trajectory.excitation.campaign import after, campaign
 from crane_trajectory.excitation.columns import ColumnSet
@@ -25,8 +26,14 @@ from crane_trajectory.excitation.problem import ExcitationProblem, planar_machin
 from crane_trajectory.excitation.search import steps, workers
 from crane_trajectory.excitation.settings import DesignSettings, load_design_settings
 from crane_trajectory.excitation.sweeps import design_sweeps
-from crane_trajectory.fourier import FourierTrajectory
+from crane_trajectory.fourier import (
+    LONGEST_PERIOD,
+    MOST_HARMONICS,
+    SHORTEST_PERIOD,
+    FourierTrajectory,
+)
 from crane_trajectory.merit import figures_of_merit, information, one_period, relative_std_devs
+from crane_trajectory.motion import RUN_UP
 from crane_trajectory.periodic import load_trajectory
 
 
@@ -38,30 +45,35 @@ def main(argv: Sequence[str] | None = None) -> int:
 
 
 def _parser() -> argparse.ArgumentParser:
-    parser = argparse.ArgumentParser(description=__doc__)
+    parser = command_line(description=__doc__)
     what = parser.add_mutually_exclusive_group(required=True)
-    what.add_argument("--period", type=_positive, help="of a Fourier trajectory (32) [s]")
+    period = between(SHORTEST_PERIOD, LONGEST_PERIOD)
+    what.add_argument("--period", type=period, help="of a Fourier trajectory (32) [s]")
     what.add_argument(
         "--sweeps",
-        type=_share,
+        type=above(0.0, 1.0),
         nargs="+",
         metavar="SHARE",
         help="instead: every joint in turn at these shares of its velocity limit, both ways",
     )
-    parser.add_argument("--dwell", type=_positive, default=3.0, help="rest between sweeps [s]")
-    parser.add_argument("--harmonics", type=_count, default=5, help="N of (32)")
+    parser.add_argument("--dwell", type=above(0.0), default=3.0, help="rest between sweeps [s]")
+    parser.add_argument("--harmonics", type=whole(1, MOST_HARMONICS), default=5, help="N of (32)")
     parser.add_argument(
-        "--criterion", type=Kind, choices=list(Kind), default=Kind.PRODUCT, help="to minimise (35)"
+        "--criterion",
+        type=one_of(Kind),
+        choices=list(Kind),
+        default=Kind.PRODUCT,
+        help="to minimise (35)",
     )
     parser.add_argument(
         "--columns",
-        type=ColumnSet,
+        type=one_of(ColumnSet),
         choices=list(ColumnSet),
         default=ColumnSet.BASE,
         help="that the criterion is of: all of the model, those of (9), or of rigid bodies alone",
     )
     parser.add_argument(
-        "--count", type=_count, help="trajectories of a campaign; --out is then a new folder"
+        "--count", type=whole(1), help="trajectories of a campaign; --out is then a new folder"
     )
     parser.add_argument(
         "--after", type=Path, nargs="+", default=[], help="trajectories already recorded"
@@ -76,18 +88,19 @@ def _parser() -> argparse.ArgumentParser:
     )
     parser.add_argument(
         "--without",
-        type=Limit,
+        type=one_of(Limit),
         choices=list(Limit),
         nargs="+",
         default=[],
         help="limits that do not count",
     )
-    parser.add_argument("--seed", type=_seed, default=1, help="of the random starts")
-    parser.add_argument("--starts", type=_count, default=16, help="local searches to run")
+    parser.add_argument("--seed", type=whole(0), default=1, help="of the random starts")
+    parser.add_argument("--starts", type=whole(1), default=16, help="local searches to run")
     parser.add_argument("--model", type=Path, help="model file; default: the crane's own")
     parser.add_argument("--settings", type=Path, help="of the search; default: data/design.yaml")
     parser.add_argument("--clearance", type=Path, help="of the tip; default: data/clearance.yaml")
     parser.add_argument("--out", type=Path, required=True, help="trajectory file to write (YAML)")
+    add_replace(parser)
     return parser
 
 
@@ -95,6 +108,8 @@ def _design(arguments: argparse.Namespace, argv: list[str]) -> None:
     settings = load_design_settings(arguments.settings)
     model = load_model(arguments.model or packaged("crane_model", "crane_model.yaml"))
     clearance = load_clearance(arguments.clearance)
+    if arguments.sweeps or arguments.count is None:
+        check_out(arguments.out, arguments.out.with_suffix(".png"), replace=arguments.replace)
     arguments.out.parent.mkdir(parents=True, exist_ok=True)
     if arguments.sweeps:
         _sweeps(arguments, argv, settings, model, clearance)
@@ -121,7 +136,7 @@ def _sweeps(
     trajectory = trajectory.model_copy(update={"provenance": f"Found by {_command(argv)}."})
     save(arguments.out, trajectory)
     draw(arguments.out.with_suffix(".png"), machine, trajectory, clearance)
-    print(f"period {trajectory.period:.1f} s")
+    print(f"period {trajectory.period:.1f} s, in which {_moves(trajectory.period)}")
     print(f"written: {arguments.out}, {arguments.out.with_suffix('.png')}")
 
 
@@ -159,7 +174,7 @@ def _search(
     total = len(files) * steps(problem, arguments.starts)
     with (
         workers(arguments.starts) as pool,
-        tqdm(total=total, desc="design", unit="search", disable=not sys.stderr.isatty()) as bar,
+        progress_bar("design", total) as bar,
     ):
         names = [file.stem for file in files]
         found = campaign(problem, names, arguments.seed, arguments.starts, pool, bar.update)
@@ -182,6 +197,9 @@ def _search(
             draw(picture, problem.machine, trajectory, clearance)
             bar.write(_summary(merit, relative_std_devs(model, told, settings.plausible)))
             bar.write(f"written: {file}, {picture}")
+        periods, of_each = settings.experiment.periods, " of each" if len(files) > 1 else ""
+        recorded = f"{periods} periods{of_each}, {arguments.period:g} s long"
+        bar.write(f"in {recorded}, {_moves(periods * arguments.period)}")
 
 
 def _files(arguments: argparse.Namespace) -> list[Path]:
@@ -242,18 +260,12 @@ def _summary(merit: dict[str, float], together: dict[str, float]) -> str:
     return "\n".join(lines)
 
 
-def _positive(text: str) -> float:
-    value = float(text)
-    if not 0.0 < value < float("inf"):
-        raise argparse.ArgumentTypeError(f"must be a time above 0 s, got {text}")
-    return value
-
-
-def _share(text: str) -> float:
-    value = float(text)
-    if not 0.0 < value <= 1.0:
-        raise argparse.ArgumentTypeError(f"must be above 0 and at most 1, got {text}")
-    return value
+def _moves(seconds: float) -> str:
+    """How long the crane moves in an experiment, if its periods last `seconds`."""
+    return (
+        f"the crane moves for {(seconds + 2 * RUN_UP) / 60:.1f} min, start and stop included; "
+        "before that it goes to where they begin"
+    )
 
 
 def _bound(text: str) -> tuple[str, float]:
@@ -264,17 +276,3 @@ def _bound(text: str) -> tuple[str, float]:
             f"got {text}"
         )
     return joint, float(value)
-
-
-def _seed(text: str) -> int:
-    value = int(text)
-    if value < 0:
-        raise argparse.ArgumentTypeError(f"must be at least 0, got {text}")
-    return value
-
-
-def _count(text: str) -> int:
-    value = int(text)
-    if value < 1:
-        raise argparse.ArgumentTypeError(f"must be at least 1, got {text}")
-    return value

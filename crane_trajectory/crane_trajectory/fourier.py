@@ -10,8 +10,8 @@ from crane_model.configuration import Schema
 from crane_model.machine import JOINTS
 
 MOST_HARMONICS = 50
-Period = Annotated[float, Field(ge=1.0, le=3600.0)]
-"""Of a trajectory [s]: what a crane can follow, and an experiment last."""
+SHORTEST_PERIOD, LONGEST_PERIOD = 1.0, 3600.0  # s: what a crane can follow, and one waits for
+Period = Annotated[float, Field(ge=SHORTEST_PERIOD, le=LONGEST_PERIOD)]
 Coefficients = Annotated[tuple[float, ...], Field(min_length=1, max_length=MOST_HARMONICS)]
 
 

@@ -23,12 +23,16 @@ from tqdm import tqdm
 from crane_driver.nodes.command_line import own_arguments
 from crane_driver.nodes.context import Stop, ros
 from crane_interfaces.action import RunExcitation
-from crane_model.cli import INTERRUPTED, run
+from crane_model.arguments import whole
+from crane_model.cli import INTERRUPTED, add_replace, check_out, command_line, run
 from crane_model.errors import CraneError
 from crane_model.machine import JOINT_UNITS
+from crane_model.progress_bar import BAR, progress_bar
 from crane_trajectory.experiment import Outcome
 from crane_trajectory.motion import Phase
 
+MOST_PERIODS = 2**32 - 1  # that the goal can hold
+ELAPSED = "{desc}" + BAR + " {n:.0f} of {total:.0f} s{postfix}"
 PATIENCE = 10.0  # s for the nodes to be there
 WAKE = 0.1  # s
 
@@ -64,7 +68,7 @@ class RunExcitationClient(Node):
         """The result of the goal; a signal cancels it, and it is waited for all the same."""
         self._await(self._action.server_is_ready, "no trajectory node answers; start one")
         goal = RunExcitation.Goal(trajectory=str(trajectory.absolute()), periods=periods)
-        with tqdm(total=0.0, bar_format="{desc} |{bar}| {n:.0f} of {total:.0f} s{postfix}") as bar:
+        with progress_bar("", 0.0, form=ELAPSED, patience=0.0) as bar:
             self._bar = bar
             handle = self._answer(self._action.send_goal_async(goal, self._show))
             if not handle.accepted:
@@ -125,6 +129,8 @@ def main(argv: Sequence[str] | None = None) -> int:
 
     def body() -> None:
         nonlocal interrupted
+        if options.result:
+            check_out(options.result, replace=options.replace)
         with ros(argv) as stop:
             result = _run(options, RunExcitationClient(stop))
             interrupted = stop.requested
@@ -166,22 +172,18 @@ def _tell(result: RunExcitation.Result) -> None:
 
 
 def _parser() -> argparse.ArgumentParser:
-    parser = argparse.ArgumentParser(prog="run_excitation", description=main.__doc__)
+    parser = command_line(prog="run_excitation", description=main.__doc__)
     parser.add_argument(
         "--trajectory", type=Path, required=True, help="file, on the machine of the trajectory node"
     )
-    parser.add_argument("--periods", type=_count, required=True, help="whole periods to run")
+    parser.add_argument(
+        "--periods", type=whole(1, MOST_PERIODS), required=True, help="whole periods to run"
+    )
     parser.add_argument(
         "--enable", action="store_true", help="enable the driver before, and disable it after"
     )
     parser.add_argument(
         "--result", type=Path, metavar="FILE", help="write the result of the action there, as JSON"
     )
+    add_replace(parser)
     return parser
-
-
-def _count(text: str) -> int:
-    value = int(text)
-    if value < 1:
-        raise argparse.ArgumentTypeError(f"must be at least 1, got {text}")
-    return value

@@ -7,7 +7,7 @@ from concurrent.futures import BrokenExecutor, ProcessPoolExecutor, as_completed
 from multiprocessing import get_context
 from typing import Protocol, TypeVar
 
-from tqdm import tqdm
+from crane_model.progress_bar import progress_bar
 
 
 class Named(Protocol):
@@ -36,7 +36,7 @@ def in_processes(
         os.environ[name] = "1"  # one process a core
     with (
         ProcessPoolExecutor(workers, get_context("spawn"), prepare) as pool,
-        tqdm(total=len(items), desc=description, unit="case") as bar,
+        progress_bar(description, len(items)) as bar,
     ):
         futures = {pool.submit(function, item): item for item in items}
         failed: dict[str, Exception] = {}

@@ -80,7 +80,7 @@ def study(arguments: argparse.Namespace, console: Console) -> None:
     planted.write_text(run("crane_sim", "planted", "--json"), encoding="utf-8")
     with phase(console, "identified and validated"):
         run(
-            *("crane_identification", "identify", "--recursive", "--out", out),
+            *("crane_identification", "identify", "--recursive", "--replace", "--out", out),
             *("--model", packaged("crane_model", "crane_model.yaml")),
             *("--train", *training.bags, "--validate", *validation.bags),
             *("--reference-values", planted),
@@ -100,7 +100,8 @@ def emps(out: Path, console: Console) -> None:
         console.print(f"EMPS: {data} is not there; set CRANE_REAL_DATA to the folder of emps/")
         return
     run(
-        *("crane_identification", "identify", "--no-average", "--out", out, "--train", data),
+        *("crane_identification", "identify", "--no-average", "--replace", "--out", out),
+        *("--train", data),
         *("--model", EMPS / "model.yaml", "--columns", EMPS / "columns.yaml"),
     )
     console.print(f"EMPS, a real axis: {out}/report.html", highlight=False)

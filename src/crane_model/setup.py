@@ -20,6 +20,7 @@ setup(
         "pydantic>=2",
         "pyyaml",
         "scipy",
+        "tqdm",
     ],
     entry_points={"console_scripts": []},
 )

@@ -41,7 +41,6 @@ setup(
         "pydantic>=2",
         "pyyaml",
         "scipy",
-        "tqdm",
     ],
     entry_points={"console_scripts": scripts},
 )

@@ -14,7 +14,8 @@ from crane_driver.can.binding import load_layout
 from crane_driver.can.mapping import Mapping
 from crane_driver.nodes.command_line import own_arguments
 from crane_driver.nodes.context import ros
-from crane_model.cli import run
+from crane_model.arguments import between
+from crane_model.cli import command_line, run
 from crane_model.configuration import load, packaged
 from crane_model.errors import ConfigurationError
 from crane_model.machine import JOINTS
@@ -114,7 +115,7 @@ def _status(series: Series) -> None:
 
 
 def _parser() -> argparse.ArgumentParser:
-    parser = argparse.ArgumentParser(
+    parser = command_line(
         prog="bringup",
         description="Guided measurement on a new crane, step by step.",
         epilog=ORDER,
@@ -143,20 +144,10 @@ def _parser() -> argparse.ArgumentParser:
         ("time-constant", 0.2, 0.01, 10.0, "gains: of the closed loop, at least [s]"),
     ):
         parser.add_argument(
-            f"--{name}", type=_number(low, high), default=default, help=f"{text} ({default:g})"
+            f"--{name}", type=between(low, high), default=default, help=f"{text} ({default:g})"
         )
     parser.add_argument(
         "--repeats", type=int, choices=range(1, 21), default=3, metavar="N",
         help="dead_band: in each direction (3)",
     )  # fmt: skip
     return parser
-
-
-def _number(low: float, high: float) -> Callable[[str], float]:
-    def number(text: str) -> float:
-        value = float(text)
-        if not low <= value <= high:
-            raise argparse.ArgumentTypeError(f"must be from {low:g} to {high:g}, got {text}")
-        return value
-
-    return number

@@ -4,7 +4,6 @@ import shutil
 from pathlib import Path
 
 import polars as pl
-from tqdm import tqdm
 
 from crane_driver.bags.writer import BagWriter
 from crane_driver.can.binding import load_layout
@@ -16,6 +15,7 @@ from crane_driver.can.log_formats import open_log
 from crane_driver.can.log_report import describe
 from crane_driver.can.log_table import LogTable
 from crane_model.errors import ConfigurationError, DataError
+from crane_model.progress_bar import progress_bar
 
 TABLES = (".csv", ".parquet")
 
@@ -67,9 +67,7 @@ def _write(table: pl.DataFrame, path: Path) -> None:
 
 
 def _read(log: BusLog, table: LogTable, bag: LogBag | None) -> None:
-    with tqdm(
-        total=log.path.stat().st_size, unit="B", unit_scale=True, desc=log.path.name, delay=2
-    ) as bar:
+    with progress_bar(log.path.name, log.path.stat().st_size) as bar:
         for frame in log.frames(bar.update):
             table.add(frame)
             if bag:

@@ -28,7 +28,7 @@ from crane_driver.nodes.context import Stop, ros
 from crane_driver.nodes.parameters import declare
 from crane_driver.nodes.publishers import publishers
 from crane_interfaces.msg import ValveCommand
-from crane_model.cli import run
+from crane_model.cli import command_line, run
 from crane_model.errors import CraneError
 from crane_model.machine import JOINTS
 
@@ -205,7 +205,7 @@ def _jog(jog: Jog, terminal: Terminal | NoTerminal, screen: Screen, stop: Stop) 
 
 
 def _parser() -> argparse.ArgumentParser:
-    parser = argparse.ArgumentParser(
+    parser = command_line(
         prog="jog",
         description="Moves one joint of the crane while a key is held: each character that the "
         "terminal repeats holds the joint for 0.12 s. The keys are shown when it runs.",

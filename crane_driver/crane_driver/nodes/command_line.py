@@ -8,6 +8,7 @@ from collections.abc import Sequence
 from rclpy.utilities import remove_ros_args
 
 from crane_driver.nodes.parameters import NodeParameter
+from crane_model.cli import command_line
 
 WIDTH = 98
 
@@ -16,7 +17,7 @@ def check_arguments(
     name: str, about: str, parameters: Sequence[NodeParameter], argv: Sequence[str]
 ) -> None:
     """Explain the node and end if `argv` asks for it, or holds what is no argument of ROS."""
-    parser = argparse.ArgumentParser(
+    parser = command_line(
         prog=name,
         usage=f"{name} [-h] [--ros-args [-p PARAMETER:=VALUE] [--params-file FILE] ...]",
         description=about,

@@ -7,18 +7,18 @@ from pathlib import Path
 
 import numpy as np
 from rosbags.rosbag2 import Reader
-from tqdm import tqdm
 
 from crane_driver.bags.storage import open_bag
 from crane_driver.nodes.command_line import own_arguments
 from crane_driver.nodes.context import ros
-from crane_driver.recording.arguments import positive
 from crane_driver.recording.playback import Selection, schedule, select
 from crane_driver.recording.player_node import Player
 from crane_driver.recording.ros import NANOSECONDS
-from crane_model.cli import run
+from crane_model.arguments import above
+from crane_model.cli import command_line, run
+from crane_model.progress_bar import BAR, progress_bar
 
-PATIENCE = 2.0  # s before a progress bar appears
+SECONDS = "{desc}: {n:.1f} of {total:.1f} s" + BAR
 
 
 def main(argv: Sequence[str] | None = None) -> int:
@@ -51,12 +51,8 @@ def _play(argv: Sequence[str], options: argparse.Namespace) -> None:
 def _pass(player: Player, bag: Path, reader: Reader, selection: Selection, rate: float) -> None:
     """Play the bag once and say how well its timing was kept."""
     delays: list[int] = []
-    with tqdm(
-        desc=f"playing {bag.name}",
-        total=reader.duration / NANOSECONDS,
-        delay=PATIENCE,
-        bar_format="{desc}: {n:.1f} of {total:.1f} s |{bar}|",
-    ) as progress:
+    seconds = reader.duration / NANOSECONDS
+    with progress_bar(f"playing {bag.name}", seconds, form=SECONDS) as progress:
 
         def played(time: int, delay: int) -> None:
             delays.append(delay)
@@ -73,7 +69,7 @@ def _pass(player: Player, bag: Path, reader: Reader, selection: Selection, rate:
 
 
 def _parser() -> argparse.ArgumentParser:
-    parser = argparse.ArgumentParser(
+    parser = command_line(
         prog="player",
         description="Plays a bag of either storage onto its topics, in its own rhythm, with the "
         "time of the bag on /clock. Header stamps are as recorded.",
@@ -82,7 +78,7 @@ def _parser() -> argparse.ArgumentParser:
     )
     parser.add_argument("bag", type=Path, metavar="BAG", help="a folder, or one file of it")
     parser.add_argument(
-        "--rate", type=positive, default=1.0, metavar="R", help="times as fast (default: 1)"
+        "--rate", type=above(0.0), default=1.0, metavar="R", help="times as fast (default: 1)"
     )
     parser.add_argument(
         "--topics", nargs="+", default=(), metavar="TOPIC", help="play only these (default: all)"

@@ -11,11 +11,11 @@ from rclpy.executors import SingleThreadedExecutor
 from crane_driver.bags.types import TOPICS
 from crane_driver.nodes.command_line import own_arguments
 from crane_driver.nodes.context import ros
-from crane_driver.recording.arguments import positive
 from crane_driver.recording.bag import RecordedBag, Split
 from crane_driver.recording.recorder_node import Recorder
 from crane_driver.recording.statistics import shown, table
-from crane_model.cli import run
+from crane_model.arguments import above
+from crane_model.cli import command_line, run
 
 NAMES = tuple(topic.name for topic in TOPICS)
 MEGABYTE = 1_000_000
@@ -57,7 +57,7 @@ def _summary(bag: RecordedBag, recorder: Recorder) -> str:
 
 
 def _parser() -> argparse.ArgumentParser:
-    parser = argparse.ArgumentParser(
+    parser = command_line(
         prog="recorder",
         description="Records topics to an mcap bag until Ctrl-C, as their publishers come.",
         epilog="ROS arguments follow --ros-args. A bag whose recorder was killed is mended by: "
@@ -69,14 +69,14 @@ def _parser() -> argparse.ArgumentParser:
     )
     parser.add_argument(
         "--split-size",
-        type=positive,
+        type=above(0.0),
         default=math.inf,
         metavar="MB",
         help="begin a new file when one has reached this size (10^6 bytes)",
     )
     parser.add_argument(
         "--split-seconds",
-        type=positive,
+        type=above(0.0),
         default=math.inf,
         metavar="S",
         help="begin a new file after this time",

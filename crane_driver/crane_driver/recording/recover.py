@@ -1,13 +1,10 @@
 """`ros2 run crane_driver recover`: a readable bag out of one that was never closed."""
 
-import argparse
 import re
 from collections.abc import Sequence
 from contextlib import ExitStack
 from dataclasses import dataclass
 from pathlib import Path
-
-from tqdm import tqdm
 
 from crane_driver.bags.storage import STORAGE_SUFFIXES
 from crane_driver.recording.bag import RecordedBag
@@ -15,15 +12,14 @@ from crane_driver.recording.metadata import RecordedTopic
 from crane_driver.recording.salvage import Salvage
 from crane_driver.recording.salvage_sqlite import DatabaseSalvage
 from crane_driver.recording.statistics import table
-from crane_model.cli import run
+from crane_model.cli import command_line, run
 from crane_model.errors import DataError
-
-PATIENCE = 2.0  # s before a progress bar appears
+from crane_model.progress_bar import progress_bar
 
 
 def main(argv: Sequence[str] | None = None) -> int:
     """Write what can be read of a damaged bag as a new one."""
-    parser = argparse.ArgumentParser(
+    parser = command_line(
         description="Makes a readable bag out of one that was not closed; that one is not touched.",
     )
     parser.add_argument("bag", type=Path, metavar="BAG", help="a folder, or one file of it")
@@ -46,13 +42,7 @@ def recover(damaged: Path, out: Path) -> str:
     saved: dict[RecordedTopic, _Saved] = {}
     with ExitStack() as stack:
         bar = stack.enter_context(
-            tqdm(
-                desc=f"recovering {damaged.name}",
-                total=sum(salvage.size for salvage in salvages),
-                unit="B",
-                unit_scale=True,
-                delay=PATIENCE,
-            )
+            progress_bar(f"recovering {damaged.name}", sum(salvage.size for salvage in salvages))
         )
         bag: RecordedBag | None = None
         for salvage in salvages:

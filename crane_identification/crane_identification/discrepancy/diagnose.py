@@ -10,7 +10,7 @@ from typing import Any
 
 from crane_identification.data.column_map import ColumnMap
 from crane_identification.discrepancy import explain, findings
-from crane_identification.discrepancy.diagnosis import diagnose
+from crane_identification.discrepancy.diagnosis import check_known, diagnose
 from crane_identification.discrepancy.hydraulics import load_usual
 from crane_identification.discrepancy.report import page
 from crane_identification.discrepancy.thresholds import load_thresholds
@@ -38,6 +38,8 @@ def run(arguments: argparse.Namespace) -> None:
     if absent:
         raise ConfigurationError(f"{', '.join(absent)}: needed for a diagnosis; see --help")
     start = time.perf_counter()
+    results = (arguments.out / name for name in ("model.yaml", "findings.json", "report.html"))
+    cli.check_out(*results, replace=arguments.replace)
     if arguments.terms:
         load_terms(arguments.terms)
     model = load_model(arguments.model)
@@ -48,13 +50,14 @@ def run(arguments: argparse.Namespace) -> None:
             "is proved on recordings that took no part"
         )
     columns = load(arguments.columns, ColumnMap) if arguments.columns else None
+    check_known(arguments.without)
     thresholds = load_thresholds(arguments.thresholds)
+    usual = load_usual(arguments.hydraulics)
     with ProgressBar() as progress:
         options = Options(begin=arguments.begin, end=arguments.end, period=arguments.period)
         sources = Sources(model, columns, options, progress)
         training, held_out = sources.read(arguments.train), sources.read(arguments.validate)
         suspicions = vetted(model.machine, (*training, *held_out), arguments.trust_recordings)
-        usual = load_usual(arguments.hydraulics)
         with blaming(suspicions):
             result = diagnose(
                 model, training, held_out, options, thresholds, progress, usual, arguments.without
@@ -86,7 +89,7 @@ def _tell(content: dict[str, Any]) -> None:
 
 def parser() -> argparse.ArgumentParser:
     """The command line."""
-    result = argparse.ArgumentParser(
+    result = cli.command_line(
         description="Find where a model disagrees with recordings, name the missing effect, add "
         "it, and show on held-out recordings that the gap shrank. Writes findings.json, model.yaml "
         "and report.html.",
@@ -97,6 +100,7 @@ def parser() -> argparse.ArgumentParser:
     add("--train", type=Path, nargs="+", default=[], help="recordings to look into")
     add("--validate", type=Path, nargs="+", default=[], help="recordings to prove the answer on")
     add("--out", type=Path, help="folder for the results")
+    cli.add_replace(result)
     add(
         "--terms",
         type=Path,

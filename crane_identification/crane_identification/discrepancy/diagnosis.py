@@ -187,11 +187,15 @@ def _check(training: Sequence[Log], validation: Sequence[Log], without: Collecti
     for name, logs in (("--train", training), ("--validate", validation)):
         if not logs:
             raise DataError(f"no recordings given; name at least one with {name}")
-    unknown = sorted(set(without) - {name for name, cls in REGISTRY.items() if cls.effect})
-    if unknown:
+    check_known(without)
+
+
+def check_known(effects: Collection[str]) -> None:
+    """`ConfigurationError` with all that there are if one of `effects` is not in the catalogue."""
+    known = sorted(name for name, cls in REGISTRY.items() if cls.effect)
+    if unknown := sorted(set(effects) - set(known)):
         raise ConfigurationError(
-            f"{', '.join(unknown)}: no effect that shows in the force; name effects as "
-            "findings.json does"
+            f"{', '.join(unknown)}: no effect that shows in the force; there are {', '.join(known)}"
         )
 
 

@@ -49,7 +49,7 @@ def _lines(checked: Checked) -> list[str]:
 
 def parser() -> argparse.ArgumentParser:
     """The command line."""
-    result = argparse.ArgumentParser(
+    result = cli.command_line(
         description="Check recordings against the machine before anything is fitted to them: "
         "units, signs, names, chambers, transducers, clocks. The exit status is 1 if one of them "
         "would make every result wrong.",

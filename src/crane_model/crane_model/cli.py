@@ -1,12 +1,44 @@
-"""What every command line of the suite does with errors and interrupts."""
+"""What every command line of the suite has in common: its version, where results go, and what
+becomes of errors and interrupts."""
 
+import argparse
 import os
 import sys
 from collections.abc import Callable
+from importlib.metadata import version
+from pathlib import Path
+from typing import Any
 
-from crane_model.errors import CraneError
+from crane_model.errors import ConfigurationError, CraneError
 
 INTERRUPTED = 130  # the shell's convention: 128 + SIGINT
+
+
+def command_line(**options: Any) -> argparse.ArgumentParser:
+    """A parser with --version, made with the `options` of an `ArgumentParser`."""
+    parser = argparse.ArgumentParser(**options)
+    told = f"%(prog)s of the crane suite {version('crane_model')}"
+    parser.add_argument("--version", action="version", version=told)
+    return parser
+
+
+def add_replace(parser: argparse.ArgumentParser) -> None:
+    """The option that lets a command write over results; recordings are never written over."""
+    parser.add_argument("--replace", action="store_true", help="write over the files that exist")
+
+
+def check_out(*files: Path, replace: bool = False) -> None:
+    """Whether `files` can be written; `ConfigurationError` if one exists that is not to `replace`.
+
+    For the beginning of a command: an hour later it is too late to say so.
+    """
+    for file in files:
+        if file.exists() and not (replace and file.is_file()):
+            remedy = ", or --replace to write over it" if file.is_file() else ""
+            raise ConfigurationError(f"{file}: exists; name another place{remedy}")
+        there = next(one for one in file.absolute().parents if one.exists())
+        if not there.is_dir() or not os.access(there, os.W_OK):
+            raise ConfigurationError(f"{file}: {there} cannot be written to; name another place")
 
 
 def run(body: Callable[[], None]) -> int:

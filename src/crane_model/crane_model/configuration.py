@@ -102,5 +102,6 @@ def _validate(
         # in <> is not a key, but which kind of thing an entry was taken for
         parts = [one for one in problem["loc"] if not str(one).startswith("<")]
         key = ".".join(map(str, parts)) or "(whole file)"
-        lines.append(f"{place_of(parts)}: key '{key}': {wording(problem)}")
+        told = wording(problem["type"], problem.get("ctx", {}), problem["input"])
+        lines.append(f"{place_of(parts)}: key '{key}': {told}")
     raise ConfigurationError("\n".join(lines))

@@ -1,8 +1,7 @@
 """What the suite says of a value that a schema does not accept."""
 
+from collections.abc import Mapping
 from typing import Any
-
-from pydantic_core import ErrorDetails
 
 LONGEST = 80  # characters of a value that is shown
 MAPPING, NUMBER = "must be a mapping of keys to values", "must be a number"
@@ -49,11 +48,13 @@ WORDING = {
 OTHERWISE = "is not of the kind that belongs here"
 
 
-def wording(problem: ErrorDetails) -> str:
-    """What is wrong with a value, and the value where that does not say it."""
-    context = problem.get("ctx", {})
-    said = WORDING.get(problem["type"], OTHERWISE).format(**context)
-    return said + ("" if problem["type"] in {"missing", "value_error"} else shown(problem["input"]))
+def wording(kind: str, context: Mapping[str, Any], value: Any) -> str:
+    """What is wrong with a `value`, and the value where that does not say it.
+
+    `kind` is pydantic's type of the error, `context` what it tells of it.
+    """
+    said = WORDING.get(kind, OTHERWISE).format(**context)
+    return said + ("" if kind in {"missing", "value_error"} else shown(value))
 
 
 def shown(value: Any) -> str:

@@ -1,14 +1,11 @@
 """`make_bag`: a recording of the stand-in machine on an excitation trajectory, as an mcap bag."""
 
-import argparse
-import sys
 from collections.abc import Iterable, Sequence
 from datetime import UTC, datetime
 from pathlib import Path
 from typing import NamedTuple
 
 import numpy as np
-from tqdm import tqdm
 
 from crane_driver.bags.types import (
     CYLINDER_PRESSURES,
@@ -19,9 +16,10 @@ from crane_driver.bags.types import (
 )
 from crane_driver.bags.writer import BagWriter
 from crane_model import cli
+from crane_model.arguments import between, whole
 from crane_model.cylinders import generalized_forces
-from crane_model.errors import DataError
 from crane_model.machine import JOINTS, Machine, load_machine
+from crane_model.progress_bar import progress_bar
 from crane_model.urdf import urdf
 from crane_sim.closed_loop import Course, Progress, Recording, record
 from crane_sim.hidden.calibrate import hidden_in
@@ -133,10 +131,10 @@ def date(text: str) -> datetime:
 
 def main(argv: Sequence[str] | None = None) -> int:
     """Make a bag with the stand-in machine: approach, N periods of a trajectory, and stop."""
-    parser = argparse.ArgumentParser(description=main.__doc__)
+    parser = cli.command_line(description=main.__doc__)
     parser.add_argument("--trajectory", type=Path, required=True, help="coefficients of (32), YAML")
-    parser.add_argument("--periods", type=int, required=True, help="whole periods to record")
-    parser.add_argument("--seed", type=int, default=0, help="of sensor noise and jitter")
+    parser.add_argument("--periods", type=whole(1), required=True, help="whole periods to record")
+    parser.add_argument("--seed", type=whole(0), default=0, help="of sensor noise and jitter")
     parser.add_argument("--out", type=Path, required=True, help="folder of the new bag")
     parser.add_argument("--plant", type=Path, help="stand-in file (default: the packaged one)")
     parser.add_argument("--machine", type=Path, help="machine file (default: the packaged one)")
@@ -151,7 +149,7 @@ def main(argv: Sequence[str] | None = None) -> int:
     )
     parser.add_argument(
         "--running",
-        type=float,
+        type=between(0.0, LONGEST),
         default=0.0,
         metavar="SECONDS",
         help="since the machine was started, when the recording begins: stamps, and what warms up "
@@ -166,15 +164,12 @@ def main(argv: Sequence[str] | None = None) -> int:
     arguments = parser.parse_args(argv)
     if (arguments.hide is None) != (arguments.label is None):
         parser.error("--hide and --label: give both or none")
-    if not 0.0 <= arguments.running <= LONGEST:
-        parser.error(f"--running {arguments.running:g}: how many seconds, from 0 to {LONGEST:g}")
 
     def progress(cycles: Iterable[int]) -> Iterable[int]:
-        return tqdm(cycles, desc=arguments.out.name, unit="cycle", disable=not sys.stderr.isatty())
+        return progress_bar(arguments.out.name, over=cycles)
 
     def body() -> None:
-        if arguments.out.exists():
-            raise DataError(f"{arguments.out}: exists; name a folder that does not exist yet")
+        cli.check_out(arguments.out)
         machine, parameters = load_machine(arguments.machine), load_stand_in(arguments.plant)
         motion = plan(
             machine,
@@ -195,5 +190,6 @@ def main(argv: Sequence[str] | None = None) -> int:
         )
         if arguments.label is not None:
             write_label(arguments.label, arguments.out, seed, machine, parameters, planted, truth)
+        print(f"written: {arguments.out}, {motion.duration:.1f} s")
 
     return cli.run(body)

@@ -9,7 +9,6 @@ point named; m, c and I are mass, centre of mass and inertia of a body):
 - telescope and gripper alone, since they slide.
 """
 
-import argparse
 import json
 from collections.abc import Sequence
 from pathlib import Path
@@ -86,7 +85,7 @@ def _about(body: Body, along: float, normal: float) -> tuple[float, float, float
 
 def main(argv: Sequence[str] | None = None) -> int:
     """Print the planted parameters of a stand-in machine."""
-    parser = argparse.ArgumentParser(description=main.__doc__)
+    parser = cli.command_line(description=main.__doc__)
     parser.add_argument("--plant", type=Path, help="stand-in file (default: the packaged one)")
     parser.add_argument("--machine", type=Path, help="machine file (default: the packaged one)")
     parser.add_argument("--json", action="store_true", help="print {name: value} in SI as JSON")

@@ -1,6 +1,5 @@
 """`view`: a window that shows the stand-in crane in one pose or replays a trajectory."""
 
-import argparse
 import os
 import time
 from collections.abc import Callable, Sequence
@@ -66,7 +65,7 @@ def show(scene: Scene, motion: Motion) -> None:
 
 def main(argv: Sequence[str] | None = None) -> int:
     """Show the stand-in crane in a window; it follows a trajectory where one is given."""
-    parser = argparse.ArgumentParser(description=main.__doc__)
+    parser = cli.command_line(description=main.__doc__)
     parser.add_argument(
         "--pose",
         nargs="+",

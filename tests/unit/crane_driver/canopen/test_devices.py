@@ -165,7 +165,7 @@ def load(folder: Path, canopen: dict[str, object], encoder: int = 0x120) -> None
             {"a": {"id": 5, "heartbeat_timeout": 0.5}, "b": {"id": 5, "heartbeat_timeout": 0.5}},
             "a and b have the same node id 5",
         ),
-        ({"a": {"id": 128, "heartbeat_timeout": 0.5}}, "less than or equal to 127"),
+        ({"a": {"id": 128, "heartbeat_timeout": 0.5}}, "at most 127"),
         ({"a": {"id": 5, "heartbeat_timeout": 0.0}}, "greater than 0"),
         (
             {"a": {"id": 5, "heartbeat_timeout": 0.1, "heartbeat_period": 0.1}},

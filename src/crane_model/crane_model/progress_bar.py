@@ -1,0 +1,48 @@
+"""Progress on standard error: a bar on a terminal, a line every ten seconds in a log."""
+
+import sys
+import time
+from collections.abc import Iterable
+from typing import Any
+
+from tqdm import tqdm
+
+PATIENCE = 2.0  # s before a bar appears
+BETWEEN_LINES = 10.0  # s
+BAR = " |{bar}|"
+FORM = "{desc}: {percentage:3.0f} %" + BAR + " {elapsed} < {remaining}"
+
+
+def progress_bar(
+    description: str,
+    total: float | None = None,
+    over: Iterable[Any] | None = None,
+    form: str = FORM,
+    patience: float = PATIENCE,
+) -> tqdm:
+    """A bar that `update` moves on towards `total`, or that goes with the items of `over`.
+
+    It appears after `patience` [s] in tqdm's `form`, of which a line of a log lacks the bar.
+    """
+    if sys.stderr.isatty():
+        return tqdm(over, description, total, bar_format=form, delay=patience)
+    # Each update may become a line: nothing is to be drawn in time, the display sees to it.
+    return _Lines(over, description, total, bar_format=form.replace(BAR, ""), miniters=0)
+
+
+class _Lines(tqdm):
+    monitor_interval = 0  # no thread that refreshes
+    told = time.monotonic()  # when the last line was written, of whatever bar
+
+    def display(self, msg: str | None = None, pos: int | None = None) -> None:
+        if self.n and time.monotonic() - _Lines.told >= BETWEEN_LINES:
+            _Lines.told = time.monotonic()
+            self.fp.write(f"{self}\n")
+            self.fp.flush()
+
+    def clear(self, nolock: bool = False) -> None:
+        """What was written stays."""
+
+    def close(self) -> None:
+        """Nothing is left on a line of its own."""
+        self.disable = True
