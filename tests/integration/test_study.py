@@ -97,4 +97,4 @@ def test_an_executable_that_fails_ends_the_study_with_its_error(tmp_path):
     )
     assert done.returncode == 1
     assert done.stderr.startswith("error: crane_trajectory design failed")
-    assert "must be at least 1, got 0" in done.stderr
+    assert "--starts: must be a whole number at least 1, got 0" in done.stderr

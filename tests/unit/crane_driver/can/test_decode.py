@@ -68,6 +68,8 @@ def test_every_value_of_the_log_is_in_the_table(
     outside = table.filter(~pl.col("in_range"))
     assert outside["signal"].to_list() == ["TelescopePosition"], "the DBC knows no checksums"
     report = capsys.readouterr().out
+    assert main(["--dbc", str(DBC), "--log", str(crane_log), "--out", str(out)]) == 1
+    assert "exists; name another place, or --replace" in capsys.readouterr().err
     assert "239 frames read over 0.196 s: 239 decoded, 0 of 0 unknown ids" in report
 
 
