@@ -5,6 +5,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
+from crane_identification.carry_over import elsewhere
 from crane_identification.data.log import Log
 from crane_identification.discrepancy.candidates import Family, families
 from crane_identification.discrepancy.decision import decide
@@ -12,7 +13,7 @@ from crane_identification.discrepancy.determined import decimation, fitted
 from crane_identification.discrepancy.evidence import Evidence, gather
 from crane_identification.discrepancy.extension import Finding, Training, in_counts
 from crane_identification.discrepancy.flow import examine
-from crane_identification.discrepancy.gap import Gap
+from crane_identification.discrepancy.gap import Gap, relative
 from crane_identification.discrepancy.hydraulics import Flow, Usual, load_usual
 from crane_identification.discrepancy.learner import Features, Learnt, features
 from crane_identification.discrepancy.motion_choice import suited
@@ -47,7 +48,8 @@ class Diagnosis:
     Per joint (j,): `energy` share of the unexplained energy, `regions` that carry it, `learnt` from
     the residual before and after; `correlation_left` of neighbouring rows of what remains, 0 for
     noise. `undetermined` parameters of the given model were left out of it; the answer is sought
-    `without` these effects; `uncalibrated` quantities are in counts.
+    `without` these effects; `uncalibrated` quantities are in counts. `warnings` say where the model
+    after does not carry over to the held-out recordings.
     """
 
     verdict: Verdict
@@ -75,6 +77,7 @@ class Diagnosis:
     flows: tuple[Flow, ...]
     flow_unobservable: dict[tuple[str, str], str]
     pulsations: tuple[Pulsation, ...]
+    warnings: tuple[str, ...]
 
     @property
     def joints(self) -> tuple[str, ...]:
@@ -170,6 +173,7 @@ def diagnose(
         flows=tuple(flows),
         flow_unobservable=no_flow,
         pulsations=lines,
+        warnings=elsewhere(model.joints, gap.after, relative(evidence, last.residual), gap.floor),
     )
 
 

@@ -34,7 +34,9 @@ def read(folder: Path) -> dict[str, Any]:
 
 def lines(content: dict[str, Any]) -> list[str]:
     """At most twenty lines."""
-    out = [ANSWERS[content["verdict"]], f"  {content['reason']}", f"{WHERE[content['verdict']]}:"]
+    out = [ANSWERS[content["verdict"]], f"  {content['reason']}"]
+    out += [f"Warning: {one}" for one in content.get("warnings", ())]
+    out.append(f"{WHERE[content['verdict']]}:")
     for joint, one in content["where"].items():
         region = one["region"]
         where = (

@@ -28,6 +28,7 @@ def content(diagnosis: Diagnosis) -> dict[str, Any]:
         {
             "verdict": diagnosis.verdict.value,
             "reason": diagnosis.reason,
+            "warnings": diagnosis.warnings,
             "where": _where(diagnosis),
             "findings": [_finding(diagnosis, one) for one in diagnosis.findings]
             + [

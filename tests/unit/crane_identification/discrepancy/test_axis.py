@@ -83,6 +83,7 @@ def test_a_complete_model_lacks_nothing(tmp_path: Path) -> None:
     result = diagnosed(tmp_path, FULL)
     assert result.verdict is Verdict.NONE
     assert not result.findings and result.after is result.before
+    assert not result.warnings
 
 
 def test_a_spring_is_named(tmp_path: Path) -> None:
@@ -115,6 +116,16 @@ def test_a_pulsation_is_unknown_and_listed(tmp_path: Path) -> None:
     assert f"pulsates at {PULSATION:.2f} Hz" in found.reason
     (line,) = findings.content(found)["pulsations"]
     assert line["joint"] == "axis" and line["frequency"] == pytest.approx(PULSATION, abs=0.02)
+
+
+def test_a_model_that_errs_more_on_the_held_out_recording_is_warned_of(tmp_path: Path) -> None:
+    logs = [log(tmp_path, seed) for seed in SEEDS]
+    other = log(tmp_path, 9, "spring")
+    result = diagnose(model(tmp_path, *FULL), logs, [other], Options(), load_thresholds())
+    (warning,) = findings.content(result)["warnings"]
+    assert "does not carry over to the held-out recordings: on the axis it errs by" in warning
+    assert f"Warning: {warning}" in explain.lines(findings.content(result))
+    assert warning in page.render(result, Provenance.of("2012-06-01", ["diagnose"], "axis.yaml"))
 
 
 def test_what_effects_leave_where_they_act_is_known(without_coulomb: Diagnosis) -> None:
