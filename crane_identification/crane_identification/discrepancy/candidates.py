@@ -11,7 +11,7 @@ from crane_identification.discrepancy.evidence import Evidence
 from crane_identification.progress import Progress, silent
 from crane_model.errors import CraneError
 from crane_model.model_file import Model
-from crane_model.terms import Effect, Term, candidates, joints_of
+from crane_model.terms import Effect, Shape, Term, candidates, joints_of
 
 WHOLE = "all"  # in place of a joint
 LARGEST_GRID = 16  # shapes of a family; between them, the best is refined
@@ -33,6 +33,16 @@ class Family:
         """What people call it."""
         assert self.term.effect is not None  # candidates have one
         return self.term.effect
+
+    @property
+    def shapes(self) -> Mapping[str, Shape]:
+        """The shape parameters that are sought."""
+        return self.term.shapes
+
+    @property
+    def changes(self) -> bool:
+        """Whether it is a change of what the model has, and not an effect that it lacks."""
+        return False
 
     @property
     def type(self) -> str:
@@ -59,7 +69,7 @@ class Family:
         if self.runs:
             yield from ({"runs": runs} for runs in self.runs)
             return
-        shapes = self.term.shapes
+        shapes = self.shapes
         points = [shape.points for shape in shapes.values()]
         while np.prod(points) > LARGEST_GRID:
             points[int(np.argmax(points))] -= 1
@@ -108,7 +118,9 @@ def _parts(bags: Sequence[tuple[int, ...]]) -> tuple[tuple[int, ...], ...]:
 def option(evidence: Evidence, family: Family, shape: Mapping[str, Any]) -> Option:
     """`family` at `shape` on the evidence; `CraneError` where that cannot be observed."""
     term = family.at(shape)
-    signs = [p.minimum == 0.0 for p in term.parameters(evidence.model.setting)]
+    signs = [
+        p.minimum == 0.0 and not family.changes for p in term.parameters(evidence.model.setting)
+    ]
     return Option(family, dict(shape), term, evidence.columns(term), np.array(signs))
 
 

@@ -32,7 +32,9 @@ neither needs to be quite the machine's."""
 FOLDS_TO_FAIL = 4
 """Folds of which one may fail, whatever share is asked for."""
 SAME_FORM = 0.9
-"""Correlation above which one effect is taken for a special case of the other."""
+"""Correlation above which one effect is taken for a special case of the other,"""
+EXACTLY = 1.0 - 1e-6
+"""and above which it is the other, by another name."""
 
 
 @dataclass(frozen=True)
@@ -41,9 +43,10 @@ class Judged:
 
     `score`: 2 dlogL that the set loses without it; `threshold` and `null` (replicates,) of the best
     score when nothing is missing; `held_out` gains of the folds `fold_names`. `runner_up`: the best
-    family in its place, `margin` behind by, where `needed` is asked for; `members`: all families
-    that cannot be told from it. `strength`: rms of what it explains over that of its joint's force;
-    `correlation` of the runner-up's columns with its own, beside the model.
+    family in its place that is not the same with more freedom, `margin` behind by, where `needed`
+    is asked for; `members`: all families that cannot be told from it. `strength`: rms of what it
+    explains over that of its joint's force; `correlation` of the columns of the best family in its
+    place with its own, beside the model.
     """
 
     option: Option
@@ -98,7 +101,12 @@ def decide(search: Search, thresholds: Thresholds) -> Decision:
 
 
 def _of_one_form(search: Search, choice: Choice, thresholds: Thresholds) -> bool:
-    """Whether an effect of a set is but the form of another one of them."""
+    """Whether an effect of a set is but the form of another one of them.
+
+    Changes of terms that the model has are of the model's own form.
+    """
+    if all(search.projection.options[number].family.changes for number in choice.options):
+        return False
     gains = _marginal(search, choice)
     if slight([search.channels(number) for number in choice.options], gains, thresholds):
         return True
@@ -224,24 +232,24 @@ def _judged(
     needed = max(threshold, thresholds.lead_share * left, (1.0 - thresholds.alike**2) * score)
     needed_of_kin = max(needed, KIN_SHARE * left)
     members: list[Family] = []
+    beside: list[tuple[Choice, Family]] = []
     for rival, alike in rivals:
         other = projection.options[rival.options[-1]]
         lead = choice.gain - rival.gain
-        if kin(own.family, other.family):
-            if lead <= needed_of_kin:
-                members.append(other.family)
-            continue
-        more = bool(other.shape) and freedom(search, rival.options[-1]) > freedom(search, number)
-        if more and alike > SAME_FORM:
+        related = kin(own.family, other.family)
+        form = SAME_FORM if other.shape or other.family.changes else EXACTLY
+        more = freedom(search, rival.options[-1]) > freedom(search, number)
+        if more and alike > form and not related:
             continue  # the same with more freedom, which it does not need
-        if lead <= needed:
+        beside.append((rival, other.family))
+        if lead <= (needed_of_kin if related else needed):
             members.append(other.family)
     members += same_as(search, [rival for rival, _ in rivals], members, needed, thresholds.alike)
     evidence = search.evidence
     columns = [projection.options[i].columns for i in rest.options]
-    before = np.concatenate([evidence.base, *columns], axis=2)
+    before = np.concatenate([evidence.free, *columns], axis=2)
     held_out, names = held_out_gains(evidence, search.whitener, before, own.columns)
-    runner_up = projection.options[rivals[0][0].options[-1]].family if rivals else None
+    second, runner_up = beside[0] if beside else (NOTHING, None)
     closest = runner_up is not None and kin(own.family, runner_up)
     return Judged(
         option=own,
@@ -251,7 +259,7 @@ def _judged(
         held_out=held_out,
         fold_names=names,
         runner_up=runner_up,
-        margin=choice.gain - rivals[0][0].gain if rivals else score,
+        margin=choice.gain - second.gain if beside else score,
         needed=needed_of_kin if closest else needed,
         correlation=rivals[0][1] if rivals else 0.0,
         members=tuple(members),

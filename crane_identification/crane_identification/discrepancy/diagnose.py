@@ -23,6 +23,7 @@ from crane_model.errors import ConfigurationError, DataError
 from crane_model.model_file import load_model, save_model
 
 WITHOUT = "effects that the answer is sought without, as findings.json names them: what else fits?"
+FIXED = "what has changed since the model was made? Keeps its values"
 NEEDED = ("model", "train", "validate", "out")
 
 
@@ -50,7 +51,15 @@ def run(arguments: argparse.Namespace) -> None:
         options = Options(period=arguments.period)
         usual = load_usual(arguments.hydraulics)
         result = diagnose(
-            model, training, held_out, options, thresholds, progress, usual, arguments.without
+            model,
+            training,
+            held_out,
+            options,
+            thresholds,
+            progress,
+            usual,
+            arguments.without,
+            arguments.fixed,
         )
         provenance = Provenance.of(
             datetime.now(UTC).strftime("%Y-%m-%d %H:%M UTC"),
@@ -86,6 +95,7 @@ def parser() -> argparse.ArgumentParser:
     add("--columns", type=Path, help="column map (YAML) of the tables")
     add("--period", type=float, help="period [s] of the motion, where no reference is recorded")
     add("--without", nargs="+", default=[], metavar="EFFECT", help=WITHOUT)
+    add("--fixed", action="store_true", help=FIXED)
     add("--thresholds", type=Path, help="thresholds (YAML; default: the packaged ones)")
     add("--hydraulics", type=Path, help="what is usual of valves and oil (YAML)")
     add("--explain", type=Path, metavar="DIR", help="print the answer in DIR in twenty lines")

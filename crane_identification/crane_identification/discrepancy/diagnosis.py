@@ -7,13 +7,14 @@ import numpy as np
 
 from crane_identification.carry_over import elsewhere
 from crane_identification.data.log import Log
+from crane_identification.discrepancy import changes
 from crane_identification.discrepancy.candidates import Family, families
 from crane_identification.discrepancy.decision import decide
 from crane_identification.discrepancy.determined import decimation, fitted
 from crane_identification.discrepancy.evidence import Evidence, gather
 from crane_identification.discrepancy.extension import Finding, Training, in_counts
 from crane_identification.discrepancy.flow import examine
-from crane_identification.discrepancy.gap import Gap, relative
+from crane_identification.discrepancy.gap import Gap, relative, residual
 from crane_identification.discrepancy.hydraulics import Flow, Usual, load_usual
 from crane_identification.discrepancy.learner import Features, Learnt, features
 from crane_identification.discrepancy.motion_choice import suited
@@ -49,7 +50,7 @@ class Diagnosis:
     the residual before and after; `correlation_left` of neighbouring rows of what remains, 0 for
     noise. `undetermined` parameters of the given model were left out of it; the answer is sought
     `without` these effects; `uncalibrated` quantities are in counts. `warnings` say where the model
-    after does not carry over to the held-out recordings.
+    after does not carry over to the held-out recordings. `fixed`: its values were kept.
     """
 
     verdict: Verdict
@@ -77,6 +78,7 @@ class Diagnosis:
     flows: tuple[Flow, ...]
     flow_unobservable: dict[tuple[str, str], str]
     pulsations: tuple[Pulsation, ...]
+    fixed: bool
     warnings: tuple[str, ...]
 
     @property
@@ -94,6 +96,7 @@ def diagnose(
     progress: Progress = silent,
     usual: Usual | None = None,
     without: Collection[str] = (),
+    fixed: bool = False,
 ) -> Diagnosis:
     """Where `model` disagrees with the recordings, and why.
 
@@ -101,17 +104,25 @@ def diagnose(
     effects (types of terms) that the answer is sought without: what else could it be?
 
     The model is fitted to the training recordings first, so that its values are not what differs.
+    With `fixed` they are kept instead, and what differs from them is what has changed.
+
     `DataError` if recordings cannot be used or do not determine the parameters of the model;
-    `ConfigurationError` if an effect is not in the catalogue.
+    `ConfigurationError` if an effect is not in the catalogue, or values to keep are missing.
     """
     _check(training, validation, without)
+    if fixed:
+        changes.check(model)
     logs = (*training, *validation)
     prepared = _prepared(model, logs, replace(options, average=False), progress)
     sources = {log.source for log in training}
     train = [p for p in prepared if p.source in sources]
     hold = [p for p in prepared if p.source not in sources]
     given = Training(train, decimation(train, options.decimation), ", ".join(sorted(sources)))
-    evidence, before, left_out = fitted(model, train, given.factor, given.sources)
+    evidence, before, left_out = (
+        (changes.kept(model, train, given.factor), model, ())
+        if fixed
+        else fitted(model, train, given.factor, given.sources)
+    )
     held_out = gather(before, hold, given.factor, first_run=len(train))
     found = search(evidence, _wanted(evidence, left_out, without), progress)
     decision = decide(found, thresholds)
@@ -173,7 +184,10 @@ def diagnose(
         flows=tuple(flows),
         flow_unobservable=no_flow,
         pulsations=lines,
-        warnings=elsewhere(model.joints, gap.after, relative(evidence, last.residual), gap.floor),
+        fixed=fixed,
+        warnings=elsewhere(
+            model.joints, gap.after, relative(evidence, residual(evidence, last.model)), gap.floor
+        ),
     )
 
 
@@ -195,9 +209,10 @@ def _wanted(
 ) -> list[Family]:
     """The families that are asked for: not `without`, and none that the model had."""
     had = {(term.type, getattr(term, "joint", None)) for term in left_out}
+    changed = changes.families(evidence.model) if evidence.keeps else []
     return [
         family
-        for family in families(evidence.model, evidence.bags)
+        for family in (*families(evidence.model, evidence.bags), *changed)
         if family.type not in without and (family.type, family.joint) not in had
     ]
 

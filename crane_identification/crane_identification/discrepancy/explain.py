@@ -14,6 +14,16 @@ ANSWERS = {
     "unknown": "Something is missing, and no effect of the catalogue is it.",
     "insufficient_data": "These recordings do not suffice to say.",
 }
+CHANGES = ANSWERS | {
+    "named": "Something has changed since the model was made, and these recordings say what.",
+    "named_and_more": "Something has changed since the model was made, and these recordings say "
+    "what; so has something more.",
+    "class": "Something has changed since the model was made; these recordings narrow it down to a "
+    "class.",
+    "none": "Nothing has changed since the model was made that these recordings could show.",
+    "unknown": "Something has changed since the model was made, and no value of it nor effect of "
+    "the catalogue is it.",
+}
 DISAGREES = "Where the model disagrees"
 NOISE = "What the model leaves, noise as far as these recordings tell"
 WHERE = dict.fromkeys(ANSWERS, DISAGREES) | dict.fromkeys(("none", "insufficient_data"), NOISE)
@@ -32,9 +42,14 @@ def read(folder: Path) -> dict[str, Any]:
         raise DataError(f"{path}: not readable: {error}; diagnose again") from None
 
 
+def answer(verdict: str, values_kept: bool) -> str:
+    """The answer in one sentence."""
+    return (CHANGES if values_kept else ANSWERS)[verdict]
+
+
 def lines(content: dict[str, Any]) -> list[str]:
     """At most twenty lines."""
-    out = [ANSWERS[content["verdict"]], f"  {content['reason']}"]
+    out = [answer(content["verdict"], content.get("values_kept", False)), f"  {content['reason']}"]
     out += [f"Warning: {one}" for one in content.get("warnings", ())]
     out.append(f"{WHERE[content['verdict']]}:")
     for joint, one in content["where"].items():
@@ -77,10 +92,7 @@ def _left(left: dict[str, Any]) -> str:
 
 
 def _finding(number: int, finding: dict[str, Any]) -> list[str]:
-    values = ", ".join(
-        f"{p['name']} = {p['value']:.4g} +- {p['std_dev'] or 0:.2g} {_shown(p['unit'])}".rstrip()
-        for p in finding["parameters"]
-    )
+    values = ", ".join(map(_parameter, finding["parameters"]))
     out = [f"{number}. {finding['name']}, {finding['joint']}: {values}"]
     evidence = f"   score {finding['score']:.0f}, threshold {finding['threshold']:.0f}"
     if finding["runner_up"]:
@@ -94,6 +106,18 @@ def _finding(number: int, finding: dict[str, Any]) -> list[str]:
         names = ", ".join(f"{one['name']} ({one['joint']})" for one in finding["class_members"][:3])
         out += [f"   not told from {names}", f"   settled by {finding['settled_by']}"]
     return out
+
+
+def _parameter(one: dict[str, Any]) -> str:
+    """The value, or what was added to the value before."""
+    changed = "before" in one
+    value, std_dev = (
+        (one["change"], one["change_std_dev"]) if changed else (one["value"], one["std_dev"])
+    )
+    said = f"{value:{'+' if changed else ''}.4g} +- {std_dev or 0:.2g} {_shown(one['unit'])}"
+    if changed:
+        return f"{one['name']} {said.rstrip()}, from {one['before']:.4g} to {one['value']:.4g}"
+    return f"{one['name']} = {said}".rstrip()
 
 
 def _shown(unit: str) -> str:

@@ -1,10 +1,16 @@
-"""The model with the accepted effects, refitted jointly, and the parameters of each of them."""
+"""The model with the accepted effects, refitted jointly, and the parameters of each of them.
+
+Where its values are kept, what changed is estimated alone.
+"""
 
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
 
+import numpy as np
+
 from crane_identification.data.units import COUNTS
 from crane_identification.discrepancy.candidates import Family
+from crane_identification.discrepancy.changes import estimated
 from crane_identification.discrepancy.decision import Judged
 from crane_identification.discrepancy.evidence import gather
 from crane_identification.discrepancy.refit import refit, shape_std_devs
@@ -24,12 +30,19 @@ class Training:
 
 @dataclass(frozen=True)
 class Value:
-    """One parameter of a finding, linear or shape."""
+    """One parameter of a finding, linear or shape; `before` it changed, with standard deviation."""
 
     name: str
     value: float
     std_dev: float
     unit: str
+    before: tuple[float, float] | None = None
+
+    @property
+    def change(self) -> tuple[float, float]:
+        """What it adds to the value before or to nothing, with its standard deviation."""
+        known, std_dev = self.before or (0.0, 0.0)
+        return self.value - known, float(np.hypot(self.std_dev, std_dev))
 
 
 @dataclass(frozen=True)
@@ -57,10 +70,13 @@ def extended(
     """
     if not accepted:
         return before, []
-    model = before
-    for one in accepted:
-        model = model.with_term(one.option.term)
-    after = refit(gather(model, training.recordings, training.factor), training.sources)
+    if found.evidence.keeps:
+        after = estimated(found, before, [one.option for one in accepted])
+    else:
+        model = before
+        for one in accepted:
+            model = model.with_term(one.option.term)
+        after = refit(gather(model, training.recordings, training.factor), training.sources)
     own = [after.part(one.option.term) for one in accepted]
     assert after.std_devs is not None  # just fitted
     shapes = shape_std_devs(
@@ -74,15 +90,22 @@ def extended(
                 float(after.theta[i]),
                 float(after.std_devs[i]),
                 after.parameters[i].unit,
+                _before(before, i) if one.option.family.changes else None,
             )
             for i in range(part.start, part.stop)
         ]
         bent = [
             Value(name, float(one.option.shape[name]), spread[name], _unit(after, one, shape.unit))
-            for name, shape in one.option.family.term.shapes.items()
+            for name, shape in one.option.family.shapes.items()
         ]
         values.append(tuple(linear + bent))
     return after, values
+
+
+def _before(model: Model, i: int) -> tuple[float, float]:
+    """Value and standard deviation of a parameter."""
+    assert model.std_devs is not None  # changes are sought of a model with values
+    return float(model.theta[i]), float(model.std_devs[i])
 
 
 def in_counts(values: tuple[Value, ...]) -> tuple[Value, ...]:

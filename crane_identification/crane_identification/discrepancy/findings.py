@@ -8,7 +8,7 @@ from typing import Any
 import numpy as np
 
 from crane_identification.discrepancy.diagnosis import Diagnosis
-from crane_identification.discrepancy.extension import Finding
+from crane_identification.discrepancy.extension import Finding, Value
 from crane_identification.discrepancy.gap import Gap
 from crane_identification.discrepancy.hydraulics import SIGMAS, Flow, Quantity
 from crane_identification.motion_validation import MotionValidation
@@ -28,6 +28,7 @@ def content(diagnosis: Diagnosis) -> dict[str, Any]:
         {
             "verdict": diagnosis.verdict.value,
             "reason": diagnosis.reason,
+            "values_kept": diagnosis.fixed,
             "warnings": diagnosis.warnings,
             "where": _where(diagnosis),
             "findings": [_finding(diagnosis, one) for one in diagnosis.findings]
@@ -99,11 +100,12 @@ def _finding(diagnosis: Diagnosis, finding: Finding) -> dict[str, Any]:
         "effect": family.type,
         "name": family.effect.name,
         "joint": family.where,
+        "changed": family.changes,
         "class_members": [
             {"effect": one.type, "name": one.effect.name, "joint": one.where}
             for one in accepted.members
         ],
-        "parameters": [value.__dict__ for value in finding.parameters],
+        "parameters": [_parameter(value) for value in finding.parameters],
         "score": accepted.score,
         "threshold": accepted.threshold,
         "false_alarm_rate": diagnosis.thresholds.false_alarm_rate,
@@ -116,6 +118,20 @@ def _finding(diagnosis: Diagnosis, finding: Finding) -> dict[str, Any]:
         "strength": accepted.strength,
         "held_out_gains": dict(zip(accepted.fold_names, accepted.held_out, strict=True)),
         "settled_by": family.effect.settled_by,
+    }
+
+
+def _parameter(one: Value) -> dict[str, Any]:
+    """A parameter, and what it was where that is known."""
+    own = {"name": one.name, "value": one.value, "std_dev": one.std_dev, "unit": one.unit}
+    if one.before is None:
+        return own
+    (before, before_std_dev), (change, change_std_dev) = one.before, one.change
+    return own | {
+        "before": before,
+        "before_std_dev": before_std_dev,
+        "change": change,
+        "change_std_dev": change_std_dev,
     }
 
 

@@ -25,7 +25,8 @@ RESOLUTION = 1e-6  # relative error, below which numbers are rounding
 class Gap:
     """Per joint (j,), relative to the rms of the force: error `before` and `after`, the `floor` of
     noise (NaN where no period was repeated), and the `best` that a flexible learner reaches;
-    `training`: error before on the recordings that the model was fitted to.
+    `training`: error before on the recordings that the model was fitted to. `uncertain`: what
+    errors of the values that are kept make of it, after.
 
     `motion_before` and `motion_after`: errors of the simulated motion.
     """
@@ -38,6 +39,7 @@ class Gap:
     training: np.ndarray
     motion_before: MotionValidation
     motion_after: MotionValidation
+    uncertain: np.ndarray | float = 0.0
 
     @property
     def reachable(self) -> np.ndarray:
@@ -94,7 +96,15 @@ def measure(
         training=relative(training, fitted),
         motion_before=simulated(before, records),
         motion_after=simulated(after, records),
+        uncertain=uncertain(held_out, after) if training.keeps else 0.0,
     )
+
+
+def uncertain(evidence: Evidence, model: Model) -> np.ndarray:
+    """Error (j,) of the force, relative to it, that the standard deviations of values make."""
+    assert model.std_devs is not None  # of values that are kept
+    parts = [run.filtered(model.regressor(run.record)) for run in evidence.runs]
+    return relative(evidence, np.linalg.norm(np.concatenate(parts) * model.std_devs, axis=2))
 
 
 def simulated(model: Model, records: Sequence[Record]) -> MotionValidation:

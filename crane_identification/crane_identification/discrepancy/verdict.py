@@ -85,10 +85,21 @@ def judge(before: Trial, proof: Proof, reach: Reach, thresholds: Thresholds) -> 
         return Answer(
             Verdict.INSUFFICIENT,
             f"of ten effects, one would not show at {reach.least:.1%} of the drive force; record "
-            "more",
+            f"more{_better_known(gap)}",
         )
     said = f"nine in ten effects above {reach.least:.2%} of the drive force would have shown"
     return Answer(Verdict.NONE, f"{said}; {_of_noise(gap)}")
+
+
+def _better_known(gap: Gap) -> str:
+    """What else helps where values are kept."""
+    worst = float(np.max(gap.uncertain))
+    if not worst:
+        return ""
+    return (
+        f", or keep values that are better known: their standard deviations make {worst:.1%} of "
+        "the force uncertain"
+    )
 
 
 def _of_noise(gap: Gap) -> str:
@@ -107,8 +118,10 @@ def _of_noise(gap: Gap) -> str:
 
 
 def _above_floor(gap: Gap, errors: np.ndarray, thresholds: Thresholds) -> np.ndarray:
-    """(j,): where held-out errors are more than the noise of recordings that repeat a motion."""
-    return np.nan_to_num(gap.over_floor(errors)) > thresholds.floor_factor
+    """(j,): where held-out errors are more than the noise of recordings that repeat a motion, and
+    than values that are kept may err.
+    """
+    return errors > thresholds.floor_factor * np.hypot(gap.floor, gap.uncertain)
 
 
 def _beyond_noise(gap: Gap, errors: np.ndarray, above: np.ndarray, thresholds: Thresholds) -> str:

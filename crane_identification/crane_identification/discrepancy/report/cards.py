@@ -6,7 +6,7 @@ import numpy as np
 
 from crane_identification.discrepancy.diagnosis import Diagnosis
 from crane_identification.discrepancy.evidence import Zone
-from crane_identification.discrepancy.extension import Finding
+from crane_identification.discrepancy.extension import Finding, Value
 from crane_identification.discrepancy.gap import residual
 from crane_identification.discrepancy.region import region
 from crane_identification.discrepancy.report import charts
@@ -113,7 +113,7 @@ def _card(diagnosis: Diagnosis, number: int, finding: Finding) -> Card:
             Line(
                 p.name,
                 *with_uncertainty(p.value, p.std_dev),
-                "" if p.unit == "1" else unit(p.unit),
+                ("" if p.unit == "1" else unit(p.unit)) + _before(p),
             )
             for p in finding.parameters
         ),
@@ -121,12 +121,16 @@ def _card(diagnosis: Diagnosis, number: int, finding: Finding) -> Card:
     )
 
 
+def _before(parameter: Value) -> str:
+    """What a parameter was; empty for one of an effect that the model lacks."""
+    return f", before {' ± '.join(with_uncertainty(*parameter.before))}" if parameter.before else ""
+
+
 def _pictures(diagnosis: Diagnosis, number: int, finding: Finding) -> tuple[Picture, ...]:
     accepted = finding.accepted
     evidence, held_out = diagnosis.training, diagnosis.held_out
-    effect = (
-        accepted.option.columns @ diagnosis.after.theta[diagnosis.after.part(accepted.option.term)]
-    )
+    columns = accepted.option.columns
+    effect = columns @ [one.change[0] for one in finding.parameters[: columns.shape[2]]]
     channel = int(np.argmax(_visible(diagnosis, effect)))
     j = channel % len(diagnosis.joints)
     force_unit = unit(diagnosis.before.setting.force_unit(diagnosis.joints[j]))

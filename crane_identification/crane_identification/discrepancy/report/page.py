@@ -3,7 +3,7 @@
 from pathlib import Path
 
 from crane_identification.discrepancy.diagnosis import Diagnosis
-from crane_identification.discrepancy.explain import ANSWERS, WHERE
+from crane_identification.discrepancy.explain import WHERE, answer
 from crane_identification.discrepancy.report.cards import cards, gap_pictures, where_picture
 from crane_identification.report import template
 from crane_identification.report.content import Provenance
@@ -25,7 +25,7 @@ def render(diagnosis: Diagnosis, provenance: Provenance) -> str:
         __package__,
         {picture.key: picture.description for picture in shown},
         diagnosis=diagnosis,
-        answer=ANSWERS[diagnosis.verdict.value],
+        answer=answer(diagnosis.verdict.value, diagnosis.fixed),
         cards=found,
         gap=gap,
         where=where,
