@@ -111,7 +111,7 @@ def diagnose(
     """
     _check(training, validation, without)
     if fixed:
-        changes.check(model)
+        model = changes.of_machine(model)
     logs = (*training, *validation)
     prepared = _prepared(model, logs, replace(options, average=False), progress)
     sources = {log.source for log in training}

@@ -163,6 +163,16 @@ def test_a_load_in_all_recordings_is_weighed() -> None:
     assert (after.theta[:-1] == known.theta).all()
 
 
+def test_what_other_recordings_carried_is_not_kept() -> None:
+    crane = crane_model()
+    loaded = crane.with_term(Payload(runs=(0, 2)))
+    values = np.append(crane.theta, 5.0)
+    kept = changes.of_machine(loaded.with_estimate(values, 0.1 * np.abs(values), "before"))
+    assert kept.terms == crane.terms and (kept.theta == crane.theta).all()
+    everywhere = crane.with_term(Payload()).with_estimate(values, values, "before")
+    assert changes.of_machine(everywhere).terms == everywhere.terms
+
+
 def test_a_model_without_values_is_refused(tmp_path: Path) -> None:
     with pytest.raises(
         ConfigurationError, match="'one axis' has no values that could have changed"
