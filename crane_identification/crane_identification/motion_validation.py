@@ -10,7 +10,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from crane_model.cylinders import cylinder_force, cylinder_forces_from_generalized
-from crane_model.errors import DataError
+from crane_model.errors import DataError, RangeError
 from crane_model.model_file import Model
 from crane_model.record import Record
 from crane_model.simulation import simulate
@@ -18,7 +18,7 @@ from crane_model.terms import MemoryTerm
 
 HORIZON = 0.5  # s
 LOGGED = (
-    *("time", "pressure_a", "pressure_b", "command", "temperature"),
+    *("time", "run", "pressure_a", "pressure_b", "command", "temperature"),
     *("slew_position", "slew_velocity", "slew_acceleration"),
 )
 """Fields of a record that do not come out of the simulation and that terms may ask for."""
@@ -29,7 +29,8 @@ class MotionValidation:
     """Errors of simulated motion over N windows of `horizon` [s]; per joint (j,), rad or m.
 
     `position_rms` is the error at the end of the horizon, `displacement_rms` how far the joint
-    itself moved by then, `relative` their ratio.
+    itself moved by then, `relative` their ratio. Where the model cannot be simulated, `reason` says
+    why, there is no window and the errors are NaN.
     """
 
     joints: tuple[str, ...]
@@ -37,6 +38,7 @@ class MotionValidation:
     windows: int
     position_rms: np.ndarray
     displacement_rms: np.ndarray
+    reason: str = ""
 
     @property
     def relative(self) -> np.ndarray:
@@ -50,9 +52,23 @@ def validate_motion(
 ) -> MotionValidation:
     """Simulate `model` over consecutive windows of uniformly sampled `records`.
 
-    Windows do not cross from one run to the next. `DataError` if no record is as long as one
-    window, or one carries no force that could drive the model.
+    Windows do not cross from one run to the next. A model that does not move, as one without
+    inertia, or that moves beyond all bounds, and records without a window or a drive, lose this
+    comparison alone: it comes with the reason.
     """
+    try:
+        with np.errstate(over="ignore", invalid="ignore"):
+            found = _simulated(model, records, horizon)
+        if np.isfinite(found.position_rms).all():
+            return found
+        reason = f"simulation of '{model.name}': the motion grows beyond all bounds"
+    except (RangeError, DataError) as error:
+        reason = str(error)
+    unknown = np.full(len(model.joints), np.nan)
+    return MotionValidation(model.joints, horizon, 0, unknown, unknown, reason)
+
+
+def _simulated(model: Model, records: Sequence[Record], horizon: float) -> MotionValidation:
     errors, moved, length = [], [], horizon
     for record in records:
         period = float(np.median(np.diff(record.time)))
@@ -108,7 +124,9 @@ def _drive(model: Model, record: Record) -> np.ndarray:
         raise DataError("simulated motion: the record has neither pressures nor forces to drive it")
     if model.machine is None:
         return record.force
-    return cylinder_forces_from_generalized(model.machine, record.position, record.force)
+    return cylinder_forces_from_generalized(
+        model.machine, record.position, record.force, record.joints
+    )
 
 
 def _rms(error: np.ndarray) -> np.ndarray:

@@ -32,7 +32,11 @@ def signals_of(model: Model, samples: Samples, rows: np.ndarray) -> dict[str, np
                 f"model, chamber pressures to compute them from (27); map or record one of them"
             )
         signals["force"] = generalized_forces(
-            model.machine, signals["position"], signals["pressure_a"], signals["pressure_b"]
+            model.machine,
+            signals["position"],
+            signals["pressure_a"],
+            signals["pressure_b"],
+            model.joints,
         )
     return signals
 
@@ -41,10 +45,7 @@ def resolution_of(log: Log) -> np.ndarray:
     """Encoder resolution (coordinates,) of the readings as they were logged."""
     signals = [log.position] if log.slew_position is None else [log.position, log.slew_position]
     return np.concatenate(
-        [
-            encoder_resolution(values[np.isfinite(values).all(axis=1)])
-            for values in (signal.value.reshape(len(signal.time), -1) for signal in signals)
-        ]
+        [encoder_resolution(signal.value.reshape(len(signal.time), -1)) for signal in signals]
     )
 
 

@@ -79,7 +79,11 @@ def test_effort_is_the_generalized_force_of_the_recorded_pressures(
     states = topics[JOINT_STATES.name].select(PLANAR_JOINTS).fields
     pressures = topics[CYLINDER_PRESSURES.name].select(PLANAR_JOINTS).fields
     tau = generalized_forces(
-        load_machine(), states["position"], pressures["chamber_a"], pressures["chamber_b"]
+        load_machine(),
+        states["position"],
+        pressures["chamber_a"],
+        pressures["chamber_b"],
+        PLANAR_JOINTS,
     )
     np.testing.assert_allclose(states["effort"], tau, rtol=1e-9, atol=1e-6)
     slew = topics[JOINT_STATES.name].select(["slew"]).fields["effort"]

@@ -50,7 +50,7 @@ def shown(value: object) -> str:
     if isinstance(value, float | int):
         return f"{value:g}"
     assert not isinstance(value, str) and hasattr(value, "__iter__")
-    return ", ".join(f"{one:g}" for one in value)
+    return ", ".join(f"{one:g}" for one in value) or "empty"
 
 
 def unique(values: Iterable[str]) -> list[str]:

@@ -4,6 +4,7 @@ import json
 from pathlib import Path
 from typing import Any
 
+from crane_identification.discrepancy.loads import NO_LOAD
 from crane_model.errors import DataError
 
 ANSWERS = {
@@ -50,7 +51,6 @@ def answer(verdict: str, values_kept: bool) -> str:
 def lines(content: dict[str, Any]) -> list[str]:
     """At most twenty lines."""
     out = [answer(content["verdict"], content.get("values_kept", False)), f"  {content['reason']}"]
-    out += [f"Warning: {one}" for one in content.get("warnings", ())]
     out.append(f"{WHERE[content['verdict']]}:")
     for joint, one in content["where"].items():
         region = one["region"]
@@ -67,6 +67,8 @@ def lines(content: dict[str, Any]) -> list[str]:
         out.append(f"In counts, and need units: {', '.join(content['needs_units'])}")
     if content["without"]:
         out.append(f"Not asked for: {', '.join(content['without'])}")
+    if reason := content.get("clock", {}).get("reason"):
+        out.append(f"No time of a session: {reason}")
     for number, finding in enumerate(content["findings"], start=1):
         out += _finding(number, finding)
     out.append("Held-out force error, before -> after (noise floor, learner):")
@@ -78,6 +80,12 @@ def lines(content: dict[str, Any]) -> list[str]:
             f"{_percent(new['force_relative_error'])} ({_percent(old['noise_floor'])}, "
             f"{_percent(old['best_achievable'])}){share}"
         )
+    loads = [
+        f"{one['recording']} {one['value']:.4g} +- {one['std_dev']:.2g} kg"
+        for one in content["gap"].get("loads", ())
+    ]
+    if loads:
+        out.append(f"  each with its own load, estimated from it: {', '.join(loads)}")
     out.append(_left(content["left"]))
     return out[:20]
 
@@ -94,6 +102,9 @@ def _left(left: dict[str, Any]) -> str:
 def _finding(number: int, finding: dict[str, Any]) -> list[str]:
     values = ", ".join(map(_parameter, finding["parameters"]))
     out = [f"{number}. {finding['name']}, {finding['joint']}: {values}"]
+    for name, recordings in finding.get("carried_in", {}).items():
+        carried = "no load, from which masses count," if name == NO_LOAD else name
+        out.append(f"   {carried} in {', '.join(recordings)}")
     evidence = f"   score {finding['score']:.0f}, threshold {finding['threshold']:.0f}"
     if finding["runner_up"]:
         runner = finding["runner_up"]

@@ -13,6 +13,7 @@ from crane_identification.discrepancy.candidates import Family
 from crane_identification.discrepancy.changes import estimated
 from crane_identification.discrepancy.decision import Judged
 from crane_identification.discrepancy.evidence import gather
+from crane_identification.discrepancy.loads import LOADS, NO_LOAD, Loads
 from crane_identification.discrepancy.refit import refit, shape_std_devs
 from crane_identification.discrepancy.search import Search
 from crane_identification.preparation import Preparation
@@ -94,8 +95,9 @@ def extended(
             )
             for i in range(part.start, part.stop)
         ]
+        coordinate = after.setting.units.get(one.option.family.where, "rad")
         bent = [
-            Value(name, float(one.option.shape[name]), spread[name], _unit(after, one, shape.unit))
+            Value(name, float(one.option.shape[name]), spread[name], shape.unit_on(coordinate))
             for name, shape in one.option.family.shapes.items()
         ]
         values.append(tuple(linear + bent))
@@ -108,14 +110,17 @@ def _before(model: Model, i: int) -> tuple[float, float]:
     return float(model.theta[i]), float(model.std_devs[i])
 
 
+def carried_in(finding: Finding, recordings: Sequence[str]) -> dict[str, tuple[str, ...]]:
+    """Which recordings carry each load of an effect that differs between them, and which `none`."""
+    loads: Loads | None = getattr(finding.accepted.option.term, LOADS, None)
+    if loads is None:
+        return {}
+    pairs = zip(finding.parameters, loads, strict=True)
+    carried = {value.name: load.recordings for value, load in pairs}
+    loaded = {name for names in carried.values() for name in names}
+    return carried | {NO_LOAD: tuple(sorted(set(recordings) - loaded))}
+
+
 def in_counts(values: tuple[Value, ...]) -> tuple[Value, ...]:
     """Parameters that are found in counts."""
     return tuple(replace(one, unit=COUNTS if one.unit != "1" else "1") for one in values)
-
-
-def _unit(model: Model, one: Judged, unit: str) -> str:
-    """Units of shapes are given for joints of both kinds; that of the joint at hand."""
-    both = unit.split(" or ")
-    joint = one.option.family.joint
-    prismatic = joint is not None and model.setting.units[joint] == "m"
-    return both[-1] if prismatic else both[0]

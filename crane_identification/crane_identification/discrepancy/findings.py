@@ -2,23 +2,29 @@
 
 import json
 import math
+from collections.abc import Sequence
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 
+from crane_identification.discrepancy.candidates import WHOLE, Family
 from crane_identification.discrepancy.diagnosis import Diagnosis
-from crane_identification.discrepancy.extension import Finding, Value
+from crane_identification.discrepancy.extension import Finding, Value, carried_in
 from crane_identification.discrepancy.gap import Gap
-from crane_identification.discrepancy.hydraulics import SIGMAS, Flow, Quantity
+from crane_identification.discrepancy.hydraulics import SIGMAS as FLOW_SIGMAS
+from crane_identification.discrepancy.hydraulics import Flow, Quantity
+from crane_identification.discrepancy.loads import LOADS, NO_LOAD, SIGMAS
+from crane_identification.discrepancy.weighing import Weighed
 from crane_identification.motion_validation import MotionValidation
 
 WHITE = 0.25  # correlation of neighbouring rows up to which what is left counts as white
 
 
-def write(path: Path | str, diagnosis: Diagnosis) -> None:
-    """Write the file."""
-    text = json.dumps(content(diagnosis), indent=2, allow_nan=False, ensure_ascii=False)
+def write(path: Path | str, diagnosis: Diagnosis, suspicions: Sequence[str] = ()) -> None:
+    """Write the file, with what is suspicious of the recordings."""
+    answer = content(diagnosis) | {"suspicions": list(suspicions)}
+    text = json.dumps(answer, indent=2, allow_nan=False, ensure_ascii=False)
     Path(path).write_text(text + "\n", encoding="utf-8")
 
 
@@ -29,19 +35,23 @@ def content(diagnosis: Diagnosis) -> dict[str, Any]:
             "verdict": diagnosis.verdict.value,
             "reason": diagnosis.reason,
             "values_kept": diagnosis.fixed,
-            "warnings": diagnosis.warnings,
             "where": _where(diagnosis),
             "findings": [_finding(diagnosis, one) for one in diagnosis.findings]
             + [
                 _of_flow(diagnosis, flow.joint, one)
                 for flow in diagnosis.flows
                 for one in flow.missing
-            ],
+            ]
+            + [_of_load(diagnosis, one) for one in diagnosis.gap.loads if one.found],
             "nearest": _nearest(diagnosis),
             "gap": {
                 "before": _side(diagnosis, diagnosis.gap.before, diagnosis.gap.motion_before),
                 "after": _side(diagnosis, diagnosis.gap.after, diagnosis.gap.motion_after),
                 "closed": dict(zip(diagnosis.joints, diagnosis.gap.closed, strict=True)),
+                "loads": [
+                    {"recording": one.recording, "value": one.mass, "std_dev": one.std_dev}
+                    for one in diagnosis.gap.loads
+                ],
             },
             "left": {
                 joint: {
@@ -59,7 +69,12 @@ def content(diagnosis: Diagnosis) -> dict[str, Any]:
                 )
             },
             "undetermined": diagnosis.undetermined,
+            "clock": {
+                "through_session": diagnosis.session.fallback is None,
+                "reason": diagnosis.session.fallback,
+            },
             "needs_units": diagnosis.uncalibrated,
+            "warnings": diagnosis.warnings,
             "without": sorted(diagnosis.without),
             "not_testable": _reasons(diagnosis.search.untestable),
             "not_observable": _reasons(diagnosis.search.unobservable)
@@ -106,6 +121,7 @@ def _finding(diagnosis: Diagnosis, finding: Finding) -> dict[str, Any]:
             for one in accepted.members
         ],
         "parameters": [_parameter(value) for value in finding.parameters],
+        "carried_in": carried_in(finding, diagnosis.training.sources),
         "score": accepted.score,
         "threshold": accepted.threshold,
         "false_alarm_rate": diagnosis.thresholds.false_alarm_rate,
@@ -135,6 +151,21 @@ def _parameter(one: Value) -> dict[str, Any]:
     }
 
 
+def _of_load(diagnosis: Diagnosis, one: Weighed) -> dict[str, Any]:
+    """A load that a held-out recording alone carries, by the same keys."""
+    cls = next(type(term) for term in diagnosis.gap.carried.terms if hasattr(term, LOADS))
+    name = "m_payload"
+    return _by_itself(
+        diagnosis,
+        Family(cls, None),
+        WHOLE,
+        {"name": name, "value": one.mass, "std_dev": one.std_dev, "unit": "kg"},
+        (one.mass / one.std_dev) ** 2,
+        SIGMAS**2,
+        None,
+    ) | {"carried_in": {name: [one.recording], NO_LOAD: sorted(diagnosis.training.sources)}}
+
+
 def _nearest(diagnosis: Diagnosis) -> dict[str, Any] | None:
     """What comes closest where nothing is named, and why that does not do."""
     near = diagnosis.nearest
@@ -162,22 +193,37 @@ def _nearest(diagnosis: Diagnosis) -> dict[str, Any] | None:
 
 def _of_flow(diagnosis: Diagnosis, joint: str, one: Quantity) -> dict[str, Any]:
     """A finding of the flow balance, by the same keys; it adds nothing to the model of forces."""
+    threshold = (FLOW_SIGMAS * one.std_dev / one.value) ** 2 * one.score
+    return _by_itself(diagnosis, one, joint, _value(one), one.score, threshold, one.share)
+
+
+def _by_itself(
+    diagnosis: Diagnosis,
+    what: Family | Quantity,
+    joint: str,
+    parameter: dict[str, Any],
+    score: float,
+    threshold: float,
+    strength: float | None,
+) -> dict[str, Any]:
+    """A finding with one parameter, which competed with no other effect."""
     return {
-        "effect": one.type,
-        "name": one.effect.name,
+        "effect": what.type,
+        "name": what.effect.name,
         "joint": joint,
         "class_members": [],
-        "parameters": [_value(one)],
-        "score": one.score,
-        "threshold": (SIGMAS * one.std_dev / one.value) ** 2 * one.score,
+        "parameters": [parameter],
+        "carried_in": {},
+        "score": score,
+        "threshold": threshold,
         "false_alarm_rate": diagnosis.thresholds.false_alarm_rate,
         "runner_up": None,
-        "margin": one.score,
+        "margin": score,
         "margin_needed": 0.0,
         "visibility": 1.0,
-        "strength": one.share,
+        "strength": strength,
         "held_out_gains": {},
-        "settled_by": one.effect.settled_by,
+        "settled_by": what.effect.settled_by,
     }
 
 
@@ -217,6 +263,7 @@ def _side(diagnosis: Diagnosis, error: np.ndarray, motion: MotionValidation) -> 
             "best_achievable": gap.best[j],
             "motion_error": motion.position_rms[j],
             "motion_displacement": motion.displacement_rms[j],
+            "motion_reason": motion.reason,
         }
         for j, joint in enumerate(gap.joints)
     }

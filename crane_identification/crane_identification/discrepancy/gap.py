@@ -8,13 +8,12 @@ import numpy as np
 from crane_identification.averaging import noise_of_mean
 from crane_identification.discrepancy.evidence import Evidence
 from crane_identification.discrepancy.learner import predict_elsewhere
-from crane_identification.motion_validation import HORIZON, MotionValidation, validate_motion
+from crane_identification.discrepancy.weighing import Weighed, weighed
+from crane_identification.motion_validation import MotionValidation, validate_motion
 from crane_identification.preparation import Preparation
 from crane_identification.regression import OPEN
 from crane_identification.signals.decimate import decimate
-from crane_model.errors import RangeError
 from crane_model.model_file import Model
-from crane_model.record import Record
 
 EXPLAINABLE = 0.05  # share of the energy of an error; less than that is no gap
 CLEAN = 2.0  # times the noise floor: what models reach from which nothing is missing
@@ -25,10 +24,11 @@ RESOLUTION = 1e-6  # relative error, below which numbers are rounding
 class Gap:
     """Per joint (j,), relative to the rms of the force: error `before` and `after`, the `floor` of
     noise (NaN where no period was repeated), and the `best` that a flexible learner reaches;
-    `training`: error before on the recordings that the model was fitted to. `uncertain`: what
-    errors of the values that are kept make of it, after.
+    `training_before` and `training_after`: errors on the recordings that models were fitted to.
+    `uncertain`: error that the standard deviations of values that are kept allow.
 
-    `motion_before` and `motion_after`: errors of the simulated motion.
+    `motion_before` and `motion_after`: errors of the simulated motion. `loads` of the held-out
+    recordings, which `carried` holds beside what the model after has.
     """
 
     joints: tuple[str, ...]
@@ -36,9 +36,12 @@ class Gap:
     after: np.ndarray
     floor: np.ndarray
     best: np.ndarray
-    training: np.ndarray
+    training_before: np.ndarray
+    training_after: np.ndarray
     motion_before: MotionValidation
     motion_after: MotionValidation
+    loads: tuple[Weighed, ...]
+    carried: Model
     uncertain: np.ndarray | float = 0.0
 
     @property
@@ -65,6 +68,11 @@ class Gap:
         explainable = before - least
         return (before - after) / explainable if explainable > EXPLAINABLE * before else np.nan
 
+    @property
+    def largest_before(self) -> np.ndarray:
+        """The larger one of held-out and training error before (j,)."""
+        return np.maximum(self.before, self.training_before)
+
     def over_floor(self, errors: np.ndarray) -> np.ndarray:
         """Errors (j,) over the noise floor; NaN where none is known."""
         return errors / np.maximum(self.floor, RESOLUTION)
@@ -77,8 +85,13 @@ def measure(
     held_out: Evidence,
     averaged: Sequence[Preparation],
 ) -> Gap:
-    """Both models, fitted to the training recordings, on the held-out ones."""
+    """Both models, fitted to the training recordings, on the held-out ones.
+
+    The one after with the load of each of these, which is a property of that recording.
+    """
     j = len(before.joints)
+    doubt = uncertain(held_out, after) if training.keeps else 0.0
+    after, loads = with_own_loads(after, training, held_out)
     old, new = residual(held_out, before), residual(held_out, after)
     learnt = np.minimum(np.abs(old), np.abs(new))  # close to reversals, what the better one leaves
     seen = training.moving
@@ -93,10 +106,13 @@ def measure(
         after=errors[1],
         floor=noise_floor(averaged, held_out.runs[0].factor, j) / force,
         best=np.minimum(errors[2], errors[0]),
-        training=relative(training, fitted),
-        motion_before=simulated(before, records),
-        motion_after=simulated(after, records),
-        uncertain=uncertain(held_out, after) if training.keeps else 0.0,
+        training_before=relative(training, fitted),
+        training_after=relative(training, residual(training, after)),
+        motion_before=validate_motion(before, records),
+        motion_after=validate_motion(after, records),
+        loads=loads,
+        carried=after,
+        uncertain=doubt,
     )
 
 
@@ -107,13 +123,12 @@ def uncertain(evidence: Evidence, model: Model) -> np.ndarray:
     return relative(evidence, np.linalg.norm(np.concatenate(parts) * model.std_devs, axis=2))
 
 
-def simulated(model: Model, records: Sequence[Record]) -> MotionValidation:
-    """Errors of the simulated motion; NaN for values that are not physical and do not move."""
-    try:
-        return validate_motion(model, records)
-    except RangeError:
-        unknown = np.full(len(model.joints), np.nan)
-        return MotionValidation(model.joints, HORIZON, 0, unknown, unknown)
+def with_own_loads(
+    model: Model, training: Evidence, held_out: Evidence
+) -> tuple[Model, tuple[Weighed, ...]]:
+    """The model with what each held-out recording carries, and these loads."""
+    usual = training.rms(residual(training, model))
+    return weighed(model, held_out, residual(held_out, model), usual)
 
 
 def over_zones(evidence: Evidence, values: np.ndarray) -> np.ndarray:

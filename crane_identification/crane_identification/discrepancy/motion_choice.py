@@ -16,19 +16,19 @@ from crane_identification.discrepancy.scaling import normed
 from crane_identification.discrepancy.search import Search
 from crane_identification.discrepancy.selection import Choice, solve
 from crane_identification.motion_validation import validate_motion
-from crane_model.errors import CraneError
 from crane_model.model_file import Model
 from crane_model.record import Record
 
 NEARLY = 0.1  # share of an effect's score that its shape may give up for the motion
 CLEARLY = 0.95  # of the error of the simulated motion that another shape must stay below
 FACTORS = (0.4, 0.63, 0.8, 1.25, 1.6, 2.5)  # between shapes that are tried
-LONGEST = 2  # runs that are simulated
+SIMULATED = 2  # runs, the longest
 
 
 def suited(search: Search, before: Model, accepted: Sequence[Judged]) -> list[Judged]:
     """The accepted effects, each with the shape of those nearly alike that moves most truly."""
-    records = [run.record for run in search.evidence.runs[:LONGEST]]
+    longest = sorted(search.evidence.runs, key=lambda run: (-len(run.record), run.source))
+    records = [run.record for run in longest[:SIMULATED]]
     chosen = list(accepted)
     for place, one in enumerate(chosen):
         if not one.option.family.shapes:
@@ -77,11 +77,9 @@ def _error(
 ) -> float:
     """Error of the simulated motion over the displacement, of the joint that is worst off."""
     options = [search.projection.options[i] for i in choice.options]
-    try:
-        keeps = search.evidence.keeps
-        model = (estimated if keeps else _quickly)(search, before, options)
-        found = validate_motion(model, records)
-    except CraneError:  # these values do not move at all
+    model = (estimated if search.evidence.keeps else _quickly)(search, before, options)
+    found = validate_motion(model, records)
+    if found.reason:
         return np.inf
     joint = one.option.family.joint
     relative = np.nan_to_num(found.relative)

@@ -62,7 +62,7 @@ def tried(
     chosen = tuple(effects)
     while True:
         model, values = extended(found, before, chosen, training)
-        sure = tuple(one for one, own in zip(chosen, values, strict=True) if _differs(one, own))
+        sure = tuple(one for one, own in zip(chosen, values, strict=True) if differs(one, own))
         if sure == chosen:
             break
         chosen = sure
@@ -82,7 +82,7 @@ def tried(
     )
 
 
-def _differs(one: Judged, values: Sequence[Value]) -> bool:
+def differs(one: Judged, values: Sequence[Value]) -> bool:
     """Whether a parameter of an effect is not zero, or has changed; shapes alone say nothing."""
     changes = [value.change for value in values[: len(one.option.positive)]]
     return any(abs(change) > SIGMAS * std_dev for change, std_dev in changes)

@@ -9,21 +9,26 @@ from diagnostic_msgs.msg import DiagnosticArray
 from rclpy.clock import Clock, ClockType
 from rclpy.lifecycle import LifecycleNode, LifecycleState, TransitionCallbackReturn
 from rclpy.qos import DurabilityPolicy, QoSProfile, ReliabilityPolicy
-from sensor_msgs.msg import JointState
 from std_srvs.srv import Trigger
 
 from crane_driver.nodes.managed import AUTOSTART, run_managed
 from crane_driver.nodes.parameters import NodeParameter, Number, Numbers, Text, declare, hold
 from crane_driver.nodes.polled import Polled
-from crane_identification.online.condition import Condition, status
-from crane_identification.online.estimator import Forces, OnlineEstimator, OnlineOptions
-from crane_identification.online.topics import Feed, estimate_message, forces_message
-from crane_interfaces.msg import CylinderPressures, GeneralizedForces, ParameterEstimate
+from crane_identification.data.column_map import ColumnMap
+from crane_identification.online.condition import Condition, recording, status
+from crane_identification.online.estimator import OnlineEstimator, OnlineOptions
+from crane_identification.online.mapped_topics import mapped_listeners
+from crane_identification.online.recent import Recent, Watched
+from crane_identification.online.topics import (
+    Listener,
+    estimate_message,
+    forces_message,
+    listeners,
+)
+from crane_interfaces.msg import GeneralizedForces, ParameterEstimate
 from crane_model.configuration import load, packaged
 from crane_model.errors import CraneError, DataError
-from crane_model.machine import PLANAR_JOINTS
 from crane_model.model_file import load_model, save_model
-from crane_model.sensors import SensorChain
 
 JOINT_STATES, PRESSURES = "/joint_states", "/cylinder_pressures"
 DEEP = QoSProfile(depth=1000, reliability=ReliabilityPolicy.RELIABLE)
@@ -41,6 +46,11 @@ MODEL = Text(
 )
 MODEL_OUTPUT = Text(
     "model_output", "identified_model.yaml", "File that ~/save_model writes, replacing it"
+)
+COLUMNS = Text(
+    "columns",
+    "",
+    "Column map of the topics to listen to; empty: those of the suite. At configure",
 )
 FORGETTING = Number(
     "forgetting",
@@ -76,31 +86,32 @@ TIMEOUT = Number(
 
 RESOLUTION = Numbers(
     "encoder_resolution",
-    tuple(
-        load(packaged("crane_model", "sensors.yaml"), SensorChain).encoder_resolution[joint]
-        for joint in PLANAR_JOINTS
-    ),
+    (),
     "rad or m",
     1e-9,
     0.1,
-    "One count of the encoder of each joint of the model, in its order. At configure",
+    "One count of the encoder of each joint of the model, in its order; empty: those of the "
+    "laboratory crane. At configure",
 )
 PARAMETERS: tuple[NodeParameter, ...] = (
-    *(AUTOSTART, MODEL, MODEL_OUTPUT, FORGETTING, LAG, PERIOD, LARGEST_GAP, RESOLUTION, TIMEOUT),
+    *(AUTOSTART, MODEL, COLUMNS, MODEL_OUTPUT, FORGETTING),
+    *(LAG, PERIOD, LARGEST_GAP, RESOLUTION, TIMEOUT),
 )
 
 
 class Identification(LifecycleNode):
-    """Learns from /joint_states and /cylinder_pressures, tells what it knows once a second."""
+    """Learns from positions and chamber pressures, tells what it knows once a second."""
 
     def __init__(self) -> None:
         super().__init__("identification")
         declare(self, PARAMETERS)
         self._estimator: OnlineEstimator | None = None
+        self._recent: Recent | None = None
         fixed = [parameter for parameter in PARAMETERS if parameter is not MODEL_OUTPUT]
         hold(self, fixed, lambda: "configured" if self._estimator else "unconfigured")
         self._condition = Condition()
-        self._listening: list[tuple[Polled, Callable[[Any], None]]] = []
+        self._listeners: tuple[Listener, ...] = ()
+        self._listening: list[tuple[Polled, Callable[[Any, int], None]]] = []
         self._diagnostics = self.create_publisher(DiagnosticArray, "/diagnostics", 10)
         self._estimates = self.create_lifecycle_publisher(
             ParameterEstimate, "/parameter_estimate", LATCHED
@@ -123,11 +134,14 @@ class Identification(LifecycleNode):
                 period=PERIOD.read(self),
                 forgetting=FORGETTING.read(self),
                 largest_gap=LARGEST_GAP.read(self),
-                encoder_resolution=RESOLUTION.read(self),
+                encoder_resolution=RESOLUTION.read(self) or None,
             )
             self._condition = Condition(timeout=TIMEOUT.read(self))
             file = MODEL.read(self) or packaged("crane_model", "crane_model.yaml")
-            self._estimator = OnlineEstimator(load_model(file), options)
+            estimator = OnlineEstimator(load_model(file), options)
+            recent = Recent(estimator.model.machine, estimator.model.joints)
+            self._listeners = self._listeners_of(Watched(estimator, recent))
+            self._estimator, self._recent = estimator, recent
         except CraneError as error:
             self.get_logger().error(str(error))
             return TransitionCallbackReturn.FAILURE
@@ -135,19 +149,12 @@ class Identification(LifecycleNode):
 
     def on_activate(self, state: LifecycleState) -> TransitionCallbackReturn:
         """Listen; what was learned before a deactivation is kept."""
-        assert self._estimator is not None
-        feed = Feed(self._estimator, JOINT_STATES, PRESSURES)
         self._listening = [
-            (
-                Polled(self, JointState, JOINT_STATES, DEEP),
-                self._learner(JOINT_STATES, feed.joint_states),
-            ),
-            (
-                Polled(self, CylinderPressures, PRESSURES, DEEP),
-                self._learner(PRESSURES, feed.pressures),
-            ),
+            (Polled(self, one.msgtype, one.topic, DEEP), self._learner(one))
+            for one in self._listeners
         ]
-        self._condition.listen(time.monotonic(), JOINT_STATES, PRESSURES)
+        topics = [one.topic for one in self._listeners]
+        self._condition.listen(time.monotonic(), *topics)
         return super().on_activate(state)
 
     def on_deactivate(self, state: LifecycleState) -> TransitionCallbackReturn:
@@ -160,24 +167,30 @@ class Identification(LifecycleNode):
 
     def on_cleanup(self, state: LifecycleState) -> TransitionCallbackReturn:
         """Forget the model and what was learned."""
-        self._estimator = None
+        self._estimator = self._recent = None
         return super().on_cleanup(state)
 
     def _visit(self) -> None:
         for topic, learn in self._listening:
-            for message, _ in topic.take():
-                learn(message)
+            for message, about in topic.take():
+                learn(message, about["source_timestamp"])
 
-    def _learner(self, topic: str, feed: Callable[[Any], list[Forces]]) -> Callable[[Any], None]:
-        def learn(message: Any) -> None:
-            self._condition.arrived(topic, time.monotonic())
+    def _listeners_of(self, estimator: Watched) -> tuple[Listener, ...]:
+        file = COLUMNS.read(self)
+        if not file:
+            return listeners(estimator, JOINT_STATES, PRESSURES)
+        return mapped_listeners(estimator, load(file, ColumnMap), file)
+
+    def _learner(self, listener: Listener) -> Callable[[Any, int], None]:
+        def learn(message: Any, sent: int) -> None:
+            self._condition.arrived(listener.topic, time.monotonic())
             try:
-                forces = feed(message)
+                forces = listener.take(message, sent)
             except DataError as error:
-                if self._condition.problem(topic, str(error)):
+                if self._condition.problem(listener.topic, str(error)):
                     self.get_logger().error(str(error))
                 return
-            self._condition.well(topic)
+            self._condition.well(listener.topic)
             assert self._estimator is not None
             for one in forces:
                 self._forces.publish(forces_message(self._estimator.model.joints, one))
@@ -193,7 +206,10 @@ class Identification(LifecycleNode):
         found = status(
             self.get_name(), self._condition, self._estimator, solution, time.monotonic()
         )
-        message = DiagnosticArray(status=[found])
+        if self._recent is not None:
+            self._recent.check()
+        checked = recording(self.get_name(), self._recent.found if self._recent else None)
+        message = DiagnosticArray(status=[found, checked])
         message.header.stamp = self.get_clock().now().to_msg()
         self._diagnostics.publish(message)
 
@@ -218,8 +234,9 @@ class Identification(LifecycleNode):
         return response
 
 
-ABOUT = """Identifies the parameters of the crane from /joint_states and /cylinder_pressures while
-it moves, and publishes them with standard deviations on /parameter_estimate."""
+ABOUT = """Identifies the parameters of the crane from /joint_states and /cylinder_pressures, or
+from the topics that a column map names, while it moves, and publishes them with standard
+deviations on /parameter_estimate."""
 
 
 def main(argv: Sequence[str] | None = None) -> int:

@@ -41,7 +41,7 @@ def findings(
     units = [setting.force_unit(joint) for joint in fit.model.joints]
     return (
         *_parameters(fit),
-        *(note for log in logs for note in _recording(log)),
+        *(warning for log in logs for warning in log.warnings),
         *_together([(p.source, note) for p in preparations for note in _preparation(p)]),
         *_drifts(preparations, units),
         *_gaps(preparations),
@@ -91,13 +91,6 @@ def _doubt(parameter: Parameter, value: float, std_dev: float) -> str:
     if printed.relative == NONE:
         return printed.value
     return short_percent(std_dev / abs(value)) if std_dev <= abs(value) else printed.relative
-
-
-def _recording(log: Log) -> list[str]:
-    notes = [f"{log.source}: {note}" for note in log.notes]
-    if log.missing:
-        notes.insert(0, f"{log.source}: not recorded: {listed(log.missing)}.")
-    return notes
 
 
 def _together(notes: Sequence[tuple[str, str]]) -> list[str]:

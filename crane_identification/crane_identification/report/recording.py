@@ -40,7 +40,7 @@ def recorded(
     """
     samples = resample(log)
     force = _forces(model, samples)
-    resolution = encoder_resolution(log.position.value[np.isfinite(log.position.value).all(axis=1)])
+    resolution = encoder_resolution(log.position.value)
     estimator = _tuned(motion, bandwidth, 1.0 / samples.rate)
     runs = [np.flatnonzero(samples.run == run) for run in np.unique(samples.run)]
     velocity = np.full_like(samples.position, np.nan)
@@ -69,7 +69,7 @@ def _forces(model: Model, samples: Samples) -> np.ndarray:
     assert model.machine is not None and samples.pressure_a is not None  # the fit refused such logs
     assert samples.pressure_b is not None
     return generalized_forces(
-        model.machine, samples.position, samples.pressure_a, samples.pressure_b
+        model.machine, samples.position, samples.pressure_a, samples.pressure_b, model.joints
     )
 
 

@@ -9,7 +9,7 @@ import numpy as np
 
 from crane_identification.report.content import IdentificationReport
 from crane_identification.report.errors import JointErrors
-from crane_identification.scale.cluster import ClusterFit
+from crane_identification.scale.information import ClusterFit
 
 
 class ParameterSummary(TypedDict):
@@ -23,13 +23,15 @@ class ParameterSummary(TypedDict):
 
 class MotionSummary(TypedDict):
     """Per joint [rad, m]: rms error of the simulated position `horizon` seconds [s] ahead, driven
-    by the measured pressures, and how far the joint itself moved in that time.
+    by the measured pressures, and how far the joint itself moved in that time. Where the model
+    cannot be simulated, they are null and `reason` says why; otherwise it is empty.
     """
 
     horizon: float
     windows: int
     position_rms: dict[str, float | None]
     displacement_rms: dict[str, float | None]
+    reason: str
 
 
 class RecursiveSummary(TypedDict):
@@ -116,6 +118,7 @@ def summarize(report: IdentificationReport) -> Summary:
             windows=simulated.windows,
             position_rms=per_joint(simulated.position_rms),
             displacement_rms=per_joint(simulated.displacement_rms),
+            reason=simulated.reason,
         )
         if simulated
         else None,

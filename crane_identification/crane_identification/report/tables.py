@@ -161,9 +161,9 @@ def error_rows(report: IdentificationReport) -> list[ErrorRow]:
 
 
 def motion_rows(report: IdentificationReport) -> list[MotionRow]:
-    """Simulated against measured motion of each joint; none without validation."""
+    """Simulated against measured motion of each joint; none where nothing could be simulated."""
     simulated = report.simulated
-    if simulated is None:
+    if simulated is None or simulated.reason:
         return []
     units = report.fit.model.setting.units
     return [

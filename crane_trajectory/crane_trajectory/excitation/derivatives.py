@@ -17,6 +17,7 @@ from crane_model.model_file import Model
 from crane_model.record import Record
 from crane_model.terms import JointTerm, Term
 from crane_model.terms.friction import Coulomb, CoulombAsymmetry, Viscous, ViscousAsymmetry
+from crane_model.terms.planar import planar_columns
 from crane_model.terms.rigid_body import PlanarRigidBody
 from crane_trajectory.fourier import Samples
 
@@ -57,9 +58,10 @@ def pull_back(model: Model, record: Record, weight: np.ndarray, width: np.ndarra
         if isinstance(term, PlanarRigidBody):
             assert model.machine is not None  # such a model cannot be loaded
             geometry = Geometry.of(model.machine)
-            parts = _rigid_body(geometry, record, weight[:, :, columns])
+            at = planar_columns(record)
+            parts = _rigid_body(geometry, record, at, weight[:, at, columns])
             for whole, part in zip(total, parts, strict=True):
-                whole += part
+                whole[:, at] += part
         elif isinstance(term, JointTerm):
             j = record.column(term.joint)
             for whole, part in zip(total, _column_slopes(term, record, j, width[j]), strict=True):
@@ -117,8 +119,10 @@ def _by_differences(term: JointTerm, record: Record, j: int, width: float) -> np
     )
 
 
-def _rigid_body(geometry: Geometry, record: Record, weight: np.ndarray) -> Samples:
+def _rigid_body(geometry: Geometry, record: Record, at: list[int], weight: np.ndarray) -> Samples:
     """Derivatives of sum_jk weight_njk phi_njk of (8) for the base set, weight (n, 3, 8).
+
+    The planar joints stand `at` these columns of the record.
 
     In the coordinates phi, psi, s of `crane_model.dynamics`; A and B are what the moments of the
     outer boom along (4) and normal (5) to the telescope give in the rows of phi and psi without
@@ -126,7 +130,8 @@ def _rigid_body(geometry: Geometry, record: Record, weight: np.ndarray) -> Sampl
     """
     a, g = geometry.inner_boom_length, geometry.gravity
     offset = geometry.telescope_offset  # N_TL = a3 m_TL
-    q, v, acceleration = record.position.T, record.velocity.T, record.acceleration.T
+    motion = record.position, record.velocity, record.acceleration
+    q, v, acceleration = (values.T[at] for values in motion)
     phi, psi, s = q[0] + geometry.theta_2_0, q[0] + q[1], q[2]
     dphi, dpsi, ds = v[0], v[0] + v[1], v[2]
     ddphi, ddpsi, dds = acceleration[0], acceleration[0] + acceleration[1], acceleration[2]

@@ -5,7 +5,7 @@ from collections.abc import Sequence
 import numpy as np
 
 from crane_model.errors import RangeError
-from crane_model.machine import JOINT_UNITS, JOINTS, PLANAR_JOINTS, Machine
+from crane_model.machine import JOINT_UNITS, JOINTS, Machine
 
 
 def cylinder_geometry(
@@ -55,14 +55,10 @@ def cylinder_force(
     return cylinder.area_a * np.asarray(pressure_a) - cylinder.area_b * np.asarray(pressure_b)
 
 
-def lever_arms(
-    machine: Machine, q: np.ndarray, joints: Sequence[str] = PLANAR_JOINTS
-) -> np.ndarray:
-    """(n, k) coordinates of k joints to (n, k) lever arms dx/dq."""
-    arms = np.empty(q.shape)
-    for i, joint in enumerate(joints):
-        arms[:, i] = lever_arm(machine, joint, q[:, i])
-    return arms
+def lever_arms(machine: Machine, q: np.ndarray, joints: Sequence[str]) -> np.ndarray:
+    """(n, k) coordinates of k joints, in any order, to (n, k) lever arms dx/dq."""
+    columns = zip(joints, q.T, strict=True)
+    return np.stack([lever_arm(machine, joint, column) for joint, column in columns], axis=1)
 
 
 def generalized_forces(
@@ -70,12 +66,9 @@ def generalized_forces(
     q: np.ndarray,
     pressure_a: np.ndarray,
     pressure_b: np.ndarray,
-    joints: Sequence[str] = PLANAR_JOINTS,
+    joints: Sequence[str],
 ) -> np.ndarray:
-    """(27): torques [N m], F4 [N] from coordinates and chamber pressures, each (n, k) of k joints.
-
-    Of the planar joints: tau2, tau3, F4.
-    """
+    """(27) [N m, N] of k joints in any order from coordinates and pressures, each (n, k)."""
     tau = lever_arms(machine, q, joints)
     for i, joint in enumerate(joints):
         tau[:, i] *= cylinder_force(machine, joint, pressure_a[:, i], pressure_b[:, i])
@@ -83,7 +76,7 @@ def generalized_forces(
 
 
 def cylinder_forces_from_generalized(
-    machine: Machine, q: np.ndarray, tau: np.ndarray
+    machine: Machine, q: np.ndarray, tau: np.ndarray, joints: Sequence[str]
 ) -> np.ndarray:
-    """Inverse of (27): (n, 3) generalized forces to (n, 3) cylinder forces [N]."""
-    return np.asarray(tau) / lever_arms(machine, q)
+    """Inverse of (27): (n, k) generalized forces of k joints to (n, k) cylinder forces [N]."""
+    return np.asarray(tau) / lever_arms(machine, q, joints)

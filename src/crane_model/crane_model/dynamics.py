@@ -14,6 +14,7 @@ With the centre of mass of telescope and gripper on the telescope's axis, N_TL =
 parameters are left: the base set.
 """
 
+from collections.abc import Sequence
 from typing import NamedTuple
 
 import numpy as np
@@ -32,6 +33,8 @@ LAGRANGIAN_PARAMETERS = (
     "S_TL_along",
     "S_TL_normal",
 )
+
+_ALONE = (0, 1, 2)  # where the joints stand that tau2, tau3 and F4 belong to
 
 
 class Geometry(NamedTuple):
@@ -54,21 +57,24 @@ def _fill_regressor(
     q: np.ndarray,
     v: np.ndarray,
     acc: np.ndarray,
+    at: tuple[int, int, int],
     theta: float,
     a: float,
     g: float,
     normal_per_mass: float,
     out: np.ndarray,
 ) -> None:
-    """Write the first columns of the nine, as many as `out` (n, 3, 8 or 9) has.
+    """Write the first columns of the nine, as many as `out` (n, j, 8 or 9) has.
 
+    Inner boom, outer boom and telescope stand at `at` among the j joints of motion and `out`.
     S_TL_normal = normal_per_mass m_TL + what its own column stands for.
     """
     phi_row, psi_row, s_row = np.zeros(9), np.zeros(9), np.zeros(9)
+    inner, outer, telescope = at
     for i in range(len(q)):
-        phi, psi, s = q[i, 0] + theta, q[i, 0] + q[i, 1], q[i, 2]
-        dphi, dpsi, ds = v[i, 0], v[i, 0] + v[i, 1], v[i, 2]
-        ddphi, ddpsi, dds = acc[i, 0], acc[i, 0] + acc[i, 1], acc[i, 2]
+        phi, psi, s = q[i, inner] + theta, q[i, inner] + q[i, outer], q[i, telescope]
+        dphi, dpsi, ds = v[i, inner], v[i, inner] + v[i, outer], v[i, telescope]
+        ddphi, ddpsi, dds = acc[i, inner], acc[i, inner] + acc[i, outer], acc[i, telescope]
         sin_phi, cos_phi = np.sin(phi), np.cos(phi)
         sin_psi, cos_psi = np.sin(psi), np.cos(psi)
         # of psi - phi: functions of an angle are what costs most here
@@ -94,9 +100,9 @@ def _fill_regressor(
         s_row[6] += normal_per_mass * s_row[8]
         # virtual work: phi turns with q2 alone, psi with q2 and q3
         for k in range(out.shape[2]):
-            out[i, 0, k] = phi_row[k] + psi_row[k]
-            out[i, 1, k] = psi_row[k]
-            out[i, 2, k] = s_row[k]
+            out[i, inner, k] = phi_row[k] + psi_row[k]
+            out[i, outer, k] = psi_row[k]
+            out[i, telescope, k] = s_row[k]
 
 
 def lagrangian_regressor(
@@ -104,15 +110,23 @@ def lagrangian_regressor(
 ) -> np.ndarray:
     """phi of (8) for the nine parameters: (n, 3) motion to (n, 3, 9); rows tau2, tau3, F4."""
     out = np.empty((len(q), 3, 9))
-    _fill(geometry, q, v, acceleration, 0.0, out)
+    _fill(geometry, q, v, acceleration, _ALONE, 0.0, out)
     return out
 
 
 def fill_base_regressor(
-    geometry: Geometry, q: np.ndarray, v: np.ndarray, acceleration: np.ndarray, out: np.ndarray
+    geometry: Geometry,
+    q: np.ndarray,
+    v: np.ndarray,
+    acceleration: np.ndarray,
+    at: Sequence[int],
+    out: np.ndarray,
 ) -> None:
-    """Write phi of (8) for the base set, N_TL = a3 m_TL: (n, 3) motion into `out` (n, 3, 8)."""
-    _fill(geometry, q, v, acceleration, geometry.telescope_offset, out)
+    """Write phi of (8) for the base set, N_TL = a3 m_TL: (n, j) motion into `out` (n, j, 8).
+
+    `at` (3,) says where inner boom, outer boom and telescope stand among the j joints.
+    """
+    _fill(geometry, q, v, acceleration, at, geometry.telescope_offset, out)
 
 
 def _fill(
@@ -120,13 +134,16 @@ def _fill(
     q: np.ndarray,
     v: np.ndarray,
     acceleration: np.ndarray,
+    at: Sequence[int],
     normal_per_mass: float,
     out: np.ndarray,
 ) -> None:
+    inner, outer, telescope = at
     _fill_regressor(
         np.ascontiguousarray(q, dtype=float),
         np.ascontiguousarray(v, dtype=float),
         np.ascontiguousarray(acceleration, dtype=float),
+        (inner, outer, telescope),
         geometry.theta_2_0,
         geometry.inner_boom_length,
         geometry.gravity,

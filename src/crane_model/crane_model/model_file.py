@@ -1,6 +1,6 @@
 """The model: a sum of terms with values, standard deviations and provenance, kept in YAML."""
 
-from collections.abc import Collection
+from collections.abc import Collection, Mapping
 from dataclasses import dataclass, replace
 from functools import cached_property
 from itertools import accumulate
@@ -12,7 +12,7 @@ from pydantic import BeforeValidator, Field, SerializeAsAny
 
 from crane_model.configuration import Schema, load, save, validate
 from crane_model.errors import ConfigurationError
-from crane_model.machine import Machine, load_machine
+from crane_model.machine import JOINT_UNITS, Machine, load_machine
 from crane_model.record import Record
 from crane_model.terms import Parameter, Term, term_from_mapping
 from crane_model.terms.term import Family, Setting
@@ -161,9 +161,13 @@ def load_model(path: Path | str) -> Model:
     """
     path = Path(path)
     content = load(path, _ModelFile)
-    model = Model(
-        content.name, Setting(content.joints, _machine(content.machine, path)), content.terms
-    )
+    setting = Setting(content.joints, _machine(content.machine, path))
+    model = Model(content.name, setting, content.terms)
+    if setting.machine is not None and not content.joints.items() <= JOINT_UNITS.items():
+        raise ConfigurationError(
+            f"{path}: key 'joints': a machine has the joints {_units(JOINT_UNITS)}, of which a "
+            f"model takes any in any order; got {_units(content.joints)}"
+        )
     try:
         names = [(p.name, p.unit) for p in model.parameters]
     except ConfigurationError as error:
@@ -217,6 +221,10 @@ def _machine(given: dict[str, Any] | str | None, model_path: Path) -> Machine | 
     if given == "laboratory_crane":
         return load_machine()
     return load_machine(model_path.parent / given)
+
+
+def _units(joints: Mapping[str, str]) -> str:
+    return ", ".join(f"{joint} [{unit}]" for joint, unit in joints.items())
 
 
 def _listed(parameters: list[tuple[str, str]]) -> str:

@@ -66,6 +66,7 @@ def simulate(
         for term in model.terms
         if isinstance(term, MemoryTerm)
     } | dict(memory or {})
+    _check_inertia(model, _split(now, states, q, v)[0])
     course = [(q, v, np.zeros_like(v))]
     for k in range(1, len(drive)):
         start = v
@@ -181,6 +182,18 @@ def _inverse(model: Model, mass: np.ndarray) -> np.ndarray:
     return inverse
 
 
+def _check_inertia(model: Model, mass: np.ndarray) -> None:
+    """`RangeError` if a joint has none in mass matrices (N, j, j)."""
+    least = np.einsum("njj->nj", mass).min(axis=0)
+    for joint, inertia in zip(model.joints, least, strict=True):
+        if not inertia > 0.0:
+            raise RangeError(
+                f"simulation of '{model.name}': the inertia of {joint} is {inertia:.3g} in the "
+                "model, and must be above 0 to move; list a term with inertia, or record faster "
+                "motion, which determines it"
+            )
+
+
 def _split(
     at: _Instant, memory: Mapping[MemoryTerm, np.ndarray], q: np.ndarray, v: np.ndarray
 ) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
@@ -207,7 +220,7 @@ def _split(
 
 def _lever_arms(model: Model, q: np.ndarray) -> np.ndarray:
     """(n, j) from cylinder forces, or generalized forces, to generalized forces."""
-    return np.ones_like(q) if model.machine is None else lever_arms(model.machine, q)
+    return np.ones_like(q) if model.machine is None else lever_arms(model.machine, q, model.joints)
 
 
 @njit(cache=True)

@@ -103,6 +103,7 @@ def test_effort_is_the_generalized_force_of_the_pressures_of_the_same_cycle(benc
         np.array([joints.position[1:]]),
         np.array([pressures.chamber_a]),
         np.array([pressures.chamber_b]),
+        PLANAR_JOINTS,
     )
     assert math.isnan(joints.effort[0])  # no transducers
     assert joints.effort[1:] == pytest.approx(expected.tolist(), rel=1e-3)

@@ -42,7 +42,7 @@ def experiment(
     columns = [reference.joint_names.index(joint) for joint in model.joints]
     q, v, a = (values[:, columns] for values in moved)
     force = cylinder_forces_from_generalized(
-        model.machine, q, model.predict(Record(model.joints, time, q, v, a))
+        model.machine, q, model.predict(Record(model.joints, time, q, v, a)), model.joints
     )
     cylinders = [model.machine.cylinders[joint] for joint in model.joints]
     area_a, area_b = (np.array([getattr(c, name) for c in cylinders]) for name in AREAS)

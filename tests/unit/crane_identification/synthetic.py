@@ -72,7 +72,7 @@ def crane_log(
     q, v, a = motion(clock, middle, amplitude, np.arange(1, 6), rng.uniform(0, 2 * np.pi, (3, 5)))
     record = Record(model.joints, time, q, v * rate, a * rate**2 + v * change)
     tau = model.predict(record)
-    force = cylinder_forces_from_generalized(model.machine, q, tau)
+    force = cylinder_forces_from_generalized(model.machine, q, tau, model.joints)
     force += noise * rng.normal(size=force.shape)
     cylinders = [model.machine.cylinders[joint] for joint in model.joints]
     area_a, area_b = (np.array([getattr(c, name) for c in cylinders]) for name in AREAS)

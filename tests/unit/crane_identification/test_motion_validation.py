@@ -4,12 +4,15 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
+from unit.crane_identification.synthetic import crane_model
 
 from crane_identification.motion_validation import validate_motion
 from crane_model.model_file import Model
 from crane_model.record import Record
 from crane_model.simulation import simulate
 from crane_model.terms import presliding, single_axis
+from crane_model.terms.friction import Viscous
+from crane_model.terms.gravity_and_load import Load, Payload
 from crane_model.terms.term import Setting
 
 PERIOD = 0.005  # s
@@ -44,6 +47,35 @@ def test_a_model_with_memory_repeats_its_own_motion(bristles: Model, record: Rec
     found = validate_motion(bristles, [record])
     assert found.windows == 20
     assert found.relative[0] < 1e-3
+
+
+def test_a_model_that_cannot_move_says_why(bristles: Model, record: Record) -> None:
+    """Without inertia, with less than none, with friction that pushes; and without a window."""
+    without = bristles.without_term(bristles.terms[0]).with_estimate(np.ones(1), np.ones(1), "")
+    still = validate_motion(without, [record])
+    assert still.windows == 0 and np.isnan(still.relative).all()
+    assert "inertia of axis is 0 in the model" in still.reason
+    less = bristles.with_estimate(np.array([-2.0, 30.0]), np.zeros(2), "")
+    assert "inertia of axis is -2 in the model" in validate_motion(less, [record]).reason
+    pushed = without.with_term(bristles.terms[0]).with_term(Viscous(joint="axis"))
+    pushed = pushed.with_estimate(np.array([30.0, 1.0, -1e6]), np.zeros(3), "")
+    assert "grown without bound" in validate_motion(pushed, [record]).reason
+    assert "no window of 0.5 s" in validate_motion(bristles, [record.take(slice(50))]).reason
+    assert not validate_motion(bristles, [record]).reason
+
+
+def test_each_run_is_moved_with_its_own_load() -> None:
+    """A model that carries a load in one run moves there as it did, and not in another run."""
+    load = Payload(loads=(Load(runs=(7,)),))
+    bare = crane_model()
+    theta = np.append(bare.theta, 40.0)
+    model = bare.with_term(load).with_estimate(theta, 0.0 * theta, "planted")
+    q = np.tile([0.4, -1.2, 0.5], (201, 1))
+    still = Record(bare.joints, PERIOD * np.arange(201), q, 0.0 * q, 0.0 * q, run=np.full(201, 7))
+    loaded = replace(still, force=model.predict(still))
+    assert validate_motion(model, [loaded]).position_rms.max() < 1e-6
+    elsewhere = replace(loaded, run=np.full(201, 8))
+    assert validate_motion(model, [elsewhere]).position_rms.max() > 1e-3
 
 
 def test_a_model_that_forgets_does_not(bristles: Model, record: Record) -> None:

@@ -151,7 +151,7 @@ def test_power_of_cylinders_and_joints_balances(machine: Machine) -> None:
 
     rng = np.random.default_rng(5)
     p_a, p_b = rng.uniform(0.0, 175e5, (2, len(t), 3))
-    tau = generalized_forces(machine, motion(t), p_a, p_b)
+    tau = generalized_forces(machine, motion(t), p_a, p_b, PLANAR_JOINTS)
     joint_power = tau * swing * rate * np.cos(rate * t[:, None])
     for i, joint in enumerate(PLANAR_JOINTS):
         q = middle[i] + swing[i] * np.sin(rate[i] * (t + 1j * COMPLEX_STEP))
@@ -170,10 +170,11 @@ def test_generalized_forces_and_back(machine: Machine) -> None:
         [cylinder_force(machine, j, p_a[:, i], p_b[:, i]) for i, j in enumerate(PLANAR_JOINTS)],
         axis=1,
     )
-    tau = generalized_forces(machine, q, p_a, p_b)
+    tau = generalized_forces(machine, q, p_a, p_b, PLANAR_JOINTS)
     np.testing.assert_array_equal(tau[:, 2], force[:, 2])
-    np.testing.assert_allclose(cylinder_forces_from_generalized(machine, q, tau), force, rtol=1e-13)
-    np.testing.assert_allclose(tau / force, lever_arms(machine, q), rtol=1e-13)
+    back = cylinder_forces_from_generalized(machine, q, tau, PLANAR_JOINTS)
+    np.testing.assert_allclose(back, force, rtol=1e-13)
+    np.testing.assert_allclose(tau / force, lever_arms(machine, q, PLANAR_JOINTS), rtol=1e-13)
 
 
 def test_any_shape_of_coordinates_is_kept(machine: Machine) -> None:

@@ -87,9 +87,10 @@ def test_round_trip(crane: Model, file: Path, estimated: bool) -> None:
 def test_machine_in_a_file_beside_the_model(machine: Machine, crane: Model, file: Path) -> None:
     heavier = machine.model_copy(update={"gravity": 9.83})
     save(file.parent / "crane.yaml", heavier)
-    model = written(file, SLIDE + "machine: crane.yaml\n")
+    telescope = SLIDE.replace("axis", "telescope")
+    model = written(file, telescope + "machine: crane.yaml\n")
     assert model.machine == heavier
-    assert written(file, SLIDE + "machine: laboratory_crane\n").machine == machine
+    assert written(file, telescope + "machine: laboratory_crane\n").machine == machine
     assert written(file, SLIDE).machine is None
 
 
@@ -187,7 +188,7 @@ WRONG = {
     "key twice": (SLIDE + "name: other\n", ["'name'", "twice"]),
     "rigid bodies without a machine": (
         SLIDE + "  - {type: planar_rigid_body}\n",
-        ["'planar_rigid_body'", "needs a machine", "telescope [m] in this order", "got axis [m]"],
+        ["'planar_rigid_body'", "needs a machine", "telescope [m]", "got axis [m]"],
     ),
     "wrong machine inside": (
         SLIDE + "machine: {name: half a crane, gravity: -1}\n",
@@ -226,20 +227,12 @@ def test_absent_machine_file_is_named(file: Path) -> None:
         written(file, SLIDE + "machine: grader.yaml\n")
 
 
-@pytest.mark.parametrize(
-    "joints",
-    [
-        "{telescope: m, outer_boom: rad, inner_boom: rad}",
-        "{inner_boom: rad, outer_boom: rad, telescope: rad}",
-        "{inner_boom: rad, outer_boom: rad}",
-    ],
-)
-def test_rigid_bodies_of_the_plane_need_the_joints_of_the_plane(file: Path, joints: str) -> None:
+def test_rigid_bodies_of_the_plane_need_the_joints_of_the_plane(file: Path) -> None:
     text = "name: x\nmachine: laboratory_crane\nterms: [{type: planar_rigid_body}]\n"
     with pytest.raises(ConfigurationError) as caught:
-        written(file, text + f"joints: {joints}\n")
+        written(file, text + "joints: {inner_boom: rad, outer_boom: rad}\n")
     for part in (
-        "inner_boom [rad], outer_boom [rad], telescope [m] in this order",
-        "got " + joints.strip("{}").replace(": ", " [").replace(",", "],") + "]",
+        "inner_boom [rad], outer_boom [rad], telescope [m]",
+        "got inner_boom [rad], outer_boom [rad]",
     ):
         assert part in str(caught.value)

@@ -117,7 +117,7 @@ def test_smooth_crane_agrees_with_scipy_and_pinocchio(
 
     def state_rate(time: float, state: np.ndarray) -> np.ndarray:
         q, v = state[:3], state[3:]
-        tau = drive(np.array([time]))[0, 0] * lever_arms(model.machine, q[None])[0]
+        tau = drive(np.array([time]))[0, 0] * lever_arms(model.machine, q[None], model.joints)[0]
         tau = tau - ASYMMETRY - VISCOUS * v - 0.02 * VISCOUS * np.abs(v)
         return np.r_[v, pin.aba(planar, data, q, v, tau)]
 
@@ -191,7 +191,7 @@ def load_of_friction(model: Model, q: np.ndarray, share: np.ndarray) -> np.ndarr
     """Cylinder forces that leave `share` of breakaway friction to each standing joint (N, 3)."""
     still = np.zeros_like(q)
     record = Record(PLANAR_JOINTS, np.zeros(len(q)), q, still, still, direction_known=share)
-    return cylinder_forces_from_generalized(model.machine, q, model.predict(record))
+    return cylinder_forces_from_generalized(model.machine, q, model.predict(record), model.joints)
 
 
 def test_below_breakaway_the_crane_stands_exactly_still(rough: Model) -> None:
@@ -236,7 +236,7 @@ def test_many_runs_are_each_like_one_alone(rough: Model) -> None:
 
 def test_reported_force_is_the_drive_times_the_lever_arm(rough: Model) -> None:
     motion = simulated(rough, 20, 0.2)
-    lever = lever_arms(rough.machine, motion.position[:, 0])
+    lever = lever_arms(rough.machine, motion.position[:, 0], rough.joints)
     np.testing.assert_allclose(motion.force[:, 0], drive(motion.time)[:, 0] * lever, rtol=1e-12)
 
 

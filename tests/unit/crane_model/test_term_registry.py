@@ -31,7 +31,7 @@ SETTING = Setting({joint: JOINT_UNITS[joint] for joint in PLANAR_JOINTS}, load_m
 EQUATION = re.compile(r"\(\d+\)|q'|=")  # the number of one in the report, or an equation itself
 UNIT = re.compile(r"1|(kg|N|m|rad|s|Pa|K|degC|Hz)[\w /^()-]*")
 
-ACROSS_JOINTS = {"encoder_offset"}  # belongs to a joint, but gravity carries it to the others
+ACROSS_JOINTS = {"boom_flexibility"}  # of a joint, but others carry it too
 ON_ONE_JOINT = sorted(
     (name, joint) for name in REGISTRY for joint in joints_of(REGISTRY[name], SETTING)
 )

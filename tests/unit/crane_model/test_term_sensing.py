@@ -7,11 +7,12 @@ import pytest
 from unit.crane_model.test_term_registry import SETTING, random_record
 
 from crane_model.cylinders import generalized_forces, lever_arm
-from crane_model.dynamics import Geometry, gravity_vector
 from crane_model.machine import PLANAR_JOINTS, Machine
 from crane_model.record import Record
 from crane_model.terms.actuator import ActuatorInertia
+from crane_model.terms.gravity_and_load import BaseTilt
 from crane_model.terms.nuisance import VelocityLag
+from crane_model.terms.rigid_body import PlanarRigidBody
 from crane_model.terms.sensing import (
     ChamberGain,
     EncoderOffset,
@@ -20,13 +21,17 @@ from crane_model.terms.sensing import (
     TimeSkew,
 )
 
+INERTIAL = (480.0, 370.0, 18.0, 450.0, 260.0, 20.0, 150.0, 220.0)
+
 
 @pytest.fixture(scope="module")
 def record(machine: Machine) -> Record:
     """Its force is that of its pressures (27)."""
     record = random_record()
     pressures = record.pressure_a, record.pressure_b
-    return replace(record, force=generalized_forces(machine, record.position, *pressures))
+    return replace(
+        record, force=generalized_forces(machine, record.position, *pressures, record.joints)
+    )
 
 
 def changed_force(machine: Machine, record: Record, j: int, a: float, b: float, gain: float):
@@ -34,7 +39,7 @@ def changed_force(machine: Machine, record: Record, j: int, a: float, b: float, 
     p_a, p_b = record.pressure_a.copy(), record.pressure_b.copy()
     p_a[:, j] = (1.0 + gain) * p_a[:, j] + a
     p_b[:, j] = (1.0 + gain) * (1.0 + b) * p_b[:, j]
-    return generalized_forces(machine, record.position, p_a, p_b)
+    return generalized_forces(machine, record.position, p_a, p_b, record.joints)
 
 
 @pytest.mark.parametrize("joint", PLANAR_JOINTS)
@@ -52,26 +57,41 @@ def test_offset_and_gain_of_transducers(machine: Machine, record: Record, joint:
 
 
 @pytest.mark.parametrize("joint", ["inner_boom", "outer_boom"])
-def test_encoder_offset_is_the_change_of_the_torque(
-    machine: Machine, geometry: Geometry, record: Record, joint: str
+def test_encoder_offset_changes_the_torque_and_what_the_bodies_ask_for(
+    machine: Machine, record: Record, joint: str
 ) -> None:
-    j, offset = PLANAR_JOINTS.index(joint), 1e-6
+    """One angle changes both."""
+    offset = 1e-6
     wrong = record.position.copy()
-    wrong[:, j] += offset
-    measured = generalized_forces(machine, wrong, record.pressure_a, record.pressure_b)
-    columns = EncoderOffset(joint=joint).columns(record, SETTING)
-    error = (measured - record.force) / offset
-    np.testing.assert_allclose(columns[:, :, 0], error, rtol=1e-4, atol=1e-2)
-    # weight of the telescope at the true angle, from that at the wrong one
-    weight = np.zeros(9)
-    weight[6] = 1.0
-    at_true = wrong.copy()
-    at_true[:, j] -= 2 * offset
-    change = (
-        gravity_vector(geometry, weight, at_true) - gravity_vector(geometry, weight, wrong)
-    ) / (2 * offset)
-    np.testing.assert_allclose(columns[:, 2, 1], change[:, 2], atol=1e-5)
-    np.testing.assert_allclose(columns[:, 1, 1], change[:, 1], atol=1e-5)
+    wrong[:, PLANAR_JOINTS.index(joint)] += offset
+    measured = generalized_forces(
+        machine, wrong, record.pressure_a, record.pressure_b, record.joints
+    )
+    true, predicted = (
+        PlanarRigidBody().columns(replace(record, position=q), SETTING) @ INERTIAL
+        for q in (record.position, wrong)
+    )
+    error = ((measured - predicted) - (record.force - true)) / offset
+    columns = EncoderOffset(joint=joint, bodies=INERTIAL).columns(record, SETTING)[:, :, 0]
+    np.testing.assert_allclose(columns, error, rtol=1e-3, atol=0.05)
+
+
+def test_a_tilt_is_not_made_of_zeros_of_encoders(record: Record) -> None:
+    """Of both together, beside all that the rigid body takes up, while the cylinders carry it."""
+    body = PlanarRigidBody().columns(record.at_rest(), SETTING)
+    still = replace(record.at_rest(), force=body @ INERTIAL)
+    zeros = [
+        EncoderOffset(joint=joint, bodies=INERTIAL).columns(still, SETTING)
+        for joint in ("inner_boom", "outer_boom")
+    ]
+    tilt = BaseTilt().columns(still, SETTING).ravel()
+
+    def left(*beside: np.ndarray) -> float:
+        columns = np.concatenate([body, *beside], axis=2).reshape(len(tilt), -1)
+        values = np.linalg.lstsq(columns, tilt)[0]
+        return float(np.linalg.norm(tilt - columns @ values) / np.linalg.norm(tilt))
+
+    assert left(*zeros) > 0.25 * left() > 0.1  # with a free mass: 0
 
 
 def test_delay_of_pressures_moves_the_force_along_its_rate(machine: Machine) -> None:

@@ -42,14 +42,16 @@ def moved(base: Model, machine: Machine) -> Record:
     v = speed * (1.0 + 0.2 * np.sin(phase))
     a = 0.2 * speed * rate * np.cos(phase)
     force = base.predict(Record(PLANAR_JOINTS, time, q, v, a))
-    cylinder = cylinder_forces_from_generalized(machine, q, force)
+    cylinder = cylinder_forces_from_generalized(machine, q, force, PLANAR_JOINTS)
     area_a, area_b = (
         np.array([getattr(machine.cylinders[joint], name) for joint in PLANAR_JOINTS])
         for name in ("area_a", "area_b")
     )
     pressure_b = 50e5 * np.ones_like(q)
     pressure_a = (cylinder + area_b * pressure_b) / area_a
-    np.testing.assert_allclose(generalized_forces(machine, q, pressure_a, pressure_b), force)
+    np.testing.assert_allclose(
+        generalized_forces(machine, q, pressure_a, pressure_b, PLANAR_JOINTS), force
+    )
     return Record(
         PLANAR_JOINTS,
         time,
@@ -88,7 +90,7 @@ def test_motion_under_a_candidate_needs_the_force_that_drove_it(
     """Between instants, inverse dynamics of the simulated motion is the drive, if it is in it."""
     term = example(name)
     model = extended(base, term, moved)
-    drive = cylinder_forces_from_generalized(machine, moved.position, moved.force)
+    drive = cylinder_forces_from_generalized(machine, moved.position, moved.force, PLANAR_JOINTS)
     logged = ("pressure_a", "pressure_b", "slew_velocity", "temperature")
     beside = {signal: getattr(moved, signal)[:, None] for signal in logged}
     start = moved.position[:1], moved.velocity[:1]

@@ -102,5 +102,6 @@ def test_planted_parameters_reproduce_mujoco_with_the_slew_held(
     inertial = [entry.value for entry in planted(stand_in, machine)][:8]
     held = States(states.q, *(np.where(np.arange(4) == 0, 0.0, part) for part in states[1:]))
     regressor = np.empty((STATES, 3, 8))
-    fill_base_regressor(Geometry.of(machine), *(part[:, PLANAR] for part in held), regressor)
+    planar = (part[:, PLANAR] for part in held)
+    fill_base_regressor(Geometry.of(machine), *planar, (0, 1, 2), regressor)
     assert_close(regressor @ inertial, inverse_by_mujoco(model, held)[:, PLANAR], 1e-9)

@@ -1,5 +1,7 @@
 """Regressor columns pulled back by weights, against numeric differentiation."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 
@@ -69,6 +71,20 @@ def test_pull_back_is_the_derivative(model, quantity, joint):
     numeric = (weighted(STEP) - weighted(-STEP)) / (2 * STEP)
     scale = np.abs(numeric).max()
     np.testing.assert_allclose(slopes[quantity][:, joint], numeric, rtol=1e-6, atol=1e-7 * scale)
+
+
+def test_the_order_of_joints_turns_the_derivative():
+    """Of a model whose joints stand the other way round."""
+    rng = np.random.default_rng(5)
+    motion, weight = random_motion(rng), rng.standard_normal((40, 3, len(MODEL.parameters)))
+    joints = dict(reversed(MODEL.setting.units.items()))
+    turned = replace(MODEL, setting=MODEL.setting._replace(units=joints))
+    record = smooth_record(MODEL, motion, WIDTH)
+    expected = pull_back(MODEL, record, weight, WIDTH)
+    back = Samples(*(part[:, ::-1] for part in motion))
+    got = pull_back(turned, smooth_record(turned, back, WIDTH[::-1]), weight[:, ::-1], WIDTH[::-1])
+    for one, other in zip(got, expected, strict=True):
+        np.testing.assert_allclose(one[:, ::-1], other, rtol=1e-12, atol=1e-12)
 
 
 def test_smoothing_is_narrow():

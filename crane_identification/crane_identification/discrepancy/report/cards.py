@@ -6,7 +6,7 @@ import numpy as np
 
 from crane_identification.discrepancy.diagnosis import Diagnosis
 from crane_identification.discrepancy.evidence import Zone
-from crane_identification.discrepancy.extension import Finding, Value
+from crane_identification.discrepancy.extension import Finding, Value, carried_in
 from crane_identification.discrepancy.gap import residual
 from crane_identification.discrepancy.region import region
 from crane_identification.discrepancy.report import charts
@@ -49,6 +49,7 @@ class Card(NamedTuple):
     runner_up: str
     settled_by: str
     parameters: tuple[Line, ...]
+    carried_in: dict[str, tuple[str, ...]]
     pictures: tuple[Picture, ...]
 
 
@@ -117,6 +118,7 @@ def _card(diagnosis: Diagnosis, number: int, finding: Finding) -> Card:
             )
             for p in finding.parameters
         ),
+        carried_in=carried_in(finding, diagnosis.training.sources),
         pictures=_pictures(diagnosis, number, finding),
     )
 
@@ -187,7 +189,7 @@ def _held_out_curves(diagnosis: Diagnosis, run: int, j: int, force_unit: str) ->
         (name, colour, residual(held_out, model)[shown, j] + gone)
         for name, colour, model in (
             ("before", charts.BEFORE, diagnosis.before),
-            ("after", charts.AFTER, diagnosis.after),
+            ("after", charts.AFTER, diagnosis.gap.carried),
         )
     ]
     return charts.curves(held_out.time[shown], series, f"τ − τ<sub>model</sub> [{force_unit}]")

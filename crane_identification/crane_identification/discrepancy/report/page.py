@@ -1,9 +1,11 @@
 """report.html: one file, without network, with one evidence card per finding."""
 
+from collections.abc import Sequence
 from pathlib import Path
 
 from crane_identification.discrepancy.diagnosis import Diagnosis
 from crane_identification.discrepancy.explain import WHERE, answer
+from crane_identification.discrepancy.loads import NO_LOAD
 from crane_identification.discrepancy.report.cards import cards, gap_pictures, where_picture
 from crane_identification.report import template
 from crane_identification.report.content import Provenance
@@ -12,12 +14,14 @@ from crane_identification.report.notation import spoken
 SHARED = "crane_identification.report"  # style and script of the identification report
 
 
-def write(path: Path | str, diagnosis: Diagnosis, provenance: Provenance) -> None:
-    """Write the page."""
-    Path(path).write_text(render(diagnosis, provenance), encoding="utf-8")
+def write(
+    path: Path | str, diagnosis: Diagnosis, provenance: Provenance, suspicions: Sequence[str] = ()
+) -> None:
+    """Write the page, with what is suspicious of the recordings."""
+    Path(path).write_text(render(diagnosis, provenance, suspicions), encoding="utf-8")
 
 
-def render(diagnosis: Diagnosis, provenance: Provenance) -> str:
+def render(diagnosis: Diagnosis, provenance: Provenance, suspicions: Sequence[str] = ()) -> str:
     """The page as HTML."""
     found, gap, where = cards(diagnosis), gap_pictures(diagnosis), where_picture(diagnosis)
     shown = [where, *gap, *(picture for card in found for picture in card.pictures)]
@@ -28,6 +32,14 @@ def render(diagnosis: Diagnosis, provenance: Provenance) -> str:
         answer=answer(diagnosis.verdict.value, diagnosis.fixed),
         cards=found,
         gap=gap,
+        not_simulated=[
+            f"{which} the findings, {motion.reason}"
+            for which, motion in (
+                ("before", diagnosis.gap.motion_before),
+                ("after", diagnosis.gap.motion_after),
+            )
+            if motion.reason
+        ],
         where=where,
         where_said=WHERE[diagnosis.verdict.value],
         regions=[
@@ -36,9 +48,11 @@ def render(diagnosis: Diagnosis, provenance: Provenance) -> str:
             if one is not None
         ],
         spoken=spoken,
+        no_load=NO_LOAD,
         untestable=_listed(diagnosis.search.untestable),
         unobservable=_listed(diagnosis.search.unobservable),
         provenance=provenance,
+        suspicions=suspicions,
         training=list(dict.fromkeys(run.source for run in diagnosis.training.runs)),
         validation=list(dict.fromkeys(run.source for run in diagnosis.held_out.runs)),
         style=template.part(SHARED, "page.css") + template.part(__package__, "page.css"),

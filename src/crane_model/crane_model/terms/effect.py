@@ -38,6 +38,11 @@ class Shape(NamedTuple):
         """(points,) values from lowest to highest."""
         return (np.linspace if self.even else np.geomspace)(self.lowest, self.highest, points)
 
+    def unit_on(self, coordinate: str) -> str:
+        """The unit on a joint of this coordinate, rad or m; those of both kinds are given."""
+        both = self.unit.split(" or ")
+        return both[-1] if coordinate == "m" else both[0]
+
     def share(self, value: float) -> float:
         """Where a value lies between lowest, 0, and highest, 1."""
         if self.even:

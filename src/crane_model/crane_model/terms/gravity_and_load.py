@@ -3,13 +3,14 @@
 from typing import ClassVar, Literal
 
 import numpy as np
-from pydantic import Field
+from pydantic import Field, field_validator
 
+from crane_model.configuration import Schema
 from crane_model.dynamics import Geometry, lagrangian_regressor
 from crane_model.machine import Machine
 from crane_model.record import Record
 from crane_model.terms.effect import Effect, Shape
-from crane_model.terms.planar import Directions, Reach, planar_machine
+from crane_model.terms.planar import Directions, Reach, planar_columns, planar_machine
 from crane_model.terms.term import Family, Parameter, Setting, Term
 
 
@@ -37,8 +38,9 @@ class BaseTilt(Term):
         return (Parameter("m_tilt", "kg rad", None, meaning),)
 
     def fill(self, record: Record, setting: Setting, columns: np.ndarray) -> None:
-        """(n, 3, 1)."""
-        columns[:, :, 0] = turned_weight(planar_machine(self, setting), record)
+        """On the rows of inner boom, outer boom and telescope."""
+        weight = turned_weight(planar_machine(self, setting), record)
+        columns[:, planar_columns(record), 0] = weight
 
 
 def turned_weight(machine: Machine, record: Record) -> np.ndarray:
@@ -48,10 +50,19 @@ def turned_weight(machine: Machine, record: Record) -> np.ndarray:
     return np.stack([turning, turning, machine.gravity * np.cos(psi)], axis=1)
 
 
-class Payload(Term):
-    """m J_tip^T (g + a): a point mass at the boom tip (2), in `runs`, or in every run.
+class Load(Schema):
+    """`runs`, numbers of `Record.run`, that carry one load, and the `recordings` they come from."""
 
-    `runs` are numbers of `Record.run`. In every run a payload is the same as a heavier telescope.
+    runs: tuple[int, ...] = Field(min_length=1)
+    recordings: tuple[str, ...] = ()
+
+
+class Payload(Term):
+    """m_k J_tip^T (g + a): a point mass at the boom tip (2) in the runs of load k = 1, 2, ...
+
+    Only differences between runs are determined: a mass in every run is the same as a heavier
+    telescope. So masses count from that of the runs in no load, the lightest. Without `loads` it is
+    one mass in every run.
     """
 
     type: Literal["payload"] = "payload"
@@ -63,22 +74,38 @@ class Payload(Term):
         "the same motion with an empty gripper and with a known weight",
     )
 
-    runs: tuple[int, ...] | None = None
+    loads: tuple[Load, ...] | None = None
+
+    @field_validator("loads")
+    @classmethod
+    def _apart(cls, loads: tuple[Load, ...] | None) -> tuple[Load, ...] | None:
+        runs = [run for load in loads or () for run in load.runs]
+        if twice := sorted({run for run in runs if runs.count(run) > 1}):
+            raise ValueError(f"run {twice[0]} is in two loads; a run carries one")
+        return loads
 
     def parameters(self, setting: Setting) -> tuple[Parameter, ...]:
-        """m."""
+        """m_1, m_2, ..., or m."""
         planar_machine(self, setting)
-        runs = "" if self.runs is None else "_" + "_".join(str(run) for run in self.runs)
-        return (Parameter(f"m_payload{runs}", "kg", None, "payload beyond that of the model"),)
+        if self.loads is None:
+            return (Parameter("m_payload", "kg", None, "payload beyond that of the model"),)
+        return tuple(
+            Parameter(f"m_payload_{k}", "kg", 0.0, f"load {k}, beyond what the other runs carry")
+            for k in range(1, len(self.loads) + 1)
+        )
 
     def fill(self, record: Record, setting: Setting, columns: np.ndarray) -> None:
-        """(n, 3, 1)."""
-        machine = planar_machine(self, setting)
-        motion = record.position, record.velocity, record.acceleration
-        columns[:, :, 0] = lagrangian_regressor(Geometry.of(machine), *motion) @ tip_mass(machine)
-        if self.runs is not None:
-            run = np.zeros(len(record)) if record.run is None else record.run
-            columns[~np.isin(run, self.runs)] = 0.0
+        """On the rows of inner boom, outer boom and telescope: (n, 3, loads)."""
+        machine, at = planar_machine(self, setting), planar_columns(record)
+        motion = record.position[:, at], record.velocity[:, at], record.acceleration[:, at]
+        column = lagrangian_regressor(Geometry.of(machine), *motion) @ tip_mass(machine)
+        if self.loads is None:
+            columns[:, at, 0] = column
+            return
+        run = np.zeros(len(record)) if record.run is None else record.run
+        for k, load in enumerate(self.loads):
+            inside = np.isin(run, load.runs)
+            columns[:, at, k] = np.where(inside[:, np.newaxis], column, 0.0)
 
 
 def tip_mass(machine: Machine) -> np.ndarray:
@@ -110,12 +137,13 @@ class HoseMass(Term):
         return (Parameter("rho_hose", "kg/m", None, "mass of hoses that comes out per metre"),)
 
     def fill(self, record: Record, setting: Setting, columns: np.ndarray) -> None:
-        """(n, 3, 1)."""
+        """On the rows of inner boom, outer boom and telescope."""
         machine = planar_machine(self, setting)
         _, psi, extension = Directions.of(machine, record)
         turning = machine.gravity * extension**2 / 2.0 * np.cos(psi)
-        columns[:, 0, 0] = columns[:, 1, 0] = turning
-        columns[:, 2, 0] = machine.gravity * extension * np.sin(psi)
+        inner, outer, telescope = planar_columns(record)
+        columns[:, inner, 0] = columns[:, outer, 0] = turning
+        columns[:, telescope, 0] = machine.gravity * extension * np.sin(psi)
 
 
 class SlewCoupling(Term):
@@ -148,10 +176,11 @@ class SlewCoupling(Term):
         )
 
     def fill(self, record: Record, setting: Setting, columns: np.ndarray) -> None:
-        """(n, 3, 2)."""
+        """On the rows of inner boom, outer boom and telescope."""
         machine = planar_machine(self, setting)
         spin = self.needed(record, "slew_velocity") ** 2
         phi, _, _ = Directions.of(machine, record)
         reach = Reach.of(machine, self.reach, record)
-        columns[:, 0, 0] = spin * np.sin(phi) * np.cos(phi)
-        columns[:, :, 1] = -(spin * reach.distance)[:, np.newaxis] * reach.gradient
+        at = planar_columns(record)
+        columns[:, at[0], 0] = spin * np.sin(phi) * np.cos(phi)
+        columns[:, at, 1] = -(spin * reach.distance)[:, np.newaxis] * reach.gradient

@@ -11,7 +11,7 @@ from numba import njit
 
 
 @njit(cache=True)
-def _swung(
+def swung_once(
     e: float, rate: float, push: float, step: float, frequency: float, damping: float
 ) -> tuple[float, float]:
     """e and e' after a step [s], exact for an acceleration `push` that is constant."""
@@ -34,7 +34,7 @@ def swung(
     """States (n, 2) after steps (n,) [s] with constant accelerations `push` (n,)."""
     out = np.empty_like(states)
     for n in range(len(states)):
-        out[n, 0], out[n, 1] = _swung(
+        out[n, 0], out[n, 1] = swung_once(
             states[n, 0], states[n, 1], push[n], step[n], frequency, damping
         )
     return out
@@ -50,7 +50,7 @@ def swung_along(
         if not first[k]:
             step = time[k] - time[k - 1]
             push = (velocity[k] - velocity[k - 1]) / step
-            states[k, 0], states[k, 1] = _swung(
+            states[k, 0], states[k, 1] = swung_once(
                 states[k - 1, 0], states[k - 1, 1], push, step, frequency, damping
             )
     return states

@@ -10,16 +10,27 @@ from crane_model.machine import JOINT_UNITS, PLANAR_JOINTS, Machine
 from crane_model.record import Record
 from crane_model.terms.term import Setting, Term
 
+_NEEDED = {joint: JOINT_UNITS[joint] for joint in PLANAR_JOINTS}
+
 
 def planar_machine(term: Term, setting: Setting) -> Machine:
-    """The machine; `ConfigurationError` unless the model has one and exactly its planar joints."""
-    needed = {joint: JOINT_UNITS[joint] for joint in PLANAR_JOINTS}
-    if setting.machine is None or list(setting.units.items()) != list(needed.items()):
+    """The machine; `ConfigurationError` unless the model has one and its planar joints."""
+    if setting.machine is None or not holds_plane(setting):
         raise ConfigurationError(
-            f"term '{term.type}': needs a machine and the joints {_listed(needed)} in this "
-            f"order, got {_listed(setting.units)}" + ("" if setting.machine else " and no machine")
+            f"term '{term.type}': needs a machine and the joints {_listed(_NEEDED)}, "
+            f"got {_listed(setting.units)}" + ("" if setting.machine else " and no machine")
         )
     return setting.machine
+
+
+def holds_plane(setting: Setting) -> bool:
+    """Whether a model has a machine and its planar joints."""
+    return setting.machine is not None and _NEEDED.items() <= setting.units.items()
+
+
+def planar_columns(record: Record) -> list[int]:
+    """Where inner boom, outer boom and telescope stand among the joints of the record."""
+    return [record.column(joint) for joint in PLANAR_JOINTS]
 
 
 def _listed(units: Mapping[str, str]) -> str:
@@ -36,7 +47,7 @@ class Directions(NamedTuple):
     @classmethod
     def of(cls, machine: Machine, record: Record) -> "Directions":
         """At each sample."""
-        q2, q3, q4 = record.position.T
+        q2, q3, q4 = record.position.T[planar_columns(record)]
         return cls(q2 + machine.denavit_hartenberg.theta_2_0, q2 + q3, q4)
 
 
@@ -47,7 +58,7 @@ class Reach(NamedTuple):
     """
 
     distance: np.ndarray  # (n,) m
-    gradient: np.ndarray  # (n, 3) dx/dq
+    gradient: np.ndarray  # (n, 3) dx/dq of inner boom, outer boom and telescope
     bias: np.ndarray  # (n,) m/s2: x'' - gradient q''
 
     @classmethod
@@ -59,7 +70,7 @@ class Reach(NamedTuple):
         outer = along * np.cos(psi) - dh.telescope_offset * np.sin(psi)
         by_phi = -dh.inner_boom_length * np.sin(phi)
         by_psi = -along * np.sin(psi) - dh.telescope_offset * np.cos(psi)
-        v2, v3, v4 = record.velocity.T
+        v2, v3, v4 = record.velocity.T[planar_columns(record)]
         turn = v2 + v3
         return cls(
             boom + outer,

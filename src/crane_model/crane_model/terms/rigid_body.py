@@ -6,7 +6,7 @@ import numpy as np
 
 from crane_model.dynamics import Geometry, fill_base_regressor
 from crane_model.record import Record
-from crane_model.terms.planar import planar_machine
+from crane_model.terms.planar import planar_columns, planar_machine
 from crane_model.terms.term import Family, Parameter, Setting, Term
 
 
@@ -26,10 +26,10 @@ class PlanarRigidBody(Term):
         return BASE_PARAMETERS
 
     def fill(self, record: Record, setting: Setting, columns: np.ndarray) -> None:
-        """(n, 3, 8)."""
+        """On the rows of inner boom, outer boom and telescope."""
         geometry = Geometry.of(planar_machine(self, setting))
         motion = record.position, record.velocity, record.acceleration
-        fill_base_regressor(geometry, *motion, columns)
+        fill_base_regressor(geometry, *motion, planar_columns(record), columns)
 
 
 BASE_PARAMETERS = (

@@ -9,7 +9,7 @@ from crane_model.record import Record
 from crane_model.terms.effect import Effect, Shape
 from crane_model.terms.memory_term import MemoryTerm
 from crane_model.terms.oscillator import relative_acceleration, swung, swung_along
-from crane_model.terms.planar import Reach, planar_machine
+from crane_model.terms.planar import Reach, planar_columns, planar_machine
 from crane_model.terms.term import Family, Parameter, Setting
 
 
@@ -60,16 +60,17 @@ class SwingingLoad(MemoryTerm):
         return swung_along(velocity, record.time, first, self.frequency, self.damping)
 
     def fill(self, record: Record, setting: Setting, columns: np.ndarray) -> None:
-        """(n, 3, 1)."""
-        tip = self._tip(record, setting)
-        carrier = np.einsum("nj,nj->n", tip.gradient, record.acceleration) + tip.bias
+        """On the rows of inner boom, outer boom and telescope."""
+        tip, at = self._tip(record, setting), planar_columns(record)
+        carrier = np.einsum("nj,nj->n", tip.gradient, record.acceleration[:, at]) + tip.bias
         states = self.states(record, setting)
         swing = relative_acceleration(states, carrier, self.frequency, self.damping)
-        columns[:, :, 0] = swing[:, np.newaxis] * tip.gradient
+        columns[:, at, 0] = swing[:, np.newaxis] * tip.gradient
 
     def _tip(self, record: Record, setting: Setting) -> Reach:
         machine = planar_machine(self, setting)
         return Reach.of(machine, machine.denavit_hartenberg.telescope_length, record)
 
     def _tip_velocity(self, record: Record, setting: Setting) -> np.ndarray:
-        return np.einsum("nj,nj->n", self._tip(record, setting).gradient, record.velocity)
+        velocity = record.velocity[:, planar_columns(record)]
+        return np.einsum("nj,nj->n", self._tip(record, setting).gradient, velocity)

@@ -28,7 +28,7 @@ from crane_identification.preparation import prepare
 from crane_identification.report.content import Provenance
 from crane_model.errors import ConfigurationError
 from crane_model.model_file import Model, load_model, save_model
-from crane_model.terms.gravity_and_load import Payload
+from crane_model.terms.gravity_and_load import Load, Payload
 
 F_C = 2  # index of Coulomb friction
 
@@ -103,7 +103,7 @@ def test_changes_of_one_joint_are_told_apart(tmp_path: Path) -> None:
     options = Options(average=False)
     runs = [p for log in recorded(known, 1.0, 1.1, 1.1, 1.2) for p in prepare(known, log, options)]
     evidence = changes.kept(known, runs, decimation(runs, None))
-    wanted = [*families(known, evidence.bags), *changes.families(known)]
+    wanted = [*families(known, evidence), *changes.families(known)]
     found = search(evidence, wanted)
     accepted = decide(found, load_thresholds()).accepted
     assert {one.option.family for one in accepted} <= set(changes.families(known))
@@ -165,7 +165,7 @@ def test_a_load_in_all_recordings_is_weighed() -> None:
 
 def test_what_other_recordings_carried_is_not_kept() -> None:
     crane = crane_model()
-    loaded = crane.with_term(Payload(runs=(0, 2)))
+    loaded = crane.with_term(Payload(loads=(Load(runs=(0, 2)),)))
     values = np.append(crane.theta, 5.0)
     kept = changes.of_machine(loaded.with_estimate(values, 0.1 * np.abs(values), "before"))
     assert kept.terms == crane.terms and (kept.theta == crane.theta).all()

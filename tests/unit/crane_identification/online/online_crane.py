@@ -61,7 +61,9 @@ def pressures(
     position, velocity, acceleration = motion(time, swing)
     record = Record(model.joints, time, position, velocity, acceleration)
     planted = model.with_estimate(PLANTED.astype(float), np.zeros(len(PLANTED)), "planted")
-    drive = cylinder_forces_from_generalized(machine, position, planted.predict(record))
+    drive = cylinder_forces_from_generalized(
+        machine, position, planted.predict(record), model.joints
+    )
     areas = np.array(
         [(machine.cylinders[j].area_a, machine.cylinders[j].area_b) for j in model.joints]
     )

@@ -46,7 +46,7 @@ def record_crane(
     machine = load_machine()
     theta = np.array(list(PLANTED.values()), dtype=float)
     model = crane_model().with_estimate(theta, 0 * theta, "planted")
-    drive = cylinder_forces_from_generalized(machine, position, model.predict(record))
+    drive = cylinder_forces_from_generalized(machine, position, model.predict(record), model.joints)
     areas = np.array(
         [(machine.cylinders[j].area_a, machine.cylinders[j].area_b) for j in model.joints]
     )

@@ -30,8 +30,9 @@ def test_whole_recording_with_forces_from_its_pressures(training):
     recording = recorded(crane_model(), log, KalmanSmoother(), BANDWIDTH)
     assert len(recording.time) == len(log.position.time)
     np.testing.assert_allclose(recording.position, log.position.value)
+    signals = (log.position, log.pressure_a, log.pressure_b)
     expected = generalized_forces(
-        crane_model().machine, log.position.value, log.pressure_a.value, log.pressure_b.value
+        crane_model().machine, *(signal.value for signal in signals), log.joints
     )
     np.testing.assert_allclose(recording.force, expected)
     np.testing.assert_allclose(recording.reference_velocity, log.reference_velocity.value)

@@ -8,7 +8,7 @@ from crane_identification.data.log import Log, Signal
 from crane_identification.options import Options
 from crane_identification.pipeline import fit
 from crane_identification.preparation import prepare
-from crane_identification.report import page
+from crane_identification.report import page, summary
 from crane_identification.report.content import IdentificationReport, Provenance
 from crane_identification.validation import compare
 from crane_model.model_file import Model
@@ -31,17 +31,33 @@ def record_axis(source: str, seed: int) -> Log:
     return Log(source, ("axis",), 0, **{k: Signal(time, v, k) for k, v in signals.items()})
 
 
-@pytest.fixture(scope="module")
-def tree() -> Element:
+def reported(model: Model) -> IdentificationReport:
     training, held_out = record_axis("train.csv", 0), record_axis("<held> & out.csv", 1)
     options = Options(average=False)
-    fitted = fit(MODEL, [training], options)
+    fitted = fit(model, [training], options)
     data = tuple(prepare(MODEL, held_out, options))
     validations = tuple(compare(fitted.model, p, fitted.decimation) for p in data)
     provenance = Provenance.of("2012-06-01", ["identify"], "axis.yaml")
-    return read_html(
-        page.render(IdentificationReport(fitted, options, (training,), validations, (), provenance))
-    )
+    return IdentificationReport(fitted, options, (training,), validations, (), provenance)
+
+
+@pytest.fixture(scope="module")
+def tree() -> Element:
+    return read_html(page.render(reported(MODEL)))
+
+
+def test_a_model_without_inertia_loses_the_simulated_motion_alone():
+    """The held-out error stands on the page and in the summary, and so does the reason."""
+    report = reported(MODEL.without_term(MODEL.terms[0]))
+    rendered = read_html(page.render(report))
+    assert "inertia of axis is 0 in the model" in rendered.find("p", id="not-simulated")[0].text
+    assert not rendered.find("table", class_="stack motion")
+    assert len(rendered.find("table", class_="errors")) == 1
+    written = summary.summarize(report)
+    motion = written["simulated_motion"]
+    assert motion is not None and "inertia of axis is 0" in motion["reason"]
+    assert motion["position_rms"] == {"axis": None}
+    assert 0.0 < written["heldout_relative_error"]["axis"] < 1.0
 
 
 def test_one_column_of_figures_without_reference_and_noise(tree):

@@ -1,0 +1,80 @@
+"""Joints in any order, or one alone, give what each gives in the packaged model."""
+
+from collections.abc import Sequence
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from unit.crane_identification.online.online_crane import record_log
+from unit.crane_identification.synthetic import crane_log, crane_model
+
+from crane_identification.data.log import Log, Signal
+from crane_identification.motion_validation import validate_motion
+from crane_identification.online.replay import replay
+from crane_identification.pipeline import fit, validate
+from crane_model.machine import JOINT_UNITS
+from crane_model.model_file import Model
+from crane_model.terms.friction import Coulomb, CoulombAsymmetry, Viscous
+from crane_model.terms.single_axis import Inertia
+from crane_model.terms.term import Setting
+
+TURNED = ("telescope", "outer_boom", "inner_boom")
+ALONE = (Inertia, Coulomb, CoulombAsymmetry, Viscous)
+
+
+def of_joints(log: Log, joints: Sequence[str]) -> Log:
+    """The recording of these joints alone, in this order."""
+    at = [log.joints.index(joint) for joint in joints]
+    signals = {
+        name: Signal(one.time, one.value[:, at], one.origin)
+        for name, one in vars(log).items()
+        if isinstance(one, Signal)
+    }
+    return replace(log, joints=tuple(joints), **signals)
+
+
+def setting(model: Model, joints: Sequence[str]) -> Setting:
+    return Setting({joint: JOINT_UNITS[joint] for joint in joints}, model.machine)
+
+
+def test_the_order_of_joints_changes_nothing() -> None:
+    """Fit, held-out error and simulated motion of the crane."""
+    model, logs = crane_model(), [crane_log(1), crane_log(2)]
+    plain = fit(model, logs[:1])
+    turned = fit(replace(model, setting=setting(model, TURNED)), [of_joints(logs[0], TURNED)])
+    close = 1e-3 * plain.estimate.std_devs
+    np.testing.assert_allclose(turned.estimate.values, plain.estimate.values, atol=close.min())
+    (expected,) = validate(plain.model, logs[1:])
+    (got,) = validate(turned.model, [of_joints(logs[1], TURNED)])
+    np.testing.assert_allclose(got.relative_error[::-1], expected.relative_error, rtol=1e-6)
+    moved, as_before = (
+        validate_motion(one.model, [held.preparation.record]).relative
+        for one, held in ((turned, got), (plain, expected))
+    )
+    np.testing.assert_allclose(moved[::-1], as_before, rtol=1e-6)
+
+
+@pytest.mark.parametrize("joint", ["inner_boom", "telescope"])
+def test_one_joint_alone_is_fitted_validated_and_simulated(joint: str) -> None:
+    """Through its linkage as with the forces that the whole crane has there."""
+    crane = crane_model()
+    model = Model("alone", setting(crane, [joint]), tuple(one(joint=joint) for one in ALONE))
+    logs = [of_joints(crane_log(seed), [joint]) for seed in (1, 2)]
+    fitted = fit(model, logs[:1])
+    (held_out,) = validate(fitted.model, logs[1:])
+    whole = fit(crane, [crane_log(1)])
+    j = crane.joints.index(joint)
+    np.testing.assert_allclose(fitted.rows.force[:, 0], whole.rows.force[:, j], rtol=1e-6)
+    assert np.isfinite(held_out.relative_error).all()
+    motion = validate_motion(fitted.model, [held_out.preparation.record])
+    assert motion.reason or np.isfinite(motion.relative).all()
+
+
+def test_one_joint_alone_is_identified_online() -> None:
+    """The forces that the node publishes are those of the joint in the whole crane."""
+    crane, log = crane_model(), record_log(4.0)
+    model = Model("alone", setting(crane, ["outer_boom"]), (Inertia(joint="outer_boom"),))
+    whole, alone = replay(crane, log)[1], replay(model, of_joints(log, ["outer_boom"]))[1]
+    assert len(alone) == len(whole) > 30
+    for one, other in zip(alone, whole, strict=True):
+        np.testing.assert_allclose(one.measured, other.measured[1:2], rtol=1e-9)
