@@ -105,8 +105,7 @@ def within(search: Search, model: Model) -> Model:
     """
     evidence, white = search.evidence, search.whitener
     assert model.std_devs is not None  # of values that are kept
-    parts = [run.filtered(model.regressor(run.record)) for run in evidence.runs]
-    regressor = np.concatenate(parts)
+    regressor = evidence.regressor(model)
     nuisance = white(evidence.free)
     base = leading(nuisance, nuisance.shape[1])
     columns, force = (

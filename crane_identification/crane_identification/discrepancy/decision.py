@@ -237,7 +237,10 @@ def _judged(
         other = projection.options[rival.options[-1]]
         lead = choice.gain - rival.gain
         related = kin(own.family, other.family)
-        form = SAME_FORM if other.shape or other.family.changes else EXACTLY
+        if other.shape or other.family.changes:
+            form = SAME_FORM
+        else:
+            form = EXACTLY if own.family.changes else np.inf
         more = freedom(search, rival.options[-1]) > freedom(search, number)
         if more and alike > form and not related:
             continue  # the same with more freedom, which it does not need

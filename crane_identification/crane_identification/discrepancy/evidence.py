@@ -167,6 +167,10 @@ class Evidence:
             raise DataError(f"term '{term.type}': what it needs was not logged throughout")
         return out
 
+    def regressor(self, model: Model) -> np.ndarray:
+        """The regressor (n, c, p) of a model of this machine, filtered as the force."""
+        return np.concatenate([run.filtered(model.regressor(run.record)) for run in self.runs])
+
     def roughly(self, columns: np.ndarray) -> np.ndarray:
         """Coefficients (p + k,) of the base and further `columns` (n, c, k), by least squares.
 

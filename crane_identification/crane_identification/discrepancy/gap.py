@@ -119,8 +119,8 @@ def measure(
 def uncertain(evidence: Evidence, model: Model) -> np.ndarray:
     """Error (j,) of the force, relative to it, that the standard deviations of values make."""
     assert model.std_devs is not None  # of values that are kept
-    parts = [run.filtered(model.regressor(run.record)) for run in evidence.runs]
-    return relative(evidence, np.linalg.norm(np.concatenate(parts) * model.std_devs, axis=2))
+    parts = evidence.regressor(model) * model.std_devs
+    return relative(evidence, np.linalg.norm(parts, axis=2))
 
 
 def with_own_loads(
@@ -146,8 +146,8 @@ def relative(evidence: Evidence, values: np.ndarray) -> np.ndarray:
 
 def residual(evidence: Evidence, model: Model) -> np.ndarray:
     """Measured less predicted force (n, c) on the rows of the evidence."""
-    parts = [run.filtered(model.regressor(run.record)) @ model.theta for run in evidence.runs]
-    return np.where(evidence.used, evidence.force - np.concatenate(parts), 0.0)
+    predicted = evidence.regressor(model) @ model.theta
+    return np.where(evidence.used, evidence.force - predicted, 0.0)
 
 
 def noise_floor(averaged: Sequence[Preparation], factor: int, joints: int) -> np.ndarray:

@@ -171,7 +171,9 @@ def testable(
     for family, share in best.items():
         if share < _least(family):
             reasons[family] = (
-                f"{share:.1%} of its column is left beside the model, {VISIBLE:.0%} needed"
+                "these recordings do not show all of its parameters"
+                if family.changes
+                else f"{share:.1%} of its column is left beside the model, {VISIBLE:.0%} needed"
             )
     return wanted, reasons
 
