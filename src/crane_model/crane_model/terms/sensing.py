@@ -33,6 +33,7 @@ class PressureOffset(OneJointTerm):
         "a constant force of the cylinder, which the lever arm turns into one that follows q",
         ("coulomb_asymmetry", "offset", "hose_stiffness", "chamber_gain"),
         "readings of the transducers at zero pressure",
+        follows=("position",),
     )
 
     def joint_parameters(self, setting: Setting) -> tuple[Parameter, ...]:
@@ -60,6 +61,7 @@ class PressureGain(JointTerm):
         "scales the whole force of a joint, and all masses with it",
         ("payload", "chamber_gain"),
         "a known weight at the tip in some of the runs; without it this cannot be tested",
+        follows=("force",),
     )
 
     def column(self, record: Record, j: int) -> np.ndarray:
@@ -81,6 +83,7 @@ class ChamberGain(OneJointTerm):
         "force in proportion to the pressure of one chamber",
         ("pressure_gain", "pressure_offset", "seal_friction", "coulomb", "coulomb_asymmetry"),
         "both transducers on one pressure, at several pressures",
+        follows=("pressure of chamber B",),
     )
 
     def joint_parameters(self, setting: Setting) -> tuple[Parameter, ...]:
@@ -109,6 +112,7 @@ class EncoderOffset(OneJointTerm):
         "torque in proportion to the cylinder force times the slope of the lever arm",
         ("base_tilt", "hose_stiffness"),
         "the angle of the boom at rest, measured with an inclinometer",
+        follows=("force", "position"),
     )
 
     def joint_parameters(self, setting: Setting) -> tuple[Parameter, ...]:
@@ -150,6 +154,7 @@ class TimeSkew(OneJointTerm):
         "error in proportion to the rate of the force, the same delay on all joints of a bus",
         ("viscous", "presliding", "actuator_inertia", "boom_flexibility"),
         "one signal fed to both sensor channels at once",
+        follows=("rate of the force",),
     )
 
     def joint_parameters(self, setting: Setting) -> tuple[Parameter, ...]:
