@@ -88,7 +88,7 @@ def parser() -> argparse.ArgumentParser:
     add("--without", nargs="+", default=[], metavar="EFFECT", help=WITHOUT)
     add("--thresholds", type=Path, help="thresholds (YAML; default: the packaged ones)")
     add("--hydraulics", type=Path, help="what is usual of valves and oil (YAML)")
-    add("--explain", type=Path, metavar="DIR", help="print the answer in DIR in twenty lines")
+    add("--explain", type=Path, metavar="DIR", help="print the answer in DIR")
     return result
 
 

@@ -35,6 +35,7 @@ from crane_identification.discrepancy.verdict import (
 from crane_identification.options import Options
 from crane_identification.preparation import Preparation, prepare
 from crane_identification.progress import Progress, silent
+from crane_identification.report.findings import of_recordings
 from crane_model.errors import ConfigurationError, DataError
 from crane_model.model_file import Model
 from crane_model.terms import REGISTRY, Term
@@ -47,7 +48,8 @@ class Diagnosis:
     Per joint (j,): `energy` share of the unexplained energy, `regions` that carry it, `learnt` from
     the residual before and after; `correlation_left` of neighbouring rows of what remains, 0 for
     noise. `undetermined` parameters of the given model were left out of it; the answer is sought
-    `without` these effects; `uncalibrated` quantities are in counts.
+    `without` these effects; `uncalibrated` quantities are in counts. `regions_left` carry what is
+    left after; `notes` say what recordings lack, and what had to be mended in them.
     """
 
     verdict: Verdict
@@ -64,6 +66,7 @@ class Diagnosis:
     gap: Gap
     energy: np.ndarray
     regions: tuple[Region | None, ...]
+    regions_left: tuple[Region | None, ...]
     learnt_before: Learnt
     learnt_after: Learnt
     correlation_left: np.ndarray
@@ -75,6 +78,7 @@ class Diagnosis:
     flows: tuple[Flow, ...]
     flow_unobservable: dict[tuple[str, str], str]
     pulsations: tuple[Pulsation, ...]
+    notes: tuple[str, ...]
 
     @property
     def joints(self) -> tuple[str, ...]:
@@ -140,7 +144,7 @@ def diagnose(
     uncalibrated = tuple(dict.fromkeys(name for log in logs for name in log.uncalibrated))
     return Diagnosis(
         verdict=answer.verdict,
-        reason=f"{answer.reason}; {near}" if near else answer.reason,
+        reason=answer.reason,
         before=before,
         after=last.model,
         search=found,
@@ -155,10 +159,8 @@ def diagnose(
         held_out=held_out,
         gap=gap,
         energy=_energy(found, first),
-        regions=tuple(
-            region(known, first.residual[:, j], evidence.used[:, j])
-            for j in range(len(model.joints))
-        ),
+        regions=_regions(known, first, evidence),
+        regions_left=_regions(known, last, evidence),
         learnt_before=first.learnt,
         learnt_after=last.learnt,
         correlation_left=_correlation(evidence.moving, last),
@@ -170,6 +172,7 @@ def diagnose(
         flows=tuple(flows),
         flow_unobservable=no_flow,
         pulsations=lines,
+        notes=tuple(of_recordings(logs)),
     )
 
 
@@ -225,6 +228,12 @@ def _averaged(model: Model, logs: Sequence[Log], options: Options) -> list[Prepa
         except DataError:
             continue  # not periodic: no scatter
     return out
+
+
+def _regions(known: Features, trial: Trial, seen: Evidence) -> tuple[Region | None, ...]:
+    """Where what a model leaves of each joint sits."""
+    joints = range(len(seen.joints))
+    return tuple(region(known, trial.residual[:, j], seen.used[:, j]) for j in joints)
 
 
 def _energy(found: Search, before: Trial) -> np.ndarray:

@@ -24,12 +24,13 @@ class Training:
 
 @dataclass(frozen=True)
 class Value:
-    """One parameter of a finding, linear or shape."""
+    """One parameter of a finding, linear or shape; not below `minimum`, if any."""
 
     name: str
     value: float
     std_dev: float
     unit: str
+    minimum: float | None = None
 
 
 @dataclass(frozen=True)
@@ -74,6 +75,7 @@ def extended(
                 float(after.theta[i]),
                 float(after.std_devs[i]),
                 after.parameters[i].unit,
+                after.parameters[i].minimum,
             )
             for i in range(part.start, part.stop)
         ]

@@ -8,10 +8,14 @@ from typing import Any
 import numpy as np
 
 from crane_identification.discrepancy.diagnosis import Diagnosis
-from crane_identification.discrepancy.extension import Finding
+from crane_identification.discrepancy.extension import Finding, Value
 from crane_identification.discrepancy.gap import Gap
 from crane_identification.discrepancy.hydraulics import SIGMAS, Flow, Quantity
+from crane_identification.discrepancy.region import Region
+from crane_identification.discrepancy.strength import acting
+from crane_identification.discrepancy.variables import feature_unit
 from crane_identification.motion_validation import MotionValidation
+from crane_identification.report.notation import is_determined
 
 WHITE = 0.25  # correlation of neighbouring rows up to which what is left counts as white
 
@@ -47,12 +51,14 @@ def content(diagnosis: Diagnosis) -> dict[str, Any]:
                     "correlation": correlation,
                     "learnable_share": share,
                     "law": law,
+                    "region": _region(diagnosis, region),
                 }
-                for joint, correlation, share, law in zip(
+                for joint, correlation, share, law, region in zip(
                     diagnosis.joints,
                     diagnosis.correlation_left,
                     diagnosis.learnt_after.share,
                     diagnosis.learnt_after.follows_law(diagnosis.thresholds),
+                    diagnosis.regions_left,
                     strict=True,
                 )
             },
@@ -68,27 +74,33 @@ def content(diagnosis: Diagnosis) -> dict[str, Any]:
             "pulsations": [vars(one) for one in diagnosis.pulsations],
             "flow": {flow.joint: _flow(flow) for flow in diagnosis.flows},
             "detectable_strength": diagnosis.detectable,
+            "notes": diagnosis.notes,
         }
     )
 
 
 def _where(diagnosis: Diagnosis) -> dict[str, Any]:
     motion = diagnosis.gap.motion_before
-    out = {}
-    for j, joint in enumerate(diagnosis.joints):
-        region = diagnosis.regions[j]
-        out[joint] = {
+    return {
+        joint: {
             "energy_share": diagnosis.energy[j],
             "motion_error": motion.position_rms[j],
-            "region": None
-            if region is None
-            else {
-                "variable": region.variable,
-                "range": [region.low, region.high],
-                "share": region.share,
-            },
+            "region": _region(diagnosis, diagnosis.regions[j]),
         }
-    return out
+        for j, joint in enumerate(diagnosis.joints)
+    }
+
+
+def _region(diagnosis: Diagnosis, region: Region | None) -> dict[str, Any] | None:
+    if region is None:
+        return None
+    setting, counts = diagnosis.before.setting, bool(diagnosis.uncalibrated)
+    return {
+        "variable": region.variable,
+        "range": [region.low, region.high],
+        "unit": feature_unit(region.variable, setting, counts),
+        "share": region.share,
+    }
 
 
 def _finding(diagnosis: Diagnosis, finding: Finding) -> dict[str, Any]:
@@ -102,7 +114,7 @@ def _finding(diagnosis: Diagnosis, finding: Finding) -> dict[str, Any]:
             {"effect": one.type, "name": one.effect.name, "joint": one.where}
             for one in accepted.members
         ],
-        "parameters": [value.__dict__ for value in finding.parameters],
+        "parameters": [_parameter(value) for value in finding.parameters],
         "score": accepted.score,
         "threshold": accepted.threshold,
         "false_alarm_rate": diagnosis.thresholds.false_alarm_rate,
@@ -112,10 +124,22 @@ def _finding(diagnosis: Diagnosis, finding: Finding) -> dict[str, Any]:
         "margin": accepted.margin,
         "margin_needed": accepted.needed,
         "visibility": accepted.visibility,
-        "strength": accepted.strength,
+        "strength": _strength(diagnosis, finding),
+        "visible_strength": accepted.strength,
         "held_out_gains": dict(zip(accepted.fold_names, accepted.held_out, strict=True)),
         "settled_by": family.effect.settled_by,
     }
+
+
+def _parameter(value: Value) -> dict[str, Any]:
+    return value.__dict__ | {
+        "determined": is_determined(value.value, value.std_dev, value.minimum),
+    }
+
+
+def _strength(diagnosis: Diagnosis, finding: Finding) -> float:
+    option, model = finding.accepted.option, diagnosis.after
+    return acting(diagnosis.training, option.columns, model.theta[model.part(option.term)])
 
 
 def _nearest(diagnosis: Diagnosis) -> dict[str, Any] | None:
@@ -150,7 +174,7 @@ def _of_flow(diagnosis: Diagnosis, joint: str, one: Quantity) -> dict[str, Any]:
         "name": one.effect.name,
         "joint": joint,
         "class_members": [],
-        "parameters": [_value(one)],
+        "parameters": [of_quantity(one)],
         "score": one.score,
         "threshold": (SIGMAS * one.std_dev / one.value) ** 2 * one.score,
         "false_alarm_rate": diagnosis.thresholds.false_alarm_rate,
@@ -158,7 +182,8 @@ def _of_flow(diagnosis: Diagnosis, joint: str, one: Quantity) -> dict[str, Any]:
         "margin": one.score,
         "margin_needed": 0.0,
         "visibility": 1.0,
-        "strength": one.share,
+        "strength": None,  # of the drive force: valves and oil do not show in it
+        "visible_strength": one.share,
         "held_out_gains": {},
         "settled_by": one.effect.settled_by,
     }
@@ -177,18 +202,25 @@ def _flow(flow: Flow) -> dict[str, Any]:
         },
         "quantities": {
             one.type: {
-                **_value(one),
+                **of_quantity(one),
                 "usual_limit": one.usual,
                 "share_beyond_usual": one.share,
-                "determined": one.determined,
             }
             for one in flow.quantities
         },
     }
 
 
-def _value(one: Quantity) -> dict[str, Any]:
-    return {"name": one.type, "value": one.value, "std_dev": one.std_dev, "unit": one.unit}
+def of_quantity(one: Quantity) -> dict[str, Any]:
+    """A value of the hydraulics, by the keys of a parameter."""
+    return {
+        "name": one.type,
+        "value": one.value,
+        "std_dev": one.std_dev,
+        "unit": one.unit,
+        "minimum": None,
+        "determined": one.determined,
+    }
 
 
 def _side(diagnosis: Diagnosis, error: np.ndarray, motion: MotionValidation) -> dict[str, Any]:
