@@ -1,28 +1,52 @@
+import sys
+
 from setuptools import find_packages, setup
 
 PACKAGE = "crane_driver"
+TOOLS = {  # they run without ROS
+    "decode": "crane_driver.decode:main",
+    "recover": "crane_driver.recording.recover:main",
+}
+NODES = {
+    "bringup": "crane_driver.bringup.main:main",
+    "driver": "crane_driver.driver_node:main",
+    "jog": "crane_driver.jog.jog_node:main",
+    "player": "crane_driver.recording.player:main",
+    "recorder": "crane_driver.recording.recorder:main",
+}
+
+if {"bdist_wheel", "editable_wheel"} & set(sys.argv):
+    # pip puts scripts on the path of everyone, where short names are taken
+    scripts = [f"crane-{name.replace('_', '-')} = {main}" for name, main in TOOLS.items()]
+else:
+    scripts = [f"{name} = {main}" for name, main in (TOOLS | NODES).items()]
 
 setup(
     name=PACKAGE,
     version="0.1.0",
     license="Apache-2.0",
+    python_requires=">=3.11",
     packages=find_packages(include=[PACKAGE, f"{PACKAGE}.*"]),
-    package_data={PACKAGE: ["data/*"]},
+    package_data={PACKAGE: ["data/*", "bags/msg/*.msg"]},
     data_files=[
         ("share/ament_index/resource_index/packages", [f"resource/{PACKAGE}"]),
         (f"share/{PACKAGE}", ["package.xml"]),
         (f"share/{PACKAGE}/launch", ["launch/driver.launch.py"]),
     ],
     zip_safe=False,
-    entry_points={
-        "console_scripts": [
-            "bringup = crane_driver.bringup.main:main",
-            "decode = crane_driver.decode:main",
-            "driver = crane_driver.driver_node:main",
-            "jog = crane_driver.jog.jog_node:main",
-            "player = crane_driver.recording.player:main",
-            "recorder = crane_driver.recording.recorder:main",
-            "recover = crane_driver.recording.recover:main",
-        ]
+    install_requires=[
+        "crane_model",
+        "mcap",
+        "numba",
+        "numpy",
+        "pyyaml",
+        "rosbags>=0.11",
+        "tqdm",
+    ],
+    extras_require={
+        "can": ["canopen", "cantools", "polars>=1", "pydantic>=2", "python-can"],
+        "mf4": ["python-can[mf4]"],
+        "ros": ["matplotlib", "rich", "ruamel.yaml", "scipy"],
     },
+    entry_points={"console_scripts": scripts},
 )

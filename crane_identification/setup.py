@@ -1,11 +1,27 @@
+import sys
+
 from setuptools import find_packages, setup
 
 PACKAGE = "crane_identification"
+TOOLS = {  # they run without ROS
+    "diagnose": "crane_identification.discrepancy.diagnose:main",
+    "identify": "crane_identification.identify:main",
+}
+NODES = {
+    "identification": "crane_identification.online.identification_node:main",
+}
+
+if {"bdist_wheel", "editable_wheel"} & set(sys.argv):
+    # pip puts scripts on the path of everyone, where short names are taken
+    scripts = [f"crane-{name.replace('_', '-')} = {main}" for name, main in TOOLS.items()]
+else:
+    scripts = [f"{name} = {main}" for name, main in (TOOLS | NODES).items()]
 
 setup(
     name=PACKAGE,
     version="0.1.0",
     license="Apache-2.0",
+    python_requires=">=3.11",
     packages=find_packages(include=[PACKAGE, f"{PACKAGE}.*"]),
     package_data={PACKAGE: ["data/*", "report/page.*", "discrepancy/report/page.*"]},
     data_files=[
@@ -14,11 +30,27 @@ setup(
         (f"share/{PACKAGE}/launch", ["launch/identification.launch.py"]),
     ],
     zip_safe=False,
-    entry_points={
-        "console_scripts": [
-            "diagnose = crane_identification.discrepancy.diagnose:main",
-            "identify = crane_identification.identify:main",
-            "identification = crane_identification.online.identification_node:main",
-        ]
+    install_requires=[
+        "clarabel",
+        "crane_driver",
+        "crane_model",
+        "cvxpy",
+        "filterpy",
+        "jinja2",
+        "markupsafe",
+        "numba",
+        "numpy",
+        "plotly",
+        "polars>=1",
+        "pydantic>=2",
+        "rich",
+        "scikit-learn",
+        "scipy",
+        "threadpoolctl",
+        "tqdm",
+    ],
+    extras_require={
+        "cluster": ["distributed"],
     },
+    entry_points={"console_scripts": scripts},
 )

@@ -1,11 +1,27 @@
+import sys
+
 from setuptools import find_packages, setup
 
 PACKAGE = "crane_trajectory"
+TOOLS = {  # they run without ROS
+    "design": "crane_trajectory.design:main",
+}
+NODES = {
+    "run_excitation": "crane_trajectory.run_excitation_node:main",
+    "trajectory": "crane_trajectory.trajectory_node:main",
+}
+
+if {"bdist_wheel", "editable_wheel"} & set(sys.argv):
+    # pip puts scripts on the path of everyone, where short names are taken
+    scripts = [f"crane-{name.replace('_', '-')} = {main}" for name, main in TOOLS.items()]
+else:
+    scripts = [f"{name} = {main}" for name, main in (TOOLS | NODES).items()]
 
 setup(
     name=PACKAGE,
     version="0.1.0",
     license="Apache-2.0",
+    python_requires=">=3.11",
     packages=find_packages(include=[PACKAGE, f"{PACKAGE}.*"]),
     package_data={PACKAGE: ["data/*"]},
     data_files=[
@@ -14,11 +30,15 @@ setup(
         (f"share/{PACKAGE}/launch", ["launch/trajectory.launch.py"]),
     ],
     zip_safe=False,
-    entry_points={
-        "console_scripts": [
-            "design = crane_trajectory.design:main",
-            "run_excitation = crane_trajectory.run_excitation_node:main",
-            "trajectory = crane_trajectory.trajectory_node:main",
-        ]
-    },
+    install_requires=[
+        "crane_driver",
+        "crane_model",
+        "matplotlib",
+        "numba",
+        "numpy",
+        "pydantic>=2",
+        "scipy",
+        "tqdm",
+    ],
+    entry_points={"console_scripts": scripts},
 )

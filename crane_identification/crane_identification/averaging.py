@@ -10,6 +10,8 @@ from crane_identification.signals.decimate import UNFILTERED
 
 TRANSIENT = 2.0
 """A first period that differs from the later ones by this many times their scatter is transient."""
+LACKING = 3
+"""Samples that a period may lack and count as whole."""
 LOCAL = 0.04
 """Share of the period over which the scatter is taken as equally large, and a drift is sought."""
 
@@ -39,6 +41,23 @@ class Drift:
 
     rate: np.ndarray
     p_value: np.ndarray
+
+
+def whole_periods(samples: int, length: int) -> int:
+    """How many whole periods of `length` samples there are in `samples`.
+
+    N samples span N - 1 steps, and streams do not begin and end together: of several periods the
+    last may lack `LACKING` samples.
+    """
+    nearly = (samples + LACKING) // length
+    return nearly if nearly > 1 else samples // length
+
+
+def completed(values: np.ndarray, length: int, periods: int) -> np.ndarray:
+    """`values` (n, ...), and what they lack of whole periods, as it was one period before."""
+    lacking = max(periods * length - len(values), 0)
+    begin = len(values) - length
+    return np.concatenate([values, values[begin : begin + lacking]])
 
 
 def fold(values: np.ndarray, length: int, periods: int) -> np.ndarray:

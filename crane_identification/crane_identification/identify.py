@@ -11,10 +11,11 @@ from pathlib import Path
 import numpy as np
 from pydantic import RootModel
 
-from crane_identification.data.bag_log import read_bag
+from crane_identification.data.bad_samples import usable
 from crane_identification.data.column_map import ColumnMap
+from crane_identification.data.columns import TABLES
 from crane_identification.data.log import Log
-from crane_identification.data.table_log import read_table
+from crane_identification.data.recording_log import read_recording
 from crane_identification.online.replay import recursion
 from crane_identification.options import Estimator, Options
 from crane_identification.pipeline import fit, validate
@@ -27,13 +28,12 @@ from crane_identification.report.findings import findings
 from crane_identification.report.notation import percent
 from crane_identification.report.terminal import console, parameters
 from crane_identification.scale.beside import Beside
-from crane_identification.scale.cluster import fit_on_cluster
+from crane_identification.session import Session
 from crane_model import cli
 from crane_model.configuration import load
 from crane_model.errors import ConfigurationError, DataError
 from crane_model.model_file import Model, load_model, save_model
-
-TABLES = (".csv", ".tsv", ".txt", ".parquet", ".mat")
+from crane_model.terms import load_terms
 
 
 class ReferenceValues(RootModel[dict[str, float]]):
@@ -42,29 +42,24 @@ class ReferenceValues(RootModel[dict[str, float]]):
 
 @dataclass(frozen=True)
 class Sources:
-    """Reads recordings of either kind, each file once."""
+    """Reads recordings of either kind, each file once: what `options` say is to be used of them."""
 
     model: Model
     columns: ColumnMap | None
+    options: Options
     progress: Progress
 
     def read(self, paths: Sequence[Path]) -> tuple[Log, ...]:
         """A log of each bag or table; `DataError` and `ConfigurationError` as their readers."""
-        return tuple(self._read(path) for path in paths)
-
-    def _read(self, path: Path) -> Log:
-        if path.suffix.lower() not in TABLES:
-            return read_bag(path, self.model.joints, self.progress)
-        if self.columns is None:
-            raise ConfigurationError(
-                f"{path}: a table needs a column map that says which column holds what; "
-                "name it with --columns"
-            )
-        return read_table(path, self.columns, self.model.joints)
+        joints, options = self.model.joints, self.options
+        logs = (read_recording(path, joints, self.columns, self.progress) for path in paths)
+        return tuple(usable(log, options.begin, options.end) for log in logs)
 
 
 def identify(arguments: argparse.Namespace) -> None:
     """Everything the command does; raises `CraneError` with what is wrong."""
+    if arguments.terms:
+        load_terms(arguments.terms)
     model = load_model(arguments.model)
     overlap = {path.resolve() for path in arguments.train} & {
         path.resolve() for path in arguments.validate
@@ -79,13 +74,17 @@ def identify(arguments: argparse.Namespace) -> None:
         load(arguments.reference_values, ReferenceValues) if arguments.reference_values else None
     )
     options = Options(
-        average=arguments.average, period=arguments.period, estimator=arguments.estimator
+        begin=arguments.begin,
+        end=arguments.end,
+        average=arguments.average,
+        period=arguments.period,
+        estimator=arguments.estimator,
     )
     if arguments.cluster:
-        on_cluster(model, arguments, options)
+        on_cluster(model, arguments, columns, options)
         return
     with ProgressBar() as progress, ExitStack() as processes:
-        sources = Sources(model, columns, progress)
+        sources = Sources(model, columns, options, progress)
         training = sources.read(arguments.train)
         # Most of the time: reading by reading, in their order, on a core of its own.
         replayed = (
@@ -94,8 +93,11 @@ def identify(arguments: argparse.Namespace) -> None:
             else None
         )
         held_out = sources.read(arguments.validate)
-        result = fit(model, training, options, progress)
-        validations = validate(result.model, held_out, options, progress) if held_out else ()
+        session = Session.of((*training, *held_out))
+        result = fit(model, training, options, progress, session)
+        validations = (
+            validate(result.model, held_out, options, progress, session) if held_out else ()
+        )
         report = IdentificationReport(
             fit=result,
             options=options,
@@ -117,16 +119,28 @@ def identify(arguments: argparse.Namespace) -> None:
     _tell(report, arguments.out)
 
 
-def on_cluster(model: Model, arguments: argparse.Namespace, options: Options) -> None:
+def on_cluster(
+    model: Model, arguments: argparse.Namespace, columns: ColumnMap | None, options: Options
+) -> None:
     """Fit on a Dask cluster, validate here; the figures of a report would need all rows here."""
     if options.estimator is not Estimator.LEAST_SQUARES or arguments.recursive:
         raise ConfigurationError(
             "--cluster sums information matrices, which is least squares (31); give "
             "--estimator least_squares, without --recursive"
         )
+    if arguments.terms:
+        raise ConfigurationError(
+            "--cluster: its workers do not have the file of --terms; leave it out"
+        )
+    try:
+        from crane_identification.scale.cluster import fit_on_cluster
+    except ImportError as error:
+        raise ConfigurationError(f"--cluster needs Dask: {error}; install distributed") from None
     with ProgressBar() as progress:
-        result = fit_on_cluster(model, arguments.train, arguments.cluster, options, progress)
-        sources = Sources(model, None, progress)
+        result = fit_on_cluster(
+            model, arguments.train, arguments.cluster, options, progress, columns
+        )
+        sources = Sources(model, columns, options, progress)
         held_out = sources.read(arguments.validate)
         validations = validate(result.model, held_out, options, progress) if held_out else ()
     errors = pooled(result.model, validations) if validations else None
@@ -161,7 +175,6 @@ def _tell(report: IdentificationReport, out: Path) -> None:
 def parser() -> argparse.ArgumentParser:
     """The command line."""
     result = argparse.ArgumentParser(
-        prog="identify",
         description="Fit the parameters of a model to recordings, validate them on others, and "
         "write model.yaml, summary.json and report.html.",
         epilog="Recordings are bags (folders, written by ros2 bag or by the suite) or tables "
@@ -172,12 +185,9 @@ def parser() -> argparse.ArgumentParser:
     add("--train", type=Path, nargs="+", required=True, help="recordings to fit the model to")
     add("--validate", type=Path, nargs="+", default=[], help="recordings to validate it on")
     add("--out", type=Path, required=True, help="folder for the results")
-    add("--columns", type=Path, help="column map (YAML) of the tables")
-    add(
-        "--period",
-        type=_seconds,
-        help="period [s] over which to average, where no reference is recorded to find it in",
-    )
+    add("--terms", type=Path, metavar="FILE", help="Python file with terms of your own")
+    add("--columns", type=Path, help="column map (YAML) of tables, or of your topics")
+    add_part(result)
     add(
         "--no-average",
         dest="average",
@@ -215,9 +225,42 @@ def parser() -> argparse.ArgumentParser:
     return result
 
 
+def add_part(parser: argparse.ArgumentParser) -> None:
+    """Adds the options that say which part of a recording is used, and its period."""
+    parser.add_argument(
+        "--from",
+        dest="begin",
+        type=_seconds,
+        default=Options().begin,
+        metavar="SECONDS",
+        help="leave out what comes before, counted from the start of each recording",
+    )
+    parser.add_argument(
+        "--to",
+        dest="end",
+        type=_seconds,
+        default=Options().end,
+        metavar="SECONDS",
+        help="leave out what comes behind, counted alike",
+    )
+    parser.add_argument(
+        "--period",
+        type=_period,
+        metavar="SECONDS",
+        help="period over which to average; found in the recordings where it is not given",
+    )
+
+
 def _seconds(text: str) -> float:
     value = float(text)
-    if not 0.0 < value < float("inf"):
+    if not 0.0 <= value < float("inf"):
+        raise argparse.ArgumentTypeError(f"must be a number of seconds, at least 0, got {text}")
+    return value
+
+
+def _period(text: str) -> float:
+    value = _seconds(text)
+    if value == 0.0:
         raise argparse.ArgumentTypeError(f"must be a positive number of seconds, got {text}")
     return value
 

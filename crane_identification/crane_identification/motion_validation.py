@@ -18,7 +18,7 @@ from crane_model.terms import MemoryTerm
 
 HORIZON = 0.5  # s
 LOGGED = (
-    *("time", "pressure_a", "pressure_b", "command", "temperature"),
+    *("time", "run", "pressure_a", "pressure_b", "command", "temperature"),
     *("slew_position", "slew_velocity", "slew_acceleration"),
 )
 """Fields of a record that do not come out of the simulation and that terms may ask for."""

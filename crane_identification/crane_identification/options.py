@@ -1,5 +1,6 @@
 """How recordings are turned into an estimate; the defaults take what they need from the data."""
 
+import math
 from dataclasses import dataclass
 from enum import StrEnum
 
@@ -21,7 +22,8 @@ class Estimator(StrEnum):
 class Options:
     """Choices of identification.
 
-    `motion` estimates velocity and acceleration (None: the best route for the kind of data). With
+    Of each recording, what lies between `begin` and `end` [s from its start] is used. `motion`
+    estimates velocity and acceleration (None: the best route for the kind of data). With
     `average`, whole periods are averaged (37)-(38): `period` [s] (None: found in the reference),
     the last `periods` of them (None: all behind the transient). Without, `trim` samples are cut
     from both ends (None: those that the smoother's memory spoils). `mask_reversals` leaves out what
@@ -31,6 +33,8 @@ class Options:
     under physical constraints, which is plain least squares wherever that is physical, or another.
     """
 
+    begin: float = 0.0
+    end: float = math.inf
     motion: MotionEstimator | None = None
     average: bool = True
     period: float | None = None

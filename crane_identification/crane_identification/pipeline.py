@@ -17,9 +17,10 @@ from crane_identification.estimation.rows import Rows
 from crane_identification.estimation.weighted import weighted
 from crane_identification.excitation import too_little
 from crane_identification.options import Estimator, Options
-from crane_identification.preparation import Preparation, prepare
+from crane_identification.preparation import Preparation, prepare_all
 from crane_identification.progress import Progress, silent
 from crane_identification.regression import build_rows, common_factor, instruments
+from crane_identification.session import Session
 from crane_identification.validation import Validation, compare
 from crane_model.errors import DataError
 from crane_model.model_file import Model
@@ -42,15 +43,21 @@ class FitResult:
 
 
 def fit(
-    model: Model, logs: Sequence[Log], options: Options | None = None, progress: Progress = silent
+    model: Model,
+    logs: Sequence[Log],
+    options: Options | None = None,
+    progress: Progress = silent,
+    session: Session | None = None,
 ) -> FitResult:
     """Θ of `model` from all recordings together, by the estimator of `options`.
+
+    Time counts through the `session`; None: that of these recordings.
 
     Raises `DataError` if a recording does not fit the model or is too short, and if parameters
     are not determined by these recordings: it names them.
     """
     options = options or Options()
-    preparations = _prepare_all(model, logs, options, progress)
+    preparations = _prepare_all(model, logs, options, progress, session)
     factor = common_factor(preparations, options.decimation)
     rows = Rows.stack([build_rows(model, p, factor) for p in preparations])
     estimate = _estimate(model, rows, preparations, factor, options)
@@ -88,28 +95,31 @@ def _estimate(
 
 
 def validate(
-    model: Model, logs: Sequence[Log], options: Options | None = None, progress: Progress = silent
+    model: Model,
+    logs: Sequence[Log],
+    options: Options | None = None,
+    progress: Progress = silent,
+    session: Session | None = None,
 ) -> tuple[Validation, ...]:
     """Predictions of an estimated `model` on each gapless run of the recordings.
+
+    Time counts through the `session`, as in the fit; None: that of these recordings.
 
     Raises `DataError` as `fit` does, `ConfigurationError` if the model has no values.
     """
     options = options or Options()
-    preparations = _prepare_all(model, logs, options, progress)
+    preparations = _prepare_all(model, logs, options, progress, session)
     factor = common_factor(preparations, options.decimation)
     return tuple(compare(model, preparation, factor) for preparation in preparations)
 
 
 def _prepare_all(
-    model: Model, logs: Sequence[Log], options: Options, progress: Progress
+    model: Model,
+    logs: Sequence[Log],
+    options: Options,
+    progress: Progress,
+    session: Session | None,
 ) -> list[Preparation]:
     if not logs:
         raise DataError(f"model '{model.name}': no recordings given; give at least one")
-    preparations = []
-    for i, log in enumerate(logs):
-
-        def partly(phase: str, done: float, i: int = i) -> None:
-            progress(phase, (i + done) / len(logs))
-
-        preparations += prepare(model, log, options, partly)
-    return preparations
+    return prepare_all(model, logs, options, progress, session)

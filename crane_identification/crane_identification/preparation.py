@@ -1,20 +1,23 @@
 """From a log to the record that the model is evaluated on: resampled, averaged, smoothed."""
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
 
 from crane_identification.averaging import (
     Averaging,
+    completed,
     drift,
     fold,
     resolution_of_mean,
     transient_periods,
+    whole_periods,
 )
 from crane_identification.data.log import Log
 from crane_identification.data.resample import Samples, resample, sampling_rate
 from crane_identification.options import Options
-from crane_identification.periodicity import Periodicity, detect_periodicity
+from crane_identification.periodicity import periodic_part
 from crane_identification.progress import Progress, silent
 from crane_identification.run_signals import (
     along_reference,
@@ -23,6 +26,8 @@ from crane_identification.run_signals import (
     resolution_of,
     signals_of,
 )
+from crane_identification.session import Session
+from crane_identification.signals.decimate import PADDING
 from crane_identification.signals.gate import SETTLING, moving, trusted_bandwidth
 from crane_identification.signals.motion import Motion
 from crane_identification.signals.routes import estimate_period, estimate_record
@@ -59,10 +64,31 @@ class Preparation:
         return self.averaging is not None
 
 
+def prepare_all(
+    model: Model,
+    logs: Sequence[Log],
+    options: Options,
+    progress: Progress = silent,
+    session: Session | None = None,
+) -> list[Preparation]:
+    """`prepare` of each recording, in the time of the `session` (None: of these recordings)."""
+    session = session or Session.of(logs)
+    out = []
+    for number, log in enumerate(logs):
+
+        def partly(phase: str, done: float, number: int = number) -> None:
+            progress(phase, (number + done) / len(logs))
+
+        out += prepare(model, log, options, partly, session.since(log))
+    return out
+
+
 def prepare(
-    model: Model, log: Log, options: Options, progress: Progress = silent
+    model: Model, log: Log, options: Options, progress: Progress = silent, since: float = 0.0
 ) -> list[Preparation]:
     """A preparation of each gapless run of `log` (of each that holds a whole period, to average).
+
+    The time of its record counts from a moment `since` [s] before time zero of the log.
 
     Raises `DataError` if the log lacks joints or forces of the model, or no run is long enough.
     """
@@ -73,38 +99,41 @@ def prepare(
         )
     if not options.average:
         samples = resample(log)
-        runs = [np.flatnonzero(samples.run == run) for run in np.unique(samples.run)]
-        return [_whole(model, log, samples, rows, options, progress) for rows in runs]
-    periodicity = _periodicity(log, options)
-    length = round(periodicity.period * sampling_rate(log.position.time))
-    samples = resample(log, length / periodicity.period)
-    inside = (samples.time >= periodicity.start) & (samples.time <= periodicity.end)
+        return _whole_runs(model, log, samples, options, progress, since)
+    try:
+        part = periodic_part(log, options.period)
+    except DataError as error:
+        raise DataError(f"{error}; or do not average: --no-average") from None
+    length = round(part.period * sampling_rate(log.position.time))
+    samples = resample(log, length / part.period)
+    inside = (samples.time >= part.start) & (samples.time <= part.end)
     runs = [np.flatnonzero((samples.run == run) & inside) for run in np.unique(samples.run)]
-    long_enough = [rows for rows in runs if len(rows) >= length]
+    long_enough = [rows for rows in runs if whole_periods(len(rows), length)]
     if not long_enough:
         raise DataError(
-            f"{log.source}: no whole period of {periodicity.period:.4g} s without a gap; record "
-            f"at least two, or do not average"
+            f"{log.source}: no whole period of {part.period:.4g} s without a gap; record at least "
+            f"two, or do not average: --no-average"
         )
-    return [_averaged(model, log, samples, rows, length, options, progress) for rows in long_enough]
+    return [
+        _averaged(model, log, samples, rows, length, options, progress, since)
+        for rows in long_enough
+    ]
 
 
-def _periodicity(log: Log, options: Options) -> Periodicity:
-    reference = log.reference_position
-    if reference is not None:
-        finite = np.isfinite(reference.value).all(axis=1)
+def _whole_runs(
+    model: Model, log: Log, samples: Samples, options: Options, progress: Progress, since: float
+) -> list[Preparation]:
+    """Those of the runs that something is left of; the error of the first where nothing is."""
+    out, errors = [], []
+    for run in np.unique(samples.run):
+        rows = np.flatnonzero(samples.run == run)
         try:
-            return detect_periodicity(
-                reference.time[finite], reference.value[finite], options.period
-            )
+            out.append(_whole(model, log, samples, rows, options, progress, since))
         except DataError as error:
-            raise DataError(f"{log.source}: {error}") from None
-    if options.period is None:
-        raise DataError(
-            f"{log.source}: no reference (/joint_reference) to find the period in; give the "
-            f"period, or do not average"
-        )
-    return Periodicity(options.period, float(log.position.time[0]), float(log.position.time[-1]))
+            errors.append(error)
+    if not out:
+        raise errors[0]
+    return out
 
 
 def _whole(
@@ -114,6 +143,7 @@ def _whole(
     rows: np.ndarray,
     options: Options,
     progress: Progress,
+    since: float,
 ) -> Preparation:
     """The run as it is, without the ends that the smoother's memory spoils."""
     signals = signals_of(model, samples, rows)
@@ -125,14 +155,15 @@ def _whole(
     known = _moving(model, motion, step, False, options)
     spoilt = int(np.ceil(1.0 / (trusted_bandwidth(bandwidth, known) * step)))
     begin, end = options.trim if options.trim is not None else (spoilt, spoilt)
-    if begin + end >= len(rows):
+    if begin + end + PADDING >= len(rows):
         raise DataError(
-            f"{log.source}: nothing is left of {len(rows)} samples after cutting {begin} at the "
-            f"start and {end} at the end; record longer"
+            f"{log.source}: too little is left of {len(rows)} samples after cutting {begin} at the "
+            f"start and {end} at the end, where the motion is not known; record longer, or mend "
+            "what interrupts the recording"
         )
     kept = slice(begin, len(rows) - end)
     signals = {name: values[kept] for name, values in signals.items()}
-    time = samples.time[rows][kept]
+    time = since + samples.time[rows][kept]
     record = record_of(model, time, signals, motion.during(kept), options.mask_reversals)
     return Preparation(
         source=log.source,
@@ -155,21 +186,24 @@ def _averaged(
     length: int,
     options: Options,
     progress: Progress,
+    since: float,
 ) -> Preparation:
     """The mean over the last whole periods of the run (37)-(38)."""
     signals = signals_of(model, samples, rows)
     step = 1.0 / samples.rate
-    whole = len(rows) // length
+    whole = whole_periods(len(rows), length)
+    signals = {name: completed(values, length, whole) for name, values in signals.items()}
     transient = transient_periods(fold(signals["position"], length, whole))
     used = min(whole - transient, options.periods or whole)
     mean = {name: fold(values, length, used).mean(axis=0) for name, values in signals.items()}
     resolution = resolution_of_mean(fold(coordinates(signals), length, used), resolution_of(log))
     motion = estimate_period(options.motion, coordinates(mean), step, resolution, progress)
-    record = record_of(model, step * np.arange(length), mean, motion, options.mask_reversals)
+    time = since + fold(samples.time[rows], length, used).mean(axis=0)
+    record = record_of(model, time, mean, motion, options.mask_reversals)
     alike, signed_alike = _moving_alike(model, log, signals, step, length, used, options)
     known = _moving(model, motion, step, True, options) & alike
     periods = fold(signals["force"], length, used)
-    remainder = (len(rows) - whole * length) * step
+    remainder = max(len(rows) - whole * length, 0) * step
     return Preparation(
         source=log.source,
         record=record,

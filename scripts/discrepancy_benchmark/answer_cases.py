@@ -82,9 +82,9 @@ def statistics(diagnosis: Diagnosis) -> dict[str, Any]:
 
     `score`: the best one in units of its bootstrap quantile, whether it is a finding or not;
     `accepted`: the same of findings; `learner`: strength of a law that it is sure of; `floor`: the
-    largest held-out error over the scatter between periods, 0 where none was repeated; `flow`:
-    share of it that the strongest effect makes up; `flow_left`: share that none explains.
-    `promised`: 0 to 100 % quantiles of the best score by the bootstrap, in the same unit.
+    largest error over the scatter between periods, 0 where none was repeated; `flow`: share of it
+    that the strongest effect makes up; `flow_left`: share that none explains. `promised`: 0 to
+    100 % quantiles of the best score by the bootstrap, in the same unit.
     """
     thresholds, learnt, gap = diagnosis.thresholds, diagnosis.learnt_before, diagnosis.gap
     quantities = [one for flow in diagnosis.flows for one in flow.quantities]
@@ -97,7 +97,7 @@ def statistics(diagnosis: Diagnosis) -> dict[str, Any]:
         "score": best.gain / quantile if best is not None else 0.0,
         "accepted": accepted / quantile,
         "learner": float(learnt.strength[sure].max(initial=0.0)),
-        "floor": float(np.nan_to_num(gap.over_floor(gap.before)).max()),
+        "floor": float(np.nan_to_num(gap.over_floor(gap.largest_before)).max()),
         "flow": max((one.share for one in quantities if one.missing), default=0.0),
         "flow_left": max((flow.unexplained for flow in diagnosis.flows), default=0.0),
         "promised": np.round(np.quantile(null, LEVELS) / quantile, DIGITS).tolist(),

@@ -25,6 +25,7 @@ def _inputs(machine: Machine) -> list[Path]:
         for path in package.rglob("*")
         if path.is_file()
         and not path.is_relative_to(package / package.name)
+        and not path.is_relative_to(package / "build")  # of pip
         and not any(part.endswith((".egg-info", "__pycache__")) for part in path.parts)
     )
 

@@ -6,6 +6,7 @@ setup(
     name=PACKAGE,
     version="0.1.0",
     license="Apache-2.0",
+    python_requires=">=3.11",
     packages=find_packages(include=[PACKAGE, f"{PACKAGE}.*"]),
     package_data={PACKAGE: ["data/*"]},
     data_files=[
@@ -13,5 +14,12 @@ setup(
         (f"share/{PACKAGE}", ["package.xml"]),
     ],
     zip_safe=False,
+    install_requires=[
+        "numba",
+        "numpy",
+        "pydantic>=2",
+        "pyyaml",
+        "scipy",
+    ],
     entry_points={"console_scripts": []},
 )

@@ -1,11 +1,27 @@
+import sys
+
 from setuptools import find_packages, setup
 
 PACKAGE = "crane_sim"
+TOOLS = {  # they run without ROS
+    "make_bag": "crane_sim.make_bag:main",
+    "picture": "crane_sim.picture:main",
+    "planted": "crane_sim.planted:main",
+    "simulated_crane": "crane_sim.simulated_crane:main",
+    "view": "crane_sim.view:main",
+}
+
+if {"bdist_wheel", "editable_wheel"} & set(sys.argv):
+    # pip puts scripts on the path of everyone, where short names are taken
+    scripts = [f"crane-{name.replace('_', '-')} = {main}" for name, main in TOOLS.items()]
+else:
+    scripts = [f"{name} = {main}" for name, main in TOOLS.items()]
 
 setup(
     name=PACKAGE,
     version="0.1.0",
     license="Apache-2.0",
+    python_requires=">=3.11",
     packages=find_packages(include=[PACKAGE, f"{PACKAGE}.*"]),
     package_data={PACKAGE: ["data/*"]},
     data_files=[
@@ -14,13 +30,18 @@ setup(
         (f"share/{PACKAGE}/launch", ["launch/demo.launch.py", "launch/simulated_crane.launch.py"]),
     ],
     zip_safe=False,
-    entry_points={
-        "console_scripts": [
-            "make_bag = crane_sim.make_bag:main",
-            "picture = crane_sim.picture:main",
-            "planted = crane_sim.planted:main",
-            "simulated_crane = crane_sim.simulated_crane:main",
-            "view = crane_sim.view:main",
-        ]
-    },
+    install_requires=[
+        "crane_driver[can]",
+        "crane_model",
+        "crane_trajectory",
+        "mujoco",
+        "numba",
+        "numpy",
+        "pillow",
+        "pydantic>=2",
+        "pyyaml",
+        "scipy",
+        "tqdm",
+    ],
+    entry_points={"console_scripts": scripts},
 )

@@ -8,8 +8,9 @@ import cantools.database
 import polars as pl
 import pytest
 
-from crane_driver.can.candump import Log
+from crane_driver.can.candump import CandumpLog
 from crane_driver.can.dbc import load_dbc
+from crane_driver.can.log_formats import open_log
 from crane_driver.can.log_report import Cycle, cycles
 from crane_driver.can.log_table import LogTable
 from crane_driver.decode import main
@@ -32,7 +33,7 @@ def dbc(real_data: Path) -> Path:
 @pytest.fixture(scope="module")
 def decoded(log: Path, dbc: Path) -> LogTable:
     table = LogTable(load_dbc(dbc))
-    for frame in Log(log).frames():
+    for frame in CandumpLog(log).frames():
         table.add(frame)
     return table
 
@@ -110,7 +111,7 @@ def test_cycle_times_are_those_of_the_standard(decoded: LogTable) -> None:
 def test_lost_frames_show_as_a_gap(log: Path, dbc: Path) -> None:
     table = LogTable(load_dbc(dbc))
     engine = 0
-    for frame in Log(log).frames():
+    for frame in CandumpLog(log).frames():
         engine += frame.id == 0x0CF00400
         if not (frame.id == 0x0CF00400 and 400 < engine <= 420):
             table.add(frame)
@@ -132,3 +133,27 @@ def test_the_command_writes_the_table_and_reports(
     table = pl.read_parquet(out)
     assert table[STAMP].is_sorted()
     assert table[STAMP].dtype == pl.Datetime("ns", "UTC")
+
+
+def test_a_dbc_that_does_not_say_j1939_gives_the_same_values(
+    decoded: LogTable, log: Path, dbc: Path, tmp_path: Path
+) -> None:
+    silent = tmp_path / "silent.dbc"
+    kept = [line for line in dbc.read_text().splitlines() if '"VFrameFormat"' not in line]
+    silent.write_text("\n".join(kept))
+    table = LogTable(load_dbc(silent))
+    for frame in CandumpLog(log).frames():
+        table.add(frame)
+    assert table.table().equals(decoded.table())
+
+
+def test_other_formats_of_the_same_log(log: Path, tmp_path: Path) -> None:
+    """BLF keeps 10 ns, ASC 1 µs."""
+    path = tmp_path / "truck.blf"
+    frames = list(CandumpLog(log).frames())
+    with can.Logger(path) as writer:
+        for message in can.CanutilsLogReader(log):
+            writer.on_message_received(message)
+    same = list(open_log(path).frames())
+    assert [(one.id, one.data) for one in same] == [(one.id, one.data) for one in frames]
+    assert max(abs(a.stamp - b.stamp) for a, b in zip(same, frames, strict=True)) < 1_000_000

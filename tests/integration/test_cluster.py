@@ -10,6 +10,7 @@ from distributed import LocalCluster
 
 from crane_identification import identify
 from crane_identification.data.bag_log import read_bag
+from crane_identification.data.column_map import ColumnMap
 from crane_identification.options import Estimator, Options
 from crane_identification.pipeline import fit
 from crane_identification.scale.cluster import fit_on_cluster
@@ -82,6 +83,16 @@ def test_what_is_wrong_is_named(bags: list[Path], address: str, tmp_path: Path) 
     model = load_model(MODEL)
     with pytest.raises(DataError, match="no such bag"):
         fit_on_cluster(model, [*bags, tmp_path / "nowhere"], address, OPTIONS)
+    effort = {"topic": "/efforts", "field": "effort", "unit": "N m"}
+    joints = {
+        joint: {"position": effort | {"unit": unit}, "force": effort | {"unit": force}}
+        for joint, unit, force in (
+            ("inner_boom", "rad", "N m"), ("outer_boom", "rad", "N m"), ("telescope", "m", "N")
+        )
+    }  # fmt: skip
+    columns = ColumnMap.model_validate({"joints": joints})
+    with pytest.raises(DataError, match="no message of topic /efforts; the bag holds /cylinder"):
+        fit_on_cluster(model, bags, address, OPTIONS, columns=columns)
     with (
         LocalCluster(
             n_workers=0, processes=True, host="127.0.0.1", dashboard_address=None

@@ -138,11 +138,12 @@ def emps(real_data: Path, tmp_path_factory: pytest.TempPathFactory) -> Path:
 
 
 def test_coulomb_friction_of_emps_is_found_then_its_asymmetry(emps: Path) -> None:
-    """The authors' offset is of the class of what differs between the two directions."""
+    """A constant force, as the authors have it, is next best."""
     first, second = _findings(emps)["findings"]
     assert first["effect"] == "coulomb" and not first["class_members"]
-    members = {second["effect"], *(one["effect"] for one in second["class_members"])}
-    assert members == {"offset", "coulomb_asymmetry", "viscous_asymmetry"}
+    assert second["effect"] == "viscous_asymmetry" and not second["class_members"]
+    assert second["runner_up"]["effect"] in {"offset", "coulomb_asymmetry"}
+    assert second["margin"] > second["margin_needed"]
     gap = _findings(emps)["gap"]
     after = gap["after"]["axis"]["force_relative_error"]
     assert after < 0.2 * gap["before"]["axis"]["force_relative_error"]
@@ -157,7 +158,7 @@ def test_the_additions_bring_the_published_fit_of_emps(emps: Path, real_data: Pa
     assert estimate.relative_error[0] < RELATIVE_ERROR
 
 
-def test_with_their_member_of_the_class_it_is_their_model(emps: Path, real_data: Path) -> None:
+def test_with_a_constant_force_instead_it_is_their_model(emps: Path, real_data: Path) -> None:
     """To every digit that the authors print."""
     found = load_model(emps / "model.yaml")
     model = found.without_term(found.terms[3]).with_term(Offset(joint="axis"))

@@ -11,6 +11,7 @@ from typing import Any
 import numpy as np
 import pytest
 import rclpy
+import yaml
 from ament_index_python.packages import get_package_prefix
 from diagnostic_msgs.msg import DiagnosticArray, DiagnosticStatus
 from rclpy.executors import SingleThreadedExecutor
@@ -25,6 +26,7 @@ from crane_identification.online.estimator import OnlineOptions
 from crane_identification.online.identification_node import main
 from crane_identification.online.replay import replay
 from crane_interfaces.msg import CylinderPressures, GeneralizedForces, ParameterEstimate
+from crane_model.machine import PLANAR_JOINTS
 from crane_model.model_file import load_model
 from crane_model.record import Record
 
@@ -198,8 +200,23 @@ def test_estimate_over_topics_is_that_of_the_offline_recursion(stage: Stage, log
     assert stage.stop() == 0
 
 
-def test_a_late_listener_hears_the_last_estimate(stage: Stage) -> None:
-    stage.start()
+def column_map(joint: str) -> dict[str, dict[str, str]]:
+    """The topics of the suite, as if they were those of another machine."""
+    states = {"topic": "/joint_states", "type": "sensor_msgs/msg/JointState"}
+    cylinders = {"topic": "/cylinder_pressures", "type": "crane_interfaces/msg/CylinderPressures"}
+    pressure = {"unit": "Pa", "index": joint}
+    unit = "m" if joint == "telescope" else "rad"
+    return {
+        "position": {"field": "position", "unit": unit, "index": joint} | states,
+        "pressure_a": {"field": "chamber_a"} | cylinders | pressure,
+        "pressure_b": {"field": "chamber_b"} | cylinders | pressure,
+    }
+
+
+def test_a_late_listener_hears_the_last_estimate_of_topics_that_a_map_names(stage: Stage) -> None:
+    content = {"joints": {joint: column_map(joint) for joint in PLANAR_JOINTS}}
+    (stage.folder / "topics.yaml").write_text(yaml.safe_dump(content))
+    stage.start(columns="topics.yaml")
     stage.wait_for_the_node()
     stage.play(record_log(6.0))
     stage.wait(lambda: stage.estimates and stage.estimates[-1].samples > 20)
@@ -245,6 +262,7 @@ def test_missing_joints_and_silence_are_reported(stage: Stage) -> None:
         ("lag:=long", "parameter 'lag': must be a number, got 'long'"),
         ("lag:=7", "parameter 'lag': must be from 0.05 to 2 s, got 7"),
         ("model:=nowhere.yaml", "nowhere.yaml: no such file"),
+        ("columns:=nowhere.yaml", "nowhere.yaml: no such file"),
         ("autostart:=1", "parameter 'autostart': must be true or false, got 1"),
     ],
 )

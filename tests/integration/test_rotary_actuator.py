@@ -4,7 +4,6 @@ import json
 from pathlib import Path
 from typing import Any
 
-import numpy as np
 import pytest
 
 from crane_identification.discrepancy.diagnose import main
@@ -19,10 +18,14 @@ terms:
 """
 COLUMNS = """
 rate: 1000.0  # assumed: the recordings do not say
+separator: "\\t"
 joints:
   actuator:
     position: {column: Angle, unit: counts}
-    force: {column: difference, unit: counts}
+    force:
+      sum:
+        - {column: PG_1, unit: counts}
+        - {column: PG_2, unit: counts, scale: -1}
     pressure_a: {column: PG_1, unit: counts}
     pressure_b: {column: PG_2, unit: counts}
 """
@@ -30,13 +33,7 @@ joints:
 
 def diagnosed(folder: Path, recordings: Path) -> dict[str, Any]:
     """findings.json of all strokes of an actuator but the last, by the name of its file."""
-    tables = []
-    for path in sorted(recordings.glob("*.txt")):
-        angle, first, second = np.genfromtxt(path, skip_header=1, usecols=(4, 8, 9)).T
-        table = np.column_stack([angle, first, second, first - second])
-        tables.append(folder / f"{path.stem}.csv")
-        header = "Angle,PG_1,PG_2,difference"
-        np.savetxt(tables[-1], table, "%d", ",", header=header, comments="")
+    tables = sorted(recordings.glob("*.txt"))
     (folder / "model.yaml").write_text(MODEL, encoding="utf-8")
     (folder / "columns.yaml").write_text(COLUMNS, encoding="utf-8")
     files = ("--model", folder / "model.yaml", "--columns", folder / "columns.yaml")

@@ -83,7 +83,7 @@ def decode_by_rosbags(messages: Sequence[bytes], msgtype: str, store: Typestore)
             if filled:
                 block = np.array([values[row] for row in filled])
                 fields[field][cells(filled, columns_of[layout])] = block
-    return Table(names, _header_stamps(decoded), present, fields)
+    return Table(names, header_stamps(decoded), present, fields)
 
 
 def same(one: Table, other: Table) -> bool:
@@ -144,7 +144,8 @@ def _in_bulk(layout: Layout, block: np.ndarray, kinds: Mapping[str, bool]) -> Ta
     return Table(names, layout.stamps(block), present, fields)
 
 
-def _header_stamps(messages: Sequence[Any]) -> np.ndarray:
+def header_stamps(messages: Sequence[Any]) -> np.ndarray:
+    """(n,) int64 header stamps [ns] of decoded messages of one type; 0 without a header."""
     if not hasattr(messages[0], "header"):
         return np.zeros(len(messages), dtype=np.int64)
     stamps = [message.header.stamp for message in messages]

@@ -12,6 +12,7 @@ from rosbags.serde import SerdeError
 from rosbags.typesys.store import Typestore
 
 from crane_driver.bags.bulk import NANOSECONDS
+from crane_driver.bags.clocks import clock_step
 from crane_driver.bags.decoding import Table, cells, concatenate, decode
 from crane_driver.bags.storage import announced, blocks, connections, open_bag
 from crane_driver.bags.types import Topic, typestore
@@ -27,6 +28,7 @@ LARGEST_DISORDER = NANOSECONDS  # ns; messages may overtake one another, a clock
 class TopicData:
     """What a bag holds of one topic, in the order of its stamps.
 
+    log_time: when the recorder received each message, on the clock of the recorder.
     fields: (n, k) of each float64[] field, (n,) of each float64 field, with NaN as recorded.
     notes: what had to be mended, in words.
     """
@@ -36,6 +38,7 @@ class TopicData:
     names: tuple[str, ...]
     stamp: np.ndarray  # (n,) int64 [ns], increasing
     stamped_by: Literal["header", "log time"]  # log time where every header stamp is zero
+    log_time: np.ndarray  # (n,) int64 [ns]
     present: np.ndarray  # (n, k) bool: which names a message held
     fields: dict[str, np.ndarray]
     notes: tuple[str, ...] = ()
@@ -65,6 +68,7 @@ class TopicData:
             self,
             names=tuple(names),
             stamp=self.stamp[rows],
+            log_time=self.log_time[rows],
             present=self.present[cells(rows, columns)],
             fields={
                 key: value[cells(rows, columns)] if value.ndim == 2 else value[rows]
@@ -102,7 +106,7 @@ def read_topics(
                     f"{path}: topic {name} announces {stated} messages, but only "
                     f"{len(log_times[name])} are readable; the bag is damaged or not complete"
                 )
-    return {name: _in_order(path, name, tables[name], np.array(log_times[name])) for name in wanted}
+    return {name: in_order(path, name, tables[name], np.array(log_times[name])) for name in wanted}
 
 
 def _check(path: Path, reader: Reader, topic: Topic, store: Typestore, needed: bool) -> bool:
@@ -115,8 +119,8 @@ def _check(path: Path, reader: Reader, topic: Topic, store: Typestore, needed: b
         if topic.name in present:
             raise DataError(f"{path}: topic {topic.name} holds no message; check its publisher")
         raise DataError(
-            f"{path}: no topic {topic.name}; the bag holds {', '.join(present)}; record the topic "
-            "or name another bag"
+            f"{path}: no topic {topic.name}; the bag holds {', '.join(present)}; record the topic, "
+            "name yours in a column map (--columns), or name another bag"
         )
     stated = (*connections(reader, topic.name), *reader.connections)
     types = {one.msgtype for one in stated if one.topic == topic.name} - {topic.msgtype}
@@ -158,25 +162,45 @@ def _read(
     return {name: concatenate(parts) for name, parts in tables.items()}, log_times
 
 
-def _in_order(path: Path, topic: str, table: Table, log_time: np.ndarray) -> TopicData:
+def in_order(path: Path, topic: str, table: Table, log_time: np.ndarray) -> TopicData:
     """Rows sorted by header stamp, or by log time where no header is stamped."""
     stamped_by: Literal["header", "log time"] = "header" if table.stamp.any() else "log time"
+    unstamped = 0
+    if stamped_by == "header":
+        stamped = table.stamp != 0
+        if 0 < table.stamp[1:2].sum() <= LARGEST_DISORDER:
+            stamped[0] = True  # time begins at zero, as in a simulation
+        unstamped = int(np.count_nonzero(~stamped))
+        table, log_time = table.take(stamped), log_time[stamped]
     stamp = table.stamp if stamped_by == "header" else log_time
     behind = np.maximum.accumulate(stamp) - stamp
-    if behind.max() > LARGEST_DISORDER:
-        row = int(behind.argmax())
+    step = clock_step(stamp, log_time)
+    if step is None and behind.max() > LARGEST_DISORDER:
+        step = int(behind.argmax()), -int(behind.max())
+    if step is not None:
+        row, change = step
         raise DataError(
-            f"{path}: topic {topic}: the clock steps back by {behind[row] / NANOSECONDS:.3f} s at "
-            f"message {row}, stamp {stamp[row]} ns; record with one clock, or split the bag there"
+            f"{path}: topic {topic}: the clock steps {'back' if change < 0 else 'forward'} by "
+            f"{abs(change) / NANOSECONDS:.3f} s at message {row}, stamp {stamp[row]} ns; record "
+            "with one clock, or split the bag there"
         )
     order = np.argsort(stamp, kind="stable")
     notes = (
         *_note(int(stamp is log_time) * len(stamp), f"{topic}: no header stamp, log time used"),
+        *_note(unstamped, f"{topic}: messages whose header stamp is zero left out"),
         *_note(int(np.count_nonzero(behind)), f"{topic}: messages out of order sorted by stamp"),
     )
     fields = {key: value[order] for key, value in table.fields.items()}
     return TopicData(
-        path, topic, table.names, stamp[order], stamped_by, table.present[order], fields, notes
+        bag=path,
+        topic=topic,
+        names=table.names,
+        stamp=stamp[order],
+        stamped_by=stamped_by,
+        log_time=log_time[order],
+        present=table.present[order],
+        fields=fields,
+        notes=notes,
     )
 
 

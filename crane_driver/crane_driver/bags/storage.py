@@ -20,6 +20,7 @@ STORAGE_SUFFIXES = (".mcap", ".db3")
 Storage = McapReader | Sqlite3Reader
 BLOCK = 4096  # messages
 MCAP_MAGIC = b"\x89MCAP0\r\n"
+SQLITE_LOGS = ("-wal", "-journal")  # what SQLite keeps beside a file until it is closed
 
 
 @contextmanager
@@ -122,13 +123,19 @@ def _damage(path: Path) -> Iterator[None]:
 def _check_kind(path: Path) -> None:
     if not path.exists():
         raise DataError(f"{path}: no such bag; check the path")
+    for file in _storage_files(path):
+        for log in unfinished(file):
+            raise DataError(
+                f"{path}: the bag was not closed properly: {log.name} holds messages that "
+                f"{file.name} does not; {_remedy(path)}"
+            )
     if path.is_dir():
         if (path / "metadata.yaml").exists():
             return
         if files := _storage_files(path):
             raise DataError(
                 f"{path}: the bag was not closed properly: {files[0].name} is there, but no "
-                f"metadata.yaml; {_remedy(path, files[0])}"
+                f"metadata.yaml; {_remedy(path)}"
             )
     elif path.suffix in STORAGE_SUFFIXES:
         return
@@ -136,6 +143,12 @@ def _check_kind(path: Path) -> None:
         f"{path}: not a bag; name a folder with metadata.yaml or a file that ends in "
         f"{' or '.join(STORAGE_SUFFIXES)}"
     )
+
+
+def unfinished(file: Path) -> list[Path]:
+    """Logs beside a .db3 file whose content is not in it: whoever wrote it did not close it."""
+    logs = [file.with_name(file.name + ending) for ending in SQLITE_LOGS]
+    return [log for log in logs if log.exists() and log.stat().st_size > 0]
 
 
 def _storage_files(path: Path) -> Sequence[Path]:
@@ -146,14 +159,12 @@ def _storage_files(path: Path) -> Sequence[Path]:
 def _explain(path: Path, error: Exception) -> str:
     for file in _storage_files(path):
         if not _closed(file):
-            return f"the bag was not closed properly: {file.name} has no end; {_remedy(path, file)}"
+            return f"the bag was not closed properly: {file.name} has no end; {_remedy(path)}"
     return f"the bag is damaged or incomplete: {error or type(error).__name__}; copy it again"
 
 
-def _remedy(path: Path, file: Path) -> str:
+def _remedy(path: Path) -> str:
     """What to do about a bag whose recorder was killed, or is still at work."""
-    if file.suffix != ".mcap":
-        return "if that file is complete, name it instead of the folder"
     folder = path if path.is_dir() else path.with_suffix("")
     return f"mend it: ros2 run crane_driver recover {path} --out {folder}_recovered"
 

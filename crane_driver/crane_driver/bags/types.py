@@ -5,7 +5,6 @@ from functools import cache
 from pathlib import Path
 from typing import Any
 
-from ament_index_python.packages import PackageNotFoundError, get_package_share_path
 from rosbags.interfaces import Nodetype
 from rosbags.typesys import Stores, get_types_from_msg, get_typestore
 from rosbags.typesys.store import Typestore
@@ -13,6 +12,8 @@ from rosbags.typesys.store import Typestore
 from crane_model.errors import CraneError
 
 INTERFACES = "crane_interfaces"
+DEFINITIONS = Path(__file__).with_name("msg")
+"""Folder of the .msg files of crane_interfaces: a link to it, and in a wheel a copy."""
 
 
 @dataclass(frozen=True)
@@ -41,26 +42,18 @@ TOPICS = (
 """All that the nodes of the suite publish; reliably."""
 
 
-def typestore() -> Typestore:
-    """Message types of ROS 2 Jazzy and of crane_interfaces as installed (ament index).
-
-    `CraneError` if crane_interfaces is not in a prefix of AMENT_PREFIX_PATH.
-    """
-    try:
-        share = get_package_share_path(INTERFACES, print_warning=False)
-    except (PackageNotFoundError, OSError) as error:
-        raise CraneError(
-            f"{INTERFACES} is not installed: {error.args[0]}; build the workspace and source its "
-            "environment file"
-        ) from None
-    return _typestore(share)
-
-
 @cache
-def _typestore(share: Path) -> Typestore:
-    definitions = sorted((share / "msg").glob("*.msg"))
+def typestore() -> Typestore:
+    """Message types of ROS 2 Jazzy and of crane_interfaces, which come with this package.
+
+    `CraneError` if they did not.
+    """
+    definitions = sorted(DEFINITIONS.glob("*.msg"))
     if not definitions:
-        raise CraneError(f"{share / 'msg'}: no .msg files; build {INTERFACES} again")
+        raise CraneError(
+            f"{DEFINITIONS}: no .msg files; this is a link to crane_interfaces/msg: clone the "
+            "repository with its links, or install crane_driver again"
+        )
     store = get_typestore(Stores.ROS2_JAZZY)
     types: dict[str, Any] = {}
     for path in definitions:

@@ -7,10 +7,9 @@ take the error frames of SocketCAN for data.
 import re
 from collections.abc import Callable, Iterator
 from dataclasses import dataclass
-from pathlib import Path
 
+from crane_driver.can.bus_log import BusLog, Entry
 from crane_driver.can.frame import Frame
-from crane_model.errors import DataError
 
 LINE = re.compile(
     r"\((?P<seconds>\d+)\.(?P<fraction>\d{1,9})\)\s+(?P<channel>\S+)\s+"
@@ -23,60 +22,27 @@ IDENTIFIER = 0x1FFFFFFF
 
 
 @dataclass
-class Log:
-    """A log; the counts are those of the last reading through.
+class CandumpLog(BusLog):
+    """A log of `candump -l`."""
 
-    `on_bytes` is told the length of each line: progress.
-    """
+    def entries(self, on_bytes: Callable[[int], object]) -> Iterator[Entry]:
+        """Line by line."""
+        with self.path.open(encoding="ascii", errors="replace") as file:
+            for line in file:
+                on_bytes(len(line))
+                if not (text := line.strip()):
+                    continue
+                self.lines += 1
+                if match := LINE.fullmatch(text):
+                    yield _entry(match)
+                else:
+                    self.damaged += 1
 
-    path: Path
-    channel: str | None = None  # read this one; None: the log must hold one only
-    lines: int = 0
-    remote: int = 0  # frames that ask for data
-    errors: int = 0  # frames that report errors of the bus
-    others: int = 0  # frames of other channels
-    damaged: int = 0  # lines that are not frames
 
-    def frames(self, on_bytes: Callable[[int], object] = lambda _: None) -> Iterator[Frame]:
-        """The data frames, in the order of the log; `DataError` if it holds several channels."""
-        self.lines = self.remote = self.errors = self.others = self.damaged = 0
-        only = self.channel
-        try:
-            with self.path.open(encoding="ascii", errors="replace") as file:
-                for line in file:
-                    on_bytes(len(line))
-                    if not (text := line.strip()):
-                        continue
-                    self.lines += 1
-                    match = LINE.fullmatch(text)
-                    if match is None:
-                        self.damaged += 1
-                        continue
-                    only = self._select(match["channel"], only)
-                    if only == match["channel"] and (frame := self._frame(match)):
-                        yield frame
-        except OSError as error:
-            raise DataError(f"{self.path}: cannot be read: {error.strerror}") from None
-
-    def _select(self, channel: str, only: str | None) -> str:
-        if only is None or channel == only:
-            return channel
-        if self.channel is None:
-            raise DataError(
-                f"{self.path}: the log holds frames of channels {only} and {channel}; "
-                "say which one to read"
-            )
-        self.others += 1
-        return only
-
-    def _frame(self, match: re.Match[str]) -> Frame | None:
-        number, extended = int(match["id"], 16), len(match["id"]) == 8
-        if extended and number & ERROR_FLAG:
-            self.errors += 1
-            return None
-        if match["remote"]:
-            self.remote += 1
-            return None
-        stamp = int(match["seconds"]) * 1_000_000_000 + int(match["fraction"].ljust(9, "0"))
-        data = bytes.fromhex(match["data"])
-        return Frame(number & IDENTIFIER, data, extended, stamp, stamp / 1e9)
+def _entry(match: re.Match[str]) -> Entry:
+    number, extended = int(match["id"], 16), len(match["id"]) == 8
+    stamp = int(match["seconds"]) * 1_000_000_000 + int(match["fraction"].ljust(9, "0"))
+    data = bytes.fromhex(match["data"])
+    frame = Frame(number & IDENTIFIER, data, extended, stamp, stamp / 1e9)
+    error = extended and bool(number & ERROR_FLAG)
+    return Entry(match["channel"], frame, remote=match["remote"] is not None, error=error)

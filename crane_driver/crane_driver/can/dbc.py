@@ -13,6 +13,7 @@ from crane_driver.can.frame import show_id
 from crane_model.errors import ConfigurationError
 
 J1939 = "j1939"
+FRAME_FORMAT = "VFrameFormat"  # attribute of a message
 
 STRING = re.compile(r'"[^"]*"')
 SIGNAL = re.compile(r"^\s*SG_\s+\w+[^:;\n]*:", re.MULTILINE)
@@ -35,20 +36,33 @@ class Dbc:
         }
         self._of_group: dict[int, list[Message]] = {}
         for one in database.messages:
-            if one.protocol == J1939 and one.is_extended_frame:
+            if one.is_extended_frame and _may_be_j1939(one):
                 self._of_group.setdefault(pgn_from_frame_id(one.frame_id), []).append(one)
 
     def find(self, identifier: int, extended: bool) -> Message | None:
         """The message with this identifier; else, of J1939, the only one with its group number.
 
         Priority, source and destination address then do not matter: J1939 data bases often name a
-        placeholder as the source.
+        placeholder as the source, and do not say that they are of J1939 (see `by_group_alone`).
         """
         key = (identifier, extended)
         if key not in self._found:
             group = self._of_group.get(pgn_from_frame_id(identifier), []) if extended else []
             self._found[key] = group[0] if len(group) == 1 else None
         return self._found[key]
+
+
+def by_group_alone(message: Message, shown: str) -> bool:
+    """Whether only the group number says that frames of the id `shown` are this message."""
+    own = show_id(message.frame_id, message.is_extended_frame)
+    return message.protocol != J1939 and shown != own
+
+
+def _may_be_j1939(message: Message) -> bool:
+    """Whether the DBC says so, or says nothing of the format of the frames."""
+    specifics = message.dbc
+    stated = specifics is not None and FRAME_FORMAT in specifics.attributes
+    return message.protocol == J1939 or not stated
 
 
 def load_dbc(path: Path | str) -> Dbc:

@@ -4,7 +4,8 @@ from typing import NamedTuple
 
 import numpy as np
 
-from crane_driver.can.candump import Log
+from crane_driver.can.bus_log import BusLog
+from crane_driver.can.dbc import by_group_alone
 from crane_driver.can.log_table import LogTable, Sender
 
 MANY_CYCLES = 3  # a gap is longer than so many median cycles
@@ -49,7 +50,7 @@ def _cycle(sender: Sender, first: int, last: int) -> Cycle:
     )
 
 
-def describe(log: Log, table: LogTable) -> str:
+def describe(log: BusLog, table: LogTable) -> str:
     """The report on a log that was read to its end."""
     duration = (table.last - table.first) / 1e9
     unknown, failed = table.unknown.total(), table.failed.total()
@@ -70,6 +71,15 @@ def describe(log: Log, table: LogTable) -> str:
     lines += ["", f"a gap is longer than {MANY_CYCLES} median cycles"]
     for (identifier, message, reason), count in table.failed.most_common():
         lines.append(f"not decodable: {count} frames of {message} ({identifier}): {reason}")
+    if guessed := [
+        f"{one.id} as {one.message.name}"
+        for one in table.senders.values()
+        if by_group_alone(one.message, one.id)
+    ]:
+        lines.append(
+            f"by group number (PGN) alone, as in J1939, which the DBC does not say: "
+            f"{', '.join(guessed)}"
+        )
     if unknown:
         named = [f"{name}: {count}" for name, count in table.unknown.most_common(LONGEST_LIST)]
         more = len(table.unknown) - len(named)
@@ -77,11 +87,14 @@ def describe(log: Log, table: LogTable) -> str:
     return "\n".join(lines)
 
 
-def _beside(log: Log) -> list[str]:
+def _beside(log: BusLog) -> list[str]:
     counts = {
         "damaged lines, skipped": log.damaged,
         "error frames": log.errors,
         "remote frames": log.remote,
         "frames of other channels": log.others,
     }
-    return [f"beside them {count} {what}" for what, count in counts.items() if count]
+    lines = [f"beside them {count} {what}" for what, count in counts.items() if count]
+    if log.broken:
+        lines.append(f"the log is damaged behind them, and was read no further: {log.broken}")
+    return lines

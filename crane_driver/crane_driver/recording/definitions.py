@@ -5,7 +5,6 @@ from functools import cache
 from importlib import import_module
 from typing import Any
 
-from ament_index_python.packages import PackageNotFoundError, get_package_share_path
 from rosbags.interfaces import Nodetype
 from rosbags.typesys import get_types_from_msg
 from rosbags.typesys.store import Typestore
@@ -79,9 +78,11 @@ def _names(description: Any) -> list[str]:
 def _text(msgtype: str) -> str:
     package, _, name = msgtype.partition("/msg/")
     try:
+        from ament_index_python.packages import get_package_share_path  # absent without ROS
+
         share = get_package_share_path(package, print_warning=False)
         return (share / "msg" / f"{name}.msg").read_text("utf-8")
-    except (PackageNotFoundError, ValueError, OSError):
+    except (ImportError, LookupError, ValueError, OSError):
         raise _absent(msgtype) from None
 
 

@@ -9,9 +9,11 @@ from pathlib import Path
 
 from tqdm import tqdm
 
+from crane_driver.bags.storage import STORAGE_SUFFIXES
 from crane_driver.recording.bag import RecordedBag
 from crane_driver.recording.metadata import RecordedTopic
 from crane_driver.recording.salvage import Salvage
+from crane_driver.recording.salvage_sqlite import DatabaseSalvage
 from crane_driver.recording.statistics import table
 from crane_model.cli import run
 from crane_model.errors import DataError
@@ -22,10 +24,9 @@ PATIENCE = 2.0  # s before a progress bar appears
 def main(argv: Sequence[str] | None = None) -> int:
     """Write what can be read of a damaged bag as a new one."""
     parser = argparse.ArgumentParser(
-        prog="recover",
         description="Makes a readable bag out of one that was not closed; that one is not touched.",
     )
-    parser.add_argument("bag", type=Path, metavar="BAG", help="a folder, or one .mcap file of it")
+    parser.add_argument("bag", type=Path, metavar="BAG", help="a folder, or one file of it")
     parser.add_argument("--out", type=Path, required=True, metavar="NEW", help="a new folder")
     options = parser.parse_args(argv)
     return run(lambda: print(recover(options.bag, options.out)))
@@ -38,7 +39,10 @@ def recover(damaged: Path, out: Path) -> str:
     """
     if damaged.resolve() in out.resolve().parents:
         raise DataError(f"{out}: would change the damaged bag; name a folder outside of it")
-    salvages = [Salvage(path) for path in _files(damaged)]
+    salvages = [
+        DatabaseSalvage(path) if path.suffix == ".db3" else Salvage(path)
+        for path in _files(damaged)
+    ]
     saved: dict[RecordedTopic, _Saved] = {}
     with ExitStack() as stack:
         bar = stack.enter_context(
@@ -89,17 +93,16 @@ class _Saved:
 
 
 def _files(damaged: Path) -> list[Path]:
-    """The mcap files of a bag in the order of their numbers."""
+    """The storage files of a bag in the order of their numbers."""
     if damaged.is_file():
         return [damaged]
-    if files := list(damaged.glob("*.mcap")):
-        return sorted(files, key=lambda path: [*map(int, re.findall(r"\d+", path.stem))][-1:])
-    if any(damaged.glob("*.db3")):
-        raise DataError(
-            f"{damaged}: only mcap bags can be recovered, this one is sqlite3; "
-            "try: ros2 bag reindex -s sqlite3"
-        )
-    raise DataError(f"{damaged}: no .mcap file here; name the folder of a bag, or its file")
+    for suffix in STORAGE_SUFFIXES:
+        if files := list(damaged.glob(f"*{suffix}")):
+            return sorted(files, key=lambda path: [*map(int, re.findall(r"\d+", path.stem))][-1:])
+    raise DataError(
+        f"{damaged}: no {' or '.join(STORAGE_SUFFIXES)} file here; name the folder of a bag, or "
+        "its file"
+    )
 
 
 def _report(out: Path, saved: dict[RecordedTopic, _Saved], notes: list[str]) -> str:

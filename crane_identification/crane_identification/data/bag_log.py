@@ -1,6 +1,7 @@
 """From a bag to a log."""
 
 from collections.abc import Mapping, Sequence
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -15,6 +16,7 @@ from crane_driver.bags.types import (
 )
 from crane_identification.data.log import Log, Signal
 from crane_identification.progress import Progress, silent
+from crane_model.errors import DataError
 
 SLEW = "slew"
 NANOSECONDS = 1e9
@@ -23,26 +25,36 @@ NANOSECONDS = 1e9
 def read_bag(path: Path | str, joints: Sequence[str], progress: Progress = silent) -> Log:
     """The signals of `joints` in a bag of either storage, recorded by anyone.
 
-    /joint_states and /cylinder_pressures are required; topics that a bag may lack are named in
-    `missing`. `DataError` names bag, topic and remedy (see `crane_driver.bags.reader`).
+    Positions are required, and chamber pressures or, in their place, the effort of /joint_states,
+    which is the generalized force; topics that are not there are named in `missing`. `DataError`
+    names bag, topic and remedy (see `crane_driver.bags.reader`).
     """
-    may_lack = (VALVE_COMMAND, JOINT_REFERENCE)
-    topics = read_topics(path, (JOINT_STATES, CYLINDER_PRESSURES), may_lack, progress)
+    may_lack = (CYLINDER_PRESSURES, VALVE_COMMAND, JOINT_REFERENCE)
+    topics = read_topics(path, (JOINT_STATES,), may_lack, progress)
     states = topics[JOINT_STATES.name].select(joints)
-    pressures = topics[CYLINDER_PRESSURES.name].select(joints)
+    pressures = topics.get(CYLINDER_PRESSURES.name)
+    pressures = pressures and pressures.select(joints)
+    if pressures is None and np.isnan(states.fields["effort"]).all():
+        raise DataError(
+            f"{path}: no topic {CYLINDER_PRESSURES.name}, and {JOINT_STATES.name} holds no effort "
+            f"(generalized force) of {', '.join(joints)} in its place; record one of them"
+        )
     command = _selected(topics, VALVE_COMMAND, joints)
     reference = _selected(topics, JOINT_REFERENCE, joints)
     slew = None if SLEW in joints else _selected(topics, JOINT_STATES, [SLEW])
     start = int(states.stamp[0])
 
     def signal(data: TopicData, field: str) -> Signal:
-        return Signal((data.stamp - start) / NANOSECONDS, data.fields[field], data.topic)
+        time, received = (data.stamp - start) / NANOSECONDS, (data.log_time - start) / NANOSECONDS
+        known = data.stamped_by == "header"  # else the stamps are the log times
+        return Signal(time, data.fields[field], data.topic, received if known else None)
 
     def signal_if_any(data: TopicData | None, field: str) -> Signal | None:
         if data is None or np.isnan(data.fields[field]).all():
             return None
         return signal(data, field)
 
+    effort = () if pressures else (f"the effort of {JOINT_STATES.name} is taken as the force",)
     used = [data for data in (states, pressures, command, reference) if data]
     return Log(
         source=str(path),
@@ -50,8 +62,9 @@ def read_bag(path: Path | str, joints: Sequence[str], progress: Progress = silen
         start=start,
         position=signal(states, "position"),
         velocity=signal_if_any(states, "velocity"),
-        pressure_a=signal(pressures, "chamber_a"),
-        pressure_b=signal(pressures, "chamber_b"),
+        force=None if pressures else signal(states, "effort"),
+        pressure_a=signal(pressures, "chamber_a") if pressures else None,
+        pressure_b=signal(pressures, "chamber_b") if pressures else None,
         supply_pressure=signal_if_any(pressures, "supply"),
         tank_pressure=signal_if_any(pressures, "tank"),
         slew_position=_first_column(signal_if_any(slew, "position")),
@@ -61,10 +74,14 @@ def read_bag(path: Path | str, joints: Sequence[str], progress: Progress = silen
         reference_acceleration=signal_if_any(reference, "acceleration"),
         missing=tuple(
             topic.name
-            for topic, data in ((VALVE_COMMAND, command), (JOINT_REFERENCE, reference))
+            for topic, data in (
+                (CYLINDER_PRESSURES, pressures),
+                (VALVE_COMMAND, command),
+                (JOINT_REFERENCE, reference),
+            )
             if data is None
         ),
-        notes=tuple(note for data in used for note in data.notes),
+        notes=(*(note for data in used for note in data.notes), *effort),
     )
 
 
@@ -77,4 +94,4 @@ def _selected(
 
 
 def _first_column(signal: Signal | None) -> Signal | None:
-    return signal and Signal(signal.time, signal.value[:, 0], signal.origin)
+    return signal and replace(signal, value=signal.value[:, 0])

@@ -1,28 +1,39 @@
 """A log: raw signals of one recording, each with its own time stamps."""
 
-from dataclasses import dataclass
+import math
+from dataclasses import dataclass, fields, replace
+from typing import Any
 
 import numpy as np
+
+from crane_model.errors import DataError
 
 
 @dataclass(frozen=True)
 class Signal:
     """Samples of quantities that were measured together: `time` (n,) [s] strictly increasing,
     `value` (n,) or (n, j) in SI units, NaN where nothing was measured; `origin` is the topic or
-    the columns that they come from.
+    the columns that they come from. `received` (n,) [s]: when the recorder received each sample,
+    counted like `time` but on the clock of the recorder; None where that is not known.
     """
 
     time: np.ndarray
     value: np.ndarray
     origin: str
+    received: np.ndarray | None = None
+
+    def take(self, rows: np.ndarray) -> "Signal":
+        """The samples `rows`."""
+        received = None if self.received is None else self.received[rows]
+        return Signal(self.time[rows], self.value[rows], self.origin, received)
 
 
 @dataclass(frozen=True)
 class Log:
     """One recording. Columns of (n, j) signals are in the order of `joints`; None is not logged.
 
-    Time zero is the first position, `start` [ns] on the clock of the recording. `missing` names
-    the topics or quantities that are not there, `notes` what had to be mended, `uncalibrated` the
+    Time zero is the first position of the recording, `start` [ns] on its clock. `missing` names the
+    topics or quantities that are not there, `notes` what had to be mended, `uncalibrated` the
     quantities that are in counts of their sensors instead of SI units.
     """
 
@@ -45,3 +56,27 @@ class Log:
     missing: tuple[str, ...] = ()
     notes: tuple[str, ...] = ()
     uncalibrated: tuple[str, ...] = ()
+
+    @property
+    def warnings(self) -> tuple[str, ...]:
+        """What a reader of results must know of the recording, in sentences that name it."""
+        absent = [f"not recorded: {', '.join(self.missing)}"] if self.missing else []
+        return tuple(f"{self.source}: {note}." for note in (*absent, *self.notes))
+
+    def during(self, begin: float, end: float) -> "Log":
+        """What was recorded from `begin` to `end` [s]; `DataError` if no position was."""
+        if begin <= 0.0 and end >= self.position.time[-1]:
+            return self
+        parts: dict[str, Any] = {}
+        for name in (one.name for one in fields(self)):
+            signal = getattr(self, name)
+            if isinstance(signal, Signal):
+                inside = np.flatnonzero((signal.time >= begin) & (signal.time <= end))
+                parts[name] = signal.take(inside) if len(inside) else None
+        if parts["position"] is None:
+            until = "its end" if math.isinf(end) else f"{end:g} s"
+            raise DataError(
+                f"{self.source}: no position from {begin:g} s to {until}; it lasts "
+                f"{self.position.time[-1]:.4g} s: correct --from and --to"
+            )
+        return replace(self, **parts)

@@ -10,6 +10,8 @@ from crane_identification.data.log import Log, Signal
 from crane_model.errors import DataError
 
 SHORTEST_RUN = 20  # samples; nothing can be smoothed or differentiated on less
+LARGEST_GAP = 0.1  # s, bridged; longer ones split a recording
+SPARSEST = 1000.0  # times as long as its samples can fill, no recording lasts
 LONGEST_COUNTED = 5  # median intervals; of longer ones nobody knows how many samples they are
 MARGIN = 1e-9  # s, the resolution of stamps; times closer than this are the same
 REQUIRED = ("position", "force", "pressure_a", "pressure_b")
@@ -61,18 +63,22 @@ class Samples:
 def resample(
     log: Log,
     rate: float | None = None,
-    largest_gap: float = 0.1,
+    largest_gap: float = LARGEST_GAP,
     gaps: Literal["split", "refuse"] = "split",
 ) -> Samples:
     """Positions, forces and pressures of a log, linearly interpolated at the same times.
 
     rate: [Hz]; None: that of the positions. largest_gap: [s]; where positions, forces or pressures
-    (or all but NaN of them) are further apart, the samples are split into runs, or refused.
+    of a joint (NaN are none) are further apart, the samples are split into runs, or refused.
     The other signals do not split: they are interpolated too (the command holds its last value),
     each column for itself, with NaN where it was not logged yet, no more, or not for `largest_gap`
     and two of its own intervals. `DataError` if too little is left.
     """
-    required = {name: _measured(log, getattr(log, name)) for name in REQUIRED if getattr(log, name)}
+    required = {
+        name: measured(log, getattr(log, name), largest_gap)
+        for name in REQUIRED
+        if getattr(log, name)
+    }
     rate = rate or sampling_rate(required["position"].time)
     begin = max(signal.time[0] for signal in required.values())
     end = min(signal.time[-1] for signal in required.values())
@@ -117,16 +123,43 @@ def sampling_rate(time: np.ndarray) -> float:
     return float(np.sum(periods[counted]) / np.sum(intervals[counted]))
 
 
-def _measured(log: Log, signal: Signal) -> Signal:
-    """The samples at which every joint was measured."""
-    complete = np.isfinite(signal.value).all(axis=1)
+def measured(log: Log, signal: Signal, largest_gap: float = LARGEST_GAP) -> Signal:
+    """The samples of `signal` that hold a number for every joint, or could be bridged.
+
+    What a joint lacks for at most `largest_gap` [s] is interpolated from its own samples.
+    `DataError` if few samples are left, or the clock
+    leaps.
+    """
+    value = signal.value.copy()
+    for column in value.T:
+        _bridge(signal.time, column, largest_gap)
+    complete = np.isfinite(value).all(axis=1)
     count = np.count_nonzero(complete)
     if count < SHORTEST_RUN:
         raise DataError(
             f"{log.source}: {signal.origin}: {count} samples that hold a number for each of "
             f"{', '.join(log.joints)}, at least {SHORTEST_RUN} needed; check the sensors"
         )
-    return Signal(signal.time[complete], signal.value[complete], signal.origin)
+    time = signal.time[complete]
+    span, filled = time[-1] - time[0], count * float(np.median(np.diff(time)))
+    if span > SPARSEST * filled:
+        raise DataError(
+            f"{log.source}: {signal.origin}: {span:.4g} s from the first to the last stamp, but "
+            f"its samples fill only {filled:.4g} s; check the clock that stamped them, or cut with "
+            "--from and --to"
+        )
+    return Signal(time, value[complete], signal.origin)
+
+
+def _bridge(time: np.ndarray, column: np.ndarray, largest_gap: float) -> None:
+    """Fills short holes of a column (n,) in place."""
+    sound, holes = np.flatnonzero(np.isfinite(column)), np.flatnonzero(~np.isfinite(column))
+    behind = np.searchsorted(sound, holes)
+    inside = (behind > 0) & (behind < len(sound))
+    holes, behind = holes[inside], behind[inside]
+    bridged = holes[time[sound[behind]] - time[sound[behind - 1]] <= largest_gap + MARGIN]
+    if len(bridged):
+        column[bridged] = np.interp(time[bridged], time[sound], column[sound])
 
 
 def _inside_gap(

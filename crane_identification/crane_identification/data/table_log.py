@@ -1,95 +1,119 @@
-"""From a table (CSV, Parquet or MAT file) and its column map to a log."""
+"""From tables (CSV, Parquet or MAT files) and their column map to a log."""
 
+import re
 from collections.abc import Sequence
 from pathlib import Path
 
 import numpy as np
 
-from crane_identification.data.column_map import Column, ColumnMap
-from crane_identification.data.columns import Columns, read_columns
-from crane_identification.data.log import Log, Signal
-from crane_identification.data.units import COUNTS
-from crane_model.errors import DataError
+from crane_identification.data.column_map import ColumnMap
+from crane_identification.data.columns import TABLES, Columns, empty_rows, read_columns
+from crane_identification.data.log import Log
+from crane_identification.data.mapped_log import NANOSECONDS, Stream, mapped_log
+from crane_identification.data.sources import Cell
+from crane_identification.data.units import DATE
+from crane_model.errors import ConfigurationError, DataError
 
-NANOSECONDS = 1e9
+
+def tables_in(folder: Path) -> list[Path]:
+    """The tables of a folder, in the order of their names, where numbers count as numbers."""
+    if not folder.is_dir():
+        return []
+    tables = [path for path in folder.iterdir() if path.suffix.lower() in TABLES]
+    return sorted(tables, key=lambda path: _natural(path.name))
+
+
+def _natural(name: str) -> list[tuple[int, str]]:
+    return [(int(one) if one.isdigit() else 0, one) for one in re.split(r"(\d+)", name)]
 
 
 def read_table(path: Path | str, column_map: ColumnMap, joints: Sequence[str]) -> Log:
-    """The signals of `joints` in a table. `DataError` names file, column and remedy."""
+    """The signals of `joints` in a table, or in a folder of tables that are one recording.
+
+    Of a folder, the tables that a column names are read one after the other, as their time says.
+    `DataError` and `ConfigurationError` name file, column and remedy.
+    """
     path = Path(path)
-    if unknown := [joint for joint in joints if joint not in column_map.joints]:
-        raise DataError(
-            f"{path}: the column map has no joint '{unknown[0]}'; it has "
-            f"{', '.join(column_map.joints)}; add it, or rename the joints of the model"
+    if column_map.of_topics:
+        raise ConfigurationError(
+            f"{path}: the column map is for bags: it names topics; name columns, or give a bag"
         )
-    of_joint = [column_map.joints[joint].given() for joint in joints]
-    shared = column_map.shared()
-    timing = [column_map.time] if column_map.time else []
-    wanted = [*timing, *shared.values(), *(column for one in of_joint for column in one.values())]
-    names = dict.fromkeys(column.column for column in wanted)
-    table = read_columns(path, names, column_map.separator)
-    start, time = _time(path, column_map, table)
-    given = [
-        (f"{name} of {joint}", c)
-        for joint, one in zip(joints, of_joint, strict=True)
-        for name, c in one.items()
-    ]
-    raw = tuple(
-        f"{name.replace('_', ' ')} ({column.column})"
-        for name, column in (*given, *shared.items())
-        if column.quantity == COUNTS
-    )
-
-    def matrix(quantity: str) -> Signal:
-        columns = [one[quantity] for one in of_joint]
-        value = np.column_stack([_values(table, column) for column in columns])
-        return Signal(time, value, f"column {', '.join(one.column for one in columns)}")
-
-    def matrix_if_given(quantity: str) -> Signal | None:
-        return matrix(quantity) if quantity in of_joint[0] else None
-
-    def vector_if_given(quantity: str) -> Signal | None:
-        if quantity not in shared:
-            return None
-        column = shared[quantity]
-        return Signal(time, _values(table, column), f"column {column.column}")
-
-    return Log(
-        source=str(path),
-        joints=tuple(joints),
-        start=start,
-        position=matrix("position"),
-        velocity=matrix_if_given("velocity"),
-        force=matrix_if_given("force"),
-        pressure_a=matrix_if_given("pressure_a"),
-        pressure_b=matrix_if_given("pressure_b"),
-        command=matrix_if_given("command"),
-        supply_pressure=vector_if_given("supply_pressure"),
-        tank_pressure=vector_if_given("tank_pressure"),
-        slew_position=vector_if_given("slew_position"),
-        temperature=vector_if_given("temperature"),
-        notes=(f"{', '.join(raw)}: in counts, and so is what follows from them",) if raw else (),
-        uncalibrated=raw,
-    )
+    streams = {
+        pattern: _stream(_files(path, pattern), column_map, cells)
+        for pattern, cells in column_map.cells(joints, path).items()
+    }
+    return mapped_log(path, column_map, joints, streams)
 
 
-def _values(table: Columns, column: Column) -> np.ndarray:
-    return column.in_si(table[column.column])
+def _files(path: Path, pattern: str) -> list[Path]:
+    if not path.is_dir():
+        if pattern == "*":
+            return [path]
+        raise ConfigurationError(
+            f"{path}: the column map names the file '{pattern}' of a folder; give the folder"
+        )
+    tables = tables_in(path)
+    found = [one for one in tables if one.match(pattern)]
+    if not found:
+        raise DataError(
+            f"{path}: no table '{pattern}'; there are {', '.join(one.name for one in tables)}; "
+            "correct the column map"
+        )
+    return found
 
 
-def _time(path: Path, column_map: ColumnMap, table: Columns) -> tuple[int, np.ndarray]:
-    """The first stamp [ns], and the time since then [s]."""
+def _stream(files: Sequence[Path], column_map: ColumnMap, cells: Sequence[Cell]) -> Stream:
+    """The columns of tables that follow one another."""
     column = column_map.time
+    clock = [column.cell] if column else []
+    dates = clock if column and column.unit == DATE else []
+    tables = [
+        read_columns(file, [*clock, *cells], column_map.separator, column_map.decimal, dates)
+        for file in files
+    ]
     if column is None:
         assert column_map.rate is not None  # the map has one of the two
-        rows = len(next(iter(table.values())))
-        return 0, np.arange(rows) / column_map.rate
-    time = _values(table, column)
+        if len(files) > 1:
+            raise DataError(
+                f"{files[0].parent}: {len(files)} tables, {files[0].name} to {files[-1].name}, and "
+                "no time that says how they follow one another; name each as a recording, or give "
+                "a time column"
+            )
+        numbers = _joined(tables)
+        return Stream(0, np.arange(len(numbers[cells[0]])) / column_map.rate, numbers)
+    kept = [np.flatnonzero(~empty_rows(table)) for table in tables]
+    numbers = _joined(
+        [
+            {cell: values[rows] for cell, values in table.items()}
+            for table, rows in zip(tables, kept, strict=True)
+        ]
+    )
+    stamps = numbers[column.cell]
+    start, time = _since_start(stamps) if dates else _since_start_in_s(column.in_si(stamps))
     backward = np.flatnonzero(~(np.diff(time) > 0))
     if len(backward):
-        row = backward[0] + 1
+        number = backward[0] + 1
+        places = [(file, row) for file, rows in zip(files, kept, strict=True) for row in rows]
+        file, row = places[number]
         raise DataError(
-            f"{path}: column '{column.column}', row {row + 1}: time {time[row]} s does not follow "
-            f"{time[row - 1]} s; remove repeated rows, or give the rate instead of time"
+            f"{file}: column '{column.label}', row {row + 1}: time {stamps[number]} "
+            f"[{column.unit}] does not follow {stamps[number - 1]}; remove repeated rows, or give "
+            "the rate instead of time"
         )
-    return round(time[0] * NANOSECONDS), time - time[0]
+    return Stream(start, time, numbers)
+
+
+def _joined(tables: Sequence[Columns]) -> Columns:
+    return {cell: np.concatenate([table[cell] for table in tables]) for cell in tables[0]}
+
+
+def _since_start(dates: np.ndarray) -> tuple[int, np.ndarray]:
+    """First stamp [ns] and time since then [s]; NaN where there is none."""
+    since = dates - dates[0]
+    seconds = np.where(np.isnat(since), np.nan, since.astype(np.int64) / NANOSECONDS)
+    return int(dates[0].astype(np.int64)), seconds
+
+
+def _since_start_in_s(seconds: np.ndarray) -> tuple[int, np.ndarray]:
+    first = seconds[0] if np.isfinite(seconds[0]) else 0.0
+    return round(first * NANOSECONDS), seconds - first

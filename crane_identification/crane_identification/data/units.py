@@ -14,11 +14,15 @@ class Unit(NamedTuple):
 COUNTS = "counts"
 """Unit and quantity of a sensor that was never calibrated: its numbers stay as they are."""
 
+DATE = "ISO 8601"
+"""Unit of times that are texts, with or without a date: 2026-05-04T09:30:00.25+02:00."""
+
 UNITS = {
     "s": Unit("time", 1.0),
     "ms": Unit("time", 1e-3),
     "us": Unit("time", 1e-6),
     "ns": Unit("time", 1e-9),
+    DATE: Unit("time", 1.0),
     "rad": Unit("angle", 1.0),
     "deg": Unit("angle", math.pi / 180),
     "m": Unit("length", 1.0),
@@ -29,6 +33,10 @@ UNITS = {
     "rpm": Unit("angular velocity", math.pi / 30),
     "m/s": Unit("linear velocity", 1.0),
     "mm/s": Unit("linear velocity", 1e-3),
+    "rad/s2": Unit("angular acceleration", 1.0),
+    "deg/s2": Unit("angular acceleration", math.pi / 180),
+    "m/s2": Unit("linear acceleration", 1.0),
+    "mm/s2": Unit("linear acceleration", 1e-3),
     "N": Unit("force", 1.0),
     "kN": Unit("force", 1e3),
     "N m": Unit("torque", 1.0),

@@ -1,6 +1,6 @@
 """The effects that a model may lack: every candidate term, on every joint, at every shape."""
 
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Iterator, Mapping
 from dataclasses import dataclass
 from itertools import product
 from typing import Any
@@ -8,6 +8,7 @@ from typing import Any
 import numpy as np
 
 from crane_identification.discrepancy.evidence import Evidence
+from crane_identification.discrepancy.loads import LOADS, Loads, heavier
 from crane_identification.progress import Progress, silent
 from crane_model.errors import CraneError
 from crane_model.model_file import Model
@@ -21,12 +22,14 @@ LARGEST_GRID = 16  # shapes of a family; between them, the best is refined
 class Family:
     """An effect on one joint, or on the whole machine (`joint` is None), at any shape.
 
-    `runs`: the sets of runs in which it may be, for a term that has them as a field.
+    `given`: fields that the model gives; `parts`: which recordings may differ from the others, for
+    a term of `loads`.
     """
 
     term: type[Term]
     joint: str | None
-    runs: tuple[tuple[int, ...], ...] = ()
+    given: tuple[tuple[str, float], ...] = ()
+    parts: tuple[Loads, ...] = ()
 
     @property
     def effect(self) -> Effect:
@@ -52,12 +55,12 @@ class Family:
     def at(self, shape: Mapping[str, Any]) -> Term:
         """The term with these shape parameters."""
         joint = {} if self.joint is None else {"joint": self.joint}
-        return self.term.model_validate({"type": self.type, **joint, **shape})
+        return self.term.model_validate({"type": self.type, **joint, **dict(self.given), **shape})
 
     def grid(self) -> Iterator[dict[str, Any]]:
         """The shapes that are tried."""
-        if self.runs:
-            yield from ({"runs": runs} for runs in self.runs)
+        if self.parts:
+            yield from ({LOADS: loads} for loads in self.parts)
             return
         shapes = self.term.shapes
         points = [shape.points for shape in shapes.values()]
@@ -83,26 +86,26 @@ class Option:
     positive: np.ndarray
 
 
-def families(model: Model, bags: Sequence[tuple[int, ...]]) -> list[Family]:
-    """Every candidate on every joint of the model, without those that the model has.
-
-    `bags`: the numbers of the runs of each recording.
-    """
+def families(model: Model, evidence: Evidence) -> list[Family]:
+    """Every candidate on every joint of the fitted model, without those that the model has."""
     present = {(term.type, getattr(term, "joint", None)) for term in model.terms}
     out = []
     for cls in candidates(model.setting):
-        joints = joints_of(cls, model.setting) or (None,)
-        within = _parts(bags) if "runs" in cls.model_fields else ()
-        if "runs" in cls.model_fields and not within:
+        of_loads = LOADS in cls.model_fields
+        if of_loads and len(evidence.bags) < 2:
             continue
-        out += [Family(cls, joint, within) for joint in joints]
+        parts = heavier(evidence, cls) if of_loads else ()
+        given = _given(model, cls)
+        out += [
+            Family(cls, joint, given, parts) for joint in joints_of(cls, model.setting) or (None,)
+        ]
     return [family for family in out if (family.type, family.joint) not in present]
 
 
-def _parts(bags: Sequence[tuple[int, ...]]) -> tuple[tuple[int, ...], ...]:
-    """Each recording by itself, and all from one on: what may have changed between them."""
-    later = [tuple(run for bag in bags[first:] for run in bag) for first in range(1, len(bags) - 1)]
-    return (*bags, *later) if len(bags) > 1 else ()
+def _given(model: Model, cls: type[Term]) -> tuple[tuple[str, float], ...]:
+    """The fields of a term that hold the value of a parameter of the model."""
+    values = {p.name: float(v) for p, v in zip(model.parameters, model.theta, strict=True)}
+    return tuple((field, values[name]) for field, name in cls.of_model.items() if name in values)
 
 
 def option(evidence: Evidence, family: Family, shape: Mapping[str, Any]) -> Option:

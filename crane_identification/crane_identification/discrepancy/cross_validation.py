@@ -41,8 +41,11 @@ def gain(before: np.ndarray, added: np.ndarray, force: np.ndarray, out: np.ndarr
 
     NaN where the others do not determine them. Directions of `before` (N, d) that the others do not
     determine, as a nuisance of one recording, are taken out of both sides, with and without the
-    columns: nothing predicts them.
+    columns: nothing predicts them. So are columns that are in those rows alone, as a load which no
+    other recording carries: the rest is predicted better where the others have theirs.
     """
+    alone = ~added[~out].any(axis=0) & added[out].any(axis=0)
+    private, added = added[:, alone], added[:, ~alone]
     known = leading(before, before.shape[1])
     rest = _beside(known, added)
     own = np.linalg.norm(rest, axis=0) > WITHIN * np.linalg.norm(added, axis=0)
@@ -50,7 +53,8 @@ def gain(before: np.ndarray, added: np.ndarray, force: np.ndarray, out: np.ndarr
     # Orthonormal columns keep their principal directions on any rows and on the others.
     power, directions = np.linalg.eigh(known[~out].T @ known[~out])
     turned = known @ directions
-    held, lost = turned[:, power >= HELD**2], turned[:, power < HELD**2]
+    held = turned[:, power >= HELD**2]
+    lost = np.concatenate([turned[:, power < HELD**2], private], axis=1)
     both = np.concatenate([held, new, force[:, np.newaxis]], axis=1)
     inside, outside = (
         _beside(leading(lost[rows], lost.shape[1]), both[rows]) for rows in (~out, out)

@@ -6,6 +6,7 @@ import time
 from collections.abc import Sequence
 from datetime import UTC, datetime
 from pathlib import Path
+from typing import Any
 
 from crane_identification.data.column_map import ColumnMap
 from crane_identification.discrepancy import explain, findings
@@ -13,7 +14,7 @@ from crane_identification.discrepancy.diagnosis import diagnose
 from crane_identification.discrepancy.hydraulics import load_usual
 from crane_identification.discrepancy.report import page
 from crane_identification.discrepancy.thresholds import load_thresholds
-from crane_identification.identify import TABLES, Sources
+from crane_identification.identify import TABLES, Sources, add_part
 from crane_identification.options import Options
 from crane_identification.progress_bar import ProgressBar
 from crane_identification.report.content import Provenance
@@ -21,6 +22,7 @@ from crane_model import cli
 from crane_model.configuration import load
 from crane_model.errors import ConfigurationError, DataError
 from crane_model.model_file import load_model, save_model
+from crane_model.terms import load_terms
 
 WITHOUT = "effects that the answer is sought without, as findings.json names them: what else fits?"
 NEEDED = ("model", "train", "validate", "out")
@@ -29,12 +31,14 @@ NEEDED = ("model", "train", "validate", "out")
 def run(arguments: argparse.Namespace) -> None:
     """Everything the command does; raises `CraneError` with what is wrong."""
     if arguments.explain is not None:
-        print("\n".join(explain.lines(explain.read(arguments.explain))))
+        _tell(explain.read(arguments.explain))
         return
     absent = [f"--{name}" for name in NEEDED if not getattr(arguments, name)]
     if absent:
         raise ConfigurationError(f"{', '.join(absent)}: needed for a diagnosis; see --help")
     start = time.perf_counter()
+    if arguments.terms:
+        load_terms(arguments.terms)
     model = load_model(arguments.model)
     both = {p.resolve() for p in arguments.train} & {p.resolve() for p in arguments.validate}
     if both:
@@ -45,9 +49,9 @@ def run(arguments: argparse.Namespace) -> None:
     columns = load(arguments.columns, ColumnMap) if arguments.columns else None
     thresholds = load_thresholds(arguments.thresholds)
     with ProgressBar() as progress:
-        sources = Sources(model, columns, progress)
+        options = Options(begin=arguments.begin, end=arguments.end, period=arguments.period)
+        sources = Sources(model, columns, options, progress)
         training, held_out = sources.read(arguments.train), sources.read(arguments.validate)
-        options = Options(period=arguments.period)
         usual = load_usual(arguments.hydraulics)
         result = diagnose(
             model, training, held_out, options, thresholds, progress, usual, arguments.without
@@ -61,7 +65,7 @@ def run(arguments: argparse.Namespace) -> None:
         save_model(arguments.out / "model.yaml", result.after)
         findings.write(arguments.out / "findings.json", result)
         page.write(arguments.out / "report.html", result, provenance)
-    print("\n".join(explain.lines(findings.content(result))))
+    _tell(findings.content(result))
     print(f"written: {arguments.out}/findings.json, model.yaml, report.html")
     logs = [*training, *held_out]
     samples = sum(len(log.position.time) for log in logs)
@@ -69,10 +73,15 @@ def run(arguments: argparse.Namespace) -> None:
     print(f"{len(logs)} recordings, {samples} samples of each joint, {seconds:.0f} s")
 
 
+def _tell(content: dict[str, Any]) -> None:
+    for warning in content.get("warnings", ()):  # older files have none
+        print(f"warning: {warning}", file=sys.stderr)
+    print("\n".join(explain.lines(content)))
+
+
 def parser() -> argparse.ArgumentParser:
     """The command line."""
     result = argparse.ArgumentParser(
-        prog="diagnose",
         description="Find where a model disagrees with recordings, name the missing effect, add "
         "it, and show on held-out recordings that the gap shrank. Writes findings.json, model.yaml "
         "and report.html.",
@@ -83,8 +92,14 @@ def parser() -> argparse.ArgumentParser:
     add("--train", type=Path, nargs="+", default=[], help="recordings to look into")
     add("--validate", type=Path, nargs="+", default=[], help="recordings to prove the answer on")
     add("--out", type=Path, help="folder for the results")
-    add("--columns", type=Path, help="column map (YAML) of the tables")
-    add("--period", type=float, help="period [s] of the motion, where no reference is recorded")
+    add(
+        "--terms",
+        type=Path,
+        metavar="FILE",
+        help="Python file with terms of your own; those with an effect are sought, too",
+    )
+    add("--columns", type=Path, help="column map (YAML) of tables, or of your topics")
+    add_part(result)
     add("--without", nargs="+", default=[], metavar="EFFECT", help=WITHOUT)
     add("--thresholds", type=Path, help="thresholds (YAML; default: the packaged ones)")
     add("--hydraulics", type=Path, help="what is usual of valves and oil (YAML)")

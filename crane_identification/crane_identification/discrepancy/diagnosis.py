@@ -29,13 +29,14 @@ from crane_identification.discrepancy.verdict import (
     Verdict,
     judge,
     with_flow,
+    with_loads,
     with_pulsation,
-    with_worse,
 )
 from crane_identification.options import Options
-from crane_identification.preparation import Preparation, prepare
+from crane_identification.periodicity import periodic_part
+from crane_identification.preparation import Preparation, prepare, prepare_all
 from crane_identification.progress import Progress, silent
-from crane_identification.report.findings import of_recordings
+from crane_identification.session import Session, chronological
 from crane_model.errors import ConfigurationError, DataError
 from crane_model.model_file import Model
 from crane_model.terms import REGISTRY, Term
@@ -48,8 +49,9 @@ class Diagnosis:
     Per joint (j,): `energy` share of the unexplained energy, `regions` that carry it, `learnt` from
     the residual before and after; `correlation_left` of neighbouring rows of what remains, 0 for
     noise. `undetermined` parameters of the given model were left out of it; the answer is sought
-    `without` these effects; `uncalibrated` quantities are in counts. `regions_left` carry what is
-    left after; `notes` say what recordings lack, and what had to be mended in them.
+    `without` these effects; `uncalibrated` quantities are in counts; `warnings` are about the
+    recordings. `regions_left` carry what is left after. `session` says whether time runs through
+    all recordings.
     """
 
     verdict: Verdict
@@ -75,10 +77,11 @@ class Diagnosis:
     undetermined: tuple[str, ...]
     without: frozenset[str]
     uncalibrated: tuple[str, ...]
+    warnings: tuple[str, ...]
     flows: tuple[Flow, ...]
     flow_unobservable: dict[tuple[str, str], str]
     pulsations: tuple[Pulsation, ...]
-    notes: tuple[str, ...]
+    session: Session
 
     @property
     def joints(self) -> tuple[str, ...]:
@@ -106,21 +109,23 @@ def diagnose(
     `ConfigurationError` if an effect is not in the catalogue.
     """
     _check(training, validation, without)
-    logs = (*training, *validation)
-    prepared = _prepared(model, logs, replace(options, average=False), progress)
+    logs = chronological((*training, *validation))
+    session = Session.of(logs)
+    whole = replace(options, average=False)
+    prepared = prepare_all(model, logs, whole, progress, session)
     sources = {log.source for log in training}
     train = [p for p in prepared if p.source in sources]
     hold = [p for p in prepared if p.source not in sources]
     given = Training(train, decimation(train, options.decimation), ", ".join(sorted(sources)))
     evidence, before, left_out = fitted(model, train, given.factor, given.sources)
     held_out = gather(before, hold, given.factor, first_run=len(train))
-    found = search(evidence, _wanted(evidence, left_out, without), progress)
+    found = search(evidence, _wanted(before, evidence, left_out, without), progress)
     decision = decide(found, thresholds)
     known = features(evidence.moving)
     first = tried(found, before, (), given, known)
     progress("what is left", 0.5)
     wanted = suited(found, before, decision.accepted)
-    periods = _averaged(model, validation, options)
+    periods, not_periodic = _averaged(model, validation, options)
     proof = proved(found, before, wanted, given, known, held_out, periods, thresholds)
     progress("what is left", 1.0)
     last, gap = proof.trial, proof.gap
@@ -131,7 +136,7 @@ def diagnose(
         objection = answer.objection or decision.objection
         effects = [one.effect for one in proof.short] or last.zero or decision.nearest
         near = nearest(found, before, effects, objection, given, held_out) if effects else None
-    answer = with_worse(answer, gap)
+    answer = with_loads(answer, gap.loads)
     progress("gap", 1.0)
     wrong = {
         one.option.family.where
@@ -169,10 +174,11 @@ def diagnose(
         undetermined=undetermined,
         without=frozenset(without),
         uncalibrated=uncalibrated,
+        warnings=(*(one for log in logs for one in log.warnings), *not_periodic),
         flows=tuple(flows),
         flow_unobservable=no_flow,
         pulsations=lines,
-        notes=tuple(of_recordings(logs)),
+        session=session,
     )
 
 
@@ -190,13 +196,13 @@ def _check(training: Sequence[Log], validation: Sequence[Log], without: Collecti
 
 
 def _wanted(
-    evidence: Evidence, left_out: Collection[Term], without: Collection[str]
+    model: Model, evidence: Evidence, left_out: Collection[Term], without: Collection[str]
 ) -> list[Family]:
     """The families that are asked for: not `without`, and none that the model had."""
     had = {(term.type, getattr(term, "joint", None)) for term in left_out}
     return [
         family
-        for family in families(evidence.model, evidence.bags)
+        for family in families(model, evidence)
         if family.type not in without and (family.type, family.joint) not in had
     ]
 
@@ -206,28 +212,27 @@ def _names(model: Model, terms: Sequence[Term]) -> tuple[str, ...]:
     return tuple(p.name for term in terms for p in term.parameters(model.setting))
 
 
-def _prepared(
-    model: Model, logs: Sequence[Log], options: Options, progress: Progress
-) -> list[Preparation]:
-    out = []
-    for number, log in enumerate(logs):
+def _averaged(
+    model: Model, logs: Sequence[Log], options: Options
+) -> tuple[list[Preparation], list[str]]:
+    """The validation recordings averaged, those that are periodic; their scatter is the noise.
 
-        def partly(phase: str, done: float, number: int = number) -> None:
-            progress(phase, (number + done) / len(logs))
-
-        out += prepare(model, log, options, partly)
-    return out
-
-
-def _averaged(model: Model, logs: Sequence[Log], options: Options) -> list[Preparation]:
-    """The validation recordings averaged, those that are periodic; their scatter is the noise."""
-    out = []
+    Beside them, which of them do not have the period that was given.
+    """
+    out: list[Preparation] = []
+    wrong = []
     for log in logs:
+        try:
+            periodic_part(log, options.period)
+        except DataError as error:
+            if options.period is not None:
+                wrong.append(f"{error}. Its noise floor is not known.")
+            continue  # not periodic: no scatter
         try:
             out += prepare(model, log, replace(options, average=True))
         except DataError:
-            continue  # not periodic: no scatter
-    return out
+            continue  # no whole period without a gap
+    return out, wrong
 
 
 def _regions(known: Features, trial: Trial, seen: Evidence) -> tuple[Region | None, ...]:

@@ -99,11 +99,16 @@ class Evidence:
         return self.force.shape[1]
 
     @property
+    def sources(self) -> tuple[str, ...]:
+        """Names of the recordings."""
+        return tuple(dict.fromkeys(run.source for run in self.runs))
+
+    @property
     def bags(self) -> list[tuple[int, ...]]:
         """Numbers of the runs of each recording."""
-        sources = dict.fromkeys(run.source for run in self.runs)
         return [
-            tuple(run.number for run in self.runs if run.source == source) for source in sources
+            tuple(run.number for run in self.runs if run.source == source)
+            for source in self.sources
         ]
 
     @cached_property

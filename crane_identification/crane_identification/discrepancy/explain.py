@@ -10,8 +10,6 @@ from typing import Any
 from crane_identification.discrepancy import wording
 from crane_model.errors import DataError
 
-NOTES = 4  # of recordings, that are printed
-
 
 def read(folder: Path) -> dict[str, Any]:
     """findings.json of a diagnosis; `DataError` if there is none."""
@@ -42,7 +40,8 @@ def lines(content: dict[str, Any]) -> list[str]:
     ):
         if content[key]:
             out.append(f"{name}: {', '.join(content[key])}")
-    out += _block("Notes:", content["notes"][:NOTES])
+    if reason := content.get("clock", {}).get("reason"):
+        out.append(f"No time of a session: {reason}")
     return out + _elsewhere(content)
 
 
@@ -60,17 +59,19 @@ def _gap(content: dict[str, Any]) -> list[str]:
         change = f" → {one.after}" if one.after else ""
         closed = f", {one.closed} of what could be closed" if one.closed != wording.NONE else ""
         out.append(f"  {one.joint}: {one.before}{change} ({one.floor}, {one.learner}){closed}")
-    return out
+    loads = ", ".join(map(str, wording.loads(content)))
+    return out + ([f"  each with its own load, estimated from it: {loads}"] if loads else [])
 
 
 def _finding(number: int, finding: dict[str, Any]) -> list[str]:
-    out = [f"{number}. {wording.called(finding)}: {wording.strength(finding)}"]
+    out = [f"{number}. {wording.called(finding)}: {wording.strength(finding)}".rstrip(": ")]
     values = ", ".join(str(wording.estimate(one)) for one in finding["parameters"])
     if finding["class_members"]:
         out.append(f"   as {finding['name']} ({wording.place(finding['joint'])}): {values}")
         out.append(f"   told apart by {finding['settled_by']}")
     else:
         out.append(f"   {values}")
+    out += [f"   {line}" for line in wording.carried(finding)]
     return [*out, f"   {wording.evidence(finding)}"]
 
 
@@ -82,7 +83,6 @@ def _block(title: str, said: list[str]) -> list[str]:
 def _elsewhere(content: dict[str, Any]) -> list[str]:
     """What is not printed."""
     numbers = (
-        (len(content["notes"]) - NOTES, "further notes"),
         (len(content["not_testable"]), "effects that hide behind the parameters of the model"),
         (len(content["not_observable"]), "that are not observable in these recordings"),
         (len(content["flow"]), "joints with a balance of the flow"),

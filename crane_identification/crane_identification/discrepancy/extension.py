@@ -7,6 +7,7 @@ from crane_identification.data.units import COUNTS
 from crane_identification.discrepancy.candidates import Family
 from crane_identification.discrepancy.decision import Judged
 from crane_identification.discrepancy.evidence import gather
+from crane_identification.discrepancy.loads import LOADS, NO_LOAD, Loads
 from crane_identification.discrepancy.refit import refit, shape_std_devs
 from crane_identification.discrepancy.search import Search
 from crane_identification.preparation import Preparation
@@ -86,6 +87,17 @@ def extended(
         ]
         values.append(tuple(linear + bent))
     return after, values
+
+
+def carried_in(finding: Finding, recordings: Sequence[str]) -> dict[str, tuple[str, ...]]:
+    """Which recordings carry each load of an effect that differs between them, and which `none`."""
+    loads: Loads | None = getattr(finding.accepted.option.term, LOADS, None)
+    if loads is None:
+        return {}
+    pairs = zip(finding.parameters, loads, strict=True)
+    carried = {value.name: load.recordings for value, load in pairs}
+    loaded = {name for names in carried.values() for name in names}
+    return carried | {NO_LOAD: tuple(sorted(set(recordings) - loaded))}
 
 
 def in_counts(values: tuple[Value, ...]) -> tuple[Value, ...]:

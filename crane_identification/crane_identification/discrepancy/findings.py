@@ -7,13 +7,17 @@ from typing import Any
 
 import numpy as np
 
+from crane_identification.discrepancy.candidates import WHOLE, Family
 from crane_identification.discrepancy.diagnosis import Diagnosis
-from crane_identification.discrepancy.extension import Finding, Value
+from crane_identification.discrepancy.extension import Finding, Value, carried_in
 from crane_identification.discrepancy.gap import Gap
-from crane_identification.discrepancy.hydraulics import SIGMAS, Flow, Quantity
+from crane_identification.discrepancy.hydraulics import SIGMAS as FLOW_SIGMAS
+from crane_identification.discrepancy.hydraulics import Flow, Quantity
+from crane_identification.discrepancy.loads import LOADS, NO_LOAD, SIGMAS
 from crane_identification.discrepancy.region import Region
 from crane_identification.discrepancy.strength import acting
 from crane_identification.discrepancy.variables import feature_unit
+from crane_identification.discrepancy.weighing import Weighed
 from crane_identification.motion_validation import MotionValidation
 from crane_identification.report.notation import is_determined
 
@@ -38,12 +42,17 @@ def content(diagnosis: Diagnosis) -> dict[str, Any]:
                 _of_flow(diagnosis, flow.joint, one)
                 for flow in diagnosis.flows
                 for one in flow.missing
-            ],
+            ]
+            + [_of_load(diagnosis, one) for one in diagnosis.gap.loads if one.found],
             "nearest": _nearest(diagnosis),
             "gap": {
                 "before": _side(diagnosis, diagnosis.gap.before, diagnosis.gap.motion_before),
                 "after": _side(diagnosis, diagnosis.gap.after, diagnosis.gap.motion_after),
                 "closed": dict(zip(diagnosis.joints, diagnosis.gap.closed, strict=True)),
+                "loads": [
+                    {"recording": one.recording, "value": one.mass, "std_dev": one.std_dev}
+                    for one in diagnosis.gap.loads
+                ],
             },
             "left": {
                 joint: {
@@ -63,7 +72,12 @@ def content(diagnosis: Diagnosis) -> dict[str, Any]:
                 )
             },
             "undetermined": diagnosis.undetermined,
+            "clock": {
+                "through_session": diagnosis.session.fallback is None,
+                "reason": diagnosis.session.fallback,
+            },
             "needs_units": diagnosis.uncalibrated,
+            "warnings": diagnosis.warnings,
             "without": sorted(diagnosis.without),
             "not_testable": _reasons(diagnosis.search.untestable),
             "not_observable": _reasons(diagnosis.search.unobservable)
@@ -74,7 +88,6 @@ def content(diagnosis: Diagnosis) -> dict[str, Any]:
             "pulsations": [vars(one) for one in diagnosis.pulsations],
             "flow": {flow.joint: _flow(flow) for flow in diagnosis.flows},
             "detectable_strength": diagnosis.detectable,
-            "notes": diagnosis.notes,
         }
     )
 
@@ -114,7 +127,8 @@ def _finding(diagnosis: Diagnosis, finding: Finding) -> dict[str, Any]:
             {"effect": one.type, "name": one.effect.name, "joint": one.where}
             for one in accepted.members
         ],
-        "parameters": [_parameter(value) for value in finding.parameters],
+        "parameters": [parameter(value) for value in finding.parameters],
+        "carried_in": carried_in(finding, diagnosis.training.sources),
         "score": accepted.score,
         "threshold": accepted.threshold,
         "false_alarm_rate": diagnosis.thresholds.false_alarm_rate,
@@ -131,7 +145,8 @@ def _finding(diagnosis: Diagnosis, finding: Finding) -> dict[str, Any]:
     }
 
 
-def _parameter(value: Value) -> dict[str, Any]:
+def parameter(value: Value) -> dict[str, Any]:
+    """A parameter, and whether the recordings determine it."""
     return value.__dict__ | {
         "determined": is_determined(value.value, value.std_dev, value.minimum),
     }
@@ -140,6 +155,28 @@ def _parameter(value: Value) -> dict[str, Any]:
 def _strength(diagnosis: Diagnosis, finding: Finding) -> float:
     option, model = finding.accepted.option, diagnosis.after
     return acting(diagnosis.training, option.columns, model.theta[model.part(option.term)])
+
+
+def _of_load(diagnosis: Diagnosis, one: Weighed) -> dict[str, Any]:
+    """A load that a held-out recording alone carries, by the same keys."""
+    cls = next(type(term) for term in diagnosis.gap.carried.terms if hasattr(term, LOADS))
+    value = of_load(one)
+    return _by_itself(
+        diagnosis,
+        Family(cls, None),
+        WHOLE,
+        value,
+        (one.mass / one.std_dev) ** 2,
+        SIGMAS**2,
+        None,
+    ) | {
+        "carried_in": {value["name"]: [one.recording], NO_LOAD: sorted(diagnosis.training.sources)}
+    }
+
+
+def of_load(one: Weighed) -> dict[str, Any]:
+    """A load, by the keys of a parameter."""
+    return parameter(Value("m_payload", one.mass, one.std_dev, "kg"))
 
 
 def _nearest(diagnosis: Diagnosis) -> dict[str, Any] | None:
@@ -169,23 +206,38 @@ def _nearest(diagnosis: Diagnosis) -> dict[str, Any] | None:
 
 def _of_flow(diagnosis: Diagnosis, joint: str, one: Quantity) -> dict[str, Any]:
     """A finding of the flow balance, by the same keys; it adds nothing to the model of forces."""
+    threshold = (FLOW_SIGMAS * one.std_dev / one.value) ** 2 * one.score
+    return _by_itself(diagnosis, one, joint, of_quantity(one), one.score, threshold, one.share)
+
+
+def _by_itself(
+    diagnosis: Diagnosis,
+    what: Family | Quantity,
+    joint: str,
+    value: dict[str, Any],
+    score: float,
+    threshold: float,
+    visible_strength: float | None,
+) -> dict[str, Any]:
+    """A finding with one parameter, which competed with no other effect."""
     return {
-        "effect": one.type,
-        "name": one.effect.name,
+        "effect": what.type,
+        "name": what.effect.name,
         "joint": joint,
         "class_members": [],
-        "parameters": [of_quantity(one)],
-        "score": one.score,
-        "threshold": (SIGMAS * one.std_dev / one.value) ** 2 * one.score,
+        "parameters": [value],
+        "carried_in": {},
+        "score": score,
+        "threshold": threshold,
         "false_alarm_rate": diagnosis.thresholds.false_alarm_rate,
         "runner_up": None,
-        "margin": one.score,
+        "margin": score,
         "margin_needed": 0.0,
         "visibility": 1.0,
-        "strength": None,  # of the drive force: valves and oil do not show in it
-        "visible_strength": one.share,
+        "strength": None,  # rms over that of the drive force, as of effects that compete
+        "visible_strength": visible_strength,
         "held_out_gains": {},
-        "settled_by": one.effect.settled_by,
+        "settled_by": what.effect.settled_by,
     }
 
 

@@ -8,6 +8,7 @@ import numpy as np
 from crane_identification.averaging import noise_of_mean
 from crane_identification.discrepancy.evidence import Evidence
 from crane_identification.discrepancy.learner import predict_elsewhere
+from crane_identification.discrepancy.weighing import Weighed, weighed
 from crane_identification.motion_validation import MotionValidation, validate_motion
 from crane_identification.preparation import Preparation
 from crane_identification.regression import OPEN
@@ -23,9 +24,10 @@ RESOLUTION = 1e-6  # relative error, below which numbers are rounding
 class Gap:
     """Per joint (j,), relative to the rms of the force: error `before` and `after`, the `floor` of
     noise (NaN where no period was repeated), and the `best` that a flexible learner reaches;
-    `training`: error before on the recordings that the model was fitted to.
+    `training_before` and `training_after`: errors on the recordings that models were fitted to.
 
-    `motion_before` and `motion_after`: errors of the simulated motion.
+    `motion_before` and `motion_after`: errors of the simulated motion. `loads` of the held-out
+    recordings, which `carried` holds beside what the model after has.
     """
 
     joints: tuple[str, ...]
@@ -33,9 +35,12 @@ class Gap:
     after: np.ndarray
     floor: np.ndarray
     best: np.ndarray
-    training: np.ndarray
+    training_before: np.ndarray
+    training_after: np.ndarray
     motion_before: MotionValidation
     motion_after: MotionValidation
+    loads: tuple[Weighed, ...]
+    carried: Model
 
     @property
     def reachable(self) -> np.ndarray:
@@ -61,6 +66,11 @@ class Gap:
         explainable = before - least
         return (before - after) / explainable if explainable > EXPLAINABLE * before else np.nan
 
+    @property
+    def largest_before(self) -> np.ndarray:
+        """The larger one of held-out and training error before (j,)."""
+        return np.maximum(self.before, self.training_before)
+
     def over_floor(self, errors: np.ndarray) -> np.ndarray:
         """Errors (j,) over the noise floor; NaN where none is known."""
         return errors / np.maximum(self.floor, RESOLUTION)
@@ -73,8 +83,12 @@ def measure(
     held_out: Evidence,
     averaged: Sequence[Preparation],
 ) -> Gap:
-    """Both models, fitted to the training recordings, on the held-out ones."""
+    """Both models, fitted to the training recordings, on the held-out ones.
+
+    The one after with the load of each of these, which is a property of that recording.
+    """
     j = len(before.joints)
+    after, loads = with_own_loads(after, training, held_out)
     old, new = residual(held_out, before), residual(held_out, after)
     learnt = np.minimum(np.abs(old), np.abs(new))  # close to reversals, what the better one leaves
     seen = training.moving
@@ -89,10 +103,21 @@ def measure(
         after=errors[1],
         floor=noise_floor(averaged, held_out.runs[0].factor, j) / force,
         best=np.minimum(errors[2], errors[0]),
-        training=relative(training, fitted),
+        training_before=relative(training, fitted),
+        training_after=relative(training, residual(training, after)),
         motion_before=validate_motion(before, records),
         motion_after=validate_motion(after, records),
+        loads=loads,
+        carried=after,
     )
+
+
+def with_own_loads(
+    model: Model, training: Evidence, held_out: Evidence
+) -> tuple[Model, tuple[Weighed, ...]]:
+    """The model with what each held-out recording carries, and these loads."""
+    usual = training.rms(residual(training, model))
+    return weighed(model, held_out, residual(held_out, model), usual)
 
 
 def over_zones(evidence: Evidence, values: np.ndarray) -> np.ndarray:

@@ -21,12 +21,13 @@ from crane_model.record import Record
 NEARLY = 0.1  # share of an effect's score that its shape may give up for the motion
 CLEARLY = 0.95  # of the error of the simulated motion that another shape must stay below
 FACTORS = (0.4, 0.63, 0.8, 1.25, 1.6, 2.5)  # between shapes that are tried
-LONGEST = 2  # runs that are simulated
+SIMULATED = 2  # runs, the longest
 
 
 def suited(search: Search, before: Model, accepted: Sequence[Judged]) -> list[Judged]:
     """The accepted effects, each with the shape of those nearly alike that moves most truly."""
-    records = [run.record for run in search.evidence.runs[:LONGEST]]
+    longest = sorted(search.evidence.runs, key=lambda run: (-len(run.record), run.source))
+    records = [run.record for run in longest[:SIMULATED]]
     chosen = list(accepted)
     for place, one in enumerate(chosen):
         if not one.option.family.term.shapes:

@@ -8,7 +8,7 @@ import numpy as np
 from crane_identification.discrepancy.decision import Judged
 from crane_identification.discrepancy.evidence import Evidence
 from crane_identification.discrepancy.extension import Training, extended
-from crane_identification.discrepancy.gap import relative, residual
+from crane_identification.discrepancy.gap import relative, residual, with_own_loads
 from crane_identification.discrepancy.refit import UndeterminedError
 from crane_identification.discrepancy.search import Search
 from crane_model.model_file import Model
@@ -60,7 +60,8 @@ def nearest(
     old = relative(held_out, residual(held_out, before))
     try:
         after, _ = extended(found, before, effects, training)
-        new = relative(held_out, residual(held_out, after))
+        carried, _ = with_own_loads(after, found.evidence, held_out)
+        new = relative(held_out, residual(held_out, carried))
     except UndeterminedError:
         new = np.full_like(old, np.nan)
     left = found.left_share([one.option for one in effects])

@@ -50,15 +50,19 @@ def likeness(search: Search, one: int, other: int) -> float:
     base: of the option with fewer columns the worst of them, as far as the signs of parameters let
     the other one follow it.
     """
-    few, many = sorted((one, other), key=lambda number: len(search.projection.members[number]))
     projection = search.projection
-    a, b = projection.members[few], projection.members[many]
+    a, b = projection.members[one], projection.members[other]
     gram, free = projection.gram, ~projection.positive
-    if len(a) > 1 and free[a].all() and free[b].all():
+    if len(a) > 1 and len(b) > 1 and free[a].all() and free[b].all():
         roots = [np.linalg.cholesky(gram[np.ix_(c, c)] + 1e-12 * np.eye(len(c))) for c in (a, b)]
         mixed = np.linalg.solve(roots[0], np.linalg.solve(roots[1], gram[np.ix_(b, a)]).T)
         return float(np.linalg.svd(mixed, compute_uv=False).min())
-    return min(max(_followed(projection, sign, c, b) for sign in _signs(free[c])) for c in a)
+    pairs = [(few, many) for few, many in ((a, b), (b, a)) if len(few) <= len(many)]
+    return min(
+        max(_followed(projection, sign, column, many) for sign in _signs(free[column]))
+        for few, many in pairs
+        for column in few
+    )
 
 
 def _signs(free: bool) -> tuple[float, ...]:
@@ -128,8 +132,9 @@ def reverses(search: Search, option: Option) -> bool:
     """Whether the force of an option changes its sign with the velocity, and nothing else."""
     setting = search.evidence.model.setting
     for run in search.evidence.runs:
-        there = option.term.columns(run.record, setting)
-        back = option.term.columns(replace(run.record, velocity=-run.record.velocity), setting)
+        record = replace(run.record, direction_known=None)
+        there = option.term.columns(record, setting)
+        back = option.term.columns(replace(record, velocity=-record.velocity), setting)
         if there.any():
             return bool(np.allclose(back, -there))
     return False

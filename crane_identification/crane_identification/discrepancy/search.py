@@ -11,6 +11,7 @@ from scipy.optimize import minimize_scalar
 from crane_identification.discrepancy.candidates import Family, Option, option, options
 from crane_identification.discrepancy.evidence import Evidence
 from crane_identification.discrepancy.left_out import left_out
+from crane_identification.discrepancy.loads import LOADS, agreeing, load_of, one_each
 from crane_identification.discrepancy.projection import (
     Projection,
     project,
@@ -25,7 +26,7 @@ from crane_identification.discrepancy.selection import (
     others,
     solve,
 )
-from crane_identification.discrepancy.whitening import Whitener, whitener
+from crane_identification.discrepancy.whitening import Whitener, leading, whitener
 from crane_identification.progress import Progress, silent
 
 EVALUATIONS = 8  # of each shape parameter when it is refined
@@ -95,7 +96,7 @@ class Search:
     def best(self, size: int) -> Choice | None:
         """The best set of so many effects; None if there is none."""
         sets = self.sets(size)
-        return sets[0] if sets else None
+        return self._regrouped(sets[0]) if sets else None
 
     def number(self, option: Option) -> int:
         """Which of the options of the projection it is."""
@@ -117,11 +118,48 @@ class Search:
         return self.whitener.channel
 
     def refine(self, choice: Choice) -> Choice:
-        """The set with the shapes of its options refined, which become options of their own."""
+        """The set with the shapes of its options refined, which become options of their own.
+
+        Of loads, which recordings have one in common.
+        """
+        choice = self._regrouped(choice)
         for place in range(len(choice.options)):
             for name in self.projection.options[choice.options[place]].family.term.shapes:
                 choice = self._refined(choice, place, name)
         return choice
+
+    def _regrouped(self, choice: Choice) -> Choice:
+        for place, number in enumerate(choice.options):
+            if self.projection.options[number].family.parts:
+                choice = self._grouped(choice, place)
+        return choice
+
+    def _grouped(self, choice: Choice, place: int) -> Choice:
+        """The set with one load for each group of recordings that agree, beside its other effects.
+
+        The lightest group has none: masses count from it. More loads than that would gain more.
+        """
+        family = self.projection.options[choice.options[place]].family
+        each = self._alone(family, {LOADS: one_each(self.evidence)})
+        inside = [int(c) for i in others(choice, place) for c in self.projection.members[i]]
+        known = leading(self.projection.columns[:, inside], len(inside))
+        columns = each.columns * each.scale
+        columns = columns - known @ (known.T @ columns)
+        residual = self.projection.residual - known @ (known.T @ self.projection.residual)
+        values = np.linalg.lstsq(columns, residual, rcond=1e-9)[0]
+        variance = max(float(((residual - columns @ values) ** 2).mean()), 1.0)
+        groups = agreeing(columns.T @ columns, columns.T @ residual, variance)
+        if len(groups) == 1:
+            return choice
+        shape = {LOADS: tuple(load_of(self.evidence, group) for group in groups[1:])}
+        same = [
+            number
+            for number, one in enumerate(self.projection.options)
+            if one.family == family and one.shape == shape
+        ]
+        numbers = list(choice.options)
+        numbers[place] = same[0] if same else self.added(family, shape)
+        return solve(self.projection, tuple(numbers)) or choice
 
     def _refined(self, choice: Choice, place: int, name: str) -> Choice:
         start = self.projection.options[choice.options[place]]

@@ -60,7 +60,7 @@ def tried(
     chosen = tuple(effects)
     while True:
         model, values = extended(found, before, chosen, training)
-        sure = tuple(one for one, own in zip(chosen, values, strict=True) if _differs(one, own))
+        sure = tuple(one for one, own in zip(chosen, values, strict=True) if differs(one, own))
         if sure == chosen:
             break
         chosen = sure
@@ -79,7 +79,7 @@ def tried(
     )
 
 
-def _differs(one: Judged, values: Sequence[Value]) -> bool:
+def differs(one: Judged, values: Sequence[Value]) -> bool:
     """Whether a parameter of an effect is not zero; shapes of nothing say nothing."""
     linear = values[: len(one.option.positive)]
     return any(abs(value.value) > SIGMAS * value.std_dev for value in linear)

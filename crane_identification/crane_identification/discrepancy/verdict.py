@@ -13,6 +13,7 @@ from crane_identification.discrepancy.proof import WORSE, Proof
 from crane_identification.discrepancy.pulsation import Pulsation
 from crane_identification.discrepancy.thresholds import Thresholds
 from crane_identification.discrepancy.trial import SIGMAS, Trial
+from crane_identification.discrepancy.weighing import Weighed
 
 SPOKEN = 4  # members of a class that the reason lists
 NOT_HELD = "something is left that no effect of the catalogue explains"
@@ -53,7 +54,7 @@ def judge(before: Trial, proof: Proof, reach: Reach, thresholds: Thresholds) -> 
     if proof.trial.effects:
         return _of_effects(before, proof, thresholds)
     if proof.short:
-        return Answer(Verdict.UNKNOWN, NOT_HELD, proof.short[0].objection)
+        return Answer(Verdict.UNKNOWN, NOT_HELD, proof.short[-1].objection)
     if proof.trial.zero:
         return Answer(
             Verdict.UNKNOWN,
@@ -66,9 +67,9 @@ def judge(before: Trial, proof: Proof, reach: Reach, thresholds: Thresholds) -> 
             Verdict.UNKNOWN,
             f"what is left on {_listed(gap, law)} follows a law, but none of the catalogue",
         )
-    above = _above_floor(gap, gap.before, thresholds)
-    if above.any():
-        return Answer(Verdict.UNKNOWN, _beyond_noise(gap, gap.before, above, thresholds))
+    beyond = _beyond_noise(gap, gap.after, gap.training_before, thresholds.floor_factor)
+    if beyond:
+        return Answer(Verdict.UNKNOWN, "; ".join(beyond))
     if reach.undetermined:
         return Answer(
             Verdict.INSUFFICIENT,
@@ -95,34 +96,25 @@ def _of_noise(gap: Gap) -> str:
     """How the held-out error of the model compares with noise, in words."""
     known = np.isfinite(gap.floor)
     if not known.any():
-        j = int(np.nanargmax(gap.before))
+        j = int(np.argmax(np.nan_to_num(gap.after)))
         return (
             "no held-out recording repeats its motion, so that only a learner tells from noise "
-            f"what the model leaves of their force, up to {gap.before[j]:.2%} ({gap.joints[j]})"
+            f"what the model leaves of their force, up to {gap.after[j]:.2%} ({gap.joints[j]})"
         )
-    largest = float(np.nanmax(gap.over_floor(gap.before)))
-    return f"the held-out force errs by {largest:.1f} times the scatter between periods at most" + (
+    largest = float(np.nan_to_num(gap.over_floor(np.maximum(gap.after, gap.training_before))).max())
+    return f"the force errs by {largest:.1f} times the scatter between periods at most" + (
         "" if known.all() else f"; not known of {_listed(gap, ~known)}"
     )
 
 
-def _above_floor(gap: Gap, errors: np.ndarray, thresholds: Thresholds) -> np.ndarray:
-    """(j,): where held-out errors are more than the noise of recordings that repeat a motion."""
-    return np.nan_to_num(gap.over_floor(errors)) > thresholds.floor_factor
-
-
-def _beyond_noise(gap: Gap, errors: np.ndarray, above: np.ndarray, thresholds: Thresholds) -> str:
-    """What is more than noise, in words."""
-    said = []
-    for j in np.flatnonzero(above):
-        text = (
-            f"on held-out recordings the force of {gap.joints[j]} errs by {errors[j]:.2%}, "
-            f"{errors[j] / gap.floor[j]:.0f} times the scatter between periods"
-        )
-        if gap.training[j] < errors[j] / thresholds.floor_factor:
-            text += f", though only by {gap.training[j]:.2%} on those the model was fitted to"
-        said.append(text)
-    return "; ".join(said)
+def _beyond_noise(gap: Gap, held_out: np.ndarray, training: np.ndarray, factor: float) -> list[str]:
+    """Where relative errors (j,) are more than the noise of recordings that repeat a motion."""
+    times = gap.over_floor(np.maximum(held_out, training))
+    return [
+        f"the force of {gap.joints[j]} errs by {held_out[j]:.2%} on held-out recordings and by "
+        f"{training[j]:.2%} on the others, up to {times[j]:.0f} times the scatter between periods"
+        for j in np.flatnonzero(times > factor)
+    ]
 
 
 def with_flow(answer: Answer, flows: Sequence[Flow]) -> Answer:
@@ -177,36 +169,39 @@ def _named_beside(answer: Answer, said: Sequence[str]) -> Answer:
     return answer._replace(verdict=verdict, reason=f"{answer.reason}; {text}")
 
 
-def with_worse(answer: Answer, gap: Gap) -> Answer:
-    """The answer, and where what was added makes the prediction of held-out recordings worse.
-
-    That is more than the error before, and than noise where that is known.
-    """
-    worse = [
-        f"{joint} ({gap.before[j]:.2%} to {gap.after[j]:.2%})"
-        for j, joint in enumerate(gap.joints)
-        if gap.after[j] > WORSE * np.fmax(gap.before[j], CLEAN * gap.floor[j])
+def with_loads(answer: Answer, loads: Sequence[Weighed]) -> Answer:
+    """The answer where a held-out recording carries another load than all those trained on."""
+    said = [
+        f"{one.recording} carries {abs(one.mass):.3g} kg {'more' if one.mass > 0.0 else 'less'} "
+        "than the recordings trained on"
+        for one in loads
+        if one.found
     ]
-    if not worse:
-        return answer
-    return answer._replace(
-        reason=f"{answer.reason}; it does not carry over to the held-out recordings, whose force "
-        f"on {', '.join(worse)} is predicted worse: they differ in something else"
-    )
+    return _named_beside(answer, said)
 
 
 def _of_effects(before: Trial, proof: Proof, thresholds: Thresholds) -> Answer:
     """Effects that passed every test: are they all?"""
     share = proof.trial.explained(before, thresholds)
-    said = [f"the effects explain {share:.0%} of what can be explained"]
+    said = [f"the effects explain {share:.0%} of what can be explained", *_moved(proof)]
     classes = [_alternatives(one) for one in proof.trial.effects if one.members]
     apart = [f"these recordings do not tell apart: {'; '.join(classes)}"] if classes else []
     more = _more(proof, share, thresholds)
     if more:
         return Answer(Verdict.AND_MORE, "; ".join(said + apart + more))
     if classes:
-        return Answer(Verdict.CLASS, *apart)
-    return Answer(Verdict.NAMED, *said)
+        return Answer(Verdict.CLASS, "; ".join(apart + said))
+    return Answer(Verdict.NAMED, "; ".join(said))
+
+
+def _moved(proof: Proof) -> list[str]:
+    """What the effects do to the held-out errors where they act, in words."""
+    gap, acting = proof.gap, [one.option.family.joint for one in proof.trial.effects]
+    return [
+        f"the held-out error of {joint} falls from {gap.before[j]:.2%} to {gap.after[j]:.2%}"
+        for j, joint in enumerate(gap.joints)
+        if (joint in acting or None in acting) and gap.after[j] < gap.before[j]
+    ]
 
 
 def _more(proof: Proof, share: float, thresholds: Thresholds) -> list[str]:
@@ -218,9 +213,13 @@ def _more(proof: Proof, share: float, thresholds: Thresholds) -> list[str]:
         said.append(f"something more is missing, a law that is left on {_listed(gap, law)}")
     if trial.left_share > thresholds.left_share:
         said.append(f"they leave {trial.left_share:.0%} of the energy beyond noise where they act")
-    above = _above_floor(gap, gap.after, thresholds)
-    if above.any():
-        said.append(_beyond_noise(gap, gap.after, above, thresholds))
+    said += _beyond_noise(gap, gap.after, gap.training_after, thresholds.floor_factor)
+    worse = gap.after > WORSE * np.fmax(gap.before, CLEAN * gap.floor)
+    said += [
+        f"the held-out force of {gap.joints[j]} is predicted worse with them, {gap.after[j]:.2%} "
+        f"in place of {gap.before[j]:.2%}"
+        for j in np.flatnonzero(worse)
+    ]
     said += [
         f"{one.effect.option.family.label} would go with them, but {one.objection}"
         for one in proof.short

@@ -6,6 +6,7 @@ from math import isnan, nan
 from typing import Any, NamedTuple
 
 from crane_identification.discrepancy.candidates import WHOLE
+from crane_identification.discrepancy.loads import NO_LOAD
 from crane_identification.report.notation import (
     NARROW_SPACE,
     NONE,
@@ -112,9 +113,29 @@ def estimate(parameter: Content) -> Estimate:
     return Estimate(parameter["name"], printed.value, printed.std_dev if number else NONE, unit)
 
 
+def carried(finding: Content) -> list[str]:
+    """Which recordings carry which load, where the effect is one."""
+    words = {NO_LOAD: "no load, from which masses count,"}
+    return [
+        f"{words.get(name, name)} in {listed(recordings)}"
+        for name, recordings in finding.get("carried_in", {}).items()
+        if recordings
+    ]
+
+
+def loads(content: Content) -> list[Estimate]:
+    """The loads that are estimated from held-out recordings, by the names of these."""
+    return [
+        estimate(one | {"name": one["recording"], "unit": "kg"})
+        for one in content["gap"].get("loads", ())
+    ]
+
+
 def strength(finding: Content) -> str:
-    """How strong an effect is, and how much of that shows."""
-    visible = short_percent(_number(finding["visible_strength"]))
+    """How strong an effect is, and how much of that shows; empty where that is not known."""
+    if finding["visible_strength"] is None:
+        return ""
+    visible = short_percent(finding["visible_strength"])
     if finding["strength"] is None:
         return f"{visible} of the flow"
     return (

@@ -14,7 +14,7 @@ from crane_identification.online.window import Row, Window
 from crane_model.configuration import load, packaged
 from crane_model.cylinders import generalized_forces
 from crane_model.errors import ConfigurationError, DataError, RangeError
-from crane_model.machine import JOINTS, Machine
+from crane_model.machine import JOINTS
 from crane_model.model_file import Model
 from crane_model.record import Record
 from crane_model.sensors import SensorChain
@@ -57,7 +57,7 @@ class Forces(NamedTuple):
 
 
 class OnlineEstimator:
-    """Θ of a model from encoder and pressure readings, in any interleaving of the two streams.
+    """Θ of a model from encoders and pressures (or forces), in any interleaving of the two streams.
 
     The standard deviations sum the autocorrelation of the residual of each joint (see
     `ResidualCorrelation`): averaged forces are correlated from row to row, and counting every row
@@ -66,17 +66,19 @@ class OnlineEstimator:
     effects that the model lacks.
     """
 
-    def __init__(self, model: Model, options: OnlineOptions | None = None):
-        """`ConfigurationError` if the model has no machine or the options do not fit it."""
+    def __init__(
+        self, model: Model, options: OnlineOptions | None = None, from_pressures: bool = True
+    ):
+        """`ConfigurationError` if the options do not fit the model, or if it has no machine and
+        forces are to be computed `from_pressures`."""
         self.model = model
         self.options = options or OnlineOptions()
-        if model.machine is None:
+        if from_pressures and model.machine is None:
             raise ConfigurationError(
                 f"model '{model.name}': has no machine, so that forces cannot be computed from "
                 f"pressures (27); name one in the model file"
             )
         _check(self.options)
-        self._machine: Machine = model.machine
         self._noise = _resolution(model, self.options) / np.sqrt(12)
         self.reset()
 
@@ -115,6 +117,13 @@ class OnlineEstimator:
             return []
         return self._process(self.matcher.add_pressure(stamp, pressure))
 
+    def add_force(self, stamp: int, force: np.ndarray) -> list[Forces]:
+        """Generalized forces (j,) [N m or N] where they are measured; what they complete."""
+        if not np.isfinite(force).all():
+            self.invalid += 1
+            return []
+        return self._process(self.matcher.add_pressure(stamp, force))
+
     @property
     def samples(self) -> int:
         """Rows that the estimate rests on."""
@@ -146,22 +155,30 @@ class OnlineEstimator:
 
     def _process(self, matched: list[Matched]) -> list[Forces]:
         out = []
-        joints = len(self.model.joints)
-        for stamp, position, pressure in matched:
-            pressure_a, pressure_b = pressure[np.newaxis, :joints], pressure[np.newaxis, joints:]
+        for stamp, position, driving in matched:
             try:
-                force = generalized_forces(
-                    self._machine, position[np.newaxis], pressure_a, pressure_b, self.model.joints
-                )[0]
+                carried = self._carried(position, driving)
             except RangeError:
                 self.invalid += 1
                 continue
-            for smoothed in self.smoother.add(stamp, position, np.concatenate([force, pressure])):
+            for smoothed in self.smoother.add(stamp, position, carried):
                 self._gate.add(smoothed)
                 row = self._window.add(smoothed)
                 if row is not None:
                     out.append(self._learn(row, self._gate.open(row.begin)))
         return out
+
+    def _carried(self, position: np.ndarray, driving: np.ndarray) -> np.ndarray:
+        """Forces (j,), and behind them the pressures (2j,) where `driving` is those."""
+        joints = len(self.model.joints)
+        if len(driving) == joints:
+            return driving
+        assert self.model.machine is not None  # __init__ asks for it
+        chambers = driving[np.newaxis, :joints], driving[np.newaxis, joints:]
+        force = generalized_forces(
+            self.model.machine, position[np.newaxis], *chambers, self.model.joints
+        )[0]
+        return np.concatenate([force, driving])
 
     def _learn(self, row: Row, used: np.ndarray) -> Forces:
         """Predict the row with what is known, then learn from it."""
@@ -184,6 +201,7 @@ class OnlineEstimator:
         joints = len(self.model.joints)
         carried = np.array([one.carried for one in instants])
         force, pressure_a, pressure_b = np.split(carried, [joints, 2 * joints], axis=1)
+        pressures = carried.shape[1] > joints
         record = Record(
             joints=self.model.joints,
             time=np.array([one.stamp / NANOSECONDS for one in instants]),
@@ -191,8 +209,8 @@ class OnlineEstimator:
             velocity=np.array([one.velocity for one in instants]),
             acceleration=np.array([one.acceleration for one in instants]),
             force=force,
-            pressure_a=pressure_a,
-            pressure_b=pressure_b,
+            pressure_a=pressure_a if pressures else None,
+            pressure_b=pressure_b if pressures else None,
             # the finest of them: what the gate lets through has a sign at every instant
             velocity_resolution=np.min([self._gate.resolution(one) for one in instants], axis=0),
         )

@@ -9,17 +9,23 @@ from diagnostic_msgs.msg import DiagnosticArray
 from rclpy.clock import Clock, ClockType
 from rclpy.lifecycle import LifecycleNode, LifecycleState, TransitionCallbackReturn
 from rclpy.qos import DurabilityPolicy, QoSProfile, ReliabilityPolicy
-from sensor_msgs.msg import JointState
 from std_srvs.srv import Trigger
 
 from crane_driver.nodes.managed import AUTOSTART, run_managed
 from crane_driver.nodes.parameters import NodeParameter, Number, Numbers, Text, declare, hold
 from crane_driver.nodes.polled import Polled
+from crane_identification.data.column_map import ColumnMap
 from crane_identification.online.condition import Condition, status
-from crane_identification.online.estimator import Forces, OnlineEstimator, OnlineOptions
-from crane_identification.online.topics import Feed, estimate_message, forces_message
-from crane_interfaces.msg import CylinderPressures, GeneralizedForces, ParameterEstimate
-from crane_model.configuration import packaged
+from crane_identification.online.estimator import OnlineEstimator, OnlineOptions
+from crane_identification.online.mapped_topics import mapped_listeners
+from crane_identification.online.topics import (
+    Listener,
+    estimate_message,
+    forces_message,
+    listeners,
+)
+from crane_interfaces.msg import GeneralizedForces, ParameterEstimate
+from crane_model.configuration import load, packaged
 from crane_model.errors import CraneError, DataError
 from crane_model.model_file import load_model, save_model
 
@@ -39,6 +45,11 @@ MODEL = Text(
 )
 MODEL_OUTPUT = Text(
     "model_output", "identified_model.yaml", "File that ~/save_model writes, replacing it"
+)
+COLUMNS = Text(
+    "columns",
+    "",
+    "Column map of the topics to listen to; empty: those of the suite. At configure",
 )
 FORGETTING = Number(
     "forgetting",
@@ -82,12 +93,13 @@ RESOLUTION = Numbers(
     "laboratory crane. At configure",
 )
 PARAMETERS: tuple[NodeParameter, ...] = (
-    *(AUTOSTART, MODEL, MODEL_OUTPUT, FORGETTING, LAG, PERIOD, LARGEST_GAP, RESOLUTION, TIMEOUT),
+    *(AUTOSTART, MODEL, COLUMNS, MODEL_OUTPUT, FORGETTING),
+    *(LAG, PERIOD, LARGEST_GAP, RESOLUTION, TIMEOUT),
 )
 
 
 class Identification(LifecycleNode):
-    """Learns from /joint_states and /cylinder_pressures, tells what it knows once a second."""
+    """Learns from positions and chamber pressures, tells what it knows once a second."""
 
     def __init__(self) -> None:
         super().__init__("identification")
@@ -96,7 +108,8 @@ class Identification(LifecycleNode):
         fixed = [parameter for parameter in PARAMETERS if parameter is not MODEL_OUTPUT]
         hold(self, fixed, lambda: "configured" if self._estimator else "unconfigured")
         self._condition = Condition()
-        self._listening: list[tuple[Polled, Callable[[Any], None]]] = []
+        self._listeners: tuple[Listener, ...] = ()
+        self._listening: list[tuple[Polled, Callable[[Any, int], None]]] = []
         self._diagnostics = self.create_publisher(DiagnosticArray, "/diagnostics", 10)
         self._estimates = self.create_lifecycle_publisher(
             ParameterEstimate, "/parameter_estimate", LATCHED
@@ -123,7 +136,9 @@ class Identification(LifecycleNode):
             )
             self._condition = Condition(timeout=TIMEOUT.read(self))
             file = MODEL.read(self) or packaged("crane_model", "crane_model.yaml")
-            self._estimator = OnlineEstimator(load_model(file), options)
+            estimator = OnlineEstimator(load_model(file), options)
+            self._listeners = self._listeners_of(estimator)
+            self._estimator = estimator
         except CraneError as error:
             self.get_logger().error(str(error))
             return TransitionCallbackReturn.FAILURE
@@ -131,19 +146,12 @@ class Identification(LifecycleNode):
 
     def on_activate(self, state: LifecycleState) -> TransitionCallbackReturn:
         """Listen; what was learned before a deactivation is kept."""
-        assert self._estimator is not None
-        feed = Feed(self._estimator, JOINT_STATES, PRESSURES)
         self._listening = [
-            (
-                Polled(self, JointState, JOINT_STATES, DEEP),
-                self._learner(JOINT_STATES, feed.joint_states),
-            ),
-            (
-                Polled(self, CylinderPressures, PRESSURES, DEEP),
-                self._learner(PRESSURES, feed.pressures),
-            ),
+            (Polled(self, one.msgtype, one.topic, DEEP), self._learner(one))
+            for one in self._listeners
         ]
-        self._condition.listen(time.monotonic(), JOINT_STATES, PRESSURES)
+        topics = [one.topic for one in self._listeners]
+        self._condition.listen(time.monotonic(), *topics)
         return super().on_activate(state)
 
     def on_deactivate(self, state: LifecycleState) -> TransitionCallbackReturn:
@@ -161,19 +169,25 @@ class Identification(LifecycleNode):
 
     def _visit(self) -> None:
         for topic, learn in self._listening:
-            for message, _ in topic.take():
-                learn(message)
+            for message, about in topic.take():
+                learn(message, about["source_timestamp"])
 
-    def _learner(self, topic: str, feed: Callable[[Any], list[Forces]]) -> Callable[[Any], None]:
-        def learn(message: Any) -> None:
-            self._condition.arrived(topic, time.monotonic())
+    def _listeners_of(self, estimator: OnlineEstimator) -> tuple[Listener, ...]:
+        file = COLUMNS.read(self)
+        if not file:
+            return listeners(estimator, JOINT_STATES, PRESSURES)
+        return mapped_listeners(estimator, load(file, ColumnMap), file)
+
+    def _learner(self, listener: Listener) -> Callable[[Any, int], None]:
+        def learn(message: Any, sent: int) -> None:
+            self._condition.arrived(listener.topic, time.monotonic())
             try:
-                forces = feed(message)
+                forces = listener.take(message, sent)
             except DataError as error:
-                if self._condition.problem(topic, str(error)):
+                if self._condition.problem(listener.topic, str(error)):
                     self.get_logger().error(str(error))
                 return
-            self._condition.well(topic)
+            self._condition.well(listener.topic)
             assert self._estimator is not None
             for one in forces:
                 self._forces.publish(forces_message(self._estimator.model.joints, one))
@@ -214,8 +228,9 @@ class Identification(LifecycleNode):
         return response
 
 
-ABOUT = """Identifies the parameters of the crane from /joint_states and /cylinder_pressures while
-it moves, and publishes them with standard deviations on /parameter_estimate."""
+ABOUT = """Identifies the parameters of the crane from /joint_states and /cylinder_pressures, or
+from the topics that a column map names, while it moves, and publishes them with standard
+deviations on /parameter_estimate."""
 
 
 def main(argv: Sequence[str] | None = None) -> int:

@@ -1,4 +1,7 @@
-"""Matching of two streams by time stamp: pressures interpolated to the stamps of the encoders."""
+"""Matching of two streams by time stamp: pressures interpolated to the stamps of the encoders.
+
+Where forces are measured, they take the place of the pressures.
+"""
 
 from collections import deque
 from typing import NamedTuple

@@ -1,17 +1,21 @@
 """The same recursion over recordings."""
 
-from collections.abc import Iterator, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass
 
 import numpy as np
 
-from crane_identification.data.log import Log
+from crane_identification.data.log import Log, Signal
+from crane_identification.data.resample import sampling_rate
 from crane_identification.online.estimator import Forces, OnlineEstimator, OnlineOptions
 from crane_identification.online.smoother import NANOSECONDS
 from crane_identification.progress import Progress, silent
+from crane_identification.signals.motion import reading_resolution
 from crane_model.errors import DataError
+from crane_model.machine import JOINTS
 from crane_model.model_file import Model
 
+READINGS = 1.25  # intervals between readings that may pass before a new run begins
 PARTS = 20  # of a recording, after each of which the estimate is read
 
 
@@ -35,10 +39,10 @@ def replay(
 ) -> tuple[OnlineEstimator, list[Forces]]:
     """The estimator after every reading of `log`, as if they came over topics, and the forces.
 
-    Raises `DataError` if the log lacks pressures or has other joints than the model, and
+    Raises `DataError` if the log lacks pressures and forces or has other joints than the model, and
     `ConfigurationError` as the estimator does.
     """
-    estimator = OnlineEstimator(model, options)
+    estimator = _estimator(model, [log], options)
     forces: list[Forces] = []
     for done, part in enumerate(_feed(estimator, log), start=1):
         forces += part
@@ -56,7 +60,7 @@ def recursion(
 
     Raises as `replay` does, and `DataError` if even all of them leave a parameter undetermined.
     """
-    estimator = OnlineEstimator(model, options)
+    estimator = _estimator(model, logs, options)
     begin, time, solutions = 0.0, [], []
     for number, log in enumerate(logs):
         duration = float(log.position.time[-1])
@@ -74,6 +78,27 @@ def recursion(
     )
 
 
+def _estimator(model: Model, logs: Sequence[Log], options: OnlineOptions | None) -> OnlineEstimator:
+    """For readings of pressures, or of forces where all of `logs` hold them."""
+    if options is None and not set(model.joints) <= set(JOINTS):
+        options = _fitting(logs)
+    return OnlineEstimator(model, options, from_pressures=any(log.force is None for log in logs))
+
+
+def _fitting(logs: Sequence[Log]) -> OnlineOptions:
+    """For a machine that is not the laboratory crane: its encoders and rate as recorded."""
+    resolution = np.max([reading_resolution(log.position.value) for log in logs], axis=0)
+    interval = max(1.0 / sampling_rate(log.position.time) for log in logs)
+    usual = OnlineOptions()
+    slower = max(READINGS * interval / usual.largest_gap, 1.0)
+    return OnlineOptions(
+        lag=slower * usual.lag,
+        period=slower * usual.period,
+        largest_gap=slower * usual.largest_gap,
+        encoder_resolution=tuple(resolution.tolist()),
+    )
+
+
 def _feed(estimator: OnlineEstimator, log: Log) -> Iterator[list[Forces]]:
     """Every reading of `log` in the order of stamps; the forces that each part of it completes."""
     model = estimator.model
@@ -82,31 +107,39 @@ def _feed(estimator: OnlineEstimator, log: Log) -> Iterator[list[Forces]]:
             f"{log.source}: holds the joints {', '.join(log.joints)}, but the model has "
             f"{', '.join(model.joints)}; read the recording for the joints of the model"
         )
-    if log.pressure_a is None or log.pressure_b is None:
-        raise DataError(f"{log.source}: holds no chamber pressures; record /cylinder_pressures")
-    encoder, oil = _stamps(log, log.position.time), _stamps(log, log.pressure_a.time)
-    before = np.searchsorted(oil, encoder, side="right")  # pressures that came before
+    driving, feed = _driving(estimator, log)
+    encoder, stamps = _stamps(log, log.position.time), _stamps(log, driving.time)
+    before = np.searchsorted(stamps, encoder, side="right")  # what came before
     fed = 0
     for part in np.array_split(np.arange(len(encoder)), PARTS):
         forces: list[Forces] = []
         for i in part:
-            forces += _feed_pressures(estimator, log, oil, slice(fed, before[i]))
+            for k in range(fed, before[i]):
+                forces += feed(int(stamps[k]), k)
             fed = before[i]
             forces += estimator.add_position(int(encoder[i]), log.position.value[i])
         if part[-1:] == len(encoder) - 1:
-            forces += _feed_pressures(estimator, log, oil, slice(fed, None))
+            for k in range(fed, len(stamps)):
+                forces += feed(int(stamps[k]), k)
         yield forces
 
 
-def _feed_pressures(
-    estimator: OnlineEstimator, log: Log, stamps: np.ndarray, part: slice
-) -> list[Forces]:
-    assert log.pressure_a is not None and log.pressure_b is not None
-    forces: list[Forces] = []
-    samples = zip(stamps[part], log.pressure_a.value[part], log.pressure_b.value[part], strict=True)
-    for stamp, chamber_a, chamber_b in samples:
-        forces += estimator.add_pressure(int(stamp), chamber_a, chamber_b)
-    return forces
+def _driving(
+    estimator: OnlineEstimator, log: Log
+) -> tuple[Signal, Callable[[int, int], list[Forces]]]:
+    """What drives the joints: forces where they are logged, as in the fit, else pressures; and how
+    sample k of it is fed."""
+    force, chamber_a, chamber_b = log.force, log.pressure_a, log.pressure_b
+    if force is not None:
+        return force, lambda stamp, k: estimator.add_force(stamp, force.value[k])
+    if chamber_a is None or chamber_b is None:
+        raise DataError(
+            f"{log.source}: holds neither generalized forces nor chamber pressures; record "
+            "/cylinder_pressures"
+        )
+    return chamber_a, lambda stamp, k: estimator.add_pressure(
+        stamp, chamber_a.value[k], chamber_b.value[k]
+    )
 
 
 def _stamps(log: Log, time: np.ndarray) -> np.ndarray:

@@ -1,7 +1,7 @@
 """From messages to arrays, and back."""
 
-from collections.abc import Sequence
-from typing import Any
+from collections.abc import Callable, Sequence
+from typing import Any, NamedTuple
 
 import numpy as np
 from builtin_interfaces.msg import Time
@@ -39,25 +39,36 @@ class Columns:
         return np.asarray(values, dtype=float)[self._places]
 
 
-class Feed:
-    """Passes the messages of both topics on to an estimator."""
+class Listener(NamedTuple):
+    """Who takes the messages of one topic: `take` is given a message and when it was sent [ns], and
+    returns what it completes; `DataError` if something is missing in it.
+    """
 
-    def __init__(self, estimator: OnlineEstimator, joint_states: str, pressures: str):
-        self._estimator = estimator
-        joints = estimator.model.joints
-        self._states = Columns(joint_states, joints)
-        self._pressures = Columns(pressures, joints)
+    topic: str
+    msgtype: type[Any]
+    take: Callable[[Any, int], list[Forces]]
 
-    def joint_states(self, message: JointState) -> list[Forces]:
-        """What the positions of a message complete; `DataError` if a joint is missing."""
-        position = self._states.pick(message.name, "position", message.position)
-        return self._estimator.add_position(nanoseconds(message.header.stamp), position)
 
-    def pressures(self, message: CylinderPressures) -> list[Forces]:
-        """What the pressures of a message complete; `DataError` if a cylinder is missing."""
-        chamber_a = self._pressures.pick(message.name, "chamber_a", message.chamber_a)
-        chamber_b = self._pressures.pick(message.name, "chamber_b", message.chamber_b)
-        return self._estimator.add_pressure(nanoseconds(message.header.stamp), chamber_a, chamber_b)
+def listeners(
+    estimator: OnlineEstimator, joint_states: str, pressures: str
+) -> tuple[Listener, Listener]:
+    """Who passes the messages of the suite's topics on to an estimator."""
+    joints = estimator.model.joints
+    states, cylinders = Columns(joint_states, joints), Columns(pressures, joints)
+
+    def take_states(message: JointState, sent: int) -> list[Forces]:
+        position = states.pick(message.name, "position", message.position)
+        return estimator.add_position(nanoseconds(message.header.stamp), position)
+
+    def take_pressures(message: CylinderPressures, sent: int) -> list[Forces]:
+        chamber_a = cylinders.pick(message.name, "chamber_a", message.chamber_a)
+        chamber_b = cylinders.pick(message.name, "chamber_b", message.chamber_b)
+        return estimator.add_pressure(nanoseconds(message.header.stamp), chamber_a, chamber_b)
+
+    return (
+        Listener(joint_states, JointState, take_states),
+        Listener(pressures, CylinderPressures, take_pressures),
+    )
 
 
 def nanoseconds(stamp: Time) -> int:

@@ -43,7 +43,7 @@ def findings(
     units = [setting.force_unit(joint) for joint in fit.model.joints]
     return (
         *_parameters(fit),
-        *of_recordings(logs),
+        *(warning for log in logs for warning in log.warnings),
         *_together([(p.source, note) for p in preparations for note in _preparation(p)]),
         *_drifts(preparations, units),
         *_gaps(preparations),
@@ -93,12 +93,6 @@ def _doubt(parameter: Parameter, value: float, std_dev: float) -> str:
     if printed.relative == NONE:
         return printed.value
     return short_percent(std_dev / abs(value)) if std_dev <= abs(value) else printed.relative
-
-
-def of_recordings(logs: Sequence[Log]) -> list[str]:
-    """What recordings lack, and what had to be mended in them."""
-    missing = [(log.source, f"not recorded: {listed(log.missing)}.") for log in logs if log.missing]
-    return _together(missing + [(log.source, note) for log in logs for note in log.notes])
 
 
 def _together(notes: Sequence[tuple[str, str]]) -> list[str]:

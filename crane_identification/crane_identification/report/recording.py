@@ -40,7 +40,7 @@ def recorded(
     """
     samples = resample(log)
     force = _forces(model, samples)
-    resolution = encoder_resolution(log.position.value[np.isfinite(log.position.value).all(axis=1)])
+    resolution = encoder_resolution(log.position.value)
     estimator = _tuned(motion, bandwidth, 1.0 / samples.rate)
     runs = [np.flatnonzero(samples.run == run) for run in np.unique(samples.run)]
     velocity = np.full_like(samples.position, np.nan)

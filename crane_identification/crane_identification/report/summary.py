@@ -9,7 +9,7 @@ import numpy as np
 
 from crane_identification.report.content import IdentificationReport
 from crane_identification.report.errors import JointErrors
-from crane_identification.scale.cluster import ClusterFit
+from crane_identification.scale.information import ClusterFit
 
 
 class ParameterSummary(TypedDict):

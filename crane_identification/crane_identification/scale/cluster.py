@@ -7,7 +7,6 @@ the standard deviations are close to, and not the same as, those of all rows in 
 """
 
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass
 from functools import reduce
 from operator import add
 from pathlib import Path
@@ -16,7 +15,9 @@ from typing import Any
 import numpy as np
 from distributed import Client, as_completed
 
-from crane_identification.data.bag_log import read_bag
+from crane_identification.data.bad_samples import usable
+from crane_identification.data.column_map import ColumnMap
+from crane_identification.data.recording_log import read_recording
 from crane_identification.estimation.covariance import Covariance, correlated, white
 from crane_identification.estimation.lack_of_fit import lack_of_fit
 from crane_identification.estimation.rows import Rows
@@ -24,20 +25,11 @@ from crane_identification.options import Options
 from crane_identification.preparation import Preparation, prepare
 from crane_identification.progress import Progress, silent
 from crane_identification.regression import build_rows, common_factor
-from crane_identification.scale.information import Information
+from crane_identification.scale.information import ClusterFit, Information
 from crane_model.errors import ConfigurationError, DataError
 from crane_model.model_file import Model
 
 ANSWER = 30.0  # s for the scheduler to answer
-
-
-@dataclass(frozen=True)
-class ClusterFit:
-    """The `model` with its values, from the `information` of all recordings."""
-
-    model: Model
-    information: Information
-    workers: int
 
 
 def fit_on_cluster(
@@ -46,8 +38,10 @@ def fit_on_cluster(
     address: str,
     options: Options | None = None,
     progress: Progress = silent,
+    columns: ColumnMap | None = None,
 ) -> ClusterFit:
-    """Θ of `model` by least squares (31) from bags that the workers of a Dask cluster can read.
+    """Θ of `model` by least squares (31) from recordings that the workers of a Dask cluster can
+    read, by `columns` or as bags of the suite.
 
     `address` is that of the scheduler, tcp://host:port. Raises `ConfigurationError` if no scheduler
     answers or it has no workers, `DataError` as `pipeline.fit` does.
@@ -67,7 +61,7 @@ def fit_on_cluster(
                 f"the Dask scheduler at {address} has no workers; start some with `dask worker "
                 f"{address}`"
             )
-        return _fit(client, workers, model, recordings, options, progress)
+        return _fit(client, workers, model, recordings, columns, options, progress)
 
 
 def _fit(
@@ -75,6 +69,7 @@ def _fit(
     workers: int,
     model: Model,
     recordings: Sequence[Path],
+    columns: ColumnMap | None,
     options: Options,
     progress: Progress,
 ) -> ClusterFit:
@@ -87,12 +82,14 @@ def _fit(
         return client.gather(futures)
 
     (everywhere,) = client.scatter([model], broadcast=True)
-    paths = [str(path.resolve()) for path in recordings]
-    repeated = [everywhere] * len(paths), [options] * len(paths)
-    prepared = on_workers(_prepared, paths, *repeated)
+    paths = [path.resolve() for path in recordings]
+    models = [everywhere] * len(paths)
+    prepared = on_workers(
+        _prepared, paths, models, *([one] * len(paths) for one in (columns, options))
+    )
     factors = results(on_workers(_factor, prepared), "reading on the cluster")
     factor = min(factors) if options.decimation is None else options.decimation
-    rows = on_workers(_rows, prepared, repeated[0], [factor] * len(paths))
+    rows = on_workers(_rows, prepared, models, [factor] * len(paths))
     information = reduce(add, results(on_workers(Information.of, rows), "information"))
     if information.rows.sum() <= len(information.names):
         raise DataError(
@@ -123,8 +120,11 @@ def _fit(
     return ClusterFit(fitted, information, workers)
 
 
-def _prepared(path: str, model: Model, options: Options) -> list[Preparation]:
-    return prepare(model, read_bag(path, model.joints), options)
+def _prepared(
+    path: Path, model: Model, columns: ColumnMap | None, options: Options
+) -> list[Preparation]:
+    log = usable(read_recording(path, model.joints, columns), options.begin, options.end)
+    return prepare(model, log, options)
 
 
 def _factor(preparations: list[Preparation]) -> int:

@@ -49,11 +49,19 @@ class MotionEstimator(Protocol):
 
 
 def encoder_resolution(position: np.ndarray) -> np.ndarray:
-    """Smallest step between different readings (n, j) of each encoder (j,) [rad or m].
+    """Smallest step between different readings (n, j) of each encoder (j,) [rad or m], NaN aside.
 
     A coordinate that never moves shows no step and gives 0.
     """
     return np.array([_smallest_step(column) for column in position.T])
+
+
+def reading_resolution(position: np.ndarray) -> np.ndarray:
+    """Resolution (j,) of an encoder that would be as uncertain as the readings (n, j): one step of
+    theirs, or √12 standard deviations of their noise, which third differences show."""
+    sound = position[np.isfinite(position).all(axis=1)]
+    noise = np.diff(sound, 3, axis=0).std(axis=0) / np.sqrt(20)  # 1² + 3² + 3² + 1²
+    return np.maximum(encoder_resolution(sound), np.sqrt(12) * noise)
 
 
 def checked(position: np.ndarray, step: float, shortest: int) -> np.ndarray:
@@ -76,6 +84,9 @@ def checked(position: np.ndarray, step: float, shortest: int) -> np.ndarray:
 
 
 def _smallest_step(readings: np.ndarray) -> float:
+    readings = readings[np.isfinite(readings)]
+    if not len(readings):
+        return 0.0
     steps = np.diff(np.unique(readings))
     steps = steps[steps > SAME_READING * np.ptp(readings)]
     return float(steps.min()) if len(steps) else 0.0

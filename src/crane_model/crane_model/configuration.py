@@ -73,7 +73,9 @@ def save(path: Path | str, instance: BaseModel) -> None:
 def _explain(error: ValidationError, source: Path | str) -> str:
     lines = []
     for problem in error.errors(include_url=False):
-        key = ".".join(str(part) for part in problem["loc"]) or "(whole file)"
+        parts = [str(part) for part in problem["loc"]]
+        # in <> is not a key, but which kind of thing an entry was taken for
+        key = ".".join(part for part in parts if not part.startswith("<")) or "(whole file)"
         message = problem["msg"].removeprefix("Value error, ")
         if problem["type"] == "model_type":
             message = "must be a mapping of keys to values"

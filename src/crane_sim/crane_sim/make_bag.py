@@ -133,7 +133,7 @@ def date(text: str) -> datetime:
 
 def main(argv: Sequence[str] | None = None) -> int:
     """Make a bag with the stand-in machine: approach, N periods of a trajectory, and stop."""
-    parser = argparse.ArgumentParser(prog="make_bag", description=main.__doc__)
+    parser = argparse.ArgumentParser(description=main.__doc__)
     parser.add_argument("--trajectory", type=Path, required=True, help="coefficients of (32), YAML")
     parser.add_argument("--periods", type=int, required=True, help="whole periods to record")
     parser.add_argument("--seed", type=int, default=0, help="of sensor noise and jitter")

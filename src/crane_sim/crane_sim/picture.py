@@ -18,7 +18,7 @@ COLOURS = 256  # of the palette, which keeps the file small
 
 def main(argv: Sequence[str] | None = None) -> int:
     """Draw the stand-in crane into a PNG file."""
-    parser = argparse.ArgumentParser(prog="picture", description=main.__doc__)
+    parser = argparse.ArgumentParser(description=main.__doc__)
     parser.add_argument("--out", type=Path, required=True, help="PNG file to write")
     parser.add_argument(
         "--pose", nargs="+", default=[], metavar="JOINT=VALUE", help="rad, m; else at rest"

@@ -86,7 +86,7 @@ def _about(body: Body, along: float, normal: float) -> tuple[float, float, float
 
 def main(argv: Sequence[str] | None = None) -> int:
     """Print the planted parameters of a stand-in machine."""
-    parser = argparse.ArgumentParser(prog="planted", description=main.__doc__)
+    parser = argparse.ArgumentParser(description=main.__doc__)
     parser.add_argument("--plant", type=Path, help="stand-in file (default: the packaged one)")
     parser.add_argument("--machine", type=Path, help="machine file (default: the packaged one)")
     parser.add_argument("--json", action="store_true", help="print {name: value} in SI as JSON")

@@ -103,7 +103,7 @@ def _pose(rest: np.ndarray, entries: Sequence[str]) -> np.ndarray:
 
 
 def _parser() -> argparse.ArgumentParser:
-    parser = argparse.ArgumentParser(prog="simulated_crane", description=main.__doc__)
+    parser = argparse.ArgumentParser(description=main.__doc__)
     parser.add_argument(
         "--interface", default="udp_multicast", help="of python-can (default: %(default)s)"
     )

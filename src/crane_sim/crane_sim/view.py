@@ -66,7 +66,7 @@ def show(scene: Scene, motion: Motion) -> None:
 
 def main(argv: Sequence[str] | None = None) -> int:
     """Show the stand-in crane in a window; it follows a trajectory where one is given."""
-    parser = argparse.ArgumentParser(prog="view", description=main.__doc__)
+    parser = argparse.ArgumentParser(description=main.__doc__)
     parser.add_argument(
         "--pose",
         nargs="+",

@@ -11,6 +11,7 @@ from mcap.writer import CompressionType, Writer
 from rosbags.rosbag2 import StoragePlugin
 
 from crane_driver.bags.chunks import MESSAGE, RECORD
+from crane_driver.bags.clocks import clock_step
 from crane_driver.bags.reader import TopicData, read_topics
 from crane_driver.bags.storage import BLOCK
 from crane_driver.bags.types import (
@@ -259,6 +260,56 @@ def test_a_recording_that_begins_at_time_zero_keeps_its_header_stamps(
     data, _ = read_stamps([0, STEP, 2 * STEP], joint_state, write_bag)
     assert data.stamp.tolist() == [0, STEP, 2 * STEP]
     assert data.stamped_by == "header"
+
+
+def test_messages_before_the_clock_was_set_are_left_out(
+    joint_state: Serializer, write_bag: BagMaker
+) -> None:
+    data, positions = read_stamps([0, 0, START, START + STEP], joint_state, write_bag)
+    assert data.stamp.tolist() == [START, START + STEP]
+    assert positions == [2.0, 3.0]
+    assert data.notes == ("/joint_states: messages whose header stamp is zero left out (2)",)
+
+
+def stamps_and_log_times(count: int = 4000) -> tuple[np.ndarray, np.ndarray]:
+    """A publisher at 200 Hz, received 0.2 to 2 ms later."""
+    rng = np.random.default_rng(4)
+    stamp = START + np.arange(count) * STEP
+    return stamp, np.maximum.accumulate(stamp + rng.integers(200_000, 2_000_000, count))
+
+
+@pytest.mark.parametrize("change", [-2.0, -0.3, 0.3, 5.0, 1e7])
+def test_a_clock_that_is_set_is_refused_at_its_message(
+    change: float, joint_state: Serializer, write_bag: BagMaker
+) -> None:
+    stamp, log_time = stamps_and_log_times(600)
+    stamp[400:] += round(change * 1e9)
+    messages = [
+        (int(log), joint_state(int(at), ["a"], [0.0]))
+        for at, log in zip(stamp, log_time, strict=True)
+    ]
+    which = "back" if change < 0 else "forward"
+    path = write_bag(messages)
+    with pytest.raises(DataError, match=rf"clock steps {which} by [\d.]+ s at message 400, stamp"):
+        joint_states(path)
+
+
+def test_what_looks_like_a_clock_that_is_set() -> None:
+    """Pauses of the machine, of the recorder and of its clock, a late burst, drift: none is one."""
+    stamp, log_time = stamps_and_log_times()
+    late = np.zeros(len(stamp), dtype=np.int64)
+    late[1000:1400] = np.arange(400)[::-1] * STEP  # two seconds wait, then come at once
+    lost = np.delete(np.arange(len(stamp)), np.arange(1001, 1200))  # half of which the queue lost
+    pause = np.where(np.arange(len(stamp)) < 2000, 0, 30 * 10**9)
+    slow = (0.01 * (stamp - START)).astype(np.int64)
+    assert clock_step(stamp, log_time + late) is None
+    assert clock_step(stamp[lost], (log_time + late)[lost]) is None
+    assert clock_step(stamp + pause, log_time + pause) is None
+    assert clock_step(stamp, log_time + pause) is None  # a bag that was played, and paused
+    assert clock_step(stamp, log_time + slow) is None
+    assert clock_step(stamp + pause, START + np.arange(len(stamp))) is None  # log times are made up
+    row, change = clock_step(stamp + pause // 100 - 2 * slow, log_time) or (0, 0)
+    assert (row, change / 1e9) == (2000, pytest.approx(0.3, abs=2e-3))
 
 
 def test_nan_and_partly_filled_arrays_are_kept(

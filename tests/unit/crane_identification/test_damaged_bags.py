@@ -1,6 +1,7 @@
 """From damaged bags to Θ: what can be mended is, and told; else bag, topic and time are refused."""
 
 from collections.abc import Callable
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -10,6 +11,7 @@ from unit.crane_identification.synthetic import crane_model
 
 from crane_driver.bags.types import CYLINDER_PRESSURES, JOINT_REFERENCE, JOINT_STATES
 from crane_driver.bags.writer import BagWriter
+from crane_identification.data.bad_samples import usable
 from crane_identification.data.bag_log import read_bag
 from crane_identification.data.log import Log
 from crane_identification.options import Options
@@ -82,6 +84,59 @@ def test_worn_bags_give_the_same_parameters(
     truth = crane_model().theta
     assert (np.abs(found.estimate.values - truth) < 4.0 * found.estimate.std_devs).all()
     assert any("repeated stamps dropped" in note for note in findings(found, [log]))
+
+
+def holed(stamp: np.ndarray, value: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    """One in twenty of each channel by itself holds no number, in runs of up to ten."""
+    rng = np.random.default_rng(9)
+    value = value.copy()
+    for channel in np.moveaxis(value.reshape(len(value), -1), 1, 0):
+        for begin in rng.integers(0, len(value) - 10, len(value) // 110):
+            channel[begin : begin + rng.integers(1, 11)] = np.nan
+    return stamp, value
+
+
+def test_short_runs_without_a_number_are_bridged(
+    tmp_path: Path, recording: Log, sound: FitResult
+) -> None:
+    """Of nine channels together more than a third of the time: each has neighbours of its own."""
+    log = usable(read_bag(write(tmp_path / "holed", recording, holed, holed), JOINTS))
+    assert 0.04 < np.isnan(log.position.value).mean() < 0.06
+    found = fit(crane_model(), [log])
+    (part,) = found.preparations
+    assert part.averaging is not None
+    assert part.averaging.used == 3
+    deviation = np.abs(found.estimate.values - sound.estimate.values) / found.estimate.std_devs
+    assert deviation.max() < 3.0
+    warnings = findings(found, [log])
+    for channel in ("position of telescope", "pressure b of inner boom"):
+        assert any(channel.replace(" boom", "_boom") in one for one in warnings)
+
+
+def test_one_message_of_a_topic_is_an_error_that_names_it(tmp_path: Path, recording: Log) -> None:
+    def first(stamp: np.ndarray, value: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+        return stamp[:1], value[:1]
+
+    for states, pressures, topic in (
+        (first, untouched, "/joint_states"),
+        (untouched, first, "/cylinder_pressures"),
+    ):
+        path = write(tmp_path / topic.strip("/"), recording, states, pressures)
+        log = usable(read_bag(path, JOINTS))
+        for options in (Options(), Options(average=False), Options(period=20.0)):
+            with pytest.raises(DataError, match=f"{topic}: 1 samples that hold a number"):
+                fit(crane_model(), [log], options)
+
+
+def test_a_clock_that_leaps_is_named(recording: Log) -> None:
+    """As in a table whose last rows were stamped by another clock."""
+    time = recording.position.time.copy()
+    time[-3:] += 1e9
+    log = replace(recording, position=replace(recording.position, time=time))
+    with pytest.raises(
+        DataError, match=r"/joint_states: 1e\+09 s from the first to the last stamp"
+    ):
+        fit(crane_model(), [log])
 
 
 def test_an_untouched_bag_is_the_log(tmp_path: Path, recording: Log, sound: FitResult) -> None:

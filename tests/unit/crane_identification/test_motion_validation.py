@@ -4,6 +4,7 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
+from unit.crane_identification.synthetic import crane_model
 
 from crane_identification.motion_validation import validate_motion
 from crane_model.model_file import Model
@@ -11,6 +12,7 @@ from crane_model.record import Record
 from crane_model.simulation import simulate
 from crane_model.terms import presliding, single_axis
 from crane_model.terms.friction import Viscous
+from crane_model.terms.gravity_and_load import Load, Payload
 from crane_model.terms.term import Setting
 
 PERIOD = 0.005  # s
@@ -60,6 +62,20 @@ def test_a_model_that_cannot_move_says_why(bristles: Model, record: Record) -> N
     assert "grown without bound" in validate_motion(pushed, [record]).reason
     assert "no window of 0.5 s" in validate_motion(bristles, [record.take(slice(50))]).reason
     assert not validate_motion(bristles, [record]).reason
+
+
+def test_each_run_is_moved_with_its_own_load() -> None:
+    """A model that carries a load in one run moves there as it did, and not in another run."""
+    load = Payload(loads=(Load(runs=(7,)),))
+    bare = crane_model()
+    theta = np.append(bare.theta, 40.0)
+    model = bare.with_term(load).with_estimate(theta, 0.0 * theta, "planted")
+    q = np.tile([0.4, -1.2, 0.5], (201, 1))
+    still = Record(bare.joints, PERIOD * np.arange(201), q, 0.0 * q, 0.0 * q, run=np.full(201, 7))
+    loaded = replace(still, force=model.predict(still))
+    assert validate_motion(model, [loaded]).position_rms.max() < 1e-6
+    elsewhere = replace(loaded, run=np.full(201, 8))
+    assert validate_motion(model, [elsewhere]).position_rms.max() > 1e-3
 
 
 def test_a_model_that_forgets_does_not(bristles: Model, record: Record) -> None:

@@ -90,13 +90,54 @@ def test_averaging_report(axis: Model) -> None:
     np.testing.assert_array_equal(last.periods[0], preparation.periods[-1])
 
 
-def test_given_period_without_a_reference(axis: Model) -> None:
-    log = replace(axis_log(4, axis), reference_position=None)
-    with pytest.raises(DataError, match=r"axis 4: no reference .* give the period"):
-        fit(axis, [log])
+def test_without_a_reference_the_positions_show_the_period(axis: Model) -> None:
+    """And what does not belong to it: faster motion before and after it."""
+    log = axis_log(4, axis)
+    with_reference = prepare(axis, log, Options())[0]
+    log = replace(log, reference_position=None)
+    for period in (None, PERIOD):
+        (preparation,) = prepare(axis, log, Options(period=period))
+        assert preparation.averaging is not None
+        assert preparation.averaging.period == pytest.approx(PERIOD, abs=1e-4)
+        assert preparation.averaging.used == 3
+        floor, expected = (p.periods.std(axis=0).mean() for p in (preparation, with_reference))
+        assert floor == pytest.approx(expected, rel=0.05)
+        np.testing.assert_allclose(
+            fit(axis, [log], Options(period=period)).estimate.values, AXIS_THETA, rtol=0.02
+        )
+
+
+@pytest.mark.parametrize("lacking", [0, 1, 3])
+def test_samples_that_span_one_step_less_are_whole_periods(axis: Model, lacking: int) -> None:
+    """N samples span N - 1 steps, and forces begin later than positions."""
+    log = axis_log(5, axis, periods=3)
+    assert log.force is not None
+    n = round(PERIOD * RATE)
+    begin = round(LEAD * RATE)
+    part = slice(begin, begin + 3 * n)
+    q, f = log.position, log.force
+    late = slice(part.start + lacking, part.stop)
+    log = replace(
+        log,
+        position=Signal(q.time[part], q.value[part], "q"),
+        force=Signal(f.time[late], f.value[late], "f"),
+        reference_position=None,
+    )
     (preparation,) = prepare(axis, log, Options(period=PERIOD))
     assert preparation.averaging is not None
-    assert preparation.averaging.period == PERIOD
+    assert preparation.averaging.used == 3
+    assert preparation.averaging.incomplete == 0.0
+    assert preparation.periods.shape == (3, n, 1)
+    np.testing.assert_allclose(fit(axis, [log]).estimate.values, AXIS_THETA, rtol=0.02)
+
+
+def test_a_machine_that_did_not_follow_its_reference_is_not_averaged(axis: Model) -> None:
+    log = axis_log(6, axis)
+    time = log.position.time
+    own = np.cumsum(np.cumsum(np.random.default_rng(1).normal(size=len(time))))
+    log = replace(log, position=Signal(time, own[:, None] / np.ptp(own), "q"))
+    with pytest.raises(DataError, match=r"r repeats after 20 s, but the measured motion does not"):
+        fit(axis, [log])
 
 
 def test_a_gap_splits_the_recording(axis: Model) -> None:
@@ -238,9 +279,11 @@ def test_errors_name_recording_and_remedy(axis: Model) -> None:
         fit(axis, [replace(log, force=None)])
     with pytest.raises(DataError, match="no recordings given"):
         fit(axis, [])
-    with pytest.raises(DataError, match="axis 12: the reference .* period of 13.0 s"):
+    with pytest.raises(
+        DataError, match="axis 12: .* period of 13 s: .* repeats after 20 s; .* --no-av"
+    ):
         fit(axis, [log], Options(period=13.0))
-    with pytest.raises(DataError, match="nothing is left of"):
+    with pytest.raises(DataError, match="too little is left of"):
         fit(axis, [log], Options(average=False, trim=(5000, 5000)))
     with pytest.raises(ConfigurationError, match="has no values yet"):
         validate(axis, [log])

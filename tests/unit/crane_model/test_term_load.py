@@ -12,7 +12,7 @@ from crane_model.dynamics import Geometry, lagrangian_regressor
 from crane_model.kinematics import tip_jacobian, tip_position
 from crane_model.machine import PLANAR_JOINTS, Machine
 from crane_model.record import Record
-from crane_model.terms.gravity_and_load import BaseTilt, HoseMass, Payload, SlewCoupling
+from crane_model.terms.gravity_and_load import BaseTilt, HoseMass, Load, Payload, SlewCoupling
 from crane_model.terms.planar import Directions, Reach
 
 RECORD = random_record()
@@ -39,13 +39,23 @@ def test_payload_is_a_point_mass_at_the_tip_of_pinocchios_crane() -> None:
     np.testing.assert_allclose(columns[:, :, 0], more, rtol=1e-9, atol=1e-9)
 
 
-def test_payload_is_carried_in_its_runs_only() -> None:
-    always = Payload().columns(RECORD, SETTING)
-    second = Payload(runs=(1,)).columns(RECORD, SETTING)
-    assert (second[RECORD.run == 0] == 0.0).all()
-    np.testing.assert_array_equal(second[RECORD.run == 1], always[RECORD.run == 1])
-    both = Payload(runs=(0, 1)).columns(RECORD, SETTING)
-    np.testing.assert_array_equal(both, always)
+def test_each_load_is_carried_in_its_runs_only() -> None:
+    always = Payload().columns(RECORD, SETTING)[:, :, 0]
+    one = Payload(loads=(Load(runs=(1,)),)).columns(RECORD, SETTING)
+    assert one.shape == (len(RECORD), 3, 1)
+    assert not one[RECORD.run == 0].any()
+    np.testing.assert_array_equal(one[RECORD.run == 1, :, 0], always[RECORD.run == 1])
+    two = Payload(loads=(Load(runs=(1,)), Load(runs=(0,))))
+    columns = two.columns(RECORD, SETTING)
+    np.testing.assert_array_equal(columns[:, :, 0], one[:, :, 0])
+    np.testing.assert_array_equal(columns.sum(axis=2), always)
+    assert [p.name for p in two.parameters(SETTING)] == ["m_payload_1", "m_payload_2"]
+    assert [p.minimum for p in two.parameters(SETTING)] == [0.0, 0.0]  # beyond the lightest
+
+
+def test_a_run_carries_one_load() -> None:
+    with pytest.raises(ValueError, match="run 1 is in two loads"):
+        Payload(loads=(Load(runs=(0, 1)), Load(runs=(1,))))
 
 
 def test_tilt_is_mass_moments_turned_and_the_weight_of_the_telescope(geometry: Geometry) -> None:

@@ -162,8 +162,6 @@ def test_columns_are_linear_in_acceleration_and_direction(name: str) -> None:
 def test_term_of_a_joint_leaves_the_others_alone(name: str, joint: str) -> None:
     term = example(name, joint)
     assert all(p.name.endswith(f".{joint}") for p in term.parameters(SETTING))
-    if name in ACROSS_JOINTS:
-        return
     columns = term.columns(random_record(), SETTING)
     assert not np.delete(columns, PLANAR_JOINTS.index(joint), axis=1).any()
 

@@ -31,6 +31,7 @@ class Card(NamedTuple):
     member: str
     settled_by: str
     parameters: tuple[wording.Estimate, ...]
+    carried: list[str]
     pictures: tuple[Picture, ...]
 
 
@@ -50,6 +51,7 @@ def _card(diagnosis: Diagnosis, number: int, finding: Finding, said: wording.Con
         member=said["name"] if said["class_members"] else "",
         settled_by=said["settled_by"],
         parameters=tuple(wording.estimate(one) for one in said["parameters"]),
+        carried=wording.carried(said),
         pictures=_pictures(diagnosis, number, finding),
     )
 
@@ -136,7 +138,8 @@ def _held_out(diagnosis: Diagnosis, key: str, j: int) -> Picture:
     shown = np.flatnonzero(inside)[np.abs(time - middle) <= WINDOW / 2.0]
     gone = np.where(held_out.used[shown, j], 0.0, np.nan)  # a gap where the joint turns
     before, after = (
-        residual(held_out, model)[shown, j] + gone for model in (diagnosis.before, diagnosis.after)
+        residual(held_out, model)[shown, j] + gone
+        for model in (diagnosis.before, diagnosis.gap.carried)
     )
     unit, _ = _unit(diagnosis, "force", diagnosis.joints[j])
     series = [("before", charts.BEFORE, before), ("after", charts.AFTER, after)]

@@ -36,6 +36,7 @@ def render(diagnosis: Diagnosis, provenance: Provenance) -> str:
         cards=found,
         gap=gap,
         added=wording.added(content),
+        loads=wording.loads(content),
         errors=list(wording.errors(content)),
         motion=list(wording.motion(content, diagnosis.before.setting.units)),
         not_simulated=[

@@ -26,11 +26,13 @@ from crane_model.terms.catalogue import candidates, joints_of, nuisances, typica
 from crane_model.terms.effect import Effect, Shape
 from crane_model.terms.joint_term import JointTerm, OneJointTerm
 from crane_model.terms.memory_term import JointMemoryTerm, MemoryTerm
-from crane_model.terms.term import REGISTRY, Parameter, Setting, Term, term_from_mapping
+from crane_model.terms.own import load_terms
+from crane_model.terms.term import REGISTRY, Family, Parameter, Setting, Term, term_from_mapping
 
 __all__ = [
     "REGISTRY",
     "Effect",
+    "Family",
     "JointMemoryTerm",
     "JointTerm",
     "MemoryTerm",
@@ -50,6 +52,7 @@ __all__ = [
     "friction_temperature",
     "gravity_and_load",
     "joints_of",
+    "load_terms",
     "maxwell_slip",
     "nuisance",
     "nuisances",

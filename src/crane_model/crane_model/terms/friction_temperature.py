@@ -39,8 +39,8 @@ class TemperatureViscosity(JointTerm):
 class WarmUp(JointTerm):
     """f_w q' exp(-(t - since)/warming): viscous friction that dies out while the machine works.
 
-    For recordings without an oil temperature. `since` [s], on the clock of the recordings, is when
-    the machine was cold.
+    For recordings without an oil temperature. t counts from the first recording of a session, where
+    stamps tell; `since` [s] is when the machine was cold.
     """
 
     type: Literal["warm_up"] = "warm_up"
@@ -54,7 +54,7 @@ class WarmUp(JointTerm):
         follows=("time", "velocity"),
     )
     shapes: ClassVar[dict[str, Shape]] = {
-        "warming": Shape(20.0, 2000.0, "s", 6, "time constant with which the oil warms up")
+        "warming": Shape(20.0, 7200.0, "s", 7, "time constant with which the oil warms up")
     }
 
     warming: float = Field(gt=0)

@@ -3,8 +3,9 @@
 from typing import ClassVar, Literal
 
 import numpy as np
-from pydantic import Field
+from pydantic import Field, field_validator
 
+from crane_model.configuration import Schema
 from crane_model.dynamics import Geometry, lagrangian_regressor
 from crane_model.machine import Machine
 from crane_model.record import Record
@@ -50,10 +51,19 @@ def turned_weight(machine: Machine, record: Record) -> np.ndarray:
     return np.stack([turning, turning, machine.gravity * np.cos(psi)], axis=1)
 
 
-class Payload(Term):
-    """m J_tip^T (g + a): a point mass at the boom tip (2), in `runs`, or in every run.
+class Load(Schema):
+    """`runs`, numbers of `Record.run`, that carry one load, and the `recordings` they come from."""
 
-    `runs` are numbers of `Record.run`. In every run a payload is the same as a heavier telescope.
+    runs: tuple[int, ...] = Field(min_length=1)
+    recordings: tuple[str, ...] = ()
+
+
+class Payload(Term):
+    """m_k J_tip^T (g + a): a point mass at the boom tip (2) in the runs of load k = 1, 2, ...
+
+    Only differences between runs are determined: a mass in every run is the same as a heavier
+    telescope. So masses count from that of the runs in no load, the lightest. Without `loads` it is
+    one mass in every run.
     """
 
     type: Literal["payload"] = "payload"
@@ -66,22 +76,38 @@ class Payload(Term):
         follows=("recording",),
     )
 
-    runs: tuple[int, ...] | None = None
+    loads: tuple[Load, ...] | None = None
+
+    @field_validator("loads")
+    @classmethod
+    def _apart(cls, loads: tuple[Load, ...] | None) -> tuple[Load, ...] | None:
+        runs = [run for load in loads or () for run in load.runs]
+        if twice := sorted({run for run in runs if runs.count(run) > 1}):
+            raise ValueError(f"run {twice[0]} is in two loads; a run carries one")
+        return loads
 
     def parameters(self, setting: Setting) -> tuple[Parameter, ...]:
-        """m."""
+        """m_1, m_2, ..., or m."""
         planar_machine(self, setting)
-        runs = "" if self.runs is None else "_" + "_".join(str(run) for run in self.runs)
-        return (Parameter(f"m_payload{runs}", "kg", None, "payload beyond that of the model"),)
+        if self.loads is None:
+            return (Parameter("m_payload", "kg", None, "payload beyond that of the model"),)
+        return tuple(
+            Parameter(f"m_payload_{k}", "kg", 0.0, f"load {k}, beyond what the other runs carry")
+            for k in range(1, len(self.loads) + 1)
+        )
 
     def fill(self, record: Record, setting: Setting, columns: np.ndarray) -> None:
-        """On the rows of inner boom, outer boom and telescope."""
+        """On the rows of inner boom, outer boom and telescope: (n, 3, loads)."""
         machine, at = planar_machine(self, setting), planar_columns(record)
         motion = record.position[:, at], record.velocity[:, at], record.acceleration[:, at]
-        columns[:, at, 0] = lagrangian_regressor(Geometry.of(machine), *motion) @ tip_mass(machine)
-        if self.runs is not None:
-            run = np.zeros(len(record)) if record.run is None else record.run
-            columns[~np.isin(run, self.runs)] = 0.0
+        column = lagrangian_regressor(Geometry.of(machine), *motion) @ tip_mass(machine)
+        if self.loads is None:
+            columns[:, at, 0] = column
+            return
+        run = np.zeros(len(record)) if record.run is None else record.run
+        for k, load in enumerate(self.loads):
+            inside = np.isin(run, load.runs)
+            columns[:, at, k] = np.where(inside[:, np.newaxis], column, 0.0)
 
 
 def tip_mass(machine: Machine) -> np.ndarray:

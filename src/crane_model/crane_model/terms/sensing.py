@@ -98,11 +98,12 @@ class ChamberGain(OneJointTerm):
 
 
 class EncoderOffset(OneJointTerm):
-    """dq F d2x/dq2, and m dq in the gravity of the telescope: an encoder that reads dq too much.
+    """dq (F d2x/dq2 - mass dG/dalpha): an encoder that reads dq too much.
 
     The lever arm (18) is then taken at the wrong angle, which makes an error of the torque in
     proportion to the cylinder force F. Gravity at the wrong angle is taken up by the mass moments
-    of (8), but for that of the mass m along and across q4, as with a tilted base.
+    of (8), but for that of the `mass` [kg] of telescope and gripper along and across q4, as with a
+    tilted base. One angle makes both: if the mass were free, the term would hold a tilt as well.
     """
 
     type: Literal["encoder_offset"] = "encoder_offset"
@@ -114,31 +115,30 @@ class EncoderOffset(OneJointTerm):
         "the angle of the boom at rest, measured with an inclinometer",
         follows=("force", "position"),
     )
+    of_model: ClassVar[dict[str, str]] = {"mass": "m_TL"}
+
+    mass: float = 0.0
 
     def joint_parameters(self, setting: Setting) -> tuple[Parameter, ...]:
-        """dq, m dq."""
+        """dq."""
         planar_machine(self, setting)
         if self.joint == "telescope":
             raise ConfigurationError(
                 f"term '{self.type}': the lever arm of the telescope is constant, and its zero is "
                 "part of the mass moments of the model"
             )
-        return (
-            Parameter("dq", "rad", None, "reading of the encoder at zero"),
-            Parameter("m_dq", "kg rad", None, "mass of telescope and gripper times that reading"),
-        )
+        return (Parameter("dq", "rad", None, "reading of the encoder at zero"),)
 
     def fill(self, record: Record, setting: Setting, columns: np.ndarray) -> None:
-        """The first on the joint itself, the second on all three."""
+        """The lever arm on the joint itself, gravity on all three."""
         super().fill(record, setting, columns)
         weight = turned_weight(planar_machine(self, setting), record)
-        columns[:, planar_columns(record), 1] = -weight
+        columns[:, planar_columns(record), 0] -= self.mass * weight
 
     def joint_columns(self, record: Record, setting: Setting, j: int) -> np.ndarray:
-        """F d2x/dq2, and a column that `fill` writes."""
+        """F d2x/dq2."""
         arm, slope = lever_and_slope(setting, self.joint, record)
-        force = self.needed(record, "force")[:, j] / arm
-        return np.stack([force * slope, np.zeros_like(force)], axis=1)
+        return self.needed(record, "force")[:, j] / arm * slope
 
 
 class TimeSkew(OneJointTerm):

@@ -45,8 +45,9 @@ class Term(Schema, ABC):
     A subclass gives `type` (its name in model files) and `family`, documents its equation, and is
     registered by being defined. Fields are its shape parameters and the joints it acts on. With an
     `effect` it is a candidate for what a model lacks, and `shapes` says where its shape parameters,
-    fields of the same name, are then sought. A `nuisance` stands for an error of the data: its
-    columns may go beside a model, but it is never what the model lacks.
+    fields of the same name, are then sought; `of_model` names fields that are not sought but hold
+    the value of a parameter of the model, if it has that. A `nuisance` stands for an error of the
+    data: its columns may go beside a model, but it is never what the model lacks.
     """
 
     type: str
@@ -54,6 +55,7 @@ class Term(Schema, ABC):
     effect: ClassVar[Effect | None] = None
     nuisance: ClassVar[bool] = False
     shapes: ClassVar[Mapping[str, Shape]] = MappingProxyType({})
+    of_model: ClassVar[Mapping[str, str]] = MappingProxyType({})
 
     @classmethod
     def __pydantic_init_subclass__(cls, **kwargs: Any) -> None:
@@ -87,5 +89,6 @@ def term_from_mapping(content: Mapping[str, Any]) -> Term:
     """The term that an entry of a model file describes; raises ValueError as pydantic wants it."""
     name = content.get("type") if isinstance(content, Mapping) else None
     if name not in REGISTRY:
-        raise ValueError(f"no term of type {name!r}; there are {', '.join(sorted(REGISTRY))}")
+        known = ", ".join(sorted(REGISTRY))
+        raise ValueError(f"no term of type {name!r}; there are {known}, and those of --terms FILE")
     return REGISTRY[name].model_validate(content)

@@ -7,15 +7,15 @@ import pytest
 from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
 
-from crane_driver.can.candump import Log
+from crane_driver.can.candump import CandumpLog
 from crane_driver.can.frame import Frame
 from crane_model.errors import DataError
 
 
-def read(tmp_path: Path, text: str, channel: str | None = None) -> tuple[Log, list[Frame]]:
+def read(tmp_path: Path, text: str, channel: str | None = None) -> tuple[CandumpLog, list[Frame]]:
     path = tmp_path / "bus.log"
     path.write_text(text)
-    log = Log(path, channel)
+    log = CandumpLog(path, channel)
     return log, list(log.frames())
 
 
@@ -75,13 +75,13 @@ def test_progress_reaches_the_size_of_the_file(tmp_path: Path) -> None:
     path = tmp_path / "bus.log"
     path.write_text("(1.0) can0 123#11\n" * 10)
     seen: list[int] = []
-    list(Log(path).frames(seen.append))
+    list(CandumpLog(path).frames(seen.append))
     assert sum(seen) == path.stat().st_size
 
 
 def test_an_absent_log_is_named(tmp_path: Path) -> None:
     with pytest.raises(DataError, match="absent.log: cannot be read"):
-        list(Log(tmp_path / "absent.log").frames())
+        list(CandumpLog(tmp_path / "absent.log").frames())
 
 
 @settings(deadline=None, suppress_health_check=[HealthCheck.function_scoped_fixture])
@@ -111,7 +111,7 @@ def test_what_python_can_writes_is_read(
                     channel="can0",
                 )
             )
-    log = Log(path)
+    log = CandumpLog(path)
     assert [
         (frame.stamp // 10**9, frame.extended, frame.id, frame.data) for frame in log.frames()
     ] == sorted(messages)

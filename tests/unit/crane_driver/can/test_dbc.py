@@ -5,7 +5,7 @@ from pathlib import Path
 
 import pytest
 
-from crane_driver.can.dbc import load_dbc
+from crane_driver.can.dbc import by_group_alone, load_dbc
 from crane_model.errors import ConfigurationError
 
 J1939 = """
@@ -109,7 +109,19 @@ def test_an_exact_identifier_comes_before_the_group(write_dbc: Callable[..., Pat
     assert dbc.find(0x0CF00433, True) is None, "either could be meant"
 
 
-def test_other_extended_identifiers_match_exactly(write_dbc: Callable[..., Path]) -> None:
-    dbc = load_dbc(write_dbc({"Own": (extended(0x0CF00400), 8, 0, [])}))
+def test_what_the_dbc_says_to_be_another_format_matches_exactly(
+    write_dbc: Callable[..., Path],
+) -> None:
+    own = extended(0x0CF00400)
+    stated = J1939.replace('"J1939PG"', '"ExtendedCAN"', 1) + f'\nBA_ "VFrameFormat" BO_ {own} 1;'
+    dbc = load_dbc(write_dbc({"Own": (own, 8, 0, [])}, stated))
     assert dbc.find(0x0CF00400, True) is not None
     assert dbc.find(0x0CF00421, True) is None
+
+
+def test_a_dbc_that_says_nothing_may_be_of_j1939(write_dbc: Callable[..., Path]) -> None:
+    dbc = load_dbc(write_dbc({"Own": (extended(0x0CF004FE), 8, 0, [])}))
+    message = dbc.find(0x0CF00421, True)
+    assert message is dbc.messages["Own"]
+    assert by_group_alone(message, "0CF00421")
+    assert not by_group_alone(message, "0CF004FE")

@@ -129,7 +129,7 @@ def test_an_existing_bag_stays_as_it_is(crane_log: Path, tmp_path: Path) -> None
 
 @pytest.mark.parametrize(
     ("content", "reason"),
-    [("", "no frame in 0 lines"), ("(1.0) can0 7FF#00\n", "its frames make no message")],
+    [("", "the log is empty"), ("(1.0) can0 7FF#00\n", "its frames make no message")],
 )
 def test_a_log_of_nothing_leaves_no_bag(
     tmp_path: Path, content: str, reason: str, capsys: pytest.CaptureFixture[str]

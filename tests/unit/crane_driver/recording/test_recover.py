@@ -1,7 +1,10 @@
 """Bags cut off anywhere: everything whole before the cut is saved, the bag itself not touched."""
 
 import re
+import shutil
+import sqlite3
 from collections.abc import Callable
+from contextlib import closing
 from pathlib import Path
 
 import pytest
@@ -159,15 +162,60 @@ def test_damaged_bag_is_never_written_to(record: Recorder, tmp_path: Path) -> No
         recover(damaged, damaged)
 
 
-def test_sqlite_bag_is_refused(
+@pytest.mark.parametrize("metadata", [True, False])
+def test_sqlite_bag_with_a_write_ahead_log(
+    metadata: bool,
+    write_bag: Callable[..., Path],
+    joint_state: Callable[..., bytes],
+    tmp_path: Path,
+) -> None:
+    """As a recorder leaves it that was killed: a third of the messages is in the log only."""
+    path = write_bag(
+        [(k, joint_state(k, ["slew"], [float(k)])) for k in range(200)], StoragePlugin.SQLITE3
+    )
+    killed = tmp_path / "killed"
+    killed.mkdir()
+    with closing(sqlite3.connect(path / "bag.db3")) as database:
+        database.execute("PRAGMA journal_mode=WAL")
+        database.executemany(
+            "INSERT INTO messages (topic_id, timestamp, data) VALUES (1, ?, ?)",
+            [(k, joint_state(k, ["slew"], [float(k)])) for k in range(200, 300)],
+        )
+        database.commit()
+        for file in path.iterdir():  # before SQLite closes it
+            shutil.copy(file, killed)
+    if not metadata:
+        (killed / "metadata.yaml").unlink()
+    before = {file.name: file.read_bytes() for file in killed.iterdir()}
+    for opened in (killed, killed / "bag.db3"):  # half a bag is never taken for the whole
+        with pytest.raises(DataError, match=f"bag.db3-wal holds messages.* recover {opened} --out"):
+            read_topics(opened, [JOINT_STATES])
+    for number, opened in enumerate((killed, killed / "bag.db3")):
+        report = recover(opened, tmp_path / f"mended_{number}")
+        assert positions(tmp_path / f"mended_{number}") == [float(k) for k in range(300)]
+        assert "bag.db3 was not closed: bag.db3-wal read too" in report
+    assert {file.name: file.read_bytes() for file in killed.iterdir()} == before
+
+
+def test_sqlite_bag_without_metadata(
     write_bag: Callable[..., Path], joint_state: Callable[..., bytes], tmp_path: Path
 ) -> None:
-    path = write_bag([(1, joint_state(1, ["slew"], [0.0]))], StoragePlugin.SQLITE3)
-    with pytest.raises(DataError, match="only mcap bags can be recovered.*ros2 bag reindex"):
-        recover(path, tmp_path / "mended")
+    path = write_bag([(1, joint_state(1, ["slew"], [7.0]))], StoragePlugin.SQLITE3)
+    (path / "metadata.yaml").unlink()
+    with pytest.raises(DataError, match=f"no metadata.yaml; mend it: .* recover {path} --out"):
+        read_topics(path, [JOINT_STATES])
+    recover(path, tmp_path / "mended")
+    assert positions(tmp_path / "mended") == [7.0]
+
+
+def test_sqlite_file_that_is_none_is_refused(tmp_path: Path) -> None:
+    file = tmp_path / "bag.db3"
+    file.write_bytes(b"SQLite format 3\0" + bytes(100))
+    with pytest.raises(DataError, match="bag.db3: nothing can be recovered"):
+        recover(file, tmp_path / "mended")
 
 
 @pytest.mark.parametrize("name", ["absent", "."])
 def test_path_that_is_no_bag(name: str, tmp_path: Path) -> None:
-    with pytest.raises(DataError, match="no .mcap file here"):
+    with pytest.raises(DataError, match="no .mcap or .db3 file here"):
         recover(tmp_path / name, tmp_path.parent / "mended")

@@ -67,6 +67,15 @@ def test_signals_keep_their_own_stamps(tmp_path: Path) -> None:
     assert log.notes == ()
 
 
+def test_signals_say_when_the_recorder_received_them(tmp_path: Path) -> None:
+    """So that the clocks of topics can be compared: header against log time."""
+    log = read_bag(write(tmp_path / "bag"), PLANAR_JOINTS)
+    for signal in (log.position, log.pressure_a, log.slew_position):
+        assert signal is not None
+        assert signal.received is not None
+        np.testing.assert_allclose(signal.received - signal.time, 9e-9, atol=1e-12)
+
+
 def test_columns_follow_the_joints_of_the_model(tmp_path: Path) -> None:
     log = read_bag(write(tmp_path / "bag"), ["telescope", "inner_boom"])
     np.testing.assert_array_equal(log.position.value, POSITION[:, [3, 1]])
@@ -86,8 +95,28 @@ def test_joint_without_pressure_transducers(tmp_path: Path) -> None:
         read_bag(path, JOINTS)
 
 
-def test_bag_without_pressures(tmp_path: Path) -> None:
-    with BagWriter(tmp_path / "bag") as bag:
-        bag.add_arrays(JOINT_STATES, JOINTS).write(START, START, [0.0] * 4, [0.0] * 4, [0.0] * 4)
-    with pytest.raises(DataError, match="no topic /cylinder_pressures"):
-        read_bag(tmp_path / "bag", PLANAR_JOINTS)
+def write_states(path: Path, effort: np.ndarray) -> Path:
+    with BagWriter(path) as bag:
+        states = bag.add_arrays(JOINT_STATES, JOINTS)
+        for k, row in enumerate(effort):
+            stamp = START + k * STEP
+            states.write(stamp, stamp, POSITION[k], -POSITION[k], row)
+    return path
+
+
+def test_effort_is_the_force_where_no_pressures_were_recorded(tmp_path: Path) -> None:
+    effort = np.random.default_rng(4).normal(size=(COUNT, 4))
+    effort[:, 0] = np.nan  # the slew has no pressures
+    log = read_bag(write_states(tmp_path / "bag", effort), PLANAR_JOINTS)
+    assert log.force is not None
+    np.testing.assert_array_equal(log.force.value, effort[:, 1:])
+    assert log.pressure_a is log.pressure_b is log.supply_pressure is None
+    assert "/cylinder_pressures" in log.missing
+    assert any("the effort of /joint_states is taken as the force" in one for one in log.warnings)
+
+
+@pytest.mark.parametrize("count", [1, COUNT])
+def test_bag_without_pressures_and_effort(count: int, tmp_path: Path) -> None:
+    path = write_states(tmp_path / "bag", np.full((count, 4), np.nan))
+    with pytest.raises(DataError, match="no topic /cylinder_pressures, and /joint_states holds no"):
+        read_bag(path, PLANAR_JOINTS)

@@ -34,6 +34,8 @@ def test_sizes_of_the_units() -> None:
         (AXIS + "rate: 10\ntime: {column: t, unit: s}\n", "give either a time column or the samp"),
         (AXIS + "rate: 0\n", "key 'rate': .*greater than 0.*got 0"),
         (AXIS + "time: {column: t, unit: m}\n", "key 'time'.* 'm' measures length; use .*'ms'"),
+        (AXIS + "time: {column: t, unit: s, file: a.csv}\n", "key 'time'.*take out file"),
+        (AXIS + "time: {column: t, unit: ISO 8601, scale: 2}\n", "have neither scale nor offset"),
         (AXIS + "rate: 10\nslew: {column: q1, unit: rad}\n", "key 'slew'"),
         (AXIS.replace("unit: m}", "unit: feet}") + "rate: 10\n", "unknown unit 'feet'; use one"),
         (AXIS.replace("x, unit: m", "x") + "rate: 10\n", "position.unit': Field required"),

@@ -92,6 +92,22 @@ def test_a_complete_model_lacks_nothing(tmp_path: Path) -> None:
     assert not result.findings and result.after is result.before
 
 
+def test_what_is_wrong_with_recordings_is_told(tmp_path: Path) -> None:
+    """What had to be mended, and a period that the held-out recording does not have."""
+    logs = [replace(log(tmp_path, seed), notes=(f"mended {seed}",)) for seed in SEEDS]
+    options = Options(period=13.0)
+    result = diagnose(model(tmp_path, *FULL), logs[:-1], logs[-1:], options, load_thresholds())
+    content = findings.content(result)
+    assert [one for one in content["warnings"] if "mended" in one] == [
+        f"axis {seed}: mended {seed}." for seed in SEEDS
+    ]
+    assert "axis 3: the motion does not repeat after the given period" in content["warnings"][-1]
+    assert "it repeats after 20 s" in content["warnings"][-1]
+    assert "--no-average" not in content["warnings"][-1]
+    shown = page.render(result, Provenance.of("2012-06-01", ["diagnose"], "axis.yaml"))
+    assert all(one in shown for one in content["warnings"])
+
+
 def test_a_spring_is_named(tmp_path: Path) -> None:
     result = diagnosed(tmp_path, FULL, "spring")
     assert result.verdict is Verdict.NAMED
@@ -174,19 +190,6 @@ def test_the_strength_is_that_of_the_whole_effect(without_coulomb: Diagnosis) ->
     (first, *_), evidence = findings.content(without_coulomb)["findings"], without_coulomb.training
     assert first["strength"] == pytest.approx(8.0 / evidence.force_rms[0], rel=0.1)
     assert first["visible_strength"] < 0.6 * first["strength"]
-
-
-def test_notes_of_recordings_are_told(tmp_path: Path) -> None:
-    """Also what a recording lacks, as identify does."""
-    note = "3 samples of the position are bridged."
-    logs = [replace(log(tmp_path, seed), notes=(note,)) for seed in SEEDS]
-    result = diagnose(model(tmp_path, *FULL), logs[:-1], logs[-1:], Options(), load_thresholds())
-    content = findings.content(result)
-    (said,) = (one for one in content["notes"] if note in one)
-    assert all(one.source in said for one in logs)
-    assert f"  {said}" in explain.lines(content)
-    provenance = Provenance.of("2012-06-01", ["diagnose"], "axis.yaml")
-    assert note in read_html(page.render(result, provenance)).find("section", id="notes")[0].text
 
 
 def test_pictures_have_words(without_page: Element) -> None:

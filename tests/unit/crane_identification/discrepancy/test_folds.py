@@ -48,6 +48,21 @@ def test_a_fold_that_alone_holds_the_effect_is_not_asked() -> None:
     assert (np.abs(found[[0, 2, 3, 4, 5]]) < 1.0).all()
 
 
+def test_what_each_recording_has_of_its_own_helps_to_predict_the_others() -> None:
+    """Loads that all differ: with its own taken out, a recording is predicted by a better model.
+
+    All but the one from which they count, whose own the others together take for the model's.
+    """
+    before, noise = normal(16, 3), normal(17, 1)[:, 0]
+    loads = [0.0, 3.0, 1.0, 7.0, 5.0, 2.0]
+    column = (before * normal(18, 3)[FOLD]).sum(axis=1)  # no two recordings move alike
+    each = np.where(FOLD[:, np.newaxis] == np.arange(1, FOLDS), column[:, np.newaxis], 0.0)
+    shared = np.hstack([before, column[:, np.newaxis]])
+    found = gains(shared, each, shared @ [1.0, 2.0, 0.5, 4.0] + each @ loads[1:] + noise)
+    assert np.isnan(found[0])
+    assert (found[1:] > 10.0).all()
+
+
 def test_columns_within_those_before_are_not_asked_for() -> None:
     before, noise = normal(11, 3), normal(12, 1)[:, 0]
     assert np.isnan(gains(before, before[:, :1] + before[:, 1:2], noise)).all()

@@ -76,7 +76,6 @@ def content(verdict: str, *findings: dict[str, Any], **more: Any) -> dict[str, A
         "pulsations": [],
         "flow": {},
         "detectable_strength": 0.002,
-        "notes": [],
     } | more
 
 
@@ -189,16 +188,30 @@ def test_what_is_left_beside_names_is_said() -> None:
 
 
 def test_nothing_is_left_out_without_a_word() -> None:
-    notes = [f"bag_{i}: 3 samples bridged." for i in range(7)]
     nine = [finding(joint=f"joint_{i}") for i in range(9)]
-    said = text(
-        content("named", *nine, notes=notes, not_testable=[{}, {}], flow={"outer_boom": {}})
-    )
-    assert "9. load-dependent" in said and notes[0] in said and notes[6] not in said
+    said = text(content("named", *nine, not_testable=[{}, {}], flow={"outer_boom": {}}))
+    assert "9. load-dependent" in said
     assert (
-        "Not printed: 3 further notes, 2 effects that hide behind the parameters of the model, "
-        "1 joints with a balance of the flow" in said
+        "Not printed: 2 effects that hide behind the parameters of the model, 1 joints with a "
+        "balance of the flow" in said
     )
+
+
+def test_a_load_of_one_recording_says_where_it_is_carried() -> None:
+    """It competes with no effect, so that it has no strength."""
+    load = finding(
+        name="payload change",
+        joint="all",
+        parameters=[parameter("m_payload", 6.617, 0.005, "kg")],
+        carried_in={"m_payload": ["held_out"], "none": ["train_0", "train_1"]},
+        runner_up=None,
+        strength=None,
+        visible_strength=None,
+    )
+    said = text(content("named", load))
+    assert "1. payload change (the whole crane)\n   m_payload = 6.6170 ± 0.0050 kg\n" in said
+    assert "m_payload in held_out" in said
+    assert "no load, from which masses count, in train_0 and train_1" in said
 
 
 def test_names_of_parameters_are_not_spoken() -> None:

@@ -1,6 +1,7 @@
 """Readings in, estimates out, on a crane that obeys the model."""
 
 from dataclasses import replace
+from pathlib import Path
 
 import numpy as np
 import pytest
@@ -13,13 +14,15 @@ from unit.crane_identification.online.online_crane import (
     crane,
     record_log,
 )
+from unit.crane_identification.synthetic import AXIS_THETA, axis_log, axis_model
 
 from crane_identification.data.log import Log, Signal
 from crane_identification.estimation.least_squares import least_squares
 from crane_identification.estimation.rows import Rows
 from crane_identification.online.estimator import Forces, OnlineEstimator, OnlineOptions
-from crane_identification.online.replay import replay
+from crane_identification.online.replay import recursion, replay
 from crane_model.configuration import packaged
+from crane_model.cylinders import generalized_forces
 from crane_model.errors import ConfigurationError, DataError
 from crane_model.model_file import load_model
 
@@ -234,5 +237,40 @@ def test_a_model_without_a_machine_is_refused() -> None:
 
 
 def test_a_log_without_pressures_is_refused(log: Log) -> None:
-    with pytest.raises(DataError, match="holds no chamber pressures; record /cylinder_pressures"):
+    with pytest.raises(DataError, match="neither generalized forces nor chamber pressures"):
         replay(crane(), replace(log, pressure_a=None))
+
+
+def test_forces_serve_as_pressures_do(
+    learned: tuple[OnlineEstimator, list[Forces]], log: Log
+) -> None:
+    """Measured as such, of a model that need not know its cylinders."""
+    machine = crane().machine
+    assert machine is not None and log.pressure_a is not None and log.pressure_b is not None
+    time = log.pressure_a.time
+    position = np.column_stack(
+        [np.interp(time, log.position.time, column) for column in log.position.value.T]
+    )
+    chambers = log.pressure_a.value, log.pressure_b.value
+    force = generalized_forces(machine, position, *chambers, crane().joints)
+    log = replace(log, force=Signal(time, force, "effort"), pressure_a=None, pressure_b=None)
+    estimator, forces = replay(crane(), log)
+    expected = learned[0].solve()
+    assert estimator.samples == learned[0].samples
+    deviation = (estimator.solve().values - expected.values) / expected.std_devs
+    assert np.abs(deviation).max() < 0.5
+    assert len(forces) == len(learned[1])
+
+
+@pytest.mark.parametrize("slower", [1.0, 5.0])
+def test_the_recursion_over_an_axis_with_measured_force(slower: float, tmp_path: Path) -> None:
+    """At 100 and at 20 Hz; its encoder is known from the readings alone."""
+    model, logs = axis_model(tmp_path), []
+    for seed in (1, 2):
+        log = axis_log(seed, axis_model(tmp_path), periods=2)
+        assert log.force is not None
+        kept = np.arange(0, len(log.position.time), round(slower))
+        logs.append(replace(log, position=log.position.take(kept), force=log.force.take(kept)))
+    found = recursion(model, logs)
+    assert found.samples > 100
+    np.testing.assert_allclose(found.values[-1], AXIS_THETA, rtol=0.05)

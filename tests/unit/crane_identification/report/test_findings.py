@@ -84,7 +84,7 @@ def test_gaps_resting_joints_and_what_a_log_says_of_itself(report):
     log = replace(report.training[0], missing=("/valve_command",), notes=("stamps repeated",))
     found = warnings_of(report, logs=[log])
     assert "train_0: not recorded: /valve_command." in found
-    assert "train_0: stamps repeated" in found
+    assert "train_0: stamps repeated." in found
 
 
 def test_a_model_that_errs_more_on_recordings_that_it_has_not_seen(report):

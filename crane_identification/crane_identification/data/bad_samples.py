@@ -1,0 +1,230 @@
+"""Samples that cannot be what was measured: nothing that is plausible leads there and back.
+
+A sample is judged by the velocities before and after it, against the noise around it, the noise of
+the whole recording, and one step of the sensor. What leaves the motion and comes back to it within
+the time that may be bridged is taken out; what leaves it for good is refused.
+"""
+
+import math
+from collections.abc import Iterator
+from dataclasses import dataclass, replace
+from typing import Any
+
+import numpy as np
+
+from crane_identification.data.log import Log, Signal
+from crane_identification.data.resample import LARGEST_GAP
+from crane_model.errors import DataError
+
+COUNTS = 4.0  # steps of the sensor that quantisation never makes
+NOISE = 8.0  # times the 0.75 quantile of all jumps, ...
+AROUND = 10.0  # ... or times the median of those around
+NEIGHBOURS = 25  # samples before and behind, that are around
+ACCELERATION = 10.0  # times what the joint reaches over LARGEST_GAP for a hundredth of the time
+SHOCK = 0.3  # of its range, to which a pressure or a force may really jump, and back
+FASTER = 10.0  # than everything else in the recording: no machine does that
+FAR = 0.02  # of the range of the recording, at least, that such a jump leads
+MANY = 0.05  # share of bad samples from which on the sensor is not to be trusted
+NAMED = 5  # bad samples that are named one by one
+
+
+@dataclass(frozen=True)
+class _Found:
+    """What is wrong with one column: `bad` (n,), and `jumps`, samples from which on it is off."""
+
+    bad: np.ndarray
+    jumps: np.ndarray
+
+
+def usable(log: Log, begin: float = 0.0, end: float = math.inf) -> Log:
+    """`log` from `begin` to `end` [s], with NaN for bad positions, pressures and forces.
+
+    A note names each, and what held no number before. `DataError` if they are many, or a position
+    jumps and stays away: it names joint and sample.
+    """
+    cleaned: dict[str, Any] = {}
+    notes: list[str] = []
+    for name in ("position", "force", "pressure_a", "pressure_b"):
+        signal: Signal | None = getattr(log, name)
+        if signal is None:
+            continue
+        value = signal.value.copy()
+        inside = (signal.time >= begin) & (signal.time <= end)
+        for j, joint in enumerate(log.joints):
+            what = f"{name.replace('_', ' ')} of {joint} ({signal.origin})"
+            finite = np.isfinite(value[:, j])
+            if absent := int(np.count_nonzero(inside & ~finite)):
+                notes.append(f"{what}: {_samples(absent)} without a number")
+            bad = _bad(log, what, signal, j, inside, name == "position")
+            if len(bad):
+                notes.append(
+                    f"{what}: {_samples(len(bad))} left out, where no plausible "
+                    f"{'acceleration' if name == 'position' else 'shock'} leads: "
+                    f"{_which(signal, j, bad)}"
+                )
+                value[bad, j] = np.nan
+        cleaned[name] = replace(signal, value=value)
+    return replace(log, **cleaned, notes=(*log.notes, *notes)).during(begin, end)
+
+
+def _bad(
+    log: Log, what: str, signal: Signal, j: int, inside: np.ndarray, moves: bool
+) -> np.ndarray:
+    """Bad samples of column j that lie `inside` (n,); `DataError` if they cannot be mended."""
+    rows = np.flatnonzero(np.isfinite(signal.value[:, j]))
+    if len(rows) < 2 * NEIGHBOURS:
+        return rows[:0]
+    found = _examine(signal.time[rows], signal.value[rows, j], moves)
+    for jump in found.jumps[inside[rows[found.jumps]]]:
+        before, after = signal.value[rows[[jump - 1, jump]], j]
+        raise DataError(
+            f"{log.source}: {what}: jumps from {before:.6g} to {after:.6g} at sample {rows[jump]}, "
+            f"{signal.time[rows[jump]]:.4g} s, and does not come back: the sensor lost its count, "
+            "or turned over; mend it, or keep one side with --from and --to"
+        )
+    bad = rows[found.bad & inside[rows]]
+    if len(bad) > MANY * np.count_nonzero(inside[rows]):
+        raise DataError(
+            f"{log.source}: {what}: nothing plausible leads to {_samples(len(bad))} of "
+            f"{np.count_nonzero(inside[rows])}, {_which(signal, j, bad)}; check the sensor and "
+            "its wiring"
+        )
+    return bad
+
+
+def _samples(count: int) -> str:
+    return f"{count} sample{'s' if count > 1 else ''}"
+
+
+def _which(signal: Signal, j: int, bad: np.ndarray) -> str:
+    parts = [f"sample {k} at {signal.time[k]:.4g} s ({signal.value[k, j]:.6g})" for k in bad]
+    return ", ".join(parts[:NAMED]) + (", ..." if len(bad) > NAMED else "")
+
+
+def _examine(time: np.ndarray, value: np.ndarray, moves: bool) -> _Found:
+    """One column (n,) at times (n,) [s]; `moves`: a position, whose speed is bounded."""
+    interval, size = np.diff(time), np.abs(_jumps(time, value))
+    low, high = np.quantile(value, [0.01, 0.99])
+    usual = max(COUNTS * _resolution(value), NOISE * float(np.quantile(size, 0.75)))
+    limit = np.full(len(size), usual if moves else max(usual, SHOCK * (high - low)))
+    suspects = size > limit
+    limit += ACCELERATION * _acceleration(time, value, suspects) * interval**2
+    suspects &= size > limit
+    for k in np.flatnonzero(suspects).tolist():
+        limit[k] = max(limit[k], AROUND * float(np.median(size[_near(k, len(size))])))
+    jumps = np.flatnonzero(size > limit) + 1
+    bad = np.zeros(len(value), dtype=bool)
+    left = []
+    for first, behind in _excursions(time, value, jumps, limit):
+        bad[first:behind] = True
+        if behind == first:
+            left.append(first)
+    if not moves:  # a pressure or a force may begin and end anywhere, and stay where it jumps
+        bad[[0, -1]] = False
+        return _Found(bad, np.empty(0, dtype=int))
+    return _Found(bad, _away(time, value, np.array(left, dtype=int), bad))
+
+
+def _acceleration(time: np.ndarray, value: np.ndarray, suspects: np.ndarray) -> float:
+    """What the joint reaches for a hundredth of the time, without suspect samples."""
+    samples = max(round(LARGEST_GAP / float(np.median(np.diff(time)))), 2)
+    if len(value) <= 2 * samples:
+        return 0.0
+    velocity = (value[samples:] - value[:-samples]) / (time[samples:] - time[:-samples])
+    change = np.abs(velocity[samples:] - velocity[:-samples])
+    counted = np.concatenate([[0], np.cumsum(suspects)])
+    sound = counted[2 * samples :] == counted[: -2 * samples]
+    if not sound.any():
+        return 0.0
+    return float(
+        np.quantile((change / (time[2 * samples :] - time[samples:-samples]))[sound], 0.99)
+    )
+
+
+def _near(k: int, count: int) -> slice:
+    return slice(max(k - NEIGHBOURS, 0), min(k + NEIGHBOURS + 1, count))
+
+
+def _resolution(value: np.ndarray) -> float:
+    """Smallest step between readings in the middle of all of them."""
+    low, high = np.quantile(value, [0.01, 0.99])
+    steps = np.diff(np.unique(value[(value >= low) & (value <= high)]))
+    steps = steps[steps > 1e-9 * (high - low)]
+    return float(steps.min()) if len(steps) else 0.0
+
+
+def _jumps(time: np.ndarray, value: np.ndarray) -> np.ndarray:
+    """(n - 1,) from sample to sample: how far beyond what the velocity before and the one behind
+    would have led; 0 where one of the two explains it."""
+    interval = np.diff(time)
+    velocity = np.diff(value) / interval
+    before = np.diff(velocity, prepend=velocity[1])
+    behind = -np.diff(velocity, append=velocity[-2])
+    alike = np.sign(before) == np.sign(behind)
+    return np.where(alike, np.sign(before) * np.minimum(np.abs(before), np.abs(behind)), 0.0) * (
+        interval
+    )
+
+
+def _excursions(
+    time: np.ndarray, value: np.ndarray, jumps: np.ndarray, limit: np.ndarray
+) -> Iterator[tuple[int, int]]:
+    """First sample of each excursion, and the one behind its last; the same if it does not end.
+
+    It ends at a later one of the `jumps`, where the velocity before would have led, or with the
+    recording, as it may begin with it.
+    """
+    i = 0
+    while i < len(jumps):
+        first = int(jumps[i])
+        ends = [
+            j
+            for j in range(i + 1, len(jumps))
+            if time[jumps[j]] - time[first - 1] <= LARGEST_GAP
+            and _returns(time, value, first, int(jumps[j]), limit[first - 1])
+        ]
+        if ends:
+            yield first, int(jumps[ends[0]])
+            i = ends[0]
+        elif first == 1:
+            yield 0, 1
+        elif first == len(value) - 1:
+            yield first, first + 1
+        else:
+            yield first, first
+        i += 1
+
+
+def _returns(time: np.ndarray, value: np.ndarray, first: int, behind: int, limit: float) -> bool:
+    """Whether sample `behind` is where the motion before sample `first` leads."""
+    begin = max(first - 4, 0)
+    velocity = 0.0
+    if first - 1 > begin:
+        velocity = (value[first - 1] - value[begin]) / (time[first - 1] - time[begin])
+    led = value[first - 1] + velocity * (time[behind] - time[first - 1])
+    return bool(abs(value[behind] - led) <= limit)
+
+
+def _away(time: np.ndarray, value: np.ndarray, jumps: np.ndarray, bad: np.ndarray) -> np.ndarray:
+    """Those of the `jumps` that are faster by far than anything else, and for good.
+
+    What lies between two of them, and could have moved there meanwhile, is marked as `bad`.
+    """
+    step = np.abs(np.diff(value))
+    speed = step / np.diff(time)
+    usual = ~(bad[1:] | bad[:-1])
+    usual[jumps - 1] = False
+    fastest = float(speed[usual].max(initial=0.0))
+    low, high = np.quantile(value, [0.01, 0.99])
+    far = (speed[jumps - 1] > FASTER * fastest) & (step[jumps - 1] > FAR * (high - low))
+    jumps, left, i = jumps[far], [], 0
+    while i < len(jumps):
+        first, behind = jumps[i], jumps[min(i + 1, len(jumps) - 1)]
+        apart = abs(value[behind] - value[first - 1])
+        if behind > first and apart <= fastest * (time[behind] - time[first - 1]):
+            bad[first:behind] = True
+            i += 2
+        else:
+            left.append(first)
+            i += 1
+    return np.array(left, dtype=int)

@@ -1,0 +1,33 @@
+"""From a recording of any kind to a log: a bag, a table, or a folder of tables."""
+
+from collections.abc import Sequence
+from pathlib import Path
+
+from crane_identification.data.bag_log import read_bag
+from crane_identification.data.column_map import ColumnMap
+from crane_identification.data.columns import TABLES
+from crane_identification.data.log import Log
+from crane_identification.data.table_log import read_table, tables_in
+from crane_identification.data.topic_log import read_mapped_bag
+from crane_identification.progress import Progress, silent
+from crane_model.errors import ConfigurationError
+
+
+def read_recording(
+    path: Path, joints: Sequence[str], columns: ColumnMap | None, progress: Progress = silent
+) -> Log:
+    """The signals of `joints`; of a bag without `columns` those of the suite's topics.
+
+    `DataError` and `ConfigurationError` name recording, topic or column, and remedy.
+    """
+    bag = (path / "metadata.yaml").exists()
+    if path.suffix.lower() in TABLES or (not bag and tables_in(path)):
+        if columns is None:
+            raise ConfigurationError(
+                f"{path}: a table needs a column map that says which column holds what; "
+                "name it with --columns"
+            )
+        return read_table(path, columns, joints)
+    if columns is None:
+        return read_bag(path, joints, progress)
+    return read_mapped_bag(path, columns, joints, progress)

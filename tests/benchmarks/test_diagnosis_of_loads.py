@@ -1,0 +1,68 @@
+"""Whole diagnoses of a crane whose recordings carry different loads, in several orders."""
+
+from dataclasses import replace
+from itertools import islice, permutations
+from pathlib import Path
+
+import pytest
+from unit.crane_identification.synthetic import FORCE_NOISE, crane_log, crane_model
+
+from crane_identification.data.log import Log
+from crane_identification.discrepancy import explain, findings
+from crane_identification.discrepancy.diagnosis import diagnose
+from crane_identification.discrepancy.report import page
+from crane_identification.discrepancy.thresholds import load_thresholds
+from crane_identification.options import Options
+from crane_identification.report.content import Provenance
+from crane_model.terms.gravity_and_load import Payload
+
+MASSES = {"a": 6.5, "b": 0.0, "c": 0.0, "d": 12.0, "e": 6.5}  # kg, of the recordings
+HELD_OUT = {"f": 9.0, "g": 0.0}
+ORDERS = 3
+
+
+def log(name: str, mass: float) -> Log:
+    """All begin at the same stamp, so that names alone tell them apart."""
+    model = crane_model().with_term(Payload())
+    theta = [*crane_model().theta, mass]
+    carrying = model.with_estimate(theta, [0.0] * len(theta), "planted")
+    return replace(crane_log(ord(name), 2, carrying, 30.0 * FORCE_NOISE), source=name)
+
+
+@pytest.fixture(scope="module")
+def recordings() -> tuple[list[Log], list[Log]]:
+    training, held_out = (
+        [log(name, mass) for name, mass in masses.items()] for masses in (MASSES, HELD_OUT)
+    )
+    return training, held_out
+
+
+def test_loads_are_named_alike_in_any_order(
+    recordings: tuple[list[Log], list[Log]], tmp_path: Path
+) -> None:
+    training, held_out = recordings
+    said = []
+    for order in islice(permutations(training), 0, 120, 120 // ORDERS):
+        found = diagnose(crane_model(), order, held_out, Options(), load_thresholds())
+        said.append(findings.content(found))
+    first = said[0]
+    assert all(one == first for one in said)
+    assert first["verdict"] == "named"
+    (finding,) = first["findings"]
+    assert finding["effect"] == "payload"
+    assert finding["carried_in"] == {
+        "m_payload_1": ["a", "e"],
+        "m_payload_2": ["d"],
+        "none": ["b", "c"],
+    }
+    masses = [one["value"] for one in finding["parameters"]]
+    assert masses == pytest.approx([6.5, 12.0], abs=0.2)
+    weighed = {one["recording"]: one["value"] for one in first["gap"]["loads"]}
+    assert weighed == pytest.approx(HELD_OUT, abs=0.2)
+    page.write(tmp_path / "report.html", found, Provenance.of("now", ["diagnose"], "model"))
+    text = (tmp_path / "report.html").read_text(encoding="utf-8")
+    assert "What a recording carries is its own." in text
+    assert "No load, from which masses count, in <code>b</code>, <code>c</code>." in text
+    lines = "\n".join(explain.lines(first))
+    assert "no load, from which masses count, in b, c" in lines
+    assert "each with its own load, estimated from it: f" in lines

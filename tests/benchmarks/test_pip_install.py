@@ -1,0 +1,45 @@
+"""A new virtual environment without ROS: pip installs the wheels, and identify fits a bag."""
+
+import json
+import os
+import shutil
+import subprocess
+import sys
+import venv
+from pathlib import Path
+
+from crane_model.configuration import packaged
+from crane_sim.make_bag import main as make_bag
+
+ROOT = Path(__file__).resolve().parents[2]
+PACKAGES = (Path("src/crane_model"), Path("crane_driver"), Path("crane_identification"))
+LEFT_OUT = shutil.ignore_patterns("build", "*.egg-info", "__pycache__")
+
+
+def uv(*arguments: str | Path) -> None:
+    subprocess.run([Path(sys.executable).with_name("uv"), *arguments], check=True)
+
+
+def test_fit_of_a_bag_where_there_is_no_ros(tmp_path: Path) -> None:
+    tree = tmp_path / "tree"
+    for folder in (*PACKAGES, Path("crane_interfaces")):  # the link to its definitions stays one
+        shutil.copytree(ROOT / folder, tree / folder, symlinks=True, ignore=LEFT_OUT)
+    for package in PACKAGES:
+        uv("build", "--quiet", "--wheel", "--out-dir", tmp_path / "wheels", tree / package)
+    environment = tmp_path / "environment"
+    venv.create(environment)
+    python = environment / "bin" / "python"
+    pins = ("--constraint", ROOT / "requirements.txt")
+    wheels = sorted((tmp_path / "wheels").glob("*.whl"))
+    uv("pip", "install", "--quiet", "--python", python, *pins, *wheels)
+
+    bag = tmp_path / "bag"
+    trajectory = packaged("crane_trajectory", "excitation_20s.yaml")
+    assert make_bag(["--trajectory", str(trajectory), "--periods", "3", "--out", str(bag)]) == 0
+    model = packaged("crane_model", "crane_model.yaml")
+    command = [environment / "bin" / "crane-identify", "--model", model, "--train", bag]
+    names = ("PYTHONPATH", "AMENT_PREFIX_PATH")
+    without_ros = {key: value for key, value in os.environ.items() if key not in names}
+    out = tmp_path / "fit"
+    subprocess.run([*command, "--out", out], check=True, env=without_ros)
+    assert json.loads((out / "summary.json").read_text())["parameters"]

@@ -1,0 +1,110 @@
+"""What pip installs: declared needs, names that shadow nobody, tools that start without ROS."""
+
+import ast
+import re
+import runpy
+import subprocess
+import sys
+import xml.etree.ElementTree as ElementTree
+from pathlib import Path
+from typing import Any
+
+import pytest
+import setuptools
+
+ROOT = Path(__file__).resolve().parents[3]
+SETUPS = sorted([*ROOT.glob("crane_*/setup.py"), *ROOT.glob("src/*/setup.py")])
+DISTRIBUTIONS = {
+    "PIL": "pillow",
+    "can": "python-can",
+    "ruamel": "ruamel.yaml",
+    "sklearn": "scikit-learn",
+    "yaml": "pyyaml",
+}  # where another name is imported
+NOT_IMPORTED = {"clarabel"}  # cvxpy is asked to solve with it
+ROS = re.compile(r"rclpy|ament_index_python|crane_interfaces|\w+_(msgs|srvs|interfaces)")
+
+each_package = pytest.mark.parametrize("path", SETUPS, ids=lambda path: path.parent.name)
+
+
+def declared(path: Path, command: str, monkeypatch: pytest.MonkeyPatch) -> dict[str, Any]:
+    """What a setup.py hands to setuptools."""
+    seen: dict[str, Any] = {}
+    monkeypatch.setattr(setuptools, "setup", lambda **content: seen.update(content))
+    monkeypatch.setattr(sys, "argv", ["setup.py", command])
+    monkeypatch.chdir(path.parent)
+    runpy.run_path(str(path))
+    return seen
+
+
+def imported(package: Path) -> set[str]:
+    names = set()
+    for file in package.rglob("*.py"):
+        for node in ast.walk(ast.parse(file.read_text("utf-8"))):
+            if isinstance(node, ast.Import):
+                names |= {alias.name.split(".")[0] for alias in node.names}
+            elif isinstance(node, ast.ImportFrom) and node.level == 0:
+                names.add(str(node.module).split(".")[0])
+    return names - sys.stdlib_module_names - {package.name}
+
+
+@each_package
+def test_a_wheel_asks_for_what_its_modules_import(
+    path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    content = declared(path, "bdist_wheel", monkeypatch)
+    extras = content.get("extras_require", {})
+    texts = [*content["install_requires"], *(one for extra in extras.values() for one in extra)]
+    asked = {re.split(r"[\[>]", text)[0] for text in texts}
+    found = imported(path.parent / path.parent.name)
+    needed = {DISTRIBUTIONS.get(name, name) for name in found if not ROS.fullmatch(name)}
+    assert asked - NOT_IMPORTED == needed
+
+
+@each_package
+def test_the_manifest_names_the_ros_packages(path: Path) -> None:
+    manifest = ElementTree.parse(path.with_name("package.xml"))
+    depends = {one.text for one in manifest.iter("exec_depend")}
+    found = imported(path.parent / path.parent.name)
+    assert {name for name in found if ROS.fullmatch(name) or name.startswith("crane_")} <= depends
+
+
+@each_package
+def test_scripts_that_pip_installs_shadow_nobody(
+    path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """ImageMagick has an `identify`, vim a `view`; `ros2 run` looks into folders of its own."""
+    wheel, ros = (
+        dict(line.split(" = ") for line in content["entry_points"]["console_scripts"])
+        for content in (declared(path, one, monkeypatch) for one in ("bdist_wheel", "develop"))
+    )
+    assert all(name.startswith("crane-") for name in wheel)
+    short = {name.removeprefix("crane-").replace("-", "_"): main for name, main in wheel.items()}
+    assert short.items() <= ros.items()
+
+
+WITHOUT = """
+import sys
+from importlib.abc import MetaPathFinder
+
+class Absent(MetaPathFinder):
+    def find_spec(self, name, path, target=None):
+        top = name.partition(".")[0]
+        if top in {blocked} or top.endswith(("_msgs", "_srvs", "_interfaces")):
+            raise ModuleNotFoundError(f"No module named '{{top}}'", name=top)
+
+sys.meta_path.insert(0, Absent())
+import crane_identification.discrepancy.diagnose
+import crane_identification.identify
+import crane_driver.decode
+import crane_driver.recording.recover
+from crane_driver.bags.types import CYLINDER_PRESSURES, typestore
+assert CYLINDER_PRESSURES.msgtype in typestore().fielddefs
+"""
+
+
+def test_recordings_are_read_and_fitted_without_ros_and_can() -> None:
+    blocked = {"rclpy", "ament_index_python", "can", "cantools", "canopen", "distributed"}
+    script = WITHOUT.format(blocked=sorted(blocked))
+    done = subprocess.run([sys.executable, "-c", script], capture_output=True, text=True)
+    assert done.returncode == 0, done.stderr
