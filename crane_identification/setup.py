@@ -4,6 +4,7 @@ from setuptools import find_packages, setup
 
 PACKAGE = "crane_identification"
 TOOLS = {  # they run without ROS
+    "check_recording": "crane_identification.recording_check.command:main",
     "diagnose": "crane_identification.discrepancy.diagnose:main",
     "identify": "crane_identification.identify:main",
 }

@@ -21,6 +21,7 @@ from crane_identification.options import Estimator, Options
 from crane_identification.pipeline import fit, validate
 from crane_identification.progress import Progress
 from crane_identification.progress_bar import ProgressBar
+from crane_identification.recording_check.check import blaming, vetted
 from crane_identification.report import page, summary
 from crane_identification.report.content import IdentificationReport, Provenance
 from crane_identification.report.errors import pooled
@@ -86,6 +87,7 @@ def identify(arguments: argparse.Namespace) -> None:
     with ProgressBar() as progress, ExitStack() as processes:
         sources = Sources(model, columns, options, progress)
         training = sources.read(arguments.train)
+        suspicions = vetted(model.machine, training, arguments.trust_recordings)
         # Most of the time: reading by reading, in their order, on a core of its own.
         replayed = (
             processes.enter_context(Beside(recursion, model, training))
@@ -93,8 +95,10 @@ def identify(arguments: argparse.Namespace) -> None:
             else None
         )
         held_out = sources.read(arguments.validate)
+        suspicions += vetted(model.machine, held_out, arguments.trust_recordings)
         session = Session.of((*training, *held_out))
-        result = fit(model, training, options, progress, session)
+        with blaming(suspicions):
+            result = fit(model, training, options, progress, session)
         validations = (
             validate(result.model, held_out, options, progress, session) if held_out else ()
         )
@@ -103,7 +107,7 @@ def identify(arguments: argparse.Namespace) -> None:
             options=options,
             training=training,
             validations=validations,
-            warnings=findings(result, (*training, *held_out), validations),
+            warnings=(*suspicions, *findings(result, (*training, *held_out), validations)),
             provenance=Provenance.of(
                 datetime.now(UTC).strftime("%Y-%m-%d %H:%M UTC"),
                 ["identify", *arguments.given],
@@ -137,11 +141,14 @@ def on_cluster(
     except ImportError as error:
         raise ConfigurationError(f"--cluster needs Dask: {error}; install distributed") from None
     with ProgressBar() as progress:
+        trusted = arguments.trust_recordings
         result = fit_on_cluster(
-            model, arguments.train, arguments.cluster, options, progress, columns
+            model, arguments.train, arguments.cluster, options, progress, columns, trusted
         )
         sources = Sources(model, columns, options, progress)
         held_out = sources.read(arguments.validate)
+        for warning in (*result.suspicions, *vetted(model.machine, held_out, trusted)):
+            print(f"warning: {warning}", file=sys.stderr)
         validations = validate(result.model, held_out, options, progress) if held_out else ()
     errors = pooled(result.model, validations) if validations else None
     arguments.out.mkdir(parents=True, exist_ok=True)
@@ -188,6 +195,7 @@ def parser() -> argparse.ArgumentParser:
     add("--terms", type=Path, metavar="FILE", help="Python file with terms of your own")
     add("--columns", type=Path, help="column map (YAML) of tables, or of your topics")
     add_part(result)
+    add_period(result)
     add(
         "--no-average",
         dest="average",
@@ -210,6 +218,7 @@ def parser() -> argparse.ArgumentParser:
         help="scheduler of a Dask cluster (tcp://HOST:PORT) whose workers read the training bags; "
         "for more of them than one machine holds",
     )
+    trust_recordings(result)
     add(
         "--recursive",
         action="store_true",
@@ -226,7 +235,7 @@ def parser() -> argparse.ArgumentParser:
 
 
 def add_part(parser: argparse.ArgumentParser) -> None:
-    """Adds the options that say which part of a recording is used, and its period."""
+    """Adds the options that say which part of a recording is used."""
     parser.add_argument(
         "--from",
         dest="begin",
@@ -243,11 +252,25 @@ def add_part(parser: argparse.ArgumentParser) -> None:
         metavar="SECONDS",
         help="leave out what comes behind, counted alike",
     )
+
+
+def add_period(parser: argparse.ArgumentParser) -> None:
+    """Adds the option that says when the motion repeats."""
     parser.add_argument(
         "--period",
         type=_period,
         metavar="SECONDS",
         help="period over which to average; found in the recordings where it is not given",
+    )
+
+
+def trust_recordings(to: argparse.ArgumentParser) -> None:
+    """The option that goes on with recordings that look wrong."""
+    to.add_argument(
+        "--trust-recordings",
+        action="store_true",
+        help="go on with recordings that look wrong (see check_recording); what is suspicious "
+        "becomes a warning",
     )
 
 

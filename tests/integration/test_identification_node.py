@@ -176,7 +176,13 @@ def test_estimate_over_topics_is_that_of_the_offline_recursion(stage: Stage, log
 
     stage.reports.clear()
     stage.wait(lambda: stage.reports)
-    counters = {entry.key: entry.value for entry in stage.reports[-1].values}
+    recursion, checked = stage.reports[:2]
+    assert (recursion.name, checked.name) == tuple(
+        f"identification: {what}" for what in ("recursion", "recording")
+    )
+    assert checked.level == DiagnosticStatus.ERROR  # this log holds pressures below vacuum
+    assert "vacuum" in checked.message
+    counters = {entry.key: entry.value for entry in recursion.values}
     assert counters["samples [-]"] == str(expected.samples)
     assert counters["unmatched [-]"] == str(expected.matcher.unmatched)
     assert counters["gated share [-]"] == f"{expected.gated_share:.3f}"

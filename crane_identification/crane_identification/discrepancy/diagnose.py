@@ -14,9 +14,10 @@ from crane_identification.discrepancy.diagnosis import diagnose
 from crane_identification.discrepancy.hydraulics import load_usual
 from crane_identification.discrepancy.report import page
 from crane_identification.discrepancy.thresholds import load_thresholds
-from crane_identification.identify import TABLES, Sources, add_part
+from crane_identification.identify import TABLES, Sources, add_part, add_period, trust_recordings
 from crane_identification.options import Options
 from crane_identification.progress_bar import ProgressBar
+from crane_identification.recording_check.check import blaming, vetted
 from crane_identification.report.content import Provenance
 from crane_model import cli
 from crane_model.configuration import load
@@ -52,10 +53,12 @@ def run(arguments: argparse.Namespace) -> None:
         options = Options(begin=arguments.begin, end=arguments.end, period=arguments.period)
         sources = Sources(model, columns, options, progress)
         training, held_out = sources.read(arguments.train), sources.read(arguments.validate)
+        suspicions = vetted(model.machine, (*training, *held_out), arguments.trust_recordings)
         usual = load_usual(arguments.hydraulics)
-        result = diagnose(
-            model, training, held_out, options, thresholds, progress, usual, arguments.without
-        )
+        with blaming(suspicions):
+            result = diagnose(
+                model, training, held_out, options, thresholds, progress, usual, arguments.without
+            )
         provenance = Provenance.of(
             datetime.now(UTC).strftime("%Y-%m-%d %H:%M UTC"),
             ["diagnose", *arguments.given],
@@ -63,9 +66,9 @@ def run(arguments: argparse.Namespace) -> None:
         )
         arguments.out.mkdir(parents=True, exist_ok=True)
         save_model(arguments.out / "model.yaml", result.after)
-        findings.write(arguments.out / "findings.json", result)
-        page.write(arguments.out / "report.html", result, provenance)
-    _tell(findings.content(result))
+        findings.write(arguments.out / "findings.json", result, suspicions)
+        page.write(arguments.out / "report.html", result, provenance, suspicions)
+    _tell(findings.content(result) | {"suspicions": suspicions})
     print(f"written: {arguments.out}/findings.json, model.yaml, report.html")
     logs = [*training, *held_out]
     samples = sum(len(log.position.time) for log in logs)
@@ -74,7 +77,7 @@ def run(arguments: argparse.Namespace) -> None:
 
 
 def _tell(content: dict[str, Any]) -> None:
-    for warning in content.get("warnings", ()):  # older files have none
+    for warning in (*content.get("suspicions", ()), *content.get("warnings", ())):
         print(f"warning: {warning}", file=sys.stderr)
     print("\n".join(explain.lines(content)))
 
@@ -100,9 +103,11 @@ def parser() -> argparse.ArgumentParser:
     )
     add("--columns", type=Path, help="column map (YAML) of tables, or of your topics")
     add_part(result)
+    add_period(result)
     add("--without", nargs="+", default=[], metavar="EFFECT", help=WITHOUT)
     add("--thresholds", type=Path, help="thresholds (YAML; default: the packaged ones)")
     add("--hydraulics", type=Path, help="what is usual of valves and oil (YAML)")
+    trust_recordings(result)
     add("--explain", type=Path, metavar="DIR", help="print the answer in DIR")
     return result
 

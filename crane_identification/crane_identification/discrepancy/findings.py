@@ -2,6 +2,7 @@
 
 import json
 import math
+from collections.abc import Sequence
 from pathlib import Path
 from typing import Any
 
@@ -24,9 +25,10 @@ from crane_identification.report.notation import is_determined
 WHITE = 0.25  # correlation of neighbouring rows up to which what is left counts as white
 
 
-def write(path: Path | str, diagnosis: Diagnosis) -> None:
-    """Write the file."""
-    text = json.dumps(content(diagnosis), indent=2, allow_nan=False, ensure_ascii=False)
+def write(path: Path | str, diagnosis: Diagnosis, suspicions: Sequence[str] = ()) -> None:
+    """Write the file, with what is suspicious of the recordings."""
+    answer = content(diagnosis) | {"suspicions": list(suspicions)}
+    text = json.dumps(answer, indent=2, allow_nan=False, ensure_ascii=False)
     Path(path).write_text(text + "\n", encoding="utf-8")
 
 

@@ -6,6 +6,7 @@ from diagnostic_msgs.msg import DiagnosticStatus, KeyValue
 
 from crane_identification.online.estimator import OnlineEstimator
 from crane_identification.online.recursion import Solution
+from crane_identification.recording_check.suspicion import Checked
 
 MATCHED_SHARE = 0.99
 """Share of positions with pressures below which something is wrong with stamps or topics."""
@@ -89,6 +90,21 @@ def status(
     }
     found.values = [KeyValue(key=key, value=str(value)) for key, value in values.items()]
     return found
+
+
+def recording(name: str, found: Checked | None) -> DiagnosticStatus:
+    """What is suspicious of the signals themselves."""
+    told = DiagnosticStatus(name=f"{name}: recording", level=DiagnosticStatus.OK)
+    if found is None:
+        told.message = "too little heard yet"
+    elif found.suspicions:
+        told.level = DiagnosticStatus.ERROR if found.decisive else DiagnosticStatus.WARN
+        told.message = "; ".join(str(one) for one in found.suspicions)
+    else:
+        told.message = f"nothing suspicious in {found.source}"
+    if found is not None:
+        told.values = [KeyValue(key="not checked", value="; ".join(found.unchecked))]
+    return told
 
 
 def _condition_number(solution: Solution | None) -> float:

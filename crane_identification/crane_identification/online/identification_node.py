@@ -15,9 +15,10 @@ from crane_driver.nodes.managed import AUTOSTART, run_managed
 from crane_driver.nodes.parameters import NodeParameter, Number, Numbers, Text, declare, hold
 from crane_driver.nodes.polled import Polled
 from crane_identification.data.column_map import ColumnMap
-from crane_identification.online.condition import Condition, status
+from crane_identification.online.condition import Condition, recording, status
 from crane_identification.online.estimator import OnlineEstimator, OnlineOptions
 from crane_identification.online.mapped_topics import mapped_listeners
+from crane_identification.online.recent import Recent, Watched
 from crane_identification.online.topics import (
     Listener,
     estimate_message,
@@ -105,6 +106,7 @@ class Identification(LifecycleNode):
         super().__init__("identification")
         declare(self, PARAMETERS)
         self._estimator: OnlineEstimator | None = None
+        self._recent: Recent | None = None
         fixed = [parameter for parameter in PARAMETERS if parameter is not MODEL_OUTPUT]
         hold(self, fixed, lambda: "configured" if self._estimator else "unconfigured")
         self._condition = Condition()
@@ -137,8 +139,9 @@ class Identification(LifecycleNode):
             self._condition = Condition(timeout=TIMEOUT.read(self))
             file = MODEL.read(self) or packaged("crane_model", "crane_model.yaml")
             estimator = OnlineEstimator(load_model(file), options)
-            self._listeners = self._listeners_of(estimator)
-            self._estimator = estimator
+            recent = Recent(estimator.model.machine, estimator.model.joints)
+            self._listeners = self._listeners_of(Watched(estimator, recent))
+            self._estimator, self._recent = estimator, recent
         except CraneError as error:
             self.get_logger().error(str(error))
             return TransitionCallbackReturn.FAILURE
@@ -164,7 +167,7 @@ class Identification(LifecycleNode):
 
     def on_cleanup(self, state: LifecycleState) -> TransitionCallbackReturn:
         """Forget the model and what was learned."""
-        self._estimator = None
+        self._estimator = self._recent = None
         return super().on_cleanup(state)
 
     def _visit(self) -> None:
@@ -172,7 +175,7 @@ class Identification(LifecycleNode):
             for message, about in topic.take():
                 learn(message, about["source_timestamp"])
 
-    def _listeners_of(self, estimator: OnlineEstimator) -> tuple[Listener, ...]:
+    def _listeners_of(self, estimator: Watched) -> tuple[Listener, ...]:
         file = COLUMNS.read(self)
         if not file:
             return listeners(estimator, JOINT_STATES, PRESSURES)
@@ -203,7 +206,10 @@ class Identification(LifecycleNode):
         found = status(
             self.get_name(), self._condition, self._estimator, solution, time.monotonic()
         )
-        message = DiagnosticArray(status=[found])
+        if self._recent is not None:
+            self._recent.check()
+        checked = recording(self.get_name(), self._recent.found if self._recent else None)
+        message = DiagnosticArray(status=[found, checked])
         message.header.stamp = self.get_clock().now().to_msg()
         self._diagnostics.publish(message)
 

@@ -9,6 +9,7 @@ from crane_driver.recording.definitions import message_class
 from crane_identification.data.column_map import ColumnMap
 from crane_identification.online.estimator import Forces, OnlineEstimator
 from crane_identification.online.gathering import Gathering
+from crane_identification.online.recent import Watched
 from crane_identification.online.smoother import NANOSECONDS
 from crane_identification.online.topics import Listener, nanoseconds
 from crane_model.errors import ConfigurationError, DataError
@@ -17,7 +18,7 @@ Feed = tuple[Gathering, Callable[[int, np.ndarray], list[Forces]]]
 
 
 def mapped_listeners(
-    estimator: OnlineEstimator, column_map: ColumnMap, file: str
+    estimator: OnlineEstimator | Watched, column_map: ColumnMap, file: str
 ) -> tuple[Listener, ...]:
     """Who passes positions and chamber pressures on, a listener of each topic of the map.
 

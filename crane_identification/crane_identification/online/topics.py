@@ -8,6 +8,7 @@ from builtin_interfaces.msg import Time
 from sensor_msgs.msg import JointState
 
 from crane_identification.online.estimator import Forces, OnlineEstimator
+from crane_identification.online.recent import Watched
 from crane_identification.online.recursion import Solution
 from crane_identification.online.smoother import NANOSECONDS
 from crane_interfaces.msg import CylinderPressures, GeneralizedForces, ParameterEstimate
@@ -50,7 +51,7 @@ class Listener(NamedTuple):
 
 
 def listeners(
-    estimator: OnlineEstimator, joint_states: str, pressures: str
+    estimator: OnlineEstimator | Watched, joint_states: str, pressures: str
 ) -> tuple[Listener, Listener]:
     """Who passes the messages of the suite's topics on to an estimator."""
     joints = estimator.model.joints

@@ -17,6 +17,7 @@ from distributed import Client, as_completed
 
 from crane_identification.data.bad_samples import usable
 from crane_identification.data.column_map import ColumnMap
+from crane_identification.data.log import Log
 from crane_identification.data.recording_log import read_recording
 from crane_identification.estimation.covariance import Covariance, correlated, white
 from crane_identification.estimation.lack_of_fit import lack_of_fit
@@ -24,6 +25,7 @@ from crane_identification.estimation.rows import Rows
 from crane_identification.options import Options
 from crane_identification.preparation import Preparation, prepare
 from crane_identification.progress import Progress, silent
+from crane_identification.recording_check.check import vetted
 from crane_identification.regression import build_rows, common_factor
 from crane_identification.scale.information import ClusterFit, Information
 from crane_model.errors import ConfigurationError, DataError
@@ -39,12 +41,14 @@ def fit_on_cluster(
     options: Options | None = None,
     progress: Progress = silent,
     columns: ColumnMap | None = None,
+    trusted: bool = False,
 ) -> ClusterFit:
     """Θ of `model` by least squares (31) from recordings that the workers of a Dask cluster can
     read, by `columns` or as bags of the suite.
 
     `address` is that of the scheduler, tcp://host:port. Raises `ConfigurationError` if no scheduler
-    answers or it has no workers, `DataError` as `pipeline.fit` does.
+    answers or it has no workers, `DataError` as `pipeline.fit` does, and where a recording that is
+    not `trusted` looks wrong.
     """
     options = options or Options()
     try:
@@ -61,7 +65,7 @@ def fit_on_cluster(
                 f"the Dask scheduler at {address} has no workers; start some with `dask worker "
                 f"{address}`"
             )
-        return _fit(client, workers, model, recordings, columns, options, progress)
+        return _fit(client, workers, model, recordings, columns, options, progress, trusted)
 
 
 def _fit(
@@ -72,6 +76,7 @@ def _fit(
     columns: ColumnMap | None,
     options: Options,
     progress: Progress,
+    trusted: bool,
 ) -> ClusterFit:
     def on_workers(function: Callable[..., Any], *arguments: Sequence[Any]) -> list[Any]:
         return client.map(function, *arguments, pure=False)
@@ -84,9 +89,12 @@ def _fit(
     (everywhere,) = client.scatter([model], broadcast=True)
     paths = [path.resolve() for path in recordings]
     models = [everywhere] * len(paths)
-    prepared = on_workers(
-        _prepared, paths, models, *([one] * len(paths) for one in (columns, options))
-    )
+    choices = [options] * len(paths)
+    logs = on_workers(_read, paths, models, [columns] * len(paths), choices)
+    checks = on_workers(_vetted, logs, models, [trusted] * len(paths))
+    suspicions = results(checks, "checking on the cluster")
+    prepared = on_workers(_prepared, logs, models, choices)
+    del logs, checks  # the workers need them no longer
     factors = results(on_workers(_factor, prepared), "reading on the cluster")
     factor = min(factors) if options.decimation is None else options.decimation
     rows = on_workers(_rows, prepared, models, [factor] * len(paths))
@@ -117,13 +125,18 @@ def _fit(
         f"least squares (31) from the information of {len(paths)} recordings, "
         f"{information.rows.sum()} rows",
     )
-    return ClusterFit(fitted, information, workers)
+    return ClusterFit(fitted, information, workers, tuple(one for of in suspicions for one in of))
 
 
-def _prepared(
-    path: Path, model: Model, columns: ColumnMap | None, options: Options
-) -> list[Preparation]:
-    log = usable(read_recording(path, model.joints, columns), options.begin, options.end)
+def _read(path: Path, model: Model, columns: ColumnMap | None, options: Options) -> Log:
+    return usable(read_recording(path, model.joints, columns), options.begin, options.end)
+
+
+def _vetted(log: Log, model: Model, trusted: bool) -> tuple[str, ...]:
+    return vetted(model.machine, [log], trusted)
+
+
+def _prepared(log: Log, model: Model, options: Options) -> list[Preparation]:
     return prepare(model, log, options)
 
 

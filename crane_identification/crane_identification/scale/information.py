@@ -134,8 +134,11 @@ def _root(matrix: np.ndarray) -> np.ndarray:
 
 @dataclass(frozen=True)
 class ClusterFit:
-    """The `model` with its values, from the `information` of all recordings."""
+    """The `model` with its values, from the `information` of all recordings, and the `suspicions`
+    about them.
+    """
 
     model: Model
     information: Information
     workers: int
+    suspicions: tuple[str, ...]

@@ -175,6 +175,10 @@ class Hydraulics(Schema):
     pump_flow: Positive
 
 
+WEIGHED = ("S_FL_along", "S_SL_along", "m_TL")
+"""Base parameters that gravity shows: mass moments of the two booms, mass of the telescope."""
+
+
 class Machine(Schema):
     """Everything about the crane that is known before anything is identified."""
 
@@ -186,6 +190,8 @@ class Machine(Schema):
     outer_boom_linkage: OuterBoomLinkage
     cylinders: Cylinders
     hydraulics: Hydraulics
+    plausible: dict[str, tuple[float, float]] = {}
+    """[least, most] of masses [kg] and moments [kg m] without a load, to check recordings."""
 
     def cylinder(self, joint: str, q: np.ndarray) -> np.ndarray:
         """(n,) coordinates of `joint` to (n, 3): cylinder length x, dx/dq, d2x/dq2."""
@@ -196,6 +202,17 @@ class Machine(Schema):
             return self.outer_boom_linkage.cylinder(q)
         radius = 1.0 if joint == "telescope" else self.cylinders.slew.rack_radius
         return np.stack([radius * q, np.full_like(q, radius), np.zeros_like(q)], axis=1)
+
+    @model_validator(mode="after")
+    def _plausible_ranges(self) -> Self:
+        if unknown := self.plausible.keys() - set(WEIGHED):
+            raise ValueError(
+                f"plausible {', '.join(sorted(unknown))}: must be of {', '.join(WEIGHED)}"
+            )
+        for name, (low, high) in self.plausible.items():
+            if not 0.0 < low < high:
+                raise ValueError(f"plausible {name}: must be 0 < least < most, got [{low}, {high}]")
+        return self
 
     @model_validator(mode="after")
     def _linkages_cover_table_2(self) -> Self:

@@ -44,7 +44,7 @@ def test_table_2(machine: Machine, joint: str, row: tuple[float, ...]) -> None:
 
 
 @pytest.mark.parametrize(
-    "section", ["inner_boom_linkage", "outer_boom_linkage", "cylinders", "hydraulics"]
+    "section", ["inner_boom_linkage", "outer_boom_linkage", "cylinders", "hydraulics", "plausible"]
 )
 def test_what_the_report_does_not_give_is_marked_as_assumed(section: str) -> None:
     (line,) = [x for x in LABORATORY.read_text().splitlines() if x.startswith(f"{section}:")]
@@ -121,6 +121,11 @@ WRONG = {
     "unknown joint": (("limits.grapple", {}), ["'limits.grapple'", "not permitted"]),
     "unknown key": (("hydraulics.oil", "HLP 46"), ["'hydraulics.oil'", "not permitted", "HLP 46"]),
     "no gravity": (("gravity", 0.0), ["'gravity'", "greater than 0", "0.0"]),
+    "implausible order": (("plausible.m_TL", [240.0, 90.0]), ["m_TL", "[240.0, 90.0]"]),
+    "mass that gravity does not show": (
+        ("plausible.J_SL", [1.0, 2.0]),
+        ["J_SL", "must be of S_FL_along, S_SL_along, m_TL"],
+    ),
     "length in words": (
         ("denavit_hartenberg.base_height", "tall"),
         ["'denavit_hartenberg.base_height'", "number", "'tall'"],

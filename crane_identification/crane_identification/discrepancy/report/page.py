@@ -1,5 +1,6 @@
 """report.html: one file, without network, with one evidence card per finding."""
 
+from collections.abc import Sequence
 from pathlib import Path
 
 from crane_identification.discrepancy import findings, wording
@@ -15,12 +16,14 @@ from crane_model.flow import FLOW_EFFECTS
 SHARED = "crane_identification.report"  # style and script of the identification report
 
 
-def write(path: Path | str, diagnosis: Diagnosis, provenance: Provenance) -> None:
-    """Write the page."""
-    Path(path).write_text(render(diagnosis, provenance), encoding="utf-8")
+def write(
+    path: Path | str, diagnosis: Diagnosis, provenance: Provenance, suspicions: Sequence[str] = ()
+) -> None:
+    """Write the page, with what is suspicious of the recordings."""
+    Path(path).write_text(render(diagnosis, provenance, suspicions), encoding="utf-8")
 
 
-def render(diagnosis: Diagnosis, provenance: Provenance) -> str:
+def render(diagnosis: Diagnosis, provenance: Provenance, suspicions: Sequence[str] = ()) -> str:
     """The page as HTML."""
     content = findings.content(diagnosis)
     found, gap = cards(diagnosis, content), gap_pictures(diagnosis)
@@ -64,6 +67,7 @@ def render(diagnosis: Diagnosis, provenance: Provenance) -> str:
             for (effect, joint), reason in diagnosis.flow_unobservable.items()
         ],
         provenance=provenance,
+        suspicions=suspicions,
         training=list(dict.fromkeys(run.source for run in diagnosis.training.runs)),
         validation=list(dict.fromkeys(run.source for run in diagnosis.held_out.runs)),
         style=template.part(SHARED, "page.css") + template.part(__package__, "page.css"),

@@ -1,10 +1,13 @@
 """What terminal and page say of findings.json: complete, in units, and without contradictions."""
 
+import json
+from pathlib import Path
 from typing import Any
 
 import pytest
 
 from crane_identification.discrepancy import explain, wording
+from crane_identification.discrepancy.diagnose import main
 from crane_identification.report.notation import NARROW_SPACE
 
 PERCENT = f"{NARROW_SPACE}%"
@@ -212,6 +215,17 @@ def test_a_load_of_one_recording_says_where_it_is_carried() -> None:
     assert "1. payload change (the whole crane)\n   m_payload = 6.6170 ± 0.0050 kg\n" in said
     assert "m_payload in held_out" in said
     assert "no load, from which masses count, in train_0 and train_1" in said
+
+
+def test_explain_tells_what_is_doubtful_of_the_recordings(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    told = content("none", suspicions=["bag: pressures look like kPa"], warnings=["bag: mended."])
+    (tmp_path / "findings.json").write_text(json.dumps(told), encoding="utf-8")
+    assert main(["--explain", str(tmp_path)]) == 0
+    out, err = capsys.readouterr()
+    assert err == "warning: bag: pressures look like kPa\nwarning: bag: mended.\n"
+    assert out.startswith("Nothing is missing that these recordings could show.\n")
 
 
 def test_names_of_parameters_are_not_spoken() -> None:

@@ -1,0 +1,98 @@
+"""The last seconds of the live signals, as a log that can be checked like a recording."""
+
+from collections import deque
+from collections.abc import Sequence
+
+import numpy as np
+
+from crane_identification.data.log import Log, Signal
+from crane_identification.online.estimator import Forces, OnlineEstimator
+from crane_identification.online.smoother import NANOSECONDS
+from crane_identification.recording_check.check import check
+from crane_identification.recording_check.suspicion import Checked
+from crane_model.machine import Machine
+
+WINDOW = 30.0  # s, in which a crane that is excited moves every joint both ways
+LEAST = 20.0  # s of both topics, before which nothing is said
+EVERY = 10.0  # s from check to check, each of which takes 0.03 to 0.2 s of the node's thread
+
+
+class Recent:
+    """Positions and pressures of the last `WINDOW`, each with its stamps [ns]."""
+
+    def __init__(self, machine: Machine | None, joints: Sequence[str]):
+        self._machine, self._joints = machine, tuple(joints)
+        self._positions: deque[tuple[int, np.ndarray]] = deque()
+        self._pressures: deque[tuple[int, np.ndarray]] = deque()
+        self._checked = 0  # ns
+        self.found: Checked | None = None
+
+    def add_position(self, stamp: int, position: np.ndarray) -> None:
+        """Encoder readings (j,)."""
+        _keep(self._positions, stamp, position)
+
+    def add_pressure(self, stamp: int, chamber_a: np.ndarray, chamber_b: np.ndarray) -> None:
+        """Chamber pressures (j,) [Pa gauge]."""
+        _keep(self._pressures, stamp, np.concatenate([chamber_a, chamber_b]))
+
+    def check(self) -> None:
+        """Look at what is there, if enough of it is new; `found` holds the result."""
+        seconds = [
+            (queue[-1][0] - queue[0][0]) / NANOSECONDS if queue else 0.0
+            for queue in (self._positions, self._pressures)
+        ]
+        if min(seconds) < LEAST:
+            return
+        newest = self._positions[-1][0]
+        if 0 <= newest - self._checked < EVERY * NANOSECONDS:
+            return
+        self._checked, self.found = newest, check(self._machine, self._log())
+
+    def _log(self) -> Log:
+        start = self._positions[0][0]
+        pressure = _signal(self._pressures, start, "/cylinder_pressures")
+        chamber_a, chamber_b = np.split(pressure.value, 2, axis=1)
+        return Log(
+            source=f"the last {WINDOW:g} s",
+            joints=self._joints,
+            start=start,
+            position=_signal(self._positions, start, "/joint_states"),
+            pressure_a=Signal(pressure.time, chamber_a, pressure.origin),
+            pressure_b=Signal(pressure.time, chamber_b, pressure.origin),
+        )
+
+
+class Watched:
+    """An estimator whose readings are kept for the check, too."""
+
+    def __init__(self, estimator: OnlineEstimator, recent: Recent):
+        self._estimator, self._recent = estimator, recent
+        self.model, self.options = estimator.model, estimator.options
+
+    def add_position(self, stamp: int, position: np.ndarray) -> list[Forces]:
+        """As `OnlineEstimator.add_position`."""
+        self._recent.add_position(stamp, position)
+        return self._estimator.add_position(stamp, position)
+
+    def add_pressure(
+        self, stamp: int, chamber_a: np.ndarray, chamber_b: np.ndarray
+    ) -> list[Forces]:
+        """As `OnlineEstimator.add_pressure`."""
+        self._recent.add_pressure(stamp, chamber_a, chamber_b)
+        return self._estimator.add_pressure(stamp, chamber_a, chamber_b)
+
+
+def _keep(queue: deque[tuple[int, np.ndarray]], stamp: int, values: np.ndarray) -> None:
+    """Add what is newer than the rest, drop what is too old; a clock set back begins anew."""
+    if queue and stamp <= queue[-1][0]:
+        if queue[-1][0] - stamp < NANOSECONDS:
+            return
+        queue.clear()
+    queue.append((stamp, values))
+    while stamp - queue[0][0] > WINDOW * NANOSECONDS:
+        queue.popleft()
+
+
+def _signal(queue: deque[tuple[int, np.ndarray]], start: int, origin: str) -> Signal:
+    stamps = np.array([stamp for stamp, _ in queue])
+    return Signal((stamps - start) / NANOSECONDS, np.array([values for _, values in queue]), origin)

@@ -1,0 +1,87 @@
+"""The check of a recording against the machine, before any fit."""
+
+from collections.abc import Iterable, Iterator, Sequence
+from contextlib import contextmanager
+
+import numpy as np
+
+from crane_identification.data.log import Log, Signal
+from crane_identification.data.resample import SHORTEST_RUN
+from crane_identification.recording_check.clocks import clocks
+from crane_identification.recording_check.grid import grid
+from crane_identification.recording_check.positions import positions
+from crane_identification.recording_check.pressures import pressures
+from crane_identification.recording_check.sampling import sampling
+from crane_identification.recording_check.suspicion import Checked, Suspicion
+from crane_identification.recording_check.transducers import transducers
+from crane_identification.recording_check.wiring import wiring
+from crane_model.errors import DataError, RangeError
+from crane_model.machine import PLANAR_JOINTS, Machine
+
+
+def check(machine: Machine | None, log: Log) -> Checked:
+    """What looks wrong in a recording, and what could not be looked at.
+
+    Sensors first, one by one; only if none of them makes every result wrong, forces, which would
+    repeat it in other words. Never raises what the fit will say better.
+    """
+    if min(_samples(signal, log) for signal in _measured(log)) < SHORTEST_RUN:
+        return _result(log, (), f"fewer than {SHORTEST_RUN} samples of each joint")
+    found: list[Suspicion] = [*clocks(log), *transducers(log)]
+    if machine is None:
+        return _result(log, found, "limits, pressures, forces: the model has no machine")
+    found += sampling(log)
+    if log.uncalibrated:
+        reason = f"limits, pressures, forces: {', '.join(log.uncalibrated)} in counts"
+        return _result(log, found, reason)
+    found += [*positions(machine, log), *pressures(machine, log)]
+    if any(one.decisive for one in found):
+        return _result(log, found, "forces: what is wrong above would show there again")
+    if missing := [joint for joint in PLANAR_JOINTS if joint not in log.joints]:
+        return _result(log, found, f"forces: the model lacks {', '.join(missing)}")
+    if log.force is None and (log.pressure_a is None or log.pressure_b is None):
+        return _result(log, found, "forces: neither pressures nor forces were recorded")
+    try:
+        found += wiring(grid(machine, log, PLANAR_JOINTS))
+    except (DataError, RangeError) as error:
+        return _result(log, found, f"forces: {error}")
+    return _result(log, found)
+
+
+def vetted(machine: Machine | None, logs: Iterable[Log], trusted: bool) -> tuple[str, ...]:
+    """Suspicions of recordings, as warnings; `DataError` with the decisive ones, unless `trusted`.
+
+    The option that trusts a recording is --trust-recordings.
+    """
+    checked = [check(machine, log) for log in logs]
+    refused = [f"{one.source}: {wrong}" for one in checked for wrong in one.decisive]
+    if refused and not trusted:
+        raise DataError(
+            "\n".join(refused) + "\nRecord again or mend the column map or machine file; if the "
+            "recording is right, --trust-recordings goes on with it"
+        )
+    return tuple(f"{one.source}: {wrong}" for one in checked for wrong in one.suspicions)
+
+
+@contextmanager
+def blaming(suspicions: Sequence[str]) -> Iterator[None]:
+    """What fails on suspicious recordings fails with what is suspicious of them."""
+    try:
+        yield
+    except DataError as error:
+        if not suspicions:
+            raise
+        raise DataError("\n".join([f"{error}", "Suspicious before:", *suspicions])) from error
+
+
+def _measured(log: Log) -> list[Signal]:
+    return [one for one in (log.position, log.force, log.pressure_a, log.pressure_b) if one]
+
+
+def _samples(signal: Signal, log: Log) -> int:
+    """At which all joints were measured."""
+    return int(np.isfinite(signal.value.reshape(-1, len(log.joints))).all(axis=1).sum())
+
+
+def _result(log: Log, found: Iterable[Suspicion], *unchecked: str) -> Checked:
+    return Checked(log.source, tuple(found), unchecked)

@@ -1,0 +1,73 @@
+"""`check_recording`: look for wrong units, wiring, names and clocks before any fit."""
+
+import argparse
+import sys
+from collections.abc import Sequence
+from pathlib import Path
+
+from crane_identification.data.column_map import ColumnMap
+from crane_identification.identify import TABLES, Sources, add_part
+from crane_identification.options import Options
+from crane_identification.progress_bar import ProgressBar
+from crane_identification.recording_check.check import check
+from crane_identification.recording_check.forces import crane
+from crane_identification.recording_check.suspicion import Checked
+from crane_model import cli
+from crane_model.configuration import load
+from crane_model.errors import DataError
+from crane_model.machine import load_machine
+from crane_model.model_file import load_model
+
+
+def run(arguments: argparse.Namespace) -> None:
+    """Everything the command does; raises `CraneError` with what is wrong."""
+    model = (
+        load_model(arguments.model) if arguments.model else crane(load_machine(arguments.machine))
+    )
+    columns = load(arguments.columns, ColumnMap) if arguments.columns else None
+    with ProgressBar() as progress:
+        options = Options(begin=arguments.begin, end=arguments.end)
+        logs = Sources(model, columns, options, progress).read(arguments.recordings)
+    checked = [check(model.machine, log) for log in logs]
+    print("\n".join(line for one in checked for line in _lines(one)))
+    if refused := [one.source for one in checked if one.decisive]:
+        raise DataError(
+            f"{', '.join(refused)}: whatever is fitted to this is wrong; record again, or mend the "
+            "column map or the machine file"
+        )
+
+
+def _lines(checked: Checked) -> list[str]:
+    found = [(one.decisive, str(one)) for one in checked.suspicions]
+    looks = "wrong" if checked.decisive else "doubtful" if found else "right"
+    return [
+        f"{checked.source}: looks {looks}",
+        *(f"  {'wrong' if decisive else 'doubtful'}: {text}" for decisive, text in found),
+        *(f"  not checked: {what}" for what in checked.unchecked),
+    ]
+
+
+def parser() -> argparse.ArgumentParser:
+    """The command line."""
+    result = argparse.ArgumentParser(
+        description="Check recordings against the machine before anything is fitted to them: "
+        "units, signs, names, chambers, transducers, clocks. The exit status is 1 if one of them "
+        "would make every result wrong.",
+        epilog=f"Recordings are bags (folders) or tables ({', '.join(TABLES)}) with a column map.",
+    )
+    add = result.add_argument
+    machine = result.add_mutually_exclusive_group()
+    machine.add_argument(
+        "--machine", type=Path, help="machine file (default: that of the laboratory crane)"
+    )
+    machine.add_argument("--model", type=Path, help="model file; its machine and its joints")
+    add("--columns", type=Path, help="column map (YAML) of the tables")
+    add_part(result)
+    add("recordings", type=Path, nargs="+", metavar="RECORDING")
+    return result
+
+
+def main(argv: Sequence[str] | None = None) -> int:
+    """Entry point; exit status 0, 1 for an error that is named, 130 when interrupted."""
+    arguments = parser().parse_args(list(sys.argv[1:] if argv is None else argv))
+    return cli.run(lambda: run(arguments))

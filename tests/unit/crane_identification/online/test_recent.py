@@ -1,0 +1,70 @@
+"""Live signals are checked like a recording, once there are enough of them."""
+
+import numpy as np
+import pytest
+from unit.crane_identification.recording_check.corruption import chambers
+from unit.crane_identification.recording_check.recorded import recorded
+
+from crane_identification.data.log import Log
+from crane_identification.online.recent import EVERY, LEAST, WINDOW, Recent
+from crane_model.machine import PLANAR_JOINTS, load_machine
+
+TELESCOPE = 2
+
+
+@pytest.fixture(scope="module")
+def good() -> Log:
+    return recorded()
+
+
+def feed(recent: Recent, log: Log, start: float = 0.0, end: float = np.inf) -> None:
+    """What a node hears from `start` to `end` [s]."""
+    assert log.pressure_a is not None and log.pressure_b is not None
+    for k, time in enumerate(log.position.time):
+        if start <= time < end:
+            stamp = round(1e9 * time)
+            recent.add_position(stamp, log.position.value[k])
+            recent.add_pressure(stamp, log.pressure_a.value[k], log.pressure_b.value[k])
+
+
+def test_good_signals_are_not_suspected(good: Log) -> None:
+    recent = Recent(load_machine(), PLANAR_JOINTS)
+    recent.check()
+    feed(recent, good, end=0.9 * LEAST)
+    recent.check()
+    assert recent.found is None
+    feed(recent, good, start=0.9 * LEAST)
+    recent.check()
+    assert recent.found is not None
+    assert not recent.found.suspicions and not recent.found.unchecked
+
+
+def test_exchanged_chambers_are_told_while_the_crane_moves(good: Log) -> None:
+    recent = Recent(load_machine(), PLANAR_JOINTS)
+    feed(recent, chambers(good, TELESCOPE))
+    recent.check()
+    assert recent.found is not None
+    (suspicion,) = recent.found.decisive
+    assert suspicion.where == "telescope" and "chambers A and B" in suspicion.cause
+
+
+def test_only_the_last_seconds_are_looked_at_and_not_too_often(good: Log) -> None:
+    recent = Recent(None, PLANAR_JOINTS)
+    for second in range(100):
+        recent.add_position(second * 10**9, np.full(3, second))
+        recent.add_pressure(second * 10**9, np.zeros(3), np.zeros(3))
+    recent.check()
+    first = recent.found
+    assert first is not None
+    recent.add_position(100 * 10**9, np.zeros(3))
+    recent.check()
+    assert recent.found is first
+    for second in range(100, 100 + round(EVERY)):
+        recent.add_position(second * 10**9, np.zeros(3))
+        recent.add_pressure(second * 10**9, np.zeros(3), np.zeros(3))
+    recent.check()
+    assert recent.found is not first
+    assert len(recent._log().position.time) <= WINDOW + 1
+    recent.add_position(0, np.zeros(3))  # the clock was set back
+    recent.add_pressure(0, np.zeros(3), np.zeros(3))
+    assert len(recent._log().position.time) == 1

@@ -1,0 +1,68 @@
+"""A recording of the stand-in machine as a log, without a bag."""
+
+from collections.abc import Sequence
+
+import numpy as np
+
+from crane_identification.data.log import Log, Signal
+from crane_model.configuration import packaged
+from crane_model.machine import JOINTS, PLANAR_JOINTS, Machine, load_machine
+from crane_sim.closed_loop import Course, Recording, record
+from crane_sim.hidden.form import Planted
+from crane_sim.hidden.sensing import faults
+from crane_sim.hidden.slewing import slewing
+from crane_sim.parameters import StandIn, load_stand_in
+from crane_sim.plant import Plant
+from crane_sim.sampled import Sensors
+from crane_trajectory.check import load_clearance
+from crane_trajectory.controller import load_gains
+from crane_trajectory.motion import plan
+from crane_trajectory.periodic import load_trajectory
+
+
+def packaged_motion(
+    machine: Machine, start: np.ndarray, name: str = "excitation_20s.yaml"
+) -> Course:
+    """One period of 20 s, its approach and its end."""
+    trajectory = load_trajectory(packaged("crane_trajectory", name))
+    return plan(machine, trajectory, start, 1, load_clearance())
+
+
+def seen(
+    stand_in: StandIn, course: Course, seed: int = 0, planted: Sequence[Planted] = ()
+) -> Recording:
+    """What the sensors of a machine show on a motion."""
+    machine = load_machine()
+    plant = Plant(stand_in, machine, course.start, planted)
+    sensors = Sensors(stand_in.sensors, machine, seed, faults(planted))
+    return record(slewing(course, planted), plant, sensors, load_gains())
+
+
+def recorded(
+    stand_in: StandIn | None = None,
+    course: Course | None = None,
+    seed: int = 0,
+    planted: Sequence[Planted] = (),
+) -> Log:
+    """The same as a log; by default of the packaged machine and motion."""
+    stand_in = stand_in or load_stand_in()
+    course = course or packaged_motion(load_machine(), stand_in.start)
+    found = seen(stand_in, course, seed, planted)
+    of_joint = [JOINTS.index(joint) for joint in PLANAR_JOINTS]
+    of_cylinder = [found.cylinders.index(joint) for joint in PLANAR_JOINTS]
+
+    def signal(value: np.ndarray, origin: str) -> Signal:
+        return Signal(found.time, value, origin, received=found.time)
+
+    pressures = "/cylinder_pressures"
+    return Log(
+        source=f"recording {seed}",
+        joints=PLANAR_JOINTS,
+        start=0,
+        position=signal(found.position[:, of_joint], "/joint_states"),
+        pressure_a=signal(found.pressures.chamber_a[:, of_cylinder], pressures),
+        pressure_b=signal(found.pressures.chamber_b[:, of_cylinder], pressures),
+        supply_pressure=signal(found.pressures.supply, pressures),
+        tank_pressure=signal(found.pressures.tank, pressures),
+        command=signal(found.command[:, of_joint], "/valve_command"),
+    )

@@ -1,0 +1,61 @@
+"""Machines as they should be, with other parameters, friction, motions and noise: no suspicion.
+
+Forty of them, with hidden effects of the whole catalogue, are in tests/benchmarks.
+"""
+
+import numpy as np
+import pytest
+from unit.crane_identification.recording_check.recorded import packaged_motion, recorded
+
+from crane_identification.data.log import Log
+from crane_identification.recording_check.check import check
+from crane_model.configuration import packaged
+from crane_model.machine import load_machine
+from crane_sim.hidden.calibrate import calibrate
+from crane_sim.hidden.spec import HiddenEffect, Spec
+from crane_sim.parameters import StandIn, load_stand_in
+from crane_sim.variation import vary
+from crane_trajectory.controller import load_gains
+
+DYNAMIC = packaged("crane_sim", "stand_in_dynamic_friction.yaml")
+
+
+@pytest.mark.parametrize(
+    ("stand_in", "trajectory"),
+    [
+        (vary(load_stand_in(), 1), "excitation_20s.yaml"),
+        (vary(load_stand_in(), 2), "validation_20s.yaml"),
+        (load_stand_in(DYNAMIC), "validation_20s.yaml"),
+        (vary(load_stand_in(DYNAMIC), 3), "excitation_20s.yaml"),
+    ],
+)
+def test_clean_machines_are_not_suspected(stand_in: StandIn, trajectory: str) -> None:
+    machine = load_machine()
+    course = packaged_motion(machine, stand_in.start, trajectory)
+    seed = int(np.round(1e3 * stand_in.friction["telescope"].f_c))
+    found = check(machine, recorded(stand_in, course, seed))
+    assert not found.suspicions and not found.unchecked
+
+
+def with_effect(effect: str, joint: str | None, magnitude: dict[str, float]) -> Log:
+    """A recording of a machine that hides it."""
+    machine, stand_in = load_machine(), load_stand_in()
+    course = packaged_motion(machine, stand_in.start)
+    hidden = HiddenEffect(effect=effect, joint=joint, parameters=magnitude)
+    planted = calibrate(Spec(effects=(hidden,)), machine, stand_in, course, load_gains())
+    return recorded(stand_in, course, 4, planted)
+
+
+@pytest.mark.parametrize(
+    ("effect", "joint", "magnitude"),
+    [("load_friction", "outer_boom", {"mu": 0.04}), ("base_tilt", None, {"angle": 0.04})],
+)
+def test_an_effect_that_the_model_lacks_is_no_wrong_wiring(
+    effect: str, joint: str | None, magnitude: dict[str, float]
+) -> None:
+    assert not check(load_machine(), with_effect(effect, joint, magnitude)).suspicions
+
+
+def test_a_heavy_load_is_a_load_and_no_wrong_unit() -> None:
+    (found,) = check(load_machine(), with_effect("payload", None, {"mass": 130.0})).suspicions
+    assert not found.decisive and found.cause.startswith("a load")
