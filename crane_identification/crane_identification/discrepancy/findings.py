@@ -34,6 +34,7 @@ def write(path: Path | str, diagnosis: Diagnosis, suspicions: Sequence[str] = ()
 
 def content(diagnosis: Diagnosis) -> dict[str, Any]:
     """All of it as plain mappings; numbers that are not known are null."""
+    gap = diagnosis.gap
     return _plain(
         {
             "verdict": diagnosis.verdict.value,
@@ -62,13 +63,15 @@ def content(diagnosis: Diagnosis) -> dict[str, Any]:
                     "correlation": correlation,
                     "learnable_share": share,
                     "law": law,
+                    "beyond_noise": times > diagnosis.thresholds.floor_factor,
                     "region": _region(diagnosis, region),
                 }
-                for joint, correlation, share, law, region in zip(
+                for joint, correlation, share, law, times, region in zip(
                     diagnosis.joints,
                     diagnosis.correlation_left,
                     diagnosis.learnt_after.share,
                     diagnosis.learnt_after.follows_law(diagnosis.thresholds),
+                    gap.over_floor(np.maximum(gap.after, gap.training_after)),
                     diagnosis.regions_left,
                     strict=True,
                 )
@@ -129,7 +132,7 @@ def _finding(diagnosis: Diagnosis, finding: Finding) -> dict[str, Any]:
             {"effect": one.type, "name": one.effect.name, "joint": one.where}
             for one in accepted.members
         ],
-        "parameters": [parameter(value) for value in finding.parameters],
+        "parameters": [_parameter(value) for value in finding.parameters],
         "carried_in": carried_in(finding, diagnosis.training.sources),
         "score": accepted.score,
         "threshold": accepted.threshold,
@@ -147,7 +150,7 @@ def _finding(diagnosis: Diagnosis, finding: Finding) -> dict[str, Any]:
     }
 
 
-def parameter(value: Value) -> dict[str, Any]:
+def _parameter(value: Value) -> dict[str, Any]:
     """A parameter, and whether the recordings determine it."""
     return value.__dict__ | {
         "determined": is_determined(value.value, value.std_dev, value.minimum),
@@ -162,23 +165,16 @@ def _strength(diagnosis: Diagnosis, finding: Finding) -> float:
 def _of_load(diagnosis: Diagnosis, one: Weighed) -> dict[str, Any]:
     """A load that a held-out recording alone carries, by the same keys."""
     cls = next(type(term) for term in diagnosis.gap.carried.terms if hasattr(term, LOADS))
-    value = of_load(one)
+    name = "m_payload"
     return _by_itself(
         diagnosis,
         Family(cls, None),
         WHOLE,
-        value,
+        _parameter(Value(name, one.mass, one.std_dev, "kg")),
         (one.mass / one.std_dev) ** 2,
         SIGMAS**2,
         None,
-    ) | {
-        "carried_in": {value["name"]: [one.recording], NO_LOAD: sorted(diagnosis.training.sources)}
-    }
-
-
-def of_load(one: Weighed) -> dict[str, Any]:
-    """A load, by the keys of a parameter."""
-    return parameter(Value("m_payload", one.mass, one.std_dev, "kg"))
+    ) | {"carried_in": {name: [one.recording], NO_LOAD: sorted(diagnosis.training.sources)}}
 
 
 def _nearest(diagnosis: Diagnosis) -> dict[str, Any] | None:

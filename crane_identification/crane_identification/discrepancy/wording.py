@@ -215,15 +215,18 @@ def motion(content: Content, units: Mapping[str, str]) -> Iterator[tuple[str, st
 
 def left(content: Content) -> str:
     """Of what kind what is left is, and where a law in it sits."""
-    laws, colours = [], []
+    laws, errors, colours = [], [], []
     for joint, one in content["left"].items():
         if one["law"]:
             where = f", most with {region(one['region'])}" if one["region"] else ""
             share = short_percent(one["learnable_share"])
             laws.append(f"a law on the {spoken(joint)} ({share} of the energy there{where})")
+        elif one["beyond_noise"]:
+            errors.append(f"the {spoken(joint)}")
         elif not one["white"]:
             colours.append(f"the {spoken(joint)}")
-    kinds = laws + ([f"coloured noise on {listed(colours)}"] if colours else [])
+    kinds = laws + ([f"more than noise on {listed(errors)}"] if errors else [])
+    kinds += [f"coloured noise on {listed(colours)}"] if colours else []
     return listed(kinds) if kinds else "white noise"
 
 

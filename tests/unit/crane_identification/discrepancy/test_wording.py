@@ -56,6 +56,7 @@ PRESSURE = region("pressure sum of outer_boom", 20396674.4, 22380688.8, "Pa")
 
 def content(verdict: str, *findings: dict[str, Any], **more: Any) -> dict[str, Any]:
     noise = {"white": False, "correlation": 0.3, "learnable_share": 0.0, "law": False}
+    noise["beyond_noise"] = False
     return {
         "verdict": verdict,
         "reason": "the effects explain 100% of what can be explained",
@@ -197,6 +198,18 @@ def test_nothing_is_left_out_without_a_word() -> None:
     assert (
         "Not printed: 2 effects that hide behind the parameters of the model, 1 joints with a "
         "balance of the flow" in said
+    )
+
+
+def test_what_exceeds_the_scatter_between_periods_is_not_called_noise() -> None:
+    """The reason of the verdict, though no learner finds its law."""
+    left = {"white": True, "correlation": 0.1, "learnable_share": 0.0, "law": False, "region": None}
+    joints = {
+        "inner_boom": left | {"beyond_noise": False},
+        "outer_boom": left | {"beyond_noise": True},
+    }
+    assert "What is left: more than noise on the outer boom." in text(
+        content("unknown", left=joints)
     )
 
 
