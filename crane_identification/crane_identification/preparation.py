@@ -198,8 +198,8 @@ def _averaged(
     mean = {name: fold(values, length, used).mean(axis=0) for name, values in signals.items()}
     resolution = resolution_of_mean(fold(coordinates(signals), length, used), resolution_of(log))
     motion = estimate_period(options.motion, coordinates(mean), step, resolution, progress)
-    even = samples.time[rows[0]] + step * np.arange(whole * length)
-    time = since + fold(even, length, used).mean(axis=0)
+    middle = len(signals["position"]) - (used + 1) * length / 2.0  # sample that the mean begins at
+    time = since + samples.time[rows[0]] + step * (middle + np.arange(length))
     record = record_of(model, time, mean, motion, options.mask_reversals)
     alike, signed_alike = _moving_alike(model, log, signals, step, length, used, options)
     known = _moving(model, motion, step, True, options) & alike

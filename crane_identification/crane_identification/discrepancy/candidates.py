@@ -15,6 +15,9 @@ from crane_model.model_file import Model
 from crane_model.terms import Effect, Term, candidates, joints_of
 
 WHOLE = "all"  # in place of a joint
+Given = tuple[tuple[str, tuple[float, ...]], ...]
+
+ROUNDS = 6  # in which what a term takes from the model settles
 LARGEST_GRID = 16  # shapes of a family; between them, the best is refined
 
 
@@ -28,7 +31,7 @@ class Family:
 
     term: type[Term]
     joint: str | None
-    given: tuple[tuple[str, float], ...] = ()
+    given: Given = ()
     parts: tuple[Loads, ...] = ()
 
     @property
@@ -95,17 +98,33 @@ def families(model: Model, evidence: Evidence) -> list[Family]:
         if of_loads and len(evidence.bags) < 2:
             continue
         parts = heavier(evidence, cls) if of_loads else ()
-        given = _given(model, cls)
         out += [
-            Family(cls, joint, given, parts) for joint in joints_of(cls, model.setting) or (None,)
+            Family(cls, joint, _given(model, evidence, cls, joint), parts)
+            for joint in joints_of(cls, model.setting) or (None,)
         ]
     return [family for family in out if (family.type, family.joint) not in present]
 
 
-def _given(model: Model, cls: type[Term]) -> tuple[tuple[str, float], ...]:
-    """The fields of a term that hold the value of a parameter of the model."""
-    values = {p.name: float(v) for p, v in zip(model.parameters, model.theta, strict=True)}
-    return tuple((field, values[name]) for field, name in cls.of_model.items() if name in values)
+def _given(model: Model, evidence: Evidence, cls: type[Term], joint: str | None) -> Given:
+    """The fields of a term that hold values of parameters of the model.
+
+    These are what they are beside the term: without it, parameters make up for it.
+    """
+    known = [p.name for p in model.parameters]
+    places = {
+        field: [known.index(name) for name in names]
+        for field, names in cls.of_model.items()
+        if set(names) <= set(known)
+    }
+    given: Given = ()
+    values = model.theta
+    for _ in range(ROUNDS if places else 0):
+        given = tuple((field, tuple(values[at].tolist())) for field, at in places.items())
+        try:
+            values = evidence.roughly(evidence.columns(Family(cls, joint, given).at({})))
+        except CraneError:
+            break  # not observable, which `options` says
+    return given
 
 
 def option(evidence: Evidence, family: Family, shape: Mapping[str, Any]) -> Option:

@@ -13,6 +13,7 @@ from functools import cached_property
 import numpy as np
 
 from crane_identification.discrepancy.filtering import thinned
+from crane_identification.discrepancy.scaling import normed
 from crane_identification.preparation import Preparation
 from crane_identification.regression import OPEN
 from crane_identification.signals.decimate import decimation_rows
@@ -140,6 +141,21 @@ class Evidence:
         if not np.isfinite(out).all():
             raise DataError(f"term '{term.type}': what it needs was not logged throughout")
         return out
+
+    def roughly(self, columns: np.ndarray) -> np.ndarray:
+        """Coefficients (p + k,) of the base and further `columns` (n, c, k), by least squares.
+
+        Rows of a channel are weighted by what is left of it; minimum norm where they coincide.
+        """
+        matrix, weight = np.concatenate([self.base, columns], axis=2), self.force_rms
+        for _ in range(2):
+            unit = np.where(weight > 0.0, weight, np.inf)
+            scale = np.broadcast_to(1.0 / unit, self.used.shape)[self.used]
+            scaled, norms = normed(matrix[self.used] * scale[:, np.newaxis])
+            force = self.force[self.used] * scale
+            values: np.ndarray = np.linalg.lstsq(scaled, force, rcond=1e-9)[0] / norms
+            weight = self.rms(self.force - matrix @ values)
+        return values
 
 
 def gather(

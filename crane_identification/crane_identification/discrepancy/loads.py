@@ -9,7 +9,6 @@ from collections.abc import Sequence
 import numpy as np
 
 from crane_identification.discrepancy.evidence import Evidence
-from crane_identification.discrepancy.scaling import normed
 from crane_model.terms import Term
 from crane_model.terms.gravity_and_load import Load
 
@@ -38,25 +37,13 @@ def one_each(evidence: Evidence) -> Loads:
 def heavier(evidence: Evidence, cls: type[Term]) -> tuple[Loads, ...]:
     """One load in the heaviest recording, in the two heaviest, and so on, in all but the lightest.
 
-    By a mass in each recording, estimated beside the model with rows of each channel weighted
-    alike. Whatever recordings are loaded, they are the heaviest.
+    By a mass in each recording, estimated beside the model, all but a common one. Whatever
+    recordings are loaded, they are the heaviest.
     """
     columns = evidence.columns(cls.model_validate({LOADS: one_each(evidence)}))
-    order = np.argsort(-_masses(evidence, columns), kind="stable").tolist()
+    masses = evidence.roughly(columns)[-columns.shape[2] :]
+    order = np.argsort(-masses, kind="stable").tolist()
     return tuple((load_of(evidence, order[:count]),) for count in range(1, len(order)))
-
-
-def _masses(evidence: Evidence, columns: np.ndarray) -> np.ndarray:
-    """The mass (b,) in each recording, all but a common one, from `columns` (n, c, b)."""
-    used = evidence.used
-    matrix = np.concatenate([evidence.base, columns], axis=2)
-    weight = evidence.force_rms
-    for _ in range(2):  # in the second pass by what is left
-        scale = np.broadcast_to(1.0 / np.where(weight > 0.0, weight, np.inf), used.shape)[used]
-        scaled, norms = normed(matrix[used] * scale[:, np.newaxis])
-        values = np.linalg.lstsq(scaled, evidence.force[used] * scale, rcond=1e-9)[0] / norms
-        weight = evidence.rms(evidence.force - matrix @ values)
-    return values[-columns.shape[2] :]
 
 
 def agreeing(information: np.ndarray, score: np.ndarray, variance: float) -> list[list[int]]:

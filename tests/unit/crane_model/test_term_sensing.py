@@ -7,7 +7,6 @@ import pytest
 from unit.crane_model.test_term_registry import SETTING, random_record
 
 from crane_model.cylinders import generalized_forces, lever_arm
-from crane_model.dynamics import Geometry, gravity_vector
 from crane_model.machine import PLANAR_JOINTS, Machine
 from crane_model.record import Record
 from crane_model.terms.actuator import ActuatorInertia
@@ -21,6 +20,8 @@ from crane_model.terms.sensing import (
     PressureOffset,
     TimeSkew,
 )
+
+INERTIAL = (480.0, 370.0, 18.0, 450.0, 260.0, 20.0, 150.0, 220.0)
 
 
 @pytest.fixture(scope="module")
@@ -56,32 +57,31 @@ def test_offset_and_gain_of_transducers(machine: Machine, record: Record, joint:
 
 
 @pytest.mark.parametrize("joint", ["inner_boom", "outer_boom"])
-def test_encoder_offset_is_the_change_of_the_torque_and_of_the_weight(
-    machine: Machine, geometry: Geometry, record: Record, joint: str
+def test_encoder_offset_changes_the_torque_and_what_the_bodies_ask_for(
+    machine: Machine, record: Record, joint: str
 ) -> None:
-    """One angle changes both: the lever arm, and the weight of the telescope."""
-    j, offset, mass = PLANAR_JOINTS.index(joint), 1e-6, 150.0
+    """One angle changes both."""
+    offset = 1e-6
     wrong = record.position.copy()
-    wrong[:, j] += offset
+    wrong[:, PLANAR_JOINTS.index(joint)] += offset
     measured = generalized_forces(
         machine, wrong, record.pressure_a, record.pressure_b, record.joints
     )
-    weight = np.zeros(9)
-    weight[6] = mass
-    predicted, true = (gravity_vector(geometry, weight, q) for q in (wrong, record.position))
+    true, predicted = (
+        PlanarRigidBody().columns(replace(record, position=q), SETTING) @ INERTIAL
+        for q in (record.position, wrong)
+    )
     error = ((measured - predicted) - (record.force - true)) / offset
-    # That of the mass along psi, but not what only the pose of the elbow changes of it.
-    columns = EncoderOffset(joint=joint, mass=mass).columns(record, SETTING)[:, :, 0]
+    columns = EncoderOffset(joint=joint, bodies=INERTIAL).columns(record, SETTING)[:, :, 0]
     np.testing.assert_allclose(columns, error, rtol=1e-3, atol=0.05)
 
 
 def test_a_tilt_is_not_made_of_zeros_of_encoders(record: Record) -> None:
     """Of both together, beside all that the rigid body takes up, while the cylinders carry it."""
     body = PlanarRigidBody().columns(record.at_rest(), SETTING)
-    inertial = [480.0, 370.0, 18.0, 450.0, 260.0, 20.0, 150.0, 220.0]
-    still = replace(record.at_rest(), force=body @ inertial)
+    still = replace(record.at_rest(), force=body @ INERTIAL)
     zeros = [
-        EncoderOffset(joint=joint, mass=inertial[6]).columns(still, SETTING)
+        EncoderOffset(joint=joint, bodies=INERTIAL).columns(still, SETTING)
         for joint in ("inner_boom", "outer_boom")
     ]
     tilt = BaseTilt().columns(still, SETTING).ravel()

@@ -1,8 +1,10 @@
 """What sensors add: zeros and gains of transducers, zeros of encoders, clocks that disagree."""
 
+from dataclasses import replace
 from typing import ClassVar, Literal
 
 import numpy as np
+from pydantic import Field
 
 from crane_model.errors import ConfigurationError
 from crane_model.record import Record
@@ -14,10 +16,12 @@ from crane_model.terms.chambers import (
     lever_and_slope,
 )
 from crane_model.terms.effect import Effect
-from crane_model.terms.gravity_and_load import turned_weight
 from crane_model.terms.joint_term import JointTerm, OneJointTerm
-from crane_model.terms.planar import planar_columns, planar_machine
+from crane_model.terms.planar import planar_machine
+from crane_model.terms.rigid_body import BASE_PARAMETERS, PlanarRigidBody
 from crane_model.terms.term import Family, Parameter, Setting
+
+STEP = 1e-4  # rad, of the difference with respect to an angle
 
 
 class PressureOffset(OneJointTerm):
@@ -98,12 +102,12 @@ class ChamberGain(OneJointTerm):
 
 
 class EncoderOffset(OneJointTerm):
-    """dq (F d2x/dq2 - mass dG/dalpha): an encoder that reads dq too much.
+    """dq (F d2x/dq2 - d/dq of (7)): an encoder that reads dq too much.
 
     The lever arm (18) is then taken at the wrong angle, which makes an error of the torque in
-    proportion to the cylinder force F. Gravity at the wrong angle is taken up by the mass moments
-    of (8), but for that of the `mass` [kg] of telescope and gripper along and across q4, as with a
-    tilted base. One angle makes both: if the mass were free, the term would hold a tilt as well.
+    proportion to the cylinder force F, and so are the forces (7) of the `bodies`, by their base
+    parameters (8). One angle makes both: a free mass in the second would hold a tilt as well, which
+    has no part in the first.
     """
 
     type: Literal["encoder_offset"] = "encoder_offset"
@@ -115,9 +119,15 @@ class EncoderOffset(OneJointTerm):
         "the angle of the boom at rest, measured with an inclinometer",
         follows=("force", "position"),
     )
-    of_model: ClassVar[dict[str, str]] = {"mass": "m_TL"}
+    of_model: ClassVar[dict[str, tuple[str, ...]]] = {
+        "bodies": tuple(parameter.name for parameter in BASE_PARAMETERS)
+    }
 
-    mass: float = 0.0
+    bodies: tuple[float, ...] = Field(
+        default=(0.0,) * len(BASE_PARAMETERS),
+        min_length=len(BASE_PARAMETERS),
+        max_length=len(BASE_PARAMETERS),
+    )
 
     def joint_parameters(self, setting: Setting) -> tuple[Parameter, ...]:
         """dq."""
@@ -130,10 +140,20 @@ class EncoderOffset(OneJointTerm):
         return (Parameter("dq", "rad", None, "reading of the encoder at zero"),)
 
     def fill(self, record: Record, setting: Setting, columns: np.ndarray) -> None:
-        """The lever arm on the joint itself, gravity on all three."""
+        """The lever arm on the joint itself, the bodies on all three."""
         super().fill(record, setting, columns)
-        weight = turned_weight(planar_machine(self, setting), record)
-        columns[:, planar_columns(record), 0] -= self.mass * weight
+        if any(self.bodies):
+            columns[:, :, 0] -= self._slope_of_bodies(record, setting)
+
+    def _slope_of_bodies(self, record: Record, setting: Setting) -> np.ndarray:
+        """d/dq of (7), by central differences, (n, 3)."""
+        turned = np.zeros_like(record.position)
+        turned[:, record.column(self.joint)] = STEP
+        after, before = (
+            PlanarRigidBody().columns(replace(record, position=q), setting) @ self.bodies
+            for q in (record.position + turned, record.position - turned)
+        )
+        return (after - before) / (2.0 * STEP)
 
     def joint_columns(self, record: Record, setting: Setting, j: int) -> np.ndarray:
         """F d2x/dq2."""

@@ -46,8 +46,8 @@ class Term(Schema, ABC):
     registered by being defined. Fields are its shape parameters and the joints it acts on. With an
     `effect` it is a candidate for what a model lacks, and `shapes` says where its shape parameters,
     fields of the same name, are then sought; `of_model` names fields that are not sought but hold
-    the value of a parameter of the model, if it has that. A `nuisance` stands for an error of the
-    data: its columns may go beside a model, but it is never what the model lacks.
+    the values of parameters of the model, if it has all of them. A `nuisance` stands for an error
+    of the data: its columns may go beside a model, but it is never what the model lacks.
     """
 
     type: str
@@ -55,7 +55,7 @@ class Term(Schema, ABC):
     effect: ClassVar[Effect | None] = None
     nuisance: ClassVar[bool] = False
     shapes: ClassVar[Mapping[str, Shape]] = MappingProxyType({})
-    of_model: ClassVar[Mapping[str, str]] = MappingProxyType({})
+    of_model: ClassVar[Mapping[str, tuple[str, ...]]] = MappingProxyType({})
 
     @classmethod
     def __pydantic_init_subclass__(cls, **kwargs: Any) -> None:

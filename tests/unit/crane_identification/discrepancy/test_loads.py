@@ -77,6 +77,21 @@ def test_loads_are_found_in_any_recordings_and_in_any_order(recordings: list[Pre
     assert gains == pytest.approx([gains[0]] * 3, rel=1e-4)
 
 
+def test_what_an_effect_takes_from_the_model_is_what_that_is_beside_it(
+    recordings: list[Preparation],
+) -> None:
+    """The bodies behind the zero of an encoder, from a model that starts with wrong ones."""
+    model = crane_model()
+    evidence = gather(model, [recordings[0], recordings[2]], FACTOR)
+    wrong = model.with_estimate(1.3 * model.theta, 0.0 * model.theta, "wrong")
+    zeros = [one for one in families(wrong, evidence) if one.type == "encoder_offset"]
+    assert [one.joint for one in zeros] == ["inner_boom", "outer_boom"]
+    for one in zeros:
+        bodies = dict(one.given)["bodies"]
+        assert bodies == pytest.approx(model.theta[:8].tolist(), rel=0.1)
+        assert one.at({}).bodies == bodies
+
+
 def test_more_loads_than_differ_are_not_kept(recordings: list[Preparation]) -> None:
     """They gain more, and may have looked different while another effect was missing."""
     searched = sought(recordings)
