@@ -235,7 +235,7 @@ def nearest(content: Content) -> list[str]:
     near = content["nearest"]
     if near is None:
         return []
-    names = " with ".join(_alone(one) for one in near["effects"])
+    names = listed([_alone(one) for one in near["effects"]])
     own = {one["joint"] for one in near["effects"]}
     moved = [
         f"held-out error of the {spoken(joint)} {percent(_number(one['before']))} → "
