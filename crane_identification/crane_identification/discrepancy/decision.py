@@ -43,10 +43,9 @@ class Judged:
 
     `score`: 2 dlogL that the set loses without it; `threshold` and `null` (replicates,) of the best
     score when nothing is missing; `held_out` gains of the folds `fold_names`. `runner_up`: the best
-    family in its place that is not the same with more freedom, `margin` behind by, where `needed`
-    is asked for; `members`: all families that cannot be told from it. `strength`: rms of what it
-    explains over that of its joint's force; `correlation` of the columns of the best family in its
-    place with its own, beside the model.
+    family in its place, `margin` behind by, where `needed` is asked for; `members`: all families
+    that cannot be told from it. `strength`: rms of what it explains over that of its joint's force;
+    `correlation` of the runner-up's columns with its own, beside the model.
     """
 
     option: Option
@@ -232,7 +231,6 @@ def _judged(
     needed = max(threshold, thresholds.lead_share * left, (1.0 - thresholds.alike**2) * score)
     needed_of_kin = max(needed, KIN_SHARE * left)
     members: list[Family] = []
-    beside: list[tuple[Choice, Family]] = []
     for rival, alike in rivals:
         other = projection.options[rival.options[-1]]
         lead = choice.gain - rival.gain
@@ -244,7 +242,6 @@ def _judged(
         more = freedom(search, rival.options[-1]) > freedom(search, number)
         if more and alike > form and not related:
             continue  # the same with more freedom, which it does not need
-        beside.append((rival, other.family))
         if lead <= (needed_of_kin if related else needed):
             members.append(other.family)
     members += same_as(search, [rival for rival, _ in rivals], members, needed, thresholds.alike)
@@ -252,7 +249,7 @@ def _judged(
     columns = [projection.options[i].columns for i in rest.options]
     before = np.concatenate([evidence.free, *columns], axis=2)
     held_out, names = held_out_gains(evidence, search.whitener, before, own.columns)
-    second, runner_up = beside[0] if beside else (NOTHING, None)
+    runner_up = projection.options[rivals[0][0].options[-1]].family if rivals else None
     closest = runner_up is not None and kin(own.family, runner_up)
     return Judged(
         option=own,
@@ -262,7 +259,7 @@ def _judged(
         held_out=held_out,
         fold_names=names,
         runner_up=runner_up,
-        margin=choice.gain - second.gain if beside else score,
+        margin=choice.gain - rivals[0][0].gain if rivals else score,
         needed=needed_of_kin if closest else needed,
         correlation=rivals[0][1] if rivals else 0.0,
         members=tuple(members),

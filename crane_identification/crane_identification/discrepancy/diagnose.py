@@ -77,9 +77,7 @@ def run(arguments: argparse.Namespace) -> None:
         save_model(arguments.out / "model.yaml", result.after)
         findings.write(arguments.out / "findings.json", result, suspicions)
         page.write(arguments.out / "report.html", result, provenance, suspicions)
-    for warning in suspicions:
-        print(f"warning: {warning}", file=sys.stderr)
-    _tell(findings.content(result))
+    _tell(findings.content(result) | {"suspicions": suspicions})
     print(f"written: {arguments.out}/findings.json, model.yaml, report.html")
     logs = [*training, *held_out]
     samples = sum(len(log.position.time) for log in logs)
@@ -88,7 +86,7 @@ def run(arguments: argparse.Namespace) -> None:
 
 
 def _tell(content: dict[str, Any]) -> None:
-    for warning in content.get("warnings", ()):  # older files have none
+    for warning in (*content.get("suspicions", ()), *content.get("warnings", ())):
         print(f"warning: {warning}", file=sys.stderr)
     print("\n".join(explain.lines(content)))
 
@@ -120,7 +118,7 @@ def parser() -> argparse.ArgumentParser:
     add("--thresholds", type=Path, help="thresholds (YAML; default: the packaged ones)")
     add("--hydraulics", type=Path, help="what is usual of valves and oil (YAML)")
     trust_recordings(result)
-    add("--explain", type=Path, metavar="DIR", help="print the answer in DIR in twenty lines")
+    add("--explain", type=Path, metavar="DIR", help="print the answer in DIR")
     return result
 
 

@@ -52,8 +52,9 @@ class Diagnosis:
     the residual before and after; `correlation_left` of neighbouring rows of what remains, 0 for
     noise. `undetermined` parameters of the given model were left out of it; the answer is sought
     `without` these effects; `uncalibrated` quantities are in counts; `warnings` are about the
-    recordings, and say where the model after does not carry over to those held out. `session` says
-    whether time runs through all of them, `fixed` whether the values of the model were kept.
+    recordings, and say where the model after does not carry over to those held out. `regions_left`
+    carry what is left after. `session` says whether time runs through all recordings, `fixed`
+    whether the values of the model were kept.
     """
 
     verdict: Verdict
@@ -70,6 +71,7 @@ class Diagnosis:
     gap: Gap
     energy: np.ndarray
     regions: tuple[Region | None, ...]
+    regions_left: tuple[Region | None, ...]
     learnt_before: Learnt
     learnt_after: Learnt
     correlation_left: np.ndarray
@@ -160,7 +162,7 @@ def diagnose(
     uncalibrated = tuple(dict.fromkeys(name for log in logs for name in log.uncalibrated))
     return Diagnosis(
         verdict=answer.verdict,
-        reason=f"{answer.reason}; {near}" if near else answer.reason,
+        reason=answer.reason,
         before=before,
         after=last.model,
         search=found,
@@ -175,10 +177,8 @@ def diagnose(
         held_out=held_out,
         gap=gap,
         energy=_energy(found, first),
-        regions=tuple(
-            region(known, first.residual[:, j], evidence.used[:, j])
-            for j in range(len(model.joints))
-        ),
+        regions=_regions(known, first, evidence),
+        regions_left=_regions(known, last, evidence),
         learnt_before=first.learnt,
         learnt_after=last.learnt,
         correlation_left=_correlation(evidence.moving, last),
@@ -252,6 +252,12 @@ def _averaged(
         except DataError:
             continue  # no whole period without a gap
     return out, wrong
+
+
+def _regions(known: Features, trial: Trial, seen: Evidence) -> tuple[Region | None, ...]:
+    """Where what a model leaves of each joint sits."""
+    joints = range(len(seen.joints))
+    return tuple(region(known, trial.residual[:, j], seen.used[:, j]) for j in joints)
 
 
 def _energy(found: Search, before: Trial) -> np.ndarray:

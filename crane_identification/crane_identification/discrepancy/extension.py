@@ -31,12 +31,16 @@ class Training:
 
 @dataclass(frozen=True)
 class Value:
-    """One parameter of a finding, linear or shape; `before` it changed, with standard deviation."""
+    """One parameter of a finding, linear or shape; not below `minimum`, if any.
+
+    `before` is what it has changed from, with its standard deviation.
+    """
 
     name: str
     value: float
     std_dev: float
     unit: str
+    minimum: float | None = None
     before: tuple[float, float] | None = None
 
     @property
@@ -57,6 +61,12 @@ class Finding:
     def family(self) -> Family:
         """The effect and its joint."""
         return self.accepted.option.family
+
+    @property
+    def added(self) -> np.ndarray:
+        """Coefficients (k,) of the columns of the effect: its values, or by what they changed."""
+        linear = self.parameters[: len(self.accepted.option.positive)]
+        return np.array([one.change[0] for one in linear])
 
 
 def extended(
@@ -91,6 +101,7 @@ def extended(
                 float(after.theta[i]),
                 float(after.std_devs[i]),
                 after.parameters[i].unit,
+                after.parameters[i].minimum,
                 _before(before, i) if one.option.family.changes else None,
             )
             for i in range(part.start, part.stop)

@@ -50,13 +50,13 @@ def examine(
     absent: dict[tuple[str, str], str] = {}
     for joint in evidence.joints:
         try:
+            here, there = FlowRows(evidence, joint), FlowRows(held_out, joint)
             if joint in distrusted:
                 raise DataError(f"flow of '{joint}': its sensors may be wrong; settle that first")
             if joint not in usual.dead_zone:
                 raise DataError(
                     f"flow of '{joint}': what is usual of its valve is not known; add its dead_zone"
                 )
-            here, there = FlowRows(evidence, joint), FlowRows(held_out, joint)
             found.append(_Examination(here, there, usual).flow())
         except DataError as error:
             absent |= {(effect, joint): str(error) for effect in sorted(FLOW_EFFECTS)}
