@@ -12,7 +12,7 @@ from crane_identification.discrepancy.loads import LOADS, Loads, heavier
 from crane_identification.progress import Progress, silent
 from crane_model.errors import CraneError
 from crane_model.model_file import Model
-from crane_model.terms import Effect, Term, candidates, joints_of
+from crane_model.terms import Effect, Shape, Term, candidates, joints_of
 
 WHOLE = "all"  # in place of a joint
 Given = tuple[tuple[str, tuple[float, ...]], ...]
@@ -41,6 +41,16 @@ class Family:
         return self.term.effect
 
     @property
+    def shapes(self) -> Mapping[str, Shape]:
+        """The shape parameters that are sought."""
+        return self.term.shapes
+
+    @property
+    def changes(self) -> bool:
+        """Whether it is a change of what the model has, and not an effect that it lacks."""
+        return False
+
+    @property
     def type(self) -> str:
         """Its name in model files."""
         return str(self.term.model_fields["type"].default)
@@ -65,7 +75,7 @@ class Family:
         if self.parts:
             yield from ({LOADS: loads} for loads in self.parts)
             return
-        shapes = self.term.shapes
+        shapes = self.shapes
         points = [shape.points for shape in shapes.values()]
         while np.prod(points) > LARGEST_GRID:
             points[int(np.argmax(points))] -= 1
@@ -118,7 +128,8 @@ def _given(model: Model, evidence: Evidence, cls: type[Term], joint: str | None)
     }
     given: Given = ()
     values = model.theta
-    for _ in range(ROUNDS if places else 0):
+    rounds = 1 if evidence.keeps else ROUNDS  # values that are kept do not make up for it
+    for _ in range(rounds if places else 0):
         given = tuple((field, tuple(values[at].tolist())) for field, at in places.items())
         try:
             values = evidence.roughly(evidence.columns(Family(cls, joint, given).at({})))
@@ -130,7 +141,9 @@ def _given(model: Model, evidence: Evidence, cls: type[Term], joint: str | None)
 def option(evidence: Evidence, family: Family, shape: Mapping[str, Any]) -> Option:
     """`family` at `shape` on the evidence; `CraneError` where that cannot be observed."""
     term = family.at(shape)
-    signs = [p.minimum == 0.0 for p in term.parameters(evidence.model.setting)]
+    signs = [
+        p.minimum == 0.0 and not family.changes for p in term.parameters(evidence.model.setting)
+    ]
     return Option(family, dict(shape), term, evidence.columns(term), np.array(signs))
 
 

@@ -32,7 +32,7 @@ def held_out_gains(
     """
     fold, names = folds(evidence)
     label = fold[whitener.row]
-    old, new, force = whitener(before), whitener(added), whitener(evidence.force)
+    old, new, force = whitener(before), whitener(added), whitener(evidence.left)
     return np.array([gain(old, new, force, label == i) for i in range(len(names))]), names
 
 

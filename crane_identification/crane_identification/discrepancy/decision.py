@@ -32,7 +32,9 @@ neither needs to be quite the machine's."""
 FOLDS_TO_FAIL = 4
 """Folds of which one may fail, whatever share is asked for."""
 SAME_FORM = 0.9
-"""Correlation above which one effect is taken for a special case of the other."""
+"""Correlation above which one effect is taken for a special case of the other,"""
+EXACTLY = 1.0 - 1e-6
+"""and above which it is the other, by another name."""
 
 
 @dataclass(frozen=True)
@@ -98,7 +100,12 @@ def decide(search: Search, thresholds: Thresholds) -> Decision:
 
 
 def _of_one_form(search: Search, choice: Choice, thresholds: Thresholds) -> bool:
-    """Whether an effect of a set is but the form of another one of them."""
+    """Whether an effect of a set is but the form of another one of them.
+
+    Changes of terms that the model has are of the model's own form.
+    """
+    if all(search.projection.options[number].family.changes for number in choice.options):
+        return False
     gains = _marginal(search, choice)
     if slight([search.channels(number) for number in choice.options], gains, thresholds):
         return True
@@ -227,19 +234,20 @@ def _judged(
     for rival, alike in rivals:
         other = projection.options[rival.options[-1]]
         lead = choice.gain - rival.gain
-        if kin(own.family, other.family):
-            if lead <= needed_of_kin:
-                members.append(other.family)
-            continue
-        more = bool(other.shape) and freedom(search, rival.options[-1]) > freedom(search, number)
-        if more and alike > SAME_FORM:
+        related = kin(own.family, other.family)
+        if other.shape or other.family.changes:
+            form = SAME_FORM
+        else:
+            form = EXACTLY if own.family.changes else np.inf
+        more = freedom(search, rival.options[-1]) > freedom(search, number)
+        if more and alike > form and not related:
             continue  # the same with more freedom, which it does not need
-        if lead <= needed:
+        if lead <= (needed_of_kin if related else needed):
             members.append(other.family)
     members += same_as(search, [rival for rival, _ in rivals], members, needed, thresholds.alike)
     evidence = search.evidence
     columns = [projection.options[i].columns for i in rest.options]
-    before = np.concatenate([evidence.base, *columns], axis=2)
+    before = np.concatenate([evidence.free, *columns], axis=2)
     held_out, names = held_out_gains(evidence, search.whitener, before, own.columns)
     runner_up = projection.options[rivals[0][0].options[-1]].family if rivals else None
     closest = runner_up is not None and kin(own.family, runner_up)

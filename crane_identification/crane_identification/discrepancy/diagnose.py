@@ -26,6 +26,7 @@ from crane_model.model_file import load_model, save_model
 from crane_model.terms import load_terms
 
 WITHOUT = "effects that the answer is sought without, as findings.json names them: what else fits?"
+FIXED = "what has changed since the model was made? Keeps its values"
 NEEDED = ("model", "train", "validate", "out")
 
 
@@ -60,7 +61,15 @@ def run(arguments: argparse.Namespace) -> None:
         suspicions = vetted(model.machine, (*training, *held_out), arguments.trust_recordings)
         with blaming(suspicions):
             result = diagnose(
-                model, training, held_out, options, thresholds, progress, usual, arguments.without
+                model,
+                training,
+                held_out,
+                options,
+                thresholds,
+                progress,
+                usual,
+                arguments.without,
+                arguments.fixed,
             )
         provenance = Provenance.of(
             datetime.now(UTC).strftime("%Y-%m-%d %H:%M UTC"),
@@ -71,9 +80,7 @@ def run(arguments: argparse.Namespace) -> None:
         save_model(arguments.out / "model.yaml", result.after)
         findings.write(arguments.out / "findings.json", result, suspicions)
         page.write(arguments.out / "report.html", result, provenance, suspicions)
-    for warning in suspicions:
-        print(f"warning: {warning}", file=sys.stderr)
-    _tell(findings.content(result))
+    _tell(findings.content(result) | {"suspicions": suspicions})
     print(f"written: {arguments.out}/findings.json, model.yaml, report.html")
     logs = [*training, *held_out]
     samples = sum(len(log.position.time) for log in logs)
@@ -82,7 +89,7 @@ def run(arguments: argparse.Namespace) -> None:
 
 
 def _tell(content: dict[str, Any]) -> None:
-    for warning in content.get("warnings", ()):  # older files have none
+    for warning in (*content.get("suspicions", ()), *content.get("warnings", ())):
         print(f"warning: {warning}", file=sys.stderr)
     print("\n".join(explain.lines(content)))
 
@@ -111,10 +118,11 @@ def parser() -> argparse.ArgumentParser:
     add_part(result)
     add_period(result)
     add("--without", nargs="+", default=[], metavar="EFFECT", help=WITHOUT)
+    add("--fixed", action="store_true", help=FIXED)
     add("--thresholds", type=Path, help="thresholds (YAML; default: the packaged ones)")
     add("--hydraulics", type=Path, help="what is usual of valves and oil (YAML)")
     trust_recordings(result)
-    add("--explain", type=Path, metavar="DIR", help="print the answer in DIR in twenty lines")
+    add("--explain", type=Path, metavar="DIR", help="print the answer in DIR")
     return result
 
 

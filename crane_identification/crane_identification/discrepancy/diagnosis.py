@@ -5,7 +5,9 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
+from crane_identification.carry_over import elsewhere
 from crane_identification.data.log import Log
+from crane_identification.discrepancy import changes
 from crane_identification.discrepancy.candidates import Family, families
 from crane_identification.discrepancy.decision import decide
 from crane_identification.discrepancy.determined import decimation, fitted
@@ -50,7 +52,9 @@ class Diagnosis:
     the residual before and after; `correlation_left` of neighbouring rows of what remains, 0 for
     noise. `undetermined` parameters of the given model were left out of it; the answer is sought
     `without` these effects; `uncalibrated` quantities are in counts; `warnings` are about the
-    recordings. `session` says whether time runs through all of them.
+    recordings, and say where the model after does not carry over to those held out. `regions_left`
+    carry what is left after. `session` says whether time runs through all recordings, `fixed`
+    whether the values of the model were kept.
     """
 
     verdict: Verdict
@@ -67,6 +71,7 @@ class Diagnosis:
     gap: Gap
     energy: np.ndarray
     regions: tuple[Region | None, ...]
+    regions_left: tuple[Region | None, ...]
     learnt_before: Learnt
     learnt_after: Learnt
     correlation_left: np.ndarray
@@ -80,6 +85,7 @@ class Diagnosis:
     flow_unobservable: dict[tuple[str, str], str]
     pulsations: tuple[Pulsation, ...]
     session: Session
+    fixed: bool
 
     @property
     def joints(self) -> tuple[str, ...]:
@@ -96,6 +102,7 @@ def diagnose(
     progress: Progress = silent,
     usual: Usual | None = None,
     without: Collection[str] = (),
+    fixed: bool = False,
 ) -> Diagnosis:
     """Where `model` disagrees with the recordings, and why.
 
@@ -103,10 +110,14 @@ def diagnose(
     effects (types of terms) that the answer is sought without: what else could it be?
 
     The model is fitted to the training recordings first, so that its values are not what differs.
+    With `fixed` they are kept instead, and what differs from them is what has changed.
+
     `DataError` if recordings cannot be used or do not determine the parameters of the model;
-    `ConfigurationError` if an effect is not in the catalogue.
+    `ConfigurationError` if an effect is not in the catalogue, or values to keep are missing.
     """
     _check(training, validation, without)
+    if fixed:
+        model = changes.of_machine(model)
     logs = chronological((*training, *validation))
     session = Session.of(logs)
     whole = replace(options, average=False)
@@ -115,7 +126,11 @@ def diagnose(
     train = [p for p in prepared if p.source in sources]
     hold = [p for p in prepared if p.source not in sources]
     given = Training(train, decimation(train, options.decimation), ", ".join(sorted(sources)))
-    evidence, before, left_out = fitted(model, train, given.factor, given.sources)
+    evidence, before, left_out = (
+        (changes.kept(model, train, given.factor), model, ())
+        if fixed
+        else fitted(model, train, given.factor, given.sources)
+    )
     held_out = gather(before, hold, given.factor, first_run=len(train))
     found = search(evidence, _wanted(before, evidence, left_out, without), progress)
     decision = decide(found, thresholds)
@@ -147,7 +162,7 @@ def diagnose(
     uncalibrated = tuple(dict.fromkeys(name for log in logs for name in log.uncalibrated))
     return Diagnosis(
         verdict=answer.verdict,
-        reason=f"{answer.reason}; {near}" if near else answer.reason,
+        reason=answer.reason,
         before=before,
         after=last.model,
         search=found,
@@ -162,10 +177,8 @@ def diagnose(
         held_out=held_out,
         gap=gap,
         energy=_energy(found, first),
-        regions=tuple(
-            region(known, first.residual[:, j], evidence.used[:, j])
-            for j in range(len(model.joints))
-        ),
+        regions=_regions(known, first, evidence),
+        regions_left=_regions(known, last, evidence),
         learnt_before=first.learnt,
         learnt_after=last.learnt,
         correlation_left=_correlation(evidence.moving, last),
@@ -174,11 +187,16 @@ def diagnose(
         undetermined=undetermined,
         without=frozenset(without),
         uncalibrated=uncalibrated,
-        warnings=(*(one for log in logs for one in log.warnings), *not_periodic),
+        warnings=(
+            *(one for log in logs for one in log.warnings),
+            *not_periodic,
+            *elsewhere(model.joints, gap.after, gap.training_after, gap.floor),
+        ),
         flows=tuple(flows),
         flow_unobservable=no_flow,
         pulsations=lines,
         session=session,
+        fixed=fixed,
     )
 
 
@@ -204,9 +222,10 @@ def _wanted(
 ) -> list[Family]:
     """The families that are asked for: not `without`, and none that the model had."""
     had = {(term.type, getattr(term, "joint", None)) for term in left_out}
+    changed = changes.families(evidence.model) if evidence.keeps else []
     return [
         family
-        for family in families(model, evidence)
+        for family in (*families(model, evidence), *changed)
         if family.type not in without and (family.type, family.joint) not in had
     ]
 
@@ -237,6 +256,12 @@ def _averaged(
         except DataError:
             continue  # no whole period without a gap
     return out, wrong
+
+
+def _regions(known: Features, trial: Trial, seen: Evidence) -> tuple[Region | None, ...]:
+    """Where what a model leaves of each joint sits."""
+    joints = range(len(seen.joints))
+    return tuple(region(known, trial.residual[:, j], seen.used[:, j]) for j in joints)
 
 
 def _energy(found: Search, before: Trial) -> np.ndarray:

@@ -77,7 +77,8 @@ class Evidence:
 
     Channels are the j joints in the first zone, then in the second. `run` and `bag` (n,) number the
     gapless runs and the recordings that they come from, `time` (n,) [s]. The first columns of
-    `base` are the regressor of the model, the rest nuisance close to reversals.
+    `base` are the regressor of the model, the rest nuisance close to reversals. Where the values of
+    the model are kept, `std_devs` (p,) says how well they are known.
     """
 
     model: Model
@@ -88,6 +89,30 @@ class Evidence:
     force: np.ndarray
     base: np.ndarray
     used: np.ndarray
+    std_devs: np.ndarray | None = None
+
+    @property
+    def keeps(self) -> bool:
+        """Whether the values of the model are kept."""
+        return self.std_devs is not None
+
+    @property
+    def free(self) -> np.ndarray:
+        """Columns (n, c, k) whose coefficients are free: of the base, all or the nuisances."""
+        return self.base[:, :, len(self.model.parameters) :] if self.keeps else self.base
+
+    @property
+    def uncertain(self) -> np.ndarray:
+        """Force (n, c, p or 0) of one standard deviation of each value that is kept."""
+        p = 0 if self.std_devs is None else len(self.std_devs)
+        return self.base[:, :, :p] * (0.0 if self.std_devs is None else self.std_devs)
+
+    @cached_property
+    def left(self) -> np.ndarray:
+        """Force (n, c) that the columns which are free may explain."""
+        if not self.keeps:
+            return self.force
+        return self.force - self.base[:, :, : len(self.model.theta)] @ self.model.theta
 
     @property
     def joints(self) -> tuple[str, ...]:
@@ -141,6 +166,10 @@ class Evidence:
         if not np.isfinite(out).all():
             raise DataError(f"term '{term.type}': what it needs was not logged throughout")
         return out
+
+    def regressor(self, model: Model) -> np.ndarray:
+        """The regressor (n, c, p) of a model of this machine, filtered as the force."""
+        return np.concatenate([run.filtered(model.regressor(run.record)) for run in self.runs])
 
     def roughly(self, columns: np.ndarray) -> np.ndarray:
         """Coefficients (p + k,) of the base and further `columns` (n, c, k), by least squares.

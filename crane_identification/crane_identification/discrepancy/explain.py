@@ -1,23 +1,14 @@
-"""A diagnosis in twenty lines of text, from the findings.json that it wrote."""
+"""A diagnosis as text, from the findings.json that it wrote: the answer, its proof, then the rest.
+
+Whatever is not printed is said to be elsewhere.
+"""
 
 import json
 from pathlib import Path
 from typing import Any
 
-from crane_identification.discrepancy.loads import NO_LOAD
+from crane_identification.discrepancy import wording
 from crane_model.errors import DataError
-
-ANSWERS = {
-    "named": "Something is missing, and these recordings say what.",
-    "named_and_more": "Something is missing, and these recordings say what; so is something more.",
-    "class": "Something is missing; these recordings narrow it down to a class.",
-    "none": "Nothing is missing that these recordings could show.",
-    "unknown": "Something is missing, and no effect of the catalogue is it.",
-    "insufficient_data": "These recordings do not suffice to say.",
-}
-DISAGREES = "Where the model disagrees"
-NOISE = "What the model leaves, noise as far as these recordings tell"
-WHERE = dict.fromkeys(ANSWERS, DISAGREES) | dict.fromkeys(("none", "insufficient_data"), NOISE)
 
 
 def read(folder: Path) -> dict[str, Any]:
@@ -34,81 +25,67 @@ def read(folder: Path) -> dict[str, Any]:
 
 
 def lines(content: dict[str, Any]) -> list[str]:
-    """At most twenty lines."""
-    out = [ANSWERS[content["verdict"]], f"  {content['reason']}", f"{WHERE[content['verdict']]}:"]
-    for joint, one in content["where"].items():
-        region = one["region"]
-        where = (
-            f", most with {region['variable']} in {region['range'][0]:.3g} .. "
-            f"{region['range'][1]:.3g}"
-            if region and one["energy_share"] > 0.05
-            else ""
-        )
-        out.append(f"  {joint}: {one['energy_share']:.0%} of what is unexplained{where}")
-    if content["undetermined"]:
-        out.append(f"Not determined, and left out: {', '.join(content['undetermined'])}")
-    if content["needs_units"]:
-        out.append(f"In counts, and need units: {', '.join(content['needs_units'])}")
-    if content["without"]:
-        out.append(f"Not asked for: {', '.join(content['without'])}")
-    if reason := content.get("clock", {}).get("reason"):
-        out.append(f"No time of a session: {reason}")
+    """The answer, the gap that proves it, what was found, and what is left."""
+    out = [_answer(content), f"  {wording.reason(content)}", *_gap(content)]
     for number, finding in enumerate(content["findings"], start=1):
         out += _finding(number, finding)
-    out.append("Held-out force error, before -> after (noise floor, learner):")
-    for joint, old in content["gap"]["before"].items():
-        new, closed = content["gap"]["after"][joint], content["gap"]["closed"][joint]
-        share = "" if closed is None else f", {closed:.0%} of the explainable gap closed"
-        out.append(
-            f"  {joint}: {_percent(old['force_relative_error'])} -> "
-            f"{_percent(new['force_relative_error'])} ({_percent(old['noise_floor'])}, "
-            f"{_percent(old['best_achievable'])}){share}"
-        )
-    loads = [
-        f"{one['recording']} {one['value']:.4g} +- {one['std_dev']:.2g} kg"
-        for one in content["gap"].get("loads", ())
-    ]
-    if loads:
-        out.append(f"  each with its own load, estimated from it: {', '.join(loads)}")
-    out.append(_left(content["left"]))
-    return out[:20]
+    out += _block("Nearest of the catalogue:", wording.nearest(content))
+    where = [f"{joint}: {said}" for joint, said in wording.disagrees(content)]
+    out += _block("Where the model disagrees:", where)
+    out.append(f"What is left: {wording.left(content)}.")
+    for name, key in (
+        ("Not determined, and left out", "undetermined"),
+        ("In counts, and need units", "needs_units"),
+        ("Not asked for", "without"),
+    ):
+        if content[key]:
+            out.append(f"{name}: {', '.join(content[key])}")
+    if reason := content.get("clock", {}).get("reason"):
+        out.append(f"No time of a session: {reason}")
+    return out + _elsewhere(content)
 
 
-def _left(left: dict[str, Any]) -> str:
-    """Of what kind what is left is."""
-    law = [joint for joint, one in left.items() if one["law"]]
-    coloured = [joint for joint, one in left.items() if not (one["white"] or one["law"])]
-    said = [f"follows a law on {', '.join(law)}"] if law else []
-    said += [f"is coloured noise on {', '.join(coloured)}"] if coloured else []
-    return f"What is left {' and '.join(said)}." if said else "What is left is white noise."
+def _answer(content: dict[str, Any]) -> str:
+    """The verdict, and what it names."""
+    names = "; ".join(wording.called(finding) for finding in content["findings"])
+    return wording.answer(content) + (f": {names}." if names else ".")
+
+
+def _gap(content: dict[str, Any]) -> list[str]:
+    """The held-out errors."""
+    both = ", before → after" if wording.added(content) else ""
+    out = [f"Held-out error of the force{both} (scatter between periods, flexible learner):"]
+    for one in wording.errors(content):
+        change = f" → {one.after}" if one.after else ""
+        closed = f", {one.closed} of what could be closed" if one.closed != wording.NONE else ""
+        out.append(f"  {one.joint}: {one.before}{change} ({one.floor}, {one.learner}){closed}")
+    loads = ", ".join(map(str, wording.loads(content)))
+    return out + ([f"  each with its own load, estimated from it: {loads}"] if loads else [])
 
 
 def _finding(number: int, finding: dict[str, Any]) -> list[str]:
-    values = ", ".join(
-        f"{p['name']} = {p['value']:.4g} +- {p['std_dev'] or 0:.2g} {_shown(p['unit'])}".rstrip()
-        for p in finding["parameters"]
-    )
-    out = [f"{number}. {finding['name']}, {finding['joint']}: {values}"]
-    for name, recordings in finding.get("carried_in", {}).items():
-        carried = "no load, from which masses count," if name == NO_LOAD else name
-        out.append(f"   {carried} in {', '.join(recordings)}")
-    evidence = f"   score {finding['score']:.0f}, threshold {finding['threshold']:.0f}"
-    if finding["runner_up"]:
-        runner = finding["runner_up"]
-        evidence += (
-            f"; {finding['margin']:.0f} ahead of {runner['name']}, {runner['joint']} "
-            f"({finding['margin_needed']:.0f} asked)"
-        )
-    out.append(evidence)
+    out = [f"{number}. {wording.called(finding)}: {wording.strength(finding)}".rstrip(": ")]
+    values = ", ".join(str(wording.estimate(one)) for one in finding["parameters"])
     if finding["class_members"]:
-        names = ", ".join(f"{one['name']} ({one['joint']})" for one in finding["class_members"][:3])
-        out += [f"   not told from {names}", f"   settled by {finding['settled_by']}"]
-    return out
+        out.append(f"   as {finding['name']} ({wording.place(finding['joint'])}): {values}")
+        out.append(f"   told apart by {finding['settled_by']}")
+    else:
+        out.append(f"   {values}")
+    out += [f"   {line}" for line in wording.carried(finding)]
+    return [*out, f"   {wording.evidence(finding)}"]
 
 
-def _shown(unit: str) -> str:
-    return "" if unit == "1" else unit
+def _block(title: str, said: list[str]) -> list[str]:
+    """Indented under a title; nothing where nothing is said."""
+    return [title, *(f"  {line}" for line in said)] if said else []
 
 
-def _percent(value: float | None) -> str:
-    return "?" if value is None else f"{value:.2%}"
+def _elsewhere(content: dict[str, Any]) -> list[str]:
+    """What is not printed."""
+    numbers = (
+        (len(content["not_testable"]), "effects that hide behind the parameters of the model"),
+        (len(content["not_observable"]), "that are not observable in these recordings"),
+        (len(content["flow"]), "joints with a balance of the flow"),
+    )
+    said = [f"{number} {what}" for number, what in numbers if number > 0]
+    return [f"Not printed: {', '.join(said)}; see report.html or findings.json."] if said else []

@@ -1,10 +1,16 @@
-"""The model with the accepted effects, refitted jointly, and the parameters of each of them."""
+"""The model with the accepted effects, refitted jointly, and the parameters of each of them.
+
+Where its values are kept, what changed is estimated alone.
+"""
 
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
 
+import numpy as np
+
 from crane_identification.data.units import COUNTS
 from crane_identification.discrepancy.candidates import Family
+from crane_identification.discrepancy.changes import estimated
 from crane_identification.discrepancy.decision import Judged
 from crane_identification.discrepancy.evidence import gather
 from crane_identification.discrepancy.loads import LOADS, NO_LOAD, Loads
@@ -25,12 +31,23 @@ class Training:
 
 @dataclass(frozen=True)
 class Value:
-    """One parameter of a finding, linear or shape."""
+    """One parameter of a finding, linear or shape; not below `minimum`, if any.
+
+    `before` is what it has changed from, with its standard deviation.
+    """
 
     name: str
     value: float
     std_dev: float
     unit: str
+    minimum: float | None = None
+    before: tuple[float, float] | None = None
+
+    @property
+    def change(self) -> tuple[float, float]:
+        """What it adds to the value before or to nothing, with its standard deviation."""
+        known, std_dev = self.before or (0.0, 0.0)
+        return self.value - known, float(np.hypot(self.std_dev, std_dev))
 
 
 @dataclass(frozen=True)
@@ -45,6 +62,12 @@ class Finding:
         """The effect and its joint."""
         return self.accepted.option.family
 
+    @property
+    def added(self) -> np.ndarray:
+        """Coefficients (k,) of the columns of the effect: its values, or by what they changed."""
+        linear = self.parameters[: len(self.accepted.option.positive)]
+        return np.array([one.change[0] for one in linear])
+
 
 def extended(
     found: Search,
@@ -58,10 +81,13 @@ def extended(
     """
     if not accepted:
         return before, []
-    model = before
-    for one in accepted:
-        model = model.with_term(one.option.term)
-    after = refit(gather(model, training.recordings, training.factor), training.sources)
+    if found.evidence.keeps:
+        after = estimated(found, before, [one.option for one in accepted])
+    else:
+        model = before
+        for one in accepted:
+            model = model.with_term(one.option.term)
+        after = refit(gather(model, training.recordings, training.factor), training.sources)
     own = [after.part(one.option.term) for one in accepted]
     assert after.std_devs is not None  # just fitted
     shapes = shape_std_devs(
@@ -75,16 +101,24 @@ def extended(
                 float(after.theta[i]),
                 float(after.std_devs[i]),
                 after.parameters[i].unit,
+                after.parameters[i].minimum,
+                _before(before, i) if one.option.family.changes else None,
             )
             for i in range(part.start, part.stop)
         ]
         coordinate = after.setting.units.get(one.option.family.where, "rad")
         bent = [
             Value(name, float(one.option.shape[name]), spread[name], shape.unit_on(coordinate))
-            for name, shape in one.option.family.term.shapes.items()
+            for name, shape in one.option.family.shapes.items()
         ]
         values.append(tuple(linear + bent))
     return after, values
+
+
+def _before(model: Model, i: int) -> tuple[float, float]:
+    """Value and standard deviation of a parameter."""
+    assert model.std_devs is not None  # changes are sought of a model with values
+    return float(model.theta[i]), float(model.std_devs[i])
 
 
 def carried_in(finding: Finding, recordings: Sequence[str]) -> dict[str, tuple[str, ...]]:

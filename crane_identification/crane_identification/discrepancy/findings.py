@@ -10,13 +10,17 @@ import numpy as np
 
 from crane_identification.discrepancy.candidates import WHOLE, Family
 from crane_identification.discrepancy.diagnosis import Diagnosis
-from crane_identification.discrepancy.extension import Finding, carried_in
+from crane_identification.discrepancy.extension import Finding, Value, carried_in
 from crane_identification.discrepancy.gap import Gap
 from crane_identification.discrepancy.hydraulics import SIGMAS as FLOW_SIGMAS
 from crane_identification.discrepancy.hydraulics import Flow, Quantity
 from crane_identification.discrepancy.loads import LOADS, NO_LOAD, SIGMAS
+from crane_identification.discrepancy.region import Region
+from crane_identification.discrepancy.strength import acting
+from crane_identification.discrepancy.variables import feature_unit
 from crane_identification.discrepancy.weighing import Weighed
 from crane_identification.motion_validation import MotionValidation
+from crane_identification.report.notation import is_determined
 
 WHITE = 0.25  # correlation of neighbouring rows up to which what is left counts as white
 
@@ -30,10 +34,12 @@ def write(path: Path | str, diagnosis: Diagnosis, suspicions: Sequence[str] = ()
 
 def content(diagnosis: Diagnosis) -> dict[str, Any]:
     """All of it as plain mappings; numbers that are not known are null."""
+    gap = diagnosis.gap
     return _plain(
         {
             "verdict": diagnosis.verdict.value,
             "reason": diagnosis.reason,
+            "values_kept": diagnosis.fixed,
             "where": _where(diagnosis),
             "findings": [_finding(diagnosis, one) for one in diagnosis.findings]
             + [
@@ -58,12 +64,16 @@ def content(diagnosis: Diagnosis) -> dict[str, Any]:
                     "correlation": correlation,
                     "learnable_share": share,
                     "law": law,
+                    "beyond_noise": times > diagnosis.thresholds.floor_factor,
+                    "region": _region(diagnosis, region),
                 }
-                for joint, correlation, share, law in zip(
+                for joint, correlation, share, law, times, region in zip(
                     diagnosis.joints,
                     diagnosis.correlation_left,
                     diagnosis.learnt_after.share,
                     diagnosis.learnt_after.follows_law(diagnosis.thresholds),
+                    gap.over_floor(np.maximum(gap.after, gap.training_after)),
+                    diagnosis.regions_left,
                     strict=True,
                 )
             },
@@ -90,21 +100,26 @@ def content(diagnosis: Diagnosis) -> dict[str, Any]:
 
 def _where(diagnosis: Diagnosis) -> dict[str, Any]:
     motion = diagnosis.gap.motion_before
-    out = {}
-    for j, joint in enumerate(diagnosis.joints):
-        region = diagnosis.regions[j]
-        out[joint] = {
+    return {
+        joint: {
             "energy_share": diagnosis.energy[j],
             "motion_error": motion.position_rms[j],
-            "region": None
-            if region is None
-            else {
-                "variable": region.variable,
-                "range": [region.low, region.high],
-                "share": region.share,
-            },
+            "region": _region(diagnosis, diagnosis.regions[j]),
         }
-    return out
+        for j, joint in enumerate(diagnosis.joints)
+    }
+
+
+def _region(diagnosis: Diagnosis, region: Region | None) -> dict[str, Any] | None:
+    if region is None:
+        return None
+    setting, counts = diagnosis.before.setting, bool(diagnosis.uncalibrated)
+    return {
+        "variable": region.variable,
+        "range": [region.low, region.high],
+        "unit": feature_unit(region.variable, setting, counts),
+        "share": region.share,
+    }
 
 
 def _finding(diagnosis: Diagnosis, finding: Finding) -> dict[str, Any]:
@@ -114,11 +129,12 @@ def _finding(diagnosis: Diagnosis, finding: Finding) -> dict[str, Any]:
         "effect": family.type,
         "name": family.effect.name,
         "joint": family.where,
+        "changed": family.changes,
         "class_members": [
             {"effect": one.type, "name": one.effect.name, "joint": one.where}
             for one in accepted.members
         ],
-        "parameters": [value.__dict__ for value in finding.parameters],
+        "parameters": [_parameter(value) for value in finding.parameters],
         "carried_in": carried_in(finding, diagnosis.training.sources),
         "score": accepted.score,
         "threshold": accepted.threshold,
@@ -129,10 +145,30 @@ def _finding(diagnosis: Diagnosis, finding: Finding) -> dict[str, Any]:
         "margin": accepted.margin,
         "margin_needed": accepted.needed,
         "visibility": accepted.visibility,
-        "strength": accepted.strength,
+        "strength": _strength(diagnosis, finding),
+        "visible_strength": accepted.strength,
         "held_out_gains": dict(zip(accepted.fold_names, accepted.held_out, strict=True)),
         "settled_by": family.effect.settled_by,
     }
+
+
+def _parameter(one: Value) -> dict[str, Any]:
+    """A parameter, whether the recordings determine it, and what it has changed from."""
+    own = one.__dict__ | {"determined": is_determined(one.value, one.std_dev, one.minimum)}
+    before = own.pop("before")
+    if before is None:
+        return own
+    change, std_dev = one.change
+    return own | {
+        "before": before[0],
+        "before_std_dev": before[1],
+        "change": change,
+        "change_std_dev": std_dev,
+    }
+
+
+def _strength(diagnosis: Diagnosis, finding: Finding) -> float:
+    return acting(diagnosis.training, finding.accepted.option.columns, finding.added)
 
 
 def _of_load(diagnosis: Diagnosis, one: Weighed) -> dict[str, Any]:
@@ -143,7 +179,7 @@ def _of_load(diagnosis: Diagnosis, one: Weighed) -> dict[str, Any]:
         diagnosis,
         Family(cls, None),
         WHOLE,
-        {"name": name, "value": one.mass, "std_dev": one.std_dev, "unit": "kg"},
+        _parameter(Value(name, one.mass, one.std_dev, "kg")),
         (one.mass / one.std_dev) ** 2,
         SIGMAS**2,
         None,
@@ -178,17 +214,17 @@ def _nearest(diagnosis: Diagnosis) -> dict[str, Any] | None:
 def _of_flow(diagnosis: Diagnosis, joint: str, one: Quantity) -> dict[str, Any]:
     """A finding of the flow balance, by the same keys; it adds nothing to the model of forces."""
     threshold = (FLOW_SIGMAS * one.std_dev / one.value) ** 2 * one.score
-    return _by_itself(diagnosis, one, joint, _value(one), one.score, threshold, one.share)
+    return _by_itself(diagnosis, one, joint, of_quantity(one), one.score, threshold, one.share)
 
 
 def _by_itself(
     diagnosis: Diagnosis,
     what: Family | Quantity,
     joint: str,
-    parameter: dict[str, Any],
+    value: dict[str, Any],
     score: float,
     threshold: float,
-    strength: float | None,
+    visible_strength: float | None,
 ) -> dict[str, Any]:
     """A finding with one parameter, which competed with no other effect."""
     return {
@@ -196,7 +232,7 @@ def _by_itself(
         "name": what.effect.name,
         "joint": joint,
         "class_members": [],
-        "parameters": [parameter],
+        "parameters": [value],
         "carried_in": {},
         "score": score,
         "threshold": threshold,
@@ -205,7 +241,8 @@ def _by_itself(
         "margin": score,
         "margin_needed": 0.0,
         "visibility": 1.0,
-        "strength": strength,
+        "strength": None,  # rms over that of the drive force, as of effects that compete
+        "visible_strength": visible_strength,
         "held_out_gains": {},
         "settled_by": what.effect.settled_by,
     }
@@ -224,18 +261,25 @@ def _flow(flow: Flow) -> dict[str, Any]:
         },
         "quantities": {
             one.type: {
-                **_value(one),
+                **of_quantity(one),
                 "usual_limit": one.usual,
                 "share_beyond_usual": one.share,
-                "determined": one.determined,
             }
             for one in flow.quantities
         },
     }
 
 
-def _value(one: Quantity) -> dict[str, Any]:
-    return {"name": one.type, "value": one.value, "std_dev": one.std_dev, "unit": one.unit}
+def of_quantity(one: Quantity) -> dict[str, Any]:
+    """A value of the hydraulics, by the keys of a parameter."""
+    return {
+        "name": one.type,
+        "value": one.value,
+        "std_dev": one.std_dev,
+        "unit": one.unit,
+        "minimum": None,
+        "determined": one.determined,
+    }
 
 
 def _side(diagnosis: Diagnosis, error: np.ndarray, motion: MotionValidation) -> dict[str, Any]:

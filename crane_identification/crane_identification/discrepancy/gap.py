@@ -25,6 +25,7 @@ class Gap:
     """Per joint (j,), relative to the rms of the force: error `before` and `after`, the `floor` of
     noise (NaN where no period was repeated), and the `best` that a flexible learner reaches;
     `training_before` and `training_after`: errors on the recordings that models were fitted to.
+    `uncertain`: error that the standard deviations of values that are kept allow.
 
     `motion_before` and `motion_after`: errors of the simulated motion. `loads` of the held-out
     recordings, which `carried` holds beside what the model after has.
@@ -41,6 +42,7 @@ class Gap:
     motion_after: MotionValidation
     loads: tuple[Weighed, ...]
     carried: Model
+    uncertain: np.ndarray | float = 0.0
 
     @property
     def reachable(self) -> np.ndarray:
@@ -88,6 +90,7 @@ def measure(
     The one after with the load of each of these, which is a property of that recording.
     """
     j = len(before.joints)
+    doubt = uncertain(held_out, after) if training.keeps else 0.0
     after, loads = with_own_loads(after, training, held_out)
     old, new = residual(held_out, before), residual(held_out, after)
     learnt = np.minimum(np.abs(old), np.abs(new))  # close to reversals, what the better one leaves
@@ -109,7 +112,15 @@ def measure(
         motion_after=validate_motion(after, records),
         loads=loads,
         carried=after,
+        uncertain=doubt,
     )
+
+
+def uncertain(evidence: Evidence, model: Model) -> np.ndarray:
+    """Error (j,) of the force, relative to it, that the standard deviations of values make."""
+    assert model.std_devs is not None  # of values that are kept
+    parts = evidence.regressor(model) * model.std_devs
+    return relative(evidence, np.linalg.norm(parts, axis=2))
 
 
 def with_own_loads(
@@ -135,8 +146,8 @@ def relative(evidence: Evidence, values: np.ndarray) -> np.ndarray:
 
 def residual(evidence: Evidence, model: Model) -> np.ndarray:
     """Measured less predicted force (n, c) on the rows of the evidence."""
-    parts = [run.filtered(model.regressor(run.record)) @ model.theta for run in evidence.runs]
-    return np.where(evidence.used, evidence.force - np.concatenate(parts), 0.0)
+    predicted = evidence.regressor(model) @ model.theta
+    return np.where(evidence.used, evidence.force - predicted, 0.0)
 
 
 def noise_floor(averaged: Sequence[Preparation], factor: int, joints: int) -> np.ndarray:

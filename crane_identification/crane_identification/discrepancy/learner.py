@@ -50,7 +50,7 @@ def quantities(record: Record) -> dict[str, np.ndarray]:
         out[f"position of {joint}"] = q
         out[f"velocity of {joint}"] = v
         out[f"acceleration of {joint}"] = record.acceleration[:, j]
-        out[f"way of {joint} since it turned"] = _way(q, v)
+        out[f"way of {joint} since it turned"] = way_since_turned(q, v)
         assert record.force is not None  # evidence has it
         out[f"force of {joint}"] = record.force[:, j]
         if record.pressure_a is not None and record.pressure_b is not None:
@@ -65,7 +65,7 @@ def quantities(record: Record) -> dict[str, np.ndarray]:
     return out
 
 
-def _way(q: np.ndarray, v: np.ndarray) -> np.ndarray:
+def way_since_turned(q: np.ndarray, v: np.ndarray) -> np.ndarray:
     """Displacement (n,) since the velocity last changed its sign."""
     turned = np.concatenate([[True], np.sign(v[1:]) != np.sign(v[:-1])])
     last = np.maximum.accumulate(np.where(turned, np.arange(len(v)), 0))

@@ -10,6 +10,7 @@ from dataclasses import replace
 import numpy as np
 
 from crane_identification.discrepancy.candidates import Option
+from crane_identification.discrepancy.changes import estimated
 from crane_identification.discrepancy.decision import Judged
 from crane_identification.discrepancy.scaling import normed
 from crane_identification.discrepancy.search import Search
@@ -30,7 +31,7 @@ def suited(search: Search, before: Model, accepted: Sequence[Judged]) -> list[Ju
     records = [run.record for run in longest[:SIMULATED]]
     chosen = list(accepted)
     for place, one in enumerate(chosen):
-        if not one.option.family.term.shapes:
+        if not one.option.family.shapes:
             continue
         tried = _nearly_alike(search, [each.option for each in chosen], place, one.score)
         if len(tried) < 2:
@@ -62,7 +63,7 @@ def _nearly_alike(
 
 def _around(option: Option) -> list[dict[str, float]]:
     """Shapes to either side of that of the option, within the range of each parameter."""
-    shapes = option.family.term.shapes
+    shapes = option.family.shapes
     return [
         {**option.shape, name: value}
         for name, shape in shapes.items()
@@ -76,11 +77,8 @@ def _error(
 ) -> float:
     """Error of the simulated motion over the displacement, of the joint that is worst off."""
     options = [search.projection.options[i] for i in choice.options]
-    model = before
-    for option in options:
-        model = model.with_term(option.term)
-    theta = _quickly(search, [option.columns for option in options], len(before.parameters))
-    found = validate_motion(model.with_estimate(theta, np.zeros(len(theta)), "trial"), records)
+    model = (estimated if search.evidence.keeps else _quickly)(search, before, options)
+    found = validate_motion(model, records)
     if found.reason:
         return np.inf
     joint = one.option.family.joint
@@ -88,11 +86,16 @@ def _error(
     return float(relative.max() if joint is None else relative[before.joints.index(joint)])
 
 
-def _quickly(search: Search, added: Sequence[np.ndarray], known: int) -> np.ndarray:
-    """Parameters of the model and of the `added` columns (n, c, k), by least squares."""
+def _quickly(search: Search, before: Model, options: Sequence[Option]) -> Model:
+    """The model with the options and values, by least squares."""
     evidence, white = search.evidence, search.whitener
+    added, known = [option.columns for option in options], len(before.parameters)
+    model = before
+    for option in options:
+        model = model.with_term(option.term)
     columns = np.concatenate([white(values) for values in (*added, evidence.base)], axis=1)
     scaled, norms = normed(columns)
     values = np.linalg.lstsq(scaled, white(evidence.force), rcond=1e-10)[0] / norms
     count = sum(one.shape[2] for one in added)
-    return np.concatenate([values[count : count + known], values[:count]])
+    theta = np.concatenate([values[count : count + known], values[:count]])
+    return model.with_estimate(theta, np.zeros(len(theta)), "trial")

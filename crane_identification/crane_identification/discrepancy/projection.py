@@ -23,6 +23,7 @@ VISIBLE = 0.02
 """Share of a column's norm that must be left beside the base for its effect to be testable. Asked
 in the zone that shows it: friction with memory is Coulomb's but for the reversals.
 """
+SEEN = 1e-6  # share of a column's norm that is more than rounding
 
 
 @dataclass(frozen=True)
@@ -102,7 +103,7 @@ def project(
     `base` (N, d) is what `whitened_base` gives, where it is known already.
     """
     base = whitened_base(evidence, whitener) if base is None else base
-    force = whitener(evidence.force)
+    force = whitener(evidence.left)
     residual = force - base @ (base.T @ force)
     zone = whitener.channel // len(evidence.joints)
     parts, visibility = [], np.zeros(len(options))
@@ -139,17 +140,28 @@ def _visibility(columns: np.ndarray, rest: np.ndarray, zone: np.ndarray) -> np.n
 
 
 def whitened_base(evidence: Evidence, whitener: Whitener) -> np.ndarray:
-    """Orthonormal basis (N, d) of the whitened base."""
-    columns = whitener(evidence.base)
-    return leading(columns, columns.shape[1])
+    """Basis B (N, d) of the whitened base, such that rows less B B^T of them are beside the base.
+
+    Orthonormal; but where the values of the model are kept, not all of the columns u that they are
+    uncertain by, with standard deviation a, is taken out. The rows have the covariance I + a^2 u
+    u^T: they are white again after I - (1 - 1/sqrt(1 + a^2)) u u^T.
+    """
+    free = whitener(evidence.free)
+    base = leading(free, free.shape[1])
+    if not evidence.keeps:
+        return base
+    columns = whitener(evidence.uncertain)
+    u, a, _ = np.linalg.svd(columns - base @ (base.T @ columns), full_matrices=False)
+    return np.concatenate([base, u * np.sqrt(1.0 - 1.0 / np.hypot(1.0, a))], axis=1)
 
 
 def testable(
     projection: Projection, evidence: Evidence, whitener: Whitener
 ) -> tuple[np.ndarray, dict[Family, str]]:
     """Which options (options,) can be tested, and why families cannot."""
-    visible = projection.visibility >= VISIBLE
     families = [option.family for option in projection.options]
+    least = np.array([_least(family) for family in families])
+    visible = projection.visibility >= least
     itself = _force_itself(projection, evidence, whitener)
     wanted = visible & np.array([family not in itself for family in families], dtype=bool)
     reasons = {f: "its column is the measured force itself" for f in families if f in itself}
@@ -157,11 +169,18 @@ def testable(
     for family, share in zip(families, projection.visibility, strict=True):
         best[family] = max(best.get(family, 0.0), float(share))
     for family, share in best.items():
-        if share < VISIBLE:
+        if share < _least(family):
             reasons[family] = (
-                f"{share:.1%} of its column is left beside the model, {VISIBLE:.0%} needed"
+                "these recordings do not show all of its parameters"
+                if family.changes
+                else f"{share:.1%} of its column is left beside the model, {VISIBLE:.0%} needed"
             )
     return wanted, reasons
+
+
+def _least(family: Family) -> float:
+    """The least visibility needed: of a change, which has the form of the model's own term, any."""
+    return SEEN if family.changes else VISIBLE
 
 
 def _force_itself(projection: Projection, evidence: Evidence, whitener: Whitener) -> set[Family]:

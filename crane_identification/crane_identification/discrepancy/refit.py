@@ -82,7 +82,7 @@ def shape_std_devs(
     slopes, keys = [], []
     for number, (one, value) in enumerate(zip(chosen, values, strict=True)):
         out.append({})
-        for name in one.family.term.shapes:
+        for name in one.family.shapes:
             middle = one.shape[name]
             ends = [
                 option(evidence, one.family, {**one.shape, name: middle * (1.0 + s)}).columns

@@ -35,9 +35,9 @@ def in_place_of(search: Search, choice: Choice, place: int) -> list[Choice]:
 
 
 def freedom(search: Search, number: int) -> int:
-    """Number of parameters of an option, shapes included."""
+    """Number of parameters of an option, shapes included, and one for what the model lacks."""
     option = search.projection.options[number]
-    return len(option.positive) + len(option.family.term.shapes)
+    return len(option.positive) + len(option.family.shapes) + (not option.family.changes)
 
 
 def kin(one: Family, other: Family) -> bool:

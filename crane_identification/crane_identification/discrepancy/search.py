@@ -124,7 +124,7 @@ class Search:
         """
         choice = self._regrouped(choice)
         for place in range(len(choice.options)):
-            for name in self.projection.options[choice.options[place]].family.term.shapes:
+            for name in self.projection.options[choice.options[place]].family.shapes:
                 choice = self._refined(choice, place, name)
         return choice
 
@@ -163,7 +163,7 @@ class Search:
 
     def _refined(self, choice: Choice, place: int, name: str) -> Choice:
         start = self.projection.options[choice.options[place]]
-        shape = start.family.term.shapes[name]
+        shape = start.family.shapes[name]
         points = len({one[name] for one in start.family.grid()})
         step, middle = NEIGHBOUR / max(points - 1, 1), shape.share(start.shape[name])
         low, high = max(middle - step, 0.0), min(middle + step, 1.0)

@@ -3,14 +3,26 @@
 import numpy as np
 
 from crane_identification.discrepancy.candidates import Family
+from crane_identification.discrepancy.evidence import Evidence
+from crane_identification.discrepancy.gap import relative
 from crane_identification.discrepancy.search import Search
 
 NEARLY_ALL = 0.9
 """Share of the effects that would show at the strength that is called detectable."""
 
 
+def acting(evidence: Evidence, columns: np.ndarray, values: np.ndarray) -> float:
+    """Root mean square of an effect, columns (n, c, k) with these values (k,), over that of the
+    drive force of its joint: what the manual calls its strength.
+    """
+    return float(np.nan_to_num(relative(evidence, columns @ values)).max())
+
+
 def strength(search: Search, number: int, score: float) -> float:
-    """Root mean square of what an option of this score explains, over that of its joint's force."""
+    """Root mean square of what an option of this score explains, over that of its joint's force.
+
+    That is the part of the effect that shows beside the model.
+    """
     shares = search.energy_shares(number)
     evidence = search.evidence
     joints = len(evidence.joints)

@@ -5,6 +5,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from crane_identification.discrepancy.changes import within
 from crane_identification.discrepancy.cross_validation import folds
 from crane_identification.discrepancy.decision import Judged
 from crane_identification.discrepancy.extension import Training, Value, extended
@@ -25,8 +26,9 @@ class Trial:
 
     `zero` are further effects whose parameters may as well be zero.
 
-    On the training recordings: its `residual` (n, c), what is `learnt` from it, `energy` (c,) of it
-    in units of the noise, and `left_share` of the energy beyond noise where the effects act.
+    On the training recordings: its `residual` (n, c), `energy` (c,) of it in units of the noise,
+    `left_share` of the energy beyond noise where the effects act, and what is `learnt` from the
+    residual, beyond what is uncertain of values that are kept.
     """
 
     effects: tuple[Judged, ...]
@@ -66,6 +68,7 @@ def tried(
         chosen = sure
     evidence = found.evidence
     left = residual(evidence, model)
+    beyond = residual(evidence, within(found, model)) if evidence.keeps else left
     seen = evidence.moving
     return Trial(
         effects=chosen,
@@ -73,16 +76,16 @@ def tried(
         values=tuple(values),
         model=model,
         residual=left,
-        learnt=learn(seen, known, left[:, : len(evidence.joints)], folds(seen)[0]),
+        learnt=learn(seen, known, beyond[:, : len(evidence.joints)], folds(seen)[0]),
         energy=normalized_energy(found, left),
         left_share=found.left_share([one.option for one in chosen]),
     )
 
 
 def differs(one: Judged, values: Sequence[Value]) -> bool:
-    """Whether a parameter of an effect is not zero; shapes of nothing say nothing."""
-    linear = values[: len(one.option.positive)]
-    return any(abs(value.value) > SIGMAS * value.std_dev for value in linear)
+    """Whether a parameter of an effect is not zero, or has changed; shapes alone say nothing."""
+    changes = [value.change for value in values[: len(one.option.positive)]]
+    return any(abs(change) > SIGMAS * std_dev for change, std_dev in changes)
 
 
 def normalized_energy(found: Search, left: np.ndarray) -> np.ndarray:

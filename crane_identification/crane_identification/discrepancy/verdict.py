@@ -86,10 +86,21 @@ def judge(before: Trial, proof: Proof, reach: Reach, thresholds: Thresholds) -> 
         return Answer(
             Verdict.INSUFFICIENT,
             f"of ten effects, one would not show at {reach.least:.1%} of the drive force; record "
-            "more",
+            f"more{_better_known(gap)}",
         )
     said = f"nine in ten effects above {reach.least:.2%} of the drive force would have shown"
     return Answer(Verdict.NONE, f"{said}; {_of_noise(gap)}")
+
+
+def _better_known(gap: Gap) -> str:
+    """What else helps where values are kept."""
+    worst = float(np.max(gap.uncertain))
+    if not worst:
+        return ""
+    return (
+        f", or keep values that are better known: their standard deviations make {worst:.1%} of "
+        "the force uncertain"
+    )
 
 
 def _of_noise(gap: Gap) -> str:
@@ -108,12 +119,16 @@ def _of_noise(gap: Gap) -> str:
 
 
 def _beyond_noise(gap: Gap, held_out: np.ndarray, training: np.ndarray, factor: float) -> list[str]:
-    """Where relative errors (j,) are more than the noise of recordings that repeat a motion."""
-    times = gap.over_floor(np.maximum(held_out, training))
+    """Where relative errors (j,) are more than the noise of recordings that repeat a motion.
+
+    And more than values that are kept may err.
+    """
+    errors = np.maximum(held_out, training)
+    times = gap.over_floor(errors)
     return [
         f"the force of {gap.joints[j]} errs by {held_out[j]:.2%} on held-out recordings and by "
         f"{training[j]:.2%} on the others, up to {times[j]:.0f} times the scatter between periods"
-        for j in np.flatnonzero(times > factor)
+        for j in np.flatnonzero((times > factor) & (errors > factor * gap.uncertain))
     ]
 
 

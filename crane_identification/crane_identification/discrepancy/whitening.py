@@ -49,7 +49,7 @@ class Whitener:
 
     def __call__(self, values: np.ndarray) -> np.ndarray:
         """(n, c, ...) to (N, ...)."""
-        there = np.asarray(values.reshape(*values.shape[:2], -1).any(axis=(0, 2)))
+        there = np.asarray(values.any(axis=(0, *range(2, values.ndim))))
         parts = []
         for channel, rows, polynomial, deviation in self.picks:
             if not there[channel]:

@@ -4,6 +4,7 @@ from collections.abc import Sequence
 
 import numpy as np
 
+from crane_identification.carry_over import elsewhere
 from crane_identification.data.log import Log
 from crane_identification.pipeline import FitResult
 from crane_identification.preparation import Preparation
@@ -25,9 +26,6 @@ RESTING = 0.5
 """A joint that moves for less than this share of the time is weakly excited."""
 BEYOND_NOISE = 1e-3
 """Probability of the noise doing what is seen, below which it is said that something else does."""
-WORSE_ELSEWHERE = 1.5
-"""Held-out error over that of the training and its noise, above which a model does not carry over.
-"""
 REMAINDER = 0.05
 """Share of a period that may be lost at the ends of a recording without a word."""
 
@@ -171,19 +169,10 @@ def _excitation(fit: FitResult) -> list[str]:
     ]
 
 
-def _elsewhere(fit: FitResult, validations: Sequence[Validation]) -> list[str]:
+def _elsewhere(fit: FitResult, validations: Sequence[Validation]) -> tuple[str, ...]:
     """Joints whose force the model predicts clearly worse where it was not fitted."""
     if not validations:
-        return []
-    held_out, trained = pooled(fit.model, validations), fit.estimate.relative_error
-    expected = WORSE_ELSEWHERE * np.hypot(trained, np.nan_to_num(held_out.noise_floor))
-    return [
-        f"The model does not carry over to the held-out recordings: on the {spoken(joint)} it errs "
-        f"by {short_percent(float(there))} there and by {short_percent(float(here))} where it was "
-        "fitted. The machine has changed, its motion is another, or an effect is missing: ask "
-        "diagnose."
-        for joint, there, here, limit in zip(
-            fit.model.joints, held_out.moving, trained, expected, strict=True
-        )
-        if there > limit
-    ]
+        return ()
+    there = pooled(fit.model, validations)
+    trained = fit.estimate.relative_error
+    return elsewhere(fit.model.joints, there.moving, trained, there.noise_floor)

@@ -12,6 +12,13 @@ AT_BOUND_SIGMAS = 0.01
 CERTAIN_SIGMAS = 2.0
 """Standard deviations from its bound, below which a value only says how large it is at most."""
 
+HUMAN_UNITS = {
+    "Pa": ("bar", 1e-5),
+    "1/Pa": ("1/GPa", 1e9),
+    "m3/(s Pa)": ("mL/(min bar)", 6e12),
+}
+"""Units that people read hydraulics in, and how many of them an SI unit is."""
+
 _SUPERSCRIPTS = str.maketrans("-0123456789", "⁻⁰¹²³⁴⁵⁶⁷⁸⁹")
 _UNIT_POWERS = str.maketrans("23", "²³")
 _LONGEST = 6  # digits before or behind the point; numbers beyond are written with a power of ten
@@ -115,9 +122,15 @@ def unit(text: str) -> str:
     return text.translate(_UNIT_POWERS).replace(" ", NARROW_SPACE)
 
 
-def listed(words: list[str] | tuple[str, ...]) -> str:
+def human(text: str) -> tuple[str, float]:
+    """The unit that a person reads instead of that in SI, as it is set, and its factor."""
+    read, factor = HUMAN_UNITS.get(text, (text, 1.0))
+    return "" if read == "1" else unit(read), factor
+
+
+def listed(words: list[str] | tuple[str, ...], last: str = "and") -> str:
     """Words in a sentence: "a, b and c"."""
-    return " and ".join([", ".join(words[:-1]), words[-1]] if len(words) > 1 else words)
+    return f" {last} ".join([", ".join(words[:-1]), words[-1]] if len(words) > 1 else words)
 
 
 def spoken(joint: str) -> str:

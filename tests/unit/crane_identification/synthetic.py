@@ -92,7 +92,12 @@ AREAS = ("area_a", "area_b")
 
 
 def axis_log(
-    seed: int, model: Model, periods: float = 3, noise: float = 0.5, dead_zone: float = 0.0
+    seed: int,
+    model: Model,
+    periods: float = 3,
+    noise: float = 0.5,
+    dead_zone: float = 0.0,
+    theta: np.ndarray = AXIS_THETA,
 ) -> Log:
     """Periodic motion of one axis with a measured drive force.
 
@@ -113,7 +118,7 @@ def axis_log(
     record = Record(
         model.joints, time, q, v * rate, a * rate**2 + v * change, direction_known=direction
     )
-    force = model.with_estimate(AXIS_THETA, np.zeros(4), "planted").predict(record)
+    force = model.with_estimate(theta, np.zeros(4), "planted").predict(record)
     return Log(
         source=f"axis {seed}",
         joints=model.joints,

@@ -12,6 +12,7 @@ POINTS = 1500  # of a cloud; more do not show
 BARS = 40  # of a histogram
 BINS = 40  # of the line of means through a cloud
 HEIGHT = 240  # px
+FAR = 5.0  # medians of the sizes of values, beyond which one does not stretch an axis
 
 
 def description(data: Sequence[Mapping[str, Any]], x: str, y: str, **more: Any) -> dict[str, Any]:
@@ -59,11 +60,7 @@ def grouped_bars(
             "x": list(names),
             "y": numbers(values),
             "marker": {"color": colour},
-            "text": [f"{v:.2g}" if np.isfinite(v) else "?" for v in values],
-            "textposition": "outside",
-            "textfont": FONT,
-            "cliponaxis": False,
-            "hovertemplate": f"%{{x}}: %{{y:.3g}}<extra>{label}</extra>",
+            "hovertemplate": f"%{{x}}: %{{y:.3~r}}<extra>{label}</extra>",
         }
         for label, colour, values in groups
     ]
@@ -74,26 +71,30 @@ def cloud(
     x: np.ndarray,
     before: np.ndarray,
     after: np.ndarray,
-    effect: np.ndarray,
+    forwards: np.ndarray,
     titles: tuple[str, str],
 ) -> dict[str, Any]:
-    """A residual before and after over the quantity it follows, and the effect that was added."""
+    """A residual before and after over what it follows, and what was added in each direction."""
     thin = np.unique(np.linspace(0, len(x) - 1, min(POINTS, len(x))).astype(int))
     order = thin[np.argsort(x[thin])]
-    centres, means = _binned(x, effect)
     data = [
         points("before", BEFORE, x[order], before[order]),
         points("after", AFTER, x[order], after[order]),
-        {
-            "type": "scatter",
-            "mode": "lines",
-            "name": "the effect",
-            "x": numbers(centres),
-            "y": numbers(means),
-            "line": {"color": EFFECT, "width": 2},
-            "hovertemplate": "%{y:.4~g}<extra>the effect</extra>",
-        },
     ]
+    for name, dash, which in (("forwards", "solid", forwards), ("backwards", "dash", ~forwards)):
+        if which.any():
+            centres, means = _binned(x[which], (before - after)[which])
+            data.append(
+                {
+                    "type": "scatter",
+                    "mode": "lines",
+                    "name": f"added, {name}",
+                    "x": numbers(centres),
+                    "y": numbers(means),
+                    "line": {"color": EFFECT, "width": 2, "dash": dash},
+                    "hovertemplate": f"%{{y:.4~r}}<extra>added, {name}</extra>",
+                }
+            )
     return description(data, *titles)
 
 
@@ -106,7 +107,7 @@ def points(name: str, colour: str, x: np.ndarray, y: np.ndarray) -> dict[str, An
         "x": numbers(x),
         "y": numbers(y),
         "marker": {"color": colour, "size": 3, "opacity": 0.55},
-        "hovertemplate": f"%{{y:.4~g}}<extra>{name}</extra>",
+        "hovertemplate": f"%{{y:.4~r}}<extra>{name}</extra>",
     }
 
 
@@ -124,35 +125,48 @@ def null_histogram(null: np.ndarray, threshold: float, score: float) -> dict[str
             "y": numbers(counts),
             "width": numbers(np.diff(edges)),
             "marker": {"color": FLOOR},
-            "hovertemplate": "%{x:.3g}<extra>nothing missing</extra>",
+            "hovertemplate": "%{x:.3~r}<extra>nothing missing</extra>",
         },
-        mark("threshold", BEFORE, threshold, high, "dot"),
-        mark("this effect", AFTER, score, high, "solid"),
+        mark("threshold", "--soft", threshold, (high, high), "dot", "top center"),
+        mark("this effect", AFTER, score, (high, 0.7 * high), "solid", "middle left"),
     ]
     return description(
         data, "score (2 Δ log likelihood)", "share of bootstrap runs", xaxis={"type": "log"}
     )
 
 
-def mark(name: str, colour: str, x: float, height: float, dash: str) -> dict[str, Any]:
-    """An upright line with its name on top."""
+def mark(
+    name: str, colour: str, x: float, heights: tuple[float, float], dash: str, side: str
+) -> dict[str, Any]:
+    """An upright line: heights of its end and of its name, which stands on that side of it."""
     return {
         "type": "scatter",
         "mode": "lines+text",
         "name": name,
-        "x": [x, x],
-        "y": [0.0, height],
-        "text": ["", name],
-        "textposition": "top left" if name == "this effect" else "top center",
+        "x": [x, x, x],
+        "y": [0.0, heights[0], heights[1]],
+        "text": ["", "", name],
+        "textposition": side,
         "textfont": {**FONT, "color": colour},
         "cliponaxis": False,
         "line": {"color": colour, "width": 2, "dash": dash},
-        "hovertemplate": f"%{{x:.4~g}}<extra>{name}</extra>",
+        "hovertemplate": f"%{{x:.4~r}}<extra>{name}</extra>",
     }
 
 
-def fold_bars(names: Sequence[str], gains: np.ndarray) -> dict[str, Any]:
-    """What the effect gains on each held-out fold."""
+def span(values: np.ndarray) -> tuple[float, float] | None:
+    """Ends of an axis that single values far beyond the others do not stretch; None for all."""
+    finite = values[np.isfinite(values)]
+    reach = FAR * float(np.median(np.abs(finite))) if len(finite) else 0.0
+    if not reach or np.abs(finite).max() <= reach:
+        return None
+    inside = finite[np.abs(finite) <= reach]
+    cut = [reach * np.sign(value) for value in finite if abs(value) > reach]
+    return min(0.0, *inside, *cut), max(0.0, *inside, *cut)
+
+
+def fold_bars(names: Sequence[str], gains: np.ndarray, what: str) -> dict[str, Any]:
+    """What the effect gains on each fold; `what` these are."""
     labels = [str(number + 1) for number in range(len(names))]
     data = [
         {
@@ -161,11 +175,16 @@ def fold_bars(names: Sequence[str], gains: np.ndarray) -> dict[str, Any]:
             "y": numbers(gains),
             "customdata": list(names),
             "marker": {"color": [AFTER if gain > 0 else BEFORE for gain in gains]},
-            "hovertemplate": "%{customdata}: %{y:.4~g}<extra></extra>",
+            "hovertemplate": "%{customdata}: %{y:.4~r}<extra></extra>",
         }
     ]
+    ends = span(gains)
     return description(
-        data, "held-out recording", "gain (2 Δ log likelihood)", xaxis={"type": "category"}
+        data,
+        what,
+        "gain (2 Δ log likelihood)",
+        xaxis={"type": "category"},
+        yaxis={} if ends is None else {"range": list(ends), "autorange": False},
     )
 
 
@@ -181,7 +200,7 @@ def curves(
             "x": numbers(time),
             "y": numbers(values),
             "line": {"color": colour, "width": 1.3},
-            "hovertemplate": f"%{{y:.4~g}}<extra>{name}</extra>",
+            "hovertemplate": f"%{{y:.4~r}}<extra>{name}</extra>",
         }
         for name, colour, values in series
     ]

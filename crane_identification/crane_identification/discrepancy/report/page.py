@@ -3,13 +3,15 @@
 from collections.abc import Sequence
 from pathlib import Path
 
+from crane_identification.discrepancy import findings, wording
 from crane_identification.discrepancy.diagnosis import Diagnosis
-from crane_identification.discrepancy.explain import ANSWERS, WHERE
-from crane_identification.discrepancy.loads import NO_LOAD
-from crane_identification.discrepancy.report.cards import cards, gap_pictures, where_picture
+from crane_identification.discrepancy.hydraulics import Quantity
+from crane_identification.discrepancy.report.cards import cards
+from crane_identification.discrepancy.report.pictures import gap_pictures, where_picture
 from crane_identification.report import template
 from crane_identification.report.content import Provenance
-from crane_identification.report.notation import spoken
+from crane_identification.report.notation import human, percent, plain, short_percent, spoken
+from crane_model.flow import FLOW_EFFECTS
 
 SHARED = "crane_identification.report"  # style and script of the identification report
 
@@ -23,15 +25,23 @@ def write(
 
 def render(diagnosis: Diagnosis, provenance: Provenance, suspicions: Sequence[str] = ()) -> str:
     """The page as HTML."""
-    found, gap, where = cards(diagnosis), gap_pictures(diagnosis), where_picture(diagnosis)
-    shown = [where, *gap, *(picture for card in found for picture in card.pictures)]
+    content = findings.content(diagnosis)
+    found, gap = cards(diagnosis, content), gap_pictures(diagnosis)
+    where = [] if content["verdict"] in wording.NOISE else [where_picture(diagnosis)]
+    shown = [*where, *gap, *(picture for card in found for picture in card.pictures)]
     return template.rendered(
         __package__,
         {picture.key: picture.description for picture in shown},
         diagnosis=diagnosis,
-        answer=ANSWERS[diagnosis.verdict.value],
+        answer=wording.answer(content),
+        reason=wording.reason(content),
+        called=[wording.called(one) for one in content["findings"]],
         cards=found,
         gap=gap,
+        added=wording.added(content),
+        loads=wording.loads(content),
+        errors=list(wording.errors(content)),
+        motion=list(wording.motion(content, diagnosis.before.setting.units)),
         not_simulated=[
             f"{which} the findings, {motion.reason}"
             for which, motion in (
@@ -40,17 +50,22 @@ def render(diagnosis: Diagnosis, provenance: Provenance, suspicions: Sequence[st
             )
             if motion.reason
         ],
+        nearest=wording.nearest(content),
+        left=wording.sentence(wording.left(content)),
         where=where,
-        where_said=WHERE[diagnosis.verdict.value],
-        regions=[
-            (spoken(joint), one)
-            for joint, one in zip(diagnosis.joints, diagnosis.regions, strict=True)
-            if one is not None
-        ],
+        disagrees=list(wording.disagrees(content)),
+        estimate=lambda one: wording.estimate(findings.of_quantity(one)),
+        usual=_usual,
+        percent=percent,
+        detectable=short_percent(diagnosis.detectable),
         spoken=spoken,
-        no_load=NO_LOAD,
-        untestable=_listed(diagnosis.search.untestable),
-        unobservable=_listed(diagnosis.search.unobservable),
+        sentence=wording.sentence,
+        untestable=_listed(diagnosis.search.untestable, diagnosis),
+        unobservable=_listed(diagnosis.search.unobservable, diagnosis)
+        + [
+            (f"{FLOW_EFFECTS[effect].effect.name} ({spoken(joint)})", reason)
+            for (effect, joint), reason in diagnosis.flow_unobservable.items()
+        ],
         provenance=provenance,
         suspicions=suspicions,
         training=list(dict.fromkeys(run.source for run in diagnosis.training.runs)),
@@ -60,5 +75,14 @@ def render(diagnosis: Diagnosis, provenance: Provenance, suspicions: Sequence[st
     )
 
 
-def _listed(families: dict) -> list[tuple[str, str]]:
-    return [(f"{f.effect.name} ({spoken(f.where)})", reason) for f, reason in families.items()]
+def _usual(one: Quantity) -> str:
+    """The limit of what is usual."""
+    unit, factor = human(one.unit)
+    return f"{plain(factor * one.usual)} {unit}".rstrip()
+
+
+def _listed(families: dict, diagnosis: Diagnosis) -> list[tuple[str, str]]:
+    return [
+        (f"{f.effect.name} ({wording.place(f.where)})", wording.said(reason, diagnosis.joints))
+        for f, reason in families.items()
+    ]

@@ -24,6 +24,7 @@ class ActuatorInertia(OneJointTerm):
         "force with the acceleration of its own joint only",
         ("time_skew", "boom_flexibility"),
         "fast motion of one joint at a time; on the inner boom only the weight of the drive",
+        follows=("acceleration",),
     )
 
     def joint_parameters(self, setting: Setting) -> tuple[Parameter, ...]:

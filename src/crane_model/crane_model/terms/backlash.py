@@ -27,6 +27,7 @@ class Backlash(JointMemoryTerm):
         "force is missing over a short displacement after the load, not the speed, reverses",
         ("presliding", "maxwell_slip"),
         "slow strokes with a load that does not reverse, then with one that does",
+        follows=("force",),
     )
     shapes: ClassVar[dict[str, Shape]] = {
         "clearance": Shape(5e-4, 2e-2, "rad or m", 7, "motion of the joint across the clearance")

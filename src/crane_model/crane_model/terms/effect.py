@@ -1,8 +1,26 @@
 """What makes a term a candidate for an effect that a model lacks."""
 
-from typing import NamedTuple
+from typing import Literal, NamedTuple
 
 import numpy as np
+
+Variable = Literal[
+    "position",
+    "velocity",
+    "acceleration",
+    "way since it turned",
+    "force",
+    "rate of the force",
+    "pressure sum",
+    "pressure of chamber B",
+    "extension of the telescope",
+    "inclination of the telescope",
+    "slew velocity",
+    "temperature",
+    "time",
+    "recording",
+]
+"""What the force of an effect may depend on, beside the direction of motion."""
 
 
 class Effect(NamedTuple):
@@ -14,6 +32,7 @@ class Effect(NamedTuple):
     settled_by: str  # the experiment that tells it from them
     kin: tuple[str, ...] = ()  # types of terms that are other laws of the same effect: one class
     law_of: str = ""  # type of the term that is the usual law of the same effect, if not this one
+    follows: tuple[Variable, ...] = ()  # what its force depends on, first that which shows it best
 
 
 class Shape(NamedTuple):

@@ -29,6 +29,7 @@ class HoseStiffness(JointTerm):
         "force in proportion to the position, whatever load and speed",
         ("pressure_offset", "encoder_offset"),
         "poses at rest over the whole range, with hoses connected and disconnected",
+        follows=("position",),
     )
 
     def column(self, record: Record, j: int) -> np.ndarray:
@@ -57,6 +58,7 @@ class BoomFlexibility(OneJointTerm, MemoryTerm):
         "sagging under the load and ringing after jerks, on every joint that the bend moves",
         ("time_skew", "swinging_load", "actuator_inertia"),
         "a fast stop at several extensions and payloads, recorded until the ringing has died out",
+        follows=("acceleration",),
     )
     shapes: ClassVar[dict[str, Shape]] = {
         "frequency": Shape(0.7, 12.0, "Hz", 16, "natural frequency"),

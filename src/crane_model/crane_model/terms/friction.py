@@ -20,6 +20,7 @@ class Coulomb(JointTerm):
         "a step between the two directions of motion, the same at all speeds",
         ("stribeck", "presliding", "load_friction", "chamber_gain"),
         "slow sweeps at constant speed both ways",
+        follows=("velocity",),
     )
 
     def column(self, record: Record, j: int) -> np.ndarray:
@@ -63,6 +64,7 @@ class Viscous(JointTerm):
         "grows in proportion to the speed",
         ("viscous_quadratic", "time_skew", "temperature_viscosity", "warm_up"),
         "sweeps at several constant speeds both ways",
+        follows=("velocity",),
     )
 
     def column(self, record: Record, j: int) -> np.ndarray:
@@ -86,6 +88,7 @@ class ViscousAsymmetry(JointTerm):
         ("coulomb_asymmetry", "temperature_viscosity", "warm_up"),
         "sweeps at several constant speeds both ways",
         ("coulomb_asymmetry",),
+        follows=("velocity",),
     )
 
     def column(self, record: Record, j: int) -> np.ndarray:

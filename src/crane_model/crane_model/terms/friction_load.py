@@ -26,6 +26,7 @@ class LoadFriction(JointTerm):
         "friction grows with the load, in both directions",
         ("coulomb", "seal_friction", "pad_friction", "position_friction"),
         "the same motion with raised back-pressure, and again with a known weight",
+        follows=("force",),
     )
 
     def column(self, record: Record, j: int) -> np.ndarray:
@@ -50,6 +51,7 @@ class SealFriction(OneJointTerm):
         "friction follows the sum of the chamber pressures, not their difference",
         ("load_friction", "chamber_gain", "position_friction"),
         "the same motion with raised back-pressure",
+        follows=("pressure sum",),
     )
 
     def joint_parameters(self, setting: Setting) -> tuple[Parameter, ...]:
@@ -80,6 +82,7 @@ class PadFriction(OneJointTerm):
         "friction of the telescope falls with its inclination and grows with its extension",
         ("load_friction", "position_friction"),
         "sweeps of the telescope at several inclinations of the outer boom",
+        follows=("inclination of the telescope", "position"),
     )
 
     def joint_parameters(self, setting: Setting) -> tuple[Parameter, ...]:

@@ -23,6 +23,7 @@ class PositionFriction(JointTerm):
         "friction in both directions follows the position",
         ("load_friction", "seal_friction", "pad_friction", "cyclic_friction", "end_cushioning"),
         "slow sweeps both ways over the whole range, with and without a known weight",
+        follows=("position",),
     )
 
     def column(self, record: Record, j: int) -> np.ndarray:
@@ -45,6 +46,7 @@ class CyclicFriction(OneJointTerm):
         ("position_friction",),
         "slow sweeps both ways over the whole range",
         law_of="position_friction",
+        follows=("position",),
     )
     shapes: ClassVar[dict[str, Shape]] = {
         "wave": Shape(
@@ -82,6 +84,7 @@ class EndCushioning(OneJointTerm):
         "resistance to motion near the ends of the range only",
         ("position_friction",),
         "sweeps into both ends of the range at several speeds",
+        follows=("position",),
     )
     shapes: ClassVar[dict[str, Shape]] = {
         "zone": Shape(0.02, 0.3, "rad or m", 6, "length of the zone before each limit")

@@ -25,6 +25,7 @@ class Stribeck(JointTerm):
         "more friction near zero speed than above, in both directions",
         ("coulomb", "stiction", "presliding", "maxwell_slip", "viscous_quadratic"),
         "sweeps at several low constant speeds both ways",
+        follows=("velocity",),
     )
     shapes: ClassVar[dict[str, Shape]] = {
         "speed": Shape(3e-3, 0.12, "rad/s or m/s", 8, "speed at which the excess has died out"),
@@ -54,6 +55,7 @@ class QuadraticViscous(JointTerm):
         "grows faster than the speed",
         ("stribeck", "viscous"),
         "sweeps at several constant speeds both ways, up to the fastest",
+        follows=("velocity",),
     )
 
     def column(self, record: Record, j: int) -> np.ndarray:

@@ -23,6 +23,7 @@ class TemperatureViscosity(JointTerm):
         "viscous friction falls as the oil temperature rises",
         ("viscous", "viscous_asymmetry", "warm_up"),
         "the same motion with cold and with warm oil",
+        follows=("temperature", "velocity"),
     )
 
     def column(self, record: Record, j: int) -> np.ndarray:
@@ -50,6 +51,7 @@ class WarmUp(JointTerm):
         ("viscous", "viscous_asymmetry", "temperature_viscosity"),
         "the same motion with cold and with warm oil, and a record of the oil temperature",
         law_of="temperature_viscosity",
+        follows=("time", "velocity"),
     )
     shapes: ClassVar[dict[str, Shape]] = {
         "warming": Shape(20.0, 7200.0, "s", 7, "time constant with which the oil warms up")

@@ -29,6 +29,7 @@ class BaseTilt(Term):
         "gravity from a turned direction on all joints, above all along the telescope",
         ("encoder_offset",),
         "an inclinometer on the base",
+        follows=("inclination of the telescope",),
     )
 
     def parameters(self, setting: Setting) -> tuple[Parameter, ...]:
@@ -72,6 +73,7 @@ class Payload(Term):
         "a fixed pattern over the joints that steps from one run to another",
         ("pressure_gain", "hose_mass"),
         "the same motion with an empty gripper and with a known weight",
+        follows=("recording",),
     )
 
     loads: tuple[Load, ...] | None = None
@@ -129,6 +131,7 @@ class HoseMass(Term):
         "weight on booms and telescope that grows with the square of the extension",
         ("payload",),
         "poses at rest at several extensions and inclinations of the outer boom",
+        follows=("extension of the telescope", "inclination of the telescope"),
     )
 
     def parameters(self, setting: Setting) -> tuple[Parameter, ...]:
@@ -160,6 +163,7 @@ class SlewCoupling(Term):
         "force with the square of the slew velocity, only while slewing",
         (),
         "the same motion with and without slewing",
+        follows=("slew velocity",),
     )
     shapes: ClassVar[dict[str, Shape]] = {
         "reach": Shape(0.4, 1.8, "m", 4, "elbow to centre of the mass of the outer boom")

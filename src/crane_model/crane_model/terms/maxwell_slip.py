@@ -30,6 +30,7 @@ class MaxwellSlip(MemoryTerm, OneJointTerm):
         ("stribeck", "presliding", "backlash"),
         "small slow strokes of several lengths about one position",
         kin=("presliding",),
+        follows=("way since it turned",),
     )
     shapes: ClassVar[dict[str, Shape]] = {
         "travel": Shape(1e-3, 5e-2, "rad or m", 7, "displacement at which the last element slips")

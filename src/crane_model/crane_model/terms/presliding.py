@@ -28,6 +28,7 @@ class Presliding(JointMemoryTerm):
         ("coulomb", "stribeck", "maxwell_slip", "backlash", "time_skew"),
         "small slow strokes about one position, to and fro",
         kin=("maxwell_slip",),
+        follows=("way since it turned",),
     )
     shapes: ClassVar[dict[str, Shape]] = {
         "travel": Shape(3e-4, 3e-2, "rad or m", 9, "displacement over which friction builds up")

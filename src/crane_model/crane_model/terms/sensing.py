@@ -37,6 +37,7 @@ class PressureOffset(OneJointTerm):
         "a constant force of the cylinder, which the lever arm turns into one that follows q",
         ("coulomb_asymmetry", "offset", "hose_stiffness", "chamber_gain"),
         "readings of the transducers at zero pressure",
+        follows=("position",),
     )
 
     def joint_parameters(self, setting: Setting) -> tuple[Parameter, ...]:
@@ -64,6 +65,7 @@ class PressureGain(JointTerm):
         "scales the whole force of a joint, and all masses with it",
         ("payload", "chamber_gain"),
         "a known weight at the tip in some of the runs; without it this cannot be tested",
+        follows=("force",),
     )
 
     def column(self, record: Record, j: int) -> np.ndarray:
@@ -85,6 +87,7 @@ class ChamberGain(OneJointTerm):
         "force in proportion to the pressure of one chamber",
         ("pressure_gain", "pressure_offset", "seal_friction", "coulomb", "coulomb_asymmetry"),
         "both transducers on one pressure, at several pressures",
+        follows=("pressure of chamber B",),
     )
 
     def joint_parameters(self, setting: Setting) -> tuple[Parameter, ...]:
@@ -114,6 +117,7 @@ class EncoderOffset(OneJointTerm):
         "torque in proportion to the cylinder force times the slope of the lever arm",
         ("base_tilt", "hose_stiffness"),
         "the angle of the boom at rest, measured with an inclinometer",
+        follows=("force", "position"),
     )
     of_model: ClassVar[dict[str, tuple[str, ...]]] = {
         "bodies": tuple(parameter.name for parameter in BASE_PARAMETERS)
@@ -170,6 +174,7 @@ class TimeSkew(OneJointTerm):
         "error in proportion to the rate of the force, the same delay on all joints of a bus",
         ("viscous", "presliding", "actuator_inertia", "boom_flexibility"),
         "one signal fed to both sensor channels at once",
+        follows=("rate of the force",),
     )
 
     def joint_parameters(self, setting: Setting) -> tuple[Parameter, ...]:

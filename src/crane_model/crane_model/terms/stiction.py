@@ -27,6 +27,7 @@ class Stiction(JointMemoryTerm):
         "a peak of friction when a joint starts after it stood, and at no other time",
         ("stribeck",),
         "starts from rest after dwells of different lengths",
+        follows=("way since it turned",),
     )
     shapes: ClassVar[dict[str, Shape]] = {
         "travel": Shape(3e-4, 3e-2, "rad or m", 7, "displacement over which it gives way"),

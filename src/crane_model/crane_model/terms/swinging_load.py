@@ -28,6 +28,7 @@ class SwingingLoad(MemoryTerm):
         "a narrow band near sqrt(g/l)/2 pi on all joints that goes on when the crane stands",
         ("boom_flexibility",),
         "a recording at rest after a fast stop, with the load and without it",
+        follows=("acceleration",),
     )
     shapes: ClassVar[dict[str, Shape]] = {
         "frequency": Shape(0.25, 1.2, "Hz", 14, "sqrt(g/l)/2 pi of the pendulum"),

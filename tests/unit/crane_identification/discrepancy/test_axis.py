@@ -6,6 +6,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 from integration.browser import installed, opened
+from unit.crane_identification.report.html_reader import Element, read_html
 from unit.crane_identification.synthetic import axis_log
 
 from crane_identification.data.log import Log, Signal
@@ -48,6 +49,12 @@ def log(folder: Path, seed: int, law: str = "") -> Log:
     return replace(made, force=force)
 
 
+@pytest.fixture(scope="module")
+def without_page(without_coulomb: Diagnosis) -> Element:
+    provenance = Provenance.of("2012-06-01", ["diagnose"], "axis.yaml")
+    return read_html(page.render(without_coulomb, provenance))
+
+
 def diagnosed(
     folder: Path, types: tuple[str, ...], law: str = "", without: tuple[str, ...] = ()
 ) -> Diagnosis:
@@ -83,6 +90,7 @@ def test_a_complete_model_lacks_nothing(tmp_path: Path) -> None:
     result = diagnosed(tmp_path, FULL)
     assert result.verdict is Verdict.NONE
     assert not result.findings and result.after is result.before
+    assert not result.warnings
 
 
 def test_what_is_wrong_with_recordings_is_told(tmp_path: Path) -> None:
@@ -133,6 +141,15 @@ def test_a_pulsation_is_unknown_and_listed(tmp_path: Path) -> None:
     assert line["joint"] == "axis" and line["frequency"] == pytest.approx(PULSATION, abs=0.02)
 
 
+def test_a_model_that_errs_more_on_the_held_out_recording_is_warned_of(tmp_path: Path) -> None:
+    logs = [log(tmp_path, seed) for seed in SEEDS]
+    other = log(tmp_path, 9, "spring")
+    result = diagnose(model(tmp_path, *FULL), logs, [other], Options(), load_thresholds())
+    (warning,) = findings.content(result)["warnings"]
+    assert "does not carry over to the held-out recordings: on the axis it errs by" in warning
+    assert warning in page.render(result, Provenance.of("2012-06-01", ["diagnose"], "axis.yaml"))
+
+
 def test_what_effects_leave_where_they_act_is_known(without_coulomb: Diagnosis) -> None:
     """All of them leave noise; the weakest alone leaves most of what the others explain."""
     search = without_coulomb.search
@@ -160,14 +177,34 @@ def test_findings_hold_every_key(without_coulomb: Diagnosis) -> None:
         *("effect", "name", "joint", "class_members", "parameters", "score", "threshold"),
         *("false_alarm_rate", "runner_up", "margin", "visibility", "settled_by"),
     }
-    assert set(content["findings"][0]["parameters"][0]) == {"name", "value", "std_dev", "unit"}
+    assert set(content["findings"][0]["parameters"][0]) == {
+        *("name", "value", "std_dev", "unit", "minimum", "determined"),
+    }
     assert set(content["where"]["axis"]) >= {"energy_share", "motion_error", "region"}
 
 
-def test_the_explanation_fits_on_a_screen(without_coulomb: Diagnosis) -> None:
-    lines = explain.lines(findings.content(without_coulomb))
-    assert len(lines) <= 20
-    assert any("Coulomb friction" in line for line in lines)
+def test_the_explanation_names_what_the_page_names(
+    without_coulomb: Diagnosis, without_page: Element
+) -> None:
+    """Coulomb friction, and all members of a class, with the gap that proves it."""
+    content = findings.content(without_coulomb)
+    lines = explain.lines(content)
+    assert "Coulomb friction (axis)" in lines[0] and "constant force (axis)" in lines[0]
+    assert any(line.startswith("Held-out error") for line in lines[:3])
+    (headline,) = without_page.find("p", id="verdict")
+    assert " ".join(headline.text.split()) == lines[0]
+
+
+def test_the_strength_is_that_of_the_whole_effect(without_coulomb: Diagnosis) -> None:
+    """8 N of Coulomb friction, over the rms of the force; less shows beside viscous friction."""
+    (first, *_), evidence = findings.content(without_coulomb)["findings"], without_coulomb.training
+    assert first["strength"] == pytest.approx(8.0 / evidence.force_rms[0], rel=0.1)
+    assert first["visible_strength"] < 0.6 * first["strength"]
+
+
+def test_pictures_have_words(without_page: Element) -> None:
+    for place in without_page.find("div", class_="plot"):
+        assert len(place.attributes["aria-label"]) > 20 and place.attributes["role"] == "img"
 
 
 def test_the_report_is_drawn_by_a_real_browser(without_coulomb: Diagnosis, tmp_path: Path) -> None:
