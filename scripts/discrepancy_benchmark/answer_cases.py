@@ -22,6 +22,7 @@ from crane_identification.discrepancy.diagnosis import Diagnosis, diagnose
 from crane_identification.discrepancy.findings import content
 from crane_identification.discrepancy.hydraulics import Usual, load_usual
 from crane_identification.discrepancy.null import null_gains
+from crane_identification.discrepancy.strength import strength
 from crane_identification.discrepancy.thresholds import Thresholds, load_thresholds
 from crane_identification.options import Options
 from crane_model.errors import CraneError
@@ -80,8 +81,9 @@ def answer_case(job: Job) -> None:
 def statistics(diagnosis: Diagnosis) -> dict[str, Any]:
     """What thresholds are compared with.
 
-    `score`: the best one in units of its bootstrap quantile, whether it is a finding or not;
-    `accepted`: the same of findings; `learner`: strength of a law that it is sure of; `floor`: the
+    `best`: score of the best effect in units of its bootstrap quantile, whether it is a finding or
+    not; `score`: the same of those that are as strong as is asked for; `accepted`: of findings;
+    `learner`: strength of a law that it is sure of; `strength`: of that or the best; `floor`: the
     largest error over the scatter between periods, 0 where none was repeated; `flow`: share of it
     that the strongest effect makes up; `flow_left`: share that none explains. `promised`: 0 to
     100 % quantiles of the best score by the bootstrap, in the same unit.
@@ -90,13 +92,20 @@ def statistics(diagnosis: Diagnosis) -> dict[str, Any]:
     quantities = [one for flow in diagnosis.flows for one in flow.quantities]
     null = null_gains(diagnosis.search.projection, [])
     quantile = diagnosis.threshold / thresholds.score_factor
-    best = diagnosis.search.best(1)
+    single = [
+        (choice.gain / quantile, strength(diagnosis.search, choice.options[0], choice.gain))
+        for choice in diagnosis.search.sets(1)
+    ]
+    strong = [score for score, one in single if one >= thresholds.smallest_strength]
     accepted = max((finding.accepted.score for finding in diagnosis.findings), default=0.0)
     sure = learnt.p_value < thresholds.false_alarm_rate / 2.0 / len(learnt.p_value)
+    law = float(learnt.strength[sure].max(initial=0.0))
     return {
-        "score": best.gain / quantile if best is not None else 0.0,
+        "best": single[0][0] if single else 0.0,
+        "score": max(strong, default=0.0),
         "accepted": accepted / quantile,
-        "learner": float(learnt.strength[sure].max(initial=0.0)),
+        "learner": law,
+        "strength": max([law, *(one for _, one in single[:1])]),
         "floor": float(np.nan_to_num(gap.over_floor(gap.largest_before)).max()),
         "flow": max((one.share for one in quantities if one.missing), default=0.0),
         "flow_left": max((flow.unexplained for flow in diagnosis.flows), default=0.0),

@@ -50,7 +50,7 @@ def agreement(known: Sequence[dict[str, Any]]) -> dict[str, Any]:
     `above`: share of cases above its quantile of 97 %, which is 3 % if both agree. Sorted scores
     `found`, and `promised` ones at the same ranks, in units of the quantile that is the threshold.
     """
-    score = np.array([one["score"] for one in known])
+    score = np.array([one["best"] for one in known])
     promised = np.array([one["promised"] for one in known])  # (n, 101)
     levels = 100.0 * (np.arange(len(score)) + 0.5) / len(score)
     return {

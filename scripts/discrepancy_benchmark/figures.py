@@ -116,7 +116,7 @@ def _threshold(rows: Sequence[Row]) -> Figure | None:
     drawn = [
         _survival(axes, groups, key, words)
         for axes, key, words in (
-            (left, "score", "best score over its quantile from noise"),
+            (left, "best", "best score over its quantile from noise"),
             (right, "learner", "strength of the law that a learner finds"),
         )
     ]

@@ -48,8 +48,9 @@ class Gate(NamedTuple):
 
 
 GATES = (
-    Gate("discrepancy.yaml", "score_factor", "score", 1.0),  # the bootstrap alone
-    Gate("discrepancy.yaml", "smallest_strength", "learner", None),
+    # Not lowered: few null cases hold an effect that is strong enough to pass the other gates.
+    Gate("discrepancy.yaml", "score_factor", "score", None),
+    Gate("discrepancy.yaml", "smallest_strength", "strength", None),
     Gate("discrepancy.yaml", "floor_factor", "floor", 2.5),  # few periods say little of scatter
     Gate("hydraulics.yaml", "smallest_share", "flow", None),
     Gate("hydraulics.yaml", "unexplained", "flow_left", 0.0),

@@ -63,7 +63,7 @@ def made_up(case: Case) -> dict[str, Any]:
             "always Stribeck": ["named", []],
         },
         "headlines": {"diagnose": found[0].effect if found else "none"},
-        "statistics": {"score": 100.0 if found else 0.5, "learner": 0.01 if found else 0.0},
+        "statistics": {"best": 100.0 if found else 0.5, "learner": 0.01 if found else 0.0},
         "seconds": 30.0,
         "parameter_errors": [],
         "closed": 0.9 if found else None,
@@ -93,7 +93,7 @@ def test_scores_are_compared_with_what_the_bootstrap_promises(factor, above):
     """Of exponential scores, 3 % lie above their quantile of 97 %, of twice these sqrt(3 %)."""
     promised = -np.log(1.0 - np.linspace(0.0, 0.9999, 101))
     scores = -factor * np.log(1.0 - (np.arange(400) + 0.5) / 400)
-    found = agreement([{"score": one, "promised": promised.tolist()} for one in scores])
+    found = agreement([{"best": one, "promised": promised.tolist()} for one in scores])
     assert found["above"]["rate"] == pytest.approx(above, abs=0.005)
     assert np.polyfit(found["promised"][:380], found["found"][:380], 1)[0] == pytest.approx(
         factor, rel=0.05
