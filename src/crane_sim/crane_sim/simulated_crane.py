@@ -21,6 +21,7 @@ from crane_driver.can.bus import BusError
 from crane_driver.can.link import Link
 from crane_driver.can.options import bus_settings
 from crane_model import cli
+from crane_model.arguments import whole
 from crane_model.errors import ConfigurationError
 from crane_model.machine import JOINTS, load_machine
 from crane_sim.machine_on_bus import MachineOnBus
@@ -133,5 +134,5 @@ def _parser() -> argparse.ArgumentParser:
         help="take from standard input what an operator does at the machine: JOINT=OPENING moves "
         "a lever (positive moves the joint up, 0 lets go), engine=off and engine=on",
     )
-    parser.add_argument("--seed", type=int, default=0, help="of the sensors' noise")
+    parser.add_argument("--seed", type=whole(0), default=0, help="of the sensors' noise")
     return parser
