@@ -133,21 +133,27 @@ class CycleNumbers:
             return None
         if silence > count - WAITING:
             stream.unsure = received + stream.cycle
-        if received < stream.unsure:
-            return None
-        follows = 0 < step <= self._lost + 1 and silence < count - WAITING
+        # After a silence, frames that were held up come at once: without a gap, or not to be told
+        # from those of a round ago.
+        follows = 0 < step <= (1 if received < stream.unsure else self._lost + 1)
         if stream.frames < TIMED:
+            follows = follows and silence <= count - WAITING
             if not follows and step <= count - WAITING:  # else perhaps overtaken by others
                 self._forget(restarted=False)
             return stream.index + step if follows else None
+        if stream.early(stream.index + step + count, received) < EARLY:
+            follows = False  # a whole round more may be true
         if follows and stream.early(stream.index + step, received) < EARLY:
             return stream.index + step
-        return stream.expected(step, count, received)
+        return None if received < stream.unsure else stream.expected(step, count, received)
 
     def settle(self) -> None:
-        """No more frames come: what the few that came show must do."""
-        if self._streams.keys() == self._layouts.keys() and not self._offsets:
-            self._offsets = {name: round(self._apart(name)) for name in self._layouts}
+        """No more frames come: what the few that came show must do, if it is clear."""
+        if self._offsets or self._streams.keys() != self._layouts.keys():
+            return
+        apart = {name: self._apart(name) for name in self._layouts}
+        if all(abs(value - round(value)) < ALIKE for value in apart.values()):
+            self._offsets = {name: round(value) for name, value in apart.items()}
 
     def number(self, message: str, index: int, received: float) -> int | None:
         """Number of the cycle of a frame, once they are known: one more from cycle to cycle.

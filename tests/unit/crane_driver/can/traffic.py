@@ -78,7 +78,6 @@ BUSES = {
     "reordered": Bus(overtaken=0.3),
     "interrupted": Bus(loss=0.05, outage=0.003),
     "restarting": Bus(loss=0.05, late=0.3, restart=0.002),
-    "all of it": Bus(0.1, 0.3, 0.005, 0.1, 0.01, 0.002, 0.001),
 }
 
 
