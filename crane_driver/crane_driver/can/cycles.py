@@ -73,6 +73,9 @@ class CycleNumbers:
     the promptest frames, since a frame may be late and is never early. Nothing is known until then.
     All is learnt anew, in another `epoch`, where a counter and the time contradict each other, as
     after the restart of a device.
+
+    A frame that others overtake is left out. One that is late by a whole round of its counter
+    cannot always be told from a new one.
     """
 
     def __init__(self, messages: Sequence[MessageLayout], timing: Timing):
@@ -151,9 +154,9 @@ class CycleNumbers:
         """No more frames come: what the few that came show must do, if it is clear."""
         if self._offsets or self._streams.keys() != self._layouts.keys():
             return
-        apart = {name: self._apart(name) for name in self._layouts}
-        if all(abs(value - round(value)) < ALIKE for value in apart.values()):
-            self._offsets = {name: round(value) for name, value in apart.items()}
+        offsets, alike = self._seen()
+        if alike:
+            self._offsets = offsets
 
     def number(self, message: str, index: int, received: float) -> int | None:
         """Number of the cycle of a frame, once they are known: one more from cycle to cycle.
@@ -168,13 +171,17 @@ class CycleNumbers:
         if self._streams.keys() != self._layouts.keys():
             return
         frames = min(one.frames for one in self._streams.values())
-        apart = {name: self._apart(name) for name in self._layouts}
-        offsets = {name: round(value) for name, value in apart.items()}
-        alike = all(abs(apart[name] - offsets[name]) < ALIKE for name in apart)
+        offsets, alike = self._seen()
         again = frames >= KNOWN_AGAIN and self._counters(offsets) == self._former
         sure = alike and (again or frames >= LEARNT)
         if sure or frames >= PATIENCE * LEARNT or len(self._layouts) == 1:
             self._offsets = offsets
+
+    def _seen(self) -> tuple[dict[str, int], bool]:
+        """By how many cycles the messages run apart, and whether they are of one instant."""
+        apart = {name: self._apart(name) for name in self._layouts}
+        offsets = {name: round(value) for name, value in apart.items()}
+        return offsets, all(abs(apart[name] - offsets[name]) < ALIKE for name in apart)
 
     def _follow(self, name: str) -> None:
         """Devices with clocks of their own drift apart: now and then one is a cycle behind."""
