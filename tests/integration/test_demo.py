@@ -29,9 +29,12 @@ def demo(tmp_path: Path) -> Iterator[subprocess.Popen[bytes]]:
         stderr=subprocess.STDOUT,
         bufsize=0,
     )
+    mark = mark_of(process)
     yield process
     process.kill()
     process.wait()
+    for number, _ in alive_with(mark):  # of a demo that did not end them itself
+        os.kill(number, signal.SIGKILL)
 
 
 def wait_for(process: subprocess.Popen[bytes], text: bytes) -> None:
@@ -49,13 +52,13 @@ def mark_of(process: subprocess.Popen[bytes]) -> bytes:
     return next(one for one in environment if one.startswith(MARK.encode()))
 
 
-def alive_with(mark: bytes) -> list[str]:
-    """Command lines of all processes that have inherited the mark."""
+def alive_with(mark: bytes) -> list[tuple[int, str]]:
+    """Ids and command lines of all processes that have inherited the mark."""
     found = []
     for folder in Path("/proc").glob("[0-9]*"):
         try:
             if mark in (folder / "environ").read_bytes().split(b"\0"):
-                found.append((folder / "cmdline").read_text().replace("\0", " "))
+                found.append((int(folder.name), (folder / "cmdline").read_text()))
         except OSError:  # ended meanwhile
             continue
     return found

@@ -22,7 +22,8 @@ TICK = 10_000_000  # ns between two messages on /clock
 LOOK = NANOSECONDS  # ns between two looks for other publishers
 UNKNOWN = "_NODE_NAME_UNKNOWN_"  # what rmw says until it has been told the name
 UNNAMED = 5  # looks, after which a publisher is pointed out without a name
-LAST_MESSAGES = 2.0  # s that subscribers have to acknowledge what was sent last
+LAST_MESSAGES = 10.0  # s that subscribers have to acknowledge what was sent last
+HISTORY = 5000  # messages, 25 s at 200 Hz, kept for subscribers that fall behind or are just found
 
 
 class Player(Node):
@@ -40,10 +41,18 @@ class Player(Node):
         self._next_tick = self._next_look = 0
 
     def offer(self, topics: Sequence[PlayedTopic]) -> None:
-        """Make the publishers of these topics."""
+        """Make the publishers of these topics.
+
+        Their history is longer than the recorded one, which a bag played fast overruns before a
+        subscriber that has just been found is told of the first messages. It is no part of what
+        publishers offer; only a latched topic shows it to those who come later.
+        """
         for topic in topics:
+            qos = profile(topic.service)
+            if not topic.service.latched:
+                qos.depth = max(qos.depth, HISTORY)
             self._publishers_of[topic.recorded] = self.create_publisher(
-                message_class(topic.msgtype), topic.recorded, profile(topic.service)
+                message_class(topic.msgtype), topic.recorded, qos
             )
 
     def wait_for_subscribers(self, topics: Collection[str]) -> None:
