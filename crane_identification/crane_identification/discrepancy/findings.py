@@ -12,9 +12,8 @@ from crane_identification.discrepancy.candidates import WHOLE, Family
 from crane_identification.discrepancy.diagnosis import Diagnosis
 from crane_identification.discrepancy.extension import Finding, Value, carried_in
 from crane_identification.discrepancy.gap import Gap
-from crane_identification.discrepancy.hydraulics import SIGMAS as FLOW_SIGMAS
 from crane_identification.discrepancy.hydraulics import Flow, Quantity
-from crane_identification.discrepancy.loads import LOADS, NO_LOAD, SIGMAS
+from crane_identification.discrepancy.loads import LOADS, MASS_SIGMAS, NO_LOAD
 from crane_identification.discrepancy.region import Region
 from crane_identification.discrepancy.strength import acting
 from crane_identification.discrepancy.variables import feature_unit
@@ -64,7 +63,7 @@ def content(diagnosis: Diagnosis) -> dict[str, Any]:
                     "correlation": correlation,
                     "learnable_share": share,
                     "law": law,
-                    "beyond_noise": times > diagnosis.thresholds.floor_factor,
+                    "beyond_noise": times > diagnosis.thresholds.gates.floor_factor,
                     "region": _region(diagnosis, region),
                 }
                 for joint, correlation, share, law, times, region in zip(
@@ -138,7 +137,7 @@ def _finding(diagnosis: Diagnosis, finding: Finding) -> dict[str, Any]:
         "carried_in": carried_in(finding, diagnosis.training.sources),
         "score": accepted.score,
         "threshold": accepted.threshold,
-        "false_alarm_rate": diagnosis.thresholds.false_alarm_rate,
+        "false_alarm_rate": diagnosis.thresholds.method.false_alarm_rate,
         "runner_up": None
         if runner is None
         else {"effect": runner.type, "name": runner.effect.name, "joint": runner.where},
@@ -181,7 +180,7 @@ def _of_load(diagnosis: Diagnosis, one: Weighed) -> dict[str, Any]:
         WHOLE,
         _parameter(Value(name, one.mass, one.std_dev, "kg")),
         (one.mass / one.std_dev) ** 2,
-        SIGMAS**2,
+        MASS_SIGMAS**2,
         None,
     ) | {"carried_in": {name: [one.recording], NO_LOAD: sorted(diagnosis.training.sources)}}
 
@@ -213,7 +212,8 @@ def _nearest(diagnosis: Diagnosis) -> dict[str, Any] | None:
 
 def _of_flow(diagnosis: Diagnosis, joint: str, one: Quantity) -> dict[str, Any]:
     """A finding of the flow balance, by the same keys; it adds nothing to the model of forces."""
-    threshold = (FLOW_SIGMAS * one.std_dev / one.value) ** 2 * one.score
+    sigmas = diagnosis.thresholds.method.flow_sigmas
+    threshold = (sigmas * one.std_dev / one.value) ** 2 * one.score
     return _by_itself(diagnosis, one, joint, of_quantity(one), one.score, threshold, one.share)
 
 
@@ -236,7 +236,7 @@ def _by_itself(
         "carried_in": {},
         "score": score,
         "threshold": threshold,
-        "false_alarm_rate": diagnosis.thresholds.false_alarm_rate,
+        "false_alarm_rate": diagnosis.thresholds.method.false_alarm_rate,
         "runner_up": None,
         "margin": score,
         "margin_needed": 0.0,
