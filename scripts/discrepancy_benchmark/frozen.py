@@ -17,6 +17,7 @@ from crane_identification.discrepancy.thresholds import load_thresholds
 from crane_model.errors import ConfigurationError
 
 RECORD = Path(__file__).with_name("frozen.json")
+VALUES = ("gates", "method", "hydraulics")  # parts of a state; the other one is the code
 LIST_MODULES = """
 import sys
 import crane_identification.data.bag_log, crane_identification.discrepancy.diagnosis
@@ -80,8 +81,8 @@ def digest(found: dict[str, Any]) -> str:
 def differences(before: dict[str, Any], now: dict[str, Any]) -> list[str]:
     """Where two states differ, in words."""
     said = []
-    for part in ("gates", "method", "hydraulics"):
-        old, new = before.get(part, {}), now[part]
+    for part in VALUES:
+        old, new = before[part], now[part]
         said += [
             f"{part}.{name} is {new.get(name)}, frozen at {old.get(name)}"
             for name in sorted(old.keys() | new.keys())

@@ -168,12 +168,26 @@ def test_a_freeze_is_not_carried_over_where_answers_differ(
         carry_over.carried_over(before, answers(tmp_path / "after", count, **changed), "x")
 
 
-def test_a_freeze_is_not_carried_over_to_other_gates(record: Path, tmp_path: Path) -> None:
-    content = read_json(record)
-    content["thresholds"]["pulsation_clearness"] = 4.5
+@pytest.mark.parametrize(
+    ("where", "name"),
+    [
+        (("thresholds",), "gates.smallest_strength"),  # as calibrated
+        (("state", "gates"), "gates.floor_factor"),  # as frozen
+        (("state", "method"), "method.lead_share"),
+        (("state", "hydraulics"), "hydraulics.leakage"),
+    ],
+)
+def test_a_freeze_is_not_carried_over_to_other_values(
+    record: Path, tmp_path: Path, where: tuple[str, ...], name: str
+) -> None:
+    """Though all cases that were asked have the same answers."""
+    content = part = read_json(record)
+    for key in where:
+        part = part[key]
+    part[name.split(".")[1]] = 4.5
     write_json(record, content)
     both = answers(tmp_path / "before", 4), answers(tmp_path / "after", 4)
-    with pytest.raises(ConfigurationError, match="pulsation_clearness: not as calibrated"):
+    with pytest.raises(ConfigurationError, match=f"{name}: not as frozen"):
         carry_over.carried_over(*both, "x")
 
 
