@@ -167,6 +167,7 @@ class Driver(LifecycleNode):
         self._send(self._link, self._loop.valve_frames(time.monotonic()))
 
     def _take(self, loop: DriverLoop, link: Link) -> None:
+        loop.run(time.monotonic(), time.process_time())
         frames = link.take(TAKEN)
         joints, pressures = loop.receive(frames, link.take_faults(), time.monotonic())
         for pressure_sample in pressures:
@@ -179,7 +180,7 @@ class Driver(LifecycleNode):
             return
         self._take(self._loop, self._link)  # before it is judged what has not come
         now = time.monotonic()
-        self._loop.check(self._commanders(), now)
+        self._loop.check(self._commanders(), now, self._link.heard(now))
         self._send(self._link, self._loop.valve_frames(now))
         self._send(self._link, self._loop.device_frames(now))
         self._tell()
@@ -189,6 +190,7 @@ class Driver(LifecycleNode):
             return
         age = (time.time_ns() - info["received_timestamp"]) * 1e-9
         received = time.monotonic() - (age if 0.0 <= age < OLDEST else 0.0)
+        self._loop.run(time.monotonic(), time.process_time())
         self._loop.supervisor.published_by(self._commanders())
         try:
             self._loop.supervisor.command(message.name, message.command, received)
