@@ -24,6 +24,7 @@ from crane_driver.driver_messages import cylinder_pressures, diagnostics, inacti
 from crane_driver.driver_parameters import PARAMETERS, DriverParameters, read_parameters
 from crane_driver.nodes.managed import run_managed
 from crane_driver.nodes.parameters import declare, hold
+from crane_driver.realtime import RealTime
 from crane_driver.safety.settings import load_safety
 from crane_driver.safety.supervisor import RefusedError
 from crane_interfaces.msg import (
@@ -53,6 +54,7 @@ class Driver(LifecycleNode):
         self._link: Link | None = None
         self._settings: DriverParameters | None = None
         self._machine: Machine | None = None
+        self._realtime: RealTime | None = None
         self._commanders: Callable[[], int] = lambda: 0
         self._active: list[Callable[[], Any]] = []  # what ends with the active state
         self._lifecycle = "unconfigured"
@@ -88,6 +90,8 @@ class Driver(LifecycleNode):
             self._send(link, loop.codec.command_frames(output.commands, output.enabled))
             time.sleep(loop.cycle)
         link.close()
+        if self._realtime:
+            self._realtime.end()
 
     def on_configure(self, state: LifecycleState) -> TransitionCallbackReturn:
         """Read parameters and files, and check that they fit together."""
@@ -110,6 +114,7 @@ class Driver(LifecycleNode):
         except CraneError as error:
             return self._failed(error)
         self._loop, self._link = loop, link
+        self._be_punctual()
         subscription = self.create_subscription(
             ValveCommand,
             "/valve_command",
@@ -158,6 +163,19 @@ class Driver(LifecycleNode):
             self._settings.jerk_density,
             time.monotonic(),
         )
+
+    def _be_punctual(self) -> None:
+        """Once the threads are there that serve the bus."""
+        assert self._settings
+        self._realtime = realtime = RealTime(self._settings.realtime).begin()
+        if realtime.obtained:
+            self.get_logger().info(f"real time: {', '.join(realtime.obtained)}")
+        if realtime.refused:
+            self.get_logger().warning(
+                f"real time: no {'; no '.join(realtime.refused)}. Beside other work the driver may "
+                "stall: permit it (share/crane_driver/realtime), or do not ask for it (parameters "
+                "realtime.*)"
+            )
 
     def _receive(self) -> None:
         """Frames or faults of the bus wait to be taken."""
