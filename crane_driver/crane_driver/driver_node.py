@@ -24,6 +24,7 @@ from crane_driver.driver_messages import cylinder_pressures, diagnostics, inacti
 from crane_driver.driver_parameters import PARAMETERS, DriverParameters, read_parameters
 from crane_driver.nodes.managed import run_managed
 from crane_driver.nodes.parameters import declare, hold
+from crane_driver.realtime import RealTime
 from crane_driver.safety.settings import load_safety
 from crane_driver.safety.supervisor import RefusedError
 from crane_interfaces.msg import (
@@ -53,6 +54,7 @@ class Driver(LifecycleNode):
         self._link: Link | None = None
         self._settings: DriverParameters | None = None
         self._machine: Machine | None = None
+        self._realtime: RealTime | None = None
         self._commanders: Callable[[], int] = lambda: 0
         self._active: list[Callable[[], Any]] = []  # what ends with the active state
         self._lifecycle = "unconfigured"
@@ -88,6 +90,8 @@ class Driver(LifecycleNode):
             self._send(link, loop.codec.command_frames(output.commands, output.enabled))
             time.sleep(loop.cycle)
         link.close()
+        if self._realtime:
+            self._realtime.end()
 
     def on_configure(self, state: LifecycleState) -> TransitionCallbackReturn:
         """Read parameters and files, and check that they fit together."""
@@ -110,6 +114,7 @@ class Driver(LifecycleNode):
         except CraneError as error:
             return self._failed(error)
         self._loop, self._link = loop, link
+        self._be_punctual()
         subscription = self.create_subscription(
             ValveCommand,
             "/valve_command",
@@ -159,6 +164,19 @@ class Driver(LifecycleNode):
             time.monotonic(),
         )
 
+    def _be_punctual(self) -> None:
+        """Once the threads are there that serve the bus."""
+        assert self._settings
+        self._realtime = realtime = RealTime(self._settings.realtime).begin()
+        if realtime.obtained:
+            self.get_logger().info(f"real time: {', '.join(realtime.obtained)}")
+        if realtime.refused:
+            self.get_logger().warning(
+                f"real time: no {'; no '.join(realtime.refused)}. Beside other work the driver may "
+                "stall: permit it (share/crane_driver/realtime), or do not ask for it (parameters "
+                "realtime.*)"
+            )
+
     def _receive(self) -> None:
         """Frames or faults of the bus wait to be taken."""
         if self._loop is None or self._link is None:
@@ -167,6 +185,7 @@ class Driver(LifecycleNode):
         self._send(self._link, self._loop.valve_frames(time.monotonic()))
 
     def _take(self, loop: DriverLoop, link: Link) -> None:
+        loop.run(time.monotonic(), time.process_time())
         frames = link.take(TAKEN)
         joints, pressures = loop.receive(frames, link.take_faults(), time.monotonic())
         for pressure_sample in pressures:
@@ -179,7 +198,7 @@ class Driver(LifecycleNode):
             return
         self._take(self._loop, self._link)  # before it is judged what has not come
         now = time.monotonic()
-        self._loop.check(self._commanders(), now)
+        self._loop.check(self._commanders(), now, self._link.heard(now))
         self._send(self._link, self._loop.valve_frames(now))
         self._send(self._link, self._loop.device_frames(now))
         self._tell()
@@ -189,6 +208,7 @@ class Driver(LifecycleNode):
             return
         age = (time.time_ns() - info["received_timestamp"]) * 1e-9
         received = time.monotonic() - (age if 0.0 <= age < OLDEST else 0.0)
+        self._loop.run(time.monotonic(), time.process_time())
         self._loop.supervisor.published_by(self._commanders())
         try:
             self._loop.supervisor.command(message.name, message.command, received)

@@ -2,6 +2,7 @@
 
 import math
 import os
+import re
 import signal
 import time
 from collections.abc import Callable, Iterator
@@ -13,7 +14,7 @@ from integration.commander import Commander
 from integration.driver_stage import Stage, commander
 from integration.faults import DRIVER, SMALLEST, encoder_frame, fault, played, ramped, swing
 from integration.processes import DRIVER as SECOND_DRIVER
-from integration.processes import PATIENCE, end, start
+from integration.processes import PATIENCE, TIMING, end, start
 
 from crane_driver.can.codec import DriverCodec
 from crane_driver.safety.settings import load_safety
@@ -123,6 +124,22 @@ def test_a_machine_that_falls_silent_is_a_fault_and_nothing_is_published(
     success, text = stage.call("enable")
     assert not success
     assert text.startswith("not enabled: the state is fault; CAN: ")
+    stage.disabled()
+
+
+def test_a_driver_that_was_stopped_names_its_own_stall(stage: Stage, hand: Commander) -> None:
+    """The machine goes on; whatever else follows from it, this comes first."""
+    swing(stage, hand)
+    limit = TIMING["late"] * min(stage.codec.cycles.values())
+    os.kill(stage.driver.pid, signal.SIGSTOP)
+    time.sleep(1.2 * limit)
+    since = len(stage.valves)
+    os.kill(stage.driver.pid, signal.SIGCONT)
+    said = fault(stage, "driver stalled")
+    stalled = float(re.findall(r"not given the processor for (\d+) ms", said)[0])
+    assert 1.2 * limit <= stalled * 1e-3 < 1.2 * limit + SLACK
+    assert stage.safety[0].startswith("fault; driver stalled: ")
+    ramped(stage, since)
     stage.disabled()
 
 

@@ -33,6 +33,7 @@ class Cause(StrEnum):
     SEVERAL_PUBLISHERS = "several publishers"
     NO_STATE = "no state"
     POSITION = "position"
+    STALLED = "driver stalled"
 
 
 @dataclass
@@ -118,6 +119,12 @@ class Supervisor:
         if self.state is not State.OFFLINE:
             for joint, why in wrong.items():
                 self._latch(Cause.POSITION, joint, f"{joint}: {why}")
+
+    def stalled(self, why: str, now: float) -> None:
+        """The driver itself did not run; offline, nothing moves meanwhile."""
+        self._troubled = now
+        if self.state is not State.OFFLINE:
+            self._latch(Cause.STALLED, "", why)
 
     def can_faults(self, faults: Iterable[Fault], now: float) -> None:
         """Faults of bus, frames and devices."""

@@ -59,7 +59,7 @@ class Bench:
 
     def receive(self, frames: list[Frame]) -> tuple[list[JointSample], list[PressureSample]]:
         samples = self.loop.receive(frames, [], self.now)
-        self.loop.check(0, self.now)
+        self.loop.check(0, self.now, self.now)
         return samples
 
     def run(self, cycles: int) -> tuple[JointSample, PressureSample]:
@@ -169,9 +169,70 @@ def test_readings_that_stop_are_a_fault(bench: Bench) -> None:
     bench.run(100)
     assert bench.loop.supervisor.state is State.DISABLED
     bench.now += 1.0
-    bench.loop.check(0, bench.now)
+    bench.loop.check(0, bench.now, bench.now)
     assert bench.loop.supervisor.state is State.FAULT
     assert "CAN missing EncoderBoom" in bench.loop.supervisor.faults
+
+
+STALL = 0.143  # s
+
+
+def test_a_stall_of_the_driver_is_no_silence_of_the_machine(bench: Bench) -> None:
+    """What came meanwhile waits in the operating system, where one frame after another is read."""
+    bench.run(100)
+    bench.loop.run(bench.now, computed=7.0)
+    heard = bench.now
+    queued = [bench.frames() for _ in range(round(STALL / CYCLE))]
+    bench.loop.run(bench.now, computed=7.001)
+    for frames in queued:
+        bench.loop.receive(frames, [], bench.now)
+        bench.loop.check(0, bench.now, heard)
+        heard = frames[-1].steady
+    bench.run(3)
+    supervisor = bench.loop.supervisor
+    assert supervisor.state is State.FAULT
+    assert list(supervisor.faults) == ["driver stalled"]
+    assert "not given the processor for 145 ms" in supervisor.faults["driver stalled"].text
+
+
+def test_a_machine_that_falls_silent_while_the_driver_stalls_is_a_fault_too(bench: Bench) -> None:
+    bench.run(100)
+    bench.loop.run(bench.now, 7.0)
+    bench.now += STALL
+    bench.loop.run(bench.now, 7.0)
+    bench.loop.check(0, bench.now, bench.now)
+    first, *others = bench.loop.supervisor.faults
+    assert first == "driver stalled"
+    assert "CAN missing EncoderBase" in others
+
+
+def test_a_receiving_thread_that_stalls_is_told_from_a_silent_machine(bench: Bench) -> None:
+    bench.run(100)
+    heard = bench.now
+    while "driver stalled" not in bench.loop.supervisor.faults:
+        assert bench.now < heard + STALL
+        bench.now += CYCLE
+        bench.loop.run(bench.now, 7.0)
+        bench.loop.receive([], [], bench.now)
+        bench.loop.check(0, bench.now, heard)
+    assert bench.loop.supervisor.state is State.FAULT
+    assert list(bench.loop.supervisor.faults) == ["driver stalled"]
+    assert bench.now - heard == pytest.approx(0.05, abs=CYCLE)  # as a machine that is late
+
+
+def test_while_offline_a_stall_is_no_fault_but_delays_what_follows(fresh: Bench) -> None:
+    def receive(cycles: int) -> None:
+        for _ in range(cycles):
+            fresh.receive(fresh.frames())
+
+    fresh.loop.run(fresh.now, 7.0)
+    receive(LEARNT - 5)
+    fresh.loop.run(fresh.now, 7.0)
+    receive(30)
+    assert fresh.loop.supervisor.state is State.OFFLINE
+    receive(15)
+    assert fresh.loop.supervisor.state is State.DISABLED
+    assert not fresh.loop.supervisor.faults
 
 
 def test_positions_of_which_no_cycle_is_complete_stop_the_crane(bench: Bench) -> None:

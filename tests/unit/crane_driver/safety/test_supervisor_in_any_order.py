@@ -52,6 +52,10 @@ class AnyOrder(RuleBasedStateMachine):
     def can_fault(self) -> None:
         self.bench.it.can_faults([CAN_FAULT], self.bench.now)
 
+    @rule()
+    def stall(self) -> None:
+        self.bench.it.stalled("it was not given the processor", self.bench.now)
+
     @rule(request=st.sampled_from(["enable", "enable", "disable", "stop", "reset"]))
     def ask(self, request: str) -> None:
         it, now = self.bench.it, self.bench.now
