@@ -10,6 +10,7 @@ from matplotlib.figure import Figure
 
 from crane_driver.bringup.crane_client import CraneClient
 from crane_driver.bringup.motion import Mover
+from crane_driver.bringup.restart import Parameters, driver_command
 from crane_driver.bringup.samples import ROTARY, Rest, at_rest
 from crane_driver.bringup.series import MAPPING, Series, copy_changed
 from crane_driver.bringup.terminal import Terminal
@@ -39,6 +40,7 @@ class Bench:
     terminal: Terminal
     series: Series
     mapping: Path  # that the driver runs with
+    driver: Parameters  # of it
     positions: Mapping[str, PositionSignal]  # of that mapping
     layout: Layout
     joints: tuple[str, ...]  # to be measured
@@ -78,5 +80,5 @@ class Bench:
         copy_changed(self.mapping, target, change, f"{run.name}, measured on {self.mapping}")
         self.terminal.say(
             "restart the driver with the new mapping before the next step:\n"
-            f"  ros2 run crane_driver driver --ros-args -p mapping:={target.resolve()}"
+            f"  {driver_command(self.driver, target)}"
         )

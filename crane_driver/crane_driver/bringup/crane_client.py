@@ -1,7 +1,7 @@
 """The running driver as a bring-up sees it: samples in, and one valve commanded at a time."""
 
 import time
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterator, Sequence
 from contextlib import contextmanager
 from typing import Any
 
@@ -11,6 +11,7 @@ from rcl_interfaces.srv import GetParameters
 from rclpy.client import Client
 from rclpy.executors import SingleThreadedExecutor
 from rclpy.node import Node
+from rclpy.parameter import parameter_value_to_python
 from rclpy.publisher import Publisher
 from sensor_msgs.msg import JointState
 from std_srvs.srv import Trigger
@@ -62,13 +63,15 @@ class CraneClient(Node):
         """Wait for the driver and its joints; `DataError` if it is not there."""
         self._until(
             lambda: self.samples and self._ask_parameters.service_is_ready(),
-            "no /joint_states come; start the driver: ros2 run crane_driver driver",
+            "no /joint_states come; start the driver, with the bus and the files of this crane "
+            "(-p bus.interface, bus.channel, dbc, mapping, machine, safety)",
         )
 
-    def parameter(self, name: str) -> str:
-        """A parameter of the driver that is text."""
-        request = GetParameters.Request(names=[name])
-        return self._call(self._ask_parameters, request).values[0].string_value
+    def parameters(self, names: Sequence[str]) -> dict[str, Any]:
+        """Parameters of the driver."""
+        answer = self._call(self._ask_parameters, GetParameters.Request(names=names))
+        values = map(parameter_value_to_python, answer.values)
+        return dict(zip(names, values, strict=True))
 
     def record(self, seconds: float) -> np.ndarray:
         """Positions (n, j) of the joints in a time from now on [rad, m]."""
