@@ -47,12 +47,13 @@ class Bench:
     protocol: Protocol
 
     def rests(self) -> list[Rest]:
-        """All joints of the driver, which stand."""
+        """All joints of the driver, which stand, from now on."""
         positions = self.crane.record(self.protocol.seconds)
         return [
             at_rest(
                 joint,
                 positions[:, i],
+                self.protocol.seconds,
                 self.layout.resolution(joint),
                 ROTARY if JOINT_UNITS[joint] == "rad" else None,
             )

@@ -74,7 +74,7 @@ class CraneClient(Node):
         return dict(zip(names, values, strict=True))
 
     def record(self, seconds: float) -> np.ndarray:
-        """Positions (n, j) of the joints in a time from now on [rad, m]."""
+        """Positions (n, j) of the joints in a time from now on [rad, m]; `samples` begins there."""
         self.samples.clear()
         self._wait(seconds)
         if not self.samples:
