@@ -43,8 +43,7 @@ def moves(shop: Workshop, step: str, *options: str) -> tuple[Tool, dict[str, flo
     for _ in range(3):
         before = {joint: shop.still(joint) for joint in MEASURED}
         tool = Tool(shop, step, *FAST, *options)
-        tool.say("yes\n" * len(MEASURED))  # all answers at once, as from a file
-        if tool.done() == 0:
+        if tool.agree() == 0:
             return tool, before
         busy = "too busy", "no /joint_states", "refuses commands"
         assert any(text in tool.output for text in busy), tool.output
@@ -138,6 +137,20 @@ def test_dead_band(shop: Workshop) -> None:
             true = valve["dead_zone"] + direction * valve["null_bias"]
             assert measured.dead_band == pytest.approx(true, abs=0.003)
         assert shop.still(joint) == pytest.approx(before[joint], abs=0.01)
+
+
+def test_a_stall_costs_one_ramp(shop: Workshop) -> None:
+    """The driver has a fault then, which is reset when the operator has said so."""
+    tool = Tool(shop, "dead_band", *FAST, "--joints", "inner_boom")
+    tool.answer("yes")
+    shop.until(lambda: shop.valves[1] and abs(shop.valves[0]["inner_boom"]) > 0.06)
+    tool.process.send_signal(signal.SIGSTOP)
+    shop.until(lambda: not shop.valves[1])
+    tool.process.send_signal(signal.SIGCONT)
+    tool.expect("only this ramp of inner_boom is repeated")
+    assert tool.agree() == 0
+    (found,) = load(runs(shop, "dead_band")[-1] / "result.yaml", Result[Directions]).results
+    assert found == "inner_boom"
 
 
 def test_ctrl_c_while_it_moves_is_neutral_disabled_and_the_end(shop: Workshop) -> None:

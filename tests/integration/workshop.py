@@ -156,6 +156,19 @@ class Tool:
         self.expect(" > ")
         self.say(f"{text}\n")
 
+    def agree(self) -> int:
+        """Yes to whatever it asks, until its end; its exit status."""
+
+        def asked() -> bool:
+            self._take()
+            return " > " in self.output[self._read :]
+
+        while True:
+            self.shop.until(lambda: asked() or self.process.poll() is not None)
+            if not asked():
+                return self.done()
+            self.answer("yes")
+
     def done(self) -> int:
         self.shop.until(lambda: self._take() or self.process.poll() is not None)
         self._take()

@@ -4,12 +4,12 @@ from collections.abc import Callable, Iterator, Mapping
 from contextlib import contextmanager
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Any
+from typing import Any, TypeVar
 
 from matplotlib.figure import Figure
 
 from crane_driver.bringup.crane_client import CraneClient
-from crane_driver.bringup.motion import Mover
+from crane_driver.bringup.motion import Mover, StoppedError
 from crane_driver.bringup.restart import Parameters, driver_command
 from crane_driver.bringup.samples import ROTARY, Rest, at_rest
 from crane_driver.bringup.series import MAPPING, Series, copy_changed
@@ -17,6 +17,9 @@ from crane_driver.bringup.terminal import Terminal
 from crane_driver.can.layout import Layout
 from crane_driver.can.mapping import PositionSignal
 from crane_model.machine import JOINT_UNITS
+
+REPEATS = 5  # of one ramp
+Done = TypeVar("Done")
 
 
 @dataclass(frozen=True)
@@ -66,6 +69,25 @@ class Bench:
         rests = self.rests()
         with self.crane.drive(joint) as drive:
             yield Mover(drive, self.crane.joints, joint, rests, self.protocol.travel)
+
+    def driven(self, mover: Mover, ramp: Callable[[Mover], Done]) -> Done:
+        """What a ramp of a joint gives; if a stall or the driver cuts it off, it alone is repeated.
+
+        A fault of the driver is reset when the operator agrees, and not before.
+        """
+        for _ in range(REPEATS):
+            try:
+                return ramp(mover)
+            except StoppedError as error:
+                self.terminal.say(f"  {error}; only this ramp of {mover.joint} is repeated")
+                mover.drive.leave()
+                if trouble := self.crane.trouble:
+                    self.terminal.confirm(
+                        f"  {mover.joint}: stopped by the driver: {trouble}. See that the crane is "
+                        "well. Reset the fault and repeat this ramp?"
+                    )
+                    mover.drive.recover()
+        return ramp(mover)
 
     def finish(
         self, step: str, results: Mapping[str, Any], figure: Figure, **protocol: float
