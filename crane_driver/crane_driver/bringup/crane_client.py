@@ -1,7 +1,7 @@
 """The running driver as a bring-up sees it: samples in, and one valve commanded at a time."""
 
 import time
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterator, Sequence
 from contextlib import contextmanager
 from typing import Any
 
@@ -11,11 +11,12 @@ from rcl_interfaces.srv import GetParameters
 from rclpy.client import Client
 from rclpy.executors import SingleThreadedExecutor
 from rclpy.node import Node
+from rclpy.parameter import parameter_value_to_python
 from rclpy.publisher import Publisher
 from sensor_msgs.msg import JointState
 from std_srvs.srv import Trigger
 
-from crane_driver.bringup.motion import MotionError, Tick
+from crane_driver.bringup.motion import MotionError, StoppedError, Tick
 from crane_driver.bringup.samples import Sample
 from crane_driver.nodes.context import Stop
 from crane_interfaces.msg import CylinderPressures, ValveCommand
@@ -27,6 +28,7 @@ CYCLE = 0.01  # s, of the commands
 OLDEST = 0.1  # s, without a joint state while the crane moves
 PAUSE = 0.08  # s between two commands, beyond which the driver refuses the next
 FAREWELL = 0.2  # s of neutral commands before the driver is disabled
+SETTLING = 100  # cycles of neutral commands after a reset, until the driver may be enabled
 
 
 class CraneClient(Node):
@@ -49,6 +51,7 @@ class CraneClient(Node):
         )
         self.create_subscription(DiagnosticArray, "/diagnostics", self._diagnosed, DEPTH)
         self._ask_enable = self.create_client(Trigger, "/driver/enable")
+        self._ask_reset = self.create_client(Trigger, "/driver/reset_fault")
         self._ask_disable = self.create_client(Trigger, "/driver/disable")
         self._ask_parameters = self.create_client(GetParameters, "/driver/get_parameters")
 
@@ -62,16 +65,18 @@ class CraneClient(Node):
         """Wait for the driver and its joints; `DataError` if it is not there."""
         self._until(
             lambda: self.samples and self._ask_parameters.service_is_ready(),
-            "no /joint_states come; start the driver: ros2 run crane_driver driver",
+            "no /joint_states come; start the driver, with the bus and the files of this crane "
+            "(-p bus.interface, bus.channel, dbc, mapping, machine, safety)",
         )
 
-    def parameter(self, name: str) -> str:
-        """A parameter of the driver that is text."""
-        request = GetParameters.Request(names=[name])
-        return self._call(self._ask_parameters, request).values[0].string_value
+    def parameters(self, names: Sequence[str]) -> dict[str, Any]:
+        """Parameters of the driver."""
+        answer = self._call(self._ask_parameters, GetParameters.Request(names=names))
+        values = map(parameter_value_to_python, answer.values)
+        return dict(zip(names, values, strict=True))
 
     def record(self, seconds: float) -> np.ndarray:
-        """Positions (n, j) of the joints in a time from now on [rad, m]."""
+        """Positions (n, j) of the joints in a time from now on [rad, m]; `samples` begins there."""
         self.samples.clear()
         self._wait(seconds)
         if not self.samples:
@@ -96,13 +101,7 @@ class CraneClient(Node):
             self._until(
                 lambda: publisher.get_subscription_count() > 0, "the driver takes no commands"
             )
-            for _ in range(20):  # the driver wants to see a neutral command first
-                drive.tick(0.0)
-            answer = self._call(self._ask_enable, Trigger.Request(), drive)
-            if not answer.success:
-                raise MotionError(f"the driver does not enable the crane: {answer.message}")
-            drive.enabled = True
-            self._trouble, self._refused = "", None
+            self._enable(drive)
             yield drive
         finally:
             drive.leave()
@@ -110,6 +109,21 @@ class CraneClient(Node):
                 future = self._ask_disable.call_async(Trigger.Request())
                 self._executor.spin_until_future_complete(future, timeout_sec=1.0)
             self.destroy_publisher(publisher)
+
+    @property
+    def trouble(self) -> str:
+        """Why the driver has stopped the crane since it was enabled; empty if it has not."""
+        return self._trouble
+
+    def recover(self, drive: "NodeDrive") -> None:
+        """Reset the fault of the driver and enable it again; `MotionError` if it refuses."""
+        drive.enabled = False
+        answer = self._call(self._ask_reset, Trigger.Request(), drive)
+        if not answer.success:
+            raise MotionError(f"the driver does not reset its fault: {answer.message}")
+        for _ in range(SETTLING):
+            drive.tick(0.0)
+        self._enable(drive)
 
     def cycle(self, end: float) -> None:
         """Take what comes until `end` [s, steady], and see whether the crane may go on."""
@@ -119,15 +133,24 @@ class CraneClient(Node):
             raise KeyboardInterrupt
 
     def require_well(self) -> None:
-        """`MotionError` if the crane is not seen, or the driver has stopped it."""
+        """`StoppedError` if the crane is not seen, or the driver has stopped it."""
         if (age := time.monotonic() - self._received) > OLDEST:
-            raise MotionError(
+            raise StoppedError(
                 f"no /joint_states for {age * 1e3:.0f} ms, limit {OLDEST * 1e3:.0f} ms"
             )
         if self._trouble:
-            raise MotionError(f"the driver has stopped the crane: {self._trouble}")
+            raise StoppedError(f"the driver has stopped the crane: {self._trouble}")
         if (count := self.count_publishers("/valve_command")) > 1:
             raise MotionError(f"{count} publishers command the valves; stop the others")
+
+    def _enable(self, drive: "NodeDrive") -> None:
+        for _ in range(20):  # the driver wants to see a neutral command first
+            drive.tick(0.0)
+        answer = self._call(self._ask_enable, Trigger.Request(), drive)
+        if not answer.success:
+            raise MotionError(f"the driver does not enable the crane: {answer.message}")
+        drive.enabled = True
+        self._trouble, self._refused = "", None
 
     def _wait(self, seconds: float) -> None:
         end = time.monotonic() + seconds
@@ -198,18 +221,23 @@ class NodeDrive:
     def tick(self, command: float) -> Tick:
         """Send a command; samples until the next one is due."""
         if self.enabled:
+            if (pause := time.monotonic() - self._sent) > PAUSE:
+                if command:  # a neutral one begins anew
+                    raise StoppedError(
+                        f"no command for {pause * 1e3:.0f} ms, limit {PAUSE * 1e3:.0f} ms: this "
+                        "computer is too busy; stop other programs"
+                    )
+                self._client.spin(CYCLE)  # what has come meanwhile
             self._client.require_well()
-            pause = time.monotonic() - self._sent
-            if command and pause > PAUSE:  # a neutral one begins anew
-                raise MotionError(
-                    f"no command for {pause * 1e3:.0f} ms, limit {PAUSE * 1e3:.0f} ms: this "
-                    "computer is too busy; stop other programs and measure again"
-                )
         self._client.samples.clear()
         sent = self._publish(command)
         self._due = max(self._due + CYCLE, time.monotonic())
         self._client.cycle(self._due)
         return Tick(sent, list(self._client.samples))
+
+    def recover(self) -> None:
+        """Reset the fault of the driver and enable it again."""
+        self._client.recover(self)
 
     def leave(self) -> None:
         """Neutral commands for a while, whatever else is wrong."""
