@@ -22,7 +22,7 @@ from crane_driver.can.link import Link
 from crane_driver.driver_loop import DriverLoop
 from crane_driver.driver_messages import cylinder_pressures, diagnostics, inactive, joint_state
 from crane_driver.driver_parameters import PARAMETERS, DriverParameters, read_parameters
-from crane_driver.nodes.managed import run_managed
+from crane_driver.nodes.managed import AUTOSTART, run_managed
 from crane_driver.nodes.names import full_name
 from crane_driver.nodes.parameters import declare, hold
 from crane_driver.nodes.ready import say_ready
@@ -49,7 +49,7 @@ class Driver(LifecycleNode):
 
     def __init__(self) -> None:
         super().__init__("driver")
-        declare(self, PARAMETERS)
+        declare(self, PARAMETERS, read_only=(AUTOSTART,))
         self._steady = Clock(clock_type=ClockType.STEADY_TIME)
         self._loop: DriverLoop | None = None
         self._link: Link | None = None

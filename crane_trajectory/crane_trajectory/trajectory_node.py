@@ -23,7 +23,7 @@ from rclpy.subscription import Subscription
 from rclpy.task import Future
 from sensor_msgs.msg import JointState
 
-from crane_driver.nodes.managed import run_managed
+from crane_driver.nodes.managed import AUTOSTART, run_managed
 from crane_driver.nodes.names import full_name
 from crane_driver.nodes.parameters import declare, given, hold
 from crane_driver.nodes.publishers import publishers
@@ -74,7 +74,7 @@ class Trajectory(LifecycleNode):
     def __init__(self) -> None:
         super().__init__("trajectory")
         self._single_gains = given(self, SINGLE_GAINS)  # no file changes these
-        declare(self, (*FIXED, *CHANGEABLE))
+        declare(self, (*FIXED, *CHANGEABLE), read_only=(AUTOSTART,))
         self._lifecycle = "unconfigured"
         hold(self, FIXED, lambda: self._lifecycle)
         self._machine: Machine | None = None

@@ -55,7 +55,7 @@ class Jog(Node):
 
     def __init__(self, by_joystick: bool):
         super().__init__("jog")
-        declare(self, PARAMETERS)
+        declare(self, PARAMETERS, read_only=PARAMETERS)
         self._shape = shape(self)
         self.motion = Motion(self._shape)
         self.keyboard = Keyboard(HOLD.read(self))

@@ -106,7 +106,7 @@ class Identification(LifecycleNode):
 
     def __init__(self) -> None:
         super().__init__("identification")
-        declare(self, PARAMETERS)
+        declare(self, PARAMETERS, read_only=(AUTOSTART,))
         self._estimator: OnlineEstimator | None = None
         self._recent: Recent | None = None
         fixed = [parameter for parameter in PARAMETERS if parameter is not MODEL_OUTPUT]
