@@ -33,7 +33,7 @@ FRESHNESS = {
 
 
 def joint_state(sample: JointSample, joints: Sequence[str]) -> JointState:
-    """/joint_states."""
+    """A message of joint_states."""
     return JointState(
         header=_header(sample.stamp),
         name=joints,
@@ -44,7 +44,7 @@ def joint_state(sample: JointSample, joints: Sequence[str]) -> JointState:
 
 
 def cylinder_pressures(sample: PressureSample, cylinders: Sequence[str]) -> CylinderPressures:
-    """/cylinder_pressures."""
+    """A message of cylinder_pressures."""
     return CylinderPressures(
         header=_header(sample.stamp),
         name=cylinders,

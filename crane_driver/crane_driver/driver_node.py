@@ -22,8 +22,10 @@ from crane_driver.can.link import Link
 from crane_driver.driver_loop import DriverLoop
 from crane_driver.driver_messages import cylinder_pressures, diagnostics, inactive, joint_state
 from crane_driver.driver_parameters import PARAMETERS, DriverParameters, read_parameters
-from crane_driver.nodes.managed import run_managed
+from crane_driver.nodes.managed import AUTOSTART, run_managed
+from crane_driver.nodes.names import full_name
 from crane_driver.nodes.parameters import declare, hold
+from crane_driver.nodes.ready import say_ready
 from crane_driver.realtime import RealTime
 from crane_driver.safety.settings import load_safety
 from crane_driver.safety.supervisor import RefusedError
@@ -48,7 +50,7 @@ class Driver(LifecycleNode):
 
     def __init__(self) -> None:
         super().__init__("driver")
-        declare(self, PARAMETERS)
+        declare(self, PARAMETERS, read_only=(AUTOSTART,))
         self._steady = Clock(clock_type=ClockType.STEADY_TIME)
         self._loop: DriverLoop | None = None
         self._link: Link | None = None
@@ -59,10 +61,10 @@ class Driver(LifecycleNode):
         self._active: list[Callable[[], Any]] = []  # what ends with the active state
         self._lifecycle = "unconfigured"
         hold(self, PARAMETERS, lambda: self._lifecycle)
-        self._joints = self.create_publisher(JointState, "/joint_states", DEPTH)
-        self._pressures = self.create_publisher(CylinderPressures, "/cylinder_pressures", DEPTH)
+        self._joints = self.create_publisher(JointState, "joint_states", DEPTH)
+        self._pressures = self.create_publisher(CylinderPressures, "cylinder_pressures", DEPTH)
         self._diagnostics = self.create_publisher(DiagnosticArray, "/diagnostics", DEPTH)
-        self._description = self.create_publisher(String, "/robot_description", LATCHED)
+        self._description = self.create_publisher(String, "robot_description", LATCHED)
         self._received = self.create_guard_condition(self._receive)
         self.create_timer(REPORT, self._report, clock=self._steady)
         for name, action in (
@@ -117,7 +119,7 @@ class Driver(LifecycleNode):
         self._be_punctual()
         subscription = self.create_subscription(
             ValveCommand,
-            "/valve_command",
+            "valve_command",
             self._command,  # type: ignore[arg-type]  # rclpy does not declare the second argument
             DEPTH,
         )
@@ -129,6 +131,7 @@ class Driver(LifecycleNode):
         ]
         self.get_logger().info(f"CAN bus {self._settings.bus} is open; joints: {loop.joints}")
         self._lifecycle = "active"
+        say_ready(self)
         return super().on_activate(state)
 
     def on_deactivate(self, state: LifecycleState) -> TransitionCallbackReturn:
@@ -239,9 +242,9 @@ class Driver(LifecycleNode):
         message = DiagnosticArray()
         message.header.stamp = self.get_clock().now().to_msg()
         if self._loop and self._link:
-            message.status = diagnostics(self.get_name(), self._loop, self._link)
+            message.status = diagnostics(full_name(self), self._loop, self._link)
         else:
-            message.status = [inactive(self.get_name(), self._lifecycle)]
+            message.status = [inactive(full_name(self), self._lifecycle)]
         self._diagnostics.publish(message)
 
     def _service(

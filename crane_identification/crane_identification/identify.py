@@ -54,7 +54,10 @@ class Sources:
     def read(self, paths: Sequence[Path]) -> tuple[Log, ...]:
         """A log of each bag or table; `DataError` and `ConfigurationError` as their readers."""
         joints, options = self.model.joints, self.options
-        logs = (read_recording(path, joints, self.columns, self.progress) for path in paths)
+        logs = (
+            read_recording(path, joints, self.columns, self.progress, options.namespace)
+            for path in paths
+        )
         return tuple(usable(log, options.begin, options.end) for log in logs)
 
 
@@ -80,6 +83,7 @@ def identify(arguments: argparse.Namespace) -> None:
     options = Options(
         begin=arguments.begin,
         end=arguments.end,
+        namespace=arguments.namespace,
         average=arguments.average,
         period=arguments.period,
         estimator=arguments.estimator,
@@ -239,7 +243,7 @@ def parser() -> argparse.ArgumentParser:
 
 
 def add_part(parser: argparse.ArgumentParser) -> None:
-    """Adds the options that say which part of a recording is used."""
+    """Adds the options that say which part of a recording is used, and whose topics of a bag."""
     parser.add_argument(
         "--from",
         dest="begin",
@@ -255,6 +259,11 @@ def add_part(parser: argparse.ArgumentParser) -> None:
         default=Options().end,
         metavar="SECONDS",
         help="leave out what comes behind, counted alike",
+    )
+    parser.add_argument(
+        "--namespace",
+        type=lambda text: "/" + text.strip("/"),
+        help="of the crane, such as /left, where a bag holds several",
     )
 
 

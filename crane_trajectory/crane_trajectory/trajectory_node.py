@@ -23,9 +23,11 @@ from rclpy.subscription import Subscription
 from rclpy.task import Future
 from sensor_msgs.msg import JointState
 
-from crane_driver.nodes.managed import run_managed
+from crane_driver.nodes.managed import AUTOSTART, run_managed
+from crane_driver.nodes.names import full_name
 from crane_driver.nodes.parameters import declare, given, hold
 from crane_driver.nodes.publishers import publishers
+from crane_driver.nodes.ready import say_ready
 from crane_interfaces.msg import JointReference, ValveCommand
 from crane_model.errors import ConfigurationError, CraneError, DataError
 from crane_model.machine import JOINTS, Machine, load_machine
@@ -35,7 +37,7 @@ from crane_trajectory.experiment import Experiment, Outcome
 from crane_trajectory.motion import Motion, plan
 from crane_trajectory.periodic import PeriodicTrajectory
 from crane_trajectory.readiness import ENABLED, Readiness
-from crane_trajectory.run_excitation_action import Goals, NotReadyError
+from crane_trajectory.run_excitation_action import ACTION, Goals, NotReadyError
 from crane_trajectory.trajectory_condition import status
 from crane_trajectory.trajectory_parameters import (
     CHANGEABLE,
@@ -67,12 +69,12 @@ SUCCESS, FAILURE = TransitionCallbackReturn.SUCCESS, TransitionCallbackReturn.FA
 
 
 class Trajectory(LifecycleNode):
-    """Leads the crane as the goals of /run_excitation ask; all in the thread of the executor."""
+    """Leads the crane as the goals of run_excitation ask; all in the thread of the executor."""
 
     def __init__(self) -> None:
         super().__init__("trajectory")
         self._single_gains = given(self, SINGLE_GAINS)  # no file changes these
-        declare(self, (*FIXED, *CHANGEABLE))
+        declare(self, (*FIXED, *CHANGEABLE), read_only=(AUTOSTART,))
         self._lifecycle = "unconfigured"
         hold(self, FIXED, lambda: self._lifecycle)
         self._machine: Machine | None = None
@@ -85,7 +87,7 @@ class Trajectory(LifecycleNode):
         self._valves: Publisher | None = None  # while an experiment runs: one may command them
         self._next_watch = Future()
         steady = Clock(clock_type=ClockType.STEADY_TIME)
-        self._references = self.create_publisher(JointReference, "/joint_reference", DEPTH)
+        self._references = self.create_publisher(JointReference, "joint_reference", DEPTH)
         self._diagnostics = self.create_publisher(DiagnosticArray, "/diagnostics", DEPTH)
         self.create_subscription(DiagnosticArray, "/diagnostics", self._diagnosed, DEPTH)
         self.create_timer(WATCH, self._watch, clock=steady)
@@ -115,8 +117,9 @@ class Trajectory(LifecycleNode):
     def on_activate(self, state: LifecycleState) -> TransitionCallbackReturn:
         """Listen to the joint states; nothing moves before a goal."""
         self._ready.forget_states()
-        self._states = self.create_subscription(JointState, "/joint_states", self._state, NEWEST)
+        self._states = self.create_subscription(JointState, "joint_states", self._state, NEWEST)
         self._lifecycle = "active"
+        say_ready(self, ACTION)
         return super().on_activate(state)
 
     def on_deactivate(self, state: LifecycleState) -> TransitionCallbackReturn:
@@ -194,10 +197,10 @@ class Trajectory(LifecycleNode):
 
     def _several_states(self) -> str:
         """Who publishes joint states, if not the driver alone, as a player of bags would."""
-        if self.count_publishers("/joint_states") < 2:
+        if self.count_publishers("joint_states") < 2:
             return ""
-        names = ", ".join(publishers(self, "/joint_states"))
-        return f"{names} publish /joint_states, only the driver may; stop the others"
+        names, topic = publishers(self, "joint_states"), self.resolve_topic_name("joint_states")
+        return f"{', '.join(names)} publish {topic}, only the driver may; stop the others"
 
     def _send(self, u: np.ndarray | None) -> None:
         if u is not None and self._valves is not None:
@@ -219,7 +222,7 @@ class Trajectory(LifecycleNode):
         """What is in the way of an experiment; empty if nothing is."""
         if not self.active:
             return f"the node is {self._lifecycle}; activate it"
-        others = [one for one in publishers(self, "/valve_command") if one != self.get_name()]
+        others = [one for one in publishers(self, "valve_command") if one != full_name(self)]
         if others:
             return f"{', '.join(others)} may command the valves, only one may; stop it"
         if several := self._several_states():
@@ -227,7 +230,7 @@ class Trajectory(LifecycleNode):
         if lack := self._ready.lacking(self._timeout, time.monotonic()):
             return lack
         if self._valves is not None and not self._valves.get_subscription_count():
-            return "no driver listens to /valve_command"
+            return f"no driver listens to {self._valves.topic_name}"
         return ""
 
     def planner(self, trajectory: PeriodicTrajectory, periods: int) -> Callable[[], Motion]:
@@ -238,7 +241,7 @@ class Trajectory(LifecycleNode):
 
     def open_valves(self) -> None:
         """Be the one who commands the valves."""
-        self._valves = self.create_publisher(ValveCommand, "/valve_command", DEPTH)
+        self._valves = self.create_publisher(ValveCommand, "valve_command", DEPTH)
 
     def close_valves(self) -> None:
         """Command the valves no more."""
@@ -301,7 +304,11 @@ class Trajectory(LifecycleNode):
 
     def _report(self) -> None:
         found = status(
-            self.get_name(), self._lifecycle, self._experiment, self._goals.last, self._ready.driver
+            full_name(self),
+            self._lifecycle,
+            self._experiment,
+            self._goals.last,
+            self._ready.driver,
         )
         message = DiagnosticArray(status=[found])
         message.header.stamp = self.get_clock().now().to_msg()
@@ -309,7 +316,7 @@ class Trajectory(LifecycleNode):
 
 
 ABOUT = """Leads the crane through excitation trajectories, as goals of the action
-/run_excitation ask. Software is no safety stop."""
+run_excitation ask. Software is no safety stop."""
 
 
 def main(argv: Sequence[str] | None = None) -> int:

@@ -36,9 +36,9 @@ def sample(message: JointState) -> Sample:
     """All four joints of a joint state; `DataError` if one is missing."""
     names = list(message.name)
     if missing := [joint for joint in JOINTS if joint not in names]:
-        raise DataError(f"/joint_states: {', '.join(missing)} missing, all four joints are needed")
+        raise DataError(f"joint states: {', '.join(missing)} missing, all four joints are needed")
     if not len(names) == len(message.position) == len(message.velocity):
-        raise DataError("/joint_states: a position and a velocity are needed for every name")
+        raise DataError("joint states: a position and a velocity are needed for every name")
     places = [names.index(joint) for joint in JOINTS]
     return Sample(
         message.header.stamp,
@@ -48,7 +48,7 @@ def sample(message: JointState) -> Sample:
 
 
 def reference_message(target: Target, stamp: Time) -> JointReference:
-    """/joint_reference, for the time of the joint state that it is compared with."""
+    """A message of joint_reference, for the time of the joint state that it is compared with."""
     message = JointReference(
         name=NAMES,
         position=target.position.tolist(),
@@ -60,7 +60,7 @@ def reference_message(target: Target, stamp: Time) -> JointReference:
 
 
 def command_message(command: np.ndarray, stamp: Time) -> ValveCommand:
-    """/valve_command."""
+    """A message of valve_command."""
     message = ValveCommand(name=NAMES, command=command.tolist())
     message.header.stamp = stamp
     return message

@@ -1,6 +1,6 @@
 """Topics of the suite and the message types that bags of them hold; needs no running ROS."""
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import cache
 from pathlib import Path
 from typing import Any
@@ -22,10 +22,21 @@ class Topic:
     of a `continuous` one send without pause as long as they are there.
     """
 
-    name: str
+    name: str  # of a crane in the root namespace
     msgtype: str
     latched: bool = False
     continuous: bool = False
+
+    @property
+    def relative(self) -> str:
+        """The name that nodes give it, so that it follows their namespace; but all nodes of a
+        domain share /diagnostics.
+        """
+        return self.name if self.name == "/diagnostics" else self.name.removeprefix("/")
+
+    def within(self, namespace: str) -> "Topic":
+        """That of the crane in a namespace: `/left`, or `/`."""
+        return replace(self, name=f"{namespace.rstrip('/')}{self.name}")
 
 
 JOINT_STATES = Topic("/joint_states", "sensor_msgs/msg/JointState", continuous=True)

@@ -19,6 +19,7 @@ from std_srvs.srv import Trigger
 from crane_driver.bringup.motion import MotionError, StoppedError, Tick
 from crane_driver.bringup.samples import Sample
 from crane_driver.nodes.context import Stop
+from crane_driver.nodes.ready import say_ready
 from crane_interfaces.msg import CylinderPressures, ValveCommand
 from crane_model.errors import DataError
 
@@ -45,15 +46,17 @@ class CraneClient(Node):
         self._received = -np.inf
         self._trouble = ""
         self._refused: int | None = None  # commands, as the driver has told since it was enabled
-        self.create_subscription(JointState, "/joint_states", self._joint_state, DEPTH)
-        self.create_subscription(
-            CylinderPressures, "/cylinder_pressures", self._cylinder_pressures, DEPTH
+        subscribe = self.create_subscription
+        states = subscribe(JointState, "joint_states", self._joint_state, DEPTH)
+        cylinders = subscribe(
+            CylinderPressures, "cylinder_pressures", self._cylinder_pressures, DEPTH
         )
+        self._states, self._cylinders = states.topic_name, cylinders.topic_name
         self.create_subscription(DiagnosticArray, "/diagnostics", self._diagnosed, DEPTH)
-        self._ask_enable = self.create_client(Trigger, "/driver/enable")
-        self._ask_reset = self.create_client(Trigger, "/driver/reset_fault")
-        self._ask_disable = self.create_client(Trigger, "/driver/disable")
-        self._ask_parameters = self.create_client(GetParameters, "/driver/get_parameters")
+        self._ask_enable = self.create_client(Trigger, "driver/enable")
+        self._ask_reset = self.create_client(Trigger, "driver/reset_fault")
+        self._ask_disable = self.create_client(Trigger, "driver/disable")
+        self._ask_parameters = self.create_client(GetParameters, "driver/get_parameters")
 
     def spin(self, seconds: float) -> None:
         """Take what comes for a time."""
@@ -65,9 +68,10 @@ class CraneClient(Node):
         """Wait for the driver and its joints; `DataError` if it is not there."""
         self._until(
             lambda: self.samples and self._ask_parameters.service_is_ready(),
-            "no /joint_states come; start the driver, with the bus and the files of this crane "
+            f"no {self._states} come; start the driver, with the bus and the files of this crane "
             "(-p bus.interface, bus.channel, dbc, mapping, machine, safety)",
         )
+        say_ready(self)
 
     def parameters(self, names: Sequence[str]) -> dict[str, Any]:
         """Parameters of the driver."""
@@ -80,7 +84,7 @@ class CraneClient(Node):
         self.samples.clear()
         self._wait(seconds)
         if not self.samples:
-            raise DataError(f"no /joint_states in {seconds:g} s; see /diagnostics")
+            raise DataError(f"no {self._states} in {seconds:g} s; see /diagnostics")
         return np.array([one.position for one in self.samples])
 
     def record_pressures(self, seconds: float) -> dict[str, np.ndarray]:
@@ -88,14 +92,14 @@ class CraneClient(Node):
         self.pressures.clear()
         self._wait(seconds)
         if not self.pressures:
-            raise DataError(f"no /cylinder_pressures in {seconds:g} s; see /diagnostics")
+            raise DataError(f"no {self._cylinders} in {seconds:g} s; see /diagnostics")
         names = self.pressures[0].keys()
         return {name: np.array([one[name] for one in self.pressures]) for name in names}
 
     @contextmanager
     def drive(self, joint: str) -> Iterator["NodeDrive"]:
         """Commands to one valve. However the block is left: neutral, disabled, no publisher."""
-        publisher = self.create_publisher(ValveCommand, "/valve_command", 1)
+        publisher = self.create_publisher(ValveCommand, "valve_command", 1)
         drive = NodeDrive(self, publisher, joint)
         try:
             self._until(
@@ -136,11 +140,11 @@ class CraneClient(Node):
         """`StoppedError` if the crane is not seen, or the driver has stopped it."""
         if (age := time.monotonic() - self._received) > OLDEST:
             raise StoppedError(
-                f"no /joint_states for {age * 1e3:.0f} ms, limit {OLDEST * 1e3:.0f} ms"
+                f"no {self._states} for {age * 1e3:.0f} ms, limit {OLDEST * 1e3:.0f} ms"
             )
         if self._trouble:
             raise StoppedError(f"the driver has stopped the crane: {self._trouble}")
-        if (count := self.count_publishers("/valve_command")) > 1:
+        if (count := self.count_publishers("valve_command")) > 1:
             raise MotionError(f"{count} publishers command the valves; stop the others")
 
     def _enable(self, drive: "NodeDrive") -> None:
@@ -166,12 +170,12 @@ class CraneClient(Node):
 
     def _call(self, client: Client, request: Any, drive: "NodeDrive | None" = None) -> Any:
         """The answer of a service; meanwhile the drive, if there is one, commands neutral."""
-        self._until(client.service_is_ready, f"there is no service {client.srv_name}")
+        self._until(client.service_is_ready, f"there is no service {client.service_name}")
         future = client.call_async(request)
         end = time.monotonic() + PATIENCE
         while not future.done():
             if time.monotonic() > end:
-                raise DataError(f"the service {client.srv_name} does not answer")
+                raise DataError(f"the service {client.service_name} does not answer")
             if drive:
                 drive.tick(0.0)
             else:
@@ -210,7 +214,7 @@ class CraneClient(Node):
 
 
 class NodeDrive:
-    """`Drive` over /valve_command, at a fixed rate."""
+    """`Drive` over valve_command, at a fixed rate."""
 
     def __init__(self, client: CraneClient, publisher: Publisher, joint: str):
         self._client, self._publisher, self._joint = client, publisher, joint

@@ -76,7 +76,7 @@ class Mover:
         self._watch(before)
         if before and (leap := before[0].time - self.samples[-1].time) > SET_BACK:
             raise MotionError(  # by that clock commands rise and fall
-                f"the clock of /joint_states was set back by {leap:.3g} s; measure again"
+                f"the clock of the joint states was set back by {leap:.3g} s; measure again"
             )
 
     @property

@@ -27,6 +27,7 @@ from crane_driver.nodes.command_line import own_arguments
 from crane_driver.nodes.context import Stop, ros
 from crane_driver.nodes.parameters import declare
 from crane_driver.nodes.publishers import publishers
+from crane_driver.nodes.ready import say_ready
 from crane_interfaces.msg import ValveCommand
 from crane_model.cli import command_line, run
 from crane_model.errors import CraneError
@@ -54,7 +55,7 @@ class Jog(Node):
 
     def __init__(self, by_joystick: bool):
         super().__init__("jog")
-        declare(self, PARAMETERS)
+        declare(self, PARAMETERS, read_only=PARAMETERS)
         self._shape = shape(self)
         self.motion = Motion(self._shape)
         self.keyboard = Keyboard(HOLD.read(self))
@@ -65,24 +66,25 @@ class Jog(Node):
         self._commands = dict.fromkeys(JOINTS, 0.0)
         self._moved = JOINTS[0]
         self._publisher: Publisher | None = None
-        self._driver = {one: self.create_client(Trigger, f"/driver/{one}") for one in SERVICES}
+        self._driver = {one: self.create_client(Trigger, f"driver/{one}") for one in SERVICES}
         self._worker = SingleThreadedExecutor()
         self._worker.add_node(self)
-        self.create_subscription(JointState, "/joint_states", self._measured, NEWEST)
+        self.create_subscription(JointState, "joint_states", self._measured, NEWEST)
         self.create_subscription(DiagnosticArray, "/diagnostics", self._reported, 10)
         if by_joystick:
-            self.create_subscription(Joy, "/joy", self._pushed, NEWEST)
+            self.create_subscription(Joy, "joy", self._pushed, NEWEST)
 
     def begin(self, stop: Stop) -> None:
         """Wait for the driver and become its publisher of commands; `JogError` if that fails."""
         until = time.monotonic() + PATIENCE
         while not all(one.service_is_ready() for one in self._driver.values()):
             self._wait(stop, until, "no driver: start `ros2 run crane_driver driver` first")
-        if others := publishers(self, "/valve_command"):
+        if others := publishers(self, "valve_command"):
             raise JogError(f"{', '.join(others)} commands the valves already; stop it first")
-        self._publisher = self.create_publisher(ValveCommand, "/valve_command", NEWEST)
+        self._publisher = self.create_publisher(ValveCommand, "valve_command", NEWEST)
         while not self._publisher.get_subscription_count():
             self._wait(stop, until, "the driver takes no commands: is it active?")
+        say_ready(self)
 
     def work(self) -> None:
         """Take what has come."""
@@ -214,6 +216,8 @@ def _parser() -> argparse.ArgumentParser:
         "NAME` explains them. Software is no safety stop.",
     )
     parser.add_argument(
-        "--joy", action="store_true", help="by /joy (sensor_msgs/Joy), with a deadman button"
+        "--joy",
+        action="store_true",
+        help="by a sensor_msgs/Joy on joy, with a deadman button",
     )
     return parser

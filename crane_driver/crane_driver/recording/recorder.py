@@ -17,7 +17,7 @@ from crane_driver.recording.statistics import shown, table
 from crane_model.arguments import above
 from crane_model.cli import command_line, run
 
-NAMES = tuple(topic.name for topic in TOPICS)
+NAMES = tuple(topic.relative for topic in TOPICS)
 MEGABYTE = 1_000_000
 
 

@@ -12,8 +12,10 @@ from rclpy.node import Node
 from rclpy.topic_endpoint_info import TopicEndpointInfo
 from rclpy.type_hash import TypeHash
 
-from crane_driver.bags.types import TOPICS, Topic, typestore
+from crane_driver.bags.types import TOPICS, typestore
+from crane_driver.nodes.names import full_name
 from crane_driver.nodes.polled import Polled
+from crane_driver.nodes.ready import say_ready
 from crane_driver.recording.bag import RecordedBag
 from crane_driver.recording.definitions import installed_definition, message_class
 from crane_driver.recording.metadata import RecordedTopic
@@ -58,7 +60,7 @@ class Recorder(Node):
         self.recorded: dict[str, Recorded] = {}
         self.problems: dict[str, str] = {}  # of a topic
         self._bag = bag
-        self._early = {one.name: self._expect(one) for one in TOPICS if one.name in self.topics}
+        self._early = self._expected()
         self._diagnostics = self.create_publisher(DiagnosticArray, "/diagnostics", 10)
         steady = Clock(clock_type=ClockType.STEADY_TIME)
         for period, work in (
@@ -67,6 +69,7 @@ class Recorder(Node):
             (REPORT, self._report),
         ):
             self.create_timer(period, work, clock=steady)
+        say_ready(self)
 
     def visit(self) -> None:
         """Look for new publishers, and write what has arrived since the last call."""
@@ -91,10 +94,15 @@ class Recorder(Node):
                 self.get_logger().info(f"{recorded.topic.name} comes again")
             recorded.silence.arrived(time.monotonic())
 
-    def _expect(self, topic: Topic) -> Early:
+    def _expected(self) -> dict[str, Early]:
         """Subscribe as the suite publishes; what others offer is seen when they come."""
-        service = Service(reliable=True, latched=topic.latched, depth=DEPTH)
-        return Early(topic.msgtype, service, self._subscribe(topic.name, topic.msgtype, service))
+        early = {}
+        for topic in TOPICS:
+            if (name := self.resolve_topic_name(topic.relative)) in self.topics:
+                service = Service(reliable=True, latched=topic.latched, depth=DEPTH)
+                messages = self._subscribe(name, topic.msgtype, service)
+                early[name] = Early(topic.msgtype, service, messages)
+        return early
 
     def _subscribe(self, name: str, msgtype: str, service: Service) -> Polled:
         return Polled(self, message_class(msgtype), name, profile(service), raw=True)
@@ -176,7 +184,7 @@ class Recorder(Node):
 
     def _status(self) -> DiagnosticStatus:
         arrivals = {name: recorded.arrivals for name, recorded in self.recorded.items()}
-        status = DiagnosticStatus(name=f"{self.get_name()}: {self._bag.path.name}")
+        status = DiagnosticStatus(name=f"{full_name(self)}: {self._bag.path.name}")
         lost = sum(one.lost or 0 for one in arrivals.values())
         if self.problems:
             status.level = DiagnosticStatus.ERROR

@@ -7,6 +7,7 @@ from pathlib import Path
 from typing import Any, TypeVar
 
 import yaml
+from annotated_types import Ge, Le
 from pydantic import BaseModel, ConfigDict, ValidationError
 
 from crane_model.errors import ConfigurationError
@@ -88,6 +89,12 @@ def save(path: Path | str, instance: BaseModel) -> None:
     content = instance.model_dump(mode="json", exclude_none=True)
     text = yaml.safe_dump(content, sort_keys=False, allow_unicode=True, width=100)
     Path(path).write_text(text, encoding="utf-8")
+
+
+def bounds(schema: type[BaseModel], field: str) -> tuple[float, float]:
+    """Smallest and largest value that a schema allows a field which states both (ge, le)."""
+    stated = {type(one): one for one in schema.model_fields[field].metadata}
+    return stated[Ge].ge, stated[Le].le
 
 
 def _validate(
