@@ -2,23 +2,22 @@
 
 import time
 from collections.abc import Callable, Iterator
-from contextlib import contextmanager
+from contextlib import contextmanager, suppress
 from typing import Any
 
 import numpy as np
-from diagnostic_msgs.msg import DiagnosticArray, DiagnosticStatus
 from rcl_interfaces.srv import GetParameters
-from rclpy.client import Client
 from rclpy.executors import SingleThreadedExecutor
 from rclpy.node import Node
 from rclpy.publisher import Publisher
+from rclpy.task import Future
 from sensor_msgs.msg import JointState
-from std_srvs.srv import Trigger
 
 from crane_driver.bringup.motion import MotionError, Tick
 from crane_driver.bringup.samples import Sample
 from crane_driver.nodes.context import Stop
-from crane_interfaces.msg import CylinderPressures, ValveCommand
+from crane_driver.nodes.driver_client import DriverClient, NoDriverError
+from crane_interfaces.msg import CylinderPressures, DriverState, ValveCommand
 from crane_model.errors import DataError
 
 DEPTH = 50  # messages
@@ -47,10 +46,7 @@ class CraneClient(Node):
         self.create_subscription(
             CylinderPressures, "/cylinder_pressures", self._cylinder_pressures, DEPTH
         )
-        self.create_subscription(DiagnosticArray, "/diagnostics", self._diagnosed, DEPTH)
-        self._ask_enable = self.create_client(Trigger, "/driver/enable")
-        self._ask_disable = self.create_client(Trigger, "/driver/disable")
-        self._ask_parameters = self.create_client(GetParameters, "/driver/get_parameters")
+        self._driver = DriverClient(self, self._told)
 
     def spin(self, seconds: float) -> None:
         """Take what comes for a time."""
@@ -61,14 +57,18 @@ class CraneClient(Node):
     def connect(self) -> None:
         """Wait for the driver and its joints; `DataError` if it is not there."""
         self._until(
-            lambda: self.samples and self._ask_parameters.service_is_ready(),
-            "no /joint_states come; start the driver: ros2 run crane_driver driver",
+            lambda: self.samples and self._driver.ready,
+            "no /joint_states and no driver/state come; start the driver: "
+            "ros2 run crane_driver driver",
         )
 
     def parameter(self, name: str) -> str:
         """A parameter of the driver that is text."""
-        request = GetParameters.Request(names=[name])
-        return self._call(self._ask_parameters, request).values[0].string_value
+        ask = self.create_client(GetParameters, f"{self._driver.state.node}/get_parameters")
+        self._until(ask.service_is_ready, f"there is no service {ask.srv_name}")
+        answer = self._answer(ask.call_async(GetParameters.Request(names=[name])))
+        self.destroy_client(ask)
+        return answer.values[0].string_value
 
     def record(self, seconds: float) -> np.ndarray:
         """Positions (n, j) of the joints in a time from now on [rad, m]."""
@@ -98,7 +98,7 @@ class CraneClient(Node):
             )
             for _ in range(20):  # the driver wants to see a neutral command first
                 drive.tick(0.0)
-            answer = self._call(self._ask_enable, Trigger.Request(), drive)
+            answer = self._answer(self._driver.enable(), drive)
             if not answer.success:
                 raise MotionError(f"the driver does not enable the crane: {answer.message}")
             drive.enabled = True
@@ -106,8 +106,8 @@ class CraneClient(Node):
             yield drive
         finally:
             drive.leave()
-            if self._ask_disable.service_is_ready():
-                future = self._ask_disable.call_async(Trigger.Request())
+            with suppress(NoDriverError):
+                future = self._driver.disable()
                 self._executor.spin_until_future_complete(future, timeout_sec=1.0)
             self.destroy_publisher(publisher)
 
@@ -141,14 +141,12 @@ class CraneClient(Node):
                 raise DataError(otherwise)
             self.cycle(time.monotonic() + CYCLE)
 
-    def _call(self, client: Client, request: Any, drive: "NodeDrive | None" = None) -> Any:
-        """The answer of a service; meanwhile the drive, if there is one, commands neutral."""
-        self._until(client.service_is_ready, f"there is no service {client.srv_name}")
-        future = client.call_async(request)
+    def _answer(self, future: Future, drive: "NodeDrive | None" = None) -> Any:
+        """The answer of the driver; meanwhile the drive, if there is one, commands neutral."""
         end = time.monotonic() + PATIENCE
         while not future.done():
             if time.monotonic() > end:
-                raise DataError(f"the service {client.srv_name} does not answer")
+                raise DataError(f"the driver does not answer within {PATIENCE:g} s")
             if drive:
                 drive.tick(0.0)
             else:
@@ -173,17 +171,12 @@ class CraneClient(Node):
             one |= {f"{name}.a": a, f"{name}.b": b}
         self.pressures.append(one)
 
-    def _diagnosed(self, message: DiagnosticArray) -> None:
-        for one in message.status:
-            if one.name != "driver: safety":
-                continue
-            if one.level == DiagnosticStatus.ERROR:
-                self._trouble = one.message
-            values = {value.key: value.value for value in one.values}
-            refused = int(values.get("commands refused", 0))
-            if self._refused is not None and refused > self._refused:
-                self._trouble = f"it refuses commands: {values.get('last refusal')}"
-            self._refused = refused
+    def _told(self, state: DriverState) -> None:
+        if state.state in (DriverState.STATE_FAULT, DriverState.STATE_EMERGENCY_STOP):
+            self._trouble = f"{state.cause}; {state.remedy}"
+        if self._refused is not None and state.commands_refused > self._refused:
+            self._trouble = f"it refuses commands: {state.last_refusal}"
+        self._refused = state.commands_refused
 
 
 class NodeDrive:
