@@ -10,11 +10,13 @@ from crane_driver.can.acceptance import Acceptance
 from crane_driver.can.assembly import Assembly, Complete
 from crane_driver.can.codec import DriverCodec
 from crane_driver.can.foreign import ForeignCommands
-from crane_driver.can.frame import UNUSABLE, Fault, Frame
+from crane_driver.can.frame import Frame
 from crane_driver.can.health import Monitor
 from crane_driver.can.layout import Layout
 from crane_driver.can.mapping import LINES
 from crane_driver.canopen.devices import Devices
+from crane_driver.faults import UNUSABLE, Fault
+from crane_driver.safety.news import Level, News
 from crane_driver.safety.plausibility import PositionWatch, believed
 from crane_driver.safety.settings import SafetySettings
 from crane_driver.safety.stalls import StallWatch
@@ -154,7 +156,7 @@ class DriverLoop:
         `heard`: until when all that came has been received; what comes later is not missing yet.
         """
         self.supervisor.can_faults(self.monitor.check(heard) + self.devices.check(heard), now)
-        self.supervisor.news += self.devices.news()
+        self.supervisor.news += [News(Level.WARNING, text) for text in self.devices.news()]
         if now - self._located > self._blind:  # though each frame by itself may come in time
             if now - heard > heard - self._located:
                 self.supervisor.stalled(self._stalls.deaf(now, heard), now)
@@ -192,7 +194,7 @@ class DriverLoop:
     def _new_watches(self) -> dict[str, PositionWatch]:
         return {
             joint: PositionWatch(
-                self._machine.limits[joint], resolution, self._position_cycle, self._settings
+                joint, self._machine.limits[joint], resolution, self._position_cycle, self._settings
             )
             for joint, resolution in self._resolution.items()
         }

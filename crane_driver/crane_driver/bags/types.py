@@ -49,11 +49,12 @@ PARAMETER_ESTIMATE = Topic(
     "/parameter_estimate", f"{INTERFACES}/msg/ParameterEstimate", latched=True
 )
 GENERALIZED_FORCES = Topic("/generalized_forces", f"{INTERFACES}/msg/GeneralizedForces")
+DRIVER_STATE = Topic("/driver/state", f"{INTERFACES}/msg/DriverState", latched=True)
 DIAGNOSTICS = Topic("/diagnostics", "diagnostic_msgs/msg/DiagnosticArray", continuous=True)
 ROBOT_DESCRIPTION = Topic("/robot_description", "std_msgs/msg/String", latched=True)
 TOPICS = (
     *(JOINT_STATES, CYLINDER_PRESSURES, VALVE_COMMAND, JOINT_REFERENCE),
-    *(PARAMETER_ESTIMATE, GENERALIZED_FORCES, DIAGNOSTICS, ROBOT_DESCRIPTION),
+    *(PARAMETER_ESTIMATE, GENERALIZED_FORCES, DIAGNOSTICS, ROBOT_DESCRIPTION, DRIVER_STATE),
 )
 """All that the nodes of the suite publish; reliably."""
 

@@ -2,25 +2,24 @@
 
 import time
 from collections.abc import Callable, Iterator, Sequence
-from contextlib import contextmanager
+from contextlib import contextmanager, suppress
 from typing import Any
 
 import numpy as np
-from diagnostic_msgs.msg import DiagnosticArray, DiagnosticStatus
 from rcl_interfaces.srv import GetParameters
-from rclpy.client import Client
 from rclpy.executors import SingleThreadedExecutor
 from rclpy.node import Node
 from rclpy.parameter import parameter_value_to_python
 from rclpy.publisher import Publisher
+from rclpy.task import Future
 from sensor_msgs.msg import JointState
-from std_srvs.srv import Trigger
 
 from crane_driver.bringup.motion import MotionError, StoppedError, Tick
 from crane_driver.bringup.samples import Sample
 from crane_driver.nodes.context import Stop
+from crane_driver.nodes.driver_client import DriverClient, NoDriverError
 from crane_driver.nodes.ready import say_ready
-from crane_interfaces.msg import CylinderPressures, ValveCommand
+from crane_interfaces.msg import CylinderPressures, DriverState, ValveCommand
 from crane_model.errors import DataError
 
 DEPTH = 50  # messages
@@ -52,11 +51,7 @@ class CraneClient(Node):
             CylinderPressures, "cylinder_pressures", self._cylinder_pressures, DEPTH
         )
         self._states, self._cylinders = states.topic_name, cylinders.topic_name
-        self.create_subscription(DiagnosticArray, "/diagnostics", self._diagnosed, DEPTH)
-        self._ask_enable = self.create_client(Trigger, "driver/enable")
-        self._ask_reset = self.create_client(Trigger, "driver/reset_fault")
-        self._ask_disable = self.create_client(Trigger, "driver/disable")
-        self._ask_parameters = self.create_client(GetParameters, "driver/get_parameters")
+        self._driver = DriverClient(self, self._told)
 
     def spin(self, seconds: float) -> None:
         """Take what comes for a time."""
@@ -67,15 +62,18 @@ class CraneClient(Node):
     def connect(self) -> None:
         """Wait for the driver and its joints; `DataError` if it is not there."""
         self._until(
-            lambda: self.samples and self._ask_parameters.service_is_ready(),
-            f"no {self._states} come; start the driver, with the bus and the files of this crane "
-            "(-p bus.interface, bus.channel, dbc, mapping, machine, safety)",
+            lambda: self.samples and self._driver.ready,
+            f"no {self._states} and no driver/state come; start the driver, with the bus and the "
+            "files of this crane (-p bus.interface, bus.channel, dbc, mapping, machine, safety)",
         )
         say_ready(self)
 
     def parameters(self, names: Sequence[str]) -> dict[str, Any]:
         """Parameters of the driver."""
-        answer = self._call(self._ask_parameters, GetParameters.Request(names=names))
+        ask = self.create_client(GetParameters, f"{self._driver.state.node}/get_parameters")
+        self._until(ask.service_is_ready, f"there is no service {ask.srv_name}")
+        answer = self._answer(ask.call_async(GetParameters.Request(names=names)))
+        self.destroy_client(ask)
         values = map(parameter_value_to_python, answer.values)
         return dict(zip(names, values, strict=True))
 
@@ -105,12 +103,18 @@ class CraneClient(Node):
             self._until(
                 lambda: publisher.get_subscription_count() > 0, "the driver takes no commands"
             )
-            self._enable(drive)
+            for _ in range(20):  # the driver wants to see a neutral command first
+                drive.tick(0.0)
+            answer = self._answer(self._driver.enable(), drive)
+            if not answer.success:
+                raise MotionError(f"the driver does not enable the crane: {answer.message}")
+            drive.enabled = True
+            self._trouble, self._refused = "", None
             yield drive
         finally:
             drive.leave()
-            if self._ask_disable.service_is_ready():
-                future = self._ask_disable.call_async(Trigger.Request())
+            with suppress(NoDriverError):
+                future = self._driver.disable()
                 self._executor.spin_until_future_complete(future, timeout_sec=1.0)
             self.destroy_publisher(publisher)
 
@@ -122,7 +126,7 @@ class CraneClient(Node):
     def recover(self, drive: "NodeDrive") -> None:
         """Reset the fault of the driver and enable it again; `MotionError` if it refuses."""
         drive.enabled = False
-        answer = self._call(self._ask_reset, Trigger.Request(), drive)
+        answer = self._answer(self._driver.reset_fault(), drive)
         if not answer.success:
             raise MotionError(f"the driver does not reset its fault: {answer.message}")
         for _ in range(SETTLING):
@@ -150,7 +154,7 @@ class CraneClient(Node):
     def _enable(self, drive: "NodeDrive") -> None:
         for _ in range(20):  # the driver wants to see a neutral command first
             drive.tick(0.0)
-        answer = self._call(self._ask_enable, Trigger.Request(), drive)
+        answer = self._answer(self._driver.enable(), drive)
         if not answer.success:
             raise MotionError(f"the driver does not enable the crane: {answer.message}")
         drive.enabled = True
@@ -168,14 +172,12 @@ class CraneClient(Node):
                 raise DataError(otherwise)
             self.cycle(time.monotonic() + CYCLE)
 
-    def _call(self, client: Client, request: Any, drive: "NodeDrive | None" = None) -> Any:
-        """The answer of a service; meanwhile the drive, if there is one, commands neutral."""
-        self._until(client.service_is_ready, f"there is no service {client.service_name}")
-        future = client.call_async(request)
+    def _answer(self, future: Future, drive: "NodeDrive | None" = None) -> Any:
+        """The answer of the driver; meanwhile the drive, if there is one, commands neutral."""
         end = time.monotonic() + PATIENCE
         while not future.done():
             if time.monotonic() > end:
-                raise DataError(f"the service {client.service_name} does not answer")
+                raise DataError(f"the driver does not answer within {PATIENCE:g} s")
             if drive:
                 drive.tick(0.0)
             else:
@@ -200,17 +202,12 @@ class CraneClient(Node):
             one |= {f"{name}.a": a, f"{name}.b": b}
         self.pressures.append(one)
 
-    def _diagnosed(self, message: DiagnosticArray) -> None:
-        for one in message.status:
-            if one.name != "driver: safety":
-                continue
-            if one.level == DiagnosticStatus.ERROR:
-                self._trouble = one.message
-            values = {value.key: value.value for value in one.values}
-            refused = int(values.get("commands refused", 0))
-            if self._refused is not None and refused > self._refused:
-                self._trouble = f"it refuses commands: {values.get('last refusal')}"
-            self._refused = refused
+    def _told(self, state: DriverState) -> None:
+        if state.state in (DriverState.STATE_FAULT, DriverState.STATE_EMERGENCY_STOP):
+            self._trouble = f"{state.cause}; {state.remedy}"
+        if self._refused is not None and state.commands_refused > self._refused:
+            self._trouble = f"it refuses commands: {state.last_refusal}"
+        self._refused = state.commands_refused
 
 
 class NodeDrive:

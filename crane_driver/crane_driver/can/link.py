@@ -22,7 +22,8 @@ from crane_driver.can.bus import (
     open_bus,
     state_of_error_frame,
 )
-from crane_driver.can.frame import Fault, FaultKind, Frame
+from crane_driver.can.frame import Frame
+from crane_driver.faults import Fault, FaultKind
 
 POLL = 0.1  # s, longest wait for a frame before the state of the bus is looked at
 GATHER = 5e-4  # s without a frame that end a train of them

@@ -2,10 +2,7 @@
 
 import math
 
-REMEDY = (
-    "give the driver real-time priority (realtime.priority) or take other work off this machine, "
-    "then reset_fault"
-)
+from crane_driver.faults import Fault, FaultKind
 
 
 class StallWatch:
@@ -16,8 +13,8 @@ class StallWatch:
         self._limit = limit
         self._ran = self._computed = math.nan
 
-    def ran(self, now: float, computed: float) -> str:
-        """What is wrong, in words, when the loop runs at `now` [s]; empty if nothing is.
+    def ran(self, now: float, computed: float) -> Fault | None:
+        """What is wrong when the loop runs at `now` [s].
 
         `computed`: processor time [s] that the whole process has used so far. The first run has
         nothing to be late by.
@@ -25,20 +22,14 @@ class StallWatch:
         pause, used = now - self._ran, computed - self._computed
         self._ran, self._computed = now, computed
         if not pause > self._limit:
-            return ""
-        if used > pause / 2:
-            return (
-                f"its own work took {pause * 1e3:.0f} ms, limit {self._limit * 1e3:.0f} ms; too "
-                "much comes at once, or this processor is too slow; then reset_fault"
-            )
-        return self._said(pause)
+            return None
+        own = used > pause / 2
+        return self._fault(FaultKind.OVERWORKED if own else FaultKind.STALLED, pause)
 
-    def deaf(self, now: float, heard: float) -> str:
-        """In words, that all until `heard` was read from the bus, and what came later was not."""
-        return self._said(now - heard)
+    def deaf(self, now: float, heard: float) -> Fault:
+        """That all until `heard` [s] was read from the bus, and what came later was not."""
+        return self._fault(FaultKind.STALLED, now - heard)
 
-    def _said(self, pause: float) -> str:
-        return (
-            f"it was not given the processor for {pause * 1e3:.0f} ms, limit "
-            f"{self._limit * 1e3:.0f} ms; {REMEDY}"
-        )
+    def _fault(self, kind: FaultKind, pause: float) -> Fault:
+        detail = f"for {pause * 1e3:.0f} ms, limit {self._limit * 1e3:.0f} ms"
+        return Fault(kind, f"{kind.cause} {detail}")

@@ -13,8 +13,9 @@ import can
 import pytest
 
 from crane_driver.can.bus import BusError, BusSettings, BusState, open_bus
-from crane_driver.can.frame import FaultKind, Frame
+from crane_driver.can.frame import Frame
 from crane_driver.can.link import Link
+from crane_driver.faults import FaultKind
 
 PATIENCE = 10.0  # s
 

@@ -7,6 +7,7 @@ from hypothesis import strategies as st
 from hypothesis.stateful import RuleBasedStateMachine, initialize, invariant, rule
 from unit.crane_driver.safety.supervised import CAN_FAULT, CYCLE, MACHINE, NEUTRAL, SAFETY, Bench
 
+from crane_driver.faults import Fault, FaultKind
 from crane_driver.safety.states import State
 from crane_driver.safety.supervisor import RefusedError
 
@@ -54,7 +55,7 @@ class AnyOrder(RuleBasedStateMachine):
 
     @rule()
     def stall(self) -> None:
-        self.bench.it.stalled("it was not given the processor", self.bench.now)
+        self.bench.it.stalled(Fault(FaultKind.STALLED, "for 60 ms"), self.bench.now)
 
     @rule(request=st.sampled_from(["enable", "enable", "disable", "stop", "reset"]))
     def ask(self, request: str) -> None:
