@@ -146,7 +146,7 @@ def test_a_model_that_errs_more_on_the_held_out_recording_is_warned_of(tmp_path:
     other = log(tmp_path, 9, "spring")
     result = diagnose(model(tmp_path, *FULL), logs, [other], Options(), load_thresholds())
     (warning,) = findings.content(result)["warnings"]
-    assert "does not carry over to the held-out recordings: on the axis it errs by" in warning
+    assert "does not carry over to the held-out recordings: there it errs by" in warning
     assert warning in page.render(result, Provenance.of("2012-06-01", ["diagnose"], "axis.yaml"))
 
 
