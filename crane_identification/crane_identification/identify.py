@@ -76,9 +76,7 @@ def identify(arguments: argparse.Namespace) -> None:
             "validate on recordings that the fit has not seen"
         )
     columns = load(arguments.columns, ColumnMap) if arguments.columns else None
-    known = (
-        load(arguments.reference_values, ReferenceValues) if arguments.reference_values else None
-    )
+    known = _known_values(arguments.reference_values, model) if arguments.reference_values else None
     options = Options(
         begin=arguments.begin,
         end=arguments.end,
@@ -118,7 +116,7 @@ def identify(arguments: argparse.Namespace) -> None:
                 ["identify", *arguments.given],
                 str(arguments.model),
             ),
-            planted=known.root if known else None,
+            planted=known,
             recursive=replayed.result(progress) if replayed else None,
         )
         arguments.out.mkdir(parents=True, exist_ok=True)
@@ -126,6 +124,18 @@ def identify(arguments: argparse.Namespace) -> None:
         summary.write(arguments.out / "summary.json", report)
         page.write(arguments.out / "report.html", report, progress)
     _tell(report, arguments.out)
+
+
+def _known_values(path: Path, model: Model) -> dict[str, float]:
+    """Reference values by name; `ConfigurationError` where the model has no such parameter."""
+    known = load(path, ReferenceValues).root
+    names = [one.name for one in model.parameters]
+    if unknown := sorted(set(known) - set(names)):
+        raise ConfigurationError(
+            f"{path}: {', '.join(unknown)}: no parameter of model '{model.name}'; it has "
+            f"{', '.join(names)}"
+        )
+    return known
 
 
 def _loads_left_out(given: Model, model: Model) -> tuple[str, ...]:
