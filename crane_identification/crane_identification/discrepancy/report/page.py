@@ -5,6 +5,7 @@ from pathlib import Path
 
 from crane_identification.discrepancy import findings, wording
 from crane_identification.discrepancy.diagnosis import Diagnosis
+from crane_identification.discrepancy.flow_and_load_findings import of_quantity
 from crane_identification.discrepancy.hydraulics import Quantity
 from crane_identification.discrepancy.report.cards import cards
 from crane_identification.discrepancy.report.pictures import gap_pictures, where_picture
@@ -54,7 +55,7 @@ def render(diagnosis: Diagnosis, provenance: Provenance, suspicions: Sequence[st
         left=wording.sentence(wording.left(content)),
         where=where,
         disagrees=list(wording.disagrees(content)),
-        estimate=lambda one: wording.estimate(findings.of_quantity(one)),
+        estimate=lambda one: wording.estimate(of_quantity(one)),
         usual=_usual,
         percent=percent,
         detectable=short_percent(diagnosis.detectable),
