@@ -28,7 +28,14 @@ def description(data: Sequence[Mapping[str, Any]], x: str, y: str, **more: Any) 
         "paper_bgcolor": "rgba(0,0,0,0)",
         "plot_bgcolor": "rgba(0,0,0,0)",
         "showlegend": legend > 0,
-        "legend": {"orientation": "h", "x": 0, "y": -0.28, "yanchor": "top", "font": FONT},
+        "legend": {
+            "orientation": "h",
+            "itemsizing": "constant",
+            "x": 0,
+            "y": -0.28,
+            "yanchor": "top",
+            "font": FONT,
+        },
         "hoverlabel": {"font": {"family": "--sans", "size": 11}},
         "modebar": {"bgcolor": "rgba(0,0,0,0)", "color": "--soft", "activecolor": "--ink"},
         "xaxis": axis_style(title={"text": x, "standoff": 6, "font": FONT}),
@@ -93,7 +100,7 @@ def cloud(
     order = thin[np.argsort(x[thin])]
     data = [
         points("before", BEFORE, "circle", x[order], before[order]),
-        points("after", AFTER, "x-thin", x[order], after[order]),
+        points("after", AFTER, "x", x[order], after[order]),
     ]
     for name, dash, which in (("forwards", "solid", forwards), ("backwards", "dash", ~forwards)):
         if which.any():
@@ -120,13 +127,7 @@ def points(name: str, colour: str, symbol: str, x: np.ndarray, y: np.ndarray) ->
         "name": name,
         "x": numbers(x),
         "y": numbers(y),
-        "marker": {
-            "symbol": symbol,
-            "color": colour,
-            "size": 4,
-            "opacity": 0.55,
-            "line": {"color": colour, "width": 1},
-        },
+        "marker": {"symbol": symbol, "color": colour, "size": 4, "opacity": 0.55},
         "hovertemplate": f"%{{y:.4~r}}<extra>{name}</extra>",
     }
 
