@@ -10,7 +10,7 @@ from pathlib import Path
 from typing import Any
 
 import figures
-import freeze
+import frozen
 import numpy as np
 from folders import Folders, done, new, read_json, write_json
 from judgement import OURS, Answer, Outcome, judge
@@ -119,7 +119,7 @@ def main(argv: Sequence[str] | None = None) -> int:
         in_processes(score_case, waiting, arguments.workers, "scores")
     scored = [read_json(folders.rows / name / "row.json") for name in sorted(done(folders.rows))]
     results = {
-        "thresholds": freeze.digest(),
+        "thresholds": frozen.digest(frozen.state()),
         "summary": summary(scored),
         "cases": scored,
     }

@@ -26,7 +26,7 @@ from crane_model.model_file import Model
 from crane_model.terms import Effect, Shape, Term, candidates
 from crane_model.terms.gravity_and_load import Payload
 
-SAME = 1e-9
+SINGULAR_RATIO = 1e-9
 """Smallest over largest singular value of columns of one size, below which some are the same."""
 
 
@@ -132,7 +132,7 @@ def estimated(search: Search, before: Model, options: Sequence[Option]) -> Model
     columns, force = (rows - base @ (base.T @ rows) for rows in (columns, white(evidence.left)))
     scaled, norms = normed(columns)
     _, size, directions = np.linalg.svd(scaled, full_matrices=False)
-    if size[-1] <= SAME * size[0]:
+    if size[-1] <= SINGULAR_RATIO * size[0]:
         raise UndeterminedError(model, names)
     minima = [model.parameters[i].minimum for i in where]
     least = np.array([-np.inf if one is None else one for one in minima]) - values[where]

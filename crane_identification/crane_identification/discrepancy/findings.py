@@ -60,7 +60,7 @@ def content(diagnosis: Diagnosis) -> dict[str, Any]:
                     "correlation": correlation,
                     "learnable_share": share,
                     "law": law,
-                    "beyond_noise": times > diagnosis.thresholds.floor_factor,
+                    "beyond_noise": times > diagnosis.thresholds.gates.floor_factor,
                     "region": _region(diagnosis, region),
                 }
                 for joint, correlation, share, law, times, region in zip(
@@ -134,7 +134,7 @@ def _finding(diagnosis: Diagnosis, finding: Finding) -> dict[str, Any]:
         "carried_in": carried_in(finding, diagnosis.training.sources),
         "score": accepted.score,
         "threshold": accepted.threshold,
-        "false_alarm_rate": diagnosis.thresholds.false_alarm_rate,
+        "false_alarm_rate": diagnosis.thresholds.method.false_alarm_rate,
         "runner_up": None
         if runner is None
         else {"effect": runner.type, "name": runner.effect.name, "joint": runner.where},

@@ -7,9 +7,8 @@ from typing import Any
 
 from crane_identification.discrepancy.candidates import WHOLE, Family
 from crane_identification.discrepancy.diagnosis import Diagnosis
-from crane_identification.discrepancy.hydraulics import SIGMAS as FLOW_SIGMAS
 from crane_identification.discrepancy.hydraulics import Flow, Quantity
-from crane_identification.discrepancy.loads import LOADS, NO_LOAD, SIGMAS
+from crane_identification.discrepancy.loads import LOADS, MASS_SIGMAS, NO_LOAD
 from crane_identification.discrepancy.weighing import Weighed
 from crane_identification.report.notation import is_determined
 
@@ -24,14 +23,15 @@ def of_load(diagnosis: Diagnosis, one: Weighed) -> dict[str, Any]:
         WHOLE,
         _value(name, one.mass, one.std_dev, "kg", is_determined(one.mass, one.std_dev)),
         (one.mass / one.std_dev) ** 2,
-        SIGMAS**2,
+        MASS_SIGMAS**2,
         None,
     ) | {"carried_in": {name: [one.recording], NO_LOAD: sorted(diagnosis.training.sources)}}
 
 
 def of_flow(diagnosis: Diagnosis, joint: str, one: Quantity) -> dict[str, Any]:
     """A finding of the flow balance, by the same keys; it adds nothing to the model of forces."""
-    threshold = (FLOW_SIGMAS * one.std_dev / one.value) ** 2 * one.score
+    sigmas = diagnosis.thresholds.method.flow_sigmas
+    threshold = (sigmas * one.std_dev / one.value) ** 2 * one.score
     return _by_itself(diagnosis, one, joint, of_quantity(one), one.score, threshold, one.share)
 
 
@@ -54,7 +54,7 @@ def _by_itself(
         "carried_in": {},
         "score": score,
         "threshold": threshold,
-        "false_alarm_rate": diagnosis.thresholds.false_alarm_rate,
+        "false_alarm_rate": diagnosis.thresholds.method.false_alarm_rate,
         "runner_up": None,
         "margin": score,
         "margin_needed": 0.0,

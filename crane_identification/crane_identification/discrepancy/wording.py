@@ -44,7 +44,7 @@ CHANGES = ANSWERS | {
 """What the verdicts say where the values of the model are kept."""
 NOISE = {"none", "insufficient_data"}
 """Answers with which what the model leaves is noise, as far as recordings tell: it sits nowhere."""
-SMALL = 0.05  # share of what is unexplained, below which a joint says nothing
+SMALL_SHARE = 0.05  # share of what is unexplained, below which a joint says nothing
 
 
 class Estimate(NamedTuple):
@@ -204,7 +204,7 @@ def disagrees(content: Content) -> Iterator[tuple[str, str]]:
     if content["verdict"] in NOISE:
         return
     for joint, one in content["where"].items():
-        if one["energy_share"] > SMALL:
+        if one["energy_share"] > SMALL_SHARE:
             where = one["region"] and (
                 f", {short_percent(one['region']['share'])} of it with {region(one['region'])}"
             )

@@ -32,6 +32,7 @@ from crane_model.terms import REGISTRY
 
 JOINTS = ("inner_boom", "outer_boom", "telescope")
 MODEL = load_model(packaged("crane_model", "crane_model.yaml"))
+THRESHOLDS = load_thresholds()
 MOTION = MotionValidation(JOINTS, 0.5, 1, np.ones(3), np.ones(3))
 ENOUGH = Reach(testable=0.9, least=0.003, undetermined=())
 
@@ -57,6 +58,7 @@ def gap(
         motion_after=MOTION,
         loads=(),
         carried=MODEL,
+        method=THRESHOLDS.method,
     )
 
 
@@ -103,7 +105,6 @@ def trial(*effects: Judged, energy: float = 1000.0, share: float = 0.0, left: fl
 
 BEFORE = trial(energy=5000.0)
 AFTER = trial(effect(), energy=500.0)
-THRESHOLDS = load_thresholds()
 
 
 def answer(
@@ -246,7 +247,8 @@ def test_a_value_within_its_deviation_differs_from_nothing(values, expected: boo
     option = replace(one.option, positive=np.zeros(len(values), dtype=bool))
     shape = Value("wave", 3.0, 0.1, "rad/rad")
     linear = [Value("gain", value, std_dev, "1") for value, std_dev in values]
-    assert differs(replace(one, option=option), [*linear, shape]) is expected
+    sigmas = THRESHOLDS.method.parameter_sigmas
+    assert differs(replace(one, option=option), [*linear, shape], sigmas) is expected
 
 
 def test_a_pulsation_beside_a_name_is_something_more() -> None:
