@@ -167,6 +167,8 @@ def _unknown_beside(answer: Answer, said: Sequence[str]) -> Answer:
     text = "; ".join(said)
     if answer.verdict is Verdict.NONE:
         return Answer(Verdict.UNKNOWN, text)
+    if answer.verdict is Verdict.INSUFFICIENT:  # what shows, shows
+        return Answer(Verdict.UNKNOWN, f"{text}; {answer.reason}")
     more = answer.verdict in (Verdict.NAMED, Verdict.CLASS)
     verdict = Verdict.AND_MORE if more else answer.verdict
     return answer._replace(verdict=verdict, reason=f"{answer.reason}; {text}")

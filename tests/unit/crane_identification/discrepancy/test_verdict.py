@@ -255,6 +255,9 @@ def test_a_pulsation_beside_a_name_is_something_more() -> None:
     line = Pulsation("outer_boom", 2.7, 0.01)
     assert with_pulsation(Answer(Verdict.NAMED, "x"), (line,)).verdict is Verdict.AND_MORE
     assert with_pulsation(Answer(Verdict.NONE, "x"), (line,)).verdict is Verdict.UNKNOWN
+    told = with_pulsation(Answer(Verdict.INSUFFICIENT, "record more"), (line,))
+    assert told.verdict is Verdict.UNKNOWN
+    assert told.reason.endswith("; record more")
 
 
 @pytest.mark.parametrize(("telescope", "worse"), [(0.0009, False), (0.00101, True)])
