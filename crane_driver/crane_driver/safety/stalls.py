@@ -31,14 +31,15 @@ class StallWatch:
                 f"its own work took {pause * 1e3:.0f} ms, limit {self._limit * 1e3:.0f} ms; too "
                 "much comes at once, or this processor is too slow; then reset_fault"
             )
-        return self._said(pause)
-
-    def deaf(self, now: float, heard: float) -> str:
-        """In words, that all until `heard` was read from the bus, and what came later was not."""
-        return self._said(now - heard)
-
-    def _said(self, pause: float) -> str:
         return (
             f"it was not given the processor for {pause * 1e3:.0f} ms, limit "
             f"{self._limit * 1e3:.0f} ms; {REMEDY}"
         )
+
+
+def behind(now: float, heard: float) -> str:
+    """In words, that frames wait at `now` [s] that came after `heard`, though the loop runs."""
+    return (
+        f"it is {(now - heard) * 1e3:.0f} ms behind the bus: too many frames come (look at the "
+        f"diagnostics of the bus), or {REMEDY}"
+    )
