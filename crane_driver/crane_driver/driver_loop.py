@@ -19,7 +19,7 @@ from crane_driver.faults import UNUSABLE, Fault
 from crane_driver.safety.news import Level, News
 from crane_driver.safety.plausibility import PositionWatch, believed
 from crane_driver.safety.settings import SafetySettings
-from crane_driver.safety.stalls import StallWatch
+from crane_driver.safety.stalls import StallWatch, behind
 from crane_driver.safety.states import State
 from crane_driver.safety.supervisor import Supervisor, check_valves
 from crane_driver.velocity_filter import VelocityFilter
@@ -159,7 +159,7 @@ class DriverLoop:
         self.supervisor.news += [News(Level.WARNING, text) for text in self.devices.news()]
         if now - self._located > self._blind:  # though each frame by itself may come in time
             if now - heard > heard - self._located:
-                self.supervisor.stalled(self._stalls.deaf(now, heard), now)
+                self.supervisor.stalled(behind(now, heard), now)
             self.supervisor.readings({}, {})
         self.supervisor.published_by(publishers)
         self.supervisor.ready(self.monitor.complete and self.devices.operational, now)

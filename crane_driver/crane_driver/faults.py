@@ -121,6 +121,10 @@ class FaultKind(StrEnum):
         *("overworked", 24, "the driver's own work took too long"),
         "find what comes all at once, or take a faster processor",
     )
+    BEHIND = (
+        *("behind", 25, "frames wait that the driver has not taken yet"),
+        "find what floods the bus, or give the driver real-time priority (realtime.priority)",
+    )
 
 
 UNUSABLE = frozenset({FaultKind.WRONG_SIZE, FaultKind.CHECKSUM, FaultKind.REPEATED})

@@ -23,13 +23,12 @@ class StallWatch:
         self._ran, self._computed = now, computed
         if not pause > self._limit:
             return None
-        own = used > pause / 2
-        return self._fault(FaultKind.OVERWORKED if own else FaultKind.STALLED, pause)
+        kind = FaultKind.OVERWORKED if used > pause / 2 else FaultKind.STALLED
+        said = f"{kind.cause} for {pause * 1e3:.0f} ms, limit {self._limit * 1e3:.0f} ms"
+        return Fault(kind, said)
 
-    def deaf(self, now: float, heard: float) -> Fault:
-        """That all until `heard` [s] was read from the bus, and what came later was not."""
-        return self._fault(FaultKind.STALLED, now - heard)
 
-    def _fault(self, kind: FaultKind, pause: float) -> Fault:
-        detail = f"for {pause * 1e3:.0f} ms, limit {self._limit * 1e3:.0f} ms"
-        return Fault(kind, f"{kind.cause} {detail}")
+def behind(now: float, heard: float) -> Fault:
+    """That frames wait at `now` [s] that came after `heard`, though the loop runs."""
+    kind = FaultKind.BEHIND
+    return Fault(kind, f"{kind.cause}: it is {(now - heard) * 1e3:.0f} ms behind the bus")

@@ -218,6 +218,7 @@ def test_a_receiving_thread_that_stalls_is_told_from_a_silent_machine(bench: Ben
         bench.loop.check(0, bench.now, heard)
     assert bench.loop.supervisor.state is State.FAULT
     assert list(bench.loop.supervisor.faults) == ["driver stalled"]
+    assert "ms behind the bus" in bench.loop.supervisor.faults["driver stalled"].text
     assert bench.now - heard == pytest.approx(0.05, abs=CYCLE)  # as a machine that is late
 
 
