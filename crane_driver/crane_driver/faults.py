@@ -102,7 +102,7 @@ class FaultKind(StrEnum):
     )
     NO_STATE = (
         *("no state", 20, "position or velocity of a joint is not known"),
-        "check the encoder and its plug",
+        "check its encoder and plug, and the load of bus and computer",
     )
     FROZEN = (
         *("frozen", 21, "a position does not change although the joint is driven"),

@@ -40,6 +40,14 @@ class Valves(NamedTuple):
     enabled: bool
 
 
+def patient_mapping(folder: Path, canopen: Mapping[str, object] = {}) -> Path:
+    """The laboratory crane's mapping with the patience that a busy test machine needs."""
+    mapping = yaml.safe_load(packaged("crane_driver", "laboratory_crane_can.yaml").read_text())
+    path = folder / "mapping.yaml"
+    path.write_text(yaml.safe_dump({**mapping, "timing": TIMING, "canopen": dict(canopen)}))
+    return path
+
+
 class Stage:
     """What runs, what it says, and what passes on the bus."""
 
@@ -52,9 +60,7 @@ class Stage:
         driver: str = DRIVER,
         namespace: str = "",
     ):
-        mapping = yaml.safe_load(packaged("crane_driver", "laboratory_crane_can.yaml").read_text())
-        path = folder / "mapping.yaml"
-        path.write_text(yaml.safe_dump({**mapping, "timing": TIMING, "canopen": dict(canopen)}))
+        path = patient_mapping(folder, canopen)
         port = self.port = free_port()
         self.layout = load_layout(path)
         self.codec = MachineCodec(self.layout)

@@ -31,7 +31,9 @@ def test_the_message_has_a_constant_for_every_fault_and_says_its_cause() -> None
 
 
 def test_the_manual_has_the_table_of_faults() -> None:
-    assert table() in (ROOT / "docs" / "faults.md").read_text("utf-8"), f"write:\n{table()}"
+    assert table() in (ROOT / "docs" / "reference" / "faults.md").read_text("utf-8"), (
+        f"write:\n{table()}"
+    )
 
 
 def test_numbers_are_used_once_and_words_fit_into_a_line() -> None:
