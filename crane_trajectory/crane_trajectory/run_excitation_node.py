@@ -17,11 +17,11 @@ from rclpy.action import ActionClient
 from rclpy.executors import SingleThreadedExecutor
 from rclpy.node import Node
 from rclpy.task import Future
-from std_srvs.srv import Trigger
 from tqdm import tqdm
 
 from crane_driver.nodes.command_line import own_arguments
 from crane_driver.nodes.context import Stop, ros
+from crane_driver.nodes.driver_client import DriverClient
 from crane_driver.nodes.ready import say_ready
 from crane_interfaces.action import RunExcitation
 from crane_model.arguments import whole
@@ -55,16 +55,19 @@ class RunExcitationClient(Node):
         self._worker = SingleThreadedExecutor()
         self._worker.add_node(self)
         self._action = ActionClient(self, RunExcitation, ACTION)
+        self._action = ActionClient(self, RunExcitation, "run_excitation")
+        self._driver = DriverClient(self)
         self._bar: tqdm | None = None
 
     @contextmanager
     def enabled(self) -> Iterator[None]:
         """The driver, enabled within the `with` block; `ExcitationError` if it refuses."""
-        self._call("driver/enable")
+        self._await(lambda: self._driver.ready, "no driver to enable; start one")
+        self._accepted(self._driver.enable())
         try:
             yield
         finally:
-            self._call("driver/disable")
+            self._accepted(self._driver.disable())
 
     def run(self, trajectory: Path, periods: int) -> RunExcitation.Result:
         """The result of the goal; a signal cancels it, and it is waited for all the same."""
@@ -104,13 +107,10 @@ class RunExcitationClient(Node):
         self._bar.set_postfix_str(", ".join(errors), refresh=False)
         self._bar.refresh()
 
-    def _call(self, service: str) -> None:
-        client = self.create_client(Trigger, service)
-        self._await(client.service_is_ready, f"no driver offers {client.service_name}; start it")
-        answer = self._answer(client.call_async(Trigger.Request()))
-        self.destroy_client(client)
+    def _accepted(self, request: Future) -> None:
+        answer = self._answer(request)
         if not answer.success:
-            raise ExcitationError(f"{client.service_name}: {answer.message}")
+            raise ExcitationError(f"the driver refuses: {answer.message}")
 
     def _answer(self, future: Future) -> Any:
         self._await(future.done, "no answer")

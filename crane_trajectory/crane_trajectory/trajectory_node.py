@@ -23,12 +23,13 @@ from rclpy.subscription import Subscription
 from rclpy.task import Future
 from sensor_msgs.msg import JointState
 
+from crane_driver.nodes.driver_client import DriverClient
 from crane_driver.nodes.managed import AUTOSTART, run_managed
 from crane_driver.nodes.names import full_name
 from crane_driver.nodes.parameters import declare, given, hold
 from crane_driver.nodes.publishers import publishers
 from crane_driver.nodes.ready import say_ready
-from crane_interfaces.msg import JointReference, ValveCommand
+from crane_interfaces.msg import DriverState, JointReference, ValveCommand
 from crane_model.errors import ConfigurationError, CraneError, DataError
 from crane_model.machine import JOINTS, Machine, load_machine
 from crane_trajectory.check import Clearance, load_clearance
@@ -36,7 +37,7 @@ from crane_trajectory.controller import command, load_gains
 from crane_trajectory.experiment import Experiment, Outcome
 from crane_trajectory.motion import Motion, plan
 from crane_trajectory.periodic import PeriodicTrajectory
-from crane_trajectory.readiness import ENABLED, Readiness
+from crane_trajectory.readiness import Readiness
 from crane_trajectory.run_excitation_action import ACTION, Goals, NotReadyError
 from crane_trajectory.trajectory_condition import status
 from crane_trajectory.trajectory_parameters import (
@@ -53,7 +54,6 @@ from crane_trajectory.trajectory_parameters import (
 )
 from crane_trajectory.trajectory_topics import (
     command_message,
-    driver_state,
     reference_message,
     sample,
 )
@@ -89,7 +89,7 @@ class Trajectory(LifecycleNode):
         steady = Clock(clock_type=ClockType.STEADY_TIME)
         self._references = self.create_publisher(JointReference, "joint_reference", DEPTH)
         self._diagnostics = self.create_publisher(DiagnosticArray, "/diagnostics", DEPTH)
-        self.create_subscription(DiagnosticArray, "/diagnostics", self._diagnosed, DEPTH)
+        self._driver = DriverClient(self)
         self.create_timer(WATCH, self._watch, clock=steady)
         self.create_timer(REPORT, self._report, clock=steady)
         self.add_on_set_parameters_callback(self._check_parameters)
@@ -183,12 +183,10 @@ class Trajectory(LifecycleNode):
     def _watch(self) -> None:
         now = time.monotonic()
         if self._experiment is not None:
-            if self._ready.driver != ENABLED:
-                self._experiment.release(
-                    Outcome.DRIVER_FAULT,
-                    f"the driver is not enabled any more; its state is {self._ready.driver}",
-                    now,
-                )
+            told = self._driver.newest  # a silent one sends no joint states either
+            if told.state != DriverState.STATE_ENABLED:
+                why = f"{told.cause}; {told.remedy}"
+                self._experiment.release(Outcome.DRIVER_FAULT, why, now)
             if several := self._several_states():
                 self._experiment.release(Outcome.STATES_LOST, several, now)
             self._send(self._experiment.watch(now))
@@ -229,6 +227,8 @@ class Trajectory(LifecycleNode):
             return several
         if lack := self._ready.lacking(self._timeout, time.monotonic()):
             return lack
+        if problem := self._driver.problem:
+            return problem
         if self._valves is not None and not self._valves.get_subscription_count():
             return f"no driver listens to {self._valves.topic_name}"
         return ""
@@ -298,18 +298,9 @@ class Trajectory(LifecycleNode):
         if self._experiment is not None:
             self._experiment.retune(self._tuning)
 
-    def _diagnosed(self, message: DiagnosticArray) -> None:
-        if (state := driver_state(message)) is not None:
-            self._ready.driver_told(state, time.monotonic())
-
     def _report(self) -> None:
-        found = status(
-            full_name(self),
-            self._lifecycle,
-            self._experiment,
-            self._goals.last,
-            self._ready.driver,
-        )
+        driver = self._driver.state.text
+        found = status(self.get_name(), self._lifecycle, self._experiment, self._goals.last, driver)
         message = DiagnosticArray(status=[found])
         message.header.stamp = self.get_clock().now().to_msg()
         self._diagnostics.publish(message)

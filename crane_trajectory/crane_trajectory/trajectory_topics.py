@@ -4,7 +4,6 @@ from typing import NamedTuple
 
 import numpy as np
 from builtin_interfaces.msg import Time
-from diagnostic_msgs.msg import DiagnosticArray
 from sensor_msgs.msg import JointState
 
 from crane_interfaces.action import RunExcitation
@@ -16,7 +15,6 @@ from crane_trajectory.motion import Phase
 from crane_trajectory.reference_clock import Target
 
 NAMES = list(JOINTS)
-DRIVER = "driver: safety"  # the status of /diagnostics that tells the driver's state
 
 
 class Sample(NamedTuple):
@@ -88,12 +86,3 @@ def result_message(
     return RunExcitation.Result(
         outcome=int(outcome), message=message, name=NAMES, rms_tracking_error=rms.tolist()
     )
-
-
-def driver_state(message: DiagnosticArray) -> str | None:
-    """The state of the driver, if the message tells it."""
-    for status in message.status:
-        if status.name == DRIVER:
-            values = {pair.key: pair.value for pair in status.values}
-            return values.get("state", status.message)
-    return None

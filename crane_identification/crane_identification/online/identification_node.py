@@ -140,7 +140,7 @@ class Identification(LifecycleNode):
             )
             self._condition = Condition(timeout=TIMEOUT.read(self))
             file = MODEL.read(self) or packaged("crane_model", "crane_model.yaml")
-            estimator = OnlineEstimator(load_model(file), options)
+            estimator = OnlineEstimator(load_model(file).of_machine(), options)
             recent = Recent(estimator.model.machine, estimator.model.joints)
             self._listeners = self._listeners_of(Watched(estimator, recent))
             self._estimator, self._recent = estimator, recent
