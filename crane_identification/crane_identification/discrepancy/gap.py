@@ -2,6 +2,7 @@
 
 from collections.abc import Sequence
 from dataclasses import dataclass
+from typing import SupportsIndex
 
 import numpy as np
 
@@ -68,7 +69,7 @@ class Gap:
         explainable = before - least
         return (before - after) / explainable if explainable > EXPLAINABLE * before else np.nan
 
-    def moved(self, j: int) -> str:
+    def moved(self, j: SupportsIndex) -> str:
         """What becomes of the held-out error of a joint, in words; one number where both are one.
 
         So that a percentage does not fall to itself.
