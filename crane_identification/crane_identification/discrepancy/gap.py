@@ -2,6 +2,7 @@
 
 from collections.abc import Sequence
 from dataclasses import dataclass
+from typing import SupportsIndex
 
 import numpy as np
 
@@ -70,7 +71,7 @@ class Gap:
         gap = explainable > self.method.explainable_share * before
         return (before - after) / explainable if gap else np.nan
 
-    def moved(self, j: int) -> str:
+    def moved(self, j: SupportsIndex) -> str:
         """What becomes of the held-out error of a joint, in words; one number where both are one.
 
         So that a percentage does not fall to itself.

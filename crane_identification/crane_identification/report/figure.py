@@ -18,7 +18,7 @@ MEASURED, REFERENCE, MODEL = "--measured", "--reference", "--model"
 PLANTED, LIMIT = "--planted", "--soft"
 SCATTER, LEFT_OUT = "--scatter", "--left-out"
 
-DASHES = {MODEL: "dash", PLANTED: "dashdot", REFERENCE: "dot"}
+DASHES = {MODEL: "dash", PLANTED: "dot", REFERENCE: "dot"}
 """Line styles that tell curves apart where there is no colour, as on paper; others are solid."""
 
 _DIGITS = 5  # significant digits of a plotted number: finer than a pixel, even zoomed in
