@@ -43,7 +43,7 @@ class Bench:
     terminal: Terminal
     series: Series
     mapping: Path  # that the driver runs with
-    driver: Parameters  # of it
+    driver: Parameters  # with which the driver runs
     positions: Mapping[str, PositionSignal]  # of that mapping
     layout: Layout
     joints: tuple[str, ...]  # to be measured

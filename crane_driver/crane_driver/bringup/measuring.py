@@ -129,9 +129,9 @@ def _encoder(bench: Bench, joint: str) -> tuple[Trace, EncoderResult]:
     for other, way, move, was in zip(crane.joints, ways, moves, before, strict=True):
         if abs(sunk := way - move) > was.movement:
             terminal.say(
-                f"  {other} has sunk by {sunk:+.2g} {JOINT_UNITS[other]} meanwhile, which does no "
-                f"harm; where it was read, at {was.sinking * 60.0:+.2g} {JOINT_UNITS[other]}/min: "
-                "enter what you read at once"
+                f"  {other} has sunk by {sunk:+.2g} {JOINT_UNITS[other]} meanwhile, at first "
+                f"{was.sinking * 60.0:+.2g} {JOINT_UNITS[other]}/min; this is allowed for, if you "
+                "enter each value as soon as it is read"
             )
     trace = time - time[0], entry.sign * trail[:-1, index] + entry.zero
     return trace, one
