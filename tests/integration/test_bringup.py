@@ -29,11 +29,13 @@ FAST = ["--joints", *MEASURED, "--seconds", "0.5", "--rate", "0.1", "--repeats",
 @pytest.fixture(scope="module")
 def shop(ros_domain: int, tmp_path_factory: pytest.TempPathFactory) -> Iterator[Workshop]:
     one = Workshop(tmp_path_factory.mktemp("bringup"))
-    options = [f"bus.options:={one.port}", f"mapping:={one.naive}"]
-    one.start_driver("--ros-args", *(word for option in options for word in ("-p", option)))
-    one.until(lambda: one.true.keys() >= set(JOINTS))
-    yield one
-    one.close()
+    try:
+        options = [f"bus.options:={one.port}", f"mapping:={one.naive}"]
+        one.start_driver("--ros-args", *(word for option in options for word in ("-p", option)))
+        one.until(lambda: one.true.keys() >= set(JOINTS))
+        yield one
+    finally:
+        one.close()
 
 
 def moves(shop: Workshop, step: str, *options: str) -> tuple[Tool, dict[str, float]]:
