@@ -37,8 +37,8 @@ def encoders(bench: Bench) -> None:
                 measured[joint] = _encoder(bench, joint)
             except DataError as error:
                 terminal.say(f"  {error}")
-                done = ", ".join(measured) or "nothing else yet"
-                terminal.confirm(f"{joint} is not measured; {done} is kept. Measure it again?")
+                kept = f"; {', '.join(measured)} is kept" if measured else ""
+                terminal.confirm(f"{joint} is not measured{kept}. Measure it again?")
     results = {joint: one for joint, (_, one) in measured.items()}
     traces = {joint: trace for joint, (trace, _) in measured.items()}
     run = bench.finish(
