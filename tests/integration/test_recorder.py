@@ -211,7 +211,7 @@ def test_the_silence_of_a_topic_that_has_a_publisher_is_named(ros: Graph, bag: P
     ros.wait(lambda: "/joint_states silent since" in health.status.message)
     assert health.status.level == DiagnosticStatus.WARN
     assert "/joint_states: nothing has come since 20" in recorder.output
-    assert "it has a publisher: test; see its log" in recorder.output
+    assert "it has a publisher (" in recorder.output
     states.publish(JointState(name=["slew"], position=[0.5]))
     ros.wait(lambda: health.status.level == DiagnosticStatus.OK)
     assert float((health.value("/joint_states silent") or "0").split()[0]) >= SHORTEST

@@ -172,7 +172,6 @@ class Tool:
     def done(self) -> int:
         self.shop.until(lambda: self._take() or self.process.poll() is not None)
         self._take()
-        print(self.output)
         return self.process.returncode
 
     def say(self, text: str) -> None:
@@ -187,3 +186,4 @@ class Tool:
             if not part:
                 return
             self.output += part.decode()
+            print(part.decode(), end="")  # shown where a test fails, be it by waiting in vain

@@ -6,6 +6,7 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any, TypeVar
 
+import numpy as np
 from matplotlib.figure import Figure
 
 from crane_driver.bringup.crane_client import CraneClient
@@ -43,7 +44,7 @@ class Bench:
     terminal: Terminal
     series: Series
     mapping: Path  # that the driver runs with
-    driver: Parameters  # of it
+    driver: Parameters  # with which the driver runs
     positions: Mapping[str, PositionSignal]  # of that mapping
     layout: Layout
     joints: tuple[str, ...]  # to be measured
@@ -52,11 +53,12 @@ class Bench:
     def rests(self) -> list[Rest]:
         """All joints of the driver, which stand, from now on."""
         positions = self.crane.record(self.protocol.seconds)
+        time = np.array([one.time for one in self.crane.samples])
         return [
             at_rest(
                 joint,
+                time,
                 positions[:, i],
-                self.protocol.seconds,
                 self.layout.resolution(joint),
                 ROTARY if JOINT_UNITS[joint] == "rad" else None,
             )

@@ -37,8 +37,8 @@ def encoders(bench: Bench) -> None:
                 measured[joint] = _encoder(bench, joint)
             except DataError as error:
                 terminal.say(f"  {error}")
-                done = ", ".join(measured) or "nothing else yet"
-                terminal.confirm(f"{joint} is not measured; {done} is kept. Measure it again?")
+                kept = f"; {', '.join(measured)} is kept" if measured else ""
+                terminal.confirm(f"{joint} is not measured{kept}. Measure it again?")
     results = {joint: one for joint, (_, one) in measured.items()}
     traces = {joint: trace for joint, (trace, _) in measured.items()}
     run = bench.finish(
@@ -129,9 +129,9 @@ def _encoder(bench: Bench, joint: str) -> tuple[Trace, EncoderResult]:
     for other, way, move, was in zip(crane.joints, ways, moves, before, strict=True):
         if abs(sunk := way - move) > was.movement:
             terminal.say(
-                f"  {other} has sunk by {sunk:+.2g} {JOINT_UNITS[other]} meanwhile, which does no "
-                f"harm; where it was read, at {was.sinking * 60.0:+.2g} {JOINT_UNITS[other]}/min: "
-                "enter what you read at once"
+                f"  {other} has sunk by {sunk:+.2g} {JOINT_UNITS[other]} meanwhile, at first "
+                f"{was.sinking * 60.0:+.2g} {JOINT_UNITS[other]}/min; this is allowed for, if you "
+                "enter each value as soon as it is read"
             )
     trace = time - time[0], entry.sign * trail[:-1, index] + entry.zero
     return trace, one

@@ -51,34 +51,30 @@ class Rest:
 
 
 def at_rest(
-    name: str, readings: np.ndarray, seconds: float, resolution: float, period: float | None
+    name: str, time: np.ndarray, readings: np.ndarray, resolution: float, period: float | None
 ) -> Rest:
-    """A line through readings (n,) of a joint at rest [rad, m], which took `seconds`.
+    """A line through readings (n,) of a joint at rest [rad, m], at least `FEWEST`, at `time` [s].
 
     With a `period` the mean is that of the circle, so that readings to either side of the wrap of
     an encoder do not cancel. `DataError` if the joint moved meanwhile, and not as one that sinks.
     """
-    count = len(readings)
-    if count < FEWEST:
-        raise DataError(
-            f"{name}: {count} readings in {seconds:g} s, at least {FEWEST} tell whether it stands; "
-            "record for longer (--seconds)"
-        )
     if period is not None:
         angle = np.angle(np.mean(np.exp(2j * np.pi * (readings - readings[0]) / period)))
         middle = float(readings[0] + angle * period / (2.0 * np.pi))
         readings = middle + (readings - middle + period / 2.0) % period - period / 2.0
-    step, first = np.polyfit(np.arange(count), readings, 1)
-    noise = float(np.std(readings - first - step * np.arange(count)))
-    drift, allowed = float(step) * count, max(COUNTS * resolution, SINKING * seconds)
+    since = time - time[0]
+    seconds = float(np.ptp(since))
+    rate, first = (float(one) for one in np.polyfit(since, readings, 1))
+    noise = float(np.std(readings - first - rate * since))
+    drift, allowed = rate * seconds, max(COUNTS * resolution, SINKING * seconds)
     # not in units of the noise, which a motion would itself raise
     if not abs(drift) <= allowed:
         raise DataError(
-            f"{name} is not at rest: it drifted by {drift:+.3g} in {seconds:g} s, allowed "
+            f"{name} is not at rest: it drifted by {drift:+.3g} in {seconds:.3g} s, allowed "
             f"±{allowed:.3g}; let it settle and measure again. If it sinks so fast by itself, "
             "support it, or mend the leak"
         )
-    return Rest(float(first), noise, resolution, drift / seconds)
+    return Rest(first, noise, resolution, rate)
 
 
 def moved(time: np.ndarray, position: np.ndarray, rest: Rest) -> float:

@@ -28,6 +28,7 @@ from crane_model.errors import DataError
 VISIT = 0.05  # s between two visits to the queues of the subscriptions
 FLUSH = 0.5  # s; what is younger is lost when the process is killed
 REPORT = 1.0  # s
+NAMELESS = "_NODE_NAME_UNKNOWN_"  # what ROS calls a node of which it has only seen a publisher
 
 
 class Early(NamedTuple):
@@ -169,11 +170,11 @@ class Recorder(Node):
         before = silence.since
         silence.look(len(heard), now)
         if before is None and silence.since is not None:
-            nodes = ", ".join(sorted({one.node_name for one in heard}))
+            nodes = {one.node_name for one in heard} - {NAMELESS}
             self.get_logger().warning(
-                f"{name}: nothing has come since {_utc(silence.since)}, though it has a publisher: "
-                f"{nodes}; see its log and /diagnostics. If others hear it, start the recorder "
-                "again"
+                f"{name}: nothing has come since {_utc(silence.since)}, though it has a publisher "
+                f"({', '.join(sorted(nodes)) or 'its name is not known yet'}); see its log and "
+                "/diagnostics. If others hear it, start the recorder again"
             )
 
     def silences(self) -> dict[str, str]:

@@ -26,21 +26,21 @@ def quantised(position):
 def test_a_pose_at_the_wrap_of_an_encoder_is_the_mean_on_the_circle(angle, seed):
     noisy = angle + 1e-4 * np.random.default_rng(seed).standard_normal(200)
     wrapped = (noisy + np.pi - 0.5) % (2.0 * np.pi) - np.pi + 0.5  # the wrap is anywhere
-    rest = at_rest("slew", wrapped, 1.0, 1e-4, ROTARY)
+    rest = at_rest("slew", 0.005 * np.arange(200), wrapped, 1e-4, ROTARY)
     assert np.exp(1j * rest.position) == pytest.approx(np.exp(1j * angle), abs=1e-4)
     assert rest.noise == pytest.approx(1e-4, rel=0.3)
 
 
 def test_a_joint_that_moves_is_not_at_rest():
     with pytest.raises(DataError, match=r"telescope is not at rest: it drifted by \+0\.01 in 2 s"):
-        at_rest("telescope", np.linspace(0.0, 0.01, 400), 2.0, 1e-4, None)
+        at_rest("telescope", np.linspace(0.0, 2.0, 400), np.linspace(0.0, 0.01, 400), 1e-4, None)
 
 
 @pytest.mark.parametrize("seconds", [0.5, 2.0, 60.0])
 def test_a_joint_that_sinks_is_where_it_was_at_the_beginning(seconds):
     """However long the record; what it sinks is no noise."""
     time = np.arange(0.0, seconds, 0.005)
-    rest = at_rest("inner_boom", quantised(0.3 - 1.14e-4 * time), seconds, RESOLUTION, ROTARY)
+    rest = at_rest("inner_boom", 1.8e9 + time, quantised(0.3 - 1.14e-4 * time), RESOLUTION, ROTARY)
     assert rest.position == pytest.approx(0.3, abs=RESOLUTION)
     assert rest.sinking == pytest.approx(-1.14e-4, rel=0.25)
     assert rest.noise < RESOLUTION
