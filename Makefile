@@ -4,6 +4,7 @@
 # make study   the report's experiment with 20 + 2 trajectories, results in runs/study
 # make bench   measurements of speed
 # make lint    style and types
+# make docs    the manual as a site, runs/docs/index.html
 # make setup   only what every target above does first: environment, packages, build
 # make clean   remove what the set-up made (not runs/)
 #
@@ -20,7 +21,7 @@ export ROS_AUTOMATIC_DISCOVERY_RANGE := LOCALHOST
 
 in_env := source scripts/env.sh &&
 
-.PHONY: help demo study discrepancy-benchmark test bench lint setup clean
+.PHONY: help demo study discrepancy-benchmark test bench lint docs setup clean
 
 help:
 	@sed -n '/^$$/q; s/^# //p' Makefile
@@ -45,6 +46,11 @@ bench: setup
 
 lint: setup
 	@$(in_env) ruff check . && ruff format --check . && mypy
+
+# A warning is an error; -n: so is a reference that leads nowhere.
+docs:
+	@scripts/setup.sh docs
+	@$(in_env) python -m sphinx -W --keep-going -q -j auto -d runs/docs/doctrees docs runs/docs/html
 
 clean:
 	rm -rf .venv build install log .pytest_cache .mypy_cache .ruff_cache .hypothesis

@@ -1,5 +1,6 @@
 #!/bin/sh
 # Sets up everything the suite needs in this clone; does nothing when it is up to date.
+# With `docs`, also what the manual is built with.
 # PYTHON=... names the interpreter, else the first of Python 3.11 to 3.14 found is taken.
 root=$(cd "$(dirname "$0")/.." && pwd)
 
@@ -39,4 +40,4 @@ elif ! python=$(find_python); then
     exit 1
 fi
 
-exec "$python" "$root/scripts/setup"
+exec "$python" "$root/scripts/setup" "$@"

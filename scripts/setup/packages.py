@@ -30,16 +30,33 @@ def stamp_file(machine: Machine) -> Path:
 
 def wanted_stamp(machine: Machine) -> str:
     """What the stamp says when the environment is up to date."""
-    digest = hashlib.sha256("\n".join(pins(machine)).encode()).hexdigest()
-    return f"{machine.describe()}{digest}\n"
+    return _stamp(machine, pins(machine))
 
 
 def pins(machine: Machine) -> list[str]:
     """Return the pinned requirements for this kind of machine, one a line."""
     if machine.ros_installed:
-        names = ["requirements-apt.txt"]
-    else:
-        names = ["requirements.txt", "requirements-dev.txt", "requirements-ros.txt"]
+        return _read(machine, "requirements-apt.txt")
+    return _read(machine, "requirements.txt", "requirements-dev.txt", "requirements-ros.txt")
+
+
+def install_for_docs(machine: Machine) -> None:
+    """Add what only the manual is built with to the environment, unless it is there."""
+    stamp = machine.venv / "crane-packages-docs"  # gone with the environment when that is made anew
+    wanted = _read(machine, "requirements-docs.txt")
+    if stamp.is_file() and stamp.read_text() == _stamp(machine, wanted):
+        return
+    print("set-up: Python packages of the manual", flush=True)
+    _install_pins(machine, wanted)
+    stamp.write_text(_stamp(machine, wanted))
+
+
+def _stamp(machine: Machine, wanted: list[str]) -> str:
+    digest = hashlib.sha256("\n".join(wanted).encode()).hexdigest()
+    return f"{machine.describe()}{digest}\n"
+
+
+def _read(machine: Machine, *names: str) -> list[str]:
     lines = {
         line
         for name in names
@@ -70,7 +87,7 @@ def install(machine: Machine) -> None:
             system_site_packages=machine.ros_installed,
         )
     print("set-up: Python packages (the first time this downloads several hundred MB)", flush=True)
-    _install_pins(machine)
+    _install_pins(machine, pins(machine))
     if not machine.ros_installed:
         wheels.mend_include_folders(machine)
     stamp_file(machine).write_text(wanted_stamp(machine))
@@ -94,9 +111,9 @@ def _usable(machine: Machine) -> bool:
     )
 
 
-def _install_pins(machine: Machine) -> None:
+def _install_pins(machine: Machine, wanted: list[str]) -> None:
     requirements = machine.venv / "crane-requirements.txt"
-    requirements.write_text("\n".join(pins(machine)) + "\n")
+    requirements.write_text("\n".join(wanted) + "\n")
     quiet = [] if sys.stderr.isatty() else ["--quiet"]  # progress is for people
     pip = [str(machine.venv_python), "-m", "pip", "--disable-pip-version-check"]
     uv = [str(machine.venv / "bin" / "uv"), "pip"]

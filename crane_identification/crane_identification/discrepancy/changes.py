@@ -62,25 +62,13 @@ class Change(Family):
         return self.own
 
 
-def of_machine(model: Model) -> Model:
-    """The model that is kept: without the loads of single recordings, which were other ones.
-
-    `ConfigurationError` if it has no values.
-    """
+def check_values(model: Model) -> None:
+    """`ConfigurationError` if the model has no values to keep."""
     if model.values is None or model.std_devs is None:
         raise ConfigurationError(
             f"model '{model.name}' has no values that could have changed; fit it with identify to "
             "recordings from before, or leave out --fixed"
         )
-    stays = [not isinstance(term, Payload) or term == Payload() for term in model.terms]
-    counts = [len(term.parameters(model.setting)) for term in model.terms]
-    wanted = np.repeat(stays, counts)
-    return replace(
-        model,
-        terms=tuple(term for term, one in zip(model.terms, stays, strict=True) if one),
-        values=model.values[wanted],
-        std_devs=model.std_devs[wanted],
-    )
 
 
 def kept(model: Model, training: Sequence[Preparation], factor: int) -> Evidence:

@@ -128,7 +128,8 @@ def diagnose(
     """
     _check(training, validation, without)
     if fixed:
-        model = changes.of_machine(model)
+        changes.check_values(model)
+    model = model.of_machine()  # what these recordings carry is asked anew
     logs = chronological((*training, *validation))
     session = Session.of(logs)
     whole = replace(options, average=False)

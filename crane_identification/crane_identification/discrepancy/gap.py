@@ -2,6 +2,7 @@
 
 from collections.abc import Sequence
 from dataclasses import dataclass
+from typing import SupportsIndex
 
 import numpy as np
 
@@ -69,6 +70,17 @@ class Gap:
         explainable = before - least
         gap = explainable > self.method.explainable_share * before
         return (before - after) / explainable if gap else np.nan
+
+    def moved(self, j: SupportsIndex) -> str:
+        """What becomes of the held-out error of a joint, in words; one number where both are one.
+
+        So that a percentage does not fall to itself.
+        """
+        before, after = (f"{error[j]:.2%}" for error in (self.before, self.after))
+        if before == after:
+            return f"the held-out error of {self.joints[j]} stays at {after}"
+        verb = "falls" if self.after[j] < self.before[j] else "rises"
+        return f"the held-out error of {self.joints[j]} {verb} from {before} to {after}"
 
     @property
     def largest_before(self) -> np.ndarray:

@@ -69,15 +69,23 @@ def objection(one: Judged, gap: Gap, thresholds: Thresholds) -> str:
     closed = gap.closed_on(own)
     if not np.isfinite(closed):  # there is no gap: it must not open one
         worse = [j for j in own if gap.after[j] > thresholds.method.worse_factor * gap.before[j]]
-        return f"it predicts the held-out force of {gap.joints[worse[0]]} worse" if worse else ""
+        return _enlarging(gap, worse) if worse else ""
     method = thresholds.method
     least = method.simple_share if _simple(one) else method.closed_share
     if closed >= least:
         return ""
+    if closed < 0.0:
+        larger = [j for j in own if gap.after[j] > gap.before[j]]
+        return f"{_enlarging(gap, larger)}; it should close {least:.0%} of the gap"
     return (
         f"it closes {closed:.0%} of what could be closed of the gap on held-out recordings, and "
         f"{least:.0%} are asked for"
     )
+
+
+def _enlarging(gap: Gap, joints: Sequence[int]) -> str:
+    """That an effect makes the errors of these joints larger."""
+    return f"with it, {', '.join(gap.moved(j) for j in joints)}"
 
 
 def _simple(one: Judged) -> bool:

@@ -167,6 +167,8 @@ def _unknown_beside(answer: Answer, said: Sequence[str]) -> Answer:
     text = "; ".join(said)
     if answer.verdict is Verdict.NONE:
         return Answer(Verdict.UNKNOWN, text)
+    if answer.verdict is Verdict.INSUFFICIENT:  # what shows, shows
+        return Answer(Verdict.UNKNOWN, f"{text}; {answer.reason}")
     more = answer.verdict in (Verdict.NAMED, Verdict.CLASS)
     verdict = Verdict.AND_MORE if more else answer.verdict
     return answer._replace(verdict=verdict, reason=f"{answer.reason}; {text}")
@@ -211,12 +213,14 @@ def _of_effects(before: Trial, proof: Proof, thresholds: Thresholds) -> Answer:
 
 def _moved(proof: Proof) -> list[str]:
     """What the effects do to the held-out errors where they act, in words."""
-    gap, acting = proof.gap, [one.option.family.joint for one in proof.trial.effects]
-    return [
-        f"the held-out error of {joint} falls from {gap.before[j]:.2%} to {gap.after[j]:.2%}"
-        for j, joint in enumerate(gap.joints)
-        if (joint in acting or None in acting) and gap.after[j] < gap.before[j]
-    ]
+    gap, acting = proof.gap, _acting(proof)
+    return [gap.moved(j) for j in np.flatnonzero(acting & (gap.after < gap.before))]
+
+
+def _acting(proof: Proof) -> np.ndarray:
+    """Whether any of the effects acts on a joint (j,)."""
+    joints = {one.option.family.joint for one in proof.trial.effects}
+    return np.array([bool(joints & {joint, None}) for joint in proof.gap.joints])
 
 
 def _more(proof: Proof, share: float, thresholds: Thresholds) -> list[str]:
@@ -230,9 +234,9 @@ def _more(proof: Proof, share: float, thresholds: Thresholds) -> list[str]:
         said.append(f"they leave {trial.left_share:.0%} of the energy beyond noise where they act")
     said += _beyond_noise(gap, gap.after, gap.training_after, thresholds.gates.floor_factor)
     worse = gap.after > method.worse_factor * np.fmax(gap.before, method.clean_factor * gap.floor)
+    acting = _acting(proof)
     said += [
-        f"the held-out force of {gap.joints[j]} is predicted worse with them, {gap.after[j]:.2%} "
-        f"in place of {gap.before[j]:.2%}"
+        ("" if acting[j] else "where none of the effects acts, ") + gap.moved(j)
         for j in np.flatnonzero(worse)
     ]
     said += [

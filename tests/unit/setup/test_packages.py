@@ -9,7 +9,7 @@ import pytest
 ROOT = Path(__file__).resolve().parents[3]
 MANIFESTS = sorted([*ROOT.glob("crane_*/package.xml"), *ROOT.glob("src/*/package.xml")])
 REQUIREMENTS = [
-    ROOT / f"requirements{part}.txt" for part in ("", "-ros", "-dev", "-apt")
+    ROOT / f"requirements{part}.txt" for part in ("", "-ros", "-dev", "-docs", "-apt")
 ]  # the last one by itself, the others together
 
 
@@ -52,12 +52,13 @@ def test_every_requirement_is_pinned_and_names_no_index(path: Path) -> None:
 
 
 def test_requirement_files_agree() -> None:
-    versions: dict[str, set[str]] = {}
+    versions: dict[str, dict[Path, set[str]]] = {}
     for path in REQUIREMENTS[:-1]:
         for line in pins(path):
             name, version = line.partition(";")[0].strip().split("==")  # for whatever Python
-            versions.setdefault(name, set()).add(version)
-    assert {name: found for name, found in versions.items() if len(found) > 1} == {}
+            versions.setdefault(name, {}).setdefault(path, set()).add(version)
+    for name, of_files in versions.items():
+        assert len({frozenset(found) for found in of_files.values()}) == 1, f"{name}: {of_files}"
 
 
 def test_every_direct_requirement_is_compiled() -> None:

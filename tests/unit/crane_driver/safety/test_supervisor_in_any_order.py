@@ -7,6 +7,7 @@ from hypothesis import strategies as st
 from hypothesis.stateful import RuleBasedStateMachine, initialize, invariant, rule
 from unit.crane_driver.safety.supervised import CAN_FAULT, CYCLE, MACHINE, NEUTRAL, SAFETY, Bench
 
+from crane_driver.faults import Fault, FaultKind
 from crane_driver.safety.states import State
 from crane_driver.safety.supervisor import RefusedError
 
@@ -51,6 +52,10 @@ class AnyOrder(RuleBasedStateMachine):
     @rule()
     def can_fault(self) -> None:
         self.bench.it.can_faults([CAN_FAULT], self.bench.now)
+
+    @rule()
+    def stall(self) -> None:
+        self.bench.it.stalled(Fault(FaultKind.STALLED, "for 60 ms"), self.bench.now)
 
     @rule(request=st.sampled_from(["enable", "enable", "disable", "stop", "reset"]))
     def ask(self, request: str) -> None:

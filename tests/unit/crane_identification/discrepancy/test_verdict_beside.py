@@ -62,7 +62,7 @@ def test_what_is_beyond_the_usual_in_the_flow_is_a_name(before: Verdict, expecte
         (Verdict.NONE, Verdict.UNKNOWN),
         (Verdict.NAMED, Verdict.AND_MORE),
         (Verdict.CLASS, Verdict.AND_MORE),
-        (Verdict.INSUFFICIENT, Verdict.INSUFFICIENT),
+        (Verdict.INSUFFICIENT, Verdict.UNKNOWN),
         (Verdict.UNKNOWN, Verdict.UNKNOWN),
     ],
 )

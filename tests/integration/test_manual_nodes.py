@@ -1,4 +1,4 @@
-"""The README names every node, parameter, service, action and topic, as the nodes declare them."""
+"""The reference names every node, parameter, service, action and topic, as nodes declare them."""
 
 import re
 from collections.abc import Callable, Iterable, Iterator
@@ -8,6 +8,7 @@ import pytest
 import rclpy
 from ament_index_python.packages import get_package_prefix, get_package_share_directory
 from integration.test_launch_files import declared
+from manual import text
 from rclpy.node import Node
 from std_srvs.srv import Trigger
 
@@ -17,7 +18,9 @@ from crane_identification.online.identification_node import Identification
 from crane_model.machine import JOINTS
 from crane_trajectory.trajectory_node import Trajectory
 
-README = (Path(__file__).parents[2] / "README.md").read_text()
+REFERENCE = text("docs/reference/nodes.md") + text("docs/reference/topics.md")
+COMMANDS = text("docs/reference/command_line.md")
+LAUNCH_FILES = text("docs/reference/launch_files.md")
 NODES: dict[str, Callable[[], Node]] = {
     "driver": Driver,
     "trajectory": Trajectory,
@@ -77,30 +80,30 @@ def table(node: Node) -> str:
 
 def test_the_table_of_parameters_is_what_the_node_declares(node: Node) -> None:
     expected = table(node)
-    assert expected in README, f"parameters of {node.get_name()}; write:\n{expected}"
+    assert expected in REFERENCE, f"parameters of {node.get_name()}; write:\n{expected}"
 
 
 def test_services_are_named(node: Node) -> None:
     for service in node.services:
         if service.srv_type is Trigger:
-            assert f"`~/{service.srv_name.rpartition('/')[2]}`" in README, service.srv_name
+            assert f"`~/{service.srv_name.rpartition('/')[2]}`" in REFERENCE, service.srv_name
 
 
 def test_topics_are_named(node: Node) -> None:
     for entity in (*node.publishers, *node.subscriptions):
         topic = entity.topic_name
         if topic not in INHERITED and not topic.endswith("/transition_event"):
-            assert f"`{topic}`" in README, topic
+            assert f"`{topic}`" in REFERENCE, topic
 
 
 @pytest.mark.parametrize("package", PACKAGES)
 def test_every_executable_is_named(package: str) -> None:
     for program in (Path(get_package_prefix(package)) / "lib" / package).iterdir():
-        assert re.search(rf"`({package} )?{program.name}`", README), f"{package} {program.name}"
+        assert re.search(rf"`({package} )?{program.name}`", COMMANDS), f"{package} {program.name}"
 
 
 @pytest.mark.parametrize("package", PACKAGES)
 def test_every_launch_file_and_its_arguments_are_named(package: str) -> None:
     for path in (Path(get_package_share_directory(package)) / "launch").iterdir():
-        assert f"| `{package} {path.name}` |" in README
-        assert all(f"`{name}`" in README for name in declared(path))
+        assert f"| `{package} {path.name}` |" in LAUNCH_FILES
+        assert all(f"`{name}`" in LAUNCH_FILES for name in declared(path))

@@ -1,19 +1,15 @@
 """Every column map and every line of one that the manual shows is one."""
 
 import re
-from pathlib import Path
 from typing import Any
 
 import pytest
 import yaml
+from manual import text
 
 from crane_identification.data.column_map import ColumnMap
 
-README = Path(__file__).resolve().parents[4] / "README.md"
-SECTION = re.search(
-    r"### Tables instead of bags\n(.*?)\n### ", README.read_text("utf-8"), re.DOTALL
-)
-TEXT = SECTION[1] if SECTION else ""
+TEXT = text("docs/how_to/tables.md")
 BLOCKS = re.findall(r"```yaml\n(.*?)```", TEXT, re.DOTALL)
 TABLE = "\n".join(line for line in TEXT.splitlines() if line.startswith("|"))
 SNIPPETS = re.findall(r"`((?:\{|\w+: )[^`]*)`", TABLE)
