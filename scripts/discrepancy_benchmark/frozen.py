@@ -12,15 +12,17 @@ from typing import Any
 
 from folders import read_json
 
+from crane_identification.data import bag_log
+from crane_identification.discrepancy import diagnosis
 from crane_identification.discrepancy.hydraulics import load_usual
 from crane_identification.discrepancy.thresholds import load_thresholds
 from crane_model.errors import ConfigurationError
 
 RECORD = Path(__file__).with_name("frozen.json")
 VALUES = ("gates", "method", "hydraulics")  # parts of a state; the other one is the code
-LIST_MODULES = """
+LIST_MODULES = f"""
 import sys
-import crane_identification.data.bag_log, crane_identification.discrepancy.diagnosis
+import {bag_log.__name__}, {diagnosis.__name__}
 for name, module in sorted(sys.modules.items()):
     if name.startswith("crane_") and module.__file__:
         print(module.__file__)
