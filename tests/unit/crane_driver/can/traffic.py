@@ -53,10 +53,11 @@ class Bus:
             if rng.random() < self.held_up:
                 held_up = sampled + rng.exponential(0.02)
             if rng.random() < self.outage:
-                silent = dict.fromkeys(JOINTS, sampled + rng.choice(OUTAGES))
+                outage = sampled + rng.choice(OUTAGES)
+                silent = {message: max(until, outage) for message, until in silent.items()}
             if rng.random() < self.restart:
                 message = str(rng.choice(list(JOINTS)))
-                silent[message] = sampled + rng.choice(RESTARTS)
+                silent[message] = max(silent[message], sampled + rng.choice(RESTARTS))
                 counters[message] = int(rng.integers(COUNT))
             for message in JOINTS:
                 if sampled < silent[message] or rng.random() < self.loss:
@@ -79,6 +80,23 @@ BUSES = {
     "interrupted": Bus(loss=0.05, outage=0.003),
     "restarting": Bus(loss=0.05, late=0.3, restart=0.002),
 }
+
+
+def any_bus(rng: np.random.Generator) -> Bus:
+    """Several troubles at once, each in every other bus."""
+
+    def chance(most: float) -> float:
+        return most * rng.random() ** 2 if rng.random() < 0.5 else 0.0
+
+    return Bus(
+        loss=chance(0.5),
+        late=chance(0.6),
+        delay=float(rng.choice([0.002, 0.005, 0.01])),
+        overtaken=chance(0.5),
+        held_up=chance(0.05),
+        outage=chance(0.01),
+        restart=chance(0.005),
+    )
 
 
 class Outcome(NamedTuple):
