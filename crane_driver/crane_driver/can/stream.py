@@ -23,6 +23,7 @@ class Beat(NamedTuple):
 
     base: float  # s, reception of index 0, if it were prompt; an index has the counter's remainder
     received: float  # s, from when on indices are proven
+    passed: int  # index that all of these are beyond
 
 
 def find_beat(received: np.ndarray, counters: np.ndarray, cycle: float, count: int) -> Beat | None:
@@ -43,14 +44,19 @@ def find_beat(received: np.ndarray, counters: np.ndarray, cycle: float, count: i
     enough = min(len(late), max(LEAST_SUPPORT, len(late) // SUPPORT))
     if support[best] < enough or not len(ahead) or ahead.min() > EARLY:
         return None
-    begin = ordered[best] - ahead.min()
-    late = (late - begin) % count
-    base = begin * cycle
+    base = ordered[best] * cycle
+    late = (late - ordered[best]) % count
     indices = np.round((received - base) / cycle - late)
     # No older one may follow the first that counts: it would be late by a whole round.
     following = np.append(np.minimum.accumulate(indices[::-1])[::-1][1:], math.inf)
-    firsts = np.flatnonzero((late < EARLY) & (following > indices))
-    return Beat(base, float(received[firsts[0]])) if len(firsts) else None
+    firsts = np.flatnonzero((late < PROMPT) & (following > indices))
+    if not len(firsts):
+        return None
+    first = firsts[0]
+    begin, passed = float(received[first]), int(indices[first])
+    if first == 0 or begin - received[first - 1] >= OVERTAKEN * cycle:
+        return Beat(base, begin, passed - 1)
+    return Beat(base, math.nextafter(begin, math.inf), passed)  # others may have overtaken it
 
 
 class Stream:
@@ -69,7 +75,7 @@ class Stream:
         self.cycle, self.base = cycle, beat.base
         self._count = count
         self._overtaken = min(OVERTAKEN, count // 4) * cycle
-        self._passed = self._newest = math.ceil((beat.received - beat.base) / cycle - EARLY) - 1
+        self._passed = self._newest = beat.passed
         self._recent: deque[tuple[float, int]] = deque()  # may still be followed by older ones
         self._received = beat.received
         self._late = 0  # frames since the last prompt one

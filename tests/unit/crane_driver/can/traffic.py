@@ -1,5 +1,6 @@
 """Frames of two encoders on a bus that is not as it should be."""
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import NamedTuple
 
@@ -42,11 +43,13 @@ class Bus:
     outage: float = 0.0
     restart: float = 0.0
 
-    def frames(self, rng: np.random.Generator, cycles: int) -> list[Sent]:
+    def frames(
+        self, rng: np.random.Generator, cycles: int, messages: Sequence[str] = tuple(JOINTS)
+    ) -> list[Sent]:
         """Of so many cycles, as they are received."""
         sent = []
-        counters = {message: int(rng.integers(COUNT)) for message in JOINTS}
-        newest, silent = dict.fromkeys(JOINTS, 0.0), dict.fromkeys(JOINTS, 0.0)
+        counters = {message: int(rng.integers(COUNT)) for message in messages}
+        newest, silent = dict.fromkeys(messages, 0.0), dict.fromkeys(messages, 0.0)
         held_up, drift = 0.0, rng.uniform(-1e-4, 1e-4)
         for cycle in range(cycles):
             sampled = BEGIN + cycle * CYCLE * (1.0 + drift)
@@ -56,10 +59,10 @@ class Bus:
                 outage = sampled + rng.choice(OUTAGES)
                 silent = {message: max(until, outage) for message, until in silent.items()}
             if rng.random() < self.restart:
-                message = str(rng.choice(list(JOINTS)))
+                message = str(rng.choice(list(messages)))
                 silent[message] = max(silent[message], sampled + rng.choice(RESTARTS))
                 counters[message] = int(rng.integers(COUNT))
-            for message in JOINTS:
+            for message in messages:
                 if sampled < silent[message] or rng.random() < self.loss:
                     continue
                 late = rng.exponential(self.delay) if rng.random() < self.late else 0.0
