@@ -13,7 +13,7 @@ from crane_driver.can.stream import Beat, Stream, find_beat
 
 LEARNT = 60  # frames of each message, after which it is known which counters belong together
 PATIENCE = 4  # times as many, after which it is believed that devices sample at different instants
-AGAIN = 10  # frames after which it is tried again
+AGAIN = 20  # frames after which it is tried again
 MOST_WAITING = 500  # frames of a message, on average
 ALIKE = 0.25  # cycles between prompt frames, below which they are of one instant of sampling
 APART = 0.6  # cycles, beyond which devices with clocks of their own have drifted by a whole one
@@ -51,6 +51,7 @@ class CycleNumbers:
         self._waiting: deque[Readings] = deque()
         self._heard: dict[str, float] = {}  # while they wait: reception of the newest [s]
         self._held: defaultdict[str, list[Placed]] = defaultdict(list)  # in doubt, by message
+        self._waited = 0  # frames since all was forgotten
         self._refused = 0
         self._epoch = 0
         self.dropped: Counter[str] = Counter()  # frames whose cycle is not known, by message
@@ -109,11 +110,14 @@ class CycleNumbers:
         waiting.append(readings)
         if len(waiting) > MOST_WAITING * len(self._layouts):
             self.dropped[waiting.popleft().message] += 1
-        ready = self._least == 1 or len(waiting) % AGAIN == 0
+        self._waited += 1
+        ready = self._least == 1 or self._waited % AGAIN == 0
         return self._learn(self._least) if ready else []
 
     def _learn(self, least: int) -> list[Placed]:
         """Find out, from at least so many frames of each message, which belong together."""
+        if self._heard.keys() != self._layouts.keys():
+            return []
         received: dict[str, list[float]] = {name: [] for name in self._layouts}
         counters: dict[str, list[int]] = {name: [] for name in self._layouts}
         for one in self._waiting:
@@ -173,4 +177,5 @@ class CycleNumbers:
         self.dropped.update({name: len(held) for name, held in self._held.items()})
         self._held.clear()
         self._streams, self._offsets, self._heard = {}, {}, {}
+        self._waited = 0
         self._epoch += 1
