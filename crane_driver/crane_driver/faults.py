@@ -113,17 +113,12 @@ class FaultKind(StrEnum):
         "check encoder and wiring",
     )
     STALLED = (
-        *("stalled", 23, "the driver was not given the processor"),
-        "give the driver real-time priority (realtime.priority), or take other work off this "
-        "machine",
+        *("stalled", 23, "the driver was not given the processor in time"),
+        "give it real-time priority (realtime.priority), or stop other work and floods of frames",
     )
     OVERWORKED = (
         *("overworked", 24, "the driver's own work took too long"),
         "find what comes all at once, or take a faster processor",
-    )
-    BEHIND = (
-        *("behind", 25, "frames wait that the driver has not taken yet"),
-        "find what floods the bus, or give the driver real-time priority (realtime.priority)",
     )
 
 

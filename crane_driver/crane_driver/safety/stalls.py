@@ -24,11 +24,11 @@ class StallWatch:
         if not pause > self._limit:
             return None
         kind = FaultKind.OVERWORKED if used > pause / 2 else FaultKind.STALLED
-        said = f"{kind.cause} for {pause * 1e3:.0f} ms, limit {self._limit * 1e3:.0f} ms"
+        said = f"{kind.cause}: after {pause * 1e3:.0f} ms, limit {self._limit * 1e3:.0f} ms"
         return Fault(kind, said)
 
 
 def behind(now: float, heard: float) -> Fault:
     """That frames wait at `now` [s] that came after `heard`, though the loop runs."""
-    kind = FaultKind.BEHIND
+    kind = FaultKind.STALLED
     return Fault(kind, f"{kind.cause}: it is {(now - heard) * 1e3:.0f} ms behind the bus")

@@ -97,7 +97,7 @@ def test_a_clock_that_is_set_back_opens_no_valve_further():
             return super().tick(command)
 
     crane = SetBack()
-    with pytest.raises(MotionError, match="clock of /joint_states was set back by 4.99"):
+    with pytest.raises(MotionError, match="clock of the joint states was set back by 4.99"):
         motion.triangle(mover(crane), 1, 0.05, 0.04, 0.25)
     assert crane.sent[-1] < max(crane.sent) == crane.sent[-2]
 

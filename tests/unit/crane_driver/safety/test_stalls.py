@@ -22,7 +22,10 @@ def test_a_pause_up_to_the_limit_is_no_stall(watch: StallWatch) -> None:
 def test_a_longer_one_names_how_long_the_limit_and_what_to_do_once(watch: StallWatch) -> None:
     said = watch.ran(100.143, 7.002)
     assert said
-    assert str(said) == "stalled: the driver was not given the processor for 143 ms, limit 50 ms"
+    assert (
+        str(said)
+        == "stalled: the driver was not given the processor in time: after 143 ms, limit 50 ms"
+    )
     assert "realtime.priority" in said.remedy
     assert "reset_fault" in said.remedy
     assert watch.ran(100.148, 7.003) is None
@@ -33,6 +36,6 @@ def test_a_pause_that_the_driver_itself_worked_through_is_not_blamed_on_others(
 ) -> None:
     said = watch.ran(100.143, 7.130)
     assert said
-    assert "for 143 ms, limit 50 ms" in str(said)
+    assert "after 143 ms, limit 50 ms" in str(said)
     assert said.kind is FaultKind.OVERWORKED
     assert "realtime" not in said.remedy
