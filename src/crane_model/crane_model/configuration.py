@@ -15,12 +15,18 @@ from pydantic import (
     ValidationError,
     model_validator,
 )
-from pydantic_core import ErrorDetails, InitErrorDetails, PydanticCustomError
+from pydantic_core import (
+    ErrorDetails,
+    InitErrorDetails,
+    PydanticCustomError,
+    list_all_errors,
+)
 
 from crane_model.errors import ConfigurationError
 from crane_model.wording import UNKNOWN_KEY, wording
 from crane_model.yaml_text import WrongYamlError, YamlText
 
+BUILT_IN = {str(error["type"]) for error in list_all_errors()}  # kinds of pydantic's own errors
 LARGEST_FILE = 1_000_000  # bytes, a thousand times what the files of the suite have
 
 
@@ -120,12 +126,12 @@ def bounds(schema: type[BaseModel], field: str) -> tuple[float, float]:
 
 def _beside_known(problem: ErrorDetails, schema: type[BaseModel]) -> InitErrorDetails:
     """A problem of a schema, or of one within it, as pydantic takes it back."""
-    kind, context = problem["type"], problem.get("ctx", {})
+    kind, text, context = problem["type"], problem["msg"], problem.get("ctx", {})
     if kind == "extra_forbidden" and len(problem["loc"]) == 1:
-        kind, context = UNKNOWN_KEY, {"known": ", ".join(schema.model_fields)}
-    own = kind == UNKNOWN_KEY
+        kind, text = UNKNOWN_KEY, "there are {known}"
+        context = {"known": ", ".join(schema.model_fields)}
     return InitErrorDetails(
-        type=PydanticCustomError(kind, "there are {known}", context) if own else kind,
+        type=kind if kind in BUILT_IN else PydanticCustomError(kind, text, context),
         loc=problem["loc"],
         input=problem["input"],
         ctx=context,
