@@ -4,7 +4,7 @@ from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from importlib.resources import files
 from pathlib import Path
-from typing import Any, Self, TypeVar
+from typing import Any, Self, TypeVar, get_args
 
 import yaml
 from annotated_types import Ge, Le
@@ -19,14 +19,14 @@ from pydantic_core import (
     ErrorDetails,
     InitErrorDetails,
     PydanticCustomError,
-    list_all_errors,
 )
+from pydantic_core.core_schema import ErrorType
 
 from crane_model.errors import ConfigurationError
 from crane_model.wording import UNKNOWN_KEY, wording
 from crane_model.yaml_text import WrongYamlError, YamlText
 
-BUILT_IN = {str(error["type"]) for error in list_all_errors()}  # kinds of pydantic's own errors
+BUILT_IN = frozenset(get_args(ErrorType))  # kinds of pydantic's own errors
 LARGEST_FILE = 1_000_000  # bytes, a thousand times what the files of the suite have
 
 
