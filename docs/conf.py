@@ -26,7 +26,7 @@ nb_execution_mode = "cache"
 nb_execution_cache_path = str(ROOT / "runs" / "docs" / "notebooks")
 nb_execution_raise_on_error = True
 nb_execution_timeout = 600  # s; they take less than a minute on a machine that is not busy
-nb_merge_streams = True
+nb_output_stderr = "remove"  # progress
 
 html_theme = "furo"
 html_title = f"Crane suite {release}"
