@@ -8,6 +8,7 @@ import xml.etree.ElementTree as ElementTree
 from pathlib import Path
 
 from sphinx.application import Sphinx
+from sphinx.util import logging
 
 DOCS = Path(__file__).resolve().parent
 ROOT = DOCS.parent
@@ -26,6 +27,7 @@ nb_execution_mode = "cache"
 nb_execution_cache_path = str(ROOT / "runs" / "docs" / "notebooks")
 nb_execution_raise_on_error = True
 nb_execution_timeout = 600  # s; they take less than a minute on a machine that is not busy
+nb_merge_streams = True
 nb_output_stderr = "remove"  # progress
 
 html_theme = "furo"
@@ -40,6 +42,8 @@ copybutton_exclude = ".linenos, .gp, .go, .c1"  # comments beside commands are f
 autodoc_typehints = "signature"
 autodoc_typehints_format = "short"
 autodoc_member_order = "bysource"
+autodoc_default_options = {"exclude-members": "model_config"}  # of pydantic
+toc_object_entries = False
 python_use_unqualified_type_names = True
 default_role = "literal"  # `name` in docstrings
 SPECIAL = re.compile(r"(?P<code>``?[^`]+``?)|(?P<sign>[*|\\]|_\b)")
@@ -50,6 +54,9 @@ def escape(app: Sphinx, what: str, name: str, obj: object, opts: object, lines: 
     lines[:] = [SPECIAL.sub(lambda m: m["code"] or "\\" + m["sign"], line) for line in lines]
 
 
+LOADED = re.compile(r"<(?:script|link|img|iframe)\b[^>]* (?:src|href)=\"(?:https?:)?//[^\"]*")
+
+
 def make_pages(app: Sphinx) -> None:
     """Write the pages that are made from the code, in a process of its own: it starts ROS."""
     environment = os.environ | {"PYTHONPATH": f"{DOCS}:{os.environ.get('PYTHONPATH', '')}"}
@@ -57,7 +64,15 @@ def make_pages(app: Sphinx) -> None:
     subprocess.run(command, check=True, env=environment)
 
 
+def check_offline(app: Sphinx, error: Exception | None) -> None:
+    """Warn of a page that loads something from a network, and so fail."""
+    for page in [] if error else Path(app.outdir).rglob("*.html"):
+        if found := LOADED.search(page.read_text("utf-8")):
+            logging.getLogger(__name__).warning("%s needs a network: %s", page, found[0])
+
+
 def setup(app: Sphinx) -> None:
     """What Sphinx calls first."""
     app.connect("builder-inited", make_pages)
     app.connect("autodoc-process-docstring", escape)
+    app.connect("build-finished", check_offline)
