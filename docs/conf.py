@@ -1,4 +1,4 @@
-"""How Sphinx builds the manual: `make docs`; the pages are in runs/docs/index.html."""
+"""How Sphinx builds the manual: `make docs`; the pages are in runs/docs/html."""
 
 import os
 import re

@@ -18,15 +18,22 @@ TARGET = re.compile(r"^(\w[\w-]*):", re.MULTILINE)
 
 
 def lines(page: str, unknown: str = "1") -> Iterator[list[str]]:
-    """The words of every line of the shell, with the values of variables that the page has set."""
+    """The words of every line of the shell, with variables put in; that of a loop is `unknown`.
+
+    AssertionError if a page uses a variable that it has not set.
+    """
     variables = {"PWD": str(ROOT)}
 
     def value(found: re.Match[str]) -> str:
-        return variables.get(found[1] or found[2], unknown)
+        name = found[1] or found[2]
+        assert name in variables, f"{page}: ${name} is not set"
+        return variables[name]
 
     for block in BLOCK.findall(text(page)):
         for line in re.sub(r"\\\n", " ", block).splitlines():
             words = shlex.split(VARIABLE.sub(value, line), comments=True)
+            if words[:1] == ["for"]:
+                variables[words[1]] = unknown
             for word in words:
                 name, sign, given = word.partition("=")
                 if sign and name.isidentifier() and "$" not in given:
