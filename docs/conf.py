@@ -29,6 +29,7 @@ nb_execution_raise_on_error = True
 nb_execution_timeout = 600  # s; they take less than a minute on a machine that is not busy
 nb_merge_streams = True
 nb_output_stderr = "remove"  # progress
+os.environ["JUPYTER_PATH"] = str(DOCS / "_kernel")  # a kernel that does not warn of its own socket
 
 html_theme = "furo"
 html_title = f"Crane suite {release}"
