@@ -34,6 +34,10 @@ setup(
         ("share/ament_index/resource_index/packages", [f"resource/{PACKAGE}"]),
         (f"share/{PACKAGE}", ["package.xml"]),
         (f"share/{PACKAGE}/launch", ["launch/driver.launch.py"]),
+        (
+            f"share/{PACKAGE}/realtime",
+            ["realtime/crane-realtime.conf", "realtime/crane-driver.service"],
+        ),
     ],
     zip_safe=False,
     install_requires=[

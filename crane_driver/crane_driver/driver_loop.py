@@ -10,13 +10,16 @@ from crane_driver.can.acceptance import Acceptance
 from crane_driver.can.assembly import Assembly, Complete
 from crane_driver.can.codec import DriverCodec
 from crane_driver.can.foreign import ForeignCommands
-from crane_driver.can.frame import UNUSABLE, Fault, Frame
+from crane_driver.can.frame import Frame
 from crane_driver.can.health import Monitor
 from crane_driver.can.layout import Layout
 from crane_driver.can.mapping import LINES
 from crane_driver.canopen.devices import Devices
+from crane_driver.faults import UNUSABLE, Fault
+from crane_driver.safety.news import Level, News
 from crane_driver.safety.plausibility import PositionWatch, believed
 from crane_driver.safety.settings import SafetySettings
+from crane_driver.safety.stalls import StallWatch, behind
 from crane_driver.safety.states import State
 from crane_driver.safety.supervisor import Supervisor, check_valves
 from crane_driver.velocity_filter import VelocityFilter
@@ -57,7 +60,7 @@ class _Measured(NamedTuple):
 
 class DriverLoop:
     """One thread calls `receive` when frames have come, and `check` and `valve_frames` in every
-    cycle of the valve frames. Times are of the steady clock [s].
+    cycle of the valve frames; before anything else, `run`. Times are of the steady clock [s].
     """
 
     def __init__(
@@ -85,6 +88,7 @@ class DriverLoop:
         self._positions = Assembly(layout, "positions")
         self._position_cycle = max(one.cycle for one in layout.readings if one.positions)
         self._blind = layout.timing.late * self._position_cycle  # s without a complete cycle
+        self._stalls = StallWatch(self._blind)
         self._watches = self._new_watches()
         self._located = -math.inf  # reception of the newest one
         self._pressures = Assembly(layout, "pressures")
@@ -103,6 +107,14 @@ class DriverLoop:
     def incomplete(self) -> int:
         """Cycles that were given up because one of their frames did not come."""
         return self._positions.incomplete + self._pressures.incomplete
+
+    def run(self, now: float, computed: float) -> None:
+        """The loop runs; `computed`: processor time [s] of the process so far.
+
+        Comes before all that may be late only because the loop did not run.
+        """
+        if stall := self._stalls.ran(now, computed):
+            self.supervisor.stalled(stall, now)
 
     def receive(
         self, frames: Sequence[Frame], bus_faults: Sequence[Fault], now: float
@@ -138,11 +150,16 @@ class DriverLoop:
         joints += self._joint_samples(now)
         return joints, pressures
 
-    def check(self, publishers: int, now: float) -> None:
-        """What shows by nothing coming, and how many publishers of commands there are."""
-        self.supervisor.can_faults(self.monitor.check(now) + self.devices.check(now), now)
-        self.supervisor.news += self.devices.news()
+    def check(self, publishers: int, now: float, heard: float) -> None:
+        """What shows by nothing coming, and how many publishers of commands there are.
+
+        `heard`: until when all that came has been received; what comes later is not missing yet.
+        """
+        self.supervisor.can_faults(self.monitor.check(heard) + self.devices.check(heard), now)
+        self.supervisor.news += [News(Level.WARNING, text) for text in self.devices.news()]
         if now - self._located > self._blind:  # though each frame by itself may come in time
+            if now - heard > heard - self._located:
+                self.supervisor.stalled(behind(now, heard), now)
             self.supervisor.readings({}, {})
         self.supervisor.published_by(publishers)
         self.supervisor.ready(self.monitor.complete and self.devices.operational, now)
@@ -177,7 +194,7 @@ class DriverLoop:
     def _new_watches(self) -> dict[str, PositionWatch]:
         return {
             joint: PositionWatch(
-                self._machine.limits[joint], resolution, self._position_cycle, self._settings
+                joint, self._machine.limits[joint], resolution, self._position_cycle, self._settings
             )
             for joint, resolution in self._resolution.items()
         }

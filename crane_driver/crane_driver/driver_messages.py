@@ -16,8 +16,16 @@ from crane_driver.canopen.watch import NodeState
 from crane_driver.driver_loop import DriverLoop, JointSample, PressureSample
 from crane_driver.safety.states import State
 from crane_driver.safety.supervisor import Supervisor
-from crane_interfaces.msg import CylinderPressures
+from crane_interfaces.msg import CylinderPressures, DriverState
 
+STATES = {
+    State.OFFLINE: DriverState.STATE_OFFLINE,
+    State.DISABLED: DriverState.STATE_DISABLED,
+    State.ENABLED: DriverState.STATE_ENABLED,
+    State.FAULT: DriverState.STATE_FAULT,
+    State.ESTOP: DriverState.STATE_EMERGENCY_STOP,
+}
+FINALIZED = "finalized"  # state of a managed node that has been shut down
 LEVELS = {
     State.OFFLINE: DiagnosticStatus.WARN,
     State.DISABLED: DiagnosticStatus.OK,
@@ -33,7 +41,7 @@ FRESHNESS = {
 
 
 def joint_state(sample: JointSample, joints: Sequence[str]) -> JointState:
-    """/joint_states."""
+    """A message of joint_states."""
     return JointState(
         header=_header(sample.stamp),
         name=joints,
@@ -44,7 +52,7 @@ def joint_state(sample: JointSample, joints: Sequence[str]) -> JointState:
 
 
 def cylinder_pressures(sample: PressureSample, cylinders: Sequence[str]) -> CylinderPressures:
-    """/cylinder_pressures."""
+    """A message of cylinder_pressures."""
     return CylinderPressures(
         header=_header(sample.stamp),
         name=cylinders,
@@ -52,6 +60,33 @@ def cylinder_pressures(sample: PressureSample, cylinders: Sequence[str]) -> Cyli
         chamber_b=sample.chamber_b,
         supply=sample.supply,
         tank=sample.tank,
+    )
+
+
+def driver_state(supervisor: Supervisor) -> DriverState:
+    """driver/state of an active driver; without stamp and node."""
+    fault = supervisor.first_fault
+    return DriverState(
+        state=STATES[supervisor.state],
+        text=supervisor.state,
+        fault=fault.kind.number if fault else DriverState.FAULT_NONE,
+        source=fault.source if fault else "",
+        further_faults=max(0, len(supervisor.faults) - 1),
+        cause=supervisor.cause,
+        remedy=supervisor.remedy,
+        commands_refused=supervisor.refused,
+        last_refusal=supervisor.refusal,
+    )
+
+
+def inactive_state(lifecycle_state: str) -> DriverState:
+    """driver/state of a driver that does nothing; without stamp and node."""
+    ended = lifecycle_state == FINALIZED
+    return DriverState(
+        state=DriverState.STATE_FINALIZED if ended else DriverState.STATE_INACTIVE,
+        text=lifecycle_state,
+        cause=f"the driver is {lifecycle_state}",
+        remedy="start it anew" if ended else "activate it",
     )
 
 
@@ -68,8 +103,11 @@ def inactive(name: str, lifecycle_state: str) -> DiagnosticStatus:
 
 
 def _safety(name: str, supervisor: Supervisor) -> DiagnosticStatus:
-    faults = {key: f"{one.count} times: {one.text}" for key, one in supervisor.faults.items()}
-    text = "; ".join([supervisor.state, *(one.text for one in supervisor.faults.values())])
+    fault = supervisor.first_fault
+    faults = {key: f"{one.count} times: {one.fault}" for key, one in supervisor.faults.items()}
+    text = "; ".join([supervisor.state, *([fault.line] if fault else ())])
+    if len(faults) > 1:
+        text += f"; {len(faults) - 1} more, see the values"
     level = LEVELS[supervisor.state]
     if supervisor.limited and level == DiagnosticStatus.OK:
         level = DiagnosticStatus.WARN

@@ -10,26 +10,36 @@ from typing import Any
 from diagnostic_msgs.msg import DiagnosticArray
 from rclpy.clock import Clock, ClockType
 from rclpy.lifecycle import LifecycleNode, LifecycleState, TransitionCallbackReturn
-from rclpy.qos import DurabilityPolicy, QoSProfile
 from sensor_msgs.msg import JointState
 from std_msgs.msg import String
 from std_srvs.srv import Trigger
 
 from crane_driver.can.binding import load_layout
 from crane_driver.can.bus import BusError
-from crane_driver.can.frame import Fault, FaultKind, Frame
+from crane_driver.can.frame import Frame
 from crane_driver.can.link import Link
 from crane_driver.driver_loop import DriverLoop
-from crane_driver.driver_messages import cylinder_pressures, diagnostics, inactive, joint_state
+from crane_driver.driver_messages import (
+    FINALIZED,
+    cylinder_pressures,
+    diagnostics,
+    driver_state,
+    inactive,
+    inactive_state,
+    joint_state,
+)
 from crane_driver.driver_parameters import PARAMETERS, DriverParameters, read_parameters
-from crane_driver.nodes.managed import run_managed
+from crane_driver.faults import Fault, FaultKind
+from crane_driver.nodes.driver_client import LATCHED, STATE_TOPIC
+from crane_driver.nodes.managed import AUTOSTART, run_managed
+from crane_driver.nodes.names import full_name
 from crane_driver.nodes.parameters import declare, hold
+from crane_driver.nodes.ready import say_ready
+from crane_driver.realtime import RealTime
+from crane_driver.safety.news import Level
 from crane_driver.safety.settings import load_safety
 from crane_driver.safety.supervisor import RefusedError
-from crane_interfaces.msg import (
-    CylinderPressures,
-    ValveCommand,
-)
+from crane_interfaces.msg import CylinderPressures, DriverState, ValveCommand
 from crane_model.errors import CraneError
 from crane_model.machine import Machine, load_machine
 from crane_model.urdf import urdf
@@ -38,7 +48,6 @@ REPORT = 1.0  # s
 DEPTH = 10  # messages
 TAKEN = 200  # frames at once: a flood must not keep the valves waiting for their frames
 OLDEST = 1.0  # s; a greater age is that of another clock
-LATCHED = QoSProfile(depth=1, durability=DurabilityPolicy.TRANSIENT_LOCAL)
 SUCCESS, FAILURE = TransitionCallbackReturn.SUCCESS, TransitionCallbackReturn.FAILURE
 
 
@@ -47,20 +56,22 @@ class Driver(LifecycleNode):
 
     def __init__(self) -> None:
         super().__init__("driver")
-        declare(self, PARAMETERS)
+        declare(self, PARAMETERS, read_only=(AUTOSTART,))
         self._steady = Clock(clock_type=ClockType.STEADY_TIME)
         self._loop: DriverLoop | None = None
         self._link: Link | None = None
         self._settings: DriverParameters | None = None
         self._machine: Machine | None = None
+        self._realtime: RealTime | None = None
         self._commanders: Callable[[], int] = lambda: 0
         self._active: list[Callable[[], Any]] = []  # what ends with the active state
         self._lifecycle = "unconfigured"
         hold(self, PARAMETERS, lambda: self._lifecycle)
-        self._joints = self.create_publisher(JointState, "/joint_states", DEPTH)
-        self._pressures = self.create_publisher(CylinderPressures, "/cylinder_pressures", DEPTH)
+        self._joints = self.create_publisher(JointState, "joint_states", DEPTH)
+        self._pressures = self.create_publisher(CylinderPressures, "cylinder_pressures", DEPTH)
         self._diagnostics = self.create_publisher(DiagnosticArray, "/diagnostics", DEPTH)
-        self._description = self.create_publisher(String, "/robot_description", LATCHED)
+        self._description = self.create_publisher(String, "robot_description", LATCHED)
+        self._state = self.create_publisher(DriverState, STATE_TOPIC, LATCHED)
         self._received = self.create_guard_condition(self._receive)
         self.create_timer(REPORT, self._report, clock=self._steady)
         for name, action in (
@@ -70,6 +81,7 @@ class Driver(LifecycleNode):
             ("reset_fault", self._reset),
         ):
             self.create_service(Trigger, f"~/{name}", self._service(name, action))
+        self._report()
 
     def stop(self) -> None:
         """Ramp to neutral and close the bus."""
@@ -88,6 +100,8 @@ class Driver(LifecycleNode):
             self._send(link, loop.codec.command_frames(output.commands, output.enabled))
             time.sleep(loop.cycle)
         link.close()
+        if self._realtime:
+            self._realtime.end()
 
     def on_configure(self, state: LifecycleState) -> TransitionCallbackReturn:
         """Read parameters and files, and check that they fit together."""
@@ -99,6 +113,7 @@ class Driver(LifecycleNode):
             return self._failed(error)
         self._description.publish(String(data=urdf(self._machine)))
         self._lifecycle = "inactive"
+        self._report()
         return SUCCESS
 
     def on_activate(self, state: LifecycleState) -> TransitionCallbackReturn:
@@ -110,9 +125,10 @@ class Driver(LifecycleNode):
         except CraneError as error:
             return self._failed(error)
         self._loop, self._link = loop, link
+        self._be_punctual()
         subscription = self.create_subscription(
             ValveCommand,
-            "/valve_command",
+            "valve_command",
             self._command,  # type: ignore[arg-type]  # rclpy does not declare the second argument
             DEPTH,
         )
@@ -124,24 +140,29 @@ class Driver(LifecycleNode):
         ]
         self.get_logger().info(f"CAN bus {self._settings.bus} is open; joints: {loop.joints}")
         self._lifecycle = "active"
+        say_ready(self)
+        self._report()
         return super().on_activate(state)
 
     def on_deactivate(self, state: LifecycleState) -> TransitionCallbackReturn:
         """Ramp to neutral and close the bus."""
         self.stop()
         self._lifecycle = "inactive"
+        self._report()
         return super().on_deactivate(state)
 
     def on_cleanup(self, state: LifecycleState) -> TransitionCallbackReturn:
         """Forget the parameters; they are read again when the node is configured."""
         self._settings = self._machine = None
         self._lifecycle = "unconfigured"
+        self._report()
         return SUCCESS
 
     def on_shutdown(self, state: LifecycleState) -> TransitionCallbackReturn:
         """Ramp to neutral and close the bus."""
         self.stop()
-        self._lifecycle = "finalized"
+        self._lifecycle = FINALIZED
+        self._report()
         return SUCCESS
 
     def on_error(self, state: LifecycleState) -> TransitionCallbackReturn:
@@ -159,6 +180,19 @@ class Driver(LifecycleNode):
             time.monotonic(),
         )
 
+    def _be_punctual(self) -> None:
+        """Once the threads are there that serve the bus."""
+        assert self._settings
+        self._realtime = realtime = RealTime(self._settings.realtime).begin()
+        if realtime.obtained:
+            self.get_logger().info(f"real time: {', '.join(realtime.obtained)}")
+        if realtime.refused:
+            self.get_logger().warning(
+                f"real time: no {'; no '.join(realtime.refused)}. Beside other work the driver may "
+                "stall: permit it (share/crane_driver/realtime), or do not ask for it (parameters "
+                "realtime.*)"
+            )
+
     def _receive(self) -> None:
         """Frames or faults of the bus wait to be taken."""
         if self._loop is None or self._link is None:
@@ -167,6 +201,7 @@ class Driver(LifecycleNode):
         self._send(self._link, self._loop.valve_frames(time.monotonic()))
 
     def _take(self, loop: DriverLoop, link: Link) -> None:
+        loop.run(time.monotonic(), time.process_time())
         frames = link.take(TAKEN)
         joints, pressures = loop.receive(frames, link.take_faults(), time.monotonic())
         for pressure_sample in pressures:
@@ -179,7 +214,7 @@ class Driver(LifecycleNode):
             return
         self._take(self._loop, self._link)  # before it is judged what has not come
         now = time.monotonic()
-        self._loop.check(self._commanders(), now)
+        self._loop.check(self._commanders(), now, self._link.heard(now))
         self._send(self._link, self._loop.valve_frames(now))
         self._send(self._link, self._loop.device_frames(now))
         self._tell()
@@ -189,6 +224,7 @@ class Driver(LifecycleNode):
             return
         age = (time.time_ns() - info["received_timestamp"]) * 1e-9
         received = time.monotonic() - (age if 0.0 <= age < OLDEST else 0.0)
+        self._loop.run(time.monotonic(), time.process_time())
         self._loop.supervisor.published_by(self._commanders())
         try:
             self._loop.supervisor.command(message.name, message.command, received)
@@ -208,20 +244,35 @@ class Driver(LifecycleNode):
 
     def _tell(self) -> None:
         assert self._loop
-        news = self._loop.supervisor.news
-        for text in news:
-            self.get_logger().info(text)
+        news, log = self._loop.supervisor.news, self.get_logger()
+        for level, text in news:
+            match level:  # rclpy wants each line of code to keep to one level
+                case Level.DEBUG:
+                    log.debug(text)
+                case Level.INFO:
+                    log.info(text)
+                case Level.WARNING:
+                    log.warning(text)
+                case Level.ERROR:
+                    log.error(text)
         if news:
             self._report()  # at once: who commands the valves waits for no second
         news.clear()
 
     def _report(self) -> None:
-        message = DiagnosticArray()
-        message.header.stamp = self.get_clock().now().to_msg()
+        """State and diagnostics, once a second and at every change."""
         if self._loop and self._link:
-            message.status = diagnostics(self.get_name(), self._loop, self._link)
+            state = driver_state(self._loop.supervisor)
+            status = diagnostics(full_name(self), self._loop, self._link)
         else:
-            message.status = [inactive(self.get_name(), self._lifecycle)]
+            state = inactive_state(self._lifecycle)
+            status = [inactive(full_name(self), self._lifecycle)]
+        now = self.get_clock().now().to_msg()
+        state.node = self.get_fully_qualified_name()
+        state.header.stamp = now
+        self._state.publish(state)
+        message = DiagnosticArray(status=status)
+        message.header.stamp = now
         self._diagnostics.publish(message)
 
     def _service(
@@ -235,6 +286,7 @@ class Driver(LifecycleNode):
                 action(self._loop)
             except RefusedError as error:
                 response.message = str(error)
+                self.get_logger().warning(str(error))
             else:
                 response.success = True
                 response.message = str(self._loop.supervisor.state)

@@ -8,7 +8,8 @@ from rclpy.node import Node
 from crane_driver.can.bus import BusSettings
 from crane_driver.can.options import bus_settings
 from crane_driver.nodes.managed import AUTOSTART
-from crane_driver.nodes.parameters import NodeParameter, Number, Text
+from crane_driver.nodes.parameters import NodeParameter, Number, Switch, Text
+from crane_driver.realtime import RealTimeSettings
 from crane_model.machine import JOINT_UNITS, JOINTS
 
 INTERFACE = Text(
@@ -55,9 +56,24 @@ JERK_DENSITY = {
     )
     for joint, density in zip(JOINTS, (0.01, 0.01, 0.02, 0.05), strict=True)
 }
+PRIORITY = Number(
+    "realtime.priority",
+    50,
+    "-",
+    0,
+    99,
+    "Real-time priority (SCHED_FIFO), where the system permits it; 0: none. At configure",
+    whole=True,
+)
+LOCK_MEMORY = Switch(
+    "realtime.lock_memory",
+    True,
+    "Keep the memory of the driver from being paged out, where the system permits it. At configure",
+)
 PARAMETERS: tuple[NodeParameter, ...] = (
     *(AUTOSTART, INTERFACE, CHANNEL, BITRATE, OPTIONS, DBC, MAPPING, MACHINE, SAFETY),
     *JERK_DENSITY.values(),
+    *(PRIORITY, LOCK_MEMORY),
 )
 
 
@@ -71,6 +87,7 @@ class DriverParameters:
     machine: str | None
     safety: str | None
     jerk_density: Mapping[str, float]
+    realtime: RealTimeSettings
 
 
 def read_parameters(node: Node) -> DriverParameters:
@@ -87,4 +104,5 @@ def read_parameters(node: Node) -> DriverParameters:
         machine=MACHINE.read(node) or None,
         safety=SAFETY.read(node) or None,
         jerk_density={joint: one.read(node) for joint, one in JERK_DENSITY.items()},
+        realtime=RealTimeSettings(int(PRIORITY.read(node)), LOCK_MEMORY.read(node)),
     )

@@ -4,7 +4,7 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from crane_identification.report.notation import short_percent, spoken
+from crane_identification.report.notation import listed, short_percent, spoken
 
 WORSE_ELSEWHERE = 1.5
 """Held-out error over that of the training and its noise, above which a model does not carry over.
@@ -14,16 +14,21 @@ WORSE_ELSEWHERE = 1.5
 def elsewhere(
     joints: Sequence[str], held_out: np.ndarray, trained: np.ndarray, noise_floor: np.ndarray
 ) -> tuple[str, ...]:
-    """A warning for each joint on which the model errs clearly more on the held-out recordings.
+    """A warning, if any, of the joints on which the model errs clearly more on those held out.
 
     Errors (j,) and `noise_floor` (j,), NaN where it is not known, are relative to the force.
     """
     expected = WORSE_ELSEWHERE * np.hypot(trained, np.nan_to_num(noise_floor))
-    return tuple(
-        f"The model does not carry over to the held-out recordings: on the {spoken(joint)} it errs "
-        f"by {short_percent(float(there))} there and by {short_percent(float(here))} on the "
-        "training recordings. The machine has changed, its motion is another, or an effect is "
-        "missing; diagnose --fixed, with them as --train, says what has changed."
+    worse = [
+        f"by {short_percent(float(there))} on the {spoken(joint)} "
+        f"({short_percent(float(here))} in training)"
         for joint, there, here, limit in zip(joints, held_out, trained, expected, strict=True)
         if there > limit
+    ]
+    if not worse:
+        return ()
+    return (
+        f"The model does not carry over to the held-out recordings: there it errs {listed(worse)}. "
+        "The machine has changed, its motion is another, or an effect is missing; diagnose "
+        "--fixed, with them as --train, says what has changed.",
     )

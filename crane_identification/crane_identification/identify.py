@@ -54,7 +54,10 @@ class Sources:
     def read(self, paths: Sequence[Path]) -> tuple[Log, ...]:
         """A log of each bag or table; `DataError` and `ConfigurationError` as their readers."""
         joints, options = self.model.joints, self.options
-        logs = (read_recording(path, joints, self.columns, self.progress) for path in paths)
+        logs = (
+            read_recording(path, joints, self.columns, self.progress, options.namespace)
+            for path in paths
+        )
         return tuple(usable(log, options.begin, options.end) for log in logs)
 
 
@@ -64,7 +67,9 @@ def identify(arguments: argparse.Namespace) -> None:
     cli.check_out(*(arguments.out / name for name in names), replace=arguments.replace)
     if arguments.terms:
         load_terms(arguments.terms)
-    model = load_model(arguments.model)
+    given = load_model(arguments.model)
+    model = given.of_machine()
+    alike = _loads_left_out(given, model)
     overlap = {path.resolve() for path in arguments.train} & {
         path.resolve() for path in arguments.validate
     }
@@ -74,18 +79,17 @@ def identify(arguments: argparse.Namespace) -> None:
             "validate on recordings that the fit has not seen"
         )
     columns = load(arguments.columns, ColumnMap) if arguments.columns else None
-    known = (
-        load(arguments.reference_values, ReferenceValues) if arguments.reference_values else None
-    )
+    known = _known_values(arguments.reference_values, model) if arguments.reference_values else None
     options = Options(
         begin=arguments.begin,
         end=arguments.end,
+        namespace=arguments.namespace,
         average=arguments.average,
         period=arguments.period,
         estimator=arguments.estimator,
     )
     if arguments.cluster:
-        on_cluster(model, arguments, columns, options)
+        on_cluster(model, arguments, columns, options, alike)
         return
     with ProgressBar() as progress, ExitStack() as processes:
         sources = Sources(model, columns, options, progress)
@@ -110,13 +114,13 @@ def identify(arguments: argparse.Namespace) -> None:
             options=options,
             training=training,
             validations=validations,
-            warnings=(*suspicions, *findings(result, (*training, *held_out), validations)),
+            warnings=(*alike, *suspicions, *findings(result, (*training, *held_out), validations)),
             provenance=Provenance.of(
                 datetime.now(UTC).strftime("%Y-%m-%d %H:%M UTC"),
                 ["identify", *arguments.given],
                 str(arguments.model),
             ),
-            planted=known.root if known else None,
+            planted=known,
             recursive=replayed.result(progress) if replayed else None,
         )
         arguments.out.mkdir(parents=True, exist_ok=True)
@@ -126,8 +130,36 @@ def identify(arguments: argparse.Namespace) -> None:
     _tell(report, arguments.out)
 
 
+def _known_values(path: Path, model: Model) -> dict[str, float]:
+    """Reference values by name; `ConfigurationError` where the model has no such parameter."""
+    known = load(path, ReferenceValues).root
+    names = [one.name for one in model.parameters]
+    if unknown := sorted(set(known) - set(names)):
+        raise ConfigurationError(
+            f"{path}: {', '.join(unknown)}: no parameter of model '{model.name}'; it has "
+            f"{', '.join(names)}"
+        )
+    return known
+
+
+def _loads_left_out(given: Model, model: Model) -> tuple[str, ...]:
+    """A warning where the `given` model held loads of recordings, which `model` does not."""
+    kept = {one.name for one in model.parameters}
+    loads = [one.name for one in given.parameters if one.name not in kept]
+    if not loads:
+        return ()
+    return (
+        f"{', '.join(loads)} of the model left out: loads of single recordings, which others do "
+        "not carry. All recordings count as loaded alike; diagnose finds what each carries.",
+    )
+
+
 def on_cluster(
-    model: Model, arguments: argparse.Namespace, columns: ColumnMap | None, options: Options
+    model: Model,
+    arguments: argparse.Namespace,
+    columns: ColumnMap | None,
+    options: Options,
+    warnings: Sequence[str],
 ) -> None:
     """Fit on a Dask cluster, validate here; the figures of a report would need all rows here."""
     if options.estimator is not Estimator.LEAST_SQUARES or arguments.recursive:
@@ -150,7 +182,7 @@ def on_cluster(
         )
         sources = Sources(model, columns, options, progress)
         held_out = sources.read(arguments.validate)
-        for warning in (*result.suspicions, *vetted(model.machine, held_out, trusted)):
+        for warning in (*warnings, *result.suspicions, *vetted(model.machine, held_out, trusted)):
             print(f"warning: {warning}", file=sys.stderr)
         validations = validate(result.model, held_out, options, progress) if held_out else ()
     errors = pooled(result.model, validations) if validations else None
@@ -239,7 +271,7 @@ def parser() -> argparse.ArgumentParser:
 
 
 def add_part(parser: argparse.ArgumentParser) -> None:
-    """Adds the options that say which part of a recording is used."""
+    """Adds the options that say which part of a recording is used, and whose topics of a bag."""
     parser.add_argument(
         "--from",
         dest="begin",
@@ -255,6 +287,11 @@ def add_part(parser: argparse.ArgumentParser) -> None:
         default=Options().end,
         metavar="SECONDS",
         help="leave out what comes behind, counted alike",
+    )
+    parser.add_argument(
+        "--namespace",
+        type=lambda text: "/" + text.strip("/"),
+        help="of the crane, such as /left, where a bag holds several",
     )
 
 

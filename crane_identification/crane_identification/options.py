@@ -22,7 +22,8 @@ class Estimator(StrEnum):
 class Options:
     """Choices of identification.
 
-    Of each recording, what lies between `begin` and `end` [s from its start] is used. `motion`
+    Of each recording, what lies between `begin` and `end` [s from its start] is used; of a bag, the
+    topics in `namespace` (None: the one that it holds). `motion`
     estimates velocity and acceleration (None: the best route for the kind of data). With
     `average`, whole periods are averaged (37)-(38): `period` [s] (None: found in the reference),
     the last `periods` of them (None: all behind the transient). Without, `trim` samples are cut
@@ -35,6 +36,7 @@ class Options:
 
     begin: float = 0.0
     end: float = math.inf
+    namespace: str | None = None
     motion: MotionEstimator | None = None
     average: bool = True
     period: float | None = None

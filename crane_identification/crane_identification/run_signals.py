@@ -84,7 +84,6 @@ def record_of(
         position=motion.position[:, :joints],
         velocity=motion.velocity[:, :joints],
         acceleration=motion.acceleration[:, :joints],
-        run=np.zeros(len(time), dtype=int),
         force=signals["force"],
         pressure_a=signals.get("pressure_a"),
         pressure_b=signals.get("pressure_b"),

@@ -28,20 +28,19 @@ from crane_model.configuration import Schema, load, packaged
 from crane_model.errors import RangeError
 from crane_model.machine import JOINT_UNITS, JOINTS
 
-NonNegative = Annotated[float, Field(ge=0)]
-Positive = Annotated[float, Field(gt=0)]
-DeadZone = Annotated[float, Field(ge=0, lt=1)]
+DeadZone = Annotated[float, Field(ge=0.0, le=0.99)]
+Small = Annotated[float, Field(ge=1e-6, le=1.0)]
 
 
 class JointGains(Schema):
     """Gains of (36) of one joint; units in `data/controller.yaml`."""
 
-    kp: Positive
-    kd: NonNegative
+    kp: Annotated[float, Field(ge=1e-6, le=1000.0)]
+    kd: Annotated[float, Field(ge=0.0, le=100.0)]
     dead_zone_positive: DeadZone
     dead_zone_negative: DeadZone
-    standstill_speed: Positive
-    position_tolerance: Positive
+    standstill_speed: Small
+    position_tolerance: Small
 
     @model_validator(mode="after")
     def _closed_at_rest(self) -> Self:

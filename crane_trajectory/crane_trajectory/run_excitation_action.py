@@ -1,4 +1,4 @@
-"""The action /run_excitation: what becomes of a goal, from its request to its result."""
+"""The action run_excitation: what becomes of a goal, from its request to its result."""
 
 import time
 from collections.abc import Callable
@@ -20,6 +20,7 @@ from crane_trajectory.motion import Motion
 from crane_trajectory.periodic import PeriodicTrajectory, load_trajectory
 from crane_trajectory.trajectory_topics import feedback_message, result_message
 
+ACTION = "run_excitation"
 FEEDBACK = 0.1  # s
 PATIENCE = 2.0  # s for what a goal needs: driver enabled, joint states, crane at rest
 
@@ -73,7 +74,7 @@ class Goals:
         self._server = ActionServer(
             node,
             RunExcitation,
-            "run_excitation",
+            ACTION,
             self._execute,
             goal_callback=lambda _: GoalResponse.ACCEPT,  # what is refused is told in the result
             cancel_callback=lambda _: CancelResponse.ACCEPT,

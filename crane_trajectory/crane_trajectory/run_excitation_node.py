@@ -17,11 +17,12 @@ from rclpy.action import ActionClient
 from rclpy.executors import SingleThreadedExecutor
 from rclpy.node import Node
 from rclpy.task import Future
-from std_srvs.srv import Trigger
 from tqdm import tqdm
 
 from crane_driver.nodes.command_line import own_arguments
 from crane_driver.nodes.context import Stop, ros
+from crane_driver.nodes.driver_client import DriverClient
+from crane_driver.nodes.ready import say_ready
 from crane_interfaces.action import RunExcitation
 from crane_model.arguments import whole
 from crane_model.cli import INTERRUPTED, add_replace, check_out, command_line, run
@@ -30,6 +31,7 @@ from crane_model.machine import JOINT_UNITS
 from crane_model.progress_bar import BAR, progress_bar
 from crane_trajectory.experiment import Outcome
 from crane_trajectory.motion import Phase
+from crane_trajectory.run_excitation_action import ACTION
 
 MOST_PERIODS = 2**32 - 1  # that the goal can hold
 ELAPSED = "{desc}" + BAR + " {n:.0f} of {total:.0f} s{postfix}"
@@ -52,21 +54,25 @@ class RunExcitationClient(Node):
         self._stop = stop
         self._worker = SingleThreadedExecutor()
         self._worker.add_node(self)
+        self._action = ActionClient(self, RunExcitation, ACTION)
         self._action = ActionClient(self, RunExcitation, "run_excitation")
+        self._driver = DriverClient(self)
         self._bar: tqdm | None = None
 
     @contextmanager
     def enabled(self) -> Iterator[None]:
         """The driver, enabled within the `with` block; `ExcitationError` if it refuses."""
-        self._call("/driver/enable")
+        self._await(lambda: self._driver.ready, "no driver to enable; start one")
+        self._accepted(self._driver.enable())
         try:
             yield
         finally:
-            self._call("/driver/disable")
+            self._accepted(self._driver.disable())
 
     def run(self, trajectory: Path, periods: int) -> RunExcitation.Result:
         """The result of the goal; a signal cancels it, and it is waited for all the same."""
         self._await(self._action.server_is_ready, "no trajectory node answers; start one")
+        say_ready(self)
         goal = RunExcitation.Goal(trajectory=str(trajectory.absolute()), periods=periods)
         with progress_bar("", 0.0, form=ELAPSED, patience=0.0) as bar:
             self._bar = bar
@@ -101,13 +107,10 @@ class RunExcitationClient(Node):
         self._bar.set_postfix_str(", ".join(errors), refresh=False)
         self._bar.refresh()
 
-    def _call(self, service: str) -> None:
-        client = self.create_client(Trigger, service)
-        self._await(client.service_is_ready, f"no driver offers {service}; start it")
-        answer = self._answer(client.call_async(Trigger.Request()))
-        self.destroy_client(client)
+    def _accepted(self, request: Future) -> None:
+        answer = self._answer(request)
         if not answer.success:
-            raise ExcitationError(f"{service}: {answer.message}")
+            raise ExcitationError(f"the driver refuses: {answer.message}")
 
     def _answer(self, future: Future) -> Any:
         self._await(future.done, "no answer")

@@ -23,10 +23,13 @@ from rclpy.subscription import Subscription
 from rclpy.task import Future
 from sensor_msgs.msg import JointState
 
-from crane_driver.nodes.managed import run_managed
+from crane_driver.nodes.driver_client import DriverClient
+from crane_driver.nodes.managed import AUTOSTART, run_managed
+from crane_driver.nodes.names import full_name
 from crane_driver.nodes.parameters import declare, given, hold
 from crane_driver.nodes.publishers import publishers
-from crane_interfaces.msg import JointReference, ValveCommand
+from crane_driver.nodes.ready import say_ready
+from crane_interfaces.msg import DriverState, JointReference, ValveCommand
 from crane_model.errors import ConfigurationError, CraneError, DataError
 from crane_model.machine import JOINTS, Machine, load_machine
 from crane_trajectory.check import Clearance, load_clearance
@@ -34,8 +37,8 @@ from crane_trajectory.controller import command, load_gains
 from crane_trajectory.experiment import Experiment, Outcome
 from crane_trajectory.motion import Motion, plan
 from crane_trajectory.periodic import PeriodicTrajectory
-from crane_trajectory.readiness import ENABLED, Readiness
-from crane_trajectory.run_excitation_action import Goals, NotReadyError
+from crane_trajectory.readiness import Readiness
+from crane_trajectory.run_excitation_action import ACTION, Goals, NotReadyError
 from crane_trajectory.trajectory_condition import status
 from crane_trajectory.trajectory_parameters import (
     CHANGEABLE,
@@ -51,7 +54,6 @@ from crane_trajectory.trajectory_parameters import (
 )
 from crane_trajectory.trajectory_topics import (
     command_message,
-    driver_state,
     reference_message,
     sample,
 )
@@ -67,12 +69,12 @@ SUCCESS, FAILURE = TransitionCallbackReturn.SUCCESS, TransitionCallbackReturn.FA
 
 
 class Trajectory(LifecycleNode):
-    """Leads the crane as the goals of /run_excitation ask; all in the thread of the executor."""
+    """Leads the crane as the goals of run_excitation ask; all in the thread of the executor."""
 
     def __init__(self) -> None:
         super().__init__("trajectory")
         self._single_gains = given(self, SINGLE_GAINS)  # no file changes these
-        declare(self, (*FIXED, *CHANGEABLE))
+        declare(self, (*FIXED, *CHANGEABLE), read_only=(AUTOSTART,))
         self._lifecycle = "unconfigured"
         hold(self, FIXED, lambda: self._lifecycle)
         self._machine: Machine | None = None
@@ -85,9 +87,9 @@ class Trajectory(LifecycleNode):
         self._valves: Publisher | None = None  # while an experiment runs: one may command them
         self._next_watch = Future()
         steady = Clock(clock_type=ClockType.STEADY_TIME)
-        self._references = self.create_publisher(JointReference, "/joint_reference", DEPTH)
+        self._references = self.create_publisher(JointReference, "joint_reference", DEPTH)
         self._diagnostics = self.create_publisher(DiagnosticArray, "/diagnostics", DEPTH)
-        self.create_subscription(DiagnosticArray, "/diagnostics", self._diagnosed, DEPTH)
+        self._driver = DriverClient(self)
         self.create_timer(WATCH, self._watch, clock=steady)
         self.create_timer(REPORT, self._report, clock=steady)
         self.add_on_set_parameters_callback(self._check_parameters)
@@ -115,8 +117,9 @@ class Trajectory(LifecycleNode):
     def on_activate(self, state: LifecycleState) -> TransitionCallbackReturn:
         """Listen to the joint states; nothing moves before a goal."""
         self._ready.forget_states()
-        self._states = self.create_subscription(JointState, "/joint_states", self._state, NEWEST)
+        self._states = self.create_subscription(JointState, "joint_states", self._state, NEWEST)
         self._lifecycle = "active"
+        say_ready(self, ACTION)
         return super().on_activate(state)
 
     def on_deactivate(self, state: LifecycleState) -> TransitionCallbackReturn:
@@ -180,12 +183,10 @@ class Trajectory(LifecycleNode):
     def _watch(self) -> None:
         now = time.monotonic()
         if self._experiment is not None:
-            if self._ready.driver != ENABLED:
-                self._experiment.release(
-                    Outcome.DRIVER_FAULT,
-                    f"the driver is not enabled any more; its state is {self._ready.driver}",
-                    now,
-                )
+            told = self._driver.newest  # a silent one sends no joint states either
+            if told.state != DriverState.STATE_ENABLED:
+                why = f"{told.cause}; {told.remedy}"
+                self._experiment.release(Outcome.DRIVER_FAULT, why, now)
             if several := self._several_states():
                 self._experiment.release(Outcome.STATES_LOST, several, now)
             self._send(self._experiment.watch(now))
@@ -194,10 +195,10 @@ class Trajectory(LifecycleNode):
 
     def _several_states(self) -> str:
         """Who publishes joint states, if not the driver alone, as a player of bags would."""
-        if self.count_publishers("/joint_states") < 2:
+        if self.count_publishers("joint_states") < 2:
             return ""
-        names = ", ".join(publishers(self, "/joint_states"))
-        return f"{names} publish /joint_states, only the driver may; stop the others"
+        names, topic = publishers(self, "joint_states"), self.resolve_topic_name("joint_states")
+        return f"{', '.join(names)} publish {topic}, only the driver may; stop the others"
 
     def _send(self, u: np.ndarray | None) -> None:
         if u is not None and self._valves is not None:
@@ -219,15 +220,17 @@ class Trajectory(LifecycleNode):
         """What is in the way of an experiment; empty if nothing is."""
         if not self.active:
             return f"the node is {self._lifecycle}; activate it"
-        others = [one for one in publishers(self, "/valve_command") if one != self.get_name()]
+        others = [one for one in publishers(self, "valve_command") if one != full_name(self)]
         if others:
             return f"{', '.join(others)} may command the valves, only one may; stop it"
         if several := self._several_states():
             return several
         if lack := self._ready.lacking(self._timeout, time.monotonic()):
             return lack
+        if problem := self._driver.problem:
+            return problem
         if self._valves is not None and not self._valves.get_subscription_count():
-            return "no driver listens to /valve_command"
+            return f"no driver listens to {self._valves.topic_name}"
         return ""
 
     def planner(self, trajectory: PeriodicTrajectory, periods: int) -> Callable[[], Motion]:
@@ -238,7 +241,7 @@ class Trajectory(LifecycleNode):
 
     def open_valves(self) -> None:
         """Be the one who commands the valves."""
-        self._valves = self.create_publisher(ValveCommand, "/valve_command", DEPTH)
+        self._valves = self.create_publisher(ValveCommand, "valve_command", DEPTH)
 
     def close_valves(self) -> None:
         """Command the valves no more."""
@@ -295,21 +298,16 @@ class Trajectory(LifecycleNode):
         if self._experiment is not None:
             self._experiment.retune(self._tuning)
 
-    def _diagnosed(self, message: DiagnosticArray) -> None:
-        if (state := driver_state(message)) is not None:
-            self._ready.driver_told(state, time.monotonic())
-
     def _report(self) -> None:
-        found = status(
-            self.get_name(), self._lifecycle, self._experiment, self._goals.last, self._ready.driver
-        )
+        driver = self._driver.state.text
+        found = status(self.get_name(), self._lifecycle, self._experiment, self._goals.last, driver)
         message = DiagnosticArray(status=[found])
         message.header.stamp = self.get_clock().now().to_msg()
         self._diagnostics.publish(message)
 
 
 ABOUT = """Leads the crane through excitation trajectories, as goals of the action
-/run_excitation ask. Software is no safety stop."""
+run_excitation ask. Software is no safety stop."""
 
 
 def main(argv: Sequence[str] | None = None) -> int:

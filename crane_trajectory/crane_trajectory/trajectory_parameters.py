@@ -8,20 +8,20 @@ from rclpy.node import Node
 
 from crane_driver.nodes.managed import AUTOSTART
 from crane_driver.nodes.parameters import Number, Text
-from crane_model.configuration import validate
+from crane_model.configuration import bounds, validate
 from crane_model.machine import JOINT_UNITS, JOINTS
-from crane_trajectory.controller import Gains, load_gains
+from crane_trajectory.controller import Gains, JointGains, load_gains
 from crane_trajectory.tuning import Tuning
 
 # Reference minus measured position. In the simulated crane the largest errors are about half.
 TOLERANCE = {"slew": 0.1, "inner_boom": 0.1, "outer_boom": 0.2, "telescope": 0.1}
-GAIN_RANGES = {  # unit with U for that of the joint, range, meaning
-    "kp": ("1/U", 1e-6, 1000.0, "Command per position error"),
-    "kd": ("s/U", 0.0, 100.0, "Command per velocity error"),
-    "dead_zone_positive": ("-", 0.0, 0.99, "F_f: command at which the valve opens upwards"),
-    "dead_zone_negative": ("-", 0.0, 0.99, "F_f: command at which the valve opens downwards"),
-    "standstill_speed": ("U/s", 1e-6, 1.0, "Speed below which its sign is not trusted"),
-    "position_tolerance": ("U", 1e-6, 1.0, "Error that a crane at rest is left with"),
+GAIN_MEANINGS = {  # unit with U for that of the joint, meaning
+    "kp": ("1/U", "Command per position error"),
+    "kd": ("s/U", "Command per velocity error"),
+    "dead_zone_positive": ("-", "F_f: command at which the valve opens upwards"),
+    "dead_zone_negative": ("-", "F_f: command at which the valve opens downwards"),
+    "standstill_speed": ("U/s", "Speed below which its sign is not trusted"),
+    "position_tolerance": ("U", "Error that a crane at rest is left with"),
 }
 LIVE = ". Changeable while running"
 
@@ -42,15 +42,16 @@ STATES_TIMEOUT = Number(
     "s",
     0.01,
     1.0,
-    "Silence of /joint_states after which the crane is brought to rest. At configure",
+    "Silence of joint_states after which the crane is brought to rest. At configure",
 )
 SATURATION = Number("saturation", 1.0, "-", 0.01, 1.0, f"Largest spool command{LIVE}")
 FIXED = (AUTOSTART, MACHINE, CLEARANCE, CONTROLLER, STATES_TIMEOUT)
 
 
 def _gain(joint: str, field: str, default: float) -> Number:
-    unit, lowest, highest, meaning = GAIN_RANGES[field]
+    unit, meaning = GAIN_MEANINGS[field]
     unit = unit.replace("U", JOINT_UNITS[joint])
+    lowest, highest = bounds(JointGains, field)
     return Number(f"gains.{joint}.{field}", default, unit, lowest, highest, f"{meaning}{LIVE}")
 
 

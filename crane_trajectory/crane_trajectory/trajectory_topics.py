@@ -4,7 +4,6 @@ from typing import NamedTuple
 
 import numpy as np
 from builtin_interfaces.msg import Time
-from diagnostic_msgs.msg import DiagnosticArray
 from sensor_msgs.msg import JointState
 
 from crane_interfaces.action import RunExcitation
@@ -16,7 +15,6 @@ from crane_trajectory.motion import Phase
 from crane_trajectory.reference_clock import Target
 
 NAMES = list(JOINTS)
-DRIVER = "driver: safety"  # the status of /diagnostics that tells the driver's state
 
 
 class Sample(NamedTuple):
@@ -36,9 +34,9 @@ def sample(message: JointState) -> Sample:
     """All four joints of a joint state; `DataError` if one is missing."""
     names = list(message.name)
     if missing := [joint for joint in JOINTS if joint not in names]:
-        raise DataError(f"/joint_states: {', '.join(missing)} missing, all four joints are needed")
+        raise DataError(f"joint states: {', '.join(missing)} missing, all four joints are needed")
     if not len(names) == len(message.position) == len(message.velocity):
-        raise DataError("/joint_states: a position and a velocity are needed for every name")
+        raise DataError("joint states: a position and a velocity are needed for every name")
     places = [names.index(joint) for joint in JOINTS]
     return Sample(
         message.header.stamp,
@@ -48,7 +46,7 @@ def sample(message: JointState) -> Sample:
 
 
 def reference_message(target: Target, stamp: Time) -> JointReference:
-    """/joint_reference, for the time of the joint state that it is compared with."""
+    """A message of joint_reference, for the time of the joint state that it is compared with."""
     message = JointReference(
         name=NAMES,
         position=target.position.tolist(),
@@ -60,7 +58,7 @@ def reference_message(target: Target, stamp: Time) -> JointReference:
 
 
 def command_message(command: np.ndarray, stamp: Time) -> ValveCommand:
-    """/valve_command."""
+    """A message of valve_command."""
     message = ValveCommand(name=NAMES, command=command.tolist())
     message.header.stamp = stamp
     return message
@@ -88,12 +86,3 @@ def result_message(
     return RunExcitation.Result(
         outcome=int(outcome), message=message, name=NAMES, rms_tracking_error=rms.tolist()
     )
-
-
-def driver_state(message: DiagnosticArray) -> str | None:
-    """The state of the driver, if the message tells it."""
-    for status in message.status:
-        if status.name == DRIVER:
-            values = {pair.key: pair.value for pair in status.values}
-            return values.get("state", status.message)
-    return None

@@ -7,15 +7,15 @@ from collections.abc import Callable
 from typing import Self
 
 import rclpy
-from diagnostic_msgs.msg import DiagnosticArray
 from laws import EXCITATION, VALIDATION, Law
 from processes import DemoError, Processes
 from rclpy.context import Context
 from rclpy.executors import SingleThreadedExecutor
 from rclpy.node import Node
 from rclpy.signals import SignalHandlerOptions
-from std_srvs.srv import Trigger
 
+from crane_driver.nodes.driver_client import DriverClient
+from crane_interfaces.msg import DriverState
 from crane_model.configuration import packaged
 
 DOMAINS = 101  # ROS_DOMAIN_ID 1 to this can be used on every Linux
@@ -39,8 +39,7 @@ class Onlooker:
         self._node = Node(NAME, context=self._context)
         self._executor = SingleThreadedExecutor(context=self._context)
         self._executor.add_node(self._node)
-        self._node.create_subscription(DiagnosticArray, "/diagnostics", self._diagnostics, 10)
-        self._driver = ""
+        self._driver = DriverClient(self._node)
 
     def ready(self, listeners: int) -> bool:
         """Whether so many nodes listen to the driver, and it could be enabled.
@@ -50,16 +49,11 @@ class Onlooker:
         self._executor.spin_once(timeout_sec=0.1)
         if self._node.count_subscribers("/joint_states") != listeners:
             return False
-        if self._driver == "fault":
-            self._reset_fault()
-        return self._driver == "disabled"
-
-    def _reset_fault(self) -> None:
-        service = self._node.create_client(Trigger, "/driver/reset_fault")
-        answer = service.call_async(Trigger.Request())
-        self._executor.spin_until_future_complete(answer, timeout_sec=ANSWER)
-        self._node.destroy_client(service)
-        self._driver = ""  # until it is told anew
+        state = self._driver.state.state
+        if state == DriverState.STATE_FAULT and self._driver.ready:
+            answer = self._driver.reset_fault()
+            self._executor.spin_until_future_complete(answer, timeout_sec=ANSWER)
+        return state == DriverState.STATE_DISABLED
 
     def __enter__(self) -> Self:
         end = time.monotonic() + DISCOVERY
@@ -74,11 +68,6 @@ class Onlooker:
     def __exit__(self, *_: object) -> None:
         self._node.destroy_node()
         rclpy.shutdown(context=self._context)
-
-    def _diagnostics(self, message: DiagnosticArray) -> None:
-        for status in message.status:
-            if status.name == "driver: safety":
-                self._driver = next((v.value for v in status.values if v.key == "state"), "")
 
 
 def record(suite: Processes, domain: int, law: Law, seed: int, say: Say) -> None:

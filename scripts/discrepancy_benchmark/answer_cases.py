@@ -20,7 +20,6 @@ from work import in_processes
 
 from crane_identification.discrepancy.diagnosis import Diagnosis, diagnose
 from crane_identification.discrepancy.findings import content
-from crane_identification.discrepancy.hydraulics import Usual, load_usual
 from crane_identification.discrepancy.null import null_gains
 from crane_identification.discrepancy.strength import strength
 from crane_identification.discrepancy.thresholds import Thresholds, load_thresholds
@@ -38,12 +37,11 @@ KNOWING = (
 
 @dataclass(frozen=True)
 class Job:
-    """A case, the folders of its set, the thresholds, and what is usual of the hydraulics."""
+    """A case, the folders of its set, and the thresholds."""
 
     name: str
     folders: Folders
     thresholds: Thresholds
-    usual: Usual
     keep: bool
 
 
@@ -60,7 +58,7 @@ def answer_case(job: Job) -> None:
         start = time.process_time()
         answer: dict[str, Any]
         try:
-            diagnosis = diagnose(*given(folder), Options(), job.thresholds, usual=job.usual)
+            diagnosis = diagnose(*given(folder), Options(), job.thresholds)
         except CraneError as error:  # recordings are refused: that is an answer
             answer = {"verdict": "insufficient_data", "reason": str(error), "findings": []}
             others: dict[str, baselines.Names] = {}
@@ -84,21 +82,22 @@ def statistics(diagnosis: Diagnosis) -> dict[str, Any]:
     `best`: score of the best effect in units of its bootstrap quantile, whether it is a finding or
     not; `score`: the same of those that are as strong as is asked for; `accepted`: of findings;
     `learner`: strength of a law that it is sure of; `strength`: of that or the best; `floor`: the
-    largest error over the scatter between periods, 0 where none was repeated; `flow`: share of it
-    that the strongest effect makes up; `flow_left`: share that none explains. `promised`: 0 to
-    100 % quantiles of the best score by the bootstrap, in the same unit.
+    largest error over the scatter between periods, 0 where none was repeated; `pulsation`:
+    clearness of the clearest line, 0 where none was asked for; `flow`: share of it that the
+    strongest effect makes up; `flow_left`: share that none explains. `promised`: 0 to 100 %
+    quantiles of the best score by the bootstrap, in the same unit.
     """
     thresholds, learnt, gap = diagnosis.thresholds, diagnosis.learnt_before, diagnosis.gap
     quantities = [one for flow in diagnosis.flows for one in flow.quantities]
     null = null_gains(diagnosis.search.projection, [])
-    quantile = diagnosis.threshold / thresholds.score_factor
+    quantile = diagnosis.threshold / thresholds.gates.score_factor
     single = [
         (choice.gain / quantile, strength(diagnosis.search, choice.options[0], choice.gain))
         for choice in diagnosis.search.sets(1)
     ]
-    strong = [score for score, one in single if one >= thresholds.smallest_strength]
+    strong = [score for score, one in single if one >= thresholds.gates.smallest_strength]
     accepted = max((finding.accepted.score for finding in diagnosis.findings), default=0.0)
-    sure = learnt.p_value < thresholds.false_alarm_rate / 2.0 / len(learnt.p_value)
+    sure = learnt.p_value < thresholds.method.false_alarm_rate / 2.0 / len(learnt.p_value)
     law = float(learnt.strength[sure].max(initial=0.0))
     return {
         "best": single[0][0] if single else 0.0,
@@ -107,6 +106,7 @@ def statistics(diagnosis: Diagnosis) -> dict[str, Any]:
         "learner": law,
         "strength": max([law, *(one for _, one in single[:1])]),
         "floor": float(np.nan_to_num(gap.over_floor(gap.largest_before)).max()),
+        "pulsation": max((line.clearness for line in diagnosis.lines), default=0.0),
         "flow": max((one.share for one in quantities if one.missing), default=0.0),
         "flow_left": max((flow.unexplained for flow in diagnosis.flows), default=0.0),
         "promised": np.round(np.quantile(null, LEVELS) / quantile, DIGITS).tolist(),
@@ -120,14 +120,13 @@ def main(argv: Sequence[str] | None = None) -> int:
     add("--folder", type=Path, required=True, help="of the set")
     add("--round", default="", help="folder of the answers in it (default: itself)")
     add("--thresholds", type=Path, help="thresholds (YAML; default: the packaged ones)")
-    add("--hydraulics", type=Path, help="what is usual of them (YAML; default: the packaged one)")
     add("--workers", type=int, default=1)
     add("--keep-bags", action="store_true", help="keep the bags of cases that are answered")
     arguments = parser.parse_args(argv)
     folders = Folders(arguments.folder, arguments.round)
     waiting = sorted(done(folders.bags) - done(folders.answers))
-    thresholds, usual = load_thresholds(arguments.thresholds), load_usual(arguments.hydraulics)
-    jobs = [Job(name, folders, thresholds, usual, arguments.keep_bags) for name in waiting]
+    thresholds = load_thresholds(arguments.thresholds)
+    jobs = [Job(name, folders, thresholds, arguments.keep_bags) for name in waiting]
     if jobs:
         in_processes(answer_case, jobs, arguments.workers, "answers", partial(blindfold, folders))
     return 0

@@ -14,6 +14,7 @@ from collections.abc import Sequence
 from pathlib import Path
 
 import freeze
+import frozen
 from cases import CaseSet
 from folders import Folders, done
 
@@ -39,7 +40,7 @@ def run(arguments: argparse.Namespace) -> None:
         make(arguments, Folders(top), 0, count)
         return
     scoring = which is CaseSet.SCORING
-    folders = Folders(top, freeze.require_frozen()[:12] if scoring else "")
+    folders = Folders(top, frozen.require_frozen()[:12] if scoring else "")
     if scoring and folders.results.exists():
         print(f"scored already with these thresholds, which is done once: {folders.results}")
         stage("score_cases", folders, arguments.workers)
@@ -47,9 +48,7 @@ def run(arguments: argparse.Namespace) -> None:
     folders.scores.mkdir(parents=True, exist_ok=True)
     beside: tuple[object, ...] = ("--keep-bags",) if arguments.keep_bags else ()
     if which is CaseSet.CALIBRATION:
-        files = freeze.write_open(top)
-        beside += ("--thresholds", files["discrepancy.yaml"])
-        beside += ("--hydraulics", files["hydraulics.yaml"])
+        beside += ("--thresholds", freeze.write_open(top))
     for first in range(0, count, BATCH):
         make(arguments, folders, first, min(first + BATCH, count))
         stage("answer_cases", folders, arguments.workers, *beside)

@@ -4,13 +4,13 @@ import argparse
 import math
 import sys
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import partial
 from pathlib import Path
 from typing import Any
 
 import figures
-import freeze
+import frozen
 import numpy as np
 from folders import Folders, done, new, read_json, write_json
 from judgement import OURS, Answer, Outcome, judge
@@ -20,7 +20,9 @@ from summary import summary
 from truth import Truth, load_truth
 from work import in_processes
 
+from crane_identification.discrepancy.loads import LOADS
 from crane_model.model_file import Model, load_model
+from crane_model.terms.gravity_and_load import Load
 
 WIDTH = 144  # of the tables; narrower, their columns break
 NAMED = (Outcome.RIGHT, Outcome.TOO_WIDE, Outcome.PARTLY)  # where effects are named
@@ -67,16 +69,30 @@ def score_case(job: Job) -> None:
         "statistics": content.get("statistics"),
         "seconds": content.get("seconds"),
         "parameter_errors": truth.parameter_errors(content) if named else [],
-        "closed": _closed(truth, model, given) if named else None,
+        "closed": _closed(truth, model, given, content) if named else None,
         "closed_by_learner": _learnt(content, gap) if truth.places else None,
     }
     with new(job.folders.rows / job.name) as out:
         write_json(out / "row.json", row)
 
 
-def _closed(truth: Truth, model: Model, given: Path) -> float | None:
-    value = truth.closed(model, load_model(given / "model.yaml"))
+def _closed(truth: Truth, model: Model, given: Path, content: dict[str, Any]) -> float | None:
+    carried = {int(Path(one["recording"]).name): one["value"] for one in content["gap"]["loads"]}
+    value = truth.closed(model, carrying(load_model(given / "model.yaml"), carried))
     return value if math.isfinite(value) else None
+
+
+def carrying(model: Model, carried: dict[int, float]) -> Model:
+    """The model with the loads of other recordings: their numbers to masses [kg]."""
+    for term in model.terms:
+        if getattr(term, LOADS, None) is None:
+            continue
+        new = term.model_copy(update={LOADS: tuple(Load(runs=(number,)) for number in carried)})
+        part = model.part(term)
+        values = (model.theta[: part.start], [*carried.values()], model.theta[part.stop :])
+        terms = tuple(new if one == term else one for one in model.terms)
+        return replace(model, terms=terms, values=np.concatenate(values), std_devs=None)
+    return model
 
 
 def _learnt(content: dict[str, Any], gap: np.ndarray) -> float | None:
@@ -103,7 +119,7 @@ def main(argv: Sequence[str] | None = None) -> int:
         in_processes(score_case, waiting, arguments.workers, "scores")
     scored = [read_json(folders.rows / name / "row.json") for name in sorted(done(folders.rows))]
     results = {
-        "thresholds": freeze.digest(),
+        "thresholds": frozen.digest(frozen.state()),
         "summary": summary(scored),
         "cases": scored,
     }

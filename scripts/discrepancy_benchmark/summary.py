@@ -41,7 +41,7 @@ def summary(rows: Sequence[Row]) -> dict[str, Any]:
 
 def learnt(rows: Sequence[Row]) -> dict[str, Any]:
     """How often the flexible learner is sure of a law: alarms, and by strength like `power`."""
-    least = load_thresholds().smallest_strength
+    least = load_thresholds().gates.smallest_strength
 
     def sees(some: Sequence[Row]) -> dict[str, Any]:
         return rate([bool(r["statistics"]) and r["statistics"]["learner"] > least for r in some])

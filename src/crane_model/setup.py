@@ -18,9 +18,11 @@ setup(
     ],
     zip_safe=False,
     install_requires=[
+        "annotated-types",
         "numba",
         "numpy",
         "pydantic>=2",
+        "pydantic-core",
         "pyyaml",
         "scipy",
         "tqdm",

@@ -9,9 +9,9 @@ import rclpy
 from rclpy.executors import SingleThreadedExecutor
 from rclpy.node import Node
 from sensor_msgs.msg import JointState
-from std_srvs.srv import Trigger
 
 from crane_driver.nodes.context import ros
+from crane_driver.nodes.driver_client import DriverClient
 from crane_interfaces.msg import ValveCommand
 
 STEP = 0.0005  # of the spool signal
@@ -27,8 +27,7 @@ class Controller(Node):
         self.enabled = 0
         self._count = 0
         self._commands = self.create_publisher(ValveCommand, "/valve_command", 10)
-        self._reset = self.create_client(Trigger, "/driver/reset_fault")
-        self._enable = self.create_client(Trigger, "/driver/enable")
+        self._driver = DriverClient(self)
         self.create_subscription(JointState, "/joint_states", self._answer, 10)
         self.create_timer(RETRY, self._keep_enabled)
 
@@ -40,9 +39,9 @@ class Controller(Node):
 
     def _keep_enabled(self) -> None:
         """Enable the driver, and again after a fault; refused while it is enabled."""
-        if self._enable.service_is_ready() and self._reset.service_is_ready():
-            self._reset.call_async(Trigger.Request())
-            self._enable.call_async(Trigger.Request()).add_done_callback(self._told)
+        if self._driver.ready:
+            self._driver.reset_fault()
+            self._driver.enable().add_done_callback(self._told)
 
     def _told(self, future: rclpy.Future) -> None:
         self.enabled += future.result().success

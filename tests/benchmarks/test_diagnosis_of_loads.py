@@ -14,7 +14,7 @@ from crane_identification.discrepancy.report import page
 from crane_identification.discrepancy.thresholds import load_thresholds
 from crane_identification.options import Options
 from crane_identification.report.content import Provenance
-from crane_model.terms.gravity_and_load import Payload
+from crane_model.terms.gravity_and_load import Load, Payload
 
 MASSES = {"a": 6.5, "b": 0.0, "c": 0.0, "d": 12.0, "e": 6.5}  # kg, of the recordings
 HELD_OUT = {"f": 9.0, "g": 0.0}
@@ -66,3 +66,15 @@ def test_loads_are_named_alike_in_any_order(
     lines = "\n".join(explain.lines(first))
     assert "no load, from which masses count, in b, c" in lines
     assert "each with its own load, estimated from it: f" in lines
+
+
+def test_a_model_with_the_loads_of_other_recordings_is_asked_anew(
+    recordings: tuple[list[Log], list[Log]],
+) -> None:
+    """Its numbers of runs meant others: they are no load of the recordings that have them here."""
+    training, held_out = recordings
+    elsewhere = Payload(loads=(Load(runs=(1,), recordings=("of another session",)),))
+    known = crane_model().with_term(elsewhere)
+    found = diagnose(known, training, held_out, Options(), load_thresholds())
+    (finding,) = findings.content(found)["findings"]
+    assert finding["carried_in"]["none"] == ["b", "c"]

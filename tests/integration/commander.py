@@ -16,9 +16,9 @@ def read():
         command = json.loads(line)
     done.set()
 threading.Thread(target=read, daemon=True).start()
-rclpy.init()
+rclpy.init(args=sys.argv)
 node = Node("commander")
-publisher = node.create_publisher(ValveCommand, "/valve_command", 10)
+publisher = node.create_publisher(ValveCommand, "valve_command", 10)
 while not done.is_set():
     now = command
     if now is not None:
@@ -33,8 +33,8 @@ rclpy.shutdown()
 class Commander:
     """A process that publishes commands at 100 Hz."""
 
-    def __init__(self) -> None:
-        self.process = start(COMMANDER)
+    def __init__(self, *arguments: str) -> None:
+        self.process = start(COMMANDER, *arguments)
         self.send()
 
     def send(self, **commands: float) -> None:

@@ -40,6 +40,14 @@ class Valves(NamedTuple):
     enabled: bool
 
 
+def patient_mapping(folder: Path, canopen: Mapping[str, object] = {}) -> Path:
+    """The laboratory crane's mapping with the patience that a busy test machine needs."""
+    mapping = yaml.safe_load(packaged("crane_driver", "laboratory_crane_can.yaml").read_text())
+    path = folder / "mapping.yaml"
+    path.write_text(yaml.safe_dump({**mapping, "timing": TIMING, "canopen": dict(canopen)}))
+    return path
+
+
 class Stage:
     """What runs, what it says, and what passes on the bus."""
 
@@ -50,10 +58,9 @@ class Stage:
         canopen: Mapping[str, object] = {},
         safety: str = "",
         driver: str = DRIVER,
+        namespace: str = "",
     ):
-        mapping = yaml.safe_load(packaged("crane_driver", "laboratory_crane_can.yaml").read_text())
-        path = folder / "mapping.yaml"
-        path.write_text(yaml.safe_dump({**mapping, "timing": TIMING, "canopen": dict(canopen)}))
+        path = patient_mapping(folder, canopen)
         port = self.port = free_port()
         self.layout = load_layout(path)
         self.codec = MachineCodec(self.layout)
@@ -63,15 +70,17 @@ class Stage:
         self.machine = start(MACHINE, "--bus-option", f"port={port}", *posed)
         options = {"bus.options": f"port={port}", "mapping": str(path), "safety": f"'{safety}'"}
         parameters = [one for name, value in options.items() for one in ("-p", f"{name}:={value}")]
-        self.arguments = ["--ros-args", *parameters]
+        self.remapping = ["-r", f"__ns:=/{namespace}"] if namespace else []
+        self.arguments = ["--ros-args", *self.remapping, *parameters]
         self.driver = start(driver, *self.arguments)
         self.context = rclpy.Context()
         rclpy.init(context=self.context, domain_id=int(os.environ["ROS_DOMAIN_ID"]))
-        self.node = Node("watcher", context=self.context)
+        self.node = Node("watcher", context=self.context, namespace=namespace)
+        self._safety = f"{namespace}/driver: safety".lstrip("/")
         self._executor = SingleThreadedExecutor(context=self.context)
         self._executor.add_node(self.node)
         self._clients = {
-            name: self.node.create_client(Trigger, f"/driver/{name}") for name in SERVICES
+            name: self.node.create_client(Trigger, f"driver/{name}") for name in SERVICES
         }
         self.states: list[JointState] = []
         self.pressures: list[CylinderPressures] = []
@@ -82,16 +91,15 @@ class Stage:
         self.valves: list[Valves] = []
         self.description: list[str] = []
         node = self.node
-        node.create_subscription(JointState, "/joint_states", self.states.append, 10)
-        node.create_subscription(
-            CylinderPressures, "/cylinder_pressures", self.pressures.append, 10
-        )
+        node.create_subscription(JointState, "joint_states", self.states.append, 10)
+        node.create_subscription(CylinderPressures, "cylinder_pressures", self.pressures.append, 10)
         node.create_subscription(DiagnosticArray, "/diagnostics", self._diagnosed, 10)
         node.create_subscription(
-            String, "/robot_description", lambda message: self.description.append(message.data),
+            String, "robot_description", lambda message: self.description.append(message.data),
             LATCHED,
         )  # fmt: skip
-        self.until(lambda: self.states and self.valves and self.pressures and self.diagnostics)
+        self.until(lambda: self.states and self.valves and self.pressures)
+        self.until(lambda: self._safety in self.diagnostics)
         self.until(lambda: all(one.service_is_ready() for one in self._clients.values()))
 
     def start_driver(self, program: str = DRIVER) -> None:
@@ -144,7 +152,7 @@ class Stage:
     @property
     def safety(self) -> tuple[str, dict[str, str]]:
         """Message and values of the last report on safety; a new state is reported at once."""
-        _, message, values = self.diagnostics["driver: safety"]
+        _, message, values = self.diagnostics[self._safety]
         return message, values
 
     def report(self) -> tuple[str, dict[str, str]]:
@@ -205,7 +213,7 @@ class Stage:
         for one in message.status:
             values = {pair.key: pair.value for pair in one.values}
             self.diagnostics[one.name] = (one.level, one.message, values)
-            if one.name == "driver: safety":
+            if one.name == self._safety:
                 stamp = message.header.stamp
                 self.reported = stamp.sec * 10**9 + stamp.nanosec
 
@@ -213,10 +221,10 @@ class Stage:
 @contextmanager
 def commander(stage: Stage) -> Iterator[Commander]:
     """A publisher of commands, and none after it."""
-    process = Commander()
+    process = Commander("--ros-args", *stage.remapping)
     try:
-        stage.until(lambda: stage.node.count_publishers("/valve_command") == 1)
+        stage.until(lambda: stage.node.count_publishers("valve_command") == 1)
         yield process
     finally:
         process.end()
-        stage.until(lambda: stage.node.count_publishers("/valve_command") == 0)
+        stage.until(lambda: stage.node.count_publishers("valve_command") == 0)

@@ -29,25 +29,32 @@ FAST = ["--joints", *MEASURED, "--seconds", "0.5", "--rate", "0.1", "--repeats",
 @pytest.fixture(scope="module")
 def shop(ros_domain: int, tmp_path_factory: pytest.TempPathFactory) -> Iterator[Workshop]:
     one = Workshop(tmp_path_factory.mktemp("bringup"))
-    one.start_driver(one.naive)
-    one.until(lambda: one.true.keys() >= set(JOINTS))
-    yield one
-    one.close()
+    try:
+        options = [f"bus.options:={one.port}", f"mapping:={one.naive}"]
+        one.start_driver("--ros-args", *(word for option in options for word in ("-p", option)))
+        one.until(lambda: one.true.keys() >= set(JOINTS))
+        yield one
+    finally:
+        one.close()
 
 
-def moves(shop: Workshop, step: str, *options: str) -> dict[str, float]:
-    """Run a step that moves the crane, again where the test machine was too busy for it; where
-    the joints stood before.
+def moves(shop: Workshop, step: str, *options: str) -> tuple[Tool, dict[str, float]]:
+    """Run a step that moves the crane, again where the test machine was too busy for it; the step,
+    and where the joints stood before.
     """
     for _ in range(3):
         before = {joint: shop.still(joint) for joint in MEASURED}
         tool = Tool(shop, step, *FAST, *options)
-        tool.say("yes\n" * len(MEASURED))  # all answers at once, as from a file
-        if tool.done() == 0:
-            return before
-        busy = "too busy", "no /joint_states", "refuses commands"
-        assert any(text in tool.output for text in busy), tool.output
+        if tool.agree() == 0:
+            return tool, before
+        require_busy(tool)
     pytest.fail(f"{step} never ran to its end")
+
+
+def require_busy(tool: Tool) -> None:
+    """A step that failed may have done so because the test machine was too busy."""
+    busy = "too busy", "no /joint_states", "refuses commands", "only this ramp"
+    assert any(text in tool.output for text in busy), tool.output
 
 
 def runs(shop: Workshop, step: str) -> list[Path]:
@@ -80,7 +87,8 @@ def test_a_driver_with_another_mapping_is_refused(shop: Workshop) -> None:
     tool = Tool(shop, "pressures")
     assert tool.done() == 1
     assert "the driver runs with the mapping" in tool.output
-    shop.start_driver(runs(shop, "encoders")[-1] / "mapping.yaml")
+    assert str(runs(shop, "encoders")[-1] / "mapping.yaml") in tool.output
+    shop.restart_driver(tool)
 
 
 def test_pressures(shop: Workshop) -> None:
@@ -97,7 +105,7 @@ def test_pressures(shop: Workshop) -> None:
         # a transducer ends at 0 bar: half of the noise of one without offset is cut off
         assert one["offset"] == pytest.approx(OFFSETS.get(name, 0.0), abs=1e4)
     shop.hands("engine=on")
-    shop.start_driver(runs(shop, "pressures")[-1] / "mapping.yaml")
+    shop.restart_driver(tool)
 
 
 def test_what_is_not_confirmed_moves_nothing(shop: Workshop) -> None:
@@ -109,11 +117,11 @@ def test_what_is_not_confirmed_moves_nothing(shop: Workshop) -> None:
 
 
 def test_valves(shop: Workshop) -> None:
-    before = moves(shop, "valves")
+    tool, before = moves(shop, "valves")
     for joint, one in result(shop, "valves").items():
         assert one["polarity"] == WIRING["commands"][joint]
         assert shop.still(joint) == pytest.approx(before[joint], abs=0.02)
-    shop.start_driver(runs(shop, "valves")[-1] / "mapping.yaml")
+    shop.restart_driver(tool)
 
 
 def test_the_last_mapping_is_the_wiring_of_the_machine(shop: Workshop) -> None:
@@ -128,7 +136,7 @@ def test_the_last_mapping_is_the_wiring_of_the_machine(shop: Workshop) -> None:
 
 
 def test_dead_band(shop: Workshop) -> None:
-    before = moves(shop, "dead_band")
+    _, before = moves(shop, "dead_band")
     run = runs(shop, "dead_band")[-1]
     for joint, one in load(run / "result.yaml", Result[Directions]).results.items():
         valve = VALVES[joint]
@@ -136,6 +144,24 @@ def test_dead_band(shop: Workshop) -> None:
             true = valve["dead_zone"] + direction * valve["null_bias"]
             assert measured.dead_band == pytest.approx(true, abs=0.003)
         assert shop.still(joint) == pytest.approx(before[joint], abs=0.01)
+
+
+def test_a_stall_costs_one_ramp(shop: Workshop) -> None:
+    """The driver has a fault then, which is reset when the operator has said so."""
+    for _ in range(3):
+        tool = Tool(shop, "dead_band", *FAST, "--joints", "inner_boom")
+        tool.answer("yes")
+        shop.until(lambda: shop.valves[1] and abs(shop.valves[0]["inner_boom"]) > 0.06)
+        tool.process.send_signal(signal.SIGSTOP)
+        shop.until(lambda: not shop.valves[1])
+        tool.process.send_signal(signal.SIGCONT)
+        tool.expect("only this ramp of inner_boom is repeated")
+        tool.expect("Reset the fault and repeat this ramp?")
+        if tool.agree() == 0:
+            break
+        require_busy(tool)
+    (found,) = load(runs(shop, "dead_band")[-1] / "result.yaml", Result[Directions]).results
+    assert found == "inner_boom"
 
 
 def test_ctrl_c_while_it_moves_is_neutral_disabled_and_the_end(shop: Workshop) -> None:

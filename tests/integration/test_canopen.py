@@ -130,7 +130,7 @@ def test_trouble_in_operation_ramps_to_neutral_is_latched_and_can_be_reset(
     assert values[-1] == 0.0
     state, faults = stage.report()
     assert state.startswith("fault")
-    assert detail in faults[f"CAN {name} {NAME}"]
+    assert detail in faults[f"{name} {NAME}"]
     if trouble is lost:
         encoder.boot()  # the driver leaves it alone until the fault is reset
     stage.disabled()  # started again meanwhile, where that was needed

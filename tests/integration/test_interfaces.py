@@ -20,6 +20,7 @@ from std_msgs.msg import Header
 from crane_interfaces.action import RunExcitation
 from crane_interfaces.msg import (
     CylinderPressures,
+    DriverState,
     GeneralizedForces,
     JointReference,
     ParameterEstimate,
@@ -39,6 +40,19 @@ MESSAGES = [
         chamber_b=[8e6, 2.5e5, math.nan],
         supply=2.1e7,
         tank=math.nan,
+    ),
+    DriverState(
+        header=HEADER,
+        node="/left/driver",
+        state=DriverState.STATE_FAULT,
+        text="fault",
+        fault=DriverState.FAULT_LATE,
+        source="EncoderBoom",
+        further_faults=3,
+        cause="encoder of telescope: late",
+        remedy="check the plug",
+        commands_refused=2**32 - 1,
+        last_refusal="größer als 1",
     ),
     GeneralizedForces(
         header=HEADER, name=JOINTS, measured=[1e4, -2e3, math.nan], predicted=[9.9e3, -1.9e3, 3e3]

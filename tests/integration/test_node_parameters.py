@@ -6,12 +6,14 @@ from pathlib import Path
 import pytest
 import rclpy
 import yaml
+from integration.test_readme_nodes import NODES
 from rclpy.lifecycle import TransitionCallbackReturn
 from rclpy.node import Node
 from rclpy.parameter import Parameter
 
 from crane_driver.nodes.parameters import Number, Numbers, Switch, Text, declare, hold
-from crane_model.configuration import packaged
+from crane_model.configuration import bounds, packaged
+from crane_trajectory.controller import JointGains
 from crane_trajectory.trajectory_node import Trajectory
 
 LAG = Number("lag", 0.2, "s", 0.05, 2.0, "Half the window")
@@ -20,13 +22,14 @@ PARAMETERS = (
     *(LAG, COUNT, Text("file", "", "A file"), Switch("on", True, "A switch")),
     Numbers("list", (1.0, 2.0), "m", 0.0, 5.0, "A list"),
 )
+ONCE = Number("once", 1.0, "s", 0.0, 2.0, "Read at the start")
 
 
 @pytest.fixture
 def node(ros_domain: int) -> Iterator[Node]:
     rclpy.init(domain_id=ros_domain)
     made = Node("parameters")
-    declare(made, PARAMETERS)
+    declare(made, (*PARAMETERS, ONCE), read_only=(ONCE,))
     yield made
     made.destroy_node()
     rclpy.shutdown()
@@ -36,8 +39,10 @@ def node(ros_domain: int) -> Iterator[Node]:
     ("name", "value", "reason"),
     [
         ("lag", "fast", "parameter 'lag': must be a number, got 'fast'"),
-        ("lag", 7, "parameter 'lag': must be from 0.05 to 2 s, got 7.0"),
-        ("lag", float("nan"), "parameter 'lag': must be from 0.05 to 2 s, got nan"),
+        ("lag", 7, "Parameter lag out of range Min: 0.05, Max: 2.0, value: 7.0"),
+        ("lag", float("nan"), "Parameter lag out of range Min: 0.05, Max: 2.0, value: nan"),
+        ("count", 11, "Parameter count out of range. Min: 0, Max: 10, value: 11"),
+        ("once", 0.5, "Trying to set a read-only parameter: once."),
         ("count", 2.5, "parameter 'count': must be whole, got 2.5"),
         ("file", 5, "parameter 'file': must be text, got 5"),
         ("on", 1, "parameter 'on': must be true or false, got 1"),
@@ -52,6 +57,48 @@ def test_what_a_node_could_not_use_is_refused(
     assert not result.successful
     assert result.reason == reason
     assert node.get_parameter(name).value == before
+
+
+def test_ros_knows_what_a_parameter_may_be(node: Node) -> None:
+    lag, count, file, numbers, once = node.describe_parameters(
+        ["lag", "count", "file", "list", "once"]
+    )
+    (of_lag,), (of_count,), (of_list,) = (
+        lag.floating_point_range,
+        count.integer_range,
+        numbers.floating_point_range,
+    )
+    assert (of_lag.from_value, of_lag.to_value) == (LAG.lowest, LAG.highest)
+    assert (of_count.from_value, of_count.to_value) == (COUNT.lowest, COUNT.highest)
+    assert (of_list.from_value, of_list.to_value) == (0.0, 5.0)
+    assert lag.description == "Half the window. Unit: s, range: [0.05 - 2]"
+    assert not file.floating_point_range
+    assert [one.read_only for one in (lag, count, file, numbers, once)] == [*[False] * 4, True]
+
+
+@pytest.mark.parametrize("make", NODES.values(), ids=NODES)
+def test_every_number_of_every_node_has_its_range(
+    make: Callable[[], Node], ros_domain: int
+) -> None:
+    rclpy.init(domain_id=ros_domain)
+    made = make()
+    numbers = {Parameter.Type.DOUBLE, Parameter.Type.INTEGER}
+    for name, parameter in made.get_parameters_by_prefix("").items():
+        if parameter.type_ in numbers:
+            described = made.describe_parameter(name)
+            assert described.floating_point_range or described.integer_range, name
+    assert made.describe_parameter(
+        "autostart" if made.has_parameter("autostart") else "hold"
+    ).read_only
+    made.destroy_node()
+    rclpy.shutdown()
+
+
+def test_the_range_of_a_gain_is_that_of_the_controller_file(
+    trajectory: Callable[..., Trajectory],
+) -> None:
+    (kp,) = trajectory().describe_parameter("gains.slew.kp").floating_point_range
+    assert (kp.from_value, kp.to_value) == bounds(JointGains, "kp")
 
 
 def test_a_whole_number_does_for_any_number(node: Node) -> None:
@@ -127,7 +174,7 @@ def test_gains_are_those_of_the_controller_file_but_for_single_ones_that_are_giv
     ("slew", "reason"),
     [
         ({"kp": -1.0}, "slew.kp"),
-        ({"kp": 2000.0, "position_tolerance": 1e-6}, "'gains.slew.kp': must be from 1e-06 to 1000"),
+        ({"kp": 2000.0, "position_tolerance": 1e-6}, "key 'slew.kp': must be at most 1000"),
         ({"kp": 100.0}, "kp times position_tolerance is 0.5, more than dead_zone_positive"),
         (None, "no such file"),
     ],

@@ -8,6 +8,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+import yaml
 from diagnostic_msgs.msg import DiagnosticArray, DiagnosticStatus
 from integration.recording_graph import LATCHED, Graph, Process, Source, graph
 from rclpy.qos import QoSProfile, ReliabilityPolicy
@@ -23,6 +24,7 @@ from crane_driver.bags.types import (
     JOINT_STATES,
     VALVE_COMMAND,
 )
+from crane_driver.recording.silence import SHORTEST
 from crane_model.errors import DataError
 
 TOPICS = (JOINT_STATES, CYLINDER_PRESSURES, VALVE_COMMAND, JOINT_REFERENCE)
@@ -191,6 +193,35 @@ def test_diagnostics_tell_how_it_goes(ros: Graph, bag: Path) -> None:
     assert health.value("/joint_states lost") == "0"
     assert max(float(rate) for rate in health.rates) > 50.0
     assert recorder.end(signal.SIGTERM) == 0
+
+
+def test_the_silence_of_a_topic_that_has_a_publisher_is_named(ros: Graph, bag: Path) -> None:
+    """While it lasts, when it has ended, in the summary and in the bag; a latched topic, and one of
+    events, have said what they had to.
+    """
+    states = ros.node.create_publisher(JointState, "/joint_states", 1)
+    events = ros.node.create_publisher(String, "/events", 1)
+    description = ros.node.create_publisher(String, "/robot_description", LATCHED)
+    description.publish(String(data="<robot/>"))
+    health = Health(ros)
+    topics = ("/joint_states", "/events", "/robot_description")
+    recorder = ros.start("recorder", "--out", bag, "--topics", *topics)
+    ros.wait(events.get_subscription_count)
+    events.publish(String(data="begun"))
+    ros.wait(lambda: "/joint_states silent since" in health.status.message)
+    assert health.status.level == DiagnosticStatus.WARN
+    assert "/joint_states: nothing has come since 20" in recorder.output
+    assert "it has a publisher (" in recorder.output
+    states.publish(JointState(name=["slew"], position=[0.5]))
+    ros.wait(lambda: health.status.level == DiagnosticStatus.OK)
+    assert float((health.value("/joint_states silent") or "0").split()[0]) >= SHORTEST
+    assert recorder.end(signal.SIGTERM) == 0
+
+    (said,) = (line for line in recorder.output.splitlines() if line.startswith("silent "))
+    assert said.startswith("silent /joint_states: ")
+    content = yaml.safe_load((bag / "metadata.yaml").read_text())
+    (remark,) = content["rosbag2_bagfile_information"]["custom_data"].items()
+    assert f"{remark[0]}: {remark[1]}, though it had a publisher" == said
 
 
 def test_publishers_that_cannot_be_recorded_are_named(

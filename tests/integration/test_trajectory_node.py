@@ -45,7 +45,7 @@ def test_a_goal_is_refused_while_the_driver_is_disabled(crane: Experiments) -> N
     crane.stage.disabled()
     result = crane.refused()
     assert result.outcome == Outcome.NOT_READY
-    assert "the driver is not enabled, its state is disabled; call /driver/enable" in result.message
+    assert "/driver: the driver is disabled; call enable" in result.message
 
 
 def test_a_trajectory_outside_the_limits_is_refused(crane: Experiments) -> None:

@@ -3,6 +3,7 @@
 import math
 import os
 import select
+import shlex
 import subprocess
 import time
 from collections.abc import Callable
@@ -74,11 +75,15 @@ class Workshop:
         self.trail: list[float] = []  # of the inner boom
         self.valves: tuple[dict[str, float], bool] = ({}, False)
 
-    def start_driver(self, mapping: Path) -> None:
+    def start_driver(self, *arguments: str) -> None:
         if self.driver:
             assert end(self.driver) == 0
-        options = ["-p", f"bus.options:={self.port}", "-p", f"mapping:={mapping}"]
-        self.driver = start(DRIVER, "--ros-args", *options)
+        self.driver = start(DRIVER, *arguments)
+
+    def restart_driver(self, tool: "Tool") -> None:
+        """By the command line that a step has printed."""
+        told = [one for one in tool.output.splitlines() if "crane_driver driver " in one]
+        self.start_driver(*shlex.split(told[-1])[4:])
 
     def close(self) -> None:
         for process in (self.driver, self.machine):
@@ -151,10 +156,22 @@ class Tool:
         self.expect(" > ")
         self.say(f"{text}\n")
 
+    def agree(self) -> int:
+        """Yes to whatever it asks, until its end; its exit status."""
+
+        def asked() -> bool:
+            self._take()
+            return " > " in self.output[self._read :]
+
+        while True:
+            self.shop.until(lambda: asked() or self.process.poll() is not None)
+            if not asked():
+                return self.done()
+            self.answer("yes")
+
     def done(self) -> int:
         self.shop.until(lambda: self._take() or self.process.poll() is not None)
         self._take()
-        print(self.output)
         return self.process.returncode
 
     def say(self, text: str) -> None:
@@ -169,3 +186,4 @@ class Tool:
             if not part:
                 return
             self.output += part.decode()
+            print(part.decode(), end="")  # shown where a test fails, be it by waiting in vain

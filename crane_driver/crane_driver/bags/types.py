@@ -1,6 +1,6 @@
 """Topics of the suite and the message types that bags of them hold; needs no running ROS."""
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import cache
 from pathlib import Path
 from typing import Any
@@ -18,26 +18,43 @@ DEFINITIONS = Path(__file__).with_name("msg")
 
 @dataclass(frozen=True)
 class Topic:
-    """A topic as it is recorded; `latched` publishers keep the last message for late joiners."""
+    """A topic as it is recorded; `latched` publishers keep the last message for late joiners, those
+    of a `continuous` one send without pause as long as they are there.
+    """
 
-    name: str
+    name: str  # of a crane in the root namespace
     msgtype: str
     latched: bool = False
+    continuous: bool = False
+
+    @property
+    def relative(self) -> str:
+        """The name that nodes give it, so that it follows their namespace; but all nodes of a
+        domain share /diagnostics.
+        """
+        return self.name if self.name == "/diagnostics" else self.name.removeprefix("/")
+
+    def within(self, namespace: str) -> "Topic":
+        """That of the crane in a namespace: `/left`, or `/`."""
+        return replace(self, name=f"{namespace.rstrip('/')}{self.name}")
 
 
-JOINT_STATES = Topic("/joint_states", "sensor_msgs/msg/JointState")
-CYLINDER_PRESSURES = Topic("/cylinder_pressures", f"{INTERFACES}/msg/CylinderPressures")
+JOINT_STATES = Topic("/joint_states", "sensor_msgs/msg/JointState", continuous=True)
+CYLINDER_PRESSURES = Topic(
+    "/cylinder_pressures", f"{INTERFACES}/msg/CylinderPressures", continuous=True
+)
 VALVE_COMMAND = Topic("/valve_command", f"{INTERFACES}/msg/ValveCommand")
 JOINT_REFERENCE = Topic("/joint_reference", f"{INTERFACES}/msg/JointReference")
 PARAMETER_ESTIMATE = Topic(
     "/parameter_estimate", f"{INTERFACES}/msg/ParameterEstimate", latched=True
 )
 GENERALIZED_FORCES = Topic("/generalized_forces", f"{INTERFACES}/msg/GeneralizedForces")
-DIAGNOSTICS = Topic("/diagnostics", "diagnostic_msgs/msg/DiagnosticArray")
+DRIVER_STATE = Topic("/driver/state", f"{INTERFACES}/msg/DriverState", latched=True)
+DIAGNOSTICS = Topic("/diagnostics", "diagnostic_msgs/msg/DiagnosticArray", continuous=True)
 ROBOT_DESCRIPTION = Topic("/robot_description", "std_msgs/msg/String", latched=True)
 TOPICS = (
     *(JOINT_STATES, CYLINDER_PRESSURES, VALVE_COMMAND, JOINT_REFERENCE),
-    *(PARAMETER_ESTIMATE, GENERALIZED_FORCES, DIAGNOSTICS, ROBOT_DESCRIPTION),
+    *(PARAMETER_ESTIMATE, GENERALIZED_FORCES, DIAGNOSTICS, ROBOT_DESCRIPTION, DRIVER_STATE),
 )
 """All that the nodes of the suite publish; reliably."""
 

@@ -4,18 +4,23 @@ from collections.abc import Callable, Iterator, Mapping
 from contextlib import contextmanager
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Any
+from typing import Any, TypeVar
 
+import numpy as np
 from matplotlib.figure import Figure
 
 from crane_driver.bringup.crane_client import CraneClient
-from crane_driver.bringup.motion import Mover
+from crane_driver.bringup.motion import Mover, StoppedError
+from crane_driver.bringup.restart import Parameters, driver_command
 from crane_driver.bringup.samples import ROTARY, Rest, at_rest
 from crane_driver.bringup.series import MAPPING, Series, copy_changed
 from crane_driver.bringup.terminal import Terminal
 from crane_driver.can.layout import Layout
 from crane_driver.can.mapping import PositionSignal
 from crane_model.machine import JOINT_UNITS
+
+REPEATS = 5  # of one ramp
+Done = TypeVar("Done")
 
 
 @dataclass(frozen=True)
@@ -39,17 +44,20 @@ class Bench:
     terminal: Terminal
     series: Series
     mapping: Path  # that the driver runs with
+    driver: Parameters  # with which the driver runs
     positions: Mapping[str, PositionSignal]  # of that mapping
     layout: Layout
     joints: tuple[str, ...]  # to be measured
     protocol: Protocol
 
     def rests(self) -> list[Rest]:
-        """All joints of the driver, which stand."""
+        """All joints of the driver, which stand, from now on."""
         positions = self.crane.record(self.protocol.seconds)
+        time = np.array([one.time for one in self.crane.samples])
         return [
             at_rest(
                 joint,
+                time,
                 positions[:, i],
                 self.layout.resolution(joint),
                 ROTARY if JOINT_UNITS[joint] == "rad" else None,
@@ -63,6 +71,25 @@ class Bench:
         rests = self.rests()
         with self.crane.drive(joint) as drive:
             yield Mover(drive, self.crane.joints, joint, rests, self.protocol.travel)
+
+    def driven(self, mover: Mover, ramp: Callable[[Mover], Done]) -> Done:
+        """What a ramp of a joint gives; if a stall or the driver cuts it off, it alone is repeated.
+
+        A fault of the driver is reset when the operator agrees, and not before.
+        """
+        for _ in range(REPEATS):
+            try:
+                return ramp(mover)
+            except StoppedError as error:
+                self.terminal.say(f"  {error}; only this ramp of {mover.joint} is repeated")
+                mover.drive.leave()
+                if trouble := self.crane.trouble:
+                    self.terminal.confirm(
+                        f"  {mover.joint}: stopped by the driver: {trouble}. See that the crane is "
+                        "well. Reset the fault and repeat this ramp?"
+                    )
+                    mover.drive.recover()
+        return ramp(mover)
 
     def finish(
         self, step: str, results: Mapping[str, Any], figure: Figure, **protocol: float
@@ -78,5 +105,5 @@ class Bench:
         copy_changed(self.mapping, target, change, f"{run.name}, measured on {self.mapping}")
         self.terminal.say(
             "restart the driver with the new mapping before the next step:\n"
-            f"  ros2 run crane_driver driver --ros-args -p mapping:={target.resolve()}"
+            f"  {driver_command(self.driver, target)}"
         )

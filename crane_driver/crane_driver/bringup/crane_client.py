@@ -1,24 +1,25 @@
 """The running driver as a bring-up sees it: samples in, and one valve commanded at a time."""
 
 import time
-from collections.abc import Callable, Iterator
-from contextlib import contextmanager
+from collections.abc import Callable, Iterator, Sequence
+from contextlib import contextmanager, suppress
 from typing import Any
 
 import numpy as np
-from diagnostic_msgs.msg import DiagnosticArray, DiagnosticStatus
 from rcl_interfaces.srv import GetParameters
-from rclpy.client import Client
 from rclpy.executors import SingleThreadedExecutor
 from rclpy.node import Node
+from rclpy.parameter import parameter_value_to_python
 from rclpy.publisher import Publisher
+from rclpy.task import Future
 from sensor_msgs.msg import JointState
-from std_srvs.srv import Trigger
 
-from crane_driver.bringup.motion import MotionError, Tick
-from crane_driver.bringup.samples import Sample
+from crane_driver.bringup.motion import MotionError, StoppedError, Tick
+from crane_driver.bringup.samples import FEWEST, Sample
 from crane_driver.nodes.context import Stop
-from crane_interfaces.msg import CylinderPressures, ValveCommand
+from crane_driver.nodes.driver_client import DriverClient, NoDriverError
+from crane_driver.nodes.ready import say_ready
+from crane_interfaces.msg import CylinderPressures, DriverState, ValveCommand
 from crane_model.errors import DataError
 
 DEPTH = 50  # messages
@@ -27,6 +28,7 @@ CYCLE = 0.01  # s, of the commands
 OLDEST = 0.1  # s, without a joint state while the crane moves
 PAUSE = 0.08  # s between two commands, beyond which the driver refuses the next
 FAREWELL = 0.2  # s of neutral commands before the driver is disabled
+SETTLING = 100  # cycles of neutral commands after a reset, until the driver may be enabled
 
 
 class CraneClient(Node):
@@ -43,14 +45,13 @@ class CraneClient(Node):
         self._received = -np.inf
         self._trouble = ""
         self._refused: int | None = None  # commands, as the driver has told since it was enabled
-        self.create_subscription(JointState, "/joint_states", self._joint_state, DEPTH)
-        self.create_subscription(
-            CylinderPressures, "/cylinder_pressures", self._cylinder_pressures, DEPTH
+        subscribe = self.create_subscription
+        states = subscribe(JointState, "joint_states", self._joint_state, DEPTH)
+        cylinders = subscribe(
+            CylinderPressures, "cylinder_pressures", self._cylinder_pressures, DEPTH
         )
-        self.create_subscription(DiagnosticArray, "/diagnostics", self._diagnosed, DEPTH)
-        self._ask_enable = self.create_client(Trigger, "/driver/enable")
-        self._ask_disable = self.create_client(Trigger, "/driver/disable")
-        self._ask_parameters = self.create_client(GetParameters, "/driver/get_parameters")
+        self._states, self._cylinders = states.topic_name, cylinders.topic_name
+        self._driver = DriverClient(self, self._told)
 
     def spin(self, seconds: float) -> None:
         """Take what comes for a time."""
@@ -61,21 +62,30 @@ class CraneClient(Node):
     def connect(self) -> None:
         """Wait for the driver and its joints; `DataError` if it is not there."""
         self._until(
-            lambda: self.samples and self._ask_parameters.service_is_ready(),
-            "no /joint_states come; start the driver: ros2 run crane_driver driver",
+            lambda: self.samples and self._driver.ready,
+            f"no {self._states} and no driver/state come; start the driver, with the bus and the "
+            "files of this crane (-p bus.interface, bus.channel, dbc, mapping, machine, safety)",
         )
+        say_ready(self)
 
-    def parameter(self, name: str) -> str:
-        """A parameter of the driver that is text."""
-        request = GetParameters.Request(names=[name])
-        return self._call(self._ask_parameters, request).values[0].string_value
+    def parameters(self, names: Sequence[str]) -> dict[str, Any]:
+        """Parameters of the driver."""
+        ask = self.create_client(GetParameters, f"{self._driver.state.node}/get_parameters")
+        self._until(ask.service_is_ready, f"there is no service {ask.srv_name}")
+        answer = self._answer(ask.call_async(GetParameters.Request(names=names)))
+        self.destroy_client(ask)
+        values = map(parameter_value_to_python, answer.values)
+        return dict(zip(names, values, strict=True))
 
     def record(self, seconds: float) -> np.ndarray:
-        """Positions (n, j) of the joints in a time from now on [rad, m]."""
+        """Positions (n, j) of the joints in a time from now on [rad, m]; `samples` begins there."""
         self.samples.clear()
         self._wait(seconds)
-        if not self.samples:
-            raise DataError(f"no /joint_states in {seconds:g} s; see /diagnostics")
+        self._until(  # where this computer was too busy to take more
+            lambda: len(self.samples) >= FEWEST,
+            f"no {self._states} in {seconds + PATIENCE:g} s, or fewer than {FEWEST}; see "
+            "/diagnostics",
+        )
         return np.array([one.position for one in self.samples])
 
     def record_pressures(self, seconds: float) -> dict[str, np.ndarray]:
@@ -83,14 +93,14 @@ class CraneClient(Node):
         self.pressures.clear()
         self._wait(seconds)
         if not self.pressures:
-            raise DataError(f"no /cylinder_pressures in {seconds:g} s; see /diagnostics")
+            raise DataError(f"no {self._cylinders} in {seconds:g} s; see /diagnostics")
         names = self.pressures[0].keys()
         return {name: np.array([one[name] for one in self.pressures]) for name in names}
 
     @contextmanager
     def drive(self, joint: str) -> Iterator["NodeDrive"]:
         """Commands to one valve. However the block is left: neutral, disabled, no publisher."""
-        publisher = self.create_publisher(ValveCommand, "/valve_command", 1)
+        publisher = self.create_publisher(ValveCommand, "valve_command", 1)
         drive = NodeDrive(self, publisher, joint)
         try:
             self._until(
@@ -98,7 +108,7 @@ class CraneClient(Node):
             )
             for _ in range(20):  # the driver wants to see a neutral command first
                 drive.tick(0.0)
-            answer = self._call(self._ask_enable, Trigger.Request(), drive)
+            answer = self._answer(self._driver.enable(), drive)
             if not answer.success:
                 raise MotionError(f"the driver does not enable the crane: {answer.message}")
             drive.enabled = True
@@ -106,10 +116,25 @@ class CraneClient(Node):
             yield drive
         finally:
             drive.leave()
-            if self._ask_disable.service_is_ready():
-                future = self._ask_disable.call_async(Trigger.Request())
+            with suppress(NoDriverError):
+                future = self._driver.disable()
                 self._executor.spin_until_future_complete(future, timeout_sec=1.0)
             self.destroy_publisher(publisher)
+
+    @property
+    def trouble(self) -> str:
+        """Why the driver has stopped the crane since it was enabled; empty if it has not."""
+        return self._trouble
+
+    def recover(self, drive: "NodeDrive") -> None:
+        """Reset the fault of the driver and enable it again; `MotionError` if it refuses."""
+        drive.enabled = False
+        answer = self._answer(self._driver.reset_fault(), drive)
+        if not answer.success:
+            raise MotionError(f"the driver does not reset its fault: {answer.message}")
+        for _ in range(SETTLING):
+            drive.tick(0.0)
+        self._enable(drive)
 
     def cycle(self, end: float) -> None:
         """Take what comes until `end` [s, steady], and see whether the crane may go on."""
@@ -119,15 +144,24 @@ class CraneClient(Node):
             raise KeyboardInterrupt
 
     def require_well(self) -> None:
-        """`MotionError` if the crane is not seen, or the driver has stopped it."""
+        """`StoppedError` if the crane is not seen, or the driver has stopped it."""
         if (age := time.monotonic() - self._received) > OLDEST:
-            raise MotionError(
-                f"no /joint_states for {age * 1e3:.0f} ms, limit {OLDEST * 1e3:.0f} ms"
+            raise StoppedError(
+                f"no {self._states} for {age * 1e3:.0f} ms, limit {OLDEST * 1e3:.0f} ms"
             )
         if self._trouble:
-            raise MotionError(f"the driver has stopped the crane: {self._trouble}")
-        if (count := self.count_publishers("/valve_command")) > 1:
+            raise StoppedError(f"the driver has stopped the crane: {self._trouble}")
+        if (count := self.count_publishers("valve_command")) > 1:
             raise MotionError(f"{count} publishers command the valves; stop the others")
+
+    def _enable(self, drive: "NodeDrive") -> None:
+        for _ in range(20):  # the driver wants to see a neutral command first
+            drive.tick(0.0)
+        answer = self._answer(self._driver.enable(), drive)
+        if not answer.success:
+            raise MotionError(f"the driver does not enable the crane: {answer.message}")
+        drive.enabled = True
+        self._trouble, self._refused = "", None
 
     def _wait(self, seconds: float) -> None:
         end = time.monotonic() + seconds
@@ -141,14 +175,12 @@ class CraneClient(Node):
                 raise DataError(otherwise)
             self.cycle(time.monotonic() + CYCLE)
 
-    def _call(self, client: Client, request: Any, drive: "NodeDrive | None" = None) -> Any:
-        """The answer of a service; meanwhile the drive, if there is one, commands neutral."""
-        self._until(client.service_is_ready, f"there is no service {client.srv_name}")
-        future = client.call_async(request)
+    def _answer(self, future: Future, drive: "NodeDrive | None" = None) -> Any:
+        """The answer of the driver; meanwhile the drive, if there is one, commands neutral."""
         end = time.monotonic() + PATIENCE
         while not future.done():
             if time.monotonic() > end:
-                raise DataError(f"the service {client.srv_name} does not answer")
+                raise DataError(f"the driver does not answer within {PATIENCE:g} s")
             if drive:
                 drive.tick(0.0)
             else:
@@ -173,21 +205,16 @@ class CraneClient(Node):
             one |= {f"{name}.a": a, f"{name}.b": b}
         self.pressures.append(one)
 
-    def _diagnosed(self, message: DiagnosticArray) -> None:
-        for one in message.status:
-            if one.name != "driver: safety":
-                continue
-            if one.level == DiagnosticStatus.ERROR:
-                self._trouble = one.message
-            values = {value.key: value.value for value in one.values}
-            refused = int(values.get("commands refused", 0))
-            if self._refused is not None and refused > self._refused:
-                self._trouble = f"it refuses commands: {values.get('last refusal')}"
-            self._refused = refused
+    def _told(self, state: DriverState) -> None:
+        if state.state in (DriverState.STATE_FAULT, DriverState.STATE_EMERGENCY_STOP):
+            self._trouble = f"{state.cause}; {state.remedy}"
+        if self._refused is not None and state.commands_refused > self._refused:
+            self._trouble = f"it refuses commands: {state.last_refusal}"
+        self._refused = state.commands_refused
 
 
 class NodeDrive:
-    """`Drive` over /valve_command, at a fixed rate."""
+    """`Drive` over valve_command, at a fixed rate."""
 
     def __init__(self, client: CraneClient, publisher: Publisher, joint: str):
         self._client, self._publisher, self._joint = client, publisher, joint
@@ -198,18 +225,23 @@ class NodeDrive:
     def tick(self, command: float) -> Tick:
         """Send a command; samples until the next one is due."""
         if self.enabled:
+            if (pause := time.monotonic() - self._sent) > PAUSE:
+                if command:  # a neutral one begins anew
+                    raise StoppedError(
+                        f"no command for {pause * 1e3:.0f} ms, limit {PAUSE * 1e3:.0f} ms: this "
+                        "computer is too busy; stop other programs"
+                    )
+                self._client.spin(CYCLE)  # what has come meanwhile
             self._client.require_well()
-            pause = time.monotonic() - self._sent
-            if command and pause > PAUSE:  # a neutral one begins anew
-                raise MotionError(
-                    f"no command for {pause * 1e3:.0f} ms, limit {PAUSE * 1e3:.0f} ms: this "
-                    "computer is too busy; stop other programs and measure again"
-                )
         self._client.samples.clear()
         sent = self._publish(command)
         self._due = max(self._due + CYCLE, time.monotonic())
         self._client.cycle(self._due)
         return Tick(sent, list(self._client.samples))
+
+    def recover(self) -> None:
+        """Reset the fault of the driver and enable it again."""
+        self._client.recover(self)
 
     def leave(self) -> None:
         """Neutral commands for a while, whatever else is wrong."""

@@ -8,11 +8,13 @@ from pathlib import Path
 from crane_driver.bringup import measuring, moving
 from crane_driver.bringup.bench import Bench, Protocol
 from crane_driver.bringup.crane_client import CraneClient
+from crane_driver.bringup.restart import CONTROLLER, Parameters, driver_command, next_command
 from crane_driver.bringup.series import MAPPING, RESULT, STEPS, Series
 from crane_driver.bringup.terminal import Terminal
 from crane_driver.can.binding import load_layout
 from crane_driver.can.mapping import Mapping
-from crane_driver.nodes.command_line import own_arguments
+from crane_driver.driver_parameters import PARAMETERS
+from crane_driver.nodes.command_line import own_arguments, ros_arguments
 from crane_driver.nodes.context import ros
 from crane_model.arguments import between
 from crane_model.cli import command_line, run
@@ -39,7 +41,7 @@ one, they may be answered by a file: bringup STEP --out FOLDER < answers.
 def main(argv: Sequence[str] | None = None) -> int:
     """Run one step of the bring-up."""
     argv = sys.argv[1:] if argv is None else argv
-    options = _parser().parse_args(own_arguments(argv))
+    options = command_parser().parse_args(own_arguments(argv))
     if options.step == "status":
         return run(lambda: _status(Series(options.out)))
     return run(lambda: _measure(argv, options))
@@ -55,21 +57,22 @@ def _measure(argv: Sequence[str], options: argparse.Namespace) -> None:
     }[options.step]
     if options.step == "gains" and options.controller is None:
         raise ConfigurationError(
-            "--controller: name the controller file to begin from, for example "
-            "crane_trajectory/crane_trajectory/data/controller.yaml"
+            f"--controller: name the controller file to begin from, for example {CONTROLLER}"
         )
     with ros(argv) as stop:
         crane = CraneClient(stop)
         crane.connect()
         series = Series(options.out)
-        mapping = _mapping(options.mapping or series.newest(MAPPING), crane.parameter("mapping"))
+        driver = crane.parameters([one.name for one in PARAMETERS])
+        mapping = _mapping(options.mapping or series.newest(MAPPING), driver)
         bench = Bench(
             crane=crane,
             terminal=Terminal(stop, crane.spin),
             series=series,
             mapping=mapping,
+            driver=driver,
             positions=load(mapping, Mapping).positions,
-            layout=load_layout(mapping, crane.parameter("dbc") or None),
+            layout=load_layout(mapping, driver["dbc"] or None),
             joints=_joints(options.joints, crane.joints),
             protocol=Protocol(
                 options.seconds,
@@ -82,16 +85,19 @@ def _measure(argv: Sequence[str], options: argparse.Namespace) -> None:
             ),
         )
         step(bench)
+        if command := next_command(command_parser(), options, ros_arguments(argv)):
+            bench.terminal.say(f"the next step, in the order of the manual:\n  {command}")
 
 
-def _mapping(expected: Path | None, running: str) -> Path:
+def _mapping(expected: Path | None, driver: Parameters) -> Path:
     """The mapping of the driver; what is measured corrects that one and no other."""
+    running = str(driver["mapping"])
     used = Path(running) if running else packaged("crane_driver", "laboratory_crane_can.yaml")
     if expected and expected.resolve() != used.resolve():
         raise ConfigurationError(
             f"the driver runs with the mapping {used}, but the one to go on from is {expected}; "
-            f"restart the driver with -p mapping:={expected.resolve()}, or name its own with "
-            "--mapping"
+            f"name its own with --mapping, or restart the driver:\n"
+            f"  {driver_command(driver, expected)}"
         )
     return used
 
@@ -114,7 +120,8 @@ def _status(series: Series) -> None:
         print(f"newest mapping, for the driver: {mapping}")
 
 
-def _parser() -> argparse.ArgumentParser:
+def command_parser() -> argparse.ArgumentParser:
+    """The options of all steps."""
     parser = command_line(
         prog="bringup",
         description="Guided measurement on a new crane, step by step.",

@@ -5,7 +5,7 @@ from typing import NamedTuple, Protocol
 import numpy as np
 
 from crane_driver.bringup.polarity import Nudge
-from crane_driver.bringup.samples import Rest, Sample, Trace
+from crane_driver.bringup.samples import SINKING, Rest, Sample, Trace
 from crane_model.errors import CraneError, DataError
 
 OTHERS = 10.0  # movements, by which another joint may be shaken
@@ -22,6 +22,13 @@ class MotionError(CraneError):
     """
 
 
+class StoppedError(MotionError):
+    """A motion that was cut off by what is not of the crane: it may be made again.
+
+    Examples: this computer stalled, no joint states came, the driver has a fault.
+    """
+
+
 class Tick(NamedTuple):
     """When a command was sent [s, the clock of the samples], and the samples until the next."""
 
@@ -35,6 +42,12 @@ class Drive(Protocol):
     def tick(self, command: float) -> Tick:
         """Send a command -1 to 1; returns when the next one is due. Raises if it cannot."""
 
+    def leave(self) -> None:
+        """Neutral commands for a while, whatever else is wrong."""
+
+    def recover(self) -> None:
+        """Reset the fault of the driver and enable it again."""
+
 
 class Mover:
     """Moves one joint through a drive, and lets go as soon as something is not as expected."""
@@ -46,8 +59,9 @@ class Mover:
         [rad, m].
         """
         self.joint, self.rest = joint, rests[joints.index(joint)]
-        self._drive, self._joints, self._index = drive, joints, joints.index(joint)
+        self.drive, self._joints, self._index = drive, joints, joints.index(joint)
         self._start = np.array([rest.position for rest in rests])
+        self._sinking = SINKING * (np.arange(len(joints)) != self._index)
         self._allowed = OTHERS * np.array([rest.movement for rest in rests])
         self._allowed[self._index] = travel
         self.samples: list[Sample] = []
@@ -55,14 +69,14 @@ class Mover:
 
     def tick(self, command: float) -> None:
         """One cycle of a command; `MotionError` if the crane goes where it should not."""
-        tick = self._drive.tick(command)
+        tick = self.drive.tick(command)
         self._sent.append((tick.sent, command))
         before = self.samples[-1:]
         self.samples += tick.samples
-        self._watch()
+        self._watch(before)
         if before and (leap := before[0].time - self.samples[-1].time) > SET_BACK:
             raise MotionError(  # by that clock commands rise and fall
-                f"the clock of /joint_states was set back by {leap:.3g} s; measure again"
+                f"the clock of the joint states was set back by {leap:.3g} s; measure again"
             )
 
     @property
@@ -106,10 +120,14 @@ class Mover:
                     "sinks or swings, and nothing can be measured on it"
                 )
 
-    def _watch(self) -> None:
+    def _watch(self, before: list[Sample]) -> None:
         if not self.samples:
             return
-        moved = self.samples[-1].position - self._start
+        now = self.samples[-1]
+        if before:
+            sinking = self._sinking * (now.time - before[0].time)
+            self._start = _followed(self._start, now.position, sinking)
+        moved = now.position - self._start
         for i in np.flatnonzero(~(np.abs(moved) <= self._allowed)):  # what is no number, too
             if i == self._index:
                 raise MotionError(
@@ -117,7 +135,8 @@ class Mover:
                 )
             raise MotionError(
                 f"{self._joints[i]} has moved by {moved[i]:+.3g} while {self.joint} was commanded, "
-                f"allowed ±{self._allowed[i]:.3g}; are signals, hoses or plugs exchanged?"
+                f"allowed ±{self._allowed[i]:.3g} and what sinks at {SINKING:g} per second; are "
+                "signals, hoses or plugs exchanged, or does it sink faster?"
             )
 
 
@@ -130,8 +149,11 @@ def nudge(mover: Mover, direction: int, rate: float, limit: float) -> Nudge:
     start, begun = mover.position, mover.samples[-1].time
     command = 0.0
     while abs(mover.position - start) <= mover.rest.movement:
-        command = _within(mover, rate * (mover.samples[-1].time - begun), limit)
+        now = mover.samples[-1].time
+        command = _within(mover, rate * (now - begun), limit)
         mover.tick(direction * command)
+        sinking = SINKING * (mover.samples[-1].time - now)
+        start = float(_followed(start, mover.position, sinking))
     moved = mover.position - start
     mover.settle()
     return Nudge(direction * command, moved, mover.position - start)
@@ -199,6 +221,14 @@ def back(mover: Mover, upwards: float, downwards: float) -> None:
             )
         mover.tick(command)
     mover.settle()
+
+
+def _followed(
+    reference: float | np.ndarray, position: float | np.ndarray, most: float | np.ndarray
+) -> np.ndarray:
+    """Where joints would be that only sank: towards `position`, by `most` [rad, m]."""
+    most = np.maximum(most, 0.0)  # stamps may be set back
+    return reference + np.clip(position - reference, -most, most)
 
 
 def _within(mover: Mover, command: float, limit: float) -> float:

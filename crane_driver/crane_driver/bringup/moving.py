@@ -1,5 +1,7 @@
 """The steps that move the crane: polarity, dead bands and first gains."""
 
+from collections.abc import Callable
+from functools import partial
 from pathlib import Path
 from typing import Any
 
@@ -31,12 +33,13 @@ def valves(bench: Bench) -> None:
             what=f"each valve opens slowly, up to\n{protocol.limit:g}, until its joint just moves."
         )
     )
+    nudge = partial(motion.nudge, rate=protocol.rate, limit=protocol.limit)
     traces, results = {}, {}
     for joint in bench.joints:
         bench.terminal.confirm(f"{joint}: nudge it in both directions?")
         with bench.moving(joint) as mover:
-            up = motion.nudge(mover, 1, protocol.rate, protocol.limit)
-            down = motion.nudge(mover, -1, protocol.rate, protocol.limit)
+            up = bench.driven(mover, partial(nudge, direction=1))
+            down = bench.driven(mover, partial(nudge, direction=-1))
         results[joint] = one = find_polarity(joint, up, down)
         traces[joint] = mover.trace(0)
         bench.terminal.say(
@@ -64,6 +67,7 @@ def dead_band(bench: Bench) -> None:
             f"rad/s or m/s, and closes again, {protocol.repeats} times in each direction."
         )
     )
+    ramp = partial(motion.triangle, rate=protocol.rate, speed=protocol.speed, limit=protocol.limit)
     fits: dict[str, dict[int, list[tuple[Trace, DeadBandFit]]]] = {}
     results: dict[str, dict[int, DeadBandResult]] = {}
     for joint in bench.joints:
@@ -72,15 +76,13 @@ def dead_band(bench: Bench) -> None:
         with bench.moving(joint) as mover:
             for _ in range(protocol.repeats):
                 for direction, done in runs.items():
-                    trace = motion.triangle(
-                        mover, direction, protocol.rate, protocol.speed, protocol.limit
-                    )
+                    trace = bench.driven(mover, partial(ramp, direction=direction))
                     name = f"{joint}, {DIRECTIONS[direction]} direction"
                     done.append((trace, fit_dead_band(name, trace, direction)))
             averages = {
                 direction: average([fit for _, fit in done]) for direction, done in runs.items()
             }
-            _return(mover, averages, protocol.speed)
+            bench.driven(mover, _return(averages, protocol.speed))
         fits[joint], results[joint] = runs, averages
         for direction, one in averages.items():
             bench.terminal.say(
@@ -128,10 +130,13 @@ def gains(bench: Bench, controller: Path) -> None:
             for direction, band in ((1, both.positive), (-1, both.negative)):
                 beyond = direction * protocol.speed / band.gain
                 command = direction * band.dead_band + beyond
-                trace = motion.step(mover, command, duration, protocol.limit)
+                ramp = partial(
+                    motion.step, command=command, duration=duration, limit=protocol.limit
+                )
+                trace = bench.driven(mover, ramp)
                 name = f"{joint}, {DIRECTIONS[direction]} direction"
                 fits[joint].append((trace, fit_step(name, trace, beyond)))
-            _return(mover, {1: both.positive, -1: both.negative}, protocol.speed)
+            bench.driven(mover, _return({1: both.positive, -1: both.negative}, protocol.speed))
         results[joint] = one = first_gains(
             [fit for _, fit in fits[joint]],
             protocol.time_constant,
@@ -169,13 +174,13 @@ def gains(bench: Bench, controller: Path) -> None:
     )
 
 
-def _return(mover: Mover, bands: dict[int, DeadBandResult], speed: float) -> None:
+def _return(bands: dict[int, DeadBandResult], speed: float) -> Callable[[Mover], None]:
     """Back to where the joint was, at the speed of the measurement."""
     up, down = (
         direction * (bands[direction].dead_band + speed / bands[direction].gain)
         for direction in (1, -1)
     )
-    motion.back(mover, up, down)
+    return partial(motion.back, upwards=up, downwards=down)
 
 
 def _controller_entry(base: Any, joint: str, path: Path) -> dict[str, float]:

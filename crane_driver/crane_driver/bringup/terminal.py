@@ -12,7 +12,7 @@ PAUSE = 0.02  # s
 
 
 class NotConfirmedError(CraneError):
-    """The operator did not say yes; nothing was moved or written."""
+    """The operator did not say yes; the step ends."""
 
 
 class Terminal:
@@ -69,4 +69,6 @@ class Terminal:
     def confirm(self, question: str) -> None:
         """`NotConfirmedError` unless the answer is yes."""
         if (answer := self.ask(f"{question} Type yes to go on")).casefold() != "yes":
-            raise NotConfirmedError(f"not confirmed ('{answer}'); nothing was moved or written")
+            raise NotConfirmedError(
+                f"not confirmed ('{answer}'); the step ends, nothing is written"
+            )

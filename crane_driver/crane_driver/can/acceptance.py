@@ -4,8 +4,9 @@ import math
 from dataclasses import dataclass
 
 from crane_driver.can.decoder import Readings
-from crane_driver.can.frame import Fault, FaultKind, Frame
+from crane_driver.can.frame import Frame
 from crane_driver.can.layout import Layout, MessageLayout
+from crane_driver.faults import Fault, FaultKind
 
 
 @dataclass(slots=True)

@@ -1,16 +1,16 @@
 """Readings that several frames of one cycle bring, put together without mixing cycles."""
 
 import math
-from collections import deque
+from collections.abc import Iterable
 from dataclasses import dataclass, field
 from typing import Literal, NamedTuple
 
-from crane_driver.can.cycles import WAITING, CycleNumbers
+from crane_driver.can.cycles import CycleNumbers, Placed
 from crane_driver.can.decoder import Readings
 from crane_driver.can.layout import Layout
 from crane_driver.can.sampling import SamplingClock
 
-MOST_WAITING = 1000  # frames
+WAITING = 20  # cycles for which a frame is waited for
 CLOCK_SET = 1_000_000_000  # ns; the wall clock was set if it goes back by more
 
 
@@ -55,12 +55,16 @@ class Assembly:
         )
         self._epoch = 0
         self._clock = SamplingClock(self._cycle)
-        # With their index, until numbers are known.
-        self._waiting: deque[tuple[Readings, int]] = deque()
         self._open: dict[int, _Set] = {}  # by number of the cycle, in order of arrival
         self._done: int | None = -1 if self._numbers is None else None  # the last complete cycle
         self._last = Complete(0, -math.inf, -math.inf, {})
-        self.incomplete = 0  # cycles given up: a frame is missing, or came too late for its place
+        self._given_up = 0
+
+    @property
+    def incomplete(self) -> int:
+        """Cycles given up: a frame is missing, came too late, or may be of another cycle."""
+        dropped = self._numbers.dropped.values() if self._numbers else ()
+        return self._given_up + max(dropped, default=0)
 
     def add(self, readings: Readings) -> list[Complete]:
         """The cycles that this frame completes, oldest first; none while others are to come."""
@@ -69,45 +73,25 @@ class Assembly:
         if self._numbers is None:
             complete = self._add(self._number_by_time(readings), readings)
             return [complete] if complete else []
-        index = self._numbers.place(readings)
-        if self._numbers.epoch != self._epoch:
-            self._begin(self._numbers.epoch)
-        if index is not None:
-            self._waiting.append((readings, index))
-        if len(self._waiting) > MOST_WAITING:
-            self._waiting.popleft()
-            self.incomplete += 1
-        return self._numbered(self._numbers) if self._numbers.known else []
+        return self._numbered(self._numbers.place(readings))
 
     def finish(self) -> list[Complete]:
         """The cycles of frames that still wait for numbers: no more come."""
-        if self._numbers is None:
-            return []
-        self._numbers.settle()
-        return self._numbered(self._numbers) if self._numbers.known else []
+        return self._numbered(self._numbers.settle()) if self._numbers else []
 
-    def _numbered(self, numbers: CycleNumbers) -> list[Complete]:
-        """The cycles that the waiting frames complete."""
-        if not self._waiting:
-            return []
-        placed = [
-            (number, one)
-            for one, index in self._waiting
-            if (number := numbers.number(one.message, index, one.steady)) is not None
-        ]
-        self.incomplete += len(self._waiting) - len(placed)
-        self._waiting.clear()
-        if self._done is None and placed:
-            self._done = min(number for number, _ in placed) - 1
-        complete = [self._add(number, one) for number, one in placed]
+    def _numbered(self, placed: Iterable[Placed]) -> list[Complete]:
+        """The cycles that frames with a number complete."""
+        complete = []
+        for one in placed:
+            if one.epoch != self._epoch or self._done is None:
+                self._begin(one)
+            complete.append(self._add(one.number, one.readings, one.proven))
         return [one for one in complete if one]
 
-    def _begin(self, epoch: int) -> None:
+    def _begin(self, first: Placed) -> None:
         """Numbers begin anew; what has come so far stays in pieces."""
         self._give_up(list(self._open))
-        self.incomplete += len({index for _, index in self._waiting})
-        self._waiting.clear()
-        self._epoch, self._done = epoch, None
+        self._epoch, self._done = first.epoch, first.number - WAITING
         self._clock = SamplingClock(self._cycle)
 
     def _number_by_time(self, readings: Readings) -> int:
@@ -122,7 +106,7 @@ class Assembly:
         self._give_up([number])
         return number + 1
 
-    def _add(self, number: int, readings: Readings) -> Complete | None:
+    def _add(self, number: int, readings: Readings, proven: bool = True) -> Complete | None:
         assert self._done is not None
         if number <= self._done:  # a later cycle was complete before
             return None
@@ -133,6 +117,10 @@ class Assembly:
             self._give_up([old for old in self._open if old <= number - WAITING])
         elif readings.message in one.arrived:
             return None  # repeated
+        if not proven:  # counted, if no other completes it
+            return None
+        if not one.arrived:
+            one.stamp, one.steady = readings.stamp, readings.steady
         one.arrived.add(readings.message)
         one.values.update(getattr(readings, self._kind))
         if len(one.arrived) < len(self._messages):
@@ -148,7 +136,7 @@ class Assembly:
         stamp = one.stamp - round((one.steady - sampled) * 1e9)
         back = self._last.stamp - stamp  # ns
         if sampled <= self._last.sampled or 0 <= back < CLOCK_SET:
-            self.incomplete += 1
+            self._given_up += 1
             return None
         self._last = Complete(stamp, sampled, one.steady, one.values)
         return self._last
@@ -156,4 +144,4 @@ class Assembly:
     def _give_up(self, numbers: list[int]) -> None:
         for number in numbers:
             del self._open[number]
-        self.incomplete += len(numbers)
+        self._given_up += len(numbers)

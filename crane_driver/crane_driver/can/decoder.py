@@ -7,9 +7,10 @@ from typing import Any
 
 from cantools.database import DecodeError
 
-from crane_driver.can.frame import Fault, FaultKind, Frame
+from crane_driver.can.frame import Frame
 from crane_driver.can.layout import Channel, MessageLayout
 from crane_driver.can.protection import frame_crc
+from crane_driver.faults import Fault, FaultKind
 
 
 @dataclass(slots=True)

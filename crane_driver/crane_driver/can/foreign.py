@@ -3,12 +3,13 @@
 from collections import deque
 
 from crane_driver.can.decoder import Decoder
-from crane_driver.can.frame import Fault, FaultKind, Frame
+from crane_driver.can.frame import Frame
 from crane_driver.can.layout import Layout
+from crane_driver.faults import Fault, FaultKind
 
 REMEMBERED = 64  # own frames: a third of a second of them
 
-ANOTHER = "another node commands the valves ({said}); take it off the bus"
+ANOTHER = "another node commands the valves ({said})"
 OWN = (
     "a valve frame of this driver came back ({said}): a gateway or a recording repeats it, or the "
     "interface returns what it sends (receive_own_messages); only one may command the valves"

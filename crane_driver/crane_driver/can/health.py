@@ -5,10 +5,10 @@ from dataclasses import dataclass
 from enum import IntEnum
 
 from crane_driver.can.decoder import Readings
-from crane_driver.can.frame import UNUSABLE, Fault, FaultKind
 from crane_driver.can.layout import MessageLayout
 from crane_driver.can.mapping import Timing
 from crane_driver.can.protection import lost_frames
+from crane_driver.faults import UNUSABLE, Fault, FaultKind
 
 
 class Freshness(IntEnum):

@@ -5,9 +5,10 @@ from dataclasses import dataclass, field
 
 from cantools.database.can import Message
 
-from crane_driver.can.frame import Fault, FaultKind, show_id
+from crane_driver.can.frame import show_id
 from crane_driver.can.mapping import Timing
 from crane_driver.canopen.settings import Device
+from crane_driver.faults import Fault, FaultKind
 
 
 @dataclass(frozen=True, slots=True)
@@ -99,7 +100,16 @@ class MessageLayout:
 
     def fault(self, kind: FaultKind, detail: str) -> Fault:
         """A fault of this message."""
-        return Fault(kind, detail, self.name, self.id)
+        return Fault(kind, detail, self.name, self.id, self._measures())
+
+    def _measures(self) -> str:
+        joints = [one.name for one in self.positions]
+        pressures = dict.fromkeys(one.name.partition(".")[0] for one in self.pressures)
+        parts = (
+            f"encoder{'s' * (len(joints) > 1)} of {', '.join(joints)}" if joints else "",
+            f"pressures of {', '.join(pressures)}" if pressures else "",
+        )
+        return " and ".join(filter(None, parts))
 
 
 @dataclass(frozen=True)

@@ -1,11 +1,13 @@
 """The open bus: a thread that receives, stamps and queues frames, and comes back after losses."""
 
 import math
+import select
 import threading
 import time
 import uuid
 from collections import deque
 from collections.abc import Callable
+from contextlib import suppress
 from types import TracebackType
 from typing import Self
 
@@ -20,7 +22,8 @@ from crane_driver.can.bus import (
     open_bus,
     state_of_error_frame,
 )
-from crane_driver.can.frame import Fault, FaultKind, Frame
+from crane_driver.can.frame import Frame
+from crane_driver.faults import Fault, FaultKind
 
 POLL = 0.1  # s, longest wait for a frame before the state of the bus is looked at
 GATHER = 5e-4  # s without a frame that end a train of them
@@ -51,6 +54,7 @@ class Link:
         self._thread: threading.Thread | None = None
         self._bus: can.BusABC | None = None
         self._overflowing = False
+        self._fetched = -math.inf  # s, steady, stamp of the newest frame, whosever it is
         # udp_multicast gives back what this process sends; the field that other interfaces use
         # for the channel passes through it unchanged and tells whose frame it is.
         self._mark = uuid.uuid4().hex if settings.interface == "udp_multicast" else None
@@ -94,6 +98,16 @@ class Link:
             faults = list(self._faults)
             self._faults.clear()
         return faults
+
+    def heard(self, now: float) -> float:
+        """Until when [s, steady] all frames that came have been taken: `now`, unless some wait here
+        or, where the interface tells it, to be received.
+        """
+        unreceived = self._unreceived()
+        with self._lock:
+            if self._frames:
+                return self._frames[0].steady
+        return min(now, self._fetched) if unreceived else now
 
     def send(self, frame: Frame) -> None:
         """Hand a frame to the bus without waiting; `BusError` if it cannot be sent."""
@@ -163,18 +177,20 @@ class Link:
             if message is None:
                 if not waiting:
                     check_state(self._bus, self._settings)
-            elif message.is_error_frame:
+                continue
+            stamp, steady = _stamps(message.timestamp)
+            self._fetched = steady
+            if message.is_error_frame:
                 self._error_frame(message)
             elif self._mark and message.channel == self._mark:
                 self.echoes += 1
             elif message.is_remote_frame:
                 self.ignored += 1
             else:
-                self._queue(message)
+                self._queue(message, stamp, steady)
                 train = min(train, time.monotonic())
 
-    def _queue(self, message: can.Message) -> None:
-        stamp, steady = _stamps(message.timestamp)
+    def _queue(self, message: can.Message, stamp: int, steady: float) -> None:
         frame = Frame(
             message.arbitration_id, bytes(message.data), message.is_extended_id, stamp, steady
         )
@@ -189,6 +205,15 @@ class Link:
         if begins:
             waiting = f"{self._frames.maxlen} frames wait; the oldest are dropped"
             self._report(FaultKind.OVERFLOW, waiting)
+
+    def _unreceived(self) -> bool:
+        """Whether frames wait in the operating system."""
+        bus = self._bus
+        if bus is None:
+            return False
+        with suppress(NotImplementedError, OSError, ValueError):  # no descriptor, or closed by now
+            return bool(select.select([bus], [], [], 0.0)[0])
+        return False
 
     def _error_frame(self, message: can.Message) -> None:
         state = state_of_error_frame(message.arbitration_id, message.data)

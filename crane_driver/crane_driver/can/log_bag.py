@@ -11,10 +11,11 @@ from crane_driver.bags.writer import BagWriter
 from crane_driver.can.assembly import Assembly, Complete
 from crane_driver.can.codec import DriverCodec, MachineCodec
 from crane_driver.can.decoder import Readings
-from crane_driver.can.frame import UNUSABLE, Fault, Frame
+from crane_driver.can.frame import Frame
 from crane_driver.can.health import Monitor
 from crane_driver.can.layout import Layout
 from crane_driver.can.mapping import LINES
+from crane_driver.faults import UNUSABLE, Fault
 
 
 class LogBag:
@@ -103,4 +104,4 @@ class LogBag:
 
     def _count(self, faults: Iterable[Fault]) -> None:
         for fault in faults:
-            self.faults[fault.message, str(fault.kind)] += 1
+            self.faults[fault.source, str(fault.kind)] += 1

@@ -11,9 +11,10 @@ import canopen
 from canopen.emcy import EmcyError
 from canopen.sdo.constants import REQUEST_DOWNLOAD, RESPONSE_DOWNLOAD
 
-from crane_driver.can.frame import Fault, Frame
+from crane_driver.can.frame import Frame
 from crane_driver.canopen.settings import EMERGENCY, HEARTBEAT, SDO_RESPONSE, Device
 from crane_driver.canopen.watch import NodeState, Watch
+from crane_driver.faults import Fault
 
 RETRY = 1.0  # s, between two attempts to start a device
 SIZES = {HEARTBEAT: 1, EMERGENCY: 8, SDO_RESPONSE: 8}  # bytes

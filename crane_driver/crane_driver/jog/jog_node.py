@@ -8,7 +8,6 @@ import sys
 import time
 from collections.abc import Sequence
 
-from diagnostic_msgs.msg import DiagnosticArray
 from rclpy.duration import Duration
 from rclpy.executors import SingleThreadedExecutor
 from rclpy.node import Node
@@ -16,7 +15,6 @@ from rclpy.publisher import Publisher
 from rclpy.qos import QoSProfile
 from rclpy.task import Future
 from sensor_msgs.msg import JointState, Joy
-from std_srvs.srv import Trigger
 
 from crane_driver.jog.jog_parameters import HOLD, PARAMETERS, joystick, shape
 from crane_driver.jog.keyboard import Keyboard, Request
@@ -25,9 +23,11 @@ from crane_driver.jog.screen import Screen, Shown
 from crane_driver.jog.terminal import NoTerminal, Terminal
 from crane_driver.nodes.command_line import own_arguments
 from crane_driver.nodes.context import Stop, ros
+from crane_driver.nodes.driver_client import DriverClient, NoDriverError
 from crane_driver.nodes.parameters import declare
 from crane_driver.nodes.publishers import publishers
-from crane_interfaces.msg import ValveCommand
+from crane_driver.nodes.ready import say_ready
+from crane_interfaces.msg import DriverState, ValveCommand
 from crane_model.cli import command_line, run
 from crane_model.errors import CraneError
 from crane_model.machine import JOINTS
@@ -36,10 +36,8 @@ PERIOD = 0.01  # s, of commands
 REFRESH = 0.1  # s, of the display
 CALLBACKS = 4  # in a period at most, so that commands do not wait
 PATIENCE = 10.0  # s, for a driver
-OLDEST = 3.0  # s; diagnostics come once a second
 LAST_COMMANDS = 5  # neutral ones at the end
 NEWEST = QoSProfile(depth=1)
-SERVICES: tuple[Request, ...] = tuple(one for one in Request if one is not Request.QUIT)
 
 
 class JogError(CraneError):
@@ -54,35 +52,35 @@ class Jog(Node):
 
     def __init__(self, by_joystick: bool):
         super().__init__("jog")
-        declare(self, PARAMETERS)
+        declare(self, PARAMETERS, read_only=PARAMETERS)
         self._shape = shape(self)
         self.motion = Motion(self._shape)
         self.keyboard = Keyboard(HOLD.read(self))
         self.joystick = joystick(self) if by_joystick else None
         self.news: list[str] = []
-        self._state, self._diagnosed = "no driver", time.monotonic()
         self._positions: dict[str, float] = {}
         self._commands = dict.fromkeys(JOINTS, 0.0)
         self._moved = JOINTS[0]
         self._publisher: Publisher | None = None
-        self._driver = {one: self.create_client(Trigger, f"/driver/{one}") for one in SERVICES}
+        self._driver = DriverClient(self, self._told)
+        self._faulty = False
         self._worker = SingleThreadedExecutor()
         self._worker.add_node(self)
-        self.create_subscription(JointState, "/joint_states", self._measured, NEWEST)
-        self.create_subscription(DiagnosticArray, "/diagnostics", self._reported, 10)
+        self.create_subscription(JointState, "joint_states", self._measured, NEWEST)
         if by_joystick:
-            self.create_subscription(Joy, "/joy", self._pushed, NEWEST)
+            self.create_subscription(Joy, "joy", self._pushed, NEWEST)
 
     def begin(self, stop: Stop) -> None:
         """Wait for the driver and become its publisher of commands; `JogError` if that fails."""
         until = time.monotonic() + PATIENCE
-        while not all(one.service_is_ready() for one in self._driver.values()):
-            self._wait(stop, until, "no driver: start `ros2 run crane_driver driver` first")
-        if others := publishers(self, "/valve_command"):
+        while not self._driver.ready:
+            self._wait(stop, until, self._driver.problem or "the services of the driver are away")
+        if others := publishers(self, "valve_command"):
             raise JogError(f"{', '.join(others)} commands the valves already; stop it first")
-        self._publisher = self.create_publisher(ValveCommand, "/valve_command", NEWEST)
+        self._publisher = self.create_publisher(ValveCommand, "valve_command", NEWEST)
         while not self._publisher.get_subscription_count():
             self._wait(stop, until, "the driver takes no commands: is it active?")
+        say_ready(self)
 
     def work(self) -> None:
         """Take what has come."""
@@ -115,19 +113,33 @@ class Jog(Node):
 
     def request(self, request: Request) -> None:
         """Call a service of the driver; the answer becomes news."""
-        future = self._driver[request].call_async(Trigger.Request())
-        future.add_done_callback(lambda one: self._answered(request, one))
+        try:
+            futures = self._asked(request)
+        except NoDriverError as error:
+            self.news.append(f"{request}: {error}")
+            return
+        for future in futures:
+            future.add_done_callback(lambda one: self._answered(request, one))
 
     def shown(self) -> Shown:
         """What there is to be seen."""
-        if time.monotonic() - self._diagnosed > OLDEST:
-            self._state = "no driver"
         note = self.joystick.problem if self.joystick else f"speed {self.keyboard.step}"
         command = self._commands[self._moved]
         share = command / self._shape.maximum
-        return Shown(
-            self._state, self._moved, command, share, self._positions.get(self._moved), note
-        )
+        state, position = self._driver.state.text, self._positions.get(self._moved)
+        return Shown(state, self._moved, command, share, position, note)
+
+    def _asked(self, request: Request) -> list[Future]:
+        match request:
+            case Request.ENABLE:
+                return [self._driver.enable()]
+            case Request.DISABLE:
+                return [self._driver.disable()]
+            case Request.RESET:
+                return [self._driver.reset_fault()]
+            case Request.EMERGENCY_STOP:
+                return self._driver.stop()
+        raise ValueError(f"{request} is no service of the driver")
 
     def _wait(self, stop: Stop, until: float, problem: str) -> None:
         if stop.requested:
@@ -139,7 +151,6 @@ class Jog(Node):
     def _answered(self, request: Request, future: Future) -> None:
         answer = future.result()
         if answer and answer.success:
-            self._state = answer.message
             self.news.append(f"{request}: {answer.message}")
         elif answer:
             self.news.append(answer.message)
@@ -147,15 +158,11 @@ class Jog(Node):
     def _measured(self, message: JointState) -> None:
         self._positions = dict(zip(message.name, message.position, strict=True))
 
-    def _reported(self, message: DiagnosticArray) -> None:
-        for status in message.status:
-            values = {pair.key: pair.value for pair in status.values}
-            if status.name == "driver: safety":
-                self._diagnosed = time.monotonic()
-                state = values.get("state", status.message)
-                if state != self._state and state == "fault":
-                    self.news.append(status.message)
-                self._state = state
+    def _told(self, state: DriverState) -> None:
+        faulty = state.state == DriverState.STATE_FAULT
+        if faulty and not self._faulty:
+            self.news.append(f"{state.text}: {state.cause}; {state.remedy}")
+        self._faulty = faulty
 
     def _pushed(self, message: Joy) -> None:
         if self.joystick:
@@ -214,6 +221,8 @@ def _parser() -> argparse.ArgumentParser:
         "NAME` explains them. Software is no safety stop.",
     )
     parser.add_argument(
-        "--joy", action="store_true", help="by /joy (sensor_msgs/Joy), with a deadman button"
+        "--joy",
+        action="store_true",
+        help="by a sensor_msgs/Joy on joy, with a deadman button",
     )
     return parser

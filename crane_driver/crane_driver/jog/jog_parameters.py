@@ -21,13 +21,17 @@ DEAD_BAND = {
     )
     for joint in JOINTS
 }
-DEADMAN = Number("joy.deadman", 4, "1", 0, 63, "Button to be held, counted from 0")
+DEADMAN = Number("joy.deadman", 4, "1", 0, 63, "Button to be held, counted from 0", whole=True)
 AXIS = {
-    joint: Number(f"joy.axis.{joint}", index, "1", 0, 63, f"Axis of {joint}, counted from 0")
+    joint: Number(
+        f"joy.axis.{joint}", index, "1", 0, 63, f"Axis of {joint}, counted from 0", whole=True
+    )
     for joint, index in AXES.items()
 }
 SIGN = {
-    joint: Number(f"joy.sign.{joint}", 1, "1", -1, 1, f"-1 where the axis of {joint} is reversed")
+    joint: Number(
+        f"joy.sign.{joint}", 1, "1", -1, 1, f"-1 where the axis of {joint} is reversed", whole=True
+    )
     for joint in JOINTS
 }
 PARAMETERS = (MAXIMUM, HOLD, RISE, FALL, *DEAD_BAND.values(), DEADMAN, *AXIS.values(),
@@ -45,7 +49,7 @@ def joystick(node: Node) -> Joystick:
     axes: dict[str, Axis] = {}
     owners: dict[int, str] = {}
     for joint, parameter in AXIS.items():
-        index, sign = _whole(node, parameter), _whole(node, SIGN[joint])
+        index, sign = int(parameter.read(node)), int(SIGN[joint].read(node))
         if index in owners:
             raise ConfigurationError(
                 f"parameter '{parameter.name}': axis {index} is that of {owners[index]} already"
@@ -54,13 +58,4 @@ def joystick(node: Node) -> Joystick:
             raise ConfigurationError(f"parameter '{SIGN[joint].name}': must be -1 or 1, got 0")
         owners[index] = joint
         axes[joint] = Axis(index, sign)
-    return Joystick(_whole(node, DEADMAN), axes)
-
-
-def _whole(node: Node, parameter: Number) -> int:
-    value = parameter.read(node)
-    if value != int(value):
-        raise ConfigurationError(
-            f"parameter '{parameter.name}': must be a whole number, got {value:g}"
-        )
-    return int(value)
+    return Joystick(int(DEADMAN.read(node)), axes)

@@ -36,6 +36,18 @@ def own_arguments(argv: Sequence[str]) -> list[str]:
         sys.exit(f"error: {reason}")
 
 
+def ros_arguments(argv: Sequence[str]) -> list[str]:
+    """Those that are for ROS: from each --ros-args to the next --, or to the end."""
+    found: list[str] = []
+    inside = False
+    for word in argv:
+        inside = inside or word == "--ros-args"
+        if inside:
+            found.append(word)
+        inside = inside and word != "--"
+    return found
+
+
 def _entry(parameter: NodeParameter) -> str:
     text = textwrap.fill(
         parameter.description, WIDTH, initial_indent=" " * 6, subsequent_indent=" " * 6

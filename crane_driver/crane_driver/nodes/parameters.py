@@ -1,14 +1,20 @@
 """Parameters of a node, declared with any type and converted with errors that say what is wrong.
 
 A file that says `lag: 1` gives ROS an integer, which a parameter declared as a double would refuse.
+The range of a number stands with it alone: ROS, `--help` and the checks have it from there.
 """
 
 import math
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Collection, Sequence
 from dataclasses import dataclass
 from typing import Any
 
-from rcl_interfaces.msg import ParameterDescriptor, SetParametersResult
+from rcl_interfaces.msg import (
+    FloatingPointRange,
+    IntegerRange,
+    ParameterDescriptor,
+    SetParametersResult,
+)
 from rclpy.node import Node
 from rclpy.parameter import Parameter
 
@@ -147,20 +153,24 @@ def given(node: Node, parameters: Sequence[NodeParameter]) -> set[str]:
     return names
 
 
-def declare(node: Node, parameters: Sequence[NodeParameter]) -> None:
-    """Declare all of them, whatever the type of what was given for them.
+def declare(
+    node: Node, parameters: Sequence[NodeParameter], read_only: Collection[NodeParameter] = ()
+) -> None:
+    """Declare all of them, whatever the type of what was given for them, with their ranges.
 
-    From then on, a value that `check` refuses cannot be set, and a whole number for a `Number`
-    becomes a double, as those who read it expect. What was given at start is only checked when it
-    is read, so that a node with a wrong one can say so and be mended.
+    `ConfigurationError` if `check` refuses what was given at the start. From then on, a value that
+    it refuses cannot be set, nor one of `read_only`, which are read at the start alone; a whole
+    number for a `Number` becomes a double, as those who read it expect.
     """
     for parameter in parameters:
         default = parameter.default
         node.declare_parameter(
             parameter.name,
             list(default) if isinstance(default, tuple) else default,
-            ParameterDescriptor(description=parameter.description, dynamic_typing=True),
+            ParameterDescriptor(dynamic_typing=True),
         )
+        parameter.read(node)  # before ROS knows the range: its own error would be a traceback
+        node.set_descriptor(parameter.name, _descriptor(parameter, parameter in read_only))
     known = {parameter.name: parameter for parameter in parameters}
 
     def checked(values: Sequence[Parameter]) -> SetParametersResult:
@@ -178,6 +188,25 @@ def declare(node: Node, parameters: Sequence[NodeParameter]) -> None:
     doubles = {one.name for one in parameters if isinstance(one, Number) and not one.whole}
     node.add_pre_set_parameters_callback(converted)
     node.add_on_set_parameters_callback(checked)
+
+
+def _descriptor(parameter: NodeParameter, read_only: bool) -> ParameterDescriptor:
+    """What `ros2 param describe` and tools that draw sliders are told."""
+    descriptor = ParameterDescriptor(
+        description=parameter.description, dynamic_typing=True, read_only=read_only
+    )
+    match parameter:
+        case Number(whole=True):
+            whole = IntegerRange(
+                from_value=int(parameter.lowest), to_value=int(parameter.highest), step=1
+            )
+            descriptor.integer_range = [whole]
+        case Number() | Numbers():
+            real = FloatingPointRange(
+                from_value=float(parameter.lowest), to_value=float(parameter.highest)
+            )
+            descriptor.floating_point_range = [real]
+    return descriptor
 
 
 def hold(node: Node, fixed: Sequence[NodeParameter], state: Callable[[], str]) -> None:

@@ -4,5 +4,6 @@ from rclpy.node import Node
 
 
 def publishers(node: Node, topic: str) -> list[str]:
-    """Names of the nodes that publish on a topic, each once, in order."""
-    return sorted({one.node_name for one in node.get_publishers_info_by_topic(topic)})
+    """Full names of the nodes that publish on a topic, each once, in order."""
+    found = node.get_publishers_info_by_topic(topic)
+    return sorted({f"{one.node_namespace}/{one.node_name}".lstrip("/") for one in found})

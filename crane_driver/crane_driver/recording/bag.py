@@ -40,8 +40,8 @@ class RecordedBag:
     """A new bag in the folder `path`: NAME_0.mcap, NAME_1.mcap, ..., and metadata.yaml at `close`.
 
     Until `close` the folder is no bag to any reader, so that a part is never taken for the whole;
-    what was flushed until then can be recovered. `DataError` if `path` exists or cannot be made,
-    or when its disk refuses to take more.
+    what was flushed until then can be recovered. `remarks` go into the metadata. `DataError` if
+    `path` exists or cannot be made, or when its disk refuses to take more.
     """
 
     def __init__(self, path: Path | str, split: Split | None = None):
@@ -49,6 +49,7 @@ class RecordedBag:
         self.split = split or Split()
         self.topics: list[RecordedTopic] = []
         self.counts: list[int] = []
+        self.remarks: dict[str, str] = {}
         self._files: list[_File] = []
         self._failed = False
         try:
@@ -100,12 +101,13 @@ class RecordedBag:
             self._end_file()
             temporary = self.path / "metadata.yaml.tmp"
             summaries = [file.summary for file in self._files]
-            temporary.write_text(dump(metadata(summaries, self.topics, self.counts)), "utf-8")
+            content = metadata(summaries, self.topics, self.counts, self.remarks)
+            temporary.write_text(dump(content), "utf-8")
             temporary.replace(self.path / "metadata.yaml")
 
     def _end_file(self) -> None:
         last = self._files[-1]
-        own = metadata([last.summary], self.topics, last.counts)
+        own = metadata([last.summary], self.topics, last.counts, self.remarks)
         last.close(yaml.safe_dump(own, sort_keys=False))
 
     @contextmanager

@@ -1,6 +1,6 @@
 """metadata.yaml of a bag folder, version 9, as rosbag2 and rosbags read it."""
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from typing import Any
 
@@ -47,7 +47,10 @@ def dump_qos(profiles: Sequence[Qos]) -> str:
 
 
 def metadata(
-    files: Sequence[FileSummary], topics: Sequence[RecordedTopic], counts: Sequence[int]
+    files: Sequence[FileSummary],
+    topics: Sequence[RecordedTopic],
+    counts: Sequence[int],
+    remarks: Mapping[str, str],
 ) -> dict[str, Any]:
     """The content of metadata.yaml; `counts` are the messages of each topic."""
     start = min(file.start for file in files)
@@ -83,7 +86,7 @@ def metadata(
             }
             for file in files
         ],
-        "custom_data": None,
+        "custom_data": dict(remarks) or None,
         "ros_distro": "jazzy",
     }
 

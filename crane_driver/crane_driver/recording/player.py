@@ -33,7 +33,9 @@ def _play(argv: Sequence[str], options: argparse.Namespace) -> None:
     with ros(argv) as stop, open_bag(bag) as reader:
         player = Player(stop)
         allow, resolve = options.allow_valve_command, player.resolve_topic_name
-        selection = select(bag, reader, options.topics, allow, resolve)
+        recorded = {one.topic for one in reader.connections}
+        topics = [one if one in recorded else player.expanded(one) for one in options.topics]
+        selection = select(bag, reader, topics, allow, resolve)
         for name, reason in selection.left_out.items():
             print(f"left out {name}: {reason}", flush=True)
         player.offer(selection.played)

@@ -6,13 +6,16 @@ from collections.abc import Callable, Collection, Iterable, Sequence
 
 from rclpy.duration import Duration
 from rclpy.executors import SingleThreadedExecutor
+from rclpy.expand_topic_name import expand_topic_name
 from rclpy.node import Node
 from rclpy.publisher import Publisher
 from rclpy.qos import QoSProfile
 from rosgraph_msgs.msg import Clock
 
 from crane_driver.nodes.context import Stop
+from crane_driver.nodes.names import full_name
 from crane_driver.nodes.publishers import publishers
+from crane_driver.nodes.ready import say_ready
 from crane_driver.recording.definitions import message_class
 from crane_driver.recording.playback import CLOCK, Due, Pace, PlayedTopic
 from crane_driver.recording.ros import NANOSECONDS, profile
@@ -20,7 +23,7 @@ from crane_model.errors import DataError
 
 TICK = 10_000_000  # ns between two messages on /clock
 LOOK = NANOSECONDS  # ns between two looks for other publishers
-UNKNOWN = "_NODE_NAME_UNKNOWN_"  # what rmw says until it has been told the name
+UNKNOWN = "_NODE_NAMESPACE_UNKNOWN_/_NODE_NAME_UNKNOWN_"  # until rmw has been told the name
 UNNAMED = 5  # looks, after which a publisher is pointed out without a name
 LAST_MESSAGES = 10.0  # s that subscribers have to acknowledge what was sent last
 HISTORY = 5000  # messages, 25 s at 200 Hz, kept for subscribers that fall behind or are just found
@@ -40,6 +43,10 @@ class Player(Node):
         self._unnamed: Counter[str] = Counter()
         self._next_tick = self._next_look = 0
 
+    def expanded(self, topic: str) -> str:
+        """A topic of the command line in full; a relative name is one of the node's namespace."""
+        return expand_topic_name(topic, self.get_name(), self.get_namespace())
+
     def offer(self, topics: Sequence[PlayedTopic]) -> None:
         """Make the publishers of these topics.
 
@@ -54,6 +61,7 @@ class Player(Node):
             self._publishers_of[topic.recorded] = self.create_publisher(
                 message_class(topic.msgtype), topic.recorded, qos
             )
+        say_ready(self)
 
     def wait_for_subscribers(self, topics: Collection[str]) -> None:
         """Wait until each of `topics` is subscribed to; `DataError` if one is not played."""
@@ -126,6 +134,6 @@ class Player(Node):
                     continue
                 self._contested.add(name)
                 self.get_logger().warning(
-                    f"{name} is also published by {', '.join(sorted(nodes - {self.get_name()}))}: "
+                    f"{name} is also published by {', '.join(sorted(nodes - {full_name(self)}))}: "
                     "subscribers get both; stop one of them, or leave the topic out by --topics"
                 )

@@ -17,7 +17,7 @@ from crane_driver.recording.statistics import shown, table
 from crane_model.arguments import above
 from crane_model.cli import command_line, run
 
-NAMES = tuple(topic.name for topic in TOPICS)
+NAMES = tuple(topic.relative for topic in TOPICS)
 MEGABYTE = 1_000_000
 
 
@@ -38,6 +38,8 @@ def _record(argv: Sequence[str], out: Path, topics: Sequence[str], split: Split)
             while not stop.requested:
                 executor.spin_once(timeout_sec=0.1)
             recorder.visit()
+            silences = recorder.silences()
+            bag.remarks |= {f"silent {name}": text for name, text in silences.items()}
         print(_summary(bag, recorder), flush=True)
 
 
@@ -52,8 +54,12 @@ def _summary(bag: RecordedBag, recorder: Recorder) -> str:
             rows.append(
                 (name, "not recorded" if name in recorder.problems else "no publisher", "0", "")
             )
-    total = sum(bag.counts)
-    return f"{table(('topic', 'type', 'messages', 'lost'), rows)}\n{bag.path}: {total} messages"
+    lines = [
+        table(("topic", "type", "messages", "lost"), rows),
+        *(f"{topic}: {text}, though it had a publisher" for topic, text in bag.remarks.items()),
+        f"{bag.path}: {sum(bag.counts)} messages",
+    ]
+    return "\n".join(lines)
 
 
 def _parser() -> argparse.ArgumentParser:

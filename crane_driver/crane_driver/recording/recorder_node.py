@@ -3,6 +3,7 @@
 import time
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
+from datetime import UTC, datetime
 from typing import Any, NamedTuple
 
 from diagnostic_msgs.msg import DiagnosticArray, DiagnosticStatus, KeyValue
@@ -11,19 +12,23 @@ from rclpy.node import Node
 from rclpy.topic_endpoint_info import TopicEndpointInfo
 from rclpy.type_hash import TypeHash
 
-from crane_driver.bags.types import TOPICS, Topic, typestore
+from crane_driver.bags.types import TOPICS, typestore
+from crane_driver.nodes.names import full_name
 from crane_driver.nodes.polled import Polled
+from crane_driver.nodes.ready import say_ready
 from crane_driver.recording.bag import RecordedBag
 from crane_driver.recording.definitions import installed_definition, message_class
 from crane_driver.recording.metadata import RecordedTopic
 from crane_driver.recording.qos import DEPTH, Service, request
 from crane_driver.recording.ros import offered, profile
+from crane_driver.recording.silence import Rhythm, Silence, Span
 from crane_driver.recording.statistics import Arrivals, shown
 from crane_model.errors import DataError
 
 VISIT = 0.05  # s between two visits to the queues of the subscriptions
 FLUSH = 0.5  # s; what is younger is lost when the process is killed
 REPORT = 1.0  # s
+NAMELESS = "_NODE_NAME_UNKNOWN_"  # what ROS calls a node of which it has only seen a publisher
 
 
 class Early(NamedTuple):
@@ -43,6 +48,7 @@ class Recorded:
     messages: Polled
     service: Service
     arrivals: Arrivals
+    silence: Silence
 
 
 class Recorder(Node):
@@ -55,7 +61,7 @@ class Recorder(Node):
         self.recorded: dict[str, Recorded] = {}
         self.problems: dict[str, str] = {}  # of a topic
         self._bag = bag
-        self._early = {one.name: self._expect(one) for one in TOPICS if one.name in self.topics}
+        self._early = self._expected()
         self._diagnostics = self.create_publisher(DiagnosticArray, "/diagnostics", 10)
         steady = Clock(clock_type=ClockType.STEADY_TIME)
         for period, work in (
@@ -64,6 +70,7 @@ class Recorder(Node):
             (REPORT, self._report),
         ):
             self.create_timer(period, work, clock=steady)
+        say_ready(self)
 
     def visit(self) -> None:
         """Look for new publishers, and write what has arrived since the last call."""
@@ -84,11 +91,19 @@ class Recorder(Node):
                 recorded.number, log_time, data, info["source_timestamp"], sequence or 0
             )
             recorded.arrivals.arrived(sequence)
+            if recorded.silence.since is not None:
+                self.get_logger().info(f"{recorded.topic.name} comes again")
+            recorded.silence.arrived(time.monotonic())
 
-    def _expect(self, topic: Topic) -> Early:
+    def _expected(self) -> dict[str, Early]:
         """Subscribe as the suite publishes; what others offer is seen when they come."""
-        service = Service(reliable=True, latched=topic.latched, depth=DEPTH)
-        return Early(topic.msgtype, service, self._subscribe(topic.name, topic.msgtype, service))
+        early = {}
+        for topic in TOPICS:
+            if (name := self.resolve_topic_name(topic.relative)) in self.topics:
+                service = Service(reliable=True, latched=topic.latched, depth=DEPTH)
+                messages = self._subscribe(name, topic.msgtype, service)
+                early[name] = Early(topic.msgtype, service, messages)
+        return early
 
     def _subscribe(self, name: str, msgtype: str, service: Service) -> Polled:
         return Polled(self, message_class(msgtype), name, profile(service), raw=True)
@@ -124,11 +139,14 @@ class Recorder(Node):
                 early.messages.close()
             messages = self._subscribe(name, msgtype, service)
         arrivals = Arrivals(len(same), time.monotonic())
-        self.recorded[name] = Recorded(topic, self._bag.add(topic), messages, service, arrivals)
+        silence = Silence(_rhythm(name, service))
+        number = self._bag.add(topic)
+        self.recorded[name] = Recorded(topic, number, messages, service, arrivals, silence)
         print(f"recording {name} ({msgtype}, {service})", flush=True)
 
     def _report(self) -> None:
         """Look at the publishers again, and publish how it goes."""
+        self._take()  # before it is judged what has not come
         for name, recorded in self.recorded.items():
             publishers = self.get_publishers_info_by_topic(name)
             same = [one for one in publishers if one.topic_type == recorded.topic.msgtype]
@@ -141,20 +159,40 @@ class Recorder(Node):
                     f"not recorded from {', '.join(sorted(unheard))}: type or quality of service "
                     "differ from those of its first publisher; start both before the recorder",
                 )
+            self._listen(name, recorded, heard)
         message = DiagnosticArray(status=[self._status()])
         message.header.stamp = self.get_clock().now().to_msg()
         self._diagnostics.publish(message)
 
+    def _listen(self, name: str, recorded: Recorded, heard: Sequence[TopicEndpointInfo]) -> None:
+        """Say at once when a topic falls silent."""
+        silence, now = recorded.silence, time.monotonic()
+        before = silence.since
+        silence.look(len(heard), now)
+        if before is None and silence.since is not None:
+            nodes = {one.node_name for one in heard} - {NAMELESS}
+            self.get_logger().warning(
+                f"{name}: nothing has come since {_utc(silence.since)}, though it has a publisher "
+                f"({', '.join(sorted(nodes)) or 'its name is not known yet'}); see its log and "
+                "/diagnostics. If others hear it, start the recorder again"
+            )
+
+    def silences(self) -> dict[str, str]:
+        """What is to be said of each topic that was silent though it had a publisher."""
+        now = time.monotonic()
+        spans = {name: recorded.silence.spans(now) for name, recorded in self.recorded.items()}
+        return {name: _told(found) for name, found in spans.items() if found}
+
     def _status(self) -> DiagnosticStatus:
         arrivals = {name: recorded.arrivals for name, recorded in self.recorded.items()}
-        status = DiagnosticStatus(name=f"{self.get_name()}: {self._bag.path.name}")
+        status = DiagnosticStatus(name=f"{full_name(self)}: {self._bag.path.name}")
         lost = sum(one.lost or 0 for one in arrivals.values())
         if self.problems:
             status.level = DiagnosticStatus.ERROR
             status.message = "; ".join(f"{name} {text}" for name, text in self.problems.items())
-        elif lost:
+        elif warnings := [*self._silent(), *[f"{lost} messages lost"] * bool(lost)]:
             status.level = DiagnosticStatus.WARN
-            status.message = f"{lost} messages lost"
+            status.message = "; ".join(warnings)
         else:
             status.level = DiagnosticStatus.OK
             status.message = f"recording {len(arrivals)} of {len(self.topics)} topics"
@@ -165,10 +203,43 @@ class Recorder(Node):
                 ("lost", shown(one.lost)),
             ):
                 status.values.append(KeyValue(key=f"{name} {quantity}", value=value))
+        for name, text in self.silences().items():
+            status.values.append(KeyValue(key=f"{name} silent", value=text))
         return status
+
+    def _silent(self) -> list[str]:
+        return [
+            f"{name} silent since {_utc(one.silence.since)}, though it has a publisher"
+            for name, one in self.recorded.items()
+            if one.silence.since is not None
+        ]
 
     def _problem(self, name: str, text: str) -> None:
         """Say once what is wrong with a topic."""
         if name not in self.problems:
             self.problems[name] = text
             self.get_logger().warning(f"{name} {text}")
+
+
+def _rhythm(name: str, service: Service) -> Rhythm:
+    """What is expected of a topic; one of the suite is known in every namespace."""
+    base = name.rpartition("/")[2]
+    known = [one for one in TOPICS if one.name == f"/{base}"]
+    if known:
+        return Rhythm.CONTINUOUS if known[0].continuous else Rhythm.ANY
+    return Rhythm.ANY if service.latched else Rhythm.UNKNOWN
+
+
+def _told(spans: Sequence[Span]) -> str:
+    longest = max(spans, key=lambda one: one.seconds)
+    text = f"{longest.seconds:.1f} s from {_utc(longest.begin)} on"
+    if len(spans) == 1:
+        return text
+    total = sum(one.seconds for one in spans)
+    return f"{total:.1f} s in {len(spans)} silences, the longest {text}"
+
+
+def _utc(steady: float) -> str:
+    """When the steady clock was there [s]."""
+    at = datetime.fromtimestamp(time.time() - time.monotonic() + steady, UTC)
+    return at.strftime("%Y-%m-%dT%H:%M:%SZ")

@@ -5,16 +5,19 @@ import math
 from crane_driver.safety.settings import SafetySettings
 from crane_model.machine import JointLimits
 
+MARGIN = 0.002  # rad, m, before a limit where motion ends: what a valve does while it closes again
+
 
 class JointLimiter:
     """Limits the spool command of one joint by its measured position and velocity.
 
-    Towards a limit at distance d the allowed speed is sqrt(2 a d), at most that of Table 2. The
-    spool opens only so fast that the speed can be watched, and no further than an allowed speed
-    can need at most. If the joint is too fast all the same, as valve, load and oil may have it,
-    the spool is closed in the ratio of the allowed to the measured speed, and opens again in the
-    measure in which the joint is too slow. A joint that is about to reach its limit within the
-    reaction time is commanded to neutral; one at its limit may only be commanded away from it.
+    Towards a limit at distance d, less the margin, the allowed speed is sqrt(2 a d), at most that
+    of Table 2. The spool opens only so fast that the speed can be watched, and no further than an
+    allowed speed can need at most. If the joint is too fast all the same, as valve, load and oil
+    may have it, the spool is closed in the ratio of the allowed to the measured speed, and opens
+    again in the measure in which the joint is too slow. A joint that is about to reach its limit,
+    but for the margin, within the reaction time is commanded to neutral; one that has reached it
+    may only be commanded away from it.
     """
 
     def __init__(self, limits: JointLimits, deceleration: float, settings: SafetySettings):
@@ -55,6 +58,7 @@ class JointLimiter:
             distance, fastest = limits.position_max - position, limits.velocity_max
         else:
             distance, fastest = position - limits.position_min, -limits.velocity_min
+        distance -= MARGIN
         speed = direction * velocity
         if distance <= max(0.0, speed * self._reaction):
             self._cap = 0.0

@@ -3,6 +3,7 @@
 import math
 from collections.abc import Mapping, Sequence
 
+from crane_driver.faults import Fault, FaultKind
 from crane_driver.safety.settings import SafetySettings
 from crane_model.machine import JointLimits
 
@@ -34,18 +35,23 @@ class _Stillness:
 
 
 class PositionWatch:
-    """Judges the reading of one joint by what its valve was sent and by what it can do at most.
+    """Judges the reading of a joint by what its valve was sent and by what it can do at most.
 
     What is not believed stays so until there is a new watch.
     """
 
     def __init__(
-        self, limits: JointLimits, resolution: float, cycle: float, settings: SafetySettings
+        self,
+        joint: str,
+        limits: JointLimits,
+        resolution: float,
+        cycle: float,
+        settings: SafetySettings,
     ):
         """`resolution`: one step of the encoder [rad, m]; `cycle`: of its message [s]."""
         fastest = max(limits.velocity_max, -limits.velocity_min)
         self._speed, self._margin = settings.jump_speed * fastest, STILL_STEPS * resolution
-        self._cycle, self._settings = cycle, settings
+        self._joint, self._cycle, self._settings = joint, cycle, settings
         self._driven = _Stillness(settings.opening, self._margin)
         self._pressed = _Stillness(settings.neutral, self._margin)
         self._time, self._position = math.nan, math.nan
@@ -53,30 +59,32 @@ class PositionWatch:
 
     def observe(
         self, time: float, position: float, spool: float, pressures: Sequence[float]
-    ) -> str:
-        """What is newly wrong with a reading at `time` [s], in words; empty if nothing is.
+    ) -> Fault | None:
+        """What is newly wrong with a reading at `time` [s].
 
         `spool`: what the valve was last sent (-1 to 1); `pressures` [Pa] of both chambers,
         NaN where they are not measured.
         """
         if not self.believed or not math.isfinite(position):
-            return ""
+            return None
         wrong = self._jumped(time, position) or self._still(time, position, spool, pressures)
         self._time, self._position = time, position
-        self.believed = not wrong
+        self.believed = wrong is None
         return wrong
 
-    def _jumped(self, time: float, position: float) -> str:
+    def _jumped(self, time: float, position: float) -> Fault | None:
         change, elapsed = position - self._position, max(time - self._time, self._cycle)
         if not abs(change) > self._speed * elapsed + self._margin:  # nor the first, from NaN
-            return ""
-        return (
+            return None
+        detail = (
             f"its position jumped by {change:.3g} in {elapsed * 1e3:.0f} ms, the joint can move "
-            f"by {self._speed * elapsed:.2g}; look at encoder and wiring before reset_fault, "
-            "which believes it again"
+            f"by {self._speed * elapsed:.2g}"
         )
+        return Fault(FaultKind.JUMPED, detail, self._joint)
 
-    def _still(self, time: float, position: float, spool: float, pressures: Sequence[float]) -> str:
+    def _still(
+        self, time: float, position: float, spool: float, pressures: Sequence[float]
+    ) -> Fault | None:
         longest, most = self._settings.still_time, self._settings.still_pressure
         driven, _ = self._driven.observe(time, position, spool, pressures)
         pressed, change = self._pressed.observe(time, position, spool, pressures)
@@ -87,11 +95,8 @@ class PositionWatch:
                 f"for {pressed * 1e3:.0f} ms while its pressures changed by {change / 1e5:.0f} bar"
             )
         else:
-            return ""
-        return (
-            f"its position has not changed {why}: the encoder is frozen, the joint is held or the "
-            "engine is off; look before reset_fault, which believes it again"
-        )
+            return None
+        return Fault(FaultKind.FROZEN, f"its position has not changed {why}", self._joint)
 
 
 def believed(
@@ -100,13 +105,13 @@ def believed(
     positions: Mapping[str, float],
     spools: Mapping[str, float],
     pressures: Mapping[str, float],
-) -> tuple[dict[str, float], dict[str, str]]:
-    """The positions, NaN where they are not believed, and what is newly wrong, by joint."""
-    found, wrong = dict(positions), {}
+) -> tuple[dict[str, float], list[Fault]]:
+    """The positions, NaN where they are not believed, and what is newly wrong."""
+    found, wrong = dict(positions), []
     for joint, watch in watches.items():
         chambers = [pressures.get(f"{joint}.{chamber}", math.nan) for chamber in "ab"]
-        if said := watch.observe(time, positions[joint], spools[joint], chambers):
-            wrong[joint] = said
+        if fault := watch.observe(time, positions[joint], spools[joint], chambers):
+            wrong.append(fault)
         if not watch.believed:
             found[joint] = math.nan
     return found, wrong

@@ -1,16 +1,33 @@
 """The states of the driver and all that leads from one to another, as one table."""
 
 from enum import StrEnum
+from typing import Self
 
 
 class State(StrEnum):
     """Commands reach the valves in ENABLED alone."""
 
-    OFFLINE = "offline"  # the readings of the machine are not complete, or not yet
-    DISABLED = "disabled"
+    cause: str  # why they do not; of a fault, the fault says it
+    remedy: str
+
+    def __new__(cls, word: str, cause: str = "", remedy: str = "") -> Self:
+        """A member with what belongs to it."""
+        state = str.__new__(cls, word)
+        state._value_ = word
+        state.cause, state.remedy = cause, remedy
+        return state
+
+    OFFLINE = (
+        *("offline", "not all messages and devices of the machine are there and in time"),
+        "see /diagnostics for those that are not",
+    )
+    DISABLED = "disabled", "the driver is disabled", "call enable"
     ENABLED = "enabled"
     FAULT = "fault"  # ramped to neutral; latched until reset
-    ESTOP = "emergency stop"  # neutral at once; latched until reset
+    ESTOP = (  # neutral at once; latched until reset
+        *("emergency stop", "the emergency stop of the driver was called"),
+        "make sure that the crane may move, then call reset_fault",
+    )
 
 
 class Event(StrEnum):

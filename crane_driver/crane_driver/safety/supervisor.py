@@ -3,12 +3,12 @@
 import math
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass
-from enum import StrEnum
 from typing import NamedTuple
 
-from crane_driver.can.frame import Fault, FaultKind
+from crane_driver.faults import IN_EVERY_STATE, Fault, FaultKind
 from crane_driver.safety.commands import check_command, ramped
 from crane_driver.safety.limits import JointLimiter
+from crane_driver.safety.news import Level, News
 from crane_driver.safety.settings import SafetySettings
 from crane_driver.safety.states import TRANSITIONS, Event, State
 from crane_model.errors import ConfigurationError, CraneError, RangeError
@@ -25,21 +25,11 @@ class RefusedError(CraneError):
     """
 
 
-class Cause(StrEnum):
-    """Where a latched fault comes from."""
-
-    CAN = "CAN"
-    COMMAND_TIMEOUT = "command timeout"
-    SEVERAL_PUBLISHERS = "several publishers"
-    NO_STATE = "no state"
-    POSITION = "position"
-
-
 @dataclass
 class Latched:
     """A fault since the last reset: what was said first, and how often it came."""
 
-    text: str
+    fault: Fault
     count: int = 1
 
 
@@ -75,7 +65,25 @@ class Supervisor:
         self.refused = 0  # commands
         self.refusal = ""  # why the last one was
         self.limited: dict[str, float] = {}  # commands that the limits of Table 2 held back
-        self.news: list[str] = []  # for the log
+        self.news: list[News] = []  # for the log
+
+    @property
+    def first_fault(self) -> Fault | None:
+        """The one that is told: others that are latched follow from it, most of the time."""
+        faults = [one.fault for one in self.faults.values()]
+        return next((one for one in faults if one.kind in IN_EVERY_STATE), next(iter(faults), None))
+
+    @property
+    def cause(self) -> str:
+        """Why commands do not reach the valves; empty while they do."""
+        fault = self.first_fault
+        return str(fault) if fault and self.state is State.FAULT else self.state.cause
+
+    @property
+    def remedy(self) -> str:
+        """What to do about it."""
+        fault = self.first_fault
+        return fault.remedy if fault and self.state is State.FAULT else self.state.remedy
 
     def command(self, names: Sequence[str], values: Sequence[float], received: float) -> None:
         """Take a command that came at `received`; `RefusedError` if it is refused as a whole."""
@@ -102,7 +110,8 @@ class Supervisor:
         """How many publishers of commands there are."""
         self._publishers = count
         if count > 1 and self.state is State.ENABLED:
-            self._latch(Cause.SEVERAL_PUBLISHERS, "", f"{count} publishers command the valves")
+            several = f"{count} publishers command the valves"
+            self._latch(Fault(FaultKind.SEVERAL_PUBLISHERS, several))
 
     def readings(self, positions: Mapping[str, float], velocities: Mapping[str, float]) -> None:
         """The newest measured state; NaN where there is none."""
@@ -113,19 +122,25 @@ class Supervisor:
         """What the valves were last sent, -1 to 1 by joint."""
         return self._output
 
-    def not_believed(self, wrong: Mapping[str, str]) -> None:
-        """Joints whose positions cannot be true, and why; offline, nothing moves by them."""
+    def not_believed(self, faults: Iterable[Fault]) -> None:
+        """Positions that cannot be true; offline, nothing moves by them."""
         if self.state is not State.OFFLINE:
-            for joint, why in wrong.items():
-                self._latch(Cause.POSITION, joint, f"{joint}: {why}")
+            for fault in faults:
+                self._latch(fault)
+
+    def stalled(self, fault: Fault, now: float) -> None:
+        """The driver itself did not run; offline, nothing moves meanwhile."""
+        self._troubled = now
+        if self.state is not State.OFFLINE:
+            self._latch(fault)
 
     def can_faults(self, faults: Iterable[Fault], now: float) -> None:
         """Faults of bus, frames and devices."""
         for fault in faults:
             self._troubled = now
-            if self.state is State.OFFLINE and fault.kind is not FaultKind.FOREIGN:
+            if self.state is State.OFFLINE and fault.kind not in IN_EVERY_STATE:
                 continue  # not well as yet, which is what this state says
-            self._latch(Cause.CAN, f"{fault.kind} {fault.message}", str(fault))
+            self._latch(fault)
 
     def ready(self, complete: bool, now: float) -> None:
         """Whether all messages of the machine come in time."""
@@ -136,7 +151,9 @@ class Supervisor:
     def enable(self, now: float) -> None:
         """Let commands through from now on; `RefusedError` says what is in the way."""
         if (self.state, Event.ENABLE) not in TRANSITIONS:
-            raise RefusedError(f"not enabled: the state is {self.state}{self._why()}")
+            raise RefusedError(
+                f"not enabled: the state is {self.state}; {self.cause}; {self.remedy}"
+            )
         if self._publishers > 1:
             raise RefusedError(
                 f"not enabled: {self._publishers} publishers command the valves; stop all but one"
@@ -179,7 +196,8 @@ class Supervisor:
         if self.state is State.ENABLED:
             self._judge_age(now)
         if self.state is State.ENABLED and (unknown := self._unknown()):
-            self._latch(Cause.NO_STATE, "", f"no position and velocity of {', '.join(unknown)}")
+            no_state = f"no position and velocity of {', '.join(unknown)}"
+            self._latch(Fault(FaultKind.NO_STATE, no_state))
         if self.state is State.ENABLED:
             self._output = self._within_limits(dt)
         else:
@@ -195,12 +213,11 @@ class Supervisor:
         if age <= self._settings.command_timeout:
             return
         if self._from_neutral and not self._is_neutral(self._target):
-            self._latch(
-                Cause.COMMAND_TIMEOUT,
-                "",
+            detail = (
                 f"last command {age * 1e3:.0f} ms ago, limit "
-                f"{self._settings.command_timeout * 1e3:.0f} ms, it was {_shown(self._target)}",
+                f"{self._settings.command_timeout * 1e3:.0f} ms, it was {_shown(self._target)}"
             )
+            self._latch(Fault(FaultKind.COMMAND_TIMEOUT, detail))
         self._from_neutral = False
         self._target = dict.fromkeys(self._valves, 0.0)
 
@@ -228,29 +245,23 @@ class Supervisor:
     def _is_neutral(self, commands: Mapping[str, float]) -> bool:
         return all(abs(value) <= self._settings.neutral for value in commands.values())
 
-    def _latch(self, cause: Cause, where: str, detail: str) -> None:
-        key = f"{cause} {where}".strip()
+    def _latch(self, fault: Fault) -> None:
+        key = f"{fault.kind} {fault.source}".strip()
         if key in self.faults:
             self.faults[key].count += 1
         else:
-            self.faults[key] = Latched(f"{cause}: {detail}")
-            self.news.append(self.faults[key].text)
+            self.faults[key] = Latched(fault)
+            level = Level.ERROR if fault is self.first_fault else Level.DEBUG
+            self.news.append(News(level, fault.line))
         if (self.state, Event.FAULT) in TRANSITIONS:
             self._happen(Event.FAULT)
 
     def _happen(self, event: Event) -> None:
         previous, self.state = self.state, TRANSITIONS[self.state, event]
-        if self.state is not previous:
-            self.news.append(f"{previous} -> {self.state}")
+        if self.state is not previous and self.state is not State.FAULT:  # which has been said
+            self.news.append(News(Level.INFO, f"{previous} -> {self.state}"))
         if self.state is not State.ENABLED:
             self._from_neutral = False
-
-    def _why(self) -> str:
-        if self.faults:
-            return "; " + "; ".join(one.text for one in self.faults.values())
-        if self.state is State.OFFLINE:
-            return "; not all messages and devices of the machine are there and in time"
-        return ""
 
 
 def check_valves(valves: Sequence[str], positions: Sequence[str]) -> None:

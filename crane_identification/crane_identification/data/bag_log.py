@@ -6,6 +6,7 @@ from pathlib import Path
 
 import numpy as np
 
+from crane_driver.bags.namespaces import namespace_of
 from crane_driver.bags.reader import TopicData, read_topics
 from crane_driver.bags.types import (
     CYLINDER_PRESSURES,
@@ -22,26 +23,37 @@ SLEW = "slew"
 NANOSECONDS = 1e9
 
 
-def read_bag(path: Path | str, joints: Sequence[str], progress: Progress = silent) -> Log:
+def read_bag(
+    path: Path | str,
+    joints: Sequence[str],
+    progress: Progress = silent,
+    namespace: str | None = None,
+) -> Log:
     """The signals of `joints` in a bag of either storage, recorded by anyone.
 
     Positions are required, and chamber pressures or, in their place, the effort of /joint_states,
-    which is the generalized force; topics that are not there are named in `missing`. `DataError`
-    names bag, topic and remedy (see `crane_driver.bags.reader`).
+    which is the generalized force; topics that are not there are named in `missing`. The topics are
+    those in `namespace` (None: the one that the bag holds). `DataError` names bag, topic and remedy
+    (see `crane_driver.bags.reader`).
     """
-    may_lack = (CYLINDER_PRESSURES, VALVE_COMMAND, JOINT_REFERENCE)
-    topics = read_topics(path, (JOINT_STATES,), may_lack, progress)
-    states = topics[JOINT_STATES.name].select(joints)
-    pressures = topics.get(CYLINDER_PRESSURES.name)
+    namespace = namespace_of(path) if namespace is None else namespace
+    joint_states = JOINT_STATES.within(namespace)
+    may_lack = tuple(
+        topic.within(namespace) for topic in (CYLINDER_PRESSURES, VALVE_COMMAND, JOINT_REFERENCE)
+    )
+    cylinder_pressures, valve_command, joint_reference = may_lack
+    topics = read_topics(path, (joint_states,), may_lack, progress)
+    states = topics[joint_states.name].select(joints)
+    pressures = topics.get(cylinder_pressures.name)
     pressures = pressures and pressures.select(joints)
     if pressures is None and np.isnan(states.fields["effort"]).all():
         raise DataError(
-            f"{path}: no topic {CYLINDER_PRESSURES.name}, and {JOINT_STATES.name} holds no effort "
+            f"{path}: no topic {cylinder_pressures.name}, and {joint_states.name} holds no effort "
             f"(generalized force) of {', '.join(joints)} in its place; record one of them"
         )
-    command = _selected(topics, VALVE_COMMAND, joints)
-    reference = _selected(topics, JOINT_REFERENCE, joints)
-    slew = None if SLEW in joints else _selected(topics, JOINT_STATES, [SLEW])
+    command = _selected(topics, valve_command, joints)
+    reference = _selected(topics, joint_reference, joints)
+    slew = None if SLEW in joints else _selected(topics, joint_states, [SLEW])
     start = int(states.stamp[0])
 
     def signal(data: TopicData, field: str) -> Signal:
@@ -54,7 +66,7 @@ def read_bag(path: Path | str, joints: Sequence[str], progress: Progress = silen
             return None
         return signal(data, field)
 
-    effort = () if pressures else (f"the effort of {JOINT_STATES.name} is taken as the force",)
+    effort = () if pressures else (f"the effort of {joint_states.name} is taken as the force",)
     used = [data for data in (states, pressures, command, reference) if data]
     return Log(
         source=str(path),
@@ -74,11 +86,7 @@ def read_bag(path: Path | str, joints: Sequence[str], progress: Progress = silen
         reference_acceleration=signal_if_any(reference, "acceleration"),
         missing=tuple(
             topic.name
-            for topic, data in (
-                (CYLINDER_PRESSURES, pressures),
-                (VALVE_COMMAND, command),
-                (JOINT_REFERENCE, reference),
-            )
+            for topic, data in zip(may_lack, (pressures, command, reference), strict=True)
             if data is None
         ),
         notes=(*(note for data in used for note in data.notes), *effort),

@@ -14,12 +14,22 @@ from crane_model.errors import ConfigurationError
 
 
 def read_recording(
-    path: Path, joints: Sequence[str], columns: ColumnMap | None, progress: Progress = silent
+    path: Path,
+    joints: Sequence[str],
+    columns: ColumnMap | None,
+    progress: Progress = silent,
+    namespace: str | None = None,
 ) -> Log:
-    """The signals of `joints`; of a bag without `columns` those of the suite's topics.
+    """The signals of `joints`; of a bag without `columns` those of the suite's topics, in
+    `namespace` (None: the one that the bag holds).
 
     `DataError` and `ConfigurationError` name recording, topic or column, and remedy.
     """
+    if columns is not None and namespace is not None:
+        raise ConfigurationError(
+            f"--namespace {namespace}: is for the topics of the suite, and a column map names its "
+            "own; leave out --namespace or --columns"
+        )
     bag = (path / "metadata.yaml").exists()
     if path.suffix.lower() in TABLES or (not bag and tables_in(path)):
         if columns is None:
@@ -29,5 +39,5 @@ def read_recording(
             )
         return read_table(path, columns, joints)
     if columns is None:
-        return read_bag(path, joints, progress)
+        return read_bag(path, joints, progress, namespace)
     return read_mapped_bag(path, columns, joints, progress)

@@ -26,7 +26,7 @@ from crane_model.model_file import Model
 from crane_model.terms import Effect, Shape, Term, candidates
 from crane_model.terms.gravity_and_load import Payload
 
-SAME = 1e-9
+SINGULAR_RATIO = 1e-9
 """Smallest over largest singular value of columns of one size, below which some are the same."""
 
 
@@ -62,25 +62,13 @@ class Change(Family):
         return self.own
 
 
-def of_machine(model: Model) -> Model:
-    """The model that is kept: without the loads of single recordings, which were other ones.
-
-    `ConfigurationError` if it has no values.
-    """
+def check_values(model: Model) -> None:
+    """`ConfigurationError` if the model has no values to keep."""
     if model.values is None or model.std_devs is None:
         raise ConfigurationError(
             f"model '{model.name}' has no values that could have changed; fit it with identify to "
             "recordings from before, or leave out --fixed"
         )
-    stays = [not isinstance(term, Payload) or term == Payload() for term in model.terms]
-    counts = [len(term.parameters(model.setting)) for term in model.terms]
-    wanted = np.repeat(stays, counts)
-    return replace(
-        model,
-        terms=tuple(term for term, one in zip(model.terms, stays, strict=True) if one),
-        values=model.values[wanted],
-        std_devs=model.std_devs[wanted],
-    )
 
 
 def kept(model: Model, training: Sequence[Preparation], factor: int) -> Evidence:
@@ -144,7 +132,7 @@ def estimated(search: Search, before: Model, options: Sequence[Option]) -> Model
     columns, force = (rows - base @ (base.T @ rows) for rows in (columns, white(evidence.left)))
     scaled, norms = normed(columns)
     _, size, directions = np.linalg.svd(scaled, full_matrices=False)
-    if size[-1] <= SAME * size[0]:
+    if size[-1] <= SINGULAR_RATIO * size[0]:
         raise UndeterminedError(model, names)
     minima = [model.parameters[i].minimum for i in where]
     least = np.array([-np.inf if one is None else one for one in minima]) - values[where]

@@ -6,11 +6,11 @@ from crane_identification.discrepancy.evidence import Evidence
 from crane_identification.discrepancy.whitening import Whitener, leading
 
 FEWEST_BAGS = 4  # with fewer, blocks of time take their place
-BLOCKS = 6
-HELD = 0.2
+TIME_BLOCKS = 6
+HELD_SHARE = 0.2
 """Share of a direction's norm that the other folds must hold to determine its coefficient: the
 noise that the fold is predicted with because of it is then five times that of a row at most."""
-WITHIN = 1e-6  # share of a column's norm beside the others, below which it is one of them
+ROUNDING_SHARE = 1e-6  # share of a column's norm beside the others, below which it is one of them
 
 
 def folds(evidence: Evidence) -> tuple[np.ndarray, tuple[str, ...]]:
@@ -19,8 +19,8 @@ def folds(evidence: Evidence) -> tuple[np.ndarray, tuple[str, ...]]:
     if len(names) >= FEWEST_BAGS:
         return evidence.bag, tuple(names)
     order = np.arange(len(evidence.time))
-    block = order * BLOCKS // len(order)
-    return block, tuple(f"block {i + 1} of {BLOCKS}" for i in range(BLOCKS))
+    block = order * TIME_BLOCKS // len(order)
+    return block, tuple(f"block {i + 1} of {TIME_BLOCKS}" for i in range(TIME_BLOCKS))
 
 
 def held_out_gains(
@@ -48,20 +48,20 @@ def gain(before: np.ndarray, added: np.ndarray, force: np.ndarray, out: np.ndarr
     private, added = added[:, alone], added[:, ~alone]
     known = leading(before, before.shape[1])
     rest = _beside(known, added)
-    own = np.linalg.norm(rest, axis=0) > WITHIN * np.linalg.norm(added, axis=0)
+    own = np.linalg.norm(rest, axis=0) > ROUNDING_SHARE * np.linalg.norm(added, axis=0)
     new = leading(rest[:, own], added.shape[1])
     # Orthonormal columns keep their principal directions on any rows and on the others.
     power, directions = np.linalg.eigh(known[~out].T @ known[~out])
     turned = known @ directions
-    held = turned[:, power >= HELD**2]
-    lost = np.concatenate([turned[:, power < HELD**2], private], axis=1)
+    held = turned[:, power >= HELD_SHARE**2]
+    lost = np.concatenate([turned[:, power < HELD_SHARE**2], private], axis=1)
     both = np.concatenate([held, new, force[:, np.newaxis]], axis=1)
     inside, outside = (
         _beside(leading(lost[rows], lost.shape[1]), both[rows]) for rows in (~out, out)
     )
     k = held.shape[1]
     left = _beside(leading(inside[:, :k], k), inside[:, k:-1])
-    if np.linalg.svd(left, compute_uv=False).min(initial=1.0) < HELD or not own.any():
+    if np.linalg.svd(left, compute_uv=False).min(initial=1.0) < HELD_SHARE or not own.any():
         return np.nan
     costs = [_left(inside, outside, count) for count in (k, k + new.shape[1])]
     return costs[0] - costs[1]

@@ -22,19 +22,8 @@ from crane_identification.discrepancy.selection import NOTHING, Choice, solve
 from crane_identification.discrepancy.strength import strength
 from crane_identification.discrepancy.thresholds import Thresholds
 
-DISTINCT = 0.9
-"""Correlation beside the model below which the columns of two effects are different."""
-RELATED = 0.2
-"""Correlation below which an effect is no rival: it explains something else."""
-KIN_SHARE = 0.5
-"""Share of what is left unexplained by which an effect leads another law of the same effect, where
-neither needs to be quite the machine's."""
-FOLDS_TO_FAIL = 4
-"""Folds of which one may fail, whatever share is asked for."""
-SAME_FORM = 0.9
-"""Correlation above which one effect is taken for a special case of the other,"""
-EXACTLY = 1.0 - 1e-6
-"""and above which it is the other, by another name."""
+IDENTICAL_CORRELATION = 1.0 - 1e-6
+"""Above it, beside the model, an effect is the other one by another name."""
 
 
 @dataclass(frozen=True)
@@ -93,7 +82,7 @@ def decide(search: Search, thresholds: Thresholds) -> Decision:
         wrong = [said for one in found if (said := _objection(one, thresholds))]
         if size == 1:
             nearest, objection = tuple(found), "".join(wrong)
-        if wrong or (size > 1 and _vague(min(found, key=lambda one: one.score))):
+        if wrong or (size > 1 and _vague(min(found, key=lambda one: one.score), thresholds)):
             break
         accepted = tuple(sorted(found, key=lambda one: -one.score))
     return Decision(accepted, first_threshold, nearest, objection)
@@ -116,10 +105,10 @@ def _objection(one: Judged, thresholds: Thresholds) -> str:
     """Which test an effect does not pass; empty if it passes all."""
     if one.score <= one.threshold:
         return f"its score is {one.score:.0f}, and {one.threshold:.0f} is asked for"
-    if one.strength < thresholds.smallest_strength:
+    if one.strength < thresholds.gates.smallest_strength:
         return (
             f"it is {one.strength:.2g} of the drive force, where the errors of the processing "
-            f"itself reach {thresholds.smallest_strength:.2g}"
+            f"itself reach {thresholds.gates.smallest_strength:.2g}"
         )
     if not helps(one.held_out, thresholds):
         asked = one.held_out[np.isfinite(one.held_out)]
@@ -136,18 +125,20 @@ def helps(gains: np.ndarray, thresholds: Thresholds) -> bool:
     In all folds (NaN: not asked) but a few; of four and more, one may differ in something else.
     Folds are counted: how much one of them gains or loses decides nothing.
     """
-    asked = gains[np.isfinite(gains)]
+    asked, method = gains[np.isfinite(gains)], thresholds.method
     failed = int((asked <= 0.0).sum())
-    allowed = max((1.0 - thresholds.folds_share) * len(asked), float(len(asked) >= FOLDS_TO_FAIL))
+    allowed = max(
+        (1.0 - method.folds_share) * len(asked), float(len(asked) >= method.folds_to_fail)
+    )
     return 2 * len(asked) > len(gains) and failed <= allowed
 
 
-def _vague(one: Judged) -> bool:
+def _vague(one: Judged, thresholds: Thresholds) -> bool:
     """Whether a further effect is no better than others that look different.
 
     That is what remains where the first one has another form than the catalogue gives it.
     """
-    return bool(one.members) and one.correlation < DISTINCT
+    return bool(one.members) and one.correlation < thresholds.method.distinct_correlation
 
 
 def _null(search: Search, before: Choice) -> np.ndarray:
@@ -157,9 +148,8 @@ def _null(search: Search, before: Choice) -> np.ndarray:
 
 
 def _threshold(null: np.ndarray, thresholds: Thresholds) -> float:
-    return thresholds.score_factor * float(
-        np.quantile(null, 1.0 - thresholds.false_alarm_rate / 2.0)
-    )
+    level = 1.0 - thresholds.method.false_alarm_rate / 2.0
+    return thresholds.gates.score_factor * float(np.quantile(null, level))
 
 
 def _simplest(search: Search, choice: Choice, thresholds: Thresholds, threshold: float) -> Choice:
@@ -167,14 +157,16 @@ def _simplest(search: Search, choice: Choice, thresholds: Thresholds, threshold:
 
     Presliding over no way and a Stribeck curve without end are Coulomb friction.
     """
+    method = thresholds.method
     for place in range(len(choice.options)):
         own = choice.options[place]
-        needed = max(threshold, thresholds.lead_share * _left(search, choice, place))
+        needed = max(threshold, method.lead_share * _left(search, choice, place))
         for rival in in_place_of(search, choice, place):
             other = rival.options[-1]
             if choice.gain - rival.gain > needed:
                 break
-            if freedom(search, other) < freedom(search, own) and _same(search, own, other):
+            simpler = freedom(search, other) < freedom(search, own)
+            if simpler and likeness(search, own, other) > method.form_correlation:
                 order = (*choice.options[:place], other, *choice.options[place + 1 :])
                 choice = solve(search.projection, order) or choice
                 break
@@ -185,10 +177,6 @@ def _left(search: Search, choice: Choice, place: int) -> float:
     """What a set leaves unexplained where one of its effects acts."""
     left = search.unexplained(choice)[search.channels(choice.options[place])].sum()
     return max(float(left), 0.0)
-
-
-def _same(search: Search, one: int, other: int) -> bool:
-    return likeness(search, one, other) > SAME_FORM
 
 
 def _marginal(search: Search, choice: Choice) -> list[float]:
@@ -216,35 +204,37 @@ def _judged(
     null: np.ndarray,
     thresholds: Thresholds,
 ) -> Judged:
-    projection = search.projection
+    projection, method = search.projection, thresholds.method
     number = choice.options[place]
     own = projection.options[number]
     rest = without(search, choice, place)
     rivals = [
         (rival, alike)
         for rival in in_place_of(search, choice, place)
-        if (alike := likeness(search, number, rival.options[-1])) > RELATED
+        if (alike := likeness(search, number, rival.options[-1])) > method.rival_correlation
         or kin(own.family, projection.options[rival.options[-1]].family)
     ]
     left = _left(search, choice, place)
     # Beyond noise, what is left unexplained, and columns that are not quite those of the machine.
-    needed = max(threshold, thresholds.lead_share * left, (1.0 - thresholds.alike**2) * score)
-    needed_of_kin = max(needed, KIN_SHARE * left)
+    needed = max(threshold, method.lead_share * left, (1.0 - method.alike_correlation**2) * score)
+    needed_of_kin = max(needed, method.kin_lead_share * left)
     members: list[Family] = []
     for rival, alike in rivals:
         other = projection.options[rival.options[-1]]
         lead = choice.gain - rival.gain
         related = kin(own.family, other.family)
         if other.shape or other.family.changes:
-            form = SAME_FORM
+            form = method.form_correlation
         else:
-            form = EXACTLY if own.family.changes else np.inf
+            form = IDENTICAL_CORRELATION if own.family.changes else np.inf
         more = freedom(search, rival.options[-1]) > freedom(search, number)
         if more and alike > form and not related:
             continue  # the same with more freedom, which it does not need
         if lead <= (needed_of_kin if related else needed):
             members.append(other.family)
-    members += same_as(search, [rival for rival, _ in rivals], members, needed, thresholds.alike)
+    members += same_as(
+        search, [rival for rival, _ in rivals], members, needed, method.alike_correlation
+    )
     evidence = search.evidence
     columns = [projection.options[i].columns for i in rest.options]
     before = np.concatenate([evidence.free, *columns], axis=2)

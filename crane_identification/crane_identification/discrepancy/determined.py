@@ -14,7 +14,7 @@ from crane_identification.signals.decimate import KEPT_SHARE
 from crane_model.model_file import Model
 from crane_model.terms import Term
 
-ENOUGH = 60
+ENOUGH_ROWS = 60
 """Rows of the joint that moves most. No score exceeds the number of rows, whatever is missing."""
 
 
@@ -28,7 +28,7 @@ def decimation(training: Sequence[Preparation], given: int | None) -> int:
     if given is not None:
         return factor
     samples = int(sum(one.moving.sum(axis=0) for one in training).max())
-    return max(min(factor, samples // ENOUGH), ceil(KEPT_SHARE * factor))
+    return max(min(factor, samples // ENOUGH_ROWS), ceil(KEPT_SHARE * factor))
 
 
 def fitted(

@@ -55,7 +55,12 @@ def run(arguments: argparse.Namespace) -> None:
     thresholds = load_thresholds(arguments.thresholds)
     usual = load_usual(arguments.hydraulics)
     with ProgressBar() as progress:
-        options = Options(begin=arguments.begin, end=arguments.end, period=arguments.period)
+        options = Options(
+            begin=arguments.begin,
+            end=arguments.end,
+            namespace=arguments.namespace,
+            period=arguments.period,
+        )
         sources = Sources(model, columns, options, progress)
         training, held_out = sources.read(arguments.train), sources.read(arguments.validate)
         suspicions = vetted(model.machine, (*training, *held_out), arguments.trust_recordings)

@@ -20,7 +20,12 @@ from crane_identification.discrepancy.learner import Features, Learnt, features
 from crane_identification.discrepancy.motion_choice import suited
 from crane_identification.discrepancy.nearest import Nearest, nearest
 from crane_identification.discrepancy.proof import proved
-from crane_identification.discrepancy.pulsation import Pulsation, pulsations
+from crane_identification.discrepancy.pulsation import (
+    Line,
+    Pulsation,
+    clearest_lines,
+    pulsations,
+)
 from crane_identification.discrepancy.region import Region, region
 from crane_identification.discrepancy.search import Search, search
 from crane_identification.discrepancy.strength import detectable
@@ -83,7 +88,7 @@ class Diagnosis:
     warnings: tuple[str, ...]
     flows: tuple[Flow, ...]
     flow_unobservable: dict[tuple[str, str], str]
-    pulsations: tuple[Pulsation, ...]
+    lines: tuple[Line, ...]
     session: Session
     fixed: bool
 
@@ -91,6 +96,11 @@ class Diagnosis:
     def joints(self) -> tuple[str, ...]:
         """Names of the joints."""
         return self.before.joints
+
+    @property
+    def pulsations(self) -> tuple[Pulsation, ...]:
+        """The lines in the force that are clear enough."""
+        return pulsations(self.lines, self.thresholds)
 
 
 def diagnose(
@@ -117,7 +127,8 @@ def diagnose(
     """
     _check(training, validation, without)
     if fixed:
-        model = changes.of_machine(model)
+        changes.check_values(model)
+    model = model.of_machine()  # what these recordings carry is asked anew
     logs = chronological((*training, *validation))
     session = Session.of(logs)
     whole = replace(options, average=False)
@@ -135,7 +146,7 @@ def diagnose(
     found = search(evidence, _wanted(before, evidence, left_out, without), progress)
     decision = decide(found, thresholds)
     known = features(evidence.moving)
-    first = tried(found, before, (), given, known)
+    first = tried(found, before, (), given, known, thresholds)
     progress("what is left", 0.5)
     wanted = suited(found, before, decision.accepted)
     periods, not_periodic = _averaged(model, validation, options)
@@ -156,9 +167,10 @@ def diagnose(
         for one in last.effects
         if one.option.family.term.family == "sensing"
     }
-    flows, no_flow = examine(evidence, held_out, usual or load_usual(), wrong)
-    lines = pulsations(last.model, (*evidence.runs, *held_out.runs))
-    answer = with_pulsation(with_flow(answer, flows), lines)
+    flows, no_flow = examine(evidence, held_out, usual or load_usual(), thresholds, wrong)
+    fewest = thresholds.method.pulsation_recordings
+    lines = clearest_lines(last.model, (*evidence.runs, *held_out.runs), fewest)
+    answer = with_pulsation(with_flow(answer, flows), pulsations(lines, thresholds))
     uncalibrated = tuple(dict.fromkeys(name for log in logs for name in log.uncalibrated))
     return Diagnosis(
         verdict=answer.verdict,
@@ -194,7 +206,7 @@ def diagnose(
         ),
         flows=tuple(flows),
         flow_unobservable=no_flow,
-        pulsations=lines,
+        lines=lines,
         session=session,
         fixed=fixed,
     )

@@ -8,17 +8,13 @@ from typing import Any
 
 import numpy as np
 
-from crane_identification.discrepancy.candidates import WHOLE, Family
 from crane_identification.discrepancy.diagnosis import Diagnosis
 from crane_identification.discrepancy.extension import Finding, Value, carried_in
+from crane_identification.discrepancy.flow_and_load_findings import balance, of_flow, of_load
 from crane_identification.discrepancy.gap import Gap
-from crane_identification.discrepancy.hydraulics import SIGMAS as FLOW_SIGMAS
-from crane_identification.discrepancy.hydraulics import Flow, Quantity
-from crane_identification.discrepancy.loads import LOADS, NO_LOAD, SIGMAS
 from crane_identification.discrepancy.region import Region
 from crane_identification.discrepancy.strength import acting
 from crane_identification.discrepancy.variables import feature_unit
-from crane_identification.discrepancy.weighing import Weighed
 from crane_identification.motion_validation import MotionValidation
 from crane_identification.report.notation import is_determined
 
@@ -43,11 +39,11 @@ def content(diagnosis: Diagnosis) -> dict[str, Any]:
             "where": _where(diagnosis),
             "findings": [_finding(diagnosis, one) for one in diagnosis.findings]
             + [
-                _of_flow(diagnosis, flow.joint, one)
+                of_flow(diagnosis, flow.joint, one)
                 for flow in diagnosis.flows
                 for one in flow.missing
             ]
-            + [_of_load(diagnosis, one) for one in diagnosis.gap.loads if one.found],
+            + [of_load(diagnosis, one) for one in diagnosis.gap.loads if one.found],
             "nearest": _nearest(diagnosis),
             "gap": {
                 "before": _side(diagnosis, diagnosis.gap.before, diagnosis.gap.motion_before),
@@ -64,7 +60,7 @@ def content(diagnosis: Diagnosis) -> dict[str, Any]:
                     "correlation": correlation,
                     "learnable_share": share,
                     "law": law,
-                    "beyond_noise": times > diagnosis.thresholds.floor_factor,
+                    "beyond_noise": times > diagnosis.thresholds.gates.floor_factor,
                     "region": _region(diagnosis, region),
                 }
                 for joint, correlation, share, law, times, region in zip(
@@ -92,7 +88,7 @@ def content(diagnosis: Diagnosis) -> dict[str, Any]:
                 for (effect, joint), reason in diagnosis.flow_unobservable.items()
             ],
             "pulsations": [vars(one) for one in diagnosis.pulsations],
-            "flow": {flow.joint: _flow(flow) for flow in diagnosis.flows},
+            "flow": {flow.joint: balance(flow) for flow in diagnosis.flows},
             "detectable_strength": diagnosis.detectable,
         }
     )
@@ -138,7 +134,7 @@ def _finding(diagnosis: Diagnosis, finding: Finding) -> dict[str, Any]:
         "carried_in": carried_in(finding, diagnosis.training.sources),
         "score": accepted.score,
         "threshold": accepted.threshold,
-        "false_alarm_rate": diagnosis.thresholds.false_alarm_rate,
+        "false_alarm_rate": diagnosis.thresholds.method.false_alarm_rate,
         "runner_up": None
         if runner is None
         else {"effect": runner.type, "name": runner.effect.name, "joint": runner.where},
@@ -171,21 +167,6 @@ def _strength(diagnosis: Diagnosis, finding: Finding) -> float:
     return acting(diagnosis.training, finding.accepted.option.columns, finding.added)
 
 
-def _of_load(diagnosis: Diagnosis, one: Weighed) -> dict[str, Any]:
-    """A load that a held-out recording alone carries, by the same keys."""
-    cls = next(type(term) for term in diagnosis.gap.carried.terms if hasattr(term, LOADS))
-    name = "m_payload"
-    return _by_itself(
-        diagnosis,
-        Family(cls, None),
-        WHOLE,
-        _parameter(Value(name, one.mass, one.std_dev, "kg")),
-        (one.mass / one.std_dev) ** 2,
-        SIGMAS**2,
-        None,
-    ) | {"carried_in": {name: [one.recording], NO_LOAD: sorted(diagnosis.training.sources)}}
-
-
 def _nearest(diagnosis: Diagnosis) -> dict[str, Any] | None:
     """What comes closest where nothing is named, and why that does not do."""
     near = diagnosis.nearest
@@ -208,77 +189,6 @@ def _nearest(diagnosis: Diagnosis) -> dict[str, Any] | None:
             for joint, before, after in zip(near.joints, near.before, near.after, strict=True)
         },
         "objection": near.objection,
-    }
-
-
-def _of_flow(diagnosis: Diagnosis, joint: str, one: Quantity) -> dict[str, Any]:
-    """A finding of the flow balance, by the same keys; it adds nothing to the model of forces."""
-    threshold = (FLOW_SIGMAS * one.std_dev / one.value) ** 2 * one.score
-    return _by_itself(diagnosis, one, joint, of_quantity(one), one.score, threshold, one.share)
-
-
-def _by_itself(
-    diagnosis: Diagnosis,
-    what: Family | Quantity,
-    joint: str,
-    value: dict[str, Any],
-    score: float,
-    threshold: float,
-    visible_strength: float | None,
-) -> dict[str, Any]:
-    """A finding with one parameter, which competed with no other effect."""
-    return {
-        "effect": what.type,
-        "name": what.effect.name,
-        "joint": joint,
-        "class_members": [],
-        "parameters": [value],
-        "carried_in": {},
-        "score": score,
-        "threshold": threshold,
-        "false_alarm_rate": diagnosis.thresholds.false_alarm_rate,
-        "runner_up": None,
-        "margin": score,
-        "margin_needed": 0.0,
-        "visibility": 1.0,
-        "strength": None,  # rms over that of the drive force, as of effects that compete
-        "visible_strength": visible_strength,
-        "held_out_gains": {},
-        "settled_by": what.effect.settled_by,
-    }
-
-
-def _flow(flow: Flow) -> dict[str, Any]:
-    """Everything the flow balance says of a joint."""
-    return {
-        "unexplained_share": flow.unexplained,
-        "correlation_left": flow.correlation,
-        "known_time": flow.known,
-        "recorded_time": flow.recorded,
-        "edge_gains": {
-            one.edge: {"value": one.value, "std_dev": one.std_dev, "determined": one.determined}
-            for one in flow.gains
-        },
-        "quantities": {
-            one.type: {
-                **of_quantity(one),
-                "usual_limit": one.usual,
-                "share_beyond_usual": one.share,
-            }
-            for one in flow.quantities
-        },
-    }
-
-
-def of_quantity(one: Quantity) -> dict[str, Any]:
-    """A value of the hydraulics, by the keys of a parameter."""
-    return {
-        "name": one.type,
-        "value": one.value,
-        "std_dev": one.std_dev,
-        "unit": one.unit,
-        "minimum": None,
-        "determined": one.determined,
     }
 
 

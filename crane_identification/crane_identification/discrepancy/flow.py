@@ -21,24 +21,19 @@ from crane_identification.discrepancy.flow_fit import (
     solved,
 )
 from crane_identification.discrepancy.flow_rows import FlowRows
-from crane_identification.discrepancy.hydraulics import (
-    LAW,
-    SIGMAS,
-    Flow,
-    Gain,
-    Quantity,
-    Usual,
-)
+from crane_identification.discrepancy.hydraulics import Flow, Gain, Quantity, Usual
+from crane_identification.discrepancy.thresholds import Thresholds
 from crane_model.errors import DataError
 from crane_model.flow import FLOW_EFFECTS
 from crane_model.flow.valve import EDGES, asymmetry, by_chamber
 
-CLEARLY = 2.0  # times the variance that the usual value leaves on held-out recordings
-UNKNOWN_FLOW = 0.1  # share of the flow left unexplained above which no value is any good
-
 
 def examine(
-    evidence: Evidence, held_out: Evidence, usual: Usual, distrusted: Collection[str] = ()
+    evidence: Evidence,
+    held_out: Evidence,
+    usual: Usual,
+    thresholds: Thresholds,
+    distrusted: Collection[str] = (),
 ) -> tuple[list[Flow], dict[tuple[str, str], str]]:
     """Each joint whose flow was recorded, and why effects are not observable on the others.
 
@@ -57,7 +52,7 @@ def examine(
                 raise DataError(
                     f"flow of '{joint}': what is usual of its valve is not known; add its dead_zone"
                 )
-            found.append(_Examination(here, there, usual).flow())
+            found.append(_Examination(here, there, usual, thresholds).flow())
         except DataError as error:
             absent |= {(effect, joint): str(error) for effect in sorted(FLOW_EFFECTS)}
     return found, absent
@@ -71,8 +66,11 @@ part of the flow that is then known."""
 class _Examination:
     """All quantities of a joint, from its balance `here`, proved `there`."""
 
-    def __init__(self, here: FlowRows, there: FlowRows, usual: Usual) -> None:
+    def __init__(
+        self, here: FlowRows, there: FlowRows, usual: Usual, thresholds: Thresholds
+    ) -> None:
         self._here, self._there, self._usual = here, there, usual
+        self._gates, self._method = thresholds.gates, thresholds.method
         self._spool = searched(here)
         self._columns, self._proof = self._spool.columns(here), self._spool.columns(there)
         self._free = solved(self._columns, here.flow)
@@ -82,28 +80,32 @@ class _Examination:
 
     def flow(self) -> Flow:
         """What the balance says; `DataError` if it says nothing."""
-        here, free = self._here, self._free
+        here, free, method = self._here, self._free, self._method
         unexplained = float(np.sqrt(free.rest / self._flow_power))
-        if unexplained > UNKNOWN_FLOW and self._correlation < LAW:
+        noise = unexplained > method.flow_noise_share
+        if noise and self._correlation < method.flow_law_correlation:
             raise DataError(
                 f"flow of '{here.joint}': {unexplained:.0%} of it is noise, at most "
-                f"{UNKNOWN_FLOW:.0%} allowed; move faster"
+                f"{method.flow_noise_share:.0%} allowed; move faster"
             )
-        gains = tuple(
-            Gain(edge, float(free.values[k]), self._std_dev(np.eye(COLUMNS)[k]))
-            for k, edge in enumerate(EDGES)
-        )
+        gains = tuple(self._gain(k, edge) for k, edge in enumerate(EDGES))
         self._require_gains(gains)
         return Flow(
             joint=here.joint,
-            quantities=self._quantities() if unexplained <= UNKNOWN_FLOW else (),
+            quantities=() if noise else self._quantities(),
             gains=gains,
             unexplained=unexplained,
-            usual=self._usual.unexplained,
+            usual=self._gates.unexplained_flow,
             correlation=self._correlation,
             known=here.known,
             recorded=here.recorded,
+            method=method,
         )
+
+    def _gain(self, column: int, edge: str) -> Gain:
+        value = float(self._free.values[column])
+        std_dev = self._std_dev(np.eye(COLUMNS)[column])
+        return Gain(edge, value, std_dev, abs(value) >= self._method.flow_sigmas * std_dev)
 
     def _require_gains(self, gains: Sequence[Gain]) -> None:
         known = [gain for gain in gains if gain.determined]
@@ -187,13 +189,16 @@ class _Examination:
         size: float | None = None,
     ) -> Quantity:
         """Beside the best balance in which the value, or its `size`, is usual."""
-        if not (value if size is None else size) - limit >= SIGMAS * std_dev:
-            return Quantity(effect, value, std_dev, limit, 0.0, 0.0, False)
+        sigmas = self._method.flow_sigmas * std_dev
+        determined = sigmas <= max(abs(value), limit)
+        if not (value if size is None else size) - limit >= sigmas:
+            return Quantity(effect, value, std_dev, limit, 0.0, 0.0, False, determined)
         columns, known = tied(self._here, self._columns)
         fit = solved(columns, self._here.flow - known)
         columns, known = tied(self._there, self._proof)
-        proved = power(self._there.flow - known - columns @ fit.values) > CLEARLY * self._least
+        left = power(self._there.flow - known - columns @ fit.values)
         share = float(np.sqrt(max(fit.rest - self._free.rest, 0.0) / self._flow_power))
         score = len(self._here.flow) * float(np.log(fit.rest / self._free.rest))
-        missing = proved and share > self._usual.smallest_share
-        return Quantity(effect, value, std_dev, limit, share, score, missing)
+        proved = left > self._method.flow_proof_factor * self._least
+        missing = proved and share > self._gates.smallest_flow_share
+        return Quantity(effect, value, std_dev, limit, share, score, missing, determined)

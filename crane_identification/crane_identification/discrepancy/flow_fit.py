@@ -13,10 +13,10 @@ from crane_model.flow.valve import EDGES
 WIDEST_DEAD_ZONE = 0.3
 WIDEST_PLAY = 0.2
 STEP = 0.005  # of a dead zone, for its derivative
-STEPS, EXACT = 10, 1e-5  # Gauss-Newton to the dead zones
+STEPS, ACCURACY = 10, 1e-5  # Gauss-Newton to the dead zones
 LEAK, SOFT, PLAY, ZONES, COLUMNS = 4, 5, 8, (9, 10), 11
 """Columns of the balance: edges (4), leakage, oil (2), delay, play, the two dead zones."""
-SINGULAR = 1e-10  # of the largest eigenvalue: what is below is not determined
+SINGULAR_SHARE = 1e-10  # of the largest eigenvalue: what is below is not determined
 
 
 class Fit(NamedTuple):
@@ -91,7 +91,7 @@ def _refined(rows: FlowRows, spool: Spool) -> Spool:
         change = values[list(ZONES)]
         a, b = np.clip(spool.dead_zones + change, 0.0, WIDEST_DEAD_ZONE).tolist()
         spool = spool._replace(dead_zones=(a, b), gains=values[: len(EDGES)])
-        if np.abs(change).max() < EXACT:
+        if np.abs(change).max() < ACCURACY:
             break
     return spool
 
@@ -109,11 +109,11 @@ def solved(columns: np.ndarray, flow: np.ndarray) -> Fit:
     """Least squares of flow (N,) on columns (N, k)."""
     scaled, norms = normed(columns)
     sizes, directions = np.linalg.eigh(scaled.T @ scaled)
-    kept = sizes > SINGULAR * sizes[-1]
+    kept = sizes > SINGULAR_SHARE * sizes[-1]
     inverse = directions[:, kept] / sizes[kept] @ directions[:, kept].T
     values = inverse @ (scaled.T @ flow)
     left = flow - scaled @ values
-    determined = (directions[:, ~kept] ** 2).sum(axis=1) < SINGULAR
+    determined = (directions[:, ~kept] ** 2).sum(axis=1) < SINGULAR_SHARE
     covariance = power(left) * inverse / np.outer(norms, norms)
     return Fit(values / norms, covariance, determined, left)
 

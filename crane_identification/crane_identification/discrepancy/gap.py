@@ -2,12 +2,14 @@
 
 from collections.abc import Sequence
 from dataclasses import dataclass
+from typing import SupportsIndex
 
 import numpy as np
 
 from crane_identification.averaging import noise_of_mean
 from crane_identification.discrepancy.evidence import Evidence
 from crane_identification.discrepancy.learner import predict_elsewhere
+from crane_identification.discrepancy.thresholds import Method
 from crane_identification.discrepancy.weighing import Weighed, weighed
 from crane_identification.motion_validation import MotionValidation, validate_motion
 from crane_identification.preparation import Preparation
@@ -15,8 +17,6 @@ from crane_identification.regression import OPEN
 from crane_identification.signals.decimate import decimate
 from crane_model.model_file import Model
 
-EXPLAINABLE = 0.05  # share of the energy of an error; less than that is no gap
-CLEAN = 2.0  # times the noise floor: what models reach from which nothing is missing
 RESOLUTION = 1e-6  # relative error, below which numbers are rounding
 
 
@@ -28,7 +28,8 @@ class Gap:
     `uncertain`: error that the standard deviations of values that are kept allow.
 
     `motion_before` and `motion_after`: errors of the simulated motion. `loads` of the held-out
-    recordings, which `carried` holds beside what the model after has.
+    recordings, which `carried` holds beside what the model after has. The `method`
+    says what is a gap.
     """
 
     joints: tuple[str, ...]
@@ -42,6 +43,7 @@ class Gap:
     motion_after: MotionValidation
     loads: tuple[Weighed, ...]
     carried: Model
+    method: Method
     uncertain: np.ndarray | float = 0.0
 
     @property
@@ -50,7 +52,7 @@ class Gap:
 
         Periods scatter by what the motion does not repeat as well, which a model may explain.
         """
-        return np.fmin(np.fmin(CLEAN * self.floor, self.best), self.after)
+        return np.fmin(np.fmin(self.method.clean_factor * self.floor, self.best), self.after)
 
     @property
     def closed(self) -> np.ndarray:
@@ -66,7 +68,19 @@ class Gap:
             for error in (self.before, self.after, self.reachable)
         )
         explainable = before - least
-        return (before - after) / explainable if explainable > EXPLAINABLE * before else np.nan
+        gap = explainable > self.method.explainable_share * before
+        return (before - after) / explainable if gap else np.nan
+
+    def moved(self, j: SupportsIndex) -> str:
+        """What becomes of the held-out error of a joint, in words; one number where both are one.
+
+        So that a percentage does not fall to itself.
+        """
+        before, after = (f"{error[j]:.2%}" for error in (self.before, self.after))
+        if before == after:
+            return f"the held-out error of {self.joints[j]} stays at {after}"
+        verb = "falls" if self.after[j] < self.before[j] else "rises"
+        return f"the held-out error of {self.joints[j]} {verb} from {before} to {after}"
 
     @property
     def largest_before(self) -> np.ndarray:
@@ -84,6 +98,7 @@ def measure(
     training: Evidence,
     held_out: Evidence,
     averaged: Sequence[Preparation],
+    method: Method,
 ) -> Gap:
     """Both models, fitted to the training recordings, on the held-out ones.
 
@@ -112,6 +127,7 @@ def measure(
         motion_after=validate_motion(after, records),
         loads=loads,
         carried=after,
+        method=method,
         uncertain=doubt,
     )
 

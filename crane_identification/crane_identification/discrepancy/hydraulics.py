@@ -2,20 +2,12 @@
 
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Annotated, NamedTuple
+from typing import NamedTuple
 
-from pydantic import Field
-
+from crane_identification.discrepancy.thresholds import Method, Positive
 from crane_model.configuration import Schema, load, packaged
 from crane_model.flow import FLOW_EFFECTS
 from crane_model.terms import Effect
-
-SIGMAS = 3.0  # by which a value must lie outside of what is usual
-LAW = 0.4
-"""Correlation of neighbouring rows from which what is left is a law; filtered noise has 0.2."""
-FURTHER_SHARE = 0.05  # of the energy that the strongest explains, at least of a further one
-EXPLAINED = 0.7  # of the energy beyond the usual must be named, or what is there is unknown
-Positive = Annotated[float, Field(gt=0)]
 
 
 class Usual(Schema):
@@ -26,8 +18,6 @@ class Usual(Schema):
     asymmetry: Positive
     leakage: Positive
     bulk_modulus: Positive
-    smallest_share: Positive
-    unexplained: Positive
 
 
 def load_usual(path: Path | None = None) -> Usual:
@@ -41,7 +31,8 @@ class Quantity:
     is its name in FLOW_EFFECTS.
 
     With that limit in its place, `share` of the piston's flow (rms) more is unexplained, and the
-    balance loses the `score` 2 dlogL; both are 0 where the value is usual.
+    balance loses the `score` 2 dlogL; both are 0 where the value is usual. It is `determined` where
+    the recordings tell a usual value from one that is not.
     """
 
     type: str
@@ -51,6 +42,7 @@ class Quantity:
     share: float
     score: float
     missing: bool
+    determined: bool
 
     @property
     def effect(self) -> Effect:
@@ -62,32 +54,25 @@ class Quantity:
         """Of the value."""
         return FLOW_EFFECTS[self.type].unit
 
-    @property
-    def determined(self) -> bool:
-        """Whether the recordings tell a usual value from one that is not."""
-        return SIGMAS * self.std_dev <= max(abs(self.value), self.usual)
-
 
 class Gain(NamedTuple):
-    """Gain of a metering edge with one standard deviation [m3/(s Pa^0.5)]."""
+    """Gain of a metering edge with one standard deviation [m3/(s Pa^0.5)], and whether the edge was
+    used enough to tell.
+    """
 
     edge: str
     value: float
     std_dev: float
-
-    @property
-    def determined(self) -> bool:
-        """Whether the edge was used enough to tell."""
-        return abs(self.value) >= SIGMAS * self.std_dev
+    determined: bool
 
 
 @dataclass(frozen=True)
 class Flow:
     """The hydraulics of one joint, and the share of the piston's flow (rms) left unexplained, with
-    the most of it that is usual, and the correlation of neighbouring rows of it.
+    the most of it that is `usual`, and the correlation of neighbouring rows of it.
 
     `quantities` is empty where too much is left for any value to be good. All that the balance
-    needs is `known` for that time [s] of what was `recorded`.
+    needs is `known` for that time [s] of what was `recorded`. `method`: what of it counts.
     """
 
     joint: str
@@ -98,6 +83,7 @@ class Flow:
     correlation: float
     known: float
     recorded: float
+    method: Method
 
     @property
     def undetermined(self) -> tuple[str, ...]:
@@ -118,10 +104,11 @@ class Flow:
         """Whether most of what is left has a law that is none of the quantities'."""
         named = sum(one.share**2 for one in self._beyond)
         beyond = named + self.unexplained**2
-        law = self.unexplained > self.usual and self.correlation >= LAW
-        return law and named < EXPLAINED * beyond
+        law = self.unexplained > self.usual and self.correlation >= self.method.flow_law_correlation
+        return law and named < self.method.flow_named_share * beyond
 
     @property
     def _beyond(self) -> tuple[Quantity, ...]:
         found = sorted((q for q in self.quantities if q.missing), key=lambda q: -q.score)
-        return tuple(q for q in found if q.share**2 >= FURTHER_SHARE * found[0].share ** 2)
+        least = self.method.flow_further_share
+        return tuple(q for q in found if q.share**2 >= least * found[0].share ** 2)

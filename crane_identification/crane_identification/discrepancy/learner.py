@@ -88,8 +88,8 @@ class Learnt:
 
     def follows_law(self, thresholds: Thresholds) -> np.ndarray:
         """(j,): whether a law is there, beyond chance and beyond errors of the processing."""
-        limit = thresholds.false_alarm_rate / 2.0 / len(self.share)
-        return (self.p_value < limit) & (self.strength > thresholds.smallest_strength)
+        limit = thresholds.method.false_alarm_rate / 2.0 / len(self.share)
+        return (self.p_value < limit) & (self.strength > thresholds.gates.smallest_strength)
 
 
 def learn(evidence: Evidence, known: Features, residual: np.ndarray, fold: np.ndarray) -> Learnt:

@@ -12,7 +12,7 @@ from crane_identification.discrepancy.candidates import Family, Option
 from crane_identification.discrepancy.evidence import Evidence
 from crane_model.terms import Term
 
-SEEN = 0.1
+SEEN_SHARE = 0.1
 """Share of the norm of a column within the used rows, below which it is not sought there: ten times
 as much friction would have to be where none is seen."""
 
@@ -27,7 +27,7 @@ def left_out(
     share = np.array(
         [seen(evidence, one.term) if one.term.family == "friction" else 1.0 for one in options]
     )
-    hidden = share < SEEN
+    hidden = share < SEEN_SHARE
     whole: dict[Family, str] = {}
     part: dict[Family, str] = {}
     for family in dict.fromkeys(
@@ -37,7 +37,7 @@ def left_out(
         lost = own & hidden
         reason = (
             "its peak lies in the rows that are left out around reversals; those that are used see "
-            f"{share[lost].max():.1%} of it, {SEEN:.0%} needed"
+            f"{share[lost].max():.1%} of it, {SEEN_SHARE:.0%} needed"
         )
         if lost.sum() == own.sum():
             whole[family] = reason

@@ -16,8 +16,10 @@ Loads = tuple[Load, ...]
 
 LOADS = "loads"  # the field of a term that may differ between recordings
 NO_LOAD = "none"  # what the lightest recordings carry: masses count from it
-SIGMAS = 4.0  # standard deviations within which two masses are the same,
-ALIKE = 0.05  # or this share of the largest difference: no load is a point, nor quite at the tip
+MASS_SIGMAS = 4.0  # standard deviations within which two masses are the same,
+MASS_SHARE = (
+    0.05  # or this share of the largest difference: no load is a point, nor quite at the tip
+)
 
 
 def load_of(evidence: Evidence, recordings: Sequence[int]) -> Load:
@@ -61,7 +63,7 @@ def agreeing(information: np.ndarray, score: np.ndarray, variance: float) -> lis
             for k in range(len(groups) - 1)
         ]
         lost = np.array([gain - _of_groups(one, information, score)[1] for one in joined])
-        same = (lost < SIGMAS**2 * variance) | (np.diff(means) < ALIKE * np.ptp(means))
+        same = (lost < MASS_SIGMAS**2 * variance) | (np.diff(means) < MASS_SHARE * np.ptp(means))
         if not same.any():
             return groups
         groups = joined[int(np.argmin(np.where(same, lost, np.inf)))]

@@ -19,16 +19,16 @@ from crane_identification.motion_validation import validate_motion
 from crane_model.model_file import Model
 from crane_model.record import Record
 
-NEARLY = 0.1  # share of an effect's score that its shape may give up for the motion
-CLEARLY = 0.95  # of the error of the simulated motion that another shape must stay below
-FACTORS = (0.4, 0.63, 0.8, 1.25, 1.6, 2.5)  # between shapes that are tried
-SIMULATED = 2  # runs, the longest
+SCORE_SHARE = 0.1  # share of an effect's score that its shape may give up for the motion
+ERROR_RATIO = 0.95  # of the error of the simulated motion that another shape must stay below
+SHAPE_FACTORS = (0.4, 0.63, 0.8, 1.25, 1.6, 2.5)  # between shapes that are tried
+SIMULATED_RUNS = 2  # runs, the longest
 
 
 def suited(search: Search, before: Model, accepted: Sequence[Judged]) -> list[Judged]:
     """The accepted effects, each with the shape of those nearly alike that moves most truly."""
     longest = sorted(search.evidence.runs, key=lambda run: (-len(run.record), run.source))
-    records = [run.record for run in longest[:SIMULATED]]
+    records = [run.record for run in longest[:SIMULATED_RUNS]]
     chosen = list(accepted)
     for place, one in enumerate(chosen):
         if not one.option.family.shapes:
@@ -38,7 +38,7 @@ def suited(search: Search, before: Model, accepted: Sequence[Judged]) -> list[Ju
             continue
         errors = [_error(before, search, choice, one, records) for choice in tried]
         best = int(np.argmin(errors))
-        if errors[best] < CLEARLY * errors[0]:
+        if errors[best] < ERROR_RATIO * errors[0]:
             option = search.projection.options[tried[best].options[place]]
             chosen[place] = replace(one, option=option)
     return chosen
@@ -56,7 +56,7 @@ def _nearly_alike(
     for shape in _around(chosen[place]):
         number = search.added(chosen[place].family, shape)
         other = solve(search.projection, (*numbers[:place], number, *numbers[place + 1 :]))
-        if other is not None and own.gain - other.gain < NEARLY * score:
+        if other is not None and own.gain - other.gain < SCORE_SHARE * score:
             others.append(other)
     return [own, *others]
 
@@ -67,7 +67,7 @@ def _around(option: Option) -> list[dict[str, float]]:
     return [
         {**option.shape, name: value}
         for name, shape in shapes.items()
-        for value in (option.shape[name] * factor for factor in FACTORS)
+        for value in (option.shape[name] * factor for factor in SHAPE_FACTORS)
         if shape.lowest <= value <= shape.highest
     ]
 

@@ -29,24 +29,6 @@ class Nearest:
     after: np.ndarray
     objection: str
 
-    def __str__(self) -> str:
-        """One sentence."""
-        first = self.effects[0]
-        own = {one.option.family.joint for one in self.effects}
-        acting = [j for j, joint in enumerate(self.joints) if own & {joint, None}]
-        worst = max(acting, key=lambda j: self.before[j])
-        moved = (
-            f" and takes the held-out error of {self.joints[worst]} from {self.before[worst]:.2%} "
-            f"to {self.after[worst]:.2%}"
-            if np.isfinite(self.after[worst])
-            else ""
-        )
-        return (
-            f"nearest is {' with '.join(one.option.family.label for one in self.effects)} (score "
-            f"{first.score:.0f}, threshold {first.threshold:.0f}), which explains "
-            f"{self.explained:.0%} of what is left where it acts{moved}; but {self.objection}"
-        )
-
 
 def nearest(
     found: Search,

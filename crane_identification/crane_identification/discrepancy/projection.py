@@ -12,18 +12,18 @@ import numpy as np
 
 from crane_identification.discrepancy.candidates import Family, Option
 from crane_identification.discrepancy.evidence import Evidence
-from crane_identification.discrepancy.whitening import SAME, Whitener, leading
+from crane_identification.discrepancy.whitening import FORCE_CORRELATION, Whitener, leading
 
 TINY = np.finfo(float).tiny
-ONCE, NEARLY = 0.05, 0.95
-"""The measured force explains itself with the coefficient one: a column within `ONCE` of that and
-correlated with the residual by more than `NEARLY` is made of it, as |tau| sgn(v) is where friction
-is all that the force overcomes."""
-VISIBLE = 0.02
+ITSELF_TOLERANCE, ITSELF_CORRELATION = 0.05, 0.95
+"""The measured force explains itself with the coefficient one: a column that is within this
+tolerance of that and correlated with the residual by more than this is made of it, as |tau| sgn(v)
+is where friction is all that the force overcomes."""
+VISIBLE_SHARE = 0.02
 """Share of a column's norm that must be left beside the base for its effect to be testable. Asked
 in the zone that shows it: friction with memory is Coulomb's but for the reversals.
 """
-SEEN = 1e-6  # share of a column's norm that is more than rounding
+ROUNDING_SHARE = 1e-6  # share of a column's norm that is more than rounding
 
 
 @dataclass(frozen=True)
@@ -173,14 +173,15 @@ def testable(
             reasons[family] = (
                 "these recordings do not show all of its parameters"
                 if family.changes
-                else f"{share:.1%} of its column is left beside the model, {VISIBLE:.0%} needed"
+                else f"{share:.1%} of its column is left beside the model, "
+                f"{VISIBLE_SHARE:.0%} needed"
             )
     return wanted, reasons
 
 
 def _least(family: Family) -> float:
     """The least visibility needed: of a change, which has the form of the model's own term, any."""
-    return SEEN if family.changes else VISIBLE
+    return ROUNDING_SHARE if family.changes else VISIBLE_SHARE
 
 
 def _force_itself(projection: Projection, evidence: Evidence, whitener: Whitener) -> set[Family]:
@@ -204,7 +205,7 @@ def _force_itself(projection: Projection, evidence: Evidence, whitener: Whitener
             columns = columns - known @ (known.T @ columns)
             size, score = np.linalg.norm(columns, axis=0), rest @ columns
             alike = np.abs(score) / np.maximum(size * np.linalg.norm(rest), TINY)
-            once = np.abs(score / np.maximum(size**2, TINY) - 1.0) < ONCE
-            if ((alike > SAME) | (once & (alike > NEARLY))).any():
+            once = np.abs(score / np.maximum(size**2, TINY) - 1.0) < ITSELF_TOLERANCE
+            if ((alike > FORCE_CORRELATION) | (once & (alike > ITSELF_CORRELATION))).any():
                 found.add(family)
     return found

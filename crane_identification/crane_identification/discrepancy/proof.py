@@ -17,8 +17,6 @@ from crane_identification.discrepancy.trial import Trial, tried
 from crane_identification.preparation import Preparation
 from crane_model.model_file import Model
 
-WORSE = 1.05  # times the error before, on held-out recordings, that is more than chance
-
 
 class Short(NamedTuple):
     """An effect that does not close the held-out gap, and what it does in words."""
@@ -53,8 +51,8 @@ def proved(
     """
     short: list[Short] = []
     while True:
-        trial = tried(found, before, wanted, training, known)
-        gap = measure(before, trial.model, found.evidence, held_out, periods)
+        trial = tried(found, before, wanted, training, known, thresholds)
+        gap = measure(before, trial.model, found.evidence, held_out, periods, thresholds.method)
         failing = [
             Short(one, said) for one in trial.effects if (said := objection(one, gap, thresholds))
         ]
@@ -70,15 +68,24 @@ def objection(one: Judged, gap: Gap, thresholds: Thresholds) -> str:
     own = [j for j, name in enumerate(gap.joints) if joint in (name, None)]
     closed = gap.closed_on(own)
     if not np.isfinite(closed):  # there is no gap: it must not open one
-        worse = [j for j in own if gap.after[j] > WORSE * gap.before[j]]
-        return f"it predicts the held-out force of {gap.joints[worse[0]]} worse" if worse else ""
-    least = thresholds.simple_share if _simple(one) else thresholds.closed_share
+        worse = [j for j in own if gap.after[j] > thresholds.method.worse_factor * gap.before[j]]
+        return _enlarging(gap, worse) if worse else ""
+    method = thresholds.method
+    least = method.simple_share if _simple(one) else method.closed_share
     if closed >= least:
         return ""
+    if closed < 0.0:
+        larger = [j for j in own if gap.after[j] > gap.before[j]]
+        return f"{_enlarging(gap, larger)}; it should close {least:.0%} of the gap"
     return (
         f"it closes {closed:.0%} of what could be closed of the gap on held-out recordings, and "
         f"{least:.0%} are asked for"
     )
+
+
+def _enlarging(gap: Gap, joints: Sequence[int]) -> str:
+    """That an effect makes the errors of these joints larger."""
+    return f"with it, {', '.join(gap.moved(j) for j in joints)}"
 
 
 def _simple(one: Judged) -> bool:

@@ -7,22 +7,19 @@ the same one in all recordings comes from elsewhere, as from a pump or from elec
 
 from collections.abc import Sequence
 from dataclasses import dataclass
+from typing import NamedTuple
 
 import numpy as np
 from scipy import ndimage, signal
 
 from crane_identification.discrepancy.evidence import Run
+from crane_identification.discrepancy.thresholds import Thresholds
 from crane_model.model_file import Model
 
-FEWEST_RECORDINGS = 4
 SPACING = 0.0125  # Hz, of the frequencies that are asked: finer than a minute resolves
-AROUND = 1.0  # Hz to either side, whose median is the level that a line stands out of
-LOWEST = 1.0  # Hz
-HIGHEST = 0.2  # of the sampling rate
-CLEAR = 7.5
-"""What log(power over level), its mean over R recordings times sqrt(R), exceeds at a line. Swinging
-booms, friction and noise reached 5.7 in 72 sets of recordings, a line of 1.8 % of the force 10.5.
-"""
+HALF_WIDTH = 1.0  # Hz to either side, whose median is the level that a line stands out of
+LOWEST_FREQUENCY = 1.0  # Hz
+HIGHEST_SHARE = 0.2  # of the sampling rate: the highest frequency
 TINY = np.finfo(float).tiny
 
 
@@ -38,19 +35,28 @@ class Pulsation:
     strength: float
 
 
-def pulsations(model: Model, runs: Sequence[Run]) -> tuple[Pulsation, ...]:
-    """The clearest line of each joint that has one beside the fitted `model`; none in too few
-    recordings.
+class Line(NamedTuple):
+    """What may be a pulsation, and its `clearness`: log(power over level), its mean over R
+    recordings times sqrt(R).
+    """
+
+    pulsation: Pulsation
+    clearness: float
+
+
+def clearest_lines(model: Model, runs: Sequence[Run], fewest: int) -> tuple[Line, ...]:
+    """The clearest line of each joint beside the fitted `model`; none of recordings that are too
+    short or less than the `fewest`.
     """
     longest = dict[str, Run]()
     for run in runs:
         other = longest.get(run.source)
         if other is None or len(run.record) > len(other.record):
             longest[run.source] = run
-    if len(longest) < FEWEST_RECORDINGS:
+    if len(longest) < fewest:
         return ()
-    highest = min(HIGHEST / _step(run) for run in longest.values())
-    asked = np.arange(LOWEST, highest, SPACING)
+    highest = min(HIGHEST_SHARE / _step(run) for run in longest.values())
+    asked = np.arange(LOWEST_FREQUENCY, highest, SPACING)
     if not len(asked):
         return ()
     spectra = [_spectrum(model, run, asked) for run in longest.values()]
@@ -58,10 +64,15 @@ def pulsations(model: Model, runs: Sequence[Run]) -> tuple[Pulsation, ...]:
     strength = np.median([strength for _, strength in spectra], axis=0)
     best = clear.argmax(axis=0)
     return tuple(
-        Pulsation(joint, float(asked[k]), float(strength[k, j]))
+        Line(Pulsation(joint, float(asked[k]), float(strength[k, j])), float(clear[k, j]))
         for j, (joint, k) in enumerate(zip(model.joints, best, strict=True))
-        if clear[k, j] > CLEAR
     )
+
+
+def pulsations(lines: Sequence[Line], thresholds: Thresholds) -> tuple[Pulsation, ...]:
+    """The lines that are clear enough."""
+    least = thresholds.gates.pulsation_clearness
+    return tuple(one.pulsation for one in lines if one.clearness > least)
 
 
 def _step(run: Run) -> float:
@@ -79,7 +90,7 @@ def _spectrum(model: Model, run: Run, asked: np.ndarray) -> tuple[np.ndarray, np
     count = max(round(1.0 / (SPACING * _step(run))), len(force))
     size = np.abs(np.fft.rfft((residual - residual.mean(axis=0)) * window, n=count, axis=0))
     frequency = np.fft.rfftfreq(count, _step(run))
-    width = round(2.0 * AROUND / float(frequency[1]))
+    width = round(2.0 * HALF_WIDTH / float(frequency[1]))
     level = ndimage.median_filter(size, size=(width, 1), mode="nearest")
     clear = 2.0 * np.log(np.maximum(size, TINY) / np.maximum(level, TINY))
     rms = np.sqrt(2.0) * size / window.sum() / np.maximum(np.sqrt((force**2).mean(axis=0)), TINY)

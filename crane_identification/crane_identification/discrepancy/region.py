@@ -7,7 +7,7 @@ import numpy as np
 from crane_identification.discrepancy.learner import Features
 
 BINS = 10
-MOST = 0.5  # of the energy that the range must carry
+ENERGY_SHARE = 0.5  # of the energy that the range must carry
 
 
 class Region(NamedTuple):
@@ -48,7 +48,7 @@ def _narrowest(edges: np.ndarray, power: np.ndarray) -> tuple[float, float, floa
     total = max(float(power.sum()), np.finfo(float).tiny)
     for width in range(1, len(power) + 1):
         sums = np.convolve(power, np.ones(width), "valid") / total
-        if sums.max() >= MOST or width == len(power):
+        if sums.max() >= ENERGY_SHARE or width == len(power):
             first = int(sums.argmax())
             return float(edges[first]), float(edges[first + width]), float(sums.max())
     raise AssertionError("the whole range carries everything")

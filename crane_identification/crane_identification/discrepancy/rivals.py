@@ -104,10 +104,10 @@ def slight(channels: Sequence[np.ndarray], gains: Sequence[float], thresholds: T
     `channels` are those where each acts. What a law leaves because it is not quite that of the
     machine is on its own joint, most of it.
     """
-    where = [set(one.tolist()) for one in channels]
+    where, method = [set(one.tolist()) for one in channels], thresholds.method
     for own, gain in zip(where, gains, strict=True):
         there = max(g for other, g in zip(where, gains, strict=True) if own & other)
-        least = max(thresholds.further_share * there, thresholds.elsewhere_share * max(gains))
+        least = max(method.further_share * there, method.elsewhere_share * max(gains))
         if gain < least:
             return True
     return False
@@ -125,7 +125,7 @@ def mends(
         joint = options[number].family.joint
         if joint is not None and reverses(search, options[number]):
             resisting.setdefault(joint, []).append(gain)
-    return any(min(one) < thresholds.form_share * max(one) for one in resisting.values())
+    return any(min(one) < thresholds.method.form_share * max(one) for one in resisting.values())
 
 
 def reverses(search: Search, option: Option) -> bool:

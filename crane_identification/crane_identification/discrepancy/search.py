@@ -32,9 +32,9 @@ from crane_identification.progress import Progress, silent
 EVALUATIONS = 8  # of each shape parameter when it is refined
 LARGEST_SET = 6  # effects that are sought together
 RIVALS = 4  # best sets of each size whose shapes are refined, so that the race is fair,
-CLOSE = 0.3  # if they add at least this share of what the best one adds
-LARGEST = 1e12  # gain; beyond, the search for shapes would lose its numbers
-NEIGHBOUR = 0.6  # of the way to the next point of the grid, to either side
+CLOSE_SHARE = 0.3  # if they add at least this share of what the best one adds
+LARGEST_GAIN = 1e12  # gain; beyond, the search for shapes would lose its numbers
+NEIGHBOUR_SHARE = 0.6  # of the way to the next point of the grid, to either side
 
 
 @dataclass
@@ -87,7 +87,7 @@ class Search:
             known = before[0].gain
             rough = larger_sets(self.projection, before)[:RIVALS]
             for choice in rough:
-                if choice.gain - known > CLOSE * (rough[0].gain - known):
+                if choice.gain - known > CLOSE_SHARE * (rough[0].gain - known):
                     self.refine(choice)
             self._sizes.append(larger_sets(self.projection, before))
             self.progress("search", (len(self._sizes) - 1) / (LARGEST_SET + 1))
@@ -165,7 +165,7 @@ class Search:
         start = self.projection.options[choice.options[place]]
         shape = start.family.shapes[name]
         points = len({one[name] for one in start.family.grid()})
-        step, middle = NEIGHBOUR / max(points - 1, 1), shape.share(start.shape[name])
+        step, middle = NEIGHBOUR_SHARE / max(points - 1, 1), shape.share(start.shape[name])
         low, high = max(middle - step, 0.0), min(middle + step, 1.0)
         tried: list[tuple[float, Projection]] = []
         beside = Beside(self.projection, others(choice, place))
@@ -174,7 +174,7 @@ class Search:
             one = self._alone(start.family, {**start.shape, name: shape.value(float(share))})
             gain = beside.gain(one)
             tried.append((gain, one))
-            return -min(max(gain, 0.0), LARGEST)
+            return -min(max(gain, 0.0), LARGEST_GAIN)
 
         minimize_scalar(
             cost, bounds=(low, high), method="bounded", options={"maxiter": EVALUATIONS}

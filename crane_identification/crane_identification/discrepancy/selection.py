@@ -8,7 +8,7 @@ import numpy as np
 from crane_identification.discrepancy.projection import Projection
 
 BEAM = 24  # sets that are followed from each size to the next
-SINGULAR = 1e-6
+SINGULAR_SHARE = 1e-6
 """Share of a column's norm left beside the chosen ones, below which it is one of them."""
 
 
@@ -65,7 +65,7 @@ def _best_of_families(projection: Projection, gains: np.ndarray) -> list[int]:
 def _option_gains(projection: Projection, gram: np.ndarray, score: np.ndarray) -> np.ndarray:
     """Gain (options,) of each option by itself, -inf where signs are wrong."""
     diagonal = np.diag(gram)
-    good = diagonal > SINGULAR**2
+    good = diagonal > SINGULAR_SHARE**2
     right = good & (~projection.positive | (score > 0.0))
     single = np.where(right, score**2 / np.where(good, diagonal, 1.0), -np.inf)
     gains = np.full(len(projection.options), -np.inf)
@@ -93,7 +93,7 @@ def constrained(gram: np.ndarray, score: np.ndarray, positive: np.ndarray) -> np
     values = np.zeros(len(score))
     while free.any():
         part = gram[np.ix_(free, free)]
-        if np.linalg.eigvalsh(part)[0] < SINGULAR**2:
+        if np.linalg.eigvalsh(part)[0] < SINGULAR_SHARE**2:
             return None
         values[:] = 0.0
         values[free] = np.linalg.solve(part, score[free])

@@ -7,7 +7,7 @@ from crane_identification.discrepancy.evidence import Evidence
 from crane_identification.discrepancy.gap import relative
 from crane_identification.discrepancy.search import Search
 
-NEARLY_ALL = 0.9
+DETECTABLE_SHARE = 0.9
 """Share of the effects that would show at the strength that is called detectable."""
 
 
@@ -45,4 +45,4 @@ def detectable(search: Search, threshold: float) -> float:
         family = options[number].family
         least = strength(search, number, threshold) / max(float(share), 1e-9)
         strengths[family] = min(strengths.get(family, np.inf), least)
-    return float(np.quantile(list(strengths.values()), NEARLY_ALL)) if strengths else np.inf
+    return float(np.quantile(list(strengths.values()), DETECTABLE_SHARE)) if strengths else np.inf

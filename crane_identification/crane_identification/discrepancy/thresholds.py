@@ -1,4 +1,4 @@
-"""Thresholds of a diagnosis, in a file beside the code."""
+"""What a diagnosis decides by, in a file beside the code."""
 
 from pathlib import Path
 from typing import Annotated
@@ -9,27 +9,59 @@ from crane_model.configuration import Schema, load, packaged
 
 Share = Annotated[float, Field(ge=0, le=1)]
 Positive = Annotated[float, Field(gt=0)]
+Count = Annotated[int, Field(ge=1)]
 
 
-class Thresholds(Schema):
-    """What an effect must reach to be named; `discrepancy.yaml` says what each is for."""
+class Gates(Schema):
+    """What machines from which nothing is missing must not pass; calibrated, and then frozen."""
 
-    false_alarm_rate: Share
     score_factor: Positive
     smallest_strength: Share
+    floor_factor: Positive
+    pulsation_clearness: Positive
+    smallest_flow_share: Share
+    unexplained_flow: Share
+
+
+class Method(Schema):
+    """What else answers are compared with."""
+
+    false_alarm_rate: Share
     further_share: Share
     elsewhere_share: Share
     form_share: Share
+    distinct_correlation: Share
     folds_share: Share
+    folds_to_fail: Count
     lead_share: Share
-    alike: Share
+    kin_lead_share: Share
+    alike_correlation: Share
+    rival_correlation: Share
+    form_correlation: Share
+    parameter_sigmas: Positive
     explained_share: Share
     left_share: Share
     closed_share: Share
     simple_share: Share
-    floor_factor: Positive
+    explainable_share: Share
+    clean_factor: Positive
+    worse_factor: Positive
     testable_share: Share
     detectable_strength: Share
+    pulsation_recordings: Count
+    flow_sigmas: Positive
+    flow_proof_factor: Positive
+    flow_noise_share: Share
+    flow_law_correlation: Share
+    flow_further_share: Share
+    flow_named_share: Share
+
+
+class Thresholds(Schema):
+    """All of it; `discrepancy.yaml` says what each is for."""
+
+    gates: Gates
+    method: Method
 
 
 def load_thresholds(path: Path | None = None) -> Thresholds:

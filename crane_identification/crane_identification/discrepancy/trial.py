@@ -15,10 +15,6 @@ from crane_identification.discrepancy.search import Search
 from crane_identification.discrepancy.thresholds import Thresholds
 from crane_model.model_file import Model
 
-SIGMAS = 2.0
-"""Standard deviations that one parameter of an effect is away from zero at least, or it may as well
-not be there."""
-
 
 @dataclass(frozen=True)
 class Trial:
@@ -54,6 +50,7 @@ def tried(
     effects: Sequence[Judged],
     training: Training,
     known: Features,
+    thresholds: Thresholds,
 ) -> Trial:
     """The model with effects; those whose parameters may as well be zero are left out.
 
@@ -62,7 +59,11 @@ def tried(
     chosen = tuple(effects)
     while True:
         model, values = extended(found, before, chosen, training)
-        sure = tuple(one for one, own in zip(chosen, values, strict=True) if differs(one, own))
+        sure = tuple(
+            one
+            for one, own in zip(chosen, values, strict=True)
+            if differs(one, own, thresholds.method.parameter_sigmas)
+        )
         if sure == chosen:
             break
         chosen = sure
@@ -82,10 +83,12 @@ def tried(
     )
 
 
-def differs(one: Judged, values: Sequence[Value]) -> bool:
-    """Whether a parameter of an effect is not zero, or has changed; shapes alone say nothing."""
+def differs(one: Judged, values: Sequence[Value], sigmas: float) -> bool:
+    """Whether a parameter of an effect is not zero, or has changed, by more than so many standard
+    deviations; shapes alone say nothing.
+    """
     changes = [value.change for value in values[: len(one.option.positive)]]
-    return any(abs(change) > SIGMAS * std_dev for change, std_dev in changes)
+    return any(abs(change) > sigmas * std_dev for change, std_dev in changes)
 
 
 def normalized_energy(found: Search, left: np.ndarray) -> np.ndarray:

@@ -7,12 +7,12 @@ from typing import NamedTuple
 import numpy as np
 
 from crane_identification.discrepancy.decision import Judged
-from crane_identification.discrepancy.gap import CLEAN, Gap
+from crane_identification.discrepancy.gap import Gap
 from crane_identification.discrepancy.hydraulics import Flow
-from crane_identification.discrepancy.proof import WORSE, Proof
+from crane_identification.discrepancy.proof import Proof
 from crane_identification.discrepancy.pulsation import Pulsation
 from crane_identification.discrepancy.thresholds import Thresholds
-from crane_identification.discrepancy.trial import SIGMAS, Trial
+from crane_identification.discrepancy.trial import Trial
 from crane_identification.discrepancy.weighing import Weighed
 
 SPOKEN = 4  # members of a class that the reason lists
@@ -50,7 +50,7 @@ class Reach(NamedTuple):
 
 def judge(before: Trial, proof: Proof, reach: Reach, thresholds: Thresholds) -> Answer:
     """The answer of the force: the trial `before`, and that with effects."""
-    gap = proof.gap
+    gap, method = proof.gap, thresholds.method
     if proof.trial.effects:
         return _of_effects(before, proof, thresholds)
     if proof.short:
@@ -59,7 +59,7 @@ def judge(before: Trial, proof: Proof, reach: Reach, thresholds: Thresholds) -> 
         return Answer(
             Verdict.UNKNOWN,
             NOT_HELD,
-            f"its parameters are zero within {SIGMAS:.0f} standard deviations",
+            f"its parameters are zero within {method.parameter_sigmas:.0f} standard deviations",
         )
     law = before.learnt.follows_law(thresholds)
     if law.any():
@@ -67,7 +67,7 @@ def judge(before: Trial, proof: Proof, reach: Reach, thresholds: Thresholds) -> 
             Verdict.UNKNOWN,
             f"what is left on {_listed(gap, law)} follows a law, but none of the catalogue",
         )
-    beyond = _beyond_noise(gap, gap.after, gap.training_before, thresholds.floor_factor)
+    beyond = _beyond_noise(gap, gap.after, gap.training_before, thresholds.gates.floor_factor)
     if beyond:
         return Answer(Verdict.UNKNOWN, "; ".join(beyond))
     if reach.undetermined:
@@ -76,13 +76,13 @@ def judge(before: Trial, proof: Proof, reach: Reach, thresholds: Thresholds) -> 
             f"they do not even determine {', '.join(reach.undetermined)} of the model; excite the "
             "joints more: both directions, several speeds, the whole range",
         )
-    if reach.testable < thresholds.testable_share:
+    if reach.testable < method.testable_share:
         return Answer(
             Verdict.INSUFFICIENT,
             f"only {reach.testable:.0%} of the effects would show in these recordings; excite the "
             "joints more: both directions, several speeds, the whole range",
         )
-    if reach.least > thresholds.detectable_strength:
+    if reach.least > method.detectable_strength:
         return Answer(
             Verdict.INSUFFICIENT,
             f"of ten effects, one would not show at {reach.least:.1%} of the drive force; record "
@@ -167,6 +167,8 @@ def _unknown_beside(answer: Answer, said: Sequence[str]) -> Answer:
     text = "; ".join(said)
     if answer.verdict is Verdict.NONE:
         return Answer(Verdict.UNKNOWN, text)
+    if answer.verdict is Verdict.INSUFFICIENT:  # what shows, shows
+        return Answer(Verdict.UNKNOWN, f"{text}; {answer.reason}")
     more = answer.verdict in (Verdict.NAMED, Verdict.CLASS)
     verdict = Verdict.AND_MORE if more else answer.verdict
     return answer._replace(verdict=verdict, reason=f"{answer.reason}; {text}")
@@ -211,28 +213,30 @@ def _of_effects(before: Trial, proof: Proof, thresholds: Thresholds) -> Answer:
 
 def _moved(proof: Proof) -> list[str]:
     """What the effects do to the held-out errors where they act, in words."""
-    gap, acting = proof.gap, [one.option.family.joint for one in proof.trial.effects]
-    return [
-        f"the held-out error of {joint} falls from {gap.before[j]:.2%} to {gap.after[j]:.2%}"
-        for j, joint in enumerate(gap.joints)
-        if (joint in acting or None in acting) and gap.after[j] < gap.before[j]
-    ]
+    gap, acting = proof.gap, _acting(proof)
+    return [gap.moved(j) for j in np.flatnonzero(acting & (gap.after < gap.before))]
+
+
+def _acting(proof: Proof) -> np.ndarray:
+    """Whether any of the effects acts on a joint (j,)."""
+    joints = {one.option.family.joint for one in proof.trial.effects}
+    return np.array([bool(joints & {joint, None}) for joint in proof.gap.joints])
 
 
 def _more(proof: Proof, share: float, thresholds: Thresholds) -> list[str]:
     """What is missing beside the effects, in words; empty if nothing is."""
-    trial, gap = proof.trial, proof.gap
+    trial, gap, method = proof.trial, proof.gap, thresholds.method
     said = []
-    if share < thresholds.explained_share:
+    if share < method.explained_share:
         law = trial.learnt.follows_law(thresholds)
         said.append(f"something more is missing, a law that is left on {_listed(gap, law)}")
-    if trial.left_share > thresholds.left_share:
+    if trial.left_share > method.left_share:
         said.append(f"they leave {trial.left_share:.0%} of the energy beyond noise where they act")
-    said += _beyond_noise(gap, gap.after, gap.training_after, thresholds.floor_factor)
-    worse = gap.after > WORSE * np.fmax(gap.before, CLEAN * gap.floor)
+    said += _beyond_noise(gap, gap.after, gap.training_after, thresholds.gates.floor_factor)
+    worse = gap.after > method.worse_factor * np.fmax(gap.before, method.clean_factor * gap.floor)
+    acting = _acting(proof)
     said += [
-        f"the held-out force of {gap.joints[j]} is predicted worse with them, {gap.after[j]:.2%} "
-        f"in place of {gap.before[j]:.2%}"
+        ("" if acting[j] else "where none of the effects acts, ") + gap.moved(j)
         for j in np.flatnonzero(worse)
     ]
     said += [

@@ -8,11 +8,11 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from crane_identification.discrepancy.evidence import Evidence
-from crane_identification.discrepancy.loads import LOADS, SIGMAS, one_each
+from crane_identification.discrepancy.loads import LOADS, MASS_SIGMAS, one_each
 from crane_model.model_file import Model
 from crane_model.terms import Term, candidates, typical
 
-HALF = 4.0
+POWER_RATIO = 4.0
 """By how much a load that nothing in training speaks for reduces the power of what is left of the
 joint that is worst off, at least; and how much more than in training is then left, at most."""
 BLOCKS = 8  # of a recording, one left out at a time: what is left is not white
@@ -59,7 +59,9 @@ def weighed(
             float(((each**2).sum(axis=0) / np.maximum(used.sum(axis=0), 1)).max())
             for each in (force, force - mass * column)
         )
-        sure = abs(mass) > SIGMAS * spread and HALF * rest < power and rest < HALF
+        sure = (
+            abs(mass) > MASS_SIGMAS * spread and POWER_RATIO * rest < power and rest < POWER_RATIO
+        )
         if known or sure:
             put.append(loads[k])
             values.append(mass)

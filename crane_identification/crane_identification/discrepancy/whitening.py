@@ -8,12 +8,12 @@ import numpy as np
 from crane_identification.discrepancy.evidence import Evidence
 from crane_identification.estimation.autoregression import Autoregression, restricted_likelihood
 
-NEGLIGIBLE = 1e-8  # of the largest eigenvalue: directions below are rounding
+ROUNDING_SHARE = 1e-8  # of the largest eigenvalue: directions below are rounding
 DIRECTIONS = 60  # of the candidates that the largest model takes, the commonest ones
 ROWS_PER_UNKNOWN = 1.5  # of the base; a channel with fewer says nothing about what it lacks
 FEWEST_ROWS = 8
 ROWS_PER_DIRECTION = 12  # a channel with fewer rows does not carry another direction
-SAME = 0.999
+FORCE_CORRELATION = 0.999
 """A column whose part beyond the base is correlated like this with the residual is the measured
 force itself: it explains everything, noise included, and says nothing."""
 
@@ -94,9 +94,9 @@ def _noise(
     rest = columns[used] - known @ (known.T @ columns[used])
     residual = force[used] - known @ (known.T @ force[used])
     norms = np.linalg.norm(rest, axis=0)
-    telling = norms > NEGLIGIBLE * np.linalg.norm(columns[used], axis=0)
+    telling = norms > ROUNDING_SHARE * np.linalg.norm(columns[used], axis=0)
     telling[telling] &= np.abs(residual @ rest[:, telling]) < (
-        SAME * norms[telling] * np.linalg.norm(residual)
+        FORCE_CORRELATION * norms[telling] * np.linalg.norm(residual)
     )
     count = min(DIRECTIONS, (int(used.sum()) - known.shape[1]) // ROWS_PER_DIRECTION)
     more = leading(rest[:, telling], count) if count > 0 else rest[:, :0]
@@ -114,7 +114,7 @@ def leading(columns: np.ndarray, most: int) -> np.ndarray:
     scaled = columns[:, norms > 0.0] / norms[norms > 0.0]
     power, vectors = np.linalg.eigh(scaled.T @ scaled)
     order = np.argsort(power)[::-1][:most]
-    kept = order[power[order] > NEGLIGIBLE * power.max(initial=0.0)]
+    kept = order[power[order] > ROUNDING_SHARE * power.max(initial=0.0)]
     return scaled @ vectors[:, kept] / np.sqrt(power[kept])
 
 

@@ -44,7 +44,7 @@ CHANGES = ANSWERS | {
 """What the verdicts say where the values of the model are kept."""
 NOISE = {"none", "insufficient_data"}
 """Answers with which what the model leaves is noise, as far as recordings tell: it sits nowhere."""
-SMALL = 0.05  # share of what is unexplained, below which a joint says nothing
+SMALL_SHARE = 0.05  # share of what is unexplained, below which a joint says nothing
 
 
 class Estimate(NamedTuple):
@@ -204,7 +204,7 @@ def disagrees(content: Content) -> Iterator[tuple[str, str]]:
     if content["verdict"] in NOISE:
         return
     for joint, one in content["where"].items():
-        if one["energy_share"] > SMALL:
+        if one["energy_share"] > SMALL_SHARE:
             where = one["region"] and (
                 f", {short_percent(one['region']['share'])} of it with {region(one['region'])}"
             )
@@ -271,8 +271,7 @@ def nearest(content: Content) -> list[str]:
     names = listed([_alone(one) for one in near["effects"]])
     own = {one["joint"] for one in near["effects"]}
     moved = [
-        f"held-out error of the {spoken(joint)} {percent(_number(one['before']))} → "
-        f"{percent(_number(one['after']))}"
+        f"held-out error of the {spoken(joint)} {_step(one['before'], one['after'])}"
         for joint, one in near["gap"].items()
         if one["after"] is not None and own & {joint, WHOLE}
     ]
@@ -285,6 +284,11 @@ def nearest(content: Content) -> list[str]:
         ),
         f"no name: {said(near['objection'], content['where'])}",
     ]
+
+
+def _step(before: float | None, after: float | None) -> str:
+    """From one share to another, once if both are printed alike."""
+    return " → ".join(dict.fromkeys(percent(_number(share)) for share in (before, after)))
 
 
 def _number(value: float | None) -> float:

@@ -12,8 +12,10 @@ from rclpy.qos import DurabilityPolicy, QoSProfile, ReliabilityPolicy
 from std_srvs.srv import Trigger
 
 from crane_driver.nodes.managed import AUTOSTART, run_managed
+from crane_driver.nodes.names import full_name
 from crane_driver.nodes.parameters import NodeParameter, Number, Numbers, Text, declare, hold
 from crane_driver.nodes.polled import Polled
+from crane_driver.nodes.ready import say_ready
 from crane_identification.data.column_map import ColumnMap
 from crane_identification.online.condition import Condition, recording, status
 from crane_identification.online.estimator import OnlineEstimator, OnlineOptions
@@ -30,7 +32,7 @@ from crane_model.configuration import load, packaged
 from crane_model.errors import CraneError, DataError
 from crane_model.model_file import load_model, save_model
 
-JOINT_STATES, PRESSURES = "/joint_states", "/cylinder_pressures"
+JOINT_STATES, PRESSURES = "joint_states", "cylinder_pressures"
 DEEP = QoSProfile(depth=1000, reliability=ReliabilityPolicy.RELIABLE)
 LATCHED = QoSProfile(
     depth=1,
@@ -104,7 +106,7 @@ class Identification(LifecycleNode):
 
     def __init__(self) -> None:
         super().__init__("identification")
-        declare(self, PARAMETERS)
+        declare(self, PARAMETERS, read_only=(AUTOSTART,))
         self._estimator: OnlineEstimator | None = None
         self._recent: Recent | None = None
         fixed = [parameter for parameter in PARAMETERS if parameter is not MODEL_OUTPUT]
@@ -114,10 +116,10 @@ class Identification(LifecycleNode):
         self._listening: list[tuple[Polled, Callable[[Any, int], None]]] = []
         self._diagnostics = self.create_publisher(DiagnosticArray, "/diagnostics", 10)
         self._estimates = self.create_lifecycle_publisher(
-            ParameterEstimate, "/parameter_estimate", LATCHED
+            ParameterEstimate, "parameter_estimate", LATCHED
         )
         self._forces = self.create_lifecycle_publisher(
-            GeneralizedForces, "/generalized_forces", DEEP
+            GeneralizedForces, "generalized_forces", DEEP
         )
         self.create_service(Trigger, "~/reset_estimator", self._reset)
         self.create_service(Trigger, "~/save_model", self._save)
@@ -138,7 +140,7 @@ class Identification(LifecycleNode):
             )
             self._condition = Condition(timeout=TIMEOUT.read(self))
             file = MODEL.read(self) or packaged("crane_model", "crane_model.yaml")
-            estimator = OnlineEstimator(load_model(file), options)
+            estimator = OnlineEstimator(load_model(file).of_machine(), options)
             recent = Recent(estimator.model.machine, estimator.model.joints)
             self._listeners = self._listeners_of(Watched(estimator, recent))
             self._estimator, self._recent = estimator, recent
@@ -155,6 +157,7 @@ class Identification(LifecycleNode):
         ]
         topics = [one.topic for one in self._listeners]
         self._condition.listen(time.monotonic(), *topics)
+        say_ready(self)
         return super().on_activate(state)
 
     def on_deactivate(self, state: LifecycleState) -> TransitionCallbackReturn:
@@ -178,7 +181,7 @@ class Identification(LifecycleNode):
     def _listeners_of(self, estimator: Watched) -> tuple[Listener, ...]:
         file = COLUMNS.read(self)
         if not file:
-            return listeners(estimator, JOINT_STATES, PRESSURES)
+            return listeners(estimator, *map(self.resolve_topic_name, (JOINT_STATES, PRESSURES)))
         return mapped_listeners(estimator, load(file, ColumnMap), file)
 
     def _learner(self, listener: Listener) -> Callable[[Any, int], None]:
@@ -204,11 +207,11 @@ class Identification(LifecycleNode):
             solution = self._estimator.solve()
             self._estimates.publish(estimate_message(self._estimator, solution))
         found = status(
-            self.get_name(), self._condition, self._estimator, solution, time.monotonic()
+            full_name(self), self._condition, self._estimator, solution, time.monotonic()
         )
         if self._recent is not None:
             self._recent.check()
-        checked = recording(self.get_name(), self._recent.found if self._recent else None)
+        checked = recording(full_name(self), self._recent.found if self._recent else None)
         message = DiagnosticArray(status=[found, checked])
         message.header.stamp = self.get_clock().now().to_msg()
         self._diagnostics.publish(message)
@@ -234,11 +237,11 @@ class Identification(LifecycleNode):
         return response
 
 
-ABOUT = """Identifies the parameters of the crane from /joint_states and /cylinder_pressures, or
+ABOUT = """Identifies the parameters of the crane from joint_states and cylinder_pressures, or
 from the topics that a column map names, while it moves, and publishes them with standard
-deviations on /parameter_estimate."""
+deviations on parameter_estimate."""
 
 
 def main(argv: Sequence[str] | None = None) -> int:
-    """Identify the crane's parameters from /joint_states and /cylinder_pressures."""
+    """Identify the crane's parameters from joint_states and cylinder_pressures."""
     return run_managed("identification", Identification, ABOUT, PARAMETERS, argv)

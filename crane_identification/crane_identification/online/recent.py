@@ -50,13 +50,13 @@ class Recent:
 
     def _log(self) -> Log:
         start = self._positions[0][0]
-        pressure = _signal(self._pressures, start, "/cylinder_pressures")
+        pressure = _signal(self._pressures, start, "pressures")
         chamber_a, chamber_b = np.split(pressure.value, 2, axis=1)
         return Log(
             source=f"the last {WINDOW:g} s",
             joints=self._joints,
             start=start,
-            position=_signal(self._positions, start, "/joint_states"),
+            position=_signal(self._positions, start, "positions"),
             pressure_a=Signal(pressure.time, chamber_a, pressure.origin),
             pressure_b=Signal(pressure.time, chamber_b, pressure.origin),
         )

@@ -26,7 +26,7 @@ def run(arguments: argparse.Namespace) -> None:
     )
     columns = load(arguments.columns, ColumnMap) if arguments.columns else None
     with ProgressBar() as progress:
-        options = Options(begin=arguments.begin, end=arguments.end)
+        options = Options(begin=arguments.begin, end=arguments.end, namespace=arguments.namespace)
         logs = Sources(model, columns, options, progress).read(arguments.recordings)
     checked = [check(model.machine, log) for log in logs]
     print("\n".join(line for one in checked for line in _lines(one)))

@@ -4,6 +4,7 @@ Colours are names of CSS variables of the page ("--measured"), one per meaning; 
 colour of screen, dark screen or paper in their place.
 """
 
+import re
 from collections.abc import Sequence
 from dataclasses import dataclass, field
 from math import floor, log10
@@ -16,6 +17,9 @@ from crane_identification.report.thinning import thin
 MEASURED, REFERENCE, MODEL = "--measured", "--reference", "--model"
 PLANTED, LIMIT = "--planted", "--soft"
 SCATTER, LEFT_OUT = "--scatter", "--left-out"
+
+DASHES = {MODEL: "dash", PLANTED: "dot", REFERENCE: "dot"}
+"""Line styles that tell curves apart where there is no colour, as on paper; others are solid."""
 
 _DIGITS = 5  # significant digits of a plotted number: finer than a pixel, even zoomed in
 FONT = {"size": 11, "color": "--soft", "family": "--sans"}
@@ -73,6 +77,15 @@ class Figure:
     def height(self) -> int:
         """px."""
         return sum(panel.height + _TITLE_HEIGHT for panel in self.panels) + _AXIS_HEIGHT
+
+    @property
+    def words(self) -> str:
+        """What is drawn, for those who do not see it."""
+        names = dict.fromkeys(f"{one.symbol} in {one.unit}" for one in self.panels)
+        curves = dict.fromkeys(c.name for one in self.panels for c in one.curves)
+        seconds = max(float(c.time[-1]) for one in self.panels for c in one.curves)
+        text = f"{self.joint}: {', '.join(names)} over {seconds:.3g} s; {', '.join(curves)}"
+        return re.sub("<[^>]*>", "", text)  # of subscripts
 
     def description(self) -> dict[str, Any]:
         """The figure in the vocabulary of plotly.js: data and layout."""
@@ -156,7 +169,11 @@ def _line(curve: Curve, unit: str, axis: str, seen: float | None) -> dict[str, A
         "x": _rounded(curve.time[kept]),
         "y": _rounded(curve.values[kept], seen),
         "yaxis": axis,
-        "line": {"color": curve.colour, "width": curve.width},
+        "line": {
+            "color": curve.colour,
+            "width": curve.width,
+            "dash": DASHES.get(curve.colour, "solid"),
+        },
         "hovertemplate": f"%{{y:.4~g}} {unit}<extra>{curve.name}</extra>",
     }
 

@@ -13,6 +13,7 @@ from crane_identification.report.figures import (
     reference_figures,
     validation_figures,
 )
+from crane_identification.report.links import Link, link, page_of
 from crane_identification.report.notation import spoken
 from crane_identification.report.processing import processing
 from crane_identification.report.recording import recorded
@@ -32,13 +33,18 @@ class FigureRow(NamedTuple):
     figures: list[Figure]
 
 
+RESULTS = ("model.yaml", "summary.json")  # beside the page
+
+
 def write(path: Path | str, report: IdentificationReport, progress: Progress = silent) -> None:
     """Write the page; `progress` counts its recordings."""
-    Path(path).write_text(render(report, progress), encoding="utf-8")
+    path = Path(path)
+    path.write_text(render(report, progress, path.parent), encoding="utf-8")
 
 
-def render(report: IdentificationReport, progress: Progress = silent) -> str:
-    """The page as HTML."""
+def render(report: IdentificationReport, progress: Progress = silent, folder: Path = Path()) -> str:
+    """The page as HTML, with links that hold in `folder`."""
+    model_file = report.provenance.model_file
     references = _reference_rows(report)
     recordings, averages, validations = _figure_rows(report, progress)
     settling = settling_figures(report)
@@ -62,6 +68,11 @@ def render(report: IdentificationReport, progress: Progress = silent) -> str:
         has_scatter=any(len(v.preparation.periods) > 1 for v in report.validations),
         joints=[spoken(joint) for joint in report.fit.model.joints],
         sources=source_rows(report),
+        model_file=link(model_file, folder),
+        model_page=page_of(model_file, folder),
+        results=[Link(name, name) for name in RESULTS],
+        training_links=[link(bag, folder) for bag in report.training_bags],
+        validation_links=[link(bag, folder) for bag in report.validation_bags],
         recursive=recursive_groups(report),
         recursive_errors=recursive_errors(report),
         settling=settling,

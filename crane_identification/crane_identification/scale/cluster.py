@@ -136,7 +136,8 @@ def _fit(
 
 
 def _read(path: Path, model: Model, columns: ColumnMap | None, options: Options) -> Log:
-    return usable(read_recording(path, model.joints, columns), options.begin, options.end)
+    log = read_recording(path, model.joints, columns, namespace=options.namespace)
+    return usable(log, options.begin, options.end)
 
 
 def _vetted(log: Log, model: Model, trusted: bool) -> tuple[str, ...]:

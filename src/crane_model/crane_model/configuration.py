@@ -4,13 +4,21 @@ from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from importlib.resources import files
 from pathlib import Path
-from typing import Any, TypeVar
+from typing import Any, Self, TypeVar
 
 import yaml
-from pydantic import BaseModel, ConfigDict, ValidationError
+from annotated_types import Ge, Le
+from pydantic import (
+    BaseModel,
+    ConfigDict,
+    ModelWrapValidatorHandler,
+    ValidationError,
+    model_validator,
+)
+from pydantic_core import ErrorDetails, InitErrorDetails, PydanticCustomError
 
 from crane_model.errors import ConfigurationError
-from crane_model.wording import wording
+from crane_model.wording import UNKNOWN_KEY, wording
 from crane_model.yaml_text import WrongYamlError, YamlText
 
 LARGEST_FILE = 1_000_000  # bytes, a thousand times what the files of the suite have
@@ -20,6 +28,20 @@ class Schema(BaseModel):
     """Base of everything that is read from YAML: immutable, and unknown keys are errors."""
 
     model_config = ConfigDict(frozen=True, extra="forbid", allow_inf_nan=False)
+
+    @model_validator(mode="wrap")
+    @classmethod
+    def _unknown_keys_beside_known(
+        cls, content: Any, handler: ModelWrapValidatorHandler[Self]
+    ) -> Self:
+        """What pydantic says of an unknown key lacks the keys that there are."""
+        try:
+            return handler(content)
+        except ValidationError as error:
+            raise ValidationError.from_exception_data(
+                error.title,
+                [_beside_known(problem, cls) for problem in error.errors(include_url=False)],
+            ) from None
 
 
 SchemaType = TypeVar("SchemaType", bound=BaseModel)
@@ -88,6 +110,26 @@ def save(path: Path | str, instance: BaseModel) -> None:
     content = instance.model_dump(mode="json", exclude_none=True)
     text = yaml.safe_dump(content, sort_keys=False, allow_unicode=True, width=100)
     Path(path).write_text(text, encoding="utf-8")
+
+
+def bounds(schema: type[BaseModel], field: str) -> tuple[float, float]:
+    """Smallest and largest value that a schema allows a field which states both (ge, le)."""
+    stated = {type(one): one for one in schema.model_fields[field].metadata}
+    return stated[Ge].ge, stated[Le].le
+
+
+def _beside_known(problem: ErrorDetails, schema: type[BaseModel]) -> InitErrorDetails:
+    """A problem of a schema, or of one within it, as pydantic takes it back."""
+    kind, context = problem["type"], problem.get("ctx", {})
+    if kind == "extra_forbidden" and len(problem["loc"]) == 1:
+        kind, context = UNKNOWN_KEY, {"known": ", ".join(schema.model_fields)}
+    own = kind == UNKNOWN_KEY
+    return InitErrorDetails(
+        type=PydanticCustomError(kind, "there are {known}", context) if own else kind,
+        loc=problem["loc"],
+        input=problem["input"],
+        ctx=context,
+    )
 
 
 def _validate(

@@ -3,7 +3,7 @@
 from collections.abc import Collection, Mapping
 from dataclasses import dataclass, replace
 from functools import cached_property
-from itertools import accumulate
+from itertools import accumulate, compress
 from pathlib import Path
 from typing import Annotated, Any, Literal, Self
 
@@ -126,6 +126,21 @@ class Model:
     def without_term(self, term: Term) -> Self:
         """The model without one of its terms, and without values."""
         return self._of(tuple(one for one in self.terms if one != term))
+
+    def of_machine(self) -> Self:
+        """The model, with its values, without what single recordings carried."""
+        stays = [not term.of_recordings for term in self.terms]
+        if all(stays):
+            return self
+        wanted = np.concatenate(
+            [np.arange(len(self.parameters))[part] for part in compress(self._parts, stays)]
+        )
+        known, spread = (
+            None if given is None else given[wanted] for given in (self.values, self.std_devs)
+        )
+        return replace(
+            self, terms=tuple(compress(self.terms, stays)), values=known, std_devs=spread
+        )
 
     def _of(self, terms: tuple[Term, ...]) -> Self:
         return replace(self, terms=terms, values=None, std_devs=None, provenance="")

@@ -6,9 +6,10 @@ from typing import Any
 LONGEST = 80  # characters of a value that is shown
 MAPPING, NUMBER = "must be a mapping of keys to values", "must be a number"
 WHOLE, LIST = "must be a whole number", "must be a list"
+UNKNOWN_KEY = "unknown_key"  # beside those of pydantic
 WORDING = {
     "missing": "is required, but absent",
-    "extra_forbidden": "no such key, it is not permitted here; check its spelling",
+    UNKNOWN_KEY: "no such key; there are {known}",
     "invalid_key": "no such key; check its spelling",
     "none_required": "must be left out",
     "greater_than": "must be greater than {gt}",

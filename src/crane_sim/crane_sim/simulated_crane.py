@@ -71,7 +71,7 @@ def _run(options: argparse.Namespace, stop: threading.Event) -> None:
         crane = MachineOnBus(layout, plant, sensors, start, operator)
         pace = Pace(crane.period, start)
         crane.run(pace.due)
-        print(f"simulated crane on {settings}, every {crane.period * 1e3:g} ms", flush=True)
+        print(f"ready: simulated crane on {settings}, every {crane.period * 1e3:g} ms", flush=True)
         shown = crane.valves.state
         while not stop.wait(pace.pause(time.monotonic())):
             for frame in crane.exchange(link.take()):

@@ -1,8 +1,9 @@
 """The electronics of the valves: what they do with the frames that command them."""
 
 from crane_driver.can.codec import MachineCodec
-from crane_driver.can.frame import UNUSABLE, Frame
+from crane_driver.can.frame import Frame
 from crane_driver.can.health import Monitor
+from crane_driver.faults import UNUSABLE
 from crane_model.machine import JOINTS
 
 TIMEOUT = 0.1  # s without a valid command, as the DBC file says of the valve unit

@@ -1,37 +1,41 @@
 """The stand-in machine on a CAN bus, and the driver on the same bus."""
 
 from launch import LaunchContext, LaunchDescription
-from launch.actions import (
-    DeclareLaunchArgument,
-    ExecuteProcess,
-    IncludeLaunchDescription,
-    OpaqueFunction,
-)
-from launch.substitutions import LaunchConfiguration, PathJoinSubstitution
-from launch_ros.substitutions import ExecutableInPackage, FindPackageShare
+from launch.actions import ExecuteProcess, OpaqueFunction
+from launch.substitutions import LaunchConfiguration
+from launch_ros.substitutions import ExecutableInPackage
 
-ARGUMENTS = {
-    "bus_interface": ("udp_multicast", "Interface of python-can; udp_multicast stays on this host"),
-    "bus_channel": ("", "Channel of the interface, for example vcan0; empty: its default"),
-    "bus_options": ("", "Further options as KEY=VALUE, separated by blanks: port=43113"),
-    "machine": ("", "Machine YAML; empty: the laboratory crane"),
-    "record": ("", "New folder to record to; empty: nothing is recorded"),
+from crane_driver.nodes.launching import COMMON, declared, included
+
+OF_MACHINE = {
+    "bus_interface": "Interface of python-can; by default udp_multicast, which stays on this host",
+    "bus_channel": "Channel of the interface, for example vcan0",
+    "bus_bitrate": "Bit rate [bit/s], for interfaces that set it",
+    "bus_options": "Further options as KEY=VALUE, separated by blanks: port=43113",
+    "machine": "Machine YAML",
 }
-HANDED_ON = {name: LaunchConfiguration(name) for name in ARGUMENTS}
+ARGUMENTS = COMMON | OF_MACHINE | {"record": "New folder to record to; empty: nothing is recorded"}
+OPTIONS = {
+    "bus_interface": "--interface",
+    "bus_channel": "--channel",
+    "bus_bitrate": "--bitrate",
+    "machine": "--machine",
+}
 
 
 def simulated_crane(context: LaunchContext) -> list[ExecuteProcess]:
     """The machine; it has no ROS, as a real one has none, and so is no node."""
-    options = LaunchConfiguration("bus_options").perform(context).split()
-    machine = LaunchConfiguration("machine").perform(context)
+
+    def given(argument: str) -> str:
+        return LaunchConfiguration(argument).perform(context)
+
+    options = [(option, given(name)) for name, option in OPTIONS.items() if given(name)]
+    options += [("--bus-option", one) for one in given("bus_options").split()]
     return [
         ExecuteProcess(
             cmd=[
                 ExecutableInPackage(package="crane_sim", executable="simulated_crane"),
-                *("--interface", LaunchConfiguration("bus_interface")),
-                *("--channel", LaunchConfiguration("bus_channel")),
-                *(word for option in options for word in ("--bus-option", option)),
-                *(("--machine", machine) if machine else ()),
+                *(word for pair in options for word in pair),
             ],
             name="simulated_crane",
             output="screen",
@@ -41,14 +45,10 @@ def simulated_crane(context: LaunchContext) -> list[ExecuteProcess]:
 
 def generate_launch_description() -> LaunchDescription:
     """Machine and driver; the valves stay neutral until the driver is enabled."""
-    driver = PathJoinSubstitution([FindPackageShare("crane_driver"), "launch", "driver.launch.py"])
     return LaunchDescription(
         [
-            *(
-                DeclareLaunchArgument(name, default_value=default, description=description)
-                for name, (default, description) in ARGUMENTS.items()
-            ),
+            *declared(ARGUMENTS),
             OpaqueFunction(function=simulated_crane),
-            IncludeLaunchDescription(driver, launch_arguments=HANDED_ON.items()),
+            included("crane_driver", "driver.launch.py", *OF_MACHINE, "record"),
         ]
     )

@@ -7,6 +7,7 @@ from ament_index_python.packages import get_package_share_path
 from crane_driver.bags import types
 from crane_driver.bags.types import (
     CYLINDER_PRESSURES,
+    DRIVER_STATE,
     JOINT_REFERENCE,
     JOINT_STATES,
     ROBOT_DESCRIPTION,
@@ -17,7 +18,10 @@ from crane_driver.bags.types import (
 )
 from crane_model.errors import CraneError
 
-TOPICS = [JOINT_STATES, CYLINDER_PRESSURES, VALVE_COMMAND, JOINT_REFERENCE, ROBOT_DESCRIPTION]
+TOPICS = [
+    *(JOINT_STATES, CYLINDER_PRESSURES, VALVE_COMMAND, JOINT_REFERENCE),
+    *(ROBOT_DESCRIPTION, DRIVER_STATE),
+]
 
 
 @pytest.mark.parametrize("topic", TOPICS, ids=lambda topic: topic.name)

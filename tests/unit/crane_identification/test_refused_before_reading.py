@@ -48,6 +48,21 @@ def test_effects_that_are_in_no_catalogue(
     assert "stribeck" in told
 
 
+def test_reference_values_of_parameters_that_there_are_not(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    """They would be shown nowhere."""
+    file = tmp_path / "planted.json"
+    file.write_text('{"J_FL": 480.0, "f_c.inner": 300.0}')
+    assert identify.main(words(tmp_path / "fit", "--reference-values", str(file))) == 1
+    told = capsys.readouterr().err
+    assert "planted.json: f_c.inner: no parameter of model" in told
+    assert "it has J_FL, S_FL_along, " in told and "f_c.inner_boom" in told
+    file.write_text('{"J_FL": 480.0}')
+    identify.main(words(tmp_path / "fit", "--reference-values", str(file)))
+    assert "nowhere_1" in capsys.readouterr().err
+
+
 def test_an_estimator_that_there_is_not(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     with pytest.raises(SystemExit):
         identify.main(words(tmp_path, "--estimator", "best"))

@@ -54,7 +54,14 @@ WRONG = {
     ),
     "not finite": ("name: a\nsprings: [{stiffness: .inf}]", ["'springs.0.stiffness'", "finite"]),
     "missing key": ("springs: []", ["'name'", "required"]),
-    "unknown key": ("name: a\nsprings: []\nnaem: b", ["'naem'", "not permitted", "'b'"]),
+    "unknown key": (
+        "name: a\nsprings: []\nnaem: b",
+        ["line 3: key 'naem': no such key; there are name, springs, note (got 'b')"],
+    ),
+    "unknown key further in": (
+        "name: a\nsprings: [{stiffness: -1, stifness: 2}]",
+        ["'springs.0.stifness': no such key; there are stiffness, rest (got 2)", "greater than 0"],
+    ),
     "wrong shape": ("name: a\nsprings: 3", ["'springs'", "list", "3"]),
     "number instead of a mapping": ("name: a\nsprings: [3]", ["'springs.0'", "mapping", "3"]),
     "list instead of a mapping": ("- a\n- b", ["whole file", "mapping", "['a', 'b']"]),
@@ -119,7 +126,7 @@ def test_endless_messages_are_shortened(file: Path) -> None:
     """The beginning tells of file and key, the end what to do."""
     message = complaint(file, "name: a\nsprings: []\n? " + "k" * 100_000 + "\n: 3")
     assert len(message) < 2500
-    assert message.endswith("check its spelling (got 3)")
+    assert message.endswith("there are name, springs, note (got 3)")
     many = complaint(file, "name: a\nsprings:\n" + "- 3\n" * 3000)
     assert len(many.splitlines()) == 51
     assert many.endswith("\nand 2950 more")

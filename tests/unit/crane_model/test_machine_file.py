@@ -118,8 +118,14 @@ WRONG = {
     ),
     "no rack radius": (("cylinders.slew.rack_radius", ...), ["slew", "rack_radius [m] is missing"]),
     "no joint": (("limits.outer_boom", ...), ["'limits.outer_boom'", "required"]),
-    "unknown joint": (("limits.grapple", {}), ["'limits.grapple'", "not permitted"]),
-    "unknown key": (("hydraulics.oil", "HLP 46"), ["'hydraulics.oil'", "not permitted", "HLP 46"]),
+    "unknown joint": (
+        ("limits.grapple", {}),
+        ["'limits.grapple'", "no such key; there are slew, inner_boom, "],
+    ),
+    "unknown key": (
+        ("hydraulics.oil", "HLP 46"),
+        ["'hydraulics.oil'", "no such key; there are ", "HLP 46"],
+    ),
     "no gravity": (("gravity", 0.0), ["'gravity'", "greater than 0", "0.0"]),
     "implausible order": (("plausible.m_TL", [240.0, 90.0]), ["m_TL", "[240.0, 90.0]"]),
     "mass that gravity does not show": (

@@ -176,7 +176,7 @@ WRONG = {
     ),
     "key that the term does not have": (
         SLIDE.replace("coulomb, joint: axis", "coulomb, joint: axis, delta: 2"),
-        ["'terms.1.delta'", "not permitted", "2"],
+        ["'terms.1.delta'", "no such key; there are type, joint (got 2"],
     ),
     "no terms": (SLIDE.split("  -")[0].replace("terms:", "terms: []"), ["'terms'", "at least 1"]),
     "no joints": (SLIDE.replace("{axis: m}", "{}"), ["'joints'", "at least 1"]),
@@ -184,7 +184,10 @@ WRONG = {
         SLIDE.replace("axis: m", "axis: mm"),
         ["'joints.axis'", "'rad' or 'm'", "mm"],
     ),
-    "unknown key": (SLIDE + "terns: 1\n", ["'terns'", "not permitted"]),
+    "unknown key": (
+        SLIDE + "terns: 1\n",
+        ["'terns'", "no such key; there are name, machine, joints, terms, estimate"],
+    ),
     "key twice": (SLIDE + "name: other\n", ["'name'", "twice"]),
     "rigid bodies without a machine": (
         SLIDE + "  - {type: planar_rigid_body}\n",

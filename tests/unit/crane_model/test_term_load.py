@@ -53,6 +53,14 @@ def test_each_load_is_carried_in_its_runs_only() -> None:
     assert [p.minimum for p in two.parameters(SETTING)] == [0.0, 0.0]  # beyond the lightest
 
 
+def test_a_record_without_runs_carries_no_load_of_single_runs() -> None:
+    """As all that `identify` and the online estimator ask: run 0 was one of another session."""
+    loads = Payload(loads=(Load(runs=(0,)),))
+    unnumbered = replace(RECORD, run=None)
+    assert not loads.columns(unnumbered, SETTING).any()
+    assert Payload().columns(unnumbered, SETTING).any()
+
+
 def test_a_run_carries_one_load() -> None:
     with pytest.raises(ValueError, match="run 1 is in two loads"):
         Payload(loads=(Load(runs=(0, 1)), Load(runs=(1,))))

@@ -1,11 +1,11 @@
-"""What is in the way of an experiment, as joint states and the driver's state come and grow old."""
+"""What is in the way of an experiment, as joint states come and grow old."""
 
 import numpy as np
 import pytest
 
 from crane_model.machine import JOINTS
 from crane_trajectory.controller import load_gains
-from crane_trajectory.readiness import FORGET, RESTED, Readiness
+from crane_trajectory.readiness import RESTED, Readiness
 from crane_trajectory.tuning import Tuning
 
 TUNING = Tuning(load_gains().table, 1.0, np.ones(4))
@@ -19,7 +19,6 @@ NOW = 50.0  # s
 def ready() -> Readiness:
     """Nothing is in the way at NOW."""
     one = Readiness()
-    one.driver_told("enabled", NOW)
     one.sample(PLACE, REST, TUNING, NOW - 2 * RESTED)
     one.sample(PLACE, REST, TUNING, NOW)
     assert one.lacking(TIMEOUT, NOW) == ""
@@ -43,11 +42,3 @@ def test_a_crane_must_have_rested(velocity: np.ndarray, ready: Readiness) -> Non
     assert ready.lacking(TIMEOUT, NOW + 0.1).startswith("the crane is not at rest")
     ready.sample(PLACE, REST, TUNING, NOW + 0.1 + RESTED)
     assert ready.lacking(TIMEOUT, NOW + 0.1 + RESTED) == ""
-
-
-def test_the_driver_must_be_enabled_and_say_so(ready: Readiness) -> None:
-    later = NOW + FORGET + 0.01
-    ready.sample(PLACE, REST, TUNING, later)
-    assert ready.lacking(TIMEOUT, later).startswith("the driver does not tell its state")
-    ready.driver_told("fault", later)
-    assert "its state is fault; call /driver/enable" in ready.lacking(TIMEOUT, later)

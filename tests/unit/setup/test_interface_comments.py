@@ -55,6 +55,7 @@ def undocumented(text: str) -> list[str]:
 def test_the_suite_has_the_interfaces_of_its_design() -> None:
     assert {p.name for p in DEFINITIONS} == {
         "CylinderPressures.msg",
+        "DriverState.msg",
         "GeneralizedForces.msg",
         "JointReference.msg",
         "ParameterEstimate.msg",

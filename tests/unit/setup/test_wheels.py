@@ -16,13 +16,17 @@ ROOT = Path(__file__).resolve().parents[3]
 SETUPS = sorted([*ROOT.glob("crane_*/setup.py"), *ROOT.glob("src/*/setup.py")])
 DISTRIBUTIONS = {
     "PIL": "pillow",
+    "annotated_types": "annotated-types",
     "can": "python-can",
+    "pydantic_core": "pydantic-core",
     "ruamel": "ruamel.yaml",
     "sklearn": "scikit-learn",
     "yaml": "pyyaml",
 }  # where another name is imported
 NOT_IMPORTED = {"clarabel"}  # cvxpy is asked to solve with it
-ROS = re.compile(r"rclpy|ament_index_python|crane_interfaces|\w+_(msgs|srvs|interfaces)")
+ROS = re.compile(
+    r"launch(_ros)?|rclpy|ament_index_python|crane_interfaces|\w+_(msgs|srvs|interfaces)"
+)
 
 each_package = pytest.mark.parametrize("path", SETUPS, ids=lambda path: path.parent.name)
 

@@ -11,19 +11,31 @@ BEFORE, AFTER, FLOOR, BEST, EFFECT = "--before", "--after", "--scatter", "--plan
 POINTS = 1500  # of a cloud; more do not show
 BARS = 40  # of a histogram
 BINS = 40  # of the line of means through a cloud
-HEIGHT = 240  # px
+HEIGHT, LEGEND_HEIGHT = 240, 30  # px
+PATTERNS = {BEFORE: "/", BEST: "x", FLOOR: "."}
+DASHES = {BEFORE: "dot"}
+"""Of bars and lines, to tell them apart where there is no colour, as on paper; others are plain."""
 FAR = 5.0  # medians of the sizes of values, beyond which one does not stretch an axis
 
 
 def description(data: Sequence[Mapping[str, Any]], x: str, y: str, **more: Any) -> dict[str, Any]:
     """Traces over one pair of axes with these titles."""
+    legend = LEGEND_HEIGHT if len(data) > 1 else 0
     layout: dict[str, Any] = {
-        "height": HEIGHT,
-        "margin": {"l": 58, "r": 12, "t": 26, "b": 42},
+        "height": HEIGHT + legend,
+        "margin": {"l": 58, "r": 12, "t": 26, "b": 42 + legend},
         "font": FONT,
         "paper_bgcolor": "rgba(0,0,0,0)",
         "plot_bgcolor": "rgba(0,0,0,0)",
-        "showlegend": False,
+        "showlegend": legend > 0,
+        "legend": {
+            "orientation": "h",
+            "itemsizing": "constant",
+            "x": 0,
+            "y": -0.28,
+            "yanchor": "top",
+            "font": FONT,
+        },
         "hoverlabel": {"font": {"family": "--sans", "size": 11}},
         "modebar": {"bgcolor": "rgba(0,0,0,0)", "color": "--soft", "activecolor": "--ink"},
         "xaxis": axis_style(title={"text": x, "standoff": 6, "font": FONT}),
@@ -59,7 +71,16 @@ def grouped_bars(
             "name": label,
             "x": list(names),
             "y": numbers(values),
-            "marker": {"color": colour},
+            "marker": {
+                "color": colour,
+                "pattern": {
+                    "shape": PATTERNS.get(colour, ""),
+                    "fillmode": "overlay",
+                    "fgcolor": "--paper",
+                    "size": 6,
+                    "solidity": 0.25,
+                },
+            },
             "hovertemplate": f"%{{x}}: %{{y:.3~r}}<extra>{label}</extra>",
         }
         for label, colour, values in groups
@@ -78,8 +99,8 @@ def cloud(
     thin = np.unique(np.linspace(0, len(x) - 1, min(POINTS, len(x))).astype(int))
     order = thin[np.argsort(x[thin])]
     data = [
-        points("before", BEFORE, x[order], before[order]),
-        points("after", AFTER, x[order], after[order]),
+        points("before", BEFORE, "circle", x[order], before[order]),
+        points("after", AFTER, "x", x[order], after[order]),
     ]
     for name, dash, which in (("forwards", "solid", forwards), ("backwards", "dash", ~forwards)):
         if which.any():
@@ -98,15 +119,15 @@ def cloud(
     return description(data, *titles)
 
 
-def points(name: str, colour: str, x: np.ndarray, y: np.ndarray) -> dict[str, Any]:
-    """Dots."""
+def points(name: str, colour: str, symbol: str, x: np.ndarray, y: np.ndarray) -> dict[str, Any]:
+    """Small marks."""
     return {
         "type": "scatter",
         "mode": "markers",
         "name": name,
         "x": numbers(x),
         "y": numbers(y),
-        "marker": {"color": colour, "size": 3, "opacity": 0.55},
+        "marker": {"symbol": symbol, "color": colour, "size": 4, "opacity": 0.55},
         "hovertemplate": f"%{{y:.4~r}}<extra>{name}</extra>",
     }
 
@@ -127,7 +148,7 @@ def null_histogram(null: np.ndarray, threshold: float, score: float) -> dict[str
             "marker": {"color": FLOOR},
             "hovertemplate": "%{x:.3~r}<extra>nothing missing</extra>",
         },
-        mark("threshold", "--soft", threshold, (high, high), "dot", "top center"),
+        mark("threshold", "--ink", threshold, (high, high), "dot", "top center"),
         mark("this effect", AFTER, score, (high, 0.7 * high), "solid", "middle left"),
     ]
     return description(
@@ -199,7 +220,7 @@ def curves(
             "name": name,
             "x": numbers(time),
             "y": numbers(values),
-            "line": {"color": colour, "width": 1.3},
+            "line": {"color": colour, "width": 1.3, "dash": DASHES.get(colour, "solid")},
             "hovertemplate": f"%{{y:.4~r}}<extra>{name}</extra>",
         }
         for name, colour, values in series

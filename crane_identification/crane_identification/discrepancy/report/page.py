@@ -5,14 +5,17 @@ from pathlib import Path
 
 from crane_identification.discrepancy import findings, wording
 from crane_identification.discrepancy.diagnosis import Diagnosis
+from crane_identification.discrepancy.flow_and_load_findings import of_quantity
 from crane_identification.discrepancy.hydraulics import Quantity
 from crane_identification.discrepancy.report.cards import cards
 from crane_identification.discrepancy.report.pictures import gap_pictures, where_picture
 from crane_identification.report import template
 from crane_identification.report.content import Provenance
+from crane_identification.report.links import Link, link, page_of
 from crane_identification.report.notation import human, percent, plain, short_percent, spoken
 from crane_model.flow import FLOW_EFFECTS
 
+RESULTS = ("model.yaml", "findings.json")  # beside the page
 SHARED = "crane_identification.report"  # style and script of the identification report
 
 
@@ -20,11 +23,18 @@ def write(
     path: Path | str, diagnosis: Diagnosis, provenance: Provenance, suspicions: Sequence[str] = ()
 ) -> None:
     """Write the page, with what is suspicious of the recordings."""
-    Path(path).write_text(render(diagnosis, provenance, suspicions), encoding="utf-8")
+    path = Path(path)
+    html = render(diagnosis, provenance, suspicions, path.parent)
+    path.write_text(html, encoding="utf-8")
 
 
-def render(diagnosis: Diagnosis, provenance: Provenance, suspicions: Sequence[str] = ()) -> str:
-    """The page as HTML."""
+def render(
+    diagnosis: Diagnosis,
+    provenance: Provenance,
+    suspicions: Sequence[str] = (),
+    folder: Path = Path(),
+) -> str:
+    """The page as HTML, with links that hold in `folder`."""
     content = findings.content(diagnosis)
     found, gap = cards(diagnosis, content), gap_pictures(diagnosis)
     where = [] if content["verdict"] in wording.NOISE else [where_picture(diagnosis)]
@@ -54,7 +64,7 @@ def render(diagnosis: Diagnosis, provenance: Provenance, suspicions: Sequence[st
         left=wording.sentence(wording.left(content)),
         where=where,
         disagrees=list(wording.disagrees(content)),
-        estimate=lambda one: wording.estimate(findings.of_quantity(one)),
+        estimate=lambda one: wording.estimate(of_quantity(one)),
         usual=_usual,
         percent=percent,
         detectable=short_percent(diagnosis.detectable),
@@ -68,8 +78,11 @@ def render(diagnosis: Diagnosis, provenance: Provenance, suspicions: Sequence[st
         ],
         provenance=provenance,
         suspicions=suspicions,
-        training=list(dict.fromkeys(run.source for run in diagnosis.training.runs)),
-        validation=list(dict.fromkeys(run.source for run in diagnosis.held_out.runs)),
+        model_file=link(provenance.model_file, folder),
+        model_page=page_of(provenance.model_file, folder),
+        results=[Link(name, name) for name in RESULTS],
+        training=[link(bag, folder) for bag in diagnosis.training.sources],
+        validation=[link(bag, folder) for bag in diagnosis.held_out.sources],
         style=template.part(SHARED, "page.css") + template.part(__package__, "page.css"),
         script=template.part(SHARED, "page.js"),
     )

@@ -63,7 +63,8 @@ class Payload(Term):
 
     Only differences between runs are determined: a mass in every run is the same as a heavier
     telescope. So masses count from that of the runs in no load, the lightest. Without `loads` it is
-    one mass in every run.
+    one mass in every run. Numbers of runs hold for the records that they were given for; one
+    without runs carries none of the loads.
     """
 
     type: Literal["payload"] = "payload"
@@ -86,6 +87,11 @@ class Payload(Term):
             raise ValueError(f"run {twice[0]} is in two loads; a run carries one")
         return loads
 
+    @property
+    def of_recordings(self) -> bool:
+        """Where recordings differ."""
+        return self.loads is not None
+
     def parameters(self, setting: Setting) -> tuple[Parameter, ...]:
         """m_1, m_2, ..., or m."""
         planar_machine(self, setting)
@@ -104,9 +110,10 @@ class Payload(Term):
         if self.loads is None:
             columns[:, at, 0] = column
             return
-        run = np.zeros(len(record)) if record.run is None else record.run
+        if record.run is None:
+            return
         for k, load in enumerate(self.loads):
-            inside = np.isin(run, load.runs)
+            inside = np.isin(record.run, load.runs)
             columns[:, at, k] = np.where(inside[:, np.newaxis], column, 0.0)
 
 

@@ -63,6 +63,11 @@ class Term(Schema, ABC):
         if isinstance(name, str):  # a base class has none
             REGISTRY[name] = cls
 
+    @property
+    def of_recordings(self) -> bool:
+        """Whether it says what single recordings carried, which is no property of the machine."""
+        return False
+
     @abstractmethod
     def parameters(self, setting: Setting) -> tuple[Parameter, ...]:
         """Name, unit, sign of each parameter; `ConfigurationError` if the model cannot hold it."""

@@ -12,7 +12,7 @@ from crane_driver.bringup.encoder import find_encoder
 from crane_driver.bringup.polarity import Nudge, find_polarity
 from crane_driver.bringup.pressure import find_offset
 from crane_driver.bringup.response import StepFit, first_gains, fit_step
-from crane_driver.bringup.samples import ROTARY, Rest, Trace, at_rest
+from crane_driver.bringup.samples import ROTARY, Rest, Trace, at_rest, moved
 from crane_model.errors import DataError
 
 RESOLUTION = 4.8e-5
@@ -26,35 +26,62 @@ def quantised(position):
 def test_a_pose_at_the_wrap_of_an_encoder_is_the_mean_on_the_circle(angle, seed):
     noisy = angle + 1e-4 * np.random.default_rng(seed).standard_normal(200)
     wrapped = (noisy + np.pi - 0.5) % (2.0 * np.pi) - np.pi + 0.5  # the wrap is anywhere
-    rest = at_rest("slew", wrapped, 1e-4, ROTARY)
-    assert np.exp(1j * rest.position) == pytest.approx(np.exp(1j * angle), abs=5e-5)
+    rest = at_rest("slew", 0.005 * np.arange(200), wrapped, 1e-4, ROTARY)
+    assert np.exp(1j * rest.position) == pytest.approx(np.exp(1j * angle), abs=1e-4)
     assert rest.noise == pytest.approx(1e-4, rel=0.3)
 
 
-def test_a_joint_that_sinks_is_not_at_rest():
-    with pytest.raises(DataError, match=r"telescope is not at rest: it drifted by 0\.005"):
-        at_rest("telescope", np.linspace(0.0, 0.01, 400), 1e-4, None)
+def test_a_joint_that_moves_is_not_at_rest():
+    with pytest.raises(DataError, match=r"telescope is not at rest: it drifted by \+0\.01 in 2 s"):
+        at_rest("telescope", np.linspace(0.0, 2.0, 400), np.linspace(0.0, 0.01, 400), 1e-4, None)
+
+
+@pytest.mark.parametrize("seconds", [0.5, 2.0, 60.0])
+def test_a_joint_that_sinks_is_where_it_was_at_the_beginning(seconds):
+    """However long the record; what it sinks is no noise."""
+    time = np.arange(0.0, seconds, 0.005)
+    rest = at_rest("inner_boom", 1.8e9 + time, quantised(0.3 - 1.14e-4 * time), RESOLUTION, ROTARY)
+    assert rest.position == pytest.approx(0.3, abs=RESOLUTION)
+    assert rest.sinking == pytest.approx(-1.14e-4, rel=0.25)
+    assert rest.noise < RESOLUTION
+
+
+@pytest.mark.parametrize("minutes", [0.1, 2.0, 20.0])
+def test_what_a_lever_has_moved_is_told_from_what_has_sunk(minutes):
+    time = np.arange(0.0, 60.0 * minutes, 0.005)
+    by_lever = np.clip(0.05 * (time - 2.0), 0.0, 0.1)
+    shaken = 2e-3 * np.sin(2.0 * np.pi * 1.3 * time) * np.exp(-((time - 3.0) ** 2))
+    rest = Rest(0.3, 1e-5, RESOLUTION)
+    sunk = quantised(0.3 - 1.14e-4 * time + shaken)
+    assert moved(time, sunk, rest) == pytest.approx(0.0, abs=rest.movement)
+    assert moved(time, sunk + by_lever, rest) == pytest.approx(0.1, abs=2.0 * rest.movement)
 
 
 @given(st.sampled_from([-1, 1]), st.floats(-3.0, 3.0), st.floats(-1.0, 1.0), st.floats(0.1, 1.0))
 def test_zero_and_sign_turn_readings_into_angles(sign, zero, known, way):
-    readings = sign * (known + way * np.linspace(0.0, 1.0, 300)) + zero
-    readings = np.append(readings, np.full(50, readings[-1]))
+    """Whatever it sank meanwhile, as long as both poses were read when they were entered."""
     rest = Rest(sign * known + zero, 1e-5, RESOLUTION)
-    found = find_encoder("slew", rest, known, quantised(readings), known + way)
-    assert found.sign == sign
-    assert found.sign * (readings[0] - found.zero) == pytest.approx(known, abs=1e-9)
-    assert found.scale == pytest.approx(1.0, abs=0.01)
+    for sunk in (0.0, -0.05, -2.0 * way):
+        total = way + sunk
+        found = find_encoder("slew", rest, known, sign * way, sign * total, known + total)
+        assert found.sign == sign
+        assert found.sign * (rest.position - found.zero) == pytest.approx(known, abs=1e-9)
+        assert found.scale == pytest.approx(1.0, abs=0.01)
 
 
 def test_a_movement_within_the_noise_tells_no_sign():
     with pytest.raises(DataError, match="move the joint further"):
-        find_encoder("slew", Rest(0.0, 1e-3, RESOLUTION), 0.0, np.full(100, 0.05))
+        find_encoder("slew", Rest(0.0, 1e-3, RESOLUTION), 0.0, 0.05, 0.05)
 
 
 def test_an_encoder_behind_a_gear_is_found_out():
     with pytest.raises(DataError, match=r"a ratio of 2\.000"):
-        find_encoder("slew", Rest(0.0, 0.0, RESOLUTION), 0.0, np.full(100, 0.4), 0.2)
+        find_encoder("slew", Rest(0.0, 0.0, RESOLUTION), 0.0, 0.4, 0.4, 0.2)
+
+
+def test_a_second_pose_on_the_other_side_is_refused():
+    with pytest.raises(DataError, match="not the direction in which it was moved"):
+        find_encoder("slew", Rest(0.0, 0.0, RESOLUTION), 0.0, 0.4, 0.4, -0.4)
 
 
 @given(st.floats(-9e5, 9e5), st.integers(0, 99))

@@ -17,7 +17,7 @@ MAPPING = packaged("crane_driver", "laboratory_crane_can.yaml")
 def test_each_step_has_a_folder_of_its_own(tmp_path):
     series = Series(tmp_path / "new")
     assert series.runs == []
-    one = EncoderResult(-1, 0.123456789, 1e-5, 4.8e-5, 0.2, None)
+    one = EncoderResult(-1, 0.123456789, 1e-5, 4.8e-5, 0.2, None, 0.0)
     for number in (1, 2):
         run = series.write("encoders", MAPPING, {"seconds": 2.0}, {"slew": one}, Figure())
         assert run.name == f"{number:02d}_encoders"

@@ -4,8 +4,8 @@ import pytest
 
 from crane_driver.can.acceptance import Acceptance
 from crane_driver.can.codec import DriverCodec, MachineCodec
-from crane_driver.can.frame import Fault, FaultKind
 from crane_driver.can.layout import Layout
+from crane_driver.faults import Fault, FaultKind
 
 CYCLE, TIMEOUT = 0.005, 0.1  # s
 

@@ -9,9 +9,10 @@ from hypothesis import strategies as st
 
 from crane_driver.can.binding import load_layout
 from crane_driver.can.codec import DriverCodec, MachineCodec
-from crane_driver.can.frame import FaultKind, Frame
+from crane_driver.can.frame import Frame
 from crane_driver.can.layout import Layout
 from crane_driver.can.protection import frame_crc
+from crane_driver.faults import FaultKind
 from crane_model.errors import RangeError
 from crane_model.machine import JOINTS
 
@@ -135,7 +136,8 @@ def test_a_frame_of_the_wrong_size_holds_nothing(crane: Layout, length: int) -> 
     assert readings is not None
     assert not readings.positions
     (fault,) = readings.faults
-    assert str(fault) == f"EncoderBase (120): wrong size: {length} bytes, the DBC says 8"
+    where = "encoders of slew, inner_boom, EncoderBase (120)"
+    assert str(fault) == f"{where}: wrong size: {length} bytes, the DBC says 8"
 
 
 def test_a_damaged_frame_holds_nothing(crane: Layout) -> None:

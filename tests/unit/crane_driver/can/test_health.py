@@ -5,9 +5,10 @@ from collections.abc import Iterator
 import pytest
 
 from crane_driver.can.codec import DriverCodec, MachineCodec
-from crane_driver.can.frame import UNUSABLE, Fault, FaultKind, Frame
+from crane_driver.can.frame import Frame
 from crane_driver.can.health import Monitor
 from crane_driver.can.layout import Layout
+from crane_driver.faults import UNUSABLE, Fault, FaultKind
 
 START = 100.0  # s, steady
 CYCLE = 0.005
@@ -51,7 +52,7 @@ def times(count: int, start: float = START) -> Iterator[float]:
 
 
 def kinds(faults: list[Fault]) -> list[tuple[FaultKind, str]]:
-    return [(fault.kind, fault.message) for fault in faults]
+    return [(fault.kind, fault.source) for fault in faults]
 
 
 def test_a_sound_stream_has_no_fault(bus: Bus) -> None:
@@ -72,7 +73,7 @@ def test_a_message_that_stops_is_late_then_missing_each_once(bus: Bus) -> None:
     faults = [bus.cycle(now) for now in times(10)][-1]
     assert faults == []
     found = [
-        (fault.kind, fault.message, round((now - START - 10 * CYCLE) / CYCLE))
+        (fault.kind, fault.source, round((now - START - 10 * CYCLE) / CYCLE))
         for now in times(40, START + 10 * CYCLE)
         for fault in bus.cycle(now, absent="EncoderBoom")
     ]
@@ -95,7 +96,7 @@ def test_a_gap_between_two_looks_is_late(bus: Bus) -> None:
 
 def test_a_message_that_never_comes_is_missing(bus: Bus) -> None:
     faults = bus.monitor.check(START + 1.0)
-    assert {fault.message for fault in faults} == set(bus.messages)
+    assert {fault.source for fault in faults} == set(bus.messages)
     assert {fault.kind for fault in faults} == {FaultKind.MISSING}
     assert "not one yet" in faults[0].detail
     assert bus.monitor.check(START + 2.0) == []
@@ -108,7 +109,7 @@ def test_a_repeated_frame_is_named_and_does_not_count_as_fresh(bus: Bus) -> None
         (fault.kind, fault.kind in UNUSABLE)
         for now in times(20)
         for fault in [*bus.receive(stale._replace(steady=now)), *bus.monitor.check(now)]
-        if fault.message == "EncoderBase"
+        if fault.source == "EncoderBase"
     ]
     repeated = (FaultKind.REPEATED, True)
     assert found.count(repeated) == 19  # all but the first

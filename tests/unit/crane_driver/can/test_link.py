@@ -13,8 +13,9 @@ import can
 import pytest
 
 from crane_driver.can.bus import BusError, BusSettings, BusState, open_bus
-from crane_driver.can.frame import FaultKind, Frame
+from crane_driver.can.frame import Frame
 from crane_driver.can.link import Link
+from crane_driver.faults import FaultKind
 
 PATIENCE = 10.0  # s
 
@@ -137,6 +138,44 @@ def test_a_full_queue_drops_the_oldest_and_counts(settings: BusSettings) -> None
                 FaultKind.OVERFLOW,
                 "8 frames wait; the oldest are dropped",
             )
+
+
+def test_all_is_heard_until_frames_wait_for_the_taker(settings: BusSettings) -> None:
+    with Link(settings) as sender, Link(settings) as receiver:
+        assert receiver.heard(1.0) == 1.0
+        for number in range(3):
+            sender.send(Frame(number, b""))
+        until(lambda: receiver.received == 3)
+        now = time.monotonic()
+        heard = receiver.heard(now)
+        assert heard < now
+        assert heard == receiver.take(1)[0].steady
+        assert receiver.heard(now) == receiver.take()[0].steady
+        assert receiver.heard(now) == now
+
+
+def test_all_is_heard_until_frames_wait_in_the_operating_system() -> None:
+    """The receiving thread is held up: there are frames, but it does not come for them."""
+    held, free = threading.Event(), threading.Event()
+
+    def hold() -> None:
+        held.set()
+        free.wait(PATIENCE)
+
+    settings = BusSettings(extra={"port": free_port()})
+    with Link(settings) as sender, Link(settings, hold) as receiver:
+        sender.send(Frame(1, b""))
+        until(held.is_set)
+        (first,) = receiver.take()
+        now = time.monotonic()
+        assert receiver.heard(now) == now
+        sender.send(Frame(2, b""))
+        until(lambda: receiver.heard(time.monotonic()) == first.steady)
+        free.set()
+        until(lambda: receiver.received == 2)
+        receiver.take()
+        now = time.monotonic()
+        assert receiver.heard(now) == now
 
 
 def test_whoever_takes_frames_is_woken(settings: BusSettings) -> None:

@@ -12,8 +12,9 @@ import pytest
 from crane_driver.can import bus as bus_module
 from crane_driver.can import link as link_module
 from crane_driver.can.bus import BusError, BusSettings, BusState, state_of_error_frame
-from crane_driver.can.frame import FaultKind, Frame
+from crane_driver.can.frame import Frame
 from crane_driver.can.link import Link
+from crane_driver.faults import FaultKind
 
 PATIENCE = 10.0
 DATA = can.Message(arbitration_id=0x120, data=b"12", is_extended_id=False)

@@ -1,5 +1,6 @@
 """Frames of two encoders on a bus that is not as it should be."""
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import NamedTuple
 
@@ -42,23 +43,26 @@ class Bus:
     outage: float = 0.0
     restart: float = 0.0
 
-    def frames(self, rng: np.random.Generator, cycles: int) -> list[Sent]:
+    def frames(
+        self, rng: np.random.Generator, cycles: int, messages: Sequence[str] = tuple(JOINTS)
+    ) -> list[Sent]:
         """Of so many cycles, as they are received."""
         sent = []
-        counters = {message: int(rng.integers(COUNT)) for message in JOINTS}
-        newest, silent = dict.fromkeys(JOINTS, 0.0), dict.fromkeys(JOINTS, 0.0)
+        counters = {message: int(rng.integers(COUNT)) for message in messages}
+        newest, silent = dict.fromkeys(messages, 0.0), dict.fromkeys(messages, 0.0)
         held_up, drift = 0.0, rng.uniform(-1e-4, 1e-4)
         for cycle in range(cycles):
             sampled = BEGIN + cycle * CYCLE * (1.0 + drift)
             if rng.random() < self.held_up:
                 held_up = sampled + rng.exponential(0.02)
             if rng.random() < self.outage:
-                silent = dict.fromkeys(JOINTS, sampled + rng.choice(OUTAGES))
+                outage = sampled + rng.choice(OUTAGES)
+                silent = {message: max(until, outage) for message, until in silent.items()}
             if rng.random() < self.restart:
-                message = str(rng.choice(list(JOINTS)))
-                silent[message] = sampled + rng.choice(RESTARTS)
+                message = str(rng.choice(list(messages)))
+                silent[message] = max(silent[message], sampled + rng.choice(RESTARTS))
                 counters[message] = int(rng.integers(COUNT))
-            for message in JOINTS:
+            for message in messages:
                 if sampled < silent[message] or rng.random() < self.loss:
                     continue
                 late = rng.exponential(self.delay) if rng.random() < self.late else 0.0
@@ -79,6 +83,23 @@ BUSES = {
     "interrupted": Bus(loss=0.05, outage=0.003),
     "restarting": Bus(loss=0.05, late=0.3, restart=0.002),
 }
+
+
+def any_bus(rng: np.random.Generator) -> Bus:
+    """Several troubles at once, each in every other bus."""
+
+    def chance(most: float) -> float:
+        return most * rng.random() ** 2 if rng.random() < 0.5 else 0.0
+
+    return Bus(
+        loss=chance(0.5),
+        late=chance(0.6),
+        delay=float(rng.choice([0.002, 0.005, 0.01])),
+        overtaken=chance(0.5),
+        held_up=chance(0.05),
+        outage=chance(0.01),
+        restart=chance(0.005),
+    )
 
 
 class Outcome(NamedTuple):

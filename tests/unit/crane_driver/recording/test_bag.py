@@ -31,6 +31,16 @@ def test_every_message_is_read_in_order(record: Recorder) -> None:
     assert positions(record(1000)) == [float(k) for k in range(1000)]
 
 
+def test_remarks_stand_in_the_metadata(tmp_path: Path, topic: RecordedTopic) -> None:
+    with RecordedBag(tmp_path / "bag") as bag:
+        bag.add(topic)
+        bag.remarks["silent /joint_states"] = "57.0 s"
+    with Reader(bag.path) as reader:
+        assert reader.message_count == 0
+    stated = yaml.safe_load((bag.path / "metadata.yaml").read_text())
+    assert stated["rosbag2_bagfile_information"]["custom_data"] == bag.remarks
+
+
 def test_topic_is_described(record: Recorder, topic: RecordedTopic) -> None:
     path = record(10)
     with Reader(path) as reader:

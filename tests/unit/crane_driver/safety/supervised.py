@@ -2,7 +2,7 @@
 
 import math
 
-from crane_driver.can.frame import Fault, FaultKind
+from crane_driver.faults import Fault, FaultKind
 from crane_driver.safety.settings import load_safety
 from crane_driver.safety.supervisor import Output, Supervisor
 from crane_model.machine import JOINTS, load_machine
@@ -15,7 +15,7 @@ MIDDLE = {
 }
 STILL = dict.fromkeys(JOINTS, 0.0)
 NEUTRAL = Output(STILL, enabled=False)
-CAN_FAULT = Fault(FaultKind.CHECKSUM, "Crc is 0x00", "EncoderBase", "120")
+CAN_FAULT = Fault(FaultKind.CHECKSUM, "Crc is 0x00", "EncoderBase", "120", "encoder of slew")
 
 
 class Bench:

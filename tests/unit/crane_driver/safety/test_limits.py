@@ -4,7 +4,7 @@ import math
 
 import numpy as np
 import pytest
-from hypothesis import given, settings
+from hypothesis import example, given, settings
 from hypothesis import strategies as st
 
 from crane_driver.safety.limits import JointLimiter
@@ -62,6 +62,7 @@ def test_within_table_2_commands_pass_unchanged(
         assert one.limit(command, middle, share * direction * fastest, CYCLE) == command
 
 
+@example("slew", 3.94, 0.001, 0.0122, [1.0, 1.0, 1.0, 0.3, 0.3, 0.0, 1.0])  # again, close by
 @settings(max_examples=40, deadline=None)
 @given(
     joints,

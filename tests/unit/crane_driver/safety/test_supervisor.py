@@ -15,7 +15,8 @@ from unit.crane_driver.safety.supervised import (
     Bench,
 )
 
-from crane_driver.can.frame import Fault, FaultKind
+from crane_driver.faults import Fault, FaultKind
+from crane_driver.safety.news import Level, News
 from crane_driver.safety.states import TRANSITIONS, Event, State
 from crane_driver.safety.supervisor import Output, RefusedError, check_valves
 from crane_model.errors import ConfigurationError
@@ -95,8 +96,9 @@ def test_an_old_command_ramps_to_neutral_and_latches() -> None:
     fell(one.run(SAFETY.ramp_time + 4 * CYCLE)[2:])
     assert one.it.state is State.FAULT
     (fault,) = one.it.faults.values()
-    assert fault.text.startswith("command timeout: last command 10")
-    assert "limit 100 ms, it was slew 1" in fault.text
+    text = str(fault.fault)
+    assert text.startswith("command timeout: last command 10")
+    assert "limit 100 ms, it was slew 1" in text
     assert one.run(0.5, {"slew": 1.0})[-1] == NEUTRAL
 
 
@@ -173,7 +175,7 @@ def test_every_fault_of_the_bus_ramps_to_neutral_and_latches(kind: FaultKind) ->
     one.it.can_faults([fault, fault], one.now)
     fell(one.run(SAFETY.ramp_time + 2 * CYCLE))
     (latched,) = one.it.faults.values()
-    assert (latched.text, latched.count) == (f"CAN: EncoderBase (120): {kind}: detail", 2)
+    assert (latched.fault, latched.count) == (fault, 2)
     assert one.run(5.0, {"slew": 0.0})[-1] == NEUTRAL
     assert one.it.state is State.FAULT  # though all is well again
 
@@ -182,7 +184,7 @@ def test_a_joint_without_a_known_velocity_stops_the_crane() -> None:
     one = Bench().moving()
     one.it.readings(MIDDLE, {**STILL, "outer_boom": math.nan})
     fell(one.run(SAFETY.ramp_time + 2 * CYCLE))
-    assert one.it.faults["no state"].text == "no state: no position and velocity of outer_boom"
+    assert one.it.faults["no state"].fault.detail == "no position and velocity of outer_boom"
 
 
 def test_disable_ramps_to_neutral() -> None:
@@ -234,7 +236,49 @@ def test_state_changes_and_faults_are_told_once() -> None:
     one = Bench().enabled()
     one.it.news.clear()
     one.it.can_faults([CAN_FAULT] * 3, one.now)
-    assert one.it.news == [f"CAN: {CAN_FAULT}", "enabled -> fault"]
+    assert one.it.news == [
+        News(
+            Level.ERROR,
+            "encoder of slew, EncoderBase (120): checksum: Crc is 0x00: valves neutral; check "
+            "wiring and termination, and the CRC in the mapping, then call reset_fault",
+        )
+    ]
+    one.it.news.clear()
+    one.run(SAFETY.ramp_time)
+    one.it.reset(one.now)
+    one.run(SAFETY.settling_time + 2 * CYCLE)
+    offline, disabled = "fault -> offline", "offline -> disabled"
+    assert one.it.news == [News(Level.INFO, offline), News(Level.INFO, disabled)]
+
+
+def test_what_follows_from_a_fault_is_counted_and_not_told_again() -> None:
+    """A bus that goes away makes every message late, then missing."""
+    one = Bench().enabled()
+    one.it.news.clear()
+    late = [Fault(FaultKind.LATE, "51 ms", f"Message{k}", "120") for k in range(20)]
+    one.it.can_faults(late, one.now)
+    one.it.readings(MIDDLE, {**STILL, "outer_boom": math.nan})
+    levels = [news.level for news in one.it.news]
+    assert levels == [Level.ERROR] + 19 * [Level.DEBUG]
+    assert one.it.first_fault is late[0]
+    assert one.it.cause == "Message0 (120): late: 51 ms"
+    with pytest.raises(RefusedError) as refused:
+        one.it.enable(one.now)
+    assert len(str(refused.value)) < 200
+    assert "Message0 (120): late" in str(refused.value)
+    assert str(refused.value).endswith("then call reset_fault")
+
+
+def test_a_foreign_command_is_told_whatever_else_is_wrong() -> None:
+    one = Bench().enabled()
+    one.it.can_faults([CAN_FAULT], one.now)
+    one.it.news.clear()
+    foreign = Fault(FaultKind.FOREIGN, "another node commands the valves", "ValveCommand", "110")
+    one.it.can_faults([foreign], one.now)
+    assert [news.level for news in one.it.news] == [Level.ERROR]
+    assert one.it.first_fault is foreign
+    assert one.it.cause == str(foreign)
+    assert "off the bus" in one.it.remedy
 
 
 def test_only_enable_leads_to_enabled_and_only_reset_out_of_a_latched_state() -> None:

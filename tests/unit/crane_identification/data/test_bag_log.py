@@ -21,23 +21,31 @@ POSITION = np.random.default_rng(2).normal(size=(COUNT, 4))
 PRESSURE = 1e6 * np.random.default_rng(3).uniform(size=(COUNT, 2, 3))
 
 
-def write(path: Path, joints: tuple[str, ...] = JOINTS, commands: bool = False) -> Path:
-    """Pressures come 2 ms after the positions; commands every third time."""
+def write(
+    path: Path,
+    joints: tuple[str, ...] = JOINTS,
+    commands: bool = False,
+    namespaces: tuple[str, ...] = ("/",),
+) -> Path:
+    """Pressures come 2 ms after the positions; commands every third time. The positions of the
+    crane in each further namespace are 1 larger.
+    """
     with BagWriter(path) as bag:
-        states = bag.add_arrays(JOINT_STATES, joints)
-        pressures = bag.add_arrays(CYLINDER_PRESSURES, PLANAR_JOINTS)
-        if commands:
-            command = bag.add_arrays(VALVE_COMMAND, JOINTS)
-            reference = bag.add_arrays(JOINT_REFERENCE, JOINTS)
-        for k in range(COUNT):
-            stamp = START + k * STEP
-            position = POSITION[k, [JOINTS.index(joint) for joint in joints]]
-            states.write(stamp + 9, stamp, position, -position, np.full(len(joints), np.nan))
-            late = stamp + 2_000_000
-            pressures.write(late + 9, late, PRESSURE[k, 0], PRESSURE[k, 1], 17e6, np.nan)
-            if commands and k % 3 == 0:
-                command.write(stamp, stamp, np.full(4, k / COUNT))
-                reference.write(stamp, stamp, position, 2 * position, 3 * position)
+        for further, namespace in enumerate(namespaces):
+            states = bag.add_arrays(JOINT_STATES.within(namespace), joints)
+            pressures = bag.add_arrays(CYLINDER_PRESSURES.within(namespace), PLANAR_JOINTS)
+            if commands:
+                command = bag.add_arrays(VALVE_COMMAND.within(namespace), JOINTS)
+                reference = bag.add_arrays(JOINT_REFERENCE.within(namespace), JOINTS)
+            for k in range(COUNT):
+                stamp = START + k * STEP
+                position = POSITION[k, [JOINTS.index(joint) for joint in joints]] + further
+                states.write(stamp + 9, stamp, position, -position, np.full(len(joints), np.nan))
+                late = stamp + 2_000_000
+                pressures.write(late + 9, late, PRESSURE[k, 0], PRESSURE[k, 1], 17e6, np.nan)
+                if commands and k % 3 == 0:
+                    command.write(stamp, stamp, np.full(4, k / COUNT))
+                    reference.write(stamp, stamp, position, 2 * position, 3 * position)
     return path
 
 
@@ -65,6 +73,31 @@ def test_signals_keep_their_own_stamps(tmp_path: Path) -> None:
     np.testing.assert_array_equal(log.reference_acceleration.value, 3 * POSITION[::3, 1:])
     assert log.missing == ()
     assert log.notes == ()
+
+
+def test_the_bag_of_a_crane_in_a_namespace_is_read_without_being_told(tmp_path: Path) -> None:
+    log = read_bag(write(tmp_path / "bag", commands=True, namespaces=("/left",)), PLANAR_JOINTS)
+    np.testing.assert_array_equal(log.position.value, POSITION[:, 1:])
+    assert log.position.origin == "/left/joint_states"
+    assert log.pressure_a is not None
+    assert log.command is not None
+    assert log.reference_position is not None
+    assert log.missing == ()
+
+
+def test_of_two_cranes_in_a_bag_the_one_that_is_named_is_read(tmp_path: Path) -> None:
+    bag = write(tmp_path / "bag", namespaces=("/left", "/site/right"))
+    with pytest.raises(DataError, match="2 cranes, in the namespaces /left, /site/right; say"):
+        read_bag(bag, PLANAR_JOINTS)
+    log = read_bag(bag, PLANAR_JOINTS, namespace="/site/right")
+    np.testing.assert_array_equal(log.position.value, POSITION[:, 1:] + 1.0)
+    with pytest.raises(DataError, match="no topic /middle/joint_states; the bag holds"):
+        read_bag(bag, PLANAR_JOINTS, namespace="/middle")
+
+
+def test_a_crane_in_the_root_goes_before_those_in_namespaces(tmp_path: Path) -> None:
+    log = read_bag(write(tmp_path / "bag", namespaces=("/left", "/")), PLANAR_JOINTS)
+    np.testing.assert_array_equal(log.position.value, POSITION[:, 1:] + 1.0)
 
 
 def test_signals_say_when_the_recorder_received_them(tmp_path: Path) -> None:

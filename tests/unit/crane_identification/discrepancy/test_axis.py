@@ -12,7 +12,7 @@ from unit.crane_identification.synthetic import axis_log
 from crane_identification.data.log import Log, Signal
 from crane_identification.discrepancy import explain, findings
 from crane_identification.discrepancy.diagnosis import Diagnosis, diagnose
-from crane_identification.discrepancy.report import page
+from crane_identification.discrepancy.report import charts, page
 from crane_identification.discrepancy.thresholds import load_thresholds
 from crane_identification.discrepancy.verdict import Verdict
 from crane_identification.options import Options
@@ -146,7 +146,7 @@ def test_a_model_that_errs_more_on_the_held_out_recording_is_warned_of(tmp_path:
     other = log(tmp_path, 9, "spring")
     result = diagnose(model(tmp_path, *FULL), logs, [other], Options(), load_thresholds())
     (warning,) = findings.content(result)["warnings"]
-    assert "does not carry over to the held-out recordings: on the axis it errs by" in warning
+    assert "does not carry over to the held-out recordings: there it errs by" in warning
     assert warning in page.render(result, Provenance.of("2012-06-01", ["diagnose"], "axis.yaml"))
 
 
@@ -193,6 +193,34 @@ def test_the_explanation_names_what_the_page_names(
     assert any(line.startswith("Held-out error") for line in lines[:3])
     (headline,) = without_page.find("p", id="verdict")
     assert " ".join(headline.text.split()) == lines[0]
+
+
+def test_the_explanation_cuts_nothing(without_coulomb: Diagnosis) -> None:
+    """However many findings there are, each has its proof; what is elsewhere is said."""
+    content = findings.content(without_coulomb)
+    many = [{**content["findings"][0], "score": 1000.0 + i} for i in range(9)]
+    lines = explain.lines(content | {"findings": many})
+    assert lines[2].startswith("Held-out error")
+    for i in range(9):
+        assert any(line.startswith(f"   score {1000 + i}, threshold") for line in lines)
+    assert lines[-1].startswith("Not printed: ") and "findings.json" in lines[-1]
+
+
+def test_pictures_tell_apart_without_colour_and_link_what_they_are_of(
+    without_page: Element,
+) -> None:
+    """By legends that are drawn in them, so that they are printed."""
+    addresses = [one.attributes["href"] for one in without_page.find("a")]
+    assert {"model.yaml", "findings.json", "axis.yaml", "#finding-1"} <= set(addresses)
+    shapes = {charts.PATTERNS.get(one, "") for one in (charts.BEFORE, charts.AFTER, charts.BEST)}
+    assert len(shapes) == 3
+    bars = charts.grouped_bars(
+        ["axis"],
+        (("before", charts.BEFORE, np.ones(1)), ("after", charts.AFTER, np.ones(1))),
+        "error",
+    )
+    assert bars["layout"]["showlegend"]
+    assert [one["marker"]["pattern"]["shape"] for one in bars["data"]] == ["/", ""]
 
 
 def test_the_strength_is_that_of_the_whole_effect(without_coulomb: Diagnosis) -> None:

@@ -167,10 +167,12 @@ def test_what_other_recordings_carried_is_not_kept() -> None:
     crane = crane_model()
     loaded = crane.with_term(Payload(loads=(Load(runs=(0, 2)),)))
     values = np.append(crane.theta, 5.0)
-    kept = changes.of_machine(loaded.with_estimate(values, 0.1 * np.abs(values), "before"))
+    kept = loaded.with_estimate(values, 0.1 * np.abs(values), "before").of_machine()
     assert kept.terms == crane.terms and (kept.theta == crane.theta).all()
+    assert kept.std_devs == pytest.approx(0.1 * np.abs(crane.theta))
     everywhere = crane.with_term(Payload()).with_estimate(values, values, "before")
-    assert changes.of_machine(everywhere).terms == everywhere.terms
+    assert everywhere.of_machine() == everywhere
+    assert loaded.of_machine().values is None
 
 
 def test_a_model_without_values_is_refused(tmp_path: Path) -> None:

@@ -1,9 +1,18 @@
 """Gains of held-out folds, on columns made up for the purpose with known answers."""
 
+from dataclasses import replace
+from types import SimpleNamespace
+
 import numpy as np
 import pytest
+from unit.crane_identification.discrepancy import made
 
-from crane_identification.discrepancy.cross_validation import gain
+from crane_identification.discrepancy.cross_validation import (
+    TIME_BLOCKS,
+    folds,
+    gain,
+    held_out_gains,
+)
 from crane_identification.discrepancy.decision import helps
 from crane_identification.discrepancy.thresholds import load_thresholds
 
@@ -86,3 +95,43 @@ def test_what_is_not_there_helps_in_some_folds_at_most() -> None:
 )
 def test_folds_are_counted(found: list[float], expected: bool) -> None:
     assert helps(np.array(found), load_thresholds()) is expected
+
+
+@pytest.mark.parametrize(("bags", "expected"), [(3, TIME_BLOCKS), (4, 4)])
+def test_folds_are_recordings_or_where_there_are_few_blocks_of_time(
+    bags: int, expected: int
+) -> None:
+    bag = np.sort(np.arange(made.ROWS) % bags)
+    names = [f"bag {number}" for number in range(bags)]
+    runs = [SimpleNamespace(source=name) for name in names]
+    given = replace(made.evidence(normal(1, 1)[: made.ROWS, 0], normal(1, 1)[: made.ROWS]), bag=bag)
+    fold, said = folds(replace(given, runs=tuple(runs)))  # type: ignore[arg-type]
+    assert len(said) == expected
+    sizes = np.bincount(fold)
+    assert (np.diff(fold) >= 0).all() and sizes.min() == sizes.max() == made.ROWS // expected
+    assert (said == tuple(names)) is (expected == bags)
+
+
+@pytest.mark.parametrize(("share", "asked"), [(0.1, False), (0.4, True)])
+def test_a_fold_is_asked_where_the_others_hold_a_fifth_of_the_column(
+    share: float, asked: bool
+) -> None:
+    """Else it would be predicted with their noise rather than with the effect."""
+    out = FOLD == 3
+    column = normal(20, 1)[:, 0]
+    inside = share / np.sqrt(1.0 - share**2) * np.linalg.norm(column[out])
+    column = np.where(out, column, column * inside / np.linalg.norm(column[~out]))
+    found = gain(normal(21, 2), column[:, np.newaxis], column + normal(22, 1)[:, 0], out)
+    assert bool(np.isfinite(found)) is asked
+
+
+def test_gains_of_folds_are_of_whitened_rows() -> None:
+    """An effect of 2 gains 4 in each of so many rows of variance one, whatever its unit is."""
+    column = np.random.default_rng(23).standard_normal(made.ROWS)
+    found = made.searched({"offset": 1e-3 * column}, 2.0 * column)
+    option = found.projection.options[0]
+    gains, said = held_out_gains(
+        found.evidence, found.whitener, found.evidence.free, option.columns
+    )
+    assert len(gains) == len(said) == TIME_BLOCKS
+    np.testing.assert_allclose(gains, 4.0 * made.ROWS / TIME_BLOCKS, rtol=0.5)

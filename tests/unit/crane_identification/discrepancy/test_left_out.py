@@ -7,7 +7,7 @@ import pytest
 
 from crane_identification.discrepancy.candidates import Family, Option
 from crane_identification.discrepancy.evidence import Evidence, Run
-from crane_identification.discrepancy.left_out import SEEN, left_out, seen
+from crane_identification.discrepancy.left_out import SEEN_SHARE, left_out, seen
 from crane_model.model_file import Model
 from crane_model.record import Record
 from crane_model.terms import single_axis
@@ -62,7 +62,7 @@ def test_a_short_peak_is_not_sought_and_the_reason_says_where(evidence: Evidence
     tried = [*options(evidence, family), *options(evidence, usual)]
     hidden, whole, part = left_out(evidence, tried)
     travels = np.array([one.shape.get("travel", np.inf) for one in tried])
-    np.testing.assert_array_equal(hidden, np.exp(-UNSEEN / travels) < SEEN)
+    np.testing.assert_array_equal(hidden, np.exp(-UNSEEN / travels) < SEEN_SHARE)
     assert hidden.any() and not hidden.all()
     assert not whole and list(part) == [family]
     shortest = f"{travels[~hidden].min():.2g}"

@@ -69,5 +69,5 @@ def test_friction_with_memory_is_as_visible_as_close_to_reversals(tmp_path: Path
     white = whitener(evidence, memory)
     found = projection.project(evidence, white, [option])
     overall = float(found.scale[0] / np.linalg.norm(white(memory)))
-    assert overall < projection.VISIBLE
+    assert overall < projection.VISIBLE_SHARE
     assert found.visibility[0] > 0.2

@@ -12,7 +12,6 @@ from crane_identification.discrepancy.decision import Judged
 from crane_identification.discrepancy.extension import Value
 from crane_identification.discrepancy.gap import Gap
 from crane_identification.discrepancy.learner import Learnt
-from crane_identification.discrepancy.nearest import Nearest
 from crane_identification.discrepancy.proof import Proof, Short, objection
 from crane_identification.discrepancy.pulsation import Pulsation
 from crane_identification.discrepancy.thresholds import load_thresholds
@@ -33,6 +32,7 @@ from crane_model.terms import REGISTRY
 
 JOINTS = ("inner_boom", "outer_boom", "telescope")
 MODEL = load_model(packaged("crane_model", "crane_model.yaml"))
+THRESHOLDS = load_thresholds()
 MOTION = MotionValidation(JOINTS, 0.5, 1, np.ones(3), np.ones(3))
 ENOUGH = Reach(testable=0.9, least=0.003, undetermined=())
 
@@ -58,6 +58,7 @@ def gap(
         motion_after=MOTION,
         loads=(),
         carried=MODEL,
+        method=THRESHOLDS.method,
     )
 
 
@@ -65,9 +66,10 @@ def effect(
     kind: str = "load_friction",
     members: tuple[str, ...] = (),
     shape: Mapping[str, float] = MappingProxyType({}),
+    joint: str | None = "outer_boom",
 ) -> Judged:
     """It has passed every test of the training recordings."""
-    family = Family(REGISTRY[kind], "outer_boom")
+    family = Family(REGISTRY[kind], joint)
     return Judged(
         option=Option(family, dict(shape), family.at(shape), np.zeros((0, 3, 1)), np.array([True])),
         score=1000.0,
@@ -103,7 +105,6 @@ def trial(*effects: Judged, energy: float = 1000.0, share: float = 0.0, left: fl
 
 BEFORE = trial(energy=5000.0)
 AFTER = trial(effect(), energy=500.0)
-THRESHOLDS = load_thresholds()
 
 
 def answer(
@@ -186,6 +187,15 @@ def test_half_of_the_gap_is_enough_for_what_bends_to_nothing(one: Judged, closes
     assert (objection(one, gap(0.0113, 0.007), THRESHOLDS) == "") is closes
 
 
+def test_an_effect_that_widens_the_gap_is_said_to() -> None:
+    """In place of a share that is negative."""
+    said = objection(effect(), gap(0.0113, 0.0124), THRESHOLDS)
+    assert said.startswith("with it, the held-out error of outer_boom rises from 1.13% to 1.24%")
+    none = objection(effect(), gap(0.0005, 0.0006), THRESHOLDS)
+    assert none == "with it, the held-out error of outer_boom rises from 0.05% to 0.06%"
+    assert "it closes 3" in objection(effect(), gap(0.0113, 0.0094), THRESHOLDS)
+
+
 def test_a_name_that_closes_no_gap_is_unknown() -> None:
     found = answer(short=(Short(effect(), "it closes 39% of the gap"),))
     assert found.verdict is Verdict.UNKNOWN and found.objection == "it closes 39% of the gap"
@@ -237,13 +247,17 @@ def test_a_value_within_its_deviation_differs_from_nothing(values, expected: boo
     option = replace(one.option, positive=np.zeros(len(values), dtype=bool))
     shape = Value("wave", 3.0, 0.1, "rad/rad")
     linear = [Value("gain", value, std_dev, "1") for value, std_dev in values]
-    assert differs(replace(one, option=option), [*linear, shape]) is expected
+    sigmas = THRESHOLDS.method.parameter_sigmas
+    assert differs(replace(one, option=option), [*linear, shape], sigmas) is expected
 
 
 def test_a_pulsation_beside_a_name_is_something_more() -> None:
     line = Pulsation("outer_boom", 2.7, 0.01)
     assert with_pulsation(Answer(Verdict.NAMED, "x"), (line,)).verdict is Verdict.AND_MORE
     assert with_pulsation(Answer(Verdict.NONE, "x"), (line,)).verdict is Verdict.UNKNOWN
+    told = with_pulsation(Answer(Verdict.INSUFFICIENT, "record more"), (line,))
+    assert told.verdict is Verdict.UNKNOWN
+    assert told.reason.endswith("; record more")
 
 
 @pytest.mark.parametrize(("telescope", "worse"), [(0.0009, False), (0.00101, True)])
@@ -255,17 +269,20 @@ def test_another_joint_that_becomes_worse_than_noise_is_something_more(
     seen = replace(seen, after=np.array([0.0005, 0.0006, telescope]), floor=np.full(3, 0.00048))
     found = answer(AFTER, seen)
     assert (found.verdict is Verdict.AND_MORE) is worse
-    assert ("telescope is predicted worse" in found.reason) is worse
-
-
-def test_the_nearest_candidate_is_described() -> None:
-    errors = gap(0.0113).before
-    near = Nearest(JOINTS, (effect("load_friction"),), 0.43, errors, 0.8 * errors, "it is not")
-    assert str(near) == (
-        "nearest is load-dependent joint friction (outer_boom) (score 1000, threshold 50), which "
-        "explains 43% of what is left where it acts and takes the held-out error of outer_boom "
-        "from 1.13% to 0.90%; but it is not"
+    told = (
+        "where none of the effects acts, the held-out error of telescope rises from 0.05% to 0.10%"
     )
+    assert (told in found.reason) is worse
+
+
+def test_a_percentage_does_not_fall_to_itself() -> None:
+    """An effect of the whole crane moves one joint, and the others by nothing that is printed."""
+    seen = gap(0.0113, 0.0006)
+    seen = replace(seen, after=np.array([0.0004999, 0.0006, 0.0005]))
+    crane = effect("base_tilt", joint=None)
+    said = answer(trial(crane, energy=500.0), seen).reason
+    assert "the held-out error of outer_boom falls from 1.13% to 0.06%" in said
+    assert "the held-out error of inner_boom stays at 0.05%" in said
 
 
 @pytest.mark.parametrize(

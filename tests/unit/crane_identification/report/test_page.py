@@ -26,9 +26,10 @@ def tree(html: str) -> Element:
 def test_the_file_is_small_and_loads_nothing(html, tree):
     assert len(html.encode()) < 6e6
     for element in tree:
-        for name in ("src", "href", "action", "data"):
-            address = element.attributes.get(name)
-            assert address is None or address.startswith("#"), (element.tag, address)
+        for name in ("src", "action", "data"):
+            assert name not in element.attributes, (element.tag, name)
+    for link in tree.find("a"):  # followed by a click alone, and to where the page lies
+        assert not link.attributes["href"].startswith("/")
     (style,) = tree.find("style")
     assert "url(" not in style.text
     assert "@import" not in style.text
@@ -38,8 +39,28 @@ def test_the_file_is_small_and_loads_nothing(html, tree):
 def test_links_inside_the_page_lead_somewhere(tree):
     ids = [e.attributes["id"] for e in tree if "id" in e.attributes]
     assert len(ids) == len(set(ids))
-    for link in tree.find("a"):
-        assert link.attributes["href"].removeprefix("#") in ids
+    for address in (link.attributes["href"] for link in tree.find("a")):
+        assert not address.startswith("#") or address[1:] in ids
+    (contents,) = tree.find("nav")
+    listed = [link.attributes["href"][1:] for link in contents.find("a")]
+    assert listed == [e.attributes["id"] for e in tree.find("section") if "id" in e.attributes]
+
+
+def test_figures_have_words(tree):
+    for place in tree.find("div", class_="plot"):
+        assert place.attributes["role"] == "img"
+        assert re.search(r"in .* over [0-9.]+ s; ", place.attributes["aria-label"])
+
+
+def test_curves_differ_by_more_than_colour(tree):
+    """On paper, colours may be greys."""
+    styles = {}
+    for figure in figure_descriptions(tree).values():
+        for trace in figure["data"]:
+            styles[trace["name"]] = trace["line"].get("dash", "solid")
+    assert styles["measured"] == "solid"
+    assert styles["model"] == "dash"
+    assert styles["reference"] == "dot"
 
 
 def test_parameters_are_those_of_the_summary(report, tree):

@@ -1,0 +1,163 @@
+"""Every fault of the driver: its number, its cause, its remedy.
+
+The log, driver/state, /diagnostics and the manual's table of faults take their words from here.
+"""
+
+from dataclasses import dataclass
+from enum import StrEnum
+from typing import Self
+
+
+class FaultKind(StrEnum):
+    """What can go wrong. The value names it in texts; FAULT_ and the member's name make its
+    constant in crane_interfaces/DriverState.
+    """
+
+    number: int  # of that constant: never changed, since bags hold it
+    cause: str
+    remedy: str  # what to do before reset_fault
+
+    def __new__(cls, word: str, number: int, cause: str, remedy: str) -> Self:
+        """A member with what belongs to it."""
+        kind = str.__new__(cls, word)
+        kind._value_ = word
+        kind.number, kind.cause, kind.remedy = number, cause, remedy
+        return kind
+
+    WRONG_SIZE = (
+        *("wrong size", 1, "a frame has not the size that the DBC file gives it"),
+        "compare the DBC file with the firmware of the device",
+    )
+    CHECKSUM = (
+        *("checksum", 2, "a frame fails its CRC"),
+        "check wiring and termination, and the CRC in the mapping",
+    )
+    REPEATED = (
+        *("repeated", 3, "a frame came twice, by its counter"),
+        "look for a gateway or a second device that sends it",
+    )
+    SEQUENCE = (
+        *("sequence", 4, "frames were lost in a row, or a counter is impossible"),
+        "check wiring and load of the bus",
+    )
+    OUT_OF_RANGE = (
+        *("out of range", 5, "a reading is out of its range"),
+        "check the sensor and its plug, and the range in the mapping",
+    )
+    SENSOR = (
+        *("sensor", 6, "a device says that its reading is no measurement"),
+        "check the sensor and its plug",
+    )
+    STATE = (
+        *("state", 7, "a device says that it is not healthy"),
+        "look up this state in the manual of the device",
+    )
+    LATE = (
+        *("late", 8, "a message comes late"),
+        "check plug and supply of its device, and the load of bus and computer",
+    )
+    MISSING = (
+        *("missing", 9, "a message does not come any more"),
+        "check plug and supply of its device",
+    )
+    BUS = (
+        *("bus", 10, "the CAN bus cannot be used"),
+        "check adapter, wiring and termination",
+    )
+    NOT_ACCEPTED = (
+        *("not accepted", 11, "the valve electronics do not accept what they are sent"),
+        "check the wiring of the valve electronics, and CRC and counter in the mapping",
+    )
+    OVERFLOW = (
+        *("overflow", 12, "frames came faster than they were taken"),
+        "find what floods the bus, or stop other programs on this computer",
+    )
+    HEARTBEAT = (
+        *("heartbeat", 13, "a CANopen device makes no heartbeat any more"),
+        "check plug and supply of the device",
+    )
+    REBOOT = (
+        *("reboot", 14, "a CANopen device has rebooted in operation"),
+        "check its supply, and who resets it",
+    )
+    NOT_OPERATIONAL = (
+        *("not operational", 15, "a CANopen device has left operation"),
+        "find out who has told it to",
+    )
+    FOREIGN = (
+        *("foreign command", 16, "a valve frame on the bus that this driver did not send"),
+        "take every other sender of valve commands off the bus",
+    )
+    EMERGENCY = (
+        *("emergency", 17, "a CANopen device reports an emergency"),
+        "look up its code in the manual of the device",
+    )
+    COMMAND_TIMEOUT = (
+        *("command timeout", 18, "commands stopped before they were neutral"),
+        "see why the node that commands the valves ended or fell behind",
+    )
+    SEVERAL_PUBLISHERS = (
+        *("several publishers", 19, "more than one node commands the valves"),
+        "stop all but one",
+    )
+    NO_STATE = (
+        *("no state", 20, "position or velocity of a joint is not known"),
+        "check its encoder and plug, and the load of bus and computer",
+    )
+    FROZEN = (
+        *("frozen", 21, "a position does not change although the joint is driven"),
+        "check that the encoder turns, the joint is free and the engine runs",
+    )
+    JUMPED = (
+        *("jumped", 22, "a position changes faster than the joint can move"),
+        "check encoder and wiring",
+    )
+    STALLED = (
+        *("stalled", 23, "the driver was not given the processor in time"),
+        "give it real-time priority (realtime.priority), or stop other work and floods of frames",
+    )
+    OVERWORKED = (
+        *("overworked", 24, "the driver's own work took too long"),
+        "find what comes all at once, or take a faster processor",
+    )
+
+
+UNUSABLE = frozenset({FaultKind.WRONG_SIZE, FaultKind.CHECKSUM, FaultKind.REPEATED})
+"""Faults after which nothing in the frame may be used."""
+
+IN_EVERY_STATE = frozenset({FaultKind.FOREIGN})
+"""Faults even while the driver is offline; they come before others, of which they are never a
+consequence.
+"""
+
+
+@dataclass(frozen=True)
+class Fault:
+    """One fault, and of what: `source` is a message, a device or a joint, empty where it is of the
+    whole driver or bus.
+    """
+
+    kind: FaultKind
+    detail: str
+    source: str = ""
+    id: str = ""  # of a message, as `show_id` writes it
+    measures: str = ""  # what a message measures, for people: "encoder of telescope"
+
+    @property
+    def where(self) -> str:
+        """The source, for people."""
+        source = f"{self.source} ({self.id})" if self.id else self.source
+        return ", ".join(filter(None, (self.measures, source)))
+
+    @property
+    def line(self) -> str:
+        """One line for log and people: cause, consequence, remedy."""
+        return f"{self}: valves neutral; {self.remedy}"
+
+    @property
+    def remedy(self) -> str:
+        """What to do."""
+        return f"{self.kind.remedy}, then call reset_fault"
+
+    def __str__(self) -> str:
+        return ": ".join(filter(None, (self.where, self.kind, self.detail)))

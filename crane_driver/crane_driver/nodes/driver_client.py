@@ -1,0 +1,121 @@
+"""The driver of a node's namespace, by whatever name it runs."""
+
+import time
+from collections.abc import Callable
+
+from rclpy.client import Client
+from rclpy.node import Node
+from rclpy.qos import DurabilityPolicy, QoSProfile
+from rclpy.task import Future
+from std_srvs.srv import Trigger
+
+from crane_interfaces.msg import DriverState
+from crane_model.errors import CraneError
+
+STATE_TOPIC = "driver/state"
+LATCHED = QoSProfile(depth=1, durability=DurabilityPolicy.TRANSIENT_LOCAL)
+ALL_DRIVERS = QoSProfile(depth=10, durability=DurabilityPolicy.TRANSIENT_LOCAL)
+"""With a depth of 1, what one driver tells would replace what another one has told."""
+
+SILENCE = 2.5  # s after which a driver is gone; it tells its state once a second
+SERVICES = ("enable", "disable", "reset_fault", "emergency_stop")
+
+
+class NoDriverError(CraneError):
+    """A request cannot be made.
+
+    Examples: no driver was ever heard, two run in one namespace, its services are gone.
+    """
+
+
+class DriverClient:
+    """What the driver tells on driver/state, and its services, for `node` and in its thread.
+
+    `told`, if given, is called with every message. Requests give the Trigger.Response to come, and
+    raise `NoDriverError` where there is not one driver to be asked.
+    """
+
+    def __init__(self, node: Node, told: Callable[[DriverState], None] = lambda state: None):
+        self._node, self._told = node, told
+        self._states: dict[str, tuple[float, DriverState]] = {}  # by driver, and when it came
+        self._services: dict[str, dict[str, Client]] = {}  # by driver
+        self.newest = DriverState()  # however old; of whichever driver has told it
+        topic = node.create_subscription(DriverState, STATE_TOPIC, self._receive, ALL_DRIVERS)
+        self._topic = topic.topic_name
+
+    @property
+    def state(self) -> DriverState:
+        """The newest state; where no driver tells it, or several do, it is STATE_UNKNOWN, with
+        cause and remedy.
+        """
+        states = self._heard()
+        if len(states) == 1:
+            return states[0]
+        names = ", ".join(sorted(state.node for state in states))
+        if names:
+            cause = f"{names} are drivers in one namespace"
+            remedy = "stop all but one, or give each crane a namespace"
+        else:
+            cause = f"no driver tells its state on {self._topic}"
+            remedy = "start it: ros2 run crane_driver driver"
+        return DriverState(
+            text="several drivers" if names else "no driver", cause=cause, remedy=remedy
+        )
+
+    @property
+    def problem(self) -> str:
+        """What keeps commands from the valves, and what to do; empty if nothing does."""
+        state = self.state
+        if state.state == DriverState.STATE_ENABLED:
+            return ""
+        return ": ".join(filter(None, (state.node, f"{state.cause}; {state.remedy}")))
+
+    @property
+    def ready(self) -> bool:
+        """Whether there is one driver and its services are there."""
+        services = self._services.get(self.state.node, {})
+        return bool(services) and all(one.service_is_ready() for one in services.values())
+
+    def enable(self) -> Future:
+        """Let commands through."""
+        return self._ask("enable")
+
+    def disable(self) -> Future:
+        """Ramp to neutral."""
+        return self._ask("disable")
+
+    def reset_fault(self) -> Future:
+        """Forget the faults that are latched."""
+        return self._ask("reset_fault")
+
+    def stop(self) -> list[Future]:
+        """Emergency stop: neutral at once, latched; of every driver that was ever heard."""
+        if not self._services:
+            raise NoDriverError(self.problem)
+        stops = [one["emergency_stop"] for one in self._services.values()]
+        return [one.call_async(Trigger.Request()) for one in stops]
+
+    def _ask(self, service: str) -> Future:
+        if not self._services or len(self._heard()) > 1:
+            raise NoDriverError(self.problem)
+        client = self._services[self.newest.node][service]  # it may be held up, and yet answer
+        if not client.service_is_ready():
+            raise NoDriverError(f"the service {client.srv_name} is not there")
+        return client.call_async(Trigger.Request())
+
+    def _heard(self) -> list[DriverState]:
+        """The newest of each driver that is not silent."""
+        since = time.monotonic() - SILENCE
+        return [state for came, state in self._states.values() if came >= since]
+
+    def _receive(self, message: DriverState) -> None:
+        self.newest = message
+        driver = message.node
+        if driver not in self._services:
+            self._services[driver] = {
+                one: self._node.create_client(Trigger, f"{driver}/{one}") for one in SERVICES
+            }
+        self._states[driver] = time.monotonic(), message
+        if message.state == DriverState.STATE_FINALIZED:
+            del self._states[driver]  # another one may take its place at once
+        self._told(message)

@@ -1,0 +1,80 @@
+"""What the launch files of the suite have in common. It needs `launch` of ROS; no node does."""
+
+from collections.abc import Mapping
+from typing import Any
+
+from launch import LaunchContext
+from launch.actions import DeclareLaunchArgument, IncludeLaunchDescription, OpaqueFunction
+from launch.conditions import IfCondition
+from launch.substitutions import (
+    LaunchConfiguration,
+    NotEqualsSubstitution,
+    PathJoinSubstitution,
+)
+from launch_ros.actions import Node
+from launch_ros.parameter_descriptions import ParameterValue
+from launch_ros.substitutions import FindPackageShare
+
+COMMON = {
+    "namespace": "Namespace of the nodes, for example left; empty: the root",
+    "parameters": "Parameter file (YAML) of the nodes; arguments go before what it says",
+    "prefix": "Words before the command of every node, for example 'taskset -c 1'",
+}
+"""Arguments of every launch file: name and description."""
+
+
+def declared(arguments: Mapping[str, str]) -> list[DeclareLaunchArgument]:
+    """Launch arguments by name and description. All are empty unless they are given: what is empty
+    is left to the parameter file, and then to the default of the node.
+    """
+    return [
+        DeclareLaunchArgument(name, default_value="", description=text)
+        for name, text in arguments.items()
+    ]
+
+
+def node(
+    package: str,
+    executable: str,
+    parameters: Mapping[str, tuple[str, type]] = {},
+    arguments: tuple[Any, ...] = (),
+    only_with: str | None = None,
+) -> OpaqueFunction:
+    """A node of the suite, with the launch argument and type of each of its `parameters`.
+
+    It is started `only_with` a launch argument that is given, where one is named.
+    """
+
+    def started(context: LaunchContext) -> list[Node]:
+        def given(argument: str) -> str:
+            return LaunchConfiguration(argument).perform(context)
+
+        values = {
+            parameter: ParameterValue(LaunchConfiguration(argument), value_type=kind)
+            for parameter, (argument, kind) in parameters.items()
+            if given(argument)
+        }
+        return [
+            Node(
+                package=package,
+                executable=executable,
+                name=executable,  # so that `values` go before what the file says of this name
+                namespace=given("namespace"),
+                prefix=given("prefix") or None,  # None: that of `ros2 launch --launch-prefix`
+                parameters=[one for one in (given("parameters"), values) if one],
+                arguments=arguments,
+                output="screen",
+            )
+        ]
+
+    if only_with is None:
+        return OpaqueFunction(function=started)
+    present = IfCondition(NotEqualsSubstitution(LaunchConfiguration(only_with), ""))
+    return OpaqueFunction(function=started, condition=present)
+
+
+def included(package: str, file: str, *arguments: str) -> IncludeLaunchDescription:
+    """Another launch file, and the arguments, beside those of all, that are handed on to it."""
+    path = PathJoinSubstitution([FindPackageShare(package), "launch", file])
+    values = [(name, LaunchConfiguration(name)) for name in (*COMMON, *arguments)]
+    return IncludeLaunchDescription(path, launch_arguments=values)

@@ -1,0 +1,66 @@
+"""Real time for this process, as far as the system permits it.
+
+All threads get the same priority. To give it only to those that serve the bus would be of little
+use: they wait for locks that the threads of the middleware hold, and those would wait for others.
+"""
+
+import ctypes
+import os
+import resource
+from contextlib import suppress
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Self
+
+TASKS = Path("/proc/self/task")
+# MCL_ of sys/mman.h. Not MCL_FUTURE: under a limit, memory could not be had later that is there.
+CURRENT, ON_FAULT = 1, 4
+
+
+@dataclass(frozen=True)
+class RealTimeSettings:
+    """What the process shall have."""
+
+    priority: int  # of SCHED_FIFO, 1 to 99; 0: the one it has
+    lock_memory: bool  # that there is at `begin`, so that it is never read back from a disk
+
+
+class RealTime:
+    """What the process has from `begin` to `end`; `obtained` and `refused` tell it in words."""
+
+    def __init__(self, settings: RealTimeSettings):
+        self.obtained: list[str] = []
+        self.refused: list[str] = []  # with the reason
+        self._settings = settings
+        self._before = os.sched_getscheduler(0), os.sched_getparam(0)
+
+    def begin(self) -> Self:
+        """Ask the system for it; threads that are started later have it too."""
+        if self._settings.priority:
+            priority = f"priority {self._settings.priority} (SCHED_FIFO)"
+            try:
+                _schedule(os.SCHED_FIFO, os.sched_param(self._settings.priority))
+                self.obtained.append(priority)
+            except PermissionError:
+                limit, _ = resource.getrlimit(resource.RLIMIT_RTPRIO)
+                self.refused.append(f"{priority}: the limit is {limit} (ulimit -r)")
+        if self._settings.lock_memory:
+            if ctypes.CDLL(None).mlockall(CURRENT | ON_FAULT) == 0:
+                self.obtained.append("locked memory")
+            else:
+                limit, _ = resource.getrlimit(resource.RLIMIT_MEMLOCK)
+                self.refused.append(
+                    f"locked memory: the limit is {limit >> 10} KiB, it must be unlimited "
+                    "(ulimit -l)"
+                )
+        return self
+
+    def end(self) -> None:
+        """Give back the priority; memory stays locked."""
+        _schedule(*self._before)
+
+
+def _schedule(policy: int, parameters: os.sched_param) -> None:
+    for thread in TASKS.iterdir():
+        with suppress(ProcessLookupError):  # it has ended meanwhile
+            os.sched_setscheduler(int(thread.name), policy, parameters)

@@ -1,0 +1,93 @@
+"""When a topic that has a publisher is silent: by its kind, or by its rhythm so far.
+
+A continuous topic of the suite is silent after `SHORTEST` without a message, be it that none came
+yet. Of a topic that the suite does not know the rhythm has to be seen first: it is silent after
+`LONGER` times its longest pause, once it has come for `SEEN` and for `REGULAR` times that pause.
+Latched topics, and those of the suite that pause, are silent as they please.
+"""
+
+from dataclasses import dataclass
+from enum import Enum, auto
+
+SHORTEST = 3.0  # s
+LONGER = 5.0  # times
+SEEN = 10.0  # s
+REGULAR = 10.0  # times
+
+
+class Rhythm(Enum):
+    """What is expected of a topic."""
+
+    CONTINUOUS = auto()
+    ANY = auto()  # nothing: latched, or sent now and then
+    UNKNOWN = auto()  # to be learned
+
+
+@dataclass(frozen=True)
+class Span:
+    """A silence [s, steady clock]."""
+
+    begin: float
+    end: float
+
+    @property
+    def seconds(self) -> float:
+        """Its length."""
+        return self.end - self.begin
+
+
+class Silence:
+    """The silences of one topic.
+
+    since: when the present one began [s, steady clock]; None while there is none; over: those that
+    have ended, by a message or because the publisher has gone.
+    """
+
+    def __init__(self, rhythm: Rhythm):
+        self.since: float | None = None
+        self.over: list[Span] = []
+        self._rhythm = rhythm
+        self._first: float | None = None  # message
+        self._last = 0.0  # message
+        self._pause = 0.0  # the longest
+        self._there: float | None = None  # since when there is a publisher
+
+    def arrived(self, now: float) -> None:
+        """A message has come."""
+        if self._first is None:
+            self._first = now
+        else:
+            self._pause = max(self._pause, now - self._last)
+        self._last = now
+        self._end(now)
+
+    def look(self, publishers: int, now: float) -> None:
+        """Judge at `now`, with so many publishers that are heard."""
+        if not publishers:
+            self._there = None
+            self._end(now)
+            return
+        if self._there is None:
+            self._there = now
+        begin = self._there if self._first is None else max(self._there, self._last)
+        if self.since is None and now - begin > self._longest():
+            self.since = begin
+
+    def spans(self, now: float) -> list[Span]:
+        """All of them until `now`."""
+        return self.over + ([] if self.since is None else [Span(self.since, now)])
+
+    def _longest(self) -> float:
+        """How long it may pause [s]."""
+        if self._rhythm is Rhythm.CONTINUOUS:
+            return SHORTEST
+        if self._rhythm is Rhythm.UNKNOWN and self._first is not None:
+            seen = self._last - self._first
+            if seen >= SEEN and seen >= REGULAR * self._pause:
+                return max(SHORTEST, LONGER * self._pause)
+        return float("inf")
+
+    def _end(self, now: float) -> None:
+        if self.since is not None:
+            self.over.append(Span(self.since, now))
+        self.since = None

@@ -1,0 +1,105 @@
+"""Carries a freeze over to code or settings with which every answer is the same.
+
+A change of names or words changes no behaviour and needs no other calibration. That it changes none
+is shown: answers to the same bags, BEFORE and AFTER, are equal to the digit. Gates must be equal,
+whatever the answers.
+
+    python benchmark.py --set tuning --cases 8 --keep-bags --out OUT  # of what was frozen
+    python answer_cases.py --folder OUT/tuning --round after --keep-bags  # of the change
+    python carry_over.py --before OUT/tuning/answers --after OUT/tuning/after/answers --why "..."
+"""
+
+import argparse
+import sys
+from collections.abc import Iterator, Sequence
+from datetime import UTC, datetime
+from pathlib import Path
+from typing import Any
+
+import frozen
+from folders import done, read_json, write_json
+
+from crane_model import cli
+from crane_model.errors import ConfigurationError, DataError
+
+FEWEST_CASES = 4
+WORDS = ("verdict", "effect", "joint")  # keys whose texts are answers
+UNEQUAL = ("seconds",)  # keys of numbers that no two runs have in common
+
+
+def carried_over(before: Path, after: Path, why: str) -> dict[str, Any]:
+    """The record with the present state in place of the one before, and how that was shown.
+
+    `ConfigurationError` if a gate differs, `DataError` if an answer does or there are too few.
+    """
+    record, now = frozen.read_json(frozen.RECORD), frozen.state()
+    gates = record["thresholds"]
+    if wrong := [name for name, value in gates.items() if now["gates"].get(name) != value]:
+        raise ConfigurationError(
+            f"{', '.join(wrong)}: not as calibrated; a freeze is carried over with its gates only, "
+            "calibrate with --set calibration --freeze"
+        )
+    cases = same_answers(before, after)
+    entry = {
+        "date": datetime.now(UTC).strftime("%Y-%m-%d"),
+        "why": why,
+        "same_answers": cases,
+        "not_calibrated": sorted(now["gates"].keys() - gates.keys()),
+    }
+    return record | {"state": now, "carried_over": [*record.get("carried_over", []), entry]}
+
+
+def same_answers(before: Path, after: Path) -> int:
+    """How many cases have the same answers in two folders; `DataError` names what differs."""
+    cases = sorted(done(before) & done(after))
+    if len(cases) < FEWEST_CASES:
+        raise DataError(
+            f"{after}: {len(cases)} cases that are in {before} too; {FEWEST_CASES} are needed to "
+            "show that answers are the same, answer more"
+        )
+    for case in cases:
+        old, new = (
+            dict(_values(read_json(folder / case / "answer.json"))) for folder in (before, after)
+        )
+        for place, value in old.items():
+            if place not in new or new[place] != value:
+                raise DataError(
+                    f"{after / case}: {'.'.join(place)} is {new.get(place)}, and was {value}: "
+                    "behaviour has changed, calibrate with --set calibration --freeze"
+                )
+    return len(cases)
+
+
+def _values(answer: Any, place: tuple[str, ...] = ()) -> Iterator[tuple[tuple[str, ...], Any]]:
+    """What an answer says, by where: lengths of lists, numbers, and the texts that are answers."""
+    if isinstance(answer, dict):
+        for key, value in answer.items():
+            if key not in UNEQUAL:
+                yield from _values(value, (*place, key))
+    elif isinstance(answer, list):
+        yield (*place, "length"), len(answer)
+        for number, value in enumerate(answer):
+            yield from _values(value, (*place, str(number)))
+    elif not isinstance(answer, str) or place[-1] in WORDS:
+        yield place, answer
+
+
+def main(argv: Sequence[str] | None = None) -> int:
+    """Write the record; exit status 1 if the answers or the gates are not the same."""
+    parser = argparse.ArgumentParser(prog="carry_over", description=__doc__.splitlines()[0])
+    add = parser.add_argument
+    add("--before", type=Path, required=True, help="answers of what is frozen")
+    add("--after", type=Path, required=True, help="answers to the same bags now")
+    add("--why", required=True, help="what was changed that changes no answer")
+    given = parser.parse_args(argv)
+
+    def run() -> None:
+        record = carried_over(given.before, given.after, given.why)
+        write_json(frozen.RECORD, record)
+        print(f"{record['carried_over'][-1]['same_answers']} cases have the same answers: carried")
+
+    return cli.run(run)
+
+
+if __name__ == "__main__":
+    sys.exit(main())

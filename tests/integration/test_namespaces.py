@@ -1,0 +1,99 @@
+"""Cranes in namespaces: several in one ROS domain, each with its own topics, services and bags."""
+
+import signal
+from contextlib import ExitStack, closing
+from pathlib import Path
+
+import numpy as np
+import pytest
+import rclpy
+from integration.driver_stage import Stage, commander
+from integration.processes import RUN, end, start
+from integration.test_readme_nodes import INHERITED, NODES
+from rclpy.lifecycle import LifecycleNode, TransitionCallbackReturn
+from rclpy.node import Node
+
+from crane_identification.data.bag_log import read_bag
+
+RECORDER = RUN.format(module="crane_driver.recording.recorder")
+TRAVEL = 0.02  # rad
+QUEUE = 10  # messages that may have waited
+SHARED = {"/diagnostics"}  # by all nodes of a domain; names of statuses begin with the node's
+READY = {
+    "trajectory": "ready: listens to /left/driver/state, /left/joint_states; publishes "
+    "/left/joint_reference, /diagnostics; serves /left/run_excitation",
+    "identification": "ready: listens to /left/joint_states, /left/cylinder_pressures; publishes "
+    "/diagnostics, /left/parameter_estimate, /left/generalized_forces; serves "
+    "/left/identification/reset_estimator, /left/identification/save_model",
+}
+
+
+@pytest.mark.parametrize("name", NODES)
+def test_all_names_of_a_node_are_in_its_namespace(
+    name: str, ros_domain: int, capfd: pytest.CaptureFixture[str]
+) -> None:
+    rclpy.init(args=["--ros-args", "-r", "__ns:=/left"], domain_id=ros_domain)
+    node = NODES[name]()
+    if name in READY:
+        activate(node)
+        assert f"[left.{name}]: {READY[name]}" in capfd.readouterr().err
+    topics = {one.topic_name for one in (*node.publishers, *node.subscriptions)}
+    services = {one.service_name for one in (*node.services, *node.clients)}
+    assert {one for one in topics | services if not one.startswith("/left/")} <= SHARED | INHERITED
+    node.destroy_node()
+    rclpy.shutdown()
+
+
+def newest(crane: Stage) -> np.ndarray:
+    """Positions (4,) that are measured after this call [rad, m]."""
+    crane.states.clear()
+    crane.until(lambda: len(crane.states) > QUEUE)
+    return np.array(crane.states[-1].position)
+
+
+def activate(node: Node) -> None:
+    assert isinstance(node, LifecycleNode)
+    for transition in (node.trigger_configure, node.trigger_activate):
+        assert transition() is TransitionCallbackReturn.SUCCESS
+
+
+@pytest.mark.realtime
+def test_two_cranes_run_side_by_side(
+    ros_domain: int, tmp_path: Path, capfd: pytest.CaptureFixture[str]
+) -> None:
+    """Each is moved while the other, enabled and commanded neutral, stands still; a recorder beside
+    the left one records that one alone, and its bag is read like any other.
+    """
+    bag = tmp_path / "bag"
+    with ExitStack() as stack:
+        cranes = []
+        for name in ("left", "right"):
+            (folder := tmp_path / name).mkdir()
+            cranes.append(stack.enter_context(closing(Stage(folder, [], namespace=name))))
+        left, right = cranes
+        recorder = start(RECORDER, "--out", str(bag), "--ros-args", *left.remapping)
+        stack.callback(end, recorder)
+        left.until(lambda: left.node.count_subscribers("joint_states") == 2)
+        of_left, of_right = (stack.enter_context(commander(one)) for one in cranes)
+        for moved, still, mover, other in (
+            (left, right, of_left, of_right),
+            (right, left, of_right, of_left),
+        ):
+            other.send(slew=0.0)
+            still.enabled()
+            begin, before, frames = newest(moved), newest(still), len(still.valves)
+            moved.moving(mover, inner_boom=0.3)
+            while newest(moved)[1] - begin[1] < TRAVEL:
+                pass
+            mover.send(slew=0.0)
+            assert np.abs(newest(still) - before).max() < TRAVEL / 4
+            assert not any(any(one.commands.values()) for one in still.valves[frames:])
+            moved.disabled()
+        said = capfd.readouterr().err
+        for one in ("left", "right"):
+            assert f"[{one}.driver]: ready: listens to /{one}/valve_command; publishes " in said
+        assert end(recorder, signal.SIGINT) == 0
+    log = read_bag(bag, ["inner_boom"])
+    assert log.position.origin == "/left/joint_states"
+    assert np.ptp(log.position.value[:, 0]) >= TRAVEL
+    assert log.command is not None
