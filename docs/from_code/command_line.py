@@ -76,11 +76,8 @@ def _help(parser: argparse.ArgumentParser, action: argparse.Action) -> str:
     told = parser._get_formatter()._expand_help(action) if action.help else ""
     if action.choices and not isinstance(action.choices, range):
         told += f"; one of {', '.join(map(str, action.choices))}"
-    return told.removeprefix("; ") + (" (must be given)" if _needed(action) else "")
-
-
-def _needed(action: argparse.Action) -> bool:
-    return bool(action.option_strings) and action.required
+    must = action.option_strings and action.required
+    return told.removeprefix("; ") + (" (must be given)" if must else "")
 
 
 def _text(text: str) -> str:

@@ -104,7 +104,8 @@ def _value(part: dict[str, Any]) -> str:
         return ", ".join(f"`{one}`" for one in part.get("enum", [part.get("const")]))
     kind = part.get("type", "any")
     if kind == "array":
-        return " and ".join(filter(None, [f"list of {_items(part)}", _count(part, "Items")]))
+        least = 0 if "prefixItems" in part else part.get("minItems", 0)
+        return f"list of {_items(part)}" + (f", at least {least}" if least else "")
     if kind == "object" and isinstance(part.get("additionalProperties"), dict):
         return f"names, each with: {_value(part['additionalProperties'])}"
     words = {"number": "number", "integer": "whole number", "string": "text", "object": "mapping",
@@ -116,11 +117,6 @@ def _items(part: dict[str, Any]) -> str:
     if "prefixItems" in part:
         return ", ".join(map(_value, part["prefixItems"]))
     return _value(part["items"]) if "items" in part else "anything"
-
-
-def _count(part: dict[str, Any], what: str) -> str:
-    low, high = part.get(f"min{what}"), part.get(f"max{what}")
-    return f"at least {low} of them" if low and low != high else ""
 
 
 def _bounds(part: dict[str, Any]) -> Iterator[str]:
