@@ -1,8 +1,8 @@
-"""Carries a freeze over to code or settings with which every answer is the same.
+"""Carries a freeze over to code with which every answer is the same.
 
 A change of names or words changes no behaviour and needs no other calibration. That it changes none
-is shown: answers to the same bags, BEFORE and AFTER, are equal to the digit. Gates must be equal,
-whatever the answers.
+is shown: answers to the same bags, BEFORE and AFTER, are equal to the digit. Values that are frozen
+must be equal, whatever the answers: a gate, the method, what is usual of the hydraulics.
 
     python benchmark.py --set tuning --cases 8 --keep-bags --out OUT  # of what was frozen
     python answer_cases.py --folder OUT/tuning --round after --keep-bags  # of the change
@@ -17,7 +17,7 @@ from pathlib import Path
 from typing import Any
 
 import frozen
-from folders import done, read_json, write_json
+from folders import read_json, write_json
 
 from crane_model import cli
 from crane_model.errors import ConfigurationError, DataError
@@ -30,14 +30,21 @@ UNEQUAL = ("seconds",)  # keys of numbers that no two runs have in common
 def carried_over(before: Path, after: Path, why: str) -> dict[str, Any]:
     """The record with the present state in place of the one before, and how that was shown.
 
-    `ConfigurationError` if a gate differs, `DataError` if an answer does or there are too few.
+    `ConfigurationError` if a value differs, `DataError` if an answer does or there are too few.
     """
-    record, now = frozen.read_json(frozen.RECORD), frozen.state()
-    gates = record["thresholds"]
-    if wrong := [name for name, value in gates.items() if now["gates"].get(name) != value]:
+    record, now = read_json(frozen.RECORD), frozen.state()
+    gates, state = record["thresholds"], record.get("state", {})  # older records have none
+    known = [("gates", gates), *((part, state.get(part, {})) for part in frozen.VALUES)]
+    wrong = {
+        f"{part}.{name}"
+        for part, values in known
+        for name, value in values.items()
+        if now[part].get(name) != value
+    }
+    if wrong:
         raise ConfigurationError(
-            f"{', '.join(wrong)}: not as calibrated; a freeze is carried over with its gates only, "
-            "calibrate with --set calibration --freeze"
+            f"{', '.join(sorted(wrong))}: not as frozen; a freeze is carried over with its values "
+            "only, calibrate with --set calibration --freeze"
         )
     cases = same_answers(before, after)
     entry = {
@@ -51,7 +58,8 @@ def carried_over(before: Path, after: Path, why: str) -> dict[str, Any]:
 
 def same_answers(before: Path, after: Path) -> int:
     """How many cases have the same answers in two folders; `DataError` names what differs."""
-    cases = sorted(done(before) & done(after))
+    one, other = ({p.parent.name for p in at.glob("*/answer.json")} for at in (before, after))
+    cases = sorted(one & other)
     if len(cases) < FEWEST_CASES:
         raise DataError(
             f"{after}: {len(cases)} cases that are in {before} too; {FEWEST_CASES} are needed to "

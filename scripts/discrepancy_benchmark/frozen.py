@@ -12,14 +12,17 @@ from typing import Any
 
 from folders import read_json
 
+from crane_identification.data import bag_log
+from crane_identification.discrepancy import diagnosis
 from crane_identification.discrepancy.hydraulics import load_usual
 from crane_identification.discrepancy.thresholds import load_thresholds
 from crane_model.errors import ConfigurationError
 
 RECORD = Path(__file__).with_name("frozen.json")
-LIST_MODULES = """
+VALUES = ("gates", "method", "hydraulics")  # parts of a state; the other one is the code
+LIST_MODULES = f"""
 import sys
-import crane_identification.data.bag_log, crane_identification.discrepancy.diagnosis
+import {bag_log.__name__}, {diagnosis.__name__}
 for name, module in sorted(sys.modules.items()):
     if name.startswith("crane_") and module.__file__:
         print(module.__file__)
@@ -80,8 +83,8 @@ def digest(found: dict[str, Any]) -> str:
 def differences(before: dict[str, Any], now: dict[str, Any]) -> list[str]:
     """Where two states differ, in words."""
     said = []
-    for part in ("gates", "method", "hydraulics"):
-        old, new = before.get(part, {}), now[part]
+    for part in VALUES:
+        old, new = before[part], now[part]
         said += [
             f"{part}.{name} is {new.get(name)}, frozen at {old.get(name)}"
             for name in sorted(old.keys() | new.keys())

@@ -58,8 +58,9 @@ class Diagnosis:
     noise. `undetermined` parameters of the given model were left out of it; the answer is sought
     `without` these effects; `uncalibrated` quantities are in counts; `warnings` are about the
     recordings, and say where the model after does not carry over to those held out. `regions_left`
-    carry what is left after. `session` says whether time runs through all recordings, `fixed`
-    whether the values of the model were kept.
+    carry what is left after, and `lines` are the clearest of each joint in its spectrum. `session`
+    says whether time runs through all recordings, `fixed` whether the values of the model were
+    kept.
     """
 
     verdict: Verdict

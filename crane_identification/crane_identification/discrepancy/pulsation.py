@@ -45,8 +45,8 @@ class Line(NamedTuple):
 
 
 def clearest_lines(model: Model, runs: Sequence[Run], fewest: int) -> tuple[Line, ...]:
-    """The clearest line of each joint beside the fitted `model`; none of recordings that are too
-    short or less than the `fewest`.
+    """The clearest line of each joint beside the fitted `model`, whether or not it is clear enough;
+    none where recordings are too short or fewer than `fewest`.
     """
     longest = dict[str, Run]()
     for run in runs:

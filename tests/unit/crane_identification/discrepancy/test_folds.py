@@ -88,6 +88,7 @@ def test_what_is_not_there_helps_in_some_folds_at_most() -> None:
         ([10.0, 12.0, 9.0, 11.0, 8.0, -1.5e10], True),  # one that differs in something else
         ([10.0, 12.0, 9.0, 11.0, -1.0, -1.0], False),
         ([1e10, -1.0, -1.0, -1.0, -1.0, -1.0], False),  # nor does one that gains a lot
+        ([10.0, 12.0, 9.0, -1.0], True),  # of four as well
         ([10.0, 12.0, -1.0], False),  # too few for one to differ
         ([10.0, 12.0, 9.0, np.nan, np.nan, np.nan], False),  # most are not asked
         ([10.0, 12.0, 9.0, 7.0, np.nan, np.nan], True),
