@@ -4,7 +4,7 @@
 # make study   the report's experiment with 20 + 2 trajectories, results in runs/study
 # make bench   measurements of speed
 # make lint    style and types
-# make docs    the manual as a site, runs/docs/index.html
+# make docs    the manual as a site, runs/docs/html/index.html
 # make setup   only what every target above does first: environment, packages, build
 # make clean   remove what the set-up made (not runs/)
 #
@@ -47,7 +47,7 @@ bench: setup
 lint: setup
 	@$(in_env) ruff check . && ruff format --check . && mypy
 
-# A warning is an error; -n: so is a reference that leads nowhere.
+# A warning is an error.
 docs:
 	@scripts/setup.sh docs
 	@$(in_env) python -m sphinx -W --keep-going -q -j auto -d runs/docs/doctrees docs runs/docs/html

@@ -1,19 +1,24 @@
-"""How Sphinx builds the manual: `make docs`; the pages are in runs/docs/index.html."""
+"""How Sphinx builds the manual: `make docs`; the pages are in runs/docs/html."""
 
+import os
+import re
+import subprocess
 import sys
 import xml.etree.ElementTree as ElementTree
 from pathlib import Path
 
-ROOT = Path(__file__).resolve().parents[1]
-sys.path.insert(0, str(ROOT / "docs"))
+from sphinx.application import Sphinx
+from sphinx.util import logging
+
+DOCS = Path(__file__).resolve().parent
+ROOT = DOCS.parent
 
 project = "Crane suite"
 author = "Crane suite maintainers"
 project_copyright = "Crane suite maintainers, Apache-2.0"
 release = ElementTree.parse(ROOT / "src/crane_model/package.xml").findtext("version") or ""
 
-extensions = ["myst_nb", "sphinx_copybutton"]
-nitpicky = True
+extensions = ["myst_nb", "sphinx.ext.autodoc", "sphinx_copybutton"]
 
 myst_enable_extensions = ["attrs_block", "colon_fence", "deflist"]
 myst_heading_anchors = 3
@@ -23,6 +28,8 @@ nb_execution_cache_path = str(ROOT / "runs" / "docs" / "notebooks")
 nb_execution_raise_on_error = True
 nb_execution_timeout = 600  # s; they take less than a minute on a machine that is not busy
 nb_merge_streams = True
+nb_output_stderr = "remove"  # progress
+os.environ["JUPYTER_PATH"] = str(DOCS / "_kernel")  # a kernel that does not warn of its own socket
 
 html_theme = "furo"
 html_title = f"Crane suite {release}"
@@ -32,3 +39,41 @@ html_copy_source = False
 html_show_sourcelink = False
 html_theme_options = {"navigation_with_keys": True}
 copybutton_exclude = ".linenos, .gp, .go, .c1"  # comments beside commands are for the reader
+
+autodoc_typehints = "signature"
+autodoc_typehints_format = "short"
+autodoc_member_order = "bysource"
+autodoc_default_options = {"exclude-members": "model_config"}  # of pydantic
+toc_object_entries = False
+python_use_unqualified_type_names = True
+default_role = "literal"  # `name` in docstrings
+SPECIAL = re.compile(r"(?P<code>``?[^`]+``?)|(?P<sign>[*|\\]|_\b)")
+
+
+def escape(app: Sphinx, what: str, name: str, obj: object, opts: object, lines: list[str]) -> None:
+    """Keep plain text in docstrings, as |q| or q*, from being taken for markup."""
+    lines[:] = [SPECIAL.sub(lambda m: m["code"] or "\\" + m["sign"], line) for line in lines]
+
+
+LOADED = re.compile(r"<(?:script|link|img|iframe)\b[^>]* (?:src|href)=\"(?:https?:)?//[^\"]*")
+
+
+def make_pages(app: Sphinx) -> None:
+    """Write the pages that are made from the code, in a process of its own: it starts ROS."""
+    environment = os.environ | {"PYTHONPATH": f"{DOCS}:{os.environ.get('PYTHONPATH', '')}"}
+    command = [sys.executable, "-m", "from_code", str(DOCS / "reference" / "generated")]
+    subprocess.run(command, check=True, env=environment)
+
+
+def check_offline(app: Sphinx, error: Exception | None) -> None:
+    """Warn of a page that loads something from a network, and so fail."""
+    for page in [] if error else Path(app.outdir).rglob("*.html"):
+        if found := LOADED.search(page.read_text("utf-8")):
+            logging.getLogger(__name__).warning("%s needs a network: %s", page, found[0])
+
+
+def setup(app: Sphinx) -> None:
+    """What Sphinx calls first."""
+    app.connect("builder-inited", make_pages)
+    app.connect("autodoc-process-docstring", escape)
+    app.connect("build-finished", check_offline)

@@ -1,4 +1,6 @@
 import sys
+import xml.etree.ElementTree as ElementTree
+from pathlib import Path
 
 from setuptools import find_packages, setup
 
@@ -19,7 +21,7 @@ else:
 
 setup(
     name=PACKAGE,
-    version="0.1.0",
+    version=ElementTree.parse(Path(__file__).with_name("package.xml")).findtext("version"),
     license="Apache-2.0",
     python_requires=">=3.11",
     packages=find_packages(include=[PACKAGE, f"{PACKAGE}.*"]),

@@ -1,7 +1,7 @@
 """Rigid-body dynamics (3)-(9) of the planar crane, linear in its inertial parameters.
 
 Directions phi = q2 + theta20 (inner boom) and psi = q2 + q3 (telescope axis), extension s = q4 and
-delta = psi - phi make the Lagrangian (3) linear in nine parameters:
+delta = psi - phi make the Lagrangian (3) linear in nine parameters::
 
     L = 1/2 J_FL phi'^2 + 1/2 (J_SL + 2 s S_TL + m_TL s^2) psi'^2 + 1/2 m_TL s'^2 - N_TL psi' s'
       + a2 phi' psi' [(S_SL + m_TL s) cos delta - N_SL sin delta] + a2 m_TL phi' s' sin delta

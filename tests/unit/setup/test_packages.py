@@ -39,6 +39,15 @@ def test_manifest_names_folder_and_licence(path: Path) -> None:
         assert f'PACKAGE = "{path.parent.name}"' in setup.read_text()
 
 
+def test_all_packages_have_one_version() -> None:
+    versions = {ElementTree.parse(path).findtext("version") for path in MANIFESTS}
+    assert len(versions) == 1
+    version = versions.pop()
+    assert f"\nversion: {version}\n" in (ROOT / "CITATION.cff").read_text()
+    newest = re.search(r"^## (\S+?),", (ROOT / "CHANGELOG.md").read_text(), re.MULTILINE)
+    assert newest and newest[1] == version
+
+
 def test_licence_text_is_at_the_top() -> None:
     assert (
         "Apache License\n                           Version 2.0" in (ROOT / "LICENSE").read_text()

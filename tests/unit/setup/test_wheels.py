@@ -53,6 +53,14 @@ def imported(package: Path) -> set[str]:
 
 
 @each_package
+def test_its_version_is_that_of_the_manifest(path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    manifest = ElementTree.parse(path.with_name("package.xml"))
+    version = manifest.findtext("version")
+    assert version
+    assert declared(path, "bdist_wheel", monkeypatch)["version"] == version
+
+
+@each_package
 def test_a_wheel_asks_for_what_its_modules_import(
     path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:

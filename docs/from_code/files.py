@@ -1,0 +1,132 @@
+"""The YAML files that the suite reads: keys, values and defaults, as their schemas have them."""
+
+from collections.abc import Iterator
+from importlib.resources import files
+from typing import Any, NamedTuple
+
+from pydantic import BaseModel
+
+from crane_driver.can.mapping import Mapping
+from crane_driver.safety.settings import SafetySettings
+from crane_identification.data.column_map import ColumnMap
+from crane_identification.discrepancy.hydraulics import Usual
+from crane_identification.discrepancy.thresholds import Thresholds
+from crane_model.machine import Machine
+from crane_model.model_file import _ModelFile
+from crane_model.sensors import SensorChain
+from crane_sim.hidden.spec import Spec
+from crane_sim.parameters import StandIn
+from crane_trajectory.check import Clearance
+from crane_trajectory.controller import Gains
+from crane_trajectory.excitation.settings import DesignSettings
+from crane_trajectory.fourier import FourierTrajectory
+from crane_trajectory.sweep import SweepTrajectory
+
+
+class Kind(NamedTuple):
+    """A kind of file."""
+
+    title: str
+    about: str
+    schema: type[BaseModel]
+    package: str = ""  # of the file that ships, if one does
+    name: str = ""
+
+
+KINDS = (
+    Kind("Machine", "What the machine is.", Machine, "crane_model", "laboratory_crane.yaml"),
+    Kind("Model", "The terms of a model and, once fitted, their values; see "
+         "[The model](../../explanation/model.md).", _ModelFile, "crane_model", "crane_model.yaml"),
+    Kind("Column map", "See [Use tables](../../how_to/tables.md).", ColumnMap),
+    Kind("Fourier trajectory", "See [Design an excitation trajectory](../../how_to/design.md).",
+         FourierTrajectory, "crane_trajectory", "validation_20s.yaml"),
+    Kind("Sweep trajectory", "Written by `design --sweeps`.", SweepTrajectory),
+    Kind("Design settings", "Margins and effort of `design`.", DesignSettings,
+         "crane_trajectory", "design.yaml"),
+    Kind("Clearance", "The room that the boom tip keeps.", Clearance,
+         "crane_trajectory", "clearance.yaml"),
+    Kind("Controller", "The gains of (36).", Gains, "crane_trajectory", "controller.yaml"),
+    Kind("Mapping", "Which signal of the bus is which joint, chamber or spool.", Mapping,
+         "crane_driver", "laboratory_crane_can.yaml"),
+    Kind("Safety", "The safety functions of the driver; see [Safety](../../explanation/safety.md).",
+         SafetySettings, "crane_driver", "safety.yaml"),
+    Kind("Thresholds", "What `diagnose` decides by.", Thresholds,
+         "crane_identification", "discrepancy.yaml"),
+    Kind("Hydraulics", "What is usual of valves and oil.", Usual,
+         "crane_identification", "hydraulics.yaml"),
+    Kind("Sensors", "The encoders of the laboratory crane.", SensorChain,
+         "crane_model", "sensors.yaml"),
+    Kind("Stand-in", "All that the stand-in machine is.", StandIn, "crane_sim", "stand_in.yaml"),
+    Kind("Hidden effects", "See [Hide an effect](../../how_to/hide_effects.md).", Spec),
+)  # fmt: skip
+INTRODUCTION = """# Files
+
+YAML files, in UTF-8, of 1 MB at most. Unknown keys are errors, which name the file, the line and
+the key. Where no default is given, the key must be there. The comments of the files that ship with
+the suite say what the numbers mean.
+"""
+
+
+def pages() -> dict[str, str]:
+    """All kinds of files on one page."""
+    return {"files.md": "\n".join([INTRODUCTION, *map(_entry, KINDS)])}
+
+
+def _entry(kind: Kind) -> str:
+    schema = kind.schema.model_json_schema()
+    parts = [f"## {kind.title}", kind.about, _table(schema)]
+    for name, part in schema.get("$defs", {}).items():
+        if "properties" in part:
+            about = part.get("description", "").split("\n\n")[0].replace("\n", " ")
+            parts.append(f"**{name.strip('_')}** {about}\n\n{_table(part)}")
+    if kind.name:
+        text = (files(kind.package) / "data" / kind.name).read_text("utf-8")
+        parts.append(f"The file that ships, `{kind.name}`:\n\n```yaml\n{text}```")
+    return "\n\n".join(parts) + "\n"
+
+
+def _table(schema: dict[str, Any]) -> str:
+    lines = ["| key | value | default |", "|---|---|---|"]
+    for key, part in schema["properties"].items():
+        default = "" if key in schema.get("required", ()) else f"`{_plain(part.get('default'))}`"
+        lines.append(f"| `{key}` | {_value(part)} | {default} |")
+    return "\n".join(lines)
+
+
+def _value(part: dict[str, Any]) -> str:
+    """The kind of value that a part of a schema asks for, in words."""
+    if "$ref" in part:
+        return part["$ref"].rpartition("/")[2].strip("_")
+    if several := part.get("anyOf") or part.get("oneOf") or part.get("allOf"):
+        kinds = [_value(one) for one in several if one.get("type") != "null"]
+        return " or ".join(dict.fromkeys(kinds))
+    if "enum" in part or "const" in part:
+        return ", ".join(f"`{one}`" for one in part.get("enum", [part.get("const")]))
+    kind = part.get("type", "any")
+    if kind == "array":
+        least = 0 if "prefixItems" in part else part.get("minItems", 0)
+        return f"list of {_items(part)}" + (f", at least {least}" if least else "")
+    if kind == "object" and isinstance(part.get("additionalProperties"), dict):
+        return f"names, each with: {_value(part['additionalProperties'])}"
+    words = {"number": "number", "integer": "whole number", "string": "text", "object": "mapping",
+             "boolean": "true or false", "any": "anything"}  # fmt: skip
+    return ", ".join([words[kind], *_bounds(part)])
+
+
+def _items(part: dict[str, Any]) -> str:
+    if "prefixItems" in part:
+        return ", ".join(map(_value, part["prefixItems"]))
+    return _value(part["items"]) if "items" in part else "anything"
+
+
+def _bounds(part: dict[str, Any]) -> Iterator[str]:
+    signs = {"exclusiveMinimum": ">", "minimum": "≥", "exclusiveMaximum": "<", "maximum": "≤"}
+    for key, sign in signs.items():
+        if key in part:
+            yield f"{sign} {part[key]:g}"
+
+
+def _plain(default: Any) -> str:
+    if default is None:
+        return "absent"
+    return str(default).lower() if isinstance(default, bool) else str(default)

@@ -1,0 +1,83 @@
+"""The nodes as they are before they are configured: parameters, topics, services."""
+
+import os
+import re
+from collections.abc import Callable, Iterable
+
+import rclpy
+from rclpy.node import Node
+from std_srvs.srv import Trigger
+
+from crane_driver.driver_node import Driver
+from crane_driver.jog.jog_node import Jog
+from crane_identification.online.identification_node import Identification
+from crane_model.machine import JOINTS
+from crane_trajectory.trajectory_node import Trajectory
+
+NODES: dict[str, Callable[[], Node]] = {
+    "driver": Driver,
+    "trajectory": Trajectory,
+    "identification": Identification,
+    "jog": lambda: Jog(by_joystick=True),
+}
+OF_EVERY_NODE = {"use_sim_time", "start_type_description_service"}
+JOINT = re.compile(rf"\b({'|'.join(JOINTS)})\b")
+UNIT = re.compile(r"(?<=Unit: )[^,]+(?=,)")
+INTRODUCTION = """# Parameters
+
+*At configure* says that a parameter can only be changed before: `deactivate`, `cleanup`, set it,
+`configure`, `activate`. *Empty* stands for `''`. Four values are those of slew, inner boom, outer
+boom and telescope.
+"""
+
+
+def pages() -> dict[str, str]:
+    """The parameters of all nodes."""
+    os.environ["ROS_AUTOMATIC_DISCOVERY_RANGE"] = "OFF"
+    rclpy.init()
+    parts = [INTRODUCTION]
+    for name, make in NODES.items():
+        node = make()
+        parts.append(f"## {name}\n\n{parameters(node)}")
+        node.destroy_node()
+    rclpy.shutdown()
+    return {"parameters.md": "\n".join(parts)}
+
+
+def parameters(node: Node) -> str:
+    """A table; parameters that differ by joint and unit alone share a row."""
+    rows: dict[tuple[str, str], list[tuple[str, str]]] = {}
+    for name in node.get_parameters_by_prefix(""):
+        if name not in OF_EVERY_NODE:
+            parameter = node.get_parameter(name)
+            description = node.describe_parameter(name).description
+            units = UNIT.findall(description)
+            row = (JOINT.sub("JOINT", name), UNIT.sub("{unit}", JOINT.sub("JOINT", description)))
+            rows.setdefault(row, []).append((_shown(parameter.value), *(units or [""])))
+    lines = ["| parameter | default | meaning |", "|---|---|---|"]
+    for (name, meaning), entries in rows.items():
+        defaults = [default for default, _ in entries]
+        default = defaults[0] if len(_unique(defaults)) == 1 else ", ".join(defaults)
+        meaning = meaning.replace("{unit}", " or ".join(_unique(unit for _, unit in entries)))
+        lines.append(f"| `{name}` | {default} | {meaning} |")
+    return "\n".join(lines) + "\n"
+
+
+def services(node: Node) -> list[str]:
+    """The names of its own services, without that of the node."""
+    return [one.srv_name.rpartition("/")[2] for one in node.services if one.srv_type is Trigger]
+
+
+def _shown(value: object) -> str:
+    if isinstance(value, bool):
+        return str(value).lower()
+    if isinstance(value, str):
+        return value or "empty"
+    if isinstance(value, float | int):
+        return f"{value:g}"
+    assert hasattr(value, "__iter__")
+    return ", ".join(f"{one:g}" for one in value) or "empty"
+
+
+def _unique(values: Iterable[str]) -> list[str]:
+    return list(dict.fromkeys(values))
