@@ -33,10 +33,10 @@ demo: setup
 	@$(in_env) python scripts/demo/demo.py $(if $(SEED),--seed $(SEED))
 
 study: setup
-	@$(in_env) python scripts/study/study.py
+	@$(in_env) ros2 run crane_benchmark study
 
 discrepancy-benchmark: setup
-	@$(in_env) python scripts/discrepancy_benchmark/benchmark.py
+	@$(in_env) ros2 run crane_benchmark discrepancy
 
 test: setup
 	@$(in_env) scripts/test.sh $(TESTS)

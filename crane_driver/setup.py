@@ -7,14 +7,14 @@ from setuptools import find_packages, setup
 PACKAGE = "crane_driver"
 TOOLS = {  # they run without ROS
     "decode": "crane_driver.decode:main",
-    "recover": "crane_driver.recording.recover:main",
 }
 NODES = {
-    "bringup": "crane_driver.bringup.main:main",
+    "bringup": "crane_driver.operator.bringup.main:main",
     "driver": "crane_driver.driver_node:main",
-    "jog": "crane_driver.jog.jog_node:main",
-    "player": "crane_driver.recording.player:main",
-    "recorder": "crane_driver.recording.recorder:main",
+    "jog": "crane_driver.operator.jog.jog_node:main",
+    "player": "crane_driver.moved:player",
+    "recorder": "crane_driver.moved:recorder",
+    "recover": "crane_driver.moved:recover",
 }
 
 if {"bdist_wheel", "editable_wheel"} & set(sys.argv):
@@ -29,7 +29,7 @@ setup(
     license="Apache-2.0",
     python_requires=">=3.11",
     packages=find_packages(include=[PACKAGE, f"{PACKAGE}.*"]),
-    package_data={PACKAGE: ["data/*", "bags/msg/*.msg"]},
+    package_data={PACKAGE: ["data/*"]},
     data_files=[
         ("share/ament_index/resource_index/packages", [f"resource/{PACKAGE}"]),
         (f"share/{PACKAGE}", ["package.xml"]),
@@ -41,12 +41,12 @@ setup(
     ],
     zip_safe=False,
     install_requires=[
+        "crane_bags",
         "crane_model",
-        "mcap",
+        "crane_nodes",
         "numba",
         "numpy",
         "pyyaml",
-        "rosbags>=0.11",
     ],
     extras_require={
         "can": ["canopen", "cantools", "polars>=1", "pydantic>=2", "python-can"],

@@ -6,8 +6,8 @@ from setuptools import find_packages, setup
 
 PACKAGE = "crane_identification"
 TOOLS = {  # they run without ROS
-    "check_recording": "crane_identification.recording_check.command:main",
-    "diagnose": "crane_identification.discrepancy.diagnose:main",
+    "check_recording": "crane_identification.check_recording:main",
+    "diagnose": "crane_identification.diagnose:main",
     "identify": "crane_identification.identify:main",
 }
 NODES = {
@@ -26,7 +26,7 @@ setup(
     license="Apache-2.0",
     python_requires=">=3.11",
     packages=find_packages(include=[PACKAGE, f"{PACKAGE}.*"]),
-    package_data={PACKAGE: ["data/*", "report/page.*", "discrepancy/report/page.*"]},
+    package_data={PACKAGE: ["data/*", "report/page.*", "diagnosis/report/page.*"]},
     data_files=[
         ("share/ament_index/resource_index/packages", [f"resource/{PACKAGE}"]),
         (f"share/{PACKAGE}", ["package.xml"]),
@@ -35,7 +35,7 @@ setup(
     zip_safe=False,
     install_requires=[
         "clarabel",
-        "crane_driver",
+        "crane_bags",
         "crane_model",
         "cvxpy",
         "filterpy",
@@ -54,6 +54,7 @@ setup(
     ],
     extras_require={
         "cluster": ["distributed"],
+        "ros": ["crane_nodes"],
     },
     entry_points={"console_scripts": scripts},
 )

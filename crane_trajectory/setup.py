@@ -6,7 +6,7 @@ from setuptools import find_packages, setup
 
 PACKAGE = "crane_trajectory"
 TOOLS = {  # they run without ROS
-    "design": "crane_trajectory.design:main",
+    "design": "crane_trajectory.excitation.design:main",
 }
 NODES = {
     "run_excitation": "crane_trajectory.run_excitation_node:main",
@@ -33,7 +33,6 @@ setup(
     ],
     zip_safe=False,
     install_requires=[
-        "crane_driver",
         "crane_model",
         "matplotlib",
         "numba",
@@ -42,5 +41,8 @@ setup(
         "scipy",
         "tqdm",
     ],
+    extras_require={
+        "ros": ["crane_nodes"],
+    },
     entry_points={"console_scripts": scripts},
 )

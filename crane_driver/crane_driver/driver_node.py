@@ -30,11 +30,6 @@ from crane_driver.driver_messages import (
 )
 from crane_driver.driver_parameters import PARAMETERS, DriverParameters, read_parameters
 from crane_driver.faults import Fault, FaultKind
-from crane_driver.nodes.driver_client import LATCHED, STATE_TOPIC
-from crane_driver.nodes.managed import AUTOSTART, run_managed
-from crane_driver.nodes.names import full_name
-from crane_driver.nodes.parameters import declare, hold
-from crane_driver.nodes.ready import say_ready
 from crane_driver.realtime import RealTime
 from crane_driver.safety.news import Level
 from crane_driver.safety.settings import load_safety
@@ -43,6 +38,11 @@ from crane_interfaces.msg import CylinderPressures, DriverState, ValveCommand
 from crane_model.errors import CraneError
 from crane_model.machine import Machine, load_machine
 from crane_model.urdf import urdf
+from crane_nodes.driver_client import LATCHED, STATE_TOPIC
+from crane_nodes.managed import AUTOSTART, run_managed
+from crane_nodes.names import full_name
+from crane_nodes.parameters import declare, hold
+from crane_nodes.ready import say_ready
 
 REPORT = 1.0  # s
 DEPTH = 10  # messages

@@ -7,10 +7,10 @@ from rclpy.node import Node
 
 from crane_driver.can.bus import BusSettings
 from crane_driver.can.options import bus_settings
-from crane_driver.nodes.managed import AUTOSTART
-from crane_driver.nodes.parameters import NodeParameter, Number, Switch, Text
 from crane_driver.realtime import RealTimeSettings
 from crane_model.machine import JOINT_UNITS, JOINTS
+from crane_nodes.managed import AUTOSTART
+from crane_nodes.parameters import NodeParameter, Number, Switch, Text
 
 INTERFACE = Text(
     "bus.interface",

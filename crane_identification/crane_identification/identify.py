@@ -16,9 +16,11 @@ from crane_identification.data.column_map import ColumnMap
 from crane_identification.data.columns import TABLES
 from crane_identification.data.log import Log
 from crane_identification.data.recording_log import read_recording
+from crane_identification.notation import percent
 from crane_identification.online.replay import recursion
 from crane_identification.options import Estimator, Options
 from crane_identification.pipeline import fit, validate
+from crane_identification.preparation.session import Session
 from crane_identification.progress import Progress
 from crane_identification.progress_bar import ProgressBar
 from crane_identification.recording_check.check import blaming, vetted
@@ -26,10 +28,8 @@ from crane_identification.report import page, summary
 from crane_identification.report.content import IdentificationReport, Provenance
 from crane_identification.report.errors import pooled
 from crane_identification.report.findings import findings
-from crane_identification.report.notation import percent
 from crane_identification.report.terminal import console, parameters
 from crane_identification.scale.beside import Beside
-from crane_identification.session import Session
 from crane_model import cli
 from crane_model.arguments import above, between, one_of
 from crane_model.configuration import load

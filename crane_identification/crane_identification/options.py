@@ -4,7 +4,6 @@ import math
 from dataclasses import dataclass
 from enum import StrEnum
 
-from crane_identification.estimation.covariance import Covariance
 from crane_identification.signals.motion import MotionEstimator
 
 
@@ -16,6 +15,19 @@ class Estimator(StrEnum):
     ROBUST = "robust"
     INSTRUMENTAL = "instrumental"
     CONSISTENT = "consistent"
+
+
+class Covariance(StrEnum):
+    """What is assumed of the residual.
+
+    CLASSICAL: white; its variance is its sum of squares over (rows - parameters).
+    SAMPLE: white; its variance is the sample variance about its mean, as usual in robotics (EMPS).
+    CORRELATED: an autoregressive process of its own in each joint.
+    """
+
+    CLASSICAL = "classical"
+    SAMPLE = "sample"
+    CORRELATED = "correlated"
 
 
 @dataclass(frozen=True)

@@ -8,20 +8,20 @@ import numpy as np
 from crane_identification.data.log import Log
 from crane_identification.estimation.consistent import consistent
 from crane_identification.estimation.estimate import Estimate
+from crane_identification.estimation.excitation import too_little
 from crane_identification.estimation.instrumental import instrumental
 from crane_identification.estimation.lack_of_fit import LackOfFit, lack_of_fit
 from crane_identification.estimation.least_squares import least_squares
 from crane_identification.estimation.physics import physics
+from crane_identification.estimation.regression import build_rows, common_factor, instruments
 from crane_identification.estimation.robust import robust
 from crane_identification.estimation.rows import Rows
 from crane_identification.estimation.weighted import weighted
-from crane_identification.excitation import too_little
 from crane_identification.options import Estimator, Options
-from crane_identification.preparation import Preparation, prepare_all
+from crane_identification.preparation.prepare import Preparation, prepare_all
+from crane_identification.preparation.session import Session
 from crane_identification.progress import Progress, silent
-from crane_identification.regression import build_rows, common_factor, instruments
-from crane_identification.session import Session
-from crane_identification.validation import Validation, compare
+from crane_identification.validation.force_validation import Validation, compare
 from crane_model.errors import DataError
 from crane_model.model_file import Model
 

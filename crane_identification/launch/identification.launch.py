@@ -3,7 +3,7 @@
 from launch import LaunchDescription
 from launch.substitutions import LaunchConfiguration
 
-from crane_driver.nodes.launching import COMMON, declared, node
+from crane_nodes.launching import COMMON, declared, node
 
 ARGUMENTS = COMMON | {
     "model": "Model file to identify",

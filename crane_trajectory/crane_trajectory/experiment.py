@@ -17,11 +17,11 @@ import numpy as np
 
 from crane_model.errors import RangeError
 from crane_model.machine import JOINTS
-from crane_trajectory.controller import command
-from crane_trajectory.motion import Motion
-from crane_trajectory.reference_clock import ReferenceClock, Target
-from crane_trajectory.tracking import PeriodicError, beyond
-from crane_trajectory.tuning import Blend, Tuning
+from crane_trajectory.control.controller import command
+from crane_trajectory.control.tracking import PeriodicError, beyond
+from crane_trajectory.control.tuning import Blend, Tuning
+from crane_trajectory.motion.motion import Motion
+from crane_trajectory.motion.reference_clock import ReferenceClock, Target
 
 NEUTRAL_BEFORE = 0.3  # s, in which driver and publisher find each other and see neutral commands
 SETTLED_FOR = 0.3  # s at rest, after which the crane is taken to be at rest

@@ -4,8 +4,8 @@ import math
 
 import numpy as np
 
+from crane_trajectory.control.tuning import Tuning
 from crane_trajectory.experiment import at_rest
-from crane_trajectory.tuning import Tuning
 
 RESTED = 0.2  # s without motion before an experiment
 

@@ -16,8 +16,8 @@ from rclpy.task import Future
 from crane_interfaces.action import RunExcitation
 from crane_model.errors import ConfigurationError, CraneError
 from crane_trajectory.experiment import Experiment, Outcome
-from crane_trajectory.motion import Motion
-from crane_trajectory.periodic import PeriodicTrajectory, load_trajectory
+from crane_trajectory.motion.motion import Motion
+from crane_trajectory.motion.periodic import PeriodicTrajectory, load_trajectory
 from crane_trajectory.trajectory_topics import feedback_message, result_message
 
 ACTION = "run_excitation"

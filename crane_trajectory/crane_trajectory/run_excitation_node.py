@@ -19,18 +19,18 @@ from rclpy.node import Node
 from rclpy.task import Future
 from tqdm import tqdm
 
-from crane_driver.nodes.command_line import own_arguments
-from crane_driver.nodes.context import Stop, ros
-from crane_driver.nodes.driver_client import DriverClient
-from crane_driver.nodes.ready import say_ready
 from crane_interfaces.action import RunExcitation
 from crane_model.arguments import whole
 from crane_model.cli import INTERRUPTED, add_replace, check_out, command_line, run
 from crane_model.errors import CraneError
 from crane_model.machine import JOINT_UNITS
 from crane_model.progress_bar import BAR, progress_bar
+from crane_nodes.command_line import own_arguments
+from crane_nodes.context import Stop, ros
+from crane_nodes.driver_client import DriverClient
+from crane_nodes.ready import say_ready
 from crane_trajectory.experiment import Outcome
-from crane_trajectory.motion import Phase
+from crane_trajectory.motion.motion import Phase
 from crane_trajectory.run_excitation_action import ACTION
 
 MOST_PERIODS = 2**32 - 1  # that the goal can hold

@@ -23,20 +23,21 @@ from rclpy.subscription import Subscription
 from rclpy.task import Future
 from sensor_msgs.msg import JointState
 
-from crane_driver.nodes.driver_client import DriverClient
-from crane_driver.nodes.managed import AUTOSTART, run_managed
-from crane_driver.nodes.names import full_name
-from crane_driver.nodes.parameters import declare, given, hold
-from crane_driver.nodes.publishers import publishers
-from crane_driver.nodes.ready import say_ready
 from crane_interfaces.msg import DriverState, JointReference, ValveCommand
 from crane_model.errors import ConfigurationError, CraneError, DataError
 from crane_model.machine import JOINTS, Machine, load_machine
-from crane_trajectory.check import Clearance, load_clearance
-from crane_trajectory.controller import command, load_gains
+from crane_nodes.driver_client import DriverClient
+from crane_nodes.managed import AUTOSTART, run_managed
+from crane_nodes.names import full_name
+from crane_nodes.parameters import declare, given, hold
+from crane_nodes.publishers import publishers
+from crane_nodes.ready import say_ready
+from crane_trajectory.control.controller import command, load_gains
+from crane_trajectory.control.tuning import Tuning
 from crane_trajectory.experiment import Experiment, Outcome
-from crane_trajectory.motion import Motion, plan
-from crane_trajectory.periodic import PeriodicTrajectory
+from crane_trajectory.motion.check import Clearance, load_clearance
+from crane_trajectory.motion.motion import Motion, plan
+from crane_trajectory.motion.periodic import PeriodicTrajectory
 from crane_trajectory.readiness import Readiness
 from crane_trajectory.run_excitation_action import ACTION, Goals, NotReadyError
 from crane_trajectory.trajectory_condition import status
@@ -57,7 +58,6 @@ from crane_trajectory.trajectory_topics import (
     reference_message,
     sample,
 )
-from crane_trajectory.tuning import Tuning
 
 WATCH = 0.01  # s
 REPORT = 1.0  # s

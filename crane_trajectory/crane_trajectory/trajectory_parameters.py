@@ -6,12 +6,12 @@ from typing import Any
 import numpy as np
 from rclpy.node import Node
 
-from crane_driver.nodes.managed import AUTOSTART
-from crane_driver.nodes.parameters import Number, Text
 from crane_model.configuration import bounds, validate
 from crane_model.machine import JOINT_UNITS, JOINTS
-from crane_trajectory.controller import Gains, JointGains, load_gains
-from crane_trajectory.tuning import Tuning
+from crane_nodes.managed import AUTOSTART
+from crane_nodes.parameters import Number, Text
+from crane_trajectory.control.controller import Gains, JointGains, load_gains
+from crane_trajectory.control.tuning import Tuning
 
 # Reference minus measured position. In the simulated crane the largest errors are about half.
 TOLERANCE = {"slew": 0.1, "inner_boom": 0.1, "outer_boom": 0.2, "telescope": 0.1}

@@ -11,8 +11,8 @@ from crane_interfaces.msg import JointReference, ValveCommand
 from crane_model.errors import DataError
 from crane_model.machine import JOINTS
 from crane_trajectory.experiment import Experiment, Outcome
-from crane_trajectory.motion import Phase
-from crane_trajectory.reference_clock import Target
+from crane_trajectory.motion.motion import Phase
+from crane_trajectory.motion.reference_clock import Target
 
 NAMES = list(JOINTS)
 

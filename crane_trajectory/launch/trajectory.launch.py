@@ -2,7 +2,7 @@
 
 from launch import LaunchDescription
 
-from crane_driver.nodes.launching import COMMON, declared, node
+from crane_nodes.launching import COMMON, declared, node
 
 ARGUMENTS = COMMON | {
     "machine": "Machine YAML with the limits",

@@ -2,16 +2,20 @@
 
 from types import ModuleType
 
-from crane_driver.bags import reader, writer
-from crane_identification import options, pipeline, validation
+from crane_bags import reader, writer
+from crane_identification import options, pipeline
 from crane_identification.data import bag_log, log
-from crane_identification.discrepancy import diagnosis, findings, thresholds
+from crane_identification.diagnosis import diagnosis, findings, thresholds
 from crane_identification.estimation import estimate
+from crane_identification.validation.force_validation import force_validation as validation
 from crane_model import dynamics, kinematics, machine, model_file, record, simulation
 from crane_model.terms import effect, joint_term, own, term
-from crane_sim import make_bag, parameters, variation
-from crane_sim.hidden import calibrate
-from crane_trajectory import check, controller, fourier, merit, motion, sweep
+from crane_sim import make_bag
+from crane_sim.hiding import calibrate
+from crane_sim.parts import parameters, variation
+from crane_trajectory.control import controller
+from crane_trajectory.excitation import merit
+from crane_trajectory.motion.motion import check, fourier, motion, sweep
 
 MODULES = {
     "Model": (model_file, machine, record, dynamics, kinematics, simulation),

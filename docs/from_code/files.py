@@ -9,18 +9,18 @@ from pydantic import BaseModel
 from crane_driver.can.mapping import Mapping
 from crane_driver.safety.settings import SafetySettings
 from crane_identification.data.column_map import ColumnMap
-from crane_identification.discrepancy.hydraulics import Usual
-from crane_identification.discrepancy.thresholds import Thresholds
+from crane_identification.diagnosis.hydraulics import Usual
+from crane_identification.diagnosis.thresholds import Thresholds
 from crane_model.machine import Machine
 from crane_model.model_file import _ModelFile
 from crane_model.sensors import SensorChain
-from crane_sim.hidden.spec import Spec
-from crane_sim.parameters import StandIn
-from crane_trajectory.check import Clearance
-from crane_trajectory.controller import Gains
+from crane_sim.hiding.spec import Spec
+from crane_sim.parts.parameters import StandIn
+from crane_trajectory.control.controller import Gains
 from crane_trajectory.excitation.settings import DesignSettings
-from crane_trajectory.fourier import FourierTrajectory
-from crane_trajectory.sweep import SweepTrajectory
+from crane_trajectory.motion.check import Clearance
+from crane_trajectory.motion.fourier import FourierTrajectory
+from crane_trajectory.motion.sweep import SweepTrajectory
 
 
 class Kind(NamedTuple):

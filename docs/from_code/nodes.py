@@ -9,7 +9,7 @@ from rclpy.node import Node
 from std_srvs.srv import Trigger
 
 from crane_driver.driver_node import Driver
-from crane_driver.jog.jog_node import Jog
+from crane_driver.operator.jog.jog_node import Jog
 from crane_identification.online.identification_node import Identification
 from crane_model.machine import JOINTS
 from crane_trajectory.trajectory_node import Trajectory

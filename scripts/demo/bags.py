@@ -5,9 +5,9 @@ from typing import Any
 
 import numpy as np
 
-from crane_driver.bags.reader import read_topics
-from crane_driver.bags.storage import announced, blocks, open_bag
-from crane_driver.bags.types import (
+from crane_bags.reader import read_topics
+from crane_bags.storage import announced, blocks, open_bag
+from crane_bags.types import (
     CYLINDER_PRESSURES,
     JOINT_REFERENCE,
     JOINT_STATES,

@@ -14,9 +14,9 @@ from rclpy.executors import SingleThreadedExecutor
 from rclpy.node import Node
 from rclpy.signals import SignalHandlerOptions
 
-from crane_driver.nodes.driver_client import DriverClient
 from crane_interfaces.msg import DriverState
 from crane_model.configuration import packaged
+from crane_nodes.driver_client import DriverClient
 
 DOMAINS = 101  # ROS_DOMAIN_ID 1 to this can be used on every Linux
 FIT_PERIODS, VALIDATION_PERIODS = 3, 2
@@ -108,7 +108,7 @@ def _experiment(
     """One recorded experiment; once more if it ended early, as it may on a busy computer."""
     bag = law.bag(use)
     for attempt in range(TRIES):
-        suite.start("recorder", "crane_driver", "recorder", "--out", bag)
+        suite.start("recorder", "crane_nodes", "recorder", "--out", bag)
         suite.until(lambda: onlooker.ready(listeners), "the nodes do not find each other")
         status = suite.attend(
             *("excitation", "crane_trajectory", "run_excitation", "--enable"),

@@ -7,10 +7,10 @@ from setuptools import find_packages, setup
 PACKAGE = "crane_sim"
 TOOLS = {  # they run without ROS
     "make_bag": "crane_sim.make_bag:main",
-    "picture": "crane_sim.picture:main",
+    "picture": "crane_sim.drawing.picture:main",
     "planted": "crane_sim.planted:main",
-    "simulated_crane": "crane_sim.simulated_crane:main",
-    "view": "crane_sim.view:main",
+    "simulated_crane": "crane_sim.bus.simulated_crane:main",
+    "view": "crane_sim.drawing.view:main",
 }
 
 if {"bdist_wheel", "editable_wheel"} & set(sys.argv):
@@ -33,6 +33,7 @@ setup(
     ],
     zip_safe=False,
     install_requires=[
+        "crane_bags",
         "crane_driver[can]",
         "crane_model",
         "crane_trajectory",

@@ -8,10 +8,10 @@ import pytest
 from unit.crane_identification.synthetic import FORCE_NOISE, crane_log, crane_model
 
 from crane_identification.data.log import Log
-from crane_identification.discrepancy import explain, findings
-from crane_identification.discrepancy.diagnosis import diagnose
-from crane_identification.discrepancy.report import page
-from crane_identification.discrepancy.thresholds import load_thresholds
+from crane_identification.diagnosis import explain, findings
+from crane_identification.diagnosis.diagnosis import diagnose
+from crane_identification.diagnosis.report import page
+from crane_identification.diagnosis.thresholds import load_thresholds
 from crane_identification.options import Options
 from crane_identification.report.content import Provenance
 from crane_model.terms.gravity_and_load import Load, Payload

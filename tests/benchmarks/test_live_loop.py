@@ -194,7 +194,7 @@ def test_no_message_is_lost_in_a_minute_at_200_hz(ros_domain: int, tmp_path: Pat
     try:
         crane = start("crane_sim", "simulated_crane", "--bus-option", f"port={port}")
         start("crane_driver", "driver", "--ros-args", "-p", option)
-        recorder = start("crane_driver", "recorder", "--out", bag)
+        recorder = start("crane_nodes", "recorder", "--out", bag)
         controller = subprocess.Popen(
             [sys.executable, str(HERE / "live_controller.py")], stdout=subprocess.PIPE, text=True
         )

@@ -12,7 +12,7 @@ from crane_model.configuration import packaged
 from crane_sim.make_bag import main as make_bag
 
 ROOT = Path(__file__).resolve().parents[2]
-PACKAGES = (Path("src/crane_model"), Path("crane_driver"), Path("crane_identification"))
+PACKAGES = (Path("src/crane_model"), Path("src/crane_bags"), Path("crane_identification"))
 LEFT_OUT = shutil.ignore_patterns("build", "*.egg-info", "__pycache__")
 
 

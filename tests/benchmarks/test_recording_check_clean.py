@@ -12,14 +12,14 @@ from unit.crane_identification.recording_check.recorded import recorded
 from crane_identification.recording_check.check import check
 from crane_model.errors import RangeError
 from crane_model.machine import load_machine
-from crane_sim.hidden.calibrate import calibrate
-from crane_sim.hidden.form import Form, Planted
-from crane_sim.hidden.forms import FORMS
-from crane_sim.hidden.spec import HiddenEffect, Spec
-from crane_sim.parameters import load_stand_in
-from crane_sim.variation import vary, vary_valves
-from crane_trajectory.check import load_clearance
-from crane_trajectory.controller import load_gains
+from crane_sim.effects.form import Form, Planted
+from crane_sim.effects.forms import FORMS
+from crane_sim.hiding.calibrate import calibrate
+from crane_sim.hiding.spec import HiddenEffect, Spec
+from crane_sim.parts.parameters import load_stand_in
+from crane_sim.parts.variation import vary, vary_valves
+from crane_trajectory.control.controller import load_gains
+from crane_trajectory.motion.check import load_clearance
 
 MACHINES = 40
 STRENGTH = 0.04  # of a hidden effect: rms over that of the drive force

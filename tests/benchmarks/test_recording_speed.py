@@ -6,15 +6,15 @@ from pathlib import Path
 import numpy as np
 from rosbags.rosbag2 import Reader
 
-from crane_driver.bags.reader import read_topics
-from crane_driver.bags.types import (
+from crane_bags.reader import read_topics
+from crane_bags.types import (
     CYLINDER_PRESSURES,
     JOINT_REFERENCE,
     JOINT_STATES,
     VALVE_COMMAND,
     typestore,
 )
-from crane_driver.bags.writer import BagWriter
+from crane_bags.writer import BagWriter
 from crane_driver.velocity_filter import VelocityFilter
 from crane_model.machine import JOINTS
 

@@ -11,7 +11,7 @@ from crane_identification.data.bag_log import read_bag
 from crane_identification.data.log import Log, Signal
 from crane_identification.options import Options
 from crane_identification.pipeline import fit
-from crane_identification.preparation import prepare
+from crane_identification.preparation.prepare import prepare
 from crane_identification.signals.butterworth import ButterworthDifferentiator
 from crane_identification.signals.fourier import FourierFit
 from crane_identification.signals.kalman import KalmanSmoother
@@ -19,16 +19,16 @@ from crane_identification.signals.motion import MotionEstimator
 from crane_model.configuration import packaged
 from crane_model.machine import load_machine
 from crane_model.model_file import Model, load_model
-from crane_sim.closed_loop import record
 from crane_sim.make_bag import write_bag
-from crane_sim.parameters import load_stand_in
-from crane_sim.plant import Plant
+from crane_sim.parts.parameters import load_stand_in
+from crane_sim.plant.closed_loop import record
+from crane_sim.plant.plant import Plant
+from crane_sim.plant.sampled import Sensors
 from crane_sim.planted import planted
-from crane_sim.sampled import Sensors
-from crane_trajectory.check import load_clearance
-from crane_trajectory.controller import load_gains
-from crane_trajectory.motion import plan
-from crane_trajectory.periodic import load_trajectory
+from crane_trajectory.control.controller import load_gains
+from crane_trajectory.motion.check import load_clearance
+from crane_trajectory.motion.motion import plan
+from crane_trajectory.motion.periodic import load_trajectory
 
 PERIODS = 5
 USUAL = 2.5  # Hz, ten times the highest frequency of the reference

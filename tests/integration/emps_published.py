@@ -6,12 +6,11 @@ from pathlib import Path
 from crane_identification.data.column_map import ColumnMap
 from crane_identification.data.log import Log
 from crane_identification.data.table_log import read_table
-from crane_identification.estimation.covariance import Covariance
-from crane_identification.options import Options
+from crane_identification.options import Covariance, Options
 from crane_identification.signals.butterworth import ButterworthDifferentiator
-from crane_model.configuration import load
+from crane_model.configuration import load, packaged
 
-FILES = Path(__file__).parent / "emps"
+FILES = packaged("crane_benchmark", "emps/model.yaml").parent
 NAMES = ("inertia.axis", "f_v.axis", "f_c.axis", "offset.axis")
 VALUES = (95.1089, 203.5034, 20.3935, -3.1648)
 STD_DEVS = (0.1085, 1.146, 0.1012, 0.0444)

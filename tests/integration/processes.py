@@ -12,7 +12,7 @@ TIMING = {"late": 200, "missing": 300, "lost": 2}
 
 RUN = "import sys; from {module} import main; sys.exit(main(sys.argv[1:]))"
 DRIVER = RUN.format(module="crane_driver.driver_node")
-MACHINE = RUN.format(module="crane_sim.simulated_crane")
+MACHINE = RUN.format(module="crane_sim.bus.simulated_crane")
 
 
 def free_port() -> int:

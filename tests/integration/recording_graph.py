@@ -72,7 +72,7 @@ class Graph:
     folder: Path
     processes: list[Process] = field(default_factory=list)
 
-    def start(self, name: str, *arguments: object, package: str = "crane_driver") -> Process:
+    def start(self, name: str, *arguments: object, package: str = "crane_nodes") -> Process:
         self.processes.append(Process(self.folder, package, name, *arguments))
         return self.processes[-1]
 

@@ -6,9 +6,9 @@ from pathlib import Path
 
 import pytest
 
-from crane_driver.bags.reader import read_topics
-from crane_driver.bags.storage import open_bag
-from crane_driver.bags.types import Topic
+from crane_bags.reader import read_topics
+from crane_bags.storage import open_bag
+from crane_bags.types import Topic
 from crane_identification.data.bag_log import read_bag
 from crane_model.errors import DataError
 from crane_model.machine import PLANAR_JOINTS

@@ -11,14 +11,14 @@ import pytest
 import yaml
 from integration.workshop import OFFSETS, VALVES, WIRING, Tool, Workshop
 
-from crane_driver.bringup.series import Directions, Result
 from crane_driver.can.mapping import Mapping
+from crane_driver.operator.bringup.series import Directions, Result
 from crane_driver.velocity_filter import VelocityFilter
 from crane_model.configuration import load, packaged
 from crane_model.machine import JOINTS, load_machine
-from crane_sim.parameters import load_stand_in
-from crane_sim.plant import Plant
-from crane_trajectory.controller import command, load_gains
+from crane_sim.parts.parameters import load_stand_in
+from crane_sim.plant.plant import Plant
+from crane_trajectory.control.controller import command, load_gains
 
 pytestmark = pytest.mark.realtime
 

@@ -7,13 +7,13 @@ import numpy as np
 import pytest
 from unit.crane_identification.recording_check.recorded import packaged_motion, seen
 
-from crane_identification.discrepancy.diagnose import main as diagnose
+from crane_identification.check_recording import main as check_recording
+from crane_identification.diagnose import main as diagnose
 from crane_identification.identify import main as identify
-from crane_identification.recording_check.command import main as check_recording
 from crane_model.configuration import packaged
 from crane_model.machine import load_machine
 from crane_sim.make_bag import write_bag
-from crane_sim.parameters import load_stand_in
+from crane_sim.parts.parameters import load_stand_in
 
 MODEL = str(packaged("crane_model", "crane_model.yaml"))
 CAUSE = "telescope: chambers A and B are exchanged"

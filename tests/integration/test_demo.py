@@ -10,8 +10,8 @@ from pathlib import Path
 
 import pytest
 
-from crane_driver.bags.reader import read_topics
-from crane_driver.bags.types import JOINT_STATES, VALVE_COMMAND
+from crane_bags.reader import read_topics
+from crane_bags.types import JOINT_STATES, VALVE_COMMAND
 
 DEMO = Path(__file__).parents[2] / "scripts" / "demo" / "demo.py"
 MARK = "CRANE_DEMO_UNDER_TEST"

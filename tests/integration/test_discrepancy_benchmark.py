@@ -6,18 +6,17 @@ import sys
 from pathlib import Path
 from typing import Any
 
-import benchmark
-import freeze
 import pytest
-from folders import Folders, done, new
-from judgement import Outcome
 
-SCRIPTS = Path(benchmark.__file__).parent
+from crane_benchmark.folders import Folders, done, new
+from crane_benchmark.scores import freeze
+from crane_benchmark.scores.judgement import Outcome
+
 CASES = 1  # a single effect
 
 
-def run(script: str, *arguments: object) -> subprocess.CompletedProcess[str]:
-    command = [sys.executable, str(SCRIPTS / f"{script}.py"), *map(str, arguments)]
+def run(module: str, *arguments: object) -> subprocess.CompletedProcess[str]:
+    command = [sys.executable, "-m", f"crane_benchmark.{module}", *map(str, arguments)]
     return subprocess.run(command, capture_output=True, text=True)
 
 
@@ -59,9 +58,9 @@ def test_nothing_given_to_the_answering_process_tells_what_is_hidden(finished):
 PEEK = """
 import sys
 from pathlib import Path
-from answer_cases import blindfold
-from confinement import PeekError
-from folders import Folders
+from crane_benchmark.answers.answer_cases import blindfold
+from crane_benchmark.answers.confinement import PeekError
+from crane_benchmark.folders import Folders
 folders = Folders(Path(sys.argv[1]))
 label = Path("sealed") / sys.argv[2] / "case.json"
 blindfold(folders)
@@ -83,15 +82,14 @@ def test_the_answering_process_sees_neither_labels_nor_what_made_them(finished):
         "open(folders.top / label)",
         "open(folders.bags / '..' / label)",
         "list(folders.top.iterdir())",
-        "import crane_sim.plant",
-        "import cases",
-        "import session",
+        "import crane_sim.plant.plant",
+        "import crane_benchmark.cases.case_sets",
+        "import crane_benchmark.cases.session",
     )
     ended = subprocess.run(
         [sys.executable, "-c", PEEK, str(folders.top), name, *attempts],
         capture_output=True,
         text=True,
-        cwd=SCRIPTS,
     )
     assert ended.returncode == 0, ended.stderr
 
@@ -105,8 +103,8 @@ def test_what_is_finished_is_not_made_again(finished):
 
     before = stamps()
     what = ("--folder", folders.top, "--set", "tuning", "--count", CASES, "--quick")
-    assert run("make_cases", *what).returncode == 0
-    assert run("answer_cases", "--folder", folders.top, "--keep-bags").returncode == 0
+    assert run("cases.make_cases", *what).returncode == 0
+    assert run("answers.answer_cases", "--folder", folders.top, "--keep-bags").returncode == 0
     assert stamps() == before
 
 

@@ -15,11 +15,11 @@ from rclpy.executors import SingleThreadedExecutor
 from rclpy.node import Node
 from std_msgs.msg import Header
 
-from crane_driver.bringup.crane_client import CraneClient
-from crane_driver.jog.jog_node import Jog
-from crane_driver.nodes.context import Stop
-from crane_driver.nodes.driver_client import DriverClient
+from crane_driver.operator.bringup.crane_client import CraneClient
+from crane_driver.operator.jog.jog_node import Jog
 from crane_interfaces.msg import DriverState
+from crane_nodes.context import Stop
+from crane_nodes.driver_client import DriverClient
 from crane_trajectory.run_excitation_node import ExcitationError, RunExcitationClient
 from crane_trajectory.trajectory_node import Trajectory
 

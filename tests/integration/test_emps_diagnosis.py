@@ -7,10 +7,10 @@ import pytest
 from integration.emps_published import recording
 
 from crane_identification.data.log import Log, Signal
-from crane_identification.discrepancy import findings
-from crane_identification.discrepancy.diagnosis import diagnose
-from crane_identification.discrepancy.thresholds import load_thresholds
-from crane_identification.discrepancy.verdict import Verdict
+from crane_identification.diagnosis import findings
+from crane_identification.diagnosis.diagnosis import diagnose
+from crane_identification.diagnosis.thresholds import load_thresholds
+from crane_identification.diagnosis.verdict import Verdict
 from crane_identification.options import Options
 from crane_model.model_file import load_model
 

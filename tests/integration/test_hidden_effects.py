@@ -9,8 +9,8 @@ import numpy as np
 import pytest
 from ament_index_python.packages import get_package_prefix
 
-from crane_driver.bags.reader import read_topics
-from crane_driver.bags.types import CYLINDER_PRESSURES, JOINT_REFERENCE, JOINT_STATES
+from crane_bags.reader import read_topics
+from crane_bags.types import CYLINDER_PRESSURES, JOINT_REFERENCE, JOINT_STATES
 from crane_model.configuration import packaged
 from crane_model.machine import PLANAR_JOINTS
 from crane_sim import make_bag

@@ -21,7 +21,7 @@ from sensor_msgs.msg import Joy
 
 pytestmark = pytest.mark.realtime
 
-JOG = RUN.format(module="crane_driver.jog.jog_node")
+JOG = RUN.format(module="crane_driver.operator.jog.jog_node")
 REPEAT = 1 / 30  # s, of a key
 HOLD = 0.12  # s, that a character holds its joint
 STOP = 0.15  # s after the last character: ramp and period added

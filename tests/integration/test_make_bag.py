@@ -8,8 +8,8 @@ import numpy as np
 import pytest
 from ament_index_python.packages import get_package_prefix
 
-from crane_driver.bags.reader import TopicData, read_topics
-from crane_driver.bags.types import (
+from crane_bags.reader import TopicData, read_topics
+from crane_bags.types import (
     CYLINDER_PRESSURES,
     JOINT_REFERENCE,
     JOINT_STATES,
@@ -18,7 +18,7 @@ from crane_driver.bags.types import (
 from crane_model.configuration import packaged
 from crane_model.cylinders import generalized_forces
 from crane_model.machine import JOINTS, PLANAR_JOINTS, load_machine
-from crane_trajectory.periodic import load_trajectory
+from crane_trajectory.motion.periodic import load_trajectory
 
 TOPICS = (JOINT_STATES, CYLINDER_PRESSURES, VALVE_COMMAND, JOINT_REFERENCE)
 TRAJECTORY = packaged("crane_trajectory", "excitation_20s.yaml")

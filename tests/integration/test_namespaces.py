@@ -15,7 +15,7 @@ from rclpy.node import Node
 
 from crane_identification.data.bag_log import read_bag
 
-RECORDER = RUN.format(module="crane_driver.recording.recorder")
+RECORDER = RUN.format(module="crane_nodes.recording.recorder")
 TRAVEL = 0.02  # rad
 QUEUE = 10  # messages that may have waited
 SHARED = {"/diagnostics"}  # by all nodes of a domain; names of statuses begin with the node's

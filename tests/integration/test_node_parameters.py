@@ -11,9 +11,9 @@ from rclpy.lifecycle import TransitionCallbackReturn
 from rclpy.node import Node
 from rclpy.parameter import Parameter
 
-from crane_driver.nodes.parameters import Number, Numbers, Switch, Text, declare, hold
 from crane_model.configuration import bounds, packaged
-from crane_trajectory.controller import JointGains
+from crane_nodes.parameters import Number, Numbers, Switch, Text, declare, hold
+from crane_trajectory.control.controller import JointGains
 from crane_trajectory.trajectory_node import Trajectory
 
 LAG = Number("lag", 0.2, "s", 0.05, 2.0, "Half the window")

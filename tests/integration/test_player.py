@@ -14,16 +14,16 @@ from rosgraph_msgs.msg import Clock
 from sensor_msgs.msg import JointState
 from std_msgs.msg import String
 
-from crane_driver.bags.reader import read_topics
-from crane_driver.bags.storage import open_bag
-from crane_driver.bags.types import (
+from crane_bags.reader import read_topics
+from crane_bags.storage import open_bag
+from crane_bags.types import (
     CYLINDER_PRESSURES,
     JOINT_STATES,
     ROBOT_DESCRIPTION,
     VALVE_COMMAND,
     typestore,
 )
-from crane_driver.bags.writer import BagWriter, offered_qos
+from crane_bags.writer import BagWriter, offered_qos
 from crane_interfaces.msg import CylinderPressures, ValveCommand
 from crane_model.machine import JOINTS, PLANAR_JOINTS
 

@@ -17,15 +17,15 @@ from rosbags.rosbag2 import Reader
 from sensor_msgs.msg import JointState
 from std_msgs.msg import Header, String
 
-from crane_driver.bags.reader import read_topics
-from crane_driver.bags.types import (
+from crane_bags.reader import read_topics
+from crane_bags.types import (
     CYLINDER_PRESSURES,
     JOINT_REFERENCE,
     JOINT_STATES,
     VALVE_COMMAND,
 )
-from crane_driver.recording.silence import SHORTEST
 from crane_model.errors import DataError
+from crane_nodes.recording.silence import SHORTEST
 
 TOPICS = (JOINT_STATES, CYLINDER_PRESSURES, VALVE_COMMAND, JOINT_REFERENCE)
 SECOND = 1_000_000_000  # ns
@@ -137,7 +137,7 @@ def test_kill_loses_at_most_the_last_second(ros: Graph, bag: Path, tmp_path: Pat
     assert recorder.end(signal.SIGKILL) == -signal.SIGKILL
     before = {file.name: file.read_bytes() for file in bag.iterdir()}
     mended = tmp_path / "mended"
-    with pytest.raises(DataError, match=f"mend it: ros2 run crane_driver recover {bag} --out"):
+    with pytest.raises(DataError, match=f"mend it: ros2 run crane_nodes recover {bag} --out"):
         stamps(bag)
 
     recover = ros.start("recover", bag, "--out", mended)

@@ -6,7 +6,7 @@ from typing import Any
 
 import pytest
 
-from crane_identification.discrepancy.diagnose import main
+from crane_identification.diagnose import main
 
 MODEL = """
 name: rotary actuator in counts

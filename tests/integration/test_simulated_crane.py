@@ -15,7 +15,7 @@ from crane_driver.can.bus import BusSettings
 from crane_driver.can.codec import DriverCodec
 from crane_driver.can.decoder import Readings
 from crane_driver.can.link import Link
-from crane_sim.simulated_crane import main
+from crane_sim.bus.simulated_crane import main
 
 pytestmark = pytest.mark.realtime
 

@@ -8,11 +8,12 @@ from pathlib import Path
 from typing import Any
 
 import pytest
-import recordings
-from recordings import Campaign, Experiment
 from unit.crane_identification.report.html_reader import figure_descriptions, read_html
 
-SCRIPT = Path(recordings.__file__).with_name("study.py")
+from crane_benchmark.study import recordings
+from crane_benchmark.study.recordings import Campaign, Experiment
+
+STUDY = [sys.executable, "-m", "crane_benchmark.study.study"]
 EXPERIMENT = Experiment(period=14.0, harmonics=3, starts=1, periods=2)
 
 
@@ -26,7 +27,7 @@ def printed(out: Path) -> str:
     """What a study of two trajectories and one to validate on prints; the real axis is not there:
     test_emps.py looks at it."""
     done = subprocess.run(
-        [sys.executable, str(SCRIPT), "--out", str(out)]
+        [*STUDY, "--out", str(out)]
         + ["--training", "2", "--validation", "1"]
         + [f"--{name}={value}" for name, value in vars(EXPERIMENT).items()],
         capture_output=True,
@@ -91,7 +92,7 @@ def test_what_is_there_is_not_made_again(printed, out, monkeypatch):
 
 def test_an_executable_that_fails_ends_the_study_with_its_error(tmp_path):
     done = subprocess.run(
-        [sys.executable, str(SCRIPT), "--out", str(tmp_path / "new"), "--starts", "0"],
+        [*STUDY, "--out", str(tmp_path / "new"), "--starts", "0"],
         capture_output=True,
         text=True,
     )

@@ -29,7 +29,7 @@ from crane_driver.can.codec import DriverCodec, MachineCodec
 from crane_driver.can.link import Link
 from crane_model.configuration import packaged
 
-BRINGUP = RUN.format(module="crane_driver.bringup.main")
+BRINGUP = RUN.format(module="crane_driver.operator.bringup.main")
 WIRING = {  # (sign, zero) of encoders, sign of valves
     "positions": {"inner_boom": (-1, 0.3), "outer_boom": (1, -0.2)},
     "commands": {"inner_boom": 1, "outer_boom": -1},

@@ -7,6 +7,7 @@ from pathlib import Path
 
 from cantools.database.can import Message, Signal
 
+from crane_driver.can.canopen_settings import identifiers
 from crane_driver.can.dbc import Dbc, load_dbc
 from crane_driver.can.frame import show_id
 from crane_driver.can.layout import (
@@ -28,7 +29,6 @@ from crane_driver.can.mapping import (
     StateSignal,
 )
 from crane_driver.can.signals import fills_byte, is_scaled, raw_limits, to_channel
-from crane_driver.canopen.settings import identifiers
 from crane_model.configuration import load, packaged
 from crane_model.errors import ConfigurationError
 from crane_model.machine import JOINT_UNITS

@@ -5,9 +5,9 @@ from dataclasses import dataclass, field
 
 from cantools.database.can import Message
 
+from crane_driver.can.canopen_settings import Device
 from crane_driver.can.frame import show_id
 from crane_driver.can.mapping import Timing
-from crane_driver.canopen.settings import Device
 from crane_driver.faults import Fault, FaultKind
 
 

@@ -6,8 +6,8 @@ from collections.abc import Iterable
 
 import numpy as np
 
-from crane_driver.bags.types import CYLINDER_PRESSURES, JOINT_STATES, VALVE_COMMAND
-from crane_driver.bags.writer import BagWriter
+from crane_bags.types import CYLINDER_PRESSURES, JOINT_STATES, VALVE_COMMAND
+from crane_bags.writer import BagWriter
 from crane_driver.can.assembly import Assembly, Complete
 from crane_driver.can.codec import DriverCodec, MachineCodec
 from crane_driver.can.decoder import Readings

@@ -5,7 +5,7 @@ from pathlib import Path
 
 import polars as pl
 
-from crane_driver.bags.writer import BagWriter
+from crane_bags.writer import BagWriter
 from crane_driver.can.binding import load_layout
 from crane_driver.can.bus_log import BusLog
 from crane_driver.can.dbc import load_dbc

@@ -5,7 +5,7 @@ from typing import Annotated, Literal, Self
 
 from pydantic import Field, field_validator, model_validator
 
-from crane_driver.canopen.settings import Device, check_nodes
+from crane_driver.can.canopen_settings import Device, check_nodes
 from crane_model.configuration import Schema
 from crane_model.machine import JOINTS
 

@@ -11,8 +11,8 @@ import canopen
 from canopen.emcy import EmcyError
 from canopen.sdo.constants import REQUEST_DOWNLOAD, RESPONSE_DOWNLOAD
 
+from crane_driver.can.canopen_settings import EMERGENCY, HEARTBEAT, SDO_RESPONSE, Device
 from crane_driver.can.frame import Frame
-from crane_driver.canopen.settings import EMERGENCY, HEARTBEAT, SDO_RESPONSE, Device
 from crane_driver.canopen.watch import NodeState, Watch
 from crane_driver.faults import Fault
 

@@ -4,8 +4,8 @@ from enum import StrEnum
 
 from canopen.emcy import EmcyError
 
+from crane_driver.can.canopen_settings import EMERGENCY, HEARTBEAT, Device
 from crane_driver.can.frame import show_id
-from crane_driver.canopen.settings import EMERGENCY, HEARTBEAT, Device
 from crane_driver.faults import Fault, FaultKind
 
 

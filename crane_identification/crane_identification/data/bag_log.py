@@ -6,9 +6,9 @@ from pathlib import Path
 
 import numpy as np
 
-from crane_driver.bags.namespaces import namespace_of
-from crane_driver.bags.reader import TopicData, read_topics
-from crane_driver.bags.types import (
+from crane_bags.namespaces import namespace_of
+from crane_bags.reader import TopicData, read_topics
+from crane_bags.types import (
     CYLINDER_PRESSURES,
     JOINT_REFERENCE,
     JOINT_STATES,
@@ -34,7 +34,7 @@ def read_bag(
     Positions are required, and chamber pressures or, in their place, the effort of /joint_states,
     which is the generalized force; topics that are not there are named in `missing`. The topics are
     those in `namespace` (None: the one that the bag holds). `DataError` names bag, topic and remedy
-    (see `crane_driver.bags.reader`).
+    (see `crane_bags.reader`).
     """
     namespace = namespace_of(path) if namespace is None else namespace
     joint_states = JOINT_STATES.within(namespace)

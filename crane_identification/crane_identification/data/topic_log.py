@@ -3,7 +3,7 @@
 from collections.abc import Sequence
 from pathlib import Path
 
-from crane_driver.bags.fields import Place, read_fields
+from crane_bags.fields import Place, read_fields
 from crane_identification.data.column_map import ColumnMap
 from crane_identification.data.log import Log
 from crane_identification.data.mapped_log import NANOSECONDS, Stream, mapped_log

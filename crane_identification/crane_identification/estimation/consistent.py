@@ -15,11 +15,11 @@ from typing import Any
 
 import numpy as np
 
-from crane_identification.estimation.covariance import Covariance
 from crane_identification.estimation.estimate import Estimate, Fit, describe
 from crane_identification.estimation.least_squares import balancing, check, fit
 from crane_identification.estimation.physics import BODIES, Physics
 from crane_identification.estimation.rows import Rows
+from crane_identification.options import Covariance
 from crane_model.errors import DataError
 
 SMALLEST = 0.01

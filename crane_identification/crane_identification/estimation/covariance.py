@@ -1,30 +1,16 @@
 """How uncertain least-squares estimates are, under three assumptions about the residual."""
 
-from enum import StrEnum
-
 import numpy as np
 from scipy.linalg import helmert, matmul_toeplitz
 
 from crane_identification.estimation.autoregression import Autoregression, restricted_likelihood
 from crane_identification.estimation.lack_of_fit import LackOfFit
 from crane_identification.estimation.rows import Rows
+from crane_identification.options import Covariance
 from crane_model.base_parameters import reveal_rank
 
 NOISE = 0.01
 """Probability of noise leaving such a residual, above which it is taken for noise."""
-
-
-class Covariance(StrEnum):
-    """What is assumed of the residual.
-
-    CLASSICAL: white; its variance is its sum of squares over (rows - parameters).
-    SAMPLE: white; its variance is the sample variance about its mean, as usual in robotics (EMPS).
-    CORRELATED: an autoregressive process of its own in each joint.
-    """
-
-    CLASSICAL = "classical"
-    SAMPLE = "sample"
-    CORRELATED = "correlated"
 
 
 def white(residual: np.ndarray, bread: np.ndarray, assumption: Covariance) -> np.ndarray:

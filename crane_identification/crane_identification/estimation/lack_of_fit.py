@@ -11,9 +11,9 @@ import numpy as np
 from scipy.linalg import matmul_toeplitz
 from scipy.stats import f as fisher
 
-from crane_identification.averaging import independent_samples
 from crane_identification.estimation.rows import Rows
 from crane_identification.estimation.solving import solve
+from crane_identification.preparation.averaging import independent_samples
 
 
 @dataclass(frozen=True)

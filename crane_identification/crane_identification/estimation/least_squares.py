@@ -2,11 +2,12 @@
 
 import numpy as np
 
-from crane_identification.estimation.covariance import Covariance, correlated, white
+from crane_identification.estimation.covariance import correlated, white
 from crane_identification.estimation.estimate import Estimate, Fit, describe
 from crane_identification.estimation.lack_of_fit import lack_of_fit
 from crane_identification.estimation.rows import Rows
 from crane_identification.estimation.solving import BasicSolution, balance, solve
+from crane_identification.options import Covariance
 from crane_model.errors import DataError
 
 UNSEEN = 1.0

@@ -9,10 +9,10 @@ from dataclasses import replace
 
 import numpy as np
 
-from crane_identification.estimation.covariance import Covariance
 from crane_identification.estimation.estimate import Estimate, describe
 from crane_identification.estimation.least_squares import balancing, check, fit, solve_weighted
 from crane_identification.estimation.rows import Rows
+from crane_identification.options import Covariance
 
 HUBER, BISQUARE = 1.345, 4.685  # standard deviations
 NORMAL = 1.4826  # standard deviation over median absolute deviation of normal noise

@@ -5,7 +5,7 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from crane_driver.bags.fields import Place
+from crane_bags.fields import Place
 from crane_identification.data.sources import Source
 from crane_identification.online.matching import Matcher
 

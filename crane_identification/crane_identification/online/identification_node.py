@@ -11,11 +11,6 @@ from rclpy.lifecycle import LifecycleNode, LifecycleState, TransitionCallbackRet
 from rclpy.qos import DurabilityPolicy, QoSProfile, ReliabilityPolicy
 from std_srvs.srv import Trigger
 
-from crane_driver.nodes.managed import AUTOSTART, run_managed
-from crane_driver.nodes.names import full_name
-from crane_driver.nodes.parameters import NodeParameter, Number, Numbers, Text, declare, hold
-from crane_driver.nodes.polled import Polled
-from crane_driver.nodes.ready import say_ready
 from crane_identification.data.column_map import ColumnMap
 from crane_identification.online.condition import Condition, recording, status
 from crane_identification.online.estimator import OnlineEstimator, OnlineOptions
@@ -31,6 +26,11 @@ from crane_interfaces.msg import GeneralizedForces, ParameterEstimate
 from crane_model.configuration import load, packaged
 from crane_model.errors import CraneError, DataError
 from crane_model.model_file import load_model, save_model
+from crane_nodes.managed import AUTOSTART, run_managed
+from crane_nodes.names import full_name
+from crane_nodes.parameters import NodeParameter, Number, Numbers, Text, declare, hold
+from crane_nodes.polled import Polled
+from crane_nodes.ready import say_ready
 
 JOINT_STATES, PRESSURES = "joint_states", "cylinder_pressures"
 DEEP = QoSProfile(depth=1000, reliability=ReliabilityPolicy.RELIABLE)

@@ -5,11 +5,11 @@ from typing import NamedTuple
 
 import numpy as np
 
+from crane_identification.notation import spoken
 from crane_identification.recording_check.constants import BETTER, UNMOVED
 from crane_identification.recording_check.forces import NEGLIGIBLE
 from crane_identification.recording_check.grid import Grid
 from crane_identification.recording_check.suspicion import Suspicion
-from crane_identification.report.notation import spoken
 from crane_model.flow import piston_flow
 
 

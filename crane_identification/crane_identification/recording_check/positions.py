@@ -5,6 +5,7 @@ from collections.abc import Iterator
 import numpy as np
 
 from crane_identification.data.log import Log
+from crane_identification.notation import spoken
 from crane_identification.recording_check.constants import (
     ALMOST_ALL,
     COARSE,
@@ -17,7 +18,6 @@ from crane_identification.recording_check.constants import (
     VISIBLE,
 )
 from crane_identification.recording_check.suspicion import Suspicion
-from crane_identification.report.notation import spoken
 from crane_identification.signals.motion import encoder_resolution
 from crane_model.machine import JOINT_UNITS, JOINTS, Machine
 

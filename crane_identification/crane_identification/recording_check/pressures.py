@@ -5,6 +5,7 @@ from collections.abc import Iterator
 import numpy as np
 
 from crane_identification.data.log import Log, Signal
+from crane_identification.notation import spoken
 from crane_identification.recording_check.constants import (
     ALMOST_ALL,
     ATMOSPHERE,
@@ -17,7 +18,6 @@ from crane_identification.recording_check.constants import (
     VACUUM,
 )
 from crane_identification.recording_check.suspicion import Suspicion
-from crane_identification.report.notation import spoken
 from crane_model.machine import JOINTS, Machine
 
 MEGA = 1e6

@@ -7,9 +7,9 @@ from typing import Any
 
 import numpy as np
 
+from crane_identification.notation import spoken
 from crane_identification.recording_check.forces import equations
 from crane_identification.recording_check.grid import Grid
-from crane_identification.report.notation import spoken
 from crane_model.errors import RangeError
 from crane_model.model_file import Model
 

@@ -6,9 +6,9 @@ import numpy as np
 
 from crane_identification.data.log import Log, Signal
 from crane_identification.data.resample import sampling_rate
+from crane_identification.notation import spoken
 from crane_identification.recording_check.constants import HELD, HELD_COUNTS, SLOWEST, SPEED_OVER
 from crane_identification.recording_check.suspicion import Suspicion
-from crane_identification.report.notation import spoken
 from crane_identification.signals.motion import encoder_resolution
 
 

@@ -6,6 +6,7 @@ import numpy as np
 
 from crane_identification.data.log import Log
 from crane_identification.data.resample import sampling_rate
+from crane_identification.notation import spoken
 from crane_identification.recording_check.constants import (
     ENDLESS,
     FROZEN,
@@ -14,7 +15,6 @@ from crane_identification.recording_check.constants import (
     SPEED_OVER,
 )
 from crane_identification.recording_check.suspicion import Suspicion
-from crane_identification.report.notation import spoken
 from crane_identification.signals.motion import encoder_resolution
 
 CAUSES = {

@@ -2,6 +2,7 @@
 
 from collections.abc import Iterator
 
+from crane_identification.notation import spoken
 from crane_identification.recording_check.absolute import absolute
 from crane_identification.recording_check.constants import BETTER, NEEDED, POOR, UNEXPLAINED
 from crane_identification.recording_check.delay import Delay, find_delay
@@ -11,7 +12,6 @@ from crane_identification.recording_check.grid import Grid
 from crane_identification.recording_check.masses import masses
 from crane_identification.recording_check.repairs import Repair, repairs, unexplained
 from crane_identification.recording_check.suspicion import Suspicion
-from crane_identification.report.notation import spoken
 
 
 def wiring(whole: Grid) -> Iterator[Suspicion]:

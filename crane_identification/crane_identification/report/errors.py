@@ -6,9 +6,9 @@ from dataclasses import dataclass
 import numpy as np
 
 from crane_identification.estimation.rows import Rows
-from crane_identification.preparation import Preparation
+from crane_identification.preparation.prepare import Preparation
 from crane_identification.signals.decimate import decimate
-from crane_identification.validation import Validation
+from crane_identification.validation.force_validation import Validation
 from crane_model.model_file import Model
 
 

@@ -4,7 +4,8 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from crane_identification.preparation import Preparation
+from crane_identification.notation import spoken, unit
+from crane_identification.preparation.prepare import Preparation
 from crane_identification.report.errors import left_out, scatter
 from crane_identification.report.figure import (
     MEASURED,
@@ -16,9 +17,8 @@ from crane_identification.report.figure import (
     Figure,
     Panel,
 )
-from crane_identification.report.notation import spoken, unit
 from crane_identification.report.recording import Recording
-from crane_identification.validation import Validation
+from crane_identification.validation.force_validation import Validation
 from crane_model.model_file import Model
 
 POSITION, VELOCITY, ACCELERATION, FORCE = "q", "q̇", "q̈", "τ"

@@ -4,12 +4,8 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from crane_identification.carry_over import elsewhere
 from crane_identification.data.log import Log
-from crane_identification.pipeline import FitResult
-from crane_identification.preparation import Preparation
-from crane_identification.report.errors import pooled
-from crane_identification.report.notation import (
+from crane_identification.notation import (
     NONE,
     listed,
     plain,
@@ -17,7 +13,11 @@ from crane_identification.report.notation import (
     shown,
     spoken,
 )
-from crane_identification.validation import Validation
+from crane_identification.pipeline import FitResult
+from crane_identification.preparation.prepare import Preparation
+from crane_identification.report.errors import pooled
+from crane_identification.validation.carry_over import elsewhere
+from crane_identification.validation.force_validation import Validation
 from crane_model.terms import Parameter
 
 UNCERTAIN = 0.1

@@ -3,6 +3,7 @@
 from pathlib import Path
 from typing import NamedTuple
 
+from crane_identification.notation import spoken
 from crane_identification.progress import Progress, silent
 from crane_identification.report import tables, template
 from crane_identification.report.content import IdentificationReport
@@ -14,7 +15,6 @@ from crane_identification.report.figures import (
     validation_figures,
 )
 from crane_identification.report.links import Link, link, page_of
-from crane_identification.report.notation import spoken
 from crane_identification.report.processing import processing
 from crane_identification.report.recording import recorded
 from crane_identification.report.recursion import (

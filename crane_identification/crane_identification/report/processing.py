@@ -5,9 +5,9 @@ from collections.abc import Iterator
 import numpy as np
 
 from crane_identification.estimation.lack_of_fit import LackOfFit
-from crane_identification.preparation import Preparation
+from crane_identification.notation import listed, plain, spoken
+from crane_identification.preparation.prepare import Preparation
 from crane_identification.report.content import IdentificationReport
-from crane_identification.report.notation import listed, plain, spoken
 from crane_identification.signals.butterworth import ButterworthDifferentiator
 from crane_identification.signals.decimate import KEPT_SHARE
 from crane_identification.signals.fourier import FourierFit

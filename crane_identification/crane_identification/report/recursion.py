@@ -5,6 +5,7 @@ from typing import NamedTuple
 import numpy as np
 from markupsafe import Markup
 
+from crane_identification.notation import percent, plain, shown, spoken, unit
 from crane_identification.report.content import IdentificationReport
 from crane_identification.report.figure import (
     MEASURED,
@@ -16,9 +17,8 @@ from crane_identification.report.figure import (
     Figure,
     Panel,
 )
-from crane_identification.report.notation import percent, plain, shown, spoken, unit
-from crane_identification.report.symbols import parameter_symbol
 from crane_identification.report.tables import with_headings
+from crane_identification.symbols import parameter_symbol
 
 PANELS = 4  # of a figure, above each other
 SETTLED = 0.2

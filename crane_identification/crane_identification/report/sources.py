@@ -6,9 +6,9 @@ from typing import NamedTuple
 import numpy as np
 
 from crane_identification.estimation.estimate import condition_numbers
+from crane_identification.notation import NONE, percent, plain
 from crane_identification.report.content import IdentificationReport
-from crane_identification.report.notation import NONE, percent, plain
-from crane_identification.validation import Validation
+from crane_identification.validation.force_validation import Validation
 
 
 class SourceRow(NamedTuple):

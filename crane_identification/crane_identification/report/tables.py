@@ -7,10 +7,7 @@ import numpy as np
 from markupsafe import Markup
 
 from crane_identification.estimation.estimate import condition_numbers
-from crane_identification.report import marks
-from crane_identification.report.content import IdentificationReport
-from crane_identification.report.findings import UNCERTAIN
-from crane_identification.report.notation import (
+from crane_identification.notation import (
     NONE,
     Shown,
     percent,
@@ -20,7 +17,10 @@ from crane_identification.report.notation import (
     unit,
     with_uncertainty,
 )
-from crane_identification.report.symbols import entry_symbol, parameter_symbol, prose
+from crane_identification.report import marks
+from crane_identification.report.content import IdentificationReport
+from crane_identification.report.findings import UNCERTAIN
+from crane_identification.symbols import entry_symbol, parameter_symbol, prose
 from crane_model.base_parameters import REPORT_PARAMETERS, REPORT_UNITS, report_from_base
 from crane_model.dynamics import Geometry
 from crane_model.model_file import Model

@@ -7,8 +7,8 @@ from rich import box
 from rich.console import Console
 from rich.table import Table
 
+from crane_identification.notation import shown
 from crane_identification.report.content import IdentificationReport
-from crane_identification.report.notation import shown
 
 
 def console(width: int) -> Console:

@@ -4,9 +4,9 @@ from collections.abc import Sequence
 
 import numpy as np
 
+from crane_identification.notation import is_determined, listed, short_percent, spoken
 from crane_identification.report.content import IdentificationReport
 from crane_identification.report.findings import UNCERTAIN
-from crane_identification.report.notation import is_determined, listed, short_percent, spoken
 
 TYPICAL_BAGS = 3  # as many are named; more are counted
 

@@ -20,14 +20,14 @@ from crane_identification.data.bad_samples import usable
 from crane_identification.data.column_map import ColumnMap
 from crane_identification.data.log import Log
 from crane_identification.data.recording_log import read_recording
-from crane_identification.estimation.covariance import Covariance, correlated, white
+from crane_identification.estimation.covariance import correlated, white
 from crane_identification.estimation.lack_of_fit import lack_of_fit
+from crane_identification.estimation.regression import build_rows, common_factor
 from crane_identification.estimation.rows import Rows
-from crane_identification.options import Options
-from crane_identification.preparation import Preparation, prepare
+from crane_identification.options import Covariance, Options
+from crane_identification.preparation.prepare import Preparation, prepare
 from crane_identification.progress import Progress, silent
 from crane_identification.recording_check.check import vetted
-from crane_identification.regression import build_rows, common_factor
 from crane_identification.scale.information import ClusterFit, Information
 from crane_model.errors import ConfigurationError, DataError
 from crane_model.model_file import Model

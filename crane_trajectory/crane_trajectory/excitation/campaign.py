@@ -5,10 +5,10 @@ from concurrent.futures import Executor
 from dataclasses import replace
 
 from crane_model.errors import RangeError
+from crane_trajectory.excitation.merit import one_period
 from crane_trajectory.excitation.problem import Candidate, ExcitationProblem
 from crane_trajectory.excitation.search import search
-from crane_trajectory.fourier import FourierTrajectory
-from crane_trajectory.merit import one_period
+from crane_trajectory.motion.fourier import FourierTrajectory
 
 
 def campaign(

@@ -15,7 +15,7 @@ import numpy as np
 from crane_model.errors import ConfigurationError
 from crane_model.model_file import Model
 from crane_trajectory.excitation.columns import ColumnSet, column_map
-from crane_trajectory.merit import Experiment, condition_numbers
+from crane_trajectory.excitation.merit import Experiment, condition_numbers
 
 POWER = 8.0  # of the power means over eigenvalues of Phi^T Phi
 

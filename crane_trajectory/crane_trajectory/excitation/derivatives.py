@@ -19,7 +19,7 @@ from crane_model.terms import JointTerm, Term
 from crane_model.terms.friction import Coulomb, CoulombAsymmetry, Viscous, ViscousAsymmetry
 from crane_model.terms.planar import planar_columns
 from crane_model.terms.rigid_body import PlanarRigidBody
-from crane_trajectory.fourier import Samples
+from crane_trajectory.motion.fourier import Samples
 
 STEP = 1e-3  # rad, m and their derivatives: rounding and truncation of the stencil are alike
 STENCIL = ((-2, 1 / 12), (-1, -2 / 3), (1, 2 / 3), (2, -1 / 12))

@@ -12,9 +12,9 @@ import numpy as np
 from crane_model.errors import RangeError
 from crane_model.kinematics import tip_jacobian
 from crane_model.machine import JOINTS, Machine
-from crane_trajectory.check import Clearance, pump_flow, tip_room
 from crane_trajectory.excitation.settings import Margins
-from crane_trajectory.fourier import Samples
+from crane_trajectory.motion.check import Clearance, pump_flow, tip_room
+from crane_trajectory.motion.fourier import Samples
 
 POSES = 7  # per joint, among which the home pose is chosen
 NEGLIGIBLE = 1e-3  # share of the flow, m: a search ends this close to a limit, within its margin

@@ -7,8 +7,8 @@ from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
 from crane_model.machine import JOINT_UNITS, PLANAR_JOINTS, Machine
-from crane_trajectory.check import Clearance, pump_flow, tip_room
-from crane_trajectory.periodic import PeriodicTrajectory
+from crane_trajectory.motion.check import Clearance, pump_flow, tip_room
+from crane_trajectory.motion.periodic import PeriodicTrajectory
 
 POINTS = 1000
 LINE, LIMIT = "#1f4e79", "#c0392b"

@@ -9,19 +9,19 @@ from scipy.optimize import minimize
 from crane_model.errors import ConfigurationError
 from crane_model.machine import JOINT_UNITS, JOINTS, PLANAR_JOINTS, Machine
 from crane_model.model_file import Model
-from crane_trajectory.check import (
+from crane_trajectory.excitation.criterion import Criterion
+from crane_trajectory.excitation.derivatives import pull_back, smooth_record, smooth_regressor
+from crane_trajectory.excitation.limits import Limit, Limits
+from crane_trajectory.excitation.merit import record_of
+from crane_trajectory.excitation.settings import Margins, Search, Stage
+from crane_trajectory.motion.check import (
     Clearance,
     Violation,
     trajectory_grid,
     trajectory_violations,
 )
-from crane_trajectory.excitation.criterion import Criterion
-from crane_trajectory.excitation.derivatives import pull_back, smooth_record, smooth_regressor
-from crane_trajectory.excitation.limits import Limit, Limits
-from crane_trajectory.excitation.settings import Margins, Search, Stage
-from crane_trajectory.extremes import maxima
-from crane_trajectory.fourier import FourierTrajectory, Samples, harmonic_basis
-from crane_trajectory.merit import record_of
+from crane_trajectory.motion.extremes import maxima
+from crane_trajectory.motion.fourier import FourierTrajectory, Samples, harmonic_basis
 
 DECIMALS = 6  # to which coefficients are rounded
 REDUCTIONS = (0.0, *(1e-4 * 2.0 ** np.arange(13)))  # of amplitude, tried in turn

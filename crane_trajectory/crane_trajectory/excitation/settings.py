@@ -6,7 +6,7 @@ from typing import Annotated
 from pydantic import Field
 
 from crane_model.configuration import Schema, load, packaged
-from crane_trajectory.merit import Experiment
+from crane_trajectory.excitation.merit import Experiment
 
 Share = Annotated[float, Field(ge=0, lt=1)]
 Positive = Annotated[float, Field(gt=0)]

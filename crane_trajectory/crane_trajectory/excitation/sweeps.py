@@ -11,9 +11,9 @@ import numpy as np
 from crane_model.configuration import validate
 from crane_model.errors import RangeError
 from crane_model.machine import PLANAR_JOINTS, Machine
-from crane_trajectory.check import Clearance, tip_room, trajectory_violations
 from crane_trajectory.excitation.settings import Margins
-from crane_trajectory.sweep import SweepTrajectory
+from crane_trajectory.motion.check import Clearance, tip_room, trajectory_violations
+from crane_trajectory.motion.sweep import SweepTrajectory
 
 POSES = 5  # per joint, among which the pose of the joints at rest is chosen
 FINE = 200  # positions of a sweep at which the room of the tip is looked at

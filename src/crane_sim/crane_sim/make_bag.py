@@ -7,34 +7,34 @@ from typing import NamedTuple
 
 import numpy as np
 
-from crane_driver.bags.types import (
+from crane_bags.types import (
     CYLINDER_PRESSURES,
     JOINT_REFERENCE,
     JOINT_STATES,
     ROBOT_DESCRIPTION,
     VALVE_COMMAND,
 )
-from crane_driver.bags.writer import BagWriter
+from crane_bags.writer import BagWriter
 from crane_model import cli
 from crane_model.arguments import between, whole
 from crane_model.cylinders import generalized_forces
 from crane_model.machine import JOINTS, Machine, load_machine
 from crane_model.progress_bar import progress_bar
 from crane_model.urdf import urdf
-from crane_sim.closed_loop import Course, Progress, Recording, record
-from crane_sim.hidden.calibrate import hidden_in
-from crane_sim.hidden.clean import Clean, clean
-from crane_sim.hidden.form import Planted
-from crane_sim.hidden.label import check_place, load_hidden, write_label
-from crane_sim.hidden.sensing import faults
-from crane_sim.hidden.slewing import slewing
-from crane_sim.parameters import StandIn, load_stand_in
-from crane_sim.plant import Plant
-from crane_sim.sampled import Sensors
-from crane_trajectory.check import load_clearance
-from crane_trajectory.controller import Gains, load_gains
-from crane_trajectory.motion import plan
-from crane_trajectory.periodic import load_trajectory
+from crane_sim.effects.form import Planted
+from crane_sim.effects.sensing import faults
+from crane_sim.hiding.calibrate import hidden_in
+from crane_sim.hiding.clean import Clean, clean
+from crane_sim.hiding.label import check_place, load_hidden, write_label
+from crane_sim.hiding.slewing import slewing
+from crane_sim.parts.parameters import StandIn, load_stand_in
+from crane_sim.plant.closed_loop import Course, Progress, Recording, record
+from crane_sim.plant.plant import Plant
+from crane_sim.plant.sampled import Sensors
+from crane_trajectory.control.controller import Gains, load_gains
+from crane_trajectory.motion.check import load_clearance
+from crane_trajectory.motion.motion import plan
+from crane_trajectory.motion.periodic import load_trajectory
 
 STARTED = datetime(2025, 1, 1, tzinfo=UTC)  # fixed, so that the same seed gives the same bag
 

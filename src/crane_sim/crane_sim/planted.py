@@ -17,7 +17,7 @@ from typing import NamedTuple
 from crane_model import cli
 from crane_model.errors import ConfigurationError
 from crane_model.machine import PLANAR_JOINTS, Machine, load_machine
-from crane_sim.parameters import Body, StandIn, load_stand_in
+from crane_sim.parts.parameters import Body, StandIn, load_stand_in
 
 ON_AXIS = 1e-9  # m
 

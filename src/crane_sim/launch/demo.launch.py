@@ -2,7 +2,7 @@
 
 from launch import LaunchDescription
 
-from crane_driver.nodes.launching import COMMON, declared, included
+from crane_nodes.launching import COMMON, declared, included
 
 CRANE = {
     "bus_interface": "Interface of python-can; by default udp_multicast, which stays on this host",

@@ -5,7 +5,7 @@ from launch.actions import ExecuteProcess, OpaqueFunction
 from launch.substitutions import LaunchConfiguration
 from launch_ros.substitutions import ExecutableInPackage
 
-from crane_driver.nodes.launching import COMMON, declared, included
+from crane_nodes.launching import COMMON, declared, included
 
 OF_MACHINE = {
     "bus_interface": "Interface of python-can; by default udp_multicast, which stays on this host",

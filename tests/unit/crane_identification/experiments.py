@@ -13,7 +13,7 @@ from crane_model.cylinders import cylinder_forces_from_generalized
 from crane_model.model_file import Model
 from crane_model.record import Record
 from crane_model.sensors import SensorChain
-from crane_trajectory.periodic import load_trajectory
+from crane_trajectory.motion.periodic import load_trajectory
 
 LOWEST_PRESSURE = 1e6  # Pa, in the chamber that pushes less
 

@@ -4,7 +4,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 from scipy.signal import lfilter
 
-from crane_identification.averaging import (
+from crane_identification.preparation.averaging import (
     drift,
     fold,
     independent_samples,

@@ -9,8 +9,8 @@ import pytest
 from unit.crane_identification.experiments import experiment
 from unit.crane_identification.synthetic import crane_model
 
-from crane_driver.bags.types import CYLINDER_PRESSURES, JOINT_REFERENCE, JOINT_STATES
-from crane_driver.bags.writer import BagWriter
+from crane_bags.types import CYLINDER_PRESSURES, JOINT_REFERENCE, JOINT_STATES
+from crane_bags.writer import BagWriter
 from crane_identification.data.bad_samples import usable
 from crane_identification.data.bag_log import read_bag
 from crane_identification.data.log import Log

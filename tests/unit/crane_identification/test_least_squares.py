@@ -7,9 +7,9 @@ from hypothesis import strategies as st
 from scipy.signal import lfilter
 from statsmodels.regression.linear_model import OLS, WLS
 
-from crane_identification.estimation.covariance import Covariance
 from crane_identification.estimation.least_squares import least_squares
 from crane_identification.estimation.rows import Rows
+from crane_identification.options import Covariance
 from crane_model.errors import DataError
 
 THETA = np.array([3.0, 10.0, 1.0, 2.0, 0.5])

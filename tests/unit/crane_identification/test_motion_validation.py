@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 from unit.crane_identification.synthetic import crane_model
 
-from crane_identification.motion_validation import validate_motion
+from crane_identification.validation.motion_validation import validate_motion
 from crane_model.model_file import Model
 from crane_model.record import Record
 from crane_model.simulation import simulate

@@ -6,9 +6,8 @@ import numpy as np
 import pytest
 from unit.crane_identification.synthetic import RATE, axis_log, axis_model
 
-from crane_identification import identify
+from crane_identification import diagnose, identify
 from crane_identification.data.column_map import ColumnMap
-from crane_identification.discrepancy import diagnose
 from crane_identification.identify import Sources
 from crane_identification.options import Options
 from crane_identification.progress import silent

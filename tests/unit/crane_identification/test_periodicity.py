@@ -3,7 +3,7 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from crane_identification.periodicity import detect_periodicity
+from crane_identification.preparation.periodicity import detect_periodicity
 from crane_model.errors import DataError
 
 HARMONICS = np.arange(1, 6)

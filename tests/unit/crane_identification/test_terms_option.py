@@ -5,8 +5,7 @@ from pathlib import Path
 
 import pytest
 
-from crane_identification import identify
-from crane_identification.discrepancy import diagnose
+from crane_identification import diagnose, identify
 
 
 @pytest.mark.parametrize("main", [identify.main, diagnose.main])

@@ -4,8 +4,8 @@ import pytest
 
 from crane_model.configuration import packaged
 from crane_model.machine import Machine, load_machine
-from crane_sim.parameters import StandIn, load_stand_in
-from crane_trajectory.periodic import PeriodicTrajectory, load_trajectory
+from crane_sim.parts.parameters import StandIn, load_stand_in
+from crane_trajectory.motion.periodic import PeriodicTrajectory, load_trajectory
 
 
 @pytest.fixture(scope="session")

@@ -5,15 +5,15 @@ from typing import NamedTuple
 import numpy as np
 
 from crane_model.machine import JOINTS, Machine
-from crane_sim.constants import Constants, pack
-from crane_sim.cylinders import set_lengths_and_levers
-from crane_sim.hidden.form import Planted
-from crane_sim.hidden.forms import FORMS
-from crane_sim.hidden.kernel import act, settle
-from crane_sim.hidden.working import Hidden, packed
-from crane_sim.parameters import StandIn
-from crane_sim.rigid_bodies import mass_and_bias
-from crane_sim.state import ACTUATOR, Scratch, State
+from crane_sim.effects.form import Planted
+from crane_sim.effects.forms import FORMS
+from crane_sim.effects.kernel import act, settle
+from crane_sim.effects.working import Hidden, packed
+from crane_sim.parts.constants import Constants, pack
+from crane_sim.parts.cylinders import set_lengths_and_levers
+from crane_sim.parts.parameters import StandIn
+from crane_sim.parts.rigid_bodies import mass_and_bias
+from crane_sim.parts.state import ACTUATOR, Scratch, State
 
 STEP = 2e-4  # s
 

@@ -12,7 +12,7 @@ from crane_model.machine import JOINTS, Machine, load_machine
 from crane_sim.drawing.pins import Pins, pins
 from crane_sim.drawing.pose import parse_pose
 from crane_sim.drawing.scene import Scene
-from crane_sim.parameters import StandIn
+from crane_sim.parts.parameters import StandIn
 
 MACHINE = load_machine()
 

@@ -8,9 +8,9 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from crane_model.configuration import packaged
-from crane_sim.constants import pack_friction
-from crane_sim.friction import lugre_force, step_lugre, step_set_valued
-from crane_sim.parameters import StandIn, load_stand_in
+from crane_sim.parts.constants import pack_friction
+from crane_sim.parts.friction import lugre_force, step_lugre, step_set_valued
+from crane_sim.parts.parameters import StandIn, load_stand_in
 
 STEP = 1e-3
 

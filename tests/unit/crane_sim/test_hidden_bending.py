@@ -5,9 +5,9 @@ import pytest
 from unit.crane_sim.hidden_machine import STEP, Rig, planted, rig
 
 from crane_model.machine import JOINTS, PLANAR_JOINTS, Machine
-from crane_sim.hidden.bending import MODES
-from crane_sim.parameters import StandIn
-from crane_sim.rigid_bodies import GRIPPER, INNER_BOOM, OUTER_BOOM, Chain, mass_and_bias
+from crane_sim.effects.bending import MODES
+from crane_sim.parts.parameters import StandIn
+from crane_sim.parts.rigid_bodies import GRIPPER, INNER_BOOM, OUTER_BOOM, Chain, mass_and_bias
 
 POSE = np.array([0.0, 0.3, -1.4, 0.5])
 

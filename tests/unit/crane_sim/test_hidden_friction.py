@@ -6,8 +6,8 @@ from unit.crane_sim.hidden_machine import Rig, planted, rig
 
 from crane_model.cylinders import lever_arm
 from crane_model.machine import JOINTS, Machine
-from crane_sim.hidden.form import Planted
-from crane_sim.parameters import StandIn
+from crane_sim.effects.form import Planted
+from crane_sim.parts.parameters import StandIn
 
 JOINT, COLUMN = "outer_boom", 2
 Q = np.array([0.1, 0.4, -1.2, 0.7])

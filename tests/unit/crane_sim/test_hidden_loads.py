@@ -11,11 +11,11 @@ from crane_model.dynamics import Geometry, lagrangian_regressor
 from crane_model.kinematics import tip_jacobian
 from crane_model.machine import Machine
 from crane_model.terms.gravity_and_load import tip_mass
-from crane_sim.hidden.slewing import Slewing, slewing
-from crane_sim.parameters import Body, StandIn
-from crane_trajectory.check import load_clearance
-from crane_trajectory.motion import plan
-from crane_trajectory.periodic import PeriodicTrajectory
+from crane_sim.hiding.slewing import Slewing, slewing
+from crane_sim.parts.parameters import Body, StandIn
+from crane_trajectory.motion.check import load_clearance
+from crane_trajectory.motion.motion import plan
+from crane_trajectory.motion.periodic import PeriodicTrajectory
 
 POSES = np.array([[0.2, 0.4, -1.2, 0.7], [-0.5, 1.1, -2.2, 0.2], [0.0, -0.2, -0.4, 1.4]])
 RATES = np.array([[0.2, 0.1, -0.3, 0.4], [-0.3, -0.15, 0.2, -0.3], [0.1, 0.2, 0.3, 0.2]])

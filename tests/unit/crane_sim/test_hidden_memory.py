@@ -7,8 +7,8 @@ import pytest
 from unit.crane_sim.hidden_machine import STEP, Rig, planted, rig
 
 from crane_model.machine import Machine
-from crane_sim.hidden.form import Planted
-from crane_sim.parameters import StandIn
+from crane_sim.effects.form import Planted
+from crane_sim.parts.parameters import StandIn
 
 JOINT, COLUMN = "telescope", 3
 TRAVEL, SHARE = 4e-3, 0.6

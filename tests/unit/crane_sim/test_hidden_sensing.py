@@ -7,12 +7,12 @@ import pytest
 from unit.crane_sim.hidden_machine import Rig, planted, rig
 
 from crane_model.machine import JOINTS, Machine
-from crane_sim.hidden.fault import Fault
-from crane_sim.hidden.flow import leak, meter, note_softness, softness
-from crane_sim.hidden.form import Planted
-from crane_sim.hidden.sensing import faults
-from crane_sim.hydraulics import opening
-from crane_sim.parameters import StandIn
+from crane_sim.effects.fault import Fault
+from crane_sim.effects.flow import leak, meter, note_softness, softness
+from crane_sim.effects.form import Planted
+from crane_sim.effects.sensing import faults
+from crane_sim.parts.hydraulics import opening
+from crane_sim.parts.parameters import StandIn
 
 JOINT, COLUMN = "outer_boom", 2
 TIME = np.sort(0.005 * np.arange(400) + np.random.default_rng(1).uniform(-1e-4, 1e-4, 400))

@@ -10,21 +10,21 @@ from unit.crane_sim.hidden_machine import planted
 
 from crane_model.errors import ConfigurationError, RangeError
 from crane_model.machine import JOINTS, PLANAR_JOINTS, Machine
-from crane_sim.closed_loop import record
-from crane_sim.constants import pack_chain
-from crane_sim.hidden.calibrate import calibrate, draw, moved
-from crane_sim.hidden.form import Planted
-from crane_sim.hidden.forms import FORMS
-from crane_sim.hidden.label import check_place, clean_path, label
-from crane_sim.hidden.memory import STILL
-from crane_sim.hidden.sensing import faults
-from crane_sim.hidden.spec import HiddenEffect, Spec, load_spec
-from crane_sim.parameters import StandIn
-from crane_sim.plant import Plant
-from crane_sim.rigid_bodies import inverse_dynamics
-from crane_sim.sampled import Sensors
-from crane_trajectory.controller import Gains, load_gains
-from crane_trajectory.motion import Reference
+from crane_sim.effects.form import Planted
+from crane_sim.effects.forms import FORMS
+from crane_sim.effects.memory import STILL
+from crane_sim.effects.sensing import faults
+from crane_sim.hiding.calibrate import calibrate, draw, moved
+from crane_sim.hiding.label import check_place, clean_path, label
+from crane_sim.hiding.spec import HiddenEffect, Spec, load_spec
+from crane_sim.parts.constants import pack_chain
+from crane_sim.parts.parameters import StandIn
+from crane_sim.parts.rigid_bodies import inverse_dynamics
+from crane_sim.plant.closed_loop import record
+from crane_sim.plant.plant import Plant
+from crane_sim.plant.sampled import Sensors
+from crane_trajectory.control.controller import Gains, load_gains
+from crane_trajectory.motion.motion import Reference
 
 CATALOGUE = {
     "stribeck", "stiction", "presliding", "maxwell_slip", "load_friction", "seal_friction",

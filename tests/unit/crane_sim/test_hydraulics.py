@@ -6,8 +6,8 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from crane_model.machine import Machine
-from crane_sim.constants import pack
-from crane_sim.hydraulics import (
+from crane_sim.parts.constants import pack
+from crane_sim.parts.hydraulics import (
     Oil,
     chamber_step,
     conductances,
@@ -18,7 +18,7 @@ from crane_sim.hydraulics import (
     signed_root,
     spool_step,
 )
-from crane_sim.parameters import Edges, StandIn
+from crane_sim.parts.parameters import Edges, StandIn
 
 LAMINAR = 1e5
 drops = st.floats(-3e7, 3e7)

@@ -8,14 +8,14 @@ from scipy.signal import butter, sosfiltfilt
 
 from crane_model.configuration import packaged
 from crane_model.machine import JOINTS, load_machine
-from crane_sim.closed_loop import record
-from crane_sim.parameters import load_stand_in
-from crane_sim.plant import Plant
-from crane_sim.sampled import Sensors
-from crane_trajectory.check import load_clearance
-from crane_trajectory.controller import load_gains
-from crane_trajectory.motion import plan
-from crane_trajectory.periodic import load_trajectory
+from crane_sim.parts.parameters import load_stand_in
+from crane_sim.plant.closed_loop import record
+from crane_sim.plant.plant import Plant
+from crane_sim.plant.sampled import Sensors
+from crane_trajectory.control.controller import load_gains
+from crane_trajectory.motion.check import load_clearance
+from crane_trajectory.motion.motion import plan
+from crane_trajectory.motion.periodic import load_trajectory
 from crane_trajectory.trajectory_parameters import TOLERANCE
 
 LATE = 10  # cycles of 5 ms

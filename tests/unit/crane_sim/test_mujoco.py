@@ -9,11 +9,11 @@ import pytest
 from crane_model.dynamics import Geometry, fill_base_regressor
 from crane_model.kinematics import link_transforms
 from crane_model.machine import JOINTS, PLANAR_JOINTS, Machine
-from crane_sim.constants import pack_chain
-from crane_sim.mujoco_model import crane_spec
-from crane_sim.parameters import StandIn
+from crane_sim.parts.constants import pack_chain
+from crane_sim.parts.mujoco_model import crane_spec
+from crane_sim.parts.parameters import StandIn
+from crane_sim.parts.rigid_bodies import inverse_dynamics, mass_and_bias
 from crane_sim.planted import planted
-from crane_sim.rigid_bodies import inverse_dynamics, mass_and_bias
 
 STATES = 1000
 PLANAR = [JOINTS.index(joint) for joint in PLANAR_JOINTS]

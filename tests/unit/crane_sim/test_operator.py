@@ -9,9 +9,9 @@ import pytest
 from crane_model.configuration import packaged
 from crane_model.errors import ConfigurationError, RangeError
 from crane_model.machine import JOINTS, Machine
-from crane_sim.operator_at_machine import Operator
-from crane_sim.parameters import StandIn, load_stand_in
-from crane_sim.plant import Plant
+from crane_sim.bus.operator_at_machine import Operator
+from crane_sim.parts.parameters import StandIn, load_stand_in
+from crane_sim.plant.plant import Plant
 
 
 def test_a_lever_goes_before_the_command_until_it_is_let_go() -> None:

@@ -8,12 +8,12 @@ from PIL import Image
 
 from crane_model.errors import ConfigurationError
 from crane_model.machine import JOINTS, Machine
-from crane_sim import picture, view
+from crane_sim.drawing import picture, view
 from crane_sim.drawing.offscreen import FINENESS, draw, gl_context, take_picture
 from crane_sim.drawing.opengl import LIBRARIES, find_backend
 from crane_sim.drawing.scene import Scene
-from crane_sim.parameters import StandIn
-from crane_trajectory.fourier import FourierTrajectory
+from crane_sim.parts.parameters import StandIn
+from crane_trajectory.motion.fourier import FourierTrajectory
 
 SIZE = (320, 200)
 

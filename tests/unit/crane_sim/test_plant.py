@@ -5,10 +5,10 @@ import pytest
 
 from crane_model.errors import RangeError
 from crane_model.machine import JOINTS, Machine
-from crane_sim.constants import pack
-from crane_sim.parameters import StandIn
-from crane_sim.plant import Plant
-from crane_sim.rigid_bodies import mass_and_bias
+from crane_sim.parts.constants import pack
+from crane_sim.parts.parameters import StandIn
+from crane_sim.parts.rigid_bodies import mass_and_bias
+from crane_sim.plant.plant import Plant
 
 
 @pytest.fixture

@@ -13,13 +13,13 @@ from crane_driver.can.frame import Frame
 from crane_driver.can.health import Monitor
 from crane_driver.can.layout import Layout
 from crane_model.machine import JOINTS, load_machine
-from crane_sim.machine_on_bus import LONGEST_STEP, MachineOnBus
-from crane_sim.pace import BACKLOG, Pace
-from crane_sim.parameters import load_stand_in
-from crane_sim.plant import Plant
-from crane_sim.sampled import Sensors
-from crane_sim.simulated_crane import main
-from crane_sim.valve_unit import TIMEOUT, ValveUnit
+from crane_sim.bus.machine_on_bus import LONGEST_STEP, MachineOnBus
+from crane_sim.bus.pace import BACKLOG, Pace
+from crane_sim.bus.simulated_crane import main
+from crane_sim.bus.valve_unit import TIMEOUT, ValveUnit
+from crane_sim.parts.parameters import load_stand_in
+from crane_sim.plant.plant import Plant
+from crane_sim.plant.sampled import Sensors
 
 START = 1000.0  # s, steady
 CYCLE = 0.005  # s

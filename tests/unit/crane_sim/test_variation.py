@@ -6,8 +6,8 @@ import numpy as np
 import pytest
 
 from crane_model.machine import JOINTS, Machine
-from crane_sim.parameters import Edges, StandIn, load_stand_in, save_stand_in
-from crane_sim.variation import vary, vary_valves
+from crane_sim.parts.parameters import Edges, StandIn, load_stand_in, save_stand_in
+from crane_sim.parts.variation import vary, vary_valves
 
 
 def test_other_machines(stand_in: StandIn, machine: Machine, tmp_path: Path) -> None:

@@ -10,7 +10,7 @@ from hypothesis import strategies as st
 from crane_model.cylinders import cylinder_length
 from crane_model.errors import RangeError
 from crane_model.machine import PLANAR_JOINTS, load_machine
-from crane_trajectory.check import (
+from crane_trajectory.motion.check import (
     Clearance,
     load_clearance,
     pump_flow,
@@ -18,8 +18,8 @@ from crane_trajectory.check import (
     tip_room,
     trajectory_violations,
 )
-from crane_trajectory.extremes import maxima
-from crane_trajectory.fourier import FourierTrajectory, JointSeries
+from crane_trajectory.motion.extremes import maxima
+from crane_trajectory.motion.fourier import FourierTrajectory, JointSeries
 
 MACHINE = load_machine()
 CLEARANCE = load_clearance()

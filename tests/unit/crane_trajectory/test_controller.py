@@ -7,7 +7,7 @@ from hypothesis import strategies as st
 
 from crane_model.errors import ConfigurationError, RangeError
 from crane_model.machine import JOINTS
-from crane_trajectory.controller import JointGains, command, joint_command, load_gains
+from crane_trajectory.control.controller import JointGains, command, joint_command, load_gains
 
 GAINS = load_gains().table
 number = st.floats(-10.0, 10.0)

@@ -17,9 +17,9 @@ from crane_trajectory.excitation.criterion import (
     log_std_dev,
     log_volume,
 )
+from crane_trajectory.excitation.merit import information, one_period, relative_std_devs
 from crane_trajectory.excitation.settings import load_design_settings
-from crane_trajectory.merit import information, one_period, relative_std_devs
-from crane_trajectory.periodic import load_trajectory
+from crane_trajectory.motion.periodic import load_trajectory
 
 MODEL = load_model(packaged("crane_model", "crane_model.yaml"))
 SETTINGS = load_design_settings()

@@ -12,7 +12,7 @@ from crane_model.model_file import load_model
 from crane_model.record import Record
 from crane_model.terms import JointTerm, Parameter, Term
 from crane_trajectory.excitation.derivatives import pull_back, smooth_record, smooth_regressor
-from crane_trajectory.fourier import Samples
+from crane_trajectory.motion.fourier import Samples
 
 MODEL = load_model(packaged("crane_model", "crane_model.yaml"))
 WIDTH = np.array([0.02, 0.05, 0.1])

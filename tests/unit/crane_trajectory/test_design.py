@@ -7,12 +7,12 @@ from PIL import Image
 from crane_model.configuration import packaged
 from crane_model.machine import JOINTS, PLANAR_JOINTS, load_machine
 from crane_model.model_file import load_model
-from crane_trajectory.check import load_clearance, trajectory_violations
-from crane_trajectory.design import main
+from crane_trajectory.excitation.design import main
+from crane_trajectory.excitation.merit import figures_of_merit
 from crane_trajectory.excitation.settings import load_design_settings
-from crane_trajectory.merit import figures_of_merit
-from crane_trajectory.motion import plan
-from crane_trajectory.periodic import load_trajectory
+from crane_trajectory.motion.check import load_clearance, trajectory_violations
+from crane_trajectory.motion.motion import plan
+from crane_trajectory.motion.periodic import load_trajectory
 
 MACHINE = load_machine()
 MODEL = load_model(packaged("crane_model", "crane_model.yaml"))

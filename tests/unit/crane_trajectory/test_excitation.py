@@ -11,17 +11,17 @@ from crane_model.errors import ConfigurationError, RangeError
 from crane_model.machine import PLANAR_JOINTS
 from crane_model.model_file import Model, load_model
 from crane_model.terms.term import Setting
-from crane_trajectory.check import Clearance, load_clearance, pump_flow, tip_room
 from crane_trajectory.excitation.campaign import campaign
 from crane_trajectory.excitation.columns import ColumnSet
 from crane_trajectory.excitation.criterion import Criterion, Kind
 from crane_trajectory.excitation.limits import Limit
+from crane_trajectory.excitation.merit import one_period
 from crane_trajectory.excitation.problem import ExcitationProblem, planar_machine
 from crane_trajectory.excitation.search import search, steps
 from crane_trajectory.excitation.settings import load_design_settings
-from crane_trajectory.fourier import FourierTrajectory
-from crane_trajectory.merit import one_period
-from crane_trajectory.periodic import load_trajectory
+from crane_trajectory.motion.check import Clearance, load_clearance, pump_flow, tip_room
+from crane_trajectory.motion.fourier import FourierTrajectory
+from crane_trajectory.motion.periodic import load_trajectory
 
 MODEL = load_model(packaged("crane_model", "crane_model.yaml"))
 SETTINGS = load_design_settings()

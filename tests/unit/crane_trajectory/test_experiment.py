@@ -9,14 +9,14 @@ from hypothesis import strategies as st
 
 from crane_interfaces.action import RunExcitation
 from crane_model.machine import JOINTS, load_machine
-from crane_trajectory.check import load_clearance
-from crane_trajectory.controller import load_gains
+from crane_trajectory.control.controller import load_gains
+from crane_trajectory.control.tracking import PeriodicError
+from crane_trajectory.control.tuning import BLEND, Tuning
 from crane_trajectory.experiment import RAMP_TIME, Experiment, Outcome, Stage
-from crane_trajectory.fourier import FourierTrajectory, JointSeries
-from crane_trajectory.motion import Motion, Phase, plan
-from crane_trajectory.reference_clock import BRAKE_TIME, LONGEST_STEP
-from crane_trajectory.tracking import PeriodicError
-from crane_trajectory.tuning import BLEND, Tuning
+from crane_trajectory.motion.check import load_clearance
+from crane_trajectory.motion.fourier import FourierTrajectory, JointSeries
+from crane_trajectory.motion.motion import Motion, Phase, plan
+from crane_trajectory.motion.reference_clock import BRAKE_TIME, LONGEST_STEP
 
 PERIOD = 0.01  # s
 TIMEOUT = 0.06  # s

@@ -6,15 +6,15 @@ import pytest
 from crane_model.configuration import packaged
 from crane_model.model_file import Model, load_model
 from crane_trajectory.excitation.columns import ColumnSet, column_map, inertial_columns
-from crane_trajectory.excitation.settings import load_design_settings
-from crane_trajectory.merit import (
+from crane_trajectory.excitation.merit import (
     condition_numbers,
     figures_of_merit,
     information,
     one_period,
     relative_std_devs,
 )
-from crane_trajectory.periodic import load_trajectory
+from crane_trajectory.excitation.settings import load_design_settings
+from crane_trajectory.motion.periodic import load_trajectory
 
 MODEL = load_model(packaged("crane_model", "crane_model.yaml"))
 TRAJECTORY = load_trajectory(packaged("crane_trajectory", "excitation_20s.yaml"))

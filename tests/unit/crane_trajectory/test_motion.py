@@ -7,9 +7,9 @@ from hypothesis import strategies as st
 
 from crane_model.errors import RangeError
 from crane_model.machine import JOINTS, load_machine
-from crane_trajectory.check import load_clearance
-from crane_trajectory.fourier import FourierTrajectory, JointSeries
-from crane_trajectory.motion import APPROACH_SHARE, RUN_UP, Motion, Phase, plan
+from crane_trajectory.motion.check import load_clearance
+from crane_trajectory.motion.fourier import FourierTrajectory, JointSeries
+from crane_trajectory.motion.motion import APPROACH_SHARE, RUN_UP, Motion, Phase, plan
 
 MACHINE = load_machine()
 CLEARANCE = load_clearance()

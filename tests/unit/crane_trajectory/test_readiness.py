@@ -4,9 +4,9 @@ import numpy as np
 import pytest
 
 from crane_model.machine import JOINTS
-from crane_trajectory.controller import load_gains
+from crane_trajectory.control.controller import load_gains
+from crane_trajectory.control.tuning import Tuning
 from crane_trajectory.readiness import RESTED, Readiness
-from crane_trajectory.tuning import Tuning
 
 TUNING = Tuning(load_gains().table, 1.0, np.ones(4))
 TIMEOUT = 0.1  # s

@@ -8,12 +8,12 @@ import pytest
 from crane_model.configuration import save
 from crane_model.errors import ConfigurationError, RangeError
 from crane_model.machine import PLANAR_JOINTS, load_machine
-from crane_trajectory.check import Clearance, load_clearance, trajectory_violations
 from crane_trajectory.excitation.settings import load_design_settings
 from crane_trajectory.excitation.sweeps import CORNER, design_sweeps
-from crane_trajectory.motion import plan
-from crane_trajectory.periodic import load_trajectory
-from crane_trajectory.sweep import JointCourse, SweepTrajectory
+from crane_trajectory.motion.check import Clearance, load_clearance, trajectory_violations
+from crane_trajectory.motion.motion import plan
+from crane_trajectory.motion.periodic import load_trajectory
+from crane_trajectory.motion.sweep import JointCourse, SweepTrajectory
 
 MACHINE = load_machine()
 CLEARANCE = load_clearance()

@@ -23,7 +23,10 @@ def test_all_packages_are_found() -> None:
         "crane_identification",
         "crane_interfaces",
         "crane_trajectory",
+        "crane_bags",
+        "crane_benchmark",
         "crane_model",
+        "crane_nodes",
         "crane_sim",
     ]
 

@@ -106,11 +106,11 @@ class Absent(MetaPathFinder):
             raise ModuleNotFoundError(f"No module named '{{top}}'", name=top)
 
 sys.meta_path.insert(0, Absent())
-import crane_identification.discrepancy.diagnose
+import crane_identification.diagnose
 import crane_identification.identify
 import crane_driver.decode
-import crane_driver.recording.recover
-from crane_driver.bags.types import CYLINDER_PRESSURES, typestore
+import crane_nodes.recording.recover
+from crane_bags.types import CYLINDER_PRESSURES, typestore
 assert CYLINDER_PRESSURES.msgtype in typestore().fielddefs
 """
 

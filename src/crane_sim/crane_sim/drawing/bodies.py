@@ -24,7 +24,7 @@ FLUSH = 0.0008  # m; overlapping surfaces in one plane would flicker
 
 
 def dress(spec: mujoco.MjSpec, machine: Machine) -> None:
-    """Draw the bodies of `crane_sim.mujoco_model.crane_spec`; the gripper is drawn hanging."""
+    """Draw the bodies of `mujoco_model.crane_spec`; the gripper is drawn hanging."""
     _base(spec.worldbody)
     _pillar(spec, spec.body("pillar"), machine)
     _inner_boom(spec, spec.body("inner_boom"), machine)

@@ -11,8 +11,8 @@ from crane_sim.drawing.bodies import dress
 from crane_sim.drawing.moving import add_moving_parts, placements
 from crane_sim.drawing.pins import pins
 from crane_sim.drawing.shapes import add_materials
-from crane_sim.mujoco_model import crane_spec, raised
-from crane_sim.parameters import StandIn
+from crane_sim.parts.mujoco_model import crane_spec, raised
+from crane_sim.parts.parameters import StandIn
 
 GRIPPER_REACH = 0.92  # m, of the hanging gripper below the boom tip
 PADDING = np.array([0.35, 0.35, 0.12])  # m, of links and jaws around the pins

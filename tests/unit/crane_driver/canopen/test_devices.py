@@ -7,9 +7,9 @@ import pytest
 import yaml
 
 from crane_driver.can.binding import load_layout
+from crane_driver.can.canopen_settings import Device
 from crane_driver.can.frame import Frame
 from crane_driver.canopen.devices import RETRY, Devices
-from crane_driver.canopen.settings import Device
 from crane_driver.canopen.watch import NodeState
 from crane_driver.faults import Fault, FaultKind
 from crane_model.configuration import packaged

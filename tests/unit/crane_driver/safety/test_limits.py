@@ -11,8 +11,8 @@ from crane_driver.safety.limits import JointLimiter
 from crane_driver.safety.settings import load_safety
 from crane_driver.velocity_filter import VelocityFilter
 from crane_model.machine import JOINTS, load_machine
-from crane_sim.parameters import load_stand_in
-from crane_sim.plant import Plant
+from crane_sim.parts.parameters import load_stand_in
+from crane_sim.plant.plant import Plant
 
 MACHINE, SAFETY = load_machine(), load_safety()
 CYCLE = 0.005  # s

@@ -3,13 +3,13 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from crane_driver.bags.types import (
+from crane_bags.types import (
     CYLINDER_PRESSURES,
     JOINT_REFERENCE,
     JOINT_STATES,
     VALVE_COMMAND,
 )
-from crane_driver.bags.writer import BagWriter
+from crane_bags.writer import BagWriter
 from crane_identification.data.bag_log import read_bag
 from crane_model.errors import DataError
 from crane_model.machine import JOINTS, PLANAR_JOINTS

@@ -7,17 +7,17 @@ import numpy as np
 from crane_identification.data.log import Log, Signal
 from crane_model.configuration import packaged
 from crane_model.machine import JOINTS, PLANAR_JOINTS, Machine, load_machine
-from crane_sim.closed_loop import Course, Recording, record
-from crane_sim.hidden.form import Planted
-from crane_sim.hidden.sensing import faults
-from crane_sim.hidden.slewing import slewing
-from crane_sim.parameters import StandIn, load_stand_in
-from crane_sim.plant import Plant
-from crane_sim.sampled import Sensors
-from crane_trajectory.check import load_clearance
-from crane_trajectory.controller import load_gains
-from crane_trajectory.motion import plan
-from crane_trajectory.periodic import load_trajectory
+from crane_sim.effects.form import Planted
+from crane_sim.effects.sensing import faults
+from crane_sim.hiding.slewing import slewing
+from crane_sim.parts.parameters import StandIn, load_stand_in
+from crane_sim.plant.closed_loop import Course, Recording, record
+from crane_sim.plant.plant import Plant
+from crane_sim.plant.sampled import Sensors
+from crane_trajectory.control.controller import load_gains
+from crane_trajectory.motion.check import load_clearance
+from crane_trajectory.motion.motion import plan
+from crane_trajectory.motion.periodic import load_trajectory
 
 
 def packaged_motion(

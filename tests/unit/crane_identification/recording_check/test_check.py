@@ -22,8 +22,8 @@ from unit.crane_identification.recording_check.corruption import (
 from unit.crane_identification.recording_check.recorded import recorded
 
 from crane_identification.data.log import Log, Signal
+from crane_identification.notation import spoken
 from crane_identification.recording_check.check import check, vetted
-from crane_identification.report.notation import spoken
 from crane_model.cylinders import generalized_forces
 from crane_model.errors import DataError
 from crane_model.machine import Machine, load_machine

@@ -11,11 +11,11 @@ from crane_identification.data.log import Log
 from crane_identification.recording_check.check import check
 from crane_model.configuration import packaged
 from crane_model.machine import load_machine
-from crane_sim.hidden.calibrate import calibrate
-from crane_sim.hidden.spec import HiddenEffect, Spec
-from crane_sim.parameters import StandIn, load_stand_in
-from crane_sim.variation import vary
-from crane_trajectory.controller import load_gains
+from crane_sim.hiding.calibrate import calibrate
+from crane_sim.hiding.spec import HiddenEffect, Spec
+from crane_sim.parts.parameters import StandIn, load_stand_in
+from crane_sim.parts.variation import vary
+from crane_trajectory.control.controller import load_gains
 
 DYNAMIC = packaged("crane_sim", "stand_in_dynamic_friction.yaml")
 

@@ -6,10 +6,10 @@ from unit.crane_identification.report.synthetic_crane import PLANTED, crane_mode
 from crane_identification.data.log import Log
 from crane_identification.options import Options
 from crane_identification.pipeline import FitResult, fit
-from crane_identification.preparation import prepare
+from crane_identification.preparation.prepare import prepare
 from crane_identification.report.content import IdentificationReport, Provenance
 from crane_identification.report.findings import findings
-from crane_identification.validation import compare
+from crane_identification.validation.force_validation import compare
 
 
 @pytest.fixture(scope="session")

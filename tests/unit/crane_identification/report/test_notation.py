@@ -5,7 +5,7 @@ from hypothesis import example, given
 from hypothesis import strategies as st
 from unit.crane_identification.report.html_reader import number
 
-from crane_identification.report.notation import (
+from crane_identification.notation import (
     is_determined,
     listed,
     percent,

@@ -1,0 +1,259 @@
+"""The running driver as a bring-up sees it: samples in, and one valve commanded at a time."""
+
+import time
+from collections.abc import Callable, Iterator, Sequence
+from contextlib import contextmanager, suppress
+from typing import Any
+
+import numpy as np
+from rcl_interfaces.srv import GetParameters
+from rclpy.executors import SingleThreadedExecutor
+from rclpy.node import Node
+from rclpy.parameter import parameter_value_to_python
+from rclpy.publisher import Publisher
+from rclpy.task import Future
+from sensor_msgs.msg import JointState
+
+from crane_driver.operator.bringup.motion import MotionError, StoppedError, Tick
+from crane_driver.operator.bringup.samples import FEWEST, Sample
+from crane_interfaces.msg import CylinderPressures, DriverState, ValveCommand
+from crane_model.errors import DataError
+from crane_nodes.context import Stop
+from crane_nodes.driver_client import DriverClient, NoDriverError
+from crane_nodes.ready import say_ready
+
+DEPTH = 50  # messages
+PATIENCE = 10.0  # s, for the driver to answer
+CYCLE = 0.01  # s, of the commands
+OLDEST = 0.1  # s, without a joint state while the crane moves
+PAUSE = 0.08  # s between two commands, beyond which the driver refuses the next
+FAREWELL = 0.2  # s of neutral commands before the driver is disabled
+SETTLING = 100  # cycles of neutral commands after a reset, until the driver may be enabled
+
+
+class CraneClient(Node):
+    """One thread: whoever waits, spins."""
+
+    def __init__(self, stop: Stop):
+        super().__init__("bringup")
+        self._stop = stop
+        self._executor = SingleThreadedExecutor()
+        self._executor.add_node(self)
+        self.joints: tuple[str, ...] = ()
+        self.samples: list[Sample] = []
+        self.pressures: list[dict[str, float]] = []
+        self._received = -np.inf
+        self._trouble = ""
+        self._refused: int | None = None  # commands, as the driver has told since it was enabled
+        subscribe = self.create_subscription
+        states = subscribe(JointState, "joint_states", self._joint_state, DEPTH)
+        cylinders = subscribe(
+            CylinderPressures, "cylinder_pressures", self._cylinder_pressures, DEPTH
+        )
+        self._states, self._cylinders = states.topic_name, cylinders.topic_name
+        self._driver = DriverClient(self, self._told)
+
+    def spin(self, seconds: float) -> None:
+        """Take what comes for a time."""
+        end = time.monotonic() + seconds
+        while (left := end - time.monotonic()) > 0.0:
+            self._executor.spin_once(timeout_sec=left)
+
+    def connect(self) -> None:
+        """Wait for the driver and its joints; `DataError` if it is not there."""
+        self._until(
+            lambda: self.samples and self._driver.ready,
+            f"no {self._states} and no driver/state come; start the driver, with the bus and the "
+            "files of this crane (-p bus.interface, bus.channel, dbc, mapping, machine, safety)",
+        )
+        say_ready(self)
+
+    def parameters(self, names: Sequence[str]) -> dict[str, Any]:
+        """Parameters of the driver."""
+        ask = self.create_client(GetParameters, f"{self._driver.state.node}/get_parameters")
+        self._until(ask.service_is_ready, f"there is no service {ask.srv_name}")
+        answer = self._answer(ask.call_async(GetParameters.Request(names=names)))
+        self.destroy_client(ask)
+        values = map(parameter_value_to_python, answer.values)
+        return dict(zip(names, values, strict=True))
+
+    def record(self, seconds: float) -> np.ndarray:
+        """Positions (n, j) of the joints in a time from now on [rad, m]; `samples` begins there."""
+        self.samples.clear()
+        self._wait(seconds)
+        self._until(  # where this computer was too busy to take more
+            lambda: len(self.samples) >= FEWEST,
+            f"no {self._states} in {seconds + PATIENCE:g} s, or fewer than {FEWEST}; see "
+            "/diagnostics",
+        )
+        return np.array([one.position for one in self.samples])
+
+    def record_pressures(self, seconds: float) -> dict[str, np.ndarray]:
+        """Readings (n,) of each pressure in a time from now on: JOINT.a, ..., supply, tank [Pa]."""
+        self.pressures.clear()
+        self._wait(seconds)
+        if not self.pressures:
+            raise DataError(f"no {self._cylinders} in {seconds:g} s; see /diagnostics")
+        names = self.pressures[0].keys()
+        return {name: np.array([one[name] for one in self.pressures]) for name in names}
+
+    @contextmanager
+    def drive(self, joint: str) -> Iterator["NodeDrive"]:
+        """Commands to one valve. However the block is left: neutral, disabled, no publisher."""
+        publisher = self.create_publisher(ValveCommand, "valve_command", 1)
+        drive = NodeDrive(self, publisher, joint)
+        try:
+            self._until(
+                lambda: publisher.get_subscription_count() > 0, "the driver takes no commands"
+            )
+            for _ in range(20):  # the driver wants to see a neutral command first
+                drive.tick(0.0)
+            answer = self._answer(self._driver.enable(), drive)
+            if not answer.success:
+                raise MotionError(f"the driver does not enable the crane: {answer.message}")
+            drive.enabled = True
+            self._trouble, self._refused = "", None
+            yield drive
+        finally:
+            drive.leave()
+            with suppress(NoDriverError):
+                future = self._driver.disable()
+                self._executor.spin_until_future_complete(future, timeout_sec=1.0)
+            self.destroy_publisher(publisher)
+
+    @property
+    def trouble(self) -> str:
+        """Why the driver has stopped the crane since it was enabled; empty if it has not."""
+        return self._trouble
+
+    def recover(self, drive: "NodeDrive") -> None:
+        """Reset the fault of the driver and enable it again; `MotionError` if it refuses."""
+        drive.enabled = False
+        answer = self._answer(self._driver.reset_fault(), drive)
+        if not answer.success:
+            raise MotionError(f"the driver does not reset its fault: {answer.message}")
+        for _ in range(SETTLING):
+            drive.tick(0.0)
+        self._enable(drive)
+
+    def cycle(self, end: float) -> None:
+        """Take what comes until `end` [s, steady], and see whether the crane may go on."""
+        while (left := end - time.monotonic()) > 0.0:
+            self._executor.spin_once(timeout_sec=left)
+        if self._stop.requested:
+            raise KeyboardInterrupt
+
+    def require_well(self) -> None:
+        """`StoppedError` if the crane is not seen, or the driver has stopped it."""
+        if (age := time.monotonic() - self._received) > OLDEST:
+            raise StoppedError(
+                f"no {self._states} for {age * 1e3:.0f} ms, limit {OLDEST * 1e3:.0f} ms"
+            )
+        if self._trouble:
+            raise StoppedError(f"the driver has stopped the crane: {self._trouble}")
+        if (count := self.count_publishers("valve_command")) > 1:
+            raise MotionError(f"{count} publishers command the valves; stop the others")
+
+    def _enable(self, drive: "NodeDrive") -> None:
+        for _ in range(20):  # the driver wants to see a neutral command first
+            drive.tick(0.0)
+        answer = self._answer(self._driver.enable(), drive)
+        if not answer.success:
+            raise MotionError(f"the driver does not enable the crane: {answer.message}")
+        drive.enabled = True
+        self._trouble, self._refused = "", None
+
+    def _wait(self, seconds: float) -> None:
+        end = time.monotonic() + seconds
+        while time.monotonic() < end:
+            self.cycle(min(end, time.monotonic() + 10.0 * CYCLE))
+
+    def _until(self, condition: Callable[[], object], otherwise: str) -> None:
+        end = time.monotonic() + PATIENCE
+        while not condition():
+            if time.monotonic() > end:
+                raise DataError(otherwise)
+            self.cycle(time.monotonic() + CYCLE)
+
+    def _answer(self, future: Future, drive: "NodeDrive | None" = None) -> Any:
+        """The answer of the driver; meanwhile the drive, if there is one, commands neutral."""
+        end = time.monotonic() + PATIENCE
+        while not future.done():
+            if time.monotonic() > end:
+                raise DataError(f"the driver does not answer within {PATIENCE:g} s")
+            if drive:
+                drive.tick(0.0)
+            else:
+                self.cycle(time.monotonic() + CYCLE)
+        return future.result()
+
+    def _joint_state(self, message: JointState) -> None:
+        self.joints = tuple(message.name)
+        stamp = message.header.stamp
+        self._received = time.monotonic()
+        self.samples.append(
+            Sample(
+                stamp.sec + stamp.nanosec * 1e-9,
+                np.array(message.position),
+                np.array(message.velocity),
+            )
+        )
+
+    def _cylinder_pressures(self, message: CylinderPressures) -> None:
+        one = {"supply": message.supply, "tank": message.tank}
+        for name, a, b in zip(message.name, message.chamber_a, message.chamber_b, strict=True):
+            one |= {f"{name}.a": a, f"{name}.b": b}
+        self.pressures.append(one)
+
+    def _told(self, state: DriverState) -> None:
+        if state.state in (DriverState.STATE_FAULT, DriverState.STATE_EMERGENCY_STOP):
+            self._trouble = f"{state.cause}; {state.remedy}"
+        if self._refused is not None and state.commands_refused > self._refused:
+            self._trouble = f"it refuses commands: {state.last_refusal}"
+        self._refused = state.commands_refused
+
+
+class NodeDrive:
+    """`Drive` over valve_command, at a fixed rate."""
+
+    def __init__(self, client: CraneClient, publisher: Publisher, joint: str):
+        self._client, self._publisher, self._joint = client, publisher, joint
+        self._due = time.monotonic()
+        self._sent = self._due
+        self.enabled = False
+
+    def tick(self, command: float) -> Tick:
+        """Send a command; samples until the next one is due."""
+        if self.enabled:
+            if (pause := time.monotonic() - self._sent) > PAUSE:
+                if command:  # a neutral one begins anew
+                    raise StoppedError(
+                        f"no command for {pause * 1e3:.0f} ms, limit {PAUSE * 1e3:.0f} ms: this "
+                        "computer is too busy; stop other programs"
+                    )
+                self._client.spin(CYCLE)  # what has come meanwhile
+            self._client.require_well()
+        self._client.samples.clear()
+        sent = self._publish(command)
+        self._due = max(self._due + CYCLE, time.monotonic())
+        self._client.cycle(self._due)
+        return Tick(sent, list(self._client.samples))
+
+    def recover(self) -> None:
+        """Reset the fault of the driver and enable it again."""
+        self._client.recover(self)
+
+    def leave(self) -> None:
+        """Neutral commands for a while, whatever else is wrong."""
+        end = time.monotonic() + FAREWELL
+        while time.monotonic() < end:
+            self._publish(0.0)
+            self._client.spin(CYCLE)
+
+    def _publish(self, command: float) -> float:
+        now = self._client.get_clock().now()
+        message = ValveCommand(name=[self._joint], command=[command])
+        message.header.stamp = now.to_msg()
+        self._publisher.publish(message)
+        self._sent = time.monotonic()
+        return now.nanoseconds * 1e-9

@@ -1,0 +1,105 @@
+"""The dead band of a valve in one direction, from a slow triangle of the command.
+
+Beyond the dead band u0 the speed is K (u(t - τ) - u0). While the command rises, the lag τ makes the
+valve seem to open late, by the rate of the ramp times τ; while it falls, to close late. A triangle
+has both, so u0, K and τ are determined together; u0 is the command extrapolated to zero speed.
+The first part of the way is left out: there the oil is compressed until friction gives way.
+"""
+
+from dataclasses import dataclass
+
+import numpy as np
+from scipy.integrate import cumulative_trapezoid
+from scipy.optimize import least_squares
+
+from crane_driver.operator.bringup.samples import Trace
+from crane_model.errors import DataError
+
+LEFT_OUT = 0.25  # of the way, at its beginning
+LONGEST_LAG = 0.5  # s
+POOR = 0.1  # of the way: residual of a fit that means nothing
+
+
+@dataclass(frozen=True)
+class DeadBandFit:
+    """One triangle in one direction; values and standard deviations of the fit."""
+
+    dead_band: float  # command, positive
+    gain: float  # rad/s, m/s per command beyond the dead band
+    lag: float  # s
+    dead_band_std: float
+    fitted: np.ndarray  # (n,) rad, m: position by the fit; NaN where samples were left out
+
+
+@dataclass(frozen=True)
+class DeadBandResult:
+    """All repeats of one direction: mean and standard deviation."""
+
+    dead_band: float
+    dead_band_std: float
+    gain: float
+    lag: float
+    repeats: int
+    gain_std: float | None = None  # with one repeat
+
+
+def fit_dead_band(name: str, trace: Trace, direction: int) -> DeadBandFit:
+    """Fit a triangle of the command in `direction` (1, -1), from rest to rest.
+
+    `DataError` if the joint did not move in that direction, or not as a valve moves it.
+    """
+    one = trace.turned(direction)
+    time = one.time - one.time[0]
+    position = one.position - one.position[0]
+    way = float(position.max())
+    if way <= -float(position.min()):
+        raise DataError(f"{name}: no movement in the direction of the command; check its polarity")
+    start = int(np.argmax(position > LEFT_OUT * way))
+    used = np.arange(len(position)) >= start
+    scale = way / max(float(cumulative_trapezoid(one.command, time)[-1]), 1e-9)
+    peak = float(one.command.max())
+
+    def modelled(parameters: np.ndarray) -> np.ndarray:
+        dead_band, gain, lag, offset = parameters
+        command = np.interp(time - lag, time, one.command)
+        speed = gain * np.maximum(command - dead_band, 0.0)
+        return offset + cumulative_trapezoid(speed, time, initial=0.0)
+
+    def residual(parameters: np.ndarray) -> np.ndarray:
+        return (modelled(parameters) - position)[used] / way
+
+    fit = least_squares(
+        residual,
+        x0=[0.5 * peak, 2.0 * scale, 0.05, 0.0],
+        bounds=([0.0, 0.0, 0.0, -way], [peak, np.inf, LONGEST_LAG, way]),
+        x_scale=[peak, scale, 0.05, way],
+    )
+    rms = float(np.sqrt(np.mean(fit.fun**2)))
+    if rms > POOR:
+        raise DataError(
+            f"{name}: the way does not follow the command, residual {rms:.0%} of it, limit "
+            f"{POOR:.0%}; the joint sticks, is held back by a limit, or the ramp is too fast"
+        )
+    covariance = rms**2 * np.linalg.pinv(fit.jac.T @ fit.jac)
+    fitted = direction * modelled(fit.x) + trace.position[0]
+    return DeadBandFit(
+        dead_band=float(fit.x[0]),
+        gain=float(fit.x[1]),
+        lag=float(fit.x[2]),
+        dead_band_std=float(np.sqrt(covariance[0, 0])),
+        fitted=np.where(used, fitted, np.nan),
+    )
+
+
+def average(fits: list[DeadBandFit]) -> DeadBandResult:
+    """Mean of the repeats; their scatter, or with one alone the standard deviation of its fit."""
+    bands, gains = np.array([one.dead_band for one in fits]), np.array([one.gain for one in fits])
+    several = len(fits) > 1
+    return DeadBandResult(
+        dead_band=float(bands.mean()),
+        dead_band_std=float(bands.std(ddof=1)) if several else fits[0].dead_band_std,
+        gain=float(gains.mean()),
+        gain_std=float(gains.std(ddof=1)) if several else None,
+        lag=float(np.mean([one.lag for one in fits])),
+        repeats=len(fits),
+    )

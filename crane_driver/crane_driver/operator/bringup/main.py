@@ -1,0 +1,165 @@
+"""`ros2 run crane_driver bringup STEP`: guided measurement of what is not known of a new crane."""
+
+import argparse
+import sys
+from collections.abc import Callable, Sequence
+from pathlib import Path
+
+from crane_driver.can.binding import load_layout
+from crane_driver.can.mapping import Mapping
+from crane_driver.driver_parameters import PARAMETERS
+from crane_driver.operator.bringup import measuring, moving
+from crane_driver.operator.bringup.bench import Bench, Protocol
+from crane_driver.operator.bringup.crane_client import CraneClient
+from crane_driver.operator.bringup.restart import (
+    CONTROLLER,
+    Parameters,
+    driver_command,
+    next_command,
+)
+from crane_driver.operator.bringup.series import MAPPING, RESULT, STEPS, Series
+from crane_driver.operator.bringup.terminal import Terminal
+from crane_model.arguments import between
+from crane_model.cli import command_line, run
+from crane_model.configuration import load, packaged
+from crane_model.errors import ConfigurationError
+from crane_model.machine import JOINTS
+from crane_nodes.command_line import own_arguments, ros_arguments
+from crane_nodes.context import ros
+
+ORDER = """\
+The steps, in this order, each with the driver running:
+  status     what has been done
+  encoders   zero and sign of each encoder, while you move the joints by hand
+  pressures  offset of each pressure transducer, engine off and chambers vented
+  valves     polarity of each valve
+  dead_band  dead band of each valve in both directions
+  gains      first gains of the controller (36)
+The last three move the crane, and give up only where a joint has moved by --travel: 0.2 rad are 1 m
+at the tip of a crane that reaches 5 m. Begin with --travel 0.05 --speed 0.02, telescope in.
+Each asks before anything moves, and writes a picture and YAML files into a new folder of --out.
+Questions are answered on the terminal; in a rehearsal on the simulated crane, but never on a real
+one, they may be answered by a file: bringup STEP --out FOLDER < answers.
+"""
+
+
+def main(argv: Sequence[str] | None = None) -> int:
+    """Run one step of the bring-up."""
+    argv = sys.argv[1:] if argv is None else argv
+    options = command_parser().parse_args(own_arguments(argv))
+    if options.step == "status":
+        return run(lambda: _status(Series(options.out)))
+    return run(lambda: _measure(argv, options))
+
+
+def _measure(argv: Sequence[str], options: argparse.Namespace) -> None:
+    step: Callable[[Bench], None] = {
+        "encoders": measuring.encoders,
+        "pressures": measuring.pressures,
+        "valves": moving.valves,
+        "dead_band": moving.dead_band,
+        "gains": lambda bench: moving.gains(bench, options.controller),
+    }[options.step]
+    if options.step == "gains" and options.controller is None:
+        raise ConfigurationError(
+            f"--controller: name the controller file to begin from, for example {CONTROLLER}"
+        )
+    with ros(argv) as stop:
+        crane = CraneClient(stop)
+        crane.connect()
+        series = Series(options.out)
+        driver = crane.parameters([one.name for one in PARAMETERS])
+        mapping = _mapping(options.mapping or series.newest(MAPPING), driver)
+        bench = Bench(
+            crane=crane,
+            terminal=Terminal(stop, crane.spin),
+            series=series,
+            mapping=mapping,
+            driver=driver,
+            positions=load(mapping, Mapping).positions,
+            layout=load_layout(mapping, driver["dbc"] or None),
+            joints=_joints(options.joints, crane.joints),
+            protocol=Protocol(
+                options.seconds,
+                options.rate,
+                options.speed,
+                options.limit,
+                options.travel,
+                options.repeats,
+                options.time_constant,
+            ),
+        )
+        step(bench)
+        if command := next_command(command_parser(), options, ros_arguments(argv)):
+            bench.terminal.say(f"the next step, in the order of the manual:\n  {command}")
+
+
+def _mapping(expected: Path | None, driver: Parameters) -> Path:
+    """The mapping of the driver; what is measured corrects that one and no other."""
+    running = str(driver["mapping"])
+    used = Path(running) if running else packaged("crane_driver", "laboratory_crane_can.yaml")
+    if expected and expected.resolve() != used.resolve():
+        raise ConfigurationError(
+            f"the driver runs with the mapping {used}, but the one to go on from is {expected}; "
+            f"name its own with --mapping, or restart the driver:\n"
+            f"  {driver_command(driver, expected)}"
+        )
+    return used
+
+
+def _joints(asked: Sequence[str], there: Sequence[str]) -> tuple[str, ...]:
+    if absent := [joint for joint in asked if joint not in there]:
+        raise ConfigurationError(
+            f"--joints {' '.join(absent)}: the driver has the joints {', '.join(there)}"
+        )
+    return tuple(joint for joint in there if joint in asked or not asked)
+
+
+def _status(series: Series) -> None:
+    for path in series.runs:
+        print(f"{path}: {', '.join(sorted(one.name for one in path.iterdir()))}")
+    done = [one for one in STEPS if series.newest(RESULT, one)]
+    missing = [one for one in STEPS if one not in done]
+    print(f"done: {', '.join(done) or 'nothing'}; to be done: {', '.join(missing) or 'nothing'}")
+    if mapping := series.newest(MAPPING):
+        print(f"newest mapping, for the driver: {mapping}")
+
+
+def command_parser() -> argparse.ArgumentParser:
+    """The options of all steps."""
+    parser = command_line(
+        prog="bringup",
+        description="Guided measurement on a new crane, step by step.",
+        epilog=ORDER,
+        formatter_class=argparse.RawDescriptionHelpFormatter,
+    )
+    parser.add_argument("step", choices=("status", *STEPS))
+    parser.add_argument(
+        "--out", type=Path, required=True, metavar="FOLDER", help="of this bring-up"
+    )
+    parser.add_argument(
+        "--mapping",
+        type=Path,
+        help="mapping to go on from, which the driver must run with (default: the newest in "
+        "FOLDER, at first that of the driver)",
+    )
+    parser.add_argument(
+        "--joints", nargs="+", default=[], choices=JOINTS, help="(default: all of the driver)"
+    )
+    parser.add_argument("--controller", type=Path, help="gains: controller file to begin from")
+    for name, default, low, high, text in (
+        ("seconds", 2.0, 0.2, 60.0, "length of a record at rest [s]"),
+        ("rate", 0.05, 0.001, 0.5, "of the command in valves and dead_band [1/s]"),
+        ("speed", 0.04, 0.001, 0.5, "of a joint in dead_band and gains [rad/s, m/s]"),
+        ("limit", 0.25, 0.01, 1.0, "of the command"),
+        ("travel", 0.2, 0.001, 2.0, "of a joint from where it stood [rad, m]"),
+        ("time-constant", 0.2, 0.01, 10.0, "gains: of the closed loop, at least [s]"),
+    ):
+        parser.add_argument(
+            f"--{name}", type=between(low, high), default=default, help=f"{text} ({default:g})"
+        )
+    parser.add_argument(
+        "--repeats", type=int, choices=range(1, 21), default=3, metavar="N",
+        help="dead_band: in each direction (3)",
+    )  # fmt: skip
+    return parser

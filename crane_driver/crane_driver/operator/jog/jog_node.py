@@ -1,0 +1,228 @@
+"""`ros2 run crane_driver jog`: hold-to-run motion of one joint, by keyboard or joystick.
+
+Software is no safety stop: keep the emergency stop of the machine within reach.
+"""
+
+import argparse
+import sys
+import time
+from collections.abc import Sequence
+
+from rclpy.duration import Duration
+from rclpy.executors import SingleThreadedExecutor
+from rclpy.node import Node
+from rclpy.publisher import Publisher
+from rclpy.qos import QoSProfile
+from rclpy.task import Future
+from sensor_msgs.msg import JointState, Joy
+
+from crane_driver.operator.jog.jog_parameters import HOLD, PARAMETERS, joystick, shape
+from crane_driver.operator.jog.keyboard import Keyboard, Request
+from crane_driver.operator.jog.motion import Demand, Motion
+from crane_driver.operator.jog.screen import Screen, Shown
+from crane_driver.operator.jog.terminal import NoTerminal, Terminal
+from crane_interfaces.msg import DriverState, ValveCommand
+from crane_model.cli import command_line, run
+from crane_model.errors import CraneError
+from crane_model.machine import JOINTS
+from crane_nodes.command_line import own_arguments
+from crane_nodes.context import Stop, ros
+from crane_nodes.driver_client import DriverClient, NoDriverError
+from crane_nodes.parameters import declare
+from crane_nodes.publishers import publishers
+from crane_nodes.ready import say_ready
+
+PERIOD = 0.01  # s, of commands
+REFRESH = 0.1  # s, of the display
+CALLBACKS = 4  # in a period at most, so that commands do not wait
+PATIENCE = 10.0  # s, for a driver
+LAST_COMMANDS = 5  # neutral ones at the end
+NEWEST = QoSProfile(depth=1)
+
+
+class JogError(CraneError):
+    """Jogging cannot begin.
+
+    Examples: no driver runs, another node commands the valves.
+    """
+
+
+class Jog(Node):
+    """Publishes commands while it runs; the driver allows one publisher at a time."""
+
+    def __init__(self, by_joystick: bool):
+        super().__init__("jog")
+        declare(self, PARAMETERS, read_only=PARAMETERS)
+        self._shape = shape(self)
+        self.motion = Motion(self._shape)
+        self.keyboard = Keyboard(HOLD.read(self))
+        self.joystick = joystick(self) if by_joystick else None
+        self.news: list[str] = []
+        self._positions: dict[str, float] = {}
+        self._commands = dict.fromkeys(JOINTS, 0.0)
+        self._moved = JOINTS[0]
+        self._publisher: Publisher | None = None
+        self._driver = DriverClient(self, self._told)
+        self._faulty = False
+        self._worker = SingleThreadedExecutor()
+        self._worker.add_node(self)
+        self.create_subscription(JointState, "joint_states", self._measured, NEWEST)
+        if by_joystick:
+            self.create_subscription(Joy, "joy", self._pushed, NEWEST)
+
+    def begin(self, stop: Stop) -> None:
+        """Wait for the driver and become its publisher of commands; `JogError` if that fails."""
+        until = time.monotonic() + PATIENCE
+        while not self._driver.ready:
+            self._wait(stop, until, self._driver.problem or "the services of the driver are away")
+        if others := publishers(self, "valve_command"):
+            raise JogError(f"{', '.join(others)} commands the valves already; stop it first")
+        self._publisher = self.create_publisher(ValveCommand, "valve_command", NEWEST)
+        while not self._publisher.get_subscription_count():
+            self._wait(stop, until, "the driver takes no commands: is it active?")
+        say_ready(self)
+
+    def work(self) -> None:
+        """Take what has come."""
+        for _ in range(CALLBACKS):
+            self._worker.spin_once(timeout_sec=0.0)
+
+    def command(self, demand: Demand | None) -> None:
+        """Publish the commands of this period."""
+        self._commands = self.motion.step(demand, time.monotonic())
+        self._moved = next((one for one in JOINTS if self._commands[one]), self._moved)
+        message = ValveCommand(name=list(self._commands), command=list(self._commands.values()))
+        message.header.stamp = self.get_clock().now().to_msg()
+        if self._publisher:
+            self._publisher.publish(message)
+
+    def end(self) -> None:
+        """Ramp to neutral, so that the driver sees an end and not a loss of commands."""
+        left = LAST_COMMANDS
+        while self._publisher and left:
+            self.command(None)
+            left -= self.motion.neutral
+            time.sleep(PERIOD)
+        if self._publisher:
+            self._publisher.wait_for_all_acked(Duration(seconds=0.5))
+        self.destroy_node()
+
+    def demand(self) -> Demand | None:
+        """What is held now."""
+        return (self.joystick or self.keyboard).demand(time.monotonic())
+
+    def request(self, request: Request) -> None:
+        """Call a service of the driver; the answer becomes news."""
+        try:
+            futures = self._asked(request)
+        except NoDriverError as error:
+            self.news.append(f"{request}: {error}")
+            return
+        for future in futures:
+            future.add_done_callback(lambda one: self._answered(request, one))
+
+    def shown(self) -> Shown:
+        """What there is to be seen."""
+        note = self.joystick.problem if self.joystick else f"speed {self.keyboard.step}"
+        command = self._commands[self._moved]
+        share = command / self._shape.maximum
+        state, position = self._driver.state.text, self._positions.get(self._moved)
+        return Shown(state, self._moved, command, share, position, note)
+
+    def _asked(self, request: Request) -> list[Future]:
+        match request:
+            case Request.ENABLE:
+                return [self._driver.enable()]
+            case Request.DISABLE:
+                return [self._driver.disable()]
+            case Request.RESET:
+                return [self._driver.reset_fault()]
+            case Request.EMERGENCY_STOP:
+                return self._driver.stop()
+        raise ValueError(f"{request} is no service of the driver")
+
+    def _wait(self, stop: Stop, until: float, problem: str) -> None:
+        if stop.requested:
+            raise KeyboardInterrupt
+        if time.monotonic() > until:
+            raise JogError(problem)
+        self._worker.spin_once(timeout_sec=0.05)
+
+    def _answered(self, request: Request, future: Future) -> None:
+        answer = future.result()
+        if answer and answer.success:
+            self.news.append(f"{request}: {answer.message}")
+        elif answer:
+            self.news.append(answer.message)
+
+    def _measured(self, message: JointState) -> None:
+        self._positions = dict(zip(message.name, message.position, strict=True))
+
+    def _told(self, state: DriverState) -> None:
+        faulty = state.state == DriverState.STATE_FAULT
+        if faulty and not self._faulty:
+            self.news.append(f"{state.text}: {state.cause}; {state.remedy}")
+        self._faulty = faulty
+
+    def _pushed(self, message: Joy) -> None:
+        if self.joystick:
+            self.joystick.received(message.axes, message.buttons, time.monotonic())
+
+
+def main(argv: Sequence[str] | None = None) -> int:
+    """Jog until q or a signal."""
+    argv = sys.argv[1:] if argv is None else argv
+    options = _parser().parse_args(own_arguments(argv))
+    return run(lambda: _run(argv, options.joy))
+
+
+def _run(argv: Sequence[str], by_joystick: bool) -> None:
+    terminal = NoTerminal() if by_joystick and not sys.stdin.isatty() else Terminal()
+    with ros(argv) as stop:
+        jog = Jog(by_joystick)
+        try:
+            jog.begin(stop)
+            with terminal, Screen(by_joystick) as screen:
+                _jog(jog, terminal, screen, stop)
+        finally:
+            jog.end()
+
+
+def _jog(jog: Jog, terminal: Terminal | NoTerminal, screen: Screen, stop: Stop) -> None:
+    due = refresh = time.monotonic()
+    while not stop.requested and not terminal.closed:
+        typed = terminal.read(due - time.monotonic())
+        request = jog.keyboard.typed(typed, time.monotonic())
+        if request is Request.QUIT:
+            return
+        if request:
+            jog.request(request)
+        now = time.monotonic()
+        if now < due:
+            continue
+        jog.work()
+        jog.command(jog.demand())
+        due = max(due + PERIOD, now)
+        if now >= refresh:
+            refresh = now + REFRESH
+            for text in jog.news:
+                screen.say(text)
+            jog.news.clear()
+            screen.show(jog.shown())
+
+
+def _parser() -> argparse.ArgumentParser:
+    parser = command_line(
+        prog="jog",
+        description="Moves one joint of the crane while a key is held: each character that the "
+        "terminal repeats holds the joint for 0.12 s. The keys are shown when it runs.",
+        epilog="Parameters, after --ros-args -p: maximum, hold, rise_time, fall_time, "
+        "dead_band.JOINT, joy.deadman, joy.axis.JOINT, joy.sign.JOINT; `ros2 param describe /jog "
+        "NAME` explains them. Software is no safety stop.",
+    )
+    parser.add_argument(
+        "--joy",
+        action="store_true",
+        help="by a sensor_msgs/Joy on joy, with a deadman button",
+    )
+    return parser

@@ -1,0 +1,101 @@
+"""What jog shows: the keys once, and below them one line that is kept up to date."""
+
+from types import TracebackType
+from typing import NamedTuple, Self
+
+from rich.console import Console
+from rich.live import Live
+from rich.table import Table
+from rich.text import Text
+
+from crane_driver.operator.jog.keyboard import KEYS
+from crane_model.machine import JOINT_UNITS, JOINTS
+
+STYLES = {"enabled": "bold green", "disabled": "yellow", "offline": "yellow"}
+WRONG = "bold red"  # every other state
+BAR = 10  # characters each way
+OTHERS = (
+    ("1 ... 9", "speed"),
+    ("e  d", "enable, disable"),
+    ("r", "reset a fault"),
+    ("x", "emergency stop"),
+    ("q", "quit"),
+)
+
+
+class Shown(NamedTuple):
+    """What the line says."""
+
+    state: str  # of the driver
+    joint: str  # that is commanded, or was last
+    command: float
+    share: float  # of the largest command
+    position: float | None
+    note: str
+
+
+class Screen:
+    """The terminal as a display."""
+
+    def __init__(self, joystick: bool):
+        self._console = Console(highlight=False)
+        self._live = Live(console=self._console, auto_refresh=False, redirect_stdout=False,
+                          redirect_stderr=False)  # fmt: skip
+        self._joystick = joystick
+
+    def __enter__(self) -> Self:
+        if self._joystick:
+            self._console.print("Hold the deadman button and push one axis; let go and it stops.")
+        else:
+            self._console.print("Hold a key to move a joint; let go and it stops.")
+        self._console.print(_keys(self._joystick))
+        self._live.start()
+        return self
+
+    def __exit__(
+        self,
+        kind: type[BaseException] | None,
+        error: BaseException | None,
+        traceback: TracebackType | None,
+    ) -> None:
+        self._live.stop()
+
+    def say(self, text: str) -> None:
+        """A message that stays, above the line."""
+        self._console.print(text, markup=False)
+
+    def show(self, shown: Shown) -> None:
+        """Renew the line."""
+        self._live.update(_line(shown), refresh=True)
+
+
+def _keys(joystick: bool) -> Table:
+    table = Table.grid(padding=(0, 3))
+    joints = [] if joystick else [("", Text("-  +", style="bold"))]
+    for joint in () if joystick else JOINTS:
+        down, up = (next(key for key, what in KEYS.items() if what == (joint, sign))
+                    for sign in (-1, 1))  # fmt: skip
+        joints.append((joint, Text(f"{down}  {up}", style="bold cyan")))
+    others = OTHERS[1:] if joystick else OTHERS
+    for row in range(max(len(joints), len(others))):
+        name, keys = joints[row] if row < len(joints) else ("", "")
+        key, meaning = others[row] if row < len(others) else ("", "")
+        cells = (name, keys) if joints else ()
+        table.add_row("", *cells, Text(key, style="bold cyan"), meaning)
+    return table
+
+
+def _line(shown: Shown) -> Text:
+    """The most important first: what does not fit is cut off."""
+    line = Text(no_wrap=True, overflow="ellipsis")
+    line.append(f" {shown.state:^14} ", style=f"reverse {STYLES.get(shown.state, WRONG)}")
+    line.append(f"  {shown.joint:<10} {shown.command:+.2f} ")
+    filled = min(BAR, round(abs(shown.share) * BAR))
+    below, above = (filled, 0) if shown.command < 0 else (0, filled)
+    line.append(" " * (BAR - below) + "━" * below, style="cyan")
+    line.append("│", style="dim")
+    line.append("━" * above + " " * (BAR - above), style="cyan")
+    if shown.position is not None:
+        line.append(f" {shown.position:+.4f} {JOINT_UNITS[shown.joint]}")
+    line.append(f"  {shown.note}", style="dim")
+    return line

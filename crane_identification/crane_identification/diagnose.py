@@ -1,0 +1,139 @@
+"""`diagnose`: where a model disagrees with recordings, which effect is missing, and the proof."""
+
+import argparse
+import sys
+import time
+from collections.abc import Sequence
+from datetime import UTC, datetime
+from pathlib import Path
+from typing import Any
+
+from crane_identification.data.column_map import ColumnMap
+from crane_identification.diagnosis import explain, findings
+from crane_identification.diagnosis.diagnosis import check_known, diagnose
+from crane_identification.diagnosis.hydraulics import load_usual
+from crane_identification.diagnosis.report import page
+from crane_identification.diagnosis.thresholds import load_thresholds
+from crane_identification.identify import TABLES, Sources, add_part, add_period, trust_recordings
+from crane_identification.options import Options
+from crane_identification.progress_bar import ProgressBar
+from crane_identification.recording_check.check import blaming, vetted
+from crane_identification.report.content import Provenance
+from crane_model import cli
+from crane_model.configuration import load
+from crane_model.errors import ConfigurationError, DataError
+from crane_model.model_file import load_model, save_model
+from crane_model.terms import load_terms
+
+WITHOUT = "effects that the answer is sought without, as findings.json names them: what else fits?"
+FIXED = "what has changed since the model was made? Keeps its values"
+NEEDED = ("model", "train", "validate", "out")
+
+
+def run(arguments: argparse.Namespace) -> None:
+    """Everything the command does; raises `CraneError` with what is wrong."""
+    if arguments.explain is not None:
+        _tell(explain.read(arguments.explain))
+        return
+    absent = [f"--{name}" for name in NEEDED if not getattr(arguments, name)]
+    if absent:
+        raise ConfigurationError(f"{', '.join(absent)}: needed for a diagnosis; see --help")
+    start = time.perf_counter()
+    results = (arguments.out / name for name in ("model.yaml", "findings.json", "report.html"))
+    cli.check_out(*results, replace=arguments.replace)
+    if arguments.terms:
+        load_terms(arguments.terms)
+    model = load_model(arguments.model)
+    both = {p.resolve() for p in arguments.train} & {p.resolve() for p in arguments.validate}
+    if both:
+        raise DataError(
+            f"{', '.join(map(str, sorted(both)))}: given for training and for validation; the gap "
+            "is proved on recordings that took no part"
+        )
+    columns = load(arguments.columns, ColumnMap) if arguments.columns else None
+    check_known(arguments.without)
+    thresholds = load_thresholds(arguments.thresholds)
+    usual = load_usual(arguments.hydraulics)
+    with ProgressBar() as progress:
+        options = Options(
+            begin=arguments.begin,
+            end=arguments.end,
+            namespace=arguments.namespace,
+            period=arguments.period,
+        )
+        sources = Sources(model, columns, options, progress)
+        training, held_out = sources.read(arguments.train), sources.read(arguments.validate)
+        suspicions = vetted(model.machine, (*training, *held_out), arguments.trust_recordings)
+        with blaming(suspicions):
+            result = diagnose(
+                model,
+                training,
+                held_out,
+                options,
+                thresholds,
+                progress,
+                usual,
+                arguments.without,
+                arguments.fixed,
+            )
+        provenance = Provenance.of(
+            datetime.now(UTC).strftime("%Y-%m-%d %H:%M UTC"),
+            ["diagnose", *arguments.given],
+            str(arguments.model),
+        )
+        arguments.out.mkdir(parents=True, exist_ok=True)
+        save_model(arguments.out / "model.yaml", result.after)
+        findings.write(arguments.out / "findings.json", result, suspicions)
+        page.write(arguments.out / "report.html", result, provenance, suspicions)
+    _tell(findings.content(result) | {"suspicions": suspicions})
+    print(f"written: {arguments.out}/findings.json, model.yaml, report.html")
+    logs = [*training, *held_out]
+    samples = sum(len(log.position.time) for log in logs)
+    seconds = time.perf_counter() - start
+    print(f"{len(logs)} recordings, {samples} samples of each joint, {seconds:.0f} s")
+
+
+def _tell(content: dict[str, Any]) -> None:
+    for warning in (*content.get("suspicions", ()), *content.get("warnings", ())):
+        print(f"warning: {warning}", file=sys.stderr)
+    print("\n".join(explain.lines(content)))
+
+
+def parser() -> argparse.ArgumentParser:
+    """The command line."""
+    result = cli.command_line(
+        description="Find where a model disagrees with recordings, name the missing effect, add "
+        "it, and show on held-out recordings that the gap shrank. Writes findings.json, model.yaml "
+        "and report.html.",
+        epilog=f"Recordings are bags (folders) or tables ({', '.join(TABLES)}) with a column map.",
+    )
+    add = result.add_argument
+    add("--model", type=Path, help="model file (YAML) that lists the terms")
+    add("--train", type=Path, nargs="+", default=[], help="recordings to look into")
+    add("--validate", type=Path, nargs="+", default=[], help="recordings to prove the answer on")
+    add("--out", type=Path, help="folder for the results")
+    cli.add_replace(result)
+    add(
+        "--terms",
+        type=Path,
+        metavar="FILE",
+        help="Python file with terms of your own; those with an effect are sought, too",
+    )
+    add("--columns", type=Path, help="column map (YAML) of tables, or of your topics")
+    add_part(result)
+    add_period(result)
+    add("--without", nargs="+", default=[], metavar="EFFECT", help=WITHOUT)
+    add("--fixed", action="store_true", help=FIXED)
+    add("--thresholds", type=Path, help="thresholds (YAML; default: the packaged ones)")
+    add("--hydraulics", type=Path, help="what is usual of valves and oil (YAML)")
+    trust_recordings(result)
+    add("--explain", type=Path, metavar="DIR", help="print the answer in DIR")
+    return result
+
+
+def main(argv: Sequence[str] | None = None) -> int:
+    """Entry point; exit status 0, 1 for an error that is named, 130 when interrupted."""
+    given = list(sys.argv[1:] if argv is None else argv)
+    arguments = parser().parse_args(given)
+    arguments.given = given
+    return cli.run(lambda: run(arguments))

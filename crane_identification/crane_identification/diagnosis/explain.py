@@ -1,0 +1,91 @@
+"""A diagnosis as text, from the findings.json that it wrote: the answer, its proof, then the rest.
+
+Whatever is not printed is said to be elsewhere.
+"""
+
+import json
+from pathlib import Path
+from typing import Any
+
+from crane_identification.diagnosis import wording
+from crane_model.errors import DataError
+
+
+def read(folder: Path) -> dict[str, Any]:
+    """findings.json of a diagnosis; `DataError` if there is none."""
+    path = folder / "findings.json"
+    try:
+        return json.loads(path.read_text(encoding="utf-8"))
+    except FileNotFoundError:
+        raise DataError(
+            f"{path}: no such file; name the folder that diagnose wrote with --out"
+        ) from None
+    except (OSError, ValueError) as error:
+        raise DataError(f"{path}: not readable: {error}; diagnose again") from None
+
+
+def lines(content: dict[str, Any]) -> list[str]:
+    """The answer, the gap that proves it, what was found, and what is left."""
+    out = [_answer(content), f"  {wording.reason(content)}", *_gap(content)]
+    for number, finding in enumerate(content["findings"], start=1):
+        out += _finding(number, finding)
+    out += _block("Nearest of the catalogue:", wording.nearest(content))
+    where = [f"{joint}: {said}" for joint, said in wording.disagrees(content)]
+    out += _block("Where the model disagrees:", where)
+    out.append(f"What is left: {wording.left(content)}.")
+    for name, key in (
+        ("Not determined, and left out", "undetermined"),
+        ("In counts, and need units", "needs_units"),
+        ("Not asked for", "without"),
+    ):
+        if content[key]:
+            out.append(f"{name}: {', '.join(content[key])}")
+    if reason := content.get("clock", {}).get("reason"):
+        out.append(f"No time of a session: {reason}")
+    return out + _elsewhere(content)
+
+
+def _answer(content: dict[str, Any]) -> str:
+    """The verdict, and what it names."""
+    names = "; ".join(wording.called(finding) for finding in content["findings"])
+    return wording.answer(content) + (f": {names}." if names else ".")
+
+
+def _gap(content: dict[str, Any]) -> list[str]:
+    """The held-out errors."""
+    both = ", before → after" if wording.added(content) else ""
+    out = [f"Held-out error of the force{both} (scatter between periods, flexible learner):"]
+    for one in wording.errors(content):
+        change = f" → {one.after}" if one.after else ""
+        closed = f", {one.closed} of what could be closed" if one.closed != wording.NONE else ""
+        out.append(f"  {one.joint}: {one.before}{change} ({one.floor}, {one.learner}){closed}")
+    loads = ", ".join(map(str, wording.loads(content)))
+    return out + ([f"  each with its own load, estimated from it: {loads}"] if loads else [])
+
+
+def _finding(number: int, finding: dict[str, Any]) -> list[str]:
+    out = [f"{number}. {wording.called(finding)}: {wording.strength(finding)}".rstrip(": ")]
+    values = ", ".join(str(wording.estimate(one)) for one in finding["parameters"])
+    if finding["class_members"]:
+        out.append(f"   as {finding['name']} ({wording.place(finding['joint'])}): {values}")
+        out.append(f"   told apart by {finding['settled_by']}")
+    else:
+        out.append(f"   {values}")
+    out += [f"   {line}" for line in wording.carried(finding)]
+    return [*out, f"   {wording.evidence(finding)}"]
+
+
+def _block(title: str, said: list[str]) -> list[str]:
+    """Indented under a title; nothing where nothing is said."""
+    return [title, *(f"  {line}" for line in said)] if said else []
+
+
+def _elsewhere(content: dict[str, Any]) -> list[str]:
+    """What is not printed."""
+    numbers = (
+        (len(content["not_testable"]), "effects that hide behind the parameters of the model"),
+        (len(content["not_observable"]), "that are not observable in these recordings"),
+        (len(content["flow"]), "joints with a balance of the flow"),
+    )
+    said = [f"{number} {what}" for number, what in numbers if number > 0]
+    return [f"Not printed: {', '.join(said)}; see report.html or findings.json."] if said else []

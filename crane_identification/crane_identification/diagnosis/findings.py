@@ -1,0 +1,226 @@
+"""findings.json: the answer for programs."""
+
+import json
+import math
+from collections.abc import Sequence
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from crane_identification.diagnosis.diagnosis import Diagnosis
+from crane_identification.diagnosis.extension import Finding, Value, carried_in
+from crane_identification.diagnosis.flow_and_load_findings import balance, of_flow, of_load
+from crane_identification.diagnosis.gap import Gap
+from crane_identification.diagnosis.region import Region
+from crane_identification.diagnosis.strength import acting
+from crane_identification.diagnosis.variables import feature_unit
+from crane_identification.notation import is_determined
+from crane_identification.validation.motion_validation import MotionValidation
+
+WHITE = 0.25  # correlation of neighbouring rows up to which what is left counts as white
+
+
+def write(path: Path | str, diagnosis: Diagnosis, suspicions: Sequence[str] = ()) -> None:
+    """Write the file, with what is suspicious of the recordings."""
+    answer = content(diagnosis) | {"suspicions": list(suspicions)}
+    text = json.dumps(answer, indent=2, allow_nan=False, ensure_ascii=False)
+    Path(path).write_text(text + "\n", encoding="utf-8")
+
+
+def content(diagnosis: Diagnosis) -> dict[str, Any]:
+    """All of it as plain mappings; numbers that are not known are null."""
+    gap = diagnosis.gap
+    return _plain(
+        {
+            "verdict": diagnosis.verdict.value,
+            "reason": diagnosis.reason,
+            "values_kept": diagnosis.fixed,
+            "where": _where(diagnosis),
+            "findings": [_finding(diagnosis, one) for one in diagnosis.findings]
+            + [
+                of_flow(diagnosis, flow.joint, one)
+                for flow in diagnosis.flows
+                for one in flow.missing
+            ]
+            + [of_load(diagnosis, one) for one in diagnosis.gap.loads if one.found],
+            "nearest": _nearest(diagnosis),
+            "gap": {
+                "before": _side(diagnosis, diagnosis.gap.before, diagnosis.gap.motion_before),
+                "after": _side(diagnosis, diagnosis.gap.after, diagnosis.gap.motion_after),
+                "closed": dict(zip(diagnosis.joints, diagnosis.gap.closed, strict=True)),
+                "loads": [
+                    {"recording": one.recording, "value": one.mass, "std_dev": one.std_dev}
+                    for one in diagnosis.gap.loads
+                ],
+            },
+            "left": {
+                joint: {
+                    "white": abs(correlation) < WHITE,
+                    "correlation": correlation,
+                    "learnable_share": share,
+                    "law": law,
+                    "beyond_noise": times > diagnosis.thresholds.gates.floor_factor,
+                    "region": _region(diagnosis, region),
+                }
+                for joint, correlation, share, law, times, region in zip(
+                    diagnosis.joints,
+                    diagnosis.correlation_left,
+                    diagnosis.learnt_after.share,
+                    diagnosis.learnt_after.follows_law(diagnosis.thresholds),
+                    gap.over_floor(np.maximum(gap.after, gap.training_after)),
+                    diagnosis.regions_left,
+                    strict=True,
+                )
+            },
+            "undetermined": diagnosis.undetermined,
+            "clock": {
+                "through_session": diagnosis.session.fallback is None,
+                "reason": diagnosis.session.fallback,
+            },
+            "needs_units": diagnosis.uncalibrated,
+            "warnings": diagnosis.warnings,
+            "without": sorted(diagnosis.without),
+            "not_testable": _reasons(diagnosis.search.untestable),
+            "not_observable": _reasons(diagnosis.search.unobservable)
+            + [
+                {"effect": effect, "joint": joint, "reason": reason}
+                for (effect, joint), reason in diagnosis.flow_unobservable.items()
+            ],
+            "pulsations": [vars(one) for one in diagnosis.pulsations],
+            "flow": {flow.joint: balance(flow) for flow in diagnosis.flows},
+            "detectable_strength": diagnosis.detectable,
+        }
+    )
+
+
+def _where(diagnosis: Diagnosis) -> dict[str, Any]:
+    motion = diagnosis.gap.motion_before
+    return {
+        joint: {
+            "energy_share": diagnosis.energy[j],
+            "motion_error": motion.position_rms[j],
+            "region": _region(diagnosis, diagnosis.regions[j]),
+        }
+        for j, joint in enumerate(diagnosis.joints)
+    }
+
+
+def _region(diagnosis: Diagnosis, region: Region | None) -> dict[str, Any] | None:
+    if region is None:
+        return None
+    setting, counts = diagnosis.before.setting, bool(diagnosis.uncalibrated)
+    return {
+        "variable": region.variable,
+        "range": [region.low, region.high],
+        "unit": feature_unit(region.variable, setting, counts),
+        "share": region.share,
+    }
+
+
+def _finding(diagnosis: Diagnosis, finding: Finding) -> dict[str, Any]:
+    accepted, family = finding.accepted, finding.family
+    runner = accepted.runner_up
+    return {
+        "effect": family.type,
+        "name": family.effect.name,
+        "joint": family.where,
+        "changed": family.changes,
+        "class_members": [
+            {"effect": one.type, "name": one.effect.name, "joint": one.where}
+            for one in accepted.members
+        ],
+        "parameters": [_parameter(value) for value in finding.parameters],
+        "carried_in": carried_in(finding, diagnosis.training.sources),
+        "score": accepted.score,
+        "threshold": accepted.threshold,
+        "false_alarm_rate": diagnosis.thresholds.method.false_alarm_rate,
+        "runner_up": None
+        if runner is None
+        else {"effect": runner.type, "name": runner.effect.name, "joint": runner.where},
+        "margin": accepted.margin,
+        "margin_needed": accepted.needed,
+        "visibility": accepted.visibility,
+        "strength": _strength(diagnosis, finding),
+        "visible_strength": accepted.strength,
+        "held_out_gains": dict(zip(accepted.fold_names, accepted.held_out, strict=True)),
+        "settled_by": family.effect.settled_by,
+    }
+
+
+def _parameter(one: Value) -> dict[str, Any]:
+    """A parameter, whether the recordings determine it, and what it has changed from."""
+    own = one.__dict__ | {"determined": is_determined(one.value, one.std_dev, one.minimum)}
+    before = own.pop("before")
+    if before is None:
+        return own
+    change, std_dev = one.change
+    return own | {
+        "before": before[0],
+        "before_std_dev": before[1],
+        "change": change,
+        "change_std_dev": std_dev,
+    }
+
+
+def _strength(diagnosis: Diagnosis, finding: Finding) -> float:
+    return acting(diagnosis.training, finding.accepted.option.columns, finding.added)
+
+
+def _nearest(diagnosis: Diagnosis) -> dict[str, Any] | None:
+    """What comes closest where nothing is named, and why that does not do."""
+    near = diagnosis.nearest
+    if near is None:
+        return None
+    return {
+        "effects": [
+            {
+                "effect": one.option.family.type,
+                "name": one.option.family.effect.name,
+                "joint": one.option.family.where,
+                "score": one.score,
+                "threshold": one.threshold,
+            }
+            for one in near.effects
+        ],
+        "explained_share": near.explained,
+        "gap": {
+            joint: {"before": before, "after": after}
+            for joint, before, after in zip(near.joints, near.before, near.after, strict=True)
+        },
+        "objection": near.objection,
+    }
+
+
+def _side(diagnosis: Diagnosis, error: np.ndarray, motion: MotionValidation) -> dict[str, Any]:
+    gap: Gap = diagnosis.gap
+    return {
+        joint: {
+            "force_relative_error": error[j],
+            "noise_floor": gap.floor[j],
+            "best_achievable": gap.best[j],
+            "motion_error": motion.position_rms[j],
+            "motion_displacement": motion.displacement_rms[j],
+            "motion_reason": motion.reason,
+        }
+        for j, joint in enumerate(gap.joints)
+    }
+
+
+def _reasons(families: dict[Any, str]) -> list[dict[str, str]]:
+    return [
+        {"effect": family.type, "joint": family.where, "reason": reason}
+        for family, reason in families.items()
+    ]
+
+
+def _plain(value: Any) -> Any:
+    if isinstance(value, dict):
+        return {str(key): _plain(item) for key, item in value.items()}
+    if isinstance(value, list | tuple):
+        return [_plain(item) for item in value]
+    if isinstance(value, np.bool_):
+        return bool(value)
+    if isinstance(value, float | np.floating):
+        return float(value) if math.isfinite(value) else None
+    return value

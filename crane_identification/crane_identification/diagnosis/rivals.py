@@ -1,0 +1,140 @@
+"""Other effects in the place of one: what a set gains with them, and how alike they are to it."""
+
+from collections.abc import Sequence
+from dataclasses import replace
+
+import numpy as np
+
+from crane_identification.diagnosis.candidates import Family, Option
+from crane_identification.diagnosis.projection import Projection
+from crane_identification.diagnosis.search import Search
+from crane_identification.diagnosis.selection import (
+    NOTHING,
+    Choice,
+    constrained,
+    extended,
+    others,
+    solve,
+)
+from crane_identification.diagnosis.thresholds import Thresholds
+
+
+def without(search: Search, choice: Choice, place: int) -> Choice:
+    """The set without one of its effects."""
+    rest = others(choice, place)
+    return (solve(search.projection, rest) or NOTHING) if rest else NOTHING
+
+
+def in_place_of(search: Search, choice: Choice, place: int) -> list[Choice]:
+    """The set with each other family in the place of one of its effects, best first."""
+    projection = search.projection
+    family = projection.options[choice.options[place]].family
+    replaced = extended(projection, without(search, choice, place))
+    ranked = sorted(replaced, key=lambda one: -one.gain)
+    return [one for one in ranked if projection.options[one.options[-1]].family != family]
+
+
+def freedom(search: Search, number: int) -> int:
+    """Number of parameters of an option, shapes included, and one for what the model lacks."""
+    option = search.projection.options[number]
+    return len(option.positive) + len(option.family.shapes) + (not option.family.changes)
+
+
+def kin(one: Family, other: Family) -> bool:
+    """Whether both are laws of the same effect, on the same joint."""
+    return one.joint == other.joint and other.type in one.effect.kin
+
+
+def likeness(search: Search, one: int, other: int) -> float:
+    """Cosine of the angle by which what one option explains lies outside the other, beside the
+    base: of the option with fewer columns the worst of them, as far as the signs of parameters let
+    the other one follow it.
+    """
+    projection = search.projection
+    a, b = projection.members[one], projection.members[other]
+    gram, free = projection.gram, ~projection.positive
+    if len(a) > 1 and len(b) > 1 and free[a].all() and free[b].all():
+        roots = [np.linalg.cholesky(gram[np.ix_(c, c)] + 1e-12 * np.eye(len(c))) for c in (a, b)]
+        mixed = np.linalg.solve(roots[0], np.linalg.solve(roots[1], gram[np.ix_(b, a)]).T)
+        return float(np.linalg.svd(mixed, compute_uv=False).min())
+    pairs = [(few, many) for few, many in ((a, b), (b, a)) if len(few) <= len(many)]
+    return min(
+        max(_followed(projection, sign, column, many) for sign in _signs(free[column]))
+        for few, many in pairs
+        for column in few
+    )
+
+
+def _signs(free: bool) -> tuple[float, ...]:
+    """Signs that a parameter may have."""
+    return (1.0, -1.0) if free else (1.0,)
+
+
+def _followed(projection: Projection, sign: float, column: int, others: np.ndarray) -> float:
+    """Cosine between a column of that sign and the nearest force that others can have."""
+    inner = sign * projection.gram[others, column]
+    block = projection.gram[np.ix_(others, others)]
+    values = constrained(block, inner, projection.positive[others])
+    return 0.0 if values is None else float(np.sqrt(max(values @ inner, 0.0)))
+
+
+def same_as(
+    search: Search, rivals: Sequence[Choice], members: Sequence[Family], needed: float, alike: float
+) -> list[Family]:
+    """Further rivals that are no worse than a member and whose columns are `alike` to its own: they
+    belong to the class as well.
+    """
+    options = search.projection.options
+    known = [one for one in rivals if options[one.options[-1]].family in members]
+    return [
+        options[one.options[-1]].family
+        for one in rivals
+        if one not in known
+        and any(
+            member.gain - one.gain <= needed
+            and likeness(search, one.options[-1], member.options[-1]) > alike
+            for member in known
+        )
+    ]
+
+
+def slight(channels: Sequence[np.ndarray], gains: Sequence[float], thresholds: Thresholds) -> bool:
+    """Whether one of several effects gains too little beside another to be told from its form.
+
+    `channels` are those where each acts. What a law leaves because it is not quite that of the
+    machine is on its own joint, most of it.
+    """
+    where, method = [set(one.tolist()) for one in channels], thresholds.method
+    for own, gain in zip(where, gains, strict=True):
+        there = max(g for other, g in zip(where, gains, strict=True) if own & other)
+        least = max(method.further_share * there, method.elsewhere_share * max(gains))
+        if gain < least:
+            return True
+    return False
+
+
+def mends(
+    search: Search, numbers: Sequence[int], gains: Sequence[float], thresholds: Thresholds
+) -> bool:
+    """Whether one of several laws that resist the motion gains too little beside another of these
+    on its joint to be more than what that one's form leaves.
+    """
+    options = search.projection.options
+    resisting: dict[str, list[float]] = {}
+    for number, gain in zip(numbers, gains, strict=True):
+        joint = options[number].family.joint
+        if joint is not None and reverses(search, options[number]):
+            resisting.setdefault(joint, []).append(gain)
+    return any(min(one) < thresholds.method.form_share * max(one) for one in resisting.values())
+
+
+def reverses(search: Search, option: Option) -> bool:
+    """Whether the force of an option changes its sign with the velocity, and nothing else."""
+    setting = search.evidence.model.setting
+    for run in search.evidence.runs:
+        record = replace(run.record, direction_known=None)
+        there = option.term.columns(record, setting)
+        back = option.term.columns(replace(record, velocity=-record.velocity), setting)
+        if there.any():
+            return bool(np.allclose(back, -there))
+    return False

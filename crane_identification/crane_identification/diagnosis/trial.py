@@ -1,0 +1,97 @@
+"""A model with effects added: what it is after the fit, and what it leaves."""
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+
+from crane_identification.diagnosis.changes import within
+from crane_identification.diagnosis.cross_validation import folds
+from crane_identification.diagnosis.decision import Judged
+from crane_identification.diagnosis.extension import Training, Value, extended
+from crane_identification.diagnosis.gap import residual
+from crane_identification.diagnosis.learner import Features, Learnt, learn
+from crane_identification.diagnosis.search import Search
+from crane_identification.diagnosis.thresholds import Thresholds
+from crane_model.model_file import Model
+
+
+@dataclass(frozen=True)
+class Trial:
+    """`model` is that with the `effects`, fitted; `values` are the parameters of each.
+
+    `zero` are further effects whose parameters may as well be zero.
+
+    On the training recordings: its `residual` (n, c), `energy` (c,) of it in units of the noise,
+    `left_share` of the energy beyond noise where the effects act, and what is `learnt` from the
+    residual, beyond what is uncertain of values that are kept.
+    """
+
+    effects: tuple[Judged, ...]
+    zero: tuple[Judged, ...]
+    values: tuple[tuple[Value, ...], ...]
+    model: Model
+    residual: np.ndarray
+    learnt: Learnt
+    energy: np.ndarray
+    left_share: float
+
+    def explained(self, before: "Trial", thresholds: Thresholds) -> float:
+        """Share of what can be explained of what is left `before` that the effects do."""
+        learnable = np.where(self.learnt.follows_law(thresholds), self.learnt.share, 0.0)
+        remaining = float((self.energy[: len(learnable)] * learnable).sum())
+        own = max(float((before.energy - self.energy).sum()), 0.0)
+        return own / max(own + remaining, np.finfo(float).tiny)
+
+
+def tried(
+    found: Search,
+    before: Model,
+    effects: Sequence[Judged],
+    training: Training,
+    known: Features,
+    thresholds: Thresholds,
+) -> Trial:
+    """The model with effects; those whose parameters may as well be zero are left out.
+
+    `UndeterminedError` where the recordings do not determine all parameters.
+    """
+    chosen = tuple(effects)
+    while True:
+        model, values = extended(found, before, chosen, training)
+        sure = tuple(
+            one
+            for one, own in zip(chosen, values, strict=True)
+            if differs(one, own, thresholds.method.parameter_sigmas)
+        )
+        if sure == chosen:
+            break
+        chosen = sure
+    evidence = found.evidence
+    left = residual(evidence, model)
+    beyond = residual(evidence, within(found, model)) if evidence.keeps else left
+    seen = evidence.moving
+    return Trial(
+        effects=chosen,
+        zero=tuple(one for one in effects if one not in chosen),
+        values=tuple(values),
+        model=model,
+        residual=left,
+        learnt=learn(seen, known, beyond[:, : len(evidence.joints)], folds(seen)[0]),
+        energy=normalized_energy(found, left),
+        left_share=found.left_share([one.option for one in chosen]),
+    )
+
+
+def differs(one: Judged, values: Sequence[Value], sigmas: float) -> bool:
+    """Whether a parameter of an effect is not zero, or has changed, by more than so many standard
+    deviations; shapes alone say nothing.
+    """
+    changes = [value.change for value in values[: len(one.option.positive)]]
+    return any(abs(change) > sigmas * std_dev for change, std_dev in changes)
+
+
+def normalized_energy(found: Search, left: np.ndarray) -> np.ndarray:
+    """Energy (c,) of a residual (n, c) in units of the noise."""
+    variance = [1.0 if noise is None else noise.variance for noise in found.whitener.noise]
+    return (np.where(found.evidence.used, left, 0.0) ** 2).sum(axis=0) / np.array(variance)

@@ -1,0 +1,88 @@
+"""The quantities that laws follow: their units, and their values on the rows of the evidence."""
+
+from collections.abc import Callable, Mapping
+
+import numpy as np
+
+from crane_identification.data.units import COUNTS
+from crane_identification.diagnosis.evidence import Evidence
+from crane_identification.diagnosis.learner import way_since_turned
+from crane_model.record import Record
+from crane_model.terms import Setting
+from crane_model.terms.effect import Variable
+
+OF_NO_JOINT: frozenset[Variable] = frozenset(
+    {
+        *("extension of the telescope", "inclination of the telescope"),
+        *("slew velocity", "temperature", "time", "recording"),
+    }
+)
+_BY = "a plot against it"
+_UNITS = {
+    "position": "{q}",
+    "velocity": "{q}/s",
+    "acceleration": "{q}/s2",
+    "way": "{q}",
+    "way since it turned": "{q}",
+    "force": "{f}",
+    "rate of the force": "{f}/s",
+    "pressure sum": "Pa",
+    "pressure of chamber B": "Pa",
+    "valve command": "1",
+    "extension of the telescope": "m",
+    "inclination of the telescope": "rad",
+    "slew velocity": "rad/s",
+    "temperature": "°C",
+    "time": "s",
+    "recording": "1",
+}
+_READ: Mapping[Variable, Callable[[Record, int], np.ndarray]] = {
+    "position": lambda record, j: record.position[:, j],
+    "velocity": lambda record, j: record.velocity[:, j],
+    "acceleration": lambda record, j: record.acceleration[:, j],
+    "way since it turned": lambda record, j: way_since_turned(
+        record.position[:, j], record.velocity[:, j]
+    ),
+    "force": lambda record, j: record.needed("force", _BY)[:, j],
+    "rate of the force": lambda record, j: (
+        record.rate(record.needed("force", _BY)) if record.force_rate is None else record.force_rate
+    )[:, j],
+    "pressure sum": lambda record, j: (
+        record.needed("pressure_a", _BY) + record.needed("pressure_b", _BY)
+    )[:, j],
+    "pressure of chamber B": lambda record, j: record.needed("pressure_b", _BY)[:, j],
+    "extension of the telescope": lambda record, j: record.position[:, record.column("telescope")],
+    "inclination of the telescope": lambda record, j: (
+        record.position[:, record.column("inner_boom")]
+        + record.position[:, record.column("outer_boom")]
+    ),
+    "slew velocity": lambda record, j: record.needed("slew_velocity", _BY),
+    "temperature": lambda record, j: record.needed("temperature", _BY),
+    "time": lambda record, j: record.time,
+}
+
+
+def read(variable: Variable, record: Record, j: int) -> np.ndarray:
+    """A variable but the recording (n,) of joint number j; `DataError` where it is not there."""
+    return _READ[variable](record, j)
+
+
+def on_rows(variable: Variable, evidence: Evidence, j: int) -> np.ndarray:
+    """A variable (n,) of joint number j on the rows of the evidence."""
+    if variable == "recording":
+        return evidence.bag + 1.0
+    return np.concatenate([read(variable, run.record, j)[run.kept] for run in evidence.runs])
+
+
+def unit_of(name: str, joint: str | None, setting: Setting, counts: bool = False) -> str:
+    """The unit of a quantity by its name without the joint; `counts` where sensors give these."""
+    q = setting.units.get(joint or "", "")
+    f = setting.force_unit(joint) if q and joint else ""
+    unit = _UNITS[name].format(q=q, f=f)
+    return COUNTS if counts and unit not in ("1", "s", "°C") else unit
+
+
+def feature_unit(feature: str, setting: Setting, counts: bool = False) -> str:
+    """The unit of a quantity that a learner knows, as "velocity of outer_boom"."""
+    name, _, about = feature.partition(" of ")
+    return unit_of(name, about.split()[0] if about else None, setting, counts)

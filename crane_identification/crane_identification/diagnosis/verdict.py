@@ -1,0 +1,257 @@
+"""The verdict: from what was found, what is left of it, and what the recordings could show."""
+
+from collections.abc import Sequence
+from enum import StrEnum
+from typing import NamedTuple
+
+import numpy as np
+
+from crane_identification.diagnosis.decision import Judged
+from crane_identification.diagnosis.gap import Gap
+from crane_identification.diagnosis.hydraulics import Flow
+from crane_identification.diagnosis.proof import Proof
+from crane_identification.diagnosis.pulsation import Pulsation
+from crane_identification.diagnosis.thresholds import Thresholds
+from crane_identification.diagnosis.trial import Trial
+from crane_identification.diagnosis.weighing import Weighed
+
+SPOKEN = 4  # members of a class that the reason lists
+NOT_HELD = "something is left that no effect of the catalogue explains"
+
+
+class Verdict(StrEnum):
+    """What a diagnosis answers."""
+
+    NAMED = "named"
+    AND_MORE = "named_and_more"
+    CLASS = "class"
+    NONE = "none"
+    UNKNOWN = "unknown"
+    INSUFFICIENT = "insufficient_data"
+
+
+class Answer(NamedTuple):
+    """A verdict and its reason; `objection`: why effects that passed all tests are no names."""
+
+    verdict: Verdict
+    reason: str
+    objection: str = ""
+
+
+class Reach(NamedTuple):
+    """What recordings can show: the share of effects that is `testable`, the `least` strength that
+    would show, and the parameters of the model that are `undetermined`.
+    """
+
+    testable: float
+    least: float
+    undetermined: Sequence[str]
+
+
+def judge(before: Trial, proof: Proof, reach: Reach, thresholds: Thresholds) -> Answer:
+    """The answer of the force: the trial `before`, and that with effects."""
+    gap, method = proof.gap, thresholds.method
+    if proof.trial.effects:
+        return _of_effects(before, proof, thresholds)
+    if proof.short:
+        return Answer(Verdict.UNKNOWN, NOT_HELD, proof.short[-1].objection)
+    if proof.trial.zero:
+        return Answer(
+            Verdict.UNKNOWN,
+            NOT_HELD,
+            f"its parameters are zero within {method.parameter_sigmas:.0f} standard deviations",
+        )
+    law = before.learnt.follows_law(thresholds)
+    if law.any():
+        return Answer(
+            Verdict.UNKNOWN,
+            f"what is left on {_listed(gap, law)} follows a law, but none of the catalogue",
+        )
+    beyond = _beyond_noise(gap, gap.after, gap.training_before, thresholds.gates.floor_factor)
+    if beyond:
+        return Answer(Verdict.UNKNOWN, "; ".join(beyond))
+    if reach.undetermined:
+        return Answer(
+            Verdict.INSUFFICIENT,
+            f"they do not even determine {', '.join(reach.undetermined)} of the model; excite the "
+            "joints more: both directions, several speeds, the whole range",
+        )
+    if reach.testable < method.testable_share:
+        return Answer(
+            Verdict.INSUFFICIENT,
+            f"only {reach.testable:.0%} of the effects would show in these recordings; excite the "
+            "joints more: both directions, several speeds, the whole range",
+        )
+    if reach.least > method.detectable_strength:
+        return Answer(
+            Verdict.INSUFFICIENT,
+            f"of ten effects, one would not show at {reach.least:.1%} of the drive force; record "
+            f"more{_better_known(gap)}",
+        )
+    said = f"nine in ten effects above {reach.least:.2%} of the drive force would have shown"
+    return Answer(Verdict.NONE, f"{said}; {_of_noise(gap)}")
+
+
+def _better_known(gap: Gap) -> str:
+    """What else helps where values are kept."""
+    worst = float(np.max(gap.uncertain))
+    if not worst:
+        return ""
+    return (
+        f", or keep values that are better known: their standard deviations make {worst:.1%} of "
+        "the force uncertain"
+    )
+
+
+def _of_noise(gap: Gap) -> str:
+    """How the held-out error of the model compares with noise, in words."""
+    known = np.isfinite(gap.floor)
+    if not known.any():
+        j = int(np.argmax(np.nan_to_num(gap.after)))
+        return (
+            "no held-out recording repeats its motion, so that only a learner tells from noise "
+            f"what the model leaves of their force, up to {gap.after[j]:.2%} ({gap.joints[j]})"
+        )
+    largest = float(np.nan_to_num(gap.over_floor(np.maximum(gap.after, gap.training_before))).max())
+    return f"the force errs by {largest:.1f} times the scatter between periods at most" + (
+        "" if known.all() else f"; not known of {_listed(gap, ~known)}"
+    )
+
+
+def _beyond_noise(gap: Gap, held_out: np.ndarray, training: np.ndarray, factor: float) -> list[str]:
+    """Where relative errors (j,) are more than the noise of recordings that repeat a motion.
+
+    And more than values that are kept may err.
+    """
+    errors = np.maximum(held_out, training)
+    times = gap.over_floor(errors)
+    return [
+        f"the force of {gap.joints[j]} errs by {held_out[j]:.2%} on held-out recordings and by "
+        f"{training[j]:.2%} on the others, up to {times[j]:.0f} times the scatter between periods"
+        for j in np.flatnonzero((times > factor) & (errors > factor * gap.uncertain))
+    ]
+
+
+def with_flow(answer: Answer, flows: Sequence[Flow]) -> Answer:
+    """The answer where the flow of oil, which the torque cannot show, tells something more."""
+    strange = [
+        f"{flow.unexplained:.1%} of the flow of {flow.joint} follow a law, but none of the "
+        "catalogue"
+        for flow in flows
+        if flow.unknown
+    ]
+    missing = [
+        f"{one.effect.name} of {flow.joint} is beyond what is usual"
+        for flow in flows
+        for one in flow.missing
+    ]
+    return _named_beside(_unknown_beside(answer, strange), missing)
+
+
+def with_pulsation(answer: Answer, pulsations: Sequence[Pulsation]) -> Answer:
+    """The answer where a line is in the force that no motion makes."""
+    return _unknown_beside(
+        answer,
+        [
+            f"the force of {one.joint} pulsates at {one.frequency:.2f} Hz in all recordings "
+            f"({one.strength:.1%} of it), which no effect of the catalogue does"
+            for one in pulsations
+        ],
+    )
+
+
+def _unknown_beside(answer: Answer, said: Sequence[str]) -> Answer:
+    """The answer, and something that the catalogue does not hold."""
+    if not said:
+        return answer
+    text = "; ".join(said)
+    if answer.verdict is Verdict.NONE:
+        return Answer(Verdict.UNKNOWN, text)
+    if answer.verdict is Verdict.INSUFFICIENT:  # what shows, shows
+        return Answer(Verdict.UNKNOWN, f"{text}; {answer.reason}")
+    more = answer.verdict in (Verdict.NAMED, Verdict.CLASS)
+    verdict = Verdict.AND_MORE if more else answer.verdict
+    return answer._replace(verdict=verdict, reason=f"{answer.reason}; {text}")
+
+
+def _named_beside(answer: Answer, said: Sequence[str]) -> Answer:
+    """The answer, and effects that are named for another reason."""
+    if not said:
+        return answer
+    text = "; ".join(said)
+    if answer.verdict in (Verdict.NONE, Verdict.INSUFFICIENT):
+        return Answer(Verdict.NAMED, text)
+    unknown = answer.verdict is Verdict.UNKNOWN
+    verdict = Verdict.AND_MORE if unknown else answer.verdict
+    return answer._replace(verdict=verdict, reason=f"{answer.reason}; {text}")
+
+
+def with_loads(answer: Answer, loads: Sequence[Weighed]) -> Answer:
+    """The answer where a held-out recording carries another load than all those trained on."""
+    said = [
+        f"{one.recording} carries {abs(one.mass):.3g} kg {'more' if one.mass > 0.0 else 'less'} "
+        "than the recordings trained on"
+        for one in loads
+        if one.found
+    ]
+    return _named_beside(answer, said)
+
+
+def _of_effects(before: Trial, proof: Proof, thresholds: Thresholds) -> Answer:
+    """Effects that passed every test: are they all?"""
+    share = proof.trial.explained(before, thresholds)
+    said = [f"the effects explain {share:.0%} of what can be explained", *_moved(proof)]
+    classes = [_alternatives(one) for one in proof.trial.effects if one.members]
+    apart = [f"these recordings do not tell apart: {'; '.join(classes)}"] if classes else []
+    more = _more(proof, share, thresholds)
+    if more:
+        return Answer(Verdict.AND_MORE, "; ".join(said + apart + more))
+    if classes:
+        return Answer(Verdict.CLASS, "; ".join(apart + said))
+    return Answer(Verdict.NAMED, "; ".join(said))
+
+
+def _moved(proof: Proof) -> list[str]:
+    """What the effects do to the held-out errors where they act, in words."""
+    gap, acting = proof.gap, _acting(proof)
+    return [gap.moved(j) for j in np.flatnonzero(acting & (gap.after < gap.before))]
+
+
+def _acting(proof: Proof) -> np.ndarray:
+    """Whether any of the effects acts on a joint (j,)."""
+    joints = {one.option.family.joint for one in proof.trial.effects}
+    return np.array([bool(joints & {joint, None}) for joint in proof.gap.joints])
+
+
+def _more(proof: Proof, share: float, thresholds: Thresholds) -> list[str]:
+    """What is missing beside the effects, in words; empty if nothing is."""
+    trial, gap, method = proof.trial, proof.gap, thresholds.method
+    said = []
+    if share < method.explained_share:
+        law = trial.learnt.follows_law(thresholds)
+        said.append(f"something more is missing, a law that is left on {_listed(gap, law)}")
+    if trial.left_share > method.left_share:
+        said.append(f"they leave {trial.left_share:.0%} of the energy beyond noise where they act")
+    said += _beyond_noise(gap, gap.after, gap.training_after, thresholds.gates.floor_factor)
+    worse = gap.after > method.worse_factor * np.fmax(gap.before, method.clean_factor * gap.floor)
+    acting = _acting(proof)
+    said += [
+        ("" if acting[j] else "where none of the effects acts, ") + gap.moved(j)
+        for j in np.flatnonzero(worse)
+    ]
+    said += [
+        f"{one.effect.option.family.label} would go with them, but {one.objection}"
+        for one in proof.short
+    ]
+    return said
+
+
+def _alternatives(one: Judged) -> str:
+    """The class of an effect in words."""
+    others = [member.label for member in one.members]
+    more = f", and {len(others) - SPOKEN} more" if len(others) > SPOKEN else ""
+    return ", ".join([one.option.family.label, *others[:SPOKEN]]) + more
+
+
+def _listed(gap: Gap, which: np.ndarray) -> str:
+    return ", ".join(joint for joint, one in zip(gap.joints, which, strict=True) if one)

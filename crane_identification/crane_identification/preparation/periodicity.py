@@ -1,0 +1,140 @@
+"""Where, and with which period, a motion repeats itself: a reference, or measured positions."""
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from crane_identification.data.log import Log
+from crane_identification.data.resample import measured
+from crane_identification.preparation.agreement import OVERLAP, Agreement, agreement, best_end
+from crane_identification.preparation.repetition import Repetition
+from crane_model.errors import DataError
+
+REPEATS = 0.05
+"""A motion repeats if it differs from itself by less than this share of its own rms."""
+CLEARLY = 3.0
+"""A longer period is meant if the motion then differs from itself so many times less, ..."""
+VISIBLY = 0.004
+"""... and by more than this share of its rms after the shorter one."""
+SEEN = 0.99
+"""Share of a second period that must be there for the first to count as repeated: the very last
+sample of two whole periods may be missing."""
+EXACT = 5e-4
+"""Share of a given period, beside one sample, by which it may be off."""
+
+
+@dataclass(frozen=True)
+class Periodicity:
+    """The motion has the given `period` from `start` to `end` [s]."""
+
+    period: float
+    start: float
+    end: float
+
+
+def periodic_part(log: Log, period: float | None) -> Periodicity:
+    """The part of `log` that repeats after `period` [s] (None: to be found).
+
+    The reference, which has no noise, says it best; where none repeats, the positions do. They
+    decide whether the machine did. `DataError` if not.
+    """
+    position = measured(log, log.position)
+    if log.reference_position is not None:
+        try:
+            reference = measured(log, log.reference_position)
+            part = detect_periodicity(reference.time, reference.value, period)
+        except DataError:
+            pass  # it stands still, or something else moved the machine
+        else:
+            motion = Repetition.of(position.time, position.value)
+            difference = motion.difference(part.period / motion.step)
+            if difference <= REPEATS or part.end - part.start < 2 * SEEN * part.period:
+                return part
+            raise DataError(
+                f"{log.source}: {reference.origin} repeats after {part.period:.4g} s, but the "
+                f"measured motion does not: it then differs by {difference:.0%} of its rms; cut "
+                "off with --from and --to what did not follow the reference"
+            )
+    try:
+        return detect_periodicity(position.time, position.value, period)
+    except DataError as error:
+        raise DataError(f"{log.source}: {error}") from None
+
+
+def detect_periodicity(
+    time: np.ndarray, position: np.ndarray, period: float | None = None
+) -> Periodicity:
+    """Smallest lag at which `position` (n, j), stamped `time` (n,) [s], repeats, and where.
+
+    Found without `period`, it must be seen at least twice; given one [s], it is checked, and kept,
+    where the motion lasts longer than that. Standing still is not repeating. `DataError` if the
+    motion does not repeat, or not after the given period: it says by how much, and when it does.
+    """
+    motion = Repetition.of(time, position)
+    return _found(motion) if period is None else _checked(motion, period)
+
+
+def _found(motion: Repetition) -> Periodicity:
+    best: Agreement | None = None
+    for lag in motion.candidates(REPEATS):
+        one = agreement(motion, lag)
+        if one is None or one.last - one.first < SEEN * one.lag or one.difference > REPEATS:
+            continue
+        if best is None or one.difference < best.difference / CLEARLY:
+            best = one
+        if best.difference <= VISIBLY:
+            break
+    if best is not None:
+        return _periodicity(motion, best, best.lag * motion.step)
+    lag, difference = motion.closest()
+    raise DataError(
+        f"the motion does not repeat within its {motion.duration:.4g} s: where it comes closest, "
+        f"after {lag * motion.step:.4g} s, it still differs by {difference:.0%} of its rms; record "
+        "at least two whole periods, cut off what is not periodic with --from and --to, or give "
+        "the period with --period"
+    )
+
+
+def _checked(motion: Repetition, period: float) -> Periodicity:
+    """The part that repeats after a given period."""
+    lag = period / motion.step
+    overlap = motion.samples - 1 - lag
+    if overlap < 1.0:
+        if overlap < -1.5:
+            raise DataError(
+                f"lasts {motion.duration:.4g} s, less than the given period of {period:g} s; "
+                "correct --period"
+            )
+        apart = motion.gap_at_the_ends()
+        if apart > REPEATS:
+            raise DataError(
+                f"after the given period of {period:g} s the motion is not where it began: the "
+                f"ends are {apart:.0%} of its rms apart; correct --period"
+            )
+        return Periodicity(period, motion.start, motion.start + motion.duration)
+    near = agreement(motion, lag)
+    wanted = min(SEEN * lag, OVERLAP * overlap)
+    if near is not None and near.last - near.first >= wanted and near.difference <= REPEATS:
+        off = abs(near.lag - lag)
+        if off <= 1.0 + EXACT * lag:
+            return _periodicity(motion, agreement(motion, lag, known=True) or near, period)
+    difference = motion.difference(lag)
+    try:
+        found = f"it repeats after {_found(motion).period:.5g} s"
+    except DataError:
+        found = (
+            f"it repeats after {near.lag * motion.step:.5g} s"
+            if near is not None and near.last - near.first >= wanted and near.difference <= REPEATS
+            else "nor does it after any other time"
+        )
+    raise DataError(
+        f"the motion does not repeat after the given period of {period:g} s: it then differs by "
+        f"{difference:.0%} of its rms; {found}; correct --period, or leave it out"
+    )
+
+
+def _periodicity(motion: Repetition, part: Agreement, period: float) -> Periodicity:
+    start, end = (
+        motion.start + motion.step * index for index in (part.first, best_end(motion, part))
+    )
+    return Periodicity(period, start, min(end + period, motion.start + motion.duration))

@@ -1,0 +1,283 @@
+"""`design`: find excitation trajectories by (35), or lay out sweeps, and write them with figures of
+merit and a picture."""
+
+import argparse
+import shlex
+import sys
+from collections.abc import Sequence
+from pathlib import Path
+
+import numpy as np
+
+from crane_model.arguments import above, between, one_of, whole
+from crane_model.cli import add_replace, check_out, command_line, run
+from crane_model.configuration import packaged, save
+from crane_model.errors import ConfigurationError
+from crane_model.machine import JOINTS
+from crane_model.model_file import Model, load_model
+from crane_model.progress_bar import progress_bar
+from crane_trajectory.excitation.campaign import after, campaign
+from crane_trajectory.excitation.columns import ColumnSet
+from crane_trajectory.excitation.criterion import Criterion, Kind
+from crane_trajectory.excitation.limits import Limit
+from crane_trajectory.excitation.merit import (
+    figures_of_merit,
+    information,
+    one_period,
+    relative_std_devs,
+)
+from crane_trajectory.excitation.picture import draw
+from crane_trajectory.excitation.problem import ExcitationProblem, planar_machine
+from crane_trajectory.excitation.search import steps, workers
+from crane_trajectory.excitation.settings import DesignSettings, load_design_settings
+from crane_trajectory.excitation.sweeps import design_sweeps
+from crane_trajectory.motion.check import Clearance, load_clearance
+from crane_trajectory.motion.fourier import (
+    LONGEST_PERIOD,
+    MOST_HARMONICS,
+    SHORTEST_PERIOD,
+    FourierTrajectory,
+)
+from crane_trajectory.motion.motion import RUN_UP
+from crane_trajectory.motion.periodic import load_trajectory
+
+
+def main(argv: Sequence[str] | None = None) -> int:
+    """Command line of `ros2 run crane_trajectory design`."""
+    argv = list(sys.argv[1:] if argv is None else argv)
+    arguments = _parser().parse_args(argv)
+    return run(lambda: _design(arguments, argv))
+
+
+def _parser() -> argparse.ArgumentParser:
+    parser = command_line(description=__doc__)
+    what = parser.add_mutually_exclusive_group(required=True)
+    period = between(SHORTEST_PERIOD, LONGEST_PERIOD)
+    what.add_argument("--period", type=period, help="of a Fourier trajectory (32) [s]")
+    what.add_argument(
+        "--sweeps",
+        type=above(0.0, 1.0),
+        nargs="+",
+        metavar="SHARE",
+        help="instead: every joint in turn at these shares of its velocity limit, both ways",
+    )
+    parser.add_argument("--dwell", type=above(0.0), default=3.0, help="rest between sweeps [s]")
+    parser.add_argument("--harmonics", type=whole(1, MOST_HARMONICS), default=5, help="N of (32)")
+    parser.add_argument(
+        "--criterion",
+        type=one_of(Kind),
+        choices=list(Kind),
+        default=Kind.PRODUCT,
+        help="to minimise (35)",
+    )
+    parser.add_argument(
+        "--columns",
+        type=one_of(ColumnSet),
+        choices=list(ColumnSet),
+        default=ColumnSet.BASE,
+        help="that the criterion is of: all of the model, those of (9), or of rigid bodies alone",
+    )
+    parser.add_argument(
+        "--count", type=whole(1), help="trajectories of a campaign; --out is then a new folder"
+    )
+    parser.add_argument(
+        "--after", type=Path, nargs="+", default=[], help="trajectories already recorded"
+    )
+    parser.add_argument(
+        "--acceleration",
+        type=_bound,
+        nargs="+",
+        default=[],
+        metavar="JOINT=VALUE",
+        help="bounds [rad/s2, m/s2]; none by default",
+    )
+    parser.add_argument(
+        "--without",
+        type=one_of(Limit),
+        choices=list(Limit),
+        nargs="+",
+        default=[],
+        help="limits that do not count",
+    )
+    parser.add_argument("--seed", type=whole(0), default=1, help="of the random starts")
+    parser.add_argument("--starts", type=whole(1), default=16, help="local searches to run")
+    parser.add_argument("--model", type=Path, help="model file; default: the crane's own")
+    parser.add_argument("--settings", type=Path, help="of the search; default: data/design.yaml")
+    parser.add_argument("--clearance", type=Path, help="of the tip; default: data/clearance.yaml")
+    parser.add_argument("--out", type=Path, required=True, help="trajectory file to write (YAML)")
+    add_replace(parser)
+    return parser
+
+
+def _design(arguments: argparse.Namespace, argv: list[str]) -> None:
+    settings = load_design_settings(arguments.settings)
+    model = load_model(arguments.model or packaged("crane_model", "crane_model.yaml"))
+    clearance = load_clearance(arguments.clearance)
+    if arguments.sweeps or arguments.count is None:
+        check_out(arguments.out, arguments.out.with_suffix(".png"), replace=arguments.replace)
+    arguments.out.parent.mkdir(parents=True, exist_ok=True)
+    if arguments.sweeps:
+        _sweeps(arguments, argv, settings, model, clearance)
+    else:
+        _search(arguments, argv, settings, model, clearance)
+
+
+def _sweeps(
+    arguments: argparse.Namespace,
+    argv: list[str],
+    settings: DesignSettings,
+    model: Model,
+    clearance: Clearance,
+) -> None:
+    machine = planar_machine(model)
+    trajectory = design_sweeps(
+        machine,
+        clearance,
+        settings.margins,
+        arguments.sweeps,
+        arguments.dwell,
+        arguments.out.stem,
+    )
+    trajectory = trajectory.model_copy(update={"provenance": f"Found by {_command(argv)}."})
+    save(arguments.out, trajectory)
+    draw(arguments.out.with_suffix(".png"), machine, trajectory, clearance)
+    print(f"period {trajectory.period:.1f} s, in which {_moves(trajectory.period)}")
+    print(f"written: {arguments.out}, {arguments.out.with_suffix('.png')}")
+
+
+def _search(
+    arguments: argparse.Namespace,
+    argv: list[str],
+    settings: DesignSettings,
+    model: Model,
+    clearance: Clearance,
+) -> None:
+    criterion = Criterion.of(
+        model,
+        arguments.criterion,
+        arguments.columns,
+        settings.experiment,
+        settings.plausible,
+    )
+    problem = ExcitationProblem(
+        model,
+        criterion,
+        arguments.period,
+        arguments.harmonics,
+        settings.search,
+        settings.margins,
+        clearance,
+        dict(arguments.acceleration),
+        frozenset(arguments.without),
+    )
+    p = len(model.parameters)
+    told = np.zeros((p, p))
+    for earlier in map(_fourier, arguments.after):
+        problem = after(problem, earlier)
+        told += _information(model, earlier, settings)
+    files = _files(arguments)
+    total = len(files) * steps(problem, arguments.starts)
+    with (
+        workers(arguments.starts) as pool,
+        progress_bar("design", total) as bar,
+    ):
+        names = [file.stem for file in files]
+        found = campaign(problem, names, arguments.seed, arguments.starts, pool, bar.update)
+        for file, candidate in zip(files, found, strict=True):
+            trajectory = candidate.trajectory
+            merit = figures_of_merit(
+                model, trajectory, settings.search.samples, settings.experiment, settings.plausible
+            )
+            told += _information(model, trajectory, settings)
+            save(
+                file,
+                trajectory.model_copy(
+                    update={
+                        "figures_of_merit": {k: float(f"{v:.4g}") for k, v in merit.items()},
+                        "provenance": _provenance(argv, model, settings),
+                    }
+                ),
+            )
+            picture = file.with_suffix(".png")
+            draw(picture, problem.machine, trajectory, clearance)
+            bar.write(_summary(merit, relative_std_devs(model, told, settings.plausible)))
+            bar.write(f"written: {file}, {picture}")
+        periods, of_each = settings.experiment.periods, " of each" if len(files) > 1 else ""
+        recorded = f"{periods} periods{of_each}, {arguments.period:g} s long"
+        bar.write(f"in {recorded}, {_moves(periods * arguments.period)}")
+
+
+def _files(arguments: argparse.Namespace) -> list[Path]:
+    if arguments.count is None:
+        return [arguments.out]
+    try:
+        arguments.out.mkdir()
+    except FileExistsError:
+        raise ConfigurationError(
+            f"{arguments.out}: exists; a campaign is written to a new folder"
+        ) from None
+    width = len(str(arguments.count))
+    return [
+        arguments.out / f"{arguments.out.name}_{i + 1:0{width}}.yaml"
+        for i in range(arguments.count)
+    ]
+
+
+def _fourier(path: Path) -> FourierTrajectory:
+    trajectory = load_trajectory(path)
+    if not isinstance(trajectory, FourierTrajectory):
+        raise ConfigurationError(f"{path}: --after takes Fourier trajectories, got sweeps")
+    return trajectory
+
+
+def _information(
+    model: Model, trajectory: FourierTrajectory, settings: DesignSettings
+) -> np.ndarray:
+    regressor = one_period(model, trajectory, settings.search.samples)
+    return information(model, regressor, trajectory.period, settings.experiment)
+
+
+def _provenance(argv: list[str], model: Model, settings: DesignSettings) -> str:
+    experiment = settings.experiment
+    noise = ", ".join(f"{joint} {value:g}" for joint, value in experiment.noise.items())
+    columns = ", ".join(parameter.name for parameter in model.parameters)
+    return (
+        f"Found by {_command(argv)}. "
+        f"Condition numbers are those of {len(model.parameters)} columns in SI units, "
+        f"{settings.search.samples} samples of a period, with the parameters {columns}; 'report' "
+        "marks those with the columns of (9) instead of the first eight. "
+        f"Standard deviations are predicted for {experiment.periods} periods at "
+        f"{experiment.sample_rate:g} Hz and white force noise of {noise} [N m, N]."
+    )
+
+
+def _command(argv: list[str]) -> str:
+    """The command, with files by name: where they lay says nothing elsewhere."""
+    words = [Path(word).name if "/" in word else word for word in argv]
+    return shlex.join(["ros2", "run", "crane_trajectory", "design", *words])
+
+
+def _summary(merit: dict[str, float], together: dict[str, float]) -> str:
+    lines = [f"  {name:<40}{value:10.4g}" for name, value in merit.items()]
+    if together:
+        worst = max(together, key=lambda name: together[name])
+        lines.append(f"  worst relative_std_dev, all recorded: {worst} {together[worst]:.3g}")
+    return "\n".join(lines)
+
+
+def _moves(seconds: float) -> str:
+    """How long the crane moves in an experiment, if its periods last `seconds`."""
+    return (
+        f"the crane moves for {(seconds + 2 * RUN_UP) / 60:.1f} min, start and stop included; "
+        "before that it goes to where they begin"
+    )
+
+
+def _bound(text: str) -> tuple[str, float]:
+    joint, _, value = text.partition("=")
+    if joint not in JOINTS or not value or not float(value) > 0.0:
+        raise argparse.ArgumentTypeError(
+            f"must be JOINT=VALUE with a joint of {', '.join(JOINTS)} and a value above 0, "
+            f"got {text}"
+        )
+    return joint, float(value)

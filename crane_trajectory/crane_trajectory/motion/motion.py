@@ -1,0 +1,238 @@
+"""The motion of one experiment: from rest onto the trajectory, N periods of it, and back to rest.
+
+The crane first moves from where it stands, on a straight line in joint space, to a point of the
+trajectory shortly before its start. From there the *clock* of the trajectory is started: it runs up
+smoothly from standing still to its normal rate, and runs down again after the last period. So
+start and stop follow the path of the trajectory itself and are never faster than it: where the
+trajectory respects limits of position, velocity, stroke, pump flow and room, so do they. Position,
+velocity and acceleration are continuous throughout.
+"""
+
+from dataclasses import dataclass
+from enum import IntEnum
+from functools import cached_property
+from typing import NamedTuple
+
+import numpy as np
+
+from crane_model.errors import RangeError
+from crane_model.machine import JOINT_UNITS, JOINTS, Machine
+from crane_trajectory.motion.check import (
+    GRID_PER_PERIOD,
+    Clearance,
+    Violation,
+    pump_flow,
+    refuse,
+    violations,
+)
+from crane_trajectory.motion.periodic import PeriodicTrajectory
+
+RUN_UP = 4.0  # s in which the clock reaches its normal rate, and in which it stops again
+APPROACH_SHARE = 0.5  # of the velocity limits and of the pump flow, used on the way to the start
+SHORTEST_APPROACH = 1.0  # s
+LONGEST_APPROACH = 600.0  # s
+LONGEST_MOTION = 24 * 3600.0  # s
+
+
+Course = tuple[np.ndarray, np.ndarray, np.ndarray]
+"""A quantity over time, its first and its second derivative."""
+
+
+class Phase(IntEnum):
+    """What the crane is doing; numbers as in the feedback of RunExcitation."""
+
+    REST = 0
+    APPROACH = 1
+    EXCITATION = 2
+    STOP = 3
+
+
+class Reference(NamedTuple):
+    """Reference of all four joints at n times: (n, 4) each [SI], and the phase (n,)."""
+
+    position: np.ndarray
+    velocity: np.ndarray
+    acceleration: np.ndarray
+    phase: np.ndarray
+
+
+@dataclass(frozen=True, eq=False)
+class Motion:
+    """`periods` of a trajectory with approach and stop; `plan` makes one that is checked.
+
+    `start` (4,) is where the crane stands at rest at time 0; joints that the trajectory does not
+    move are held there.
+    """
+
+    trajectory: PeriodicTrajectory
+    start: np.ndarray
+    periods: int
+    approach_time: float  # s, on the straight line
+
+    @property
+    def excitation_start(self) -> float:
+        """When the first whole period begins [s]; the trajectory's own time is 0 then."""
+        return self.approach_time + RUN_UP
+
+    @property
+    def excitation_end(self) -> float:
+        """When the last whole period ends [s]."""
+        return self.excitation_start + self.periods * self.trajectory.period
+
+    @property
+    def duration(self) -> float:
+        """When the crane is at rest again [s]."""
+        return self.excitation_end + RUN_UP
+
+    def reference(self, time: np.ndarray) -> Reference:
+        """The reference at time (n,) [s]; at rest before 0 and after `duration`."""
+        time = np.atleast_1d(np.asarray(time, dtype=float))
+        on_line = time < self.approach_time
+        line = self._line(time)
+        path = self._path(time)
+        phase = np.select(
+            [
+                time < until
+                for until in (0.0, self.excitation_start, self.excitation_end, self.duration)
+            ],
+            [Phase.REST, Phase.APPROACH, Phase.EXCITATION, Phase.STOP],
+            Phase.REST,
+        )
+        position, velocity, acceleration = (
+            np.where(on_line[:, None], *courses) for courses in zip(line, path, strict=True)
+        )
+        return Reference(position, velocity, acceleration, phase)
+
+    def violations(self, machine: Machine, clearance: Clearance) -> list[Violation]:
+        """Every limit that the motion passes from start to rest, all four joints."""
+        first_period = Motion(self.trajectory, self.start, 1, self.approach_time)  # as all others
+        step = self.trajectory.period / self.trajectory.harmonics / GRID_PER_PERIOD
+        step = min(step, SHORTEST_APPROACH / GRID_PER_PERIOD)
+        grid = np.linspace(
+            0.0, first_period.duration, int(np.ceil(first_period.duration / step)) + 1
+        )
+        return violations(
+            machine, JOINTS, lambda time: first_period.reference(time)[:2], grid, clearance
+        )
+
+    def _line(self, time: np.ndarray) -> Course:
+        way = self._launch - self.start
+        share, rate, change = _rest_to_rest(time / self.approach_time)
+        return (
+            self.start + np.outer(share, way),
+            np.outer(rate, way / self.approach_time),
+            np.outer(change, way / self.approach_time**2),
+        )
+
+    def _path(self, time: np.ndarray) -> Course:
+        clock, rate, change = self._clock(time)
+        samples = self.trajectory.evaluate(clock)
+        rate, change = rate[:, None], change[:, None]
+        return (
+            self._all_joints(samples.position, self.start),
+            self._all_joints(samples.velocity * rate, 0.0),
+            self._all_joints(samples.acceleration * rate**2 + samples.velocity * change, 0.0),
+        )
+
+    def _clock(self, time: np.ndarray) -> Course:
+        """The trajectory's own time [s], its rate and the change of its rate [1/s]."""
+        up, up_rate, up_change = running_up((time - self.approach_time) / RUN_UP)
+        down, down_rate, down_change = running_up((time - self.excitation_end) / RUN_UP)
+        return (
+            RUN_UP * (up - down - 0.5),  # passes 0 when it has run up
+            up_rate - down_rate,
+            (up_change - down_change) / RUN_UP,
+        )
+
+    @cached_property
+    def _launch(self) -> np.ndarray:
+        """(4,): where the clock starts to run."""
+        position = self.trajectory.evaluate(np.array([-RUN_UP / 2])).position
+        return self._all_joints(position, self.start)[0]
+
+    @cached_property
+    def _columns(self) -> list[int]:
+        return [JOINTS.index(joint) for joint in self.trajectory.joint_names]
+
+    def _all_joints(self, moving: np.ndarray, held: np.ndarray | float) -> np.ndarray:
+        values = np.empty((len(moving), len(JOINTS)))
+        values[:] = held
+        values[:, self._columns] = moving
+        return values
+
+
+def plan(
+    machine: Machine,
+    trajectory: PeriodicTrajectory,
+    start: np.ndarray,
+    periods: int,
+    clearance: Clearance,
+) -> Motion:
+    """The motion from rest at `start` (4,) through `periods` of the trajectory to rest.
+
+    The approach is as short as a share of the velocity limits and of the pump flow allows. Raises
+    `RangeError` that lists every limit that the whole motion would pass, or if it takes too long.
+    """
+    start = np.asarray(start, dtype=float)
+    if start.shape != (len(JOINTS),) or not np.isfinite(start).all():
+        raise RangeError(f"start: one finite position for each of {', '.join(JOINTS)}, got {start}")
+    if periods < 1:
+        raise RangeError(f"periods: at least 1, got {periods}")
+    approach = _approach_time(machine, trajectory, start)
+    if not approach <= LONGEST_APPROACH:  # nor where it cannot be told
+        raise RangeError(
+            f"trajectory '{trajectory.name}' from {_pose(start)}: the way to its start would take "
+            f"{approach:.4g} s, at most {LONGEST_APPROACH:g} s are allowed; are its positions in "
+            "rad and m?"
+        )
+    motion = Motion(trajectory, start, periods, approach)
+    if motion.duration > LONGEST_MOTION:
+        raise RangeError(
+            f"periods: {periods} of {trajectory.period:g} s would move the crane for "
+            f"{motion.duration / 3600:.4g} h, at most {LONGEST_MOTION / 3600:g} h are allowed; "
+            "run fewer periods"
+        )
+    refuse(
+        motion.violations(machine, clearance),
+        f"trajectory '{trajectory.name}' from {_pose(start)}",
+        "start from another pose, lower the amplitude or lengthen the period",
+    )
+    return motion
+
+
+def _approach_time(machine: Machine, trajectory: PeriodicTrajectory, start: np.ndarray) -> float:
+    """Time [s] at which the line to the trajectory uses its share of speed and pump flow."""
+    in_one_second = Motion(trajectory, start, 1, approach_time=1.0)
+    line = in_one_second.reference(np.linspace(0.0, 1.0, 200, endpoint=False))
+    limits = [machine.limits[joint] for joint in JOINTS]
+    used = np.maximum(
+        line.velocity / [limit.velocity_max for limit in limits],
+        line.velocity / [limit.velocity_min for limit in limits],
+    )
+    flow = pump_flow(machine, JOINTS, line.position, line.velocity)
+    needed = max(used.max(), flow.max() / machine.hydraulics.pump_flow) / APPROACH_SHARE
+    return float(np.maximum(needed, SHORTEST_APPROACH))  # which keeps nan
+
+
+def _pose(position: np.ndarray) -> str:
+    return ", ".join(
+        f"{joint} {value:.4g} {JOINT_UNITS[joint]}"
+        for joint, value in zip(JOINTS, position, strict=True)
+    )
+
+
+def _rest_to_rest(share: np.ndarray) -> Course:
+    """The quintic from 0 to 1, at rest without acceleration at both ends of 0 <= share <= 1."""
+    s = np.clip(share, 0.0, 1.0)
+    return (
+        s**3 * (10.0 - 15.0 * s + 6.0 * s**2),
+        30.0 * s**2 * (1.0 - s) ** 2,
+        60.0 * s * (1.0 - s) * (1.0 - 2.0 * s),
+    )
+
+
+def running_up(share: np.ndarray) -> Course:
+    """0 until share 0, then a rate that rises smoothly from 0 to 1 until share 1 and stays."""
+    s = np.clip(share, 0.0, 1.0)
+    beyond = np.maximum(share - 1.0, 0.0)
+    return s**3 * (1.0 - s / 2.0) + beyond, s**2 * (3.0 - 2.0 * s), 6.0 * s * (1.0 - s)

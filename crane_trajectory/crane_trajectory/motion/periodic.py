@@ -1,0 +1,45 @@
+"""Periodic trajectories of every kind, as a motion runs them and as files hold them."""
+
+from pathlib import Path
+from typing import Protocol
+
+import numpy as np
+
+from crane_model.configuration import read_document
+from crane_trajectory.motion.fourier import FourierTrajectory, Samples
+from crane_trajectory.motion.sweep import SweepTrajectory
+
+
+class PeriodicTrajectory(Protocol):
+    """A periodic motion of some joints; the others are held."""
+
+    @property
+    def name(self) -> str:
+        """For messages."""
+
+    @property
+    def period(self) -> float:
+        """[s]."""
+
+    @property
+    def harmonics(self) -> int:
+        """Number of harmonics of (32) that its finest details correspond to."""
+
+    @property
+    def joint_names(self) -> tuple[str, ...]:
+        """The joints that move, in the order of the columns of `evaluate` (that of `JOINTS`)."""
+
+    def evaluate(self, time: np.ndarray) -> Samples:
+        """Position, velocity and acceleration at any time (n,) [s]."""
+
+
+def load_trajectory(path: Path | str) -> FourierTrajectory | SweepTrajectory:
+    """The trajectory of a YAML file; `ConfigurationError` if it is wrong.
+
+    `kind: sweep` marks sweeps and dwells; without a kind it is a Fourier series (32).
+    """
+    document = read_document(path)
+    content = document.content
+    if isinstance(content, dict) and content.get("kind") == "sweep":
+        return document.validated(SweepTrajectory)
+    return document.validated(FourierTrajectory)

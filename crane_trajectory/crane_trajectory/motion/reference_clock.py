@@ -1,0 +1,75 @@
+"""The clock of a reference in real time: it runs with the samples, and brakes to a stop."""
+
+from typing import NamedTuple
+
+import numpy as np
+
+from crane_trajectory.motion.motion import Motion, Phase, running_up
+
+# The largest deceleration on a stop is 1.5 times the speed by this time: at the limits of speed of
+# the laboratory crane 0.2 rad/s2 (inner boom) to 0.7 m/s2 (telescope).
+BRAKE_TIME = 1.5  # s
+LONGEST_STEP = 0.05  # s; after a longer gap, or a leap of the clock of the stamps, it goes on so
+
+
+class Target(NamedTuple):
+    """The reference of one instant: (4,) each [SI], and the phase."""
+
+    position: np.ndarray
+    velocity: np.ndarray
+    acceleration: np.ndarray
+    phase: Phase
+
+
+class ReferenceClock:
+    """Time of a motion, from `start` [s] on, at the rate 1 until it brakes.
+
+    Braking runs the clock down smoothly, so the reference comes to rest on the path that was
+    checked, never faster than it, within `BRAKE_TIME`.
+    """
+
+    def __init__(self, start: float):
+        self.time = start
+        self._braked_at: float | None = None  # time of the motion
+        self._braking = 0.0  # s since
+
+    @property
+    def braking(self) -> bool:
+        """Whether it brakes or has braked."""
+        return self._braked_at is not None
+
+    @property
+    def stopped(self) -> bool:
+        """Whether it stands still for good."""
+        return self.braking and self._braking >= BRAKE_TIME
+
+    def brake(self) -> None:
+        """Run down from now on."""
+        if self._braked_at is None:
+            self._braked_at = self.time
+
+    def advance(self, dt: float) -> None:
+        """Let `dt` [s] of real time pass; at most `LONGEST_STEP` and never back."""
+        dt = min(max(dt, 0.0), LONGEST_STEP)
+        if self._braked_at is None:
+            self.time += dt
+            return
+        self._braking = min(self._braking + dt, BRAKE_TIME)
+        lost = BRAKE_TIME * float(self._run_down()[0])
+        self.time = self._braked_at + self._braking - lost
+
+    def target(self, motion: Motion) -> Target:
+        """The reference of `motion` now."""
+        at = motion.reference(np.array([self.time]))
+        lost_rate, change = self._run_down()[1:]
+        rate, change = 1.0 - lost_rate, -change / BRAKE_TIME
+        phase = Phase.STOP if self.braking else Phase(int(at.phase[0]))
+        return Target(
+            at.position[0],
+            at.velocity[0] * rate,
+            at.acceleration[0] * rate**2 + at.velocity[0] * change,
+            phase,
+        )
+
+    def _run_down(self) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+        return running_up(np.array(self._braking / BRAKE_TIME))

@@ -1,0 +1,113 @@
+"""Sweeps at constant speed with dwells: the second kind of periodic trajectory.
+
+A joint goes from one position to the next at constant speed, or dwells where two positions are
+equal. Corners are rounded by a moving average over `corner` seconds with a parabolic weight: speed
+and acceleration are continuous, no position and no speed is passed that the corners do not have,
+and half of `corner` away from them the motion is exactly uniform.
+"""
+
+from typing import Annotated, Literal, Self
+
+import numpy as np
+from pydantic import Field, model_validator
+
+from crane_model.configuration import Schema
+from crane_model.machine import JOINTS
+from crane_trajectory.motion.fourier import Period, Samples
+
+Knots = Annotated[tuple[float, ...], Field(min_length=2, max_length=500)]
+
+
+class JointCourse(Schema):
+    """Positions [rad or m] of one joint at increasing times [s], from 0 to the period."""
+
+    time: Knots
+    position: Knots
+
+    @model_validator(mode="after")
+    def _periodic(self) -> Self:
+        if len(self.time) != len(self.position):
+            raise ValueError(
+                f"time has {len(self.time)} entries and position {len(self.position)}; "
+                "give a position for every time"
+            )
+        if self.time[0] != 0.0 or np.diff(self.time).min() <= 0.0:
+            raise ValueError(f"time: must begin with 0 and increase, got {list(self.time)}")
+        if self.position[0] != self.position[-1]:
+            raise ValueError(
+                f"position: the last must be the first, {self.position[0]:g}, for the motion is "
+                f"periodic; got {self.position[-1]:g}"
+            )
+        return self
+
+
+class SweepTrajectory(Schema):
+    """A periodic trajectory of sweeps and dwells; joints that it does not name are held."""
+
+    kind: Literal["sweep"]
+    name: str
+    period: Period
+    corner: Annotated[float, Field(ge=0.1)]  # s, over which corners are rounded
+    joints: Annotated[dict[str, JointCourse], Field(min_length=1)]
+    provenance: str = ""
+
+    @model_validator(mode="after")
+    def _consistent(self) -> Self:
+        for joint, course in self.joints.items():
+            if joint not in JOINTS:
+                raise ValueError(f"joints: no joint '{joint}'; the joints are {', '.join(JOINTS)}")
+            if course.time[-1] != self.period:
+                raise ValueError(
+                    f"joints.{joint}.time: must end with the period {self.period:g} s, "
+                    f"got {course.time[-1]:g} s"
+                )
+        if self.corner > self.period:
+            raise ValueError(f"corner: at most the period {self.period:g} s, got {self.corner:g} s")
+        return self
+
+    @property
+    def joint_names(self) -> tuple[str, ...]:
+        """The joints that move, in the order of the columns of `evaluate` (that of `JOINTS`)."""
+        return tuple(joint for joint in JOINTS if joint in self.joints)
+
+    @property
+    def harmonics(self) -> int:
+        """Of a Fourier series (32) whose half waves are as short as two corners."""
+        return int(np.ceil(self.period / (4.0 * self.corner)))
+
+    def evaluate(self, time: np.ndarray) -> Samples:
+        """Position, velocity, acceleration at time (n,) [s]; columns as in `joint_names`."""
+        phase = np.mod(np.atleast_1d(time), self.period)
+        columns = [self._course(self.joints[joint], phase) for joint in self.joint_names]
+        return Samples(*np.stack(columns, axis=-1))
+
+    def _course(self, course: JointCourse, phase: np.ndarray) -> np.ndarray:
+        """(3, n): the polygon, corrected within half of `corner` of every change of its speed."""
+        knots, positions = np.array(course.time), np.array(course.position)
+        speeds = np.diff(positions) / np.diff(knots)
+        segment = np.clip(np.searchsorted(knots, phase, side="right") - 1, 0, len(speeds) - 1)
+        motion = np.stack(
+            [
+                positions[segment] + speeds[segment] * (phase - knots[segment]),
+                speeds[segment],
+                np.zeros_like(phase),
+            ]
+        )
+        changes = speeds - np.roll(speeds, 1)
+        for knot, change in zip(knots[:-1], changes, strict=True):
+            since = np.mod(phase - knot + self.period / 2, self.period) - self.period / 2
+            motion += change * _rounding(since, self.corner)
+        return motion
+
+
+def _rounding(time: np.ndarray, corner: float) -> np.ndarray:
+    """(3, n): a unit step of speed at time 0, averaged over `corner`, less the step itself."""
+    s = np.clip(time / corner + 0.5, 0.0, 1.0)
+    near = np.abs(time) < corner / 2
+    return np.stack(
+        [
+            np.where(near, corner * s**3 * (1.0 - s / 2.0) - np.maximum(time, 0.0), 0.0),
+            np.where(near, s**2 * (3.0 - 2.0 * s) - (time >= 0.0), 0.0),
+            6.0 * s * (1.0 - s) / corner,
+        ]
+    )

@@ -1,0 +1,48 @@
+"""Clocks of publishers: which stamps cannot be what the clock of the recorder says."""
+
+import numpy as np
+
+from crane_bags.bulk import NANOSECONDS
+
+LARGEST_JUMP = NANOSECONDS // 10
+"""Between two messages that were received one right after the other, the stamps may jump by this
+much [ns]: a message may be late, or overtake another."""
+REGULAR = NANOSECONDS  # ns, over which the two clocks are compared to tell drift from steps
+FEW = 10  # so many of these make a recording at least, so that one with a step in it does not count
+
+
+def clock_step(stamp: np.ndarray, log_time: np.ndarray) -> tuple[int, int] | None:
+    """Message at which the publisher's clock was set, and by how much [ns]; None if it never was.
+
+    Of header stamps (n,) and log times (n,) [ns] in the order of reception. The delay between the
+    two then changes at one message and stays changed. A message that is late changes it for a
+    while, a recorder that pauses is late in both, and of a clock that drifts it changes steadily.
+    """
+    if len(stamp) < 3:
+        return None
+    late = log_time - stamp
+    jump = np.diff(late)
+    suspects = np.flatnonzero((np.abs(jump) > LARGEST_JUMP) & (np.diff(log_time) < LARGEST_JUMP))
+    if not len(suspects):
+        return None
+    steady = late - _drift(stamp, late)
+    before = np.minimum.accumulate(steady)[suspects]
+    after = np.minimum.accumulate(steady[::-1])[::-1][suspects + 1]
+    change = np.abs(after - before)
+    worst = int(change.argmax())
+    if change[worst] <= LARGEST_JUMP:
+        return None
+    return int(suspects[worst]) + 1, -int(jump[suspects[worst]])
+
+
+def _drift(stamp: np.ndarray, late: np.ndarray) -> np.ndarray:
+    """(n,) [ns] what a steady drift adds to the delay: by the median over neighbours."""
+    since = stamp - stamp[0]
+    interval = float(np.median(np.abs(np.diff(stamp)))) or 1.0
+    apart = max(min(round(REGULAR / interval), len(stamp) // FEW), 1)
+    elapsed = stamp[apart:] - stamp[:-apart]
+    forward = elapsed > 0
+    if not forward.any():
+        return np.zeros(len(stamp))
+    rate = np.median((late[apart:] - late[:-apart])[forward] / elapsed[forward])
+    return rate * since

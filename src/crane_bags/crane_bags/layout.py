@@ -1,0 +1,80 @@
+"""Fast serialisation of messages of constant layout: only the stamp and the doubles change.
+
+Writing doubles into the bytes of the last message takes a fraction of the time of serialising the
+next one from scratch, and at 200 Hz a topic that decides how fast a bag can be made.
+"""
+
+import struct
+from collections.abc import Sequence
+
+import numpy as np
+from numpy.typing import ArrayLike
+from rosbags.typesys.store import Typestore
+
+from crane_bags.types import double_fields
+
+NANOSECONDS = 1_000_000_000
+STAMP = struct.Struct("<iI")  # builtin_interfaces/Time: sec, nanosec
+STAMP_OFFSET = 4  # behind the encapsulation header; std_msgs/Header begins with its stamp
+
+
+class ArrayMessage:
+    """A message of header, `name` and doubles (JointState, CylinderPressures, ...), with constant
+    names. Its float64[] fields run parallel to `name`.
+    """
+
+    def __init__(self, store: Typestore, msgtype: str, names: Sequence[str]):
+        self.fields = double_fields(store, msgtype)
+        self._store, self._msgtype, self._names = store, msgtype, list(names)
+        if not names:
+            raise ValueError(f"{msgtype}: at least one name is needed")
+        known = {"header", "name", *self.fields}
+        if others := [name for name, _ in store.fielddefs[msgtype][1] if name not in known]:
+            raise ValueError(f"{msgtype} is not header, name and doubles; it also has {others}")
+        self._buffer, self._views = self._locate()
+        self._verify()
+
+    def serialize(self, stamp: int, *values: ArrayLike) -> memoryview:
+        """CDR of the message: stamp [ns], then the values of each field in the type's order.
+
+        The bytes are the same ones at every call: copy them to keep them.
+        """
+        STAMP.pack_into(self._buffer, STAMP_OFFSET, *divmod(stamp, NANOSECONDS))
+        for view, value in zip(self._views, values, strict=True):
+            view[:] = value
+        return memoryview(self._buffer)
+
+    def _locate(self) -> tuple[bytearray, list[np.ndarray]]:
+        """A serialised template and, for each field, a view of its bytes as doubles."""
+        marks = self._random_values(seed=0)
+        buffer = bytearray(self._reference(0, marks))
+        views = []
+        for mark in marks:
+            if buffer.count(mark.tobytes()) != 1:
+                raise ValueError(f"{self._msgtype} with names {self._names}: layout not found")
+            views.append(np.frombuffer(buffer, "<f8", mark.size, buffer.find(mark.tobytes())))
+        return buffer, views
+
+    def _verify(self) -> None:
+        """One other message must come out byte for byte as rosbags serialises it."""
+        stamp, values = 12 * NANOSECONDS + 34, self._random_values(seed=1)
+        if bytes(self.serialize(stamp, *values)) != bytes(self._reference(stamp, values)):
+            raise ValueError(f"{self._msgtype}: the layout is not constant")
+
+    def _random_values(self, seed: int) -> list[np.ndarray]:
+        random = np.random.default_rng(seed)
+        sizes = [len(self._names) if is_array else 1 for is_array in self.fields.values()]
+        return [random.uniform(1.0, 2.0, size) for size in sizes]
+
+    def _reference(self, stamp: int, values: list[np.ndarray]) -> memoryview:
+        """The message as rosbags serialises it."""
+        types = self._store.types
+        sec, nanosec = divmod(stamp, NANOSECONDS)
+        time = types["builtin_interfaces/msg/Time"](sec=sec, nanosec=nanosec)
+        header = types["std_msgs/msg/Header"](stamp=time, frame_id="")
+        doubles = {
+            field: value if is_array else float(value[0])
+            for (field, is_array), value in zip(self.fields.items(), values, strict=True)
+        }
+        message = types[self._msgtype](header=header, name=self._names, **doubles)
+        return self._store.serialize_cdr(message, self._msgtype, little_endian=True)

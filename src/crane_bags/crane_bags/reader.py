@@ -1,0 +1,208 @@
+"""Reading bags, written by anyone, to plain arrays."""
+
+from collections import defaultdict
+from collections.abc import Callable, Collection, Mapping, Sequence
+from dataclasses import dataclass, replace
+from pathlib import Path
+from typing import Literal
+
+import numpy as np
+from rosbags.rosbag2 import Reader
+from rosbags.serde import SerdeError
+from rosbags.typesys.store import Typestore
+
+from crane_bags.bulk import NANOSECONDS
+from crane_bags.clocks import clock_step
+from crane_bags.decoding import Table, cells, concatenate, decode
+from crane_bags.storage import announced, blocks, connections, open_bag
+from crane_bags.types import Topic, typestore
+from crane_model.errors import DataError
+
+Progress = Callable[[str, float], None]
+"""Called with what is going on and the share of it that is done, 0 to 1."""
+
+LARGEST_DISORDER = NANOSECONDS  # ns; messages may overtake one another, a clock may not step
+
+
+@dataclass(frozen=True)
+class TopicData:
+    """What a bag holds of one topic, in the order of its stamps.
+
+    log_time: when the recorder received each message, on the clock of the recorder.
+    fields: (n, k) of each float64[] field, (n,) of each float64 field, with NaN as recorded.
+    notes: what had to be mended, in words.
+    """
+
+    bag: Path
+    topic: str
+    names: tuple[str, ...]
+    stamp: np.ndarray  # (n,) int64 [ns], increasing
+    stamped_by: Literal["header", "log time"]  # log time where every header stamp is zero
+    log_time: np.ndarray  # (n,) int64 [ns]
+    present: np.ndarray  # (n, k) bool: which names a message held
+    fields: dict[str, np.ndarray]
+    notes: tuple[str, ...] = ()
+
+    def select(self, names: Sequence[str]) -> "TopicData":
+        """The messages that hold all of `names`, with their columns in this order, each stamp once.
+
+        `DataError` if there is no such message.
+        """
+        if absent := [name for name in names if name not in self.names]:
+            raise DataError(
+                f"{self.bag}: topic {self.topic} has no {', '.join(absent)}; it has "
+                f"{', '.join(self.names) or 'no names'}; rename the joints of the model or record "
+                "the missing ones"
+            )
+        columns = [self.names.index(name) for name in names]
+        rows = np.flatnonzero(self.present[:, columns].all(axis=1))
+        if not rows.size:
+            raise DataError(
+                f"{self.bag}: topic {self.topic} has no message that holds all of "
+                f"{', '.join(names)}; publish them in one message"
+            )
+        first = np.diff(self.stamp[rows], prepend=self.stamp[rows[0]] - 1) > 0
+        repeated = int(np.count_nonzero(~first))
+        rows = rows[first]
+        return replace(
+            self,
+            names=tuple(names),
+            stamp=self.stamp[rows],
+            log_time=self.log_time[rows],
+            present=self.present[cells(rows, columns)],
+            fields={
+                key: value[cells(rows, columns)] if value.ndim == 2 else value[rows]
+                for key, value in self.fields.items()
+            },
+            notes=(*self.notes, *_note(repeated, f"{self.topic}: repeated stamps dropped")),
+        )
+
+
+def read_topics(
+    path: Path | str,
+    required: Collection[Topic],
+    optional: Collection[Topic] = (),
+    progress: Progress | None = None,
+) -> Mapping[str, TopicData]:
+    """Read topics of header, `name` and doubles; the result is keyed by the topic's name.
+
+    Optional topics that the bag does not hold are absent from the result. `DataError` names bag,
+    topic and remedy: bag absent, not a bag, empty or damaged; topic missing or of another type.
+    """
+    path, store = Path(path), typestore()
+    with open_bag(path) as reader:
+        wanted = {
+            topic.name: topic
+            for topic in (*required, *optional)
+            if _check(path, reader, topic, store, needed=topic in required)
+        }
+        if not wanted:
+            return {}
+        tables, log_times = _read(path, reader, wanted, store, progress)
+        for name in wanted:
+            stated, _ = announced(reader, name)
+            if len(log_times[name]) < stated:
+                raise DataError(
+                    f"{path}: topic {name} announces {stated} messages, but only "
+                    f"{len(log_times[name])} are readable; the bag is damaged or not complete"
+                )
+    return {name: in_order(path, name, tables[name], np.array(log_times[name])) for name in wanted}
+
+
+def _check(path: Path, reader: Reader, topic: Topic, store: Typestore, needed: bool) -> bool:
+    """Whether the bag holds messages of `topic`; `DataError` if needed and not, or another type."""
+    count, hashes = announced(reader, topic.name)
+    if count == 0:
+        if not needed:
+            return False
+        present = sorted({one.topic for one in reader.connections})
+        if topic.name in present:
+            raise DataError(f"{path}: topic {topic.name} holds no message; check its publisher")
+        raise DataError(
+            f"{path}: no topic {topic.name}; the bag holds {', '.join(present)}; record the topic, "
+            "name yours in a column map (--columns), or name another bag"
+        )
+    stated = (*connections(reader, topic.name), *reader.connections)
+    types = {one.msgtype for one in stated if one.topic == topic.name} - {topic.msgtype}
+    if types:
+        raise DataError(
+            f"{path}: topic {topic.name} is of type {', '.join(sorted(types))}, expected "
+            f"{topic.msgtype}; record the topic that has this type"
+        )
+    if hashes - {store.hash_rihs01(topic.msgtype)}:
+        raise DataError(
+            f"{path}: topic {topic.name} was recorded with another definition of {topic.msgtype} "
+            "than the installed one; install the version of that time, or record again"
+        )
+    return True
+
+
+def _read(
+    path: Path,
+    reader: Reader,
+    wanted: Mapping[str, Topic],
+    store: Typestore,
+    progress: Progress | None,
+) -> tuple[dict[str, Table], dict[str, list[int]]]:
+    """Decoded messages and log times [ns] of each topic, block by block."""
+    tables: dict[str, list[Table]] = defaultdict(list)
+    log_times: dict[str, list[int]] = defaultdict(list)
+    total = sum(announced(reader, name)[0] for name in wanted)
+    done = 0
+    for block in blocks(path, reader, wanted):
+        try:
+            table = decode(block.messages, wanted[block.topic].msgtype, store)
+        except (SerdeError, ValueError) as error:
+            raise DataError(f"{path}: topic {block.topic}: {error}; the bag is damaged") from error
+        tables[block.topic].append(table)
+        log_times[block.topic] += block.log_times
+        done += len(block.messages)
+        if progress:
+            progress(f"reading {path.name}", min(done / total, 1.0))
+    return {name: concatenate(parts) for name, parts in tables.items()}, log_times
+
+
+def in_order(path: Path, topic: str, table: Table, log_time: np.ndarray) -> TopicData:
+    """Rows sorted by header stamp, or by log time where no header is stamped."""
+    stamped_by: Literal["header", "log time"] = "header" if table.stamp.any() else "log time"
+    unstamped = 0
+    if stamped_by == "header":
+        stamped = table.stamp != 0
+        if 0 < table.stamp[1:2].sum() <= LARGEST_DISORDER:
+            stamped[0] = True  # time begins at zero, as in a simulation
+        unstamped = int(np.count_nonzero(~stamped))
+        table, log_time = table.take(stamped), log_time[stamped]
+    stamp = table.stamp if stamped_by == "header" else log_time
+    behind = np.maximum.accumulate(stamp) - stamp
+    step = clock_step(stamp, log_time)
+    if step is None and behind.max() > LARGEST_DISORDER:
+        step = int(behind.argmax()), -int(behind.max())
+    if step is not None:
+        row, change = step
+        raise DataError(
+            f"{path}: topic {topic}: the clock steps {'back' if change < 0 else 'forward'} by "
+            f"{abs(change) / NANOSECONDS:.3f} s at message {row}, stamp {stamp[row]} ns; record "
+            "with one clock, or split the bag there"
+        )
+    order = np.argsort(stamp, kind="stable")
+    notes = (
+        *_note(int(stamp is log_time) * len(stamp), f"{topic}: no header stamp, log time used"),
+        *_note(unstamped, f"{topic}: messages whose header stamp is zero left out"),
+        *_note(int(np.count_nonzero(behind)), f"{topic}: messages out of order sorted by stamp"),
+    )
+    fields = {key: value[order] for key, value in table.fields.items()}
+    return TopicData(
+        bag=path,
+        topic=topic,
+        names=table.names,
+        stamp=stamp[order],
+        stamped_by=stamped_by,
+        log_time=log_time[order],
+        present=table.present[order],
+        fields=fields,
+        notes=notes,
+    )
+
+
+def _note(count: int, text: str) -> tuple[str, ...]:
+    return (f"{text} ({count})",) if count else ()

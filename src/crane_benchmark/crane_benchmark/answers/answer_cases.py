@@ -1,0 +1,133 @@
+"""Second process of the benchmark: answers from bags alone. It cannot see what is hidden."""
+
+import argparse
+import shutil
+import sys
+import time
+import traceback
+from collections.abc import Sequence
+from dataclasses import dataclass
+from functools import partial
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from crane_benchmark.answers import baselines
+from crane_benchmark.answers.confinement import confine
+from crane_benchmark.answers.given import given
+from crane_benchmark.folders import Folders, done, new, write_json
+from crane_benchmark.work import in_processes
+from crane_identification.diagnosis.diagnosis import Diagnosis, diagnose
+from crane_identification.diagnosis.findings import content
+from crane_identification.diagnosis.null import null_gains
+from crane_identification.diagnosis.strength import strength
+from crane_identification.diagnosis.thresholds import Thresholds, load_thresholds
+from crane_identification.options import Options
+from crane_model.errors import CraneError
+from crane_model.model_file import save_model
+
+LEVELS = np.linspace(0.0, 1.0, 101)  # of the quantiles of the bootstrap
+DIGITS = 4
+KNOWING = ("crane_sim", "crane_benchmark.cases", "crane_benchmark.scores")
+
+
+@dataclass(frozen=True)
+class Job:
+    """A case, the folders of its set, and the thresholds."""
+
+    name: str
+    folders: Folders
+    thresholds: Thresholds
+    keep: bool
+
+
+def blindfold(folders: Folders) -> None:
+    """See bags and answers of the set alone, and none of the code that knows what is hidden."""
+    own = [folders.bags, folders.answers, folders.scores / "unfinished" / folders.answers.name]
+    confine(folders.top, own, KNOWING)
+
+
+def answer_case(job: Job) -> None:
+    """The diagnosis of one case, the answers of the other methods, and the time it took."""
+    folder = job.folders.bags / job.name
+    with new(job.folders.answers / job.name) as out:
+        start = time.process_time()
+        answer: dict[str, Any]
+        try:
+            diagnosis = diagnose(*given(folder), Options(), job.thresholds)
+        except CraneError as error:  # recordings are refused: that is an answer
+            answer = {"verdict": "insufficient_data", "reason": str(error), "findings": []}
+            others: dict[str, baselines.Names] = {}
+        except Exception:  # the other cases go on; this one counts as wrong
+            answer = {"verdict": "crash", "reason": traceback.format_exc(), "findings": []}
+            others = {}
+        else:
+            answer = content(diagnosis) | {"statistics": statistics(diagnosis)}
+            save_model(out / "model.yaml", diagnosis.after)
+            answer["seconds"] = time.process_time() - start
+            others = baselines.answers(diagnosis.search)
+        write_json(out / "answer.json", answer)
+        write_json(out / "baselines.json", others)
+    if not job.keep:
+        shutil.rmtree(folder)
+
+
+def statistics(diagnosis: Diagnosis) -> dict[str, Any]:
+    """What thresholds are compared with.
+
+    `best`: score of the best effect in units of its bootstrap quantile, whether it is a finding or
+    not; `score`: the same of those that are as strong as is asked for; `accepted`: of findings;
+    `learner`: strength of a law that it is sure of; `strength`: of that or the best; `floor`: the
+    largest error over the scatter between periods, 0 where none was repeated; `pulsation`:
+    clearness of the clearest line, 0 where none was asked for; `flow`: share of it that the
+    strongest effect makes up; `flow_left`: share that none explains. `promised`: 0 to 100 %
+    quantiles of the best score by the bootstrap, in the same unit.
+    """
+    thresholds, learnt, gap = diagnosis.thresholds, diagnosis.learnt_before, diagnosis.gap
+    quantities = [one for flow in diagnosis.flows for one in flow.quantities]
+    null = null_gains(diagnosis.search.projection, [])
+    quantile = diagnosis.threshold / thresholds.gates.score_factor
+    single = [
+        (choice.gain / quantile, strength(diagnosis.search, choice.options[0], choice.gain))
+        for choice in diagnosis.search.sets(1)
+    ]
+    strong = [score for score, one in single if one >= thresholds.gates.smallest_strength]
+    accepted = max((finding.accepted.score for finding in diagnosis.findings), default=0.0)
+    sure = learnt.p_value < thresholds.method.false_alarm_rate / 2.0 / len(learnt.p_value)
+    law = float(learnt.strength[sure].max(initial=0.0))
+    return {
+        "best": single[0][0] if single else 0.0,
+        "score": max(strong, default=0.0),
+        "accepted": accepted / quantile,
+        "learner": law,
+        "strength": max([law, *(one for _, one in single[:1])]),
+        "floor": float(np.nan_to_num(gap.over_floor(gap.largest_before)).max()),
+        "pulsation": max((line.clearness for line in diagnosis.lines), default=0.0),
+        "flow": max((one.share for one in quantities if one.missing), default=0.0),
+        "flow_left": max((flow.unexplained for flow in diagnosis.flows), default=0.0),
+        "promised": np.round(np.quantile(null, LEVELS) / quantile, DIGITS).tolist(),
+    }
+
+
+def main(argv: Sequence[str] | None = None) -> int:
+    """Diagnose every case whose bags are there."""
+    parser = argparse.ArgumentParser(prog="answer_cases", description=main.__doc__)
+    add = parser.add_argument
+    add("--folder", type=Path, required=True, help="of the set")
+    add("--round", default="", help="folder of the answers in it (default: itself)")
+    add("--thresholds", type=Path, help="thresholds (YAML; default: the packaged ones)")
+    add("--workers", type=int, default=1)
+    add("--keep-bags", action="store_true", help="keep the bags of cases that are answered")
+    arguments = parser.parse_args(argv)
+    folders = Folders(arguments.folder, arguments.round)
+    waiting = sorted(done(folders.bags) - done(folders.answers))
+    thresholds = load_thresholds(arguments.thresholds)
+    jobs = [Job(name, folders, thresholds, arguments.keep_bags) for name in waiting]
+    if jobs:
+        in_processes(answer_case, jobs, arguments.workers, "answers", partial(blindfold, folders))
+    return 0
+
+
+if __name__ == "__main__":
+    sys.exit(main())

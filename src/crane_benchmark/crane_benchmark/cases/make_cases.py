@@ -1,0 +1,170 @@
+"""First process of the benchmark: makes the bags of a set, and seals what is hidden in them."""
+
+import argparse
+import sys
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass, replace
+from pathlib import Path
+
+import numpy as np
+
+from crane_benchmark.cases.case import Case, Hidden, World
+from crane_benchmark.cases.case_sets import CaseSet, cases, with_others
+from crane_benchmark.cases.clean import save_clean
+from crane_benchmark.cases.motions import Excitation, Maker
+from crane_benchmark.cases.session import TRAIN, VALIDATE, recordings
+from crane_benchmark.folders import Folders, done, new, write_json
+from crane_benchmark.work import in_processes
+from crane_model.configuration import packaged
+from crane_model.errors import CraneError, RangeError
+from crane_model.machine import load_machine
+from crane_model.model_file import Model, load_model, save_model
+from crane_sim.effects.form import Planted
+from crane_sim.hiding.calibrate import calibrate
+from crane_sim.hiding.label import label
+from crane_sim.hiding.spec import HiddenEffect, Spec
+from crane_sim.make_bag import make
+from crane_sim.parts.parameters import load_stand_in
+from crane_sim.parts.variation import vary, vary_valves
+from crane_trajectory.control.controller import load_gains
+from crane_trajectory.motion.check import load_clearance
+from crane_trajectory.motion.motion import Motion
+
+SPREAD = 0.15  # of the machines' parameters
+WEAKER = 0.5  # what is asked for next of an effect that cannot be so strong
+ATTEMPTS = 4
+REDRAWN = 4  # times as many, with other effects
+
+
+@dataclass(frozen=True)
+class Job:
+    """A case and where its set lies; `sets` of three motions each to train on."""
+
+    case: Case
+    folders: Folders
+    sets: int
+
+    @property
+    def name(self) -> str:
+        """Of the case."""
+        return self.case.name
+
+
+def make_case(job: Job) -> None:
+    """Bags, the model to diagnose, and the sealed truth of one case.
+
+    Motions on which the machine cannot carry what is to be hidden are drawn anew; what no motion
+    shows, as the cushioning of an end where the boom cannot get, makes way for other effects.
+    """
+    case = job.case
+    for attempt in range(REDRAWN * ATTEMPTS):
+        if attempt and attempt % ATTEMPTS == 0:
+            case = with_others(job.case, attempt)
+        try:
+            _make(replace(job, case=case), attempt)
+            return
+        except CraneError as error:
+            reason = error
+    raise reason
+
+
+def _make(job: Job, attempt: int) -> None:
+    case, folders = job.case, job.folders
+    entropy = np.random.SeedSequence([20261121, *case.seed, attempt])
+    of_machine, of_motions, of_effects, of_sensors, of_session = (
+        int(one.generate_state(1)[0]) for one in entropy.spawn(5)
+    )
+    machine, gains, clearance = load_machine(), load_gains(), load_clearance()
+    stand_in = vary(load_stand_in(), of_machine, SPREAD)
+    if case.spools:
+        stand_in = vary_valves(stand_in, machine, of_machine)
+    maker = Maker(np.random.default_rng(of_motions), machine, stand_in.start, clearance)
+    if case.excitation is Excitation.POOR:
+        train, validate = maker.poor()
+        measured = maker.designed(1)[0][:1]  # how strong an effect is does not depend on the data
+    elif case.world is World.FIELD:
+        train, validate = maker.of_the_field(job.sets)
+        measured = [*validate, *train]  # not every random motion shows every effect
+    else:
+        train, validate = maker.designed(job.sets)
+        measured = train[:1]
+
+    def planted(effects: tuple[Hidden, ...], motion: Motion) -> tuple[Planted, ...]:
+        hidden = tuple(HiddenEffect(**one.model_dump(exclude={"carried"})) for one in effects)
+        spec = Spec(seed=of_effects, effects=hidden)
+        return calibrate(spec, machine, stand_in, replace(motion, periods=1), gains)
+
+    effects, found = _strongest(planted, case.effects, measured)
+    case = case.model_copy(update={"effects": effects})
+    with new(folders.bags / case.name) as bags, new(folders.sealed / case.name) as sealed:
+        write_json(sealed / "case.json", case.model_dump(mode="json"))
+        write_json(sealed / "stand_in.json", stand_in.model_dump(mode="json"))
+        for place in (bags, sealed):
+            save_model(place / "model.yaml", _model(case))
+        for part in (TRAIN, VALIDATE):
+            (bags / part).mkdir()
+        rng = np.random.default_rng(of_session)
+        for seed, one in enumerate(recordings(rng, case, train, validate), of_sensors):
+            there, name = one.present(found), f"{one.part}-{one.number}"
+            bag = bags / one.part / str(one.number)
+            clean = make(bag, machine, stand_in, one.motion, gains, seed, there, one.moment)
+            write_json(sealed / f"{name}.json", {"effects": label(there, clean)})
+            save_clean(sealed / f"{name}.npz", clean)
+
+
+def _strongest(
+    planted: Callable[[tuple[Hidden, ...], Motion], tuple[Planted, ...]],
+    effects: tuple[Hidden, ...],
+    motions: Sequence[Motion],
+) -> tuple[tuple[Hidden, ...], tuple[Planted, ...]]:
+    """As strong as asked for on the first motion that shows it so; or half of it, and so on."""
+    for _ in range(ATTEMPTS):
+        for motion in motions:
+            try:
+                return effects, planted(effects, motion)
+            except RangeError as error:
+                reason = error
+        effects = tuple(
+            one.model_copy(update={"strength": WEAKER * one.strength}) for one in effects
+        )
+    raise reason
+
+
+def _model(case: Case) -> Model:
+    """The model of the suite without the terms that the case lacks."""
+    model = load_model(packaged("crane_model", "crane_model.yaml"))
+    kept = tuple(
+        term
+        for term in model.terms
+        if not (term.type in case.lacks and getattr(term, "joint", None) == "telescope")
+    )
+    return replace(model, terms=kept)
+
+
+def main(argv: Sequence[str] | None = None) -> int:
+    """Make the bags of a set of cases, and seal what is hidden in them."""
+    parser = argparse.ArgumentParser(prog="make_cases", description=main.__doc__)
+    add = parser.add_argument
+    add("--set", type=CaseSet, choices=list(CaseSet), required=True, dest="which")
+    add("--count", type=int, required=True, help="cases of the set")
+    add("--from", type=int, default=0, dest="first", help="first case to make")
+    add("--to", type=int, dest="last", help="case to stop before")
+    add("--sets", type=int, default=2, help="of three recordings to train on")
+    add("--quick", action="store_true", help="one short recording to train on instead")
+    add("--folder", type=Path, required=True, help="of the set")
+    add("--round", default="", help="of answers: cases that are answered there are not made")
+    add("--workers", type=int, default=1)
+    arguments = parser.parse_args(argv)
+    folders = Folders(arguments.folder, arguments.round)
+    there = done(folders.bags) | done(folders.answers)
+    wanted = cases(arguments.which, arguments.count)[arguments.first : arguments.last]
+    if arguments.quick:
+        wanted = [case.model_copy(update={"excitation": Excitation.POOR}) for case in wanted]
+    jobs = [Job(case, folders, arguments.sets) for case in wanted if case.name not in there]
+    if jobs:
+        in_processes(make_case, jobs, arguments.workers, "bags")
+    return 0
+
+
+if __name__ == "__main__":
+    sys.exit(main())

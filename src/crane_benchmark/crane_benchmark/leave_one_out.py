@@ -1,0 +1,156 @@
+"""The catalogue without the entry of what is hidden: unknown, a declared class, or a wrong name?
+
+Single effects of a set whose bags were kept are answered once more, each without its own entry.
+Effects are declared to be confusable by the catalogue, in either direction.
+"""
+
+import sys
+from collections.abc import Sequence
+from dataclasses import dataclass
+from enum import StrEnum
+from pathlib import Path
+
+from rich import box
+from rich.console import Console
+from rich.table import Table
+
+from crane_benchmark.answers.given import given
+from crane_benchmark.cases.case import Case, Kind
+from crane_benchmark.cases.case_sets import CaseSet
+from crane_benchmark.folders import Folders, done, new, read_json, write_json
+from crane_benchmark.scores.judgement import NAMING, Answer, Place
+from crane_benchmark.scores.rates import rate
+from crane_benchmark.work import in_processes
+from crane_identification.diagnosis.candidates import WHOLE
+from crane_identification.diagnosis.diagnosis import diagnose
+from crane_identification.diagnosis.findings import content
+from crane_identification.diagnosis.thresholds import load_thresholds
+from crane_identification.options import Options
+from crane_model.cli import command_line
+from crane_model.errors import CraneError
+from crane_model.terms import REGISTRY
+
+
+class Left(StrEnum):
+    """What the answer is when the right one is not to be had."""
+
+    UNKNOWN = "unknown"
+    DECLARED_CLASS = "class with a declared confusable"
+    DECLARED = "a declared confusable alone"
+    SILENT = "nothing, or insufficient data"
+    WRONG = "wrong name"
+
+
+@dataclass(frozen=True)
+class Job:
+    """A case of one hidden effect, to be answered without the entry of that effect."""
+
+    name: str
+    effect: str
+    folders: Folders
+
+
+def confusable(one: str, other: str) -> bool:
+    """Whether the catalogue declares either of two entries to be taken for the other."""
+    first, second = (REGISTRY[name].effect for name in (one, other))
+    assert first is not None and second is not None  # entries of the catalogue
+    return other in (*first.confusable, *first.kin) or one in (*second.confusable, *second.kin)
+
+
+def became(hidden: Place, answer: Answer) -> Left:
+    """What the answer is, where the entry of the `hidden` effect was left out."""
+    if answer.verdict == "unknown":
+        return Left.UNKNOWN
+    if answer.verdict not in NAMING:
+        return Left.SILENT
+    effect, joint = hidden
+    declared = [
+        any(
+            (joint == WHOLE or where in (joint, WHOLE))
+            and name in REGISTRY
+            and confusable(effect, name)
+            for name, where in members
+        )
+        for members in answer.findings
+    ]
+    if not all(declared):
+        return Left.WRONG
+    return Left.DECLARED_CLASS if answer.verdict == "class" else Left.DECLARED
+
+
+def answer_case(job: Job) -> None:
+    """Diagnose again without the entry; what is refused is said to be insufficient."""
+    folder = job.folders.bags / job.name
+    recordings = given(folder)
+    with new(_answers(job.folders) / job.name) as out:
+        try:
+            found = content(
+                diagnose(*recordings, Options(), load_thresholds(), without=[job.effect])
+            )
+        except CraneError as error:
+            found = {"verdict": "insufficient_data", "reason": str(error), "findings": []}
+        write_json(out / "answer.json", found)
+
+
+def _answers(folders: Folders) -> Path:
+    return folders.scores / "without_own_entry"
+
+
+def _case(folders: Folders, name: str) -> Case:
+    return Case.model_validate(read_json(folders.sealed / name / "case.json"))
+
+
+def jobs(folders: Folders) -> list[Job]:
+    """The cases with one hidden effect of the catalogue that shows in the force."""
+    found = []
+    for name in sorted(done(folders.bags) & done(folders.sealed)):
+        case = _case(folders, name)
+        if case.kind is Kind.SINGLE and case.effects[0].effect in REGISTRY:
+            found.append(Job(name, case.effects[0].effect, folders))
+    return found
+
+
+def main(argv: Sequence[str] | None = None) -> int:
+    """Answer the single effects of a set without their own entries; results and a table."""
+    parser = command_line(prog="leave_one_out", description=main.__doc__)
+    add = parser.add_argument
+    add("--out", type=Path, default=Path("runs/discrepancy_benchmark"), help="as of the benchmark")
+    add("--set", type=CaseSet, choices=list(CaseSet), default=CaseSet.TUNING, dest="which")
+    add("--round", default="", help="folder of the answers in it (default: itself)")
+    add("--workers", type=int, default=1)
+    arguments = parser.parse_args(argv)
+    folders = Folders(arguments.out / arguments.which.value, arguments.round)
+    every = jobs(folders)
+    waiting = [job for job in every if job.name not in done(_answers(folders))]
+    if waiting:
+        in_processes(answer_case, waiting, arguments.workers, "without their own entry")
+    rows = []
+    for job in every:
+        if job.name not in done(_answers(folders)):
+            continue  # reported to have failed
+        hidden = _case(folders, job.name).effects[0]
+        answer = Answer.of_diagnosis(read_json(_answers(folders) / job.name / "answer.json"))
+        place = (hidden.effect, hidden.joint or WHOLE)
+        rows.append(
+            {
+                "case": job.name,
+                "hidden": [*place, hidden.strength],
+                "outcome": became(place, answer).value,
+                "answer": [answer.verdict, answer.findings],
+            }
+        )
+    summary = {left.value: rate([row["outcome"] == left for row in rows]) for left in Left}
+    path = folders.scores / "without_own_entry.json"
+    write_json(path, {"summary": summary, "cases": rows})
+    table = Table("without the entry of what is hidden", "cases", "share", box=box.SIMPLE_HEAD)
+    for name, one in summary.items():
+        low, high = one["interval"] or (0.0, 1.0)
+        share = f"{one['rate'] or 0.0:.0%} [{low:.0%}, {high:.0%}]"
+        table.add_row(name, str(one["count"]), share)
+    Console(width=100).print(table)
+    print(f"written: {path}")
+    return 0
+
+
+if __name__ == "__main__":
+    sys.exit(main())

@@ -1,0 +1,137 @@
+"""Whether an answer is right: by effect and joint, whichever of its laws the catalogue names.
+
+Position-dependent friction may be linear or cyclic in q: to the catalogue these are laws of one
+effect (`Effect.law_of`, `Effect.kin`), and naming either on the joint of the other is right.
+"""
+
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
+from enum import StrEnum
+from typing import Any
+
+from crane_benchmark.cases.case import Kind
+from crane_benchmark.cases.case_sets import TWINS
+from crane_model.terms import REGISTRY
+
+Place = tuple[str, str]
+"""An effect and its joint, or `all`."""
+
+OURS = "diagnose"  # among the names of methods
+AND_MORE = "named_and_more"  # right where its names are, though it does not say that this is all
+NAMING = {"named", AND_MORE, "class"}  # verdicts that name effects
+
+
+class Outcome(StrEnum):
+    """How an answer compares with what is hidden."""
+
+    RIGHT = "right"
+    TOO_WIDE = "too wide"  # a class that holds it, and others that the data do tell from it
+    PARTLY = "one of two"
+    NOT_NAMED = "unknown"  # said to be outside the catalogue, and is in it
+    MISSED = "missed"
+    WRONG_NAME = "wrong name"
+    FALSE_ALARM = "false alarm"
+    REFUSED = "refused"  # insufficient data, where nothing is hidden
+    CRASH = "crash"
+
+
+@dataclass(frozen=True)
+class Answer:
+    """A verdict and its findings: the effect named first, then the other members of its class."""
+
+    verdict: str
+    findings: tuple[tuple[Place, ...], ...]
+
+    @classmethod
+    def of_diagnosis(cls, content: dict[str, Any]) -> "Answer":
+        """What `findings.json` says."""
+        findings = ((finding, *finding.get("class_members", ())) for finding in content["findings"])
+        places = tuple(tuple((one["effect"], one["joint"]) for one in found) for found in findings)
+        return cls(content["verdict"], places)
+
+    @classmethod
+    def of_names(cls, names: Sequence[Sequence[str]]) -> "Answer":
+        """Of a method that only names effects."""
+        findings = tuple(((str(effect), str(joint)),) for effect, joint in names)
+        return cls("named" if findings else "none", findings)
+
+    @property
+    def headline(self) -> str:
+        """The strongest effect, or the verdict where none is named."""
+        if self.verdict in NAMING and self.findings:
+            return self.findings[0][0][0]
+        return self.verdict
+
+
+def effect_of(law: str) -> str:
+    """The type of one law that stands for all laws of the same effect."""
+    cls = REGISTRY.get(law)
+    if cls is None or cls.effect is None:
+        return law  # in no catalogue, or of the flow, which has one law of each
+    return cls.effect.law_of or min((law, *cls.effect.kin))
+
+
+def laws() -> dict[str, list[str]]:
+    """The effects of which the catalogue holds several laws, with these."""
+    found: dict[str, list[str]] = {}
+    for law in sorted(REGISTRY):
+        found.setdefault(effect_of(law), []).append(law)
+    return {effect: several for effect, several in found.items() if len(several) > 1}
+
+
+def _same(one: Place, other: Place) -> bool:
+    return one[1] == other[1] and effect_of(one[0]) == effect_of(other[0])
+
+
+def judge(
+    kind: Kind, hidden: Sequence[Place], answer: Answer, twin: Callable[[int, Place], bool]
+) -> Outcome:
+    """`twin(i, other)` says whether `other` explains the i-th hidden effect as well as its own law;
+    a class counts as right where all its members do.
+    """
+    verdict = answer.verdict
+    if verdict == "crash":
+        return Outcome.CRASH
+    if kind is Kind.NOTHING:
+        silent = {"none": Outcome.RIGHT, "insufficient_data": Outcome.REFUSED}
+        return silent.get(verdict, Outcome.FALSE_ALARM)
+    if kind is Kind.OUTSIDE and verdict == "unknown":
+        return Outcome.RIGHT
+    if verdict == "insufficient_data":
+        return Outcome.RIGHT if kind in {Kind.CLASS, Kind.INSUFFICIENT} else Outcome.MISSED
+    if verdict == "unknown":
+        return Outcome.NOT_NAMED
+    if verdict == "none":
+        return Outcome.MISSED
+    if kind is Kind.CLASS:
+        return _of_twins(answer)
+    outcome = _named(hidden, answer, twin)
+    if kind is Kind.INSUFFICIENT and outcome is Outcome.TOO_WIDE:
+        return Outcome.RIGHT  # so little data does not tell the class apart
+    return outcome
+
+
+def _of_twins(answer: Answer) -> Outcome:
+    known = {(effect, "telescope") for effect in TWINS}
+    if len(answer.findings) != 1 or not set(answer.findings[0]) & known:
+        return Outcome.WRONG_NAME
+    found = set(answer.findings[0])
+    if len(found & known) < 2:
+        return Outcome.WRONG_NAME  # picks one where nothing tells them apart
+    return Outcome.RIGHT if found <= known else Outcome.TOO_WIDE
+
+
+def _named(hidden: Sequence[Place], answer: Answer, twin: Callable[[int, Place], bool]) -> Outcome:
+    """Two findings may be laws of one hidden effect that neither describes alone."""
+    found: set[int] = set()
+    wide = False
+    for members in answer.findings:
+        meant = [i for i, place in enumerate(hidden) if any(_same(place, one) for one in members)]
+        if not meant:
+            return Outcome.WRONG_NAME
+        own = next((i for i in meant if i not in found), meant[0])
+        found.add(own)
+        wide |= not all(_same(one, hidden[own]) or twin(own, one) for one in members)
+    if len(found) < len(hidden):
+        return Outcome.PARTLY
+    return Outcome.TOO_WIDE if wide else Outcome.RIGHT

@@ -1,0 +1,210 @@
+"""What is true of a case by its clean simulation: strength, identifiability, explainable gap."""
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from crane_benchmark.cases.case import Case
+from crane_benchmark.cases.clean import Seen, load_seen
+from crane_benchmark.folders import read_json
+from crane_benchmark.scores.judgement import Place
+from crane_benchmark.scores.unusual import beyond_usual
+from crane_identification.diagnosis.candidates import WHOLE, Family
+from crane_identification.diagnosis.hydraulics import load_usual
+from crane_model.errors import CraneError
+from crane_model.model_file import Model
+from crane_model.terms import REGISTRY
+from crane_sim.parts.parameters import StandIn
+
+AS_WELL = 0.01  # of the energy of what is hidden: another law that explains it so nearly is a twin
+
+COMPARABLE = {
+    "chamber_gain": ("gain_B", ("gain",)),
+    "encoder_offset": ("dq", ("offset",)),
+    "hose_mass": ("rho_hose", ("density",)),
+    "load_friction": ("mu_load", ("mu",)),
+    "payload": ("m_payload", ("mass",)),
+    "pressure_gain": ("gain", ("gain",)),
+    "pressure_offset": ("dp", ("offset",)),
+    "swinging_load": ("m_swinging", ("mass",)),
+    "time_skew": ("delay", ("delay", "lag")),
+}
+"""Effect to how the name of that parameter begins which the catalogue's law shares with the hidden
+one, and to its names there. Where the laws differ in form, their parameters do not mean the same.
+"""
+
+
+@dataclass(frozen=True)
+class Truth:
+    """A case, its machine, its labels (one a recording), and its recordings without noise."""
+
+    case: Case
+    stand_in: StandIn
+    labels: tuple[dict[str, Any], ...]
+    train: Seen
+    validate: Seen
+
+    @property
+    def places(self) -> tuple[Place, ...]:
+        """What is hidden where."""
+        return tuple((one.effect, one.joint or WHOLE) for one in self.case.effects)
+
+    @property
+    def strength(self) -> list[float]:
+        """(k,) largest strength reached in any recording to train on, by its label."""
+        reached = [
+            {(one["name"], one["joint"]): float(one["strength"]) for one in label["effects"]}
+            for label in self.labels
+        ]
+        return [
+            max(label.get((one.effect, one.joint), 0.0) for label in reached)
+            for one in self.case.effects
+        ]
+
+    def visibility(self, model: Model) -> list[float | None]:
+        """(k,) share of each effect that recordings of this kind can show.
+
+        In the force: the norm beside the `model`, where encoders tell which way a joint moves, over
+        the whole norm. In the flow: what is beyond the usual; None where nothing says what that is.
+        """
+        base = _Base(model, self.train)
+        usual = load_usual()
+        shares: list[float | None] = []
+        for place, part in zip(self.places, self.train.hidden, strict=True):
+            norm = base.whole(part)
+            if norm > 0.0:
+                shares.append(float(np.linalg.norm(base.beside(base.rows(part)))) / norm)
+            else:
+                effect = self._labelled(place)[-1]
+                shares.append(beyond_usual(effect, self.stand_in, self.train.record, usual))
+        return shares
+
+    def _labelled(self, place: Place) -> list[dict[str, Any]]:
+        """What the labels say of an effect, one entry for each recording that carries it."""
+        every = (one for label in self.labels for one in label["effects"])
+        return [one for one in every if (one["name"], one["joint"] or WHOLE) == place]
+
+    def parameter_errors(self, content: dict[str, Any]) -> list[float]:
+        """Relative errors of the parameters that mean the same in the hidden law as in the answer.
+
+        By magnitude: either side has its own convention of signs. Where recordings differ, as in
+        their loads, each value that is found is compared with the nearest hidden one.
+        """
+        errors = []
+        for finding in content["findings"]:
+            own, theirs = COMPARABLE.get(finding["effect"], ("", ()))
+            hidden = [
+                abs(given["value"])
+                for effect in self._labelled((finding["effect"], finding["joint"]))
+                for given in effect["parameters"]
+                if given["name"] in theirs
+            ]
+            if hidden:
+                found = (p["value"] for p in finding["parameters"] if p["name"].startswith(own))
+                errors += [min(abs(abs(one) / true - 1.0) for true in hidden) for one in found]
+        return errors
+
+    def twin(self, model: Model, number: int, other: Place) -> bool:
+        """Whether another effect explains the hidden one as well as its own law does."""
+        base = _Base(model, self.train)
+        hidden = base.beside(base.rows(self.train.hidden[number]))
+        if not hidden.any():
+            return False  # acts on flows
+        own = _explained(base, hidden, self.places[number])
+        return _explained(base, hidden, other) >= own - AS_WELL
+
+    def gap(self, model: Model) -> np.ndarray:
+        """(j,) error of the model, fitted to clean recordings, on those to validate on, over the
+        force: what could be explained if the effects were known.
+        """
+        theta = _Base(model, self.train).theta
+        return _error(self.validate, model, theta)
+
+    def closed(self, before: Model, after: Model) -> float:
+        """Share of the explainable gap, in energy relative to the force, that `after` closes; NaN
+        where nothing acts on forces.
+        """
+        if not self.train.hidden.any():
+            return float("nan")
+        open_ = (self.gap(before) ** 2).sum()
+        left = (_error(self.validate, after, after.theta) ** 2).sum()
+        return float(1.0 - left / open_) if open_ > 0.0 else float("nan")
+
+
+class _Base:
+    """The columns of a model on the clean training recordings, in units of each joint's force."""
+
+    def __init__(self, model: Model, seen: Seen):
+        self.model, self.seen = model, seen
+        force = seen.record.needed("force", "the scorer")
+        self._unit = seen.rms(force)
+        columns = self.rows(model.regressor(seen.record))
+        self._norms = np.linalg.norm(columns, axis=0)
+        self._columns = columns / np.where(self._norms > 0.0, self._norms, 1.0)
+        self._basis = np.linalg.svd(self._columns, full_matrices=False)[0]
+
+    @property
+    def theta(self) -> np.ndarray:
+        """Least squares (31)."""
+        force = self.rows(self.seen.record.needed("force", "the scorer"))
+        return np.linalg.lstsq(self._columns, force, rcond=1e-10)[0] / self._norms
+
+    def rows(self, values: np.ndarray) -> np.ndarray:
+        """(n, j, ...) to the rows that count."""
+        unit = self._unit.reshape(1, -1, *[1] * (values.ndim - 2))
+        return (values / unit)[self.seen.used]
+
+    def whole(self, values: np.ndarray) -> float:
+        """Norm of values (n, j) over all samples, at rest and close to reversals too."""
+        return float(np.linalg.norm(values / self._unit))
+
+    def beside(self, rows: np.ndarray) -> np.ndarray:
+        """What is left of rows (N, ...) beside the columns."""
+        return rows - self._basis @ (self._basis.T @ rows)
+
+
+def _explained(base: _Base, hidden: np.ndarray, place: Place) -> float:
+    """Share of the energy of `hidden` that a law of the catalogue explains at its best shape."""
+    effect, where = place
+    if effect not in REGISTRY:
+        return 0.0
+    family = Family(REGISTRY[effect], None if where == WHOLE else where)
+    energy = float(hidden @ hidden)
+    best = 0.0
+    for shape in family.grid():
+        try:
+            columns = family.at(shape).columns(base.seen.record, base.model.setting)
+        except CraneError:
+            continue  # not logged
+        rows = base.beside(base.rows(columns))
+        left = hidden - rows @ np.linalg.lstsq(rows, hidden, rcond=1e-9)[0]
+        best = max(best, 1.0 - float(left @ left) / energy)
+    return best
+
+
+def _error(seen: Seen, model: Model, theta: np.ndarray) -> np.ndarray:
+    force = seen.record.needed("force", "the scorer")
+    return seen.rms(force - model.regressor(seen.record) @ theta) / seen.rms(force)
+
+
+def load_truth(folder: Path) -> Truth:
+    """Open what is sealed."""
+    case = Case.model_validate(read_json(folder / "case.json"))
+    train, validate = (_part(folder, case, part) for part in ("train", "validate"))
+    stand_in = StandIn.model_validate(read_json(folder / "stand_in.json"))
+    return Truth(case, stand_in, (*train[0], *validate[0]), train[1], validate[1])
+
+
+def _part(folder: Path, case: Case, part: str) -> tuple[list[dict[str, Any]], Seen]:
+    files = sorted(folder.glob(f"{part}-*.npz"))
+    labels = [read_json(file.with_suffix(".json")) for file in files]
+    return labels, load_seen(files, [_present(case, one) for one in labels], len(case.effects))
+
+
+def _present(case: Case, label: dict[str, Any]) -> Sequence[int]:
+    """Which effects of the case a recording carries."""
+    own = {(one["name"], one["joint"]) for one in label["effects"]}
+    return [i for i, one in enumerate(case.effects) if (one.effect, one.joint) in own]

@@ -1,0 +1,131 @@
+"""make study: the report's experiment, from the design of 20 + 2 trajectories to its figures.
+
+Trajectories are designed as a campaign, recorded with the stand-in machine, identified by the fit
+to all periods and by the recursion, and validated on two recordings of trajectories that were
+designed apart. Everything is done by the executables that a user would call; results are left in
+runs/study, and what is there already is not designed or recorded again.
+"""
+
+import argparse
+import json
+import os
+import resource
+import sys
+import time
+from collections.abc import Iterator, Sequence
+from contextlib import contextmanager
+from pathlib import Path
+
+from rich.console import Console
+from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn, TimeElapsedColumn
+
+from crane_benchmark.study.outcome import errors_table, parameter_table
+from crane_benchmark.study.recordings import Campaign, Experiment, StudyError, design, record, run
+from crane_identification.report import terminal
+from crane_model.cli import command_line
+from crane_model.configuration import load, packaged
+from crane_trajectory.motion.fourier import FourierTrajectory
+
+EMPS = packaged("crane_benchmark", "emps/model.yaml").parent  # model and column map
+SEEDS = {"training": 1, "validation": 101}
+WIDTH = 110  # characters, where the output is no terminal
+
+
+@contextmanager
+def phase(console: Console, name: str, total: int = 1) -> Iterator[Progress]:
+    """Show a phase while it runs, and what it took: wall and CPU time, of its processes too."""
+    columns = (
+        TextColumn("{task.description}"),
+        BarColumn(),
+        MofNCompleteColumn(),
+        TimeElapsedColumn(),
+    )
+    start, cpu = time.monotonic(), _cpu()
+    with Progress(*columns, console=console, transient=True) as progress:
+        progress.add_task(name, total=total)
+        yield progress
+    wall = time.monotonic() - start
+    console.print(f"{name}: {wall:.0f} s, CPU {_cpu() - cpu:.0f} s", highlight=False)
+
+
+def _cpu() -> float:
+    used = [resource.getrusage(who) for who in (resource.RUSAGE_SELF, resource.RUSAGE_CHILDREN)]
+    return sum(usage.ru_utime + usage.ru_stime for usage in used)
+
+
+def study(arguments: argparse.Namespace, console: Console) -> None:
+    """All of it; `StudyError` if one of the executables fails."""
+    out: Path = arguments.out
+    experiment = Experiment(
+        arguments.period, arguments.harmonics, arguments.starts, arguments.periods
+    )
+    training, validation = (
+        Campaign(name, count, SEEDS[name], out)
+        for name, count in (
+            ("training", arguments.training),
+            ("validation", arguments.validation),
+        )
+    )
+    with phase(console, "trajectories designed", 2) as progress:
+        for campaign in (training, validation):
+            design(campaign, experiment)
+            progress.advance(progress.task_ids[0])
+    for campaign in (training, validation):
+        merits = [load(file, FourierTrajectory).figures_of_merit for file in campaign.trajectories]
+        conditions = ", ".join(f"{merit['condition_number']:.0f}" for merit in merits)
+        console.print(f"  cond Φ of each, {campaign.name}: {conditions}", highlight=False)
+    with phase(console, "bags recorded", training.count + validation.count) as progress:
+        record((training, validation), experiment, lambda: progress.advance(progress.task_ids[0]))
+    planted = out / "planted.json"
+    planted.write_text(run("crane_sim", "planted", "--json"), encoding="utf-8")
+    with phase(console, "identified and validated"):
+        run(
+            *("crane_identification", "identify", "--recursive", "--replace", "--out", out),
+            *("--model", packaged("crane_model", "crane_model.yaml")),
+            *("--train", *training.bags, "--validate", *validation.bags),
+            *("--reference-values", planted),
+        )
+    summary = json.loads((out / "summary.json").read_text(encoding="utf-8"))
+    true = json.loads(planted.read_text(encoding="utf-8"))
+    console.print(parameter_table(summary, true), errors_table(summary))
+    console.print(f"Report: {out}/report.html   Model: {out}/model.yaml", highlight=False)
+    emps(out / "emps", console)
+
+
+def emps(out: Path, console: Console) -> None:
+    """The same identification of a real axis, where its recording is there."""
+    folder = Path(os.environ.get("CRANE_REAL_DATA", "../shared/data"))
+    data = folder / "emps" / "DATA_EMPS.mat"
+    if not data.is_file():
+        console.print(f"EMPS: {data} is not there; set CRANE_REAL_DATA to the folder of emps/")
+        return
+    run(
+        *("crane_identification", "identify", "--no-average", "--replace", "--out", out),
+        *("--train", data),
+        *("--model", EMPS / "model.yaml", "--columns", EMPS / "columns.yaml"),
+    )
+    console.print(f"EMPS, a real axis: {out}/report.html", highlight=False)
+
+
+def main(argv: Sequence[str] | None = None) -> int:
+    """Run the study; exit status 1 if one of its executables fails."""
+    parser = command_line(prog="study", description="The report's experiment.")
+    add = parser.add_argument
+    add("--out", type=Path, default=Path("runs/study"), help="folder of the results")
+    add("--training", type=int, default=20, help="trajectories to fit the model to")
+    add("--validation", type=int, default=2, help="trajectories to validate it on")
+    add("--period", type=float, default=66.0, help="of every trajectory [s]")
+    add("--harmonics", type=int, default=5, help="N of (32)")
+    add("--periods", type=int, default=3, help="recorded of every trajectory")
+    add("--starts", type=int, default=2, help="searches for every trajectory")
+    arguments = parser.parse_args(argv)
+    try:
+        study(arguments, terminal.console(WIDTH))
+    except StudyError as error:
+        print(f"error: {error}", file=sys.stderr)
+        return 1
+    return 0
+
+
+if __name__ == "__main__":
+    sys.exit(main())

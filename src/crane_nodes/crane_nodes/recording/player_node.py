@@ -1,0 +1,139 @@
+"""The player as a node: publishes the messages of a bag when they are due, and the bag's time."""
+
+import time
+from collections import Counter
+from collections.abc import Callable, Collection, Iterable, Sequence
+
+from rclpy.duration import Duration
+from rclpy.executors import SingleThreadedExecutor
+from rclpy.expand_topic_name import expand_topic_name
+from rclpy.node import Node
+from rclpy.publisher import Publisher
+from rclpy.qos import QoSProfile
+from rosgraph_msgs.msg import Clock
+
+from crane_model.errors import DataError
+from crane_nodes.context import Stop
+from crane_nodes.names import full_name
+from crane_nodes.publishers import publishers
+from crane_nodes.ready import say_ready
+from crane_nodes.recording.definitions import message_class
+from crane_nodes.recording.playback import CLOCK, Due, Pace, PlayedTopic
+from crane_nodes.recording.ros import NANOSECONDS, profile
+
+TICK = 10_000_000  # ns between two messages on /clock
+LOOK = NANOSECONDS  # ns between two looks for other publishers
+UNKNOWN = "_NODE_NAMESPACE_UNKNOWN_/_NODE_NAME_UNKNOWN_"  # until rmw has been told the name
+UNNAMED = 5  # looks, after which a publisher is pointed out without a name
+LAST_MESSAGES = 10.0  # s that subscribers have to acknowledge what was sent last
+HISTORY = 5000  # messages, 25 s at 200 Hz, kept for subscribers that fall behind or are just found
+
+
+class Player(Node):
+    """Stands in the place of the publishers of a bag."""
+
+    def __init__(self, stop: Stop):
+        super().__init__("player")
+        self._stop = stop
+        self._worker = SingleThreadedExecutor()
+        self._worker.add_node(self)
+        self._time = self.create_publisher(Clock, CLOCK, QoSProfile(depth=10))
+        self._publishers_of: dict[str, Publisher] = {}  # recorded topic -> publisher
+        self._contested: set[str] = set()
+        self._unnamed: Counter[str] = Counter()
+        self._next_tick = self._next_look = 0
+
+    def expanded(self, topic: str) -> str:
+        """A topic of the command line in full; a relative name is one of the node's namespace."""
+        return expand_topic_name(topic, self.get_name(), self.get_namespace())
+
+    def offer(self, topics: Sequence[PlayedTopic]) -> None:
+        """Make the publishers of these topics.
+
+        Their history is longer than the recorded one, which a bag played fast overruns before a
+        subscriber that has just been found is told of the first messages. It is no part of what
+        publishers offer; only a latched topic shows it to those who come later.
+        """
+        for topic in topics:
+            qos = profile(topic.service)
+            if not topic.service.latched:
+                qos.depth = max(qos.depth, HISTORY)
+            self._publishers_of[topic.recorded] = self.create_publisher(
+                message_class(topic.msgtype), topic.recorded, qos
+            )
+        say_ready(self)
+
+    def wait_for_subscribers(self, topics: Collection[str]) -> None:
+        """Wait until each of `topics` is subscribed to; `DataError` if one is not played."""
+        played = (self._time, *self._publishers_of.values())
+        publishers = {one.topic_name: one for one in played}
+        names = [self.resolve_topic_name(topic) for topic in topics]
+        if others := [name for name in names if name not in publishers]:
+            raise DataError(
+                f"cannot wait for subscribers of {', '.join(others)}: not played; played are "
+                f"{', '.join(publishers)}"
+            )
+        while not self._stop.requested and any(
+            publishers[name].get_subscription_count() == 0 for name in names
+        ):
+            self._worker.spin_once(timeout_sec=0.05)
+
+    def play(
+        self, messages: Iterable[Due], rate: float, played: Callable[[int, int], None]
+    ) -> None:
+        """Publish `messages` in the rhythm of their times, `rate` times as fast.
+
+        After each one `played` is called with its time in the bag and its delay, both in ns.
+        """
+        pace: Pace | None = None
+        for message in messages:
+            pace = pace or Pace(message.time, time.monotonic_ns(), rate)
+            due = pace.steady(message.time)
+            self._pass_time(pace, due)
+            if self._stop.requested:
+                return
+            self._publishers_of[message.topic].publish(message.data)
+            played(message.time, time.monotonic_ns() - due)
+
+    def finish(self) -> None:
+        """Wait, not for long, until subscribers have what was sent last."""
+        until = time.monotonic() + LAST_MESSAGES
+        for publisher in self._publishers_of.values():
+            left = max(0.0, until - time.monotonic())
+            publisher.wait_for_all_acked(Duration(seconds=left))
+
+    def _pass_time(self, pace: Pace, until: int) -> None:
+        """Publish the time, and answer requests to the node, until a moment of the steady clock."""
+        while True:
+            now = time.monotonic_ns()
+            if now >= self._next_tick:
+                self._next_tick = now + TICK
+                self._tick(pace.bag(now))
+                self._worker.spin_once(timeout_sec=0.0)
+                if now >= self._next_look:
+                    self._next_look = now + LOOK
+                    self._look_for_others()
+            elif now >= until or self._stop.requested:
+                return
+            else:
+                time.sleep((min(until, self._next_tick) - now) / NANOSECONDS)
+
+    def _tick(self, bag_time: int) -> None:
+        message = Clock()
+        message.clock.sec, message.clock.nanosec = divmod(bag_time, NANOSECONDS)
+        self._time.publish(message)
+
+    def _look_for_others(self) -> None:
+        """Warn of live publishers: what is subscribed to is then neither live nor recorded."""
+        for publisher in self._publishers_of.values():
+            name = publisher.topic_name
+            if name not in self._contested and self.count_publishers(name) > 1:
+                nodes = set(publishers(self, name))
+                if UNKNOWN in nodes and self._unnamed[name] < UNNAMED:
+                    self._unnamed[name] += 1  # its name follows, as a rule
+                    continue
+                self._contested.add(name)
+                self.get_logger().warning(
+                    f"{name} is also published by {', '.join(sorted(nodes - {full_name(self)}))}: "
+                    "subscribers get both; stop one of them, or leave the topic out by --topics"
+                )

@@ -1,0 +1,101 @@
+"""The stand-in machine seen from its CAN bus: frames in, frames out, by the steady clock."""
+
+from collections.abc import Iterable
+
+import numpy as np
+
+from crane_driver.can.codec import MachineCodec
+from crane_driver.can.frame import Frame
+from crane_driver.can.layout import Layout
+from crane_driver.can.mapping import LINES
+from crane_model.errors import ConfigurationError
+from crane_model.machine import JOINTS
+from crane_sim.bus.operator_at_machine import Operator
+from crane_sim.bus.valve_unit import ValveUnit
+from crane_sim.plant.plant import Plant
+from crane_sim.plant.sampled import Sensors
+
+LONGEST_STEP = 0.1  # s; a machine that was kept from running for longer loses the rest
+
+
+class MachineOnBus:
+    """Plant, sensors and valve unit. Its time is the steady clock, from `start` [s] on.
+
+    Readings are taken at even times, as devices with a clock of their own do, however late the
+    process is woken to send them.
+    """
+
+    def __init__(
+        self,
+        layout: Layout,
+        plant: Plant,
+        sensors: Sensors,
+        start: float,
+        operator: Operator | None = None,
+    ):
+        """`ConfigurationError` if the layout has pressures that the machine does not measure."""
+        self._codec = MachineCodec(layout)
+        self._plant, self._sensors = plant, sensors
+        self._operator = operator or Operator()  # one who touches nothing
+        self.valves = ValveUnit(self._codec, start)
+        self.period = min(self._codec.cycles.values())
+        self._every = {
+            name: round(cycle / self.period) for name, cycle in self._codec.cycles.items()
+        }
+        measured = {f"{joint}.{ab}" for joint in sensors.cylinders for ab in "ab"} | {*LINES}
+        if absent := [name for name in layout.pressures if name not in measured]:
+            raise ConfigurationError(
+                f"the mapping has the pressures {', '.join(absent)}, but the simulated crane "
+                f"measures {', '.join(sorted(measured))}; take them out of the mapping"
+            )
+        # What devices other than the valve unit say of themselves: that they are well.
+        self._states = {
+            state.name: state.label(min(state.healthy))
+            for message in layout.readings
+            for state in message.states
+        }
+        self._time, self._cycle = start, 0
+        self.lost = 0.0  # s that the plant did not run
+        self._read = self._measure()
+
+    def exchange(self, frames: Iterable[Frame]) -> list[Frame]:
+        """Take the commands of `frames`, and give the frames of the last readings."""
+        for frame in frames:
+            self.valves.receive(frame)
+        positions, pressures = self._read
+        states = self._states | {"valve_unit": self.valves.state}
+        due = [name for name, every in self._every.items() if self._cycle % every == 0]
+        self._cycle += 1
+        accepted = self.valves.accepted
+        return [
+            self._codec.reading_frame(name, positions, pressures, states, accepted=accepted)
+            for name in due
+        ]
+
+    def run(self, until: float) -> None:
+        """Let the plant run with the commands that are there, and take the next readings."""
+        elapsed = until - self._time
+        commands = np.array(self._operator.spools(self.valves.commands(self._time)))
+        self._time = until
+        if elapsed > LONGEST_STEP:
+            self.lost += elapsed - LONGEST_STEP
+            elapsed = LONGEST_STEP
+        if elapsed > 0 and self._operator.engine:
+            self._plant.advance(commands, elapsed)
+        self._read = self._measure()
+
+    def _measure(self) -> tuple[dict[str, float], dict[str, float]]:
+        plant = self._plant
+        q = self._sensors.positions(plant.q)
+        on = float(self._operator.engine)
+        read = self._sensors.pressures(
+            on * plant.pressure_a[np.newaxis],
+            on * plant.pressure_b[np.newaxis],
+            np.array([on * plant.supply_pressure]),
+            on * plant.tank_pressure,
+        )
+        pressures = {"supply": float(read.supply[0]), "tank": float(read.tank[0])}
+        for column, joint in enumerate(self._sensors.cylinders):
+            pressures[f"{joint}.a"] = float(read.chamber_a[0, column])
+            pressures[f"{joint}.b"] = float(read.chamber_b[0, column])
+        return dict(zip(JOINTS, q.tolist(), strict=True)), pressures

@@ -1,0 +1,107 @@
+"""A hidden boom that bends: part of what a joint moves rides on two springs behind the joint.
+
+Either mode carries a share of all that the joint moves, bent by e in the coordinate of the joint:
+with M, h of (6) at q + e, q' + e', its own balance M_i (q'' + e'') + h_i = -k e - d e' gives e'',
+and what it asks of every other joint, M_j (q'' + e'') + h_j, is the inertia and the weight of
+bodies where they really are. k and d are constant, so that the frequency follows the pose.
+"""
+
+import math
+
+import numpy as np
+from numba import njit
+
+from crane_sim.effects.form import Draw, Form, Magnitude
+from crane_sim.effects.working import LOADS, Hidden
+from crane_sim.parts.rigid_bodies import Chain, mass_and_bias
+
+TWO_MODES = LOADS + 50
+
+MODES = ((1.0, 1.0), (2.7, 0.25))  # frequency and share, of those of the first
+INERTIA = 4  # in the memory: after two deflections and their rates, that of the joint at the start
+PASSES = 50  # in which a boom sags to where its springs hold it
+
+
+@njit(cache=True, error_model="numpy")
+def carry(hidden: Hidden, k: int, chain: Chain, q: np.ndarray, v: np.ndarray) -> None:
+    """Fill inertia and bias of what rides on the springs, less those of the same parts unbent.
+
+    e'' is eliminated, so that no step is too long for the light rest that does not bend.
+    """
+    value, memory, i = hidden.value[k], hidden.memory[k], hidden.joint[k]
+    mass, bias = hidden.mass[k], hidden.bias[k]
+    if memory[INERTIA] == 0.0:
+        _sag(hidden, k, chain, q)
+    mass_and_bias(chain, q, v, mass, bias)
+    riding = value[0] * (MODES[0][1] + MODES[1][1])
+    mass *= -riding
+    bias *= -riding
+    bent_mass, bent_bias = np.empty((4, 4)), np.empty(4)
+    for mode in range(2):
+        share = value[0] * MODES[mode][1]
+        _bent(hidden, k, mode, chain, q, v, bent_mass, bent_bias)
+        spring = _spring(hidden, k, mode)
+        for a in range(4):
+            lever = bent_mass[a, i] / bent_mass[i, i]
+            bias[a] += share * (bent_bias[a] - lever * (bent_bias[i] + spring))
+            for b in range(4):
+                mass[a, b] += share * (bent_mass[a, b] - lever * bent_mass[i, b])
+
+
+@njit(cache=True, error_model="numpy")
+def bend(
+    hidden: Hidden, k: int, chain: Chain, q: np.ndarray, v: np.ndarray,
+    change: np.ndarray, step: float,
+) -> None:  # fmt: skip
+    """Modes after a step from q, v that changed the velocities by `change` (4,); symplectic."""
+    memory, i = hidden.memory[k], hidden.joint[k]
+    mass, bias = np.empty((4, 4)), np.empty(4)
+    for mode in range(2):
+        _bent(hidden, k, mode, chain, q, v, mass, bias)
+        push = bias[i] + _spring(hidden, k, mode)
+        for a in range(4):
+            push += mass[i, a] * change[a] / step
+        memory[2 + mode] -= step * push / mass[i, i]
+        memory[mode] += step * memory[2 + mode]
+
+
+@njit(cache=True, error_model="numpy")
+def _bent(
+    hidden: Hidden, k: int, mode: int, chain: Chain, q: np.ndarray, v: np.ndarray,
+    mass: np.ndarray, bias: np.ndarray,
+) -> None:  # fmt: skip
+    """M and h of (6) where the mode has bent the crane."""
+    memory, i = hidden.memory[k], hidden.joint[k]
+    bent_q, bent_v = q.copy(), v.copy()
+    bent_q[i] += memory[mode]
+    bent_v[i] += memory[2 + mode]
+    mass_and_bias(chain, bent_q, bent_v, mass, bias)
+
+
+@njit(cache=True, error_model="numpy")
+def _spring(hidden: Hidden, k: int, mode: int) -> float:
+    """k e + d e' of a mode that carried all of the inertia [N m, N]."""
+    memory = hidden.memory[k]
+    omega = 2.0 * math.pi * hidden.value[k, 1] * MODES[mode][0]
+    damper = 2.0 * hidden.value[k, 2] * omega
+    return memory[INERTIA] * (omega * omega * memory[mode] + damper * memory[2 + mode])
+
+
+@njit(cache=True, error_model="numpy")
+def _sag(hidden: Hidden, k: int, chain: Chain, q: np.ndarray) -> None:
+    """The inertia that sets the springs, and where they hold the crane at rest."""
+    memory, i = hidden.memory[k], hidden.joint[k]
+    still, mass, bias = np.zeros(4), np.empty((4, 4)), np.empty(4)
+    mass_and_bias(chain, q, still, mass, bias)
+    memory[INERTIA] = mass[i, i]
+    for mode in range(2):
+        omega = 2.0 * math.pi * hidden.value[k, 1] * MODES[mode][0]
+        for _ in range(PASSES):
+            _bent(hidden, k, mode, chain, q, still, mass, bias)
+            memory[mode] -= (bias[i] + _spring(hidden, k, mode)) / (omega**2 * memory[INERTIA])
+
+
+FORMS = (
+    Form("boom_flexibility", "two_modes", TWO_MODES, Magnitude("share", "1", 0.1, 0.7),
+         (Draw("frequency", "Hz", 0.7, 12.0, ratio=True), Draw("damping", "1", 0.03, 0.15))),
+)  # fmt: skip

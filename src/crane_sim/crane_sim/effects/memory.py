@@ -1,0 +1,85 @@
+"""Hidden effects with a memory: bristles and slip blocks, play."""
+
+import math
+
+import numpy as np
+from numba import njit
+
+from crane_sim.effects.form import Draw, Form, Magnitude, coulomb
+from crane_sim.effects.working import MEMORY, Hidden
+from crane_sim.parts.state import Scratch
+
+BRISTLES, BOUC_WEN, SLIP_BLOCKS, PIN_PLAY = range(MEMORY, MEMORY + 4)
+
+STILL = 2e-3  # rad/s, m/s; below it (13) holds with any force, and no deviation from it shows
+BLOCKS = ((0.1, 0.15), (0.35, 0.25), (0.65, 0.3), (1.0, 0.3))  # travel and force, as shares
+
+
+@njit(cache=True, error_model="numpy")
+def replaced(value: np.ndarray, scratch: Scratch, i: int) -> tuple[float, float]:
+    """Take a share, value[1], of Coulomb friction (13) away, which presliding friction replaces.
+
+    What is taken [N m, N], upwards and downwards.
+    """
+    law, share = scratch.law[i], value[1]
+    taken = share * law.coulomb_up, share * law.coulomb_down
+    law.coulomb_up *= 1.0 - share
+    law.coulomb_down *= 1.0 - share
+    return taken
+
+
+@njit(cache=True, error_model="numpy")
+def presliding(hidden: Hidden, k: int, v: float, step: float) -> float:
+    """Share -1..1 of the friction that has built up over the displacement; advances the memory."""
+    law, value, memory = hidden.law[k], hidden.value[k], hidden.memory[k]
+    travel, way = value[0], step * v
+    if law == BRISTLES:  # LuGre without a Stribeck curve: implicit in z, with damping
+        z = (memory[0] + way / travel) / (1.0 + abs(way) / travel)
+        share = z + value[2] * (z - memory[0]) / step
+        memory[0] = z
+        return share
+    if law == BOUC_WEN:
+        same = 1.0 if way * memory[0] > 0.0 else 0.0
+        memory[0] += way / travel * (1.0 - same * abs(memory[0]) ** value[2])
+        memory[0] = min(max(memory[0], -1.0), 1.0)
+        return memory[0]
+    share = 0.0  # SLIP_BLOCKS: elastic until each slips
+    for n, (reach, force) in enumerate(BLOCKS):
+        memory[n] = min(max(memory[n] + way / (reach * travel), -1.0), 1.0)
+        share += force * memory[n]
+    return share
+
+
+@njit(cache=True, error_model="numpy")
+def play(hidden: Hidden, k: int, load: float, q: float) -> float:
+    """Force [N m, N] that the drive lacks until a pin that changed sides is seated, smoothly.
+
+    memory: side of the load, where the joint stood when it changed. The load must exceed a small
+    share of what it is about, so that its zero crossing is not counted twice.
+    """
+    value, memory = hidden.value[k], hidden.memory[k]
+    size, clearance, threshold = value[0], value[1], value[2]
+    if abs(load) > threshold:
+        side = math.copysign(1.0, load)
+        if memory[0] == 0.0:
+            memory[1] = q + 2.0 * clearance
+        elif memory[0] != side:
+            memory[1] = q
+        memory[0] = side
+    crossed = min(abs(q - memory[1]) / clearance, 1.0)
+    if crossed >= 1.0:
+        memory[1] = q + 2.0 * clearance  # seated, wherever it goes now
+    return -size * memory[0] * (1.0 - crossed * crossed * (3.0 - 2.0 * crossed))
+
+
+_TRAVEL = Magnitude("travel", "{coordinate}", 3e-3, 6e-2)
+_SHARE = Draw("share", "1", 0.5, 0.8)
+
+FORMS = (
+    Form("presliding", "lugre", BRISTLES, _TRAVEL, (_SHARE, Draw("damping", "s", 2e-3, 6e-3))),
+    Form("presliding", "bouc_wen", BOUC_WEN, _TRAVEL, (_SHARE, Draw("exponent", "1", 1.5, 3.0))),
+    Form("maxwell_slip", "four_blocks", SLIP_BLOCKS, _TRAVEL, (_SHARE,)),
+    Form("backlash", "pin", PIN_PLAY, Magnitude("f_g", "{force}", 0.3, 3.0, coulomb),
+         (Draw("clearance", "{coordinate}", 4e-3, 1.5e-2),
+          Draw("threshold", "{force}", 0.02, 0.05, coulomb))),
+)  # fmt: skip

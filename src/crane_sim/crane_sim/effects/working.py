@@ -1,0 +1,69 @@
+"""Hidden effects at work: their parameters and memory, packed for compiled code."""
+
+from collections.abc import Sequence
+from typing import NamedTuple
+
+import numpy as np
+
+from crane_model.machine import JOINTS, Machine
+from crane_sim.effects.form import Planted
+
+# Numbers of laws, by where they act in a step.
+FRICTION, PUSHES, MEMORY, LOADS, FLOW = 0, 100, 200, 300, 400
+VALUES = MEMORIES = 8
+
+
+class Hidden(NamedTuple):
+    """k effects; arrays begin with k, an axis of 4 follows JOINTS."""
+
+    law: np.ndarray  # int
+    joint: np.ndarray  # int, -1: the whole machine
+    value: np.ndarray  # (k, VALUES) parameters in the order of the form
+    middle: np.ndarray  # (k,) of the range of the joint [rad, m]
+    half: np.ndarray  # (k,) of the width of that range
+    memory: np.ndarray  # (k, MEMORIES) states, all zero at the start
+    part: np.ndarray  # (k,) Coulomb friction, or force, that is added in this step
+    mass: np.ndarray  # (k, 4, 4) inertia added in this step
+    bias: np.ndarray  # (k, 4) and forces that come with it
+    force: np.ndarray  # (k, 4) what the drives must give more, after the last step
+    flow: np.ndarray  # (k, 4) what flows more into chamber A, m3/s
+    clock: np.ndarray  # (1,) s since the machine was started
+    flows: bool  # whether any of them acts in the flow
+
+
+def packed(planted: Sequence[Planted], machine: Machine, running: float = 0.0) -> Hidden | None:
+    """Effects that act in the plant, `running` [s] after it was started; None if there is none.
+
+    Faults of sensors are left out.
+    """
+    inside = [effect for effect in planted if isinstance(effect.form.law, int)]
+    laws = [effect.form.law for effect in inside if isinstance(effect.form.law, int)]
+    count = len(inside)
+    if count == 0:
+        return None
+    value = np.zeros((count, VALUES))
+    middle, half = np.zeros(count), np.ones(count)
+    for k, effect in enumerate(inside):
+        value[k, : len(effect.values)] = effect.values
+        if effect.joint is not None:
+            limits = machine.limits[effect.joint]
+            middle[k] = (limits.position_max + limits.position_min) / 2.0
+            half[k] = (limits.position_max - limits.position_min) / 2.0
+    return Hidden(
+        law=np.array(laws, dtype=np.int64),
+        joint=np.array(
+            [-1 if effect.joint is None else JOINTS.index(effect.joint) for effect in inside],
+            dtype=np.int64,
+        ),
+        value=value,
+        middle=middle,
+        half=half,
+        memory=np.zeros((count, MEMORIES)),
+        part=np.zeros(count),
+        mass=np.zeros((count, 4, 4)),
+        bias=np.zeros((count, 4)),
+        force=np.zeros((count, 4)),
+        flow=np.zeros((count, 4)),
+        clock=np.array([running]),
+        flows=any(law >= FLOW for law in laws),
+    )

@@ -1,0 +1,129 @@
+"""Hidden effects of a wanted strength: their magnitudes, found by moving the machine with them."""
+
+from collections.abc import Sequence
+
+import numpy as np
+
+from crane_model.configuration import packaged
+from crane_model.errors import RangeError
+from crane_model.machine import Machine
+from crane_sim.effects.form import Form, Planted, Scale
+from crane_sim.effects.sensing import faults
+from crane_sim.hiding.clean import Clean, clean
+from crane_sim.hiding.slewing import slewing
+from crane_sim.hiding.spec import Spec
+from crane_sim.parts.parameters import StandIn
+from crane_sim.plant.closed_loop import Course, record
+from crane_sim.plant.plant import Plant
+from crane_sim.plant.sampled import Sensors
+from crane_trajectory.control.controller import Gains
+from crane_trajectory.motion.check import load_clearance
+from crane_trajectory.motion.motion import plan
+from crane_trajectory.motion.periodic import load_trajectory
+
+PASSES = 12
+TOLERANCE = 0.05  # of the wanted strength
+OWN_MOTION = "excitation_20s.yaml"  # on which a spec is calibrated that names no trajectory
+LARGEST_STEP = 8.0  # by which a magnitude changes at once
+
+
+def calibrate(
+    spec: Spec, machine: Machine, stand_in: StandIn, motion: Course, gains: Gains
+) -> tuple[Planted, ...]:
+    """The effects of `spec` with all their parameters, for this machine on this motion.
+
+    Where an effect has a strength, its magnitude is changed until its part in the force comes
+    within 5 % of it, for all effects at once. `RangeError` if one cannot: its magnitude would be
+    beyond what is plausible, or the force does not follow it.
+    """
+    planted = draw(spec, stand_in)
+    open_ended = [k for k, effect in enumerate(planted) if effect.requested is not None]
+    exponent = dict.fromkeys(open_ended, 1.0)  # of the strength as a power of the magnitude
+    last: dict[int, tuple[float, float]] = {}
+    for _ in range(PASSES if open_ended else 0):
+        reached = moved(planted, machine, stand_in, motion, gains).strength(planted)
+        ratio = {k: (planted[k].requested or 0.0) / max(reached[k], 1e-12) for k in open_ended}
+        if all(abs(np.log(r)) < TOLERANCE for r in ratio.values()):
+            return planted
+        for k, wanted in ratio.items():
+            magnitude = planted[k].values[0]
+            if k in last and last[k][0] != magnitude and reached[k] > 0.0 < last[k][1]:
+                slope = np.log(reached[k] / last[k][1]) / np.log(magnitude / last[k][0])
+                exponent[k] = float(np.clip(slope, 0.3, 3.0))
+            last[k] = magnitude, reached[k]
+            factor = wanted ** (1.0 / exponent[k])
+            factor = float(np.clip(factor, 1.0 / LARGEST_STEP, LARGEST_STEP))
+            planted = _scaled(planted, k, factor, reached[k], stand_in)
+    if not open_ended:
+        return planted
+    names = ", ".join(
+        f"'{planted[k].form.effect}' at {reached[k]:.3g} instead of {planted[k].requested}"
+        for k in open_ended
+    )
+    raise RangeError(
+        f"hidden effects did not come within {TOLERANCE:.0%} of their strengths in {PASSES} tries: "
+        f"{names}; ask for other strengths or another motion"
+    )
+
+
+def hidden_in(spec: Spec, machine: Machine, stand_in: StandIn, gains: Gains) -> tuple[Planted, ...]:
+    """The effects of `spec` on the motion of its own: one machine, whatever is recorded of it."""
+    if all(effect.strength is None for effect in spec.effects):
+        return draw(spec, stand_in)
+    trajectory = load_trajectory(spec.trajectory or packaged("crane_trajectory", OWN_MOTION))
+    motion = plan(machine, trajectory, stand_in.start, 1, load_clearance())
+    return calibrate(spec, machine, stand_in, motion, gains)
+
+
+def draw(spec: Spec, stand_in: StandIn) -> tuple[Planted, ...]:
+    """The effects with the parameters that are given or drawn, each magnitude at its start."""
+    planted = []
+    for index, effect in enumerate(spec.effects):
+        form, rng = effect.law, np.random.default_rng([spec.seed, index])
+        drawn = {
+            entry.name: entry.between(rng) * _scale(entry.of, stand_in, effect.joint)
+            for entry in form.draws
+        }
+        start = form.magnitude.start * _scale(form.magnitude.of, stand_in, effect.joint)
+        if form.signed:
+            start *= rng.choice([-1.0, 1.0])
+        values = {form.magnitude.name: start} | drawn | effect.parameters
+        planted.append(Planted(form, effect.joint, tuple(values.values()), effect.strength))
+    return tuple(planted)
+
+
+def moved(
+    planted: Sequence[Planted], machine: Machine, stand_in: StandIn, motion: Course, gains: Gains
+) -> Clean:
+    """What the machine does with these effects on the motion."""
+    plant = Plant(stand_in, machine, motion.start, planted)
+    sensors = Sensors(stand_in.sensors, machine, 0, faults(planted))
+    recording = record(slewing(motion, planted), plant, sensors, gains)
+    return clean(machine, planted, sensors.faults, recording.truth)
+
+
+def _scale(of: Scale, stand_in: StandIn, joint: str | None) -> float:
+    return 1.0 if joint is None else of(stand_in, joint)
+
+
+def _scaled(
+    planted: tuple[Planted, ...], k: int, factor: float, reached: float, stand_in: StandIn
+) -> tuple[Planted, ...]:
+    """With the magnitude of effect k times `factor`; `RangeError` if that is too much."""
+    effect = planted[k]
+    value, form = effect.values[0] * factor, effect.form
+    highest = form.magnitude.highest * _scale(form.magnitude.of, stand_in, effect.joint)
+    if abs(value) > highest and abs(effect.values[0]) >= highest:
+        raise RangeError(_beyond(form, effect, highest, reached))
+    values = (float(np.clip(value, -highest, highest)), *effect.values[1:])
+    return (*planted[:k], effect._replace(values=values), *planted[k + 1 :])
+
+
+def _beyond(form: Form, effect: Planted, highest: float, reached: float) -> str:
+    unit = form.unit(form.magnitude.unit, effect.joint)
+    return (
+        f"hidden effect '{form.effect}' ({form.name}) on {effect.joint or 'the machine'} has a "
+        f"strength of {reached:.4f} on this motion with {form.magnitude.name} = {highest:.6g} "
+        f"{unit}, the most that is plausible; {effect.requested} was asked for. Ask for less, or "
+        "take a motion that shows it"
+    )

@@ -1,0 +1,128 @@
+"""The label: what a bag hides, kept away from the bag."""
+
+import hashlib
+import json
+from collections.abc import Sequence
+from pathlib import Path
+from typing import Any
+
+from crane_model.configuration import validate
+from crane_model.errors import ConfigurationError, DataError
+from crane_model.machine import JOINTS, PLANAR_JOINTS, Machine
+from crane_sim.effects.form import Planted
+from crane_sim.hiding.clean import Clean
+from crane_sim.hiding.spec import Spec, load_spec
+from crane_sim.parts.parameters import StandIn
+
+OUTSIDE = "outside"  # in the place of the id of an effect that no catalogue has
+
+
+def label(planted: Sequence[Planted], clean: Clean) -> list[dict[str, Any]]:
+    """One entry an effect: what it is, its parameters, and the strength asked for and reached."""
+    entries = []
+    reached = clean.strength(planted)
+    for k, effect in enumerate(planted):
+        form = effect.form
+        described = [(form.magnitude.name, form.magnitude.unit)]
+        described += [(entry.name, entry.unit) for entry in form.draws]
+        entries.append(
+            {
+                "effect": OUTSIDE if form.outside else form.effect,
+                "name": form.effect,
+                "joint": effect.joint,
+                "form": form.name,
+                "parameters": [
+                    {"name": name, "value": value, "unit": form.unit(unit, effect.joint)}
+                    for (name, unit), value in zip(described, effect.values, strict=True)
+                ],
+                "strength_requested": effect.requested,
+                "strength": float(reached[k]),
+                "strength_by_joint": {
+                    joint: float(clean.strength_by_joint[k, JOINTS.index(joint)])
+                    for joint in PLANAR_JOINTS
+                },
+            }
+        )
+    return entries
+
+
+def check_place(path: Path, bag: Path) -> None:
+    """`ConfigurationError` for a label in the bag's folder, `DataError` for one that exists."""
+    if path.resolve().is_relative_to(bag.resolve()):
+        raise ConfigurationError(
+            f"--label {path}: lies in the folder of the bag, {bag}, which must not tell what is "
+            "hidden; name a file elsewhere"
+        )
+    if path.suffix != ".json":
+        raise ConfigurationError(f"--label {path}: the suffix of a label is .json")
+    for file in (path, clean_path(path)):
+        if file.exists():
+            raise DataError(f"{file}: exists; name a label that does not exist yet")
+
+
+def clean_path(path: Path) -> Path:
+    """Where the arrays lie that belong to a label."""
+    return path.with_suffix(".npz")
+
+
+def write_label(
+    path: Path,
+    bag: Path,
+    seed: int,
+    machine: Machine,
+    stand_in: StandIn,
+    planted: Sequence[Planted],
+    clean: Clean,
+) -> None:
+    """The label of a bag and, beside it, the arrays of `clean`."""
+    check_place(path, bag)
+    content = {
+        "bag": bag.name,
+        "seed": seed,
+        "clean": clean_path(path).name,
+        "machine": _digest(machine, stand_in),
+        "effects": label(planted, clean),
+    }
+    path.parent.mkdir(parents=True, exist_ok=True)
+    path.write_text(json.dumps(content, indent=2) + "\n", encoding="utf-8")
+    clean.save(clean_path(path))
+
+
+def load_hidden(path: Path, machine: Machine, stand_in: StandIn) -> Spec:
+    """What a machine hides by the file of a spec, or by the label of a bag of that machine.
+
+    `ConfigurationError` if the file is wrong, or the label that of another machine.
+    """
+    if path.suffix != ".json":
+        return load_spec(path)
+    try:
+        content = json.loads(path.read_text(encoding="utf-8"))
+        effects = [
+            {
+                "effect": entry["name"],
+                "joint": entry["joint"],
+                "form": entry["form"],
+                "parameters": {one["name"]: one["value"] for one in entry["parameters"]},
+            }
+            for entry in content["effects"]
+        ]
+        own = content["machine"]
+    except FileNotFoundError:
+        raise ConfigurationError(f"{path}: no such file; check the path") from None
+    except (OSError, ValueError, KeyError, TypeError) as error:
+        raise ConfigurationError(
+            f"{path}: not the label of a bag ({error!r}); give one that --label has written, or a "
+            "spec (YAML)"
+        ) from None
+    if own != _digest(machine, stand_in):
+        raise ConfigurationError(
+            f"{path}: the label of another machine than '{stand_in.name}' with the geometry of "
+            f"'{machine.name}'; give the files --plant and --machine that its bag was made with"
+        )
+    return validate({"effects": effects}, Spec, path)
+
+
+def _digest(machine: Machine, stand_in: StandIn) -> str:
+    """Tells machines apart, whatever their names."""
+    text = machine.model_dump_json() + stand_in.model_dump_json()
+    return hashlib.blake2b(text.encode(), digest_size=8).hexdigest()

@@ -1,0 +1,114 @@
+"""The stand-in machine under the controller (36), as a recording of its sensors would show it."""
+
+from collections.abc import Callable, Iterable
+from dataclasses import dataclass
+from typing import Protocol
+
+import numpy as np
+
+from crane_driver.velocity_filter import VelocityFilter
+from crane_model.machine import JOINTS
+from crane_sim.plant.plant import Plant
+from crane_sim.plant.sampled import Pressures, Sensors
+from crane_trajectory.control.controller import Gains, command
+from crane_trajectory.motion.motion import Reference
+
+REST = 1.0  # s, recorded at rest before and after the motion
+
+Progress = Callable[[Iterable[int]], Iterable[int]]
+
+
+class Course(Protocol):
+    """Where the crane is led, from rest to rest, as `crane_trajectory.motion.motion` has it."""
+
+    @property
+    def start(self) -> np.ndarray:
+        """(4,) where it rests at time 0 [rad, m]."""
+
+    @property
+    def duration(self) -> float:
+        """Until it is at rest again [s]."""
+
+    def reference(self, time: np.ndarray) -> Reference:
+        """At time (n,) [s]."""
+
+
+@dataclass(frozen=True)
+class States:
+    """What truly happened, at n instants; an axis of 4 follows JOINTS."""
+
+    time: np.ndarray  # (n,) s since the machine was started
+    position: np.ndarray  # (n, 4) rad, m
+    velocity: np.ndarray  # (n, 4)
+    acceleration: np.ndarray  # (n, 4)
+    pressure_a: np.ndarray  # (n, 4) Pa
+    pressure_b: np.ndarray  # (n, 4)
+
+
+@dataclass(frozen=True)
+class Truth(States):
+    """What no real machine shows, at the n instants of a recording; k effects are hidden."""
+
+    hidden_force: np.ndarray  # (k, n, 4) N m, N
+    hidden_flow: np.ndarray  # (k, n, 4) m3/s
+
+
+@dataclass(frozen=True)
+class Recording:
+    """n cycles of the controller; (n, 4) in the order of JOINTS."""
+
+    time: np.ndarray  # (n,) s since the machine was started, when the sensors were read
+    position: np.ndarray  # (n, 4) rad, m: encoder readings
+    velocity: np.ndarray  # (n, 4) rad/s, m/s: the driver's filter; NaN in the first sample
+    pressures: Pressures
+    cylinders: tuple[str, ...]  # the columns of `pressures`
+    command: np.ndarray  # (n, 4) -1..1
+    reference: Reference
+    truth: Truth
+
+
+def record(
+    motion: Course, plant: Plant, sensors: Sensors, gains: Gains, progress: Progress = iter
+) -> Recording:
+    """Lead the plant, which rests where the motion starts, through the motion and to rest again.
+
+    Each cycle reads the sensors, filters the velocity and commands the valves (36); the valves stay
+    closed until a velocity is known. `progress` wraps the cycles, as tqdm does.
+    """
+    chain, density = plant.parameters.sensors, plant.parameters.jerk_density
+    count = round((motion.duration + 2.0 * REST) / chain.period)
+    begin = plant.time
+    times = sensors.instants(begin + chain.period, count)
+    reference = motion.reference(times - begin - REST)
+    velocity_filter = VelocityFilter(
+        [density[joint] for joint in JOINTS], [chain.encoder_resolution[joint] for joint in JOINTS]
+    )
+    position, velocity, commands, q, v, a, p_a, p_b = np.zeros((8, count, len(JOINTS)))
+    force, flow = np.zeros((2, plant.hidden_count, count, len(JOINTS)))
+    supply = np.empty(count)
+    table, u = gains.table, np.zeros(len(JOINTS))
+    for k in progress(range(count)):
+        time = float(times[k])
+        plant.advance(u, time - plant.time)
+        q[k], v[k] = plant.q, plant.v
+        a[k] = plant.acceleration
+        if plant.hidden_count:
+            force[:, k], flow[:, k] = plant.hidden_force, plant.hidden_flow
+        p_a[k], p_b[k], supply[k] = plant.pressure_a, plant.pressure_b, plant.supply_pressure
+        position[k] = sensors.positions(q[k])
+        _, velocity[k], _ = velocity_filter.update(time, position[k])
+        if not np.isnan(velocity[k]).any():
+            u = command(
+                table, position[k], velocity[k], reference.position[k], reference.velocity[k]
+            )
+        commands[k] = u
+    return Recording(
+        time=times,
+        position=position,
+        velocity=velocity,
+        pressures=sensors.pressures(p_a, p_b, supply, plant.tank_pressure, times),
+        cylinders=sensors.cylinders,
+        command=commands,
+        reference=reference,
+        truth=Truth(times, q, v, a, p_a, p_b, force, flow),
+    )

@@ -1,0 +1,172 @@
+"""The plant: valves, oil, cylinders, bodies and friction, stepped together."""
+
+import math
+from collections.abc import Sequence
+
+import numpy as np
+
+from crane_model.errors import RangeError
+from crane_model.machine import JOINT_UNITS, JOINTS, Machine
+from crane_sim.effects.form import Planted
+from crane_sim.effects.kernel import act
+from crane_sim.effects.working import packed
+from crane_sim.parts.constants import pack
+from crane_sim.parts.cylinders import set_lengths_and_levers
+from crane_sim.parts.parameters import StandIn
+from crane_sim.parts.rigid_bodies import mass_and_bias
+from crane_sim.parts.state import ACTUATOR, Scratch, State
+from crane_sim.plant.stepping import advance
+
+
+class Plant:
+    """The stand-in machine in motion.
+
+    It starts at rest at `q0` (4,) with centred spools and chamber pressures that carry gravity; the
+    two pressures of a cylinder then add up to the supply pressure where that is possible, as a
+    valve with equal metering edges leaves them. Nothing in it is random: noise is in the sensors.
+    Of `planted`, faults of sensors have no part in it.
+    """
+
+    def __init__(
+        self,
+        parameters: StandIn,
+        machine: Machine,
+        q0: np.ndarray,
+        planted: Sequence[Planted] = (),
+        running: float = 0.0,
+    ):
+        """`running` [s] is for how long the machine has been on: what warms up or wears goes on
+        from there. `RangeError` if q0 is outside Table 2 or gravity exceeds what the pump can hold.
+        """
+        _check_pose(machine, q0)
+        self.parameters, self.machine = parameters, machine
+        self.time = running  # s since the machine was started
+        self.tank_pressure = machine.hydraulics.tank_pressure
+        self._constants = pack(parameters, machine)
+        # None is compiled apart: no cost where none hides
+        self._hidden = packed(planted, machine, running)
+        self._scratch = Scratch(
+            mass=np.empty((4, 4)),
+            bias=np.empty(4),
+            force=np.zeros(4),
+            impulse=np.empty(4),
+            friction=np.empty((5, 4)),
+            growth=np.empty(4),
+            before=np.zeros(4),
+            law=self._constants.friction.copy(),
+        )
+        self._step = parameters.step
+        self._state = self._at_rest(np.array(q0, dtype=float))
+
+    def advance(self, command: np.ndarray, duration: float) -> None:
+        """Run for `duration` [s] with spool commands (4,) in -1..1; positive moves a joint up.
+
+        Steps are equal and at most `parameters.step`. `RangeError` if a command is not finite, or
+        the crane was driven out of the range in which its linkages can be assembled.
+        """
+        command = np.ascontiguousarray(command, dtype=float)
+        if not np.isfinite(command).all():
+            raise RangeError(f"valve command {command}: must be finite, in -1..1 for each joint")
+        count = max(1, math.ceil(duration / self.parameters.step - 1e-6))
+        self._step = duration / count
+        advance(
+            self._constants, self._hidden, self._state, self._scratch, command, self._step, count
+        )
+        self.time += duration
+        if not np.isfinite(self._state.q).all():
+            raise RangeError(
+                f"plant: a linkage was forced open before t = {self.time:.4f} s; stiffen the end "
+                "stops (cylinders.*.stop_stiffness) or shorten the step"
+            )
+
+    @property
+    def q(self) -> np.ndarray:
+        """(4,) coordinates [rad, m]; this and the others in the order of JOINTS."""
+        return self._state.q.copy()
+
+    @property
+    def v(self) -> np.ndarray:
+        """(4,) velocities [rad/s, m/s]; exactly 0 where a joint sticks by (13)."""
+        return self._state.v.copy()
+
+    @property
+    def acceleration(self) -> np.ndarray:
+        """(4,) mean over the last step [rad/s2, m/s2]; 0 before the first."""
+        return (self._state.v - self._scratch.before) / self._step
+
+    @property
+    def hidden_count(self) -> int:
+        """How many hidden effects act in the plant."""
+        return 0 if self._hidden is None else len(self._hidden.law)
+
+    @property
+    def hidden_flow(self) -> np.ndarray:
+        """(k, 4) what flows more into chamber A for each hidden effect [m3/s]."""
+        return np.zeros((0, 4)) if self._hidden is None else self._hidden.flow.copy()
+
+    @property
+    def hidden_force(self) -> np.ndarray:
+        """(k, 4) what each hidden effect asked of the drives in the last step [N m, N]."""
+        return np.zeros((0, 4)) if self._hidden is None else self._hidden.force.copy()
+
+    @property
+    def pressure_a(self) -> np.ndarray:
+        """(4,) pressures of chambers A [Pa]."""
+        return self._state.actuators["p_a"].copy()
+
+    @property
+    def pressure_b(self) -> np.ndarray:
+        """(4,) pressures of chambers B [Pa]."""
+        return self._state.actuators["p_b"].copy()
+
+    @property
+    def spool(self) -> np.ndarray:
+        """(4,) spool positions in -1..1; positive extends the cylinder."""
+        return self._state.actuators["spool"].copy()
+
+    @property
+    def supply_pressure(self) -> float:
+        """Pressure of the supply line [Pa]."""
+        return float(self._state.supply[0])
+
+    def _at_rest(self, q: np.ndarray) -> State:
+        constants, scratch = self._constants, self._scratch
+        actuators = np.zeros(len(JOINTS), np.dtype([(name, float) for name in ACTUATOR]))
+        set_lengths_and_levers(constants.linkages, q, actuators)
+        state = State(
+            q=q,
+            v=np.zeros(4),
+            mode=np.zeros(4, dtype=np.int64),
+            bristle=np.zeros(4),
+            actuators=actuators,
+            supply=np.array([self.machine.hydraulics.supply_pressure]),
+        )
+        mass_and_bias(constants.chain, q, state.v, scratch.mass, scratch.bias)
+        if self._hidden is not None:
+            act(self._hidden, constants, state, scratch, self._step)
+        tank, supply = self.tank_pressure, self.machine.hydraulics.supply_pressure
+        area_a, area_b = constants.cylinders["area_a"], constants.cylinders["area_b"]
+        piston = (scratch.bias - scratch.force) / actuators["lever"]
+        p_a = (piston + area_b * (supply + tank)) / (area_a + area_b)
+        p_a = np.clip(p_a, np.maximum(tank, (piston + area_b * tank) / area_a), supply)
+        p_b = (area_a * p_a - piston) / area_b
+        held = (tank <= p_a) & (p_a <= supply) & (tank <= p_b) & (p_b <= supply)
+        if not held.all():
+            i = int(np.argmin(held))
+            raise RangeError(
+                f"{JOINTS[i]}: at the pose {np.round(q, 4).tolist()} gravity needs a cylinder "
+                f"force of {piston[i]:.0f} N, more than the supply pressure of {supply:.4g} Pa can "
+                "hold; start from another pose"
+            )
+        actuators["p_a"], actuators["p_b"] = p_a, p_b
+        return state
+
+
+def _check_pose(machine: Machine, q0: np.ndarray) -> None:
+    for i, joint in enumerate(JOINTS):
+        limits = machine.limits[joint]
+        if not limits.position_min <= q0[i] <= limits.position_max:
+            raise RangeError(
+                f"{joint}: the plant cannot start at {q0[i]:.6g} {JOINT_UNITS[joint]}, outside "
+                f"[{limits.position_min}, {limits.position_max}] of Table 2"
+            )

@@ -1,0 +1,74 @@
+"""Which cases the sets of the benchmark hold, and how well their motions excite."""
+
+import pytest
+
+from crane_benchmark.cases.case import Kind, Story, World
+from crane_benchmark.cases.case_sets import (
+    SHARES,
+    STRENGTHS,
+    CaseSet,
+    apportioned,
+    cases,
+    with_others,
+)
+from crane_benchmark.cases.motions import Excitation
+from crane_benchmark.cases.strangers import STORIES
+from crane_sim.hiding.spec import HiddenEffect
+
+
+def test_sets_share_no_case():
+    names = [case.name for which in CaseSet for case in cases(which, 60)]
+    seeds = [case.seed for which in CaseSet for case in cases(which, 60)]
+    assert len(set(names)) == len(set(seeds)) == 60 * len(CaseSet)
+
+
+def test_kinds_have_their_shares_and_names_tell_nothing():
+    drawn = cases(CaseSet.SCORING, 100)
+    kinds = [case.kind for case in drawn]
+    assert {kind: kinds.count(kind) for kind in Kind} == {
+        kind: round(100 * share) for kind, share in SHARES.items()
+    }
+    assert len(set(kinds[:20])) > 2  # sorted by name, not by kind
+    single = [case.effects[0].strength for case in drawn if case.kind is Kind.SINGLE]
+    assert {strength: single.count(strength) for strength in STRENGTHS} == dict.fromkeys(
+        STRENGTHS, 7
+    )
+    assert all(len({e.effect for e in c.effects}) == 2 for c in drawn if c.kind is Kind.PAIR)
+
+
+def test_calibration_hides_nothing():
+    assert all(not case.effects for case in cases(CaseSet.CALIBRATION, 40))
+
+
+@pytest.mark.parametrize("count", [1, 7, 40, 143])
+def test_shares_add_up(count):
+    assert sum(apportioned(SHARES, count).values()) == count
+
+
+def test_motions_are_rich_where_they_should_be():
+    rich = [case for case in cases(CaseSet.TUNING, 40) if case.kind is not Kind.INSUFFICIENT]
+    assert all(case.excitation is not Excitation.POOR for case in rich)
+
+
+def test_calibration_is_half_of_the_field():
+    worlds = [case.world for case in cases(CaseSet.CALIBRATION, 40)]
+    assert worlds.count(World.FIELD) == worlds.count(World.LABORATORY) == 20
+    assert {case.world for case in cases(CaseSet.SCORING, 96)} == {World.LABORATORY}
+
+
+def test_strangers_tell_every_story_and_their_effects_can_be_hidden():
+    told = cases(CaseSet.STRANGERS, 24)
+    stories = [case.story for case in told]
+    assert {story: stories.count(story) for story in Story} == {
+        story: 2 * STORIES.count(story) for story in Story
+    }
+    for case in told:
+        for one in case.effects:
+            HiddenEffect(**one.model_dump(exclude={"carried"}))
+
+
+def test_effects_of_a_story_that_no_motion_shows_are_told_anew():
+    for case in cases(CaseSet.STRANGERS, 12):
+        again = with_others(case, 4)
+        assert (again.name, again.seed, again.story) == (case.name, case.seed, case.story)
+        assert [one.strength for one in again.effects] == [one.strength for one in case.effects]

@@ -1,0 +1,169 @@
+"""What recordings of a kind can show at all: of friction with memory, and of valves and oil."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from crane_benchmark.cases.case import Case, Hidden, Kind
+from crane_benchmark.cases.clean import load_seen, save_clean
+from crane_benchmark.scores.truth import Truth
+from crane_benchmark.scores.unusual import beyond_usual
+from crane_identification.diagnosis.hydraulics import load_usual
+from crane_model.configuration import packaged
+from crane_model.machine import JOINTS, PLANAR_JOINTS
+from crane_model.model_file import load_model
+from crane_model.record import Record
+from crane_sim.hiding.clean import Clean
+from crane_sim.parts.parameters import Edges, load_stand_in
+
+JOINT = "outer_boom"
+FORCE = 4000.0  # N m
+MODEL = load_model(packaged("crane_model", "crane_model.yaml"))
+STAND_IN = load_stand_in()
+COUNT = STAND_IN.sensors.encoder_resolution[JOINT]
+
+
+def presliding(travel: float, tmp_path) -> Truth:
+    """A machine without noise whose friction needs `travel` [rad] after each reversal to settle."""
+    time = np.arange(0.0, 60.0, 0.005)
+    angle = np.outer(time, 2.0 * np.pi * np.array([0.05, 0.11, 0.13, 0.17]))
+    size, rate = np.array([0.3, 0.2, 0.3, 0.2]), np.diff(angle, axis=0)[0] / 0.005
+    position = size * np.sin(angle) + np.array([0.0, 0.4, -0.8, 0.5])
+    velocity = size * rate * np.cos(angle)
+    j, planar = JOINTS.index(JOINT), PLANAR_JOINTS.index(JOINT)
+    turned = np.concatenate([[True], np.diff(np.sign(velocity[:, j])) != 0])
+    last = np.maximum.accumulate(np.where(turned, np.arange(len(time)), 0))
+    way = np.abs(position[:, j] - position[last, j])
+    lost = np.zeros((1, len(time), 4))
+    lost[0, :, j] = -2.0 * FORCE * np.sign(velocity[:, j]) * np.exp(-way / travel)
+    pressure = np.full_like(position, 8e6)
+    record = Record(
+        joints=PLANAR_JOINTS,
+        time=time,
+        position=position[:, 1:],
+        velocity=velocity[:, 1:],
+        acceleration=(-size * rate**2 * np.sin(angle))[:, 1:],
+        run=np.zeros(len(time), dtype=int),
+        slew_position=position[:, 0],
+        slew_velocity=velocity[:, 0],
+        slew_acceleration=(-size * rate**2 * np.sin(angle))[:, 0],
+    )
+    drive = np.zeros_like(position)
+    drive[:, 1:] = MODEL.regressor(record) @ np.linspace(50.0, 100.0, len(MODEL.parameters))
+    drive += lost[0]
+    clean = Clean(
+        time=time,
+        position=position,
+        velocity=velocity,
+        acceleration=-size * rate**2 * np.sin(angle),
+        pressure_a=pressure,
+        pressure_b=pressure,
+        drive=drive,
+        seen_position=position,
+        seen_drive=drive,
+        force=lost,
+        flow=np.zeros_like(lost),
+        strength_by_joint=np.zeros((1, 4)),
+    )
+    save_clean(tmp_path / "train-0.npz", clean)
+    seen = load_seen([tmp_path / "train-0.npz"], [[0]], 1)
+    assert seen.used[:, planar].mean() > 0.9
+    effect = Hidden(effect="presliding", joint=JOINT, form="bouc_wen", strength=0.02)
+    case = Case(name="presliding", kind=Kind.SINGLE, seed=(0, 0), effects=(effect,))
+    return Truth(case, STAND_IN, (), seen, seen)
+
+
+def test_memory_within_two_counts_of_an_encoder_is_not_identifiable(tmp_path):
+    (within,) = presliding(0.5 * COUNT, tmp_path).visibility(MODEL)
+    assert within is not None and within < 0.05
+
+
+def test_memory_over_many_counts_is_identifiable(tmp_path):
+    (beyond,) = presliding(100.0 * COUNT, tmp_path).visibility(MODEL)
+    assert beyond is not None and beyond > 0.5
+
+
+def still() -> Record:
+    """At rest under 8 MPa."""
+    n, j = 10, len(PLANAR_JOINTS)
+    zeros, pressure = np.zeros((n, j)), np.full((n, j), 8e6)
+    return Record(
+        joints=PLANAR_JOINTS,
+        time=np.arange(n) * 0.02,
+        position=zeros,
+        velocity=zeros,
+        acceleration=zeros,
+        pressure_a=pressure,
+        pressure_b=pressure,
+    )
+
+
+@pytest.mark.parametrize(
+    ("effect", "form", "values", "beyond"),
+    [
+        ("valve_hysteresis", "trailing_edges", {"width": 0.0005}, 0.0),
+        ("valve_hysteresis", "trailing_edges", {"width": 0.004}, 0.75),
+        ("valve_asymmetry", "two_gains", {"share": -0.04}, 0.0),
+        ("valve_asymmetry", "two_gains", {"share": -0.101}, 0.5),
+        ("oil_compressibility", "hose_wall", {"softness": 0.05, "stiffening": 1e7}, 0.0),
+        # 1.3e9 / (1 + 2 / (1 + 1)) = 0.65e9 Pa beside the 1.05e9 Pa of the data sheet
+        ("oil_compressibility", "hose_wall", {"softness": 2.0, "stiffening": 8e6}, 1 - 0.65 / 1.05),
+        # 1e-12 m3/(s Pa) and the machine's own beside 3e-14
+        ("internal_leakage", "orifice", {"conductance": 1e-12 * np.sqrt(5e5)}, 0.97),
+        ("air_in_oil", "isothermal", {"share": 0.1}, None),
+    ],
+)
+def test_valves_and_oil_count_beyond_what_is_usual(effect, form, values, beyond):
+    label = {
+        "name": effect,
+        "joint": JOINT,
+        "form": form,
+        "parameters": [{"name": name, "value": value} for name, value in values.items()],
+    }
+    found = beyond_usual(label, STAND_IN, still(), load_usual())
+    assert found == (None if beyond is None else pytest.approx(beyond, abs=0.02))
+
+
+def test_what_is_hidden_in_a_valve_adds_to_what_the_machine_has():
+    """Gains of the edges, and a dead zone that is wider one way."""
+    given = STAND_IN.valves[JOINT]
+    uneven = Edges(supply_a=1.05, a_tank=0.95, supply_b=0.57, b_tank=0.63)  # 5 % by themselves
+    valve = given.model_copy(update={"edges": uneven, "null_bias": 0.01})
+    valves = STAND_IN.valves.model_copy(update={JOINT: valve})
+    usual = load_usual().model_copy(update={"asymmetry": 0.05, "dead_zone": {JOINT: 0.05}})
+    beyond = {}
+    for name, parameter, size in (
+        ("valve_asymmetry", "share", 0.05),
+        ("valve_asymmetry", "share", -0.05),
+        ("valve_dead_zone", "band", 0.0),
+    ):
+        label = {
+            "name": name,
+            "joint": JOINT,
+            "parameters": [{"name": parameter, "value": size}],
+        }
+        stand_in = STAND_IN.model_copy(update={"valves": valves})
+        beyond[name, size] = beyond_usual(label, stand_in, still(), usual)
+    assert beyond["valve_asymmetry", 0.05] == pytest.approx(0.5, abs=0.01)
+    assert beyond["valve_asymmetry", -0.05] == 0.0
+    assert beyond["valve_dead_zone", 0.0] == pytest.approx(1 - 0.05 / 0.06)
+
+
+def test_loads_that_differ_are_each_compared_with_the_nearest(tmp_path):
+    truth = presliding(0.1, tmp_path)
+    labels = tuple(
+        {"effects": [{"name": "payload", "joint": None, "parameters": [given]}] if mass else []}
+        for mass in (10.0, 0.0, 6.0)
+        for given in [{"name": "mass", "value": mass}]
+    )
+    finding = {
+        "effect": "payload",
+        "joint": "all",
+        "parameters": [
+            {"name": "m_payload.0", "value": 10.1},
+            {"name": "m_payload.1", "value": 5.7},
+        ],
+    }
+    errors = replace(truth, labels=labels).parameter_errors({"findings": [finding]})
+    assert errors == pytest.approx([0.01, 0.05])

@@ -1,0 +1,111 @@
+"""Rates, thresholds, and results of all kinds, on rows made up for the purpose."""
+
+from io import StringIO
+from typing import Any
+
+import numpy as np
+import pytest
+from rich.console import Console
+
+from crane_benchmark.cases.case import Case, Story
+from crane_benchmark.cases.case_sets import STRENGTHS, CaseSet, cases
+from crane_benchmark.scores import figures
+from crane_benchmark.scores.calibration import agreement, together
+from crane_benchmark.scores.judgement import Outcome
+from crane_benchmark.scores.printed import notes, tables
+from crane_benchmark.scores.rates import median, rate
+from crane_benchmark.scores.summary import summary
+
+
+def test_rates_have_the_interval_of_wilson():
+    """By hand for 8 of 10 and z = 1.96: (0.8 + z²/20 ± z sqrt(0.016 + z²/400)) / (1 + z²/10)."""
+    found = rate([True] * 8 + [False] * 2)
+    z = 1.959964
+    half = z * np.sqrt(0.016 + z**2 / 400)
+    ends = [(0.8 + z**2 / 20 + sign * half) / (1 + z**2 / 10) for sign in (-1, 1)]
+    assert found["rate"] == 0.8
+    assert found["interval"] == pytest.approx(ends, rel=1e-6)
+    assert rate([])["rate"] is None
+
+
+def test_medians_leave_out_what_is_not_finite():
+    found = median([1.0, 2.0, 3.0, np.nan])
+    assert found["of"] == 3 and found["median"] == 2.0
+    assert 1.0 <= found["interval"][0] <= 2.0 <= found["interval"][1] <= 3.0
+
+
+def test_gates_share_the_alarms_that_are_allowed():
+    rng = np.random.default_rng(5)
+    values = rng.exponential(size=(2000, 2))
+    limits, alarms = together(values, 0.03)
+    assert alarms <= 60
+    assert alarms > 40  # not stricter than needed
+    shares = (values > limits).mean(axis=0)
+    assert shares == pytest.approx([0.015, 0.015], abs=0.0075)
+    assert (values > limits).any(axis=1).sum() == alarms
+
+
+def made_up(case: Case) -> dict[str, Any]:
+    """A row of the results: whatever is hidden is found from 2 % on."""
+    found = [e for e in case.effects if e.strength >= 0.02]
+    right = not case.effects or bool(found)
+    return {
+        "case": case.name,
+        "kind": case.kind.value,
+        "world": case.world.value,
+        "story": case.story,
+        "hidden": [e.model_dump() | {"visibility": 0.5} for e in case.effects],
+        "outcomes": {
+            "diagnose": Outcome.RIGHT.value if right else Outcome.MISSED.value,
+            "always Stribeck": (Outcome.WRONG_NAME if case.effects else Outcome.FALSE_ALARM).value,
+        },
+        "answers": {
+            "diagnose": ["named_and_more" if found else "none", []],
+            "always Stribeck": ["named", []],
+        },
+        "headlines": {"diagnose": found[0].effect if found else "none"},
+        "statistics": {"best": 100.0 if found else 0.5, "learner": 0.01 if found else 0.0},
+        "seconds": 30.0,
+        "parameter_errors": [],
+        "closed": 0.9 if found else None,
+        "closed_by_learner": 0.4 if case.effects else None,
+    }
+
+
+def test_results_of_all_kinds_are_summed_up_printed_and_drawn(tmp_path):
+    rows = [made_up(case) for case in cases(CaseSet.TUNING, 60)]
+    found = summary(rows)
+    ours, other = found["methods"]["diagnose"], found["methods"]["always Stribeck"]
+    assert (ours["false_alarms"]["rate"], other["false_alarms"]["rate"]) == (0.0, 1.0)
+    assert [ours["power"][f"{s:g}"]["rate"] for s in STRENGTHS] == [0.0, 0.0, 1.0, 1.0, 1.0]
+    assert [found["learner"]["power"][f"{s:g}"]["rate"] for s in STRENGTHS] == [0, 0, 1, 1, 1]
+    assert (ours["hedged"]["rate"], other["hedged"]["rate"]) == (1.0, None)
+    assert found["gap_closed"]["median"] == 0.9
+    console = Console(width=144, record=True, file=StringIO())
+    console.print(*tables({"summary": found}), *notes())
+    assert "cyclic_friction = position_friction" in console.export_text()
+    figures.write(tmp_path, rows)
+    for name in ("power", "threshold", "confusion"):
+        assert (tmp_path / f"{name}.png").stat().st_size > 10_000
+
+
+@pytest.mark.parametrize(("factor", "above"), [(1.0, 0.03), (2.0, 0.173)])
+def test_scores_are_compared_with_what_the_bootstrap_promises(factor, above):
+    """Of exponential scores, 3 % lie above their quantile of 97 %, of twice these sqrt(3 %)."""
+    promised = -np.log(1.0 - np.linspace(0.0, 0.9999, 101))
+    scores = -factor * np.log(1.0 - (np.arange(400) + 0.5) / 400)
+    found = agreement([{"best": one, "promised": promised.tolist()} for one in scores])
+    assert found["above"]["rate"] == pytest.approx(above, abs=0.005)
+    assert np.polyfit(found["promised"][:380], found["found"][:380], 1)[0] == pytest.approx(
+        factor, rel=0.05
+    )
+
+
+def test_what_became_of_each_story_is_told():
+    rows = [made_up(case) for case in cases(CaseSet.STRANGERS, 12)]
+    found = summary(rows)
+    assert found["stories"][Story.LOAD] == {Outcome.RIGHT: 3}
+    assert sum(n for told in found["stories"].values() for n in told.values()) == 12
+    console = Console(width=144, record=True, file=StringIO())
+    console.print(*tables({"summary": found}))
+    assert "a load, on and off" in console.export_text()

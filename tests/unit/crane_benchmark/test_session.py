@@ -1,0 +1,106 @@
+"""When the recordings of a case were made, what they carry, and how the machine moved in them."""
+
+from dataclasses import dataclass
+
+import numpy as np
+import pytest
+
+from crane_benchmark.cases.case import Carried, Case, Hidden, Kind, World
+from crane_benchmark.cases.motions import Maker
+from crane_benchmark.cases.session import Recording, recordings
+from crane_identification.preparation.periodicity import detect_periodicity
+from crane_model.errors import DataError
+from crane_model.machine import load_machine
+from crane_sim.effects.form import Planted
+from crane_sim.effects.forms import FORMS
+from crane_sim.parts.parameters import load_stand_in
+from crane_trajectory.motion.check import load_clearance
+
+TRAIN, VALIDATE = 6, 2
+LOAD = Planted(FORMS["payload"][0], None, (10.0, 0.1, 0.2))
+RESOLUTION = 0.02  # s
+
+
+@dataclass
+class Still:
+    """Of a motion, what a session asks for."""
+
+    duration: float = 60.0
+
+
+def made(
+    seed: int, carried: Carried = Carried.ALL, world: World = World.FIELD, warm: bool = False
+) -> list[Recording]:
+    load = Hidden(effect="payload", joint=None, form="body", strength=0.04, carried=carried)
+    case = Case(name="a", kind=Kind.SINGLE, seed=(0, seed), effects=(load,), world=world, warm=warm)
+    rng, still = np.random.default_rng(seed), Still()
+    return recordings(rng, case, [still] * TRAIN, [still] * VALIDATE)  # type: ignore[list-item]
+
+
+def masses(session: list[Recording]) -> np.ndarray:
+    """(8,) kg, of the recordings by name."""
+    found = [[effect.values[0] for effect in one.present([LOAD])] for one in session]
+    return np.array([mass[0] if mass else 0.0 for mass in found])
+
+
+def test_recordings_of_the_field_follow_each_other_with_pauses_in_any_order():
+    sessions = [made(seed) for seed in range(20)]
+    orders = set()
+    for session in sessions:
+        begins = np.array([one.moment.running for one in session])
+        orders.add(tuple(np.argsort(begins)))
+        assert len({one.moment.started for one in session}) == 1
+        assert (np.diff(np.sort(begins)) > 60.0 + 60.0).all()
+    assert len(orders) == 20
+    assert len({session[0].moment.started for session in sessions}) == 20
+
+
+def test_a_session_begins_cold_or_warm():
+    cold, warm = (
+        min(one.moment.running for one in made(seed, warm=warm))
+        for seed, warm in ((1, False), (1, True))
+    )
+    assert cold < 60.0
+    assert warm >= 600.0
+
+
+def test_recordings_of_the_laboratory_are_of_a_cold_machine():
+    assert {one.moment.running for one in made(1, world=World.LABORATORY)} == {0.0}
+
+
+def test_a_load_is_on_and_off_at_random_and_not_always_the_same():
+    patterns = [masses(made(seed, Carried.SOME)) for seed in range(40)]
+    for pattern in patterns:
+        carrying = pattern[:TRAIN] > 0.0
+        assert carrying.any() and not carrying.all()
+    assert len({tuple(pattern > 0.0) for pattern in patterns}) > 30
+    assert {len(set(pattern[pattern > 0.0])) for pattern in patterns} == {1, 2}
+    held_out = np.array(patterns)[:, TRAIN:] > 0.0
+    assert 0.3 < held_out.mean() < 0.7
+
+
+@pytest.mark.parametrize(
+    ("carried", "count"), [(Carried.ALL, (6, 2)), (Carried.LATER, (3, 0)), (Carried.ONE, (1, 0))]
+)
+def test_effects_are_in_the_recordings_that_the_case_says(carried, count):
+    there = masses(made(3, carried)) > 0.0
+    assert (there[:TRAIN].sum(), there[TRAIN:].sum()) == count
+    if carried is Carried.LATER:
+        assert there[3:6].all()
+
+
+def test_motions_of_the_field_fit_and_every_other_one_repeats():
+    maker = Maker(np.random.default_rng(2), load_machine(), load_stand_in().start, load_clearance())
+    train, validate = maker.of_the_field(1)
+    assert (len(train), len(validate)) == (3, 2)
+    repeats = []
+    for motion in (*train, *validate):
+        time = np.arange(0.0, motion.duration, RESOLUTION)
+        try:
+            found = detect_periodicity(time, motion.reference(time).position)
+        except DataError:
+            repeats.append(False)
+        else:
+            repeats.append(True)
+            assert found.period == pytest.approx(motion.trajectory.period, abs=2.0 * RESOLUTION)
+    assert sum(repeats[:3]) == sum(repeats[3:]) == 1

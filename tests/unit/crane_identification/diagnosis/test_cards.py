@@ -1,0 +1,67 @@
+"""Evidence cards: what their pictures say and how far their axes reach."""
+
+import numpy as np
+import pytest
+
+from crane_identification.diagnosis.report.cards import folds
+from crane_identification.diagnosis.report.charts import fold_bars, grouped_bars, span
+from crane_identification.diagnosis.variables import feature_unit, unit_of
+from crane_model.configuration import packaged
+from crane_model.model_file import load_model
+
+FIVE_GOOD = np.array([310.0, 290.0, 305.0, 280.0, 315.0, -1.5e10])
+BAGS = tuple(f"bag_{i}" for i in range(6))
+
+
+def test_one_fold_that_explodes_does_not_stretch_the_axis() -> None:
+    ends = span(FIVE_GOOD)
+    assert ends is not None
+    low, high = ends
+    assert -2000.0 < low < -300.0 and high == 315.0
+    axis = fold_bars(BAGS, FIVE_GOOD, "recording")["layout"]["yaxis"]
+    assert axis["range"] == [low, high] and axis["autorange"] is False
+    assert span(FIVE_GOOD[:5]) is None and span(np.full(3, np.nan)) is None
+
+
+def test_an_axis_that_is_cut_says_so() -> None:
+    picture = folds(1, BAGS, FIVE_GOOD, set(BAGS))
+    assert "The axis is cut: 6 reaches −1.50·10¹⁰." in picture.caption
+
+
+def test_folds_of_training_recordings_are_called_that() -> None:
+    gains = np.array([1.0, 2.0, np.nan])
+    picture = folds(1, BAGS[:3], gains, set(BAGS))
+    assert "each training recording, left out of the fit in turn" in picture.caption
+    assert "Not asked: 3" in picture.caption
+    assert picture.words == "Gains: 1.00, 2.00, not asked."
+    axis = picture.description["layout"]["xaxis"]["title"]["text"]
+    assert axis == "training recording left out of the fit"
+    blocks = folds(1, ("block 1 of 3", "block 2 of 3", "block 3 of 3"), gains, set(BAGS))
+    assert "each part of the training data" in blocks.caption
+
+
+def test_hovering_a_hundred_percent_shows_no_power_of_ten() -> None:
+    (bars,) = grouped_bars(["axis"], [("share", "--before", np.array([100.0]))], "x")["data"]
+    assert "~r" in bars["hovertemplate"] and "text" not in bars
+
+
+@pytest.mark.parametrize(
+    ("feature", "unit"),
+    [
+        ("position of telescope", "m"),
+        ("velocity of outer_boom", "rad/s"),
+        ("way of outer_boom since it turned", "rad"),
+        ("force of telescope", "N"),
+        ("pressure sum of outer_boom", "Pa"),
+        ("valve command of outer_boom", "1"),
+        ("slew velocity", "rad/s"),
+        ("temperature", "°C"),
+        ("time", "s"),
+    ],
+)
+def test_every_quantity_of_a_learner_has_a_unit(feature: str, unit: str) -> None:
+    setting = load_model(packaged("crane_model", "crane_model.yaml")).setting
+    assert feature_unit(feature, setting) == unit
+    counted = feature_unit(feature, setting, counts=True)
+    assert counted == (unit if unit in ("1", "s", "°C") else "counts")
+    assert unit_of("rate of the force", "outer_boom", setting) == "N m/s"

@@ -1,0 +1,78 @@
+"""Breakaway that is over before a row is used, and breakaway that is not."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from crane_identification.diagnosis.candidates import Family, Option
+from crane_identification.diagnosis.evidence import Evidence, Run
+from crane_identification.diagnosis.left_out import SEEN_SHARE, left_out, seen
+from crane_model.model_file import Model
+from crane_model.record import Record
+from crane_model.terms import single_axis
+from crane_model.terms.friction import Coulomb
+from crane_model.terms.stiction import Stiction
+from crane_model.terms.term import Setting
+
+STEP, SPEED, UNSEEN = 0.01, 0.05, 0.01  # s, m/s, m after a stop until rows are used
+MODEL = Model("axis", Setting({"axis": "m"}, None), (single_axis.Inertia(joint="axis"),))
+
+
+@pytest.fixture(scope="module")
+def evidence() -> Evidence:
+    """To and fro by 0.2 m at one speed, with two seconds of rest before each way."""
+    way, rest = np.full(400, SPEED), np.zeros(200)
+    velocity = np.concatenate([rest, way, rest, -way] * 3)
+    position = np.cumsum(velocity) * STEP
+    since = np.concatenate([rest, np.cumsum(way) * STEP] * 6)  # m since it stood
+    record = Record(
+        ("axis",),
+        STEP * np.arange(len(velocity)),
+        position[:, None],
+        velocity[:, None],
+        np.zeros((len(velocity), 1)),
+    )
+    shown = since > UNSEEN + STEP * SPEED / 2.0
+    gate = np.stack([shown & (since > 3 * UNSEEN), shown & (since <= 3 * UNSEEN)], axis=1)
+    run = Run("bag", 0, record, gate.astype(float), 4)
+    nothing = np.zeros((0, 2))
+    return Evidence(
+        MODEL, (run,), *np.zeros((3, 0)), nothing, np.zeros((0, 2, 1)), nothing.astype(bool)
+    )
+
+
+def options(evidence: Evidence, family: Family) -> list[Option]:
+    """All shapes of a family; their columns play no part."""
+    return [
+        Option(family, shape, family.at(shape), np.zeros((0, 2, 1)), np.array([True]))
+        for shape in family.grid()
+    ]
+
+
+def test_the_share_of_a_peak_is_that_of_an_exponential(evidence: Evidence) -> None:
+    """What fades as exp(-x/travel) has exp(-d/travel) of its norm beyond d."""
+    for travel in (0.003, 0.01, 0.03):
+        term = Stiction(joint="axis", travel=travel, dwell=0.2)
+        assert seen(evidence, term) == pytest.approx(np.exp(-UNSEEN / travel), rel=0.01)
+
+
+def test_a_short_peak_is_not_sought_and_the_reason_says_where(evidence: Evidence) -> None:
+    family, usual = Family(Stiction, "axis"), Family(Coulomb, "axis")
+    tried = [*options(evidence, family), *options(evidence, usual)]
+    hidden, whole, part = left_out(evidence, tried)
+    travels = np.array([one.shape.get("travel", np.inf) for one in tried])
+    np.testing.assert_array_equal(hidden, np.exp(-UNSEEN / travels) < SEEN_SHARE)
+    assert hidden.any() and not hidden.all()
+    assert not whole and list(part) == [family]
+    shortest = f"{travels[~hidden].min():.2g}"
+    assert part[family].startswith(f"with travel below {shortest} m, its peak lies in the rows")
+
+
+def test_where_no_row_is_used_none_of_it_is(evidence: Evidence) -> None:
+    run = evidence.runs[0]
+    blind = replace(evidence, runs=(replace(run, gate=np.zeros_like(run.gate)),))
+    family = Family(Stiction, "axis")
+    hidden, whole, part = left_out(blind, options(blind, family))
+    assert hidden.all() and not part
+    assert "those that are used see 0.0% of it" in whole[family]

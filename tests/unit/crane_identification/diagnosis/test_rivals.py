@@ -1,0 +1,116 @@
+"""When effects are alike, and when a further effect is but the form of another one."""
+
+from types import SimpleNamespace
+from typing import Any
+
+import numpy as np
+import pytest
+
+from crane_identification.diagnosis.candidates import Family, Option
+from crane_identification.diagnosis.projection import Projection
+from crane_identification.diagnosis.rivals import likeness, mends, slight
+from crane_identification.diagnosis.thresholds import load_thresholds
+from crane_model.model_file import load_model
+from crane_model.record import Record
+from crane_model.terms import REGISTRY, Term
+
+ONE, OTHER, BOTH = np.array([0, 3]), np.array([1, 4]), np.array([0, 1, 3, 4])
+"""Channels of two joints, and of an effect of the whole machine."""
+ROWS = 400
+A, B, C = np.linalg.qr(np.random.default_rng(1).standard_normal((ROWS, 3)))[0].T
+THRESHOLDS = load_thresholds()
+
+
+@pytest.mark.parametrize(
+    ("channels", "gains", "expected"),
+    [
+        ((ONE,), (100.0,), False),
+        ((ONE, ONE), (1000.0, 60.0), False),
+        ((ONE, ONE), (1000.0, 40.0), True),  # less than a twentieth of the other on its joint
+        ((ONE, OTHER), (1000.0, 40.0), False),
+        ((ONE, OTHER), (1000.0, 15.0), True),  # less than a fiftieth of the other elsewhere
+        ((ONE, BOTH), (1000.0, 40.0), True),
+        ((ONE, OTHER, OTHER), (1000.0, 600.0, 25.0), True),
+    ],
+)
+def test_further_effects_gain_more_on_a_joint_that_has_one(channels, gains, expected):
+    assert slight(channels, gains, THRESHOLDS) is expected
+
+
+def search_over(*options: tuple[Term, list[np.ndarray], bool]) -> Any:
+    """Options of these columns, whose parameters must not be negative where so said."""
+    counts = [len(columns) for _, columns, _ in options]
+    made = tuple(
+        Option(Family(type(term), "axis"), {}, term, np.zeros((0, 1, n)), np.full(n, positive))
+        for (term, _, positive), n in zip(options, counts, strict=True)
+    )
+    stacked = np.stack([values for _, columns, _ in options for values in columns], axis=1)
+    projection = Projection(
+        options=made,
+        columns=stacked / np.linalg.norm(stacked, axis=0),
+        residual=np.zeros(ROWS),
+        owner=np.repeat(np.arange(len(made)), counts),
+        positive=np.concatenate([one.positive for one in made]),
+        scale=np.ones(sum(counts)),
+        visibility=np.ones(len(made)),
+    )
+    return SimpleNamespace(projection=projection)
+
+
+def term(kind: str, **shape: float) -> Term:
+    return REGISTRY[kind].model_validate({"type": kind, "joint": "axis", **shape})
+
+
+@pytest.mark.parametrize(
+    ("one", "other", "signed", "expected"),
+    [
+        ([A], [A + 0.1 * B], False, 0.995),
+        ([A], [-A], False, 1.0),
+        ([A], [-A], True, 0.0),
+        ([A - B], [A, B], False, 1.0),
+        ([A - B], [A, B], True, np.sqrt(0.5)),  # friction by load, and by the pressures
+        ([A + B], [A, B], True, 1.0),
+        ([A, B], [A, C], False, 0.0),
+        ([A, B], [A, A + C], True, 0.0),
+    ],
+)
+def test_likeness_respects_signs(one, other, signed: bool, expected: float) -> None:
+    made = search_over((term("load_friction"), one, signed), (term("seal_friction"), other, signed))
+    assert likeness(made, 0, 1) == pytest.approx(expected, abs=1e-3)
+    assert likeness(made, 1, 0) == pytest.approx(expected, abs=1e-3)
+
+
+WAVES = term("cyclic_friction", wave=3.0)
+
+
+@pytest.mark.parametrize(
+    ("further", "gain", "expected"),
+    [
+        (WAVES, 200.0, True),
+        (WAVES, 300.0, False),
+        (term("hose_stiffness"), 200.0, False),  # it does not resist the motion
+    ],
+)
+def test_waves_beside_seal_friction_are_its_form(
+    tmp_path, further: Term, gain: float, expected: bool
+) -> None:
+    (tmp_path / "axis.yaml").write_text(
+        "name: axis\njoints: {axis: m}\nterms: [{type: inertia, joint: axis}]"
+    )
+    made = search_over((term("seal_friction"), [A, B], True), (further, [C], False))
+    q = np.sin(np.linspace(0.0, 9.0, ROWS))[:, np.newaxis]
+    v = np.cos(np.linspace(0.0, 9.0, ROWS))[:, np.newaxis]
+    record = Record(
+        joints=("axis",),
+        time=np.linspace(0.0, 9.0, ROWS),
+        run=np.zeros(ROWS, dtype=int),
+        position=q,
+        velocity=v,
+        acceleration=-q,
+        force=v,
+        pressure_a=1e6 + 1e5 * q,
+        pressure_b=1e6 - 1e5 * q,
+    )
+    runs = (SimpleNamespace(record=record),)
+    made.evidence = SimpleNamespace(model=load_model(tmp_path / "axis.yaml"), runs=runs)
+    assert mends(made, (0, 1), (1000.0, gain), THRESHOLDS) is expected

@@ -1,0 +1,121 @@
+"""Projection, search over sets and the null distribution, on columns made up for the purpose."""
+
+from typing import Any
+
+import numpy as np
+import pytest
+from scipy.stats import chi2
+
+from crane_identification.diagnosis.candidates import Family, Option
+from crane_identification.diagnosis.null import null_gains
+from crane_identification.diagnosis.projection import Projection
+from crane_identification.diagnosis.selection import NOTHING, Choice, larger_sets, solve
+from crane_model.terms import REGISTRY
+
+ROWS = 400
+
+
+def best_sets(made: Projection, largest: int) -> list[list[Choice]]:
+    """The best sets of 1 to `largest` families."""
+    beam, sizes = [NOTHING], []
+    for _ in range(largest):
+        beam = larger_sets(made, beam)
+        sizes.append(beam)
+    return sizes
+
+
+def projection(
+    columns: dict[str, np.ndarray], residual: np.ndarray, positive: bool = False
+) -> Projection:
+    """Each column as a family of its own: a candidate of that type on a joint `axis`."""
+    unit = {name: values / np.linalg.norm(values) for name, values in columns.items()}
+    options = tuple(
+        Option(
+            Family(REGISTRY[name], "axis"),
+            {},
+            REGISTRY["coulomb"].model_validate({"type": "coulomb", "joint": "axis"}),
+            np.zeros((0, 1, 1)),
+            np.array([positive]),
+        )
+        for name in columns
+    )
+    count = len(options)
+    return Projection(
+        options,
+        np.stack(list(unit.values()), axis=1),
+        residual,
+        np.arange(count),
+        np.full(count, positive),
+        np.ones(count),
+        np.ones(count),
+    )
+
+
+def names(found: Projection, numbers: tuple[int, ...]) -> set[str]:
+    return {found.options[i].family.type for i in numbers}
+
+
+def test_a_pair_is_found_behind_a_column_that_resembles_their_sum() -> None:
+    """Where one effect at a time would begin with the wrong one."""
+    rng = np.random.default_rng(1)
+    a, b, noise = rng.standard_normal((3, ROWS))
+    decoy = a + b + 0.7 * rng.standard_normal(ROWS)
+    made = projection({"stribeck": a, "backlash": b, "hose_stiffness": decoy}, a + b + 0.05 * noise)
+    single, pair = (size[0] for size in best_sets(made, 2))
+    assert names(made, single.options) == {"hose_stiffness"}
+    assert names(made, pair.options) == {"stribeck", "backlash"}
+
+
+def test_gain_is_that_of_least_squares() -> None:
+    rng = np.random.default_rng(2)
+    columns = rng.standard_normal((3, ROWS))
+    residual = rng.standard_normal(ROWS)
+    made = projection(dict(zip(("stribeck", "backlash", "offset"), columns, strict=True)), residual)
+    solved = solve(made, (0, 2))
+    assert solved is not None
+    left = np.linalg.lstsq(columns[[0, 2]].T, residual, rcond=None)[1][0]
+    assert solved.gain == pytest.approx(residual @ residual - left)
+
+
+def test_a_parameter_of_the_wrong_sign_does_not_count() -> None:
+    rng = np.random.default_rng(3)
+    column = rng.standard_normal(ROWS)
+    made = projection({"stribeck": column}, -column, positive=True)
+    assert larger_sets(made, [NOTHING]) == []
+    assert solve(made, (0,)) is None
+
+
+@pytest.mark.parametrize("positive", [False, True])
+def test_one_column_gains_chi_squared_from_noise(positive: bool) -> None:
+    """With a sign constraint half of the time nothing."""
+    rng = np.random.default_rng(4)
+    made = projection({"stribeck": rng.standard_normal(ROWS)}, np.zeros(ROWS), positive)
+    gains = null_gains(made, [], replicates=20000)
+    tail = 0.05 * (0.5 if positive else 1.0)
+    assert (gains > chi2(1).ppf(0.95)).mean() == pytest.approx(tail, abs=0.006)
+
+
+def test_noise_beside_a_chosen_column_gains_nothing_along_it() -> None:
+    column = np.random.default_rng(5).standard_normal(ROWS)
+    made = projection({"stribeck": column, "backlash": column}, np.zeros(ROWS))
+    assert null_gains(made, [0], replicates=50).max() == pytest.approx(0.0, abs=1e-6)
+
+
+def test_the_same_family_is_not_chosen_twice() -> None:
+    rng = np.random.default_rng(6)
+    a, b = rng.standard_normal((2, ROWS))
+    made: Any = projection({"stribeck": a, "backlash": b}, a + b)
+    twin = projection({"stribeck": a + 0.1 * b, "backlash": b}, a + b)
+    both = Projection(
+        made.options + twin.options[:1],
+        np.concatenate([made.columns, twin.columns[:, :1]], axis=1),
+        made.residual,
+        np.arange(3),
+        np.zeros(3, dtype=bool),
+        np.ones(3),
+        np.ones(3),
+    )
+    for size in best_sets(both, 2):
+        for choice in size:
+            families = [both.options[i].family for i in choice.options]
+            assert len(set(families)) == len(families)

@@ -1,0 +1,73 @@
+"""Which candidates can be tested at all."""
+
+from pathlib import Path
+
+import numpy as np
+
+from crane_identification.diagnosis import projection
+from crane_identification.diagnosis.candidates import Family, Option
+from crane_identification.diagnosis.evidence import Evidence
+from crane_identification.diagnosis.whitening import whitener
+from crane_model.model_file import load_model
+from crane_model.terms.friction_speed import QuadraticViscous
+from crane_model.terms.sensing import PressureGain
+
+N = 400
+
+
+def test_a_gain_of_the_measured_force_is_not_tested(tmp_path: Path) -> None:
+    """Also where another joint lacks something and the joints share a parameter of the base."""
+    (tmp_path / "two.yaml").write_text(
+        "name: two axes\njoints: {one: m, other: m}\n"
+        "terms:\n  - {type: inertia, joint: one}\n  - {type: inertia, joint: other}\n"
+    )
+    rng = np.random.default_rng(3)
+    base = np.zeros((N, 4, 3))
+    base[:, 0, 0], base[:, 1, 1] = rng.standard_normal((2, N))
+    base[:, :2, 2] = rng.standard_normal((N, 2))
+    law = rng.standard_normal((N, 2))
+    force = np.zeros((N, 4))
+    force[:, :2] = base[:, :2] @ [5.0, 3.0, 2.0] + law + 0.1 * rng.standard_normal((N, 2))
+    used = np.zeros((N, 4), dtype=bool)
+    used[:, :2] = True
+    zeros = np.zeros(N, dtype=int)
+    model = load_model(tmp_path / "two.yaml")
+    evidence = Evidence(model, (), np.arange(N) * 0.1, zeros, zeros, force, base, used)
+
+    def option(family: Family, column: np.ndarray) -> Option:
+        columns = np.zeros((N, 4, 1))
+        columns[:, 0, 0] = column
+        return Option(family, {}, family.at({}), columns, np.array([False]))
+
+    gain, loss = Family(PressureGain, "one"), Family(QuadraticViscous, "one")
+    options = [option(gain, force[:, 0]), option(loss, law[:, 0] + rng.standard_normal(N))]
+    white = whitener(evidence, np.concatenate([one.columns for one in options], axis=2))
+    wanted, reasons = projection.testable(
+        projection.project(evidence, white, options), evidence, white
+    )
+    assert wanted.tolist() == [False, True]
+    assert reasons == {gain: "its column is the measured force itself"}
+
+
+def test_friction_with_memory_is_as_visible_as_close_to_reversals(tmp_path: Path) -> None:
+    """Elsewhere it is Coulomb's, which the model has."""
+    (tmp_path / "one.yaml").write_text(
+        "name: an axis\njoints: {one: m}\nterms:\n  - {type: coulomb, joint: one}\n"
+    )
+    rng = np.random.default_rng(4)
+    base = np.zeros((N, 2, 1))
+    base[:, :, 0] = np.sign(rng.standard_normal((N, 2)))
+    base[:, 1] *= 0.01  # few samples are close to reversals
+    memory = base.copy()
+    memory[:, 1, 0] *= 0.3 + 0.7 * (rng.random(N) < 0.5)
+    force = base[:, :, 0] + 0.1 * rng.standard_normal((N, 2))
+    zeros, used = np.zeros(N, dtype=int), np.ones((N, 2), dtype=bool)
+    model = load_model(tmp_path / "one.yaml")
+    evidence = Evidence(model, (), np.arange(N) * 0.1, zeros, zeros, force, base, used)
+    family = Family(QuadraticViscous, "one")
+    option = Option(family, {}, family.at({}), memory, np.array([False]))
+    white = whitener(evidence, memory)
+    found = projection.project(evidence, white, [option])
+    overall = float(found.scale[0] / np.linalg.norm(white(memory)))
+    assert overall < projection.VISIBLE_SHARE
+    assert found.visibility[0] > 0.2

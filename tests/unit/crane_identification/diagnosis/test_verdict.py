@@ -1,0 +1,300 @@
+"""The verdict, on facts made up for the purpose."""
+
+from collections.abc import Mapping
+from dataclasses import replace
+from types import MappingProxyType
+
+import numpy as np
+import pytest
+
+from crane_identification.diagnosis.candidates import Family, Option
+from crane_identification.diagnosis.decision import Judged
+from crane_identification.diagnosis.extension import Value
+from crane_identification.diagnosis.gap import Gap
+from crane_identification.diagnosis.learner import Learnt
+from crane_identification.diagnosis.proof import Proof, Short, objection
+from crane_identification.diagnosis.pulsation import Pulsation
+from crane_identification.diagnosis.thresholds import load_thresholds
+from crane_identification.diagnosis.trial import Trial, differs
+from crane_identification.diagnosis.verdict import (
+    Answer,
+    Reach,
+    Verdict,
+    judge,
+    with_loads,
+    with_pulsation,
+)
+from crane_identification.diagnosis.weighing import Weighed
+from crane_identification.validation.motion_validation import MotionValidation
+from crane_model.configuration import packaged
+from crane_model.model_file import load_model
+from crane_model.terms import REGISTRY
+
+JOINTS = ("inner_boom", "outer_boom", "telescope")
+MODEL = load_model(packaged("crane_model", "crane_model.yaml"))
+THRESHOLDS = load_thresholds()
+MOTION = MotionValidation(JOINTS, 0.5, 1, np.ones(3), np.ones(3))
+ENOUGH = Reach(testable=0.9, least=0.003, undetermined=())
+
+
+def gap(
+    before: float, after: float | None = None, floor: float = 0.0005, training: float | None = None
+) -> Gap:
+    """Errors of the outer boom; the other joints err by noise alone."""
+    noise = np.full(3, 0.0005)
+
+    def errors(value: float) -> np.ndarray:
+        return np.array([0.0005, value, 0.0005])
+
+    return Gap(
+        joints=JOINTS,
+        before=errors(before),
+        after=errors(before if after is None else after),
+        floor=np.full(3, floor),
+        best=np.minimum(errors(before), 2.0 * noise),
+        training_before=errors(before if training is None else training),
+        training_after=errors(before if after is None else after),
+        motion_before=MOTION,
+        motion_after=MOTION,
+        loads=(),
+        carried=MODEL,
+        method=THRESHOLDS.method,
+    )
+
+
+def effect(
+    kind: str = "load_friction",
+    members: tuple[str, ...] = (),
+    shape: Mapping[str, float] = MappingProxyType({}),
+    joint: str | None = "outer_boom",
+) -> Judged:
+    """It has passed every test of the training recordings."""
+    family = Family(REGISTRY[kind], joint)
+    return Judged(
+        option=Option(family, dict(shape), family.at(shape), np.zeros((0, 3, 1)), np.array([True])),
+        score=1000.0,
+        threshold=50.0,
+        null=np.ones(3),
+        held_out=np.ones(6),
+        fold_names=tuple("abcdef"),
+        runner_up=None,
+        margin=900.0,
+        needed=50.0,
+        correlation=0.5,
+        members=tuple(Family(REGISTRY[one], "outer_boom") for one in members),
+        visibility=0.5,
+        strength=0.01,
+    )
+
+
+def trial(*effects: Judged, energy: float = 1000.0, share: float = 0.0, left: float = 0.0) -> Trial:
+    """What is left on the outer boom, and the share of it that a learner is sure of."""
+    none, there = np.zeros(3), np.array([0.0, 1.0, 0.0])
+    learnt = Learnt(np.zeros((1, 3)), share * there, 1.0 - (share > 0.0) * there, 0.01 * there)
+    return Trial(
+        effects=effects,
+        zero=(),
+        values=(),
+        model=MODEL,
+        residual=np.zeros((1, 6)),
+        learnt=learnt,
+        energy=np.concatenate([energy * there, none]),
+        left_share=left,
+    )
+
+
+BEFORE = trial(energy=5000.0)
+AFTER = trial(effect(), energy=500.0)
+
+
+def answer(
+    after: Trial = BEFORE,
+    seen: Gap | None = None,
+    reach: Reach = ENOUGH,
+    short: tuple[Short, ...] = (),
+) -> Answer:
+    return judge(BEFORE, Proof(after, seen or gap(0.0006), short), reach, THRESHOLDS)
+
+
+def test_nothing_is_missing_where_held_out_errors_are_noise() -> None:
+    """True clean sets reach 2.1 times the scatter between periods."""
+    found = answer(seen=gap(2.1 * 0.0005))
+    assert found.verdict is Verdict.NONE
+    assert "2.1 times the scatter between periods" in found.reason
+
+
+@pytest.mark.parametrize(
+    "reach",
+    [ENOUGH, ENOUGH._replace(least=0.5), ENOUGH._replace(testable=0.1)]
+    + [ENOUGH._replace(undetermined=("f_v.telescope",))],
+)
+def test_errors_beyond_noise_are_at_least_unknown(reach: Reach) -> None:
+    found = answer(seen=gap(0.039), reach=reach)
+    assert found.verdict is Verdict.UNKNOWN
+    assert "outer_boom errs by 3.90% on held-out recordings and by 3.90%" in found.reason
+    assert "78 times the scatter between periods" in found.reason
+
+
+@pytest.mark.parametrize(("held_out", "training"), [(0.039, 0.0006), (0.0006, 0.039)])
+def test_errors_of_either_recordings_count(held_out: float, training: float) -> None:
+    found = answer(seen=gap(held_out, training=training))
+    assert found.verdict is Verdict.UNKNOWN
+    assert f"{held_out:.2%} on held-out" in found.reason and f"{training:.2%} on" in found.reason
+
+
+def test_where_no_motion_is_repeated_the_noise_is_said_not_to_be_known() -> None:
+    found = answer(seen=gap(0.039, floor=np.nan))
+    assert found.verdict is Verdict.NONE
+    assert "no held-out recording repeats its motion" in found.reason
+    assert "3.90% (outer_boom)" in found.reason
+
+
+def test_too_little_data_remains_too_little() -> None:
+    reach = ENOUGH._replace(undetermined=("f_v.telescope",))
+    assert answer(reach=reach).verdict is Verdict.INSUFFICIENT
+
+
+def test_a_name_that_closes_the_gap_is_named() -> None:
+    assert answer(after=AFTER, seen=gap(0.0113, 0.0006)).verdict is Verdict.NAMED
+
+
+@pytest.mark.parametrize(
+    ("seen", "closes"),
+    [
+        (gap(0.0113, 0.0006), True),
+        (gap(0.0113, 0.004), True),  # 88 % of the energy
+        (gap(0.0113, 0.0088), False),  # 40 %
+        (gap(0.0014, 0.0009), True),  # what is left may be noise
+        (gap(0.0005, 0.0005), True),  # there is no gap
+        (gap(0.0005, 0.0006), False),
+    ],
+)
+def test_a_name_closes_the_gap_on_held_out_recordings(seen: Gap, closes: bool) -> None:
+    shaped = effect("stribeck", shape={"speed": 0.1, "exponent": 1.0})
+    assert (objection(shaped, seen, THRESHOLDS) == "") is closes
+
+
+@pytest.mark.parametrize(
+    ("one", "closes"),
+    [
+        (effect(), True),
+        (effect("stribeck", shape={"speed": 0.1, "exponent": 1.0}), False),
+        (effect(members=("seal_friction",)), False),
+        (replace(effect(), held_out=np.array([1.0, 1.0, -1.0, 1.0])), False),
+    ],
+)
+def test_half_of_the_gap_is_enough_for_what_bends_to_nothing(one: Judged, closes: bool) -> None:
+    assert (objection(one, gap(0.0113, 0.007), THRESHOLDS) == "") is closes
+
+
+def test_an_effect_that_widens_the_gap_is_said_to() -> None:
+    """In place of a share that is negative."""
+    said = objection(effect(), gap(0.0113, 0.0124), THRESHOLDS)
+    assert said.startswith("with it, the held-out error of outer_boom rises from 1.13% to 1.24%")
+    none = objection(effect(), gap(0.0005, 0.0006), THRESHOLDS)
+    assert none == "with it, the held-out error of outer_boom rises from 0.05% to 0.06%"
+    assert "it closes 3" in objection(effect(), gap(0.0113, 0.0094), THRESHOLDS)
+
+
+def test_a_name_that_closes_no_gap_is_unknown() -> None:
+    found = answer(short=(Short(effect(), "it closes 39% of the gap"),))
+    assert found.verdict is Verdict.UNKNOWN and found.objection == "it closes 39% of the gap"
+
+
+def test_a_further_name_that_closes_no_gap_is_something_more() -> None:
+    found = answer(
+        AFTER,
+        gap(0.0113, 0.0006),
+        short=(Short(effect("hose_stiffness"), "it does not"),),
+    )
+    assert found.verdict is Verdict.AND_MORE
+    assert "hose stiffness (outer_boom) would go with them, but it does not" in found.reason
+
+
+@pytest.mark.parametrize(
+    ("after", "seen"),
+    [
+        (AFTER, gap(0.0113, 0.004)),  # eight times the noise is left
+        (trial(effect(), energy=2500.0, share=0.2), gap(0.0113, 0.0006)),
+        (trial(effect(), energy=500.0, left=0.4), gap(0.0113, 0.0006)),
+        (AFTER, replace(gap(0.0113, 0.0006), after=np.array([0.02, 0.0006, 0.0005]))),
+    ],
+)
+def test_what_passed_is_kept_where_something_more_is_missing(after: Trial, seen: Gap) -> None:
+    assert answer(after=after, seen=seen).verdict is Verdict.AND_MORE
+
+
+def test_a_class_stays_one_where_something_more_is_missing() -> None:
+    after = trial(effect("load_friction", ("seal_friction",)), energy=500.0)
+    assert answer(after=after, seen=gap(0.0113, 0.0006)).verdict is Verdict.CLASS
+    found = answer(after=after, seen=gap(0.0113, 0.004))
+    assert found.verdict is Verdict.AND_MORE and "do not tell apart" in found.reason
+
+
+def test_what_is_zero_within_its_deviation_is_no_name() -> None:
+    after = replace(trial(energy=5000.0), zero=(effect("chamber_gain"),))
+    found = answer(after=after)
+    assert found.verdict is Verdict.UNKNOWN and "2 standard deviations" in found.objection
+
+
+@pytest.mark.parametrize(
+    ("values", "expected"),
+    [([(0.118, 0.13)], False), ([(0.3, 0.1)], True), ([(0.1, 0.1), (-5.0, 0.2)], True)],
+)
+def test_a_value_within_its_deviation_differs_from_nothing(values, expected: bool) -> None:
+    """Shapes, which come last, do not count."""
+    one = effect("chamber_gain")
+    option = replace(one.option, positive=np.zeros(len(values), dtype=bool))
+    shape = Value("wave", 3.0, 0.1, "rad/rad")
+    linear = [Value("gain", value, std_dev, "1") for value, std_dev in values]
+    sigmas = THRESHOLDS.method.parameter_sigmas
+    assert differs(replace(one, option=option), [*linear, shape], sigmas) is expected
+
+
+def test_a_pulsation_beside_a_name_is_something_more() -> None:
+    line = Pulsation("outer_boom", 2.7, 0.01)
+    assert with_pulsation(Answer(Verdict.NAMED, "x"), (line,)).verdict is Verdict.AND_MORE
+    assert with_pulsation(Answer(Verdict.NONE, "x"), (line,)).verdict is Verdict.UNKNOWN
+    told = with_pulsation(Answer(Verdict.INSUFFICIENT, "record more"), (line,))
+    assert told.verdict is Verdict.UNKNOWN
+    assert told.reason.endswith("; record more")
+
+
+@pytest.mark.parametrize(("telescope", "worse"), [(0.0009, False), (0.00101, True)])
+def test_another_joint_that_becomes_worse_than_noise_is_something_more(
+    telescope: float, worse: bool
+) -> None:
+    """0.05 to 0.09 % are noise."""
+    seen = gap(0.0113, 0.0006)
+    seen = replace(seen, after=np.array([0.0005, 0.0006, telescope]), floor=np.full(3, 0.00048))
+    found = answer(AFTER, seen)
+    assert (found.verdict is Verdict.AND_MORE) is worse
+    told = (
+        "where none of the effects acts, the held-out error of telescope rises from 0.05% to 0.10%"
+    )
+    assert (told in found.reason) is worse
+
+
+def test_a_percentage_does_not_fall_to_itself() -> None:
+    """An effect of the whole crane moves one joint, and the others by nothing that is printed."""
+    seen = gap(0.0113, 0.0006)
+    seen = replace(seen, after=np.array([0.0004999, 0.0006, 0.0005]))
+    crane = effect("base_tilt", joint=None)
+    said = answer(trial(crane, energy=500.0), seen).reason
+    assert "the held-out error of outer_boom falls from 1.13% to 0.06%" in said
+    assert "the held-out error of inner_boom stays at 0.05%" in said
+
+
+@pytest.mark.parametrize(
+    ("before", "after", "expected"),
+    [(0.05, 0.0006, Verdict.NAMED), (0.05, 0.05, Verdict.AND_MORE)],
+)
+def test_a_load_that_a_held_out_recording_alone_carries_is_named(
+    before: float, after: float, expected: Verdict
+) -> None:
+    """And is all there is where no more than noise is left beside it."""
+    loads = (Weighed("bag 7", 6.6, 0.01, found=True), Weighed("bag 8", 0.0, 0.01, found=False))
+    said = with_loads(answer(seen=gap(before, after, training=0.0006)), loads)
+    assert said.verdict is expected
+    assert "bag 7 carries 6.6 kg more than the recordings trained on" in said.reason
+    assert "bag 8" not in said.reason
