@@ -7,7 +7,7 @@ from crane_identification import options, pipeline
 from crane_identification.data import bag_log, log
 from crane_identification.diagnosis import diagnosis, findings, thresholds
 from crane_identification.estimation import estimate
-from crane_identification.validation.force_validation import force_validation as validation
+from crane_identification.validation import force_validation
 from crane_model import dynamics, kinematics, machine, model_file, record, simulation
 from crane_model.terms import effect, joint_term, own, term
 from crane_sim import make_bag
@@ -15,14 +15,14 @@ from crane_sim.hiding import calibrate
 from crane_sim.parts import parameters, variation
 from crane_trajectory.control import controller
 from crane_trajectory.excitation import merit
-from crane_trajectory.motion.motion import check, fourier, motion, sweep
+from crane_trajectory.motion import check, fourier, motion, sweep
 
 MODULES = {
     "Model": (model_file, machine, record, dynamics, kinematics, simulation),
     "Terms": (term, joint_term, effect, own),
     "Bags": (reader, writer),
     "Trajectories": (fourier, sweep, motion, check, merit, controller),
-    "Identification": (log, bag_log, options, pipeline, estimate, validation),
+    "Identification": (log, bag_log, options, pipeline, estimate, force_validation),
     "Diagnosis": (diagnosis, thresholds, findings),
     "Stand-in machine": (make_bag, parameters, variation, calibrate),
 }

@@ -6,7 +6,10 @@ from collections.abc import Iterator
 from importlib.metadata import EntryPoint, distribution
 from unittest.mock import patch
 
-PACKAGES = ("crane_sim", "crane_trajectory", "crane_identification", "crane_driver")
+PACKAGES = (
+    *("crane_sim", "crane_trajectory", "crane_identification", "crane_driver", "crane_nodes"),
+    "crane_benchmark",
+)
 WRITES = re.compile(r"([*_`<>\[\]|])")  # what Markdown would take for itself
 
 
@@ -16,9 +19,13 @@ class _SeenError(Exception):
 
 
 def executables(package: str) -> dict[str, EntryPoint]:
-    """What `ros2 run PACKAGE` starts, by name."""
+    """What `ros2 run PACKAGE` starts, by name, without what has moved to another package."""
     found = distribution(package).entry_points.select(group="console_scripts")
-    return {one.name: one for one in sorted(found, key=lambda one: one.name)}
+    return {
+        one.name: one
+        for one in sorted(found, key=lambda one: one.name)
+        if not one.module.endswith(".moved")
+    }
 
 
 def parser_of(program: EntryPoint) -> argparse.ArgumentParser:

@@ -12,7 +12,10 @@ import workspace
 from machine import Machine
 
 ROOT = Path(__file__).resolve().parents[2]
-PACKAGES = ["crane_driver", "crane_identification", "crane_interfaces", "crane_model", "crane_sim"]
+PACKAGES = [
+    *("crane_bags", "crane_driver", "crane_identification", "crane_interfaces", "crane_model"),
+    *("crane_nodes", "crane_sim", "crane_trajectory"),
+]
 SHELLS = {"bash": ["bash", "--norc", "-c"], "zsh": ["zsh", "-f", "-c"]}
 
 

@@ -19,7 +19,7 @@ from crane_trajectory.trajectory_parameters import CHANGEABLE, FIXED
 
 ROOT = Path(__file__).resolve().parents[2]
 FILES = sorted([*ROOT.glob("crane_*/launch/*.py"), *ROOT.glob("src/*/launch/*.py")])
-SHARED = ROOT / "crane_driver/crane_driver/nodes/launching.py"
+SHARED = ROOT / "src/crane_nodes/crane_nodes/launching.py"
 NAMES = [path.name.removesuffix(".launch.py") for path in FILES]
 OF_EVERY_NODE = {"use_sim_time"}
 DECLARED = {

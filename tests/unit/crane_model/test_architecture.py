@@ -1,6 +1,7 @@
 """Imports point one way, and the mathematics knows nothing of ROS; read from the source itself."""
 
 import ast
+from graphlib import TopologicalSorter
 from pathlib import Path
 
 import pytest
@@ -55,6 +56,37 @@ def test_imports_point_one_way(package: str) -> None:
         others = imported_packages(file) & (FOLDERS.keys() - {package})
         forbidden = others - MAY_IMPORT[package]
         assert not forbidden, f"{file.relative_to(ROOT)} imports {', '.join(sorted(forbidden))}"
+
+
+def room(module: str) -> str:
+    """The folder of a module; at the root of a package each module is a room of its own."""
+    parts = module.split(".")
+    return module if len(parts) == 2 else ".".join(parts[:-1])
+
+
+def imported_rooms() -> dict[str, set[str]]:
+    """Which rooms each room imports."""
+    modules = {
+        ".".join((package, *file.relative_to(folder).with_suffix("").parts)): file
+        for package, folder in FOLDERS.items()
+        for file in folder.rglob("*.py")
+        if file.stem != "__init__"
+    }
+    rooms: dict[str, set[str]] = {}
+    for module, file in modules.items():
+        found = rooms.setdefault(room(module), set())
+        for node in ast.walk(ast.parse(file.read_text(encoding="utf-8"))):
+            if isinstance(node, ast.ImportFrom):
+                names = (f"{node.module}.{alias.name}" for alias in node.names)
+                found |= {room(n) for n in (*names, str(node.module)) if n in modules}
+        found.discard(room(module))
+    return rooms
+
+
+def test_no_rooms_import_each_other_in_a_circle() -> None:
+    rooms = imported_rooms()
+    assert len(rooms) > 50
+    TopologicalSorter(rooms).prepare()  # CycleError names them
 
 
 NODE_SIDE = ("_node", "_action", "parameters", "topics", "condition")
