@@ -86,7 +86,7 @@ def record(
     position, velocity, commands, q, v, a, p_a, p_b = np.zeros((8, count, len(JOINTS)))
     force, flow = np.zeros((2, plant.hidden_count, count, len(JOINTS)))
     supply = np.empty(count)
-    table, u = gains.table, np.zeros(len(JOINTS))
+    arrays, u = gains.arrays, np.zeros(len(JOINTS))
     for k in progress(range(count)):
         time = float(times[k])
         plant.advance(u, time - plant.time)
@@ -99,7 +99,7 @@ def record(
         _, velocity[k], _ = velocity_filter.update(time, position[k])
         if not np.isnan(velocity[k]).any():
             u = command(
-                table, position[k], velocity[k], reference.position[k], reference.velocity[k]
+                arrays, position[k], velocity[k], reference.position[k], reference.velocity[k]
             )
         commands[k] = u
     return Recording(
