@@ -1,6 +1,6 @@
 """The model: a sum of terms with values, standard deviations and provenance, kept in YAML."""
 
-from collections.abc import Collection, Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property
 from itertools import accumulate, compress
@@ -15,10 +15,7 @@ from crane_model.errors import ConfigurationError
 from crane_model.machine import JOINT_UNITS, Machine, load_machine
 from crane_model.record import Record
 from crane_model.terms import Parameter, Term, term_from_mapping
-from crane_model.terms.term import Family, Setting
-
-GRAVITY_FAMILIES: tuple[Family, ...] = ("rigid body", "gravity and load")
-FRICTION_FAMILIES: tuple[Family, ...] = ("friction",)
+from crane_model.terms.term import Setting
 
 
 @dataclass(frozen=True)
@@ -70,6 +67,12 @@ class Model:
         """Which parameters, columns of Phi, belong to one of the model's terms."""
         return self._parts[self.terms.index(term)]
 
+    @property
+    def base_parameters(self) -> slice | None:
+        """Which parameters are those of (8), of the planar bodies; None if it has none."""
+        parts = zip(self.terms, self._parts, strict=True)
+        return next((part for term, part in parts if term.has_base_parameters), None)
+
     @cached_property
     def _parts(self) -> tuple[slice, ...]:
         """Which columns of Phi belong to each term."""
@@ -93,16 +96,16 @@ class Model:
 
     def gravity(self, record: Record) -> np.ndarray:
         """The part of the force that gravity alone needs at the record's positions: (n, j)."""
-        return self._force_of(record.at_rest(), GRAVITY_FAMILIES)
+        return self._force_of(record.at_rest(), [term.has_weight() for term in self.terms])
 
     def friction(self, record: Record) -> np.ndarray:
         """The part of the force that friction takes, sgn as the record has it: (n, j)."""
-        return self._force_of(record, FRICTION_FAMILIES)
+        return self._force_of(record, [term.is_friction() for term in self.terms])
 
-    def _force_of(self, record: Record, families: Collection[Family]) -> np.ndarray:
+    def _force_of(self, record: Record, counts: Sequence[bool]) -> np.ndarray:
         columns = self.regressor(record)
-        for term, part in zip(self.terms, self._parts, strict=True):
-            if term.family not in families:
+        for counted, part in zip(counts, self._parts, strict=True):
+            if not counted:
                 columns[:, :, part] = 0.0
         return columns @ self.theta
 

@@ -15,7 +15,7 @@ from crane_model.cylinders import lever_arms
 from crane_model.errors import RangeError
 from crane_model.model_file import Model
 from crane_model.record import Record
-from crane_model.terms import MemoryTerm
+from crane_model.terms import Term
 
 _SWEEPS = 1000  # a handful suffices unless two joints move almost as one
 _TOLERANCE = 1e-12
@@ -40,7 +40,7 @@ def simulate(
     period: float,
     substeps: int = 2,
     beside: Mapping[str, np.ndarray] | None = None,
-    memory: Mapping[MemoryTerm, np.ndarray] | None = None,
+    memory: Mapping[Term, np.ndarray] | None = None,
 ) -> Simulation:
     """Move N runs of `model` from a state (N, j), driven by `drive` (T, N, j), T instants apart.
 
@@ -61,11 +61,9 @@ def simulate(
     inputs = _Inputs(drive, beside or {}, period)
     q, v = np.array(position, dtype=float), np.array(velocity, dtype=float)
     now = _Instant(model, inputs, 0.0)
-    states = {
-        term: term.start(now.record(q, v), model.setting)
-        for term in model.terms
-        if isinstance(term, MemoryTerm)
-    } | dict(memory or {})
+    begun = {term: term.start(now.record(q, v), model.setting) for term in model.terms}
+    begun |= dict(memory or {})
+    states = {term: state for term, state in begun.items() if state.shape[1]}
     _check_inertia(model, _split(now, states, q, v)[0])
     course = [(q, v, np.zeros_like(v))]
     for k in range(1, len(drive)):
@@ -89,10 +87,10 @@ def simulate(
 
 
 def _advanced(
-    states: dict[MemoryTerm, np.ndarray],
+    states: dict[Term, np.ndarray],
     before: tuple["_Instant", np.ndarray, np.ndarray],
     after: tuple["_Instant", np.ndarray, np.ndarray],
-) -> dict[MemoryTerm, np.ndarray]:
+) -> dict[Term, np.ndarray]:
     """States of all terms that have some, one step on."""
     if not states:
         return states
@@ -134,7 +132,7 @@ class _Instant:
         v: np.ndarray,
         acceleration: np.ndarray | None = None,
         direction: np.ndarray | None = None,
-        memory: Mapping[MemoryTerm, np.ndarray] | None = None,
+        memory: Mapping[Term, np.ndarray] | None = None,
     ) -> Record:
         """The N runs in a state, stacked as often as `acceleration` (cases N, j) asks for."""
         cases = 1 if acceleration is None else len(acceleration) // len(q)
@@ -158,7 +156,7 @@ class _Instant:
 
 def _next_velocity(
     at: _Instant,
-    memory: Mapping[MemoryTerm, np.ndarray],
+    memory: Mapping[Term, np.ndarray],
     q: np.ndarray,
     v: np.ndarray,
     v_start: np.ndarray,
@@ -195,7 +193,7 @@ def _check_inertia(model: Model, mass: np.ndarray) -> None:
 
 
 def _split(
-    at: _Instant, memory: Mapping[MemoryTerm, np.ndarray], q: np.ndarray, v: np.ndarray
+    at: _Instant, memory: Mapping[Term, np.ndarray], q: np.ndarray, v: np.ndarray
 ) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
     """M, load and dry of drive - model = load - M a - dry s, from one evaluation of the model.
 

@@ -7,7 +7,7 @@ import numpy as np
 from crane_model.record import Record
 from crane_model.terms.effect import Effect
 from crane_model.terms.joint_term import JointTerm
-from crane_model.terms.term import Family, Parameter
+from crane_model.terms.term import Family, Parameter, Setting
 
 
 class Coulomb(JointTerm):
@@ -27,6 +27,10 @@ class Coulomb(JointTerm):
         """sgn(q'), 0 where the speed is below the resolution."""
         return record.direction[:, j]
 
+    def slopes(self, record: Record, j: int, steepness: np.ndarray) -> np.ndarray:
+        """Of sgn(q') that has been made smooth."""
+        return _by_velocity(steepness)
+
     def parameter(self, coordinate: str, force: str) -> Parameter:
         """f_c."""
         return Parameter("f_c", force, 0.0, "Coulomb friction, mean of both directions")
@@ -44,10 +48,15 @@ class CoulombAsymmetry(JointTerm):
         "readings of the pressure transducers at zero pressure",
         ("viscous_asymmetry",),
     )
+    asymmetry_of: ClassVar[str | None] = "coulomb"
 
     def column(self, record: Record, j: int) -> np.ndarray:
         """1."""
         return np.ones(len(record))
+
+    def slopes(self, record: Record, j: int, steepness: np.ndarray) -> np.ndarray:
+        """0."""
+        return _by_velocity(np.zeros(len(record)))
 
     def parameter(self, coordinate: str, force: str) -> Parameter:
         """delta f_c."""
@@ -71,6 +80,10 @@ class Viscous(JointTerm):
         """q'."""
         return record.velocity[:, j]
 
+    def slopes(self, record: Record, j: int, steepness: np.ndarray) -> np.ndarray:
+        """1 along q'."""
+        return _by_velocity(np.ones(len(record)))
+
     def parameter(self, coordinate: str, force: str) -> Parameter:
         """f_v."""
         unit = f"{force} s/{coordinate}"
@@ -90,11 +103,28 @@ class ViscousAsymmetry(JointTerm):
         ("coulomb_asymmetry",),
         follows=("velocity",),
     )
+    asymmetry_of: ClassVar[str | None] = "viscous"
 
     def column(self, record: Record, j: int) -> np.ndarray:
         """|q'|."""
         return np.abs(record.velocity[:, j])
 
+    def fill_smooth(self, record: Record, setting: Setting, columns: np.ndarray) -> None:
+        """q' sgn(q') in place of |q'|."""
+        j = record.column(self.joint)
+        columns[:, j, 0] = record.velocity[:, j] * record.direction[:, j]
+
+    def slopes(self, record: Record, j: int, steepness: np.ndarray) -> np.ndarray:
+        """Of q' sgn(q')."""
+        return _by_velocity(record.direction[:, j] + record.velocity[:, j] * steepness)
+
     def parameter(self, coordinate: str, force: str) -> Parameter:
         """delta f_v."""
         return Parameter("df_v", f"{force} s/{coordinate}", None, "asymmetry of viscous friction")
+
+
+def _by_velocity(slope: np.ndarray) -> np.ndarray:
+    """(3, n) of a column that depends on q' alone."""
+    slopes = np.zeros((3, len(slope)))
+    slopes[1] = slope
+    return slopes

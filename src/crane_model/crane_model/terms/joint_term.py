@@ -1,6 +1,7 @@
 """Terms that act on one joint at one instant."""
 
 from abc import abstractmethod
+from typing import ClassVar
 
 import numpy as np
 
@@ -13,6 +14,16 @@ class OneJointTerm(Term):
     """A term on a single joint, with any number of parameters."""
 
     joint: str
+
+    @classmethod
+    def places(cls, setting: Setting) -> tuple[str | None, ...]:
+        """Every joint of the model."""
+        return tuple(setting.units)
+
+    @property
+    def only_joint(self) -> str | None:
+        """Its joint."""
+        return self.joint
 
     @abstractmethod
     def joint_parameters(self, setting: Setting) -> tuple[Parameter, ...]:
@@ -42,6 +53,8 @@ class OneJointTerm(Term):
 
 class JointTerm(OneJointTerm):
     """A term with one parameter that depends on what its joint does at the same instant alone."""
+
+    of_one_instant: ClassVar[bool] = True
 
     @abstractmethod
     def column(self, record: Record, j: int) -> np.ndarray:

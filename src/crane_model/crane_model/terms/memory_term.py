@@ -18,7 +18,7 @@ class MemoryTerm(Term):
 
     @abstractmethod
     def start(self, record: Record, setting: Setting) -> np.ndarray:
-        """States (n, s) of n runs that begin at the samples of the record."""
+        """States (n, s) of n runs that begin at the samples of the record, s >= 1."""
 
     @abstractmethod
     def advance(

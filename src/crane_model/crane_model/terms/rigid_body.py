@@ -19,6 +19,7 @@ class PlanarRigidBody(Term):
 
     type: Literal["planar_rigid_body"] = "planar_rigid_body"
     family: ClassVar[Family] = "rigid body"
+    has_base_parameters: ClassVar[bool] = True
 
     def parameters(self, setting: Setting) -> tuple[Parameter, ...]:
         """The base set of the suite, each named as the combination that it is."""
