@@ -2,10 +2,11 @@
 
 import numpy as np
 
+from crane_model.array import Array
 from crane_model.machine import Machine
 
 
-def link_transforms(machine: Machine, q: np.ndarray) -> np.ndarray:
+def link_transforms(machine: Machine, q: Array) -> Array:
     """(n, 4) generalized coordinates to (n, 4, 4, 4): T_1^0 ... T_4^0, products of (1)."""
     q = np.atleast_2d(np.asarray(q, dtype=float))
     table = machine.denavit_hartenberg.table
@@ -20,17 +21,17 @@ def link_transforms(machine: Machine, q: np.ndarray) -> np.ndarray:
     return transforms
 
 
-def forward_kinematics(machine: Machine, q: np.ndarray) -> np.ndarray:
+def forward_kinematics(machine: Machine, q: Array) -> Array:
     """(n, 4) generalized coordinates to (n, 4, 4): T_4^0 (2)."""
     return link_transforms(machine, q)[:, 3]
 
 
-def tip_position(machine: Machine, q: np.ndarray) -> np.ndarray:
+def tip_position(machine: Machine, q: Array) -> Array:
     """(n, 4) generalized coordinates to (n, 3): boom tip in the base frame (2) [m]."""
     return forward_kinematics(machine, q)[:, :3, 3]
 
 
-def tip_jacobian(machine: Machine, q: np.ndarray) -> np.ndarray:
+def tip_jacobian(machine: Machine, q: Array) -> Array:
     """(n, 4) generalized coordinates to (n, 3, 4): d tip / d q [m/rad; 1 for the telescope]."""
     transforms = link_transforms(machine, q)
     n = len(transforms)
@@ -43,8 +44,8 @@ def tip_jacobian(machine: Machine, q: np.ndarray) -> np.ndarray:
 
 
 def _denavit_hartenberg(
-    theta: np.ndarray | float, d: np.ndarray | float, a: float, alpha: float, n: int
-) -> np.ndarray:
+    theta: Array | float, d: Array | float, a: float, alpha: float, n: int
+) -> Array:
     """A_i = Rot_z,theta Trans_z,d Trans_x,a Rot_x,alpha (1), (n, 4, 4)."""
     cos, sin = np.cos(theta), np.sin(theta)
     cos_alpha, sin_alpha = np.cos(alpha), np.sin(alpha)

@@ -10,6 +10,7 @@ from typing import Annotated, Any, Literal, Self
 import numpy as np
 from pydantic import BeforeValidator, Field, SerializeAsAny
 
+from crane_model.array import Array
 from crane_model.configuration import Schema, load, save, validate
 from crane_model.errors import ConfigurationError
 from crane_model.machine import JOINT_UNITS, Machine, load_machine
@@ -25,8 +26,8 @@ class Model:
     name: str
     setting: Setting
     terms: tuple[Term, ...]
-    values: np.ndarray | None = None  # (p,) Theta
-    std_devs: np.ndarray | None = None  # (p,)
+    values: Array | None = None  # (p,) Theta
+    std_devs: Array | None = None  # (p,)
     provenance: str = ""
 
     @property
@@ -52,13 +53,13 @@ class Model:
             )
         return tuple(parameters)
 
-    def regressor(self, record: Record) -> np.ndarray:
+    def regressor(self, record: Record) -> Array:
         """Phi of (28) on n samples: (n, j, p)."""
         columns = np.zeros((*record.position.shape, len(self.parameters)))
         self.fill(record, columns)
         return columns
 
-    def fill(self, record: Record, columns: np.ndarray) -> None:
+    def fill(self, record: Record, columns: Array) -> None:
         """Write Phi of (28) into `columns` (n, j, p), which comes as zeros."""
         for term, part in zip(self.terms, self._parts, strict=True):
             term.fill(record, self.setting, columns[:, :, part])
@@ -80,11 +81,11 @@ class Model:
         ends = accumulate(counts)
         return tuple(slice(end - count, end) for end, count in zip(ends, counts, strict=True))
 
-    def predict(self, record: Record) -> np.ndarray:
+    def predict(self, record: Record) -> Array:
         """Generalized forces Phi Theta on n samples: (n, j) [N m, N]."""
         return self.regressor(record) @ self.theta
 
-    def range_at_standstill(self, record: Record) -> tuple[np.ndarray, np.ndarray]:
+    def range_at_standstill(self, record: Record) -> tuple[Array, Array]:
         """Least and largest force, (n, j) each, between the branches of friction up and down.
 
         Where a joint stands, (13) is set-valued: the force is anything in between.
@@ -94,15 +95,15 @@ class Model:
         down = self.predict(replace(record, direction_known=-one))
         return np.minimum(up, down), np.maximum(up, down)
 
-    def gravity(self, record: Record) -> np.ndarray:
+    def gravity(self, record: Record) -> Array:
         """The part of the force that gravity alone needs at the record's positions: (n, j)."""
         return self._force_of(record.at_rest(), [term.has_weight() for term in self.terms])
 
-    def friction(self, record: Record) -> np.ndarray:
+    def friction(self, record: Record) -> Array:
         """The part of the force that friction takes, sgn as the record has it: (n, j)."""
         return self._force_of(record, [term.is_friction() for term in self.terms])
 
-    def _force_of(self, record: Record, counts: Sequence[bool]) -> np.ndarray:
+    def _force_of(self, record: Record, counts: Sequence[bool]) -> Array:
         columns = self.regressor(record)
         for counted, part in zip(counts, self._parts, strict=True):
             if not counted:
@@ -110,7 +111,7 @@ class Model:
         return columns @ self.theta
 
     @property
-    def theta(self) -> np.ndarray:
+    def theta(self) -> Array:
         """Theta (p,); `ConfigurationError` if the model has not been estimated."""
         if self.values is None:
             raise ConfigurationError(
@@ -118,7 +119,7 @@ class Model:
             )
         return self.values
 
-    def with_estimate(self, values: np.ndarray, std_devs: np.ndarray, provenance: str) -> Self:
+    def with_estimate(self, values: Array, std_devs: Array, provenance: str) -> Self:
         """The same model with Theta, its standard deviations and where they come from."""
         return replace(self, values=values, std_devs=std_devs, provenance=provenance)
 

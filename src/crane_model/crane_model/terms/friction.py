@@ -4,6 +4,7 @@ from typing import ClassVar, Literal
 
 import numpy as np
 
+from crane_model.array import Array
 from crane_model.record import Record
 from crane_model.terms.effect import Effect
 from crane_model.terms.joint_term import JointTerm
@@ -23,11 +24,11 @@ class Coulomb(JointTerm):
         follows=("velocity",),
     )
 
-    def column(self, record: Record, j: int) -> np.ndarray:
+    def column(self, record: Record, j: int) -> Array:
         """sgn(q'), 0 where the speed is below the resolution."""
         return record.direction[:, j]
 
-    def slopes(self, record: Record, j: int, steepness: np.ndarray) -> np.ndarray:
+    def slopes(self, record: Record, j: int, steepness: Array) -> Array:
         """Of sgn(q') that has been made smooth."""
         return _by_velocity(steepness)
 
@@ -50,11 +51,11 @@ class CoulombAsymmetry(JointTerm):
     )
     asymmetry_of: ClassVar[str | None] = "coulomb"
 
-    def column(self, record: Record, j: int) -> np.ndarray:
+    def column(self, record: Record, j: int) -> Array:
         """1."""
         return np.ones(len(record))
 
-    def slopes(self, record: Record, j: int, steepness: np.ndarray) -> np.ndarray:
+    def slopes(self, record: Record, j: int, steepness: Array) -> Array:
         """0."""
         return _by_velocity(np.zeros(len(record)))
 
@@ -76,11 +77,11 @@ class Viscous(JointTerm):
         follows=("velocity",),
     )
 
-    def column(self, record: Record, j: int) -> np.ndarray:
+    def column(self, record: Record, j: int) -> Array:
         """q'."""
         return record.velocity[:, j]
 
-    def slopes(self, record: Record, j: int, steepness: np.ndarray) -> np.ndarray:
+    def slopes(self, record: Record, j: int, steepness: Array) -> Array:
         """1 along q'."""
         return _by_velocity(np.ones(len(record)))
 
@@ -105,16 +106,16 @@ class ViscousAsymmetry(JointTerm):
     )
     asymmetry_of: ClassVar[str | None] = "viscous"
 
-    def column(self, record: Record, j: int) -> np.ndarray:
+    def column(self, record: Record, j: int) -> Array:
         """|q'|."""
         return np.abs(record.velocity[:, j])
 
-    def fill_smooth(self, record: Record, setting: Setting, columns: np.ndarray) -> None:
+    def fill_smooth(self, record: Record, setting: Setting, columns: Array) -> None:
         """q' sgn(q') in place of |q'|."""
         j = record.column(self.joint)
         columns[:, j, 0] = record.velocity[:, j] * record.direction[:, j]
 
-    def slopes(self, record: Record, j: int, steepness: np.ndarray) -> np.ndarray:
+    def slopes(self, record: Record, j: int, steepness: Array) -> Array:
         """Of q' sgn(q')."""
         return _by_velocity(record.direction[:, j] + record.velocity[:, j] * steepness)
 
@@ -123,7 +124,7 @@ class ViscousAsymmetry(JointTerm):
         return Parameter("df_v", f"{force} s/{coordinate}", None, "asymmetry of viscous friction")
 
 
-def _by_velocity(slope: np.ndarray) -> np.ndarray:
+def _by_velocity(slope: Array) -> Array:
     """(3, n) of a column that depends on q' alone."""
     slopes = np.zeros((3, len(slope)))
     slopes[1] = slope

@@ -4,6 +4,7 @@ from typing import ClassVar, Literal
 
 import numpy as np
 
+from crane_model.array import Array
 from crane_model.errors import ConfigurationError
 from crane_model.record import Record
 from crane_model.terms.chambers import chamber_forces, gain_unit
@@ -29,7 +30,7 @@ class LoadFriction(JointTerm):
         follows=("force",),
     )
 
-    def column(self, record: Record, j: int) -> np.ndarray:
+    def column(self, record: Record, j: int) -> Array:
         """|tau| sgn(q')."""
         return record.direction[:, j] * np.abs(self.needed(record, "force")[:, j])
 
@@ -62,7 +63,7 @@ class SealFriction(OneJointTerm):
             Parameter("mu_B", unit, 0.0, "seal friction per pressure force of chamber B"),
         )
 
-    def joint_columns(self, record: Record, setting: Setting, j: int) -> np.ndarray:
+    def joint_columns(self, record: Record, setting: Setting, j: int) -> Array:
         """(n, 2)."""
         forces = np.abs(chamber_forces(self, record, setting, self.joint))
         return record.direction[:, j, np.newaxis] * forces
@@ -97,7 +98,7 @@ class PadFriction(OneJointTerm):
             Parameter("pad_1", "kg/m", 0.0, "the same for each metre of extension"),
         )
 
-    def joint_columns(self, record: Record, setting: Setting, j: int) -> np.ndarray:
+    def joint_columns(self, record: Record, setting: Setting, j: int) -> Array:
         """(n, 2)."""
         machine = planar_machine(self, setting)
         _, psi, extension = Directions.of(machine, record)

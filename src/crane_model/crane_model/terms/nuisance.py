@@ -5,6 +5,7 @@ from typing import ClassVar, Literal
 import numpy as np
 from pydantic import Field
 
+from crane_model.array import Array
 from crane_model.record import Record
 from crane_model.terms.effect import Shape
 from crane_model.terms.joint_term import OneJointTerm
@@ -36,7 +37,7 @@ class VelocityLag(OneJointTerm):
             Parameter("late", f"{force} s2/{unit}", None, "friction misplaced by a delay"),
         )
 
-    def joint_columns(self, record: Record, setting: Setting, j: int) -> np.ndarray:
+    def joint_columns(self, record: Record, setting: Setting, j: int) -> Array:
         """(n, 2)."""
         ratio = record.velocity[:, j] / self.speed
         near = 1.0 / np.cosh(np.minimum(np.abs(ratio), 300.0)) ** 2

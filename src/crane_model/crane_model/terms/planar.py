@@ -5,6 +5,7 @@ from typing import NamedTuple
 
 import numpy as np
 
+from crane_model.array import Array
 from crane_model.errors import ConfigurationError
 from crane_model.machine import JOINT_UNITS, PLANAR_JOINTS, Machine
 from crane_model.record import Record
@@ -40,9 +41,9 @@ def _listed(units: Mapping[str, str]) -> str:
 class Directions(NamedTuple):
     """phi of the inner boom, psi of the telescope's axis [rad] and q4 [m], (n,) each."""
 
-    phi: np.ndarray
-    psi: np.ndarray
-    extension: np.ndarray
+    phi: Array
+    psi: Array
+    extension: Array
 
     @classmethod
     def of(cls, machine: Machine, record: Record) -> "Directions":
@@ -57,9 +58,9 @@ class Reach(NamedTuple):
     x = a2 cos phi + (length + q4) cos psi - a3 sin psi.
     """
 
-    distance: np.ndarray  # (n,) m
-    gradient: np.ndarray  # (n, 3) dx/dq of inner boom, outer boom and telescope
-    bias: np.ndarray  # (n,) m/s2: x'' - gradient q''
+    distance: Array  # (n,) m
+    gradient: Array  # (n, 3) dx/dq of inner boom, outer boom and telescope
+    bias: Array  # (n,) m/s2: x'' - gradient q''
 
     @classmethod
     def of(cls, machine: Machine, length: float, record: Record) -> "Reach":

@@ -7,6 +7,7 @@ from typing import Any, ClassVar, Literal, NamedTuple
 
 import numpy as np
 
+from crane_model.array import Array
 from crane_model.configuration import Schema
 from crane_model.machine import Machine
 from crane_model.record import Record
@@ -111,42 +112,40 @@ class Term(Schema, ABC):
         """Name, unit, sign of each parameter; `ConfigurationError` if the model cannot hold it."""
 
     @abstractmethod
-    def fill(self, record: Record, setting: Setting, columns: np.ndarray) -> None:
+    def fill(self, record: Record, setting: Setting, columns: Array) -> None:
         """Write the regressor columns on n samples of j joints, SI units.
 
         `columns` (n, j, parameters) comes as zeros, a part of the regressor of the whole model.
         """
 
-    def fill_smooth(self, record: Record, setting: Setting, columns: np.ndarray) -> None:
+    def fill_smooth(self, record: Record, setting: Setting, columns: Array) -> None:
         """`fill`, but smooth in q' where `record.direction` is a smooth function of it."""
         self.fill(record, setting, columns)
 
-    def slopes(self, record: Record, j: int, steepness: np.ndarray) -> np.ndarray | None:
+    def slopes(self, record: Record, j: int, steepness: Array) -> Array | None:
         """(3, n): derivatives of the smooth column of joint j with respect to q, q', q''.
 
         `steepness` (n,) is that of `record.direction` over q'. None if there is no closed form.
         """
         return None
 
-    def start(self, record: Record, setting: Setting) -> np.ndarray:
+    def start(self, record: Record, setting: Setting) -> Array:
         """States (n, s) of n runs that begin at the samples of the record; s = 0: no memory."""
         return np.empty((len(record), 0))
 
-    def advance(
-        self, states: np.ndarray, before: Record, after: Record, setting: Setting
-    ) -> np.ndarray:
+    def advance(self, states: Array, before: Record, after: Record, setting: Setting) -> Array:
         """States (n, s) of n runs one step on; the records hold the two ends of the step."""
         return states
 
-    def trace(self, record: Record, setting: Setting) -> np.ndarray:
+    def trace(self, record: Record, setting: Setting) -> Array:
         """States (n, s) at each sample of a recording."""
         return self.start(record, setting)
 
-    def needed(self, record: Record, signal: str) -> np.ndarray:
+    def needed(self, record: Record, signal: str) -> Array:
         """A signal of the record that not every recording has; `DataError` if it is missing."""
         return record.needed(signal, f"term '{self.type}'")
 
-    def columns(self, record: Record, setting: Setting) -> np.ndarray:
+    def columns(self, record: Record, setting: Setting) -> Array:
         """The regressor columns by themselves: (n, j, parameters), SI units."""
         columns = np.zeros((*record.position.shape, len(self.parameters(setting))))
         self.fill(record, setting, columns)
