@@ -118,7 +118,7 @@ class OuterBoomLinkage(Schema):
         )
 
 
-class Cylinder(Schema):
+class HydraulicCylinder(Schema):
     """Areas of chambers A and B [m2] and the range of the length [m]."""
 
     area_a: Positive
@@ -137,7 +137,7 @@ class Cylinder(Schema):
         return self
 
 
-class Limits(Schema):
+class MachineLimits(Schema):
     """Table 2, one row a joint."""
 
     slew: JointLimits
@@ -153,13 +153,13 @@ class Limits(Schema):
 class Cylinders(Schema):
     """One cylinder a joint; the slew drive is a rack on a pinion of `rack_radius`."""
 
-    slew: Cylinder
-    inner_boom: Cylinder
-    outer_boom: Cylinder
-    telescope: Cylinder
+    slew: HydraulicCylinder
+    inner_boom: HydraulicCylinder
+    outer_boom: HydraulicCylinder
+    telescope: HydraulicCylinder
 
-    def __getitem__(self, joint: str) -> Cylinder:
-        cylinder: Cylinder = getattr(self, joint)
+    def __getitem__(self, joint: str) -> HydraulicCylinder:
+        cylinder: HydraulicCylinder = getattr(self, joint)
         return cylinder
 
     @model_validator(mode="after")
@@ -188,7 +188,7 @@ class Machine(Schema):
     name: str
     gravity: Positive
     denavit_hartenberg: DenavitHartenberg
-    limits: Limits
+    limits: MachineLimits
     inner_boom_linkage: InnerBoomLinkage
     outer_boom_linkage: OuterBoomLinkage
     cylinders: Cylinders

@@ -10,7 +10,7 @@ from crane_model.record import Record
 from crane_model.terms.chambers import chamber_forces, gain_unit
 from crane_model.terms.effect import Effect
 from crane_model.terms.joint_term import JointTerm, OneJointTerm
-from crane_model.terms.planar import Directions, planar_machine
+from crane_model.terms.planar import BoomDirections, planar_machine
 from crane_model.terms.term import Family, Parameter, Setting
 
 
@@ -101,6 +101,6 @@ class PadFriction(OneJointTerm):
     def joint_columns(self, record: Record, setting: Setting, j: int) -> Array:
         """(n, 2)."""
         machine = planar_machine(self, setting)
-        _, psi, extension = Directions.of(machine, record)
+        _, psi, extension = BoomDirections.of(machine, record)
         pressed = record.direction[:, j] * machine.gravity * np.abs(np.cos(psi))
         return np.stack([pressed, pressed * extension], axis=1)

@@ -11,7 +11,7 @@ from crane_model.dynamics import Geometry, lagrangian_regressor
 from crane_model.machine import Machine
 from crane_model.record import Record
 from crane_model.terms.effect import Effect, Shape
-from crane_model.terms.planar import Directions, Reach, planar_columns, planar_machine
+from crane_model.terms.planar import AxisReach, BoomDirections, planar_columns, planar_machine
 from crane_model.terms.term import Family, Parameter, Setting, Term
 
 
@@ -47,7 +47,7 @@ class BaseTilt(Term):
 
 def turned_weight(machine: Machine, record: Record) -> Array:
     """d/dalpha of the gravity of a mass of 1 kg at q4, V = g q4 sin(psi + alpha): (n, 3)."""
-    _, psi, extension = Directions.of(machine, record)
+    _, psi, extension = BoomDirections.of(machine, record)
     turning = -machine.gravity * extension * np.sin(psi)
     return np.stack([turning, turning, machine.gravity * np.cos(psi)], axis=1)
 
@@ -150,7 +150,7 @@ class HoseMass(Term):
     def fill(self, record: Record, setting: Setting, columns: Array) -> None:
         """On the rows of inner boom, outer boom and telescope."""
         machine = planar_machine(self, setting)
-        _, psi, extension = Directions.of(machine, record)
+        _, psi, extension = BoomDirections.of(machine, record)
         turning = machine.gravity * extension**2 / 2.0 * np.cos(psi)
         inner, outer, telescope = planar_columns(record)
         columns[:, inner, 0] = columns[:, outer, 0] = turning
@@ -191,8 +191,8 @@ class SlewCoupling(Term):
         """On the rows of inner boom, outer boom and telescope."""
         machine = planar_machine(self, setting)
         spin = self.needed(record, "slew_velocity") ** 2
-        phi, _, _ = Directions.of(machine, record)
-        reach = Reach.of(machine, self.reach, record)
+        phi, _, _ = BoomDirections.of(machine, record)
+        reach = AxisReach.of(machine, self.reach, record)
         at = planar_columns(record)
         columns[:, at[0], 0] = spin * np.sin(phi) * np.cos(phi)
         columns[:, at, 1] = -(spin * reach.distance)[:, np.newaxis] * reach.gradient

@@ -38,7 +38,7 @@ def _listed(units: Mapping[str, str]) -> str:
     return ", ".join(f"{joint} [{unit}]" for joint, unit in units.items())
 
 
-class Directions(NamedTuple):
+class BoomDirections(NamedTuple):
     """phi of the inner boom, psi of the telescope's axis [rad] and q4 [m], (n,) each."""
 
     phi: Array
@@ -46,13 +46,13 @@ class Directions(NamedTuple):
     extension: Array
 
     @classmethod
-    def of(cls, machine: Machine, record: Record) -> "Directions":
+    def of(cls, machine: Machine, record: Record) -> "BoomDirections":
         """At each sample."""
         q2, q3, q4 = record.position.T[planar_columns(record)]
         return cls(q2 + machine.denavit_hartenberg.theta_2_0, q2 + q3, q4)
 
 
-class Reach(NamedTuple):
+class AxisReach(NamedTuple):
     """How far a point on the telescope's axis is from the slew axis, and how that changes.
 
     x = a2 cos phi + (length + q4) cos psi - a3 sin psi.
@@ -63,10 +63,10 @@ class Reach(NamedTuple):
     bias: Array  # (n,) m/s2: x'' - gradient q''
 
     @classmethod
-    def of(cls, machine: Machine, length: float, record: Record) -> "Reach":
+    def of(cls, machine: Machine, length: float, record: Record) -> "AxisReach":
         """Of the point that lies `length` [m] from the elbow along the axis at q4 = 0."""
         dh = machine.denavit_hartenberg
-        phi, psi, extension = Directions.of(machine, record)
+        phi, psi, extension = BoomDirections.of(machine, record)
         boom, along = dh.inner_boom_length * np.cos(phi), length + extension
         outer = along * np.cos(psi) - dh.telescope_offset * np.sin(psi)
         by_phi = -dh.inner_boom_length * np.sin(phi)

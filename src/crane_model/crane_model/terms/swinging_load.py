@@ -10,7 +10,7 @@ from crane_model.record import Record
 from crane_model.terms.effect import Effect, Shape
 from crane_model.terms.memory_term import MemoryTerm
 from crane_model.terms.oscillator import relative_acceleration, swung, swung_along
-from crane_model.terms.planar import Reach, planar_columns, planar_machine
+from crane_model.terms.planar import AxisReach, planar_columns, planar_machine
 from crane_model.terms.term import Family, Parameter, Setting
 
 
@@ -67,9 +67,9 @@ class SwingingLoad(MemoryTerm):
         swing = relative_acceleration(states, carrier, self.frequency, self.damping)
         columns[:, at, 0] = swing[:, np.newaxis] * tip.gradient
 
-    def _tip(self, record: Record, setting: Setting) -> Reach:
+    def _tip(self, record: Record, setting: Setting) -> AxisReach:
         machine = planar_machine(self, setting)
-        return Reach.of(machine, machine.denavit_hartenberg.telescope_length, record)
+        return AxisReach.of(machine, machine.denavit_hartenberg.telescope_length, record)
 
     def _tip_velocity(self, record: Record, setting: Setting) -> Array:
         velocity = record.velocity[:, planar_columns(record)]

@@ -99,7 +99,7 @@ class Edges(Schema):
     b_tank: Positive = 1.0
 
 
-class Valve(Schema):
+class StandInValve(Schema):
     """A servo valve: second-order spool, overlap, four metering edges."""
 
     rated_flow: Positive  # m3/s, fully open
@@ -155,7 +155,7 @@ class StandIn(Schema):
     bodies: CraneBodies
     friction: PerJoint[CoulombViscous]
     dynamic_friction: PerJoint[Bristles] | None = None
-    valves: PerJoint[Valve]
+    valves: PerJoint[StandInValve]
     cylinders: PerJoint[CylinderInside]
     oil: Oil
     supply: Supply

@@ -46,7 +46,7 @@ class States:
 
 
 @dataclass(frozen=True)
-class Truth(States):
+class TrueStates(States):
     """What no real machine shows, at the n instants of a recording; k effects are hidden."""
 
     hidden_force: np.ndarray  # (k, n, 4) N m, N
@@ -54,7 +54,7 @@ class Truth(States):
 
 
 @dataclass(frozen=True)
-class Recording:
+class SimulatedRecording:
     """n cycles of the controller; (n, 4) in the order of JOINTS."""
 
     time: np.ndarray  # (n,) s since the machine was started, when the sensors were read
@@ -64,12 +64,12 @@ class Recording:
     cylinders: tuple[str, ...]  # the columns of `pressures`
     command: np.ndarray  # (n, 4) -1..1
     reference: Reference
-    truth: Truth
+    truth: TrueStates
 
 
 def record(
     motion: Course, plant: Plant, sensors: Sensors, gains: Gains, progress: Progress = iter
-) -> Recording:
+) -> SimulatedRecording:
     """Lead the plant, which rests where the motion starts, through the motion and to rest again.
 
     Each cycle reads the sensors, filters the velocity and commands the valves (36); the valves stay
@@ -102,7 +102,7 @@ def record(
                 arrays, position[k], velocity[k], reference.position[k], reference.velocity[k]
             )
         commands[k] = u
-    return Recording(
+    return SimulatedRecording(
         time=times,
         position=position,
         velocity=velocity,
@@ -110,5 +110,5 @@ def record(
         cylinders=sensors.cylinders,
         command=commands,
         reference=reference,
-        truth=Truth(times, q, v, a, p_a, p_b, force, flow),
+        truth=TrueStates(times, q, v, a, p_a, p_b, force, flow),
     )
