@@ -32,7 +32,12 @@ def cylinder_geometry(machine: Machine, joint: str, q: Array) -> tuple[Array, Ar
 
 
 def cylinder_length(machine: Machine, joint: str, q: Array) -> Array:
-    """x(q) [m] of (20), (24); same shape as q."""
+    """x(q) [m] of (20), (24); same shape as q.
+
+    >>> from crane_model import load_machine
+    >>> cylinder_length(load_machine(), "inner_boom", np.array([0.0, 0.5])).round(3)
+    array([0.76 , 0.894])
+    """
     return cylinder_geometry(machine, joint, q)[0]
 
 

@@ -214,7 +214,17 @@ def inverse_dynamics(
     v: Array,
     acceleration: Array,
 ) -> Array:
-    """tau of (6) by M, C and G, each (n, 3): the other way round from the regressor (8)."""
+    """tau of (6) by M, C and G, each (n, 3): the other way round from the regressor (8).
+
+    A mass at the elbow alone, of moment 100 kg m about joint 2, level and at rest:
+
+    >>> from crane_model import load_machine
+    >>> geometry, rest = Geometry.of(load_machine()), np.zeros((1, 3))
+    >>> level = np.array([[-geometry.theta_2_0, 0.0, 0.0]])
+    >>> moment = np.array([0.0, 100.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0])
+    >>> inverse_dynamics(geometry, moment, level, rest, rest).round(1)
+    array([[981.,   0.,   0.]])
+    """
     tau: Array = (
         np.einsum("nij,nj->ni", mass_matrix(geometry, parameters, q), acceleration)
         + np.einsum("nij,nj->ni", coriolis_matrix(geometry, parameters, q, v), v)

@@ -1,12 +1,13 @@
 """Forward kinematics (1)-(2) of all four joints and the tip's Jacobian, vectorised over samples."""
 
 import numpy as np
+from numpy.typing import ArrayLike
 
 from crane_model.array import Array
 from crane_model.machine import Machine
 
 
-def link_transforms(machine: Machine, q: Array) -> Array:
+def link_transforms(machine: Machine, q: ArrayLike) -> Array:
     """(n, 4) generalized coordinates to (n, 4, 4, 4): T_1^0 ... T_4^0, products of (1)."""
     q = np.atleast_2d(np.asarray(q, dtype=float))
     table = machine.denavit_hartenberg.table
@@ -21,17 +22,24 @@ def link_transforms(machine: Machine, q: Array) -> Array:
     return transforms
 
 
-def forward_kinematics(machine: Machine, q: Array) -> Array:
+def forward_kinematics(machine: Machine, q: ArrayLike) -> Array:
     """(n, 4) generalized coordinates to (n, 4, 4): T_4^0 (2)."""
     return link_transforms(machine, q)[:, 3]
 
 
-def tip_position(machine: Machine, q: Array) -> Array:
-    """(n, 4) generalized coordinates to (n, 3): boom tip in the base frame (2) [m]."""
+def tip_position(machine: Machine, q: ArrayLike) -> Array:
+    """(n, 4) generalized coordinates to (n, 3): boom tip in the base frame (2) [m].
+
+    >>> from crane_model import load_machine
+    >>> pose = [[0.0, 0.3, -0.5, 0.2]]  # slew, inner and outer boom [rad], telescope [m]
+    >>> distance, across, height = tip_position(load_machine(), pose)[0]
+    >>> print(f"{distance:.3f} m from the slew axis, {height:.3f} m high")
+    3.272 m from the slew axis, 2.474 m high
+    """
     return forward_kinematics(machine, q)[:, :3, 3]
 
 
-def tip_jacobian(machine: Machine, q: Array) -> Array:
+def tip_jacobian(machine: Machine, q: ArrayLike) -> Array:
     """(n, 4) generalized coordinates to (n, 3, 4): d tip / d q [m/rad; 1 for the telescope]."""
     transforms = link_transforms(machine, q)
     n = len(transforms)

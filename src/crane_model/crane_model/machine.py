@@ -246,5 +246,9 @@ class Machine(Schema):
 
 
 def load_machine(path: Path | str | None = None) -> Machine:
-    """The machine in `path`, by default the laboratory crane; `ConfigurationError` if wrong."""
+    """The machine in `path`, by default the laboratory crane; `ConfigurationError` if wrong.
+
+    >>> load_machine().limits["telescope"].position_max  # m
+    1.55
+    """
     return load(path or packaged("crane_model", "laboratory_crane.yaml"), Machine)

@@ -177,6 +177,13 @@ def load_model(path: Path | str) -> Model:
 
     `machine` is a machine file beside the model file, the machine itself, `laboratory_crane` for
     the one that ships with the suite, or absent for a machine without linkages.
+
+    >>> from crane_model.configuration import packaged
+    >>> model = load_model(packaged("crane_model", "crane_model.yaml"))
+    >>> model.joints
+    ('inner_boom', 'outer_boom', 'telescope')
+    >>> len(model.parameters), model.parameters[6].name
+    (20, 'm_TL')
     """
     path = Path(path)
     content = load(path, _ModelFile)
@@ -210,6 +217,12 @@ def save_model(path: Path | str, model: Model) -> None:
     """Write a model file that `load_model` reads back; it carries its machine with it.
 
     `ConfigurationError` if a value or standard deviation is not finite.
+
+    >>> from crane_model.terms.single_axis import Inertia
+    >>> axis = Model("axis", Setting({"axis": "rad"}, None), (Inertia(joint="axis"),))
+    >>> save_model("axis.yaml", axis.with_estimate(np.array([2.5]), np.array([0.1]), "by hand"))
+    >>> load_model("axis.yaml").theta
+    array([2.5])
     """
     estimate = None
     if model.values is not None and model.std_devs is not None:

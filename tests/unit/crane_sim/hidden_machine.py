@@ -8,12 +8,12 @@ from crane_model.machine import JOINTS, Machine
 from crane_sim.effects.form import Planted
 from crane_sim.effects.forms import FORMS
 from crane_sim.effects.kernel import act, settle
-from crane_sim.effects.working import HiddenLaws, packed
+from crane_sim.effects.working import Hidden, packed
 from crane_sim.parts.constants import Constants, pack
 from crane_sim.parts.cylinders import set_lengths_and_levers
 from crane_sim.parts.parameters import StandIn
 from crane_sim.parts.rigid_bodies import mass_and_bias
-from crane_sim.parts.state import ACTUATOR, PlantState, Scratch
+from crane_sim.parts.state import ACTUATOR, Scratch, State
 
 STEP = 2e-4  # s
 
@@ -30,8 +30,8 @@ class Rig(NamedTuple):
     """One instant of a machine with hidden effects."""
 
     constants: Constants
-    hidden: HiddenLaws
-    state: PlantState
+    hidden: Hidden
+    state: State
     scratch: Scratch
 
     def put(self, q: np.ndarray, v: np.ndarray, drive: np.ndarray | None = None) -> None:
@@ -59,7 +59,7 @@ def rig(stand_in: StandIn, machine: Machine, *effects: Planted) -> Rig:
     constants = pack(stand_in, machine)
     actuators = np.zeros(len(JOINTS), np.dtype([(name, float) for name in ACTUATOR]))
     actuators["p_a"], actuators["p_b"] = [4e6, 6e6, 5e6, 3e6], [3e6, 2e6, 4e6, 5e6]
-    state = PlantState(
+    state = State(
         q=np.zeros(4),
         v=np.zeros(4),
         mode=np.zeros(4, dtype=np.int64),

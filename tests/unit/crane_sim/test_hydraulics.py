@@ -8,7 +8,7 @@ from hypothesis import strategies as st
 from crane_model.machine import Machine
 from crane_sim.parts.constants import pack
 from crane_sim.parts.hydraulics import (
-    OilConstants,
+    Oil,
     chamber_step,
     conductances,
     opening,
@@ -25,7 +25,7 @@ drops = st.floats(-3e7, 3e7)
 
 
 @pytest.fixture(scope="module")
-def oil(machine: Machine, stand_in: StandIn) -> OilConstants:
+def oil(machine: Machine, stand_in: StandIn) -> Oil:
     """The oil of the stand-in machine."""
     return pack(stand_in, machine).oil
 
@@ -75,7 +75,7 @@ def test_orifice_is_turbulent_far_from_zero_and_its_slope_is_its_derivative(drop
     assert slope == pytest.approx((ahead - behind) / (2 * step), rel=1e-6)
 
 
-def test_oil_flows_down_the_pressure(oil: OilConstants) -> None:
+def test_oil_flows_down_the_pressure(oil: Oil) -> None:
     """From supply into a chamber below it, from a chamber above tank to tank; not backwards."""
     supply = 17.5e6
     assert port_flow(oil, 1e-7, supply, 5e6)[0] > 0.0
@@ -91,7 +91,7 @@ def test_oil_flows_down_the_pressure(oil: OilConstants) -> None:
     p_other=st.floats(1e6, 1.5e7),
 )
 def test_oil_that_flows_in_fills_is_compressed_or_leaks(
-    oil: OilConstants, flow: float, growth: float, p: float, p_other: float
+    oil: Oil, flow: float, growth: float, p: float, p_other: float
 ) -> None:
     """Mass balance of a step: in = volume change + compression + leakage at the new pressure."""
     volume, leakage, step = 1e-3, 2e-13, 2e-4
@@ -115,7 +115,7 @@ def test_dead_zone_and_stroke_of_the_spool(machine: Machine, stand_in: StandIn) 
             assert position == pytest.approx(valve["sense"] * min(command, 1.0), abs=1e-6)
 
 
-def test_pump_is_limited_and_relief_opens(oil: OilConstants) -> None:
+def test_pump_is_limited_and_relief_opens(oil: Oil) -> None:
     """No delivery at the set pressure, all of it below the droop; relief only above its limit."""
     assert pump_flow(oil, oil.set_pressure) == 0.0
     assert pump_flow(oil, oil.set_pressure - 2 * oil.droop) == oil.pump_flow

@@ -12,7 +12,7 @@ import numpy as np
 from numba import njit
 
 from crane_sim.effects.form import Draw, Form, Magnitude
-from crane_sim.effects.working import LOADS, HiddenLaws
+from crane_sim.effects.working import LOADS, Hidden
 from crane_sim.parts.rigid_bodies import Chain, mass_and_bias
 
 TWO_MODES = LOADS + 50
@@ -23,7 +23,7 @@ PASSES = 50  # in which a boom sags to where its springs hold it
 
 
 @njit(cache=True, error_model="numpy")
-def carry(hidden: HiddenLaws, k: int, chain: Chain, q: np.ndarray, v: np.ndarray) -> None:
+def carry(hidden: Hidden, k: int, chain: Chain, q: np.ndarray, v: np.ndarray) -> None:
     """Fill inertia and bias of what rides on the springs, less those of the same parts unbent.
 
     e'' is eliminated, so that no step is too long for the light rest that does not bend.
@@ -50,7 +50,7 @@ def carry(hidden: HiddenLaws, k: int, chain: Chain, q: np.ndarray, v: np.ndarray
 
 @njit(cache=True, error_model="numpy")
 def bend(
-    hidden: HiddenLaws, k: int, chain: Chain, q: np.ndarray, v: np.ndarray,
+    hidden: Hidden, k: int, chain: Chain, q: np.ndarray, v: np.ndarray,
     change: np.ndarray, step: float,
 ) -> None:  # fmt: skip
     """Modes after a step from q, v that changed the velocities by `change` (4,); symplectic."""
@@ -67,7 +67,7 @@ def bend(
 
 @njit(cache=True, error_model="numpy")
 def _bent(
-    hidden: HiddenLaws, k: int, mode: int, chain: Chain, q: np.ndarray, v: np.ndarray,
+    hidden: Hidden, k: int, mode: int, chain: Chain, q: np.ndarray, v: np.ndarray,
     mass: np.ndarray, bias: np.ndarray,
 ) -> None:  # fmt: skip
     """M and h of (6) where the mode has bent the crane."""
@@ -79,7 +79,7 @@ def _bent(
 
 
 @njit(cache=True, error_model="numpy")
-def _spring(hidden: HiddenLaws, k: int, mode: int) -> float:
+def _spring(hidden: Hidden, k: int, mode: int) -> float:
     """k e + d e' of a mode that carried all of the inertia [N m, N]."""
     memory = hidden.memory[k]
     omega = 2.0 * math.pi * hidden.value[k, 1] * MODES[mode][0]
@@ -88,7 +88,7 @@ def _spring(hidden: HiddenLaws, k: int, mode: int) -> float:
 
 
 @njit(cache=True, error_model="numpy")
-def _sag(hidden: HiddenLaws, k: int, chain: Chain, q: np.ndarray) -> None:
+def _sag(hidden: Hidden, k: int, chain: Chain, q: np.ndarray) -> None:
     """The inertia that sets the springs, and where they hold the crane at rest."""
     memory, i = hidden.memory[k], hidden.joint[k]
     still, mass, bias = np.zeros(4), np.empty((4, 4)), np.empty(4)

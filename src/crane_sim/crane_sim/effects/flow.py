@@ -8,10 +8,10 @@ import math
 from numba import njit
 
 from crane_sim.effects.form import Draw, Form, Magnitude
-from crane_sim.effects.working import FLOW, LEAKS, SOFTNESS, HiddenLaws
+from crane_sim.effects.working import FLOW, LEAKS, SOFTNESS, Hidden
 from crane_sim.parts.constants import Constants
 from crane_sim.parts.hydraulics import conductances, opening, port_flow
-from crane_sim.parts.state import PlantState
+from crane_sim.parts.state import State
 
 SOFT_OVERLAP, PLAY, TWO_GAINS = range(FLOW, FLOW + 3)
 ORIFICE_LEAK = LEAKS
@@ -24,7 +24,7 @@ LAMINAR = 5e5  # Pa, below it a leak is laminar
 
 
 @njit(cache=True, error_model="numpy")
-def meter(hidden: HiddenLaws, constants: Constants, state: PlantState, i: int) -> float:
+def meter(hidden: Hidden, constants: Constants, state: State, i: int) -> float:
     """Metering opening -1..1 of the valve of joint i; notes what the effects change in its flow."""
     valve, actuator = constants.valves[i], state.actuators[i]
     spool = actuator.spool - valve.null
@@ -58,7 +58,7 @@ def _past(x: float, band: float, corner: float) -> float:
 
 
 @njit(cache=True, error_model="numpy")
-def leak(hidden: HiddenLaws, constants: Constants, state: PlantState, i: int) -> float:
+def leak(hidden: Hidden, constants: Constants, state: State, i: int) -> float:
     """Conductance past the piston of joint i [m3/s/Pa]; notes the flow of the effects."""
     total = constants.cylinders[i].leakage
     drop = state.actuators[i].p_a - state.actuators[i].p_b
@@ -73,7 +73,7 @@ def leak(hidden: HiddenLaws, constants: Constants, state: PlantState, i: int) ->
 
 
 @njit(cache=True, error_model="numpy")
-def softness(hidden: HiddenLaws, constants: Constants, i: int, pressure: float) -> float:
+def softness(hidden: Hidden, constants: Constants, i: int, pressure: float) -> float:
     """How much softer a chamber of joint i is than with the oil alone: a factor of at least 1."""
     total = 1.0
     for k in range(len(hidden.law)):
@@ -84,7 +84,7 @@ def softness(hidden: HiddenLaws, constants: Constants, i: int, pressure: float) 
 
 @njit(cache=True, error_model="numpy")
 def note_softness(
-    hidden: HiddenLaws, constants: Constants, i: int, pressure: float, volume: float, rate: float
+    hidden: Hidden, constants: Constants, i: int, pressure: float, volume: float, rate: float
 ) -> None:
     """Flow into a chamber A of `volume` [m3] whose pressure rises at `rate` [Pa/s]."""
     for k in range(len(hidden.law)):
@@ -94,7 +94,7 @@ def note_softness(
 
 
 @njit(cache=True, error_model="numpy")
-def _compliance(hidden: HiddenLaws, k: int, constants: Constants, pressure: float) -> float:
+def _compliance(hidden: Hidden, k: int, constants: Constants, pressure: float) -> float:
     """Beyond that of the oil, in units of it."""
     size = hidden.value[k, 0]
     if hidden.law[k] == HOSE_WALL:  # stretches less under pressure

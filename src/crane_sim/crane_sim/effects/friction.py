@@ -10,10 +10,10 @@ import numpy as np
 from numba import njit
 
 from crane_sim.effects.form import Draw, Form, Magnitude, coulomb
-from crane_sim.effects.working import FRICTION, HiddenLaws
+from crane_sim.effects.working import FRICTION, Hidden
 from crane_sim.parts.constants import Constants
 from crane_sim.parts.rigid_bodies import GRIPPER, TELESCOPE, Chain
-from crane_sim.parts.state import PlantState, Scratch
+from crane_sim.parts.state import Scratch, State
 
 (
     LORENTZ, SECH, ROUNDED_LOAD, WEIGHT, LIP, OVERHANG, WORN_ZONE, TWO_ZONES, TRIANGLE, RECTIFIED,
@@ -27,11 +27,11 @@ OVERLAP = 1.95  # m between the pads at q4 = 0
 
 @njit(cache=True, error_model="numpy")
 def level(
-    hidden: HiddenLaws,
+    hidden: Hidden,
     k: int,
     i: int,
     constants: Constants,
-    state: PlantState,
+    state: State,
     scratch: Scratch,
     step: float,
 ) -> float:

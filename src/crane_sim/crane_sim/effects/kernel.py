@@ -7,15 +7,13 @@ import numpy as np
 from numba import njit
 
 from crane_sim.effects import bending, friction, loads, memory, pushes
-from crane_sim.effects.working import FLOW, FRICTION, LOADS, MEMORY, PUSHES, HiddenLaws
+from crane_sim.effects.working import FLOW, FRICTION, LOADS, MEMORY, PUSHES, Hidden
 from crane_sim.parts.constants import Constants
-from crane_sim.parts.state import PlantState, Scratch
+from crane_sim.parts.state import Scratch, State
 
 
 @njit(cache=True, error_model="numpy")
-def act(
-    hidden: HiddenLaws, constants: Constants, state: PlantState, scratch: Scratch, step: float
-) -> None:
+def act(hidden: Hidden, constants: Constants, state: State, scratch: Scratch, step: float) -> None:
     """Add to mass, bias, forces and friction of `scratch`; its friction is that of the machine."""
     for i in range(4):
         scratch.law[i] = constants.friction[i]
@@ -42,12 +40,7 @@ def act(
 
 @njit(cache=True, error_model="numpy")
 def _raise(
-    hidden: HiddenLaws,
-    k: int,
-    constants: Constants,
-    state: PlantState,
-    scratch: Scratch,
-    step: float,
+    hidden: Hidden, k: int, constants: Constants, state: State, scratch: Scratch, step: float
 ) -> float:
     """Coulomb friction of effect k [N m, N]; what is left of that of the joint stays above 0."""
     i = hidden.joint[k]
@@ -60,7 +53,7 @@ def _raise(
 
 
 @njit(cache=True, error_model="numpy")
-def _resist(hidden: HiddenLaws, k: int, state: PlantState, scratch: Scratch, step: float) -> float:
+def _resist(hidden: Hidden, k: int, state: State, scratch: Scratch, step: float) -> float:
     """Let effect k resist; what of it deviates from the model of (13) [N m, N]."""
     i, law = hidden.joint[k], hidden.law[k]
     v = scratch.before[i]
@@ -81,7 +74,7 @@ def _resist(hidden: HiddenLaws, k: int, state: PlantState, scratch: Scratch, ste
 
 @njit(cache=True, error_model="numpy")
 def settle(
-    hidden: HiddenLaws, constants: Constants, state: PlantState, scratch: Scratch, step: float
+    hidden: Hidden, constants: Constants, state: State, scratch: Scratch, step: float
 ) -> None:
     """Note what each effect asked of the drives in this step, and advance what follows from it."""
     change = scratch.impulse  # it has done its work in this step

@@ -7,10 +7,10 @@ from numba import njit
 
 from crane_model.linkages import inner_boom, outer_boom
 from crane_sim.effects.form import Draw, Form, Magnitude
-from crane_sim.effects.working import LOADS, HiddenLaws
+from crane_sim.effects.working import LOADS, Hidden
 from crane_sim.parts.constants import Constants
 from crane_sim.parts.rigid_bodies import GRIPPER, INNER_BOOM, OUTER_BOOM, Chain, mass_and_bias
-from crane_sim.parts.state import PlantState
+from crane_sim.parts.state import State
 
 BODY_AT_TIP, TILTED, HOSE, ROD, PENDULUM, GUSTS, CENTRIFUGAL = range(LOADS, LOADS + 7)
 
@@ -18,7 +18,7 @@ GUST = ((0.11, 1.0), (0.23, 0.8), (0.41, 0.6), (0.67, 0.5), (1.03, 0.35), (1.57,
 
 
 @njit(cache=True, error_model="numpy")
-def carry(hidden: HiddenLaws, k: int, constants: Constants, state: PlantState) -> None:
+def carry(hidden: Hidden, k: int, constants: Constants, state: State) -> None:
     """Fill inertia and bias that effect k adds at this instant."""
     law, value = hidden.law[k], hidden.value[k]
     mass, bias = hidden.mass[k], hidden.bias[k]
@@ -171,7 +171,7 @@ def _lever_and_slope(constants: Constants, i: int, q: np.ndarray) -> tuple[float
 
 
 @njit(cache=True, error_model="numpy")
-def _add_swing(hidden: HiddenLaws, k: int, chain: Chain, q: np.ndarray, bias: np.ndarray) -> None:
+def _add_swing(hidden: Hidden, k: int, chain: Chain, q: np.ndarray, bias: np.ndarray) -> None:
     """Force of the load's motion relative to the tip, as it was in the last step.
 
     memory: angle and rate of the pendulum, acceleration outward and upward relative to the tip.
@@ -184,7 +184,7 @@ def _add_swing(hidden: HiddenLaws, k: int, chain: Chain, q: np.ndarray, bias: np
 
 @njit(cache=True, error_model="numpy")
 def swing(
-    hidden: HiddenLaws, k: int, chain: Chain, q: np.ndarray, change: np.ndarray, step: float
+    hidden: Hidden, k: int, chain: Chain, q: np.ndarray, change: np.ndarray, step: float
 ) -> None:
     """A plane pendulum under the tip after a step that changed the velocities by `change` (4,).
 

@@ -6,7 +6,7 @@ import numpy as np
 from numba import njit
 
 from crane_sim.effects.form import Draw, Form, Magnitude, coulomb
-from crane_sim.effects.working import MEMORY, HiddenLaws
+from crane_sim.effects.working import MEMORY, Hidden
 from crane_sim.parts.state import Scratch
 
 BRISTLES, BOUC_WEN, SLIP_BLOCKS, PIN_PLAY = range(MEMORY, MEMORY + 4)
@@ -29,7 +29,7 @@ def replaced(value: np.ndarray, scratch: Scratch, i: int) -> tuple[float, float]
 
 
 @njit(cache=True, error_model="numpy")
-def presliding(hidden: HiddenLaws, k: int, v: float, step: float) -> float:
+def presliding(hidden: Hidden, k: int, v: float, step: float) -> float:
     """Share -1..1 of the friction that has built up over the displacement; advances the memory."""
     law, value, memory = hidden.law[k], hidden.value[k], hidden.memory[k]
     travel, way = value[0], step * v
@@ -53,7 +53,7 @@ def presliding(hidden: HiddenLaws, k: int, v: float, step: float) -> float:
 
 
 @njit(cache=True, error_model="numpy")
-def play(hidden: HiddenLaws, k: int, load: float, q: float) -> float:
+def play(hidden: Hidden, k: int, load: float, q: float) -> float:
     """Force [N m, N] that the drive lacks until a pin that changed sides is seated, smoothly.
 
     memory: side of the load, where the joint stood when it changed. The load must exceed a small

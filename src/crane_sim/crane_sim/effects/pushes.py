@@ -5,8 +5,8 @@ import math
 from numba import njit
 
 from crane_sim.effects.form import Draw, Form, Magnitude, coulomb, viscous
-from crane_sim.effects.working import PUSHES, HiddenLaws
-from crane_sim.parts.state import PlantState
+from crane_sim.effects.working import PUSHES, Hidden
+from crane_sim.parts.state import State
 
 (
     POWER_LAW, ROUNDED_SQUARE, SOFTENING, CORD, VISCOSITY, BUFFER, OVER_CENTRE, COGGING,
@@ -14,7 +14,7 @@ from crane_sim.parts.state import PlantState
 
 
 @njit(cache=True, error_model="numpy")
-def push(hidden: HiddenLaws, k: int, i: int, state: PlantState) -> float:
+def push(hidden: Hidden, k: int, i: int, state: State) -> float:
     """Force [N m, N] with which effect k resists at joint i."""
     law, value = hidden.law[k], hidden.value[k]
     size = value[0]

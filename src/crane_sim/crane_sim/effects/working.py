@@ -14,7 +14,7 @@ FRICTION, PUSHES, MEMORY, LOADS, FLOW, LEAKS, SOFTNESS, END = range(0, 800, 100)
 VALUES = MEMORIES = 8
 
 
-class HiddenLaws(NamedTuple):
+class Hidden(NamedTuple):
     """k effects; arrays begin with k, an axis of 4 follows JOINTS."""
 
     law: np.ndarray  # int
@@ -32,7 +32,7 @@ class HiddenLaws(NamedTuple):
     flows: bool  # whether any of them acts in the flow
 
 
-def packed(planted: Sequence[Planted], machine: Machine, running: float = 0.0) -> HiddenLaws | None:
+def packed(planted: Sequence[Planted], machine: Machine, running: float = 0.0) -> Hidden | None:
     """Effects that act in the plant, `running` [s] after it was started; None if there is none.
 
     Faults of sensors are left out. Raises ValueError for a law whose number is in no range.
@@ -56,7 +56,7 @@ def packed(planted: Sequence[Planted], machine: Machine, running: float = 0.0) -
             limits = machine.limits[effect.joint]
             middle[k] = (limits.position_max + limits.position_min) / 2.0
             half[k] = (limits.position_max - limits.position_min) / 2.0
-    return HiddenLaws(
+    return Hidden(
         law=np.array(laws, dtype=np.int64),
         joint=np.array(
             [-1 if effect.joint is None else JOINTS.index(effect.joint) for effect in inside],

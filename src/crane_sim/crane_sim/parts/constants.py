@@ -9,7 +9,7 @@ from crane_model.cylinders import lever_arm
 from crane_model.machine import JOINTS, Machine
 from crane_sim.parts.cylinders import CYLINDER, Linkages
 from crane_sim.parts.friction import BRISTLES, LAW
-from crane_sim.parts.hydraulics import EDGES, VALVE, OilConstants
+from crane_sim.parts.hydraulics import EDGES, VALVE, Oil
 from crane_sim.parts.parameters import StandIn
 from crane_sim.parts.rigid_bodies import BODY, Chain
 
@@ -19,7 +19,7 @@ class Constants(NamedTuple):
 
     chain: Chain
     linkages: Linkages
-    oil: OilConstants
+    oil: Oil
     cylinders: np.ndarray  # fields CYLINDER
     valves: np.ndarray  # fields VALVE
     friction: np.ndarray  # fields LAW and BRISTLES
@@ -141,9 +141,9 @@ def _pack_valves(parameters: StandIn, machine: Machine) -> np.ndarray:
     )
 
 
-def _pack_oil(parameters: StandIn, machine: Machine) -> OilConstants:
+def _pack_oil(parameters: StandIn, machine: Machine) -> Oil:
     hydraulics, supply = machine.hydraulics, parameters.supply
-    return OilConstants(
+    return Oil(
         bulk_modulus=parameters.oil.bulk_modulus,
         laminar_drop=parameters.oil.laminar_drop,
         check_valve_gain=supply.check_valve_gain,

@@ -19,7 +19,7 @@ dead_zone [strokes] to either side of `null` [strokes]; of each edge the gain, f
 [m3/s/sqrt(Pa)]."""
 
 
-class OilConstants(NamedTuple):
+class Oil(NamedTuple):
     """The oil, and the supply line that all valves share."""
 
     bulk_modulus: float  # Pa
@@ -83,9 +83,7 @@ def signed_root(drop: float, laminar: float) -> tuple[float, float]:
 
 
 @njit(cache=True, error_model="numpy")
-def port_flow(
-    oil: OilConstants, conductance: float, p_supply: float, p: float
-) -> tuple[float, float]:
+def port_flow(oil: Oil, conductance: float, p_supply: float, p: float) -> tuple[float, float]:
     """Flow into a chamber through its metering edge, and its derivative to the chamber pressure.
 
     `conductance` [m3/s/sqrt(Pa)] is gain times opening: positive to supply, negative to tank.
@@ -97,7 +95,7 @@ def port_flow(
 
 @njit(cache=True, error_model="numpy")
 def chamber_step(
-    oil: OilConstants,
+    oil: Oil,
     p: float,
     p_other: float,
     flow: float,
@@ -124,12 +122,12 @@ def chamber_step(
 
 
 @njit(cache=True, error_model="numpy")
-def pump_flow(oil: OilConstants, p_supply: float) -> float:
+def pump_flow(oil: Oil, p_supply: float) -> float:
     """Delivery of the pressure-controlled pump, from none to all it can."""
     return oil.pump_flow * min(max((oil.set_pressure - p_supply) / oil.droop, 0.0), 1.0)
 
 
 @njit(cache=True, error_model="numpy")
-def relief_flow(oil: OilConstants, p_supply: float) -> float:
+def relief_flow(oil: Oil, p_supply: float) -> float:
     """Flow that the relief valve returns to tank."""
     return oil.relief_gain * max(p_supply - oil.relief_pressure, 0.0)

@@ -8,7 +8,7 @@ ACTUATOR = ("length", "lever", "spool", "spool_rate", "p_a", "p_b")
 """Fields of an actuator's record: cylinder m, dx/dq; spool -1..1 (positive extends), 1/s; Pa."""
 
 
-class PlantState(NamedTuple):
+class State(NamedTuple):
     """All that changes; arrays (4,) in the order of JOINTS, but `supply` (1,)."""
 
     q: np.ndarray  # rad, m

@@ -14,7 +14,7 @@ from crane_sim.parts.constants import pack
 from crane_sim.parts.cylinders import set_lengths_and_levers
 from crane_sim.parts.parameters import StandIn
 from crane_sim.parts.rigid_bodies import mass_and_bias
-from crane_sim.parts.state import ACTUATOR, PlantState, Scratch
+from crane_sim.parts.state import ACTUATOR, Scratch, State
 from crane_sim.plant.stepping import advance
 
 
@@ -129,11 +129,11 @@ class Plant:
         """Pressure of the supply line [Pa]."""
         return float(self._state.supply[0])
 
-    def _at_rest(self, q: np.ndarray) -> PlantState:
+    def _at_rest(self, q: np.ndarray) -> State:
         constants, scratch = self._constants, self._scratch
         actuators = np.zeros(len(JOINTS), np.dtype([(name, float) for name in ACTUATOR]))
         set_lengths_and_levers(constants.linkages, q, actuators)
-        state = PlantState(
+        state = State(
             q=q,
             v=np.zeros(4),
             mode=np.zeros(4, dtype=np.int64),

@@ -5,7 +5,7 @@ from numba import njit
 
 from crane_sim.effects.flow import leak, meter, note_softness, softness
 from crane_sim.effects.kernel import act, settle
-from crane_sim.effects.working import HiddenLaws
+from crane_sim.effects.working import Hidden
 from crane_sim.parts.constants import Constants
 from crane_sim.parts.cylinders import set_lengths_and_levers, stop_force
 from crane_sim.parts.friction import step_lugre, step_set_valued
@@ -19,11 +19,11 @@ from crane_sim.parts.hydraulics import (
     spool_step,
 )
 from crane_sim.parts.rigid_bodies import mass_and_bias
-from crane_sim.parts.state import PlantState, Scratch
+from crane_sim.parts.state import Scratch, State
 
 
 @njit(cache=True, error_model="numpy")
-def _generalized_forces(constants: Constants, state: PlantState, force: np.ndarray) -> None:
+def _generalized_forces(constants: Constants, state: State, force: np.ndarray) -> None:
     """What drives the joints, friction and inertia apart: (4,) N m, N.
 
     What hidden effects add to it, and to the bodies and the friction, is in `hidden.kernel`.
@@ -37,11 +37,7 @@ def _generalized_forces(constants: Constants, state: PlantState, force: np.ndarr
 
 @njit(cache=True, error_model="numpy")
 def _move(
-    constants: Constants,
-    hidden: HiddenLaws | None,
-    state: PlantState,
-    scratch: Scratch,
-    step: float,
+    constants: Constants, hidden: Hidden | None, state: State, scratch: Scratch, step: float
 ) -> None:
     """Velocities from the forces (6), then positions and cylinders from the new velocities."""
     mass_and_bias(constants.chain, state.q, state.v, scratch.mass, scratch.bias)
@@ -79,11 +75,7 @@ def _move(
 
 @njit(cache=True, error_model="numpy")
 def _fill(
-    constants: Constants,
-    hidden: HiddenLaws | None,
-    state: PlantState,
-    growth: np.ndarray,
-    step: float,
+    constants: Constants, hidden: Hidden | None, state: State, growth: np.ndarray, step: float
 ) -> None:
     """Chamber and supply pressures from valve openings and piston speeds `growth` (4,)."""
     oil, supply = constants.oil, state.supply[0]
@@ -125,8 +117,8 @@ def _fill(
 @njit(cache=True, error_model="numpy")
 def advance(
     constants: Constants,
-    hidden: HiddenLaws | None,
-    state: PlantState,
+    hidden: Hidden | None,
+    state: State,
     scratch: Scratch,
     command: np.ndarray,
     step: float,
