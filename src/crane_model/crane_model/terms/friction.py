@@ -52,11 +52,11 @@ class CoulombAsymmetry(JointTerm):
     asymmetry_of: ClassVar[str | None] = "coulomb"
 
     def column(self, record: Record, j: int) -> Array:
-        """1."""
+        """1, whatever the motion: (n,)."""
         return np.ones(len(record))
 
     def slopes(self, record: Record, j: int, steepness: Array) -> Array:
-        """0."""
+        """0: it does not follow the motion."""
         return _by_velocity(np.zeros(len(record)))
 
     def parameter(self, coordinate: str, force: str) -> Parameter:

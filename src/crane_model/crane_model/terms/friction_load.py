@@ -64,7 +64,7 @@ class SealFriction(OneJointTerm):
         )
 
     def joint_columns(self, record: Record, setting: Setting, j: int) -> Array:
-        """(n, 2)."""
+        """|F_A| sgn(q') and |F_B| sgn(q'), of the two chambers: (n, 2)."""
         forces = np.abs(chamber_forces(self, record, setting, self.joint))
         return record.direction[:, j, np.newaxis] * forces
 
@@ -99,7 +99,7 @@ class PadFriction(OneJointTerm):
         )
 
     def joint_columns(self, record: Record, setting: Setting, j: int) -> Array:
-        """(n, 2)."""
+        """g |cos psi| sgn(q') and q4 times that: (n, 2)."""
         machine = planar_machine(self, setting)
         _, psi, extension = BoomDirections.of(machine, record)
         pressed = record.direction[:, j] * machine.gravity * np.abs(np.cos(psi))

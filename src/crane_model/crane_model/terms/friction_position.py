@@ -66,7 +66,7 @@ class CyclicFriction(OneJointTerm):
         )
 
     def joint_columns(self, record: Record, setting: Setting, j: int) -> Array:
-        """(n, 2)."""
+        """sin(wave q) sgn(q') and cos(wave q) sgn(q'): (n, 2)."""
         phase = self.wave * record.position[:, j]
         waves = np.stack([np.sin(phase), np.cos(phase)], axis=1)
         columns: Array = record.direction[:, j, np.newaxis] * waves

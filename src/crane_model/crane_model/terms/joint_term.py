@@ -21,7 +21,7 @@ class OneJointTerm(Term):
 
     @property
     def only_joint(self) -> str | None:
-        """Its joint."""
+        """The joint of its field."""
         return self.joint
 
     @abstractmethod

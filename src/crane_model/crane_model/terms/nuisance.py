@@ -38,7 +38,7 @@ class VelocityLag(OneJointTerm):
         )
 
     def joint_columns(self, record: Record, setting: Setting, j: int) -> Array:
-        """(n, 2)."""
+        """sech^2 times q'/speed and times q'': (n, 2)."""
         ratio = record.velocity[:, j] / self.speed
         near = 1.0 / np.cosh(np.minimum(np.abs(ratio), 300.0)) ** 2
         return np.stack([near * ratio, near * record.acceleration[:, j]], axis=1)

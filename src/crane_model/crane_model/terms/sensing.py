@@ -70,7 +70,7 @@ class PressureGain(JointTerm):
     )
 
     def column(self, record: Record, j: int) -> Array:
-        """tau."""
+        """tau as it was measured: (n,)."""
         return self.needed(record, "force")[:, j]
 
     def parameter(self, coordinate: str, force: str) -> Parameter:

@@ -69,9 +69,9 @@ class Offset(JointTerm):
     )
 
     def column(self, record: Record, j: int) -> Array:
-        """1."""
+        """1, whatever the motion: (n,)."""
         return np.ones(len(record))
 
     def parameter(self, coordinate: str, force: str) -> Parameter:
-        """The constant."""
+        """f_0, of either sign."""
         return Parameter("offset", force, None, "constant force")

@@ -23,7 +23,7 @@ def viscous(stand_in: StandIn, joint: str) -> float:
 
 
 def unscaled(stand_in: StandIn, joint: str) -> float:
-    """1."""
+    """In the unit of the parameter itself: a factor of 1."""
     return 1.0
 
 

@@ -102,7 +102,7 @@ class BothGains(BothTransducers):
     """Both transducers of a cylinder, or its piston areas, off by one factor."""
 
     def shown(self, time: np.ndarray, pressure: np.ndarray) -> np.ndarray:
-        """Scaled."""
+        """The pressure times 1 + gain."""
         (gain,) = self.values
         return pressure * (1.0 + gain)
 
@@ -131,7 +131,7 @@ class LaggingReadings(BothTransducers):
     """A narrow line before the transducers: first order, with the same delay at low frequency."""
 
     def shown(self, time: np.ndarray, pressure: np.ndarray) -> np.ndarray:
-        """From rest."""
+        """The pressure behind a first-order lag, settled at the first sample."""
         (lag,) = self.values
         return _lagging(time, np.ascontiguousarray(pressure), lag)
 
