@@ -160,7 +160,8 @@ class Experiment:
         """To the next stage, if this one has done its work."""
         if self.stage is Stage.SETTLING:
             # at most twice the position tolerance, where F_f crosses the dead zone in full
-            there = bool((np.abs(self.tracking_error) <= 2.0 * tuning.gains[:, 5]).all())
+            near = 2.0 * tuning.gains.position_tolerance
+            there = bool((np.abs(self.tracking_error) <= near).all())
             if (there and self._rested(now)) or now - self._entered > LONGEST_SETTLING:
                 self._release(now)
         elif self._clock.stopped or self._clock.time >= self.motion.duration:
@@ -196,4 +197,4 @@ class Experiment:
 
 def at_rest(velocity: np.ndarray, tuning: Tuning) -> bool:
     """Whether every joint is slower than its standstill speed; not if a velocity is not known."""
-    return bool((np.abs(velocity) < tuning.gains[:, 4]).all())
+    return bool((np.abs(velocity) < tuning.gains.standstill_speed).all())

@@ -100,7 +100,7 @@ def tuning(values: Mapping[str, Any]) -> Tuning:
         for joint, fields in GAINS.items()
     }
     return Tuning(
-        validate(gains, Gains, "parameters 'gains'").table,
+        validate(gains, Gains, "parameters 'gains'").arrays,
         SATURATION.check(values[SATURATION.name]),
         np.array([one.check(values[one.name]) for one in TOLERANCES.values()]),
     )

@@ -198,7 +198,7 @@ def tracked(plant_file: Path, controller: Path) -> tuple[np.ndarray, np.ndarray]
     """Errors (n, 2) of a sine of 0.1 rad and 0.03 Hz, and speeds (m, 2) after it, by new gains."""
     parameters, machine = load_stand_in(plant_file), load_machine()
     plant = Plant(parameters, machine, parameters.start)
-    table = load_gains(controller).table
+    gains = load_gains(controller).arrays
     chain, density = parameters.sensors, parameters.jerk_density
     speed_filter = VelocityFilter(
         [density[joint] for joint in JOINTS], [chain.encoder_resolution[joint] for joint in JOINTS]
@@ -216,7 +216,7 @@ def tracked(plant_file: Path, controller: Path) -> tuple[np.ndarray, np.ndarray]
         position = chain.measure_positions(plant.q)
         _, speed, _ = speed_filter.update(time_, position)
         if np.isfinite(speed).all():
-            u = command(table, position, speed, reference, reference_speed)
+            u = command(gains, position, speed, reference, reference_speed)
         errors.append((plant.q - reference)[columns])
         if time_ > moving + 3.0:
             speeds.append(plant.v[columns])

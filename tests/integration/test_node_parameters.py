@@ -159,7 +159,8 @@ def test_gains_are_those_of_the_controller_file_but_for_single_ones_that_are_giv
     assert node.trigger_configure() is TransitionCallbackReturn.SUCCESS
     assert gains() == [2.0, 0.3]
     assert node._tuning is not None
-    assert node._tuning.gains[0, :2].tolist() == [2.0, 0.3]
+    tuned = node._tuning.gains
+    assert (tuned.kp[0], tuned.kd[0]) == (2.0, 0.3)
     second = Parameter("controller", value=str(controller_file(tmp_path / "second.yaml", kd=0.4)))
     (held,) = node.set_parameters([second])
     assert not held.successful
@@ -167,7 +168,7 @@ def test_gains_are_those_of_the_controller_file_but_for_single_ones_that_are_giv
     node.set_parameters([second, Parameter("gains.slew.standstill_speed", value=0.03)])
     assert node.trigger_configure() is TransitionCallbackReturn.SUCCESS
     assert gains() == [2.0, 0.4]
-    assert node._tuning.gains[0].tolist()[4] == 0.03
+    assert node._tuning.gains.standstill_speed[0] == 0.03
 
 
 @pytest.mark.parametrize(

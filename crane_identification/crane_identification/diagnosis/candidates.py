@@ -101,7 +101,7 @@ class Option:
 
 def families(model: Model, evidence: Evidence) -> list[Family]:
     """Every candidate on every joint of the fitted model, without those that the model has."""
-    present = {(term.type, getattr(term, "joint", None)) for term in model.terms}
+    present = {(term.type, term.only_joint) for term in model.terms}
     out = []
     for cls in candidates(model.setting):
         of_loads = LOADS in cls.model_fields

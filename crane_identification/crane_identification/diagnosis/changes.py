@@ -78,9 +78,7 @@ def kept(model: Model, training: Sequence[Preparation], factor: int) -> Evidence
 
 def families(model: Model) -> list[Family]:
     """A change of each term of the model, and a load in all recordings."""
-    changed: list[Family] = [
-        Change(type(term), getattr(term, "joint", None), own=term) for term in model.terms
-    ]
+    changed: list[Family] = [Change(type(term), term.only_joint, own=term) for term in model.terms]
     held = {type(term) for term in model.terms}
     load = Payload in candidates(model.setting) and Payload not in held
     return [*changed, Family(Payload, None)] if load else changed

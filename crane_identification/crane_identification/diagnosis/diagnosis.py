@@ -164,9 +164,7 @@ def diagnose(
     answer = with_loads(answer, gap.loads)
     progress("gap", 1.0)
     wrong = {
-        one.option.family.where
-        for one in last.effects
-        if one.option.family.term.family == "sensing"
+        one.option.family.where for one in last.effects if one.option.family.term.is_of_sensors()
     }
     flows, no_flow = examine(evidence, held_out, usual or load_usual(), thresholds, wrong)
     fewest = thresholds.method.pulsation_recordings
@@ -234,7 +232,7 @@ def _wanted(
     model: Model, evidence: Evidence, left_out: Collection[Term], without: Collection[str]
 ) -> list[Family]:
     """The families that are asked for: not `without`, and none that the model had."""
-    had = {(term.type, getattr(term, "joint", None)) for term in left_out}
+    had = {(term.type, term.only_joint) for term in left_out}
     changed = changes.families(evidence.model) if evidence.keeps else []
     return [
         family

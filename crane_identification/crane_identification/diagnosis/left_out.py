@@ -25,7 +25,7 @@ def left_out(
     Families come with the reason.
     """
     share = np.array(
-        [seen(evidence, one.term) if one.term.family == "friction" else 1.0 for one in options]
+        [seen(evidence, one.term) if one.term.is_friction() else 1.0 for one in options]
     )
     hidden = share < SEEN_SHARE
     whole: dict[Family, str] = {}

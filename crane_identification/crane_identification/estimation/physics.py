@@ -7,10 +7,8 @@ import numpy as np
 from crane_model.base_parameters import STANDARD_PARAMETERS, lagrangian_from_standard
 from crane_model.dynamics import Geometry
 from crane_model.model_file import Model
-from crane_model.terms.rigid_body import PlanarRigidBody
 
 BODIES = ("inner boom", "outer boom", "telescope and gripper")
-ASYMMETRIES = (("f_c", "df_c"), ("f_v", "df_v"))
 
 
 @dataclass(frozen=True)
@@ -56,28 +54,33 @@ def physics(model: Model) -> Physics:
         for i, parameter in enumerate(model.parameters)
         if parameter.minimum is not None
     ]
-    for mean, asymmetry in ASYMMETRIES:
-        for joint in model.joints:
-            pair = f"{mean}.{joint}", f"{asymmetry}.{joint}"
-            if set(pair) <= set(names):
-                one, other = (unit[names.index(name)] for name in pair)
-                inequalities += [
-                    Inequality(f"{pair[0]} + {pair[1]} >= 0", one + other, 0.0),
-                    Inequality(f"{pair[0]} - {pair[1]} >= 0", one - other, 0.0),
-                ]
+    for mean, half in _asymmetries(model):
+        inequalities += [
+            Inequality(f"{names[mean]} + {names[half]} >= 0", unit[mean] + unit[half], 0.0),
+            Inequality(f"{names[mean]} - {names[half]} >= 0", unit[mean] - unit[half], 0.0),
+        ]
     return Physics(tuple(inequalities), _bodies(model))
 
 
+def _asymmetries(model: Model) -> list[tuple[int, int]]:
+    """Where a mean of both directions and half their difference stand in Θ, joint by joint."""
+    means = {(term.type, term.only_joint): model.part(term).start for term in model.terms}
+    pairs = [
+        (term.type, model.joints.index(term.only_joint), mean, model.part(term).start)
+        for term in model.terms
+        if term.asymmetry_of is not None
+        and term.only_joint is not None
+        and (mean := means.get((term.asymmetry_of, term.only_joint))) is not None
+    ]
+    return [(mean, half) for *_, mean, half in sorted(pairs)]
+
+
 def _bodies(model: Model) -> Bodies | None:
-    first = 0
-    for term in model.terms:
-        count = len(term.parameters(model.setting))
-        if isinstance(term, PlanarRigidBody):
-            assert model.machine is not None  # the term refuses such a model
-            geometry = Geometry.of(model.machine)
-            lagrangian = lagrangian_from_standard(geometry)
-            mass = STANDARD_PARAMETERS.index("m_TG")
-            none = lagrangian[8] - geometry.telescope_offset * np.eye(12)[mass]
-            return Bodies(slice(first, first + count), lagrangian[:8], none)
-        first += count
-    return None
+    if model.base_parameters is None:
+        return None
+    assert model.machine is not None  # the term of the base parameters refuses such a model
+    geometry = Geometry.of(model.machine)
+    lagrangian = lagrangian_from_standard(geometry)
+    mass = STANDARD_PARAMETERS.index("m_TG")
+    none = lagrangian[8] - geometry.telescope_offset * np.eye(12)[mass]
+    return Bodies(model.base_parameters, lagrangian[:8], none)

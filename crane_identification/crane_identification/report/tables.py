@@ -24,8 +24,7 @@ from crane_identification.symbols import entry_symbol, parameter_symbol, prose
 from crane_model.base_parameters import REPORT_PARAMETERS, REPORT_UNITS, report_from_base
 from crane_model.dynamics import Geometry
 from crane_model.model_file import Model
-from crane_model.terms import OneJointTerm, Parameter
-from crane_model.terms.rigid_body import PlanarRigidBody
+from crane_model.terms import Parameter
 
 
 class ParameterRow(NamedTuple):
@@ -181,7 +180,7 @@ def motion_rows(report: IdentificationReport) -> list[MotionRow]:
 def report_entries(report: IdentificationReport) -> list[ReportEntry]:
     """The entries of (9) with their standard deviations; none for a model of another machine."""
     model, estimate = report.fit.model, report.fit.estimate
-    columns = _rigid_body_columns(model)
+    columns = model.base_parameters
     if model.machine is None or columns is None:
         return []
     mapping = report_from_base(Geometry.of(model.machine))
@@ -253,21 +252,10 @@ def excitation(report: IdentificationReport) -> list[Excitation]:
 def with_headings(model: Model) -> Iterator[tuple[str, Parameter]]:
     """Each parameter with the family and the joint of its term."""
     for term in model.terms:
-        joint = f", {spoken(term.joint)}" if isinstance(term, OneJointTerm) else ""
+        joint = f", {spoken(term.only_joint)}" if term.only_joint else ""
         for parameter in term.parameters(model.setting):
             yield term.family.capitalize() + joint, parameter
 
 
 def _entry(value: float, std_dev: float) -> Shown:
     return shown(value, std_dev) if np.isfinite(value) else Shown(NONE, NONE, NONE)
-
-
-def _rigid_body_columns(model: Model) -> slice | None:
-    """Where the base parameters of the crane stand in Theta."""
-    first = 0
-    for term in model.terms:
-        count = len(term.parameters(model.setting))
-        if isinstance(term, PlanarRigidBody):
-            return slice(first, first + count)
-        first += count
-    return None

@@ -14,7 +14,6 @@ from crane_model.errors import DataError, RangeError
 from crane_model.model_file import Model
 from crane_model.record import Record
 from crane_model.simulation import simulate
-from crane_model.terms import MemoryTerm
 
 HORIZON = 0.5  # s
 LOGGED = (
@@ -84,11 +83,7 @@ def _simulated(model: Model, records: Sequence[Record], horizon: float) -> Motio
             _drive(model, record)[at],
             period,
             beside=_logged(record, at),
-            memory={
-                term: term.trace(record, model.setting)[starts]
-                for term in model.terms
-                if isinstance(term, MemoryTerm)
-            },
+            memory={term: term.trace(record, model.setting)[starts] for term in model.terms},
         )
         errors.append(motion.position[-1] - record.position[at[-1]])
         moved.append(record.position[at[-1]] - record.position[starts])

@@ -18,7 +18,7 @@ controller has no state.
 """
 
 from pathlib import Path
-from typing import Annotated, Self
+from typing import Annotated, Generic, NamedTuple, Self, TypeVar
 
 import numpy as np
 from numba import njit
@@ -30,6 +30,7 @@ from crane_model.machine import JOINT_UNITS, JOINTS
 
 DeadZone = Annotated[float, Field(ge=0.0, le=0.99)]
 Small = Annotated[float, Field(ge=1e-6, le=1.0)]
+T = TypeVar("T")
 
 
 class JointGains(Schema):
@@ -55,6 +56,20 @@ class JointGains(Schema):
         return self
 
 
+class GainFields(NamedTuple, Generic[T]):
+    """The fields of `JointGains` for compiled code: numbers of one joint, or arrays of several."""
+
+    kp: T
+    kd: T
+    dead_zone_positive: T
+    dead_zone_negative: T
+    standstill_speed: T
+    position_tolerance: T
+
+
+GainArrays = GainFields[np.ndarray]  # (4,) each, in the order of JOINTS
+
+
 class Gains(Schema):
     """Gains of (36) of the four joints."""
 
@@ -64,9 +79,12 @@ class Gains(Schema):
     telescope: JointGains
 
     @property
-    def table(self) -> np.ndarray:
-        """(4, 6): a row a joint, a column a field of `JointGains`, for `joint_command`."""
-        return np.array([list(getattr(self, joint).model_dump().values()) for joint in JOINTS])
+    def arrays(self) -> GainArrays:
+        """The gains of all joints by field, for `command`."""
+        rows: list[JointGains] = [getattr(self, joint) for joint in JOINTS]
+        return GainFields(
+            **{name: np.array([getattr(row, name) for row in rows]) for name in GainFields._fields}
+        )
 
 
 def load_gains(path: Path | str | None = None) -> Gains:
@@ -76,29 +94,29 @@ def load_gains(path: Path | str | None = None) -> Gains:
 
 @njit(cache=True)
 def joint_command(
-    gains: np.ndarray, q: float, velocity: float, q_ref: float, velocity_ref: float
+    gains: GainFields[float], q: float, velocity: float, q_ref: float, velocity_ref: float
 ) -> float:
-    """(36) of one joint for compiled loops: gains (6,) is a row of `Gains.table`.
+    """(36) of one joint for compiled loops.
 
     NaN where an input is not finite.
     """
     if not np.isfinite(q - q_ref + velocity - velocity_ref):
         return np.nan
-    kp, kd, dead_zone_positive, dead_zone_negative, standstill_speed, tolerance = gains
+    tolerance = gains.position_tolerance
     error = q - q_ref
     excess = error - min(max(error, -tolerance), tolerance)
-    wanted = min(max(velocity_ref / standstill_speed - excess / tolerance, -1.0), 1.0)
-    share = min(abs(velocity) / standstill_speed, 1.0)
+    wanted = min(max(velocity_ref / gains.standstill_speed - excess / tolerance, -1.0), 1.0)
+    share = min(abs(velocity) / gains.standstill_speed, 1.0)
     moving = share * share * (3.0 - 2.0 * share)
     direction = moving * np.sign(velocity) + (1.0 - moving) * wanted
-    dead_zone = dead_zone_positive if direction > 0.0 else dead_zone_negative
-    u = -kp * error - kd * (velocity - velocity_ref) + dead_zone * direction
+    dead_zone = gains.dead_zone_positive if direction > 0.0 else gains.dead_zone_negative
+    u = -gains.kp * error - gains.kd * (velocity - velocity_ref) + dead_zone * direction
     return min(max(u, -1.0), 1.0)
 
 
 @njit(cache=True)
 def _commands(
-    gains: np.ndarray,
+    gains: GainArrays,
     q: np.ndarray,
     velocity: np.ndarray,
     q_ref: np.ndarray,
@@ -106,18 +124,26 @@ def _commands(
 ) -> np.ndarray:
     u = np.empty(len(q))
     for i in range(len(q)):
-        u[i] = joint_command(gains[i], q[i], velocity[i], q_ref[i], velocity_ref[i])
+        one = GainFields(
+            kp=gains.kp[i],
+            kd=gains.kd[i],
+            dead_zone_positive=gains.dead_zone_positive[i],
+            dead_zone_negative=gains.dead_zone_negative[i],
+            standstill_speed=gains.standstill_speed[i],
+            position_tolerance=gains.position_tolerance[i],
+        )
+        u[i] = joint_command(one, q[i], velocity[i], q_ref[i], velocity_ref[i])
     return u
 
 
 def command(
-    gains: np.ndarray,
+    gains: GainArrays,
     q: np.ndarray,
     velocity: np.ndarray,
     q_ref: np.ndarray,
     velocity_ref: np.ndarray,
 ) -> np.ndarray:
-    """Valve commands (4,) in [-1, 1] of (36); `gains` is `Gains.table`, the others (4,) in SI.
+    """Valve commands (4,) in [-1, 1] of (36); `gains` is `Gains.arrays`, the others (4,) in SI.
 
     Raises `RangeError` where an input is not finite: a crane is never moved on a guess.
     """

@@ -4,14 +4,16 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from crane_trajectory.control.controller import GainArrays, GainFields
+
 BLEND = 1.0  # s, in which new gains take the place of the old
 
 
 @dataclass(frozen=True, eq=False)
 class Tuning:
-    """Gains (4, 6) as `Gains.table`, largest command (0, 1], tracking tolerance (4,) [rad, m]."""
+    """Gains of (36), largest command (0, 1], tracking tolerance (4,) [rad, m]."""
 
-    gains: np.ndarray
+    gains: GainArrays
     saturation: float
     tolerance: np.ndarray
 
@@ -39,7 +41,9 @@ class Blend:
         """What holds now."""
         old, new, share = self._old, self._new, self._share
         return Tuning(
-            (1.0 - share) * old.gains + share * new.gains,
+            GainFields(
+                *((1.0 - share) * a + share * b for a, b in zip(old.gains, new.gains, strict=True))
+            ),
             (1.0 - share) * old.saturation + share * new.saturation,
             new.tolerance,
         )

@@ -9,7 +9,7 @@ from crane_model.base_parameters import report_from_base
 from crane_model.dynamics import Geometry
 from crane_model.errors import ConfigurationError
 from crane_model.model_file import Model
-from crane_model.terms.rigid_body import BASE_PARAMETERS, PlanarRigidBody
+from crane_model.terms.rigid_body import BASE_PARAMETERS
 
 
 class ColumnSet(StrEnum):
@@ -43,14 +43,11 @@ def column_map(model: Model, columns: ColumnSet) -> np.ndarray:
 
 def has_report_columns(model: Model) -> bool:
     """Whether the model's first columns are those of the base set, from which (9) follows."""
-    return isinstance(model.terms[0], PlanarRigidBody)
+    return model.terms[0].has_base_parameters
 
 
 def inertial_columns(model: Model) -> np.ndarray:
     """(p,) which columns of the regressor belong to rigid bodies (8), not to friction."""
     return np.concatenate(
-        [
-            np.full(len(term.parameters(model.setting)), term.family == "rigid body")
-            for term in model.terms
-        ]
+        [np.full(len(term.parameters(model.setting)), term.has_inertia()) for term in model.terms]
     )

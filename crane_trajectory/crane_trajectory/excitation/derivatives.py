@@ -15,10 +15,8 @@ from crane_model.dynamics import Geometry
 from crane_model.errors import ConfigurationError
 from crane_model.model_file import Model
 from crane_model.record import Record
-from crane_model.terms import JointTerm, Term
-from crane_model.terms.friction import Coulomb, CoulombAsymmetry, Viscous, ViscousAsymmetry
+from crane_model.terms import Setting, Term
 from crane_model.terms.planar import planar_columns
-from crane_model.terms.rigid_body import PlanarRigidBody
 from crane_trajectory.motion.fourier import Samples
 
 STEP = 1e-3  # rad, m and their derivatives: rounding and truncation of the stencil are alike
@@ -39,11 +37,9 @@ def smooth_record(model: Model, motion: Samples, width: np.ndarray) -> Record:
 
 def smooth_regressor(model: Model, record: Record) -> np.ndarray:
     """Phi (n, j, p) on a `smooth_record`, with q' tanh(q' / width) for |q'| as well."""
-    regressor = model.regressor(record)
+    regressor = np.zeros((*record.position.shape, len(model.parameters)))
     for term, columns in _parts(model):
-        if isinstance(term, ViscousAsymmetry):
-            j = record.column(term.joint)
-            regressor[:, j, columns.start] = record.velocity[:, j] * record.direction[:, j]
+        term.fill_smooth(record, model.setting, regressor[:, :, columns])
     return regressor
 
 
@@ -55,16 +51,19 @@ def pull_back(model: Model, record: Record, weight: np.ndarray, width: np.ndarra
     """
     total = Samples(*np.zeros((3, *record.position.shape)))
     for term, columns in _parts(model):
-        if isinstance(term, PlanarRigidBody):
+        if term.has_base_parameters:
             assert model.machine is not None  # such a model cannot be loaded
             geometry = Geometry.of(model.machine)
             at = planar_columns(record)
             parts = _rigid_body(geometry, record, at, weight[:, at, columns])
             for whole, part in zip(total, parts, strict=True):
                 whole[:, at] += part
-        elif isinstance(term, JointTerm):
-            j = record.column(term.joint)
-            for whole, part in zip(total, _column_slopes(term, record, j, width[j]), strict=True):
+        elif term.of_one_instant and term.only_joint is not None:
+            j = record.column(term.only_joint)
+            slopes = term.slopes(record, j, (1.0 - record.direction[:, j] ** 2) / width[j])
+            if slopes is None:
+                slopes = _by_differences(term, model.setting, record, j, width[j])
+            for whole, part in zip(total, slopes, strict=True):
                 whole[:, j] += weight[:, j, columns.start] * part
         else:
             raise ConfigurationError(
@@ -82,26 +81,11 @@ def _parts(model: Model) -> Iterator[tuple[Term, slice]]:
         yield term, slice(start, end)
 
 
-def _column_slopes(term: JointTerm, record: Record, j: int, width: float) -> np.ndarray:
+def _by_differences(
+    term: Term, setting: Setting, record: Record, j: int, width: float
+) -> np.ndarray:
     """(3, n): derivatives of the column of a term with respect to q, q' and q'' of its joint j."""
-    slopes = np.zeros((3, len(record)))
-    speed, direction = record.velocity[:, j], record.direction[:, j]
-    steepness = (1.0 - direction**2) / width
-    match term:
-        case Coulomb():
-            slopes[1] = steepness
-        case CoulombAsymmetry():
-            pass
-        case Viscous():
-            slopes[1] = 1.0
-        case ViscousAsymmetry():
-            slopes[1] = direction + speed * steepness
-        case _:
-            slopes = _by_differences(term, record, j, width)
-    return slopes
 
-
-def _by_differences(term: JointTerm, record: Record, j: int, width: float) -> np.ndarray:
     def column(quantity: str, shift: float) -> np.ndarray:
         shifted = getattr(record, quantity).copy()
         shifted[:, j] += shift
@@ -109,7 +93,7 @@ def _by_differences(term: JointTerm, record: Record, j: int, width: float) -> np
         if quantity == "velocity":
             moved["direction_known"] = record.direction.copy()
             moved["direction_known"][:, j] = np.tanh(shifted[:, j] / width)
-        return term.column(replace(record, **moved), j)
+        return term.columns(replace(record, **moved), setting)[:, j, 0]
 
     return np.stack(
         [

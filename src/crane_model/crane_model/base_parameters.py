@@ -5,6 +5,7 @@ from typing import NamedTuple
 import numpy as np
 from scipy.linalg import qr
 
+from crane_model.array import Array
 from crane_model.dynamics import Geometry
 
 STANDARD_PARAMETERS = tuple(
@@ -38,11 +39,11 @@ class Basis(NamedTuple):
     rank: int
     independent: tuple[int, ...]  # columns that carry the base parameters
     dependent: tuple[int, ...]
-    combination: np.ndarray  # (rank, dependent): column_dependent = column_independent @ this
+    combination: Array  # (rank, dependent): column_dependent = column_independent @ this
     margin: float  # smallest kept over largest dropped diagonal of R
 
 
-def reveal_rank(columns: np.ndarray, tolerance: float = 1e-9) -> Basis:
+def reveal_rank(columns: Array, tolerance: float = 1e-9) -> Basis:
     """Rank of (N, p) stacked columns by column-pivoted QR of the normalised columns.
 
     A column whose diagonal entry of R is below `tolerance` times the largest depends on the
@@ -62,7 +63,7 @@ def reveal_rank(columns: np.ndarray, tolerance: float = 1e-9) -> Basis:
     return Basis(rank, tuple(map(int, kept)), tuple(map(int, dropped)), combination, float(margin))
 
 
-def lagrangian_from_standard(geometry: Geometry) -> np.ndarray:
+def lagrangian_from_standard(geometry: Geometry) -> Array:
     """(9, 12): the nine parameters of `crane_model.dynamics` from the standard ones."""
     a = geometry.inner_boom_length
     _, mx_fl, my_fl, j_fl, m_sl, mx_sl, my_sl, j_sl, m_tg, mx_tg, my_tg, j_tg = np.eye(12)
@@ -81,7 +82,7 @@ def lagrangian_from_standard(geometry: Geometry) -> np.ndarray:
     )
 
 
-def report_from_base(geometry: Geometry) -> np.ndarray:
+def report_from_base(geometry: Geometry) -> Array:
     """(8, 8): the entries of (9) from the base set, given that m_SL is on the telescope's axis.
 
     Only that assumption of the report separates m_SL: the normal moment S_SL_normal is then

@@ -4,13 +4,12 @@ from collections.abc import Sequence
 
 import numpy as np
 
+from crane_model.array import Array
 from crane_model.errors import RangeError
 from crane_model.machine import JOINT_UNITS, JOINTS, Machine
 
 
-def cylinder_geometry(
-    machine: Machine, joint: str, q: np.ndarray
-) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+def cylinder_geometry(machine: Machine, joint: str, q: Array) -> tuple[Array, Array, Array]:
     """Length x [m], lever arm dx/dq and its derivative d2x/dq2 of one cylinder at q (n,).
 
     Source: (20), (24). Raises `RangeError` where the linkage cannot be assembled or q is not
@@ -32,30 +31,33 @@ def cylinder_geometry(
     return length, lever, slope
 
 
-def cylinder_length(machine: Machine, joint: str, q: np.ndarray) -> np.ndarray:
-    """x(q) [m] of (20), (24); same shape as q."""
+def cylinder_length(machine: Machine, joint: str, q: Array) -> Array:
+    """x(q) [m] of (20), (24); same shape as q.
+
+    >>> from crane_model import load_machine
+    >>> cylinder_length(load_machine(), "inner_boom", np.array([0.0, 0.5])).round(3)
+    array([0.76 , 0.894])
+    """
     return cylinder_geometry(machine, joint, q)[0]
 
 
-def lever_arm(machine: Machine, joint: str, q: np.ndarray) -> np.ndarray:
+def lever_arm(machine: Machine, joint: str, q: Array) -> Array:
     """dx/dq of (18) [m/rad, or 1]; same shape as q; negative where extending lowers q."""
     return cylinder_geometry(machine, joint, q)[1]
 
 
-def lever_arm_derivative(machine: Machine, joint: str, q: np.ndarray) -> np.ndarray:
+def lever_arm_derivative(machine: Machine, joint: str, q: Array) -> Array:
     """d2x/dq2 [m/rad2, or 0]; same shape as q."""
     return cylinder_geometry(machine, joint, q)[2]
 
 
-def cylinder_force(
-    machine: Machine, joint: str, pressure_a: np.ndarray, pressure_b: np.ndarray
-) -> np.ndarray:
+def cylinder_force(machine: Machine, joint: str, pressure_a: Array, pressure_b: Array) -> Array:
     """F = A_A p_A - A_B p_B (19) [N] from chamber pressures [Pa]; positive extends."""
     cylinder = machine.cylinders[joint]
     return cylinder.area_a * np.asarray(pressure_a) - cylinder.area_b * np.asarray(pressure_b)
 
 
-def lever_arms(machine: Machine, q: np.ndarray, joints: Sequence[str]) -> np.ndarray:
+def lever_arms(machine: Machine, q: Array, joints: Sequence[str]) -> Array:
     """(n, k) coordinates of k joints, in any order, to (n, k) lever arms dx/dq."""
     columns = zip(joints, q.T, strict=True)
     return np.stack([lever_arm(machine, joint, column) for joint, column in columns], axis=1)
@@ -63,11 +65,11 @@ def lever_arms(machine: Machine, q: np.ndarray, joints: Sequence[str]) -> np.nda
 
 def generalized_forces(
     machine: Machine,
-    q: np.ndarray,
-    pressure_a: np.ndarray,
-    pressure_b: np.ndarray,
+    q: Array,
+    pressure_a: Array,
+    pressure_b: Array,
     joints: Sequence[str],
-) -> np.ndarray:
+) -> Array:
     """(27) [N m, N] of k joints in any order from coordinates and pressures, each (n, k)."""
     tau = lever_arms(machine, q, joints)
     for i, joint in enumerate(joints):
@@ -76,7 +78,7 @@ def generalized_forces(
 
 
 def cylinder_forces_from_generalized(
-    machine: Machine, q: np.ndarray, tau: np.ndarray, joints: Sequence[str]
-) -> np.ndarray:
+    machine: Machine, q: Array, tau: Array, joints: Sequence[str]
+) -> Array:
     """Inverse of (27): (n, k) generalized forces of k joints to (n, k) cylinder forces [N]."""
     return np.asarray(tau) / lever_arms(machine, q, joints)

@@ -20,6 +20,7 @@ from typing import NamedTuple
 import numpy as np
 from numba import njit
 
+from crane_model.array import Array
 from crane_model.machine import Machine
 
 LAGRANGIAN_PARAMETERS = (
@@ -54,15 +55,15 @@ class Geometry(NamedTuple):
 
 @njit(cache=True)
 def _fill_regressor(
-    q: np.ndarray,
-    v: np.ndarray,
-    acc: np.ndarray,
+    q: Array,
+    v: Array,
+    acc: Array,
     at: tuple[int, int, int],
     theta: float,
     a: float,
     g: float,
     normal_per_mass: float,
-    out: np.ndarray,
+    out: Array,
 ) -> None:
     """Write the first columns of the nine, as many as `out` (n, j, 8 or 9) has.
 
@@ -105,9 +106,7 @@ def _fill_regressor(
             out[i, telescope, k] = s_row[k]
 
 
-def lagrangian_regressor(
-    geometry: Geometry, q: np.ndarray, v: np.ndarray, acceleration: np.ndarray
-) -> np.ndarray:
+def lagrangian_regressor(geometry: Geometry, q: Array, v: Array, acceleration: Array) -> Array:
     """phi of (8) for the nine parameters: (n, 3) motion to (n, 3, 9); rows tau2, tau3, F4."""
     out = np.empty((len(q), 3, 9))
     _fill(geometry, q, v, acceleration, _ALONE, 0.0, out)
@@ -116,11 +115,11 @@ def lagrangian_regressor(
 
 def fill_base_regressor(
     geometry: Geometry,
-    q: np.ndarray,
-    v: np.ndarray,
-    acceleration: np.ndarray,
+    q: Array,
+    v: Array,
+    acceleration: Array,
     at: Sequence[int],
-    out: np.ndarray,
+    out: Array,
 ) -> None:
     """Write phi of (8) for the base set, N_TL = a3 m_TL: (n, j) motion into `out` (n, j, 8).
 
@@ -131,12 +130,12 @@ def fill_base_regressor(
 
 def _fill(
     geometry: Geometry,
-    q: np.ndarray,
-    v: np.ndarray,
-    acceleration: np.ndarray,
+    q: Array,
+    v: Array,
+    acceleration: Array,
     at: Sequence[int],
     normal_per_mass: float,
-    out: np.ndarray,
+    out: Array,
 ) -> None:
     inner, outer, telescope = at
     _fill_regressor(
@@ -152,7 +151,7 @@ def _fill(
     )
 
 
-def mass_matrix(geometry: Geometry, parameters: np.ndarray, q: np.ndarray) -> np.ndarray:
+def mass_matrix(geometry: Geometry, parameters: Array, q: Array) -> Array:
     """M(q) of (6): (n, 3) coordinates and the nine parameters to (n, 3, 3)."""
     j_fl, _, _, j_sl, s_sl, n_sl, m_tl, s_tl, n_tl = parameters
     delta, q4 = q[:, 1] - geometry.theta_2_0, q[:, 2]
@@ -170,9 +169,7 @@ def mass_matrix(geometry: Geometry, parameters: np.ndarray, q: np.ndarray) -> np
     )
 
 
-def coriolis_matrix(
-    geometry: Geometry, parameters: np.ndarray, q: np.ndarray, v: np.ndarray
-) -> np.ndarray:
+def coriolis_matrix(geometry: Geometry, parameters: Array, q: Array, v: Array) -> Array:
     """C(q, v) of (6) by Christoffel symbols, so that dM/dt - 2C is skew: (n, 3) to (n, 3, 3)."""
     _, _, _, _, s_sl, n_sl, m_tl, s_tl, _ = parameters
     delta, q4 = q[:, 1] - geometry.theta_2_0, q[:, 2]
@@ -186,22 +183,21 @@ def coriolis_matrix(
     psi_psi = 2.0 * (s_tl + m_tl * q4)
     by_q4 = _symmetric(2.0 * phi_psi + psi_psi, phi_psi + psi_psi, zero, psi_psi, zero, zero)
     slope = np.stack([np.zeros_like(by_q3), by_q3, by_q4], axis=-1)  # dM_ij / dq_k
-    return 0.5 * (
+    coriolis: Array = 0.5 * (
         np.einsum("nijk,nk->nij", slope, v)
         + np.einsum("nikj,nk->nij", slope, v)
         - np.einsum("njki,nk->nij", slope, v)
     )
+    return coriolis
 
 
-def gravity_vector(geometry: Geometry, parameters: np.ndarray, q: np.ndarray) -> np.ndarray:
+def gravity_vector(geometry: Geometry, parameters: Array, q: Array) -> Array:
     """G(q) = dV/dq of (6): (n, 3) coordinates and the nine parameters to (n, 3)."""
     still = np.zeros_like(q)
     return lagrangian_regressor(geometry, q, still, still) @ parameters
 
 
-def energy(
-    geometry: Geometry, parameters: np.ndarray, q: np.ndarray, v: np.ndarray
-) -> tuple[np.ndarray, np.ndarray]:
+def energy(geometry: Geometry, parameters: Array, q: Array, v: Array) -> tuple[Array, Array]:
     """Kinetic (5) and potential energy [J] at n samples; V is zero at joint 2's height."""
     _, s_fl, n_fl, _, s_sl, n_sl, m_tl, _, _ = parameters
     kinetic = 0.5 * np.einsum("ni,nij,nj->n", v, mass_matrix(geometry, parameters, q), v)
@@ -213,20 +209,31 @@ def energy(
 
 def inverse_dynamics(
     geometry: Geometry,
-    parameters: np.ndarray,
-    q: np.ndarray,
-    v: np.ndarray,
-    acceleration: np.ndarray,
-) -> np.ndarray:
-    """tau of (6) by M, C and G, each (n, 3): the other way round from the regressor (8)."""
-    return (
+    parameters: Array,
+    q: Array,
+    v: Array,
+    acceleration: Array,
+) -> Array:
+    """tau of (6) by M, C and G, each (n, 3): the other way round from the regressor (8).
+
+    A mass at the elbow alone, of moment 100 kg m about joint 2, level and at rest:
+
+    >>> from crane_model import load_machine
+    >>> geometry, rest = Geometry.of(load_machine()), np.zeros((1, 3))
+    >>> level = np.array([[-geometry.theta_2_0, 0.0, 0.0]])
+    >>> moment = np.array([0.0, 100.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0])
+    >>> inverse_dynamics(geometry, moment, level, rest, rest).round(1)
+    array([[981.,   0.,   0.]])
+    """
+    tau: Array = (
         np.einsum("nij,nj->ni", mass_matrix(geometry, parameters, q), acceleration)
         + np.einsum("nij,nj->ni", coriolis_matrix(geometry, parameters, q, v), v)
         + gravity_vector(geometry, parameters, q)
     )
+    return tau
 
 
-def _symmetric(*upper: np.ndarray) -> np.ndarray:
+def _symmetric(*upper: Array) -> Array:
     """(n, 3, 3) from the upper triangle 11, 12, 13, 22, 23, 33, each (n,)."""
     m11, m12, m13, m22, m23, m33 = upper
     rows = [[m11, m12, m13], [m12, m22, m23], [m13, m23, m33]]

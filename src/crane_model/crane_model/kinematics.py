@@ -1,11 +1,13 @@
 """Forward kinematics (1)-(2) of all four joints and the tip's Jacobian, vectorised over samples."""
 
 import numpy as np
+from numpy.typing import ArrayLike
 
+from crane_model.array import Array
 from crane_model.machine import Machine
 
 
-def link_transforms(machine: Machine, q: np.ndarray) -> np.ndarray:
+def link_transforms(machine: Machine, q: ArrayLike) -> Array:
     """(n, 4) generalized coordinates to (n, 4, 4, 4): T_1^0 ... T_4^0, products of (1)."""
     q = np.atleast_2d(np.asarray(q, dtype=float))
     table = machine.denavit_hartenberg.table
@@ -20,17 +22,24 @@ def link_transforms(machine: Machine, q: np.ndarray) -> np.ndarray:
     return transforms
 
 
-def forward_kinematics(machine: Machine, q: np.ndarray) -> np.ndarray:
+def forward_kinematics(machine: Machine, q: ArrayLike) -> Array:
     """(n, 4) generalized coordinates to (n, 4, 4): T_4^0 (2)."""
     return link_transforms(machine, q)[:, 3]
 
 
-def tip_position(machine: Machine, q: np.ndarray) -> np.ndarray:
-    """(n, 4) generalized coordinates to (n, 3): boom tip in the base frame (2) [m]."""
+def tip_position(machine: Machine, q: ArrayLike) -> Array:
+    """(n, 4) generalized coordinates to (n, 3): boom tip in the base frame (2) [m].
+
+    >>> from crane_model import load_machine
+    >>> pose = [[0.0, 0.3, -0.5, 0.2]]  # slew, inner and outer boom [rad], telescope [m]
+    >>> distance, across, height = tip_position(load_machine(), pose)[0]
+    >>> print(f"{distance:.3f} m from the slew axis, {height:.3f} m high")
+    3.272 m from the slew axis, 2.474 m high
+    """
     return forward_kinematics(machine, q)[:, :3, 3]
 
 
-def tip_jacobian(machine: Machine, q: np.ndarray) -> np.ndarray:
+def tip_jacobian(machine: Machine, q: ArrayLike) -> Array:
     """(n, 4) generalized coordinates to (n, 3, 4): d tip / d q [m/rad; 1 for the telescope]."""
     transforms = link_transforms(machine, q)
     n = len(transforms)
@@ -43,8 +52,8 @@ def tip_jacobian(machine: Machine, q: np.ndarray) -> np.ndarray:
 
 
 def _denavit_hartenberg(
-    theta: np.ndarray | float, d: np.ndarray | float, a: float, alpha: float, n: int
-) -> np.ndarray:
+    theta: Array | float, d: Array | float, a: float, alpha: float, n: int
+) -> Array:
     """A_i = Rot_z,theta Trans_z,d Trans_x,a Rot_x,alpha (1), (n, 4, 4)."""
     cos, sin = np.cos(theta), np.sin(theta)
     cos_alpha, sin_alpha = np.cos(alpha), np.sin(alpha)

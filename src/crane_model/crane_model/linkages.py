@@ -10,6 +10,8 @@ import math
 import numpy as np
 from numba import njit
 
+from crane_model.array import Array
+
 
 @njit(cache=True)
 def triangle_side(side_1: float, side_2: float, angle: float) -> float:
@@ -99,7 +101,7 @@ def gamma_32(s31: float, s23: float, s32: float) -> float:
 
 
 @njit(cache=True)
-def inner_boom_samples(q2: np.ndarray, j1: float, j2: float, angle_0: float) -> np.ndarray:
+def inner_boom_samples(q2: Array, j1: float, j2: float, angle_0: float) -> Array:
     """`inner_boom` at each of n angles: (n, 3)."""
     out = np.empty((len(q2), 3))
     for i in range(len(q2)):
@@ -109,7 +111,7 @@ def inner_boom_samples(q2: np.ndarray, j1: float, j2: float, angle_0: float) -> 
 
 @njit(cache=True)
 def outer_boom_samples(
-    q3: np.ndarray,
+    q3: Array,
     gamma_21_0: float,
     gamma_32: float,
     s22: float,
@@ -117,7 +119,7 @@ def outer_boom_samples(
     c1: float,
     c2: float,
     s31: float,
-) -> np.ndarray:
+) -> Array:
     """`outer_boom` at each of n angles: (n, 3)."""
     out = np.empty((len(q3), 3))
     for i in range(len(q3)):

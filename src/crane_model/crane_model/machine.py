@@ -9,6 +9,7 @@ import numpy as np
 from pydantic import Field, model_validator
 
 from crane_model import linkages
+from crane_model.array import Array
 from crane_model.configuration import Schema, load, packaged
 
 JOINTS = ("slew", "inner_boom", "outer_boom", "telescope")
@@ -30,7 +31,7 @@ class DenavitHartenberg(Schema):
     telescope_length: Positive
 
     @cached_property
-    def table(self) -> np.ndarray:
+    def table(self) -> Array:
         """(4, 4): theta offset, d offset, a, alpha of each link, to which q is added (Table 1)."""
         half = math.pi / 2
         return np.array(
@@ -68,7 +69,7 @@ class InnerBoomLinkage(Schema):
     phi_3: float
     phi_4: float
 
-    def cylinder(self, q: np.ndarray) -> np.ndarray:
+    def cylinder(self, q: Array) -> Array:
         """(n,) q2 to (n, 3): x2, dx2/dq2, d2x2/dq2^2 (20) [m, rad]."""
         return linkages.inner_boom_samples(q, self.j1, self.j2, self.angle_0)
 
@@ -110,14 +111,14 @@ class OuterBoomLinkage(Schema):
         """(26), with the two lengths in their places."""
         return linkages.gamma_32(self.s31, self.s23, self.s32)
 
-    def cylinder(self, q: np.ndarray) -> np.ndarray:
+    def cylinder(self, q: Array) -> Array:
         """(n,) q3 to (n, 3): x3, dx3/dq3, d2x3/dq3^2 (24) [m, rad]."""
         return linkages.outer_boom_samples(
             q, self.gamma_21_0, self.gamma_32, self.s22, self.s23, self.c1, self.c2, self.s31
         )
 
 
-class Cylinder(Schema):
+class HydraulicCylinder(Schema):
     """Areas of chambers A and B [m2] and the range of the length [m]."""
 
     area_a: Positive
@@ -136,7 +137,7 @@ class Cylinder(Schema):
         return self
 
 
-class Limits(Schema):
+class MachineLimits(Schema):
     """Table 2, one row a joint."""
 
     slew: JointLimits
@@ -145,19 +146,21 @@ class Limits(Schema):
     telescope: JointLimits
 
     def __getitem__(self, joint: str) -> JointLimits:
-        return getattr(self, joint)
+        limits: JointLimits = getattr(self, joint)
+        return limits
 
 
 class Cylinders(Schema):
     """One cylinder a joint; the slew drive is a rack on a pinion of `rack_radius`."""
 
-    slew: Cylinder
-    inner_boom: Cylinder
-    outer_boom: Cylinder
-    telescope: Cylinder
+    slew: HydraulicCylinder
+    inner_boom: HydraulicCylinder
+    outer_boom: HydraulicCylinder
+    telescope: HydraulicCylinder
 
-    def __getitem__(self, joint: str) -> Cylinder:
-        return getattr(self, joint)
+    def __getitem__(self, joint: str) -> HydraulicCylinder:
+        cylinder: HydraulicCylinder = getattr(self, joint)
+        return cylinder
 
     @model_validator(mode="after")
     def _rack(self) -> Self:
@@ -185,7 +188,7 @@ class Machine(Schema):
     name: str
     gravity: Positive
     denavit_hartenberg: DenavitHartenberg
-    limits: Limits
+    limits: MachineLimits
     inner_boom_linkage: InnerBoomLinkage
     outer_boom_linkage: OuterBoomLinkage
     cylinders: Cylinders
@@ -193,7 +196,7 @@ class Machine(Schema):
     plausible: dict[str, tuple[float, float]] = {}
     """[least, most] of masses [kg] and moments [kg m] without a load, to check recordings."""
 
-    def cylinder(self, joint: str, q: np.ndarray) -> np.ndarray:
+    def cylinder(self, joint: str, q: Array) -> Array:
         """(n,) coordinates of `joint` to (n, 3): cylinder length x, dx/dq, d2x/dq2."""
         q = np.ascontiguousarray(q, dtype=float)
         if joint == "inner_boom":
@@ -201,6 +204,7 @@ class Machine(Schema):
         if joint == "outer_boom":
             return self.outer_boom_linkage.cylinder(q)
         radius = 1.0 if joint == "telescope" else self.cylinders.slew.rack_radius
+        assert radius is not None  # the slew drive has one
         return np.stack([radius * q, np.full_like(q, radius), np.zeros_like(q)], axis=1)
 
     @model_validator(mode="after")
@@ -242,5 +246,9 @@ class Machine(Schema):
 
 
 def load_machine(path: Path | str | None = None) -> Machine:
-    """The machine in `path`, by default the laboratory crane; `ConfigurationError` if wrong."""
+    """The machine in `path`, by default the laboratory crane; `ConfigurationError` if wrong.
+
+    >>> load_machine().limits["telescope"].position_max  # m
+    1.55
+    """
     return load(path or packaged("crane_model", "laboratory_crane.yaml"), Machine)

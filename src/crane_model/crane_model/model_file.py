@@ -1,6 +1,6 @@
 """The model: a sum of terms with values, standard deviations and provenance, kept in YAML."""
 
-from collections.abc import Collection, Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property
 from itertools import accumulate, compress
@@ -10,15 +10,13 @@ from typing import Annotated, Any, Literal, Self
 import numpy as np
 from pydantic import BeforeValidator, Field, SerializeAsAny
 
+from crane_model.array import Array
 from crane_model.configuration import Schema, load, save, validate
 from crane_model.errors import ConfigurationError
 from crane_model.machine import JOINT_UNITS, Machine, load_machine
 from crane_model.record import Record
 from crane_model.terms import Parameter, Term, term_from_mapping
-from crane_model.terms.term import Family, Setting
-
-GRAVITY_FAMILIES: tuple[Family, ...] = ("rigid body", "gravity and load")
-FRICTION_FAMILIES: tuple[Family, ...] = ("friction",)
+from crane_model.terms.term import Setting
 
 
 @dataclass(frozen=True)
@@ -28,8 +26,8 @@ class Model:
     name: str
     setting: Setting
     terms: tuple[Term, ...]
-    values: np.ndarray | None = None  # (p,) Theta
-    std_devs: np.ndarray | None = None  # (p,)
+    values: Array | None = None  # (p,) Theta
+    std_devs: Array | None = None  # (p,)
     provenance: str = ""
 
     @property
@@ -55,13 +53,13 @@ class Model:
             )
         return tuple(parameters)
 
-    def regressor(self, record: Record) -> np.ndarray:
+    def regressor(self, record: Record) -> Array:
         """Phi of (28) on n samples: (n, j, p)."""
         columns = np.zeros((*record.position.shape, len(self.parameters)))
         self.fill(record, columns)
         return columns
 
-    def fill(self, record: Record, columns: np.ndarray) -> None:
+    def fill(self, record: Record, columns: Array) -> None:
         """Write Phi of (28) into `columns` (n, j, p), which comes as zeros."""
         for term, part in zip(self.terms, self._parts, strict=True):
             term.fill(record, self.setting, columns[:, :, part])
@@ -70,6 +68,12 @@ class Model:
         """Which parameters, columns of Phi, belong to one of the model's terms."""
         return self._parts[self.terms.index(term)]
 
+    @property
+    def base_parameters(self) -> slice | None:
+        """Which parameters are those of (8), of the planar bodies; None if it has none."""
+        parts = zip(self.terms, self._parts, strict=True)
+        return next((part for term, part in parts if term.has_base_parameters), None)
+
     @cached_property
     def _parts(self) -> tuple[slice, ...]:
         """Which columns of Phi belong to each term."""
@@ -77,11 +81,11 @@ class Model:
         ends = accumulate(counts)
         return tuple(slice(end - count, end) for end, count in zip(ends, counts, strict=True))
 
-    def predict(self, record: Record) -> np.ndarray:
+    def predict(self, record: Record) -> Array:
         """Generalized forces Phi Theta on n samples: (n, j) [N m, N]."""
         return self.regressor(record) @ self.theta
 
-    def range_at_standstill(self, record: Record) -> tuple[np.ndarray, np.ndarray]:
+    def range_at_standstill(self, record: Record) -> tuple[Array, Array]:
         """Least and largest force, (n, j) each, between the branches of friction up and down.
 
         Where a joint stands, (13) is set-valued: the force is anything in between.
@@ -91,23 +95,23 @@ class Model:
         down = self.predict(replace(record, direction_known=-one))
         return np.minimum(up, down), np.maximum(up, down)
 
-    def gravity(self, record: Record) -> np.ndarray:
+    def gravity(self, record: Record) -> Array:
         """The part of the force that gravity alone needs at the record's positions: (n, j)."""
-        return self._force_of(record.at_rest(), GRAVITY_FAMILIES)
+        return self._force_of(record.at_rest(), [term.has_weight() for term in self.terms])
 
-    def friction(self, record: Record) -> np.ndarray:
+    def friction(self, record: Record) -> Array:
         """The part of the force that friction takes, sgn as the record has it: (n, j)."""
-        return self._force_of(record, FRICTION_FAMILIES)
+        return self._force_of(record, [term.is_friction() for term in self.terms])
 
-    def _force_of(self, record: Record, families: Collection[Family]) -> np.ndarray:
+    def _force_of(self, record: Record, counts: Sequence[bool]) -> Array:
         columns = self.regressor(record)
-        for term, part in zip(self.terms, self._parts, strict=True):
-            if term.family not in families:
+        for counted, part in zip(counts, self._parts, strict=True):
+            if not counted:
                 columns[:, :, part] = 0.0
         return columns @ self.theta
 
     @property
-    def theta(self) -> np.ndarray:
+    def theta(self) -> Array:
         """Theta (p,); `ConfigurationError` if the model has not been estimated."""
         if self.values is None:
             raise ConfigurationError(
@@ -115,7 +119,7 @@ class Model:
             )
         return self.values
 
-    def with_estimate(self, values: np.ndarray, std_devs: np.ndarray, provenance: str) -> Self:
+    def with_estimate(self, values: Array, std_devs: Array, provenance: str) -> Self:
         """The same model with Theta, its standard deviations and where they come from."""
         return replace(self, values=values, std_devs=std_devs, provenance=provenance)
 
@@ -173,6 +177,13 @@ def load_model(path: Path | str) -> Model:
 
     `machine` is a machine file beside the model file, the machine itself, `laboratory_crane` for
     the one that ships with the suite, or absent for a machine without linkages.
+
+    >>> from crane_model.configuration import packaged
+    >>> model = load_model(packaged("crane_model", "crane_model.yaml"))
+    >>> model.joints
+    ('inner_boom', 'outer_boom', 'telescope')
+    >>> len(model.parameters), model.parameters[6].name
+    (20, 'm_TL')
     """
     path = Path(path)
     content = load(path, _ModelFile)
@@ -206,6 +217,12 @@ def save_model(path: Path | str, model: Model) -> None:
     """Write a model file that `load_model` reads back; it carries its machine with it.
 
     `ConfigurationError` if a value or standard deviation is not finite.
+
+    >>> from crane_model.terms.single_axis import Inertia
+    >>> axis = Model("axis", Setting({"axis": "rad"}, None), (Inertia(joint="axis"),))
+    >>> save_model("axis.yaml", axis.with_estimate(np.array([2.5]), np.array([0.1]), "by hand"))
+    >>> load_model("axis.yaml").theta
+    array([2.5])
     """
     estimate = None
     if model.values is not None and model.std_devs is not None:

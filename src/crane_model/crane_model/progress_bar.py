@@ -19,7 +19,7 @@ def progress_bar(
     over: Iterable[Any] | None = None,
     form: str = FORM,
     patience: float = PATIENCE,
-) -> tqdm:
+) -> "tqdm[Any]":
     """A bar that `update` moves on towards `total`, or that goes with the items of `over`.
 
     It appears after `patience` [s] in tqdm's `form`, of which a line of a log lacks the bar.
@@ -30,7 +30,7 @@ def progress_bar(
     return _Lines(over, description, total, bar_format=form.replace(BAR, ""), miniters=0)
 
 
-class _Lines(tqdm):
+class _Lines(tqdm):  # type: ignore[type-arg]  # it takes none when it runs
     monitor_interval = 0  # no thread that refreshes
     told = time.monotonic()  # when the last line was written, of whatever bar
 

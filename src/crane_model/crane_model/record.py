@@ -7,6 +7,7 @@ from typing import Self
 
 import numpy as np
 
+from crane_model.array import Array, Flags
 from crane_model.errors import DataError
 
 REMEDIES = {
@@ -34,25 +35,25 @@ class Record:
     """
 
     joints: tuple[str, ...]
-    time: np.ndarray  # (n,) s
-    position: np.ndarray  # (n, j)
-    velocity: np.ndarray  # (n, j)
-    acceleration: np.ndarray  # (n, j)
-    run: np.ndarray | None = None  # (n,) whole numbers; None: one run
-    force: np.ndarray | None = None  # (n, j) measured generalized force, N m or N
-    pressure_a: np.ndarray | None = None  # (n, j) Pa
-    pressure_b: np.ndarray | None = None  # (n, j) Pa
-    slew_position: np.ndarray | None = None  # (n,) rad
-    slew_velocity: np.ndarray | None = None  # (n,) rad/s
-    slew_acceleration: np.ndarray | None = None  # (n,) rad/s2
-    command: np.ndarray | None = None  # (n, j) spool command, -1..1
-    temperature: np.ndarray | None = None  # (n,) deg C
-    supply_pressure: np.ndarray | None = None  # (n,) Pa
-    tank_pressure: np.ndarray | None = None  # (n,) Pa
-    velocity_resolution: np.ndarray | None = None  # (j,)
-    direction_known: np.ndarray | None = None  # (n, j)
-    force_rate: np.ndarray | None = None  # (n, j) N m/s or N/s
-    memory: Mapping[object, np.ndarray] | None = None  # term: (n, states)
+    time: Array  # (n,) s
+    position: Array  # (n, j)
+    velocity: Array  # (n, j)
+    acceleration: Array  # (n, j)
+    run: Array | None = None  # (n,) whole numbers; None: one run
+    force: Array | None = None  # (n, j) measured generalized force, N m or N
+    pressure_a: Array | None = None  # (n, j) Pa
+    pressure_b: Array | None = None  # (n, j) Pa
+    slew_position: Array | None = None  # (n,) rad
+    slew_velocity: Array | None = None  # (n,) rad/s
+    slew_acceleration: Array | None = None  # (n,) rad/s2
+    command: Array | None = None  # (n, j) spool command, -1..1
+    temperature: Array | None = None  # (n,) deg C
+    supply_pressure: Array | None = None  # (n,) Pa
+    tank_pressure: Array | None = None  # (n,) Pa
+    velocity_resolution: Array | None = None  # (j,)
+    direction_known: Array | None = None  # (n, j)
+    force_rate: Array | None = None  # (n, j) N m/s or N/s
+    memory: Mapping[object, Array] | None = None  # term: (n, states)
 
     def __post_init__(self) -> None:
         shape = self.position.shape
@@ -70,7 +71,7 @@ class Record:
         return len(self.position)
 
     @cached_property
-    def direction(self) -> np.ndarray:
+    def direction(self) -> Array:
         """sgn(q') of (10)-(13), (n, j).
 
         sgn(0) = 0, and speeds below `velocity_resolution` count as 0: there (13) allows any force
@@ -84,7 +85,7 @@ class Record:
         return direction
 
     @cached_property
-    def first_of_run(self) -> np.ndarray:
+    def first_of_run(self) -> Flags:
         """Whether a recording begins with the sample, (n,) bool."""
         first = np.zeros(len(self), dtype=bool)
         first[:1] = True
@@ -92,14 +93,14 @@ class Record:
             first[1:] = np.diff(self.run) != 0
         return first
 
-    def needed(self, signal: str, by: str) -> np.ndarray:
+    def needed(self, signal: str, by: str) -> Array:
         """The field `signal`; `DataError` naming who needs it and what to do if it is None."""
-        value = getattr(self, signal)
+        value: Array | None = getattr(self, signal)
         if value is None:
             raise DataError(f"{by}: needs {signal}, which was not recorded; {REMEDIES[signal]}")
         return value
 
-    def rate(self, values: np.ndarray) -> np.ndarray:
+    def rate(self, values: Array) -> Array:
         """d values/dt by central differences that do not cross runs; 0 in a run of one sample."""
         rate = np.zeros_like(values, dtype=float)
         begins = np.flatnonzero(self.first_of_run)
@@ -109,7 +110,7 @@ class Record:
                 rate[part] = np.gradient(values[part], self.time[part], axis=0)
         return rate
 
-    def take(self, samples: slice | np.ndarray) -> Self:
+    def take(self, samples: slice | Array) -> Self:
         """The record of these samples alone."""
         kept = {
             field.name: getattr(self, field.name)[samples]

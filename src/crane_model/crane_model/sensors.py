@@ -5,6 +5,7 @@ from typing import Annotated
 import numpy as np
 from pydantic import Field
 
+from crane_model.array import Array
 from crane_model.configuration import Schema
 from crane_model.machine import JOINTS, Machine
 
@@ -21,7 +22,8 @@ class EncoderResolution(Schema):
     telescope: Positive
 
     def __getitem__(self, joint: str) -> float:
-        return getattr(self, joint)
+        step: float = getattr(self, joint)
+        return step
 
 
 class SensorChain(Schema):
@@ -37,25 +39,27 @@ class SensorChain(Schema):
     @property
     def pressure_step(self) -> float:
         """One count of the converter [Pa]."""
-        return self.pressure_range / (2**self.pressure_bits - 1)
+        return float(self.pressure_range / (2**self.pressure_bits - 1))
 
-    def sample_times(self, rng: np.random.Generator, start: float, count: int) -> np.ndarray:
+    def sample_times(self, rng: np.random.Generator, start: float, count: int) -> Array:
         """(count,) increasing sampling instants [s]; jitter never reorders them."""
         limit = 0.45 * self.period
         deviation = np.clip(self.jitter * rng.standard_normal(count), -limit, limit)
         return start + self.period * np.arange(count) + deviation
 
-    def measure_position(self, joint: str, q: np.ndarray) -> np.ndarray:
+    def measure_position(self, joint: str, q: Array) -> Array:
         """Encoder reading of the coordinates q of `joint`, any shape [rad, m]."""
         step = self.encoder_resolution[joint]
-        return step * np.round(np.asarray(q) / step)
+        shown: Array = step * np.round(np.asarray(q) / step)
+        return shown
 
-    def measure_positions(self, q: np.ndarray) -> np.ndarray:
+    def measure_positions(self, q: Array) -> Array:
         """Encoder readings of all joints: (..., 4) to (..., 4) [rad, m]."""
         steps = np.array([self.encoder_resolution[joint] for joint in JOINTS])
-        return steps * np.round(np.asarray(q) / steps)
+        shown: Array = steps * np.round(np.asarray(q) / steps)
+        return shown
 
-    def measure_pressure(self, rng: np.random.Generator, pressure: np.ndarray) -> np.ndarray:
+    def measure_pressure(self, rng: np.random.Generator, pressure: Array) -> Array:
         """Transducer readings of any shape [Pa]: noise, saturation, quantisation."""
         pressure = np.asarray(pressure, dtype=float)
         noisy = pressure + self.pressure_noise * rng.standard_normal(pressure.shape)

@@ -11,11 +11,12 @@ from dataclasses import dataclass
 import numpy as np
 from numba import njit
 
+from crane_model.array import Array
 from crane_model.cylinders import lever_arms
 from crane_model.errors import RangeError
 from crane_model.model_file import Model
 from crane_model.record import Record
-from crane_model.terms import MemoryTerm
+from crane_model.terms import Term
 
 _SWEEPS = 1000  # a handful suffices unless two joints move almost as one
 _TOLERANCE = 1e-12
@@ -25,22 +26,22 @@ _TOLERANCE = 1e-12
 class Simulation:
     """Motion of N runs of j joints at T instants."""
 
-    time: np.ndarray  # (T,) s
-    position: np.ndarray  # (T, N, j)
-    velocity: np.ndarray  # (T, N, j)
-    acceleration: np.ndarray  # (T, N, j) mean over the step that led here; 0 at the start
-    force: np.ndarray  # (T, N, j) generalized force at these positions, N m or N
+    time: Array  # (T,) s
+    position: Array  # (T, N, j)
+    velocity: Array  # (T, N, j)
+    acceleration: Array  # (T, N, j) mean over the step that led here; 0 at the start
+    force: Array  # (T, N, j) generalized force at these positions, N m or N
 
 
 def simulate(
     model: Model,
-    position: np.ndarray,
-    velocity: np.ndarray,
-    drive: np.ndarray,
+    position: Array,
+    velocity: Array,
+    drive: Array,
     period: float,
     substeps: int = 2,
-    beside: Mapping[str, np.ndarray] | None = None,
-    memory: Mapping[MemoryTerm, np.ndarray] | None = None,
+    beside: Mapping[str, Array] | None = None,
+    memory: Mapping[Term, Array] | None = None,
 ) -> Simulation:
     """Move N runs of `model` from a state (N, j), driven by `drive` (T, N, j), T instants apart.
 
@@ -61,11 +62,9 @@ def simulate(
     inputs = _Inputs(drive, beside or {}, period)
     q, v = np.array(position, dtype=float), np.array(velocity, dtype=float)
     now = _Instant(model, inputs, 0.0)
-    states = {
-        term: term.start(now.record(q, v), model.setting)
-        for term in model.terms
-        if isinstance(term, MemoryTerm)
-    } | dict(memory or {})
+    begun = {term: term.start(now.record(q, v), model.setting) for term in model.terms}
+    begun |= dict(memory or {})
+    states = {term: state for term, state in begun.items() if state.shape[1]}
     _check_inertia(model, _split(now, states, q, v)[0])
     course = [(q, v, np.zeros_like(v))]
     for k in range(1, len(drive)):
@@ -84,15 +83,15 @@ def simulate(
     positions, velocities, accelerations = (np.stack(parts) for parts in zip(*course, strict=True))
     arms = _lever_arms(model, positions.reshape(-1, drive.shape[-1]))
     force = drive * arms.reshape(drive.shape)
-    time = period * np.arange(len(drive))
+    time = period * np.arange(len(drive), dtype=float)
     return Simulation(time, positions, velocities, accelerations, force)
 
 
 def _advanced(
-    states: dict[MemoryTerm, np.ndarray],
-    before: tuple["_Instant", np.ndarray, np.ndarray],
-    after: tuple["_Instant", np.ndarray, np.ndarray],
-) -> dict[MemoryTerm, np.ndarray]:
+    states: dict[Term, Array],
+    before: tuple["_Instant", Array, Array],
+    after: tuple["_Instant", Array, Array],
+) -> dict[Term, Array]:
     """States of all terms that have some, one step on."""
     if not states:
         return states
@@ -105,17 +104,19 @@ def _advanced(
 class _Inputs:
     """What acts on the runs, interpolated between instants; `at` counts instants."""
 
-    drive: np.ndarray  # (T, N, j)
-    beside: Mapping[str, np.ndarray]  # (T, N, ...)
+    drive: Array  # (T, N, j)
+    beside: Mapping[str, Array]  # (T, N, ...)
     period: float
 
-    def value(self, series: np.ndarray, at: float) -> np.ndarray:
+    def value(self, series: Array, at: float) -> Array:
         before = min(int(at), len(series) - 2)
-        return series[before] + (series[before + 1] - series[before]) * (at - before)
+        value: Array = series[before] + (series[before + 1] - series[before]) * (at - before)
+        return value
 
-    def rate(self, series: np.ndarray, at: float) -> np.ndarray:
+    def rate(self, series: Array, at: float) -> Array:
         before = min(int(at), len(series) - 2)
-        return (series[before + 1] - series[before]) / self.period
+        rate: Array = (series[before + 1] - series[before]) / self.period
+        return rate
 
 
 class _Instant:
@@ -130,17 +131,17 @@ class _Instant:
 
     def record(
         self,
-        q: np.ndarray,
-        v: np.ndarray,
-        acceleration: np.ndarray | None = None,
-        direction: np.ndarray | None = None,
-        memory: Mapping[MemoryTerm, np.ndarray] | None = None,
+        q: Array,
+        v: Array,
+        acceleration: Array | None = None,
+        direction: Array | None = None,
+        memory: Mapping[Term, Array] | None = None,
     ) -> Record:
         """The N runs in a state, stacked as often as `acceleration` (cases N, j) asks for."""
         cases = 1 if acceleration is None else len(acceleration) // len(q)
         arms = _lever_arms(self.model, q)
 
-        def stacked(values: np.ndarray) -> np.ndarray:
+        def stacked(values: Array) -> Array:
             return np.concatenate([values] * cases)
 
         return Record(
@@ -158,12 +159,12 @@ class _Instant:
 
 def _next_velocity(
     at: _Instant,
-    memory: Mapping[MemoryTerm, np.ndarray],
-    q: np.ndarray,
-    v: np.ndarray,
-    v_start: np.ndarray,
+    memory: Mapping[Term, Array],
+    q: Array,
+    v: Array,
+    v_start: Array,
     step: float,
-) -> np.ndarray:
+) -> Array:
     """v_start + step M^-1 (load - dry s) with s in Sgn(result); M and load at (q, v)."""
     mass, load, dry = _split(at, memory, q, v)
     inverse = _inverse(at.model, mass)
@@ -171,7 +172,7 @@ def _next_velocity(
     return _with_dry_friction(free, step * inverse, np.maximum(dry, 0.0))
 
 
-def _inverse(model: Model, mass: np.ndarray) -> np.ndarray:
+def _inverse(model: Model, mass: Array) -> Array:
     inverse, positive = _inverses(mass)
     if not positive:
         raise RangeError(
@@ -182,7 +183,7 @@ def _inverse(model: Model, mass: np.ndarray) -> np.ndarray:
     return inverse
 
 
-def _check_inertia(model: Model, mass: np.ndarray) -> None:
+def _check_inertia(model: Model, mass: Array) -> None:
     """`RangeError` if a joint has none in mass matrices (N, j, j)."""
     least = np.einsum("njj->nj", mass).min(axis=0)
     for joint, inertia in zip(model.joints, least, strict=True):
@@ -195,8 +196,8 @@ def _check_inertia(model: Model, mass: np.ndarray) -> None:
 
 
 def _split(
-    at: _Instant, memory: Mapping[MemoryTerm, np.ndarray], q: np.ndarray, v: np.ndarray
-) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+    at: _Instant, memory: Mapping[Term, Array], q: Array, v: Array
+) -> tuple[Array, Array, Array]:
     """M, load and dry of drive - model = load - M a - dry s, from one evaluation of the model.
 
     It is evaluated on j + 2 stacked cases of a and s, the directions of motion. Being linear in
@@ -218,13 +219,13 @@ def _split(
     return mass, record.force[:runs] - rest, force[-1] - rest
 
 
-def _lever_arms(model: Model, q: np.ndarray) -> np.ndarray:
+def _lever_arms(model: Model, q: Array) -> Array:
     """(n, j) from cylinder forces, or generalized forces, to generalized forces."""
     return np.ones_like(q) if model.machine is None else lever_arms(model.machine, q, model.joints)
 
 
 @njit(cache=True)
-def _inverses(mass: np.ndarray) -> tuple[np.ndarray, bool]:
+def _inverses(mass: Array) -> tuple[Array, bool]:
     """Inverses of N symmetric matrices (N, j, j), and whether all are positive definite.
 
     Gauss-Jordan elimination: without exchange of rows, pivots are positive for such matrices only.
@@ -250,7 +251,7 @@ def _inverses(mass: np.ndarray) -> tuple[np.ndarray, bool]:
 
 
 @njit(cache=True)
-def _with_dry_friction(free: np.ndarray, compliance: np.ndarray, dry: np.ndarray) -> np.ndarray:
+def _with_dry_friction(free: Array, compliance: Array, dry: Array) -> Array:
     """v = free - compliance (dry s), s in Sgn(v): Gauss-Seidel on the friction force of each joint.
 
     (N, j), (N, j, j), (N, j). Converges for positive definite compliance.

@@ -77,7 +77,8 @@ class _Loader(yaml.SafeLoader):
         self._depth += 1
         if self._depth > DEEPEST:
             problem = f"nested deeper than {DEEPEST} levels; write it flatter"
-            raise ComposerError(None, None, problem, self.peek_event().start_mark)
+            event = self.peek_event()  # type: ignore[no-untyped-call]
+            raise ComposerError(None, None, problem, event.start_mark)
         node = super().compose_node(parent, index)
         self._depth -= 1
         return node

@@ -1,0 +1,49 @@
+"""The stand-in machine: its plant, what it may hide, its bus, and its picture.
+
+The names of `__all__` are the public API; each is imported from its module when it is first asked
+for, so that `import crane_sim` alone compiles nothing.
+"""
+
+from importlib import import_module
+from typing import TYPE_CHECKING
+
+if TYPE_CHECKING:
+    from crane_sim.hiding.calibrate import calibrate
+    from crane_sim.hiding.spec import HiddenEffect, Spec, load_spec
+    from crane_sim.make_bag import make
+    from crane_sim.parts.parameters import StandIn, load_stand_in, save_stand_in
+    from crane_sim.plant.closed_loop import SimulatedRecording, record
+    from crane_sim.plant.plant import Plant
+    from crane_sim.plant.sampled import Sensors
+
+__all__ = [
+    "HiddenEffect",
+    "Plant",
+    "Sensors",
+    "SimulatedRecording",
+    "Spec",
+    "StandIn",
+    "calibrate",
+    "load_spec",
+    "load_stand_in",
+    "make",
+    "record",
+    "save_stand_in",
+]
+
+_MODULES = {
+    "hiding.calibrate": ("calibrate",),
+    "hiding.spec": ("HiddenEffect", "Spec", "load_spec"),
+    "make_bag": ("make",),
+    "parts.parameters": ("StandIn", "load_stand_in", "save_stand_in"),
+    "plant.closed_loop": ("SimulatedRecording", "record"),
+    "plant.plant": ("Plant",),
+    "plant.sampled": ("Sensors",),
+}
+
+
+def __getattr__(name: str) -> object:
+    for module, names in _MODULES.items():
+        if name in names:
+            return getattr(import_module(f"{__name__}.{module}"), name)
+    raise AttributeError(f"module '{__name__}' has no attribute '{name}'")

@@ -28,7 +28,7 @@ from crane_sim.hiding.clean import Clean, clean
 from crane_sim.hiding.label import check_place, load_hidden, write_label
 from crane_sim.hiding.slewing import slewing
 from crane_sim.parts.parameters import StandIn, load_stand_in
-from crane_sim.plant.closed_loop import Course, Progress, Recording, record
+from crane_sim.plant.closed_loop import Course, Progress, SimulatedRecording, record
 from crane_sim.plant.plant import Plant
 from crane_sim.plant.sampled import Sensors
 from crane_trajectory.control.controller import Gains, load_gains
@@ -51,7 +51,7 @@ class Moment(NamedTuple):
 COLD = Moment(STARTED, 0.0)
 
 
-def effort(machine: Machine, recording: Recording) -> np.ndarray:
+def effort(machine: Machine, recording: SimulatedRecording) -> np.ndarray:
     """(n, 4) generalized forces (27) from readings [N m, N]; NaN where there is no transducer."""
     tau = np.full_like(recording.position, np.nan)
     columns = [JOINTS.index(joint) for joint in recording.cylinders]
@@ -66,7 +66,7 @@ def effort(machine: Machine, recording: Recording) -> np.ndarray:
 
 
 def write_bag(
-    path: Path, machine: Machine, recording: Recording, started: datetime = STARTED
+    path: Path, machine: Machine, recording: SimulatedRecording, started: datetime = STARTED
 ) -> None:
     """The topics of the suite, each message stamped and logged when its sample was taken.
 

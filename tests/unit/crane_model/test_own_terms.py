@@ -35,14 +35,15 @@ MODEL = "name: one\njoints: {axis: m}\nterms: [{type: cubic_spring, joint: axis}
 
 
 @pytest.fixture(autouse=True)
-def as_it_was(monkeypatch: pytest.MonkeyPatch) -> Iterator[None]:
-    registered, modules = dict(REGISTRY), set(sys.modules)
+def as_it_was(monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> Iterator[None]:
+    registered = dict(REGISTRY)
     monkeypatch.setattr(sys, "path", list(sys.path))
     yield
     REGISTRY.clear()
     REGISTRY.update(registered)
-    for name in set(sys.modules) - modules:
-        del sys.modules[name]
+    for name, module in list(sys.modules.items()):
+        if str(getattr(module, "__file__", None)).startswith(str(tmp_path)):
+            del sys.modules[name]
 
 
 def write(path: Path, code: str = CODE) -> Path:

@@ -13,7 +13,7 @@ from crane_model.kinematics import tip_jacobian, tip_position
 from crane_model.machine import PLANAR_JOINTS, Machine
 from crane_model.record import Record
 from crane_model.terms.gravity_and_load import BaseTilt, HoseMass, Load, Payload, SlewCoupling
-from crane_model.terms.planar import Directions, Reach
+from crane_model.terms.planar import AxisReach, BoomDirections
 
 RECORD = random_record()
 
@@ -106,7 +106,7 @@ def test_slew_coupling_is_that_of_pinocchios_spatial_crane() -> None:
 def test_hose_mass_is_the_slope_of_its_potential_energy(machine: Machine) -> None:
     def energy(q: np.ndarray) -> np.ndarray:
         record = replace(RECORD, position=q)
-        _, psi, extension = Directions.of(machine, record)
+        _, psi, extension = BoomDirections.of(machine, record)
         return machine.gravity * extension**2 / 2.0 * np.sin(psi)
 
     column = HoseMass().columns(RECORD, SETTING)[:, :, 0]
@@ -126,7 +126,7 @@ def test_reach_and_its_acceleration_are_those_of_the_boom_tip(machine: Machine) 
 
     q, before, after = place(time), place(time - h), place(time + h)
     v, a = (after - before) / (2 * h), (after - 2 * q + before) / h**2
-    reach = Reach.of(machine, length, Record(PLANAR_JOINTS, time, q, v, a))
+    reach = AxisReach.of(machine, length, Record(PLANAR_JOINTS, time, q, v, a))
 
     def distance(q: np.ndarray) -> np.ndarray:
         return tip_position(machine, np.insert(q, 0, 0.0, axis=1))[:, 0]

@@ -7,7 +7,7 @@ import pytest
 from unit.crane_sim.hidden_machine import Rig, planted, rig
 
 from crane_model.machine import JOINTS, Machine
-from crane_sim.effects.fault import Fault
+from crane_sim.effects.fault import SensorFault
 from crane_sim.effects.flow import leak, meter, note_softness, softness
 from crane_sim.effects.form import Planted
 from crane_sim.effects.sensing import faults
@@ -22,7 +22,7 @@ A, B = (
 )
 
 
-def fault(effect: Planted) -> Fault:
+def fault(effect: Planted) -> SensorFault:
     (made,) = faults([effect])
     return made
 

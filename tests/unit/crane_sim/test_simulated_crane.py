@@ -14,7 +14,7 @@ from crane_driver.can.health import Monitor
 from crane_driver.can.layout import Layout
 from crane_model.machine import JOINTS, load_machine
 from crane_sim.bus.machine_on_bus import LONGEST_STEP, MachineOnBus
-from crane_sim.bus.pace import BACKLOG, Pace
+from crane_sim.bus.pace import BACKLOG, PlantPace
 from crane_sim.bus.simulated_crane import main
 from crane_sim.bus.valve_unit import TIMEOUT, ValveUnit
 from crane_sim.parts.parameters import load_stand_in
@@ -164,7 +164,7 @@ def test_a_machine_that_was_kept_from_running_loses_time(bench: Bench) -> None:
 
 
 def test_pace_makes_up_for_short_delays_and_reports_long_ones() -> None:
-    pace = Pace(CYCLE, START)
+    pace = PlantPace(CYCLE, START)
     assert pace.pause(START) == pytest.approx(CYCLE)
     assert pace.next(START + CYCLE) is None
     assert pace.next(START + 4 * CYCLE) is None  # two cycles late

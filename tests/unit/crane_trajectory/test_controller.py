@@ -1,5 +1,7 @@
 """Properties of the controller (36), and its behaviour on a valve with a dead zone."""
 
+import json
+
 import numpy as np
 import pytest
 from hypothesis import given, settings
@@ -7,9 +9,16 @@ from hypothesis import strategies as st
 
 from crane_model.errors import ConfigurationError, RangeError
 from crane_model.machine import JOINTS
-from crane_trajectory.control.controller import JointGains, command, joint_command, load_gains
+from crane_trajectory.control.controller import (
+    GainFields,
+    JointGains,
+    command,
+    joint_command,
+    load_gains,
+)
 
-GAINS = load_gains().table
+GAINS = load_gains().arrays
+ROWS = [GainFields(*row) for row in zip(*GAINS, strict=True)]
 number = st.floats(-10.0, 10.0)
 slow = st.floats(-0.03, 0.03)
 column = st.integers(0, 3)
@@ -33,14 +42,14 @@ def test_bounded(samples):
 @settings(deadline=None)
 @given(column, number, slow, slow, st.floats(0.0, 1.0))
 def test_does_not_rise_with_the_position_error(joint, q, velocity, velocity_ref, rise):
-    lower, higher = uniform(GAINS[joint], [q, q + rise], velocity, 0.0, velocity_ref)
+    lower, higher = uniform(ROWS[joint], [q, q + rise], velocity, 0.0, velocity_ref)
     assert higher <= lower
 
 
 @settings(deadline=None)
 @given(column, slow, slow, slow, st.floats(0.0, 1.0))
 def test_does_not_fall_with_the_reference_velocity(joint, error, velocity, velocity_ref, rise):
-    lower, higher = uniform(GAINS[joint], error, velocity, 0.0, [velocity_ref, velocity_ref + rise])
+    lower, higher = uniform(ROWS[joint], error, velocity, 0.0, [velocity_ref, velocity_ref + rise])
     assert higher >= lower
 
 
@@ -48,40 +57,41 @@ def test_does_not_fall_with_the_reference_velocity(joint, error, velocity, veloc
 @given(column, slow, slow, slow)
 def test_continuous(joint, error, velocity, velocity_ref):
     step = 1e-9
-    kp, kd, up, down, standstill, tolerance = GAINS[joint]
+    kp, kd, up, down, standstill, tolerance = ROWS[joint]
     steepest = kp + kd + 4 * max(up, down) * (1 / standstill + 1 / tolerance)
-    here = joint_command(GAINS[joint], error, velocity, 0.0, velocity_ref)
+    here = joint_command(ROWS[joint], error, velocity, 0.0, velocity_ref)
     near = [
-        joint_command(GAINS[joint], error + step, velocity, 0.0, velocity_ref),
-        joint_command(GAINS[joint], error, velocity + step, 0.0, velocity_ref),
-        joint_command(GAINS[joint], error, velocity, 0.0, velocity_ref + step),
+        joint_command(ROWS[joint], error + step, velocity, 0.0, velocity_ref),
+        joint_command(ROWS[joint], error, velocity + step, 0.0, velocity_ref),
+        joint_command(ROWS[joint], error, velocity, 0.0, velocity_ref + step),
     ]
     assert np.abs(np.array(near) - here).max() <= steepest * step
 
 
 @pytest.mark.parametrize("joint", range(4))
 def test_continuous_across_standstill_and_its_band(joint):
-    standstill = GAINS[joint][4]
+    standstill = GAINS.standstill_speed[joint]
     velocity = np.linspace(-2 * standstill, 2 * standstill, 4001)
-    u = uniform(GAINS[joint], 0.0, velocity, 0.0, 0.0)
-    assert np.abs(np.diff(u)).max() < 0.002 * GAINS[joint][2:4].max() + 1e-4
+    u = uniform(ROWS[joint], 0.0, velocity, 0.0, 0.0)
+    widest = max(GAINS.dead_zone_positive[joint], GAINS.dead_zone_negative[joint])
+    assert np.abs(np.diff(u)).max() < 0.002 * widest + 1e-4
 
 
 @settings(deadline=None)
 @given(column, st.floats(-1.0, 1.0))
 def test_at_rest_within_tolerance_the_valve_stays_closed(joint, share):
-    kp, _, up, down, _, tolerance = GAINS[joint]
-    u = joint_command(GAINS[joint], share * tolerance, 0.0, 0.0, 0.0)
+    kp, _, up, down, _, tolerance = ROWS[joint]
+    u = joint_command(ROWS[joint], share * tolerance, 0.0, 0.0, 0.0)
     assert u == pytest.approx(-kp * share * tolerance)
     assert -down <= u <= up
-    assert joint_command(GAINS[joint], 0.0, 0.0, 0.0, 0.0) == 0.0
+    assert joint_command(ROWS[joint], 0.0, 0.0, 0.0, 0.0) == 0.0
 
 
 @settings(deadline=None)
 @given(column, st.floats(2.0, 5.0), st.sampled_from([-1.0, 1.0]))
 def test_at_rest_beyond_twice_the_tolerance_the_dead_zone_is_crossed(joint, times, sign):
-    _, _, up, down, _, tolerance = GAINS[joint]
-    u = joint_command(GAINS[joint], -sign * times * tolerance, 0.0, 0.0, 0.0)
+    _, _, up, down, _, tolerance = ROWS[joint]
+    u = joint_command(ROWS[joint], -sign * times * tolerance, 0.0, 0.0, 0.0)
     assert sign * u > (up if sign > 0 else down)
 
 
@@ -90,20 +100,19 @@ def test_at_rest_beyond_twice_the_tolerance_the_dead_zone_is_crossed(joint, time
 def test_outside_the_standstill_band_compensation_has_the_sign_of_the_motion(
     joint, times, sign, error
 ):
-    kp, kd, up, down, standstill, _ = GAINS[joint]
+    kp, kd, up, down, standstill, _ = ROWS[joint]
     velocity = sign * times * standstill
-    u = joint_command(GAINS[joint], error, velocity, 0.0, 0.0)
+    u = joint_command(ROWS[joint], error, velocity, 0.0, 0.0)
     plain = -kp * error - kd * velocity + (up if sign > 0 else -down)
     assert u == pytest.approx(np.clip(plain, -1, 1))
 
 
 def test_without_compensation_it_is_pd():
-    gains = GAINS.copy()
-    gains[:, 2:4] = 0.0
+    gains = GAINS._replace(dead_zone_positive=np.zeros(4), dead_zone_negative=np.zeros(4))
     rng = np.random.default_rng(0)
     for _ in range(100):
         q, velocity, q_ref, velocity_ref = rng.normal(0.0, 0.1, (4, 4))
-        plain = -gains[:, 0] * (q - q_ref) - gains[:, 1] * (velocity - velocity_ref)
+        plain = -gains.kp * (q - q_ref) - gains.kd * (velocity - velocity_ref)
         np.testing.assert_allclose(
             command(gains, q, velocity, q_ref, velocity_ref), np.clip(plain, -1, 1)
         )
@@ -117,7 +126,7 @@ def test_a_command_is_never_made_of_inputs_that_are_not_finite(bad, kind, joint)
     inputs[kind, joint] = bad
     with pytest.raises(RangeError, match=f"{JOINTS[joint]}: .*{bad}"):
         command(GAINS, *inputs)
-    assert np.isnan(joint_command(GAINS[joint], *inputs[:, joint]))
+    assert np.isnan(joint_command(ROWS[joint], *inputs[:, joint]))
 
 
 def test_gains_that_open_the_valve_at_rest_are_refused(tmp_path):
@@ -129,23 +138,42 @@ def test_gains_that_open_the_valve_at_rest_are_refused(tmp_path):
         load_gains(path)
 
 
-def test_the_table_is_in_the_order_that_the_compiled_law_reads():
-    assert list(JointGains.model_fields) == [
-        "kp",
-        "kd",
-        "dead_zone_positive",
-        "dead_zone_negative",
-        "standstill_speed",
-        "position_tolerance",
-    ]
-    inner_boom = load_gains().inner_boom
-    assert load_gains().table[1].tolist() == list(inner_boom.model_dump().values())
+def test_every_gain_is_found_by_its_name(tmp_path):
+    """Whatever the order of fields is: each of the four joints and six gains has a number."""
+    names = list(JointGains.model_fields)
+    assert set(GainFields._fields) == set(names)
+    written = {
+        joint: {name: 0.01 + 0.001 * (6 * i + k) for k, name in enumerate(names)}
+        for i, joint in enumerate(JOINTS)
+    }
+    path = tmp_path / "gains.yaml"
+    path.write_text(json.dumps(written))
+    gains = load_gains(path).arrays
+    for i, joint in enumerate(JOINTS):
+        found = {name: values[i] for name, values in gains._asdict().items()}
+        assert found == written[joint]
+
+
+def test_the_law_reads_gains_by_name():
+    """With one gain changed at a time, the command of (36) changes by that gain's own part."""
+    one = ROWS[1]
+    moving = 2.0 * one.standstill_speed
+    parts = {
+        "kp": ((0.01, moving, 0.0, moving), -0.01),
+        "kd": ((0.0, moving, 0.0, moving - 0.01), -0.01),
+        "dead_zone_positive": ((0.0, moving, 0.0, moving), 1.0),
+        "dead_zone_negative": ((0.0, -moving, 0.0, -moving), -1.0),
+    }
+    for name, (inputs, slope) in parts.items():
+        more = one._replace(**{name: getattr(one, name) + 0.01})
+        change = joint_command(more, *inputs) - joint_command(one, *inputs)
+        assert change == pytest.approx(0.01 * slope, rel=1e-9)
 
 
 @pytest.mark.parametrize("joint", range(4))
 def test_follows_a_sine_and_then_holds_still_behind_a_dead_zone(joint):
     """A velocity source behind a dead zone and a lag: tracks, comes to rest, opens no valve."""
-    dead_zone, top_speed, lag, step = GAINS[joint][2], 0.6, 0.02, 0.005
+    dead_zone, top_speed, lag, step = GAINS.dead_zone_positive[joint], 0.6, 0.02, 0.005
     q, velocity, spool = 0.05, 0.0, 0.0
     errors, commands = [], []
     for i in range(12_000):
@@ -153,14 +181,14 @@ def test_follows_a_sine_and_then_holds_still_behind_a_dead_zone(joint):
         moving = time < 40.0
         q_ref = 0.2 * (1 - np.cos(0.2 * np.pi * time)) if moving else 0.0
         velocity_ref = 0.04 * np.pi * np.sin(0.2 * np.pi * time) if moving else 0.0
-        u = joint_command(GAINS[joint], q, velocity, q_ref, velocity_ref)
+        u = joint_command(ROWS[joint], q, velocity, q_ref, velocity_ref)
         spool += (u - spool) * step / lag
         velocity = top_speed * np.sign(spool) * max(abs(spool) - dead_zone, 0.0)
         q += velocity * step
         errors.append(q - q_ref)
         commands.append(u)
-    lag = 0.04 * np.pi / (top_speed * GAINS[joint][0])  # of proportional control at this speed
+    lag = 0.04 * np.pi / (top_speed * GAINS.kp[joint])  # of proportional control at this speed
     assert np.abs(errors[1000:8000]).max() < 1.5 * lag
-    assert np.abs(errors[-2000:]).max() < 3 * GAINS[joint][5]
+    assert np.abs(errors[-2000:]).max() < 3 * GAINS.position_tolerance[joint]
     assert np.ptp(commands[-2000:]) < 1e-6  # no buzzing
     assert abs(velocity) < 1e-12

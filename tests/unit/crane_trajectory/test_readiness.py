@@ -8,7 +8,7 @@ from crane_trajectory.control.controller import load_gains
 from crane_trajectory.control.tuning import Tuning
 from crane_trajectory.readiness import RESTED, Readiness
 
-TUNING = Tuning(load_gains().table, 1.0, np.ones(4))
+TUNING = Tuning(load_gains().arrays, 1.0, np.ones(4))
 TIMEOUT = 0.1  # s
 PLACE, REST = np.zeros(len(JOINTS)), np.zeros(len(JOINTS))
 MOVING = np.array([0.0, 0.0, 0.0, 1.0])

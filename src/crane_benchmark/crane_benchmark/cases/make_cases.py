@@ -136,7 +136,7 @@ def _model(case: Case) -> Model:
     kept = tuple(
         term
         for term in model.terms
-        if not (term.type in case.lacks and getattr(term, "joint", None) == "telescope")
+        if not (term.type in case.lacks and term.only_joint == "telescope")
     )
     return replace(model, terms=kept)
 

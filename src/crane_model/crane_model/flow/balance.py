@@ -11,6 +11,7 @@ from collections.abc import Sequence
 
 import numpy as np
 
+from crane_model.array import Array
 from crane_model.cylinders import lever_arm
 from crane_model.errors import DataError
 from crane_model.flow.flow_term import FlowTerm
@@ -18,14 +19,14 @@ from crane_model.machine import Machine
 from crane_model.record import Record
 
 
-def piston_flow(record: Record, machine: Machine, joint: str) -> np.ndarray:
+def piston_flow(record: Record, machine: Machine, joint: str) -> Array:
     """A_A x' and -A_B x': (n, 2) [m3/s]; x' = dx/dq q' (18)."""
     j, cylinder = record.column(joint), machine.cylinders[joint]
     speed = lever_arm(machine, joint, record.position[:, j]) * record.velocity[:, j]
     return speed[:, np.newaxis] * (cylinder.area_a, -cylinder.area_b)
 
 
-def flow_regressor(terms: Sequence[FlowTerm], record: Record, machine: Machine) -> np.ndarray:
+def flow_regressor(terms: Sequence[FlowTerm], record: Record, machine: Machine) -> Array:
     """Columns of the terms side by side, (n, 2, p), for the piston flow of their one joint.
 
     `DataError` if there is no term, or terms of several joints: their flows do not share a balance.

@@ -2,8 +2,7 @@
 
 from abc import ABC, abstractmethod
 
-import numpy as np
-
+from crane_model.array import Array
 from crane_model.configuration import Schema
 from crane_model.machine import Machine
 from crane_model.record import Record
@@ -16,13 +15,13 @@ class FlowTerm(Schema, ABC):
     joint: str
 
     @abstractmethod
-    def columns(self, record: Record, machine: Machine) -> np.ndarray:
+    def columns(self, record: Record, machine: Machine) -> Array:
         """Flow into chambers A and B for one unit of each parameter: (n, 2, parameters) [m3/s].
 
         `DataError` names a signal that the record does not have: then the effect is not observable.
         """
 
-    def needed(self, record: Record, signal: str) -> np.ndarray:
+    def needed(self, record: Record, signal: str) -> Array:
         """(n,) of this joint, or of the machine; `DataError` if it was not recorded."""
         values = record.needed(signal, f"flow term '{self.type}'")
         return values if values.ndim == 1 else values[:, record.column(self.joint)]

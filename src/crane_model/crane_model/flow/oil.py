@@ -4,6 +4,7 @@ from typing import Literal
 
 import numpy as np
 
+from crane_model.array import Array
 from crane_model.cylinders import cylinder_length
 from crane_model.flow.flow_term import FlowTerm
 from crane_model.machine import Machine
@@ -15,7 +16,7 @@ class InternalLeakage(FlowTerm):
 
     type: Literal["internal_leakage"] = "internal_leakage"
 
-    def columns(self, record: Record, machine: Machine) -> np.ndarray:
+    def columns(self, record: Record, machine: Machine) -> Array:
         """(n, 2, 1) for C = 1 m3/(s Pa)."""
         drop = self.needed(record, "pressure_a") - self.needed(record, "pressure_b")
         return np.stack([-drop, drop], axis=1)[:, :, np.newaxis]
@@ -29,7 +30,7 @@ class OilCompressibility(FlowTerm):
 
     type: Literal["oil_compressibility"] = "oil_compressibility"
 
-    def columns(self, record: Record, machine: Machine) -> np.ndarray:
+    def columns(self, record: Record, machine: Machine) -> Array:
         """(n, 2, 3) for 1/beta [1/Pa] and V_0A/beta, V_0B/beta [m3/Pa] of 1."""
         cylinder = machine.cylinders[self.joint]
         q = record.position[:, record.column(self.joint)]

@@ -6,6 +6,7 @@ import numpy as np
 from numba import njit
 from pydantic import Field
 
+from crane_model.array import Array, Flags
 from crane_model.cylinders import lever_arm
 from crane_model.flow.flow_term import FlowTerm
 from crane_model.machine import Machine
@@ -29,14 +30,14 @@ class Valve(FlowTerm):
     dead_zone_b: float = Field(default=0.0, ge=0, lt=1)
     play: float = Field(default=0.0, ge=0, lt=1)
 
-    def opening(self, record: Record, machine: Machine) -> np.ndarray:
+    def opening(self, record: Record, machine: Machine) -> Array:
         """x, positive where oil is let into chamber A: (n,)."""
         q = record.position[:, record.column(self.joint)]
         u = self.needed(record, "command") * np.sign(lever_arm(machine, self.joint, q))
         y = u if self.play == 0.0 else _trailing(u, self.play / 2.0, record.first_of_run)
         return np.maximum(0.0, y - self.dead_zone_a) + np.minimum(0.0, y + self.dead_zone_b)
 
-    def columns(self, record: Record, machine: Machine) -> np.ndarray:
+    def columns(self, record: Record, machine: Machine) -> Array:
         """(n, 2, 4) for K = 1 m3/(s Pa^0.5) of each of EDGES; an edge serves one chamber alone."""
         p_a, p_b = self.needed(record, "pressure_a"), self.needed(record, "pressure_b")
         supply, tank = self.needed(record, "supply_pressure"), self.needed(record, "tank_pressure")
@@ -50,7 +51,7 @@ class Valve(FlowTerm):
         return flow
 
 
-def by_chamber(gains: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+def by_chamber(gains: Array) -> tuple[Array, Array]:
     """Mean gain (2,) of the edges of chamber A and of B from those of all EDGES (4,), and by what
     share (2,) that is larger which opens where chamber A is fed: K = mean (1 +- share).
     """
@@ -59,19 +60,19 @@ def by_chamber(gains: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
     return mean, (feeding_a - feeding_b) / (2.0 * mean)
 
 
-def asymmetry(gains: np.ndarray) -> float:
+def asymmetry(gains: Array) -> float:
     """Share by which the gains (4,) of EDGES are larger where chamber A is fed, mean of both
     chambers: none of a spool that is made for a differential cylinder, K_A / K_B = A_A / A_B.
     """
     return float(by_chamber(gains)[1].mean())
 
 
-def _root(drop: np.ndarray) -> np.ndarray:
+def _root(drop: Array) -> Array:
     return np.sign(drop) * np.sqrt(np.abs(drop))
 
 
 @njit(cache=True)
-def _trailing(u: np.ndarray, play: float, first: np.ndarray) -> np.ndarray:
+def _trailing(u: Array, play: float, first: Flags) -> Array:
     y = u.copy()
     for k in range(1, len(u)):
         if not first[k]:

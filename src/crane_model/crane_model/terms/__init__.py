@@ -1,7 +1,7 @@
 """The terms that a model is a sum of: one small class each, grouped in files by family.
 
-Importing this package imports every file of it, which fills the registry: a new effect is one new
-class in any of them, registered by its `type`.
+Importing this package imports every file of it, and every entry point `crane_model.terms` of
+other packages, which fills the registry: a new effect is one new class, registered by its `type`.
 """
 
 from importlib import import_module
@@ -9,6 +9,7 @@ from pkgutil import iter_modules
 
 from crane_model.terms.catalogue import candidates, joints_of, nuisances, typical
 from crane_model.terms.effect import Effect, Shape
+from crane_model.terms.installed import load_installed
 from crane_model.terms.joint_term import JointTerm, OneJointTerm
 from crane_model.terms.memory_term import JointMemoryTerm, MemoryTerm
 from crane_model.terms.own import load_terms
@@ -36,3 +37,4 @@ __all__ = [
 
 for _file in iter_modules(__path__):  # last: the terms may import all that stands above
     import_module(f"{__name__}.{_file.name}")
+load_installed()

@@ -2,8 +2,7 @@
 
 from typing import ClassVar, Literal
 
-import numpy as np
-
+from crane_model.array import Array
 from crane_model.record import Record
 from crane_model.terms.chambers import lever_and_slope
 from crane_model.terms.effect import Effect
@@ -33,7 +32,7 @@ class ActuatorInertia(OneJointTerm):
         unit = "kg m2" if rotary else "kg"
         return (Parameter("m_drive", unit, 0.0, "mass that moves with the piston"),)
 
-    def joint_columns(self, record: Record, setting: Setting, j: int) -> np.ndarray:
+    def joint_columns(self, record: Record, setting: Setting, j: int) -> Array:
         """x'' dx/dq."""
         arm, slope = lever_and_slope(setting, self.joint, record)
         return arm * (arm * record.acceleration[:, j] + slope * record.velocity[:, j] ** 2)

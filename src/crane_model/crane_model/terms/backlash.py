@@ -6,6 +6,7 @@ import numpy as np
 from numba import njit
 from pydantic import Field
 
+from crane_model.array import Array, Flags
 from crane_model.record import Record
 from crane_model.terms.effect import Effect, Shape
 from crane_model.terms.memory_term import JointMemoryTerm
@@ -39,30 +40,28 @@ class Backlash(JointMemoryTerm):
         """f_g."""
         return Parameter("f_g", force, 0.0, "force that is missing until the clearance is crossed")
 
-    def start(self, record: Record, setting: Setting) -> np.ndarray:
+    def start(self, record: Record, setting: Setting) -> Array:
         """Seated on the side of the load."""
         return np.sign(self._load(record))[:, np.newaxis]
 
-    def advance(
-        self, states: np.ndarray, before: Record, after: Record, setting: Setting
-    ) -> np.ndarray:
+    def advance(self, states: Array, before: Record, after: Record, setting: Setting) -> Array:
         """Towards the side of the load at the end of the step."""
         j = before.column(self.joint)
         way = 2.0 * (after.position[:, j] - before.position[:, j]) / self.clearance
         return _advanced(states[:, 0], way, self._load(after))[:, np.newaxis]
 
-    def column(self, states: np.ndarray, record: Record, j: int) -> np.ndarray:
+    def column(self, states: Array, record: Record, j: int) -> Array:
         """(z - c)/2; 0 without load."""
         load = self._load(record)
         return np.where(load == 0.0, 0.0, (states[:, 0] - np.sign(load)) / 2.0)
 
-    def trace(self, record: Record, setting: Setting) -> np.ndarray:
+    def trace(self, record: Record, setting: Setting) -> Array:
         """As `advance` from sample to sample, compiled."""
         q = record.position[:, record.column(self.joint)]
         way = 2.0 * np.diff(q, prepend=q[:1]) / self.clearance
         return _traced(way, self._load(record), record.first_of_run)[:, np.newaxis]
 
-    def _load(self, record: Record) -> np.ndarray:
+    def _load(self, record: Record) -> Array:
         return self.needed(record, "force")[:, record.column(self.joint)]
 
 
@@ -76,7 +75,7 @@ def _crossed(z: float, way: float, load: float) -> float:
 
 
 @njit(cache=True)
-def _advanced(z: np.ndarray, way: np.ndarray, load: np.ndarray) -> np.ndarray:
+def _advanced(z: Array, way: Array, load: Array) -> Array:
     out = np.empty_like(z)
     for n in range(len(z)):
         out[n] = _crossed(z[n], way[n], load[n])
@@ -84,7 +83,7 @@ def _advanced(z: np.ndarray, way: np.ndarray, load: np.ndarray) -> np.ndarray:
 
 
 @njit(cache=True)
-def _traced(way: np.ndarray, load: np.ndarray, first: np.ndarray) -> np.ndarray:
+def _traced(way: Array, load: Array, first: Flags) -> Array:
     z = np.sign(load)
     for k in range(1, len(way)):
         if not first[k]:

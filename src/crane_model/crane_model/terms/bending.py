@@ -12,11 +12,15 @@ from typing import NamedTuple
 import numpy as np
 from numba import njit
 
+from crane_model.array import Array, Flags
 from crane_model.machine import PLANAR_JOINTS, Machine
 from crane_model.terms.oscillator import swung_once
 
 PASSES = 20  # in which a mass sags to where its spring holds it; each halves the error at least
 STIFFEST = 0.95  # of critical damping, where a pose leaves less inertia than the damper is made for
+
+
+Gradient = tuple[float, float, float]  # d/dq of inner boom, outer boom and telescope
 
 
 class Bend(NamedTuple):
@@ -49,7 +53,7 @@ class Bend(NamedTuple):
 
 
 @njit(cache=True)
-def _gradients(bend: Bend, q: np.ndarray) -> tuple[tuple, tuple]:
+def _gradients(bend: Bend, q: Array) -> tuple[Gradient, Gradient]:
     """d/dq of the tip's distance from the slew axis and of its height."""
     phi, psi = q[0] + bend.theta_2_0, q[0] + q[1]
     along, normal = bend.telescope_length + q[2], bend.telescope_offset
@@ -61,9 +65,7 @@ def _gradients(bend: Bend, q: np.ndarray) -> tuple[tuple, tuple]:
 
 
 @njit(cache=True)
-def _forces(
-    bend: Bend, q: np.ndarray, v: np.ndarray, a: np.ndarray, e: float, rate: float, out: np.ndarray
-) -> float:
+def _forces(bend: Bend, q: Array, v: Array, a: Array, e: float, rate: float, out: Array) -> float:
     """Write phi (3,) of the bent crane at e'' = 0; the inertia about the joint.
 
     `q` and `v` (3,) are bent as well.
@@ -88,7 +90,7 @@ def _forces(
 
 
 @njit(cache=True)
-def sagging(bend: Bend, q: np.ndarray) -> np.ndarray:
+def sagging(bend: Bend, q: Array) -> Array:
     """States (n, 2), e and e', where the spring holds the mass at rest at n poses (n, 3)."""
     states, force, still = np.zeros((len(q), 2)), np.empty(3), np.zeros(3)
     for n in range(len(q)):
@@ -100,8 +102,8 @@ def sagging(bend: Bend, q: np.ndarray) -> np.ndarray:
 
 @njit(cache=True)
 def _bent(
-    bend: Bend, q: np.ndarray, v: np.ndarray, push: np.ndarray, step: float,
-    e: float, rate: float, force: np.ndarray,
+    bend: Bend, q: Array, v: Array, push: Array, step: float,
+    e: float, rate: float, force: Array,
 ) -> tuple[float, float]:  # fmt: skip
     """e and e' after a step [s] of constant acceleration `push` (3,); q, v half-way through it."""
     inertia = _forces(bend, q.copy(), v.copy(), push, e + 0.5 * step * rate, rate, force)
@@ -112,9 +114,7 @@ def _bent(
 
 
 @njit(cache=True)
-def bent(
-    bend: Bend, states: np.ndarray, q: np.ndarray, v: np.ndarray, push: np.ndarray, step: np.ndarray
-) -> np.ndarray:
+def bent(bend: Bend, states: Array, q: Array, v: Array, push: Array, step: Array) -> Array:
     """States (n, 2) after steps (n,) [s] of constant accelerations `push` (n, 3); q, v half-way."""
     out, force = np.empty_like(states), np.empty(3)
     for n in range(len(states)):
@@ -124,9 +124,7 @@ def bent(
 
 
 @njit(cache=True)
-def bent_along(
-    bend: Bend, q: np.ndarray, v: np.ndarray, time: np.ndarray, first: np.ndarray
-) -> np.ndarray:
+def bent_along(bend: Bend, q: Array, v: Array, time: Array, first: Flags) -> Array:
     """States (n, 2) along positions and velocities (n, 3); each run begins sagging at rest."""
     states, force = np.empty((len(q), 2)), np.empty(3)
     for k in range(len(q)):
@@ -142,9 +140,7 @@ def bent_along(
 
 
 @njit(cache=True)
-def bending_forces(
-    bend: Bend, states: np.ndarray, q: np.ndarray, v: np.ndarray, a: np.ndarray
-) -> np.ndarray:
+def bending_forces(bend: Bend, states: Array, q: Array, v: Array, a: Array) -> Array:
     """phi(bent) - phi(straight) on inner boom, outer boom and telescope, (n, 3), of 1 kg."""
     out, straight, i = np.empty((len(q), 3)), np.empty(3), bend.joint
     for n in range(len(q)):

@@ -3,7 +3,6 @@
 from typing import Any
 
 from crane_model.errors import ConfigurationError
-from crane_model.terms.joint_term import OneJointTerm
 from crane_model.terms.term import REGISTRY, Setting, Term
 
 
@@ -19,9 +18,11 @@ def nuisances(setting: Setting) -> list[type[Term]]:
 
 def joints_of(cls: type[Term], setting: Setting) -> tuple[str, ...]:
     """The joints on which the term can act; empty for a term of the whole machine."""
-    if not issubclass(cls, OneJointTerm):
-        return ()
-    return tuple(joint for joint in setting.units if _accepted(cls, setting, joint))
+    return tuple(
+        joint
+        for joint in cls.places(setting)
+        if joint is not None and _accepted(cls, setting, joint)
+    )
 
 
 def typical(cls: type[Term], joint: str | None = None) -> Term:
@@ -37,9 +38,7 @@ def _sorted() -> list[type[Term]]:
 
 
 def _held(cls: type[Term], setting: Setting) -> bool:
-    if issubclass(cls, OneJointTerm):
-        return bool(joints_of(cls, setting))
-    return _accepted(cls, setting, None)
+    return any(_accepted(cls, setting, joint) for joint in cls.places(setting))
 
 
 def _accepted(cls: type[Term], setting: Setting, joint: str | None) -> bool:

@@ -2,6 +2,7 @@
 
 import numpy as np
 
+from crane_model.array import Array
 from crane_model.cylinders import cylinder_geometry
 from crane_model.errors import ConfigurationError
 from crane_model.machine import JOINTS, Machine
@@ -19,12 +20,12 @@ def cylinder_machine(term: Term, setting: Setting, joint: str) -> Machine:
     return setting.machine
 
 
-def lever(setting: Setting, joint: str, record: Record) -> np.ndarray:
+def lever(setting: Setting, joint: str, record: Record) -> Array:
     """dx/dq of (18), (n,); 1 where the model has no machine."""
     return lever_and_slope(setting, joint, record)[0]
 
 
-def lever_and_slope(setting: Setting, joint: str, record: Record) -> tuple[np.ndarray, np.ndarray]:
+def lever_and_slope(setting: Setting, joint: str, record: Record) -> tuple[Array, Array]:
     """dx/dq of (18) and d2x/dq2, (n,) each; 1 and 0 where the model has no machine."""
     q = record.position[:, record.column(joint)]
     if setting.machine is None:
@@ -32,7 +33,7 @@ def lever_and_slope(setting: Setting, joint: str, record: Record) -> tuple[np.nd
     return cylinder_geometry(setting.machine, joint, q)[1:]
 
 
-def chamber_forces(term: Term, record: Record, setting: Setting, joint: str) -> np.ndarray:
+def chamber_forces(term: Term, record: Record, setting: Setting, joint: str) -> Array:
     """dx/dq A p of chambers A and B: (n, 2) generalized forces; areas are 1 without a machine."""
     j = record.column(joint)
     pressures = [term.needed(record, name)[:, j] for name in ("pressure_a", "pressure_b")]

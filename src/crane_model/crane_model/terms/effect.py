@@ -4,6 +4,8 @@ from typing import Literal, NamedTuple
 
 import numpy as np
 
+from crane_model.array import Array
+
 Variable = Literal[
     "position",
     "velocity",
@@ -49,11 +51,11 @@ class Shape(NamedTuple):
     even: bool = False
 
     @property
-    def grid(self) -> np.ndarray:
+    def grid(self) -> Array:
         """(points,) from lowest to highest."""
         return self.spread(self.points)
 
-    def spread(self, points: int) -> np.ndarray:
+    def spread(self, points: int) -> Array:
         """(points,) values from lowest to highest."""
         return (np.linspace if self.even else np.geomspace)(self.lowest, self.highest, points)
 

@@ -5,6 +5,7 @@ from typing import ClassVar, Literal
 import numpy as np
 from pydantic import Field
 
+from crane_model.array import Array
 from crane_model.machine import PLANAR_JOINTS
 from crane_model.record import Record
 from crane_model.terms.bending import Bend, bending_forces, bent, bent_along, sagging
@@ -32,7 +33,7 @@ class HoseStiffness(JointTerm):
         follows=("position",),
     )
 
-    def column(self, record: Record, j: int) -> np.ndarray:
+    def column(self, record: Record, j: int) -> Array:
         """q."""
         return record.position[:, j]
 
@@ -73,16 +74,14 @@ class BoomFlexibility(OneJointTerm, MemoryTerm):
         unit = "kg m2" if setting.units[self.joint] == "rad" else "kg"
         return (Parameter("J_flexible", unit, 0.0, "inertia that takes part in the bending"),)
 
-    def start(self, record: Record, setting: Setting) -> np.ndarray:
+    def start(self, record: Record, setting: Setting) -> Array:
         """Sagging at rest."""
         bend = self._bend(setting)
         if bend is None:
             return np.zeros((len(record), 2))
         return sagging(bend, record.position[:, planar_columns(record)])
 
-    def advance(
-        self, states: np.ndarray, before: Record, after: Record, setting: Setting
-    ) -> np.ndarray:
+    def advance(self, states: Array, before: Record, after: Record, setting: Setting) -> Array:
         """Over a step of constant acceleration and, but for the oscillator, of constant load."""
         bend, step = self._bend(setting), after.time - before.time
         push = (after.velocity - before.velocity) / step[:, np.newaxis]
@@ -99,7 +98,7 @@ class BoomFlexibility(OneJointTerm, MemoryTerm):
         )
         return bent(bend, states, q, v, push[:, at], step)
 
-    def trace(self, record: Record, setting: Setting) -> np.ndarray:
+    def trace(self, record: Record, setting: Setting) -> Array:
         """As `advance` from sample to sample, compiled."""
         bend, first = self._bend(setting), record.first_of_run
         if bend is None:
@@ -108,7 +107,7 @@ class BoomFlexibility(OneJointTerm, MemoryTerm):
         at = planar_columns(record)
         return bent_along(bend, record.position[:, at], record.velocity[:, at], record.time, first)
 
-    def fill(self, record: Record, setting: Setting, columns: np.ndarray) -> None:
+    def fill(self, record: Record, setting: Setting, columns: Array) -> None:
         """On the rows of all planar joints, or without them on that of its own."""
         bend = self._bend(setting)
         if bend is None:
@@ -118,7 +117,7 @@ class BoomFlexibility(OneJointTerm, MemoryTerm):
         motion = record.position[:, at], record.velocity[:, at], record.acceleration[:, at]
         columns[:, at, 0] = bending_forces(bend, states, *motion) / bend.inertia
 
-    def joint_columns(self, record: Record, setting: Setting, j: int) -> np.ndarray:
+    def joint_columns(self, record: Record, setting: Setting, j: int) -> Array:
         """e''."""
         states = self.states(record, setting)
         carrier = record.acceleration[:, j]

@@ -4,10 +4,11 @@ from typing import ClassVar, Literal
 
 import numpy as np
 
+from crane_model.array import Array
 from crane_model.record import Record
 from crane_model.terms.effect import Effect
 from crane_model.terms.joint_term import JointTerm
-from crane_model.terms.term import Family, Parameter
+from crane_model.terms.term import Family, Parameter, Setting
 
 
 class Coulomb(JointTerm):
@@ -23,9 +24,13 @@ class Coulomb(JointTerm):
         follows=("velocity",),
     )
 
-    def column(self, record: Record, j: int) -> np.ndarray:
+    def column(self, record: Record, j: int) -> Array:
         """sgn(q'), 0 where the speed is below the resolution."""
         return record.direction[:, j]
+
+    def slopes(self, record: Record, j: int, steepness: Array) -> Array:
+        """Of sgn(q') that has been made smooth."""
+        return _by_velocity(steepness)
 
     def parameter(self, coordinate: str, force: str) -> Parameter:
         """f_c."""
@@ -44,10 +49,15 @@ class CoulombAsymmetry(JointTerm):
         "readings of the pressure transducers at zero pressure",
         ("viscous_asymmetry",),
     )
+    asymmetry_of: ClassVar[str | None] = "coulomb"
 
-    def column(self, record: Record, j: int) -> np.ndarray:
-        """1."""
+    def column(self, record: Record, j: int) -> Array:
+        """1, whatever the motion: (n,)."""
         return np.ones(len(record))
+
+    def slopes(self, record: Record, j: int, steepness: Array) -> Array:
+        """0: it does not follow the motion."""
+        return _by_velocity(np.zeros(len(record)))
 
     def parameter(self, coordinate: str, force: str) -> Parameter:
         """delta f_c."""
@@ -67,9 +77,13 @@ class Viscous(JointTerm):
         follows=("velocity",),
     )
 
-    def column(self, record: Record, j: int) -> np.ndarray:
+    def column(self, record: Record, j: int) -> Array:
         """q'."""
         return record.velocity[:, j]
+
+    def slopes(self, record: Record, j: int, steepness: Array) -> Array:
+        """1 along q'."""
+        return _by_velocity(np.ones(len(record)))
 
     def parameter(self, coordinate: str, force: str) -> Parameter:
         """f_v."""
@@ -90,11 +104,28 @@ class ViscousAsymmetry(JointTerm):
         ("coulomb_asymmetry",),
         follows=("velocity",),
     )
+    asymmetry_of: ClassVar[str | None] = "viscous"
 
-    def column(self, record: Record, j: int) -> np.ndarray:
+    def column(self, record: Record, j: int) -> Array:
         """|q'|."""
         return np.abs(record.velocity[:, j])
+
+    def fill_smooth(self, record: Record, setting: Setting, columns: Array) -> None:
+        """q' sgn(q') in place of |q'|."""
+        j = record.column(self.joint)
+        columns[:, j, 0] = record.velocity[:, j] * record.direction[:, j]
+
+    def slopes(self, record: Record, j: int, steepness: Array) -> Array:
+        """Of q' sgn(q')."""
+        return _by_velocity(record.direction[:, j] + record.velocity[:, j] * steepness)
 
     def parameter(self, coordinate: str, force: str) -> Parameter:
         """delta f_v."""
         return Parameter("df_v", f"{force} s/{coordinate}", None, "asymmetry of viscous friction")
+
+
+def _by_velocity(slope: Array) -> Array:
+    """(3, n) of a column that depends on q' alone."""
+    slopes = np.zeros((3, len(slope)))
+    slopes[1] = slope
+    return slopes

@@ -4,12 +4,13 @@ from typing import ClassVar, Literal
 
 import numpy as np
 
+from crane_model.array import Array
 from crane_model.errors import ConfigurationError
 from crane_model.record import Record
 from crane_model.terms.chambers import chamber_forces, gain_unit
 from crane_model.terms.effect import Effect
 from crane_model.terms.joint_term import JointTerm, OneJointTerm
-from crane_model.terms.planar import Directions, planar_machine
+from crane_model.terms.planar import BoomDirections, planar_machine
 from crane_model.terms.term import Family, Parameter, Setting
 
 
@@ -29,7 +30,7 @@ class LoadFriction(JointTerm):
         follows=("force",),
     )
 
-    def column(self, record: Record, j: int) -> np.ndarray:
+    def column(self, record: Record, j: int) -> Array:
         """|tau| sgn(q')."""
         return record.direction[:, j] * np.abs(self.needed(record, "force")[:, j])
 
@@ -62,8 +63,8 @@ class SealFriction(OneJointTerm):
             Parameter("mu_B", unit, 0.0, "seal friction per pressure force of chamber B"),
         )
 
-    def joint_columns(self, record: Record, setting: Setting, j: int) -> np.ndarray:
-        """(n, 2)."""
+    def joint_columns(self, record: Record, setting: Setting, j: int) -> Array:
+        """|F_A| sgn(q') and |F_B| sgn(q'), of the two chambers: (n, 2)."""
         forces = np.abs(chamber_forces(self, record, setting, self.joint))
         return record.direction[:, j, np.newaxis] * forces
 
@@ -97,9 +98,9 @@ class PadFriction(OneJointTerm):
             Parameter("pad_1", "kg/m", 0.0, "the same for each metre of extension"),
         )
 
-    def joint_columns(self, record: Record, setting: Setting, j: int) -> np.ndarray:
-        """(n, 2)."""
+    def joint_columns(self, record: Record, setting: Setting, j: int) -> Array:
+        """g |cos psi| sgn(q') and q4 times that: (n, 2)."""
         machine = planar_machine(self, setting)
-        _, psi, extension = Directions.of(machine, record)
+        _, psi, extension = BoomDirections.of(machine, record)
         pressed = record.direction[:, j] * machine.gravity * np.abs(np.cos(psi))
         return np.stack([pressed, pressed * extension], axis=1)

@@ -5,6 +5,7 @@ from typing import ClassVar, Literal
 import numpy as np
 from pydantic import Field
 
+from crane_model.array import Array
 from crane_model.errors import ConfigurationError
 from crane_model.machine import JOINTS
 from crane_model.record import Record
@@ -26,7 +27,7 @@ class PositionFriction(JointTerm):
         follows=("position",),
     )
 
-    def column(self, record: Record, j: int) -> np.ndarray:
+    def column(self, record: Record, j: int) -> Array:
         """q sgn(q')."""
         return record.position[:, j] * record.direction[:, j]
 
@@ -64,11 +65,12 @@ class CyclicFriction(OneJointTerm):
             Parameter("f_cos", force, None, "cosine part of the wave of Coulomb friction"),
         )
 
-    def joint_columns(self, record: Record, setting: Setting, j: int) -> np.ndarray:
-        """(n, 2)."""
+    def joint_columns(self, record: Record, setting: Setting, j: int) -> Array:
+        """sin(wave q) sgn(q') and cos(wave q) sgn(q'): (n, 2)."""
         phase = self.wave * record.position[:, j]
         waves = np.stack([np.sin(phase), np.cos(phase)], axis=1)
-        return record.direction[:, j, np.newaxis] * waves
+        columns: Array = record.direction[:, j, np.newaxis] * waves
+        return columns
 
 
 class EndCushioning(OneJointTerm):
@@ -101,7 +103,7 @@ class EndCushioning(OneJointTerm):
         unit = f"{setting.force_unit(self.joint)} s/{setting.units[self.joint]}"
         return (Parameter("f_e", unit, 0.0, "viscous resistance at the very end of the range"),)
 
-    def joint_columns(self, record: Record, setting: Setting, j: int) -> np.ndarray:
+    def joint_columns(self, record: Record, setting: Setting, j: int) -> Array:
         """q' d/zone."""
         assert setting.machine is not None  # parameters() refuses such a model
         limits, q = setting.machine.limits[self.joint], record.position[:, j]

@@ -5,6 +5,7 @@ from typing import ClassVar, Literal
 import numpy as np
 from pydantic import Field
 
+from crane_model.array import Array
 from crane_model.record import Record
 from crane_model.terms.effect import Effect, Shape
 from crane_model.terms.joint_term import JointTerm
@@ -35,7 +36,7 @@ class Stribeck(JointTerm):
     speed: float = Field(gt=0)
     exponent: float = Field(gt=0)
 
-    def column(self, record: Record, j: int) -> np.ndarray:
+    def column(self, record: Record, j: int) -> Array:
         """sgn(q') exp(-(|q'|/speed)^exponent)."""
         ratio = np.abs(record.velocity[:, j]) / self.speed
         return record.direction[:, j] * np.exp(-(ratio**self.exponent))
@@ -58,7 +59,7 @@ class QuadraticViscous(JointTerm):
         follows=("velocity",),
     )
 
-    def column(self, record: Record, j: int) -> np.ndarray:
+    def column(self, record: Record, j: int) -> Array:
         """q'|q'|."""
         v = record.velocity[:, j]
         return v * np.abs(v)

@@ -5,6 +5,7 @@ from typing import ClassVar, Literal
 import numpy as np
 from pydantic import Field
 
+from crane_model.array import Array
 from crane_model.record import Record
 from crane_model.terms.effect import Effect, Shape
 from crane_model.terms.joint_term import JointTerm
@@ -26,7 +27,7 @@ class TemperatureViscosity(JointTerm):
         follows=("temperature", "velocity"),
     )
 
-    def column(self, record: Record, j: int) -> np.ndarray:
+    def column(self, record: Record, j: int) -> Array:
         """-(T - 40 deg C) q'."""
         return (WORKING_TEMPERATURE - self.needed(record, "temperature")) * record.velocity[:, j]
 
@@ -60,7 +61,7 @@ class WarmUp(JointTerm):
     warming: float = Field(gt=0)
     since: float = 0.0
 
-    def column(self, record: Record, j: int) -> np.ndarray:
+    def column(self, record: Record, j: int) -> Array:
         """q' exp(-(t - since)/warming)."""
         return record.velocity[:, j] * np.exp((self.since - record.time) / self.warming)
 

@@ -5,12 +5,13 @@ from typing import ClassVar, Literal
 import numpy as np
 from pydantic import Field, field_validator
 
+from crane_model.array import Array
 from crane_model.configuration import Schema
 from crane_model.dynamics import Geometry, lagrangian_regressor
 from crane_model.machine import Machine
 from crane_model.record import Record
 from crane_model.terms.effect import Effect, Shape
-from crane_model.terms.planar import Directions, Reach, planar_columns, planar_machine
+from crane_model.terms.planar import AxisReach, BoomDirections, planar_columns, planar_machine
 from crane_model.terms.term import Family, Parameter, Setting, Term
 
 
@@ -38,15 +39,15 @@ class BaseTilt(Term):
         meaning = "mass of telescope and gripper times the angle by which the base is tilted"
         return (Parameter("m_tilt", "kg rad", None, meaning),)
 
-    def fill(self, record: Record, setting: Setting, columns: np.ndarray) -> None:
+    def fill(self, record: Record, setting: Setting, columns: Array) -> None:
         """On the rows of inner boom, outer boom and telescope."""
         weight = turned_weight(planar_machine(self, setting), record)
         columns[:, planar_columns(record), 0] = weight
 
 
-def turned_weight(machine: Machine, record: Record) -> np.ndarray:
+def turned_weight(machine: Machine, record: Record) -> Array:
     """d/dalpha of the gravity of a mass of 1 kg at q4, V = g q4 sin(psi + alpha): (n, 3)."""
-    _, psi, extension = Directions.of(machine, record)
+    _, psi, extension = BoomDirections.of(machine, record)
     turning = -machine.gravity * extension * np.sin(psi)
     return np.stack([turning, turning, machine.gravity * np.cos(psi)], axis=1)
 
@@ -102,7 +103,7 @@ class Payload(Term):
             for k in range(1, len(self.loads) + 1)
         )
 
-    def fill(self, record: Record, setting: Setting, columns: np.ndarray) -> None:
+    def fill(self, record: Record, setting: Setting, columns: Array) -> None:
         """On the rows of inner boom, outer boom and telescope: (n, 3, loads)."""
         machine, at = planar_machine(self, setting), planar_columns(record)
         motion = record.position[:, at], record.velocity[:, at], record.acceleration[:, at]
@@ -117,7 +118,7 @@ class Payload(Term):
             columns[:, at, k] = np.where(inside[:, np.newaxis], column, 0.0)
 
 
-def tip_mass(machine: Machine) -> np.ndarray:
+def tip_mass(machine: Machine) -> Array:
     """(9,): the Lagrangian parameters of a mass of 1 kg at the boom tip."""
     dh = machine.denavit_hartenberg
     a2, a3, length = dh.inner_boom_length, dh.telescope_offset, dh.telescope_length
@@ -146,10 +147,10 @@ class HoseMass(Term):
         planar_machine(self, setting)
         return (Parameter("rho_hose", "kg/m", None, "mass of hoses that comes out per metre"),)
 
-    def fill(self, record: Record, setting: Setting, columns: np.ndarray) -> None:
+    def fill(self, record: Record, setting: Setting, columns: Array) -> None:
         """On the rows of inner boom, outer boom and telescope."""
         machine = planar_machine(self, setting)
-        _, psi, extension = Directions.of(machine, record)
+        _, psi, extension = BoomDirections.of(machine, record)
         turning = machine.gravity * extension**2 / 2.0 * np.cos(psi)
         inner, outer, telescope = planar_columns(record)
         columns[:, inner, 0] = columns[:, outer, 0] = turning
@@ -186,12 +187,12 @@ class SlewCoupling(Term):
             Parameter("m_slew", "kg", 0.0, "mass of outer boom and telescope that slews"),
         )
 
-    def fill(self, record: Record, setting: Setting, columns: np.ndarray) -> None:
+    def fill(self, record: Record, setting: Setting, columns: Array) -> None:
         """On the rows of inner boom, outer boom and telescope."""
         machine = planar_machine(self, setting)
         spin = self.needed(record, "slew_velocity") ** 2
-        phi, _, _ = Directions.of(machine, record)
-        reach = Reach.of(machine, self.reach, record)
+        phi, _, _ = BoomDirections.of(machine, record)
+        reach = AxisReach.of(machine, self.reach, record)
         at = planar_columns(record)
         columns[:, at[0], 0] = spin * np.sin(phi) * np.cos(phi)
         columns[:, at, 1] = -(spin * reach.distance)[:, np.newaxis] * reach.gradient

@@ -1,9 +1,9 @@
 """Terms that act on one joint at one instant."""
 
 from abc import abstractmethod
+from typing import ClassVar
 
-import numpy as np
-
+from crane_model.array import Array
 from crane_model.errors import ConfigurationError
 from crane_model.record import Record
 from crane_model.terms.term import Parameter, Setting, Term
@@ -14,12 +14,22 @@ class OneJointTerm(Term):
 
     joint: str
 
+    @classmethod
+    def places(cls, setting: Setting) -> tuple[str | None, ...]:
+        """Every joint of the model."""
+        return tuple(setting.units)
+
+    @property
+    def only_joint(self) -> str | None:
+        """The joint of its field."""
+        return self.joint
+
     @abstractmethod
     def joint_parameters(self, setting: Setting) -> tuple[Parameter, ...]:
         """The parameters, without the joint in their names."""
 
     @abstractmethod
-    def joint_columns(self, record: Record, setting: Setting, j: int) -> np.ndarray:
+    def joint_columns(self, record: Record, setting: Setting, j: int) -> Array:
         """Regressor columns on joint j: (n,), or (n, parameters)."""
 
     def parameters(self, setting: Setting) -> tuple[Parameter, ...]:
@@ -34,7 +44,7 @@ class OneJointTerm(Term):
             for parameter in self.joint_parameters(setting)
         )
 
-    def fill(self, record: Record, setting: Setting, columns: np.ndarray) -> None:
+    def fill(self, record: Record, setting: Setting, columns: Array) -> None:
         """Zero but on the term's own joint."""
         j = record.column(self.joint)
         columns[:, j] = self.joint_columns(record, setting, j).reshape(len(record), -1)
@@ -43,8 +53,10 @@ class OneJointTerm(Term):
 class JointTerm(OneJointTerm):
     """A term with one parameter that depends on what its joint does at the same instant alone."""
 
+    of_one_instant: ClassVar[bool] = True
+
     @abstractmethod
-    def column(self, record: Record, j: int) -> np.ndarray:
+    def column(self, record: Record, j: int) -> Array:
         """The single regressor column on joint j: (n,)."""
 
     @abstractmethod
@@ -55,6 +67,6 @@ class JointTerm(OneJointTerm):
         """The single parameter."""
         return (self.parameter(setting.units[self.joint], setting.force_unit(self.joint)),)
 
-    def joint_columns(self, record: Record, setting: Setting, j: int) -> np.ndarray:
+    def joint_columns(self, record: Record, setting: Setting, j: int) -> Array:
         """The single column."""
         return self.column(record, j)

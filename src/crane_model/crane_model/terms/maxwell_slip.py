@@ -6,6 +6,7 @@ import numpy as np
 from numba import njit
 from pydantic import Field
 
+from crane_model.array import Array, Flags
 from crane_model.record import Record
 from crane_model.terms.effect import Effect, Shape
 from crane_model.terms.joint_term import OneJointTerm
@@ -46,30 +47,29 @@ class MaxwellSlip(MemoryTerm, OneJointTerm):
             for i in range(len(SHARES))
         )
 
-    def start(self, record: Record, setting: Setting) -> np.ndarray:
+    def start(self, record: Record, setting: Setting) -> Array:
         """z = 0."""
         return np.zeros((len(record), len(SHARES)))
 
-    def advance(
-        self, states: np.ndarray, before: Record, after: Record, setting: Setting
-    ) -> np.ndarray:
+    def advance(self, states: Array, before: Record, after: Record, setting: Setting) -> Array:
         """Exact for a step in one direction."""
         j = before.column(self.joint)
         way = (after.position[:, j] - before.position[:, j]) / self.travel
-        return np.clip(states + way[:, np.newaxis] / SHARES, -1.0, 1.0)
+        moved: Array = np.clip(states + way[:, np.newaxis] / SHARES, -1.0, 1.0)
+        return moved
 
-    def joint_columns(self, record: Record, setting: Setting, j: int) -> np.ndarray:
+    def joint_columns(self, record: Record, setting: Setting, j: int) -> Array:
         """z (n, 3)."""
         return self.states(record, setting)
 
-    def trace(self, record: Record, setting: Setting) -> np.ndarray:
+    def trace(self, record: Record, setting: Setting) -> Array:
         """As `advance` from sample to sample, compiled."""
         q = record.position[:, record.column(self.joint)]
         return _traced(np.diff(q, prepend=q[:1]) / self.travel, SHARES, record.first_of_run)
 
 
 @njit(cache=True)
-def _traced(way: np.ndarray, shares: np.ndarray, first: np.ndarray) -> np.ndarray:
+def _traced(way: Array, shares: Array, first: Flags) -> Array:
     z = np.zeros((len(way), len(shares)))
     for k in range(1, len(way)):
         if not first[k]:

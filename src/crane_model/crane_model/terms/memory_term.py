@@ -2,8 +2,7 @@
 
 from abc import abstractmethod
 
-import numpy as np
-
+from crane_model.array import Array
 from crane_model.record import Record
 from crane_model.terms.joint_term import OneJointTerm
 from crane_model.terms.term import Parameter, Setting, Term
@@ -17,16 +16,14 @@ class MemoryTerm(Term):
     """
 
     @abstractmethod
-    def start(self, record: Record, setting: Setting) -> np.ndarray:
-        """States (n, s) of n runs that begin at the samples of the record."""
+    def start(self, record: Record, setting: Setting) -> Array:
+        """States (n, s) of n runs that begin at the samples of the record, s >= 1."""
 
     @abstractmethod
-    def advance(
-        self, states: np.ndarray, before: Record, after: Record, setting: Setting
-    ) -> np.ndarray:
+    def advance(self, states: Array, before: Record, after: Record, setting: Setting) -> Array:
         """States (n, s) of n runs one step on; the records hold the two ends of the step."""
 
-    def trace(self, record: Record, setting: Setting) -> np.ndarray:
+    def trace(self, record: Record, setting: Setting) -> Array:
         """States (n, s) at each sample of a recording: `advance` from sample to sample."""
         states = self.start(record, setting)
         first = record.first_of_run
@@ -36,7 +33,7 @@ class MemoryTerm(Term):
                 states[k] = self.advance(states[k - 1 : k], *step, setting)[0]
         return states
 
-    def states(self, record: Record, setting: Setting) -> np.ndarray:
+    def states(self, record: Record, setting: Setting) -> Array:
         """States (n, s) that the record brings along, or else traced over it."""
         known = (record.memory or {}).get(self)
         return self.trace(record, setting) if known is None else known
@@ -46,7 +43,7 @@ class JointMemoryTerm(MemoryTerm, OneJointTerm):
     """A term with memory and one parameter, on a single joint."""
 
     @abstractmethod
-    def column(self, states: np.ndarray, record: Record, j: int) -> np.ndarray:
+    def column(self, states: Array, record: Record, j: int) -> Array:
         """The single regressor column on joint j, given the states (n, s): (n,)."""
 
     @abstractmethod
@@ -57,6 +54,6 @@ class JointMemoryTerm(MemoryTerm, OneJointTerm):
         """The single parameter."""
         return (self.parameter(setting.units[self.joint], setting.force_unit(self.joint)),)
 
-    def joint_columns(self, record: Record, setting: Setting, j: int) -> np.ndarray:
+    def joint_columns(self, record: Record, setting: Setting, j: int) -> Array:
         """The single column."""
         return self.column(self.states(record, setting), record, j)

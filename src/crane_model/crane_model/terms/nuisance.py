@@ -5,6 +5,7 @@ from typing import ClassVar, Literal
 import numpy as np
 from pydantic import Field
 
+from crane_model.array import Array
 from crane_model.record import Record
 from crane_model.terms.effect import Shape
 from crane_model.terms.joint_term import OneJointTerm
@@ -36,8 +37,8 @@ class VelocityLag(OneJointTerm):
             Parameter("late", f"{force} s2/{unit}", None, "friction misplaced by a delay"),
         )
 
-    def joint_columns(self, record: Record, setting: Setting, j: int) -> np.ndarray:
-        """(n, 2)."""
+    def joint_columns(self, record: Record, setting: Setting, j: int) -> Array:
+        """sech^2 times q'/speed and times q'': (n, 2)."""
         ratio = record.velocity[:, j] / self.speed
         near = 1.0 / np.cosh(np.minimum(np.abs(ratio), 300.0)) ** 2
         return np.stack([near * ratio, near * record.acceleration[:, j]], axis=1)

@@ -9,6 +9,8 @@ import math
 import numpy as np
 from numba import njit
 
+from crane_model.array import Array, Flags
+
 
 @njit(cache=True)
 def swung_once(
@@ -28,9 +30,7 @@ def swung_once(
 
 
 @njit(cache=True)
-def swung(
-    states: np.ndarray, push: np.ndarray, step: np.ndarray, frequency: float, damping: float
-) -> np.ndarray:
+def swung(states: Array, push: Array, step: Array, frequency: float, damping: float) -> Array:
     """States (n, 2) after steps (n,) [s] with constant accelerations `push` (n,)."""
     out = np.empty_like(states)
     for n in range(len(states)):
@@ -42,8 +42,8 @@ def swung(
 
 @njit(cache=True)
 def swung_along(
-    velocity: np.ndarray, time: np.ndarray, first: np.ndarray, frequency: float, damping: float
-) -> np.ndarray:
+    velocity: Array, time: Array, first: Flags, frequency: float, damping: float
+) -> Array:
     """States (n, 2) on a carrier of velocity (n,); each run begins at rest on it."""
     states = np.zeros((len(velocity), 2))
     for k in range(1, len(velocity)):
@@ -56,9 +56,7 @@ def swung_along(
     return states
 
 
-def relative_acceleration(
-    states: np.ndarray, carrier: np.ndarray, frequency: float, damping: float
-) -> np.ndarray:
+def relative_acceleration(states: Array, carrier: Array, frequency: float, damping: float) -> Array:
     """e'' (n,), given the states (n, 2) and the acceleration (n,) of the carrier."""
     w = 2.0 * math.pi * frequency
     return -carrier - 2.0 * damping * w * states[:, 1] - w**2 * states[:, 0]

@@ -5,6 +5,7 @@ from typing import NamedTuple
 
 import numpy as np
 
+from crane_model.array import Array
 from crane_model.errors import ConfigurationError
 from crane_model.machine import JOINT_UNITS, PLANAR_JOINTS, Machine
 from crane_model.record import Record
@@ -37,35 +38,35 @@ def _listed(units: Mapping[str, str]) -> str:
     return ", ".join(f"{joint} [{unit}]" for joint, unit in units.items())
 
 
-class Directions(NamedTuple):
+class BoomDirections(NamedTuple):
     """phi of the inner boom, psi of the telescope's axis [rad] and q4 [m], (n,) each."""
 
-    phi: np.ndarray
-    psi: np.ndarray
-    extension: np.ndarray
+    phi: Array
+    psi: Array
+    extension: Array
 
     @classmethod
-    def of(cls, machine: Machine, record: Record) -> "Directions":
+    def of(cls, machine: Machine, record: Record) -> "BoomDirections":
         """At each sample."""
         q2, q3, q4 = record.position.T[planar_columns(record)]
         return cls(q2 + machine.denavit_hartenberg.theta_2_0, q2 + q3, q4)
 
 
-class Reach(NamedTuple):
+class AxisReach(NamedTuple):
     """How far a point on the telescope's axis is from the slew axis, and how that changes.
 
     x = a2 cos phi + (length + q4) cos psi - a3 sin psi.
     """
 
-    distance: np.ndarray  # (n,) m
-    gradient: np.ndarray  # (n, 3) dx/dq of inner boom, outer boom and telescope
-    bias: np.ndarray  # (n,) m/s2: x'' - gradient q''
+    distance: Array  # (n,) m
+    gradient: Array  # (n, 3) dx/dq of inner boom, outer boom and telescope
+    bias: Array  # (n,) m/s2: x'' - gradient q''
 
     @classmethod
-    def of(cls, machine: Machine, length: float, record: Record) -> "Reach":
+    def of(cls, machine: Machine, length: float, record: Record) -> "AxisReach":
         """Of the point that lies `length` [m] from the elbow along the axis at q4 = 0."""
         dh = machine.denavit_hartenberg
-        phi, psi, extension = Directions.of(machine, record)
+        phi, psi, extension = BoomDirections.of(machine, record)
         boom, along = dh.inner_boom_length * np.cos(phi), length + extension
         outer = along * np.cos(psi) - dh.telescope_offset * np.sin(psi)
         by_phi = -dh.inner_boom_length * np.sin(phi)

@@ -7,6 +7,7 @@ import numpy as np
 from numba import njit
 from pydantic import Field
 
+from crane_model.array import Array, Flags
 from crane_model.record import Record
 from crane_model.terms.effect import Effect, Shape
 from crane_model.terms.memory_term import JointMemoryTerm
@@ -40,23 +41,21 @@ class Presliding(JointMemoryTerm):
         """f_h."""
         return Parameter("f_h", force, 0.0, "friction that builds up over a displacement")
 
-    def start(self, record: Record, setting: Setting) -> np.ndarray:
+    def start(self, record: Record, setting: Setting) -> Array:
         """z = 0."""
         return np.zeros((len(record), 1))
 
-    def advance(
-        self, states: np.ndarray, before: Record, after: Record, setting: Setting
-    ) -> np.ndarray:
+    def advance(self, states: Array, before: Record, after: Record, setting: Setting) -> Array:
         """Exact for a step in one direction."""
         j = before.column(self.joint)
         way = (after.position[:, j] - before.position[:, j]) / self.travel
         return _advanced(states[:, 0], way)[:, np.newaxis]
 
-    def column(self, states: np.ndarray, record: Record, j: int) -> np.ndarray:
+    def column(self, states: Array, record: Record, j: int) -> Array:
         """z."""
         return states[:, 0]
 
-    def trace(self, record: Record, setting: Setting) -> np.ndarray:
+    def trace(self, record: Record, setting: Setting) -> Array:
         """As `advance` from sample to sample, compiled."""
         q = record.position[:, record.column(self.joint)]
         way = np.diff(q, prepend=q[:1]) / self.travel
@@ -71,7 +70,7 @@ def _slid(z: float, way: float) -> float:
 
 
 @njit(cache=True)
-def _advanced(z: np.ndarray, way: np.ndarray) -> np.ndarray:
+def _advanced(z: Array, way: Array) -> Array:
     out = np.empty_like(z)
     for n in range(len(z)):
         out[n] = _slid(z[n], way[n])
@@ -79,7 +78,7 @@ def _advanced(z: np.ndarray, way: np.ndarray) -> np.ndarray:
 
 
 @njit(cache=True)
-def _traced(way: np.ndarray, first: np.ndarray) -> np.ndarray:
+def _traced(way: Array, first: Flags) -> Array:
     z = np.zeros(len(way))
     for k in range(1, len(way)):
         if not first[k]:

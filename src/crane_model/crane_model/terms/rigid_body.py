@@ -2,8 +2,7 @@
 
 from typing import ClassVar, Literal
 
-import numpy as np
-
+from crane_model.array import Array
 from crane_model.dynamics import Geometry, fill_base_regressor
 from crane_model.record import Record
 from crane_model.terms.planar import planar_columns, planar_machine
@@ -19,13 +18,14 @@ class PlanarRigidBody(Term):
 
     type: Literal["planar_rigid_body"] = "planar_rigid_body"
     family: ClassVar[Family] = "rigid body"
+    has_base_parameters: ClassVar[bool] = True
 
     def parameters(self, setting: Setting) -> tuple[Parameter, ...]:
         """The base set of the suite, each named as the combination that it is."""
         planar_machine(self, setting)
         return BASE_PARAMETERS
 
-    def fill(self, record: Record, setting: Setting, columns: np.ndarray) -> None:
+    def fill(self, record: Record, setting: Setting, columns: Array) -> None:
         """On the rows of inner boom, outer boom and telescope."""
         geometry = Geometry.of(planar_machine(self, setting))
         motion = record.position, record.velocity, record.acceleration

@@ -6,6 +6,7 @@ from typing import ClassVar, Literal
 import numpy as np
 from pydantic import Field
 
+from crane_model.array import Array
 from crane_model.errors import ConfigurationError
 from crane_model.record import Record
 from crane_model.terms.chambers import (
@@ -45,7 +46,7 @@ class PressureOffset(OneJointTerm):
         cylinder_machine(self, setting, self.joint)
         return (Parameter("dp", "Pa", None, "reading of the transducer of chamber A at 0 Pa"),)
 
-    def joint_columns(self, record: Record, setting: Setting, j: int) -> np.ndarray:
+    def joint_columns(self, record: Record, setting: Setting, j: int) -> Array:
         """A_A dx/dq."""
         machine = cylinder_machine(self, setting, self.joint)
         return machine.cylinders[self.joint].area_a * lever(setting, self.joint, record)
@@ -68,8 +69,8 @@ class PressureGain(JointTerm):
         follows=("force",),
     )
 
-    def column(self, record: Record, j: int) -> np.ndarray:
-        """tau."""
+    def column(self, record: Record, j: int) -> Array:
+        """tau as it was measured: (n,)."""
         return self.needed(record, "force")[:, j]
 
     def parameter(self, coordinate: str, force: str) -> Parameter:
@@ -96,7 +97,7 @@ class ChamberGain(OneJointTerm):
         meaning = "share by which the pressure of chamber B is measured too large"
         return (Parameter("gain_B", unit, None, meaning),)
 
-    def joint_columns(self, record: Record, setting: Setting, j: int) -> np.ndarray:
+    def joint_columns(self, record: Record, setting: Setting, j: int) -> Array:
         """-A_B p_B dx/dq: the part of chamber B in (19)."""
         return -chamber_forces(self, record, setting, self.joint)[:, 1]
 
@@ -139,13 +140,13 @@ class EncoderOffset(OneJointTerm):
             )
         return (Parameter("dq", "rad", None, "reading of the encoder at zero"),)
 
-    def fill(self, record: Record, setting: Setting, columns: np.ndarray) -> None:
+    def fill(self, record: Record, setting: Setting, columns: Array) -> None:
         """The lever arm on the joint itself, the bodies on all three."""
         super().fill(record, setting, columns)
         if any(self.bodies):
             columns[:, :, 0] -= self._slope_of_bodies(record, setting)
 
-    def _slope_of_bodies(self, record: Record, setting: Setting) -> np.ndarray:
+    def _slope_of_bodies(self, record: Record, setting: Setting) -> Array:
         """d/dq of (7), by central differences, (n, 3)."""
         turned = np.zeros_like(record.position)
         turned[:, record.column(self.joint)] = STEP
@@ -155,7 +156,7 @@ class EncoderOffset(OneJointTerm):
         )
         return (after - before) / (2.0 * STEP)
 
-    def joint_columns(self, record: Record, setting: Setting, j: int) -> np.ndarray:
+    def joint_columns(self, record: Record, setting: Setting, j: int) -> Array:
         """F d2x/dq2."""
         arm, slope = lever_and_slope(setting, self.joint, record)
         return self.needed(record, "force")[:, j] / arm * slope
@@ -181,7 +182,7 @@ class TimeSkew(OneJointTerm):
         """delay."""
         return (Parameter("delay", "s", None, "time by which pressures lag behind positions"),)
 
-    def joint_columns(self, record: Record, setting: Setting, j: int) -> np.ndarray:
+    def joint_columns(self, record: Record, setting: Setting, j: int) -> Array:
         """-dF/dt dx/dq."""
         if record.force_rate is not None:
             return -record.force_rate[:, j]

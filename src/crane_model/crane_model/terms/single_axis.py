@@ -4,6 +4,7 @@ from typing import ClassVar, Literal
 
 import numpy as np
 
+from crane_model.array import Array
 from crane_model.errors import ConfigurationError
 from crane_model.record import Record
 from crane_model.terms.effect import Effect
@@ -17,7 +18,7 @@ class Inertia(JointTerm):
     type: Literal["inertia"] = "inertia"
     family: ClassVar[Family] = "rigid body"
 
-    def column(self, record: Record, j: int) -> np.ndarray:
+    def column(self, record: Record, j: int) -> Array:
         """q''."""
         return record.acceleration[:, j]
 
@@ -49,7 +50,7 @@ class Gravity(OneJointTerm):
             Parameter("g_c", "N m", None, "weight times lever at q = 0"),
         )
 
-    def joint_columns(self, record: Record, setting: Setting, j: int) -> np.ndarray:
+    def joint_columns(self, record: Record, setting: Setting, j: int) -> Array:
         """sin q, cos q: (n, 2)."""
         q = record.position[:, j]
         return np.stack([np.sin(q), np.cos(q)], axis=1)
@@ -67,10 +68,10 @@ class Offset(JointTerm):
         "readings of the force sensors without load",
     )
 
-    def column(self, record: Record, j: int) -> np.ndarray:
-        """1."""
+    def column(self, record: Record, j: int) -> Array:
+        """1, whatever the motion: (n,)."""
         return np.ones(len(record))
 
     def parameter(self, coordinate: str, force: str) -> Parameter:
-        """The constant."""
+        """f_0, of either sign."""
         return Parameter("offset", force, None, "constant force")

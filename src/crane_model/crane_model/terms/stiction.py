@@ -7,6 +7,7 @@ import numpy as np
 from numba import njit
 from pydantic import Field
 
+from crane_model.array import Array, Flags
 from crane_model.record import Record
 from crane_model.terms.effect import Effect, Shape
 from crane_model.terms.memory_term import JointMemoryTerm
@@ -41,13 +42,11 @@ class Stiction(JointMemoryTerm):
         """f_b."""
         return Parameter("f_b", force, 0.0, "friction at breakaway beyond Coulomb friction")
 
-    def start(self, record: Record, setting: Setting) -> np.ndarray:
+    def start(self, record: Record, setting: Setting) -> Array:
         """w = 1."""
         return np.ones((len(record), 1))
 
-    def advance(
-        self, states: np.ndarray, before: Record, after: Record, setting: Setting
-    ) -> np.ndarray:
+    def advance(self, states: Array, before: Record, after: Record, setting: Setting) -> Array:
         """Exact for a step at rest or in one direction."""
         j = before.column(self.joint)
         way = (after.position[:, j] - before.position[:, j]) / self.travel
@@ -55,11 +54,11 @@ class Stiction(JointMemoryTerm):
         stands = (before.direction[:, j] == 0.0) & (after.direction[:, j] == 0.0)
         return _advanced(states[:, 0], way, rest, stands)[:, np.newaxis]
 
-    def column(self, states: np.ndarray, record: Record, j: int) -> np.ndarray:
+    def column(self, states: Array, record: Record, j: int) -> Array:
         """w sgn(q')."""
         return states[:, 0] * record.direction[:, j]
 
-    def trace(self, record: Record, setting: Setting) -> np.ndarray:
+    def trace(self, record: Record, setting: Setting) -> Array:
         """As `advance` from sample to sample, compiled."""
         j = record.column(self.joint)
         q, still = record.position[:, j], record.direction[:, j] == 0.0
@@ -78,7 +77,7 @@ def _grown(w: float, way: float, rest: float, stands: bool) -> float:
 
 
 @njit(cache=True)
-def _advanced(w: np.ndarray, way: np.ndarray, rest: np.ndarray, stands: np.ndarray) -> np.ndarray:
+def _advanced(w: Array, way: Array, rest: Array, stands: Flags) -> Array:
     out = np.empty_like(w)
     for n in range(len(w)):
         out[n] = _grown(w[n], way[n], rest[n], stands[n])
@@ -86,7 +85,7 @@ def _advanced(w: np.ndarray, way: np.ndarray, rest: np.ndarray, stands: np.ndarr
 
 
 @njit(cache=True)
-def _traced(way: np.ndarray, rest: np.ndarray, stands: np.ndarray, first: np.ndarray) -> np.ndarray:
+def _traced(way: Array, rest: Array, stands: Flags, first: Flags) -> Array:
     w = np.ones(len(way))
     for k in range(1, len(way)):
         if not first[k]:

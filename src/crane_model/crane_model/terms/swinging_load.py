@@ -5,11 +5,12 @@ from typing import ClassVar, Literal
 import numpy as np
 from pydantic import Field
 
+from crane_model.array import Array
 from crane_model.record import Record
 from crane_model.terms.effect import Effect, Shape
 from crane_model.terms.memory_term import MemoryTerm
 from crane_model.terms.oscillator import relative_acceleration, swung, swung_along
-from crane_model.terms.planar import Reach, planar_columns, planar_machine
+from crane_model.terms.planar import AxisReach, planar_columns, planar_machine
 from crane_model.terms.term import Family, Parameter, Setting
 
 
@@ -43,24 +44,22 @@ class SwingingLoad(MemoryTerm):
         planar_machine(self, setting)
         return (Parameter("m_swinging", "kg", 0.0, "mass that swings under the boom tip"),)
 
-    def start(self, record: Record, setting: Setting) -> np.ndarray:
+    def start(self, record: Record, setting: Setting) -> Array:
         """e = e' = 0."""
         return np.zeros((len(record), 2))
 
-    def advance(
-        self, states: np.ndarray, before: Record, after: Record, setting: Setting
-    ) -> np.ndarray:
+    def advance(self, states: Array, before: Record, after: Record, setting: Setting) -> Array:
         """Exact for a step in which the tip accelerates evenly."""
         step = after.time - before.time
         push = (self._tip_velocity(after, setting) - self._tip_velocity(before, setting)) / step
         return swung(states, push, step, self.frequency, self.damping)
 
-    def trace(self, record: Record, setting: Setting) -> np.ndarray:
+    def trace(self, record: Record, setting: Setting) -> Array:
         """As `advance` from sample to sample, compiled."""
         velocity, first = self._tip_velocity(record, setting), record.first_of_run
         return swung_along(velocity, record.time, first, self.frequency, self.damping)
 
-    def fill(self, record: Record, setting: Setting, columns: np.ndarray) -> None:
+    def fill(self, record: Record, setting: Setting, columns: Array) -> None:
         """On the rows of inner boom, outer boom and telescope."""
         tip, at = self._tip(record, setting), planar_columns(record)
         carrier = np.einsum("nj,nj->n", tip.gradient, record.acceleration[:, at]) + tip.bias
@@ -68,10 +67,11 @@ class SwingingLoad(MemoryTerm):
         swing = relative_acceleration(states, carrier, self.frequency, self.damping)
         columns[:, at, 0] = swing[:, np.newaxis] * tip.gradient
 
-    def _tip(self, record: Record, setting: Setting) -> Reach:
+    def _tip(self, record: Record, setting: Setting) -> AxisReach:
         machine = planar_machine(self, setting)
-        return Reach.of(machine, machine.denavit_hartenberg.telescope_length, record)
+        return AxisReach.of(machine, machine.denavit_hartenberg.telescope_length, record)
 
-    def _tip_velocity(self, record: Record, setting: Setting) -> np.ndarray:
+    def _tip_velocity(self, record: Record, setting: Setting) -> Array:
         velocity = record.velocity[:, planar_columns(record)]
-        return np.einsum("nj,nj->n", self._tip(record, setting).gradient, velocity)
+        along: Array = np.einsum("nj,nj->n", self._tip(record, setting).gradient, velocity)
+        return along

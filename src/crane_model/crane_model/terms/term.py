@@ -7,6 +7,7 @@ from typing import Any, ClassVar, Literal, NamedTuple
 
 import numpy as np
 
+from crane_model.array import Array
 from crane_model.configuration import Schema
 from crane_model.machine import Machine
 from crane_model.record import Record
@@ -48,6 +49,11 @@ class Term(Schema, ABC):
     fields of the same name, are then sought; `of_model` names fields that are not sought but hold
     the values of parameters of the model, if it has all of them. A `nuisance` stands for an error
     of the data: its columns may go beside a model, but it is never what the model lacks.
+
+    What else its physics is, the class says as well, so that nobody has to know classes by name:
+    `has_base_parameters` if its parameters are those of (8), `asymmetry_of` the type of the term
+    whose difference between two directions of motion it is, `of_one_instant` if its only column
+    follows from the motion of its only joint at the same instant.
     """
 
     type: str
@@ -56,12 +62,45 @@ class Term(Schema, ABC):
     nuisance: ClassVar[bool] = False
     shapes: ClassVar[Mapping[str, Shape]] = MappingProxyType({})
     of_model: ClassVar[Mapping[str, tuple[str, ...]]] = MappingProxyType({})
+    has_base_parameters: ClassVar[bool] = False
+    asymmetry_of: ClassVar[str | None] = None
+    of_one_instant: ClassVar[bool] = False
 
     @classmethod
     def __pydantic_init_subclass__(cls, **kwargs: Any) -> None:
         name = cls.model_fields["type"].default
         if isinstance(name, str):  # a base class has none
             REGISTRY[name] = cls
+
+    @classmethod
+    def has_inertia(cls) -> bool:
+        """Whether it is of the bodies themselves, as (7) has them."""
+        return cls.family == "rigid body"
+
+    @classmethod
+    def has_weight(cls) -> bool:
+        """Whether what it asks for at rest is the work of gravity."""
+        return cls.family in ("rigid body", "gravity and load")
+
+    @classmethod
+    def is_friction(cls) -> bool:
+        """Whether it takes energy from the motion, as (13) does."""
+        return cls.family == "friction"
+
+    @classmethod
+    def is_of_sensors(cls) -> bool:
+        """Whether it is in what sensors show, and not in the machine."""
+        return cls.family == "sensing"
+
+    @classmethod
+    def places(cls, setting: Setting) -> tuple[str | None, ...]:
+        """The joints on which such a term could act alone; None stands for the whole machine."""
+        return (None,)
+
+    @property
+    def only_joint(self) -> str | None:
+        """The joint on which alone it acts; None for a term of the whole machine."""
+        return None
 
     @property
     def of_recordings(self) -> bool:
@@ -73,17 +112,40 @@ class Term(Schema, ABC):
         """Name, unit, sign of each parameter; `ConfigurationError` if the model cannot hold it."""
 
     @abstractmethod
-    def fill(self, record: Record, setting: Setting, columns: np.ndarray) -> None:
+    def fill(self, record: Record, setting: Setting, columns: Array) -> None:
         """Write the regressor columns on n samples of j joints, SI units.
 
         `columns` (n, j, parameters) comes as zeros, a part of the regressor of the whole model.
         """
 
-    def needed(self, record: Record, signal: str) -> np.ndarray:
+    def fill_smooth(self, record: Record, setting: Setting, columns: Array) -> None:
+        """`fill`, but smooth in q' where `record.direction` is a smooth function of it."""
+        self.fill(record, setting, columns)
+
+    def slopes(self, record: Record, j: int, steepness: Array) -> Array | None:
+        """(3, n): derivatives of the smooth column of joint j with respect to q, q', q''.
+
+        `steepness` (n,) is that of `record.direction` over q'. None if there is no closed form.
+        """
+        return None
+
+    def start(self, record: Record, setting: Setting) -> Array:
+        """States (n, s) of n runs that begin at the samples of the record; s = 0: no memory."""
+        return np.empty((len(record), 0))
+
+    def advance(self, states: Array, before: Record, after: Record, setting: Setting) -> Array:
+        """States (n, s) of n runs one step on; the records hold the two ends of the step."""
+        return states
+
+    def trace(self, record: Record, setting: Setting) -> Array:
+        """States (n, s) at each sample of a recording."""
+        return self.start(record, setting)
+
+    def needed(self, record: Record, signal: str) -> Array:
         """A signal of the record that not every recording has; `DataError` if it is missing."""
         return record.needed(signal, f"term '{self.type}'")
 
-    def columns(self, record: Record, setting: Setting) -> np.ndarray:
+    def columns(self, record: Record, setting: Setting) -> Array:
         """The regressor columns by themselves: (n, j, parameters), SI units."""
         columns = np.zeros((*record.position.shape, len(self.parameters(setting))))
         self.fill(record, setting, columns)
@@ -95,5 +157,8 @@ def term_from_mapping(content: Mapping[str, Any]) -> Term:
     name = content.get("type") if isinstance(content, Mapping) else None
     if name not in REGISTRY:
         known = ", ".join(sorted(REGISTRY))
-        raise ValueError(f"no term of type {name!r}; there are {known}, and those of --terms FILE")
+        raise ValueError(
+            f"no term of type {name!r}; there are {known}, those of installed packages and of "
+            "--terms FILE"
+        )
     return REGISTRY[name].model_validate(content)

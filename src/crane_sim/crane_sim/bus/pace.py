@@ -4,7 +4,7 @@ REPORT = 1.0  # s, at least between two reports
 BACKLOG = 10  # cycles, that are run one upon the other after a delay
 
 
-class Pace:
+class PlantPace:
     """Cycles of `period` [s] from `start` [s, steady] on.
 
     After a delay up to `BACKLOG` cycles are made up for, each at once; after a longer one all that

@@ -26,7 +26,7 @@ from crane_model.errors import ConfigurationError
 from crane_model.machine import JOINTS, load_machine
 from crane_sim.bus.machine_on_bus import MachineOnBus
 from crane_sim.bus.operator_at_machine import Operator
-from crane_sim.bus.pace import Pace
+from crane_sim.bus.pace import PlantPace
 from crane_sim.parts.parameters import load_stand_in
 from crane_sim.plant.plant import Plant
 from crane_sim.plant.sampled import Sensors
@@ -69,7 +69,7 @@ def _run(options: argparse.Namespace, stop: threading.Event) -> None:
             ).start()
         start = time.monotonic()
         crane = MachineOnBus(layout, plant, sensors, start, operator)
-        pace = Pace(crane.period, start)
+        pace = PlantPace(crane.period, start)
         crane.run(pace.due)
         print(f"ready: simulated crane on {settings}, every {crane.period * 1e3:g} ms", flush=True)
         shown = crane.valves.state

@@ -7,7 +7,7 @@ import numpy as np
 from crane_model.machine import JOINTS
 
 
-class Fault:
+class SensorFault:
     """A law between true signals and what noise-free sensors show of them.
 
     `values` are the parameters in the order of the form; `joint` is that of the faulty sensor.

@@ -8,12 +8,16 @@ import math
 from numba import njit
 
 from crane_sim.effects.form import Draw, Form, Magnitude
-from crane_sim.effects.working import FLOW, Hidden
+from crane_sim.effects.working import FLOW, LEAKS, SOFTNESS, Hidden
 from crane_sim.parts.constants import Constants
 from crane_sim.parts.hydraulics import conductances, opening, port_flow
 from crane_sim.parts.state import State
 
-SOFT_OVERLAP, PLAY, TWO_GAINS, ORIFICE_LEAK, HOSE_WALL, AIR = range(FLOW, FLOW + 6)
+SOFT_OVERLAP, PLAY, TWO_GAINS = range(FLOW, FLOW + 3)
+ORIFICE_LEAK = LEAKS
+HOSE_WALL, AIR = range(SOFTNESS, SOFTNESS + 2)
+
+NO_BRANCH = "a law of the flow has no branch in effects/flow.py: give it one"
 
 ATMOSPHERE = 1.013e5  # Pa
 LAMINAR = 5e5  # Pa, below it a leak is laminar
@@ -27,7 +31,7 @@ def meter(hidden: Hidden, constants: Constants, state: State, i: int) -> float:
     x = opening(spool, valve.dead_zone)
     for k in range(len(hidden.law)):
         law, value = hidden.law[k], hidden.value[k]
-        if hidden.joint[k] != i or not SOFT_OVERLAP <= law <= TWO_GAINS:
+        if hidden.joint[k] != i or not FLOW <= law < LEAKS:
             continue
         before = x
         if law == SOFT_OVERLAP:
@@ -36,8 +40,10 @@ def meter(hidden: Hidden, constants: Constants, state: State, i: int) -> float:
             half, memory = 0.5 * value[0], hidden.memory[k]
             memory[0] = min(max(memory[0], spool - half), spool + half)
             x = opening(memory[0], valve.dead_zone)
-        else:  # TWO_GAINS
+        elif law == TWO_GAINS:
             x *= 1.0 + value[0] * math.tanh(x / value[1])
+        else:
+            raise ValueError(NO_BRANCH)
         open_now, open_before = conductances(valve, x)[0], conductances(valve, before)[0]
         flow, _ = port_flow(constants.oil, open_now, state.supply[0], actuator.p_a)
         former, _ = port_flow(constants.oil, open_before, state.supply[0], actuator.p_a)
@@ -57,7 +63,9 @@ def leak(hidden: Hidden, constants: Constants, state: State, i: int) -> float:
     total = constants.cylinders[i].leakage
     drop = state.actuators[i].p_a - state.actuators[i].p_b
     for k in range(len(hidden.law)):
-        if hidden.joint[k] == i and hidden.law[k] == ORIFICE_LEAK:
+        if hidden.joint[k] == i and LEAKS <= hidden.law[k] < SOFTNESS:
+            if hidden.law[k] != ORIFICE_LEAK:
+                raise ValueError(NO_BRANCH)
             extra = hidden.value[k, 0] / math.sqrt(math.hypot(drop, LAMINAR))
             hidden.flow[k, i] = -extra * drop
             total += extra
@@ -69,7 +77,7 @@ def softness(hidden: Hidden, constants: Constants, i: int, pressure: float) -> f
     """How much softer a chamber of joint i is than with the oil alone: a factor of at least 1."""
     total = 1.0
     for k in range(len(hidden.law)):
-        if hidden.joint[k] == i and hidden.law[k] >= HOSE_WALL:
+        if hidden.joint[k] == i and hidden.law[k] >= SOFTNESS:
             total += _compliance(hidden, k, constants, pressure)
     return total
 
@@ -80,7 +88,7 @@ def note_softness(
 ) -> None:
     """Flow into a chamber A of `volume` [m3] whose pressure rises at `rate` [Pa/s]."""
     for k in range(len(hidden.law)):
-        if hidden.joint[k] == i and hidden.law[k] >= HOSE_WALL:
+        if hidden.joint[k] == i and hidden.law[k] >= SOFTNESS:
             softer = _compliance(hidden, k, constants, pressure)
             hidden.flow[k, i] = softer * volume / constants.oil.bulk_modulus * rate
 
@@ -91,9 +99,10 @@ def _compliance(hidden: Hidden, k: int, constants: Constants, pressure: float) -
     size = hidden.value[k, 0]
     if hidden.law[k] == HOSE_WALL:  # stretches less under pressure
         return size / (1.0 + max(pressure, 0.0) / hidden.value[k, 1])
-    # AIR: a share of the volume at atmospheric pressure, compressed isothermally
-    absolute = max(pressure, 0.0) + ATMOSPHERE
-    return size * constants.oil.bulk_modulus * ATMOSPHERE / (absolute * absolute)
+    if hidden.law[k] == AIR:  # a share of the volume at atmospheric pressure, isothermal
+        absolute = max(pressure, 0.0) + ATMOSPHERE
+        return size * constants.oil.bulk_modulus * ATMOSPHERE / (absolute * absolute)
+    raise ValueError(NO_BRANCH)
 
 
 FORMS = (

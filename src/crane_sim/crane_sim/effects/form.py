@@ -6,7 +6,7 @@ from typing import NamedTuple
 import numpy as np
 
 from crane_model.machine import JOINT_UNITS, PLANAR_JOINTS
-from crane_sim.effects.fault import Fault
+from crane_sim.effects.fault import SensorFault
 from crane_sim.parts.parameters import StandIn
 
 Scale = Callable[[StandIn, str], float]
@@ -23,7 +23,7 @@ def viscous(stand_in: StandIn, joint: str) -> float:
 
 
 def unscaled(stand_in: StandIn, joint: str) -> float:
-    """1."""
+    """In the unit of the parameter itself: a factor of 1."""
     return 1.0
 
 
@@ -63,7 +63,7 @@ class Form(NamedTuple):
 
     effect: str
     name: str
-    law: int | type[Fault]
+    law: int | type[SensorFault]
     magnitude: Magnitude
     draws: tuple[Draw, ...] = ()
     joints: tuple[str, ...] = PLANAR_JOINTS  # on which it can act; empty: the whole machine

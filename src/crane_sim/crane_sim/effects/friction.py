@@ -67,8 +67,9 @@ def level(
         return size * _breakaway(memory, v, value[1], value[2], step)
     if law == JUMP:
         return size if hidden.clock[0] > value[1] else 0.0
-    # NEIGHBOUR: the joint before this one, on the same frame, shakes its seals loose
-    return size * abs(state.v[i - 1]) / value[1]
+    if law == NEIGHBOUR:  # the joint before this one, on the same frame, shakes its seals loose
+        return size * abs(state.v[i - 1]) / value[1]
+    raise ValueError("a law of friction has no branch in effects/friction.py: give it one")
 
 
 @njit(cache=True, error_model="numpy")

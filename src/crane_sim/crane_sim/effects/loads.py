@@ -41,7 +41,7 @@ def carry(hidden: Hidden, k: int, constants: Constants, state: State) -> None:
         _add_swing(hidden, k, chain, q, bias)
     elif law == CENTRIFUGAL:
         _note_centrifugal(chain, q, v, mass, bias)
-    else:  # GUSTS
+    elif law == GUSTS:
         push = 0.0
         for n, (frequency, share) in enumerate(GUST):
             phase = 2.0 * math.pi * ((n + 1.0) * value[1] % 1.0)
@@ -49,6 +49,8 @@ def carry(hidden: Hidden, k: int, constants: Constants, state: State) -> None:
         r, _ = _gradients(chain, q, chain.telescope_length + q[3])
         for i in range(1, 4):
             bias[i] -= size * push * r[i]
+    else:
+        raise ValueError("a law of a load has no branch in effects/loads.py: give it one")
 
 
 @njit(cache=True, error_model="numpy")

@@ -43,11 +43,13 @@ def presliding(hidden: Hidden, k: int, v: float, step: float) -> float:
         memory[0] += way / travel * (1.0 - same * abs(memory[0]) ** value[2])
         memory[0] = min(max(memory[0], -1.0), 1.0)
         return memory[0]
-    share = 0.0  # SLIP_BLOCKS: elastic until each slips
-    for n, (reach, force) in enumerate(BLOCKS):
-        memory[n] = min(max(memory[n] + way / (reach * travel), -1.0), 1.0)
-        share += force * memory[n]
-    return share
+    if law == SLIP_BLOCKS:  # elastic until each slips
+        share = 0.0
+        for n, (reach, force) in enumerate(BLOCKS):
+            memory[n] = min(max(memory[n] + way / (reach * travel), -1.0), 1.0)
+            share += force * memory[n]
+        return share
+    raise ValueError("a law with a memory has no branch in effects/memory.py: give it one")
 
 
 @njit(cache=True, error_model="numpy")

@@ -37,9 +37,10 @@ def push(hidden: Hidden, k: int, i: int, state: State) -> float:
     if law == OVER_CENTRE:
         ratio = place / value[1]
         return size * ratio * (ratio * ratio - 1.0)
-    # BUFFER
-    depth = max(0.0, 1.0 - (1.0 - abs(place)) * hidden.half[k] / value[1])
-    return size * v * depth * math.sqrt(depth)
+    if law == BUFFER:
+        depth = max(0.0, 1.0 - (1.0 - abs(place)) * hidden.half[k] / value[1])
+        return size * v * depth * math.sqrt(depth)
+    raise ValueError("a law of a push has no branch in effects/pushes.py: give it one")
 
 
 _SIZE = Magnitude("f", "{force}", 0.1, 3.0, coulomb)

@@ -7,13 +7,13 @@ import numpy as np
 from numba import njit
 
 from crane_model.machine import JOINTS, PLANAR_JOINTS
-from crane_sim.effects.fault import Fault
+from crane_sim.effects.fault import SensorFault
 from crane_sim.effects.form import Draw, Form, Magnitude, Planted
 
 BOTH = tuple[np.ndarray, np.ndarray]
 
 
-def faults(planted: Sequence[Planted]) -> tuple[Fault, ...]:
+def faults(planted: Sequence[Planted]) -> tuple[SensorFault, ...]:
     """The faults among hidden effects, in their order."""
     return tuple(
         effect.form.law(effect.joint, effect.values)
@@ -22,7 +22,7 @@ def faults(planted: Sequence[Planted]) -> tuple[Fault, ...]:
     )
 
 
-class OneTransducer(Fault, ABC):
+class OneTransducer(SensorFault, ABC):
     """A fault of the transducer of chamber A."""
 
     def pressures(self, time: np.ndarray, chamber_a: np.ndarray, chamber_b: np.ndarray) -> BOTH:
@@ -36,7 +36,7 @@ class OneTransducer(Fault, ABC):
         """What it shows of a pressure (n,) [Pa]."""
 
 
-class BothTransducers(Fault, ABC):
+class BothTransducers(SensorFault, ABC):
     """A fault of the transducers of both chambers, the same in each."""
 
     def pressures(self, time: np.ndarray, chamber_a: np.ndarray, chamber_b: np.ndarray) -> BOTH:
@@ -71,7 +71,7 @@ class Bow(OneTransducer):
         return pressure + 4.0 * bow * ratio * (1.0 - ratio)
 
 
-class Ripple(Fault):
+class Ripple(SensorFault):
     """The pump's pulsation in both chambers, aliased by the sampling, slowly beating."""
 
     def pressures(self, time: np.ndarray, chamber_a: np.ndarray, chamber_b: np.ndarray) -> BOTH:
@@ -85,7 +85,7 @@ class Ripple(Fault):
         return shown_a, shown_b
 
 
-class Crosstalk(Fault):
+class Crosstalk(SensorFault):
     """A channel that picks up some of the next joint's."""
 
     def pressures(self, time: np.ndarray, chamber_a: np.ndarray, chamber_b: np.ndarray) -> BOTH:
@@ -102,12 +102,12 @@ class BothGains(BothTransducers):
     """Both transducers of a cylinder, or its piston areas, off by one factor."""
 
     def shown(self, time: np.ndarray, pressure: np.ndarray) -> np.ndarray:
-        """Scaled."""
+        """The pressure times 1 + gain."""
         (gain,) = self.values
         return pressure * (1.0 + gain)
 
 
-class GainOfB(Fault):
+class GainOfB(SensorFault):
     """The transducer of chamber B off by a factor."""
 
     def pressures(self, time: np.ndarray, chamber_a: np.ndarray, chamber_b: np.ndarray) -> BOTH:
@@ -118,7 +118,7 @@ class GainOfB(Fault):
         return chamber_a, shown
 
 
-class Delay(BothTransducers):
+class DelayedReadings(BothTransducers):
     """Pressures that are stamped late: those of a moment before are shown."""
 
     def shown(self, time: np.ndarray, pressure: np.ndarray) -> np.ndarray:
@@ -127,11 +127,11 @@ class Delay(BothTransducers):
         return np.interp(time - delay, time, pressure)
 
 
-class Lag(BothTransducers):
+class LaggingReadings(BothTransducers):
     """A narrow line before the transducers: first order, with the same delay at low frequency."""
 
     def shown(self, time: np.ndarray, pressure: np.ndarray) -> np.ndarray:
-        """From rest."""
+        """The pressure behind a first-order lag, settled at the first sample."""
         (lag,) = self.values
         return _lagging(time, np.ascontiguousarray(pressure), lag)
 
@@ -149,7 +149,7 @@ def _lagging(time: np.ndarray, true: np.ndarray, lag: float) -> np.ndarray:
     return shown
 
 
-class Turned(Fault):
+class Turned(SensorFault):
     """An encoder that was mounted a little turned."""
 
     def positions(self, q: np.ndarray) -> np.ndarray:
@@ -160,7 +160,7 @@ class Turned(Fault):
         return shown
 
 
-class Eccentric(Fault):
+class Eccentric(SensorFault):
     """An encoder disk off its centre: an error that follows the sine of the angle."""
 
     def positions(self, q: np.ndarray) -> np.ndarray:
@@ -181,8 +181,8 @@ FORMS = (
     Form("chamber_gain", "chamber_b", GainOfB, Magnitude("gain", "1", 0.02, 0.8), signed=True),
     Form("encoder_offset", "turned", Turned, Magnitude("offset", "{coordinate}", 0.01, 0.2),
          (), _BOOMS, signed=True),
-    Form("time_skew", "delay", Delay, Magnitude("delay", "s", 0.01, 0.2)),
-    Form("time_skew", "lag", Lag, Magnitude("lag", "s", 0.01, 0.2)),
+    Form("time_skew", "delay", DelayedReadings, Magnitude("delay", "s", 0.01, 0.2)),
+    Form("time_skew", "lag", LaggingReadings, Magnitude("lag", "s", 0.01, 0.2)),
     Form("crosstalk", "next_joint", Crosstalk, Magnitude("share", "1", 0.02, 0.5),
          outside=True, signed=True),
     Form("encoder_eccentricity", "disk", Eccentric,

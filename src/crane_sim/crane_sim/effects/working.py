@@ -8,8 +8,9 @@ import numpy as np
 from crane_model.machine import JOINTS, Machine
 from crane_sim.effects.form import Planted
 
-# Numbers of laws, by where they act in a step.
-FRICTION, PUSHES, MEMORY, LOADS, FLOW = 0, 100, 200, 300, 400
+# Numbers of laws, by where they act in a step. Whoever acts on a range refuses what it has no
+# branch for; `END` is where the numbers end.
+FRICTION, PUSHES, MEMORY, LOADS, FLOW, LEAKS, SOFTNESS, END = range(0, 800, 100)
 VALUES = MEMORIES = 8
 
 
@@ -34,10 +35,16 @@ class Hidden(NamedTuple):
 def packed(planted: Sequence[Planted], machine: Machine, running: float = 0.0) -> Hidden | None:
     """Effects that act in the plant, `running` [s] after it was started; None if there is none.
 
-    Faults of sensors are left out.
+    Faults of sensors are left out. Raises ValueError for a law whose number is in no range.
     """
     inside = [effect for effect in planted if isinstance(effect.form.law, int)]
     laws = [effect.form.law for effect in inside if isinstance(effect.form.law, int)]
+    for effect, law in zip(inside, laws, strict=True):
+        if not FRICTION <= law < END:
+            raise ValueError(
+                f"law '{effect.form.name}' of '{effect.form.effect}' has the number {law}, which "
+                f"must be from {FRICTION} to {END - 1}: take one of the range where it acts"
+            )
     count = len(inside)
     if count == 0:
         return None

@@ -8,9 +8,9 @@ import numpy as np
 
 from crane_model.cylinders import generalized_forces, lever_arms
 from crane_model.machine import JOINTS, PLANAR_JOINTS, Machine
-from crane_sim.effects.fault import Fault
+from crane_sim.effects.fault import SensorFault
 from crane_sim.effects.form import Planted
-from crane_sim.plant.closed_loop import States, Truth
+from crane_sim.plant.closed_loop import States, TrueStates
 
 PLANAR = [JOINTS.index(joint) for joint in PLANAR_JOINTS]
 
@@ -41,7 +41,7 @@ class Clean(States):
 
 
 def clean(
-    machine: Machine, planted: Sequence[Planted], faults: Sequence[Fault], truth: Truth
+    machine: Machine, planted: Sequence[Planted], faults: Sequence[SensorFault], truth: TrueStates
 ) -> Clean:
     """The parts of the effects `planted`, of which `faults` are those of sensors, in a recording.
 

@@ -99,7 +99,7 @@ class Edges(Schema):
     b_tank: Positive = 1.0
 
 
-class Valve(Schema):
+class StandInValve(Schema):
     """A servo valve: second-order spool, overlap, four metering edges."""
 
     rated_flow: Positive  # m3/s, fully open
@@ -131,8 +131,8 @@ class CylinderInside(Schema):
     stop_damping: NonNegative  # s/m, Hunt and Crossley
 
 
-class Oil(Schema):
-    """The oil."""
+class StandInOil(Schema):
+    """How stiff the oil is, and below which pressure drop its flow is laminar."""
 
     bulk_modulus: Positive  # Pa, with hoses and air
     laminar_drop: Positive  # Pa, below it an orifice is laminar
@@ -155,9 +155,9 @@ class StandIn(Schema):
     bodies: CraneBodies
     friction: PerJoint[CoulombViscous]
     dynamic_friction: PerJoint[Bristles] | None = None
-    valves: PerJoint[Valve]
+    valves: PerJoint[StandInValve]
     cylinders: PerJoint[CylinderInside]
-    oil: Oil
+    oil: StandInOil
     supply: Supply
     sensors: SensorChain
     jerk_density: PerJoint[Positive]  # (rad or m)^2/s^5, of the driver's velocity filter

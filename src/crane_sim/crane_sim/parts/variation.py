@@ -3,7 +3,7 @@
 import numpy as np
 
 from crane_model.machine import JOINTS, Machine
-from crane_sim.parts.parameters import Body, CraneBodies, Edges, StandIn, Valve
+from crane_sim.parts.parameters import Body, CraneBodies, Edges, StandIn, StandInValve
 
 LESS_OVERLAP = 0.15
 """Of a dead zone, at most: how far a drawn one falls short of it. None is larger, so that what a
@@ -75,7 +75,7 @@ def vary_valves(stand_in: StandIn, machine: Machine, seed: int, scatter: float =
     """
     rng = np.random.default_rng([seed, 4])  # not the draws of `vary`
 
-    def valve(joint: str) -> Valve:
+    def valve(joint: str) -> StandInValve:
         given, cylinder = stand_in.valves[joint], machine.cylinders[joint]
         area_a, area_b = cylinder.area_a, cylinder.area_b
         mean = float(np.hypot(area_a, area_b)) / np.sqrt(2.0)

@@ -46,7 +46,7 @@ class States:
 
 
 @dataclass(frozen=True)
-class Truth(States):
+class TrueStates(States):
     """What no real machine shows, at the n instants of a recording; k effects are hidden."""
 
     hidden_force: np.ndarray  # (k, n, 4) N m, N
@@ -54,7 +54,7 @@ class Truth(States):
 
 
 @dataclass(frozen=True)
-class Recording:
+class SimulatedRecording:
     """n cycles of the controller; (n, 4) in the order of JOINTS."""
 
     time: np.ndarray  # (n,) s since the machine was started, when the sensors were read
@@ -64,12 +64,12 @@ class Recording:
     cylinders: tuple[str, ...]  # the columns of `pressures`
     command: np.ndarray  # (n, 4) -1..1
     reference: Reference
-    truth: Truth
+    truth: TrueStates
 
 
 def record(
     motion: Course, plant: Plant, sensors: Sensors, gains: Gains, progress: Progress = iter
-) -> Recording:
+) -> SimulatedRecording:
     """Lead the plant, which rests where the motion starts, through the motion and to rest again.
 
     Each cycle reads the sensors, filters the velocity and commands the valves (36); the valves stay
@@ -86,7 +86,7 @@ def record(
     position, velocity, commands, q, v, a, p_a, p_b = np.zeros((8, count, len(JOINTS)))
     force, flow = np.zeros((2, plant.hidden_count, count, len(JOINTS)))
     supply = np.empty(count)
-    table, u = gains.table, np.zeros(len(JOINTS))
+    arrays, u = gains.arrays, np.zeros(len(JOINTS))
     for k in progress(range(count)):
         time = float(times[k])
         plant.advance(u, time - plant.time)
@@ -99,10 +99,10 @@ def record(
         _, velocity[k], _ = velocity_filter.update(time, position[k])
         if not np.isnan(velocity[k]).any():
             u = command(
-                table, position[k], velocity[k], reference.position[k], reference.velocity[k]
+                arrays, position[k], velocity[k], reference.position[k], reference.velocity[k]
             )
         commands[k] = u
-    return Recording(
+    return SimulatedRecording(
         time=times,
         position=position,
         velocity=velocity,
@@ -110,5 +110,5 @@ def record(
         cylinders=sensors.cylinders,
         command=commands,
         reference=reference,
-        truth=Truth(times, q, v, a, p_a, p_b, force, flow),
+        truth=TrueStates(times, q, v, a, p_a, p_b, force, flow),
     )

@@ -7,7 +7,7 @@ import numpy as np
 
 from crane_model.machine import JOINTS, Machine
 from crane_model.sensors import SensorChain
-from crane_sim.effects.fault import Fault
+from crane_sim.effects.fault import SensorFault
 
 
 class Pressures(NamedTuple):
@@ -27,7 +27,7 @@ class Sensors:
     """
 
     def __init__(
-        self, chain: SensorChain, machine: Machine, seed: int, faults: Sequence[Fault] = ()
+        self, chain: SensorChain, machine: Machine, seed: int, faults: Sequence[SensorFault] = ()
     ):
         self._chain = chain
         self.faults = tuple(faults)

@@ -11,7 +11,7 @@ from crane_sim.effects.form import Planted
 from crane_sim.effects.sensing import faults
 from crane_sim.hiding.slewing import slewing
 from crane_sim.parts.parameters import StandIn, load_stand_in
-from crane_sim.plant.closed_loop import Course, Recording, record
+from crane_sim.plant.closed_loop import Course, SimulatedRecording, record
 from crane_sim.plant.plant import Plant
 from crane_sim.plant.sampled import Sensors
 from crane_trajectory.control.controller import load_gains
@@ -30,7 +30,7 @@ def packaged_motion(
 
 def seen(
     stand_in: StandIn, course: Course, seed: int = 0, planted: Sequence[Planted] = ()
-) -> Recording:
+) -> SimulatedRecording:
     """What the sensors of a machine show on a motion."""
     machine = load_machine()
     plant = Plant(stand_in, machine, course.start, planted)

@@ -1,0 +1,48 @@
+"""The public names of crane_model and crane_sim, what importing them costs, and their examples."""
+
+import doctest
+import importlib
+import subprocess
+import sys
+from pathlib import Path
+
+import pytest
+from unit.crane_model.test_architecture import FOLDERS
+
+PACKAGES = ("crane_model", "crane_sim")
+WITH_EXAMPLES = ("kinematics", "dynamics", "cylinders", "machine", "model_file")
+
+
+@pytest.mark.parametrize("package", PACKAGES)
+def test_every_public_name_is_there(package: str) -> None:
+    module = importlib.import_module(package)
+    lazy = [name for names in module._MODULES.values() for name in names]
+    assert sorted(lazy) == sorted(module.__all__)
+    for name in module.__all__:
+        assert getattr(module, name).__module__.startswith(f"{package}.")
+    with pytest.raises(AttributeError, match=f"module '{package}' has no attribute 'crane'"):
+        _ = module.crane
+
+
+def test_importing_the_packages_compiles_nothing() -> None:
+    heavy = {"numpy", "numba", "pydantic"}
+    code = f"import sys, {', '.join(PACKAGES)}; print({heavy} & {{*sys.modules}})"
+    done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True)
+    assert done.stdout.strip() == "set()"
+
+
+@pytest.mark.parametrize("module", WITH_EXAMPLES)
+def test_examples_show_what_happens(
+    module: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.chdir(tmp_path)
+    result = doctest.testmod(importlib.import_module(f"crane_model.{module}"))
+    assert result.attempted > 0
+    assert result.failed == 0
+
+
+def test_types_are_installed() -> None:
+    for package in PACKAGES:
+        assert (FOLDERS[package] / "py.typed").is_file()
+        setup = (FOLDERS[package].parent / "setup.py").read_text(encoding="utf-8")
+        assert '"py.typed"' in setup
