@@ -18,8 +18,8 @@ from crane_identification.estimation.robust import robust
 from crane_identification.estimation.rows import Rows
 from crane_identification.estimation.weighted import weighted
 from crane_identification.options import Estimator, Options
-from crane_identification.preparation.prepare import Preparation, prepare_all
-from crane_identification.preparation.session import Session
+from crane_identification.preparation.run import Preparation
+from crane_identification.preparation.session import Session, prepare_all
 from crane_identification.progress import Progress, silent
 from crane_identification.validation.force_validation import Validation, compare
 from crane_model.errors import DataError
@@ -57,7 +57,7 @@ def fit(
     are not determined by these recordings: it names them.
     """
     options = options or Options()
-    preparations = _prepare_all(model, logs, options, progress, session)
+    preparations = prepare_all(model, logs, options, progress, session)
     factor = common_factor(preparations, options.decimation)
     rows = Rows.stack([build_rows(model, p, factor) for p in preparations])
     estimate = _estimate(model, rows, preparations, factor, options)
@@ -108,18 +108,6 @@ def validate(
     Raises `DataError` as `fit` does, `ConfigurationError` if the model has no values.
     """
     options = options or Options()
-    preparations = _prepare_all(model, logs, options, progress, session)
+    preparations = prepare_all(model, logs, options, progress, session)
     factor = common_factor(preparations, options.decimation)
     return tuple(compare(model, preparation, factor) for preparation in preparations)
-
-
-def _prepare_all(
-    model: Model,
-    logs: Sequence[Log],
-    options: Options,
-    progress: Progress,
-    session: Session | None,
-) -> list[Preparation]:
-    if not logs:
-        raise DataError(f"model '{model.name}': no recordings given; give at least one")
-    return prepare_all(model, logs, options, progress, session)

@@ -40,8 +40,9 @@ from crane_identification.diagnosis.verdict import (
 )
 from crane_identification.options import Options
 from crane_identification.preparation.periodicity import periodic_part
-from crane_identification.preparation.prepare import Preparation, prepare, prepare_all
-from crane_identification.preparation.session import Session, chronological
+from crane_identification.preparation.prepare import prepare
+from crane_identification.preparation.run import Preparation
+from crane_identification.preparation.session import Session, chronological, prepare_all
 from crane_identification.progress import Progress, silent
 from crane_identification.validation.carry_over import elsewhere
 from crane_model.errors import ConfigurationError, DataError
