@@ -1,6 +1,15 @@
-"""How long computations tell their caller where they are, without printing."""
+"""How long computations tell their caller where they are, and a bar that shows it to a person."""
 
 from collections.abc import Callable
+from types import TracebackType
+from typing import Self
+
+from tqdm import tqdm
+
+from crane_model.progress_bar import progress_bar
+
+STEPS = 1000
+"""Of a bar."""
 
 Progress = Callable[[str, float], None]
 """Called with the name of the phase and the share of it that is done, 0 to 1."""
@@ -8,3 +17,36 @@ Progress = Callable[[str, float], None]
 
 def silent(phase: str, done: float) -> None:
     """Tell nobody."""
+
+
+class ProgressBar:
+    """A `Progress` that draws bars on standard error."""
+
+    def __init__(self) -> None:
+        self._phase = ""
+        self._bar: tqdm | None = None
+
+    def __call__(self, phase: str, done: float) -> None:
+        """Show `phase` at the share `done`, 0 to 1."""
+        if phase != self._phase or self._bar is None:
+            self.close()
+            self._phase = phase
+            self._bar = progress_bar(phase, STEPS)
+        self._bar.update(round(done * STEPS) - self._bar.n)
+
+    def close(self) -> None:
+        """End the bar that is shown."""
+        if self._bar is not None:
+            self._bar.close()
+            self._bar = None
+
+    def __enter__(self) -> Self:
+        return self
+
+    def __exit__(
+        self,
+        kind: type[BaseException] | None,
+        error: BaseException | None,
+        traceback: TracebackType | None,
+    ) -> None:
+        self.close()
