@@ -55,6 +55,21 @@ def fit(
 
     Raises `DataError` if a recording does not fit the model or is too short, and if parameters
     are not determined by these recordings: it names them.
+
+    An axis of 3 kg on a damper of 2 N s/m:
+
+    >>> from crane_identification.data.log import Signal
+    >>> from crane_model.terms.friction import Viscous
+    >>> from crane_model.terms.single_axis import Inertia
+    >>> from crane_model.terms.term import Setting
+    >>> terms = Inertia(joint="axis"), Viscous(joint="axis")
+    >>> model = Model("axis", Setting({"axis": "m"}, None), terms)
+    >>> time = np.linspace(0.0, 20.0, 2001)
+    >>> place = Signal(time, np.sin(time)[:, np.newaxis], "made")
+    >>> push = 2.0 * np.cos(time) - 3.0 * np.sin(time)
+    >>> force = Signal(time, push[:, np.newaxis], "made")
+    >>> fit(model, [Log("made", ("axis",), 0, place, force=force)]).estimate.values.round(2)
+    array([3., 2.])
     """
     options = options or Options()
     preparations = prepare_all(model, logs, options, progress, session)

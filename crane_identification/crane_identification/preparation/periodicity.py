@@ -83,6 +83,10 @@ def detect_periodicity(
     Found without `period`, it must be seen at least twice; given one [s], it is checked, and kept,
     where the motion lasts longer than that. Standing still is not repeating. `DataError` if the
     motion does not repeat, or not after the given period: it says by how much, and when it does.
+
+    >>> time = np.arange(0.0, 10.0, 0.01)
+    >>> round(detect_periodicity(time, np.sin(np.pi * time)[:, np.newaxis]).period, 3)
+    2.0
     """
     motion = Repetition.of(time, position)
     return _found(motion) if period is None else _checked(motion, period)
