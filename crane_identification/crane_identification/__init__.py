@@ -7,7 +7,7 @@
 
 from typing import TYPE_CHECKING
 
-from crane_identification.lazy import importer
+from crane_model.lazily import lazily
 
 if TYPE_CHECKING:
     from crane_identification.data.bag_log import read_bag as read_bag
@@ -21,25 +21,19 @@ if TYPE_CHECKING:
     from crane_identification.pipeline import fit as fit
     from crane_identification.pipeline import validate as validate
     from crane_identification.preparation.session import Session as Session
-    from crane_identification.progress import Progress as Progress
-    from crane_identification.progress import ProgressBar as ProgressBar
+    from crane_identification.progress_bar import ProgressBar as ProgressBar
     from crane_identification.validation.force_validation import Validation as Validation
 
-_HOMES = {
-    "Covariance": "options",
-    "Estimate": "estimation.estimate",
-    "Estimator": "options",
-    "FitResult": "pipeline",
-    "Log": "data.log",
-    "Options": "options",
-    "Progress": "progress",
-    "ProgressBar": "progress",
-    "Session": "preparation.session",
-    "Signal": "data.log",
-    "Validation": "validation.force_validation",
-    "fit": "pipeline",
-    "read_bag": "data.bag_log",
-    "validate": "pipeline",
-}
-__all__ = sorted(_HOMES)
-__getattr__ = importer(__name__, _HOMES)
+__getattr__, __dir__, __all__ = lazily(
+    __name__,
+    {
+        "data.bag_log": ("read_bag",),
+        "data.log": ("Log", "Signal"),
+        "estimation.estimate": ("Estimate",),
+        "options": ("Covariance", "Estimator", "Options"),
+        "pipeline": ("FitResult", "fit", "validate"),
+        "preparation.session": ("Session",),
+        "progress_bar": ("ProgressBar",),
+        "validation.force_validation": ("Validation",),
+    },
+)

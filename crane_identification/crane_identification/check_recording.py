@@ -9,7 +9,7 @@ from crane_identification.data.arguments import Sources, add_part
 from crane_identification.data.column_map import ColumnMap
 from crane_identification.data.columns import TABLES
 from crane_identification.options import Options
-from crane_identification.progress import ProgressBar
+from crane_identification.progress_bar import ProgressBar
 from crane_identification.recording_check.check import check
 from crane_identification.recording_check.forces import crane
 from crane_identification.recording_check.suspicion import Checked

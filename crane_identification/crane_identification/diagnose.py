@@ -23,7 +23,7 @@ from crane_identification.diagnosis.hydraulics import load_usual
 from crane_identification.diagnosis.report import page
 from crane_identification.diagnosis.thresholds import load_thresholds
 from crane_identification.options import Options
-from crane_identification.progress import ProgressBar
+from crane_identification.progress_bar import ProgressBar
 from crane_identification.recording_check.check import blaming, vetted
 from crane_identification.report.content import Provenance
 from crane_model import cli

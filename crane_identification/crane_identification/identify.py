@@ -22,7 +22,7 @@ from crane_identification.online.replay import recursion
 from crane_identification.options import Estimator, Options
 from crane_identification.pipeline import fit, validate
 from crane_identification.preparation.session import Session
-from crane_identification.progress import ProgressBar
+from crane_identification.progress_bar import ProgressBar
 from crane_identification.recording_check.check import blaming, vetted
 from crane_identification.report import page, summary
 from crane_identification.report.content import IdentificationReport, Provenance

@@ -2,7 +2,7 @@
 
 from typing import TYPE_CHECKING
 
-from crane_identification.lazy import importer
+from crane_model.lazily import lazily
 
 if TYPE_CHECKING:
     from crane_identification.data.bag_log import read_bag as read_bag
@@ -11,12 +11,12 @@ if TYPE_CHECKING:
     from crane_identification.data.log import Signal as Signal
     from crane_identification.data.recording_log import read_recording as read_recording
 
-_HOMES = {
-    "ColumnMap": "column_map",
-    "Log": "log",
-    "Signal": "log",
-    "read_bag": "bag_log",
-    "read_recording": "recording_log",
-}
-__all__ = sorted(_HOMES)
-__getattr__ = importer(__name__, _HOMES)
+__getattr__, __dir__, __all__ = lazily(
+    __name__,
+    {
+        "bag_log": ("read_bag",),
+        "column_map": ("ColumnMap",),
+        "log": ("Log", "Signal"),
+        "recording_log": ("read_recording",),
+    },
+)

@@ -2,7 +2,7 @@
 
 from typing import TYPE_CHECKING
 
-from crane_identification.lazy import importer
+from crane_model.lazily import lazily
 
 if TYPE_CHECKING:
     from crane_identification.estimation.estimate import Estimate as Estimate
@@ -11,12 +11,13 @@ if TYPE_CHECKING:
     from crane_identification.estimation.regression import build_rows as build_rows
     from crane_identification.estimation.rows import Rows as Rows
 
-_HOMES = {
-    "Estimate": "estimate",
-    "LackOfFit": "lack_of_fit",
-    "Physics": "physics",
-    "Rows": "rows",
-    "build_rows": "regression",
-}
-__all__ = sorted(_HOMES)
-__getattr__ = importer(__name__, _HOMES)
+__getattr__, __dir__, __all__ = lazily(
+    __name__,
+    {
+        "estimate": ("Estimate",),
+        "lack_of_fit": ("LackOfFit",),
+        "physics": ("Physics",),
+        "regression": ("build_rows",),
+        "rows": ("Rows",),
+    },
+)

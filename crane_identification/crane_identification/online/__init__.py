@@ -2,17 +2,17 @@
 
 from typing import TYPE_CHECKING
 
-from crane_identification.lazy import importer
+from crane_model.lazily import lazily
 
 if TYPE_CHECKING:
     from crane_identification.online.estimator import OnlineEstimator as OnlineEstimator
     from crane_identification.online.estimator import OnlineOptions as OnlineOptions
     from crane_identification.online.recursion import Recursion as Recursion
 
-_HOMES = {
-    "OnlineEstimator": "estimator",
-    "OnlineOptions": "estimator",
-    "Recursion": "recursion",
-}
-__all__ = sorted(_HOMES)
-__getattr__ = importer(__name__, _HOMES)
+__getattr__, __dir__, __all__ = lazily(
+    __name__,
+    {
+        "estimator": ("OnlineEstimator", "OnlineOptions"),
+        "recursion": ("Recursion",),
+    },
+)

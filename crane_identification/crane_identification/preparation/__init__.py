@@ -2,7 +2,7 @@
 
 from typing import TYPE_CHECKING
 
-from crane_identification.lazy import importer
+from crane_model.lazily import lazily
 
 if TYPE_CHECKING:
     from crane_identification.preparation.periodicity import Periodicity as Periodicity
@@ -15,14 +15,11 @@ if TYPE_CHECKING:
     from crane_identification.preparation.session import Session as Session
     from crane_identification.preparation.session import prepare_all as prepare_all
 
-_HOMES = {
-    "Averaging": "run",
-    "Drift": "run",
-    "Periodicity": "periodicity",
-    "Preparation": "run",
-    "Session": "session",
-    "detect_periodicity": "periodicity",
-    "prepare_all": "session",
-}
-__all__ = sorted(_HOMES)
-__getattr__ = importer(__name__, _HOMES)
+__getattr__, __dir__, __all__ = lazily(
+    __name__,
+    {
+        "periodicity": ("Periodicity", "detect_periodicity"),
+        "run": ("Averaging", "Drift", "Preparation"),
+        "session": ("Session", "prepare_all"),
+    },
+)

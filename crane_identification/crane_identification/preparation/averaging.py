@@ -16,11 +16,11 @@ from crane_identification.preparation.run import (
     signals_of,
     where_moving,
 )
-from crane_identification.progress import Progress
 from crane_identification.signals.gate import moving
 from crane_identification.signals.kalman import KalmanSmoother
 from crane_identification.signals.routes import estimate_period
 from crane_model.model_file import Model
+from crane_model.progress import Progress
 
 TRANSIENT = 2.0
 """A first period that differs from the later ones by this many times their scatter is transient."""

@@ -15,11 +15,11 @@ from crane_identification.preparation.run import (
     signals_of,
     where_moving,
 )
-from crane_identification.progress import Progress, silent
 from crane_identification.signals.decimate import PADDING, trusted_bandwidth
 from crane_identification.signals.routes import estimate_record
 from crane_model.errors import DataError
 from crane_model.model_file import Model
+from crane_model.progress import Progress, silent
 
 
 def prepare(

@@ -9,9 +9,9 @@ from crane_identification.data.log import Log
 from crane_identification.options import Options
 from crane_identification.preparation.prepare import prepare
 from crane_identification.preparation.run import Preparation
-from crane_identification.progress import Progress, silent
 from crane_model.errors import DataError
 from crane_model.model_file import Model
+from crane_model.progress import Progress, silent
 
 NANOSECONDS = 1e9
 TOUCHING = 1.0  # s by which recordings of one session may overlap, as parts of one that was split

@@ -2,15 +2,15 @@
 
 from typing import TYPE_CHECKING
 
-from crane_identification.lazy import importer
+from crane_model.lazily import lazily
 
 if TYPE_CHECKING:
     from crane_identification.recording_check.suspicion import Checked as Checked
     from crane_identification.recording_check.suspicion import Suspicion as Suspicion
 
-_HOMES = {
-    "Checked": "suspicion",
-    "Suspicion": "suspicion",
-}
-__all__ = sorted(_HOMES)
-__getattr__ = importer(__name__, _HOMES)
+__getattr__, __dir__, __all__ = lazily(
+    __name__,
+    {
+        "suspicion": ("Checked", "Suspicion"),
+    },
+)

@@ -2,7 +2,7 @@
 
 from typing import TYPE_CHECKING
 
-from crane_identification.lazy import importer
+from crane_model.lazily import lazily
 
 if TYPE_CHECKING:
     from crane_identification.signals.butterworth import (
@@ -13,12 +13,12 @@ if TYPE_CHECKING:
     from crane_identification.signals.motion import Motion as Motion
     from crane_identification.signals.motion import MotionEstimator as MotionEstimator
 
-_HOMES = {
-    "ButterworthDifferentiator": "butterworth",
-    "FourierFit": "fourier",
-    "KalmanSmoother": "kalman",
-    "Motion": "motion",
-    "MotionEstimator": "motion",
-}
-__all__ = sorted(_HOMES)
-__getattr__ = importer(__name__, _HOMES)
+__getattr__, __dir__, __all__ = lazily(
+    __name__,
+    {
+        "butterworth": ("ButterworthDifferentiator",),
+        "fourier": ("FourierFit",),
+        "kalman": ("KalmanSmoother",),
+        "motion": ("Motion", "MotionEstimator"),
+    },
+)

@@ -2,7 +2,7 @@
 
 from typing import TYPE_CHECKING
 
-from crane_identification.lazy import importer
+from crane_model.lazily import lazily
 
 if TYPE_CHECKING:
     from crane_identification.validation.force_validation import Validation as Validation
@@ -12,11 +12,10 @@ if TYPE_CHECKING:
     )
     from crane_identification.validation.motion_validation import validate_motion as validate_motion
 
-_HOMES = {
-    "MotionValidation": "motion_validation",
-    "Validation": "force_validation",
-    "compare": "force_validation",
-    "validate_motion": "motion_validation",
-}
-__all__ = sorted(_HOMES)
-__getattr__ = importer(__name__, _HOMES)
+__getattr__, __dir__, __all__ = lazily(
+    __name__,
+    {
+        "force_validation": ("Validation", "compare"),
+        "motion_validation": ("MotionValidation", "validate_motion"),
+    },
+)

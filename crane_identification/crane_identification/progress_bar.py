@@ -1,6 +1,5 @@
-"""How long computations tell their caller where they are, and a bar that shows it to a person."""
+"""Progress of computations: one bar a phase."""
 
-from collections.abc import Callable
 from types import TracebackType
 from typing import Self
 
@@ -9,18 +8,10 @@ from tqdm import tqdm
 from crane_model.progress_bar import progress_bar
 
 STEPS = 1000
-"""Of a bar."""
-
-Progress = Callable[[str, float], None]
-"""Called with the name of the phase and the share of it that is done, 0 to 1."""
-
-
-def silent(phase: str, done: float) -> None:
-    """Tell nobody."""
 
 
 class ProgressBar:
-    """A `Progress` that draws bars on standard error."""
+    """A `crane_model.progress.Progress` that draws bars on standard error."""
 
     def __init__(self) -> None:
         self._phase = ""
