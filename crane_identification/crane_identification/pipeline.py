@@ -58,7 +58,7 @@ def fit(
 
     An axis of 3 kg on a damper of 2 N s/m:
 
-    >>> from crane_identification.data.log import Signal
+    >>> from crane_identification import Log, Signal
     >>> from crane_model.terms.friction import Viscous
     >>> from crane_model.terms.single_axis import Inertia
     >>> from crane_model.terms.term import Setting
