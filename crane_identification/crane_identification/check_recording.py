@@ -5,8 +5,9 @@ import sys
 from collections.abc import Sequence
 from pathlib import Path
 
+from crane_identification.data.arguments import Sources, add_part
 from crane_identification.data.column_map import ColumnMap
-from crane_identification.identify import TABLES, Sources, add_part
+from crane_identification.data.columns import TABLES
 from crane_identification.options import Options
 from crane_identification.progress_bar import ProgressBar
 from crane_identification.recording_check.check import check

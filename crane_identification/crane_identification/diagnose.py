@@ -8,20 +8,27 @@ from datetime import UTC, datetime
 from pathlib import Path
 from typing import Any
 
+from crane_identification.data.arguments import (
+    Sources,
+    add_part,
+    add_period,
+    add_trust,
+    refuse_overlap,
+)
 from crane_identification.data.column_map import ColumnMap
+from crane_identification.data.columns import TABLES
 from crane_identification.diagnosis import explain, findings
 from crane_identification.diagnosis.diagnosis import check_known, diagnose
 from crane_identification.diagnosis.hydraulics import load_usual
 from crane_identification.diagnosis.report import page
 from crane_identification.diagnosis.thresholds import load_thresholds
-from crane_identification.identify import TABLES, Sources, add_part, add_period, trust_recordings
 from crane_identification.options import Options
 from crane_identification.progress_bar import ProgressBar
 from crane_identification.recording_check.check import blaming, vetted
 from crane_identification.report.content import Provenance
 from crane_model import cli
 from crane_model.configuration import load
-from crane_model.errors import ConfigurationError, DataError
+from crane_model.errors import ConfigurationError
 from crane_model.model_file import load_model, save_model
 from crane_model.terms import load_terms
 
@@ -44,12 +51,8 @@ def run(arguments: argparse.Namespace) -> None:
     if arguments.terms:
         load_terms(arguments.terms)
     model = load_model(arguments.model)
-    both = {p.resolve() for p in arguments.train} & {p.resolve() for p in arguments.validate}
-    if both:
-        raise DataError(
-            f"{', '.join(map(str, sorted(both)))}: given for training and for validation; the gap "
-            "is proved on recordings that took no part"
-        )
+    why = "the gap is proved on recordings that took no part"
+    refuse_overlap(arguments.train, arguments.validate, why)
     columns = load(arguments.columns, ColumnMap) if arguments.columns else None
     check_known(arguments.without)
     thresholds = load_thresholds(arguments.thresholds)
@@ -126,7 +129,7 @@ def parser() -> argparse.ArgumentParser:
     add("--fixed", action="store_true", help=FIXED)
     add("--thresholds", type=Path, help="thresholds (YAML; default: the packaged ones)")
     add("--hydraulics", type=Path, help="what is usual of valves and oil (YAML)")
-    trust_recordings(result)
+    add_trust(result)
     add("--explain", type=Path, metavar="DIR", help="print the answer in DIR")
     return result
 

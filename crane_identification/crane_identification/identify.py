@@ -4,61 +4,42 @@ import argparse
 import sys
 from collections.abc import Sequence
 from contextlib import ExitStack
-from dataclasses import dataclass
 from datetime import UTC, datetime
 from pathlib import Path
 
-import numpy as np
 from pydantic import RootModel
 
-from crane_identification.data.bad_samples import usable
+from crane_identification.data.arguments import (
+    Sources,
+    add_part,
+    add_period,
+    add_trust,
+    refuse_overlap,
+)
 from crane_identification.data.column_map import ColumnMap
 from crane_identification.data.columns import TABLES
-from crane_identification.data.log import Log
-from crane_identification.data.recording_log import read_recording
-from crane_identification.notation import percent
 from crane_identification.online.replay import recursion
 from crane_identification.options import Estimator, Options
 from crane_identification.pipeline import fit, validate
 from crane_identification.preparation.session import Session
-from crane_identification.progress import Progress
 from crane_identification.progress_bar import ProgressBar
 from crane_identification.recording_check.check import blaming, vetted
 from crane_identification.report import page, summary
 from crane_identification.report.content import IdentificationReport, Provenance
 from crane_identification.report.errors import pooled
 from crane_identification.report.findings import findings
-from crane_identification.report.terminal import console, parameters
+from crane_identification.report.terminal import tell
 from crane_identification.scale.beside import Beside
 from crane_model import cli
-from crane_model.arguments import above, between, one_of
+from crane_model.arguments import one_of
 from crane_model.configuration import load
-from crane_model.errors import ConfigurationError, DataError
+from crane_model.errors import ConfigurationError
 from crane_model.model_file import Model, load_model, save_model
 from crane_model.terms import load_terms
 
 
 class ReferenceValues(RootModel[dict[str, float]]):
     """Known values of parameters by name, to be shown beside the estimates."""
-
-
-@dataclass(frozen=True)
-class Sources:
-    """Reads recordings of either kind, each file once: what `options` say is to be used of them."""
-
-    model: Model
-    columns: ColumnMap | None
-    options: Options
-    progress: Progress
-
-    def read(self, paths: Sequence[Path]) -> tuple[Log, ...]:
-        """A log of each bag or table; `DataError` and `ConfigurationError` as their readers."""
-        joints, options = self.model.joints, self.options
-        logs = (
-            read_recording(path, joints, self.columns, self.progress, options.namespace)
-            for path in paths
-        )
-        return tuple(usable(log, options.begin, options.end) for log in logs)
 
 
 def identify(arguments: argparse.Namespace) -> None:
@@ -70,14 +51,9 @@ def identify(arguments: argparse.Namespace) -> None:
     given = load_model(arguments.model)
     model = given.of_machine()
     alike = _loads_left_out(given, model)
-    overlap = {path.resolve() for path in arguments.train} & {
-        path.resolve() for path in arguments.validate
-    }
-    if overlap:
-        raise DataError(
-            f"{', '.join(map(str, sorted(overlap)))}: given for training and for validation; "
-            "validate on recordings that the fit has not seen"
-        )
+    refuse_overlap(
+        arguments.train, arguments.validate, "validate on recordings that the fit has not seen"
+    )
     columns = load(arguments.columns, ColumnMap) if arguments.columns else None
     known = _known_values(arguments.reference_values, model) if arguments.reference_values else None
     options = Options(
@@ -127,7 +103,7 @@ def identify(arguments: argparse.Namespace) -> None:
         save_model(arguments.out / "model.yaml", result.model)
         summary.write(arguments.out / "summary.json", report)
         page.write(arguments.out / "report.html", report, progress)
-    _tell(report, arguments.out)
+    tell(report, arguments.out)
 
 
 def _known_values(path: Path, model: Model) -> dict[str, float]:
@@ -196,24 +172,6 @@ def on_cluster(
     print(f"written: {arguments.out}/model.yaml, {arguments.out}/summary.json")
 
 
-def _tell(report: IdentificationReport, out: Path) -> None:
-    for warning in report.warnings:
-        print(f"warning: {warning}", file=sys.stderr)
-    estimate, held_out = report.fit.estimate, report.held_out
-    print(f"{len(estimate.names)} parameters from {estimate.samples} equations")
-    console(100).print(parameters(report))
-    if held_out is not None:
-        print("force unexplained on held-out recordings (noise floor):")
-        for joint, error, floor in zip(
-            estimate.joints, held_out.relative, held_out.noise_floor, strict=True
-        ):
-            noise = percent(floor) if np.isfinite(floor) else "not known: no period repeated"
-            print(f"  {joint}: {percent(error)} ({noise})")
-    if report.simulated is not None and report.simulated.reason:
-        print(f"the motion cannot be simulated: {report.simulated.reason}")
-    print(f"written: {out}/model.yaml, {out}/summary.json, {out}/report.html")
-
-
 def parser() -> argparse.ArgumentParser:
     """The command line."""
     result = cli.command_line(
@@ -254,7 +212,7 @@ def parser() -> argparse.ArgumentParser:
         help="scheduler of a Dask cluster (tcp://HOST:PORT) whose workers read the training bags; "
         "for more of them than one machine holds",
     )
-    trust_recordings(result)
+    add_trust(result)
     add(
         "--recursive",
         action="store_true",
@@ -268,51 +226,6 @@ def parser() -> argparse.ArgumentParser:
         "simulated machine), shown in the report beside the estimates",
     )
     return result
-
-
-def add_part(parser: argparse.ArgumentParser) -> None:
-    """Adds the options that say which part of a recording is used, and whose topics of a bag."""
-    parser.add_argument(
-        "--from",
-        dest="begin",
-        type=between(0.0),
-        default=Options().begin,
-        metavar="SECONDS",
-        help="leave out what comes before, counted from the start of each recording",
-    )
-    parser.add_argument(
-        "--to",
-        dest="end",
-        type=between(0.0),
-        default=Options().end,
-        metavar="SECONDS",
-        help="leave out what comes behind, counted alike",
-    )
-    parser.add_argument(
-        "--namespace",
-        type=lambda text: "/" + text.strip("/"),
-        help="of the crane, such as /left, where a bag holds several",
-    )
-
-
-def add_period(parser: argparse.ArgumentParser) -> None:
-    """Adds the option that says when the motion repeats."""
-    parser.add_argument(
-        "--period",
-        type=above(0.0),
-        metavar="SECONDS",
-        help="period over which to average; found in the recordings where it is not given",
-    )
-
-
-def trust_recordings(to: argparse.ArgumentParser) -> None:
-    """The option that goes on with recordings that look wrong."""
-    to.add_argument(
-        "--trust-recordings",
-        action="store_true",
-        help="go on with recordings that look wrong (see check_recording); what is suspicious "
-        "becomes a warning",
-    )
 
 
 def main(argv: Sequence[str] | None = None) -> int:

@@ -44,6 +44,9 @@ class Options:
     `decimation` is the factor of the parallel filter (None: from the bandwidth of the motion; 1: no
     filter). `covariance` says what is assumed of the residual. `estimator`: least squares (31)
     under physical constraints, which is plain least squares wherever that is physical, or another.
+
+    >>> Options(begin=2.0, period=20.0).covariance
+    <Covariance.CORRELATED: 'correlated'>
     """
 
     begin: float = 0.0

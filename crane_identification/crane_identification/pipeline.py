@@ -18,12 +18,12 @@ from crane_identification.estimation.robust import robust
 from crane_identification.estimation.rows import Rows
 from crane_identification.estimation.weighted import weighted
 from crane_identification.options import Estimator, Options
-from crane_identification.preparation.prepare import Preparation, prepare_all
-from crane_identification.preparation.session import Session
-from crane_identification.progress import Progress, silent
+from crane_identification.preparation.run import Preparation
+from crane_identification.preparation.session import Session, prepare_all
 from crane_identification.validation.force_validation import Validation, compare
 from crane_model.errors import DataError
 from crane_model.model_file import Model
+from crane_model.progress import Progress, silent
 
 
 @dataclass(frozen=True)
@@ -55,9 +55,24 @@ def fit(
 
     Raises `DataError` if a recording does not fit the model or is too short, and if parameters
     are not determined by these recordings: it names them.
+
+    An axis of 3 kg on a damper of 2 N s/m:
+
+    >>> from crane_identification import Log, Signal
+    >>> from crane_model.terms.friction import Viscous
+    >>> from crane_model.terms.single_axis import Inertia
+    >>> from crane_model.terms.term import Setting
+    >>> terms = Inertia(joint="axis"), Viscous(joint="axis")
+    >>> model = Model("axis", Setting({"axis": "m"}, None), terms)
+    >>> time = np.linspace(0.0, 20.0, 2001)
+    >>> place = Signal(time, np.sin(time)[:, np.newaxis], "made")
+    >>> push = 2.0 * np.cos(time) - 3.0 * np.sin(time)
+    >>> force = Signal(time, push[:, np.newaxis], "made")
+    >>> fit(model, [Log("made", ("axis",), 0, place, force=force)]).estimate.values.round(2)
+    array([3., 2.])
     """
     options = options or Options()
-    preparations = _prepare_all(model, logs, options, progress, session)
+    preparations = prepare_all(model, logs, options, progress, session)
     factor = common_factor(preparations, options.decimation)
     rows = Rows.stack([build_rows(model, p, factor) for p in preparations])
     estimate = _estimate(model, rows, preparations, factor, options)
@@ -108,18 +123,6 @@ def validate(
     Raises `DataError` as `fit` does, `ConfigurationError` if the model has no values.
     """
     options = options or Options()
-    preparations = _prepare_all(model, logs, options, progress, session)
+    preparations = prepare_all(model, logs, options, progress, session)
     factor = common_factor(preparations, options.decimation)
     return tuple(compare(model, preparation, factor) for preparation in preparations)
-
-
-def _prepare_all(
-    model: Model,
-    logs: Sequence[Log],
-    options: Options,
-    progress: Progress,
-    session: Session | None,
-) -> list[Preparation]:
-    if not logs:
-        raise DataError(f"model '{model.name}': no recordings given; give at least one")
-    return prepare_all(model, logs, options, progress, session)

@@ -16,8 +16,8 @@ from crane_bags.types import (
     Topic,
 )
 from crane_identification.data.log import Log, Signal
-from crane_identification.progress import Progress, silent
 from crane_model.errors import DataError
+from crane_model.progress import Progress, silent
 
 SLEW = "slew"
 NANOSECONDS = 1e9

@@ -35,6 +35,11 @@ class Log:
     Time zero is the first position of the recording, `start` [ns] on its clock. `missing` names the
     topics or quantities that are not there, `notes` what had to be mended, `uncalibrated` the
     quantities that are in counts of their sensors instead of SI units.
+
+    >>> time = np.linspace(0.0, 4.0, 5)
+    >>> log = Log("made", ("axis",), 0, Signal(time, np.zeros((5, 1)), "made"))
+    >>> log.during(1.0, 3.0).position.time
+    array([1., 2., 3.])
     """
 
     source: str

@@ -7,8 +7,8 @@ from crane_bags.fields import Place, read_fields
 from crane_identification.data.column_map import ColumnMap
 from crane_identification.data.log import Log
 from crane_identification.data.mapped_log import NANOSECONDS, Stream, mapped_log
-from crane_identification.progress import Progress, silent
 from crane_model.errors import ConfigurationError
+from crane_model.progress import Progress, silent
 
 
 def read_mapped_bag(

@@ -20,7 +20,7 @@ from crane_identification.diagnosis.refit import UndeterminedError
 from crane_identification.diagnosis.scaling import normed
 from crane_identification.diagnosis.search import Search
 from crane_identification.diagnosis.whitening import leading
-from crane_identification.preparation.prepare import Preparation
+from crane_identification.preparation.run import Preparation
 from crane_model.errors import ConfigurationError
 from crane_model.model_file import Model
 from crane_model.terms import Effect, Shape, Term, candidates

@@ -9,7 +9,7 @@ from crane_identification.diagnosis.evidence import Evidence, gather
 from crane_identification.diagnosis.refit import UndeterminedError, refit
 from crane_identification.diagnosis.scaling import normed
 from crane_identification.estimation.regression import common_factor
-from crane_identification.preparation.prepare import Preparation
+from crane_identification.preparation.run import Preparation
 from crane_identification.signals.decimate import KEPT_SHARE
 from crane_model.model_file import Model
 from crane_model.terms import Term

@@ -15,7 +15,7 @@ import numpy as np
 from crane_identification.diagnosis.filtering import thinned
 from crane_identification.diagnosis.scaling import normed
 from crane_identification.estimation.regression import OPEN
-from crane_identification.preparation.prepare import Preparation
+from crane_identification.preparation.run import Preparation
 from crane_identification.signals.decimate import decimation_rows
 from crane_model.errors import DataError
 from crane_model.model_file import Model

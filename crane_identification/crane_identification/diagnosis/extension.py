@@ -16,7 +16,7 @@ from crane_identification.diagnosis.evidence import gather
 from crane_identification.diagnosis.loads import LOADS, NO_LOAD, Loads
 from crane_identification.diagnosis.refit import refit, shape_std_devs
 from crane_identification.diagnosis.search import Search
-from crane_identification.preparation.prepare import Preparation
+from crane_identification.preparation.run import Preparation
 from crane_model.model_file import Model
 
 

@@ -12,7 +12,7 @@ from crane_identification.diagnosis.thresholds import Method
 from crane_identification.diagnosis.weighing import Weighed, weighed
 from crane_identification.estimation.regression import OPEN
 from crane_identification.preparation.averaging import noise_of_mean
-from crane_identification.preparation.prepare import Preparation
+from crane_identification.preparation.run import Preparation
 from crane_identification.signals.decimate import decimate
 from crane_identification.validation.motion_validation import MotionValidation, validate_motion
 from crane_model.model_file import Model

@@ -14,7 +14,7 @@ from crane_identification.diagnosis.learner import Features
 from crane_identification.diagnosis.search import Search
 from crane_identification.diagnosis.thresholds import Thresholds
 from crane_identification.diagnosis.trial import Trial, tried
-from crane_identification.preparation.prepare import Preparation
+from crane_identification.preparation.run import Preparation
 from crane_model.model_file import Model
 
 

@@ -16,9 +16,9 @@ from typing import Any
 import numpy as np
 
 from crane_identification.estimation.estimate import Estimate, Fit, describe
-from crane_identification.estimation.least_squares import balancing, check, fit
+from crane_identification.estimation.least_squares import fit
 from crane_identification.estimation.physics import BODIES, Physics
-from crane_identification.estimation.rows import Rows
+from crane_identification.estimation.rows import Rows, balancing, check
 from crane_identification.options import Covariance
 from crane_model.errors import DataError
 

@@ -5,7 +5,7 @@ from collections.abc import Sequence
 import numpy as np
 
 from crane_identification.estimation.rows import Rows
-from crane_identification.preparation.prepare import Preparation
+from crane_identification.preparation.run import Preparation
 from crane_model.model_file import Model
 
 ONE_WAY = 0.02

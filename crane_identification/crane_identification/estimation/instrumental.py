@@ -10,9 +10,8 @@ from dataclasses import replace
 import numpy as np
 
 from crane_identification.estimation.estimate import Estimate, describe
-from crane_identification.estimation.least_squares import check, fit, solve_weighted
-from crane_identification.estimation.rows import Rows
-from crane_identification.estimation.solving import balance
+from crane_identification.estimation.least_squares import fit
+from crane_identification.estimation.rows import Rows, balance, check, solve_weighted
 from crane_identification.options import Covariance
 
 

@@ -5,10 +5,8 @@ import numpy as np
 from crane_identification.estimation.covariance import correlated, white
 from crane_identification.estimation.estimate import Estimate, Fit, describe
 from crane_identification.estimation.lack_of_fit import lack_of_fit
-from crane_identification.estimation.rows import Rows
-from crane_identification.estimation.solving import BasicSolution, balance, solve
+from crane_identification.estimation.rows import Rows, balancing, check, solve_weighted
 from crane_identification.options import Covariance
-from crane_model.errors import DataError
 
 UNSEEN = 1.0
 """A parameter is not determined if one standard deviation of it changes the force, on some joint,
@@ -43,38 +41,6 @@ def fit(rows: Rows, weights: np.ndarray, covariance: Covariance) -> Fit:
     else:
         spread = white(residual[rows.used], bread, covariance)
     return Fit(values, spread, determined & _seen(rows, np.sqrt(np.diag(spread))))
-
-
-def solve_weighted(rows: Rows, weights: np.ndarray) -> BasicSolution:
-    """The basic solution of the used rows, multiplied by `weights`, (j,) or (n, j)."""
-    scaling = np.broadcast_to(weights, rows.force.shape)[rows.used]
-    return solve(rows.stacked * scaling[:, None], rows.force[rows.used] * scaling)
-
-
-def balancing(rows: Rows) -> np.ndarray:
-    """Weights (j,) with which the weighted residual of each joint has root mean square 1."""
-
-    def residuals(weights: np.ndarray) -> np.ndarray:
-        return rows.rms(rows.residual(solve_weighted(rows, weights).values))
-
-    return balance(len(rows.joints), residuals, rows.rms(rows.force))
-
-
-def check(rows: Rows) -> None:
-    """`DataError` if there are fewer rows than parameters or a row is not finite."""
-    parameters = len(rows.names)
-    if rows.samples <= parameters:
-        raise DataError(
-            f"least squares: {rows.samples} rows for {parameters} parameters; record longer, "
-            f"decimate less or mask less around reversals"
-        )
-    bad = rows.used & ~(np.isfinite(rows.force) & np.isfinite(rows.matrix).all(axis=2))
-    if bad.any():
-        instant, joint = np.argwhere(bad)[0]
-        raise DataError(
-            f"least squares: joint {rows.joints[joint]} at {rows.time[instant]:.4g} s: force or "
-            f"regressor is not finite; cut the recording to where every sensor was logged"
-        )
 
 
 def _seen(rows: Rows, std_devs: np.ndarray) -> np.ndarray:

@@ -6,14 +6,14 @@ import numpy as np
 
 from crane_identification.estimation.rows import Rows
 from crane_identification.preparation.averaging import noise_of_mean
-from crane_identification.preparation.prepare import Preparation
+from crane_identification.preparation.run import Preparation
 from crane_identification.signals.decimate import (
     decimate,
     decimation_factor,
     decimation_rows,
     filtered_noise,
+    trusted_bandwidth,
 )
-from crane_identification.signals.gate import trusted_bandwidth
 from crane_model.errors import DataError
 from crane_model.model_file import Model
 from crane_model.record import Record
@@ -50,17 +50,20 @@ def build_rows(model: Model, preparation: Preparation, factor: int) -> Rows:
     record = preparation.record
     assert record.force is not None  # prepare() refuses such recordings
     gate = preparation.moving.astype(float)
-    kept = decimation_rows(len(record), factor)
+    matrix = _columns(model, preparation, record, factor)
+    deviation = (preparation.periods - preparation.periods.mean(axis=0)) * preparation.moving
+    scatter = np.stack([decimate(one, factor, preparation.periodic) for one in deviation])
+    kept = decimation_rows(len(gate), factor)
     return Rows(
         joints=model.joints,
         names=tuple(parameter.name for parameter in model.parameters),
         units=tuple(parameter.unit for parameter in model.parameters),
         time=record.time[kept],
         run=np.zeros(len(kept), dtype=int),
-        matrix=_columns(model, preparation, record, factor),
+        matrix=matrix,
         force=decimate(record.force * gate, factor, preparation.periodic),
         used=decimate(gate, factor, preparation.periodic) > OPEN,
-        scatter=(_scatter(preparation, factor),),
+        scatter=(scatter,),
         filtered=filtered_noise(factor),
     )
 
@@ -81,12 +84,6 @@ def instruments(model: Model, preparation: Preparation, factor: int) -> np.ndarr
 def _columns(model: Model, preparation: Preparation, record: Record, factor: int) -> np.ndarray:
     gate = preparation.moving[:, :, np.newaxis]
     return decimate(model.regressor(record) * gate, factor, preparation.periodic)
-
-
-def _scatter(preparation: Preparation, factor: int) -> np.ndarray:
-    """Deviations (M, n, j) of the force in each period from their mean, in the rows of the fit."""
-    deviation = (preparation.periods - preparation.periods.mean(axis=0)) * preparation.moving
-    return np.stack([decimate(one, factor, preparation.periodic) for one in deviation])
 
 
 def noise_floor(preparation: Preparation, factor: int) -> np.ndarray:

@@ -10,8 +10,8 @@ from dataclasses import replace
 import numpy as np
 
 from crane_identification.estimation.estimate import Estimate, describe
-from crane_identification.estimation.least_squares import balancing, check, fit, solve_weighted
-from crane_identification.estimation.rows import Rows
+from crane_identification.estimation.least_squares import fit
+from crane_identification.estimation.rows import Rows, balancing, check, solve_weighted
 from crane_identification.options import Covariance
 
 HUBER, BISQUARE = 1.345, 4.685  # standard deviations

@@ -6,8 +6,8 @@ import numpy as np
 from scipy.linalg import solve_triangular
 
 from crane_identification.estimation.estimate import Estimate, describe
-from crane_identification.estimation.least_squares import check, fit
-from crane_identification.estimation.rows import Rows
+from crane_identification.estimation.least_squares import fit
+from crane_identification.estimation.rows import Rows, check
 from crane_identification.options import Covariance
 from crane_model.errors import DataError
 

@@ -14,7 +14,7 @@ from typing import NamedTuple
 import numpy as np
 from numba import njit
 
-from crane_identification.estimation.solving import BasicSolution, balance, solve
+from crane_identification.estimation.rows import BasicSolution, balance, solve
 
 
 class Solution(NamedTuple):

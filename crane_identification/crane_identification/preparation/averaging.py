@@ -1,12 +1,26 @@
 """Averaging over periods (37)-(38), and the noise that the scatter between periods reveals."""
 
-from dataclasses import dataclass
-
 import numpy as np
-from scipy.ndimage import uniform_filter1d
 from scipy.stats import t as student
 
-from crane_identification.signals.decimate import UNFILTERED
+from crane_identification.data.log import Log
+from crane_identification.data.resample import Samples
+from crane_identification.options import Options
+from crane_identification.preparation.run import (
+    Averaging,
+    Drift,
+    Preparation,
+    along_reference,
+    record_of,
+    resolution_of,
+    signals_of,
+    where_moving,
+)
+from crane_identification.signals.gate import moving
+from crane_identification.signals.kalman import KalmanSmoother
+from crane_identification.signals.routes import estimate_period
+from crane_model.model_file import Model
+from crane_model.progress import Progress
 
 TRANSIENT = 2.0
 """A first period that differs from the later ones by this many times their scatter is transient."""
@@ -16,31 +30,71 @@ LOCAL = 0.04
 """Share of the period over which the scatter is taken as equally large, and a drift is sought."""
 
 
-@dataclass(frozen=True)
-class Averaging:
-    """How a recording was averaged.
+def averaged(
+    model: Model,
+    log: Log,
+    samples: Samples,
+    rows: np.ndarray,
+    length: int,
+    options: Options,
+    progress: Progress,
+    since: float,
+) -> Preparation:
+    """The mean over the last whole periods of the run (37)-(38)."""
+    signals = signals_of(model, samples, rows)
+    encoder = resolution_of(log)
+    step = 1.0 / samples.rate
+    whole = whole_periods(len(rows), length)
+    signals = {name: completed(values, length, whole) for name, values in signals.items()}
+    transient = transient_periods(fold(signals["position"], length, whole))
+    used = min(whole - transient, options.periods or whole)
+    mean = {name: fold(values, length, used).mean(axis=0) for name, values in signals.items()}
+    resolution = resolution_of_mean(fold(signals["coordinates"], length, used), encoder)
+    motion = estimate_period(options.motion, mean["coordinates"], step, resolution, progress)
+    middle = len(signals["position"]) - (used + 1) * length / 2.0  # sample that the mean begins at
+    time = since + samples.time[rows[0]] + step * (middle + np.arange(length))
+    alike, signed_alike = _moving_alike(model, encoder, signals, step, length, used, options)
+    known = where_moving(model, motion, step, True, options) & alike
+    periods = fold(signals["force"], length, used)
+    record = record_of(model, time, mean, motion, options.mask_reversals)
+    remainder = max(len(rows) - whole * length, 0) * step
+    return Preparation(
+        source=log.source,
+        record=record,
+        step=step,
+        moving=known,
+        signed=where_moving(model, motion, step, True, options, settling=0.0) & signed_alike,
+        bandwidth=motion.bandwidth[: len(model.joints)],
+        reference=along_reference(record, mean),
+        averaging=Averaging(length * step, used, whole - used, remainder, drift(periods, known)),
+        periods=periods,
+    )
 
-    `period` [s]; `used` whole periods, the last ones; `transient` whole periods before them were
-    left out, and `incomplete` [s] of the periodic part fills no whole period. `drift` of the force.
+
+def _moving_alike(
+    model: Model,
+    resolution: np.ndarray,
+    signals: dict[str, np.ndarray],
+    step: float,
+    length: int,
+    periods: int,
+    options: Options,
+) -> tuple[np.ndarray, np.ndarray]:
+    """(length, j): where each joint moves in all of the last `periods`, and in one direction.
+
+    First where friction has settled in all of them, then where the sign of the velocity is known.
+    A joint that comes to rest on its way sets off again at another time in each period: the mean
+    force is then none that friction (13) gives at the mean velocity.
     """
-
-    period: float
-    used: int
-    transient: int
-    incomplete: float
-    drift: "Drift"
-
-
-@dataclass(frozen=True)
-class Drift:
-    """Steady change from period to period, per joint (j,); NaN for fewer than three periods.
-
-    `rate`: root mean square change of the force a period [N m or N]. `p_value`: how likely scatter
-    that is none would look so.
-    """
-
-    rate: np.ndarray
-    p_value: np.ndarray
+    if not options.mask_reversals:
+        everywhere = np.ones((length, len(model.joints)), dtype=bool)
+        return everywhere, everywhere
+    motion = KalmanSmoother().estimate(signals["position"], step, resolution)
+    settled, signed = (
+        np.abs(fold(np.sign(motion.velocity) * known, length, periods).sum(axis=0)) == periods
+        for known in (moving(motion, step, False), moving(motion, step, False, settling=0.0))
+    )
+    return settled, signed
 
 
 def whole_periods(samples: int, length: int) -> int:
@@ -150,60 +204,3 @@ def _p_value(share: np.ndarray, expected: float) -> float:
     independent = max(len(share) * (1.0 - alike) / (1.0 + alike), 2.0)
     error = np.sqrt(power / (len(share) - 1) / independent)
     return float(student.sf(above / error, independent - 1.0))
-
-
-def independent_samples(
-    deviation: np.ndarray, used: np.ndarray, filtered: np.ndarray = UNFILTERED
-) -> np.ndarray:
-    """How many of n samples (j,) are independent: tr(C)²/tr(C²) of their covariance C.
-
-    From deviations (M, n, j) from the mean of M periods, over the `used` (n, j) samples: C has
-    their variance, which changes over the period, and one autocorrelation, up to the lag at which
-    it is lost in its own uncertainty; but at least that which a filter gives to white noise,
-    `filtered` (lags,). Where joints turn back the periods differ most, so that a few samples may
-    hold most of the power, and the others tell nothing beside them. The chance by which the
-    variance, seen in few samples, is uneven too is taken out of C².
-    """
-    count, samples, joints = deviation.shape
-    length = 2 * samples
-    window = max(int(LOCAL * samples), 1)
-    overlap = np.maximum(1.0 - np.arange(samples) / window, 0.0)
-    masked = np.where(used, deviation, 0.0)
-    size = np.sqrt(_local_power(masked, used, window))
-    scaled = np.divide(
-        masked, size, out=np.zeros_like(masked), where=np.broadcast_to(size > 0.0, masked.shape)
-    )
-    products = np.fft.irfft((np.abs(np.fft.rfft(scaled, length, axis=1)) ** 2).sum(axis=0), axis=0)
-    pairs, power = (
-        np.fft.irfft(np.abs(np.fft.rfft(values, length, axis=0)) ** 2, axis=0)[:samples]
-        for values in (used.astype(float), np.where(used, size**2, 0.0))
-    )
-    pairs = np.round(pairs)
-    out = np.ones(joints)
-    for j in range(joints):
-        present = pairs[:, j] > 0
-        correlation = np.zeros(samples)
-        correlation[present] = products[:samples, j][present] / pairs[present, j]
-        if not correlation[0] > 0.0:
-            continue
-        correlation /= correlation[0]
-        noise = 2.0 / np.sqrt(np.maximum((count - 1) * pairs[:, j], 1.0))
-        lost = np.flatnonzero(np.abs(correlation) < noise)
-        last = int(lost[0]) if len(lost) else samples
-        alike = correlation**2
-        alike[last:] = 0.0
-        known = min(len(filtered), samples)
-        alike[:known] = np.maximum(alike[:known], filtered[:known] ** 2)
-        alike[1:] *= 2.0  # lags to both sides
-        # A variance from f degrees of freedom has the relative variance 2/f.
-        chance = 2.0 * (overlap @ alike) / window / (count - 1) * overlap
-        total = (size[used[:, j], j] ** 2).sum()
-        out[j] = total**2 / (power[:, j] / (1.0 + chance) @ alike)
-    return out
-
-
-def _local_power(masked: np.ndarray, used: np.ndarray, window: int) -> np.ndarray:
-    """Mean square (n, j) of deviations (M, n, j) in a window around each sample, 0 if none."""
-    near = uniform_filter1d((masked**2).mean(axis=0), window, axis=0, mode="wrap")
-    share = uniform_filter1d(used.astype(float), window, axis=0, mode="wrap")
-    return np.divide(near, share, out=np.zeros_like(near), where=share > 0.5 / window)

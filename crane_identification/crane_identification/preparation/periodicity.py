@@ -1,13 +1,19 @@
 """Where, and with which period, a motion repeats itself: a reference, or measured positions."""
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
 from crane_identification.data.log import Log
 from crane_identification.data.resample import measured
-from crane_identification.preparation.agreement import OVERLAP, Agreement, agreement, best_end
-from crane_identification.preparation.repetition import Repetition
+from crane_identification.preparation.averaging import LACKING
+from crane_identification.preparation.repetition import (
+    OVERLAP,
+    Agreement,
+    Repetition,
+    agreement,
+    distance,
+)
 from crane_model.errors import DataError
 
 REPEATS = 0.05
@@ -21,6 +27,14 @@ SEEN = 0.99
 sample of two whole periods may be missing."""
 EXACT = 5e-4
 """Share of a given period, beside one sample, by which it may be off."""
+SEARCHED = 3000
+"""Samples of the motion, thinned, in which the period is sought; then it is found exactly."""
+LONGEST = 0.55
+"""Share of the motion up to which lags are tried: two periods, and a little for the search."""
+ALIKE = 1e-6
+"""Rms difference, as a share of the range, up to which whole periods repeat equally well."""
+NEARLY = 0.05
+"""Share of the lag."""
 
 
 @dataclass(frozen=True)
@@ -47,7 +61,7 @@ def periodic_part(log: Log, period: float | None) -> Periodicity:
             pass  # it stands still, or something else moved the machine
         else:
             motion = Repetition.of(position.time, position.value)
-            difference = motion.difference(part.period / motion.step)
+            difference = _difference(motion, part.period / motion.step)
             if difference <= REPEATS or part.end - part.start < 2 * SEEN * part.period:
                 return part
             raise DataError(
@@ -69,6 +83,10 @@ def detect_periodicity(
     Found without `period`, it must be seen at least twice; given one [s], it is checked, and kept,
     where the motion lasts longer than that. Standing still is not repeating. `DataError` if the
     motion does not repeat, or not after the given period: it says by how much, and when it does.
+
+    >>> time = np.arange(0.0, 10.0, 0.01)
+    >>> round(detect_periodicity(time, np.sin(np.pi * time)[:, np.newaxis]).period, 3)
+    2.0
     """
     motion = Repetition.of(time, position)
     return _found(motion) if period is None else _checked(motion, period)
@@ -76,7 +94,7 @@ def detect_periodicity(
 
 def _found(motion: Repetition) -> Periodicity:
     best: Agreement | None = None
-    for lag in motion.candidates(REPEATS):
+    for lag in _candidates(motion, REPEATS):
         one = agreement(motion, lag)
         if one is None or one.last - one.first < SEEN * one.lag or one.difference > REPEATS:
             continue
@@ -86,9 +104,9 @@ def _found(motion: Repetition) -> Periodicity:
             break
     if best is not None:
         return _periodicity(motion, best, best.lag * motion.step)
-    lag, difference = motion.closest()
+    lag, difference = _closest(motion)
     raise DataError(
-        f"the motion does not repeat within its {motion.duration:.4g} s: where it comes closest, "
+        f"the motion does not repeat within its {_duration(motion):.4g} s: where it comes closest, "
         f"after {lag * motion.step:.4g} s, it still differs by {difference:.0%} of its rms; record "
         "at least two whole periods, cut off what is not periodic with --from and --to, or give "
         "the period with --period"
@@ -102,23 +120,23 @@ def _checked(motion: Repetition, period: float) -> Periodicity:
     if overlap < 1.0:
         if overlap < -1.5:
             raise DataError(
-                f"lasts {motion.duration:.4g} s, less than the given period of {period:g} s; "
+                f"lasts {_duration(motion):.4g} s, less than the given period of {period:g} s; "
                 "correct --period"
             )
-        apart = motion.gap_at_the_ends()
+        apart = _gap_at_the_ends(motion)
         if apart > REPEATS:
             raise DataError(
                 f"after the given period of {period:g} s the motion is not where it began: the "
                 f"ends are {apart:.0%} of its rms apart; correct --period"
             )
-        return Periodicity(period, motion.start, motion.start + motion.duration)
+        return Periodicity(period, motion.start, motion.start + _duration(motion))
     near = agreement(motion, lag)
     wanted = min(SEEN * lag, OVERLAP * overlap)
     if near is not None and near.last - near.first >= wanted and near.difference <= REPEATS:
         off = abs(near.lag - lag)
         if off <= 1.0 + EXACT * lag:
             return _periodicity(motion, agreement(motion, lag, known=True) or near, period)
-    difference = motion.difference(lag)
+    difference = _difference(motion, lag)
     try:
         found = f"it repeats after {_found(motion).period:.5g} s"
     except DataError:
@@ -133,8 +151,75 @@ def _checked(motion: Repetition, period: float) -> Periodicity:
     )
 
 
+def _candidates(motion: Repetition, within: float) -> list[float]:
+    """Lags at which the motion comes closest to itself, ascending, past the first rise.
+
+    Closer than `within`, as a share of its rms, over one period somewhere: approach and stop,
+    however long, do not shift the minimum.
+    """
+    lags, difference, one_step = _differences(motion)
+    inner = difference[1:-1]
+    lowest = (inner <= difference[:-2]) & (inner <= difference[2:])
+    found = np.flatnonzero(lowest & (inner <= within + one_step)) + 1
+    return lags[found].tolist()
+
+
+def _closest(motion: Repetition) -> tuple[float, float]:
+    """Lag at which the motion comes closest to itself, and by how much it then differs."""
+    lags, difference, _ = _differences(motion)
+    if not len(lags):
+        return float(motion.samples - 1), 1.0
+    return float(lags[difference.argmin()]), float(min(difference.min(), 1.0))
+
+
+def _difference(motion: Repetition, lag: float) -> float:
+    """The least difference to the motion `lag` samples later, over one period somewhere."""
+    return min(motion.nearest(round(lag))[0], 1.0)
+
+
+def _duration(motion: Repetition) -> float:
+    """From the first to the last sample [s]."""
+    return (motion.samples - 1) * motion.step
+
+
+def _gap_at_the_ends(motion: Repetition) -> float:
+    """How far the motion ends from where one step on from its end it would be periodic."""
+    ahead = motion.signal[-1] + (motion.signal[-1] - motion.signal[-2]) - motion.signal[0]
+    rms = np.sqrt((motion.signal**2).sum(axis=1).mean())
+    return float(np.linalg.norm(ahead) / rms)
+
+
+def _differences(motion: Repetition) -> tuple[np.ndarray, np.ndarray, float]:
+    """Lags past the first rise, the least difference at each, and what one step makes."""
+    thin = -(-motion.samples // SEARCHED)
+    coarse = replace(motion, signal=motion.signal[::thin])
+    lags = np.arange(1, int(LONGEST * coarse.samples))
+    difference = np.array([coarse.nearest(int(lag))[0] for lag in lags])
+    risen = int(np.argmax(difference > 0.5 * np.minimum(difference, 1.0).mean()))
+    power = 2.0 * (coarse.signal**2).sum(axis=1).mean()
+    step = np.sqrt((np.diff(coarse.signal, axis=0) ** 2).sum(axis=1).mean() / power)
+    return lags[risen:] * thin, difference[risen:], float(step)
+
+
 def _periodicity(motion: Repetition, part: Agreement, period: float) -> Periodicity:
     start, end = (
-        motion.start + motion.step * index for index in (part.first, best_end(motion, part))
+        motion.start + motion.step * index for index in (part.first, _best_end(motion, part))
     )
-    return Periodicity(period, start, min(end + period, motion.start + motion.duration))
+    return Periodicity(period, start, min(end + period, motion.start + _duration(motion)))
+
+
+def _best_end(motion: Repetition, part: Agreement) -> int:
+    """Sample at which the whole periods end that repeat best, up to `NEARLY` before the part does.
+
+    A machine that runs down leaves its path so slowly that its position is equal for a while when
+    its acceleration is not.
+    """
+    compared = int((part.last - part.first + LACKING) / part.lag) * round(part.lag)
+    slack = part.last - part.first - compared
+    if compared < 1 or slack < 1:
+        return part.last
+    sums = np.cumsum(np.concatenate([[0.0], distance(motion, part.lag) ** 2]))
+    begins = part.last - compared - np.arange(min(slack, int(NEARLY * part.lag)) + 1)
+    cost = sums[begins + compared] - sums[begins]
+    alike = cost <= cost.min() + compared * ALIKE**2
+    return int(begins[alike.argmax()] + compared)

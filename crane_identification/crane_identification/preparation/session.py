@@ -1,4 +1,4 @@
-"""Time that runs through a session of recordings: oil that warms up does so in pauses as well."""
+"""Recordings prepared in the time of their session: oil that warms up does so in pauses as well."""
 
 from collections.abc import Sequence
 from dataclasses import dataclass
@@ -6,6 +6,12 @@ from itertools import pairwise
 from typing import Self
 
 from crane_identification.data.log import Log
+from crane_identification.options import Options
+from crane_identification.preparation.prepare import prepare
+from crane_identification.preparation.run import Preparation
+from crane_model.errors import DataError
+from crane_model.model_file import Model
+from crane_model.progress import Progress, silent
 
 NANOSECONDS = 1e9
 TOUCHING = 1.0  # s by which recordings of one session may overlap, as parts of one that was split
@@ -43,6 +49,30 @@ class Session:
     def since(self, log: Log) -> float:
         """From the start of its session to time zero of a recording [s]."""
         return (log.start - self.start[log.source]) / NANOSECONDS
+
+
+def prepare_all(
+    model: Model,
+    logs: Sequence[Log],
+    options: Options,
+    progress: Progress = silent,
+    session: Session | None = None,
+) -> list[Preparation]:
+    """`prepare` of each recording, in the time of the `session` (None: of these recordings).
+
+    Raises `DataError` without recordings, and as `prepare`.
+    """
+    if not logs:
+        raise DataError(f"model '{model.name}': no recordings given; give at least one")
+    session = session or Session.of(logs)
+    out = []
+    for number, log in enumerate(logs):
+
+        def partly(phase: str, done: float, number: int = number) -> None:
+            progress(phase, (number + done) / len(logs))
+
+        out += prepare(model, log, options, partly, session.since(log))
+    return out
 
 
 def chronological(logs: Sequence[Log]) -> list[Log]:

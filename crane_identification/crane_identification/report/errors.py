@@ -6,7 +6,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from crane_identification.estimation.rows import Rows
-from crane_identification.preparation.prepare import Preparation
+from crane_identification.preparation.run import Preparation
 from crane_identification.signals.decimate import decimate
 from crane_identification.validation.force_validation import Validation
 from crane_model.model_file import Model

@@ -5,7 +5,7 @@ from collections.abc import Sequence
 import numpy as np
 
 from crane_identification.notation import spoken, unit
-from crane_identification.preparation.prepare import Preparation
+from crane_identification.preparation.run import Preparation
 from crane_identification.report.errors import left_out, scatter
 from crane_identification.report.figure import (
     MEASURED,

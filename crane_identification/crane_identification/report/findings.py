@@ -14,7 +14,7 @@ from crane_identification.notation import (
     spoken,
 )
 from crane_identification.pipeline import FitResult
-from crane_identification.preparation.prepare import Preparation
+from crane_identification.preparation.run import Preparation
 from crane_identification.report.errors import pooled
 from crane_identification.validation.carry_over import elsewhere
 from crane_identification.validation.force_validation import Validation

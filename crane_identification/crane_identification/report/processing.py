@@ -6,7 +6,7 @@ import numpy as np
 
 from crane_identification.estimation.lack_of_fit import LackOfFit
 from crane_identification.notation import listed, plain, spoken
-from crane_identification.preparation.prepare import Preparation
+from crane_identification.preparation.run import Preparation
 from crane_identification.report.content import IdentificationReport
 from crane_identification.signals.butterworth import ButterworthDifferentiator
 from crane_identification.signals.decimate import KEPT_SHARE

@@ -1,13 +1,15 @@
-"""Tables as command lines print them, and estimates in their cells."""
+"""What command lines print: tables, estimates in their cells, and what a fit has found."""
 
 import math
 import sys
+from pathlib import Path
 
+import numpy as np
 from rich import box
 from rich.console import Console
 from rich.table import Table
 
-from crane_identification.notation import shown
+from crane_identification.notation import percent, shown
 from crane_identification.report.content import IdentificationReport
 
 
@@ -49,3 +51,22 @@ def parameters(report: IdentificationReport) -> Table:
         printed = shown(float(value), float(std_dev), parameter.minimum)
         result.add_row(parameter.name, *printed, parameter.unit)
     return result
+
+
+def tell(report: IdentificationReport, out: Path) -> None:
+    """Prints what was found, and where in `out` the rest is."""
+    for warning in report.warnings:
+        print(f"warning: {warning}", file=sys.stderr)
+    estimate, held_out = report.fit.estimate, report.held_out
+    print(f"{len(estimate.names)} parameters from {estimate.samples} equations")
+    console(100).print(parameters(report))
+    if held_out is not None:
+        print("force unexplained on held-out recordings (noise floor):")
+        for joint, error, floor in zip(
+            estimate.joints, held_out.relative, held_out.noise_floor, strict=True
+        ):
+            noise = percent(floor) if np.isfinite(floor) else "not known: no period repeated"
+            print(f"  {joint}: {percent(error)} ({noise})")
+    if report.simulated is not None and report.simulated.reason:
+        print(f"the motion cannot be simulated: {report.simulated.reason}")
+    print(f"written: {out}/model.yaml, {out}/summary.json, {out}/report.html")

@@ -1,0 +1,18 @@
+"""Fits of more recordings than one machine holds."""
+
+from typing import TYPE_CHECKING
+
+from crane_model.lazily import lazily
+
+if TYPE_CHECKING:
+    from crane_identification.scale.cluster import fit_on_cluster as fit_on_cluster
+    from crane_identification.scale.information import ClusterFit as ClusterFit
+    from crane_identification.scale.information import Information as Information
+
+__getattr__, __dir__, __all__ = lazily(
+    __name__,
+    {
+        "cluster": ("fit_on_cluster",),
+        "information": ("ClusterFit", "Information"),
+    },
+)

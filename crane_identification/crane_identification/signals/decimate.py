@@ -68,6 +68,18 @@ def _low_pass(factor: int) -> np.ndarray:
     return signal.cheby1(ORDER, RIPPLE, PASS_BAND / factor, output="sos")
 
 
+def trusted_bandwidth(bandwidth: np.ndarray, known: np.ndarray) -> float:
+    """Lowest bandwidth [Hz] of the joints that move at some time of `known` (n, j).
+
+    That of a joint that stands still says nothing. `DataError` if all of them do.
+    """
+    if not known.any():
+        raise DataError(
+            "no joint moves faster than its velocity can be told from standstill; record a motion"
+        )
+    return float(bandwidth[known.any(axis=0)].min())
+
+
 def decimation_factor(bandwidth: float, step: float) -> int:
     """Largest factor that keeps 0.2 of the `bandwidth` [Hz] of the motion (at least 1).
 

@@ -4,7 +4,6 @@ import numpy as np
 from scipy.ndimage import binary_dilation
 
 from crane_identification.signals.motion import Motion
-from crane_model.errors import DataError
 
 SIGMAS = 3.0
 """Speeds below this many standard deviations of the velocity estimate count as standstill."""
@@ -20,18 +19,6 @@ bristles and seals that give way (presliding), which a model of (13) takes for i
 def velocity_resolution(motion: Motion) -> np.ndarray:
     """Speed (j,) below which the sign of the estimated velocity is not known."""
     return SIGMAS * motion.velocity_noise
-
-
-def trusted_bandwidth(bandwidth: np.ndarray, known: np.ndarray) -> float:
-    """Lowest bandwidth [Hz] of the joints that move at some time of `known` (n, j).
-
-    That of a joint that stands still says nothing. `DataError` if all of them do.
-    """
-    if not known.any():
-        raise DataError(
-            "no joint moves faster than its velocity can be told from standstill; record a motion"
-        )
-    return float(bandwidth[known.any(axis=0)].min())
 
 
 def moving(motion: Motion, step: float, periodic: bool, settling: float = SETTLING) -> np.ndarray:

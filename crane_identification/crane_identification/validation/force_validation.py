@@ -6,7 +6,7 @@ import numpy as np
 
 from crane_identification.estimation.regression import build_rows, noise_floor
 from crane_identification.estimation.rows import Rows
-from crane_identification.preparation.prepare import Preparation
+from crane_identification.preparation.run import Preparation
 from crane_identification.signals.decimate import decimate, decimation_rows
 from crane_model.model_file import Model
 

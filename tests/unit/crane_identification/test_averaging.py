@@ -4,10 +4,10 @@ from hypothesis import given
 from hypothesis import strategies as st
 from scipy.signal import lfilter
 
+from crane_identification.estimation.lack_of_fit import independent_samples
 from crane_identification.preparation.averaging import (
     drift,
     fold,
-    independent_samples,
     noise_of_mean,
     resolution_of_mean,
     transient_periods,

@@ -7,11 +7,11 @@ import pytest
 from unit.crane_identification.synthetic import RATE, axis_log, axis_model
 
 from crane_identification import diagnose, identify
+from crane_identification.data.arguments import Sources
 from crane_identification.data.column_map import ColumnMap
-from crane_identification.identify import Sources
 from crane_identification.options import Options
-from crane_identification.progress import silent
 from crane_model.errors import DataError
+from crane_model.progress import silent
 
 GIVEN = ["--model", "m", "--train", "a", "--validate", "b", "--out", "c"]
 COLUMNS = {

@@ -17,7 +17,8 @@ from crane_identification.diagnosis.refit import refit
 from crane_identification.diagnosis.search import Search, search
 from crane_identification.diagnosis.weighing import weighed
 from crane_identification.options import Options
-from crane_identification.preparation.prepare import Preparation, prepare
+from crane_identification.preparation.prepare import prepare
+from crane_identification.preparation.run import Preparation
 from crane_model.model_file import Model
 from crane_model.terms.gravity_and_load import Load, Payload
 

@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 from unit.crane_identification.report.synthetic_crane import PLANTED
 
-from crane_identification.preparation.averaging import Averaging, Drift
+from crane_identification.preparation.run import Averaging, Drift
 from crane_identification.report.findings import findings
 
 STEADY = Drift(np.zeros(3), np.ones(3))

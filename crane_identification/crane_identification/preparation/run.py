@@ -1,12 +1,13 @@
-"""The signals of one run, and the records that they give along a motion."""
+"""One run of a recording: its signals, and what is made of them for the regressor."""
 
-from dataclasses import replace
+from dataclasses import dataclass, replace
 
 import numpy as np
 
 from crane_identification.data.log import Log
 from crane_identification.data.resample import Samples
-from crane_identification.signals.gate import velocity_resolution
+from crane_identification.options import Options
+from crane_identification.signals.gate import SETTLING, moving, velocity_resolution
 from crane_identification.signals.motion import Motion, encoder_resolution
 from crane_model.cylinders import generalized_forces
 from crane_model.errors import DataError
@@ -20,8 +21,66 @@ LOGGED = (
 )
 
 
+@dataclass(frozen=True)
+class Averaging:
+    """How a recording was averaged.
+
+    `period` [s]; `used` whole periods, the last ones; `transient` whole periods before them were
+    left out, and `incomplete` [s] of the periodic part fills no whole period. `drift` of the force.
+    """
+
+    period: float
+    used: int
+    transient: int
+    incomplete: float
+    drift: "Drift"
+
+
+@dataclass(frozen=True)
+class Drift:
+    """Steady change from period to period, per joint (j,); NaN for fewer than three periods.
+
+    `rate`: root mean square change of the force a period [N m or N]. `p_value`: how likely scatter
+    that is none would look so.
+    """
+
+    rate: np.ndarray
+    p_value: np.ndarray
+
+
+@dataclass(frozen=True)
+class Preparation:
+    """One run of a recording, ready for the regressor.
+
+    `record`: n samples every `step` s with motion and generalized force; one averaged period if
+    `averaging` is not None. `moving` (n, j): where the sign of the velocity is known, and
+    friction has settled behind a reversal; `signed` (n, j): where the sign is known; of an average
+    both hold in each of its periods. `bandwidth` (j,) [Hz] of the motion. `periods` (M, n, j): the
+    generalized forces that were averaged. `reference`: the record along the motion that was asked
+    for, None where it was not recorded.
+    """
+
+    source: str
+    record: Record
+    step: float
+    moving: np.ndarray
+    signed: np.ndarray
+    bandwidth: np.ndarray
+    averaging: Averaging | None
+    periods: np.ndarray
+    reference: Record | None
+
+    @property
+    def periodic(self) -> bool:
+        """Whether the record is one whole period, so that it continues over its ends."""
+        return self.averaging is not None
+
+
 def signals_of(model: Model, samples: Samples, rows: np.ndarray) -> dict[str, np.ndarray]:
-    """What a record holds besides time and motion, on the given rows; absent where not logged."""
+    """What a record holds besides time and motion, on the given rows; absent where not logged.
+
+    `coordinates` are the joints and, last and where it is logged beside them, the slew joint.
+    """
     names = ("position", "force", *LOGGED, *REFERENCE)
     logged = {name: getattr(samples, name) for name in names}
     signals = {name: values[rows] for name, values in logged.items() if values is not None}
@@ -38,6 +97,8 @@ def signals_of(model: Model, samples: Samples, rows: np.ndarray) -> dict[str, np
             signals["pressure_b"],
             model.joints,
         )
+    slew = [signals["slew_position"]] if "slew_position" in signals else []
+    signals["coordinates"] = np.column_stack([signals["position"], *slew])
     return signals
 
 
@@ -47,13 +108,6 @@ def resolution_of(log: Log) -> np.ndarray:
     return np.concatenate(
         [encoder_resolution(signal.value.reshape(len(signal.time), -1)) for signal in signals]
     )
-
-
-def coordinates(signals: dict[str, np.ndarray]) -> np.ndarray:
-    """Positions of the joints and, last and where it is logged beside them, of the slew joint."""
-    if "slew_position" not in signals:
-        return signals["position"]
-    return np.column_stack([signals["position"], signals["slew_position"]])
 
 
 def along_reference(record: Record, signals: dict[str, np.ndarray]) -> Record | None:
@@ -101,3 +155,17 @@ def record_of(
         slew_velocity=motion.velocity[:, joints],
         slew_acceleration=motion.acceleration[:, joints],
     )
+
+
+def where_moving(
+    model: Model,
+    motion: Motion,
+    step: float,
+    periodic: bool,
+    options: Options,
+    settling: float = SETTLING,
+) -> np.ndarray:
+    """(n, j): where the sign of the velocity is known, or everywhere if nothing is masked."""
+    if not options.mask_reversals:
+        return np.ones((len(motion.position), len(model.joints)), dtype=bool)
+    return moving(motion, step, periodic, settling)[:, : len(model.joints)]

@@ -1,0 +1,89 @@
+"""What commands that read recordings share: their options, and the recordings that these mean."""
+
+import argparse
+from collections.abc import Sequence
+from dataclasses import dataclass
+from pathlib import Path
+
+from crane_identification.data.bad_samples import usable
+from crane_identification.data.column_map import ColumnMap
+from crane_identification.data.log import Log
+from crane_identification.data.recording_log import read_recording
+from crane_identification.options import Options
+from crane_model.arguments import above, between
+from crane_model.errors import DataError
+from crane_model.model_file import Model
+from crane_model.progress import Progress
+
+
+@dataclass(frozen=True)
+class Sources:
+    """Reads recordings of either kind, each file once: what `options` say is to be used of them."""
+
+    model: Model
+    columns: ColumnMap | None
+    options: Options
+    progress: Progress
+
+    def read(self, paths: Sequence[Path]) -> tuple[Log, ...]:
+        """A log of each bag or table; `DataError` and `ConfigurationError` as their readers."""
+        joints, options = self.model.joints, self.options
+        logs = (
+            read_recording(path, joints, self.columns, self.progress, options.namespace)
+            for path in paths
+        )
+        return tuple(usable(log, options.begin, options.end) for log in logs)
+
+
+def refuse_overlap(train: Sequence[Path], validate: Sequence[Path], why: str) -> None:
+    """`DataError` naming the recordings given for training and for validation, and `why` not."""
+    both = {path.resolve() for path in train} & {path.resolve() for path in validate}
+    if both:
+        raise DataError(
+            f"{', '.join(map(str, sorted(both)))}: given for training and for validation; {why}"
+        )
+
+
+def add_part(parser: argparse.ArgumentParser) -> None:
+    """Adds the options that say which part of a recording is used, and whose topics of a bag."""
+    parser.add_argument(
+        "--from",
+        dest="begin",
+        type=between(0.0),
+        default=Options().begin,
+        metavar="SECONDS",
+        help="leave out what comes before, counted from the start of each recording",
+    )
+    parser.add_argument(
+        "--to",
+        dest="end",
+        type=between(0.0),
+        default=Options().end,
+        metavar="SECONDS",
+        help="leave out what comes behind, counted alike",
+    )
+    parser.add_argument(
+        "--namespace",
+        type=lambda text: "/" + text.strip("/"),
+        help="of the crane, such as /left, where a bag holds several",
+    )
+
+
+def add_period(parser: argparse.ArgumentParser) -> None:
+    """Adds the option that says when the motion repeats."""
+    parser.add_argument(
+        "--period",
+        type=above(0.0),
+        metavar="SECONDS",
+        help="period over which to average; found in the recordings where it is not given",
+    )
+
+
+def add_trust(parser: argparse.ArgumentParser) -> None:
+    """Adds the option that goes on with recordings that look wrong."""
+    parser.add_argument(
+        "--trust-recordings",
+        action="store_true",
+        help="go on with recordings that look wrong (see check_recording); what is suspicious "
+        "becomes a warning",
+    )

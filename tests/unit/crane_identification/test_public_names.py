@@ -1,0 +1,91 @@
+"""What packages offer to programs: there, typed, cheap to import; with examples that hold."""
+
+import ast
+import doctest
+import subprocess
+import sys
+from importlib import import_module
+from pathlib import Path
+
+import pytest
+
+import crane_identification
+
+HOME = Path(crane_identification.__file__).parent
+OFFERING = sorted(
+    ".".join(("crane_identification", *file.relative_to(HOME).parent.parts))
+    for file in HOME.rglob("__init__.py")
+    if "lazily(" in file.read_text(encoding="utf-8")
+)
+WITH_EXAMPLES = (
+    "crane_identification",
+    "crane_identification.data.log",
+    "crane_identification.options",
+    "crane_identification.pipeline",
+    "crane_identification.preparation.periodicity",
+)
+COMMANDS = ("identify", "diagnose", "check_recording")
+WITHOUT_CAN = """
+import sys
+class Absent:
+    def find_spec(self, name, path=None, target=None):
+        if name.split(".")[0] in ("can", "cantools", "canopen", "rclpy", "crane_driver"):
+            raise ModuleNotFoundError(f"{name}: not installed", name=name)
+sys.meta_path.insert(0, Absent())
+try:
+    import can
+except ModuleNotFoundError:
+    from importlib import import_module
+    for command in sys.argv[1:]:
+        try:
+            import_module(f"crane_identification.{command}").main(["--help"])
+        except SystemExit as end:
+            assert end.code == 0
+"""
+
+
+@pytest.mark.parametrize("package", OFFERING)
+def test_names_are_there_and_typed(package: str) -> None:
+    module = import_module(package)
+    assert module.__all__
+    (typed,) = (
+        block
+        for block in ast.parse(Path(str(module.__file__)).read_text(encoding="utf-8")).body
+        if isinstance(block, ast.If)
+    )
+    imports = [one for one in typed.body if isinstance(one, ast.ImportFrom)]
+    homes = {alias.name: str(one.module) for one in imports for alias in one.names}
+    assert sorted(homes) == module.__all__
+    assert all(
+        getattr(import_module(home), name) is getattr(module, name) for name, home in homes.items()
+    )
+    with pytest.raises(AttributeError, match="nothing"):
+        _ = module.nothing
+
+
+def test_every_folder_offers_names() -> None:
+    assert len(OFFERING) >= 9
+
+
+def test_import_costs_nothing() -> None:
+    """Neither numba nor SciPy nor NumPy: seconds, of which --version would need none."""
+    code = "import crane_identification, sys; sys.exit('numpy' in sys.modules)"
+    assert subprocess.run([sys.executable, "-c", code]).returncode == 0
+
+
+@pytest.mark.parametrize("module", WITH_EXAMPLES)
+def test_examples_hold(module: str) -> None:
+    found = doctest.testmod(import_module(module))
+    assert found.attempted
+    assert not found.failed
+
+
+def test_commands_need_neither_can_nor_ros() -> None:
+    words = [sys.executable, "-c", WITHOUT_CAN, *COMMANDS]
+    done = subprocess.run(words, capture_output=True, text=True)
+    assert done.returncode == 0, done.stderr
+    assert done.stdout.count("usage:") == len(COMMANDS)
+
+
+def test_marked_as_typed() -> None:
+    assert (HOME / "py.typed").exists()
