@@ -7,6 +7,7 @@ import numpy as np
 from crane_identification.diagnosis.candidates import Family, Option
 from crane_identification.diagnosis.cross_validation import held_out_gains
 from crane_identification.diagnosis.null import null_gains
+from crane_identification.diagnosis.race import LARGEST_SET, Race
 from crane_identification.diagnosis.rivals import (
     freedom,
     in_place_of,
@@ -17,7 +18,7 @@ from crane_identification.diagnosis.rivals import (
     slight,
     without,
 )
-from crane_identification.diagnosis.search import LARGEST_SET, Search
+from crane_identification.diagnosis.search import Search
 from crane_identification.diagnosis.selection import NOTHING, Choice, solve
 from crane_identification.diagnosis.strength import strength
 from crane_identification.diagnosis.thresholds import Thresholds
@@ -66,13 +67,13 @@ class Decision:
     objection: str
 
 
-def decide(search: Search, thresholds: Thresholds) -> Decision:
+def decide(race: Race, thresholds: Thresholds) -> Decision:
     """The largest set all of whose effects pass."""
     accepted: tuple[Judged, ...] = ()
     nearest, objection = accepted, ""
-    first_threshold = _threshold(_null(search, NOTHING), thresholds)
+    first_threshold = _threshold(_null(race.search, NOTHING), thresholds)
     for size in range(1, LARGEST_SET + 1):
-        best = search.best(size)
+        best, search = race.best(size), race.search
         if best is None:
             break
         choice = _simplest(search, best, thresholds, first_threshold)
@@ -187,7 +188,7 @@ def _marginal(search: Search, choice: Choice) -> list[float]:
 
 def _all_judged(search: Search, choice: Choice, thresholds: Thresholds) -> list[Judged]:
     """The effects of a set, each against what chance adds to the best smaller set."""
-    null = _null(search, search.sets(len(choice.options) - 1)[0])
+    null = _null(search, search.sets[len(choice.options) - 1][0])
     threshold = _threshold(null, thresholds)
     return [
         _judged(search, choice, place, score, threshold, null, thresholds)

@@ -31,7 +31,7 @@ def decimation(training: Sequence[Preparation], given: int | None) -> int:
     return max(min(factor, samples // ENOUGH_ROWS), ceil(KEPT_SHARE * factor))
 
 
-def fitted(
+def determined(
     model: Model, training: Sequence[Preparation], factor: int, sources: str
 ) -> tuple[Evidence, Model, tuple[Term, ...]]:
     """The evidence, the model with values, and the terms that had to be left out for them.

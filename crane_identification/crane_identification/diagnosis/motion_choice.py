@@ -11,7 +11,8 @@ import numpy as np
 
 from crane_identification.diagnosis.candidates import Option
 from crane_identification.diagnosis.changes import estimated
-from crane_identification.diagnosis.decision import Judged
+from crane_identification.diagnosis.decision import Decision, Judged
+from crane_identification.diagnosis.race import Race
 from crane_identification.diagnosis.scaling import normed
 from crane_identification.diagnosis.search import Search
 from crane_identification.diagnosis.selection import Choice, solve
@@ -25,37 +26,35 @@ SHAPE_FACTORS = (0.4, 0.63, 0.8, 1.25, 1.6, 2.5)  # between shapes that are trie
 SIMULATED_RUNS = 2  # runs, the longest
 
 
-def suited(search: Search, before: Model, accepted: Sequence[Judged]) -> list[Judged]:
-    """The accepted effects, each with the shape of those nearly alike that moves most truly."""
-    longest = sorted(search.evidence.runs, key=lambda run: (-len(run.record), run.source))
+def suited(race: Race, before: Model, decision: Decision) -> Decision:
+    """Each accepted effect with the shape of those nearly alike that moves most truly."""
+    longest = sorted(race.search.evidence.runs, key=lambda run: (-len(run.record), run.source))
     records = [run.record for run in longest[:SIMULATED_RUNS]]
-    chosen = list(accepted)
+    chosen = list(decision.accepted)
     for place, one in enumerate(chosen):
         if not one.option.family.shapes:
             continue
-        tried = _nearly_alike(search, [each.option for each in chosen], place, one.score)
+        tried = _nearly_alike(race, [each.option for each in chosen], place, one.score)
         if len(tried) < 2:
             continue
-        errors = [_error(before, search, choice, one, records) for choice in tried]
+        errors = [_error(before, race.search, choice, one, records) for choice in tried]
         best = int(np.argmin(errors))
         if errors[best] < ERROR_RATIO * errors[0]:
-            option = search.projection.options[tried[best].options[place]]
+            option = race.search.projection.options[tried[best].options[place]]
             chosen[place] = replace(one, option=option)
-    return chosen
+    return replace(decision, accepted=tuple(chosen))
 
 
-def _nearly_alike(
-    search: Search, chosen: Sequence[Option], place: int, score: float
-) -> list[Choice]:
+def _nearly_alike(race: Race, chosen: Sequence[Option], place: int, score: float) -> list[Choice]:
     """The set as it is, then with other shapes of one effect, by their gain."""
-    numbers = [search.number(option) for option in chosen]
-    own = solve(search.projection, tuple(numbers))
+    numbers = [race.search.number(option) for option in chosen]
+    own = solve(race.search.projection, tuple(numbers))
     if own is None:
         return []
     others = []
     for shape in _around(chosen[place]):
-        number = search.added(chosen[place].family, shape)
-        other = solve(search.projection, (*numbers[:place], number, *numbers[place + 1 :]))
+        number = race.added(chosen[place].family, shape)
+        other = solve(race.search.projection, (*numbers[:place], number, *numbers[place + 1 :]))
         if other is not None and own.gain - other.gain < SCORE_SHARE * score:
             others.append(other)
     return [own, *others]

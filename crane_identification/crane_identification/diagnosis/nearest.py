@@ -6,12 +6,11 @@ from dataclasses import dataclass
 import numpy as np
 
 from crane_identification.diagnosis.decision import Judged
-from crane_identification.diagnosis.evidence import Evidence
-from crane_identification.diagnosis.extension import Training, extended
+from crane_identification.diagnosis.extension import extended
+from crane_identification.diagnosis.fit import Fitted
 from crane_identification.diagnosis.gap import relative, residual, with_own_loads
 from crane_identification.diagnosis.refit import UndeterminedError
 from crane_identification.diagnosis.search import Search
-from crane_model.model_file import Model
 
 
 @dataclass(frozen=True)
@@ -30,23 +29,17 @@ class Nearest:
     objection: str
 
 
-def nearest(
-    found: Search,
-    before: Model,
-    effects: Sequence[Judged],
-    objection: str,
-    training: Training,
-    held_out: Evidence,
-) -> Nearest:
-    """What `effects` would do to the model `before`."""
+def nearest(fit: Fitted, search: Search, effects: Sequence[Judged], objection: str) -> Nearest:
+    """What `effects` would do to the fitted model."""
+    before, held_out = fit.before, fit.held_out
     old = relative(held_out, residual(held_out, before))
     try:
-        after, _ = extended(found, before, effects, training)
-        carried, _ = with_own_loads(after, found.evidence, held_out)
+        after, _ = extended(search, before, effects, fit.training)
+        carried, _ = with_own_loads(after, fit.evidence, held_out)
         new = relative(held_out, residual(held_out, carried))
     except UndeterminedError:
         new = np.full_like(old, np.nan)
-    left = found.left_share([one.option for one in effects])
+    left = search.left_share([one.option for one in effects])
     return Nearest(
         joints=before.joints,
         effects=tuple(effects),

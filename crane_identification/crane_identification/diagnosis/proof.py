@@ -7,15 +7,13 @@ from typing import NamedTuple
 import numpy as np
 
 from crane_identification.diagnosis.decision import Judged
-from crane_identification.diagnosis.evidence import Evidence
-from crane_identification.diagnosis.extension import Training
+from crane_identification.diagnosis.fit import Fitted
 from crane_identification.diagnosis.gap import Gap, measure
-from crane_identification.diagnosis.learner import Features
+from crane_identification.diagnosis.pulsation import Line, clearest_lines
 from crane_identification.diagnosis.search import Search
 from crane_identification.diagnosis.thresholds import Thresholds
 from crane_identification.diagnosis.trial import Trial, tried
-from crane_identification.preparation.prepare import Preparation
-from crane_model.model_file import Model
+from crane_identification.progress import Progress, silent
 
 
 class Short(NamedTuple):
@@ -27,39 +25,49 @@ class Short(NamedTuple):
 
 @dataclass(frozen=True)
 class Proof:
-    """The effects that close the held-out `gap` where they act, in a `trial`; `short` do not."""
+    """The effects that close the held-out `gap` where they act, in a `trial`; `short` do not.
 
+    `before` is the trial without any; `lines` are the clearest of each joint in the spectrum of
+    what the `trial` leaves.
+    """
+
+    before: Trial
     trial: Trial
     gap: Gap
-    short: tuple[Short, ...]
+    short: tuple[Short, ...] = ()
+    lines: tuple[Line, ...] = ()
 
 
 def proved(
-    found: Search,
-    before: Model,
+    fit: Fitted,
+    search: Search,
     wanted: Sequence[Judged],
-    training: Training,
-    known: Features,
-    held_out: Evidence,
-    periods: Sequence[Preparation],
     thresholds: Thresholds,
+    progress: Progress = silent,
 ) -> Proof:
     """The `wanted` effects, strongest first, without those that fall short beside the others.
 
     They are taken out one at a time, the weakest first: it may be what the others fall short by.
-    `periods`: held-out recordings averaged, which the noise is known from.
     """
+    before = tried(fit, search, (), thresholds)
+    progress("what is left", 0.5)
     short: list[Short] = []
     while True:
-        trial = tried(found, before, wanted, training, known, thresholds)
-        gap = measure(before, trial.model, found.evidence, held_out, periods, thresholds.method)
+        trial = tried(fit, search, wanted, thresholds)
+        gap = measure(
+            fit.before, trial.model, fit.evidence, fit.held_out, fit.periods, thresholds.method
+        )
         failing = [
             Short(one, said) for one in trial.effects if (said := objection(one, gap, thresholds))
         ]
         if not failing:
-            return Proof(trial, gap, tuple(short))
+            break
         short.insert(0, failing[-1])
         wanted = [one for one in trial.effects if one is not failing[-1].effect]
+    fewest = thresholds.method.pulsation_recordings
+    lines = clearest_lines(trial.model, (*fit.evidence.runs, *fit.held_out.runs), fewest)
+    progress("what is left", 1.0)
+    return Proof(before, trial, gap, tuple(short), lines)
 
 
 def objection(one: Judged, gap: Gap, thresholds: Thresholds) -> str:

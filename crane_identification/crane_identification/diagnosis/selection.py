@@ -1,6 +1,6 @@
 """Which effects together explain the residual best: a beam search over sets of families."""
 
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from typing import NamedTuple
 
 import numpy as np
@@ -23,7 +23,7 @@ class Choice(NamedTuple):
 NOTHING = Choice((), 0.0, np.zeros(0))
 
 
-def larger_sets(projection: Projection, beam: list[Choice]) -> list[Choice]:
+def larger_sets(projection: Projection, beam: Sequence[Choice]) -> list[Choice]:
     """The sets with one family more than those of `beam` that gain most, best first.
 
     One set of options for each set of families. Sets in which a parameter has the wrong sign do

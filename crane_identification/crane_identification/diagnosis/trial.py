@@ -8,9 +8,10 @@ import numpy as np
 from crane_identification.diagnosis.changes import within
 from crane_identification.diagnosis.cross_validation import folds
 from crane_identification.diagnosis.decision import Judged
-from crane_identification.diagnosis.extension import Training, Value, extended
+from crane_identification.diagnosis.extension import Value, extended
+from crane_identification.diagnosis.fit import Fitted
 from crane_identification.diagnosis.gap import residual
-from crane_identification.diagnosis.learner import Features, Learnt, learn
+from crane_identification.diagnosis.learner import Learnt, learn
 from crane_identification.diagnosis.search import Search
 from crane_identification.diagnosis.thresholds import Thresholds
 from crane_model.model_file import Model
@@ -36,6 +37,12 @@ class Trial:
     energy: np.ndarray
     left_share: float
 
+    @property
+    def distrusted(self) -> set[str]:
+        """Joints whose sensors are wrong, by these effects."""
+        families = (one.option.family for one in self.effects)
+        return {family.where for family in families if family.term.family == "sensing"}
+
     def explained(self, before: "Trial", thresholds: Thresholds) -> float:
         """Share of what can be explained of what is left `before` that the effects do."""
         learnable = np.where(self.learnt.follows_law(thresholds), self.learnt.share, 0.0)
@@ -44,21 +51,14 @@ class Trial:
         return own / max(own + remaining, np.finfo(float).tiny)
 
 
-def tried(
-    found: Search,
-    before: Model,
-    effects: Sequence[Judged],
-    training: Training,
-    known: Features,
-    thresholds: Thresholds,
-) -> Trial:
+def tried(fit: Fitted, search: Search, effects: Sequence[Judged], thresholds: Thresholds) -> Trial:
     """The model with effects; those whose parameters may as well be zero are left out.
 
     `UndeterminedError` where the recordings do not determine all parameters.
     """
     chosen = tuple(effects)
     while True:
-        model, values = extended(found, before, chosen, training)
+        model, values = extended(search, fit.before, chosen, fit.training)
         sure = tuple(
             one
             for one, own in zip(chosen, values, strict=True)
@@ -67,9 +67,9 @@ def tried(
         if sure == chosen:
             break
         chosen = sure
-    evidence = found.evidence
+    evidence = fit.evidence
     left = residual(evidence, model)
-    beyond = residual(evidence, within(found, model)) if evidence.keeps else left
+    beyond = residual(evidence, within(search, model)) if evidence.keeps else left
     seen = evidence.moving
     return Trial(
         effects=chosen,
@@ -77,9 +77,9 @@ def tried(
         values=tuple(values),
         model=model,
         residual=left,
-        learnt=learn(seen, known, beyond[:, : len(evidence.joints)], folds(seen)[0]),
-        energy=normalized_energy(found, left),
-        left_share=found.left_share([one.option for one in chosen]),
+        learnt=learn(seen, fit.known, beyond[:, : len(evidence.joints)], folds(seen)[0]),
+        energy=normalized_energy(search, left),
+        left_share=search.left_share([one.option for one in chosen]),
     )
 
 
@@ -91,7 +91,7 @@ def differs(one: Judged, values: Sequence[Value], sigmas: float) -> bool:
     return any(abs(change) > sigmas * std_dev for change, std_dev in changes)
 
 
-def normalized_energy(found: Search, left: np.ndarray) -> np.ndarray:
+def normalized_energy(search: Search, left: np.ndarray) -> np.ndarray:
     """Energy (c,) of a residual (n, c) in units of the noise."""
-    variance = [1.0 if noise is None else noise.variance for noise in found.whitener.noise]
-    return (np.where(found.evidence.used, left, 0.0) ** 2).sum(axis=0) / np.array(variance)
+    variance = [1.0 if noise is None else noise.variance for noise in search.whitener.noise]
+    return (np.where(search.evidence.used, left, 0.0) ** 2).sum(axis=0) / np.array(variance)

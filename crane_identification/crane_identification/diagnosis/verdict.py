@@ -9,10 +9,10 @@ import numpy as np
 from crane_identification.diagnosis.decision import Judged
 from crane_identification.diagnosis.gap import Gap
 from crane_identification.diagnosis.hydraulics import Flow
+from crane_identification.diagnosis.nearest import Nearest
 from crane_identification.diagnosis.proof import Proof
 from crane_identification.diagnosis.pulsation import Pulsation
 from crane_identification.diagnosis.thresholds import Thresholds
-from crane_identification.diagnosis.trial import Trial
 from crane_identification.diagnosis.weighing import Weighed
 
 SPOKEN = 4  # members of a class that the reason lists
@@ -31,11 +31,14 @@ class Verdict(StrEnum):
 
 
 class Answer(NamedTuple):
-    """A verdict and its reason; `objection`: why effects that passed all tests are no names."""
+    """A verdict and its reason; `objection`: why effects that passed all tests are no names.
+    `nearest`: what comes closest where nothing is named.
+    """
 
     verdict: Verdict
     reason: str
     objection: str = ""
+    nearest: Nearest | None = None
 
 
 class Reach(NamedTuple):
@@ -48,11 +51,11 @@ class Reach(NamedTuple):
     undetermined: Sequence[str]
 
 
-def judge(before: Trial, proof: Proof, reach: Reach, thresholds: Thresholds) -> Answer:
-    """The answer of the force: the trial `before`, and that with effects."""
+def judge(proof: Proof, reach: Reach, thresholds: Thresholds) -> Answer:
+    """The answer of the force."""
     gap, method = proof.gap, thresholds.method
     if proof.trial.effects:
-        return _of_effects(before, proof, thresholds)
+        return _of_effects(proof, thresholds)
     if proof.short:
         return Answer(Verdict.UNKNOWN, NOT_HELD, proof.short[-1].objection)
     if proof.trial.zero:
@@ -61,7 +64,7 @@ def judge(before: Trial, proof: Proof, reach: Reach, thresholds: Thresholds) -> 
             NOT_HELD,
             f"its parameters are zero within {method.parameter_sigmas:.0f} standard deviations",
         )
-    law = before.learnt.follows_law(thresholds)
+    law = proof.before.learnt.follows_law(thresholds)
     if law.any():
         return Answer(
             Verdict.UNKNOWN,
@@ -197,9 +200,9 @@ def with_loads(answer: Answer, loads: Sequence[Weighed]) -> Answer:
     return _named_beside(answer, said)
 
 
-def _of_effects(before: Trial, proof: Proof, thresholds: Thresholds) -> Answer:
+def _of_effects(proof: Proof, thresholds: Thresholds) -> Answer:
     """Effects that passed every test: are they all?"""
-    share = proof.trial.explained(before, thresholds)
+    share = proof.trial.explained(proof.before, thresholds)
     said = [f"the effects explain {share:.0%} of what can be explained", *_moved(proof)]
     classes = [_alternatives(one) for one in proof.trial.effects if one.members]
     apart = [f"these recordings do not tell apart: {'; '.join(classes)}"] if classes else []

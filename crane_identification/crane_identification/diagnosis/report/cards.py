@@ -159,7 +159,7 @@ def _sizes(before: np.ndarray, after: np.ndarray, unit: str) -> str:
 
 
 def _unit(diagnosis: Diagnosis, variable: Variable, joint: str) -> tuple[str, float]:
-    setting, counts = diagnosis.before.setting, bool(diagnosis.uncalibrated)
+    setting, counts = diagnosis.before.setting, bool(diagnosis.fit.uncalibrated)
     return human(variables.unit_of(variable, joint, setting, counts))
 
 

@@ -74,7 +74,7 @@ def render(
         unobservable=_listed(diagnosis.search.unobservable, diagnosis)
         + [
             (f"{FLOW_EFFECTS[effect].effect.name} ({spoken(joint)})", reason)
-            for (effect, joint), reason in diagnosis.flow_unobservable.items()
+            for (effect, joint), reason in diagnosis.flow.unobservable.items()
         ],
         provenance=provenance,
         suspicions=suspicions,

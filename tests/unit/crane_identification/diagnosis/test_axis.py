@@ -12,6 +12,7 @@ from unit.crane_identification.synthetic import axis_log
 from crane_identification.data.log import Log, Signal
 from crane_identification.diagnosis import explain, findings
 from crane_identification.diagnosis.diagnosis import Diagnosis, diagnose
+from crane_identification.diagnosis.region import regions
 from crane_identification.diagnosis.report import charts, page
 from crane_identification.diagnosis.thresholds import load_thresholds
 from crane_identification.diagnosis.verdict import Verdict
@@ -130,7 +131,8 @@ def test_a_law_that_is_not_in_the_catalogue_is_not_given_a_name(tmp_path: Path) 
     result = diagnosed(tmp_path, FULL, "waves")
     assert result.verdict is Verdict.UNKNOWN
     assert not result.findings
-    assert result.regions[0] is not None and "axis" in result.regions[0].variable
+    (where,) = regions(result.fit, result.proof.before)
+    assert where is not None and "axis" in where.variable
 
 
 def test_a_pulsation_is_unknown_and_listed(tmp_path: Path) -> None:

@@ -18,6 +18,7 @@ from crane_identification.diagnosis.diagnosis import Diagnosis, diagnose
 from crane_identification.diagnosis.evidence import Evidence
 from crane_identification.diagnosis.extension import Training, extended
 from crane_identification.diagnosis.projection import whitened_base
+from crane_identification.diagnosis.race import Race
 from crane_identification.diagnosis.report import page
 from crane_identification.diagnosis.search import search
 from crane_identification.diagnosis.thresholds import load_thresholds
@@ -105,7 +106,7 @@ def test_changes_of_one_joint_are_told_apart(tmp_path: Path) -> None:
     evidence = changes.kept(known, runs, decimation(runs, None))
     wanted = [*families(known, evidence), *changes.families(known)]
     found = search(evidence, wanted)
-    accepted = decide(found, load_thresholds()).accepted
+    accepted = decide(Race(found), load_thresholds()).accepted
     assert {one.option.family for one in accepted} <= set(changes.families(known))
     assert not any(one.members for one in accepted)
     _, values = extended(found, known, accepted, Training(runs, 1, "all"))
@@ -156,7 +157,7 @@ def test_a_load_in_all_recordings_is_weighed() -> None:
         p for seed in (1, 2) for p in prepare(known, experiment(seed, 1, model=loaded), options)
     ]
     found = search(changes.kept(known, runs, 20), changes.families(known))
-    accepted = decide(found, load_thresholds()).accepted
+    accepted = decide(Race(found), load_thresholds()).accepted
     assert [one.option.family.type for one in accepted] == ["payload"]
     after, ((load,),) = extended(found, known, accepted, Training(runs, 20, "both"))
     assert load.value == pytest.approx(5.0, abs=4.0 * load.std_dev) and load.std_dev < 0.3

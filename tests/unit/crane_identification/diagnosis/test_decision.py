@@ -5,6 +5,7 @@ import pytest
 from unit.crane_identification.diagnosis.made import ROWS, normal, searched
 
 from crane_identification.diagnosis.decision import Decision, decide
+from crane_identification.diagnosis.race import Race
 from crane_identification.diagnosis.search import Search
 from crane_identification.diagnosis.thresholds import load_thresholds
 
@@ -14,7 +15,7 @@ THRESHOLDS = load_thresholds()
 
 
 def decided(found: Search) -> Decision:
-    return decide(found, THRESHOLDS)
+    return decide(Race(found), THRESHOLDS)
 
 
 def names(decision: Decision) -> list[str]:
@@ -129,7 +130,7 @@ def test_of_laws_that_gain_alike_the_one_with_less_freedom_is_taken() -> None:
     """The other one, with a column more, always gains a little more."""
     wider = np.stack([A + 0.1 * C, A - 0.1 * C], axis=1)
     found = searched({"chamber_gain": wider, "offset": A}, 2.0 * A)
-    first = found.projection.options[found.sets(1)[0].options[0]]
+    first = found.projection.options[Race(found).sets(1)[0].options[0]]
     assert first.family.type == "chamber_gain"
     (one,) = decided(found).accepted
     assert one.option.family.type == "offset"

@@ -13,8 +13,9 @@ from crane_identification.diagnosis.candidates import families
 from crane_identification.diagnosis.evidence import Evidence, gather
 from crane_identification.diagnosis.gap import residual
 from crane_identification.diagnosis.loads import agreeing, one_each
+from crane_identification.diagnosis.race import Race
 from crane_identification.diagnosis.refit import refit
-from crane_identification.diagnosis.search import Search, search
+from crane_identification.diagnosis.search import search
 from crane_identification.diagnosis.weighing import weighed
 from crane_identification.options import Options
 from crane_identification.preparation.prepare import Preparation, prepare
@@ -40,19 +41,19 @@ def recordings() -> list[Preparation]:
     return [loaded(seed, mass) for seed, mass in enumerate(MASSES)]
 
 
-def sought(preparations: Sequence[Preparation]) -> Search:
+def sought(preparations: Sequence[Preparation]) -> Race:
     """The search for a load alone."""
     evidence = gather(crane_model(), preparations, FACTOR)
     wanted = [one for one in families(crane_model(), evidence) if one.type == "payload"]
-    return search(evidence, wanted)
+    return Race(search(evidence, wanted))
 
 
-def found(searched: Search) -> tuple[tuple[Load, ...], np.ndarray, float]:
+def found(race: Race) -> tuple[tuple[Load, ...], np.ndarray, float]:
     """The loads that are found, their masses, and their gain."""
-    choice = searched.best(1)
+    choice = race.best(1)
     assert choice is not None
     (number,) = choice.options
-    projection = searched.projection
+    projection = race.search.projection
     term = projection.options[number].term
     assert isinstance(term, Payload) and term.loads is not None
     values = choice.values / projection.scale[projection.members[number]]
@@ -94,10 +95,10 @@ def test_what_an_effect_takes_from_the_model_is_what_that_is_beside_it(
 
 def test_more_loads_than_differ_are_not_kept(recordings: list[Preparation]) -> None:
     """They gain more, and may have looked different while another effect was missing."""
-    searched = sought(recordings)
-    family = searched.projection.options[0].family
-    searched.added(family, {"loads": one_each(searched.evidence)[1:]})
-    assert len(found(searched)[0]) == 2
+    race = sought(recordings)
+    family = race.search.projection.options[0].family
+    race.added(family, {"loads": one_each(race.search.evidence)[1:]})
+    assert len(found(race)[0]) == 2
 
 
 @settings(max_examples=25)

@@ -17,6 +17,7 @@ from unit.crane_identification.diagnosis.made import (
 from crane_identification.diagnosis.candidates import Family
 from crane_identification.diagnosis.candidates import option as observed
 from crane_identification.diagnosis.evidence import Evidence, Run
+from crane_identification.diagnosis.race import Race
 from crane_identification.diagnosis.refit import UndeterminedError, refit, shape_std_devs
 from crane_identification.diagnosis.search import Search
 from crane_identification.diagnosis.selection import solve
@@ -113,9 +114,10 @@ def test_refinement_finds_a_shape_between_points_of_the_grid(seen: Evidence) -> 
     found = curve(seen, nearest)
     start = solve(found.projection, (0,))
     assert start is not None
-    refined = found.refine(start)
+    race = Race(found)
+    refined = race.refine(start)
     assert refined.gain > start.gain
-    assert found.projection.options[refined.options[0]].shape["speed"] == pytest.approx(
+    assert race.search.projection.options[refined.options[0]].shape["speed"] == pytest.approx(
         SPEED, rel=0.06
     )
 
@@ -124,5 +126,6 @@ def test_refinement_stays_beside_its_point_of_the_grid(seen: Evidence) -> None:
     """The next point has neighbours of its own."""
     grid = sorted({one["speed"] for one in Family(REGISTRY["stribeck"], "axis").grid()})
     found = curve(seen, grid[0])
-    (refined,) = found.sets(1)
-    assert grid[0] < found.projection.options[refined.options[0]].shape["speed"] < grid[1]
+    race = Race(found)
+    (refined,) = race.sets(1)
+    assert grid[0] < race.search.projection.options[refined.options[0]].shape["speed"] < grid[1]
