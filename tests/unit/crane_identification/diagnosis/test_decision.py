@@ -1,5 +1,7 @@
 """Which effects are findings, on columns made up for the purpose with known answers."""
 
+from dataclasses import FrozenInstanceError
+
 import numpy as np
 import pytest
 from unit.crane_identification.diagnosis.made import ROWS, normal, searched
@@ -35,6 +37,16 @@ def test_noise_is_no_finding_and_the_best_of_it_says_what_it_lacks() -> None:
     assert found.objection == (
         f"its score is {nearest.score:.0f}, and {found.threshold:.0f} is asked for"
     )
+
+
+def test_the_search_grows_in_the_race_alone() -> None:
+    """What a race began with stays as it was, and what it ends with cannot change."""
+    found = searched({"offset": A, "hose_stiffness": B}, 0.5 * B)
+    race = Race(found)
+    decide(race, THRESHOLDS)
+    assert len(found.sets) == 1 < len(race.search.sets)
+    with pytest.raises(FrozenInstanceError):
+        race.search.projection = found.projection  # type: ignore[misc]
 
 
 def test_what_is_missing_is_found_with_the_gain_that_it_has() -> None:
