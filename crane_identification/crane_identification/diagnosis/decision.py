@@ -5,9 +5,8 @@ from dataclasses import dataclass
 import numpy as np
 
 from crane_identification.diagnosis.candidates import Family, Option
-from crane_identification.diagnosis.cross_validation import held_out_gains
-from crane_identification.diagnosis.null import null_gains
-from crane_identification.diagnosis.race import LARGEST_SET, Race
+from crane_identification.diagnosis.cross_validation import held_out_gains, helps
+from crane_identification.diagnosis.projection import null_gains
 from crane_identification.diagnosis.rivals import (
     freedom,
     in_place_of,
@@ -16,11 +15,11 @@ from crane_identification.diagnosis.rivals import (
     mends,
     same_as,
     slight,
+    strength,
     without,
 )
-from crane_identification.diagnosis.search import Search
+from crane_identification.diagnosis.search import LARGEST_SET, Race, Search
 from crane_identification.diagnosis.selection import NOTHING, Choice, solve
-from crane_identification.diagnosis.strength import strength
 from crane_identification.diagnosis.thresholds import Thresholds
 
 IDENTICAL_CORRELATION = 1.0 - 1e-6
@@ -118,20 +117,6 @@ def _objection(one: Judged, thresholds: Thresholds) -> str:
             f"{len(one.held_out)} parts that it was not fitted to"
         )
     return ""
-
-
-def helps(gains: np.ndarray, thresholds: Thresholds) -> bool:
-    """Whether an effect improves the prediction of recordings that it was not fitted to.
-
-    In all folds (NaN: not asked) but a few; of four and more, one may differ in something else.
-    Folds are counted: how much one of them gains or loses decides nothing.
-    """
-    asked, method = gains[np.isfinite(gains)], thresholds.method
-    failed = int((asked <= 0.0).sum())
-    allowed = max(
-        (1.0 - method.folds_share) * len(asked), float(len(asked) >= method.folds_to_fail)
-    )
-    return 2 * len(asked) > len(gains) and failed <= allowed
 
 
 def _vague(one: Judged, thresholds: Thresholds) -> bool:

@@ -10,17 +10,16 @@ from crane_identification.diagnosis.answer import answered
 from crane_identification.diagnosis.candidates import Family, families
 from crane_identification.diagnosis.decision import Decision, decide
 from crane_identification.diagnosis.evidence import Evidence
-from crane_identification.diagnosis.extension import Finding, in_counts
 from crane_identification.diagnosis.fit import Fitted, fitted
 from crane_identification.diagnosis.flow import examine
 from crane_identification.diagnosis.gap import Gap
 from crane_identification.diagnosis.hydraulics import Flows, Usual, load_usual
 from crane_identification.diagnosis.motion_choice import suited
 from crane_identification.diagnosis.proof import Proof, proved
-from crane_identification.diagnosis.race import Race
-from crane_identification.diagnosis.search import Search, search
-from crane_identification.diagnosis.strength import detectable
+from crane_identification.diagnosis.rivals import detectable
+from crane_identification.diagnosis.search import Race, Search, search
 from crane_identification.diagnosis.thresholds import Thresholds
+from crane_identification.diagnosis.trial import Finding, in_counts
 from crane_identification.diagnosis.verdict import Answer, Verdict
 from crane_identification.options import Options
 from crane_identification.progress import Progress, silent

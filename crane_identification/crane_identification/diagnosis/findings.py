@@ -9,7 +9,6 @@ from typing import Any
 import numpy as np
 
 from crane_identification.diagnosis.diagnosis import Diagnosis
-from crane_identification.diagnosis.extension import Finding, Value, carried_in
 from crane_identification.diagnosis.flow_and_load_findings import balance, of_flow, of_load
 from crane_identification.diagnosis.gap import Gap
 from crane_identification.diagnosis.pulsation import pulsations
@@ -19,7 +18,8 @@ from crane_identification.diagnosis.region import (
     energy_shares,
     regions,
 )
-from crane_identification.diagnosis.strength import acting
+from crane_identification.diagnosis.rivals import acting
+from crane_identification.diagnosis.trial import Finding, Value, carried_in
 from crane_identification.diagnosis.variables import feature_unit
 from crane_identification.notation import is_determined
 from crane_identification.validation.motion_validation import MotionValidation

@@ -3,21 +3,35 @@
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property
+from math import ceil
+
+import numpy as np
 
 from crane_identification.data.log import Log
 from crane_identification.diagnosis import changes
-from crane_identification.diagnosis.determined import decimation, determined
 from crane_identification.diagnosis.evidence import Evidence, gather
-from crane_identification.diagnosis.extension import Training
 from crane_identification.diagnosis.learner import Features, features
+from crane_identification.diagnosis.refit import UndeterminedError, refit
+from crane_identification.diagnosis.scaling import normed
+from crane_identification.estimation.regression import common_factor
 from crane_identification.options import Options
 from crane_identification.preparation.periodicity import periodic_part
 from crane_identification.preparation.prepare import Preparation, prepare, prepare_all
 from crane_identification.preparation.session import Session, chronological
 from crane_identification.progress import Progress, silent
+from crane_identification.signals.decimate import KEPT_SHARE
 from crane_model.errors import DataError
 from crane_model.model_file import Model
 from crane_model.terms import Term
+
+
+@dataclass(frozen=True)
+class Training:
+    """What models are fitted to: recordings, the `factor` of their rows, and their names."""
+
+    recordings: Sequence[Preparation]
+    factor: int
+    sources: str
 
 
 @dataclass(frozen=True)
@@ -119,3 +133,60 @@ def _averaged(
         except DataError:
             continue  # no whole period without a gap
     return tuple(out), wrong
+
+
+ENOUGH_ROWS = 60
+"""Rows of the joint that moves most. No score exceeds the number of rows, whatever is missing."""
+
+
+def decimation(training: Sequence[Preparation], given: int | None) -> int:
+    """The factor of the rows: the `given` one, or that of the motion.
+
+    Of short recordings more rows are kept, up to the whole bandwidth of the motion. Their noise is
+    no longer independent, which whitening takes care of.
+    """
+    factor = common_factor(training, given)
+    if given is not None:
+        return factor
+    samples = int(sum(one.moving.sum(axis=0) for one in training).max())
+    return max(min(factor, samples // ENOUGH_ROWS), ceil(KEPT_SHARE * factor))
+
+
+def determined(
+    model: Model, training: Sequence[Preparation], factor: int, sources: str
+) -> tuple[Evidence, Model, tuple[Term, ...]]:
+    """The evidence, the model with values, and the terms that had to be left out for them.
+
+    Friction at a single speed is Coulomb or viscous: the recordings show their sum, which one of
+    them carries as well. `UndeterminedError` where no such term is the cause.
+    """
+    left_out: tuple[Term, ...] = ()
+    while True:
+        evidence = gather(model, training, factor)
+        try:
+            return evidence, refit(evidence, sources), left_out
+        except UndeterminedError as error:
+            term = _dispensable(evidence, error)
+            model, left_out = model.without_term(term), (*left_out, term)
+
+
+def _dispensable(evidence: Evidence, error: UndeterminedError) -> Term:
+    """Of the terms that are not determined, the one without which least is left unexplained."""
+    model, costs = evidence.model, dict[Term, float]()
+    for term in model.terms:
+        names = {p.name for p in term.parameters(model.setting)}
+        if names <= set(error.names) and len(model.terms) > 1:
+            costs[term] = _left(evidence, model.part(term))
+    if not costs:
+        raise error
+    return min(costs, key=lambda term: costs[term])
+
+
+def _left(evidence: Evidence, without: slice) -> float:
+    """Energy of the force beside the model without some of its columns, each joint in its unit."""
+    weight = np.where(evidence.force_rms > 0.0, evidence.force_rms, 1.0)
+    columns = np.delete(evidence.base, without, axis=2)[evidence.used]
+    scaling = np.broadcast_to(1.0 / weight, evidence.force.shape)[evidence.used]
+    matrix, force = columns * scaling[:, None], evidence.force[evidence.used] * scaling
+    matrix, _ = normed(matrix)
+    return float(((force - matrix @ np.linalg.lstsq(matrix, force, rcond=1e-9)[0]) ** 2).sum())

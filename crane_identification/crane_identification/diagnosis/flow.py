@@ -10,17 +10,17 @@ from collections.abc import Callable, Collection, Sequence
 import numpy as np
 
 from crane_identification.diagnosis.evidence import Evidence
-from crane_identification.diagnosis.flow_fit import (
+from crane_identification.diagnosis.flow_balance import (
     COLUMNS,
     LEAK,
     PLAY,
     SOFT,
     ZONES,
+    FlowRows,
     power,
     searched,
     solved,
 )
-from crane_identification.diagnosis.flow_rows import FlowRows
 from crane_identification.diagnosis.hydraulics import Flow, Flows, Gain, Quantity, Usual
 from crane_identification.diagnosis.thresholds import Thresholds
 from crane_model.errors import DataError

@@ -12,9 +12,8 @@ import numpy as np
 from crane_identification.diagnosis.candidates import Option
 from crane_identification.diagnosis.changes import estimated
 from crane_identification.diagnosis.decision import Decision, Judged
-from crane_identification.diagnosis.race import Race
 from crane_identification.diagnosis.scaling import normed
-from crane_identification.diagnosis.search import Search
+from crane_identification.diagnosis.search import Race, Search
 from crane_identification.diagnosis.selection import Choice, solve
 from crane_identification.validation.motion_validation import validate_motion
 from crane_model.model_file import Model

@@ -5,7 +5,8 @@ from collections.abc import Sequence
 import numpy as np
 
 from crane_identification.diagnosis.candidates import Option, option
-from crane_identification.diagnosis.evidence import Evidence, Zone
+from crane_identification.diagnosis.evidence import Evidence
+from crane_identification.diagnosis.runs import Zone
 from crane_identification.diagnosis.search import Search
 from crane_identification.diagnosis.whitening import leading
 from crane_identification.estimation.consistent import consistent

@@ -1,22 +1,25 @@
-"""What a search for missing effects has found in one body of evidence."""
+"""The search for missing effects in one body of evidence: grid, beam, refinement of shapes."""
 
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from typing import Any
 
 import numpy as np
+from scipy.optimize import minimize_scalar
 
-from crane_identification.diagnosis.candidates import Family, Option, option, options
+from crane_identification.diagnosis.candidates import Family, Option, left_out, option, options
 from crane_identification.diagnosis.evidence import Evidence
-from crane_identification.diagnosis.left_out import left_out
-from crane_identification.diagnosis.projection import (
-    Projection,
-    project,
-    testable,
-    whitened_base,
+from crane_identification.diagnosis.loads import LOADS, agreeing, load_of, one_each
+from crane_identification.diagnosis.projection import Projection, project, testable, whitened_base
+from crane_identification.diagnosis.selection import (
+    NOTHING,
+    Beside,
+    Choice,
+    larger_sets,
+    others,
+    solve,
 )
-from crane_identification.diagnosis.selection import NOTHING, Choice, solve
-from crane_identification.diagnosis.whitening import Whitener, whitener
+from crane_identification.diagnosis.whitening import Whitener, leading, whitener
 from crane_identification.progress import Progress, silent
 
 
@@ -87,6 +90,120 @@ class Search:
         power = (self.projection.columns[:, self.projection.members[number]] ** 2).sum(axis=1)
         shares = np.bincount(self.whitener.channel, power, self.evidence.channels)
         return shares / max(float(shares.sum()), np.finfo(float).tiny)
+
+
+EVALUATIONS = 8  # of each shape parameter when it is refined
+LARGEST_SET = 6  # effects that are sought together
+RIVALS = 4  # best sets of each size whose shapes are refined, so that the race is fair,
+CLOSE_SHARE = 0.3  # if they add at least this share of what the best one adds
+LARGEST_GAIN = 1e12  # gain; beyond, the search for shapes would lose its numbers
+NEIGHBOUR_SHARE = 0.6  # of the way to the next point of the grid, to either side
+
+
+class Race:
+    """Runs until the decision is taken; `search` is what it has found so far."""
+
+    def __init__(self, search: Search, progress: Progress = silent) -> None:
+        self.search = search
+        self._progress = progress
+
+    def sets(self, size: int) -> tuple[Choice, ...]:
+        """The best sets of so many effects, best first; their shapes are refined."""
+        while len(self.search.sets) <= size:
+            before = self.search.sets[-1]
+            known = before[0].gain
+            rough = larger_sets(self.search.projection, before)[:RIVALS]
+            for choice in rough:
+                if choice.gain - known > CLOSE_SHARE * (rough[0].gain - known):
+                    self.refine(choice)
+            self.search = self.search.with_sets(larger_sets(self.search.projection, before))
+            self._progress("search", (len(self.search.sets) - 1) / (LARGEST_SET + 1))
+        return self.search.sets[size]
+
+    def best(self, size: int) -> Choice | None:
+        """The best set of so many effects; None if there is none."""
+        sets = self.sets(size)
+        return self._regrouped(sets[0]) if sets else None
+
+    def added(self, family: Family, shape: dict[str, Any]) -> int:
+        """The number of a new option."""
+        return self._joined(self.search.alone(family, shape))
+
+    def _joined(self, one: Projection) -> int:
+        """The number of the single option of `one`, now that the search has it."""
+        self.search = self.search.joined(one)
+        return len(self.search.projection.options) - 1
+
+    def refine(self, choice: Choice) -> Choice:
+        """The set with the shapes of its options refined, which become options of their own.
+
+        Of loads, which recordings have one in common.
+        """
+        choice = self._regrouped(choice)
+        for place in range(len(choice.options)):
+            for name in self.search.projection.options[choice.options[place]].family.shapes:
+                choice = self._refined(choice, place, name)
+        return choice
+
+    def _regrouped(self, choice: Choice) -> Choice:
+        for place, number in enumerate(choice.options):
+            if self.search.projection.options[number].family.parts:
+                choice = self._grouped(choice, place)
+        return choice
+
+    def _grouped(self, choice: Choice, place: int) -> Choice:
+        """The set with one load for each group of recordings that agree, beside its other effects.
+
+        The lightest group has none: masses count from it. More loads than that would gain more.
+        """
+        search, projection = self.search, self.search.projection
+        family = projection.options[choice.options[place]].family
+        each = search.alone(family, {LOADS: one_each(search.evidence)})
+        inside = [int(c) for i in others(choice, place) for c in projection.members[i]]
+        known = leading(projection.columns[:, inside], len(inside))
+        columns = each.columns * each.scale
+        columns = columns - known @ (known.T @ columns)
+        residual = projection.residual - known @ (known.T @ projection.residual)
+        values = np.linalg.lstsq(columns, residual, rcond=1e-9)[0]
+        variance = max(float(((residual - columns @ values) ** 2).mean()), 1.0)
+        groups = agreeing(columns.T @ columns, columns.T @ residual, variance)
+        if len(groups) == 1:
+            return choice
+        shape = {LOADS: tuple(load_of(search.evidence, group) for group in groups[1:])}
+        same = [
+            number
+            for number, one in enumerate(projection.options)
+            if one.family == family and one.shape == shape
+        ]
+        numbers = list(choice.options)
+        numbers[place] = same[0] if same else self.added(family, shape)
+        return solve(self.search.projection, tuple(numbers)) or choice
+
+    def _refined(self, choice: Choice, place: int, name: str) -> Choice:
+        search = self.search
+        start = search.projection.options[choice.options[place]]
+        shape = start.family.shapes[name]
+        points = len({one[name] for one in start.family.grid()})
+        step, middle = NEIGHBOUR_SHARE / max(points - 1, 1), shape.share(start.shape[name])
+        low, high = max(middle - step, 0.0), min(middle + step, 1.0)
+        tried: list[tuple[float, Projection]] = []
+        beside = Beside(search.projection, others(choice, place))
+
+        def cost(share: float) -> float:
+            one = search.alone(start.family, {**start.shape, name: shape.value(float(share))})
+            gain = beside.gain(one)
+            tried.append((gain, one))
+            return -min(max(gain, 0.0), LARGEST_GAIN)
+
+        minimize_scalar(
+            cost, bounds=(low, high), method="bounded", options={"maxiter": EVALUATIONS}
+        )
+        gain, one = max(tried, key=lambda entry: entry[0])
+        if gain <= choice.gain:
+            return choice
+        numbers = list(choice.options)
+        numbers[place] = self._joined(one)
+        return solve(self.search.projection, tuple(numbers)) or choice
 
 
 def search(evidence: Evidence, wanted: list[Family], progress: Progress = silent) -> Search:

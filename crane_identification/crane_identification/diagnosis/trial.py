@@ -1,20 +1,135 @@
-"""A model with effects added: what it is after the fit, and what it leaves."""
+"""A model with effects added: what it is after the fit, refitted jointly, and what it leaves.
+
+Where its values are kept, what changed is estimated alone.
+"""
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
-from crane_identification.diagnosis.changes import within
+from crane_identification.data.units import COUNTS
+from crane_identification.diagnosis.candidates import Family
+from crane_identification.diagnosis.changes import estimated, within
 from crane_identification.diagnosis.cross_validation import folds
 from crane_identification.diagnosis.decision import Judged
-from crane_identification.diagnosis.extension import Value, extended
-from crane_identification.diagnosis.fit import Fitted
+from crane_identification.diagnosis.evidence import gather
+from crane_identification.diagnosis.fit import Fitted, Training
 from crane_identification.diagnosis.gap import residual
 from crane_identification.diagnosis.learner import Learnt, learn
+from crane_identification.diagnosis.loads import LOADS, NO_LOAD, Loads
+from crane_identification.diagnosis.refit import refit, shape_std_devs
 from crane_identification.diagnosis.search import Search
 from crane_identification.diagnosis.thresholds import Thresholds
 from crane_model.model_file import Model
+
+
+@dataclass(frozen=True)
+class Value:
+    """One parameter of a finding, linear or shape; not below `minimum`, if any.
+
+    `before` is what it has changed from, with its standard deviation.
+    """
+
+    name: str
+    value: float
+    std_dev: float
+    unit: str
+    minimum: float | None = None
+    before: tuple[float, float] | None = None
+
+    @property
+    def change(self) -> tuple[float, float]:
+        """What it adds to the value before or to nothing, with its standard deviation."""
+        known, std_dev = self.before or (0.0, 0.0)
+        return self.value - known, float(np.hypot(self.std_dev, std_dev))
+
+
+@dataclass(frozen=True)
+class Finding:
+    """An accepted effect with its parameters in the extended model."""
+
+    accepted: Judged
+    parameters: tuple[Value, ...]
+
+    @property
+    def family(self) -> Family:
+        """The effect and its joint."""
+        return self.accepted.option.family
+
+    @property
+    def added(self) -> np.ndarray:
+        """Coefficients (k,) of the columns of the effect: its values, or by what they changed."""
+        linear = self.parameters[: len(self.accepted.option.positive)]
+        return np.array([one.change[0] for one in linear])
+
+
+def extended(
+    found: Search,
+    before: Model,
+    accepted: Sequence[Judged],
+    training: Training,
+) -> tuple[Model, list[tuple[Value, ...]]]:
+    """The model with the accepted terms, refitted jointly, and the parameters of each.
+
+    `UndeterminedError` where the recordings do not determine all of them.
+    """
+    if not accepted:
+        return before, []
+    if found.evidence.keeps:
+        after = estimated(found, before, [one.option for one in accepted])
+    else:
+        model = before
+        for one in accepted:
+            model = model.with_term(one.option.term)
+        after = refit(gather(model, training.recordings, training.factor), training.sources)
+    own = [after.part(one.option.term) for one in accepted]
+    assert after.std_devs is not None  # just fitted
+    shapes = shape_std_devs(
+        found, [one.option for one in accepted], [after.theta[part] for part in own]
+    )
+    values = []
+    for one, part, spread in zip(accepted, own, shapes, strict=True):
+        linear = [
+            Value(
+                after.parameters[i].name,
+                float(after.theta[i]),
+                float(after.std_devs[i]),
+                after.parameters[i].unit,
+                after.parameters[i].minimum,
+                _before(before, i) if one.option.family.changes else None,
+            )
+            for i in range(part.start, part.stop)
+        ]
+        coordinate = after.setting.units.get(one.option.family.where, "rad")
+        bent = [
+            Value(name, float(one.option.shape[name]), spread[name], shape.unit_on(coordinate))
+            for name, shape in one.option.family.shapes.items()
+        ]
+        values.append(tuple(linear + bent))
+    return after, values
+
+
+def _before(model: Model, i: int) -> tuple[float, float]:
+    """Value and standard deviation of a parameter."""
+    assert model.std_devs is not None  # changes are sought of a model with values
+    return float(model.theta[i]), float(model.std_devs[i])
+
+
+def carried_in(finding: Finding, recordings: Sequence[str]) -> dict[str, tuple[str, ...]]:
+    """Which recordings carry each load of an effect that differs between them, and which `none`."""
+    loads: Loads | None = getattr(finding.accepted.option.term, LOADS, None)
+    if loads is None:
+        return {}
+    pairs = zip(finding.parameters, loads, strict=True)
+    carried = {value.name: load.recordings for value, load in pairs}
+    loaded = {name for names in carried.values() for name in names}
+    return carried | {NO_LOAD: tuple(sorted(set(recordings) - loaded))}
+
+
+def in_counts(values: tuple[Value, ...]) -> tuple[Value, ...]:
+    """Parameters that are found in counts."""
+    return tuple(replace(one, unit=COUNTS if one.unit != "1" else "1") for one in values)
 
 
 @dataclass(frozen=True)

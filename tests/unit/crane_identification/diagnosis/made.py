@@ -5,8 +5,9 @@ from collections.abc import Collection, Mapping, Sequence
 import numpy as np
 
 from crane_identification.diagnosis.candidates import Family, Option
-from crane_identification.diagnosis.evidence import Evidence, Run
+from crane_identification.diagnosis.evidence import Evidence
 from crane_identification.diagnosis.projection import project, whitened_base
+from crane_identification.diagnosis.runs import Run
 from crane_identification.diagnosis.search import Search
 from crane_identification.diagnosis.whitening import whitener
 from crane_model.model_file import Model

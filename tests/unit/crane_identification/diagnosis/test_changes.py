@@ -13,15 +13,14 @@ from crane_identification.data.log import Log
 from crane_identification.diagnosis import changes, explain, findings
 from crane_identification.diagnosis.candidates import families
 from crane_identification.diagnosis.decision import decide
-from crane_identification.diagnosis.determined import decimation
 from crane_identification.diagnosis.diagnosis import Diagnosis, diagnose
 from crane_identification.diagnosis.evidence import Evidence
-from crane_identification.diagnosis.extension import Training, extended
+from crane_identification.diagnosis.fit import Training, decimation
 from crane_identification.diagnosis.projection import whitened_base
-from crane_identification.diagnosis.race import Race
 from crane_identification.diagnosis.report import page
-from crane_identification.diagnosis.search import search
+from crane_identification.diagnosis.search import Race, search
 from crane_identification.diagnosis.thresholds import load_thresholds
+from crane_identification.diagnosis.trial import extended
 from crane_identification.diagnosis.verdict import Verdict
 from crane_identification.diagnosis.whitening import whitener
 from crane_identification.options import Options

@@ -7,9 +7,10 @@ import numpy as np
 import pytest
 from unit.crane_model.test_flow import BANDS, BETA, GAINS, JOINT, LEAK, PLAY, moved
 
-from crane_identification.diagnosis.evidence import Evidence, Run
+from crane_identification.diagnosis.evidence import Evidence
 from crane_identification.diagnosis.flow import examine
 from crane_identification.diagnosis.hydraulics import Flow, Usual
+from crane_identification.diagnosis.runs import Run
 from crane_identification.diagnosis.thresholds import load_thresholds
 from crane_model.configuration import packaged
 from crane_model.model_file import load_model

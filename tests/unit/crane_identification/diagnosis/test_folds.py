@@ -12,8 +12,8 @@ from crane_identification.diagnosis.cross_validation import (
     folds,
     gain,
     held_out_gains,
+    helps,
 )
-from crane_identification.diagnosis.decision import helps
 from crane_identification.diagnosis.thresholds import load_thresholds
 
 FOLDS, ROWS = 6, 200

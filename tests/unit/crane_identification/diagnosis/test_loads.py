@@ -13,9 +13,8 @@ from crane_identification.diagnosis.candidates import families
 from crane_identification.diagnosis.evidence import Evidence, gather
 from crane_identification.diagnosis.gap import residual
 from crane_identification.diagnosis.loads import agreeing, one_each
-from crane_identification.diagnosis.race import Race
 from crane_identification.diagnosis.refit import refit
-from crane_identification.diagnosis.search import search
+from crane_identification.diagnosis.search import Race, search
 from crane_identification.diagnosis.weighing import weighed
 from crane_identification.options import Options
 from crane_identification.preparation.prepare import Preparation, prepare

@@ -7,8 +7,7 @@ import pytest
 from scipy.stats import chi2
 
 from crane_identification.diagnosis.candidates import Family, Option
-from crane_identification.diagnosis.null import null_gains
-from crane_identification.diagnosis.projection import Projection
+from crane_identification.diagnosis.projection import Projection, null_gains
 from crane_identification.diagnosis.selection import NOTHING, Choice, larger_sets, solve
 from crane_model.terms import REGISTRY
 

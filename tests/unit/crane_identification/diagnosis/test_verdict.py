@@ -7,23 +7,16 @@ from types import MappingProxyType
 import numpy as np
 import pytest
 
+from crane_identification.diagnosis.answer import with_loads, with_pulsation
 from crane_identification.diagnosis.candidates import Family, Option
 from crane_identification.diagnosis.decision import Judged
-from crane_identification.diagnosis.extension import Value
 from crane_identification.diagnosis.gap import Gap
 from crane_identification.diagnosis.learner import Learnt
 from crane_identification.diagnosis.proof import Proof, Short, objection
 from crane_identification.diagnosis.pulsation import Pulsation
 from crane_identification.diagnosis.thresholds import load_thresholds
-from crane_identification.diagnosis.trial import Trial, differs
-from crane_identification.diagnosis.verdict import (
-    Answer,
-    Reach,
-    Verdict,
-    judge,
-    with_loads,
-    with_pulsation,
-)
+from crane_identification.diagnosis.trial import Trial, Value, differs
+from crane_identification.diagnosis.verdict import Answer, Reach, Verdict, judge
 from crane_identification.diagnosis.weighing import Weighed
 from crane_identification.validation.motion_validation import MotionValidation
 from crane_model.configuration import packaged
