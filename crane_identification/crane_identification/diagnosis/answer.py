@@ -5,9 +5,9 @@ from collections.abc import Sequence
 from crane_identification.diagnosis.decision import Decision
 from crane_identification.diagnosis.fit import Fitted
 from crane_identification.diagnosis.hydraulics import Flow, Flows
+from crane_identification.diagnosis.likeness import detectable
 from crane_identification.diagnosis.proof import Nearest, Proof, nearest
 from crane_identification.diagnosis.pulsation import Pulsation, pulsations
-from crane_identification.diagnosis.rivals import detectable
 from crane_identification.diagnosis.search import Search
 from crane_identification.diagnosis.thresholds import Thresholds
 from crane_identification.diagnosis.verdict import Answer, Reach, Verdict, judge

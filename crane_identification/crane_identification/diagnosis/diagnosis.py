@@ -7,16 +7,16 @@ from functools import cached_property
 from crane_identification.data.log import Log
 from crane_identification.diagnosis import changes
 from crane_identification.diagnosis.answer import answered
-from crane_identification.diagnosis.candidates import Family, families
+from crane_identification.diagnosis.candidates import Candidate, candidates_of
 from crane_identification.diagnosis.decision import Decision, decide
 from crane_identification.diagnosis.evidence import Evidence
 from crane_identification.diagnosis.fit import Fitted, fitted
 from crane_identification.diagnosis.flow import examine
 from crane_identification.diagnosis.gap import Gap
 from crane_identification.diagnosis.hydraulics import Flows, Usual, load_usual
+from crane_identification.diagnosis.likeness import detectable
 from crane_identification.diagnosis.motion_choice import suited
 from crane_identification.diagnosis.proof import Proof, proved
-from crane_identification.diagnosis.rivals import detectable
 from crane_identification.diagnosis.search import Race, Search, search
 from crane_identification.diagnosis.thresholds import Thresholds
 from crane_identification.diagnosis.trial import Finding, in_counts
@@ -134,7 +134,7 @@ def diagnose(
     race = Race(search(fit.evidence, _wanted(fit, without), progress), progress)
     decision = suited(race, fit.before, decide(race, thresholds))
     found = race.search  # all of it: the decision is taken
-    proof = proved(fit, found, decision.accepted, thresholds, progress)
+    proof = proved(fit, found, decision.passed, thresholds, progress)
     flow = examine(
         fit.evidence, fit.held_out, usual or load_usual(), thresholds, proof.trial.distrusted
     )
@@ -159,12 +159,12 @@ def check_known(effects: Collection[str]) -> None:
         )
 
 
-def _wanted(fit: Fitted, without: Collection[str]) -> list[Family]:
-    """The families that are asked for: not `without`, and none that the model had."""
+def _wanted(fit: Fitted, without: Collection[str]) -> list[Candidate]:
+    """The candidates that are asked for: not `without`, and none that the model had."""
     had = {(term.type, getattr(term, "joint", None)) for term in fit.left_out}
-    changed = changes.families(fit.evidence.model) if fit.fixed else []
+    changed = changes.changes_of(fit.evidence.model) if fit.fixed else []
     return [
-        family
-        for family in (*families(fit.before, fit.evidence), *changed)
-        if family.type not in without and (family.type, family.joint) not in had
+        candidate
+        for candidate in (*candidates_of(fit.before, fit.evidence), *changed)
+        if candidate.type not in without and (candidate.type, candidate.joint) not in had
     ]

@@ -11,6 +11,7 @@ import numpy as np
 from crane_identification.diagnosis.diagnosis import Diagnosis
 from crane_identification.diagnosis.flow_and_load_findings import balance, of_flow, of_load
 from crane_identification.diagnosis.gap import Gap
+from crane_identification.diagnosis.likeness import acting
 from crane_identification.diagnosis.pulsation import pulsations
 from crane_identification.diagnosis.region import (
     Region,
@@ -18,7 +19,6 @@ from crane_identification.diagnosis.region import (
     energy_shares,
     regions,
 )
-from crane_identification.diagnosis.rivals import acting
 from crane_identification.diagnosis.trial import Finding, Value, carried_in
 from crane_identification.diagnosis.variables import feature_unit
 from crane_identification.notation import is_determined
@@ -127,32 +127,32 @@ def _region(diagnosis: Diagnosis, region: Region | None) -> dict[str, Any] | Non
 
 
 def _finding(diagnosis: Diagnosis, finding: Finding) -> dict[str, Any]:
-    accepted, family = finding.accepted, finding.family
-    runner = accepted.runner_up
+    judged, candidate = finding.judged, finding.candidate
+    runner = judged.runner_up
     return {
-        "effect": family.type,
-        "name": family.effect.name,
-        "joint": family.where,
-        "changed": family.changes,
+        "effect": candidate.type,
+        "name": candidate.effect.name,
+        "joint": candidate.where,
+        "changed": candidate.changes,
         "class_members": [
             {"effect": one.type, "name": one.effect.name, "joint": one.where}
-            for one in accepted.members
+            for one in judged.indistinct
         ],
         "parameters": [_parameter(value) for value in finding.parameters],
         "carried_in": carried_in(finding, diagnosis.training.sources),
-        "score": accepted.score,
-        "threshold": accepted.threshold,
+        "score": judged.score,
+        "threshold": judged.threshold,
         "false_alarm_rate": diagnosis.thresholds.method.false_alarm_rate,
         "runner_up": None
         if runner is None
         else {"effect": runner.type, "name": runner.effect.name, "joint": runner.where},
-        "margin": accepted.margin,
-        "margin_needed": accepted.needed,
-        "visibility": accepted.visibility,
+        "margin": judged.margin,
+        "margin_needed": judged.needed,
+        "visibility": judged.visibility,
         "strength": _strength(diagnosis, finding),
-        "visible_strength": accepted.strength,
-        "held_out_gains": dict(zip(accepted.fold_names, accepted.held_out, strict=True)),
-        "settled_by": family.effect.settled_by,
+        "visible_strength": judged.strength,
+        "held_out_gains": dict(zip(judged.fold_names, judged.held_out, strict=True)),
+        "settled_by": candidate.effect.settled_by,
     }
 
 
@@ -172,7 +172,7 @@ def _parameter(one: Value) -> dict[str, Any]:
 
 
 def _strength(diagnosis: Diagnosis, finding: Finding) -> float:
-    return acting(diagnosis.training, finding.accepted.option.columns, finding.added)
+    return acting(diagnosis.training, finding.judged.shaped.columns, finding.added)
 
 
 def _nearest(diagnosis: Diagnosis) -> dict[str, Any] | None:
@@ -183,9 +183,9 @@ def _nearest(diagnosis: Diagnosis) -> dict[str, Any] | None:
     return {
         "effects": [
             {
-                "effect": one.option.family.type,
-                "name": one.option.family.effect.name,
-                "joint": one.option.family.where,
+                "effect": one.shaped.candidate.type,
+                "name": one.shaped.candidate.effect.name,
+                "joint": one.shaped.candidate.where,
                 "score": one.score,
                 "threshold": one.threshold,
             }
@@ -214,10 +214,10 @@ def _side(gap: Gap, error: np.ndarray, motion: MotionValidation) -> dict[str, An
     }
 
 
-def _reasons(families: dict[Any, str]) -> list[dict[str, str]]:
+def _reasons(candidates: dict[Any, str]) -> list[dict[str, str]]:
     return [
-        {"effect": family.type, "joint": family.where, "reason": reason}
-        for family, reason in families.items()
+        {"effect": candidate.type, "joint": candidate.where, "reason": reason}
+        for candidate, reason in candidates.items()
     ]
 
 

@@ -24,6 +24,9 @@ from crane_model.errors import DataError
 from crane_model.model_file import Model
 from crane_model.terms import Term
 
+ENOUGH_ROWS = 60
+"""Rows of the joint that moves most. No score exceeds the number of rows, whatever is missing."""
+
 
 @dataclass(frozen=True)
 class Training:
@@ -133,10 +136,6 @@ def _averaged(
         except DataError:
             continue  # no whole period without a gap
     return tuple(out), wrong
-
-
-ENOUGH_ROWS = 60
-"""Rows of the joint that moves most. No score exceeds the number of rows, whatever is missing."""
 
 
 def decimation(training: Sequence[Preparation], given: int | None) -> int:

@@ -22,6 +22,13 @@ LEAST_TIME = 8.0  # s of motion in either direction
 LEAST_RUN = 1.0  # s; of what is shorter, the filter sees nothing but its ends
 LEAST_PRESSURE = 1e5  # Pa above the tank's, below which a chamber is about to be empty
 SIGNALS = ("command", "pressure_a", "pressure_b", "supply_pressure", "tank_pressure")
+WIDEST_DEAD_ZONE = 0.3
+WIDEST_PLAY = 0.2
+STEP = 0.005  # of a dead zone, for its derivative
+STEPS, ACCURACY = 10, 1e-5  # Gauss-Newton to the dead zones
+LEAK, SOFT, PLAY, ZONES, COLUMNS = 4, 5, 8, (9, 10), 11
+"""Columns of the balance: edges (4), leakage, oil (2), delay, play, the two dead zones."""
+SINGULAR_SHARE = 1e-10  # of the largest eigenvalue: what is below is not determined
 
 
 class FlowRows:
@@ -135,15 +142,6 @@ def _logged(record: Record) -> bool:
 
 def _duration(record: Record) -> float:
     return float(record.time[-1] - record.time[0]) if len(record) else 0.0
-
-
-WIDEST_DEAD_ZONE = 0.3
-WIDEST_PLAY = 0.2
-STEP = 0.005  # of a dead zone, for its derivative
-STEPS, ACCURACY = 10, 1e-5  # Gauss-Newton to the dead zones
-LEAK, SOFT, PLAY, ZONES, COLUMNS = 4, 5, 8, (9, 10), 11
-"""Columns of the balance: edges (4), leakage, oil (2), delay, play, the two dead zones."""
-SINGULAR_SHARE = 1e-10  # of the largest eigenvalue: what is below is not determined
 
 
 class Fit(NamedTuple):

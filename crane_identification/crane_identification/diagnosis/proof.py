@@ -73,7 +73,7 @@ def proved(
 
 def objection(one: Judged, gap: Gap, thresholds: Thresholds) -> str:
     """Why an effect does not close the gap where it acts; empty if it does."""
-    joint = one.option.family.joint
+    joint = one.shaped.candidate.joint
     own = [j for j, name in enumerate(gap.joints) if joint in (name, None)]
     closed = gap.closed_on(own)
     if not np.isfinite(closed):  # there is no gap: it must not open one
@@ -102,7 +102,7 @@ def _simple(one: Judged) -> bool:
     no other effect is as good, and it helps wherever it is asked.
     """
     asked = one.held_out[np.isfinite(one.held_out)]
-    return not (one.members or one.option.shape) and bool((asked > 0.0).all())
+    return not (one.indistinct or one.shaped.shape) and bool((asked > 0.0).all())
 
 
 @dataclass(frozen=True)
@@ -131,7 +131,7 @@ def nearest(fit: Fitted, search: Search, effects: Sequence[Judged], objection: s
         new = relative(held_out, residual(held_out, carried))
     except UndeterminedError:
         new = np.full_like(old, np.nan)
-    left = search.left_share([one.option for one in effects])
+    left = search.left_share([one.shaped for one in effects])
     return Nearest(
         joints=before.joints,
         effects=tuple(effects),

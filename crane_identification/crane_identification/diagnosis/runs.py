@@ -18,6 +18,8 @@ from crane_model.record import Record
 
 OPEN_TURNING = 0.15
 """As `OPEN` close to reversals, which are shorter than what the filter sees."""
+CYCLES = 12  # length of the response, in rows that are kept
+STOP_BAND = 6.0  # shape of the Kaiser window: 60 dB
 
 
 class Zone(Enum):
@@ -63,10 +65,6 @@ class Run:
             gate = self.gate[:, part][:, np.nonzero(there)[0]]
             out[:, part][:, there] = thinned(columns[:, there] * gate, self.factor)
         return out
-
-
-CYCLES = 12  # length of the response, in rows that are kept
-STOP_BAND = 6.0  # shape of the Kaiser window: 60 dB
 
 
 def thinned(values: np.ndarray, factor: int) -> np.ndarray:

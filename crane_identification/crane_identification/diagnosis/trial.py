@@ -9,7 +9,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from crane_identification.data.units import COUNTS
-from crane_identification.diagnosis.candidates import Family
+from crane_identification.diagnosis.candidates import Candidate
 from crane_identification.diagnosis.changes import estimated, within
 from crane_identification.diagnosis.cross_validation import folds
 from crane_identification.diagnosis.decision import Judged
@@ -47,49 +47,49 @@ class Value:
 
 @dataclass(frozen=True)
 class Finding:
-    """An accepted effect with its parameters in the extended model."""
+    """A finding with its parameters in the extended model."""
 
-    accepted: Judged
+    judged: Judged
     parameters: tuple[Value, ...]
 
     @property
-    def family(self) -> Family:
+    def candidate(self) -> Candidate:
         """The effect and its joint."""
-        return self.accepted.option.family
+        return self.judged.shaped.candidate
 
     @property
     def added(self) -> np.ndarray:
         """Coefficients (k,) of the columns of the effect: its values, or by what they changed."""
-        linear = self.parameters[: len(self.accepted.option.positive)]
+        linear = self.parameters[: len(self.judged.shaped.positive)]
         return np.array([one.change[0] for one in linear])
 
 
 def extended(
     found: Search,
     before: Model,
-    accepted: Sequence[Judged],
+    judged: Sequence[Judged],
     training: Training,
 ) -> tuple[Model, list[tuple[Value, ...]]]:
-    """The model with the accepted terms, refitted jointly, and the parameters of each.
+    """The model with the terms, refitted jointly, and the parameters of each.
 
     `UndeterminedError` where the recordings do not determine all of them.
     """
-    if not accepted:
+    if not judged:
         return before, []
     if found.evidence.keeps:
-        after = estimated(found, before, [one.option for one in accepted])
+        after = estimated(found, before, [one.shaped for one in judged])
     else:
         model = before
-        for one in accepted:
-            model = model.with_term(one.option.term)
+        for one in judged:
+            model = model.with_term(one.shaped.term)
         after = refit(gather(model, training.recordings, training.factor), training.sources)
-    own = [after.part(one.option.term) for one in accepted]
+    own = [after.part(one.shaped.term) for one in judged]
     assert after.std_devs is not None  # just fitted
     shapes = shape_std_devs(
-        found, [one.option for one in accepted], [after.theta[part] for part in own]
+        found, [one.shaped for one in judged], [after.theta[part] for part in own]
     )
     values = []
-    for one, part, spread in zip(accepted, own, shapes, strict=True):
+    for one, part, spread in zip(judged, own, shapes, strict=True):
         linear = [
             Value(
                 after.parameters[i].name,
@@ -97,14 +97,14 @@ def extended(
                 float(after.std_devs[i]),
                 after.parameters[i].unit,
                 after.parameters[i].minimum,
-                _before(before, i) if one.option.family.changes else None,
+                _before(before, i) if one.shaped.candidate.changes else None,
             )
             for i in range(part.start, part.stop)
         ]
-        coordinate = after.setting.units.get(one.option.family.where, "rad")
+        coordinate = after.setting.units.get(one.shaped.candidate.where, "rad")
         bent = [
-            Value(name, float(one.option.shape[name]), spread[name], shape.unit_on(coordinate))
-            for name, shape in one.option.family.shapes.items()
+            Value(name, float(one.shaped.shape[name]), spread[name], shape.unit_on(coordinate))
+            for name, shape in one.shaped.candidate.shapes.items()
         ]
         values.append(tuple(linear + bent))
     return after, values
@@ -118,7 +118,7 @@ def _before(model: Model, i: int) -> tuple[float, float]:
 
 def carried_in(finding: Finding, recordings: Sequence[str]) -> dict[str, tuple[str, ...]]:
     """Which recordings carry each load of an effect that differs between them, and which `none`."""
-    loads: Loads | None = getattr(finding.accepted.option.term, LOADS, None)
+    loads: Loads | None = getattr(finding.judged.shaped.term, LOADS, None)
     if loads is None:
         return {}
     pairs = zip(finding.parameters, loads, strict=True)
@@ -155,8 +155,8 @@ class Trial:
     @property
     def distrusted(self) -> set[str]:
         """Joints whose sensors are wrong, by these effects."""
-        families = (one.option.family for one in self.effects)
-        return {family.where for family in families if family.term.family == "sensing"}
+        candidates = (one.shaped.candidate for one in self.effects)
+        return {candidate.where for candidate in candidates if candidate.term.family == "sensing"}
 
     def explained(self, before: "Trial", thresholds: Thresholds) -> float:
         """Share of what can be explained of what is left `before` that the effects do."""
@@ -194,7 +194,7 @@ def tried(fit: Fitted, search: Search, effects: Sequence[Judged], thresholds: Th
         residual=left,
         learnt=learn(seen, fit.known, beyond[:, : len(evidence.joints)], folds(seen)[0]),
         energy=normalized_energy(search, left),
-        left_share=search.left_share([one.option for one in chosen]),
+        left_share=search.left_share([one.shaped for one in chosen]),
     )
 
 
@@ -202,7 +202,7 @@ def differs(one: Judged, values: Sequence[Value], sigmas: float) -> bool:
     """Whether a parameter of an effect is not zero, or has changed, by more than so many standard
     deviations; shapes alone say nothing.
     """
-    changes = [value.change for value in values[: len(one.option.positive)]]
+    changes = [value.change for value in values[: len(one.shaped.positive)]]
     return any(abs(change) > sigmas * std_dev for change, std_dev in changes)
 
 

@@ -135,7 +135,7 @@ def _of_effects(proof: Proof, thresholds: Thresholds) -> Answer:
     """Effects that passed every test: are they all?"""
     share = proof.trial.explained(proof.before, thresholds)
     said = [f"the effects explain {share:.0%} of what can be explained", *_moved(proof)]
-    classes = [_alternatives(one) for one in proof.trial.effects if one.members]
+    classes = [_alternatives(one) for one in proof.trial.effects if one.indistinct]
     apart = [f"these recordings do not tell apart: {'; '.join(classes)}"] if classes else []
     more = _more(proof, share, thresholds)
     if more:
@@ -153,7 +153,7 @@ def _moved(proof: Proof) -> list[str]:
 
 def _acting(proof: Proof) -> np.ndarray:
     """Whether any of the effects acts on a joint (j,)."""
-    joints = {one.option.family.joint for one in proof.trial.effects}
+    joints = {one.shaped.candidate.joint for one in proof.trial.effects}
     return np.array([bool(joints & {joint, None}) for joint in proof.gap.joints])
 
 
@@ -174,7 +174,7 @@ def _more(proof: Proof, share: float, thresholds: Thresholds) -> list[str]:
         for j in np.flatnonzero(worse)
     ]
     said += [
-        f"{one.effect.option.family.label} would go with them, but {one.objection}"
+        f"{one.effect.shaped.candidate.label} would go with them, but {one.objection}"
         for one in proof.short
     ]
     return said
@@ -182,9 +182,9 @@ def _more(proof: Proof, share: float, thresholds: Thresholds) -> list[str]:
 
 def _alternatives(one: Judged) -> str:
     """The class of an effect in words."""
-    others = [member.label for member in one.members]
+    others = [member.label for member in one.indistinct]
     more = f", and {len(others) - SPOKEN} more" if len(others) > SPOKEN else ""
-    return ", ".join([one.option.family.label, *others[:SPOKEN]]) + more
+    return ", ".join([one.shaped.candidate.label, *others[:SPOKEN]]) + more
 
 
 def _listed(gap: Gap, which: np.ndarray) -> str:

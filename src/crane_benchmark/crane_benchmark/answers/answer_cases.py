@@ -20,8 +20,8 @@ from crane_benchmark.folders import Folders, done, new, write_json
 from crane_benchmark.work import in_processes
 from crane_identification.diagnosis.diagnosis import Diagnosis, diagnose
 from crane_identification.diagnosis.findings import content
+from crane_identification.diagnosis.likeness import strength
 from crane_identification.diagnosis.projection import null_gains
-from crane_identification.diagnosis.rivals import strength
 from crane_identification.diagnosis.thresholds import Thresholds, load_thresholds
 from crane_identification.options import Options
 from crane_model.errors import CraneError
@@ -89,11 +89,11 @@ def statistics(diagnosis: Diagnosis) -> dict[str, Any]:
     null = null_gains(diagnosis.search.projection, [])
     quantile = diagnosis.decision.threshold / thresholds.gates.score_factor
     single = [
-        (choice.gain / quantile, strength(diagnosis.search, choice.options[0], choice.gain))
-        for choice in diagnosis.search.sets[1]
+        (subset.gain / quantile, strength(diagnosis.search, subset.numbers[0], subset.gain))
+        for subset in diagnosis.search.sets[1]
     ]
     strong = [score for score, one in single if one >= thresholds.gates.smallest_strength]
-    accepted = max((finding.accepted.score for finding in diagnosis.findings), default=0.0)
+    accepted = max((finding.judged.score for finding in diagnosis.findings), default=0.0)
     sure = learnt.p_value < thresholds.method.false_alarm_rate / 2.0 / len(learnt.p_value)
     law = float(learnt.strength[sure].max(initial=0.0))
     return {

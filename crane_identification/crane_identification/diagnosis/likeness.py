@@ -5,14 +5,14 @@ from dataclasses import replace
 
 import numpy as np
 
-from crane_identification.diagnosis.candidates import Family, Option
+from crane_identification.diagnosis.candidates import Candidate, ShapedCandidate
 from crane_identification.diagnosis.evidence import Evidence
 from crane_identification.diagnosis.gap import relative
 from crane_identification.diagnosis.projection import Projection
 from crane_identification.diagnosis.search import Search
 from crane_identification.diagnosis.selection import (
     NOTHING,
-    Choice,
+    Subset,
     constrained,
     extended,
     others,
@@ -20,40 +20,43 @@ from crane_identification.diagnosis.selection import (
 )
 from crane_identification.diagnosis.thresholds import Thresholds
 
+DETECTABLE_SHARE = 0.9
+"""Share of the effects that would show at the strength that is called detectable."""
 
-def without(search: Search, choice: Choice, place: int) -> Choice:
+
+def without(search: Search, subset: Subset, place: int) -> Subset:
     """The set without one of its effects."""
-    rest = others(choice, place)
+    rest = others(subset, place)
     return (solve(search.projection, rest) or NOTHING) if rest else NOTHING
 
 
-def in_place_of(search: Search, choice: Choice, place: int) -> list[Choice]:
-    """The set with each other family in the place of one of its effects, best first."""
+def in_place_of(search: Search, subset: Subset, place: int) -> list[Subset]:
+    """The set with each other candidate in the place of one of its effects, best first."""
     projection = search.projection
-    family = projection.options[choice.options[place]].family
-    replaced = extended(projection, without(search, choice, place))
+    candidate = projection.candidates[subset.numbers[place]].candidate
+    replaced = extended(projection, without(search, subset, place))
     ranked = sorted(replaced, key=lambda one: -one.gain)
-    return [one for one in ranked if projection.options[one.options[-1]].family != family]
+    return [one for one in ranked if projection.candidates[one.numbers[-1]].candidate != candidate]
 
 
 def freedom(search: Search, number: int) -> int:
-    """Number of parameters of an option, shapes included, and one for what the model lacks."""
-    option = search.projection.options[number]
-    return len(option.positive) + len(option.family.shapes) + (not option.family.changes)
+    """Number of parameters of a candidate, shapes included, and one for what the model lacks."""
+    shaped = search.projection.candidates[number]
+    return len(shaped.positive) + len(shaped.candidate.shapes) + (not shaped.candidate.changes)
 
 
-def kin(one: Family, other: Family) -> bool:
+def same_effect(one: Candidate, other: Candidate) -> bool:
     """Whether both are laws of the same effect, on the same joint."""
     return one.joint == other.joint and other.type in one.effect.kin
 
 
 def likeness(search: Search, one: int, other: int) -> float:
-    """Cosine of the angle by which what one option explains lies outside the other, beside the
-    base: of the option with fewer columns the worst of them, as far as the signs of parameters let
-    the other one follow it.
+    """Cosine of the angle by which what one candidate explains lies outside the other, beside the
+    base: of the one with fewer columns the worst of them, as far as the signs of parameters let the
+    other one follow it.
     """
     projection = search.projection
-    a, b = projection.members[one], projection.members[other]
+    a, b = projection.columns_of[one], projection.columns_of[other]
     gram, free = projection.gram, ~projection.positive
     if len(a) > 1 and len(b) > 1 and free[a].all() and free[b].all():
         roots = [np.linalg.cholesky(gram[np.ix_(c, c)] + 1e-12 * np.eye(len(c))) for c in (a, b)]
@@ -81,21 +84,25 @@ def _followed(projection: Projection, sign: float, column: int, others: np.ndarr
 
 
 def same_as(
-    search: Search, rivals: Sequence[Choice], members: Sequence[Family], needed: float, alike: float
-) -> list[Family]:
-    """Further rivals that are no worse than a member and whose columns are `alike` to its own: they
-    belong to the class as well.
+    search: Search,
+    swaps: Sequence[Subset],
+    indistinct: Sequence[Candidate],
+    needed: float,
+    alike: float,
+) -> list[Candidate]:
+    """Further candidates that are no worse than one of the class, and whose columns are `alike` to
+    its own: they belong to the class as well.
     """
-    options = search.projection.options
-    known = [one for one in rivals if options[one.options[-1]].family in members]
+    candidates = search.projection.candidates
+    known = [one for one in swaps if candidates[one.numbers[-1]].candidate in indistinct]
     return [
-        options[one.options[-1]].family
-        for one in rivals
+        candidates[one.numbers[-1]].candidate
+        for one in swaps
         if one not in known
         and any(
-            member.gain - one.gain <= needed
-            and likeness(search, one.options[-1], member.options[-1]) > alike
-            for member in known
+            own.gain - one.gain <= needed
+            and likeness(search, one.numbers[-1], own.numbers[-1]) > alike
+            for own in known
         )
     ]
 
@@ -121,29 +128,25 @@ def mends(
     """Whether one of several laws that resist the motion gains too little beside another of these
     on its joint to be more than what that one's form leaves.
     """
-    options = search.projection.options
+    candidates = search.projection.candidates
     resisting: dict[str, list[float]] = {}
     for number, gain in zip(numbers, gains, strict=True):
-        joint = options[number].family.joint
-        if joint is not None and reverses(search, options[number]):
+        joint = candidates[number].candidate.joint
+        if joint is not None and reverses(search, candidates[number]):
             resisting.setdefault(joint, []).append(gain)
     return any(min(one) < thresholds.method.form_share * max(one) for one in resisting.values())
 
 
-def reverses(search: Search, option: Option) -> bool:
-    """Whether the force of an option changes its sign with the velocity, and nothing else."""
+def reverses(search: Search, shaped: ShapedCandidate) -> bool:
+    """Whether the force of a candidate changes its sign with the velocity, and nothing else."""
     setting = search.evidence.model.setting
     for run in search.evidence.runs:
         record = replace(run.record, direction_known=None)
-        there = option.term.columns(record, setting)
-        back = option.term.columns(replace(record, velocity=-record.velocity), setting)
+        there = shaped.term.columns(record, setting)
+        back = shaped.term.columns(replace(record, velocity=-record.velocity), setting)
         if there.any():
             return bool(np.allclose(back, -there))
     return False
-
-
-DETECTABLE_SHARE = 0.9
-"""Share of the effects that would show at the strength that is called detectable."""
 
 
 def acting(evidence: Evidence, columns: np.ndarray, values: np.ndarray) -> float:
@@ -154,7 +157,7 @@ def acting(evidence: Evidence, columns: np.ndarray, values: np.ndarray) -> float
 
 
 def strength(search: Search, number: int, score: float) -> float:
-    """Root mean square of what an option of this score explains, over that of its joint's force.
+    """Root mean square of what a candidate of this score explains, over that of its joint's force.
 
     That is the part of the effect that shows beside the model.
     """
@@ -170,14 +173,14 @@ def strength(search: Search, number: int, score: float) -> float:
 
 
 def detectable(search: Search, threshold: float) -> float:
-    """Strength at which nearly all of the testable families would reach the threshold.
+    """Strength at which nearly all of the testable candidates would reach the threshold.
 
     Infinite where none is testable.
     """
-    strengths: dict[Family, float] = {}
-    options = search.projection.options
+    strengths: dict[Candidate, float] = {}
+    candidates = search.projection.candidates
     for number, share in enumerate(search.projection.visibility):
-        family = options[number].family
+        candidate = candidates[number].candidate
         least = strength(search, number, threshold) / max(float(share), 1e-9)
-        strengths[family] = min(strengths.get(family, np.inf), least)
+        strengths[candidate] = min(strengths.get(candidate, np.inf), least)
     return float(np.quantile(list(strengths.values()), DETECTABLE_SHARE)) if strengths else np.inf
