@@ -68,6 +68,7 @@ def proved(
     fewest = thresholds.method.pulsation_recordings
     lines = clearest_lines(trial.model, (*fit.evidence.runs, *fit.held_out.runs), fewest)
     progress("what is left", 1.0)
+    progress("gap", 1.0)
     return Proof(before, trial, gap, tuple(short), lines)
 
 
