@@ -51,7 +51,7 @@ def found(race: Race) -> tuple[tuple[Load, ...], np.ndarray, float]:
     """The loads that are found, their masses, and their gain."""
     subset = race.best(1)
     assert subset is not None
-    (number,) = subset.options
+    (number,) = subset.numbers
     projection = race.search.projection
     term = projection.candidates[number].term
     assert isinstance(term, Payload) and term.loads is not None
