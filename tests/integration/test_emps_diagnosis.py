@@ -56,9 +56,9 @@ def test_friction_that_depends_on_the_direction_is_named_first(
     found = diagnose(model, train, validate, Options(), load_thresholds())
     assert found.verdict is verdict
     first = found.findings[0]
-    assert first.family.type == "viscous_asymmetry" and not first.accepted.members
-    assert first.accepted.margin > first.accepted.needed
-    assert (first.accepted.held_out > 0.0).all()
+    assert first.candidate.type == "viscous_asymmetry" and not first.judged.indistinct
+    assert first.judged.margin > first.judged.needed
+    assert (first.judged.held_out > 0.0).all()
     assert first.parameters[0].value == pytest.approx(-38.0, abs=5.0)
     assert found.gap.after[0] < 0.5 * found.gap.before[0]
     more = verdict is Verdict.AND_MORE

@@ -1,6 +1,11 @@
-"""The effects that a model may lack: every candidate term, on every joint, at every shape."""
+"""The effects that a model may lack: every candidate term, on every joint, at every shape.
 
-from collections.abc import Iterator, Mapping
+Friction that shows around reversals alone, where the sign of a velocity is unknown and no row is
+used, is not asked for. Breakaway is over once a joint has slid some tenths of a millimetre. If it
+has not been moving by then for as long as the estimate of its velocity needs, no row has seen it.
+"""
+
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from itertools import product
 from typing import Any
@@ -18,11 +23,14 @@ WHOLE = "all"  # in place of a joint
 Given = tuple[tuple[str, tuple[float, ...]], ...]
 
 ROUNDS = 6  # in which what a term takes from the model settles
-LARGEST_GRID = 16  # shapes of a family; between them, the best is refined
+LARGEST_GRID = 16  # shapes of a candidate; between them, the best is refined
+SEEN_SHARE = 0.1
+"""Share of the norm of a column within the used rows, below which it is not sought there: ten times
+as much friction would have to be where none is seen."""
 
 
 @dataclass(frozen=True)
-class Family:
+class Candidate:
     """An effect on one joint, or on the whole machine (`joint` is None), at any shape.
 
     `given`: fields that the model gives; `parts`: which recordings may differ from the others, for
@@ -86,20 +94,20 @@ class Family:
 
 
 @dataclass(frozen=True)
-class Option:
-    """A family at one shape: its term, its columns (n, j, k) on the evidence, and their signs.
+class ShapedCandidate:
+    """A candidate at one shape: its term, its columns (n, j, k) on the evidence, and their signs.
 
     `positive` (k,): where the parameter must not be negative.
     """
 
-    family: Family
+    candidate: Candidate
     shape: dict[str, Any]
     term: Term
     columns: np.ndarray
     positive: np.ndarray
 
 
-def families(model: Model, evidence: Evidence) -> list[Family]:
+def candidates_of(model: Model, evidence: Evidence) -> list[Candidate]:
     """Every candidate on every joint of the fitted model, without those that the model has."""
     present = {(term.type, term.only_joint) for term in model.terms}
     out = []
@@ -109,10 +117,10 @@ def families(model: Model, evidence: Evidence) -> list[Family]:
             continue
         parts = heavier(evidence, cls) if of_loads else ()
         out += [
-            Family(cls, joint, _given(model, evidence, cls, joint), parts)
+            Candidate(cls, joint, _given(model, evidence, cls, joint), parts)
             for joint in joints_of(cls, model.setting) or (None,)
         ]
-    return [family for family in out if (family.type, family.joint) not in present]
+    return [candidate for candidate in out if (candidate.type, candidate.joint) not in present]
 
 
 def _given(model: Model, evidence: Evidence, cls: type[Term], joint: str | None) -> Given:
@@ -132,32 +140,85 @@ def _given(model: Model, evidence: Evidence, cls: type[Term], joint: str | None)
     for _ in range(rounds if places else 0):
         given = tuple((field, tuple(values[at].tolist())) for field, at in places.items())
         try:
-            values = evidence.roughly(evidence.columns(Family(cls, joint, given).at({})))
+            values = evidence.roughly(evidence.columns(Candidate(cls, joint, given).at({})))
         except CraneError:
-            break  # not observable, which `options` says
+            break  # not observable, which `observed` says
     return given
 
 
-def option(evidence: Evidence, family: Family, shape: Mapping[str, Any]) -> Option:
-    """`family` at `shape` on the evidence; `CraneError` where that cannot be observed."""
-    term = family.at(shape)
+def at_shape(evidence: Evidence, candidate: Candidate, shape: Mapping[str, Any]) -> ShapedCandidate:
+    """`candidate` at `shape` on the evidence; `CraneError` where that cannot be observed."""
+    term = candidate.at(shape)
     signs = [
-        p.minimum == 0.0 and not family.changes for p in term.parameters(evidence.model.setting)
+        p.minimum == 0.0 and not candidate.changes for p in term.parameters(evidence.model.setting)
     ]
-    return Option(family, dict(shape), term, evidence.columns(term), np.array(signs))
+    return ShapedCandidate(candidate, dict(shape), term, evidence.columns(term), np.array(signs))
 
 
-def options(
-    evidence: Evidence, wanted: list[Family], progress: Progress = silent
-) -> tuple[list[Option], dict[Family, str]]:
-    """The options of all families, and why families are not observable in these recordings."""
-    found: list[Option] = []
-    absent: dict[Family, str] = {}
-    for number, family in enumerate(wanted):
+def observed(
+    evidence: Evidence, wanted: list[Candidate], progress: Progress = silent
+) -> tuple[list[ShapedCandidate], dict[Candidate, str]]:
+    """The candidates at their shapes, and why some are not observable in these recordings."""
+    found: list[ShapedCandidate] = []
+    absent: dict[Candidate, str] = {}
+    for number, candidate in enumerate(wanted):
         try:
-            found += [option(evidence, family, shape) for shape in family.grid()]
+            found += [at_shape(evidence, candidate, shape) for shape in candidate.grid()]
         except CraneError as error:
-            found = [one for one in found if one.family != family]
-            absent[family] = str(error)
+            found = [one for one in found if one.candidate != candidate]
+            absent[candidate] = str(error)
         progress("candidates", (number + 1) / len(wanted))
     return found, absent
+
+
+def left_out(
+    evidence: Evidence, tried: Sequence[ShapedCandidate]
+) -> tuple[np.ndarray, dict[Candidate, str], dict[Candidate, str]]:
+    """Which of the `tried` (tried,) lie in rows that are left out; candidates of which all do,
+    and of which some do, with the reason.
+    """
+    share = np.array([seen(evidence, one.term) if one.term.is_friction() else 1.0 for one in tried])
+    hidden = share < SEEN_SHARE
+    whole: dict[Candidate, str] = {}
+    part: dict[Candidate, str] = {}
+    for candidate in dict.fromkeys(
+        one.candidate for one, out in zip(tried, hidden, strict=True) if out
+    ):
+        own = np.array([one.candidate == candidate for one in tried])
+        lost = own & hidden
+        reason = (
+            "its peak lies in the rows that are left out around reversals; those that are used see "
+            f"{share[lost].max():.1%} of it, {SEEN_SHARE:.0%} needed"
+        )
+        if lost.sum() == own.sum():
+            whole[candidate] = reason
+        else:
+            shapes = [one.shape for one, out in zip(tried, lost, strict=True) if out]
+            coordinate = evidence.model.setting.units.get(candidate.where, "rad")
+            part[candidate] = f"{_where(candidate, shapes, coordinate)}, {reason}"
+    return hidden, whole, part
+
+
+def seen(evidence: Evidence, term: Term) -> float:
+    """Share of the norm of the columns of a term, wherever it acts, that is in used samples."""
+    inside = total = 0.0
+    for run in evidence.runs:
+        energy = (term.columns(run.record, evidence.model.setting) ** 2).sum(axis=2)
+        used = (run.gate.reshape(len(energy), -1, energy.shape[1]) > 0.0).any(axis=1)
+        inside, total = inside + float((energy * used).sum()), total + float(energy.sum())
+    return float(np.sqrt(inside / total)) if total > 0.0 else 1.0
+
+
+def _where(candidate: Candidate, hidden: Sequence[dict[str, float]], coordinate: str) -> str:
+    """The shapes that are hidden, by the parameters whose other values are sought."""
+    parts = []
+    for name, shape in candidate.term.shapes.items():
+        every, some = (
+            sorted({one[name] for one in shapes}) for shapes in (candidate.grid(), hidden)
+        )
+        unit = shape.unit_on(coordinate)
+        if some[-1] < every[-1]:
+            parts.append(f"{name} below {next(x for x in every if x > some[-1]):.2g} {unit}")
+        elif some[0] > every[0]:
+            parts.append(f"{name} above {max(x for x in every if x < some[0]):.2g} {unit}")
+    return f"with {' and '.join(parts)}" if parts else "with some shapes"

@@ -13,7 +13,7 @@ from typing import Any
 import numpy as np
 from scipy.optimize import lsq_linear
 
-from crane_identification.diagnosis.candidates import Family, Option
+from crane_identification.diagnosis.candidates import Candidate, ShapedCandidate
 from crane_identification.diagnosis.evidence import Evidence, gather
 from crane_identification.diagnosis.projection import whitened_base
 from crane_identification.diagnosis.refit import UndeterminedError
@@ -31,7 +31,7 @@ SINGULAR_RATIO = 1e-9
 
 
 @dataclass(frozen=True)
-class Change(Family):
+class Change(Candidate):
     """A change of the parameters of a term that the model has, at the shape that it has."""
 
     own: Term = field(kw_only=True)
@@ -76,12 +76,14 @@ def kept(model: Model, training: Sequence[Preparation], factor: int) -> Evidence
     return replace(gather(model, training, factor), std_devs=model.std_devs)
 
 
-def families(model: Model) -> list[Family]:
+def changes_of(model: Model) -> list[Candidate]:
     """A change of each term of the model, and a load in all recordings."""
-    changed: list[Family] = [Change(type(term), term.only_joint, own=term) for term in model.terms]
+    changed: list[Candidate] = [
+        Change(type(term), term.only_joint, own=term) for term in model.terms
+    ]
     held = {type(term) for term in model.terms}
     load = Payload in candidates(model.setting) and Payload not in held
-    return [*changed, Family(Payload, None)] if load else changed
+    return [*changed, Candidate(Payload, None)] if load else changed
 
 
 def within(search: Search, model: Model) -> Model:
@@ -108,8 +110,8 @@ def within(search: Search, model: Model) -> Model:
     return replace(model, values=model.theta + model.std_devs * sigmas)
 
 
-def estimated(search: Search, before: Model, options: Sequence[Option]) -> Model:
-    """The model with the parameters of the options, and with its other values as they were.
+def estimated(search: Search, before: Model, candidates: Sequence[ShapedCandidate]) -> Model:
+    """The model with the parameters of the candidates, and with its other values as they were.
 
     A changed value is that of these recordings alone: its standard deviation holds what the values
     that did not change leave uncertain, but not its own from before. `UndeterminedError` where the
@@ -117,16 +119,16 @@ def estimated(search: Search, before: Model, options: Sequence[Option]) -> Model
     """
     evidence, white = search.evidence, search.whitener
     model = before
-    for one in options:
-        model = model if one.family.changes else model.with_term(one.term)
-    parts = [np.arange(len(model.parameters))[model.part(one.term)] for one in options]
+    for one in candidates:
+        model = model if one.candidate.changes else model.with_term(one.term)
+    parts = [np.arange(len(model.parameters))[model.part(one.term)] for one in candidates]
     where, p = np.concatenate(parts), len(before.parameters)
     values, std_devs = np.zeros((2, len(model.parameters)))
     values[:p], std_devs[:p] = before.theta, evidence.std_devs
     std_devs[where] = 0.0
     names = tuple(model.parameters[i].name for i in where)
     base = whitened_base(replace(evidence, std_devs=std_devs[:p]), white)
-    columns = white(np.concatenate([one.columns for one in options], axis=2))
+    columns = white(np.concatenate([one.columns for one in candidates], axis=2))
     columns, force = (rows - base @ (base.T @ rows) for rows in (columns, white(evidence.left)))
     scaled, norms = normed(columns)
     _, size, directions = np.linalg.svd(scaled, full_matrices=False)

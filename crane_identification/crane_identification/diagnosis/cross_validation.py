@@ -3,6 +3,7 @@
 import numpy as np
 
 from crane_identification.diagnosis.evidence import Evidence
+from crane_identification.diagnosis.thresholds import Thresholds
 from crane_identification.diagnosis.whitening import Whitener, leading
 
 FEWEST_BAGS = 4  # with fewer, blocks of time take their place
@@ -76,3 +77,17 @@ def _left(inside: np.ndarray, outside: np.ndarray, count: int) -> float:
 def _beside(known: np.ndarray, values: np.ndarray) -> np.ndarray:
     """Values (N, k) without what the orthonormal columns `known` (N, d) explain."""
     return values - known @ (known.T @ values)
+
+
+def helps(gains: np.ndarray, thresholds: Thresholds) -> bool:
+    """Whether an effect improves the prediction of recordings that it was not fitted to.
+
+    In all folds (NaN: not asked) but a few; of four and more, one may differ in something else.
+    Folds are counted: how much one of them gains or loses decides nothing.
+    """
+    asked, method = gains[np.isfinite(gains)], thresholds.method
+    failed = int((asked <= 0.0).sum())
+    allowed = max(
+        (1.0 - method.folds_share) * len(asked), float(len(asked) >= method.folds_to_fail)
+    )
+    return 2 * len(asked) > len(gains) and failed <= allowed

@@ -7,68 +7,16 @@ show and the velocity estimate is at its worst. Their rows have noise of their o
 
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
-from enum import Enum
 from functools import cached_property
 
 import numpy as np
 
-from crane_identification.diagnosis.filtering import thinned
+from crane_identification.diagnosis.runs import Run, Zone, thinned
 from crane_identification.diagnosis.scaling import normed
-from crane_identification.estimation.regression import OPEN
 from crane_identification.preparation.run import Preparation
-from crane_identification.signals.decimate import decimation_rows
 from crane_model.errors import DataError
 from crane_model.model_file import Model
-from crane_model.record import Record
 from crane_model.terms import Term, joints_of, nuisances, typical
-
-OPEN_TURNING = 0.15
-"""As `OPEN` close to reversals, which are shorter than what the filter sees."""
-
-
-class Zone(Enum):
-    """Which samples of a joint are asked."""
-
-    MOVING = "while it moves"
-    TURNING = "close to reversals"
-
-    def gate(self, preparation: Preparation) -> np.ndarray:
-        """(samples, j): 1.0 within the zone."""
-        if self is Zone.MOVING:
-            return preparation.moving.astype(float)
-        return (preparation.signed & ~preparation.moving).astype(float)
-
-    @property
-    def open(self) -> float:
-        """Share of what the filter sees that must be within the zone, for a row to be used."""
-        return OPEN if self is Zone.MOVING else OPEN_TURNING
-
-
-@dataclass(frozen=True)
-class Run:
-    """One gapless run: its record, which samples its channels see, and how many make a row."""
-
-    source: str
-    number: int
-    record: Record
-    gate: np.ndarray  # (samples, channels)
-    factor: int
-
-    @property
-    def kept(self) -> np.ndarray:
-        """Samples that become rows."""
-        return decimation_rows(len(self.record), self.factor)
-
-    def filtered(self, columns: np.ndarray) -> np.ndarray:
-        """(samples, j, k) to gated rows (n, channels, k); columns of zeros cost nothing."""
-        zones = self.gate.shape[1] // columns.shape[1]
-        out = np.zeros((len(self.kept), self.gate.shape[1], columns.shape[2]))
-        there = columns.any(axis=0)
-        for zone in range(zones):
-            part = slice(zone * columns.shape[1], (zone + 1) * columns.shape[1])
-            gate = self.gate[:, part][:, np.nonzero(there)[0]]
-            out[:, part][:, there] = thinned(columns[:, there] * gate, self.factor)
-        return out
 
 
 @dataclass(frozen=True)

@@ -9,11 +9,17 @@ from typing import Any
 import numpy as np
 
 from crane_identification.diagnosis.diagnosis import Diagnosis
-from crane_identification.diagnosis.extension import Finding, Value, carried_in
 from crane_identification.diagnosis.flow_and_load_findings import balance, of_flow, of_load
 from crane_identification.diagnosis.gap import Gap
-from crane_identification.diagnosis.region import Region
-from crane_identification.diagnosis.strength import acting
+from crane_identification.diagnosis.likeness import acting
+from crane_identification.diagnosis.pulsation import pulsations
+from crane_identification.diagnosis.region import (
+    Region,
+    correlation_left,
+    energy_shares,
+    regions,
+)
+from crane_identification.diagnosis.trial import Finding, Value, carried_in
 from crane_identification.diagnosis.variables import feature_unit
 from crane_identification.notation import is_determined
 from crane_identification.validation.motion_validation import MotionValidation
@@ -30,28 +36,29 @@ def write(path: Path | str, diagnosis: Diagnosis, suspicions: Sequence[str] = ()
 
 def content(diagnosis: Diagnosis) -> dict[str, Any]:
     """All of it as plain mappings; numbers that are not known are null."""
-    gap = diagnosis.gap
+    fit, proof, gap = diagnosis.fit, diagnosis.proof, diagnosis.gap
+    thresholds = diagnosis.thresholds
     return _plain(
         {
             "verdict": diagnosis.verdict.value,
             "reason": diagnosis.reason,
-            "values_kept": diagnosis.fixed,
+            "values_kept": fit.fixed,
             "where": _where(diagnosis),
             "findings": [_finding(diagnosis, one) for one in diagnosis.findings]
             + [
                 of_flow(diagnosis, flow.joint, one)
-                for flow in diagnosis.flows
+                for flow in diagnosis.flow.found
                 for one in flow.missing
             ]
-            + [of_load(diagnosis, one) for one in diagnosis.gap.loads if one.found],
+            + [of_load(diagnosis, one) for one in gap.loads if one.found],
             "nearest": _nearest(diagnosis),
             "gap": {
-                "before": _side(diagnosis, diagnosis.gap.before, diagnosis.gap.motion_before),
-                "after": _side(diagnosis, diagnosis.gap.after, diagnosis.gap.motion_after),
-                "closed": dict(zip(diagnosis.joints, diagnosis.gap.closed, strict=True)),
+                "before": _side(gap, gap.before, gap.motion_before),
+                "after": _side(gap, gap.after, gap.motion_after),
+                "closed": dict(zip(diagnosis.joints, gap.closed, strict=True)),
                 "loads": [
                     {"recording": one.recording, "value": one.mass, "std_dev": one.std_dev}
-                    for one in diagnosis.gap.loads
+                    for one in gap.loads
                 ],
             },
             "left": {
@@ -60,47 +67,48 @@ def content(diagnosis: Diagnosis) -> dict[str, Any]:
                     "correlation": correlation,
                     "learnable_share": share,
                     "law": law,
-                    "beyond_noise": times > diagnosis.thresholds.gates.floor_factor,
+                    "beyond_noise": times > thresholds.gates.floor_factor,
                     "region": _region(diagnosis, region),
                 }
                 for joint, correlation, share, law, times, region in zip(
                     diagnosis.joints,
-                    diagnosis.correlation_left,
-                    diagnosis.learnt_after.share,
-                    diagnosis.learnt_after.follows_law(diagnosis.thresholds),
+                    correlation_left(fit.evidence, proof.trial),
+                    proof.trial.learnt.share,
+                    proof.trial.learnt.follows_law(thresholds),
                     gap.over_floor(np.maximum(gap.after, gap.training_after)),
-                    diagnosis.regions_left,
+                    regions(fit, proof.trial),
                     strict=True,
                 )
             },
-            "undetermined": diagnosis.undetermined,
+            "undetermined": fit.undetermined,
             "clock": {
-                "through_session": diagnosis.session.fallback is None,
-                "reason": diagnosis.session.fallback,
+                "through_session": fit.session.fallback is None,
+                "reason": fit.session.fallback,
             },
-            "needs_units": diagnosis.uncalibrated,
+            "needs_units": fit.uncalibrated,
             "warnings": diagnosis.warnings,
             "without": sorted(diagnosis.without),
             "not_testable": _reasons(diagnosis.search.untestable),
             "not_observable": _reasons(diagnosis.search.unobservable)
             + [
                 {"effect": effect, "joint": joint, "reason": reason}
-                for (effect, joint), reason in diagnosis.flow_unobservable.items()
+                for (effect, joint), reason in diagnosis.flow.unobservable.items()
             ],
-            "pulsations": [vars(one) for one in diagnosis.pulsations],
-            "flow": {flow.joint: balance(flow) for flow in diagnosis.flows},
+            "pulsations": [vars(one) for one in pulsations(proof.lines, thresholds)],
+            "flow": {flow.joint: balance(flow) for flow in diagnosis.flow.found},
             "detectable_strength": diagnosis.detectable,
         }
     )
 
 
 def _where(diagnosis: Diagnosis) -> dict[str, Any]:
-    motion = diagnosis.gap.motion_before
+    motion, first = diagnosis.gap.motion_before, diagnosis.proof.before
+    shares, places = energy_shares(diagnosis.training, first), regions(diagnosis.fit, first)
     return {
         joint: {
-            "energy_share": diagnosis.energy[j],
+            "energy_share": shares[j],
             "motion_error": motion.position_rms[j],
-            "region": _region(diagnosis, diagnosis.regions[j]),
+            "region": _region(diagnosis, places[j]),
         }
         for j, joint in enumerate(diagnosis.joints)
     }
@@ -109,7 +117,7 @@ def _where(diagnosis: Diagnosis) -> dict[str, Any]:
 def _region(diagnosis: Diagnosis, region: Region | None) -> dict[str, Any] | None:
     if region is None:
         return None
-    setting, counts = diagnosis.before.setting, bool(diagnosis.uncalibrated)
+    setting, counts = diagnosis.before.setting, bool(diagnosis.fit.uncalibrated)
     return {
         "variable": region.variable,
         "range": [region.low, region.high],
@@ -119,32 +127,32 @@ def _region(diagnosis: Diagnosis, region: Region | None) -> dict[str, Any] | Non
 
 
 def _finding(diagnosis: Diagnosis, finding: Finding) -> dict[str, Any]:
-    accepted, family = finding.accepted, finding.family
-    runner = accepted.runner_up
+    judged, candidate = finding.judged, finding.candidate
+    runner = judged.runner_up
     return {
-        "effect": family.type,
-        "name": family.effect.name,
-        "joint": family.where,
-        "changed": family.changes,
+        "effect": candidate.type,
+        "name": candidate.effect.name,
+        "joint": candidate.where,
+        "changed": candidate.changes,
         "class_members": [
             {"effect": one.type, "name": one.effect.name, "joint": one.where}
-            for one in accepted.members
+            for one in judged.indistinct
         ],
         "parameters": [_parameter(value) for value in finding.parameters],
         "carried_in": carried_in(finding, diagnosis.training.sources),
-        "score": accepted.score,
-        "threshold": accepted.threshold,
+        "score": judged.score,
+        "threshold": judged.threshold,
         "false_alarm_rate": diagnosis.thresholds.method.false_alarm_rate,
         "runner_up": None
         if runner is None
         else {"effect": runner.type, "name": runner.effect.name, "joint": runner.where},
-        "margin": accepted.margin,
-        "margin_needed": accepted.needed,
-        "visibility": accepted.visibility,
+        "margin": judged.margin,
+        "margin_needed": judged.needed,
+        "visibility": judged.visibility,
         "strength": _strength(diagnosis, finding),
-        "visible_strength": accepted.strength,
-        "held_out_gains": dict(zip(accepted.fold_names, accepted.held_out, strict=True)),
-        "settled_by": family.effect.settled_by,
+        "visible_strength": judged.strength,
+        "held_out_gains": dict(zip(judged.fold_names, judged.held_out, strict=True)),
+        "settled_by": candidate.effect.settled_by,
     }
 
 
@@ -164,20 +172,20 @@ def _parameter(one: Value) -> dict[str, Any]:
 
 
 def _strength(diagnosis: Diagnosis, finding: Finding) -> float:
-    return acting(diagnosis.training, finding.accepted.option.columns, finding.added)
+    return acting(diagnosis.training, finding.judged.shaped.columns, finding.added)
 
 
 def _nearest(diagnosis: Diagnosis) -> dict[str, Any] | None:
     """What comes closest where nothing is named, and why that does not do."""
-    near = diagnosis.nearest
+    near = diagnosis.answer.nearest
     if near is None:
         return None
     return {
         "effects": [
             {
-                "effect": one.option.family.type,
-                "name": one.option.family.effect.name,
-                "joint": one.option.family.where,
+                "effect": one.shaped.candidate.type,
+                "name": one.shaped.candidate.effect.name,
+                "joint": one.shaped.candidate.where,
                 "score": one.score,
                 "threshold": one.threshold,
             }
@@ -192,8 +200,7 @@ def _nearest(diagnosis: Diagnosis) -> dict[str, Any] | None:
     }
 
 
-def _side(diagnosis: Diagnosis, error: np.ndarray, motion: MotionValidation) -> dict[str, Any]:
-    gap: Gap = diagnosis.gap
+def _side(gap: Gap, error: np.ndarray, motion: MotionValidation) -> dict[str, Any]:
     return {
         joint: {
             "force_relative_error": error[j],
@@ -207,10 +214,10 @@ def _side(diagnosis: Diagnosis, error: np.ndarray, motion: MotionValidation) -> 
     }
 
 
-def _reasons(families: dict[Any, str]) -> list[dict[str, str]]:
+def _reasons(candidates: dict[Any, str]) -> list[dict[str, str]]:
     return [
-        {"effect": family.type, "joint": family.where, "reason": reason}
-        for family, reason in families.items()
+        {"effect": candidate.type, "joint": candidate.where, "reason": reason}
+        for candidate, reason in candidates.items()
     ]
 
 

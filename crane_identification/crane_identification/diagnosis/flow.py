@@ -10,18 +10,18 @@ from collections.abc import Callable, Collection, Sequence
 import numpy as np
 
 from crane_identification.diagnosis.evidence import Evidence
-from crane_identification.diagnosis.flow_fit import (
+from crane_identification.diagnosis.flow_balance import (
     COLUMNS,
     LEAK,
     PLAY,
     SOFT,
     ZONES,
+    FlowRows,
     power,
     searched,
     solved,
 )
-from crane_identification.diagnosis.flow_rows import FlowRows
-from crane_identification.diagnosis.hydraulics import Flow, Gain, Quantity, Usual
+from crane_identification.diagnosis.hydraulics import Flow, Flows, Gain, Quantity, Usual
 from crane_identification.diagnosis.thresholds import Thresholds
 from crane_model.errors import DataError
 from crane_model.flow import FLOW_EFFECTS
@@ -34,7 +34,7 @@ def examine(
     usual: Usual,
     thresholds: Thresholds,
     distrusted: Collection[str] = (),
-) -> tuple[list[Flow], dict[tuple[str, str], str]]:
+) -> Flows:
     """Each joint whose flow was recorded, and why effects are not observable on the others.
 
     An effect is missing where its value lies beyond what is usual, and where the usual value
@@ -55,7 +55,7 @@ def examine(
             found.append(_Examination(here, there, usual, thresholds).flow())
         except DataError as error:
             absent |= {(effect, joint): str(error) for effect in sorted(FLOW_EFFECTS)}
-    return found, absent
+    return Flows(tuple(found), absent)
 
 
 Tied = Callable[[FlowRows, np.ndarray], tuple[np.ndarray, np.ndarray | float]]

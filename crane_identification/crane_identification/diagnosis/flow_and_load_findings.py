@@ -5,7 +5,7 @@ They are found beside the effects of the force, with which they do not compete.
 
 from typing import Any
 
-from crane_identification.diagnosis.candidates import WHOLE, Family
+from crane_identification.diagnosis.candidates import WHOLE, Candidate
 from crane_identification.diagnosis.diagnosis import Diagnosis
 from crane_identification.diagnosis.hydraulics import Flow, Quantity
 from crane_identification.diagnosis.loads import LOADS, MASS_SIGMAS, NO_LOAD
@@ -19,7 +19,7 @@ def of_load(diagnosis: Diagnosis, one: Weighed) -> dict[str, Any]:
     name = "m_payload"
     return _by_itself(
         diagnosis,
-        Family(cls, None),
+        Candidate(cls, None),
         WHOLE,
         _value(name, one.mass, one.std_dev, "kg", is_determined(one.mass, one.std_dev)),
         (one.mass / one.std_dev) ** 2,
@@ -37,7 +37,7 @@ def of_flow(diagnosis: Diagnosis, joint: str, one: Quantity) -> dict[str, Any]:
 
 def _by_itself(
     diagnosis: Diagnosis,
-    what: Family | Quantity,
+    what: Candidate | Quantity,
     joint: str,
     value: dict[str, Any],
     score: float,

@@ -112,3 +112,13 @@ class Flow:
         found = sorted((q for q in self.quantities if q.missing), key=lambda q: -q.score)
         least = self.method.flow_further_share
         return tuple(q for q in found if q.share**2 >= least * found[0].share ** 2)
+
+
+@dataclass(frozen=True)
+class Flows:
+    """The hydraulics `found` of each joint whose flow was recorded, and of effects and the other
+    joints why they are `unobservable`.
+    """
+
+    found: tuple[Flow, ...]
+    unobservable: dict[tuple[str, str], str]

@@ -9,12 +9,12 @@ from dataclasses import replace
 
 import numpy as np
 
-from crane_identification.diagnosis.candidates import Option
+from crane_identification.diagnosis.candidates import ShapedCandidate
 from crane_identification.diagnosis.changes import estimated
-from crane_identification.diagnosis.decision import Judged
+from crane_identification.diagnosis.decision import Decision, Judged
 from crane_identification.diagnosis.scaling import normed
-from crane_identification.diagnosis.search import Search
-from crane_identification.diagnosis.selection import Choice, solve
+from crane_identification.diagnosis.search import Race, Search
+from crane_identification.diagnosis.selection import Subset, solve
 from crane_identification.validation.motion_validation import validate_motion
 from crane_model.model_file import Model
 from crane_model.record import Record
@@ -25,74 +25,74 @@ SHAPE_FACTORS = (0.4, 0.63, 0.8, 1.25, 1.6, 2.5)  # between shapes that are trie
 SIMULATED_RUNS = 2  # runs, the longest
 
 
-def suited(search: Search, before: Model, accepted: Sequence[Judged]) -> list[Judged]:
-    """The accepted effects, each with the shape of those nearly alike that moves most truly."""
-    longest = sorted(search.evidence.runs, key=lambda run: (-len(run.record), run.source))
+def suited(race: Race, before: Model, decision: Decision) -> Decision:
+    """Each finding with the shape of those nearly alike that moves most truly."""
+    longest = sorted(race.search.evidence.runs, key=lambda run: (-len(run.record), run.source))
     records = [run.record for run in longest[:SIMULATED_RUNS]]
-    chosen = list(accepted)
+    chosen = list(decision.passed)
     for place, one in enumerate(chosen):
-        if not one.option.family.shapes:
+        if not one.shaped.candidate.shapes:
             continue
-        tried = _nearly_alike(search, [each.option for each in chosen], place, one.score)
+        tried = _nearly_alike(race, [each.shaped for each in chosen], place, one.score)
         if len(tried) < 2:
             continue
-        errors = [_error(before, search, choice, one, records) for choice in tried]
+        errors = [_error(before, race.search, subset, one, records) for subset in tried]
         best = int(np.argmin(errors))
         if errors[best] < ERROR_RATIO * errors[0]:
-            option = search.projection.options[tried[best].options[place]]
-            chosen[place] = replace(one, option=option)
-    return chosen
+            shaped = race.search.projection.candidates[tried[best].numbers[place]]
+            chosen[place] = replace(one, shaped=shaped)
+    return replace(decision, passed=tuple(chosen))
 
 
 def _nearly_alike(
-    search: Search, chosen: Sequence[Option], place: int, score: float
-) -> list[Choice]:
+    race: Race, chosen: Sequence[ShapedCandidate], place: int, score: float
+) -> list[Subset]:
     """The set as it is, then with other shapes of one effect, by their gain."""
-    numbers = [search.number(option) for option in chosen]
-    own = solve(search.projection, tuple(numbers))
+    numbers = [race.search.number(shaped) for shaped in chosen]
+    own = solve(race.search.projection, tuple(numbers))
     if own is None:
         return []
     others = []
     for shape in _around(chosen[place]):
-        number = search.added(chosen[place].family, shape)
-        other = solve(search.projection, (*numbers[:place], number, *numbers[place + 1 :]))
+        number = race.added(chosen[place].candidate, shape)
+        other = solve(race.search.projection, (*numbers[:place], number, *numbers[place + 1 :]))
         if other is not None and own.gain - other.gain < SCORE_SHARE * score:
             others.append(other)
     return [own, *others]
 
 
-def _around(option: Option) -> list[dict[str, float]]:
-    """Shapes to either side of that of the option, within the range of each parameter."""
-    shapes = option.family.shapes
+def _around(shaped: ShapedCandidate) -> list[dict[str, float]]:
+    """Shapes to either side of that of the candidate, within the range of each parameter."""
+    shapes = shaped.candidate.shapes
     return [
-        {**option.shape, name: value}
+        {**shaped.shape, name: value}
         for name, shape in shapes.items()
-        for value in (option.shape[name] * factor for factor in SHAPE_FACTORS)
+        for value in (shaped.shape[name] * factor for factor in SHAPE_FACTORS)
         if shape.lowest <= value <= shape.highest
     ]
 
 
 def _error(
-    before: Model, search: Search, choice: Choice, one: Judged, records: Sequence[Record]
+    before: Model, search: Search, subset: Subset, one: Judged, records: Sequence[Record]
 ) -> float:
     """Error of the simulated motion over the displacement, of the joint that is worst off."""
-    options = [search.projection.options[i] for i in choice.options]
-    model = (estimated if search.evidence.keeps else _quickly)(search, before, options)
+    candidates = [search.projection.candidates[i] for i in subset.numbers]
+    model = (estimated if search.evidence.keeps else _quickly)(search, before, candidates)
     found = validate_motion(model, records)
     if found.reason:
         return np.inf
-    joint = one.option.family.joint
+    joint = one.shaped.candidate.joint
     relative = np.nan_to_num(found.relative)
     return float(relative.max() if joint is None else relative[before.joints.index(joint)])
 
 
-def _quickly(search: Search, before: Model, options: Sequence[Option]) -> Model:
-    """The model with the options and values, by least squares."""
+def _quickly(search: Search, before: Model, candidates: Sequence[ShapedCandidate]) -> Model:
+    """The model with the candidates and values, by least squares."""
     evidence, white = search.evidence, search.whitener
-    added, known = [option.columns for option in options], len(before.parameters)
+    added, known = [shaped.columns for shaped in candidates], len(before.parameters)
     model = before
-    for option in options:
-        model = model.with_term(option.term)
+    for shaped in candidates:
+        model = model.with_term(shaped.term)
     columns = np.concatenate([white(values) for values in (*added, evidence.base)], axis=1)
     scaled, norms = normed(columns)
     values = np.linalg.lstsq(scaled, white(evidence.force), rcond=1e-10)[0] / norms

@@ -10,7 +10,7 @@ from typing import Self
 
 import numpy as np
 
-from crane_identification.diagnosis.candidates import Family, Option
+from crane_identification.diagnosis.candidates import Candidate, ShapedCandidate
 from crane_identification.diagnosis.evidence import Evidence
 from crane_identification.diagnosis.whitening import FORCE_CORRELATION, Whitener, leading
 
@@ -24,18 +24,20 @@ VISIBLE_SHARE = 0.02
 in the zone that shows it: friction with memory is Coulomb's but for the reversals.
 """
 ROUNDING_SHARE = 1e-6  # share of a column's norm that is more than rounding
+REPLICATES = 500
+SEED = 20250101
 
 
 @dataclass(frozen=True)
 class Projection:
-    """Options as columns (N, K) of norm one beside the base, and the residual (N,) of the base.
+    """Candidates as columns (N, K) of norm one beside the base, and the residual (N,) of the base.
 
-    `owner` (K,) is the number of the option of each column, `positive` (K,) its sign constraint,
-    `scale` (K,) what one unit of the parameter weighs, `visibility` per option, that of its least
-    visible column in the zone that most of its rest lies in.
+    `owner` (K,) is the number of the candidate of each column, `positive` (K,) its sign constraint,
+    `scale` (K,) what one unit of the parameter weighs, `visibility` per candidate, that of its
+    least visible column in the zone that most of its rest lies in.
     """
 
-    options: tuple[Option, ...]
+    candidates: tuple[ShapedCandidate, ...]
     columns: np.ndarray
     residual: np.ndarray
     owner: np.ndarray
@@ -60,16 +62,16 @@ class Projection:
         return vectors * np.sqrt(np.maximum(power, 0.0))
 
     @cached_property
-    def members(self) -> tuple[np.ndarray, ...]:
-        """The columns of each option."""
-        return tuple(np.flatnonzero(self.owner == i) for i in range(len(self.options)))
+    def columns_of(self) -> tuple[np.ndarray, ...]:
+        """The columns of each candidate."""
+        return tuple(np.flatnonzero(self.owner == i) for i in range(len(self.candidates)))
 
     def kept(self, wanted: np.ndarray) -> Self:
-        """The options marked in `wanted` (options,) alone."""
+        """The candidates marked in `wanted` (candidates,) alone."""
         numbers = np.flatnonzero(wanted)
         columns = np.isin(self.owner, numbers)
         return type(self)(
-            tuple(self.options[i] for i in numbers),
+            tuple(self.candidates[i] for i in numbers),
             self.columns[:, columns],
             self.residual,
             np.searchsorted(numbers, self.owner[columns]),
@@ -79,12 +81,12 @@ class Projection:
         )
 
     def joined(self, other: Self) -> Self:
-        """These options, then those of `other`."""
+        """These candidates, then those of `other`."""
         grown = replace(
             self,
-            options=self.options + other.options,
+            candidates=self.candidates + other.candidates,
             columns=np.concatenate([self.columns, other.columns], axis=1),
-            owner=np.concatenate([self.owner, other.owner + len(self.options)]),
+            owner=np.concatenate([self.owner, other.owner + len(self.candidates)]),
             positive=np.concatenate([self.positive, other.positive]),
             scale=np.concatenate([self.scale, other.scale]),
             visibility=np.concatenate([self.visibility, other.visibility]),
@@ -96,9 +98,12 @@ class Projection:
 
 
 def project(
-    evidence: Evidence, whitener: Whitener, options: list[Option], base: np.ndarray | None = None
+    evidence: Evidence,
+    whitener: Whitener,
+    candidates: list[ShapedCandidate],
+    base: np.ndarray | None = None,
 ) -> Projection:
-    """All options beside the base of the evidence, whitened.
+    """All candidates beside the base of the evidence, whitened.
 
     `base` (N, d) is what `whitened_base` gives, where it is known already.
     """
@@ -106,22 +111,22 @@ def project(
     force = whitener(evidence.left)
     residual = force - base @ (base.T @ force)
     zone = whitener.channel // len(evidence.joints)
-    parts, visibility = [], np.zeros(len(options))
+    parts, visibility = [], np.zeros(len(candidates))
     scales = []
-    for number, option in enumerate(options):
-        columns = whitener(option.columns)
+    for number, shaped in enumerate(candidates):
+        columns = whitener(shaped.columns)
         rest = columns - base @ (base.T @ columns)
         norms, whole = np.linalg.norm(rest, axis=0), np.linalg.norm(columns, axis=0)
         visibility[number] = _visibility(columns, rest, zone).min(initial=1.0)
         scales.append(norms)
         parts.append(np.divide(rest, norms, out=np.zeros_like(rest), where=norms > 1e-12 * whole))
-    owner = np.repeat(np.arange(len(options)), [len(s) for s in scales])
+    owner = np.repeat(np.arange(len(candidates)), [len(s) for s in scales])
     return Projection(
-        tuple(options),
+        tuple(candidates),
         np.concatenate(parts, axis=1),
         residual,
         owner,
-        np.concatenate([option.positive for option in options]),
+        np.concatenate([shaped.positive for shaped in candidates]),
         np.concatenate(scales),
         visibility,
     )
@@ -157,55 +162,79 @@ def whitened_base(evidence: Evidence, whitener: Whitener) -> np.ndarray:
 
 def testable(
     projection: Projection, evidence: Evidence, whitener: Whitener
-) -> tuple[np.ndarray, dict[Family, str]]:
-    """Which options (options,) can be tested, and why families cannot."""
-    families = [option.family for option in projection.options]
-    least = np.array([_least(family) for family in families])
+) -> tuple[np.ndarray, dict[Candidate, str]]:
+    """Which (candidates,) can be tested, and why others cannot."""
+    candidates = [shaped.candidate for shaped in projection.candidates]
+    least = np.array([_least(candidate) for candidate in candidates])
     visible = projection.visibility >= least
     itself = _force_itself(projection, evidence, whitener)
-    wanted = visible & np.array([family not in itself for family in families], dtype=bool)
-    reasons = {f: "its column is the measured force itself" for f in families if f in itself}
-    best: dict[Family, float] = {}
-    for family, share in zip(families, projection.visibility, strict=True):
-        best[family] = max(best.get(family, 0.0), float(share))
-    for family, share in best.items():
-        if share < _least(family):
-            reasons[family] = (
+    wanted = visible & np.array([candidate not in itself for candidate in candidates], dtype=bool)
+    reasons = {f: "its column is the measured force itself" for f in candidates if f in itself}
+    best: dict[Candidate, float] = {}
+    for candidate, share in zip(candidates, projection.visibility, strict=True):
+        best[candidate] = max(best.get(candidate, 0.0), float(share))
+    for candidate, share in best.items():
+        if share < _least(candidate):
+            reasons[candidate] = (
                 "these recordings do not show all of its parameters"
-                if family.changes
+                if candidate.changes
                 else f"{share:.1%} of its column is left beside the model, "
                 f"{VISIBLE_SHARE:.0%} needed"
             )
     return wanted, reasons
 
 
-def _least(family: Family) -> float:
+def _least(candidate: Candidate) -> float:
     """The least visibility needed: of a change, which has the form of the model's own term, any."""
-    return ROUNDING_SHARE if family.changes else VISIBLE_SHARE
+    return ROUNDING_SHARE if candidate.changes else VISIBLE_SHARE
 
 
-def _force_itself(projection: Projection, evidence: Evidence, whitener: Whitener) -> set[Family]:
-    """Families of one joint with a column that is, beside the model there, the residual there.
+def _force_itself(projection: Projection, evidence: Evidence, whitener: Whitener) -> set[Candidate]:
+    """Candidates of one joint with a column that is, beside the model there, the residual there.
 
     Asked on the rows of that joint alone: what the joints share in the base, and the residual of
     the others, would hide it.
     """
     joints = evidence.joints
     force, base = whitener(evidence.force), whitener(evidence.base)
-    first = {option.family: option for option in reversed(projection.options)}
+    first = {shaped.candidate: shaped for shaped in reversed(projection.candidates)}
     found = set()
     for j, joint in enumerate(joints):
         rows = whitener.channel % len(joints) == j
         known = leading(base[rows], base.shape[1])
         rest = force[rows] - known @ (known.T @ force[rows])
-        for family, option in first.items():
-            if family.joint != joint:
+        for candidate, shaped in first.items():
+            if candidate.joint != joint:
                 continue
-            columns = whitener(option.columns)[rows]
+            columns = whitener(shaped.columns)[rows]
             columns = columns - known @ (known.T @ columns)
             size, score = np.linalg.norm(columns, axis=0), rest @ columns
             alike = np.abs(score) / np.maximum(size * np.linalg.norm(rest), TINY)
             once = np.abs(score / np.maximum(size**2, TINY) - 1.0) < ITSELF_TOLERANCE
             if ((alike > FORCE_CORRELATION) | (once & (alike > ITSELF_CORRELATION))).any():
-                found.add(family)
+                found.add(candidate)
     return found
+
+
+def null_gains(
+    projection: Projection, inside: list[int], replicates: int = REPLICATES
+) -> np.ndarray:
+    """(replicates,) largest gain of any candidate beside the columns `inside`, from noise alone.
+
+    Parametric bootstrap: the noise of whitened rows is white, so that the inner products with the
+    columns are jointly normal with their Gram matrix as covariance, and need no rows at all.
+    """
+    rng = np.random.default_rng(SEED)
+    score = projection.root @ rng.standard_normal((len(projection.gram), replicates))
+    gram = projection.gram
+    if inside:
+        mixed = np.linalg.solve(gram[np.ix_(inside, inside)], gram[inside])
+        score, gram = score - mixed.T @ score[inside], gram - gram[:, inside] @ mixed
+    size = np.diag(gram)
+    seen = size > 1e-6
+    allowed = seen[:, None] & (~projection.positive[:, None] | (score > 0.0))
+    gains = np.where(allowed, score**2 / np.where(seen, size, 1.0)[:, None], 0.0)
+    # Candidates with several parameters gain the sum of their parts at most.
+    totals = np.zeros((len(projection.candidates), replicates))
+    np.add.at(totals, projection.owner, gains)
+    return totals.max(axis=0)

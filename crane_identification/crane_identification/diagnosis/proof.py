@@ -7,15 +7,14 @@ from typing import NamedTuple
 import numpy as np
 
 from crane_identification.diagnosis.decision import Judged
-from crane_identification.diagnosis.evidence import Evidence
-from crane_identification.diagnosis.extension import Training
-from crane_identification.diagnosis.gap import Gap, measure
-from crane_identification.diagnosis.learner import Features
+from crane_identification.diagnosis.fit import Fitted
+from crane_identification.diagnosis.gap import Gap, measure, relative, residual, with_own_loads
+from crane_identification.diagnosis.pulsation import Line, clearest_lines
+from crane_identification.diagnosis.refit import UndeterminedError
 from crane_identification.diagnosis.search import Search
 from crane_identification.diagnosis.thresholds import Thresholds
-from crane_identification.diagnosis.trial import Trial, tried
-from crane_identification.preparation.run import Preparation
-from crane_model.model_file import Model
+from crane_identification.diagnosis.trial import Trial, extended, tried
+from crane_model.progress import Progress, silent
 
 
 class Short(NamedTuple):
@@ -27,44 +26,55 @@ class Short(NamedTuple):
 
 @dataclass(frozen=True)
 class Proof:
-    """The effects that close the held-out `gap` where they act, in a `trial`; `short` do not."""
+    """The effects that close the held-out `gap` where they act, in a `trial`; `short` do not.
 
+    `before` is the trial without any; `lines` are the clearest of each joint in the spectrum of
+    what the `trial` leaves.
+    """
+
+    before: Trial
     trial: Trial
     gap: Gap
-    short: tuple[Short, ...]
+    short: tuple[Short, ...] = ()
+    lines: tuple[Line, ...] = ()
 
 
 def proved(
-    found: Search,
-    before: Model,
+    fit: Fitted,
+    search: Search,
     wanted: Sequence[Judged],
-    training: Training,
-    known: Features,
-    held_out: Evidence,
-    periods: Sequence[Preparation],
     thresholds: Thresholds,
+    progress: Progress = silent,
 ) -> Proof:
     """The `wanted` effects, strongest first, without those that fall short beside the others.
 
     They are taken out one at a time, the weakest first: it may be what the others fall short by.
-    `periods`: held-out recordings averaged, which the noise is known from.
     """
+    before = tried(fit, search, (), thresholds)
+    progress("what is left", 0.5)
     short: list[Short] = []
     while True:
-        trial = tried(found, before, wanted, training, known, thresholds)
-        gap = measure(before, trial.model, found.evidence, held_out, periods, thresholds.method)
+        trial = tried(fit, search, wanted, thresholds)
+        gap = measure(
+            fit.before, trial.model, fit.evidence, fit.held_out, fit.periods, thresholds.method
+        )
         failing = [
             Short(one, said) for one in trial.effects if (said := objection(one, gap, thresholds))
         ]
         if not failing:
-            return Proof(trial, gap, tuple(short))
+            break
         short.insert(0, failing[-1])
         wanted = [one for one in trial.effects if one is not failing[-1].effect]
+    fewest = thresholds.method.pulsation_recordings
+    lines = clearest_lines(trial.model, (*fit.evidence.runs, *fit.held_out.runs), fewest)
+    progress("what is left", 1.0)
+    progress("gap", 1.0)
+    return Proof(before, trial, gap, tuple(short), lines)
 
 
 def objection(one: Judged, gap: Gap, thresholds: Thresholds) -> str:
     """Why an effect does not close the gap where it acts; empty if it does."""
-    joint = one.option.family.joint
+    joint = one.shaped.candidate.joint
     own = [j for j, name in enumerate(gap.joints) if joint in (name, None)]
     closed = gap.closed_on(own)
     if not np.isfinite(closed):  # there is no gap: it must not open one
@@ -93,4 +103,41 @@ def _simple(one: Judged) -> bool:
     no other effect is as good, and it helps wherever it is asked.
     """
     asked = one.held_out[np.isfinite(one.held_out)]
-    return not (one.members or one.option.shape) and bool((asked > 0.0).all())
+    return not (one.indistinct or one.shaped.shape) and bool((asked > 0.0).all())
+
+
+@dataclass(frozen=True)
+class Nearest:
+    """Effects that come closest to what is missing, strongest first, and why they are no names.
+
+    `explained`: share of the energy beyond noise where they act. Held-out errors (j,) `before` and
+    `after` they are added; these are NaN where the recordings do not determine them.
+    """
+
+    joints: tuple[str, ...]
+    effects: tuple[Judged, ...]
+    explained: float
+    before: np.ndarray
+    after: np.ndarray
+    objection: str
+
+
+def nearest(fit: Fitted, search: Search, effects: Sequence[Judged], objection: str) -> Nearest:
+    """What `effects` would do to the fitted model."""
+    before, held_out = fit.before, fit.held_out
+    old = relative(held_out, residual(held_out, before))
+    try:
+        after, _ = extended(search, before, effects, fit.training)
+        carried, _ = with_own_loads(after, fit.evidence, held_out)
+        new = relative(held_out, residual(held_out, carried))
+    except UndeterminedError:
+        new = np.full_like(old, np.nan)
+    left = search.left_share([one.shaped for one in effects])
+    return Nearest(
+        joints=before.joints,
+        effects=tuple(effects),
+        explained=float(np.clip(1.0 - left, 0.0, 1.0)),
+        before=old,
+        after=new,
+        objection=objection,
+    )

@@ -12,7 +12,7 @@ from typing import NamedTuple
 import numpy as np
 from scipy import ndimage, signal
 
-from crane_identification.diagnosis.evidence import Run
+from crane_identification.diagnosis.runs import Run
 from crane_identification.diagnosis.thresholds import Thresholds
 from crane_model.model_file import Model
 

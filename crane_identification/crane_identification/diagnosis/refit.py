@@ -4,8 +4,9 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from crane_identification.diagnosis.candidates import Option, option
-from crane_identification.diagnosis.evidence import Evidence, Zone
+from crane_identification.diagnosis.candidates import ShapedCandidate, at_shape
+from crane_identification.diagnosis.evidence import Evidence
+from crane_identification.diagnosis.runs import Zone
 from crane_identification.diagnosis.search import Search
 from crane_identification.diagnosis.whitening import leading
 from crane_identification.estimation.consistent import consistent
@@ -69,12 +70,12 @@ def _beside_nuisances(evidence: Evidence) -> tuple[np.ndarray, np.ndarray]:
 
 
 def shape_std_devs(
-    search: Search, chosen: Sequence[Option], values: Sequence[np.ndarray]
+    search: Search, chosen: Sequence[ShapedCandidate], values: Sequence[np.ndarray]
 ) -> list[dict[str, float]]:
-    """One standard deviation of each shape parameter of each option, beside everything else.
+    """One standard deviation of each shape parameter of each candidate, beside everything else.
 
-    Linearized: the derivative of the option's force with respect to the parameter is one more
-    column. `values` holds the parameters of each option.
+    Linearized: the derivative of the candidate's force with respect to the parameter is one more
+    column. `values` holds the parameters of each candidate.
     """
     evidence, white = search.evidence, search.whitener
     base = [white(one.columns) for one in chosen]
@@ -82,10 +83,10 @@ def shape_std_devs(
     slopes, keys = [], []
     for number, (one, value) in enumerate(zip(chosen, values, strict=True)):
         out.append({})
-        for name in one.family.shapes:
+        for name in one.candidate.shapes:
             middle = one.shape[name]
             ends = [
-                option(evidence, one.family, {**one.shape, name: middle * (1.0 + s)}).columns
+                at_shape(evidence, one.candidate, {**one.shape, name: middle * (1.0 + s)}).columns
                 for s in (-STEP, STEP)
             ]
             slope = (ends[1] - ends[0]) @ value / (2.0 * STEP * middle)

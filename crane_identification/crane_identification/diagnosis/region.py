@@ -4,7 +4,10 @@ from typing import NamedTuple
 
 import numpy as np
 
+from crane_identification.diagnosis.evidence import Evidence
+from crane_identification.diagnosis.fit import Fitted
 from crane_identification.diagnosis.learner import Features
+from crane_identification.diagnosis.trial import Trial
 
 BINS = 10
 ENERGY_SHARE = 0.5  # of the energy that the range must carry
@@ -52,3 +55,30 @@ def _narrowest(edges: np.ndarray, power: np.ndarray) -> tuple[float, float, floa
             first = int(sums.argmax())
             return float(edges[first]), float(edges[first + width]), float(sums.max())
     raise AssertionError("the whole range carries everything")
+
+
+def regions(fit: Fitted, trial: Trial) -> tuple[Region | None, ...]:
+    """Where what a model leaves of each joint sits."""
+    used = fit.evidence.used
+    return tuple(
+        region(fit.known, trial.residual[:, j], used[:, j]) for j in range(len(fit.before.joints))
+    )
+
+
+def energy_shares(evidence: Evidence, trial: Trial) -> np.ndarray:
+    """Share (j,) of the energy beyond noise that each joint carries."""
+    channels = np.maximum(trial.energy - evidence.used.sum(axis=0), 0.0)
+    beyond = channels.reshape(-1, len(evidence.joints)).sum(axis=0)
+    total = float(beyond.sum())
+    return beyond / total if total > 0.0 else np.zeros_like(beyond)
+
+
+def correlation_left(evidence: Evidence, trial: Trial) -> np.ndarray:
+    """Correlation (j,) of neighbouring rows of what is left; 0 for white noise."""
+    seen = evidence.moving
+    left = trial.residual[:, : len(seen.joints)]
+    both = seen.used[1:] & seen.used[:-1] & (np.diff(seen.run) == 0)[:, np.newaxis]
+    product = np.where(both, left[1:] * left[:-1], 0.0).sum(axis=0)
+    power = np.where(seen.used, left**2, 0.0).sum(axis=0)
+    share = both.sum(axis=0) / np.maximum(seen.used.sum(axis=0), 1)
+    return product / np.maximum(power * share, np.finfo(float).tiny)

@@ -1,6 +1,6 @@
-"""Which effects together explain the residual best: a beam search over sets of families."""
+"""Which effects together explain the residual best: a beam search over sets of candidates."""
 
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from typing import NamedTuple
 
 import numpy as np
@@ -12,64 +12,64 @@ SINGULAR_SHARE = 1e-6
 """Share of a column's norm left beside the chosen ones, below which it is one of them."""
 
 
-class Choice(NamedTuple):
-    """A set of options (numbers of the projection), its gain 2 dlogL, and the coefficients."""
+class Subset(NamedTuple):
+    """A set of candidates (numbers of the projection), its gain 2 dlogL, and the coefficients."""
 
-    options: tuple[int, ...]
+    numbers: tuple[int, ...]
     gain: float
-    values: np.ndarray  # of the columns of the options, one after another
+    values: np.ndarray  # of the columns of the candidates, one after another
 
 
-NOTHING = Choice((), 0.0, np.zeros(0))
+NOTHING = Subset((), 0.0, np.zeros(0))
 
 
-def larger_sets(projection: Projection, beam: list[Choice]) -> list[Choice]:
-    """The sets with one family more than those of `beam` that gain most, best first.
+def larger_sets(projection: Projection, beam: Sequence[Subset]) -> list[Subset]:
+    """The sets with one candidate more than those of `beam` that gain most, best first.
 
-    One set of options for each set of families. Sets in which a parameter has the wrong sign do
-    not count: without that option they are no worse.
+    One set of shapes for each set of candidates. Sets in which a parameter has the wrong sign do
+    not count: without that candidate they are no worse.
     """
-    found: dict[frozenset, Choice] = {}
+    found: dict[frozenset, Subset] = {}
     for start in beam:
-        for choice in extended(projection, start):
-            key = frozenset(projection.options[i].family for i in choice.options)
-            if key not in found or choice.gain > found[key].gain:
-                found[key] = choice
-    return sorted(found.values(), key=lambda choice: -choice.gain)[:BEAM]
+        for subset in extended(projection, start):
+            key = frozenset(projection.candidates[i].candidate for i in subset.numbers)
+            if key not in found or subset.gain > found[key].gain:
+                found[key] = subset
+    return sorted(found.values(), key=lambda subset: -subset.gain)[:BEAM]
 
 
-def extended(projection: Projection, start: Choice) -> Iterator[Choice]:
-    """`start` with each option of another family, where all signs are right."""
-    inside = [c for i in start.options for c in projection.members[i]]
+def extended(projection: Projection, start: Subset) -> Iterator[Subset]:
+    """`start` with each further candidate, at its best shape, where all signs are right."""
+    inside = [c for i in start.numbers for c in projection.columns_of[i]]
     gram, score = _without(projection, inside)
-    present = {projection.options[i].family for i in start.options}
-    gains = _option_gains(projection, gram, score)
-    for number in _best_of_families(projection, gains):
-        if projection.options[number].family in present or not gains[number] > 0.0:
+    present = {projection.candidates[i].candidate for i in start.numbers}
+    gains = _single_gains(projection, gram, score)
+    for number in _best_of_each(projection, gains):
+        if projection.candidates[number].candidate in present or not gains[number] > 0.0:
             continue
-        solved = solve(projection, (*start.options, int(number)))
+        solved = solve(projection, (*start.numbers, int(number)))
         if solved is not None:
             yield solved
 
 
-def _best_of_families(projection: Projection, gains: np.ndarray) -> list[int]:
-    """The best option of each family."""
+def _best_of_each(projection: Projection, gains: np.ndarray) -> list[int]:
+    """The best shape of each candidate."""
     best: dict[object, int] = {}
-    for number, option in enumerate(projection.options):
-        known = best.get(option.family)
+    for number, shaped in enumerate(projection.candidates):
+        known = best.get(shaped.candidate)
         if known is None or gains[number] > gains[known]:
-            best[option.family] = number
+            best[shaped.candidate] = number
     return list(best.values())
 
 
-def _option_gains(projection: Projection, gram: np.ndarray, score: np.ndarray) -> np.ndarray:
-    """Gain (options,) of each option by itself, -inf where signs are wrong."""
+def _single_gains(projection: Projection, gram: np.ndarray, score: np.ndarray) -> np.ndarray:
+    """Gain (candidates,) of each candidate by itself, -inf where signs are wrong."""
     diagonal = np.diag(gram)
     good = diagonal > SINGULAR_SHARE**2
     right = good & (~projection.positive | (score > 0.0))
     single = np.where(right, score**2 / np.where(good, diagonal, 1.0), -np.inf)
-    gains = np.full(len(projection.options), -np.inf)
-    for number, columns in enumerate(projection.members):
+    gains = np.full(len(projection.candidates), -np.inf)
+    for number, columns in enumerate(projection.columns_of):
         if len(columns) == 1:
             gains[number] = single[columns[0]]
             continue
@@ -78,7 +78,7 @@ def _option_gains(projection: Projection, gram: np.ndarray, score: np.ndarray) -
 
 
 def _gain(gram: np.ndarray, score: np.ndarray, columns: np.ndarray, positive: np.ndarray) -> float:
-    """Gain of an option's columns with those of wrong sign at zero; -inf if nothing is left."""
+    """Gain of a candidate's columns with those of wrong sign at zero; -inf if nothing is left."""
     block = np.ix_(columns, columns)
     values = constrained(gram[block], score[columns], positive)
     return -np.inf if values is None or not values.any() else float(values @ score[columns])
@@ -105,12 +105,12 @@ def constrained(gram: np.ndarray, score: np.ndarray, positive: np.ndarray) -> np
     return values
 
 
-def solve(projection: Projection, numbers: tuple[int, ...]) -> Choice | None:
-    """Joint solution of a set of options; None where a sign is wrong or columns coincide.
+def solve(projection: Projection, numbers: tuple[int, ...]) -> Subset | None:
+    """Joint solution of a set of candidates; None where a sign is wrong or columns coincide.
 
-    A constrained parameter of an option with several may rest at zero.
+    A constrained parameter of a candidate with several may rest at zero.
     """
-    columns = np.concatenate([projection.members[i] for i in numbers])
+    columns = np.concatenate([projection.columns_of[i] for i in numbers])
     gram, score = projection.gram[np.ix_(columns, columns)], projection.score[columns]
     values = constrained(gram, score, projection.positive[columns])
     if values is None:
@@ -118,24 +118,24 @@ def solve(projection: Projection, numbers: tuple[int, ...]) -> Choice | None:
     for number in numbers:
         if not values[projection.owner[columns] == number].any():
             return None
-    return Choice(numbers, float(values @ score), values)
+    return Subset(numbers, float(values @ score), values)
 
 
-def others(choice: Choice, place: int) -> tuple[int, ...]:
-    """The options of a set without one of them."""
-    return choice.options[:place] + choice.options[place + 1 :]
+def others(subset: Subset, place: int) -> tuple[int, ...]:
+    """The candidates of a set without one of them."""
+    return subset.numbers[:place] + subset.numbers[place + 1 :]
 
 
 class Beside:
-    """Gains of further options beside some that a projection has."""
+    """Gains of further candidates beside some that a projection has."""
 
     def __init__(self, projection: Projection, numbers: tuple[int, ...]) -> None:
-        inside = [column for i in numbers for column in projection.members[i]]
+        inside = [column for i in numbers for column in projection.columns_of[i]]
         self._inside = np.array(inside, dtype=int)
         self._projection = projection
 
     def gain(self, one: Projection) -> float:
-        """Gain of the set with the single option of `one`; -inf where a sign is wrong."""
+        """Gain of the set with the single candidate of `one`; -inf where a sign is wrong."""
         old, inside = self._projection, self._inside
         columns = np.concatenate([old.columns[:, inside], one.columns], axis=1)
         positive = np.concatenate([old.positive[inside], one.positive])

@@ -8,12 +8,8 @@ import numpy as np
 
 from crane_identification.diagnosis.decision import Judged
 from crane_identification.diagnosis.gap import Gap
-from crane_identification.diagnosis.hydraulics import Flow
-from crane_identification.diagnosis.proof import Proof
-from crane_identification.diagnosis.pulsation import Pulsation
+from crane_identification.diagnosis.proof import Nearest, Proof
 from crane_identification.diagnosis.thresholds import Thresholds
-from crane_identification.diagnosis.trial import Trial
-from crane_identification.diagnosis.weighing import Weighed
 
 SPOKEN = 4  # members of a class that the reason lists
 NOT_HELD = "something is left that no effect of the catalogue explains"
@@ -31,11 +27,14 @@ class Verdict(StrEnum):
 
 
 class Answer(NamedTuple):
-    """A verdict and its reason; `objection`: why effects that passed all tests are no names."""
+    """A verdict and its reason; `objection`: why effects that passed all tests are no names.
+    `nearest`: what comes closest where nothing is named.
+    """
 
     verdict: Verdict
     reason: str
     objection: str = ""
+    nearest: Nearest | None = None
 
 
 class Reach(NamedTuple):
@@ -48,11 +47,11 @@ class Reach(NamedTuple):
     undetermined: Sequence[str]
 
 
-def judge(before: Trial, proof: Proof, reach: Reach, thresholds: Thresholds) -> Answer:
-    """The answer of the force: the trial `before`, and that with effects."""
+def judge(proof: Proof, reach: Reach, thresholds: Thresholds) -> Answer:
+    """The answer of the force."""
     gap, method = proof.gap, thresholds.method
     if proof.trial.effects:
-        return _of_effects(before, proof, thresholds)
+        return _of_effects(proof, thresholds)
     if proof.short:
         return Answer(Verdict.UNKNOWN, NOT_HELD, proof.short[-1].objection)
     if proof.trial.zero:
@@ -61,7 +60,7 @@ def judge(before: Trial, proof: Proof, reach: Reach, thresholds: Thresholds) -> 
             NOT_HELD,
             f"its parameters are zero within {method.parameter_sigmas:.0f} standard deviations",
         )
-    law = before.learnt.follows_law(thresholds)
+    law = proof.before.learnt.follows_law(thresholds)
     if law.any():
         return Answer(
             Verdict.UNKNOWN,
@@ -132,76 +131,11 @@ def _beyond_noise(gap: Gap, held_out: np.ndarray, training: np.ndarray, factor: 
     ]
 
 
-def with_flow(answer: Answer, flows: Sequence[Flow]) -> Answer:
-    """The answer where the flow of oil, which the torque cannot show, tells something more."""
-    strange = [
-        f"{flow.unexplained:.1%} of the flow of {flow.joint} follow a law, but none of the "
-        "catalogue"
-        for flow in flows
-        if flow.unknown
-    ]
-    missing = [
-        f"{one.effect.name} of {flow.joint} is beyond what is usual"
-        for flow in flows
-        for one in flow.missing
-    ]
-    return _named_beside(_unknown_beside(answer, strange), missing)
-
-
-def with_pulsation(answer: Answer, pulsations: Sequence[Pulsation]) -> Answer:
-    """The answer where a line is in the force that no motion makes."""
-    return _unknown_beside(
-        answer,
-        [
-            f"the force of {one.joint} pulsates at {one.frequency:.2f} Hz in all recordings "
-            f"({one.strength:.1%} of it), which no effect of the catalogue does"
-            for one in pulsations
-        ],
-    )
-
-
-def _unknown_beside(answer: Answer, said: Sequence[str]) -> Answer:
-    """The answer, and something that the catalogue does not hold."""
-    if not said:
-        return answer
-    text = "; ".join(said)
-    if answer.verdict is Verdict.NONE:
-        return Answer(Verdict.UNKNOWN, text)
-    if answer.verdict is Verdict.INSUFFICIENT:  # what shows, shows
-        return Answer(Verdict.UNKNOWN, f"{text}; {answer.reason}")
-    more = answer.verdict in (Verdict.NAMED, Verdict.CLASS)
-    verdict = Verdict.AND_MORE if more else answer.verdict
-    return answer._replace(verdict=verdict, reason=f"{answer.reason}; {text}")
-
-
-def _named_beside(answer: Answer, said: Sequence[str]) -> Answer:
-    """The answer, and effects that are named for another reason."""
-    if not said:
-        return answer
-    text = "; ".join(said)
-    if answer.verdict in (Verdict.NONE, Verdict.INSUFFICIENT):
-        return Answer(Verdict.NAMED, text)
-    unknown = answer.verdict is Verdict.UNKNOWN
-    verdict = Verdict.AND_MORE if unknown else answer.verdict
-    return answer._replace(verdict=verdict, reason=f"{answer.reason}; {text}")
-
-
-def with_loads(answer: Answer, loads: Sequence[Weighed]) -> Answer:
-    """The answer where a held-out recording carries another load than all those trained on."""
-    said = [
-        f"{one.recording} carries {abs(one.mass):.3g} kg {'more' if one.mass > 0.0 else 'less'} "
-        "than the recordings trained on"
-        for one in loads
-        if one.found
-    ]
-    return _named_beside(answer, said)
-
-
-def _of_effects(before: Trial, proof: Proof, thresholds: Thresholds) -> Answer:
+def _of_effects(proof: Proof, thresholds: Thresholds) -> Answer:
     """Effects that passed every test: are they all?"""
-    share = proof.trial.explained(before, thresholds)
+    share = proof.trial.explained(proof.before, thresholds)
     said = [f"the effects explain {share:.0%} of what can be explained", *_moved(proof)]
-    classes = [_alternatives(one) for one in proof.trial.effects if one.members]
+    classes = [_alternatives(one) for one in proof.trial.effects if one.indistinct]
     apart = [f"these recordings do not tell apart: {'; '.join(classes)}"] if classes else []
     more = _more(proof, share, thresholds)
     if more:
@@ -219,7 +153,7 @@ def _moved(proof: Proof) -> list[str]:
 
 def _acting(proof: Proof) -> np.ndarray:
     """Whether any of the effects acts on a joint (j,)."""
-    joints = {one.option.family.joint for one in proof.trial.effects}
+    joints = {one.shaped.candidate.joint for one in proof.trial.effects}
     return np.array([bool(joints & {joint, None}) for joint in proof.gap.joints])
 
 
@@ -240,7 +174,7 @@ def _more(proof: Proof, share: float, thresholds: Thresholds) -> list[str]:
         for j in np.flatnonzero(worse)
     ]
     said += [
-        f"{one.effect.option.family.label} would go with them, but {one.objection}"
+        f"{one.effect.shaped.candidate.label} would go with them, but {one.objection}"
         for one in proof.short
     ]
     return said
@@ -248,9 +182,9 @@ def _more(proof: Proof, share: float, thresholds: Thresholds) -> list[str]:
 
 def _alternatives(one: Judged) -> str:
     """The class of an effect in words."""
-    others = [member.label for member in one.members]
+    others = [member.label for member in one.indistinct]
     more = f", and {len(others) - SPOKEN} more" if len(others) > SPOKEN else ""
-    return ", ".join([one.option.family.label, *others[:SPOKEN]]) + more
+    return ", ".join([one.shaped.candidate.label, *others[:SPOKEN]]) + more
 
 
 def _listed(gap: Gap, which: np.ndarray) -> str:

@@ -1,6 +1,7 @@
 """Rows whose noise is independent and of variance one, by an autoregression per channel."""
 
 from dataclasses import dataclass
+from functools import cached_property
 from typing import NamedTuple
 
 import numpy as np
@@ -42,7 +43,7 @@ class Whitener:
         """(N,) row of the evidence."""
         return np.concatenate([pick.rows for pick in self.picks])
 
-    @property
+    @cached_property
     def channel(self) -> np.ndarray:
         """(N,) channel."""
         return np.concatenate([np.full(len(pick.rows), pick.channel) for pick in self.picks])

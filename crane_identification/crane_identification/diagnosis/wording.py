@@ -178,7 +178,7 @@ def strength(finding: Content) -> str:
 
 
 def evidence(finding: Content) -> str:
-    """The score of an effect, against chance and its best rival."""
+    """The score of an effect, against chance and the runner-up."""
     text = f"score {finding['score']:.0f}, threshold {finding['threshold']:.0f}"
     runner = finding["runner_up"]
     if not runner:

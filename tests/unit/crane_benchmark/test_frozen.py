@@ -40,7 +40,7 @@ def test_all_code_between_a_bag_and_its_verdict_counts(sources) -> None:
         ("projection", "VISIBLE_SHARE = 0.02", "VISIBLE_SHARE = 0.03"),
         ("decision", "if one.score <= one.threshold:", "if one.score < one.threshold:"),
         ("pulsation", "one.clearness > least", "one.clearness > 0.6 * least"),
-        ("null", "size > 1e-6", "size > 1e-5"),
+        ("projection", "size > 1e-6", "size > 1e-5"),
     ],
 )
 def test_a_number_or_a_sign_that_decides_is_noticed(sources, module, old, new) -> None:

@@ -7,12 +7,12 @@ import numpy as np
 
 from crane_identification.diagnosis import variables, wording
 from crane_identification.diagnosis.diagnosis import Diagnosis
-from crane_identification.diagnosis.evidence import Zone
-from crane_identification.diagnosis.extension import Finding
 from crane_identification.diagnosis.gap import residual
 from crane_identification.diagnosis.report import charts
 from crane_identification.diagnosis.report.pictures import Picture
+from crane_identification.diagnosis.runs import Zone
 from crane_identification.diagnosis.scaling import normed
+from crane_identification.diagnosis.trial import Finding
 from crane_identification.notation import human, listed, plain, spoken
 from crane_model.terms.effect import Variable
 
@@ -45,7 +45,7 @@ def _card(diagnosis: Diagnosis, number: int, finding: Finding, said: wording.Con
     return Card(
         number=number,
         title=wording.called(said),
-        signature=finding.family.effect.signature,
+        signature=finding.candidate.effect.signature,
         strength=wording.strength(said),
         evidence=wording.evidence(said),
         member=said["name"] if said["class_members"] else "",
@@ -57,10 +57,10 @@ def _card(diagnosis: Diagnosis, number: int, finding: Finding, said: wording.Con
 
 
 def _pictures(diagnosis: Diagnosis, number: int, finding: Finding) -> tuple[Picture, ...]:
-    accepted = finding.accepted
+    judged = finding.judged
     effect = _beside(diagnosis, finding)
     channel = int(np.argmax(_shown(diagnosis, effect)))
-    follows = finding.family.effect.follows or WHATEVER
+    follows = finding.candidate.effect.follows or WHATEVER
     return (
         *(
             _signature(diagnosis, f"signature-{number}-{place}", effect, channel, variable)
@@ -69,14 +69,14 @@ def _pictures(diagnosis: Diagnosis, number: int, finding: Finding) -> tuple[Pict
         Picture(
             f"null-{number}",
             "Score, against what chance gives",
-            f"Score {accepted.score:.0f}, threshold {accepted.threshold:.0f}, largest of "
-            f"{len(accepted.null)} by chance {accepted.null.max():.0f}.",
-            charts.null_histogram(accepted.null, accepted.threshold, accepted.score),
+            f"Score {judged.score:.0f}, threshold {judged.threshold:.0f}, largest of "
+            f"{len(judged.null)} by chance {judged.null.max():.0f}.",
+            charts.null_histogram(judged.null, judged.threshold, judged.score),
         ),
         folds(
             number,
-            accepted.fold_names,
-            accepted.held_out,
+            judged.fold_names,
+            judged.held_out,
             {run.source for run in diagnosis.training.runs},
         ),
         _held_out(diagnosis, f"force-{number}", channel % len(diagnosis.joints)),
@@ -159,15 +159,15 @@ def _sizes(before: np.ndarray, after: np.ndarray, unit: str) -> str:
 
 
 def _unit(diagnosis: Diagnosis, variable: Variable, joint: str) -> tuple[str, float]:
-    setting, counts = diagnosis.before.setting, bool(diagnosis.uncalibrated)
+    setting, counts = diagnosis.before.setting, bool(diagnosis.fit.uncalibrated)
     return human(variables.unit_of(variable, joint, setting, counts))
 
 
 def _beside(diagnosis: Diagnosis, finding: Finding) -> np.ndarray:
     """What of a finding (n, c) neither the model nor the other findings explain without it."""
-    evidence, own = diagnosis.training, finding.accepted.option
+    evidence, own = diagnosis.training, finding.judged.shaped
     others = [
-        one.accepted.option.columns for one in diagnosis.findings if one.accepted.option is not own
+        one.judged.shaped.columns for one in diagnosis.findings if one.judged.shaped is not own
     ]
     known = 0 if evidence.keeps else len(diagnosis.before.parameters)
     rest = np.concatenate([evidence.base[:, :, :known], *others], axis=2)

@@ -74,7 +74,7 @@ def render(
         unobservable=_listed(diagnosis.search.unobservable, diagnosis)
         + [
             (f"{FLOW_EFFECTS[effect].effect.name} ({spoken(joint)})", reason)
-            for (effect, joint), reason in diagnosis.flow_unobservable.items()
+            for (effect, joint), reason in diagnosis.flow.unobservable.items()
         ],
         provenance=provenance,
         suspicions=suspicions,
@@ -94,8 +94,8 @@ def _usual(one: Quantity) -> str:
     return f"{plain(factor * one.usual)} {unit}".rstrip()
 
 
-def _listed(families: dict, diagnosis: Diagnosis) -> list[tuple[str, str]]:
+def _listed(candidates: dict, diagnosis: Diagnosis) -> list[tuple[str, str]]:
     return [
         (f"{f.effect.name} ({wording.place(f.where)})", wording.said(reason, diagnosis.joints))
-        for f, reason in families.items()
+        for f, reason in candidates.items()
     ]

@@ -3,6 +3,7 @@
 from typing import Any, NamedTuple
 
 from crane_identification.diagnosis.diagnosis import Diagnosis
+from crane_identification.diagnosis.region import energy_shares
 from crane_identification.diagnosis.report import charts
 from crane_identification.notation import spoken
 
@@ -56,7 +57,8 @@ def gap_pictures(diagnosis: Diagnosis) -> list[Picture]:
 def where_picture(diagnosis: Diagnosis) -> Picture:
     """Which joint carries what the model does not explain."""
     names = [spoken(joint) for joint in diagnosis.joints]
+    shares = energy_shares(diagnosis.training, diagnosis.proof.before)
     bars = charts.grouped_bars(
-        names, (("share", charts.BEFORE, 100 * diagnosis.energy),), "share of the unexplained [%]"
+        names, (("share", charts.BEFORE, 100 * shares),), "share of the unexplained [%]"
     )
     return Picture("where", "Which joint", "The list has its numbers.", bars)

@@ -20,8 +20,8 @@ from crane_benchmark.folders import Folders, done, new, write_json
 from crane_benchmark.work import in_processes
 from crane_identification.diagnosis.diagnosis import Diagnosis, diagnose
 from crane_identification.diagnosis.findings import content
-from crane_identification.diagnosis.null import null_gains
-from crane_identification.diagnosis.strength import strength
+from crane_identification.diagnosis.likeness import strength
+from crane_identification.diagnosis.projection import null_gains
 from crane_identification.diagnosis.thresholds import Thresholds, load_thresholds
 from crane_identification.options import Options
 from crane_model.errors import CraneError
@@ -84,16 +84,16 @@ def statistics(diagnosis: Diagnosis) -> dict[str, Any]:
     strongest effect makes up; `flow_left`: share that none explains. `promised`: 0 to 100 %
     quantiles of the best score by the bootstrap, in the same unit.
     """
-    thresholds, learnt, gap = diagnosis.thresholds, diagnosis.learnt_before, diagnosis.gap
-    quantities = [one for flow in diagnosis.flows for one in flow.quantities]
+    thresholds, learnt, gap = diagnosis.thresholds, diagnosis.proof.before.learnt, diagnosis.gap
+    quantities = [one for flow in diagnosis.flow.found for one in flow.quantities]
     null = null_gains(diagnosis.search.projection, [])
-    quantile = diagnosis.threshold / thresholds.gates.score_factor
+    quantile = diagnosis.decision.threshold / thresholds.gates.score_factor
     single = [
-        (choice.gain / quantile, strength(diagnosis.search, choice.options[0], choice.gain))
-        for choice in diagnosis.search.sets(1)
+        (subset.gain / quantile, strength(diagnosis.search, subset.numbers[0], subset.gain))
+        for subset in diagnosis.search.sets[1]
     ]
     strong = [score for score, one in single if one >= thresholds.gates.smallest_strength]
-    accepted = max((finding.accepted.score for finding in diagnosis.findings), default=0.0)
+    accepted = max((finding.judged.score for finding in diagnosis.findings), default=0.0)
     sure = learnt.p_value < thresholds.method.false_alarm_rate / 2.0 / len(learnt.p_value)
     law = float(learnt.strength[sure].max(initial=0.0))
     return {
@@ -103,9 +103,9 @@ def statistics(diagnosis: Diagnosis) -> dict[str, Any]:
         "learner": law,
         "strength": max([law, *(one for _, one in single[:1])]),
         "floor": float(np.nan_to_num(gap.over_floor(gap.largest_before)).max()),
-        "pulsation": max((line.clearness for line in diagnosis.lines), default=0.0),
+        "pulsation": max((line.clearness for line in diagnosis.proof.lines), default=0.0),
         "flow": max((one.share for one in quantities if one.missing), default=0.0),
-        "flow_left": max((flow.unexplained for flow in diagnosis.flows), default=0.0),
+        "flow_left": max((flow.unexplained for flow in diagnosis.flow.found), default=0.0),
         "promised": np.round(np.quantile(null, LEVELS) / quantile, DIGITS).tolist(),
     }
 

@@ -32,14 +32,14 @@ class Problem:
 
 
 def problem(search: Search) -> Problem:
-    """Every family at the shape that alone explains most."""
+    """Every candidate at the shape that alone explains most."""
     projection, joints = search.projection, search.evidence.joints
     best: dict[tuple[str, str], tuple[float, np.ndarray]] = {}
-    for option, members in zip(projection.options, projection.members, strict=True):
+    for shaped, members in zip(projection.candidates, projection.columns_of, strict=True):
         columns = projection.columns[:, members]
         fitted = columns @ np.linalg.lstsq(columns, projection.residual, rcond=1e-9)[0]
         norm = float(np.linalg.norm(fitted))
-        name = (option.family.type, option.family.where)
+        name = (shaped.candidate.type, shaped.candidate.where)
         if name[0] != ITSELF and norm > best.get(name, (0.0, fitted))[0]:
             best[name] = (norm, fitted / norm)
     channel = search.whitener.channel % len(joints)

@@ -12,7 +12,7 @@ from crane_benchmark.cases.clean import Seen, load_seen
 from crane_benchmark.folders import read_json
 from crane_benchmark.scores.judgement import Place
 from crane_benchmark.scores.unusual import beyond_usual
-from crane_identification.diagnosis.candidates import WHOLE, Family
+from crane_identification.diagnosis.candidates import WHOLE, Candidate
 from crane_identification.diagnosis.hydraulics import load_usual
 from crane_model.errors import CraneError
 from crane_model.model_file import Model
@@ -171,12 +171,12 @@ def _explained(base: _Base, hidden: np.ndarray, place: Place) -> float:
     effect, where = place
     if effect not in REGISTRY:
         return 0.0
-    family = Family(REGISTRY[effect], None if where == WHOLE else where)
+    candidate = Candidate(REGISTRY[effect], None if where == WHOLE else where)
     energy = float(hidden @ hidden)
     best = 0.0
-    for shape in family.grid():
+    for shape in candidate.grid():
         try:
-            columns = family.at(shape).columns(base.seen.record, base.model.setting)
+            columns = candidate.at(shape).columns(base.seen.record, base.model.setting)
         except CraneError:
             continue  # not logged
         rows = base.beside(base.rows(columns))

@@ -4,9 +4,10 @@ from collections.abc import Collection, Mapping, Sequence
 
 import numpy as np
 
-from crane_identification.diagnosis.candidates import Family, Option
-from crane_identification.diagnosis.evidence import Evidence, Run
+from crane_identification.diagnosis.candidates import Candidate, ShapedCandidate
+from crane_identification.diagnosis.evidence import Evidence
 from crane_identification.diagnosis.projection import project, whitened_base
+from crane_identification.diagnosis.runs import Run
 from crane_identification.diagnosis.search import Search
 from crane_identification.diagnosis.whitening import whitener
 from crane_model.model_file import Model
@@ -44,17 +45,19 @@ def evidence(
     )
 
 
-def option(kind: str, columns: np.ndarray, positive: bool = False) -> Option:
+def shaped(kind: str, columns: np.ndarray, positive: bool = False) -> ShapedCandidate:
     """A candidate without a shape whose columns (n, k) are made up."""
-    family = Family(REGISTRY[kind], "axis")
+    candidate = Candidate(REGISTRY[kind], "axis")
     there = np.stack([columns, np.zeros_like(columns)], axis=1)
-    return Option(family, {}, family.at({}), there, np.full(columns.shape[1], positive))
+    return ShapedCandidate(
+        candidate, {}, candidate.at({}), there, np.full(columns.shape[1], positive)
+    )
 
 
-def search(given: Evidence, options: Sequence[Option]) -> Search:
-    white = whitener(given, np.concatenate([one.columns for one in options], axis=2))
+def search(given: Evidence, candidates: Sequence[ShapedCandidate]) -> Search:
+    white = whitener(given, np.concatenate([one.columns for one in candidates], axis=2))
     base = whitened_base(given, white)
-    made = project(given, white, list(options), base)
+    made = project(given, white, list(candidates), base)
     return Search(given, white, base, made, {}, {})
 
 
@@ -69,7 +72,7 @@ def searched(
     """
     base = normal(99)
     force = mass * base + missing + normal(100)
-    options = [
-        option(kind, values.reshape(ROWS, -1), kind in positive) for kind, values in columns.items()
+    candidates = [
+        shaped(kind, values.reshape(ROWS, -1), kind in positive) for kind, values in columns.items()
     ]
-    return search(evidence(force, base[:, np.newaxis]), options)
+    return search(evidence(force, base[:, np.newaxis]), candidates)

@@ -12,6 +12,7 @@ from unit.crane_identification.synthetic import axis_log
 from crane_identification.data.log import Log, Signal
 from crane_identification.diagnosis import explain, findings
 from crane_identification.diagnosis.diagnosis import Diagnosis, diagnose
+from crane_identification.diagnosis.region import regions
 from crane_identification.diagnosis.report import charts, page
 from crane_identification.diagnosis.thresholds import load_thresholds
 from crane_identification.diagnosis.verdict import Verdict
@@ -72,8 +73,8 @@ def test_the_missing_terms_are_named_strongest_first(without_coulomb: Diagnosis)
     """Coulomb friction of 8 N, then the offset of -1.5 N; both with their values."""
     assert without_coulomb.verdict in (Verdict.NAMED, Verdict.CLASS)
     first, second = without_coulomb.findings
-    assert first.family.type == "coulomb" and not first.accepted.members
-    assert {second.family.type, *(m.type for m in second.accepted.members)} >= {"offset"}
+    assert first.candidate.type == "coulomb" and not first.judged.indistinct
+    assert {second.candidate.type, *(m.type for m in second.judged.indistinct)} >= {"offset"}
     value = first.parameters[0]
     assert value.value == pytest.approx(8.0, abs=4 * value.std_dev + 0.1)
     assert second.parameters[0].value == pytest.approx(-1.5, abs=0.2)
@@ -112,7 +113,7 @@ def test_what_is_wrong_with_recordings_is_told(tmp_path: Path) -> None:
 def test_a_spring_is_named(tmp_path: Path) -> None:
     result = diagnosed(tmp_path, FULL, "spring")
     assert result.verdict is Verdict.NAMED
-    assert [one.family.type for one in result.findings] == ["hose_stiffness"]
+    assert [one.candidate.type for one in result.findings] == ["hose_stiffness"]
 
 
 def test_without_its_entry_a_spring_is_not_given_another_name(tmp_path: Path) -> None:
@@ -130,7 +131,8 @@ def test_a_law_that_is_not_in_the_catalogue_is_not_given_a_name(tmp_path: Path) 
     result = diagnosed(tmp_path, FULL, "waves")
     assert result.verdict is Verdict.UNKNOWN
     assert not result.findings
-    assert result.regions[0] is not None and "axis" in result.regions[0].variable
+    (where,) = regions(result.fit, result.proof.before)
+    assert where is not None and "axis" in where.variable
 
 
 def test_a_pulsation_is_unknown_and_listed(tmp_path: Path) -> None:
@@ -153,7 +155,7 @@ def test_a_model_that_errs_more_on_the_held_out_recording_is_warned_of(tmp_path:
 def test_what_effects_leave_where_they_act_is_known(without_coulomb: Diagnosis) -> None:
     """All of them leave noise; the weakest alone leaves most of what the others explain."""
     search = without_coulomb.search
-    options = [finding.accepted.option for finding in without_coulomb.findings]
+    options = [finding.judged.shaped for finding in without_coulomb.findings]
     assert abs(search.left_share(options)) < 0.1
     assert search.left_share(options[-1:]) > 0.5
     assert search.left_share([]) == 0.0
@@ -244,7 +246,7 @@ def test_the_report_is_drawn_by_a_real_browser(without_coulomb: Diagnosis, tmp_p
     assert len(cards) == len(without_coulomb.findings) == 2
     assert len(seen.plots()) == 3 + 4 * len(cards)
     for card, finding in zip(cards, without_coulomb.findings, strict=True):
-        assert finding.family.effect.name in card.find("h3")[0].text
+        assert finding.candidate.effect.name in card.find("h3")[0].text
         bars = card.find("g", class_="bars")
         assert len(bars) == 2 and all(one.find("path") for one in bars)  # chance, and folds
         assert len(card.find("path", class_="js-line")) >= 5

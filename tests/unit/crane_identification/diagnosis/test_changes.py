@@ -11,16 +11,16 @@ from unit.crane_identification.synthetic import AXIS_THETA, axis_log, crane_mode
 
 from crane_identification.data.log import Log
 from crane_identification.diagnosis import changes, explain, findings
-from crane_identification.diagnosis.candidates import families
+from crane_identification.diagnosis.candidates import candidates_of
 from crane_identification.diagnosis.decision import decide
-from crane_identification.diagnosis.determined import decimation
 from crane_identification.diagnosis.diagnosis import Diagnosis, diagnose
 from crane_identification.diagnosis.evidence import Evidence
-from crane_identification.diagnosis.extension import Training, extended
+from crane_identification.diagnosis.fit import Training, decimation
 from crane_identification.diagnosis.projection import whitened_base
 from crane_identification.diagnosis.report import page
-from crane_identification.diagnosis.search import search
+from crane_identification.diagnosis.search import Race, search
 from crane_identification.diagnosis.thresholds import load_thresholds
+from crane_identification.diagnosis.trial import extended
 from crane_identification.diagnosis.verdict import Verdict
 from crane_identification.diagnosis.whitening import whitener
 from crane_identification.options import Options
@@ -60,7 +60,7 @@ def worn(tmp_path_factory: pytest.TempPathFactory) -> Diagnosis:
 def test_more_friction_is_named_with_its_size(worn: Diagnosis) -> None:
     assert worn.verdict is Verdict.NAMED
     (finding,) = worn.findings
-    assert finding.family.changes and finding.family.type == "coulomb"
+    assert finding.candidate.changes and finding.candidate.type == "coulomb"
     change, std_dev = finding.parameters[0].change
     assert change == pytest.approx(0.1 * AXIS_THETA[F_C], abs=3.0 * std_dev)
     assert std_dev < 0.03
@@ -103,12 +103,12 @@ def test_changes_of_one_joint_are_told_apart(tmp_path: Path) -> None:
     options = Options(average=False)
     runs = [p for log in recorded(known, 1.0, 1.1, 1.1, 1.2) for p in prepare(known, log, options)]
     evidence = changes.kept(known, runs, decimation(runs, None))
-    wanted = [*families(known, evidence), *changes.families(known)]
+    wanted = [*candidates_of(known, evidence), *changes.changes_of(known)]
     found = search(evidence, wanted)
-    accepted = decide(found, load_thresholds()).accepted
-    assert {one.option.family for one in accepted} <= set(changes.families(known))
-    assert not any(one.members for one in accepted)
-    _, values = extended(found, known, accepted, Training(runs, 1, "all"))
+    judged = decide(Race(found), load_thresholds()).passed
+    assert {one.shaped.candidate for one in judged} <= set(changes.changes_of(known))
+    assert not any(one.indistinct for one in judged)
+    _, values = extended(found, known, judged, Training(runs, 1, "all"))
     changed = {one.name: one.change for (one,) in values}
     assert set(changed) == {"f_v.axis", "f_c.axis", "offset.axis"}
     for name, size in (("f_v.axis", 3.0), ("f_c.axis", 0.8), ("offset.axis", -0.3)):
@@ -155,10 +155,10 @@ def test_a_load_in_all_recordings_is_weighed() -> None:
     runs = [
         p for seed in (1, 2) for p in prepare(known, experiment(seed, 1, model=loaded), options)
     ]
-    found = search(changes.kept(known, runs, 20), changes.families(known))
-    accepted = decide(found, load_thresholds()).accepted
-    assert [one.option.family.type for one in accepted] == ["payload"]
-    after, ((load,),) = extended(found, known, accepted, Training(runs, 20, "both"))
+    found = search(changes.kept(known, runs, 20), changes.changes_of(known))
+    judged = decide(Race(found), load_thresholds()).passed
+    assert [one.shaped.candidate.type for one in judged] == ["payload"]
+    after, ((load,),) = extended(found, known, judged, Training(runs, 20, "both"))
     assert load.value == pytest.approx(5.0, abs=4.0 * load.std_dev) and load.std_dev < 0.3
     assert (after.theta[:-1] == known.theta).all()
 

@@ -1,11 +1,13 @@
 """Which effects are findings, on columns made up for the purpose with known answers."""
 
+from dataclasses import FrozenInstanceError
+
 import numpy as np
 import pytest
 from unit.crane_identification.diagnosis.made import ROWS, normal, searched
 
 from crane_identification.diagnosis.decision import Decision, decide
-from crane_identification.diagnosis.search import Search
+from crane_identification.diagnosis.search import Race, Search
 from crane_identification.diagnosis.thresholds import load_thresholds
 
 A, B, C, D = np.linalg.qr(normal(1, ROWS, 4))[0].T * np.sqrt(ROWS)
@@ -14,11 +16,11 @@ THRESHOLDS = load_thresholds()
 
 
 def decided(found: Search) -> Decision:
-    return decide(found, THRESHOLDS)
+    return decide(Race(found), THRESHOLDS)
 
 
 def names(decision: Decision) -> list[str]:
-    return [one.option.family.type for one in decision.accepted]
+    return [one.shaped.candidate.type for one in decision.passed]
 
 
 def mixed(correlation: float, one: np.ndarray, rest: np.ndarray) -> np.ndarray:
@@ -28,7 +30,7 @@ def mixed(correlation: float, one: np.ndarray, rest: np.ndarray) -> np.ndarray:
 
 def test_noise_is_no_finding_and_the_best_of_it_says_what_it_lacks() -> None:
     found = decided(searched({"offset": A, "hose_stiffness": B}, np.zeros(ROWS)))
-    assert found.accepted == ()
+    assert found.passed == ()
     (nearest,) = found.nearest
     assert nearest.score < found.threshold
     assert found.objection == (
@@ -36,19 +38,29 @@ def test_noise_is_no_finding_and_the_best_of_it_says_what_it_lacks() -> None:
     )
 
 
+def test_the_search_grows_in_the_race_alone() -> None:
+    """What a race began with stays as it was, and what it ends with cannot change."""
+    found = searched({"offset": A, "hose_stiffness": B}, 0.5 * B)
+    race = Race(found)
+    decide(race, THRESHOLDS)
+    assert len(found.sets) == 1 < len(race.search.sets)
+    with pytest.raises(FrozenInstanceError):
+        race.search.projection = found.projection  # type: ignore[misc]
+
+
 def test_what_is_missing_is_found_with_the_gain_that_it_has() -> None:
     found = decided(searched({"offset": A, "hose_stiffness": B}, 0.5 * B))
-    (one,) = found.accepted
-    assert one.option.family.type == "hose_stiffness"
+    (one,) = found.passed
+    assert one.shaped.candidate.type == "hose_stiffness"
     assert one.score == pytest.approx(0.25 * ROWS, rel=0.2)
     assert one.strength == pytest.approx(0.5 / np.sqrt(5.0**2 + 0.5**2 + 1.0), rel=0.1)
-    assert one.members == () and one.runner_up is None
+    assert one.indistinct == () and one.runner_up is None
     assert found.nearest == (one,) and found.objection == ""
 
 
 def test_the_threshold_is_the_factor_times_the_quantile_of_chance() -> None:
     found = decided(searched({"offset": A, "hose_stiffness": B}, 0.5 * B))
-    (one,) = found.accepted
+    (one,) = found.passed
     rate, factor = THRESHOLDS.method.false_alarm_rate, THRESHOLDS.gates.score_factor
     assert (one.null > one.threshold / factor).mean() == pytest.approx(rate / 2.0, abs=0.003)
     assert one.threshold == found.threshold
@@ -71,7 +83,7 @@ def test_a_further_effect_gains_a_share_of_the_first_one(share: float, expected:
 def test_an_effect_below_the_errors_of_the_processing_is_none() -> None:
     """Beside a force of which it is the five thousandth part."""
     found = decided(searched({"offset": A}, 0.5 * A, mass=2500.0))
-    assert not found.accepted
+    assert not found.passed
     assert "of the drive force, where the errors of the processing itself" in found.objection
 
 
@@ -79,48 +91,48 @@ def test_an_effect_in_a_third_of_the_time_alone_is_none() -> None:
     """It is not the same in all blocks of time: two of six are better predicted without."""
     turned = np.where(np.arange(ROWS) < ROWS // 3, -1.0, 1.0)
     found = decided(searched({"offset": A}, 2.0 * turned * A))
-    assert not found.accepted
+    assert not found.passed
     assert found.objection == (
         "it improves the prediction of 4 of the 6 parts that it was not fitted to"
     )
 
 
-@pytest.mark.parametrize(("size", "members"), [(0.4, ["hose_stiffness"]), (3.0, [])])
-def test_what_recordings_do_not_tell_apart_is_a_class(size: float, members: list[str]) -> None:
+@pytest.mark.parametrize(("size", "indistinct"), [(0.4, ["hose_stiffness"]), (3.0, [])])
+def test_what_recordings_do_not_tell_apart_is_a_class(size: float, indistinct: list[str]) -> None:
     """Columns of a correlation of 0.95 differ by a tenth of the score."""
     like = mixed(0.95, A, B)
-    (one,) = decided(searched({"offset": A, "hose_stiffness": like}, size * A)).accepted
-    assert [member.type for member in one.members] == members
+    (one,) = decided(searched({"offset": A, "hose_stiffness": like}, size * A)).passed
+    assert [member.type for member in one.indistinct] == indistinct
     assert one.runner_up is not None and one.runner_up.type == "hose_stiffness"
     assert one.correlation == pytest.approx(0.95, abs=0.01)
     assert one.margin == pytest.approx((1.0 - 0.95**2) * one.score, rel=0.4)
 
 
-@pytest.mark.parametrize(("correlation", "members"), [(0.9965, 1), (0.98, 0)])
+@pytest.mark.parametrize(("correlation", "indistinct"), [(0.9965, 1), (0.98, 0)])
 def test_columns_that_are_nearly_the_same_are_one_class_at_any_strength(
-    correlation: float, members: int
+    correlation: float, indistinct: int
 ) -> None:
     """A score of 60,000 is 420 ahead of the one, 2,400 of the other; of both, 600 are asked for."""
     like = mixed(correlation, A, B)
-    (one,) = decided(searched({"offset": A, "hose_stiffness": like}, 10.0 * A)).accepted
-    assert len(one.members) == members
+    (one,) = decided(searched({"offset": A, "hose_stiffness": like}, 10.0 * A)).passed
+    assert len(one.indistinct) == indistinct
 
 
-@pytest.mark.parametrize(("correlation", "rivals"), [(0.1, 0), (0.3, 1)])
-def test_what_explains_something_else_is_no_rival(correlation: float, rivals: int) -> None:
+@pytest.mark.parametrize(("correlation", "swaps"), [(0.1, 0), (0.3, 1)])
+def test_what_explains_something_else_is_no_rival(correlation: float, swaps: int) -> None:
     like = mixed(correlation, A, B)
-    (one,) = decided(searched({"offset": A, "hose_stiffness": like}, 3.0 * A)).accepted
-    assert (one.runner_up is not None) == bool(rivals)
+    (one,) = decided(searched({"offset": A, "hose_stiffness": like}, 3.0 * A)).passed
+    assert (one.runner_up is not None) == bool(swaps)
 
 
 def test_what_the_best_leaves_unexplained_is_asked_of_its_lead() -> None:
     """The rest is no noise: it has the form of a candidate, with a sign that this cannot have."""
     like, lead = mixed(0.9, A, B), (1.0 - 0.9**2) * 9.0 * ROWS
-    for rest, members in ((2.0, 0), (3.5, 1)):
+    for rest, indistinct in ((2.0, 0), (3.5, 1)):
         candidates = {"offset": A, "hose_stiffness": like, "load_friction": C}
         found = searched(candidates, 3.0 * A - rest * C, positive=("load_friction",))
-        (one,) = decided(found).accepted
-        assert len(one.members) == members
+        (one,) = decided(found).passed
+        assert len(one.indistinct) == indistinct
         assert one.needed == pytest.approx(0.25 * rest**2 * ROWS, rel=0.2)
         assert one.margin == pytest.approx(lead, rel=0.25)
 
@@ -129,11 +141,11 @@ def test_of_laws_that_gain_alike_the_one_with_less_freedom_is_taken() -> None:
     """The other one, with a column more, always gains a little more."""
     wider = np.stack([A + 0.1 * C, A - 0.1 * C], axis=1)
     found = searched({"chamber_gain": wider, "offset": A}, 2.0 * A)
-    first = found.projection.options[found.sets(1)[0].options[0]]
-    assert first.family.type == "chamber_gain"
-    (one,) = decided(found).accepted
-    assert one.option.family.type == "offset"
-    assert [member.type for member in one.members] == ["chamber_gain"]
+    first = found.projection.candidates[Race(found).sets(1)[0].numbers[0]]
+    assert first.candidate.type == "chamber_gain"
+    (one,) = decided(found).passed
+    assert one.shaped.candidate.type == "offset"
+    assert [member.type for member in one.indistinct] == ["chamber_gain"]
 
 
 def test_a_law_with_more_freedom_that_needs_it_is_taken() -> None:

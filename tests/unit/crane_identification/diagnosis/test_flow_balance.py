@@ -1,14 +1,16 @@
 """The hydraulics of a simulated cylinder, found again and compared with what is usual."""
 
 from dataclasses import replace
+from typing import Any
 
 import numpy as np
 import pytest
 from unit.crane_model.test_flow import BANDS, BETA, GAINS, JOINT, LEAK, PLAY, moved
 
-from crane_identification.diagnosis.evidence import Evidence, Run
+from crane_identification.diagnosis.evidence import Evidence
 from crane_identification.diagnosis.flow import examine
 from crane_identification.diagnosis.hydraulics import Flow, Usual
+from crane_identification.diagnosis.runs import Run
 from crane_identification.diagnosis.thresholds import load_thresholds
 from crane_model.configuration import packaged
 from crane_model.model_file import load_model
@@ -43,9 +45,15 @@ def moving(evidence: Evidence, record: Record) -> Evidence:
     return replace(evidence, runs=4 * (replace(evidence.runs[0], record=record),))
 
 
+def examined(*given: Any) -> tuple[tuple[Flow, ...], dict[tuple[str, str], str]]:
+    """What is found, and why effects are not observable."""
+    flows = examine(*given)
+    return flows.found, flows.unobservable
+
+
 @pytest.fixture(scope="module")
 def flow(evidence: Evidence) -> Flow:
-    found, absent = examine(evidence, evidence, USUAL, THRESHOLDS)
+    found, absent = examined(evidence, evidence, USUAL, THRESHOLDS)
     assert {joint for _, joint in absent} == {"inner_boom", "outer_boom"}  # not in this record
     return found[0]
 
@@ -72,7 +80,7 @@ def test_a_command_that_begins_late_costs_only_what_is_before(
     command[:900] = np.nan  # 1.8 s
     command[2500:2600] = np.nan
     live = moving(evidence, replace(record, command=command))
-    found, absent = examine(live, live, USUAL, THRESHOLDS)
+    found, absent = examined(live, live, USUAL, THRESHOLDS)
     assert {joint for _, joint in absent} == {"inner_boom", "outer_boom"}
     assert found[0].recorded == flow.recorded == pytest.approx(32.0, abs=0.01)
     assert found[0].known == pytest.approx(4 * (8.0 - 1.8 - 0.2), abs=0.02)
@@ -83,7 +91,9 @@ def test_a_command_that_begins_late_costs_only_what_is_before(
 def test_a_recording_without_commands_is_left_out(evidence: Evidence, flow: Flow) -> None:
     run = evidence.runs[0]
     blind = replace(run, record=replace(run.record, command=None))
-    found, _ = examine(replace(evidence, runs=(blind, *evidence.runs)), evidence, USUAL, THRESHOLDS)
+    found, _ = examined(
+        replace(evidence, runs=(blind, *evidence.runs)), evidence, USUAL, THRESHOLDS
+    )
     assert found[0].quantities == flow.quantities
     assert found[0].recorded - found[0].known == pytest.approx(8.0, abs=0.01)
 
@@ -92,7 +102,7 @@ def test_too_little_of_the_command_is_refused_by_name(evidence: Evidence) -> Non
     record = evidence.runs[0].record
     assert record.command is not None
     late = np.where(record.time[:, np.newaxis] < 6.9, np.nan, record.command)
-    found, absent = examine(
+    found, absent = examined(
         moving(evidence, replace(record, command=late)), evidence, USUAL, THRESHOLDS
     )
     assert not found
@@ -110,11 +120,11 @@ def test_noise_asks_for_faster_motion(evidence: Evidence) -> None:
         return moving(evidence, replace(record, velocity=record.velocity + size * white))
 
     stiff = USUAL.model_copy(update={"bulk_modulus": 2e9})
-    found, _ = examine(noisy(0.3), evidence, stiff, THRESHOLDS)
+    found, _ = examined(noisy(0.3), evidence, stiff, THRESHOLDS)
     assert not found[0].unknown  # though more than usual is left: it is no law
     assert found[0].unexplained > THRESHOLDS.gates.unexplained_flow
     assert found[0].undetermined == ("compressibility of the oil",)
-    found, absent = examine(noisy(1.0), evidence, USUAL, THRESHOLDS)
+    found, absent = examined(noisy(1.0), evidence, USUAL, THRESHOLDS)
     assert not found
     assert "is noise, at most 10% allowed; move faster" in absent["valve_dead_zone", JOINT]
 
@@ -123,7 +133,7 @@ def test_the_gain_of_an_edge_that_never_opens_is_not_determined(evidence: Eviden
     record = evidence.runs[0].record
     assert record.command is not None
     one_way = moving(evidence, replace(record, command=np.maximum(record.command, 0.0)))
-    found, _ = examine(one_way, one_way, USUAL, THRESHOLDS)
+    found, _ = examined(one_way, one_way, USUAL, THRESHOLDS)
     edges = "gain of the edge a_tank", "gain of the edge supply_b"
     assert found[0].undetermined == edges
     assert found[0].unknown  # it moves the other way all the same
@@ -133,7 +143,7 @@ def test_a_command_of_the_wrong_sign_is_said_to_be_wrong(evidence: Evidence) -> 
     record = evidence.runs[0].record
     assert record.command is not None
     turned = moving(evidence, replace(record, command=-record.command))
-    found, absent = examine(turned, turned, USUAL, THRESHOLDS)
+    found, absent = examined(turned, turned, USUAL, THRESHOLDS)
     assert not found
     assert "check sign and log of its command" in absent["valve_dead_zone", JOINT]
 
@@ -149,7 +159,7 @@ def test_a_dead_zone_beyond_the_usual_is_missing_in_proportion(evidence: Evidenc
     wide = USUAL.model_copy(update={"dead_zone": {JOINT: BANDS[0] - 0.005}})
     shares = []
     for usual in (narrow, wide):
-        found, _ = examine(evidence, evidence, usual, THRESHOLDS)
+        found, _ = examined(evidence, evidence, usual, THRESHOLDS)
         (quantity,) = (one for one in found[0].missing if one.type == "valve_dead_zone")
         shares.append(quantity.share)
     assert shares[0] == pytest.approx(2.0 * shares[1], rel=0.1)
@@ -159,7 +169,7 @@ def test_a_dead_zone_beyond_the_usual_is_missing_in_proportion(evidence: Evidenc
 def test_without_supply_pressure_it_is_not_observable(evidence: Evidence) -> None:
     run = evidence.runs[0]
     blind = replace(run, record=replace(run.record, supply_pressure=None))
-    found, absent = examine(replace(evidence, runs=4 * (blind,)), evidence, USUAL, THRESHOLDS)
+    found, absent = examined(replace(evidence, runs=4 * (blind,)), evidence, USUAL, THRESHOLDS)
     assert not found
     assert "supply pressure" in absent["valve_dead_zone", JOINT]
 
@@ -177,14 +187,14 @@ def test_a_chamber_that_draws_oil_past_the_valve_is_not_asked(
     pressure[starved, j] = record.tank_pressure[starved]
     speed[starved, j] *= 1.5  # more than the valve lets in
     torn = replace(run, record=replace(record, pressure_b=pressure, velocity=speed))
-    found, _ = examine(replace(evidence, runs=4 * (torn,)), evidence, USUAL, THRESHOLDS)
+    found, _ = examined(replace(evidence, runs=4 * (torn,)), evidence, USUAL, THRESHOLDS)
     names, torn_names = ({one.type for one in one.missing} for one in (flow, found[0]))
     assert {"valve_asymmetry", "internal_leakage"} <= torn_names <= names
 
 
 def test_without_a_usual_dead_zone_nothing_is_said(evidence: Evidence) -> None:
     other = USUAL.model_copy(update={"dead_zone": {"slew": 0.05}})
-    found, absent = examine(evidence, evidence, other, THRESHOLDS)
+    found, absent = examined(evidence, evidence, other, THRESHOLDS)
     assert not found
     assert "not known" in absent["valve_dead_zone", JOINT]
 
@@ -197,18 +207,18 @@ def test_a_law_of_no_valve_and_no_oil_is_unknown(evidence: Evidence, flow: Flow)
         eccentric = replace(
             record, velocity=record.velocity * (1.0 + size * np.sin(9.0 * record.position))
         )
-        found, _ = examine(moving(evidence, eccentric), evidence, USUAL, THRESHOLDS)
+        found, _ = examined(moving(evidence, eccentric), evidence, USUAL, THRESHOLDS)
         assert found[0].unknown and not found[0].missing
         assert len(found[0].quantities) == values
 
 
 def test_joints_with_wrong_sensors_are_not_asked(evidence: Evidence) -> None:
-    found, absent = examine(evidence, evidence, USUAL, THRESHOLDS, {JOINT})
+    found, absent = examined(evidence, evidence, USUAL, THRESHOLDS, {JOINT})
     assert not found
     assert "sensors" in absent["internal_leakage", JOINT]
 
 
 def test_a_short_motion_tells_nothing_of_the_flow(evidence: Evidence) -> None:
-    found, absent = examine(replace(evidence, runs=evidence.runs[:1]), evidence, USUAL, THRESHOLDS)
+    found, absent = examined(replace(evidence, runs=evidence.runs[:1]), evidence, USUAL, THRESHOLDS)
     assert not found
     assert "record longer" in absent["internal_leakage", JOINT]

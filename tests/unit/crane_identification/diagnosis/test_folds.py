@@ -12,8 +12,8 @@ from crane_identification.diagnosis.cross_validation import (
     folds,
     gain,
     held_out_gains,
+    helps,
 )
-from crane_identification.diagnosis.decision import helps
 from crane_identification.diagnosis.thresholds import load_thresholds
 
 FOLDS, ROWS = 6, 200
@@ -130,9 +130,9 @@ def test_gains_of_folds_are_of_whitened_rows() -> None:
     """An effect of 2 gains 4 in each of so many rows of variance one, whatever its unit is."""
     column = np.random.default_rng(23).standard_normal(made.ROWS)
     found = made.searched({"offset": 1e-3 * column}, 2.0 * column)
-    option = found.projection.options[0]
+    shaped = found.projection.candidates[0]
     gains, said = held_out_gains(
-        found.evidence, found.whitener, found.evidence.free, option.columns
+        found.evidence, found.whitener, found.evidence.free, shaped.columns
     )
     assert len(gains) == len(said) == TIME_BLOCKS
     np.testing.assert_allclose(gains, 4.0 * made.ROWS / TIME_BLOCKS, rtol=0.5)

@@ -5,9 +5,15 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from crane_identification.diagnosis.candidates import Family, Option
-from crane_identification.diagnosis.evidence import Evidence, Run
-from crane_identification.diagnosis.left_out import SEEN_SHARE, left_out, seen
+from crane_identification.diagnosis.candidates import (
+    SEEN_SHARE,
+    Candidate,
+    ShapedCandidate,
+    left_out,
+    seen,
+)
+from crane_identification.diagnosis.evidence import Evidence
+from crane_identification.diagnosis.runs import Run
 from crane_model.model_file import Model
 from crane_model.record import Record
 from crane_model.terms import single_axis
@@ -42,11 +48,13 @@ def evidence() -> Evidence:
     )
 
 
-def options(evidence: Evidence, family: Family) -> list[Option]:
-    """All shapes of a family; their columns play no part."""
+def candidates(evidence: Evidence, candidate: Candidate) -> list[ShapedCandidate]:
+    """All shapes of a candidate; their columns play no part."""
     return [
-        Option(family, shape, family.at(shape), np.zeros((0, 2, 1)), np.array([True]))
-        for shape in family.grid()
+        ShapedCandidate(
+            candidate, shape, candidate.at(shape), np.zeros((0, 2, 1)), np.array([True])
+        )
+        for shape in candidate.grid()
     ]
 
 
@@ -58,21 +66,21 @@ def test_the_share_of_a_peak_is_that_of_an_exponential(evidence: Evidence) -> No
 
 
 def test_a_short_peak_is_not_sought_and_the_reason_says_where(evidence: Evidence) -> None:
-    family, usual = Family(Stiction, "axis"), Family(Coulomb, "axis")
-    tried = [*options(evidence, family), *options(evidence, usual)]
+    candidate, usual = Candidate(Stiction, "axis"), Candidate(Coulomb, "axis")
+    tried = [*candidates(evidence, candidate), *candidates(evidence, usual)]
     hidden, whole, part = left_out(evidence, tried)
     travels = np.array([one.shape.get("travel", np.inf) for one in tried])
     np.testing.assert_array_equal(hidden, np.exp(-UNSEEN / travels) < SEEN_SHARE)
     assert hidden.any() and not hidden.all()
-    assert not whole and list(part) == [family]
+    assert not whole and list(part) == [candidate]
     shortest = f"{travels[~hidden].min():.2g}"
-    assert part[family].startswith(f"with travel below {shortest} m, its peak lies in the rows")
+    assert part[candidate].startswith(f"with travel below {shortest} m, its peak lies in the rows")
 
 
 def test_where_no_row_is_used_none_of_it_is(evidence: Evidence) -> None:
     run = evidence.runs[0]
     blind = replace(evidence, runs=(replace(run, gate=np.zeros_like(run.gate)),))
-    family = Family(Stiction, "axis")
-    hidden, whole, part = left_out(blind, options(blind, family))
+    candidate = Candidate(Stiction, "axis")
+    hidden, whole, part = left_out(blind, candidates(blind, candidate))
     assert hidden.all() and not part
-    assert "those that are used see 0.0% of it" in whole[family]
+    assert "those that are used see 0.0% of it" in whole[candidate]

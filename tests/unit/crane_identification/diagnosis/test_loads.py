@@ -9,12 +9,12 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from unit.crane_identification.synthetic import crane_log, crane_model
 
-from crane_identification.diagnosis.candidates import families
+from crane_identification.diagnosis.candidates import candidates_of
 from crane_identification.diagnosis.evidence import Evidence, gather
 from crane_identification.diagnosis.gap import residual
 from crane_identification.diagnosis.loads import agreeing, one_each
 from crane_identification.diagnosis.refit import refit
-from crane_identification.diagnosis.search import Search, search
+from crane_identification.diagnosis.search import Race, search
 from crane_identification.diagnosis.weighing import weighed
 from crane_identification.options import Options
 from crane_identification.preparation.prepare import prepare
@@ -41,23 +41,23 @@ def recordings() -> list[Preparation]:
     return [loaded(seed, mass) for seed, mass in enumerate(MASSES)]
 
 
-def sought(preparations: Sequence[Preparation]) -> Search:
+def sought(preparations: Sequence[Preparation]) -> Race:
     """The search for a load alone."""
     evidence = gather(crane_model(), preparations, FACTOR)
-    wanted = [one for one in families(crane_model(), evidence) if one.type == "payload"]
-    return search(evidence, wanted)
+    wanted = [one for one in candidates_of(crane_model(), evidence) if one.type == "payload"]
+    return Race(search(evidence, wanted))
 
 
-def found(searched: Search) -> tuple[tuple[Load, ...], np.ndarray, float]:
+def found(race: Race) -> tuple[tuple[Load, ...], np.ndarray, float]:
     """The loads that are found, their masses, and their gain."""
-    choice = searched.best(1)
-    assert choice is not None
-    (number,) = choice.options
-    projection = searched.projection
-    term = projection.options[number].term
+    subset = race.best(1)
+    assert subset is not None
+    (number,) = subset.numbers
+    projection = race.search.projection
+    term = projection.candidates[number].term
     assert isinstance(term, Payload) and term.loads is not None
-    values = choice.values / projection.scale[projection.members[number]]
-    return term.loads, values, choice.gain
+    values = subset.values / projection.scale[projection.columns_of[number]]
+    return term.loads, values, subset.gain
 
 
 def test_loads_are_found_in_any_recordings_and_in_any_order(recordings: list[Preparation]) -> None:
@@ -85,7 +85,7 @@ def test_what_an_effect_takes_from_the_model_is_what_that_is_beside_it(
     model = crane_model()
     evidence = gather(model, [recordings[0], recordings[2]], FACTOR)
     wrong = model.with_estimate(1.3 * model.theta, 0.0 * model.theta, "wrong")
-    zeros = [one for one in families(wrong, evidence) if one.type == "encoder_offset"]
+    zeros = [one for one in candidates_of(wrong, evidence) if one.type == "encoder_offset"]
     assert [one.joint for one in zeros] == ["inner_boom", "outer_boom"]
     for one in zeros:
         bodies = dict(one.given)["bodies"]
@@ -95,10 +95,10 @@ def test_what_an_effect_takes_from_the_model_is_what_that_is_beside_it(
 
 def test_more_loads_than_differ_are_not_kept(recordings: list[Preparation]) -> None:
     """They gain more, and may have looked different while another effect was missing."""
-    searched = sought(recordings)
-    family = searched.projection.options[0].family
-    searched.added(family, {"loads": one_each(searched.evidence)[1:]})
-    assert len(found(searched)[0]) == 2
+    race = sought(recordings)
+    candidate = race.search.projection.candidates[0].candidate
+    race.added(candidate, {"loads": one_each(race.search.evidence)[1:]})
+    assert len(found(race)[0]) == 2
 
 
 @settings(max_examples=25)

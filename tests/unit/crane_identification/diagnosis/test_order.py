@@ -56,7 +56,7 @@ def test_oil_that_warms_up_over_a_session_is_named_in_any_order(
     found = diagnosed(model, logs, held_out)
     assert found.verdict is Verdict.NAMED
     (finding,) = found.findings
-    assert finding.family.type == "warm_up"
+    assert finding.candidate.type == "warm_up"
     cold, warming = finding.parameters
     assert cold.value == pytest.approx(COLD, rel=0.05)
     assert warming.value == pytest.approx(WARMING, rel=0.1)

@@ -5,13 +5,13 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from crane_identification.diagnosis.evidence import Run
 from crane_identification.diagnosis.pulsation import (
     SPACING,
     Pulsation,
     clearest_lines,
     pulsations,
 )
+from crane_identification.diagnosis.runs import Run
 from crane_identification.diagnosis.thresholds import load_thresholds
 from crane_model.model_file import Model, load_model
 from crane_model.record import Record

@@ -10,15 +10,16 @@ from unit.crane_identification.diagnosis.made import (
     ROWS,
     evidence,
     normal,
-    option,
     search,
+    shaped,
 )
 
-from crane_identification.diagnosis.candidates import Family
-from crane_identification.diagnosis.candidates import option as observed
-from crane_identification.diagnosis.evidence import Evidence, Run
+from crane_identification.diagnosis.candidates import Candidate
+from crane_identification.diagnosis.candidates import at_shape as observed
+from crane_identification.diagnosis.evidence import Evidence
 from crane_identification.diagnosis.refit import UndeterminedError, refit, shape_std_devs
-from crane_identification.diagnosis.search import Search
+from crane_identification.diagnosis.runs import Run
+from crane_identification.diagnosis.search import Race, Search
 from crane_identification.diagnosis.selection import solve
 from crane_model.model_file import Model
 from crane_model.record import Record
@@ -83,14 +84,14 @@ def seen() -> Evidence:
 
 def curve(seen: Evidence, speed: float, exponent: float = EXPONENT) -> Search:
     """The Stribeck curve with one shape as the only candidate."""
-    family = Family(REGISTRY["stribeck"], "axis")
-    return search(seen, [observed(seen, family, {"speed": speed, "exponent": exponent})])
+    candidate = Candidate(REGISTRY["stribeck"], "axis")
+    return search(seen, [observed(seen, candidate, {"speed": speed, "exponent": exponent})])
 
 
 def test_shapes_have_the_deviations_of_the_joint_fit(seen: Evidence) -> None:
     """By the derivative of the curve, beside its size and the mass."""
     found = curve(seen, SPEED)
-    (known,) = shape_std_devs(found, found.projection.options, [np.array([FRICTION])])
+    (known,) = shape_std_devs(found, found.projection.candidates, [np.array([FRICTION])])
     velocity = seen.runs[0].record.velocity[:, 0]
     ratio = np.abs(velocity) / SPEED
     size = FRICTION * np.sign(velocity) * np.exp(-ratio)
@@ -102,27 +103,29 @@ def test_shapes_have_the_deviations_of_the_joint_fit(seen: Evidence) -> None:
 
 
 def test_without_shapes_there_is_nothing_to_say(seen: Evidence) -> None:
-    found = search(seen, [option("offset", normal(5, ROWS, 1))])
-    assert shape_std_devs(found, found.projection.options, [np.ones(1)]) == [{}]
+    found = search(seen, [shaped("offset", normal(5, ROWS, 1))])
+    assert shape_std_devs(found, found.projection.candidates, [np.ones(1)]) == [{}]
 
 
 def test_refinement_finds_a_shape_between_points_of_the_grid(seen: Evidence) -> None:
-    grid = sorted({one["speed"] for one in Family(REGISTRY["stribeck"], "axis").grid()})
+    grid = sorted({one["speed"] for one in Candidate(REGISTRY["stribeck"], "axis").grid()})
     nearest = min(grid, key=lambda speed: abs(np.log(speed / SPEED)))
     assert nearest != pytest.approx(SPEED, rel=0.05)
     found = curve(seen, nearest)
     start = solve(found.projection, (0,))
     assert start is not None
-    refined = found.refine(start)
+    race = Race(found)
+    refined = race.refine(start)
     assert refined.gain > start.gain
-    assert found.projection.options[refined.options[0]].shape["speed"] == pytest.approx(
+    assert race.search.projection.candidates[refined.numbers[0]].shape["speed"] == pytest.approx(
         SPEED, rel=0.06
     )
 
 
 def test_refinement_stays_beside_its_point_of_the_grid(seen: Evidence) -> None:
     """The next point has neighbours of its own."""
-    grid = sorted({one["speed"] for one in Family(REGISTRY["stribeck"], "axis").grid()})
+    grid = sorted({one["speed"] for one in Candidate(REGISTRY["stribeck"], "axis").grid()})
     found = curve(seen, grid[0])
-    (refined,) = found.sets(1)
-    assert grid[0] < found.projection.options[refined.options[0]].shape["speed"] < grid[1]
+    race = Race(found)
+    (refined,) = race.sets(1)
+    assert grid[0] < race.search.projection.candidates[refined.numbers[0]].shape["speed"] < grid[1]

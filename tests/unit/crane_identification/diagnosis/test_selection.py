@@ -6,17 +6,16 @@ import numpy as np
 import pytest
 from scipy.stats import chi2
 
-from crane_identification.diagnosis.candidates import Family, Option
-from crane_identification.diagnosis.null import null_gains
-from crane_identification.diagnosis.projection import Projection
-from crane_identification.diagnosis.selection import NOTHING, Choice, larger_sets, solve
+from crane_identification.diagnosis.candidates import Candidate, ShapedCandidate
+from crane_identification.diagnosis.projection import Projection, null_gains
+from crane_identification.diagnosis.selection import NOTHING, Subset, larger_sets, solve
 from crane_model.terms import REGISTRY
 
 ROWS = 400
 
 
-def best_sets(made: Projection, largest: int) -> list[list[Choice]]:
-    """The best sets of 1 to `largest` families."""
+def best_sets(made: Projection, largest: int) -> list[list[Subset]]:
+    """The best sets of 1 to `largest` candidates."""
     beam, sizes = [NOTHING], []
     for _ in range(largest):
         beam = larger_sets(made, beam)
@@ -27,11 +26,11 @@ def best_sets(made: Projection, largest: int) -> list[list[Choice]]:
 def projection(
     columns: dict[str, np.ndarray], residual: np.ndarray, positive: bool = False
 ) -> Projection:
-    """Each column as a family of its own: a candidate of that type on a joint `axis`."""
+    """Each column as a candidate of its own: a candidate of that type on a joint `axis`."""
     unit = {name: values / np.linalg.norm(values) for name, values in columns.items()}
-    options = tuple(
-        Option(
-            Family(REGISTRY[name], "axis"),
+    candidates = tuple(
+        ShapedCandidate(
+            Candidate(REGISTRY[name], "axis"),
             {},
             REGISTRY["coulomb"].model_validate({"type": "coulomb", "joint": "axis"}),
             np.zeros((0, 1, 1)),
@@ -39,9 +38,9 @@ def projection(
         )
         for name in columns
     )
-    count = len(options)
+    count = len(candidates)
     return Projection(
-        options,
+        candidates,
         np.stack(list(unit.values()), axis=1),
         residual,
         np.arange(count),
@@ -52,7 +51,7 @@ def projection(
 
 
 def names(found: Projection, numbers: tuple[int, ...]) -> set[str]:
-    return {found.options[i].family.type for i in numbers}
+    return {found.candidates[i].candidate.type for i in numbers}
 
 
 def test_a_pair_is_found_behind_a_column_that_resembles_their_sum() -> None:
@@ -62,8 +61,8 @@ def test_a_pair_is_found_behind_a_column_that_resembles_their_sum() -> None:
     decoy = a + b + 0.7 * rng.standard_normal(ROWS)
     made = projection({"stribeck": a, "backlash": b, "hose_stiffness": decoy}, a + b + 0.05 * noise)
     single, pair = (size[0] for size in best_sets(made, 2))
-    assert names(made, single.options) == {"hose_stiffness"}
-    assert names(made, pair.options) == {"stribeck", "backlash"}
+    assert names(made, single.numbers) == {"hose_stiffness"}
+    assert names(made, pair.numbers) == {"stribeck", "backlash"}
 
 
 def test_gain_is_that_of_least_squares() -> None:
@@ -101,13 +100,13 @@ def test_noise_beside_a_chosen_column_gains_nothing_along_it() -> None:
     assert null_gains(made, [0], replicates=50).max() == pytest.approx(0.0, abs=1e-6)
 
 
-def test_the_same_family_is_not_chosen_twice() -> None:
+def test_the_same_candidate_is_not_chosen_twice() -> None:
     rng = np.random.default_rng(6)
     a, b = rng.standard_normal((2, ROWS))
     made: Any = projection({"stribeck": a, "backlash": b}, a + b)
     twin = projection({"stribeck": a + 0.1 * b, "backlash": b}, a + b)
     both = Projection(
-        made.options + twin.options[:1],
+        made.candidates + twin.candidates[:1],
         np.concatenate([made.columns, twin.columns[:, :1]], axis=1),
         made.residual,
         np.arange(3),
@@ -116,6 +115,6 @@ def test_the_same_family_is_not_chosen_twice() -> None:
         np.ones(3),
     )
     for size in best_sets(both, 2):
-        for choice in size:
-            families = [both.options[i].family for i in choice.options]
-            assert len(set(families)) == len(families)
+        for subset in size:
+            candidates = [both.candidates[i].candidate for i in subset.numbers]
+            assert len(set(candidates)) == len(candidates)

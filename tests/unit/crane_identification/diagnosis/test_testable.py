@@ -5,7 +5,7 @@ from pathlib import Path
 import numpy as np
 
 from crane_identification.diagnosis import projection
-from crane_identification.diagnosis.candidates import Family, Option
+from crane_identification.diagnosis.candidates import Candidate, ShapedCandidate
 from crane_identification.diagnosis.evidence import Evidence
 from crane_identification.diagnosis.whitening import whitener
 from crane_model.model_file import load_model
@@ -34,16 +34,16 @@ def test_a_gain_of_the_measured_force_is_not_tested(tmp_path: Path) -> None:
     model = load_model(tmp_path / "two.yaml")
     evidence = Evidence(model, (), np.arange(N) * 0.1, zeros, zeros, force, base, used)
 
-    def option(family: Family, column: np.ndarray) -> Option:
+    def shaped(candidate: Candidate, column: np.ndarray) -> ShapedCandidate:
         columns = np.zeros((N, 4, 1))
         columns[:, 0, 0] = column
-        return Option(family, {}, family.at({}), columns, np.array([False]))
+        return ShapedCandidate(candidate, {}, candidate.at({}), columns, np.array([False]))
 
-    gain, loss = Family(PressureGain, "one"), Family(QuadraticViscous, "one")
-    options = [option(gain, force[:, 0]), option(loss, law[:, 0] + rng.standard_normal(N))]
-    white = whitener(evidence, np.concatenate([one.columns for one in options], axis=2))
+    gain, loss = Candidate(PressureGain, "one"), Candidate(QuadraticViscous, "one")
+    candidates = [shaped(gain, force[:, 0]), shaped(loss, law[:, 0] + rng.standard_normal(N))]
+    white = whitener(evidence, np.concatenate([one.columns for one in candidates], axis=2))
     wanted, reasons = projection.testable(
-        projection.project(evidence, white, options), evidence, white
+        projection.project(evidence, white, candidates), evidence, white
     )
     assert wanted.tolist() == [False, True]
     assert reasons == {gain: "its column is the measured force itself"}
@@ -64,10 +64,10 @@ def test_friction_with_memory_is_as_visible_as_close_to_reversals(tmp_path: Path
     zeros, used = np.zeros(N, dtype=int), np.ones((N, 2), dtype=bool)
     model = load_model(tmp_path / "one.yaml")
     evidence = Evidence(model, (), np.arange(N) * 0.1, zeros, zeros, force, base, used)
-    family = Family(QuadraticViscous, "one")
-    option = Option(family, {}, family.at({}), memory, np.array([False]))
+    candidate = Candidate(QuadraticViscous, "one")
+    shaped = ShapedCandidate(candidate, {}, candidate.at({}), memory, np.array([False]))
     white = whitener(evidence, memory)
-    found = projection.project(evidence, white, [option])
+    found = projection.project(evidence, white, [shaped])
     overall = float(found.scale[0] / np.linalg.norm(white(memory)))
     assert overall < projection.VISIBLE_SHARE
     assert found.visibility[0] > 0.2

@@ -7,23 +7,16 @@ from types import MappingProxyType
 import numpy as np
 import pytest
 
-from crane_identification.diagnosis.candidates import Family, Option
+from crane_identification.diagnosis.answer import with_loads, with_pulsation
+from crane_identification.diagnosis.candidates import Candidate, ShapedCandidate
 from crane_identification.diagnosis.decision import Judged
-from crane_identification.diagnosis.extension import Value
 from crane_identification.diagnosis.gap import Gap
 from crane_identification.diagnosis.learner import Learnt
 from crane_identification.diagnosis.proof import Proof, Short, objection
 from crane_identification.diagnosis.pulsation import Pulsation
 from crane_identification.diagnosis.thresholds import load_thresholds
-from crane_identification.diagnosis.trial import Trial, differs
-from crane_identification.diagnosis.verdict import (
-    Answer,
-    Reach,
-    Verdict,
-    judge,
-    with_loads,
-    with_pulsation,
-)
+from crane_identification.diagnosis.trial import Trial, Value, differs
+from crane_identification.diagnosis.verdict import Answer, Reach, Verdict, judge
 from crane_identification.diagnosis.weighing import Weighed
 from crane_identification.validation.motion_validation import MotionValidation
 from crane_model.configuration import packaged
@@ -64,14 +57,16 @@ def gap(
 
 def effect(
     kind: str = "load_friction",
-    members: tuple[str, ...] = (),
+    indistinct: tuple[str, ...] = (),
     shape: Mapping[str, float] = MappingProxyType({}),
     joint: str | None = "outer_boom",
 ) -> Judged:
     """It has passed every test of the training recordings."""
-    family = Family(REGISTRY[kind], joint)
+    candidate = Candidate(REGISTRY[kind], joint)
     return Judged(
-        option=Option(family, dict(shape), family.at(shape), np.zeros((0, 3, 1)), np.array([True])),
+        shaped=ShapedCandidate(
+            candidate, dict(shape), candidate.at(shape), np.zeros((0, 3, 1)), np.array([True])
+        ),
         score=1000.0,
         threshold=50.0,
         null=np.ones(3),
@@ -81,7 +76,7 @@ def effect(
         margin=900.0,
         needed=50.0,
         correlation=0.5,
-        members=tuple(Family(REGISTRY[one], "outer_boom") for one in members),
+        indistinct=tuple(Candidate(REGISTRY[one], "outer_boom") for one in indistinct),
         visibility=0.5,
         strength=0.01,
     )
@@ -113,7 +108,7 @@ def answer(
     reach: Reach = ENOUGH,
     short: tuple[Short, ...] = (),
 ) -> Answer:
-    return judge(BEFORE, Proof(after, seen or gap(0.0006), short), reach, THRESHOLDS)
+    return judge(Proof(BEFORE, after, seen or gap(0.0006), short), reach, THRESHOLDS)
 
 
 def test_nothing_is_missing_where_held_out_errors_are_noise() -> None:
@@ -179,7 +174,7 @@ def test_a_name_closes_the_gap_on_held_out_recordings(seen: Gap, closes: bool) -
     [
         (effect(), True),
         (effect("stribeck", shape={"speed": 0.1, "exponent": 1.0}), False),
-        (effect(members=("seal_friction",)), False),
+        (effect(indistinct=("seal_friction",)), False),
         (replace(effect(), held_out=np.array([1.0, 1.0, -1.0, 1.0])), False),
     ],
 )
@@ -244,11 +239,11 @@ def test_what_is_zero_within_its_deviation_is_no_name() -> None:
 def test_a_value_within_its_deviation_differs_from_nothing(values, expected: bool) -> None:
     """Shapes, which come last, do not count."""
     one = effect("chamber_gain")
-    option = replace(one.option, positive=np.zeros(len(values), dtype=bool))
+    shaped = replace(one.shaped, positive=np.zeros(len(values), dtype=bool))
     shape = Value("wave", 3.0, 0.1, "rad/rad")
     linear = [Value("gain", value, std_dev, "1") for value, std_dev in values]
     sigmas = THRESHOLDS.method.parameter_sigmas
-    assert differs(replace(one, option=option), [*linear, shape], sigmas) is expected
+    assert differs(replace(one, shaped=shaped), [*linear, shape], sigmas) is expected
 
 
 def test_a_pulsation_beside_a_name_is_something_more() -> None:

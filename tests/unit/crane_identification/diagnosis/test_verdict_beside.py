@@ -13,16 +13,11 @@ from unit.crane_identification.diagnosis.test_verdict import (
     trial,
 )
 
+from crane_identification.diagnosis.answer import with_flow, with_pulsation
 from crane_identification.diagnosis.hydraulics import Flow, Gain, Quantity
 from crane_identification.diagnosis.proof import Proof, objection
 from crane_identification.diagnosis.pulsation import Line, Pulsation, pulsations
-from crane_identification.diagnosis.verdict import (
-    Answer,
-    Verdict,
-    judge,
-    with_flow,
-    with_pulsation,
-)
+from crane_identification.diagnosis.verdict import Answer, Verdict, judge
 
 CLOSED = gap(0.0113, 0.0006)
 USUAL = 0.005  # share of the flow that is left unexplained
@@ -189,6 +184,6 @@ def test_the_share_of_a_gap_is_of_the_energy_that_can_be_explained() -> None:
 
 def test_a_law_that_only_the_learner_finds_is_unknown() -> None:
     before = trial(energy=5000.0, share=0.3)
-    found = judge(before, Proof(before, gap(0.0006), ()), ENOUGH, THRESHOLDS)
+    found = judge(Proof(before, before, gap(0.0006)), ENOUGH, THRESHOLDS)
     assert found.verdict is Verdict.UNKNOWN
     assert found.reason == "what is left on outer_boom follows a law, but none of the catalogue"

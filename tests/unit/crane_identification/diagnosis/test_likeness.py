@@ -6,9 +6,9 @@ from typing import Any
 import numpy as np
 import pytest
 
-from crane_identification.diagnosis.candidates import Family, Option
+from crane_identification.diagnosis.candidates import Candidate, ShapedCandidate
+from crane_identification.diagnosis.likeness import likeness, mends, slight
 from crane_identification.diagnosis.projection import Projection
-from crane_identification.diagnosis.rivals import likeness, mends, slight
 from crane_identification.diagnosis.thresholds import load_thresholds
 from crane_model.model_file import load_model
 from crane_model.record import Record
@@ -37,16 +37,18 @@ def test_further_effects_gain_more_on_a_joint_that_has_one(channels, gains, expe
     assert slight(channels, gains, THRESHOLDS) is expected
 
 
-def search_over(*options: tuple[Term, list[np.ndarray], bool]) -> Any:
-    """Options of these columns, whose parameters must not be negative where so said."""
-    counts = [len(columns) for _, columns, _ in options]
+def search_over(*candidates: tuple[Term, list[np.ndarray], bool]) -> Any:
+    """Candidates of these columns, whose parameters must not be negative where so said."""
+    counts = [len(columns) for _, columns, _ in candidates]
     made = tuple(
-        Option(Family(type(term), "axis"), {}, term, np.zeros((0, 1, n)), np.full(n, positive))
-        for (term, _, positive), n in zip(options, counts, strict=True)
+        ShapedCandidate(
+            Candidate(type(term), "axis"), {}, term, np.zeros((0, 1, n)), np.full(n, positive)
+        )
+        for (term, _, positive), n in zip(candidates, counts, strict=True)
     )
-    stacked = np.stack([values for _, columns, _ in options for values in columns], axis=1)
+    stacked = np.stack([values for _, columns, _ in candidates for values in columns], axis=1)
     projection = Projection(
-        options=made,
+        candidates=made,
         columns=stacked / np.linalg.norm(stacked, axis=0),
         residual=np.zeros(ROWS),
         owner=np.repeat(np.arange(len(made)), counts),

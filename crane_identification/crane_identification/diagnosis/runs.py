@@ -1,0 +1,88 @@
+"""Gapless runs, and how their samples become rows: zones, low-pass and decimation.
+
+A linear filter on both sides of (28) leaves Theta as it is. With a finite response only the rows
+that are kept cost anything, which counts with hundreds of columns.
+"""
+
+from dataclasses import dataclass
+from enum import Enum
+from functools import cache
+
+import numpy as np
+from scipy import signal
+
+from crane_identification.estimation.regression import OPEN
+from crane_identification.preparation.run import Preparation
+from crane_identification.signals.decimate import PASS_BAND, decimation_rows
+from crane_model.record import Record
+
+OPEN_TURNING = 0.15
+"""As `OPEN` close to reversals, which are shorter than what the filter sees."""
+CYCLES = 12  # length of the response, in rows that are kept
+STOP_BAND = 6.0  # shape of the Kaiser window: 60 dB
+
+
+class Zone(Enum):
+    """Which samples of a joint are asked."""
+
+    MOVING = "while it moves"
+    TURNING = "close to reversals"
+
+    def gate(self, preparation: Preparation) -> np.ndarray:
+        """(samples, j): 1.0 within the zone."""
+        if self is Zone.MOVING:
+            return preparation.moving.astype(float)
+        return (preparation.signed & ~preparation.moving).astype(float)
+
+    @property
+    def open(self) -> float:
+        """Share of what the filter sees that must be within the zone, for a row to be used."""
+        return OPEN if self is Zone.MOVING else OPEN_TURNING
+
+
+@dataclass(frozen=True)
+class Run:
+    """One gapless run: its record, which samples its channels see, and how many make a row."""
+
+    source: str
+    number: int
+    record: Record
+    gate: np.ndarray  # (samples, channels)
+    factor: int
+
+    @property
+    def kept(self) -> np.ndarray:
+        """Samples that become rows."""
+        return decimation_rows(len(self.record), self.factor)
+
+    def filtered(self, columns: np.ndarray) -> np.ndarray:
+        """(samples, j, k) to gated rows (n, channels, k); columns of zeros cost nothing."""
+        zones = self.gate.shape[1] // columns.shape[1]
+        out = np.zeros((len(self.kept), self.gate.shape[1], columns.shape[2]))
+        there = columns.any(axis=0)
+        for zone in range(zones):
+            part = slice(zone * columns.shape[1], (zone + 1) * columns.shape[1])
+            gate = self.gate[:, part][:, np.nonzero(there)[0]]
+            out[:, part][:, there] = thinned(columns[:, there] * gate, self.factor)
+        return out
+
+
+def thinned(values: np.ndarray, factor: int) -> np.ndarray:
+    """Values (n, ...) at `decimation_rows`, filtered with zero phase; zero beyond the ends."""
+    kept = decimation_rows(len(values), factor)
+    if factor == 1:
+        return values
+    response = _response(factor)
+    delay = len(response) // 2 + int(kept[0])
+    before = -delay % factor
+    flat = values.reshape(len(values), -1).T
+    padded = np.concatenate([np.zeros((len(flat), before)), flat], axis=1)
+    out = signal.upfirdn(response, padded, down=factor)
+    first = (delay + before) // factor
+    return out[:, first : first + len(kept)].T.reshape(len(kept), *values.shape[1:])
+
+
+@cache
+def _response(factor: int) -> np.ndarray:
+    taps = CYCLES * factor + 1
+    return signal.firwin(taps + 1 - taps % 2, PASS_BAND / factor, window=("kaiser", STOP_BAND))
