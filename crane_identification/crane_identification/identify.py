@@ -21,7 +21,6 @@ from crane_identification.online.replay import recursion
 from crane_identification.options import Estimator, Options
 from crane_identification.pipeline import fit, validate
 from crane_identification.preparation.session import Session
-from crane_identification.progress import Progress
 from crane_identification.progress_bar import ProgressBar
 from crane_identification.recording_check.check import blaming, vetted
 from crane_identification.report import page, summary
@@ -35,6 +34,7 @@ from crane_model.arguments import above, between, one_of
 from crane_model.configuration import load
 from crane_model.errors import ConfigurationError, DataError
 from crane_model.model_file import Model, load_model, save_model
+from crane_model.progress import Progress
 from crane_model.terms import load_terms
 
 

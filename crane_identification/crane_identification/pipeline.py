@@ -20,10 +20,10 @@ from crane_identification.estimation.weighted import weighted
 from crane_identification.options import Estimator, Options
 from crane_identification.preparation.prepare import Preparation, prepare_all
 from crane_identification.preparation.session import Session
-from crane_identification.progress import Progress, silent
 from crane_identification.validation.force_validation import Validation, compare
 from crane_model.errors import DataError
 from crane_model.model_file import Model
+from crane_model.progress import Progress, silent
 
 
 @dataclass(frozen=True)

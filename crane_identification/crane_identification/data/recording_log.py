@@ -9,8 +9,8 @@ from crane_identification.data.columns import TABLES
 from crane_identification.data.log import Log
 from crane_identification.data.table_log import read_table, tables_in
 from crane_identification.data.topic_log import read_mapped_bag
-from crane_identification.progress import Progress, silent
 from crane_model.errors import ConfigurationError
+from crane_model.progress import Progress, silent
 
 
 def read_recording(

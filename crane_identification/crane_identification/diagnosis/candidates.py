@@ -9,9 +9,9 @@ import numpy as np
 
 from crane_identification.diagnosis.evidence import Evidence
 from crane_identification.diagnosis.loads import LOADS, Loads, heavier
-from crane_identification.progress import Progress, silent
 from crane_model.errors import CraneError
 from crane_model.model_file import Model
+from crane_model.progress import Progress, silent
 from crane_model.terms import Effect, Shape, Term, candidates, joints_of
 
 WHOLE = "all"  # in place of a joint

@@ -42,10 +42,10 @@ from crane_identification.options import Options
 from crane_identification.preparation.periodicity import periodic_part
 from crane_identification.preparation.prepare import Preparation, prepare, prepare_all
 from crane_identification.preparation.session import Session, chronological
-from crane_identification.progress import Progress, silent
 from crane_identification.validation.carry_over import elsewhere
 from crane_model.errors import ConfigurationError, DataError
 from crane_model.model_file import Model
+from crane_model.progress import Progress, silent
 from crane_model.terms import REGISTRY, Term
 
 

@@ -27,7 +27,7 @@ from crane_identification.diagnosis.selection import (
     solve,
 )
 from crane_identification.diagnosis.whitening import Whitener, leading, whitener
-from crane_identification.progress import Progress, silent
+from crane_model.progress import Progress, silent
 
 EVALUATIONS = 8  # of each shape parameter when it is refined
 LARGEST_SET = 6  # effects that are sought together

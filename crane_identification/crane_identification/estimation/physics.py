@@ -69,15 +69,12 @@ def physics(model: Model) -> Physics:
 
 
 def _bodies(model: Model) -> Bodies | None:
-    first = 0
     for term in model.terms:
-        count = len(term.parameters(model.setting))
         if isinstance(term, PlanarRigidBody):
             assert model.machine is not None  # the term refuses such a model
             geometry = Geometry.of(model.machine)
             lagrangian = lagrangian_from_standard(geometry)
             mass = STANDARD_PARAMETERS.index("m_TG")
             none = lagrangian[8] - geometry.telescope_offset * np.eye(12)[mass]
-            return Bodies(slice(first, first + count), lagrangian[:8], none)
-        first += count
+            return Bodies(model.part(term), lagrangian[:8], none)
     return None

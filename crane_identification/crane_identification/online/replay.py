@@ -5,15 +5,15 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from crane_bags.clocks import NANOSECONDS
 from crane_identification.data.log import Log, Signal
 from crane_identification.data.resample import sampling_rate
 from crane_identification.online.estimator import Forces, OnlineEstimator, OnlineOptions
-from crane_identification.online.smoother import NANOSECONDS
-from crane_identification.progress import Progress, silent
 from crane_identification.signals.motion import reading_resolution
 from crane_model.errors import DataError
 from crane_model.machine import JOINTS
 from crane_model.model_file import Model
+from crane_model.progress import Progress, silent
 
 READINGS = 1.25  # intervals between readings that may pass before a new run begins
 PARTS = 20  # of a recording, after each of which the estimate is read

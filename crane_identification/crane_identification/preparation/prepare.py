@@ -26,13 +26,13 @@ from crane_identification.preparation.run_signals import (
     signals_of,
 )
 from crane_identification.preparation.session import Session
-from crane_identification.progress import Progress, silent
 from crane_identification.signals.decimate import PADDING
 from crane_identification.signals.gate import SETTLING, moving, trusted_bandwidth
 from crane_identification.signals.motion import Motion
 from crane_identification.signals.routes import estimate_period, estimate_record
 from crane_model.errors import DataError
 from crane_model.model_file import Model
+from crane_model.progress import Progress, silent
 from crane_model.record import Record
 
 

@@ -5,9 +5,9 @@ from dataclasses import dataclass
 from itertools import pairwise
 from typing import Self
 
+from crane_bags.clocks import NANOSECONDS
 from crane_identification.data.log import Log
 
-NANOSECONDS = 1e9
 TOUCHING = 1.0  # s by which recordings of one session may overlap, as parts of one that was split
 COOLED = 4 * 3600.0  # s of a pause after which the machine is cold again: another session
 

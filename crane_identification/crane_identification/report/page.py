@@ -4,7 +4,6 @@ from pathlib import Path
 from typing import NamedTuple
 
 from crane_identification.notation import spoken
-from crane_identification.progress import Progress, silent
 from crane_identification.report import tables, template
 from crane_identification.report.content import IdentificationReport
 from crane_identification.report.figure import Figure
@@ -24,6 +23,7 @@ from crane_identification.report.recursion import (
 )
 from crane_identification.report.sources import source_rows
 from crane_identification.report.verdict import bags, verdict
+from crane_model.progress import Progress, silent
 
 
 class FigureRow(NamedTuple):

@@ -264,10 +264,5 @@ def _entry(value: float, std_dev: float) -> Shown:
 
 def _rigid_body_columns(model: Model) -> slice | None:
     """Where the base parameters of the crane stand in Theta."""
-    first = 0
-    for term in model.terms:
-        count = len(term.parameters(model.setting))
-        if isinstance(term, PlanarRigidBody):
-            return slice(first, first + count)
-        first += count
-    return None
+    planar = (term for term in model.terms if isinstance(term, PlanarRigidBody))
+    return next(map(model.part, planar), None)

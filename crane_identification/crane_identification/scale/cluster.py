@@ -26,11 +26,11 @@ from crane_identification.estimation.regression import build_rows, common_factor
 from crane_identification.estimation.rows import Rows
 from crane_identification.options import Covariance, Options
 from crane_identification.preparation.prepare import Preparation, prepare
-from crane_identification.progress import Progress, silent
 from crane_identification.recording_check.check import vetted
 from crane_identification.scale.information import ClusterFit, Information
 from crane_model.errors import ConfigurationError, DataError
 from crane_model.model_file import Model
+from crane_model.progress import Progress, silent
 
 ANSWER = 30.0  # s for the scheduler to answer
 ADDRESS = re.compile(r"(tcp|tls|ws|wss)://([^\s:/\[\]]+|\[[0-9a-fA-F:.]+\]):[0-9]{1,5}")

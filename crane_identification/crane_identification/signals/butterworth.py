@@ -5,9 +5,9 @@ from dataclasses import dataclass
 import numpy as np
 from scipy import signal
 
-from crane_identification.progress import Progress, silent
 from crane_identification.signals.motion import Motion, checked
 from crane_model.errors import DataError
+from crane_model.progress import Progress, silent
 
 FREQUENCIES = 4096
 """Points of the frequency response over which the noise of the velocity is summed."""

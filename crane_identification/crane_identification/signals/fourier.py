@@ -13,9 +13,9 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from crane_identification.progress import Progress, silent
 from crane_identification.signals.decimate import KEPT_SHARE
 from crane_identification.signals.motion import Motion, checked
+from crane_model.progress import Progress, silent
 
 SHORTEST = 20
 ORDERS = range(5, 13)

@@ -15,9 +15,9 @@ from numba import njit
 from scipy.linalg import solve_discrete_are, solve_discrete_lyapunov
 from scipy.optimize import minimize_scalar
 
-from crane_identification.progress import Progress, silent
 from crane_identification.signals.motion import Motion, checked
 from crane_model.errors import DataError
+from crane_model.progress import Progress, silent
 
 STATES = 3
 SHORTEST = 20

@@ -5,8 +5,8 @@ from typing import Protocol, Self
 
 import numpy as np
 
-from crane_identification.progress import Progress, silent
 from crane_model.errors import DataError
+from crane_model.progress import Progress, silent
 
 SAME_READING = 1e-9
 """Readings closer than this share of their range are the same encoder count (float rounding)."""

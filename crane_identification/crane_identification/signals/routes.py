@@ -7,11 +7,11 @@ the stand-in machine, whose true motion is known, each is the best of the three 
 
 import numpy as np
 
-from crane_identification.progress import Progress, silent
 from crane_identification.signals.fourier import FourierFit
 from crane_identification.signals.kalman import KalmanSmoother
 from crane_identification.signals.motion import Motion, MotionEstimator
 from crane_model.errors import DataError
+from crane_model.progress import Progress, silent
 
 
 def estimate_record(

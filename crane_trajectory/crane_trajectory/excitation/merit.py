@@ -5,7 +5,7 @@ from typing import Annotated
 import numpy as np
 from pydantic import Field
 
-from crane_model.configuration import Schema
+from crane_model.configuration import Positive, Schema
 from crane_model.model_file import Model
 from crane_model.record import Record
 from crane_trajectory.excitation.columns import (
@@ -15,8 +15,6 @@ from crane_trajectory.excitation.columns import (
     inertial_columns,
 )
 from crane_trajectory.motion.fourier import FourierTrajectory, Samples
-
-Positive = Annotated[float, Field(gt=0)]
 
 UNSEEN = 1e-9
 """Share of a parameter in what recordings do not tell, below which they determine it."""

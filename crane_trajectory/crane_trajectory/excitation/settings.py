@@ -5,11 +5,10 @@ from typing import Annotated
 
 from pydantic import Field
 
-from crane_model.configuration import Schema, load, packaged
+from crane_model.configuration import Positive, Schema, load, packaged
 from crane_trajectory.excitation.merit import Experiment
 
 Share = Annotated[float, Field(ge=0, lt=1)]
-Positive = Annotated[float, Field(gt=0)]
 Count = Annotated[int, Field(ge=1)]
 
 

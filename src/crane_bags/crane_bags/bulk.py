@@ -15,7 +15,8 @@ from rosbags.interfaces import Nodetype
 from rosbags.interfaces.typing import FieldDesc
 from rosbags.typesys.store import Typestore
 
-NANOSECONDS = 1_000_000_000
+from crane_bags.clocks import NANOSECONDS
+
 LITTLE_ENDIAN = b"\x00\x01"  # encapsulation: plain CDR
 ENCAPSULATION = 4  # bytes; alignment counts from behind them
 PADDING = 3  # bytes, at most, that a middleware appends

@@ -8,7 +8,8 @@ from typing import Any
 import numpy as np
 from rosbags.typesys.store import Typestore
 
-from crane_bags.bulk import NANOSECONDS, Layout, blocks
+from crane_bags.bulk import Layout, blocks
+from crane_bags.clocks import NANOSECONDS
 from crane_bags.types import double_fields
 
 

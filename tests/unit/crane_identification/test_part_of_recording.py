@@ -10,8 +10,8 @@ from crane_identification import diagnose, identify
 from crane_identification.data.column_map import ColumnMap
 from crane_identification.identify import Sources
 from crane_identification.options import Options
-from crane_identification.progress import silent
 from crane_model.errors import DataError
+from crane_model.progress import silent
 
 GIVEN = ["--model", "m", "--train", "a", "--validate", "b", "--out", "c"]
 COLUMNS = {

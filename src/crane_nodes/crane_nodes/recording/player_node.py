@@ -12,6 +12,7 @@ from rclpy.publisher import Publisher
 from rclpy.qos import QoSProfile
 from rosgraph_msgs.msg import Clock
 
+from crane_bags.clocks import NANOSECONDS
 from crane_model.errors import DataError
 from crane_nodes.context import Stop
 from crane_nodes.names import full_name
@@ -19,7 +20,7 @@ from crane_nodes.publishers import publishers
 from crane_nodes.ready import say_ready
 from crane_nodes.recording.definitions import message_class
 from crane_nodes.recording.playback import CLOCK, Due, Pace, PlayedTopic
-from crane_nodes.recording.ros import NANOSECONDS, profile
+from crane_nodes.recording.ros import profile
 
 TICK = 10_000_000  # ns between two messages on /clock
 LOOK = NANOSECONDS  # ns between two looks for other publishers

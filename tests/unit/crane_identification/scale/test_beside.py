@@ -3,9 +3,9 @@ import time
 
 import pytest
 
-from crane_identification.progress import Progress
 from crane_identification.scale.beside import Beside
 from crane_model.errors import CraneError, DataError
+from crane_model.progress import Progress
 
 
 def squared(number: float, progress: Progress) -> float:
