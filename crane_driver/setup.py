@@ -33,6 +33,8 @@ setup(
     data_files=[
         ("share/ament_index/resource_index/packages", [f"resource/{PACKAGE}"]),
         (f"share/{PACKAGE}", ["package.xml"]),
+        (f"share/{PACKAGE}/config", sorted(map(str, Path(PACKAGE, "data").glob("*.yaml")))),
+        (f"share/{PACKAGE}/dbc", sorted(map(str, Path(PACKAGE, "data").glob("*.dbc")))),
         (f"share/{PACKAGE}/launch", ["launch/driver.launch.py"]),
         (
             f"share/{PACKAGE}/realtime",
