@@ -22,8 +22,8 @@ DOMAINS = 101  # ROS_DOMAIN_ID 1 to this can be used on every Linux
 FIT_PERIODS, VALIDATION_PERIODS = 3, 2
 TRIES = 2
 NAME = "demo"
-DISCOVERY = 2.0  # s in which nodes that are there already are found
-ANSWER = 10.0  # s
+DISCOVERY_TIME_S = 2.0  # in which nodes that are there already are found
+ANSWER_TIMEOUT_S = 10.0
 Say = Callable[[str], None]
 
 
@@ -52,11 +52,11 @@ class Onlooker:
         state = self._driver.state.state
         if state == DriverState.STATE_FAULT and self._driver.ready:
             answer = self._driver.reset_fault()
-            self._executor.spin_until_future_complete(answer, timeout_sec=ANSWER)
+            self._executor.spin_until_future_complete(answer, timeout_sec=ANSWER_TIMEOUT_S)
         return state == DriverState.STATE_DISABLED
 
     def __enter__(self) -> Self:
-        end = time.monotonic() + DISCOVERY
+        end = time.monotonic() + DISCOVERY_TIME_S
         while time.monotonic() < end:
             self._executor.spin_once(timeout_sec=0.1)
         if others := [name for name in self._node.get_node_names() if name != NAME]:

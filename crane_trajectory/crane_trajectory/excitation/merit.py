@@ -14,13 +14,13 @@ from crane_trajectory.excitation.columns import (
     has_report_columns,
     inertial_columns,
 )
-from crane_trajectory.motion.fourier import FourierTrajectory, Samples
+from crane_trajectory.motion.fourier import FourierTrajectory, MotionSamples
 
 UNSEEN = 1e-9
 """Share of a parameter in what recordings do not tell, below which they determine it."""
 
 
-class Experiment(Schema):
+class PredictedRecording(Schema):
     """The recording for which standard deviations are predicted."""
 
     periods: Annotated[int, Field(ge=1)]
@@ -28,7 +28,7 @@ class Experiment(Schema):
     noise: dict[str, Positive]  # joint -> standard deviation of its generalized force [N m, N]
 
 
-def record_of(model: Model, samples: Samples, direction: np.ndarray | None = None) -> Record:
+def record_of(model: Model, samples: MotionSamples, direction: np.ndarray | None = None) -> Record:
     """Samples (n, j) of a reference as the model takes them; `direction` in place of sgn(q')."""
     return Record(
         joints=model.joints,
@@ -57,7 +57,7 @@ def _root_ratio(gram: np.ndarray) -> np.ndarray:
 
 
 def information(
-    model: Model, regressor: np.ndarray, period: float, experiment: Experiment
+    model: Model, regressor: np.ndarray, period: float, experiment: PredictedRecording
 ) -> np.ndarray:
     """(p, p) inverse covariance of the parameters that one recording gives, white force noise.
 
@@ -100,7 +100,7 @@ def figures_of_merit(
     model: Model,
     trajectory: FourierTrajectory,
     samples: int,
-    experiment: Experiment,
+    experiment: PredictedRecording,
     plausible: dict[str, float],
 ) -> dict[str, float]:
     """Condition numbers of the model's columns and of those of (9), peak accelerations, predicted

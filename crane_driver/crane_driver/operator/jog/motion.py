@@ -17,7 +17,7 @@ class Demand(NamedTuple):
     level: float  # -1 to 1, of the fastest
 
 
-class Shape(NamedTuple):
+class CommandShape(NamedTuple):
     """How demands become spool commands."""
 
     maximum: float  # spool command at level 1
@@ -26,7 +26,7 @@ class Shape(NamedTuple):
     fall_time: float  # s, back
 
 
-class Motion:
+class JogMotion:
     """Spool commands from demands. All times are of the steady clock [s].
 
     A demand counts only after a moment without one: what is held when it begins, or after a pause,
@@ -34,7 +34,7 @@ class Motion:
     other direction, begins.
     """
 
-    def __init__(self, shape: Shape):
+    def __init__(self, shape: CommandShape):
         """`ConfigurationError` where a dead band leaves no room below the maximum."""
         for joint in JOINTS:
             if shape.dead_band[joint] >= shape.maximum:
