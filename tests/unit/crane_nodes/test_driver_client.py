@@ -140,7 +140,7 @@ def test_a_silent_driver_is_gone_but_may_still_be_stopped(
     driver.tells(DriverState.STATE_ENABLED)
     client = DriverClient(graph.node("client"))
     graph.until(lambda: client.ready)
-    monkeypatch.setattr(driver_client, "SILENCE", 0.0)
+    monkeypatch.setattr(driver_client, "DRIVER_SILENCE_S", 0.0)
     assert client.state.text == "no driver"
     assert "no driver tells its state" in client.problem
     assert client.newest.state == DriverState.STATE_ENABLED
