@@ -9,7 +9,7 @@ import pytest
 import rclpy
 from integration.driver_stage import Stage, commander
 from integration.processes import RUN, end, start
-from integration.test_readme_nodes import INHERITED, NODES
+from integration.test_manual_nodes import INHERITED, NODES
 from rclpy.lifecycle import LifecycleNode, TransitionCallbackReturn
 from rclpy.node import Node
 

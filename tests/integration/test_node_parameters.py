@@ -6,7 +6,7 @@ from pathlib import Path
 import pytest
 import rclpy
 import yaml
-from integration.test_readme_nodes import NODES
+from integration.test_manual_nodes import NODES
 from rclpy.lifecycle import TransitionCallbackReturn
 from rclpy.node import Node
 from rclpy.parameter import Parameter
