@@ -16,6 +16,7 @@ from sensor_msgs.msg import JointState
 
 from crane_driver.operator.bringup.motion import MotionError, StoppedError, Tick
 from crane_driver.operator.bringup.samples import FEWEST, JointInstant
+from crane_driver.operator.rhythm import COMMAND_PERIOD_S, LONGEST_PAUSE_S
 from crane_interfaces.msg import CylinderPressures, DriverState, ValveCommand
 from crane_model.errors import DataError
 from crane_nodes.context import Stop
@@ -24,9 +25,7 @@ from crane_nodes.ready import say_ready
 
 DEPTH = 50  # messages
 ANSWER_TIMEOUT_S = 10.0  # for the driver to answer
-COMMAND_PERIOD_S = 0.01  # of the commands
 STATE_TIMEOUT_S = 0.1  # without a joint state while the crane moves
-COMMAND_PAUSE_S = 0.08  # between two commands, beyond which the driver refuses the next
 NEUTRAL_AT_END_S = 0.2  # of neutral commands before the driver is disabled
 NEUTRAL_CYCLES = 100  # cycles of neutral commands after a reset, until the driver may be enabled
 
@@ -225,11 +224,11 @@ class NodeDrive:
     def tick(self, command: float) -> Tick:
         """Send a command; samples until the next one is due."""
         if self.enabled:
-            if (pause := time.monotonic() - self._sent) > COMMAND_PAUSE_S:
+            if (pause := time.monotonic() - self._sent) > LONGEST_PAUSE_S:
                 if command:  # a neutral one begins anew
                     raise StoppedError(
                         f"no command for {pause * 1e3:.0f} ms, limit "
-                        f"{COMMAND_PAUSE_S * 1e3:.0f} ms: this computer "
+                        f"{LONGEST_PAUSE_S * 1e3:.0f} ms: this computer "
                         "is too busy; stop other programs"
                     )
                 self._client.spin(COMMAND_PERIOD_S)  # what has come meanwhile

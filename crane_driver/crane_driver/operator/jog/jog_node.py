@@ -21,6 +21,7 @@ from crane_driver.operator.jog.keyboard import Keyboard, Request
 from crane_driver.operator.jog.motion import Demand, JogMotion
 from crane_driver.operator.jog.screen import Screen, StatusLine
 from crane_driver.operator.jog.terminal import KeyTerminal, NoTerminal
+from crane_driver.operator.rhythm import COMMAND_PERIOD_S
 from crane_interfaces.msg import DriverState, ValveCommand
 from crane_model.cli import command_line, run
 from crane_model.errors import CraneError
@@ -32,7 +33,6 @@ from crane_nodes.parameters import declare
 from crane_nodes.publishers import publishers
 from crane_nodes.ready import say_ready
 
-PERIOD = 0.01  # s, of commands
 REFRESH = 0.1  # s, of the display
 CALLBACKS = 4  # in a period at most, so that commands do not wait
 DRIVER_TIMEOUT_S = 10.0  # for a driver
@@ -102,7 +102,7 @@ class Jog(Node):
         while self._publisher and left:
             self.command(None)
             left -= self.motion.neutral
-            time.sleep(PERIOD)
+            time.sleep(COMMAND_PERIOD_S)
         if self._publisher:
             self._publisher.wait_for_all_acked(Duration(seconds=0.5))
         self.destroy_node()
@@ -202,7 +202,7 @@ def _jog(jog: Jog, terminal: KeyTerminal | NoTerminal, screen: Screen, stop: Sto
             continue
         jog.work()
         jog.command(jog.demand())
-        due = max(due + PERIOD, now)
+        due = max(due + COMMAND_PERIOD_S, now)
         if now >= refresh:
             refresh = now + REFRESH
             for text in jog.news:

@@ -4,10 +4,9 @@ import math
 from collections.abc import Mapping
 from typing import NamedTuple
 
+from crane_driver.operator.rhythm import LONGEST_PAUSE_S
 from crane_model.errors import ConfigurationError
 from crane_model.machine import JOINTS
-
-PAUSE = 0.08  # s; after a longer one everything begins at neutral again, as the driver demands
 
 
 class Demand(NamedTuple):
@@ -55,7 +54,7 @@ class JogMotion:
     def step(self, demand: Demand | None, now: float) -> dict[str, float]:
         """The commands (-1 to 1) of all joints at `now`, while `demand` is held."""
         dt, self._stepped = now - self._stepped, now
-        if dt > PAUSE:
+        if dt > LONGEST_PAUSE_S:  # everything begins at neutral again
             self._level, self._let_go = 0.0, False
         if demand is None:
             self._let_go = True
