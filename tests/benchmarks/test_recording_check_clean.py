@@ -6,9 +6,9 @@ A third has valves made for differential cylinders, a quarter runs random motion
 import multiprocessing
 
 import numpy as np
-from motions import Maker
 from unit.crane_identification.recording_check.recorded import recorded
 
+from crane_benchmark.cases.motions import Maker
 from crane_identification.recording_check.check import check
 from crane_model.errors import RangeError
 from crane_model.machine import load_machine
