@@ -3,6 +3,7 @@
 import os
 import signal
 import threading
+import time
 from collections.abc import Iterator
 from contextlib import contextmanager
 from itertools import pairwise
@@ -77,8 +78,10 @@ def played(stage: Stage) -> Iterator[threading.Event]:
     accepted: dict[str, int] = {}
 
     def play() -> None:
+        cycle, due = min(codec.cycles.values()), time.monotonic()
         with Link(BusSettings(extra={"port": stage.port})) as link:
-            while not done.wait(min(codec.cycles.values())):
+            while not done.wait(max(0.0, due - time.monotonic())):
+                due += cycle  # by an even clock, as devices have
                 for frame in link.take():
                     command = codec.decode(frame)
                     if command and command.counter is not None and hears.is_set():

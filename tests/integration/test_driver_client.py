@@ -138,7 +138,7 @@ def test_a_fault_is_told_at_once_with_cause_and_remedy(crane: Crane) -> None:
 def test_bring_up_and_jog_find_it(crane: Crane) -> None:
     bringup = CraneClient(Stop())
     bringup.connect()
-    assert bringup.parameter("bus.options") == f"port={crane.port}"
+    assert bringup.parameters(["bus.options"]) == {"bus.options": f"port={crane.port}"}
     bringup.destroy_node()
     jog = Jog(by_joystick=False)
     jog.begin(Stop())

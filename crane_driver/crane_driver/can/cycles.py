@@ -9,7 +9,7 @@ import numpy as np
 from crane_driver.can.decoder import Readings
 from crane_driver.can.layout import MessageLayout
 from crane_driver.can.mapping import Timing
-from crane_driver.can.stream import Beat, FrameStream, find_beat
+from crane_driver.can.stream import Beat, FrameStream, find_beat, measured_cycle
 
 LEARNT = 60  # frames of each message, after which it is known which counters belong together
 LONGEST_LEARNING = 4  # times as many, after which devices sample at different instants
@@ -48,6 +48,7 @@ class CycleNumbers:
         self._least, self._refusals = (1, 0) if alone else (LEARNT, REFUSED)
         self._streams: dict[str, FrameStream] = {}
         self._offsets: dict[str, int] = {}
+        self._cycles: dict[str, float] = {}  # s, as measured
         self._waiting: deque[Readings] = deque()
         self._heard: dict[str, float] = {}  # while they wait: reception of the newest [s]
         self._held: defaultdict[str, list[Placed]] = defaultdict(list)  # in doubt, by message
@@ -131,19 +132,16 @@ class CycleNumbers:
         beats: dict[str, Beat] = {}
         most = LONGEST_LEARNING * LEARNT
         for name, layout in self._layouts.items():
-            beat = find_beat(
-                np.array(received[name][-most:]),
-                np.array(counters[name][-most:]),
-                layout.cycle,
-                layout.protection.counter_count,
-            )
+            count, times = layout.protection.counter_count, np.array(received[name][-most:])
+            counts, newest = np.array(counters[name][-most:]), slice(-LEARNT, None)
+            cycle = measured_cycle(times[newest], counts[newest], layout.cycle, count)
+            beat = find_beat(times, counts, cycle, count)
             if beat is None:
                 return []
-            beats[name] = beat
+            beats[name], self._cycles[name] = beat, cycle
         first = next(iter(beats.values()))
         apart = {
-            name: (first.base - beat.base) / self._layouts[name].cycle
-            for name, beat in beats.items()
+            name: (first.base - beat.base) / self._cycles[name] for name, beat in beats.items()
         }
         alike = all(abs(value - round(value)) < ALIKE for value in apart.values())
         if not alike and frames < most:
@@ -152,7 +150,7 @@ class CycleNumbers:
 
     def _begin(self, beats: dict[str, Beat], offsets: dict[str, int]) -> list[Placed]:
         self._streams = {
-            name: FrameStream(layout.cycle, layout.protection.counter_count, beats[name])
+            name: FrameStream(self._cycles[name], layout.protection.counter_count, beats[name])
             for name, layout in self._layouts.items()
         }
         self._offsets, self._refused = offsets, 0

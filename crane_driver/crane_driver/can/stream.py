@@ -15,6 +15,7 @@ LEAST_SUPPORT = 3  # frames
 DRIFT = 2e-3  # by which the clock of a device may be slow
 SILENCE = 4.0  # cycles, in which a device may have restarted
 DOUBTED_FRAMES = 20  # frames in a row without a prompt one, after which it has
+MOST_OFF = 0.25  # of the nominal cycle, by which a device may send faster or slower
 PROMPT_AMONG_FRAMES = 200  # frames in a row, in which a clock cannot drift by as much as `EARLY`
 
 
@@ -24,6 +25,19 @@ class Beat(NamedTuple):
     base: float  # s, reception of index 0, if it were prompt; an index has the counter's remainder
     received: float  # s, from when on indices are proven
     passed: int  # index that all of these are beyond
+
+
+def measured_cycle(received: np.ndarray, counters: np.ndarray, cycle: float, count: int) -> float:
+    """The cycle time [s] by which a device really sends, where frames (n,) come evenly and none is
+    lost; else the nominal `cycle`.
+    """
+    if ((np.diff(counters) % count) != 1).any():
+        return cycle
+    index = np.arange(len(received))
+    slope, first = np.polyfit(index, received - received[0], 1)
+    uneven = np.abs(received - received[0] - first - slope * index).max()
+    off = abs(slope / cycle - 1.0)
+    return float(slope) if uneven < PROMPT * cycle and DRIFT < off < MOST_OFF else cycle
 
 
 def find_beat(received: np.ndarray, counters: np.ndarray, cycle: float, count: int) -> Beat | None:

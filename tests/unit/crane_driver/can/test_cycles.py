@@ -109,6 +109,17 @@ def test_devices_whose_clocks_drift_apart_go_on_making_sets(drift: float) -> Non
     assert np.abs(base - (1.0 + drift) * boom).max() < 1.0  # cycles between their samplings
 
 
+@pytest.mark.parametrize("slower", [-0.15, -0.01, 0.01, 0.1])
+def test_devices_that_send_by_another_cycle_time_than_stated_make_sets(slower: float) -> None:
+    frames = BUSES["good"].frames(np.random.default_rng(9), 3000)
+    stretched = [
+        one._replace(received=one.received + slower * (one.sampled - BEGIN)) for one in frames
+    ]
+    outcome = put_together(sorted(stretched))
+    assert outcome.mixed == 0
+    assert outcome.sets >= 0.99 * outcome.whole
+
+
 def test_after_a_silence_the_counters_are_learnt_anew() -> None:
     """A restart: the counters begin at other values, and their difference is another."""
     assembly, cycles = Assembly(CRANE, "positions"), 2 * LEARNT
