@@ -1,0 +1,36 @@
+"""The crane on its CAN bus: frames to readings, safe commands to frames."""
+
+from typing import TYPE_CHECKING
+
+from crane_model.lazily import lazily
+
+if TYPE_CHECKING:
+    from crane_driver.can.binding import load_layout as load_layout
+    from crane_driver.can.bus import BusSettings as BusSettings
+    from crane_driver.can.codec import DriverCodec as DriverCodec
+    from crane_driver.can.codec import MachineCodec as MachineCodec
+    from crane_driver.can.link import Link as Link
+    from crane_driver.driver_loop import DriverLoop as DriverLoop
+    from crane_driver.faults import Fault as Fault
+    from crane_driver.faults import FaultKind as FaultKind
+    from crane_driver.safety.settings import SafetySettings as SafetySettings
+    from crane_driver.safety.settings import load_safety as load_safety
+    from crane_driver.safety.states import SafetyState as SafetyState
+    from crane_driver.safety.supervisor import Supervisor as Supervisor
+    from crane_driver.velocity_filter import VelocityFilter as VelocityFilter
+
+__getattr__, __dir__, __all__ = lazily(
+    __name__,
+    {
+        "can.binding": ("load_layout",),
+        "can.bus": ("BusSettings",),
+        "can.codec": ("DriverCodec", "MachineCodec"),
+        "can.link": ("Link",),
+        "driver_loop": ("DriverLoop",),
+        "faults": ("Fault", "FaultKind"),
+        "safety.settings": ("SafetySettings", "load_safety"),
+        "safety.states": ("SafetyState",),
+        "safety.supervisor": ("Supervisor",),
+        "velocity_filter": ("VelocityFilter",),
+    },
+)

@@ -20,7 +20,7 @@ from crane_driver.safety.news import Level, News
 from crane_driver.safety.plausibility import PositionWatch, believed
 from crane_driver.safety.settings import SafetySettings
 from crane_driver.safety.stalls import StallWatch, behind
-from crane_driver.safety.states import State
+from crane_driver.safety.states import SafetyState
 from crane_driver.safety.supervisor import Supervisor, check_valves
 from crane_driver.velocity_filter import VelocityFilter
 from crane_model.cylinders import cylinder_force
@@ -168,7 +168,7 @@ class DriverLoop:
         """What starts CANopen devices: only while the state is offline, with neutral valves, so
         that a device that has failed in operation stays as it is until the fault is reset.
         """
-        return self.devices.start(now) if self.supervisor.state is State.OFFLINE else []
+        return self.devices.start(now) if self.supervisor.state is SafetyState.OFFLINE else []
 
     def valve_frames(self, now: float, commanded: bool = False) -> list[Frame]:
         """The valve frames if they are due at `now`, else none.
@@ -201,7 +201,7 @@ class DriverLoop:
 
     def _believed(self, positions: Complete) -> Complete:
         """Without the readings that cannot be true, which are faults."""
-        if self.supervisor.state is State.OFFLINE:  # as after every reset
+        if self.supervisor.state is SafetyState.OFFLINE:  # as after every reset
             self._watches = self._new_watches()
         values, wrong = believed(
             self._watches,

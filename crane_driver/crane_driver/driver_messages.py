@@ -9,29 +9,29 @@ from std_msgs.msg import Header
 
 from crane_driver.can.bus import BusState
 from crane_driver.can.frame import show_id
-from crane_driver.can.health import Freshness, Stream
+from crane_driver.can.health import Freshness, MessageStream
 from crane_driver.can.link import Link
 from crane_driver.canopen.devices import Node
 from crane_driver.canopen.watch import NodeState
 from crane_driver.driver_loop import DriverLoop, JointSample, PressureSample
-from crane_driver.safety.states import State
+from crane_driver.safety.states import SafetyState
 from crane_driver.safety.supervisor import Supervisor
 from crane_interfaces.msg import CylinderPressures, DriverState
 
 STATES = {
-    State.OFFLINE: DriverState.STATE_OFFLINE,
-    State.DISABLED: DriverState.STATE_DISABLED,
-    State.ENABLED: DriverState.STATE_ENABLED,
-    State.FAULT: DriverState.STATE_FAULT,
-    State.ESTOP: DriverState.STATE_EMERGENCY_STOP,
+    SafetyState.OFFLINE: DriverState.STATE_OFFLINE,
+    SafetyState.DISABLED: DriverState.STATE_DISABLED,
+    SafetyState.ENABLED: DriverState.STATE_ENABLED,
+    SafetyState.FAULT: DriverState.STATE_FAULT,
+    SafetyState.ESTOP: DriverState.STATE_EMERGENCY_STOP,
 }
 FINALIZED = "finalized"  # state of a managed node that has been shut down
 LEVELS = {
-    State.OFFLINE: DiagnosticStatus.WARN,
-    State.DISABLED: DiagnosticStatus.OK,
-    State.ENABLED: DiagnosticStatus.OK,
-    State.FAULT: DiagnosticStatus.ERROR,
-    State.ESTOP: DiagnosticStatus.ERROR,
+    SafetyState.OFFLINE: DiagnosticStatus.WARN,
+    SafetyState.DISABLED: DiagnosticStatus.OK,
+    SafetyState.ENABLED: DiagnosticStatus.OK,
+    SafetyState.FAULT: DiagnosticStatus.ERROR,
+    SafetyState.ESTOP: DiagnosticStatus.ERROR,
 }
 FRESHNESS = {
     Freshness.FRESH: (DiagnosticStatus.OK, "comes in time"),
@@ -136,7 +136,7 @@ def _bus(name: str, loop: DriverLoop, link: Link) -> DiagnosticStatus:
     return _status(f"{name}: bus", level, link.state, values)
 
 
-def _stream(name: str, stream: Stream) -> DiagnosticStatus:
+def _stream(name: str, stream: MessageStream) -> DiagnosticStatus:
     level, text = FRESHNESS[stream.freshness]
     if not stream.received:
         level, text = DiagnosticStatus.ERROR, "not received yet"

@@ -44,10 +44,10 @@ from crane_nodes.names import full_name
 from crane_nodes.parameters import declare, hold
 from crane_nodes.ready import say_ready
 
-REPORT = 1.0  # s
+REPORT_PERIOD_S = 1.0
 DEPTH = 10  # messages
-TAKEN = 200  # frames at once: a flood must not keep the valves waiting for their frames
-OLDEST = 1.0  # s; a greater age is that of another clock
+FRAMES_AT_ONCE = 200  # frames at once: a flood must not keep the valves waiting for their frames
+OLDEST_COMMAND_S = 1.0  # a greater age is that of another clock
 SUCCESS, FAILURE = TransitionCallbackReturn.SUCCESS, TransitionCallbackReturn.FAILURE
 
 
@@ -73,7 +73,7 @@ class Driver(LifecycleNode):
         self._description = self.create_publisher(String, "robot_description", LATCHED)
         self._state = self.create_publisher(DriverState, STATE_TOPIC, LATCHED)
         self._received = self.create_guard_condition(self._receive)
-        self.create_timer(REPORT, self._report, clock=self._steady)
+        self.create_timer(REPORT_PERIOD_S, self._report, clock=self._steady)
         for name, action in (
             ("enable", self._enable),
             ("disable", self._disable),
@@ -202,7 +202,7 @@ class Driver(LifecycleNode):
 
     def _take(self, loop: DriverLoop, link: Link) -> None:
         loop.run(time.monotonic(), time.process_time())
-        frames = link.take(TAKEN)
+        frames = link.take(FRAMES_AT_ONCE)
         joints, pressures = loop.receive(frames, link.take_faults(), time.monotonic())
         for pressure_sample in pressures:
             self._pressures.publish(cylinder_pressures(pressure_sample, loop.cylinders))
@@ -223,13 +223,13 @@ class Driver(LifecycleNode):
         if self._loop is None or self._link is None:
             return
         age = (time.time_ns() - info["received_timestamp"]) * 1e-9
-        received = time.monotonic() - (age if 0.0 <= age < OLDEST else 0.0)
+        received = time.monotonic() - (age if 0.0 <= age < OLDEST_COMMAND_S else 0.0)
         self._loop.run(time.monotonic(), time.process_time())
         self._loop.supervisor.published_by(self._commanders())
         try:
             self._loop.supervisor.command(message.name, message.command, received)
         except RefusedError as error:
-            self.get_logger().warning(str(error), throttle_duration_sec=REPORT)
+            self.get_logger().warning(str(error), throttle_duration_sec=REPORT_PERIOD_S)
             return
         self._send(self._link, self._loop.valve_frames(time.monotonic(), commanded=True))
 

@@ -38,7 +38,7 @@ def generate_launch_description() -> LaunchDescription:
                 },
             ),
             node(
-                package="crane_driver",
+                package="crane_nodes",
                 executable="recorder",
                 arguments=("--out", LaunchConfiguration("record")),
                 only_with="record",

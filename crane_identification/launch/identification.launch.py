@@ -31,7 +31,7 @@ def generate_launch_description() -> LaunchDescription:
                 },
             ),
             node(
-                package="crane_driver",
+                package="crane_nodes",
                 executable="player",
                 arguments=(
                     *(LaunchConfiguration("play"), "--topics", *PLAYED, "--wait-for", *PLAYED),

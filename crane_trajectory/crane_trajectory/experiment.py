@@ -26,7 +26,7 @@ from crane_trajectory.motion.reference_clock import ReferenceClock, Target
 NEUTRAL_BEFORE = 0.3  # s, in which driver and publisher find each other and see neutral commands
 SETTLED_FOR = 0.3  # s at rest, after which the crane is taken to be at rest
 LONGEST_SETTLING = 3.0  # s; a crane that still swings is held by its valves
-RAMP_TIME = 0.2  # s from full spool to neutral, as the driver ramps
+RELEASE_TIME_S = 0.2  # from full spool to neutral; commands that just stop, the driver ramps
 NEUTRAL_AFTER = 0.2  # s, in which the driver surely sees that commands end at neutral
 
 
@@ -174,10 +174,10 @@ class Experiment:
         """The command on the way to neutral; over when it has been there for long enough."""
         if self.over:
             return None
-        step = max(now - self._commanded, 0.0) / RAMP_TIME
+        step = max(now - self._commanded, 0.0) / RELEASE_TIME_S
         size = np.maximum(np.abs(self._command) - step, 0.0)
         self._command, self._commanded = np.copysign(size, self._command), now
-        neutral_for = now - self._entered - RAMP_TIME
+        neutral_for = now - self._entered - RELEASE_TIME_S
         unknown = now - self._heard > self._timeout
         if neutral_for > NEUTRAL_AFTER and (
             unknown or self._rested(now) or neutral_for > LONGEST_SETTLING

@@ -7,7 +7,7 @@ import numpy as np
 from crane_trajectory.control.tuning import Tuning
 from crane_trajectory.experiment import at_rest
 
-RESTED = 0.2  # s without motion before an experiment
+REST_TIME_S = 0.2  # without motion before an experiment
 
 
 class Readiness:
@@ -38,6 +38,6 @@ class Readiness:
         """What is in the way of an experiment and what to do; empty if nothing is."""
         if self.position is None or now - self._heard > states_timeout:
             return "no joint states come; start the driver and see its /diagnostics"
-        if self._resting_since is None or now - self._resting_since < RESTED:
+        if self._resting_since is None or now - self._resting_since < REST_TIME_S:
             return "the crane is not at rest; bring it to rest"
         return ""

@@ -22,7 +22,7 @@ from crane_trajectory.trajectory_topics import feedback_message, result_message
 
 ACTION = "run_excitation"
 FEEDBACK = 0.1  # s
-PATIENCE = 2.0  # s for what a goal needs: driver enabled, joint states, crane at rest
+READINESS_TIMEOUT_S = 2.0  # for what a goal needs: driver enabled, joint states, crane at rest
 
 Made = TypeVar("Made")
 
@@ -139,7 +139,7 @@ class Goals:
 
     async def _ready(self, goal: ServerGoalHandle) -> None:
         """Wait until nothing is lacking; `NotReadyError` if it takes long, `CanceledError`."""
-        deadline = time.monotonic() + PATIENCE
+        deadline = time.monotonic() + READINESS_TIMEOUT_S
         while lack := self._leader.lacking():
             if time.monotonic() > deadline or not self._leader.active:
                 raise NotReadyError(f"not ready: {lack}; nothing has moved")

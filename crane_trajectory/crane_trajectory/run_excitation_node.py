@@ -35,7 +35,7 @@ from crane_trajectory.run_excitation_action import ACTION
 
 MOST_PERIODS = 2**32 - 1  # that the goal can hold
 ELAPSED = "{desc}" + BAR + " {n:.0f} of {total:.0f} s{postfix}"
-PATIENCE = 10.0  # s for the nodes to be there
+DISCOVERY_TIMEOUT_S = 10.0  # for the nodes to be there
 WAKE = 0.1  # s
 
 
@@ -117,10 +117,10 @@ class RunExcitationClient(Node):
         return future.result()
 
     def _await(self, condition: Callable[[], bool], otherwise: str) -> None:
-        until = self.get_clock().now().nanoseconds + PATIENCE * 1e9
+        until = self.get_clock().now().nanoseconds + DISCOVERY_TIMEOUT_S * 1e9
         while not condition():
             if self.get_clock().now().nanoseconds > until:
-                raise ExcitationError(f"{otherwise} (waited {PATIENCE:g} s)")
+                raise ExcitationError(f"{otherwise} (waited {DISCOVERY_TIMEOUT_S:g} s)")
             self._worker.spin_once(timeout_sec=WAKE)
 
 

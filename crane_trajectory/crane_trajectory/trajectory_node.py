@@ -59,9 +59,9 @@ from crane_trajectory.trajectory_topics import (
     sample,
 )
 
-WATCH = 0.01  # s
-REPORT = 1.0  # s
-POLL = 0.001  # s
+WATCH_PERIOD_S = 0.01
+REPORT_PERIOD_S = 1.0
+POLL_PERIOD_S = 0.001
 NEWEST = QoSProfile(depth=1)
 DEPTH = 10
 GAIN_NAMES = {one.name for one in SINGLE_GAINS}
@@ -90,8 +90,8 @@ class Trajectory(LifecycleNode):
         self._references = self.create_publisher(JointReference, "joint_reference", DEPTH)
         self._diagnostics = self.create_publisher(DiagnosticArray, "/diagnostics", DEPTH)
         self._driver = DriverClient(self)
-        self.create_timer(WATCH, self._watch, clock=steady)
-        self.create_timer(REPORT, self._report, clock=steady)
+        self.create_timer(WATCH_PERIOD_S, self._watch, clock=steady)
+        self.create_timer(REPORT_PERIOD_S, self._report, clock=steady)
         self.add_on_set_parameters_callback(self._check_parameters)
         self.add_post_set_parameters_callback(self._take_parameters)
         self._goals = Goals(self, leader=self)
@@ -156,7 +156,7 @@ class Trajectory(LifecycleNode):
             if taken is not None:
                 self._state(taken[0])
             self._watch()
-            time.sleep(POLL)
+            time.sleep(POLL_PERIOD_S)
         self.close_valves()
         if self._states is not None:
             self.destroy_subscription(self._states)
@@ -169,7 +169,7 @@ class Trajectory(LifecycleNode):
         try:
             measured = sample(message)
         except DataError as error:
-            self.get_logger().error(str(error), throttle_duration_sec=REPORT)
+            self.get_logger().error(str(error), throttle_duration_sec=REPORT_PERIOD_S)
             return
         assert self._tuning
         self._ready.sample(measured.position, measured.velocity, self._tuning, now)

@@ -17,7 +17,7 @@ from crane_trajectory.motion.reference_clock import Target
 NAMES = list(JOINTS)
 
 
-class Sample(NamedTuple):
+class MeasuredJoints(NamedTuple):
     """One joint state: (4,) in the order of JOINTS [SI]."""
 
     stamp: Time
@@ -30,7 +30,7 @@ class Sample(NamedTuple):
         return self.stamp.sec + self.stamp.nanosec * 1e-9
 
 
-def sample(message: JointState) -> Sample:
+def sample(message: JointState) -> MeasuredJoints:
     """All four joints of a joint state; `DataError` if one is missing."""
     names = list(message.name)
     if missing := [joint for joint in JOINTS if joint not in names]:
@@ -38,7 +38,7 @@ def sample(message: JointState) -> Sample:
     if not len(names) == len(message.position) == len(message.velocity):
         raise DataError("joint states: a position and a velocity are needed for every name")
     places = [names.index(joint) for joint in JOINTS]
-    return Sample(
+    return MeasuredJoints(
         message.header.stamp,
         np.asarray(message.position, dtype=float)[places],
         np.asarray(message.velocity, dtype=float)[places],

@@ -3,7 +3,7 @@
 import os
 import socket
 import time
-from collections.abc import Callable
+from collections.abc import Callable, Collection
 from typing import Self
 
 import rclpy
@@ -14,6 +14,7 @@ from rclpy.executors import SingleThreadedExecutor
 from rclpy.node import Node
 from rclpy.signals import SignalHandlerOptions
 
+from crane_bags.types import JOINT_STATES
 from crane_interfaces.msg import DriverState
 from crane_model.configuration import packaged
 from crane_nodes.driver_client import DriverClient
@@ -22,8 +23,9 @@ DOMAINS = 101  # ROS_DOMAIN_ID 1 to this can be used on every Linux
 FIT_PERIODS, VALIDATION_PERIODS = 3, 2
 TRIES = 2
 NAME = "demo"
-DISCOVERY = 2.0  # s in which nodes that are there already are found
-ANSWER = 10.0  # s
+LEADING = ("trajectory", "recorder")  # nodes without which no experiment is worth its time
+DISCOVERY_TIME_S = 2.0  # in which nodes that are there already are found
+ANSWER_TIMEOUT_S = 10.0
 Say = Callable[[str], None]
 
 
@@ -41,22 +43,24 @@ class Onlooker:
         self._executor.add_node(self._node)
         self._driver = DriverClient(self._node)
 
-    def ready(self, listeners: int) -> bool:
-        """Whether so many nodes listen to the driver, and it could be enabled.
+    def ready(self, listeners: Collection[str]) -> bool:
+        """Whether these nodes listen to the driver, and it could be enabled.
 
+        That a node says it is ready is not enough: the recorder takes up a topic when it finds it.
         While five processes start at once, frames may come late: such faults are reset.
         """
         self._executor.spin_once(timeout_sec=0.1)
-        if self._node.count_subscribers("/joint_states") != listeners:
+        found = self._node.get_subscriptions_info_by_topic(JOINT_STATES.name)
+        if not {one.node_name for one in found} >= set(listeners):
             return False
         state = self._driver.state.state
         if state == DriverState.STATE_FAULT and self._driver.ready:
             answer = self._driver.reset_fault()
-            self._executor.spin_until_future_complete(answer, timeout_sec=ANSWER)
+            self._executor.spin_until_future_complete(answer, timeout_sec=ANSWER_TIMEOUT_S)
         return state == DriverState.STATE_DISABLED
 
     def __enter__(self) -> Self:
-        end = time.monotonic() + DISCOVERY
+        end = time.monotonic() + DISCOVERY_TIME_S
         while time.monotonic() < end:
             self._executor.spin_once(timeout_sec=0.1)
         if others := [name for name in self._node.get_node_names() if name != NAME]:
@@ -88,10 +92,12 @@ def record(suite: Processes, domain: int, law: Law, seed: int, say: Say) -> None
         )
         suite.start("trajectory", "crane_trajectory", "trajectory")
         suite.start("identification", "crane_identification", "identification")
-        _experiment(suite, onlooker, law, "train", EXCITATION, FIT_PERIODS, 3)
+        _experiment(
+            suite, onlooker, law, "train", EXCITATION, FIT_PERIODS, (*LEADING, "identification")
+        )
         suite.stop("identification")
         say("a second, other motion, for validation")
-        _experiment(suite, onlooker, law, "validate", VALIDATION, VALIDATION_PERIODS, 2)
+        _experiment(suite, onlooker, law, "validate", VALIDATION, VALIDATION_PERIODS, LEADING)
         for name in ("trajectory", "driver", "crane"):
             suite.stop(name)
 
@@ -103,7 +109,7 @@ def _experiment(
     use: str,
     trajectory: str,
     periods: int,
-    listeners: int,
+    listeners: Collection[str],
 ) -> None:
     """One recorded experiment; once more if it ended early, as it may on a busy computer."""
     bag = law.bag(use)

@@ -12,7 +12,7 @@ from typing import Any, Self
 
 from ament_index_python.packages import get_package_prefix
 
-PATIENCE = 20.0  # s for a process to end by itself, once it was asked to
+END_TIMEOUT_S = 20.0  # for a process to end by itself, once it was asked to
 LAST_LINES = 15  # of a log, in an error
 SIGNALS = (signal.SIGINT, signal.SIGTERM, signal.SIGHUP)
 
@@ -135,18 +135,18 @@ class Processes:
             if process.poll() is None:
                 process.send_signal(number)
             try:
-                process.wait(PATIENCE)
+                process.wait(END_TIMEOUT_S)
                 return
             except subprocess.TimeoutExpired:
                 print(f"{name} does not end on {number.name}", file=sys.stderr)
 
     def until(self, condition: Callable[[], bool], otherwise: str) -> None:
         """Wait for a condition; `DemoError` if a process ends or it takes too long."""
-        end = time.monotonic() + 2 * PATIENCE
+        end = time.monotonic() + 2 * END_TIMEOUT_S
         while not condition():
             self.check()
             if time.monotonic() > end:
-                raise DemoError(f"{otherwise} (waited {2 * PATIENCE:g} s); see {self._logs}")
+                raise DemoError(f"{otherwise} (waited {2 * END_TIMEOUT_S:g} s); see {self._logs}")
 
     def _log(self, name: str) -> Path:
         return self._logs / f"{name}.log"

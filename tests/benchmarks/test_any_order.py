@@ -10,7 +10,7 @@ from unit.crane_driver.can.traffic import any_bus
 from unit.crane_driver.driven import Driven
 from unit.crane_driver.safety.any_order import Happening
 
-from crane_driver.safety.states import State
+from crane_driver.safety.states import SafetyState
 
 EVENTS = 10_000_000
 EVENTS_A_LIFE = 100_000
@@ -23,7 +23,7 @@ Measured = Callable[[str, str, str], None]
 
 def test_events_in_any_order(measured: Measured) -> None:
     rng, begin = random.Random(0), time.process_time()
-    events, moving, cycles = 0, 0, Counter[State]()
+    events, moving, cycles = 0, 0, Counter[SafetyState]()
     while events < EVENTS:
         happening = Happening()
         while happening.events < EVENTS_A_LIFE:

@@ -14,7 +14,7 @@ from scipy.optimize import minimize
 from crane_model.configuration import packaged
 from crane_model.model_file import load_model
 from crane_trajectory.excitation.columns import ColumnSet
-from crane_trajectory.excitation.criterion import Criterion, Kind
+from crane_trajectory.excitation.criterion import Criterion, CriterionKind
 from crane_trajectory.excitation.limits import Limit
 from crane_trajectory.excitation.merit import condition_numbers, one_period
 from crane_trajectory.excitation.problem import ExcitationProblem
@@ -30,7 +30,9 @@ MODEL = load_model(packaged("crane_model", "crane_model.yaml"))
 SETTINGS = load_design_settings()
 PROBLEM = ExcitationProblem(
     MODEL,
-    Criterion.of(MODEL, Kind.PRODUCT, ColumnSet.BASE, SETTINGS.experiment, SETTINGS.plausible),
+    Criterion.of(
+        MODEL, CriterionKind.PRODUCT, ColumnSet.BASE, SETTINGS.experiment, SETTINGS.plausible
+    ),
     66.0,
     5,
     SETTINGS.search,

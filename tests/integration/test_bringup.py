@@ -12,7 +12,7 @@ import yaml
 from integration.workshop import OFFSETS, VALVES, WIRING, Tool, Workshop
 
 from crane_driver.can.mapping import Mapping
-from crane_driver.operator.bringup.series import Directions, Result
+from crane_driver.operator.bringup.series import DeadBands, Result
 from crane_driver.velocity_filter import VelocityFilter
 from crane_model.configuration import load, packaged
 from crane_model.machine import JOINTS, load_machine
@@ -138,7 +138,7 @@ def test_the_last_mapping_is_the_wiring_of_the_machine(shop: Workshop) -> None:
 def test_dead_band(shop: Workshop) -> None:
     _, before = moves(shop, "dead_band")
     run = runs(shop, "dead_band")[-1]
-    for joint, one in load(run / "result.yaml", Result[Directions]).results.items():
+    for joint, one in load(run / "result.yaml", Result[DeadBands]).results.items():
         valve = VALVES[joint]
         for direction, measured in ((1, one.positive), (-1, one.negative)):
             true = valve["dead_zone"] + direction * valve["null_bias"]
@@ -160,7 +160,7 @@ def test_a_stall_costs_one_ramp(shop: Workshop) -> None:
         if tool.agree() == 0:
             break
         require_busy(tool)
-    (found,) = load(runs(shop, "dead_band")[-1] / "result.yaml", Result[Directions]).results
+    (found,) = load(runs(shop, "dead_band")[-1] / "result.yaml", Result[DeadBands]).results
     assert found == "inner_boom"
 
 

@@ -10,7 +10,7 @@ import pytest
 
 from crane_benchmark.folders import Folders, done, new
 from crane_benchmark.scores import freeze
-from crane_benchmark.scores.judgement import Outcome
+from crane_benchmark.scores.judgement import Judgement
 
 CASES = 1  # a single effect
 
@@ -37,7 +37,7 @@ def test_every_case_is_answered_and_scored(finished):
     assert results["summary"]["cases"] == CASES
     assert "false alarms" in said
     for row in results["cases"]:
-        assert row["outcomes"]["diagnose"] != Outcome.CRASH, row["reason"]
+        assert row["outcomes"]["diagnose"] != Judgement.CRASH, row["reason"]
         assert (folders.answers / row["case"] / "answer.json").exists()
     for name in ("power", "confusion"):
         assert (folders.top / f"{name}.png").stat().st_size > 5_000

@@ -71,8 +71,8 @@ def test_diagnostics_name_safety_bus_and_every_message(stage: Stage) -> None:
 
 
 def test_the_driver_can_be_taken_down_and_up_again(stage: Stage) -> None:
-    change = stage.node.create_client(ChangeState, "/driver/change_state")
-    ask = stage.node.create_client(GetState, "/driver/get_state")
+    change = stage.node.create_client(ChangeState, "driver/change_state")
+    ask = stage.node.create_client(GetState, "driver/get_state")
     stage.until(lambda: change.service_is_ready() and ask.service_is_ready())
 
     def to(transition: int) -> int:

@@ -25,7 +25,7 @@ from crane_bags.types import (
     VALVE_COMMAND,
 )
 from crane_model.errors import DataError
-from crane_nodes.recording.silence import SHORTEST
+from crane_nodes.recording.silence import SHORTEST_SILENCE_S
 
 TOPICS = (JOINT_STATES, CYLINDER_PRESSURES, VALVE_COMMAND, JOINT_REFERENCE)
 SECOND = 1_000_000_000  # ns
@@ -214,7 +214,7 @@ def test_the_silence_of_a_topic_that_has_a_publisher_is_named(ros: Graph, bag: P
     assert "it has a publisher (" in recorder.output
     states.publish(JointState(name=["slew"], position=[0.5]))
     ros.wait(lambda: health.status.level == DiagnosticStatus.OK)
-    assert float((health.value("/joint_states silent") or "0").split()[0]) >= SHORTEST
+    assert float((health.value("/joint_states silent") or "0").split()[0]) >= SHORTEST_SILENCE_S
     assert recorder.end(signal.SIGTERM) == 0
 
     (said,) = (line for line in recorder.output.splitlines() if line.startswith("silent "))

@@ -11,10 +11,10 @@ import pytest
 from unit.crane_identification.report.html_reader import figure_descriptions, read_html
 
 from crane_benchmark.study import recordings
-from crane_benchmark.study.recordings import Campaign, Experiment
+from crane_benchmark.study.recordings import Campaign, StudyPlan
 
 STUDY = [sys.executable, "-m", "crane_benchmark.study.study"]
-EXPERIMENT = Experiment(period=14.0, harmonics=3, starts=1, periods=2)
+EXPERIMENT = StudyPlan(period=14.0, harmonics=3, starts=1, periods=2)
 
 
 @pytest.fixture(scope="module")

@@ -10,7 +10,7 @@ from crane_driver.can.decoder import Readings
 from crane_driver.can.layout import Layout
 from crane_driver.can.sampling import SamplingClock
 
-WAITING = 20  # cycles for which a frame is waited for
+LONGEST_WAIT_CYCLES = 20  # cycles for which a frame is waited for
 CLOCK_SET = 1_000_000_000  # ns; the wall clock was set if it goes back by more
 
 
@@ -91,7 +91,7 @@ class Assembly:
     def _begin(self, first: Placed) -> None:
         """Numbers begin anew; what has come so far stays in pieces."""
         self._give_up(list(self._open))
-        self._epoch, self._done = first.epoch, first.number - WAITING
+        self._epoch, self._done = first.epoch, first.number - LONGEST_WAIT_CYCLES
         self._clock = SamplingClock(self._cycle)
 
     def _number_by_time(self, readings: Readings) -> int:
@@ -114,7 +114,7 @@ class Assembly:
         if one is None:
             one = _Set(readings.stamp, readings.steady, dict(self._unknown))
             self._open[number] = one
-            self._give_up([old for old in self._open if old <= number - WAITING])
+            self._give_up([old for old in self._open if old <= number - LONGEST_WAIT_CYCLES])
         elif readings.message in one.arrived:
             return None  # repeated
         if not proven:  # counted, if no other completes it

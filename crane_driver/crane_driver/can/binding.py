@@ -13,11 +13,11 @@ from crane_driver.can.frame import show_id
 from crane_driver.can.layout import (
     UNPROTECTED,
     Channel,
+    DeviceState,
     Echo,
     Layout,
     MessageLayout,
     Protected,
-    State,
 )
 from crane_driver.can.mapping import (
     UNITS,
@@ -55,7 +55,7 @@ class _Binder:
         self.positions: dict[str, list[Channel]] = defaultdict(list)
         self.pressures: dict[str, list[Channel]] = defaultdict(list)
         self.commands: dict[str, list[Channel]] = defaultdict(list)
-        self.states: dict[str, list[State]] = defaultdict(list)
+        self.states: dict[str, list[DeviceState]] = defaultdict(list)
         self.echoes: dict[str, list[Echo]] = defaultdict(list)
         self.enable: dict[str, str] = {}
         self.constants: dict[str, dict[str, float]] = defaultdict(dict)
@@ -142,7 +142,7 @@ class _Binder:
             )
             return
         healthy = {one if isinstance(one, int) else numbers[one] for one in entry.healthy}
-        self.states[message.name].append(State(name, signal.name, labels, frozenset(healthy)))
+        self.states[message.name].append(DeviceState(name, signal.name, labels, frozenset(healthy)))
 
     def _bind_constant(self, key: str, name: str, raw: float) -> None:
         if not (found := self._use(key, name)):

@@ -9,10 +9,10 @@ import numpy as np
 from crane_driver.can.decoder import Readings
 from crane_driver.can.layout import MessageLayout
 from crane_driver.can.mapping import Timing
-from crane_driver.can.stream import Beat, Stream, find_beat, measured_cycle
+from crane_driver.can.stream import Beat, FrameStream, find_beat, measured_cycle
 
 LEARNT = 60  # frames of each message, after which it is known which counters belong together
-PATIENCE = 4  # times as many, after which it is believed that devices sample at different instants
+LONGEST_LEARNING = 4  # times as many, after which devices sample at different instants
 AGAIN = 20  # frames after which it is tried again
 MOST_WAITING = 500  # frames of a message, on average
 ALIKE = 0.25  # cycles between prompt frames, below which they are of one instant of sampling
@@ -35,9 +35,9 @@ class Placed(NamedTuple):
 class CycleNumbers:
     """Numbers the frames of several messages so that those of one cycle have the same number.
 
-    Each message counts for itself, by counter and time (see `Stream`); which counts belong to one
-    instant of sampling is learnt from prompt frames, since a frame may be late and is never early.
-    Until then frames wait. All is learnt anew, in another `epoch`, where a device may have
+    Each message counts for itself, by counter and time (see `FrameStream`); which counts belong to
+    one instant of sampling is learnt from prompt frames, since a frame may be late and is never
+    early. Until then frames wait. All is learnt anew, in another `epoch`, where a device may have
     restarted, and where counter and time contradict each other.
     """
 
@@ -46,7 +46,7 @@ class CycleNumbers:
         self._missing = timing.missing
         alone = len(messages) == 1  # of nothing that it could be confused with
         self._least, self._refusals = (1, 0) if alone else (LEARNT, REFUSED)
-        self._streams: dict[str, Stream] = {}
+        self._streams: dict[str, FrameStream] = {}
         self._offsets: dict[str, int] = {}
         self._cycles: dict[str, float] = {}  # s, as measured
         self._waiting: deque[Readings] = deque()
@@ -130,7 +130,7 @@ class CycleNumbers:
         if frames < least:
             return []
         beats: dict[str, Beat] = {}
-        most = PATIENCE * LEARNT
+        most = LONGEST_LEARNING * LEARNT
         for name, layout in self._layouts.items():
             count, times = layout.protection.counter_count, np.array(received[name][-most:])
             counts, newest = np.array(counters[name][-most:]), slice(-LEARNT, None)
@@ -150,7 +150,7 @@ class CycleNumbers:
 
     def _begin(self, beats: dict[str, Beat], offsets: dict[str, int]) -> list[Placed]:
         self._streams = {
-            name: Stream(self._cycles[name], layout.protection.counter_count, beats[name])
+            name: FrameStream(self._cycles[name], layout.protection.counter_count, beats[name])
             for name, layout in self._layouts.items()
         }
         self._offsets, self._refused = offsets, 0

@@ -20,7 +20,7 @@ class Freshness(IntEnum):
 
 
 @dataclass(slots=True)
-class Stream:
+class MessageStream:
     """What is known of the frames of one message."""
 
     layout: MessageLayout
@@ -41,7 +41,7 @@ class Monitor:
 
     def __init__(self, messages: Sequence[MessageLayout], timing: Timing, start: float):
         self._timing = timing
-        self.streams = {one.name: Stream(one, start) for one in messages}
+        self.streams = {one.name: MessageStream(one, start) for one in messages}
 
     def observe(self, readings: Readings) -> list[Fault]:
         """Faults that a frame shows; its values may be used unless one of them is `UNUSABLE`."""
@@ -90,7 +90,7 @@ class Monitor:
             one.received and one.freshness is Freshness.FRESH for one in self.streams.values()
         )
 
-    def _sequence(self, stream: Stream, counter: int | None) -> Sequence[Fault]:
+    def _sequence(self, stream: MessageStream, counter: int | None) -> Sequence[Fault]:
         if counter is None:
             return ()
         protection = stream.layout.protection
@@ -121,11 +121,11 @@ class Monitor:
         return ()
 
     @staticmethod
-    def _limit(stream: Stream, cycles: float) -> float:
+    def _limit(stream: MessageStream, cycles: float) -> float:
         return cycles * stream.layout.cycle
 
 
-def _late(stream: Stream, gap: float) -> Fault:
+def _late(stream: MessageStream, gap: float) -> Fault:
     return stream.layout.fault(
         FaultKind.LATE,
         f"{gap * 1e3:.0f} ms since the last frame, cycle {stream.layout.cycle * 1e3:.0f} ms",

@@ -31,7 +31,7 @@ class Channel:
 
 
 @dataclass(frozen=True, slots=True)
-class State:
+class DeviceState:
     """One mapped state of a device."""
 
     name: str
@@ -82,7 +82,7 @@ class MessageLayout:
     positions: tuple[Channel, ...] = ()
     pressures: tuple[Channel, ...] = ()
     commands: tuple[Channel, ...] = ()
-    states: tuple[State, ...] = ()
+    states: tuple[DeviceState, ...] = ()
     echoes: tuple[Echo, ...] = ()
     enable: str | None = None
     constants: dict[str, float] = field(default_factory=dict)  # raw values, all signals to be sent

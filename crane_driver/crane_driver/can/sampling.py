@@ -4,7 +4,7 @@ import math
 
 WINDOW = 10.0  # s over which the clock of a device is followed
 LEARNT = 1.0  # s after which it is relied on
-PATIENCE = 1.0  # s in which at least one frame comes without delay, or the clock has changed
+PROMPT_TIMEOUT_S = 1.0  # in which one frame comes without delay, or the clock has changed
 LEAST = 0.1  # cycles between two instants of sampling
 Cycle = tuple[int, float]  # number, reception [s, steady]
 
@@ -37,7 +37,7 @@ class SamplingClock:
             sampled = min(received, self._line(number))
         if received - sampled < self._cycle / 2:
             self._prompt = received
-        elif received - self._prompt > PATIENCE:
+        elif received - self._prompt > PROMPT_TIMEOUT_S:
             self._begin()
             sampled = received
         self._last = min(received, max(sampled, self._last + LEAST * self._cycle))

@@ -9,14 +9,14 @@ import numpy as np
 EARLY = 0.5  # cycles, by which a frame may seem to come before it was sent
 PROMPT = 0.25  # cycles after the promptest, within which a frame is prompt as well
 OVERTAKEN = 3.0  # cycles, after which no frame comes any more that was sent before
-EMPTY = 3  # part of a round before prompt frames in which none may come
-SUPPORT = 8  # part of the frames that must be prompt
+EMPTY_PART_OF_ROUND = 3  # part of a round before prompt frames in which none may come
+LEAST_SUPPORT_PART = 8  # part of the frames that must be prompt
 LEAST_SUPPORT = 3  # frames
 DRIFT = 2e-3  # by which the clock of a device may be slow
 SILENCE = 4.0  # cycles, in which a device may have restarted
-DOUBTED = 20  # frames in a row without a prompt one, after which it has
+DOUBTED_FRAMES = 20  # frames in a row without a prompt one, after which it has
 MOST_OFF = 0.25  # of the nominal cycle, by which a device may send faster or slower
-LATE = 200  # frames in a row, in which a clock cannot drift by as much as `EARLY`
+PROMPT_AMONG_FRAMES = 200  # frames in a row, in which a clock cannot drift by as much as `EARLY`
 
 
 class Beat(NamedTuple):
@@ -54,8 +54,8 @@ def find_beat(received: np.ndarray, counters: np.ndarray, cycle: float, count: i
     best = int(support.argmax())
     before = ordered - np.roll(ordered, 1)
     before[0] += count
-    ahead = (ordered[best] - ordered[before >= count / EMPTY]) % count
-    enough = min(len(late), max(LEAST_SUPPORT, len(late) // SUPPORT))
+    ahead = (ordered[best] - ordered[before >= count / EMPTY_PART_OF_ROUND]) % count
+    enough = min(len(late), max(LEAST_SUPPORT, len(late) // LEAST_SUPPORT_PART))
     if support[best] < enough or not len(ahead) or ahead.min() > EARLY:
         return None
     base = ordered[best] * cycle
@@ -73,11 +73,11 @@ def find_beat(received: np.ndarray, counters: np.ndarray, cycle: float, count: i
     return Beat(base, math.nextafter(begin, math.inf), passed)  # others may have overtaken it
 
 
-class Stream:
+class FrameStream:
     """Tells the index of each frame, which is proven where
 
     - no frame comes more than `OVERTAKEN` after one that was sent later,
-    - no frame comes before one that is as prompt as any would, and one of `LATE` is,
+    - no frame comes before one that is as prompt as any would, and one of `PROMPT_AMONG_FRAMES` is,
     - a device is silent for longer than `SILENCE` before it counts anew,
 
     for then it is newer than all that came before, no newer than the time allows, and only one
@@ -115,7 +115,7 @@ class Stream:
             return index, False
         self._late = 0 if late < EARLY else self._late + 1
         self.doubtful = (self.doubtful or self.silence(received) > SILENCE) and self._late > 0
-        self.known = self._late <= (DOUBTED if self.doubtful else LATE)
+        self.known = self._late <= (DOUBTED_FRAMES if self.doubtful else PROMPT_AMONG_FRAMES)
         self._newest = max(self._newest, index)
         self._recent.append((received, index))
         self.base = min(

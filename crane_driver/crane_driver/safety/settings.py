@@ -5,32 +5,20 @@ from typing import Annotated, Self
 
 from pydantic import Field, model_validator
 
-from crane_model.configuration import Schema, load, packaged
+from crane_model.configuration import Positive, Schema, load, packaged
+from crane_model.machine import PerJoint
 
-Positive = Annotated[float, Field(gt=0)]
 Spool = Annotated[float, Field(gt=0, lt=1)]
 
 
-class Decelerations(Schema):
-    """One value a joint [rad/s2; telescope m/s2]."""
-
-    slew: Positive
-    inner_boom: Positive
-    outer_boom: Positive
-    telescope: Positive
-
-    def __getitem__(self, joint: str) -> float:
-        return getattr(self, joint)
-
-
 class SafetySettings(Schema):
-    """Times [s], spool commands -1 to 1, decelerations; meaning in the file."""
+    """Times [s], spool commands -1 to 1, decelerations [SI]; meaning in the file."""
 
     command_timeout: Positive
     ramp_time: Positive
     neutral: Spool
     settling_time: Positive
-    deceleration: Decelerations
+    deceleration: PerJoint[Positive]
     reaction_time: Positive
     correction_time: Positive
     opening: Spool

@@ -4,7 +4,7 @@ from enum import StrEnum
 from typing import Self
 
 
-class State(StrEnum):
+class SafetyState(StrEnum):
     """Commands reach the valves in ENABLED alone."""
 
     cause: str  # why they do not; of a fault, the fault says it
@@ -41,16 +41,16 @@ class Event(StrEnum):
     RESET = "reset"
 
 
-TRANSITIONS: dict[tuple[State, Event], State] = {
-    (State.OFFLINE, Event.READY): State.DISABLED,
-    (State.DISABLED, Event.ENABLE): State.ENABLED,
-    (State.ENABLED, Event.DISABLE): State.DISABLED,
-    (State.OFFLINE, Event.FAULT): State.FAULT,  # only what is wrong in every state
-    (State.DISABLED, Event.FAULT): State.FAULT,
-    (State.ENABLED, Event.FAULT): State.FAULT,
+TRANSITIONS: dict[tuple[SafetyState, Event], SafetyState] = {
+    (SafetyState.OFFLINE, Event.READY): SafetyState.DISABLED,
+    (SafetyState.DISABLED, Event.ENABLE): SafetyState.ENABLED,
+    (SafetyState.ENABLED, Event.DISABLE): SafetyState.DISABLED,
+    (SafetyState.OFFLINE, Event.FAULT): SafetyState.FAULT,  # only what is wrong in every state
+    (SafetyState.DISABLED, Event.FAULT): SafetyState.FAULT,
+    (SafetyState.ENABLED, Event.FAULT): SafetyState.FAULT,
     # Not to DISABLED: whether the machine is well has to be seen anew.
-    (State.FAULT, Event.RESET): State.OFFLINE,
-    (State.ESTOP, Event.RESET): State.OFFLINE,
-    **{(state, Event.EMERGENCY_STOP): State.ESTOP for state in State},
+    (SafetyState.FAULT, Event.RESET): SafetyState.OFFLINE,
+    (SafetyState.ESTOP, Event.RESET): SafetyState.OFFLINE,
+    **{(state, Event.EMERGENCY_STOP): SafetyState.ESTOP for state in SafetyState},
 }
 """What is not in the table does not happen: in particular nothing but ENABLE leads to ENABLED."""

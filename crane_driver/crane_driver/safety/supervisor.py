@@ -10,7 +10,7 @@ from crane_driver.safety.commands import check_command, ramped
 from crane_driver.safety.limits import JointLimiter
 from crane_driver.safety.news import Level, News
 from crane_driver.safety.settings import SafetySettings
-from crane_driver.safety.states import TRANSITIONS, Event, State
+from crane_driver.safety.states import TRANSITIONS, Event, SafetyState
 from crane_model.errors import ConfigurationError, CraneError, RangeError
 from crane_model.machine import Machine
 
@@ -60,7 +60,7 @@ class Supervisor:
         self._publishers = 0
         self._stepped = now
         self._troubled = now  # when the last fault of the bus was seen
-        self.state = State.OFFLINE
+        self.state = SafetyState.OFFLINE
         self.faults: dict[str, Latched] = {}
         self.refused = 0  # commands
         self.refusal = ""  # why the last one was
@@ -77,25 +77,25 @@ class Supervisor:
     def cause(self) -> str:
         """Why commands do not reach the valves; empty while they do."""
         fault = self.first_fault
-        return str(fault) if fault and self.state is State.FAULT else self.state.cause
+        return str(fault) if fault and self.state is SafetyState.FAULT else self.state.cause
 
     @property
     def remedy(self) -> str:
         """What to do about it."""
         fault = self.first_fault
-        return fault.remedy if fault and self.state is State.FAULT else self.state.remedy
+        return fault.remedy if fault and self.state is SafetyState.FAULT else self.state.remedy
 
     def command(self, names: Sequence[str], values: Sequence[float], received: float) -> None:
         """Take a command that came at `received`; `RefusedError` if it is refused as a whole."""
-        if self.state is State.ENABLED:
+        if self.state is SafetyState.ENABLED:
             self._judge_age(received)  # first: a command that comes too late mends nothing
         try:
             if self._publishers > 1:
                 raise RangeError(f"{self._publishers} publishers command the valves, one may")
             commands = check_command(names, values, self._valves)
-            continues = self.state is State.ENABLED and self._from_neutral
+            continues = self.state is SafetyState.ENABLED and self._from_neutral
             self._from_neutral = continues or self._is_neutral(commands)
-            if self.state is State.ENABLED and not self._from_neutral:
+            if self.state is SafetyState.ENABLED and not self._from_neutral:
                 raise RangeError(
                     f"the first command is {_shown(commands)}; begin with a neutral one, at most "
                     f"{self._settings.neutral}"
@@ -109,7 +109,7 @@ class Supervisor:
     def published_by(self, count: int) -> None:
         """How many publishers of commands there are."""
         self._publishers = count
-        if count > 1 and self.state is State.ENABLED:
+        if count > 1 and self.state is SafetyState.ENABLED:
             several = f"{count} publishers command the valves"
             self._latch(Fault(FaultKind.SEVERAL_PUBLISHERS, several))
 
@@ -124,28 +124,28 @@ class Supervisor:
 
     def not_believed(self, faults: Iterable[Fault]) -> None:
         """Positions that cannot be true; offline, nothing moves by them."""
-        if self.state is not State.OFFLINE:
+        if self.state is not SafetyState.OFFLINE:
             for fault in faults:
                 self._latch(fault)
 
     def stalled(self, fault: Fault, now: float) -> None:
         """The driver itself did not run; offline, nothing moves meanwhile."""
         self._troubled = now
-        if self.state is not State.OFFLINE:
+        if self.state is not SafetyState.OFFLINE:
             self._latch(fault)
 
     def can_faults(self, faults: Iterable[Fault], now: float) -> None:
         """Faults of bus, frames and devices."""
         for fault in faults:
             self._troubled = now
-            if self.state is State.OFFLINE and fault.kind not in IN_EVERY_STATE:
+            if self.state is SafetyState.OFFLINE and fault.kind not in IN_EVERY_STATE:
                 continue  # not well as yet, which is what this state says
             self._latch(fault)
 
     def ready(self, complete: bool, now: float) -> None:
         """Whether all messages of the machine come in time."""
         well = now - self._troubled > self._settings.settling_time
-        if self.state is State.OFFLINE and complete and well and not self._unknown():
+        if self.state is SafetyState.OFFLINE and complete and well and not self._unknown():
             self._happen(Event.READY)
 
     def enable(self, now: float) -> None:
@@ -172,7 +172,7 @@ class Supervisor:
 
     def disable(self) -> None:
         """Ramp to neutral and let no more commands through; in other states nothing changes."""
-        if self.state is State.ENABLED:
+        if self.state is SafetyState.ENABLED:
             self._happen(Event.DISABLE)
 
     def emergency_stop(self) -> None:
@@ -193,19 +193,19 @@ class Supervisor:
         """What to send at `now`; to be called in every cycle."""
         dt = min(now - self._stepped, LONGEST_STEP)
         self._stepped = now
-        if self.state is State.ENABLED:
+        if self.state is SafetyState.ENABLED:
             self._judge_age(now)
-        if self.state is State.ENABLED and (unknown := self._unknown()):
+        if self.state is SafetyState.ENABLED and (unknown := self._unknown()):
             no_state = f"no position and velocity of {', '.join(unknown)}"
             self._latch(Fault(FaultKind.NO_STATE, no_state))
-        if self.state is State.ENABLED:
+        if self.state is SafetyState.ENABLED:
             self._output = self._within_limits(dt)
         else:
             step = dt / self._settings.ramp_time
             self._output = {name: ramped(value, step) for name, value in self._output.items()}
             self.limited = {}
         moving = any(self._output.values())
-        return Output(dict(self._output), self.state is State.ENABLED or moving)
+        return Output(dict(self._output), self.state is SafetyState.ENABLED or moving)
 
     def _judge_age(self, now: float) -> None:
         """Commands that end at neutral have ended well; others leave a fault."""
@@ -258,9 +258,9 @@ class Supervisor:
 
     def _happen(self, event: Event) -> None:
         previous, self.state = self.state, TRANSITIONS[self.state, event]
-        if self.state is not previous and self.state is not State.FAULT:  # which has been said
+        if self.state not in (previous, SafetyState.FAULT):  # a fault has been said
             self.news.append(News(Level.INFO, f"{previous} -> {self.state}"))
-        if self.state is not State.ENABLED:
+        if self.state is not SafetyState.ENABLED:
             self._from_neutral = False
 
 

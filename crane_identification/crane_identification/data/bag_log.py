@@ -6,6 +6,7 @@ from pathlib import Path
 
 import numpy as np
 
+from crane_bags.clocks import NANOSECONDS
 from crane_bags.namespaces import namespace_of
 from crane_bags.reader import TopicData, read_topics
 from crane_bags.types import (
@@ -20,7 +21,6 @@ from crane_model.errors import DataError
 from crane_model.progress import Progress, silent
 
 SLEW = "slew"
-NANOSECONDS = 1e9
 
 
 def read_bag(

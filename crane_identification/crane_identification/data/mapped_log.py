@@ -7,12 +7,12 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
+from crane_bags.clocks import NANOSECONDS
 from crane_identification.data.column_map import ColumnMap, JointSources
 from crane_identification.data.log import Log, Signal
 from crane_identification.data.sources import Cell, Source
 from crane_identification.data.units import COUNTS
 
-NANOSECONDS = 1e9
 LARGEST_GAP = 0.1  # s between two numbers that are interpolated
 MARGIN = 1e-6  # s, by which times of 0.1 s may be rounded
 

@@ -3,10 +3,11 @@
 from collections.abc import Sequence
 from pathlib import Path
 
+from crane_bags.clocks import NANOSECONDS
 from crane_bags.fields import Place, read_fields
 from crane_identification.data.column_map import ColumnMap
 from crane_identification.data.log import Log
-from crane_identification.data.mapped_log import NANOSECONDS, Stream, mapped_log
+from crane_identification.data.mapped_log import Stream, mapped_log
 from crane_model.errors import ConfigurationError
 from crane_model.progress import Progress, silent
 

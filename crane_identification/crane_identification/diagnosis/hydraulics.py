@@ -4,8 +4,8 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import NamedTuple
 
-from crane_identification.diagnosis.thresholds import Method, Positive
-from crane_model.configuration import Schema, load, packaged
+from crane_identification.diagnosis.thresholds import Method
+from crane_model.configuration import Positive, Schema, load, packaged
 from crane_model.flow import FLOW_EFFECTS
 from crane_model.terms import Effect
 

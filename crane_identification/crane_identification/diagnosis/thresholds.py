@@ -5,10 +5,9 @@ from typing import Annotated
 
 from pydantic import Field
 
-from crane_model.configuration import Schema, load, packaged
+from crane_model.configuration import Positive, Schema, load, packaged
 
 Share = Annotated[float, Field(ge=0, le=1)]
-Positive = Annotated[float, Field(gt=0)]
 Count = Annotated[int, Field(ge=1)]
 
 

@@ -7,7 +7,11 @@ from typing import NamedTuple
 import numpy as np
 
 from crane_identification.diagnosis.evidence import Evidence
-from crane_identification.estimation.autoregression import Autoregression, restricted_likelihood
+from crane_identification.estimation.autoregression import (
+    Autoregression,
+    predictors_of,
+    restricted_likelihood,
+)
 
 ROUNDING_SHARE = 1e-8  # of the largest eigenvalue: directions below are rounding
 DIRECTIONS = 60  # of the candidates that the largest model takes, the commonest ones
@@ -80,7 +84,8 @@ def whitener(evidence: Evidence, largest: np.ndarray) -> Whitener:
         found = _noise(known, largest[:, c], evidence.force[:, c], used, evidence.run)
         noise.append(found)
         before = _used_before(used, first, len(found.polynomial) - 1)
-        for m, (polynomial, variance) in enumerate(_predictors(found)):
+        predictors = predictors_of(found.autocovariance(len(found.polynomial)))
+        for m, (polynomial, variance) in enumerate(zip(*predictors, strict=True)):
             rows = np.flatnonzero(used & (before == m))
             if len(rows):
                 picks.append(_Pick(c, rows, polynomial, float(np.sqrt(variance))))
@@ -117,20 +122,6 @@ def leading(columns: np.ndarray, most: int) -> np.ndarray:
     order = np.argsort(power)[::-1][:most]
     kept = order[power[order] > ROUNDING_SHARE * power.max(initial=0.0)]
     return scaled @ vectors[:, kept] / np.sqrt(power[kept])
-
-
-def _predictors(noise: Autoregression) -> list[tuple[np.ndarray, float]]:
-    """Polynomial and error variance of the best prediction from 0, 1, ... values before."""
-    covariance = noise.autocovariance(len(noise.polynomial))
-    polynomial, variance = np.ones(1), float(covariance[0])
-    out = [(polynomial, variance)]
-    for order in range(1, len(covariance)):
-        longer = np.append(polynomial, 0.0)
-        reflection = -float(longer @ covariance[order::-1]) / variance
-        polynomial = longer + reflection * longer[::-1]
-        variance *= 1.0 - reflection**2
-        out.append((polynomial, variance))
-    return out
 
 
 def _used_before(used: np.ndarray, first: np.ndarray, highest: int) -> np.ndarray:

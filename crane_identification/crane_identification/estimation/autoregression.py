@@ -23,8 +23,7 @@ MEMORY = 2 * HIGHEST_ORDER
 """Samples from which filtered noise is predicted, which has no order of its own."""
 
 Predictors = tuple[list[np.ndarray], np.ndarray]
-"""Polynomials that predict a sample from 0, 1, ... before it, and the variances of their errors
-relative to that of the process."""
+"""Polynomials that predict a sample from 0, 1, ... before it, and the variances of their errors."""
 
 
 class Autoregression(NamedTuple):
@@ -127,8 +126,19 @@ class _Likelihood:
         return cholesky(total, lower=True)
 
 
+def predictors_of(autocovariance: np.ndarray) -> Predictors:
+    """Those of order 0 to lags - 1, of noise with this `autocovariance` (lags,) (Levinson)."""
+    polynomials, variances = [np.ones(1)], [float(autocovariance[0])]
+    for order in range(1, len(autocovariance)):
+        longer = np.append(polynomials[-1], 0.0)
+        reflection = -float(longer @ autocovariance[order::-1]) / variances[-1]
+        polynomials.append(longer + reflection * longer[::-1])
+        variances.append(variances[-1] * (1 - reflection**2))
+    return polynomials, np.array(variances)
+
+
 def _predictors(search: np.ndarray) -> Predictors:
-    """Those of order 0 to that of the model (Levinson)."""
+    """Those of order 0 to that of the model, by its reflection coefficients."""
     polynomials, variances = [np.ones(1)], [1.0]
     for reflection in LARGEST_REFLECTION * np.tanh(search):
         longer = np.append(polynomials[-1], 0.0)
@@ -150,14 +160,7 @@ def _behind(filtered: np.ndarray) -> Callable[[np.ndarray], Predictors]:
 
     def predictors(search: np.ndarray) -> Predictors:
         model = Autoregression(_predictors(search)[0][-1], 1.0, filtered)
-        covariance = model.autocovariance(MEMORY + 1)
-        polynomials, variances = [np.ones(1)], [1.0]
-        for order in range(1, MEMORY + 1):
-            longer = np.append(polynomials[-1], 0.0)
-            reflection = -float(longer @ covariance[order::-1]) / variances[-1]
-            polynomials.append(longer + reflection * longer[::-1])
-            variances.append(variances[-1] * (1 - reflection**2))
-        return polynomials, np.array(variances)
+        return predictors_of(model.autocovariance(MEMORY + 1))
 
     return predictors
 

@@ -5,11 +5,12 @@ from typing import NamedTuple
 
 import numpy as np
 
+from crane_bags.clocks import NANOSECONDS
 from crane_identification.online.correlation import ResidualCorrelation
 from crane_identification.online.gate import Gate
 from crane_identification.online.matching import Matched, Matcher
 from crane_identification.online.recursion import Recursion, Solution
-from crane_identification.online.smoother import NANOSECONDS, FixedLagSmoother, Smoothed
+from crane_identification.online.smoother import FixedLagSmoother, Smoothed
 from crane_identification.online.window import Row, Window
 from crane_model.configuration import load, packaged
 from crane_model.cylinders import generalized_forces

@@ -5,11 +5,11 @@ from typing import Any
 
 import numpy as np
 
+from crane_bags.clocks import NANOSECONDS
 from crane_identification.data.column_map import ColumnMap
 from crane_identification.online.estimator import Forces, OnlineEstimator
 from crane_identification.online.gathering import Gathering
 from crane_identification.online.recent import Watched
-from crane_identification.online.smoother import NANOSECONDS
 from crane_identification.online.topics import Listener, nanoseconds
 from crane_model.errors import ConfigurationError, DataError
 from crane_nodes.recording.definitions import message_class

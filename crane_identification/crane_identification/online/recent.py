@@ -5,9 +5,9 @@ from collections.abc import Sequence
 
 import numpy as np
 
+from crane_bags.clocks import NANOSECONDS
 from crane_identification.data.log import Log, Signal
 from crane_identification.online.estimator import Forces, OnlineEstimator
-from crane_identification.online.smoother import NANOSECONDS
 from crane_identification.recording_check.check import check
 from crane_identification.recording_check.suspicion import Checked
 from crane_model.machine import Machine

@@ -5,10 +5,10 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from crane_bags.clocks import NANOSECONDS
 from crane_identification.data.log import Log, Signal
 from crane_identification.data.resample import sampling_rate
 from crane_identification.online.estimator import Forces, OnlineEstimator, OnlineOptions
-from crane_identification.online.smoother import NANOSECONDS
 from crane_identification.signals.motion import reading_resolution
 from crane_model.errors import DataError
 from crane_model.machine import JOINTS

@@ -23,8 +23,9 @@ from typing import NamedTuple
 import numpy as np
 from numba import njit
 
+from crane_bags.clocks import NANOSECONDS
+
 SHORTEST_INTERVAL = 250_000  # ns; readings closer together than this are the same
-NANOSECONDS = 1_000_000_000
 
 
 class Smoothed(NamedTuple):

@@ -7,10 +7,10 @@ import numpy as np
 from builtin_interfaces.msg import Time
 from sensor_msgs.msg import JointState
 
+from crane_bags.clocks import NANOSECONDS
 from crane_identification.online.estimator import Forces, OnlineEstimator
 from crane_identification.online.recent import Watched
 from crane_identification.online.recursion import Solution
-from crane_identification.online.smoother import NANOSECONDS
 from crane_interfaces.msg import CylinderPressures, GeneralizedForces, ParameterEstimate
 from crane_model.errors import DataError
 

@@ -5,6 +5,7 @@ from dataclasses import dataclass
 from itertools import pairwise
 from typing import Self
 
+from crane_bags.clocks import NANOSECONDS
 from crane_identification.data.log import Log
 from crane_identification.options import Options
 from crane_identification.preparation.prepare import prepare
@@ -13,7 +14,6 @@ from crane_model.errors import DataError
 from crane_model.model_file import Model
 from crane_model.progress import Progress, silent
 
-NANOSECONDS = 1e9
 TOUCHING = 1.0  # s by which recordings of one session may overlap, as parts of one that was split
 COOLED = 4 * 3600.0  # s of a pause after which the machine is cold again: another session
 

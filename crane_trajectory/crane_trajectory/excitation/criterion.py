@@ -15,12 +15,12 @@ import numpy as np
 from crane_model.errors import ConfigurationError
 from crane_model.model_file import Model
 from crane_trajectory.excitation.columns import ColumnSet, column_map
-from crane_trajectory.excitation.merit import Experiment, condition_numbers
+from crane_trajectory.excitation.merit import PredictedRecording, condition_numbers
 
 POWER = 8.0  # of the power means over eigenvalues of Phi^T Phi
 
 
-class Kind(StrEnum):
+class CriterionKind(StrEnum):
     """What is minimised."""
 
     RAW = "raw"  # cond(Phi)
@@ -30,14 +30,14 @@ class Kind(StrEnum):
     A_OPTIMALITY = "a-optimality"  # mean square of predicted relative standard deviations
 
 
-class Value(NamedTuple):
+class CriterionValue(NamedTuple):
     """A criterion and its derivative with respect to Phi^T Phi, a symmetric (p, p)."""
 
     value: float
     slope: np.ndarray
 
 
-def log_condition(gram: np.ndarray, power: float = POWER) -> Value:
+def log_condition(gram: np.ndarray, power: float = POWER) -> CriterionValue:
     """log cond(Phi) from Phi^T Phi (p, p), by power means; approached from above by the power."""
     eigenvalues, vectors = np.linalg.eigh(gram)
     eigenvalues = np.maximum(eigenvalues, np.finfo(float).eps * eigenvalues[-1])
@@ -45,31 +45,31 @@ def log_condition(gram: np.ndarray, power: float = POWER) -> Value:
     low = (eigenvalues[0] / eigenvalues) ** power
     value = np.log(eigenvalues[-1] / eigenvalues[0]) + np.log(high.sum() * low.sum()) / power
     share = (high / high.sum() - low / low.sum()) / eigenvalues
-    return Value(0.5 * float(value), 0.5 * (vectors * share) @ vectors.T)
+    return CriterionValue(0.5 * float(value), 0.5 * (vectors * share) @ vectors.T)
 
 
-def log_normalised_condition(gram: np.ndarray, power: float = POWER) -> Value:
+def log_normalised_condition(gram: np.ndarray, power: float = POWER) -> CriterionValue:
     """The same for Phi with columns of length 1."""
     scale = 1.0 / np.sqrt(np.maximum(np.diag(gram), np.finfo(float).tiny))
     normal = gram * np.outer(scale, scale)
     value, slope = log_condition(normal, power)
     own = slope - np.diag((slope * normal).sum(axis=1))  # the lengths move with the columns
-    return Value(value, own * np.outer(scale, scale))
+    return CriterionValue(value, own * np.outer(scale, scale))
 
 
-def log_volume(gram: np.ndarray) -> Value:
+def log_volume(gram: np.ndarray) -> CriterionValue:
     """-log det / 2 p: the log of the mean half axis of the ellipsoid of uncertainty."""
     scale = 1.0 / np.sqrt(np.maximum(np.diag(gram), np.finfo(float).tiny))
     eigenvalues, vectors = np.linalg.eigh(gram * np.outer(scale, scale))
     eigenvalues = np.maximum(eigenvalues, np.finfo(float).eps)
     half = 0.5 / len(gram)
     inverse = (vectors / eigenvalues) @ vectors.T * np.outer(scale, scale)
-    return Value(
+    return CriterionValue(
         half * float(2.0 * np.log(scale).sum() - np.log(eigenvalues).sum()), -half * inverse
     )
 
 
-def log_std_dev(gram: np.ndarray, plausible: np.ndarray) -> Value:
+def log_std_dev(gram: np.ndarray, plausible: np.ndarray) -> CriterionValue:
     """log of the root mean square of standard deviations relative to plausible values (p,)."""
     relative = gram * np.outer(plausible, plausible)
     eigenvalues, vectors = np.linalg.eigh(relative)
@@ -77,7 +77,7 @@ def log_std_dev(gram: np.ndarray, plausible: np.ndarray) -> Value:
     variance = (1.0 / eigenvalues).sum()
     slope = -0.5 / variance * (vectors / eigenvalues**2) @ vectors.T
     value = 0.5 * float(np.log(variance / len(gram)))
-    return Value(value, slope * np.outer(plausible, plausible))
+    return CriterionValue(value, slope * np.outer(plausible, plausible))
 
 
 class Criterion(NamedTuple):
@@ -92,7 +92,7 @@ class Criterion(NamedTuple):
     identification leaves out what is recorded near standstill.
     """
 
-    kind: Kind
+    kind: CriterionKind
     columns: np.ndarray  # (p, c), of `column_map`
     plausible: np.ndarray
     row_weight: np.ndarray
@@ -103,9 +103,9 @@ class Criterion(NamedTuple):
     def of(
         cls,
         model: Model,
-        kind: Kind,
+        kind: CriterionKind,
         columns: ColumnSet,
-        experiment: Experiment,
+        experiment: PredictedRecording,
         plausible: dict[str, float],
     ) -> "Criterion":
         """The criterion of a single trajectory.
@@ -115,9 +115,9 @@ class Criterion(NamedTuple):
         chosen = column_map(model, columns)
         p = len(model.parameters)
         values, weight = np.ones(p), np.ones(len(model.joints))
-        if kind in (Kind.D_OPTIMALITY, Kind.A_OPTIMALITY):
+        if kind in (CriterionKind.D_OPTIMALITY, CriterionKind.A_OPTIMALITY):
             weight = np.array([experiment.noise[joint] for joint in model.joints]) ** -2.0
-        if kind is Kind.A_OPTIMALITY:
+        if kind is CriterionKind.A_OPTIMALITY:
             names = [parameter.name for parameter in model.parameters]
             lacking = sorted(set(names) - set(plausible))
             if lacking:
@@ -137,34 +137,36 @@ class Criterion(NamedTuple):
         """The criterion of the next trajectory, once one with this regressor has been run."""
         return self._replace(prior=self.prior + self.gram(regressor), earlier=self.earlier + 1)
 
-    def evaluate(self, gram: np.ndarray, power: float = POWER) -> Value:
+    def evaluate(self, gram: np.ndarray, power: float = POWER) -> CriterionValue:
         """The criterion and its derivative with respect to the `gram` of one more trajectory."""
         together = self._of_all(gram + self.prior, power)
         if not self.earlier:
             return together
         alone, share = self._of_all(gram, power), self.earlier + 1
-        return Value(alone.value + share * together.value, alone.slope + share * together.slope)
+        return CriterionValue(
+            alone.value + share * together.value, alone.slope + share * together.slope
+        )
 
-    def _of_all(self, gram: np.ndarray, power: float) -> Value:
+    def _of_all(self, gram: np.ndarray, power: float) -> CriterionValue:
         counted = self.columns.T @ gram @ self.columns
         match self.kind:
-            case Kind.RAW:
+            case CriterionKind.RAW:
                 value, slope = log_condition(counted, power)
-            case Kind.NORMALISED:
+            case CriterionKind.NORMALISED:
                 value, slope = log_normalised_condition(counted, power)
-            case Kind.PRODUCT:
+            case CriterionKind.PRODUCT:
                 raw = log_condition(counted, power)
                 normalised = log_normalised_condition(counted, power)
                 value, slope = raw.value + normalised.value, raw.slope + normalised.slope
-            case Kind.D_OPTIMALITY:
+            case CriterionKind.D_OPTIMALITY:
                 value, slope = log_volume(counted)
-            case Kind.A_OPTIMALITY:
+            case CriterionKind.A_OPTIMALITY:
                 value, slope = log_std_dev(counted, self.plausible)
-        return Value(value, self.columns @ slope @ self.columns.T)
+        return CriterionValue(value, self.columns @ slope @ self.columns.T)
 
     def exact(self, gram: np.ndarray) -> float:
         """The criterion without power means: logs of the condition numbers themselves."""
-        if self.kind in (Kind.D_OPTIMALITY, Kind.A_OPTIMALITY):
+        if self.kind in (CriterionKind.D_OPTIMALITY, CriterionKind.A_OPTIMALITY):
             return self.evaluate(gram).value
         together = self._condition(gram + self.prior)
         if not self.earlier:
@@ -173,5 +175,9 @@ class Criterion(NamedTuple):
 
     def _condition(self, gram: np.ndarray) -> float:
         raw, normalised = condition_numbers(self.columns.T @ gram @ self.columns)
-        counted = {Kind.RAW: raw, Kind.NORMALISED: normalised, Kind.PRODUCT: raw * normalised}
+        counted = {
+            CriterionKind.RAW: raw,
+            CriterionKind.NORMALISED: normalised,
+            CriterionKind.PRODUCT: raw * normalised,
+        }
         return float(np.log(counted[self.kind]))

@@ -17,13 +17,13 @@ from crane_model.model_file import Model
 from crane_model.record import Record
 from crane_model.terms import Setting, Term
 from crane_model.terms.planar import planar_columns
-from crane_trajectory.motion.fourier import Samples
+from crane_trajectory.motion.fourier import MotionSamples
 
 STEP = 1e-3  # rad, m and their derivatives: rounding and truncation of the stencil are alike
 STENCIL = ((-2, 1 / 12), (-1, -2 / 3), (1, 2 / 3), (2, -1 / 12))
 
 
-def smooth_record(model: Model, motion: Samples, width: np.ndarray) -> Record:
+def smooth_record(model: Model, motion: MotionSamples, width: np.ndarray) -> Record:
     """Samples (n, j) as the model takes them, with tanh(q' / width) for sgn(q'); width (j,)."""
     return Record(
         joints=model.joints,
@@ -43,13 +43,13 @@ def smooth_regressor(model: Model, record: Record) -> np.ndarray:
     return regressor
 
 
-def pull_back(model: Model, record: Record, weight: np.ndarray, width: np.ndarray) -> Samples:
+def pull_back(model: Model, record: Record, weight: np.ndarray, width: np.ndarray) -> MotionSamples:
     """sum_jk weight_njk dPhi_njk / d(q, q', q'') of `smooth_regressor`: three arrays (n, j).
 
     weight (n, j, p); `record` is one of `smooth_record` with the same `width`. Raises
     `ConfigurationError` for a term whose force does not depend on the motion of its joint alone.
     """
-    total = Samples(*np.zeros((3, *record.position.shape)))
+    total = MotionSamples(*np.zeros((3, *record.position.shape)))
     for term, columns in _parts(model):
         if term.has_base_parameters:
             assert model.machine is not None  # such a model cannot be loaded
@@ -103,7 +103,9 @@ def _by_differences(
     )
 
 
-def _rigid_body(geometry: Geometry, record: Record, at: list[int], weight: np.ndarray) -> Samples:
+def _rigid_body(
+    geometry: Geometry, record: Record, at: list[int], weight: np.ndarray
+) -> MotionSamples:
     """Derivatives of sum_jk weight_njk phi_njk of (8) for the base set, weight (n, 3, 8).
 
     The planar joints stand `at` these columns of the record.
@@ -162,7 +164,7 @@ def _rigid_body(geometry: Geometry, record: Record, at: list[int], weight: np.nd
         - offset * to_s[6],
         a * to_phi[6] * sin - offset * to_psi[6] + to_s[6],
     )
-    return Samples(*map(_by_joint, (by_position, by_velocity, by_acceleration)))
+    return MotionSamples(*map(_by_joint, (by_position, by_velocity, by_acceleration)))
 
 
 def _by_joint(slopes: tuple[np.ndarray, np.ndarray, np.ndarray]) -> np.ndarray:

@@ -18,7 +18,7 @@ from crane_model.model_file import Model, load_model
 from crane_model.progress_bar import progress_bar
 from crane_trajectory.excitation.campaign import after, campaign
 from crane_trajectory.excitation.columns import ColumnSet
-from crane_trajectory.excitation.criterion import Criterion, Kind
+from crane_trajectory.excitation.criterion import Criterion, CriterionKind
 from crane_trajectory.excitation.limits import Limit
 from crane_trajectory.excitation.merit import (
     figures_of_merit,
@@ -65,9 +65,9 @@ def _parser() -> argparse.ArgumentParser:
     parser.add_argument("--harmonics", type=whole(1, MOST_HARMONICS), default=5, help="N of (32)")
     parser.add_argument(
         "--criterion",
-        type=one_of(Kind),
-        choices=list(Kind),
-        default=Kind.PRODUCT,
+        type=one_of(CriterionKind),
+        choices=list(CriterionKind),
+        default=CriterionKind.PRODUCT,
         help="to minimise (35)",
     )
     parser.add_argument(

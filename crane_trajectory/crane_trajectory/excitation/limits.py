@@ -14,7 +14,7 @@ from crane_model.kinematics import tip_jacobian
 from crane_model.machine import JOINTS, Machine
 from crane_trajectory.excitation.settings import Margins
 from crane_trajectory.motion.check import Clearance, pump_flow, tip_room
-from crane_trajectory.motion.fourier import Samples
+from crane_trajectory.motion.fourier import MotionSamples
 
 POSES = 7  # per joint, among which the home pose is chosen
 NEGLIGIBLE = 1e-3  # share of the flow, m: a search ends this close to a limit, within its margin
@@ -40,7 +40,7 @@ class Limits:
         self,
         machine: Machine,
         joints: tuple[str, ...],
-        basis: Samples,
+        basis: MotionSamples,
         margins: Margins,
         clearance: Clearance,
         acceleration: np.ndarray,

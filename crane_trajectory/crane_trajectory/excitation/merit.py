@@ -5,7 +5,7 @@ from typing import Annotated
 import numpy as np
 from pydantic import Field
 
-from crane_model.configuration import Schema
+from crane_model.configuration import Positive, Schema
 from crane_model.model_file import Model
 from crane_model.record import Record
 from crane_trajectory.excitation.columns import (
@@ -14,15 +14,13 @@ from crane_trajectory.excitation.columns import (
     has_report_columns,
     inertial_columns,
 )
-from crane_trajectory.motion.fourier import FourierTrajectory, Samples
-
-Positive = Annotated[float, Field(gt=0)]
+from crane_trajectory.motion.fourier import FourierTrajectory, MotionSamples
 
 UNSEEN = 1e-9
 """Share of a parameter in what recordings do not tell, below which they determine it."""
 
 
-class Experiment(Schema):
+class PredictedRecording(Schema):
     """The recording for which standard deviations are predicted."""
 
     periods: Annotated[int, Field(ge=1)]
@@ -30,7 +28,7 @@ class Experiment(Schema):
     noise: dict[str, Positive]  # joint -> standard deviation of its generalized force [N m, N]
 
 
-def record_of(model: Model, samples: Samples, direction: np.ndarray | None = None) -> Record:
+def record_of(model: Model, samples: MotionSamples, direction: np.ndarray | None = None) -> Record:
     """Samples (n, j) of a reference as the model takes them; `direction` in place of sgn(q')."""
     return Record(
         joints=model.joints,
@@ -59,7 +57,7 @@ def _root_ratio(gram: np.ndarray) -> np.ndarray:
 
 
 def information(
-    model: Model, regressor: np.ndarray, period: float, experiment: Experiment
+    model: Model, regressor: np.ndarray, period: float, experiment: PredictedRecording
 ) -> np.ndarray:
     """(p, p) inverse covariance of the parameters that one recording gives, white force noise.
 
@@ -102,7 +100,7 @@ def figures_of_merit(
     model: Model,
     trajectory: FourierTrajectory,
     samples: int,
-    experiment: Experiment,
+    experiment: PredictedRecording,
     plausible: dict[str, float],
 ) -> dict[str, float]:
     """Condition numbers of the model's columns and of those of (9), peak accelerations, predicted

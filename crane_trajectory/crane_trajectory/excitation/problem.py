@@ -13,7 +13,7 @@ from crane_trajectory.excitation.criterion import Criterion
 from crane_trajectory.excitation.derivatives import pull_back, smooth_record, smooth_regressor
 from crane_trajectory.excitation.limits import Limit, Limits
 from crane_trajectory.excitation.merit import record_of
-from crane_trajectory.excitation.settings import Margins, Search, Stage
+from crane_trajectory.excitation.settings import Margins, SearchSettings, SearchStage
 from crane_trajectory.motion.check import (
     Clearance,
     Violation,
@@ -21,7 +21,7 @@ from crane_trajectory.motion.check import (
     trajectory_violations,
 )
 from crane_trajectory.motion.extremes import maxima
-from crane_trajectory.motion.fourier import FourierTrajectory, Samples, harmonic_basis
+from crane_trajectory.motion.fourier import FourierTrajectory, MotionSamples, harmonic_basis
 
 DECIMALS = 6  # to which coefficients are rounded
 REDUCTIONS = (0.0, *(1e-4 * 2.0 ** np.arange(13)))  # of amplitude, tried in turn
@@ -54,7 +54,7 @@ class ExcitationProblem:
     criterion: Criterion
     period: float
     harmonics: int
-    search: Search
+    search: SearchSettings
     margins: Margins
     clearance: Clearance
     acceleration: dict[str, float] = field(default_factory=dict)
@@ -92,7 +92,7 @@ class ExcitationProblem:
         regressor = self.model.regressor(record_of(self.model, self._motion(point)))
         return self.criterion.exact(self.criterion.gram(regressor))
 
-    def smooth(self, point: np.ndarray, stage: Stage) -> tuple[float, np.ndarray]:
+    def smooth(self, point: np.ndarray, stage: SearchStage) -> tuple[float, np.ndarray]:
         """The criterion as smoothed in a stage, and its gradient (v,)."""
         width = stage.reversal_share * self._top_speed
         record = smooth_record(self.model, self._motion(point), width)
@@ -103,7 +103,7 @@ class ExcitationProblem:
         parts = [functions.T @ part for functions, part in zip(self._basis, slopes, strict=True)]
         return value, np.sum(parts, axis=0).ravel()
 
-    def descend(self, point: np.ndarray, stage: Stage) -> np.ndarray:
+    def descend(self, point: np.ndarray, stage: SearchStage) -> np.ndarray:
         """The point to which SLSQP gets from the given one."""
         limits = self.limits(stage.grid_per_harmonic)
         constraints = [
@@ -177,12 +177,12 @@ class ExcitationProblem:
                 kept.append(Violation(joint, "acceleration", time, bound, peak, unit))
         return tuple(kept)
 
-    def _motion(self, point: np.ndarray) -> Samples:
+    def _motion(self, point: np.ndarray) -> MotionSamples:
         coefficients = point.reshape(self.shape)
-        return Samples(*(functions @ coefficients for functions in self._basis))
+        return MotionSamples(*(functions @ coefficients for functions in self._basis))
 
     @cached_property
-    def _basis(self) -> Samples:
+    def _basis(self) -> MotionSamples:
         return self._over_a_period(self.search.samples)
 
     @cached_property
@@ -190,7 +190,7 @@ class ExcitationProblem:
         rows = [self.machine.limits[joint] for joint in self.model.joints]
         return np.array([max(row.velocity_max, -row.velocity_min) for row in rows])
 
-    def _over_a_period(self, points: int) -> Samples:
+    def _over_a_period(self, points: int) -> MotionSamples:
         time = np.arange(points) * self.period / points
         return harmonic_basis(time, self.period, self.harmonics)
 

@@ -5,11 +5,10 @@ from typing import Annotated
 
 from pydantic import Field
 
-from crane_model.configuration import Schema, load, packaged
-from crane_trajectory.excitation.merit import Experiment
+from crane_model.configuration import Positive, Schema, load, packaged
+from crane_trajectory.excitation.merit import PredictedRecording
 
 Share = Annotated[float, Field(ge=0, lt=1)]
-Positive = Annotated[float, Field(gt=0)]
 Count = Annotated[int, Field(ge=1)]
 
 
@@ -22,7 +21,7 @@ class Margins(Schema):
     room: Annotated[float, Field(ge=0)]  # m
 
 
-class Stage(Schema):
+class SearchStage(Schema):
     """How finely one stage of the search sees limits and criterion, and where it ends."""
 
     grid_per_harmonic: Annotated[int, Field(ge=4)]
@@ -32,22 +31,22 @@ class Stage(Schema):
     tolerance: Positive
 
 
-class Search(Schema):
+class SearchSettings(Schema):
     """How the search samples, how it starts, and its two stages."""
 
     samples: Count
     start_amplitude: Annotated[float, Field(gt=0, le=1)]
     survivors: Count
-    explore: Stage
-    polish: Stage
+    explore: SearchStage
+    polish: SearchStage
 
 
 class DesignSettings(Schema):
     """Everything of `data/design.yaml`."""
 
-    search: Search
+    search: SearchSettings
     margins: Margins
-    experiment: Experiment
+    experiment: PredictedRecording
     plausible: dict[str, float]
 
 

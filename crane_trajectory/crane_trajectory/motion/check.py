@@ -4,12 +4,11 @@ import math
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Annotated, NamedTuple
+from typing import NamedTuple
 
 import numpy as np
-from pydantic import Field
 
-from crane_model.configuration import Schema, load, packaged
+from crane_model.configuration import NonNegative, Schema, load, packaged
 from crane_model.cylinders import lever_arm
 from crane_model.errors import RangeError
 from crane_model.kinematics import tip_position
@@ -17,7 +16,6 @@ from crane_model.machine import JOINT_UNITS, JOINTS, PLANAR_JOINTS, Machine
 from crane_trajectory.motion.extremes import maxima
 from crane_trajectory.motion.periodic import PeriodicTrajectory
 
-NonNegative = Annotated[float, Field(ge=0)]
 GRID_PER_PERIOD = 40  # samples per period of the highest harmonic; extremes are refined from these
 TOLERANCE = 1e-9  # of a limit, for a reference that runs exactly along it
 

@@ -32,7 +32,7 @@ class JointSeries(Schema):
         return self
 
 
-class Samples(NamedTuple):
+class MotionSamples(NamedTuple):
     """Position, velocity and acceleration at n times of j joints, each (n, j) [SI]."""
 
     position: np.ndarray
@@ -40,7 +40,7 @@ class Samples(NamedTuple):
     acceleration: np.ndarray
 
 
-def harmonic_basis(time: np.ndarray, period: float, harmonics: int) -> Samples:
+def harmonic_basis(time: np.ndarray, period: float, harmonics: int) -> MotionSamples:
     """The functions that multiply [q_{i,0}, a_{i,1..N}, b_{i,1..N}] in (32)-(34).
 
     time (n,) [s]; returns three arrays (n, 2 N + 1): (32), (33), (34) are products with them.
@@ -49,7 +49,7 @@ def harmonic_basis(time: np.ndarray, period: float, harmonics: int) -> Samples:
     angle = np.outer(time, frequency)
     sine, cosine = np.sin(angle), np.cos(angle)
     one, zero = np.ones((len(angle), 1)), np.zeros((len(angle), 1))
-    return Samples(
+    return MotionSamples(
         np.hstack([one, sine, -cosine]),
         np.hstack([zero, frequency * cosine, frequency * sine]),
         np.hstack([zero, -(frequency**2) * sine, frequency**2 * cosine]),
@@ -114,7 +114,7 @@ class FourierTrajectory(Schema):
             },
         )
 
-    def evaluate(self, time: np.ndarray) -> Samples:
+    def evaluate(self, time: np.ndarray) -> MotionSamples:
         """(32), (33), (34) at time (n,) [s]; columns as in `joint_names`."""
         basis = harmonic_basis(np.atleast_1d(time), self.period, self.harmonics)
-        return Samples(*(functions @ self.coefficients for functions in basis))
+        return MotionSamples(*(functions @ self.coefficients for functions in basis))

@@ -6,7 +6,7 @@ from typing import Protocol
 import numpy as np
 
 from crane_model.configuration import read_document
-from crane_trajectory.motion.fourier import FourierTrajectory, Samples
+from crane_trajectory.motion.fourier import FourierTrajectory, MotionSamples
 from crane_trajectory.motion.sweep import SweepTrajectory
 
 
@@ -29,7 +29,7 @@ class PeriodicTrajectory(Protocol):
     def joint_names(self) -> tuple[str, ...]:
         """The joints that move, in the order of the columns of `evaluate` (that of `JOINTS`)."""
 
-    def evaluate(self, time: np.ndarray) -> Samples:
+    def evaluate(self, time: np.ndarray) -> MotionSamples:
         """Position, velocity and acceleration at any time (n,) [s]."""
 
 

@@ -13,7 +13,7 @@ from pydantic import Field, model_validator
 
 from crane_model.configuration import Schema
 from crane_model.machine import JOINTS
-from crane_trajectory.motion.fourier import Period, Samples
+from crane_trajectory.motion.fourier import MotionSamples, Period
 
 Knots = Annotated[tuple[float, ...], Field(min_length=2, max_length=500)]
 
@@ -75,11 +75,11 @@ class SweepTrajectory(Schema):
         """Of a Fourier series (32) whose half waves are as short as two corners."""
         return int(np.ceil(self.period / (4.0 * self.corner)))
 
-    def evaluate(self, time: np.ndarray) -> Samples:
+    def evaluate(self, time: np.ndarray) -> MotionSamples:
         """Position, velocity, acceleration at time (n,) [s]; columns as in `joint_names`."""
         phase = np.mod(np.atleast_1d(time), self.period)
         columns = [self._course(self.joints[joint], phase) for joint in self.joint_names]
-        return Samples(*np.stack(columns, axis=-1))
+        return MotionSamples(*np.stack(columns, axis=-1))
 
     def _course(self, course: JointCourse, phase: np.ndarray) -> np.ndarray:
         """(3, n): the polygon, corrected within half of `corner` of every change of its speed."""

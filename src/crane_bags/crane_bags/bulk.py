@@ -15,7 +15,8 @@ from rosbags.interfaces import Nodetype
 from rosbags.interfaces.typing import FieldDesc
 from rosbags.typesys.store import Typestore
 
-NANOSECONDS = 1_000_000_000
+from crane_bags.clocks import NANOSECONDS
+
 LITTLE_ENDIAN = b"\x00\x01"  # encapsulation: plain CDR
 ENCAPSULATION = 4  # bytes; alignment counts from behind them
 PADDING = 3  # bytes, at most, that a middleware appends
@@ -32,7 +33,7 @@ class UnusualError(Exception):
 
 
 @dataclass(frozen=True)
-class Layout:
+class FieldLayout:
     """Where the fields of a message stand; offsets in bytes from its start."""
 
     names: tuple[str, ...]
@@ -54,7 +55,7 @@ class Layout:
         return np.ascontiguousarray(block[:, offset : offset + 8 * count]).view("<f8")
 
 
-def find_layout(message: bytes, msgtype: str, store: Typestore) -> Layout:
+def find_layout(message: bytes, msgtype: str, store: Typestore) -> FieldLayout:
     """The layout of one message; `UnusualError` where it is not of the kind that this can read."""
     if message[:2] != LITTLE_ENDIAN:
         raise UnusualError("not little endian CDR")
@@ -66,12 +67,12 @@ def find_layout(message: bytes, msgtype: str, store: Typestore) -> Layout:
     counts = {walk.doubles[field][1] for field in walk.arrays}
     if counts - {0, len(walk.names)}:
         raise UnusualError("arrays that are not parallel to name")
-    return Layout(tuple(walk.names), walk.stamp, walk.doubles, np.array(walk.fixed))
+    return FieldLayout(tuple(walk.names), walk.stamp, walk.doubles, np.array(walk.fixed))
 
 
 def blocks(
     messages: Sequence[bytes], msgtype: str, store: Typestore
-) -> Iterator[tuple[np.ndarray, Layout, np.ndarray]]:
+) -> Iterator[tuple[np.ndarray, FieldLayout, np.ndarray]]:
     """Row numbers (n,), their layout and their bytes (n, length), of all that share a layout.
 
     Rows that are in no block are left to rosbags.

@@ -2,8 +2,7 @@
 
 import numpy as np
 
-from crane_bags.bulk import NANOSECONDS
-
+NANOSECONDS = 1_000_000_000  # in a second
 LARGEST_JUMP = NANOSECONDS // 10
 """Between two messages that were received one right after the other, the stamps may jump by this
 much [ns]: a message may be late, or overtake another."""

@@ -8,7 +8,8 @@ from typing import Any
 import numpy as np
 from rosbags.typesys.store import Typestore
 
-from crane_bags.bulk import NANOSECONDS, Layout, blocks
+from crane_bags.bulk import FieldLayout, blocks
+from crane_bags.clocks import NANOSECONDS
 from crane_bags.types import double_fields
 
 
@@ -127,7 +128,7 @@ def concatenate(tables: Sequence[Table]) -> Table:
     )
 
 
-def _in_bulk(layout: Layout, block: np.ndarray, kinds: Mapping[str, bool]) -> Table:
+def _in_bulk(layout: FieldLayout, block: np.ndarray, kinds: Mapping[str, bool]) -> Table:
     """Messages (n, length) of one layout; a name that stands twice keeps its last value."""
     names = tuple(dict.fromkeys(layout.names))
     columns = [names.index(name) for name in layout.names]

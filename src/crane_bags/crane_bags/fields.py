@@ -14,10 +14,11 @@ from rosbags.typesys import TypesysError, get_types_from_idl, get_types_from_msg
 from rosbags.typesys.store import Typestore
 
 from crane_bags.decoding import Table, header_stamps
-from crane_bags.reader import Progress, TopicData, in_order
+from crane_bags.reader import TopicData, in_order
 from crane_bags.storage import blocks, connections, open_bag
 from crane_bags.types import typestore
 from crane_model.errors import DataError
+from crane_model.progress import Progress
 
 NAMES = "name"
 """Field whose texts name the places of the arrays beside it, as in sensor_msgs/JointState."""

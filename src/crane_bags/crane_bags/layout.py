@@ -11,9 +11,9 @@ import numpy as np
 from numpy.typing import ArrayLike
 from rosbags.typesys.store import Typestore
 
+from crane_bags.clocks import NANOSECONDS
 from crane_bags.types import double_fields
 
-NANOSECONDS = 1_000_000_000
 STAMP = struct.Struct("<iI")  # builtin_interfaces/Time: sec, nanosec
 STAMP_OFFSET = 4  # behind the encapsulation header; std_msgs/Header begins with its stamp
 

@@ -1,7 +1,7 @@
 """Reading bags, written by anyone, to plain arrays."""
 
 from collections import defaultdict
-from collections.abc import Callable, Collection, Mapping, Sequence
+from collections.abc import Collection, Mapping, Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Literal
@@ -11,15 +11,12 @@ from rosbags.rosbag2 import Reader
 from rosbags.serde import SerdeError
 from rosbags.typesys.store import Typestore
 
-from crane_bags.bulk import NANOSECONDS
-from crane_bags.clocks import clock_step
+from crane_bags.clocks import NANOSECONDS, clock_step
 from crane_bags.decoding import Table, cells, concatenate, decode
 from crane_bags.storage import announced, blocks, connections, open_bag
 from crane_bags.types import Topic, typestore
 from crane_model.errors import DataError
-
-Progress = Callable[[str, float], None]
-"""Called with what is going on and the share of it that is done, 0 to 1."""
+from crane_model.progress import Progress
 
 LARGEST_DISORDER = NANOSECONDS  # ns; messages may overtake one another, a clock may not step
 

@@ -59,7 +59,7 @@ class BagWriter:
                 f"{self.path}: cannot make a bag here: {error} Name a folder that does not exist."
             ) from None
 
-    def add(self, topic: Topic) -> "Channel":
+    def add(self, topic: Topic) -> "TopicWriter":
         """Announce a topic; its messages are then written through the channel."""
         connection = self._writer.add_connection(
             topic.name,
@@ -67,7 +67,7 @@ class BagWriter:
             typestore=self.store,
             offered_qos_profiles=[offered_qos(topic)],
         )
-        return Channel(self, connection)
+        return TopicWriter(self, connection)
 
     def add_arrays(self, topic: Topic, names: Sequence[str]) -> "ArrayChannel":
         """Announce a topic of header, constant `names` and doubles: the fast way to write it."""
@@ -93,7 +93,7 @@ class BagWriter:
         self.close()
 
 
-class Channel:
+class TopicWriter:
     """One topic of a bag that is being written."""
 
     def __init__(self, bag: BagWriter, connection: Connection):
@@ -111,7 +111,7 @@ class Channel:
 class ArrayChannel:
     """One topic of messages of constant names."""
 
-    def __init__(self, channel: Channel, message: ArrayMessage):
+    def __init__(self, channel: TopicWriter, message: ArrayMessage):
         self._channel, self._message = channel, message
 
     def write(self, log_time: int, stamp: int, *values: ArrayLike) -> None:

@@ -1,0 +1,22 @@
+"""How often the suite is right about effects that are hidden from it."""
+
+from typing import TYPE_CHECKING
+
+from crane_model.lazily import lazily
+
+if TYPE_CHECKING:
+    from crane_benchmark.cases.case import Case as Case
+    from crane_benchmark.cases.case import CaseKind as CaseKind
+    from crane_benchmark.folders import Folders as Folders
+    from crane_benchmark.scores.judgement import BlindAnswer as BlindAnswer
+    from crane_benchmark.scores.judgement import Judgement as Judgement
+    from crane_benchmark.scores.judgement import judge as judge
+
+__getattr__, __dir__, __all__ = lazily(
+    __name__,
+    {
+        "cases.case": ("Case", "CaseKind"),
+        "folders": ("Folders",),
+        "scores.judgement": ("BlindAnswer", "Judgement", "judge"),
+    },
+)

@@ -15,10 +15,10 @@ from rich.console import Console
 from rich.table import Table
 
 from crane_benchmark.answers.given import given
-from crane_benchmark.cases.case import Case, Kind
+from crane_benchmark.cases.case import Case, CaseKind
 from crane_benchmark.cases.case_sets import CaseSet
 from crane_benchmark.folders import Folders, done, new, read_json, write_json
-from crane_benchmark.scores.judgement import NAMING, Answer, Place
+from crane_benchmark.scores.judgement import NAMING, BlindAnswer, Place
 from crane_benchmark.scores.rates import rate
 from crane_benchmark.work import in_processes
 from crane_identification.diagnosis.candidates import WHOLE
@@ -42,7 +42,7 @@ class Left(StrEnum):
 
 
 @dataclass(frozen=True)
-class Job:
+class LeavingOutJob:
     """A case of one hidden effect, to be answered without the entry of that effect."""
 
     name: str
@@ -57,7 +57,7 @@ def confusable(one: str, other: str) -> bool:
     return other in (*first.confusable, *first.kin) or one in (*second.confusable, *second.kin)
 
 
-def became(hidden: Place, answer: Answer) -> Left:
+def became(hidden: Place, answer: BlindAnswer) -> Left:
     """What the answer is, where the entry of the `hidden` effect was left out."""
     if answer.verdict == "unknown":
         return Left.UNKNOWN
@@ -78,7 +78,7 @@ def became(hidden: Place, answer: Answer) -> Left:
     return Left.DECLARED_CLASS if answer.verdict == "class" else Left.DECLARED
 
 
-def answer_case(job: Job) -> None:
+def answer_case(job: LeavingOutJob) -> None:
     """Diagnose again without the entry; what is refused is said to be insufficient."""
     folder = job.folders.bags / job.name
     recordings = given(folder)
@@ -100,13 +100,13 @@ def _case(folders: Folders, name: str) -> Case:
     return Case.model_validate(read_json(folders.sealed / name / "case.json"))
 
 
-def jobs(folders: Folders) -> list[Job]:
+def jobs(folders: Folders) -> list[LeavingOutJob]:
     """The cases with one hidden effect of the catalogue that shows in the force."""
     found = []
     for name in sorted(done(folders.bags) & done(folders.sealed)):
         case = _case(folders, name)
-        if case.kind is Kind.SINGLE and case.effects[0].effect in REGISTRY:
-            found.append(Job(name, case.effects[0].effect, folders))
+        if case.kind is CaseKind.SINGLE and case.effects[0].effect in REGISTRY:
+            found.append(LeavingOutJob(name, case.effects[0].effect, folders))
     return found
 
 
@@ -129,7 +129,7 @@ def main(argv: Sequence[str] | None = None) -> int:
         if job.name not in done(_answers(folders)):
             continue  # reported to have failed
         hidden = _case(folders, job.name).effects[0]
-        answer = Answer.of_diagnosis(read_json(_answers(folders) / job.name / "answer.json"))
+        answer = BlindAnswer.of_diagnosis(read_json(_answers(folders) / job.name / "answer.json"))
         place = (hidden.effect, hidden.joint or WHOLE)
         rows.append(
             {

@@ -4,13 +4,14 @@ from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from importlib.resources import files
 from pathlib import Path
-from typing import Any, Self, TypeVar, get_args
+from typing import Annotated, Any, Self, TypeVar, get_args
 
 import yaml
 from annotated_types import Ge, Le
 from pydantic import (
     BaseModel,
     ConfigDict,
+    Field,
     ModelWrapValidatorHandler,
     ValidationError,
     model_validator,
@@ -28,6 +29,9 @@ from crane_model.yaml_text import WrongYamlError, YamlText
 
 BUILT_IN = frozenset(get_args(ErrorType))  # kinds of pydantic's own errors
 LARGEST_FILE = 1_000_000  # bytes, a thousand times what the files of the suite have
+
+Positive = Annotated[float, Field(gt=0)]
+NonNegative = Annotated[float, Field(ge=0)]
 
 
 class Schema(BaseModel):

@@ -3,22 +3,40 @@
 import math
 from functools import cached_property
 from pathlib import Path
-from typing import Annotated, Self
+from typing import Annotated, Generic, Self, TypeVar
 
 import numpy as np
 from pydantic import Field, model_validator
 
 from crane_model import linkages
 from crane_model.array import Array
-from crane_model.configuration import Schema, load, packaged
+from crane_model.configuration import Positive, Schema, load, packaged
 
 JOINTS = ("slew", "inner_boom", "outer_boom", "telescope")
 PLANAR_JOINTS = JOINTS[1:]
 JOINT_UNITS = {"slew": "rad", "inner_boom": "rad", "outer_boom": "rad", "telescope": "m"}
 FORCE_UNITS = {"slew": "N m", "inner_boom": "N m", "outer_boom": "N m", "telescope": "N"}
 
-Positive = Annotated[float, Field(gt=0)]
 SMALLEST_LEVER_ARM = 0.02  # m; below it a cylinder cannot turn its joint
+
+Entry = TypeVar("Entry", bound=Schema | float)
+
+
+class PerJoint(Schema, Generic[Entry]):
+    """One entry a joint."""
+
+    slew: Entry
+    inner_boom: Entry
+    outer_boom: Entry
+    telescope: Entry
+
+    def __getitem__(self, joint: str) -> Entry:
+        entry: Entry = getattr(self, joint)
+        return entry
+
+    def array(self, key: str) -> np.ndarray:
+        """(4,) the value `key` of every entry, in the order of JOINTS."""
+        return np.array([getattr(self[joint], key) for joint in JOINTS], dtype=float)
 
 
 class DenavitHartenberg(Schema):
@@ -137,30 +155,8 @@ class HydraulicCylinder(Schema):
         return self
 
 
-class MachineLimits(Schema):
-    """Table 2, one row a joint."""
-
-    slew: JointLimits
-    inner_boom: JointLimits
-    outer_boom: JointLimits
-    telescope: JointLimits
-
-    def __getitem__(self, joint: str) -> JointLimits:
-        limits: JointLimits = getattr(self, joint)
-        return limits
-
-
-class Cylinders(Schema):
+class Cylinders(PerJoint[HydraulicCylinder]):
     """One cylinder a joint; the slew drive is a rack on a pinion of `rack_radius`."""
-
-    slew: HydraulicCylinder
-    inner_boom: HydraulicCylinder
-    outer_boom: HydraulicCylinder
-    telescope: HydraulicCylinder
-
-    def __getitem__(self, joint: str) -> HydraulicCylinder:
-        cylinder: HydraulicCylinder = getattr(self, joint)
-        return cylinder
 
     @model_validator(mode="after")
     def _rack(self) -> Self:
@@ -188,7 +184,7 @@ class Machine(Schema):
     name: str
     gravity: Positive
     denavit_hartenberg: DenavitHartenberg
-    limits: MachineLimits
+    limits: PerJoint[JointLimits]  # Table 2
     inner_boom_linkage: InnerBoomLinkage
     outer_boom_linkage: OuterBoomLinkage
     cylinders: Cylinders

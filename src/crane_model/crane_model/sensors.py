@@ -6,30 +6,14 @@ import numpy as np
 from pydantic import Field
 
 from crane_model.array import Array
-from crane_model.configuration import Schema
-from crane_model.machine import JOINTS, Machine
-
-NonNegative = Annotated[float, Field(ge=0)]
-Positive = Annotated[float, Field(gt=0)]
-
-
-class EncoderResolution(Schema):
-    """One count of each encoder [rad; telescope m]."""
-
-    slew: Positive
-    inner_boom: Positive
-    outer_boom: Positive
-    telescope: Positive
-
-    def __getitem__(self, joint: str) -> float:
-        step: float = getattr(self, joint)
-        return step
+from crane_model.configuration import NonNegative, Positive, Schema
+from crane_model.machine import JOINTS, Machine, PerJoint
 
 
 class SensorChain(Schema):
     """Encoders, pressure transducers with their converter, and the clock that samples them."""
 
-    encoder_resolution: EncoderResolution
+    encoder_resolution: PerJoint[Positive]  # one count [rad; telescope m]
     pressure_noise: NonNegative  # Pa, rms before the converter
     pressure_range: Positive  # Pa, full scale; readings saturate at 0 and here
     pressure_bits: Annotated[int, Field(ge=8, le=24)]

@@ -17,7 +17,7 @@ LATCHED = QoSProfile(depth=1, durability=DurabilityPolicy.TRANSIENT_LOCAL)
 ALL_DRIVERS = QoSProfile(depth=10, durability=DurabilityPolicy.TRANSIENT_LOCAL)
 """With a depth of 1, what one driver tells would replace what another one has told."""
 
-SILENCE = 2.5  # s after which a driver is gone; it tells its state once a second
+DRIVER_SILENCE_S = 2.5  # after which a driver is gone; it tells its state once a second
 SERVICES = ("enable", "disable", "reset_fault", "emergency_stop")
 
 
@@ -105,7 +105,7 @@ class DriverClient:
 
     def _heard(self) -> list[DriverState]:
         """The newest of each driver that is not silent."""
-        since = time.monotonic() - SILENCE
+        since = time.monotonic() - DRIVER_SILENCE_S
         return [state for came, state in self._states.values() if came >= since]
 
     def _receive(self, message: DriverState) -> None:

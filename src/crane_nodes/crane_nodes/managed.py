@@ -18,8 +18,8 @@ from crane_nodes.parameters import NodeParameter, Switch
 AUTOSTART = Switch("autostart", True, "Configure and activate the node when it starts")
 """To be declared by every managed node."""
 
-WAKE = 0.1  # s; a signal is seen after at most this
-ANSWERING = 0.2  # s after the shutdown, in which those who wait for its end are answered
+WAKE_PERIOD_S = 0.1  # a signal is seen after at most this
+ANSWER_TIME_S = 0.2  # after the shutdown, in which those who wait for its end are answered
 
 
 def run_managed(
@@ -52,11 +52,11 @@ def _live(make: Callable[[], LifecycleNode], argv: Sequence[str]) -> None:
             gc.collect()
             gc.freeze()
             while not stop.requested:
-                executor.spin_once(timeout_sec=WAKE)
+                executor.spin_once(timeout_sec=WAKE_PERIOD_S)
         finally:
             with suppress(RuntimeError):  # of rclpy: `ros2 lifecycle set` has shut it down before
                 node.trigger_shutdown()
-        until = time.monotonic() + ANSWERING
+        until = time.monotonic() + ANSWER_TIME_S
         while (left := until - time.monotonic()) > 0.0:
             executor.spin_once(timeout_sec=left)
 

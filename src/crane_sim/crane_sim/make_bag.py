@@ -28,7 +28,7 @@ from crane_sim.hiding.clean import Clean, clean
 from crane_sim.hiding.label import check_place, load_hidden, write_label
 from crane_sim.hiding.slewing import slewing
 from crane_sim.parts.parameters import StandIn, load_stand_in
-from crane_sim.plant.closed_loop import Course, Progress, SimulatedRecording, record
+from crane_sim.plant.closed_loop import Course, SimulatedRecording, Steps, record
 from crane_sim.plant.plant import Plant
 from crane_sim.plant.sampled import Sensors
 from crane_trajectory.control.controller import Gains, load_gains
@@ -106,7 +106,7 @@ def make(
     seed: int,
     planted: Sequence[Planted] = (),
     moment: Moment = COLD,
-    progress: Progress = iter,
+    progress: Steps = iter,
 ) -> Clean:
     """Write the bag `out` of a machine that hides effects; what truly happened is returned.
 

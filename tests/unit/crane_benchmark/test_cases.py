@@ -2,7 +2,7 @@
 
 import pytest
 
-from crane_benchmark.cases.case import Kind, Story, World
+from crane_benchmark.cases.case import CaseKind, Story, World
 from crane_benchmark.cases.case_sets import (
     SHARES,
     STRENGTHS,
@@ -11,7 +11,7 @@ from crane_benchmark.cases.case_sets import (
     cases,
     with_others,
 )
-from crane_benchmark.cases.motions import Excitation
+from crane_benchmark.cases.motions import Richness
 from crane_benchmark.cases.strangers import STORIES
 from crane_sim.hiding.spec import HiddenEffect
 
@@ -25,15 +25,15 @@ def test_sets_share_no_case():
 def test_kinds_have_their_shares_and_names_tell_nothing():
     drawn = cases(CaseSet.SCORING, 100)
     kinds = [case.kind for case in drawn]
-    assert {kind: kinds.count(kind) for kind in Kind} == {
+    assert {kind: kinds.count(kind) for kind in CaseKind} == {
         kind: round(100 * share) for kind, share in SHARES.items()
     }
     assert len(set(kinds[:20])) > 2  # sorted by name, not by kind
-    single = [case.effects[0].strength for case in drawn if case.kind is Kind.SINGLE]
+    single = [case.effects[0].strength for case in drawn if case.kind is CaseKind.SINGLE]
     assert {strength: single.count(strength) for strength in STRENGTHS} == dict.fromkeys(
         STRENGTHS, 7
     )
-    assert all(len({e.effect for e in c.effects}) == 2 for c in drawn if c.kind is Kind.PAIR)
+    assert all(len({e.effect for e in c.effects}) == 2 for c in drawn if c.kind is CaseKind.PAIR)
 
 
 def test_calibration_hides_nothing():
@@ -46,8 +46,8 @@ def test_shares_add_up(count):
 
 
 def test_motions_are_rich_where_they_should_be():
-    rich = [case for case in cases(CaseSet.TUNING, 40) if case.kind is not Kind.INSUFFICIENT]
-    assert all(case.excitation is not Excitation.POOR for case in rich)
+    rich = [case for case in cases(CaseSet.TUNING, 40) if case.kind is not CaseKind.INSUFFICIENT]
+    assert all(case.excitation is not Richness.POOR for case in rich)
 
 
 def test_calibration_is_half_of_the_field():

@@ -5,9 +5,9 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from crane_benchmark.cases.case import Case, Hidden, Kind
+from crane_benchmark.cases.case import Case, CaseKind, EffectToHide
 from crane_benchmark.cases.clean import load_seen, save_clean
-from crane_benchmark.scores.truth import Truth
+from crane_benchmark.scores.truth import CaseTruth
 from crane_benchmark.scores.unusual import beyond_usual
 from crane_identification.diagnosis.hydraulics import load_usual
 from crane_model.configuration import packaged
@@ -24,7 +24,7 @@ STAND_IN = load_stand_in()
 COUNT = STAND_IN.sensors.encoder_resolution[JOINT]
 
 
-def presliding(travel: float, tmp_path) -> Truth:
+def presliding(travel: float, tmp_path) -> CaseTruth:
     """A machine without noise whose friction needs `travel` [rad] after each reversal to settle."""
     time = np.arange(0.0, 60.0, 0.005)
     angle = np.outer(time, 2.0 * np.pi * np.array([0.05, 0.11, 0.13, 0.17]))
@@ -69,9 +69,9 @@ def presliding(travel: float, tmp_path) -> Truth:
     save_clean(tmp_path / "train-0.npz", clean)
     seen = load_seen([tmp_path / "train-0.npz"], [[0]], 1)
     assert seen.used[:, planar].mean() > 0.9
-    effect = Hidden(effect="presliding", joint=JOINT, form="bouc_wen", strength=0.02)
-    case = Case(name="presliding", kind=Kind.SINGLE, seed=(0, 0), effects=(effect,))
-    return Truth(case, STAND_IN, (), seen, seen)
+    effect = EffectToHide(effect="presliding", joint=JOINT, form="bouc_wen", strength=0.02)
+    case = Case(name="presliding", kind=CaseKind.SINGLE, seed=(0, 0), effects=(effect,))
+    return CaseTruth(case, STAND_IN, (), seen, seen)
 
 
 def test_memory_within_two_counts_of_an_encoder_is_not_identifiable(tmp_path):

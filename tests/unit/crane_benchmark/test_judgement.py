@@ -2,9 +2,9 @@
 
 import pytest
 
-from crane_benchmark.cases.case import Kind
+from crane_benchmark.cases.case import CaseKind
 from crane_benchmark.leave_one_out import Left, became
-from crane_benchmark.scores.judgement import Answer, Outcome, judge
+from crane_benchmark.scores.judgement import BlindAnswer, Judgement, judge
 
 STRIBECK, LOAD = ("stribeck", "telescope"), ("load_friction", "telescope")
 """Two effects."""
@@ -12,74 +12,74 @@ CYCLIC, LINEAR = ("cyclic_friction", "telescope"), ("position_friction", "telesc
 """Two laws of one effect."""
 
 
-def answer(verdict: str, *findings: tuple[tuple[str, str], ...]) -> Answer:
-    return Answer(verdict, findings)
+def answer(verdict: str, *findings: tuple[tuple[str, str], ...]) -> BlindAnswer:
+    return BlindAnswer(verdict, findings)
 
 
 @pytest.mark.parametrize(
     ("kind", "hidden", "given", "outcome"),
     [
-        (Kind.NOTHING, [], answer("none"), Outcome.RIGHT),
-        (Kind.NOTHING, [], answer("insufficient_data"), Outcome.REFUSED),
-        (Kind.NOTHING, [], answer("unknown"), Outcome.FALSE_ALARM),
-        (Kind.NOTHING, [], answer("named", (STRIBECK,)), Outcome.FALSE_ALARM),
-        (Kind.OUTSIDE, [("detent", "telescope")], answer("unknown"), Outcome.RIGHT),
+        (CaseKind.NOTHING, [], answer("none"), Judgement.RIGHT),
+        (CaseKind.NOTHING, [], answer("insufficient_data"), Judgement.REFUSED),
+        (CaseKind.NOTHING, [], answer("unknown"), Judgement.FALSE_ALARM),
+        (CaseKind.NOTHING, [], answer("named", (STRIBECK,)), Judgement.FALSE_ALARM),
+        (CaseKind.OUTSIDE, [("detent", "telescope")], answer("unknown"), Judgement.RIGHT),
         (
-            Kind.OUTSIDE,
+            CaseKind.OUTSIDE,
             [("detent", "telescope")],
             answer("named", (STRIBECK,)),
-            Outcome.WRONG_NAME,
+            Judgement.WRONG_NAME,
         ),
-        (Kind.OUTSIDE, [("detent", "telescope")], answer("none"), Outcome.MISSED),
-        (Kind.SINGLE, [STRIBECK], answer("named", (STRIBECK,)), Outcome.RIGHT),
+        (CaseKind.OUTSIDE, [("detent", "telescope")], answer("none"), Judgement.MISSED),
+        (CaseKind.SINGLE, [STRIBECK], answer("named", (STRIBECK,)), Judgement.RIGHT),
         (
-            Kind.SINGLE,
+            CaseKind.SINGLE,
             [STRIBECK],
             answer("named", (("stribeck", "inner_boom"),)),
-            Outcome.WRONG_NAME,
+            Judgement.WRONG_NAME,
         ),
         (
-            Kind.SINGLE,
+            CaseKind.SINGLE,
             [STRIBECK],
             answer("named", (STRIBECK,), (LOAD,)),
-            Outcome.WRONG_NAME,
+            Judgement.WRONG_NAME,
         ),
-        (Kind.SINGLE, [CYCLIC], answer("named", (LINEAR,)), Outcome.RIGHT),
-        (Kind.SINGLE, [CYCLIC], answer("class", (CYCLIC, LINEAR)), Outcome.RIGHT),
-        (Kind.SINGLE, [CYCLIC], answer("named", (LINEAR,), (CYCLIC,)), Outcome.RIGHT),
-        (Kind.PAIR, [CYCLIC, LOAD], answer("named", (LINEAR,), (CYCLIC,)), Outcome.PARTLY),
+        (CaseKind.SINGLE, [CYCLIC], answer("named", (LINEAR,)), Judgement.RIGHT),
+        (CaseKind.SINGLE, [CYCLIC], answer("class", (CYCLIC, LINEAR)), Judgement.RIGHT),
+        (CaseKind.SINGLE, [CYCLIC], answer("named", (LINEAR,), (CYCLIC,)), Judgement.RIGHT),
+        (CaseKind.PAIR, [CYCLIC, LOAD], answer("named", (LINEAR,), (CYCLIC,)), Judgement.PARTLY),
         (
-            Kind.SINGLE,
+            CaseKind.SINGLE,
             [CYCLIC],
             answer("named", (("position_friction", "inner_boom"),)),
-            Outcome.WRONG_NAME,
+            Judgement.WRONG_NAME,
         ),
-        (Kind.SINGLE, [STRIBECK], answer("class", (LOAD, STRIBECK)), Outcome.TOO_WIDE),
-        (Kind.SINGLE, [STRIBECK], answer("unknown"), Outcome.NOT_NAMED),
-        (Kind.SINGLE, [STRIBECK], answer("crash"), Outcome.CRASH),
-        (Kind.PAIR, [STRIBECK, LOAD], answer("named", (LOAD,), (STRIBECK,)), Outcome.RIGHT),
-        (Kind.PAIR, [STRIBECK, LOAD], answer("named", (LOAD,)), Outcome.PARTLY),
-        (Kind.PAIR, [STRIBECK, LOAD], answer("named_and_more", (LOAD,)), Outcome.PARTLY),
-        (Kind.SINGLE, [STRIBECK], answer("named_and_more", (STRIBECK,)), Outcome.RIGHT),
-        (Kind.SINGLE, [STRIBECK], answer("named_and_more", (LOAD,)), Outcome.WRONG_NAME),
+        (CaseKind.SINGLE, [STRIBECK], answer("class", (LOAD, STRIBECK)), Judgement.TOO_WIDE),
+        (CaseKind.SINGLE, [STRIBECK], answer("unknown"), Judgement.NOT_NAMED),
+        (CaseKind.SINGLE, [STRIBECK], answer("crash"), Judgement.CRASH),
+        (CaseKind.PAIR, [STRIBECK, LOAD], answer("named", (LOAD,), (STRIBECK,)), Judgement.RIGHT),
+        (CaseKind.PAIR, [STRIBECK, LOAD], answer("named", (LOAD,)), Judgement.PARTLY),
+        (CaseKind.PAIR, [STRIBECK, LOAD], answer("named_and_more", (LOAD,)), Judgement.PARTLY),
+        (CaseKind.SINGLE, [STRIBECK], answer("named_and_more", (STRIBECK,)), Judgement.RIGHT),
+        (CaseKind.SINGLE, [STRIBECK], answer("named_and_more", (LOAD,)), Judgement.WRONG_NAME),
         (
-            Kind.OUTSIDE,
+            CaseKind.OUTSIDE,
             [("detent", "telescope")],
             answer("named_and_more", (STRIBECK,)),
-            Outcome.WRONG_NAME,
+            Judgement.WRONG_NAME,
         ),
-        (Kind.NOTHING, [], answer("named_and_more", (STRIBECK,)), Outcome.FALSE_ALARM),
-        (Kind.INSUFFICIENT, [STRIBECK], answer("insufficient_data"), Outcome.RIGHT),
-        (Kind.INSUFFICIENT, [STRIBECK], answer("none"), Outcome.MISSED),
-        (Kind.INSUFFICIENT, [STRIBECK], answer("class", (LOAD, STRIBECK)), Outcome.RIGHT),
-        (Kind.INSUFFICIENT, [STRIBECK], answer("named", (LOAD,)), Outcome.WRONG_NAME),
+        (CaseKind.NOTHING, [], answer("named_and_more", (STRIBECK,)), Judgement.FALSE_ALARM),
+        (CaseKind.INSUFFICIENT, [STRIBECK], answer("insufficient_data"), Judgement.RIGHT),
+        (CaseKind.INSUFFICIENT, [STRIBECK], answer("none"), Judgement.MISSED),
+        (CaseKind.INSUFFICIENT, [STRIBECK], answer("class", (LOAD, STRIBECK)), Judgement.RIGHT),
+        (CaseKind.INSUFFICIENT, [STRIBECK], answer("named", (LOAD,)), Judgement.WRONG_NAME),
         (
-            Kind.CLASS,
+            CaseKind.CLASS,
             [],
             answer("class", (("offset", "telescope"), ("coulomb_asymmetry", "telescope"))),
-            Outcome.RIGHT,
+            Judgement.RIGHT,
         ),
-        (Kind.CLASS, [], answer("named", (("offset", "telescope"),)), Outcome.WRONG_NAME),
+        (CaseKind.CLASS, [], answer("named", (("offset", "telescope"),)), Judgement.WRONG_NAME),
     ],
 )
 def test_answers_are_judged(kind, hidden, given, outcome):
@@ -88,12 +88,14 @@ def test_answers_are_judged(kind, hidden, given, outcome):
 
 def test_a_class_of_effects_that_explain_as_well_is_right():
     given = answer("class", (LOAD, STRIBECK))
-    assert judge(Kind.SINGLE, [STRIBECK], given, lambda _, other: other == LOAD) is Outcome.RIGHT
+    assert (
+        judge(CaseKind.SINGLE, [STRIBECK], given, lambda _, other: other == LOAD) is Judgement.RIGHT
+    )
 
 
 def test_findings_are_read_with_their_classes():
     finding = {"effect": "a", "joint": "j", "class_members": [{"effect": "b", "joint": "all"}]}
-    given = Answer.of_diagnosis({"verdict": "class", "findings": [finding]})
+    given = BlindAnswer.of_diagnosis({"verdict": "class", "findings": [finding]})
     assert given == answer("class", (("a", "j"), ("b", "all")))
     assert given.headline == "a"
 

@@ -11,7 +11,7 @@ from crane_benchmark.cases.case import Case, Story
 from crane_benchmark.cases.case_sets import STRENGTHS, CaseSet, cases
 from crane_benchmark.scores import figures
 from crane_benchmark.scores.calibration import agreement, together
-from crane_benchmark.scores.judgement import Outcome
+from crane_benchmark.scores.judgement import Judgement
 from crane_benchmark.scores.printed import notes, tables
 from crane_benchmark.scores.rates import median, rate
 from crane_benchmark.scores.summary import summary
@@ -56,8 +56,10 @@ def made_up(case: Case) -> dict[str, Any]:
         "story": case.story,
         "hidden": [e.model_dump() | {"visibility": 0.5} for e in case.effects],
         "outcomes": {
-            "diagnose": Outcome.RIGHT.value if right else Outcome.MISSED.value,
-            "always Stribeck": (Outcome.WRONG_NAME if case.effects else Outcome.FALSE_ALARM).value,
+            "diagnose": Judgement.RIGHT.value if right else Judgement.MISSED.value,
+            "always Stribeck": (
+                Judgement.WRONG_NAME if case.effects else Judgement.FALSE_ALARM
+            ).value,
         },
         "answers": {
             "diagnose": ["named_and_more" if found else "none", []],
@@ -104,7 +106,7 @@ def test_scores_are_compared_with_what_the_bootstrap_promises(factor, above):
 def test_what_became_of_each_story_is_told():
     rows = [made_up(case) for case in cases(CaseSet.STRANGERS, 12)]
     found = summary(rows)
-    assert found["stories"][Story.LOAD] == {Outcome.RIGHT: 3}
+    assert found["stories"][Story.LOAD] == {Judgement.RIGHT: 3}
     assert sum(n for told in found["stories"].values() for n in told.values()) == 12
     console = Console(width=144, record=True, file=StringIO())
     console.print(*tables({"summary": found}))

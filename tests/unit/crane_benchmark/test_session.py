@@ -5,9 +5,9 @@ from dataclasses import dataclass
 import numpy as np
 import pytest
 
-from crane_benchmark.cases.case import Carried, Case, Hidden, Kind, World
+from crane_benchmark.cases.case import Carried, Case, CaseKind, EffectToHide, World
 from crane_benchmark.cases.motions import Maker
-from crane_benchmark.cases.session import Recording, recordings
+from crane_benchmark.cases.session import SessionRecording, recordings
 from crane_identification.preparation.periodicity import detect_periodicity
 from crane_model.errors import DataError
 from crane_model.machine import load_machine
@@ -30,14 +30,16 @@ class Still:
 
 def made(
     seed: int, carried: Carried = Carried.ALL, world: World = World.FIELD, warm: bool = False
-) -> list[Recording]:
-    load = Hidden(effect="payload", joint=None, form="body", strength=0.04, carried=carried)
-    case = Case(name="a", kind=Kind.SINGLE, seed=(0, seed), effects=(load,), world=world, warm=warm)
+) -> list[SessionRecording]:
+    load = EffectToHide(effect="payload", joint=None, form="body", strength=0.04, carried=carried)
+    case = Case(
+        name="a", kind=CaseKind.SINGLE, seed=(0, seed), effects=(load,), world=world, warm=warm
+    )
     rng, still = np.random.default_rng(seed), Still()
     return recordings(rng, case, [still] * TRAIN, [still] * VALIDATE)  # type: ignore[list-item]
 
 
-def masses(session: list[Recording]) -> np.ndarray:
+def masses(session: list[SessionRecording]) -> np.ndarray:
     """(8,) kg, of the recordings by name."""
     found = [[effect.values[0] for effect in one.present([LOAD])] for one in session]
     return np.array([mass[0] if mass else 0.0 for mass in found])

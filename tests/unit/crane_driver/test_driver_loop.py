@@ -13,7 +13,7 @@ from crane_driver.can.layout import Layout
 from crane_driver.driver_loop import DriverLoop, JointSample, PressureSample
 from crane_driver.faults import Fault, FaultKind
 from crane_driver.safety.settings import load_safety
-from crane_driver.safety.states import State
+from crane_driver.safety.states import SafetyState
 from crane_model.cylinders import generalized_forces
 from crane_model.machine import JOINTS, PLANAR_JOINTS, load_machine
 
@@ -153,7 +153,7 @@ def test_a_faulty_sensor_is_not_published_as_if_it_measured(bench: Bench) -> Non
     assert math.isnan(joints.velocity[3])
     assert np.isfinite(joints.position[:3]).all()
     assert math.isnan(pressures.chamber_b[0])
-    assert bench.loop.supervisor.state is State.FAULT
+    assert bench.loop.supervisor.state is SafetyState.FAULT
 
 
 @pytest.mark.parametrize("filling", [0, 3])
@@ -168,10 +168,10 @@ def test_a_damaged_frame_makes_no_sample(filling: int, bench: Bench) -> None:
 
 def test_readings_that_stop_are_a_fault(bench: Bench) -> None:
     bench.run(100)
-    assert bench.loop.supervisor.state is State.DISABLED
+    assert bench.loop.supervisor.state is SafetyState.DISABLED
     bench.now += 1.0
     bench.loop.check(0, bench.now, bench.now)
-    assert bench.loop.supervisor.state is State.FAULT
+    assert bench.loop.supervisor.state is SafetyState.FAULT
     assert "missing EncoderBoom" in bench.loop.supervisor.faults
 
 
@@ -191,7 +191,7 @@ def test_a_stall_of_the_driver_is_no_silence_of_the_machine(bench: Bench) -> Non
         heard = frames[-1].steady
     bench.run(3)
     supervisor = bench.loop.supervisor
-    assert supervisor.state is State.FAULT
+    assert supervisor.state is SafetyState.FAULT
     assert list(supervisor.faults) == ["stalled"]
     assert "after 145 ms" in str(supervisor.faults["stalled"].fault)
 
@@ -216,7 +216,7 @@ def test_a_receiving_thread_that_stalls_is_told_from_a_silent_machine(bench: Ben
         bench.loop.run(bench.now, 7.0)
         bench.loop.receive([], [], bench.now)
         bench.loop.check(0, bench.now, heard)
-    assert bench.loop.supervisor.state is State.FAULT
+    assert bench.loop.supervisor.state is SafetyState.FAULT
     assert list(bench.loop.supervisor.faults) == ["stalled"]
     assert "ms behind the bus" in str(bench.loop.supervisor.faults["stalled"].fault)
     assert bench.now - heard == pytest.approx(0.05, abs=CYCLE)  # as a machine that is late
@@ -231,9 +231,9 @@ def test_while_offline_a_stall_is_no_fault_but_delays_what_follows(fresh: Bench)
     receive(LEARNT - 5)
     fresh.loop.run(fresh.now, 7.0)
     receive(30)
-    assert fresh.loop.supervisor.state is State.OFFLINE
+    assert fresh.loop.supervisor.state is SafetyState.OFFLINE
     receive(15)
-    assert fresh.loop.supervisor.state is State.DISABLED
+    assert fresh.loop.supervisor.state is SafetyState.DISABLED
     assert not fresh.loop.supervisor.faults
 
 
@@ -246,7 +246,7 @@ def test_positions_of_which_no_cycle_is_complete_stop_the_crane(bench: Bench) ->
         joints, _ = bench.receive([one for one in bench.frames() if one.id != lost])
         assert not joints
         bench.loop.valve_frames(bench.now)
-    assert bench.loop.supervisor.state is State.FAULT
+    assert bench.loop.supervisor.state is SafetyState.FAULT
     assert "no state" in bench.loop.supervisor.faults
 
 
@@ -306,7 +306,9 @@ def test_a_valve_frame_of_another_node_is_a_fault_in_every_state(state: str, fre
         supervisor.emergency_stop()
     assert supervisor.state == state
     bench.receive([one._replace(steady=bench.now) for one in foreign])
-    assert supervisor.state is (State.ESTOP if state == "emergency stop" else State.FAULT)
+    assert supervisor.state is (
+        SafetyState.ESTOP if state == "emergency stop" else SafetyState.FAULT
+    )
     text = supervisor.faults["foreign command ValveCommand"].fault.detail
     assert "another node commands the valves" in text
     assert "inner_boom 0.4" in text
@@ -323,12 +325,12 @@ def test_a_position_that_jumps_is_a_fault_and_is_not_published_until_reset(bench
         assert math.isnan(joints.effort[1])
         assert np.isfinite([joints.position[0], *joints.position[2:]]).all()
         supervisor = bench.loop.supervisor
-        assert supervisor.state is State.FAULT
+        assert supervisor.state is SafetyState.FAULT
         fault = supervisor.faults["jumped inner_boom"].fault
         assert str(fault).startswith("inner_boom: jumped: its position jumped by -0.3")
         supervisor.reset(bench.now)
         joints, _ = bench.run(100)
-        assert supervisor.state is State.DISABLED
+        assert supervisor.state is SafetyState.DISABLED
         assert math.isfinite(joints.position[1])
     finally:
         POSE["inner_boom"] = before

@@ -7,7 +7,7 @@ from unit.crane_driver.safety.supervised import CAN_FAULT, Bench
 
 from crane_driver.driver_messages import STATES, driver_state, inactive_state
 from crane_driver.faults import Fault, FaultKind
-from crane_driver.safety.states import State
+from crane_driver.safety.states import SafetyState
 from crane_driver.safety.supervisor import Supervisor
 from crane_interfaces.msg import DriverState
 
@@ -50,9 +50,9 @@ def test_numbers_are_used_once_and_words_fit_into_a_line() -> None:
 
 
 def test_every_state_has_its_number() -> None:
-    assert set(STATES) == set(State)
+    assert set(STATES) == set(SafetyState)
     others = {DriverState.STATE_UNKNOWN, DriverState.STATE_INACTIVE, DriverState.STATE_FINALIZED}
-    assert len({*STATES.values(), *others}) == len(State) + len(others)
+    assert len({*STATES.values(), *others}) == len(SafetyState) + len(others)
 
 
 def test_the_message_of_a_fault_tells_the_first_and_counts_the_others() -> None:
@@ -76,7 +76,7 @@ def test_every_state_but_enabled_says_why_and_what_to_do() -> None:
     def told(it: Supervisor) -> DriverState:
         message = driver_state(it)
         assert message.text == it.state
-        assert bool(message.cause) == bool(message.remedy) == (it.state is not State.ENABLED)
+        assert bool(message.cause) == bool(message.remedy) == (it.state is not SafetyState.ENABLED)
         return message
 
     assert told(bench.it).state == DriverState.STATE_OFFLINE

@@ -9,6 +9,7 @@ from rclpy.executors import SingleThreadedExecutor
 from rclpy.node import Node
 from std_srvs.srv import Trigger
 
+from crane_bags.types import DRIVER_STATE
 from crane_interfaces.msg import DriverState
 from crane_nodes import driver_client
 from crane_nodes.driver_client import (
@@ -140,10 +141,14 @@ def test_a_silent_driver_is_gone_but_may_still_be_stopped(
     driver.tells(DriverState.STATE_ENABLED)
     client = DriverClient(graph.node("client"))
     graph.until(lambda: client.ready)
-    monkeypatch.setattr(driver_client, "SILENCE", 0.0)
+    monkeypatch.setattr(driver_client, "DRIVER_SILENCE_S", 0.0)
     assert client.state.text == "no driver"
     assert "no driver tells its state" in client.problem
     assert client.newest.state == DriverState.STATE_ENABLED
     futures = [client.disable(), *client.stop()]
     graph.until(lambda: all(future.done() for future in futures))
     assert driver.asked == ["disable", "emergency_stop"]
+
+
+def test_the_state_is_recorded_under_the_name_that_the_driver_gives_it() -> None:
+    assert DRIVER_STATE.relative == STATE_TOPIC

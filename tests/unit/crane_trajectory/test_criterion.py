@@ -11,7 +11,7 @@ from crane_model.model_file import Model, load_model
 from crane_trajectory.excitation.columns import ColumnSet, column_map
 from crane_trajectory.excitation.criterion import (
     Criterion,
-    Kind,
+    CriterionKind,
     log_condition,
     log_normalised_condition,
     log_std_dev,
@@ -69,10 +69,10 @@ def test_power_means_approach_the_condition_number_from_above(power):
 @pytest.mark.parametrize(
     ("kind", "columns", "expected"),
     [
-        (Kind.RAW, ColumnSet.BASE, np.linalg.cond(STACKED)),
-        (Kind.RAW, ColumnSet.INERTIAL, np.linalg.cond(STACKED[:, :8])),
+        (CriterionKind.RAW, ColumnSet.BASE, np.linalg.cond(STACKED)),
+        (CriterionKind.RAW, ColumnSet.INERTIAL, np.linalg.cond(STACKED[:, :8])),
         (
-            Kind.NORMALISED,
+            CriterionKind.NORMALISED,
             ColumnSet.BASE,
             np.linalg.cond(STACKED / np.linalg.norm(STACKED, axis=0)),
         ),
@@ -86,7 +86,7 @@ def test_criterion_is_the_log_of_the_condition_number(kind, columns, expected):
 def test_product_is_that_of_raw_and_normalised():
     raw, normalised, product = (
         Criterion.of(MODEL, kind, ColumnSet.BASE, *JUDGED)
-        for kind in (Kind.RAW, Kind.NORMALISED, Kind.PRODUCT)
+        for kind in (CriterionKind.RAW, CriterionKind.NORMALISED, CriterionKind.PRODUCT)
     )
     gram = raw.gram(PHI)
     assert product.exact(gram) == pytest.approx(raw.exact(gram) + normalised.exact(gram))
@@ -104,13 +104,13 @@ def test_columns_of_9_give_the_same_force():
 
 
 def test_d_optimality_weighs_rows_by_their_noise():
-    criterion = Criterion.of(MODEL, Kind.D_OPTIMALITY, ColumnSet.BASE, *JUDGED)
+    criterion = Criterion.of(MODEL, CriterionKind.D_OPTIMALITY, ColumnSet.BASE, *JUDGED)
     weighted = (PHI / NOISE[:, None]).reshape(-1, 20)
     _, volume = np.linalg.slogdet(weighted.T @ weighted)
     assert criterion.exact(criterion.gram(PHI)) == pytest.approx(-volume / 40.0)
 
 
-@pytest.mark.parametrize("kind", list(Kind))
+@pytest.mark.parametrize("kind", list(CriterionKind))
 def test_a_trajectory_of_a_campaign_counts_with_all_data_and_by_itself(kind):
     criterion = Criterion.of(MODEL, kind, ColumnSet.BASE, *JUDGED)
     later = criterion.after(PHI[:50])
@@ -131,7 +131,7 @@ def test_a_model_without_the_columns_of_9_is_refused():
 
 
 def test_a_optimality_is_the_mean_square_of_the_predicted_relative_std_devs():
-    criterion = Criterion.of(MODEL, Kind.A_OPTIMALITY, ColumnSet.BASE, *JUDGED)
+    criterion = Criterion.of(MODEL, CriterionKind.A_OPTIMALITY, ColumnSet.BASE, *JUDGED)
     recorded = SETTINGS.experiment.model_copy(update={"periods": 1, "sample_rate": 5.0})
     told = information(MODEL, PHI, 20.0, recorded)  # as many samples as PHI has
     predicted = np.array(list(relative_std_devs(MODEL, told, SETTINGS.plausible).values()))
@@ -141,4 +141,4 @@ def test_a_optimality_is_the_mean_square_of_the_predicted_relative_std_devs():
 
 def test_a_optimality_needs_plausible_values():
     with pytest.raises(ConfigurationError, match=r"no value for .*J_FL.*a-optimality"):
-        Criterion.of(MODEL, Kind.A_OPTIMALITY, ColumnSet.BASE, SETTINGS.experiment, {})
+        Criterion.of(MODEL, CriterionKind.A_OPTIMALITY, ColumnSet.BASE, SETTINGS.experiment, {})

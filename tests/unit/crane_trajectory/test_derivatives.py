@@ -12,7 +12,7 @@ from crane_model.model_file import load_model
 from crane_model.record import Record
 from crane_model.terms import JointTerm, Parameter, Term
 from crane_trajectory.excitation.derivatives import pull_back, smooth_record, smooth_regressor
-from crane_trajectory.motion.fourier import Samples
+from crane_trajectory.motion.fourier import MotionSamples
 
 MODEL = load_model(packaged("crane_model", "crane_model.yaml"))
 WIDTH = np.array([0.02, 0.05, 0.1])
@@ -50,7 +50,7 @@ BENT = MODEL.with_term(Bent.model_construct(type="bent", joint="outer_boom"))
 def random_motion(rng):
     low, high = [-0.45, -2.7, 0.0], [1.37, -0.1, 1.55]
     velocity, acceleration = 0.3 * rng.standard_normal((2, 40, 3))
-    return Samples(rng.uniform(low, high, (40, 3)), velocity, acceleration)
+    return MotionSamples(rng.uniform(low, high, (40, 3)), velocity, acceleration)
 
 
 @pytest.mark.parametrize("model", [MODEL, BENT], ids=["report", "another term"])
@@ -65,7 +65,7 @@ def test_pull_back_is_the_derivative(model, quantity, joint):
     def weighted(shift):
         moved = [part.copy() for part in motion]
         moved[quantity][:, joint] += shift
-        record = smooth_record(model, Samples(*moved), WIDTH)
+        record = smooth_record(model, MotionSamples(*moved), WIDTH)
         return (weight * smooth_regressor(model, record)).sum(axis=(1, 2))
 
     numeric = (weighted(STEP) - weighted(-STEP)) / (2 * STEP)
@@ -81,7 +81,7 @@ def test_the_order_of_joints_turns_the_derivative():
     turned = replace(MODEL, setting=MODEL.setting._replace(units=joints))
     record = smooth_record(MODEL, motion, WIDTH)
     expected = pull_back(MODEL, record, weight, WIDTH)
-    back = Samples(*(part[:, ::-1] for part in motion))
+    back = MotionSamples(*(part[:, ::-1] for part in motion))
     got = pull_back(turned, smooth_record(turned, back, WIDTH[::-1]), weight[:, ::-1], WIDTH[::-1])
     for one, other in zip(got, expected, strict=True):
         np.testing.assert_allclose(one[:, ::-1], other, rtol=1e-12, atol=1e-12)

@@ -13,7 +13,7 @@ from crane_model.model_file import Model, load_model
 from crane_model.terms.term import Setting
 from crane_trajectory.excitation.campaign import campaign
 from crane_trajectory.excitation.columns import ColumnSet
-from crane_trajectory.excitation.criterion import Criterion, Kind
+from crane_trajectory.excitation.criterion import Criterion, CriterionKind
 from crane_trajectory.excitation.limits import Limit
 from crane_trajectory.excitation.merit import one_period
 from crane_trajectory.excitation.problem import ExcitationProblem, planar_machine
@@ -34,7 +34,7 @@ PERIOD, HARMONICS = 20.0, 3
 ACCELERATION = {"inner_boom": 0.1, "outer_boom": 0.2, "telescope": 0.15}
 
 
-def problem(kind=Kind.PRODUCT, columns=ColumnSet.BASE, **changes):
+def problem(kind=CriterionKind.PRODUCT, columns=ColumnSet.BASE, **changes):
     criterion = Criterion.of(MODEL, kind, columns, SETTINGS.experiment, SETTINGS.plausible)
     whole = ExcitationProblem(
         MODEL, criterion, PERIOD, HARMONICS, QUICK, SETTINGS.margins, CLEARANCE
@@ -50,7 +50,7 @@ def wild_point(seed):
     return np.random.default_rng(seed).normal(size=21) * 2.0
 
 
-@pytest.mark.parametrize("kind", list(Kind))
+@pytest.mark.parametrize("kind", list(CriterionKind))
 @pytest.mark.parametrize("columns", list(ColumnSet))
 def test_gradient_is_that_of_the_smoothed_criterion(kind, columns):
     given = problem(kind, columns, harmonics=5)  # at a point that is conditioned well enough
@@ -164,7 +164,7 @@ def test_criterion_of_a_candidate_is_that_of_its_published_coefficients():
 
 
 def test_a_campaign_tells_more_than_as_many_copies_of_its_first():
-    given = problem(Kind.D_OPTIMALITY)
+    given = problem(CriterionKind.D_OPTIMALITY)
     with ThreadPoolExecutor(2) as pool:
         found = [x.trajectory for x in campaign(given, ["a", "b"], 1, 6, pool)]
     assert [x.name for x in found] == ["a", "b"]

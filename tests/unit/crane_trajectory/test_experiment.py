@@ -12,7 +12,7 @@ from crane_model.machine import JOINTS, load_machine
 from crane_trajectory.control.controller import load_gains
 from crane_trajectory.control.tracking import PeriodicError
 from crane_trajectory.control.tuning import BLEND, Tuning
-from crane_trajectory.experiment import RAMP_TIME, Experiment, Outcome, Stage
+from crane_trajectory.experiment import RELEASE_TIME_S, Experiment, Outcome, Stage
 from crane_trajectory.motion.check import load_clearance
 from crane_trajectory.motion.fourier import FourierTrajectory, JointSeries
 from crane_trajectory.motion.motion import Motion, Phase, plan
@@ -153,7 +153,7 @@ def test_lost_states_ramp_to_neutral(seconds: float) -> None:
     ramp = np.abs(crane.commands[count:])
     assert (np.diff(ramp, axis=0) <= 0.0).all()
     assert ramp[0].max() <= largest
-    assert not ramp[round(RAMP_TIME / PERIOD) + 1 :].any()
+    assert not ramp[round(RELEASE_TIME_S / PERIOD) + 1 :].any()
 
 
 def test_a_velocity_that_is_not_known_is_a_lost_state() -> None:

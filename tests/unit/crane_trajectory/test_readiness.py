@@ -6,7 +6,7 @@ import pytest
 from crane_model.machine import JOINTS
 from crane_trajectory.control.controller import load_gains
 from crane_trajectory.control.tuning import Tuning
-from crane_trajectory.readiness import RESTED, Readiness
+from crane_trajectory.readiness import REST_TIME_S, Readiness
 
 TUNING = Tuning(load_gains().arrays, 1.0, np.ones(4))
 TIMEOUT = 0.1  # s
@@ -19,7 +19,7 @@ NOW = 50.0  # s
 def ready() -> Readiness:
     """Nothing is in the way at NOW."""
     one = Readiness()
-    one.sample(PLACE, REST, TUNING, NOW - 2 * RESTED)
+    one.sample(PLACE, REST, TUNING, NOW - 2 * REST_TIME_S)
     one.sample(PLACE, REST, TUNING, NOW)
     assert one.lacking(TIMEOUT, NOW) == ""
     return one
@@ -40,5 +40,5 @@ def test_a_crane_must_have_rested(velocity: np.ndarray, ready: Readiness) -> Non
     ready.sample(PLACE, velocity, TUNING, NOW)
     ready.sample(PLACE, REST, TUNING, NOW + 0.1)
     assert ready.lacking(TIMEOUT, NOW + 0.1).startswith("the crane is not at rest")
-    ready.sample(PLACE, REST, TUNING, NOW + 0.1 + RESTED)
-    assert ready.lacking(TIMEOUT, NOW + 0.1 + RESTED) == ""
+    ready.sample(PLACE, REST, TUNING, NOW + 0.1 + REST_TIME_S)
+    assert ready.lacking(TIMEOUT, NOW + 0.1 + REST_TIME_S) == ""

@@ -11,6 +11,7 @@ from typing import Any
 
 import pytest
 import setuptools
+from ament_index_python.packages import get_package_share_directory
 
 ROOT = Path(__file__).resolve().parents[3]
 SETUPS = sorted([*ROOT.glob("crane_*/setup.py"), *ROOT.glob("src/*/setup.py")])
@@ -24,9 +25,27 @@ DISTRIBUTIONS = {
     "yaml": "pyyaml",
 }  # where another name is imported
 NOT_IMPORTED = {"clarabel"}  # cvxpy is asked to solve with it
+ROSDEP = {
+    "PIL": "python3-pil",
+    "can": "python3-can",
+    "canopen": "canopen-pip",
+    "cantools": "python3-cantools-pip",
+    "cvxpy": "python3-cvxpy-pip",
+    "filterpy": "python3-filterpy-pip",
+    "mujoco": "python3-mujoco-pip",
+    "rosbags": "python3-rosbags-pip",
+    "ruamel": "python3-ruamel.yaml",
+    "sklearn": "python3-sklearn",
+    "yaml": "python3-yaml",
+} | {
+    name: f"python3-{name}"
+    for name in ("jinja2", "matplotlib", "numba", "numpy", "pydantic", "rich", "scipy", "tqdm")
+}
+"""Keys of rosdistro's python.yaml, by the name that is imported."""
 ROS = re.compile(
     r"launch(_ros)?|rclpy|ament_index_python|crane_interfaces|\w+_(msgs|srvs|interfaces)"
 )
+PACKAGES = {path.parent.name for path in SETUPS} | {"crane_interfaces"}
 
 each_package = pytest.mark.parametrize("path", SETUPS, ids=lambda path: path.parent.name)
 
@@ -41,15 +60,15 @@ def declared(path: Path, command: str, monkeypatch: pytest.MonkeyPatch) -> dict[
     return seen
 
 
-def imported(package: Path) -> set[str]:
+def imported(folder: Path) -> set[str]:
     names = set()
-    for file in package.rglob("*.py"):
+    for file in folder.rglob("*.py"):
         for node in ast.walk(ast.parse(file.read_text("utf-8"))):
             if isinstance(node, ast.Import):
                 names |= {alias.name.split(".")[0] for alias in node.names}
             elif isinstance(node, ast.ImportFrom) and node.level == 0:
                 names.add(str(node.module).split(".")[0])
-    return names - sys.stdlib_module_names - {package.name}
+    return names - sys.stdlib_module_names
 
 
 @each_package
@@ -68,17 +87,48 @@ def test_a_wheel_asks_for_what_its_modules_import(
     extras = content.get("extras_require", {})
     texts = [*content["install_requires"], *(one for extra in extras.values() for one in extra)]
     asked = {re.split(r"[\[>]", text)[0] for text in texts}
-    found = imported(path.parent / path.parent.name)
+    found = imported(path.parent / path.parent.name) - {path.parent.name}
     needed = {DISTRIBUTIONS.get(name, name) for name in found if not ROS.fullmatch(name)}
     assert asked - NOT_IMPORTED == needed
 
 
 @each_package
-def test_the_manifest_names_the_ros_packages(path: Path) -> None:
-    manifest = ElementTree.parse(path.with_name("package.xml"))
-    depends = {one.text for one in manifest.iter("exec_depend")}
-    found = imported(path.parent / path.parent.name)
-    assert {name for name in found if ROS.fullmatch(name) or name.startswith("crane_")} <= depends
+def test_the_manifest_names_what_is_imported(path: Path) -> None:
+    """What has no rosdep key is named in a comment, and comes by pip (the test above)."""
+    folder = path.parent
+    text = path.with_name("package.xml").read_text()
+    depends = set(re.findall("<exec_depend>(.+)</exec_depend>", text))
+    comment = re.search(r"<!-- No rosdep key, .+: (.+) -->", text)
+    by_pip = set(comment[1].split(", ")) if comment else set()
+
+    found = imported(folder / folder.name) | imported(folder / "launch") | named(folder)
+    keyless = {n for n in found if n not in ROSDEP and not (ROS.fullmatch(n) or n in PACKAGES)}
+    assert by_pip - NOT_IMPORTED == {DISTRIBUTIONS.get(name, name) for name in keyless}
+    assert depends == {ROSDEP.get(name, name) for name in found - keyless - {folder.name}}
+
+
+def named(folder: Path) -> set[str]:
+    """Packages of the suite that the launch files or the messages of a package ask for."""
+    launched = {
+        name
+        for file in folder.glob("launch/*.py")
+        for name in PACKAGES
+        if f'"{name}"' in file.read_text("utf-8")
+    }
+    return launched | ({"crane_interfaces"} if (folder / folder.name / "msg").exists() else set())
+
+
+@each_package
+def test_data_are_where_people_look_for_them(path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    package = path.parent.name
+    shared = dict(declared(path, "develop", monkeypatch)["data_files"])
+    for kind, suffix in (("config", ".yaml"), ("dbc", ".dbc")):
+        files = sorted(path.parent.glob(f"{package}/data/*{suffix}"))
+        given = sorted(path.parent / one for one in shared.get(f"share/{package}/{kind}", []))
+        assert given == files
+        for file in given:
+            installed = Path(get_package_share_directory(package), kind, file.name)
+            assert installed.read_bytes() == file.read_bytes()
 
 
 @each_package

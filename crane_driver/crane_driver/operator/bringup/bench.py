@@ -16,7 +16,7 @@ from crane_driver.operator.bringup.motion import Mover, StoppedError
 from crane_driver.operator.bringup.restart import Parameters, driver_command
 from crane_driver.operator.bringup.samples import ROTARY, Rest, at_rest
 from crane_driver.operator.bringup.series import MAPPING, Series, copy_changed
-from crane_driver.operator.bringup.terminal import Terminal
+from crane_driver.operator.bringup.terminal import BringupTerminal
 from crane_model.machine import JOINT_UNITS
 
 REPEATS = 5  # of one ramp
@@ -41,7 +41,7 @@ class Bench:
     """The crane, the operator, and where results go."""
 
     crane: CraneClient
-    terminal: Terminal
+    terminal: BringupTerminal
     series: Series
     mapping: Path  # that the driver runs with
     driver: Parameters  # with which the driver runs

@@ -15,7 +15,8 @@ from rclpy.task import Future
 from sensor_msgs.msg import JointState
 
 from crane_driver.operator.bringup.motion import MotionError, StoppedError, Tick
-from crane_driver.operator.bringup.samples import FEWEST, Sample
+from crane_driver.operator.bringup.samples import FEWEST, JointInstant
+from crane_driver.operator.rhythm import COMMAND_PERIOD_S, LONGEST_PAUSE_S
 from crane_interfaces.msg import CylinderPressures, DriverState, ValveCommand
 from crane_model.errors import DataError
 from crane_nodes.context import Stop
@@ -23,12 +24,10 @@ from crane_nodes.driver_client import DriverClient, NoDriverError
 from crane_nodes.ready import say_ready
 
 DEPTH = 50  # messages
-PATIENCE = 10.0  # s, for the driver to answer
-CYCLE = 0.01  # s, of the commands
-OLDEST = 0.1  # s, without a joint state while the crane moves
-PAUSE = 0.08  # s between two commands, beyond which the driver refuses the next
-FAREWELL = 0.2  # s of neutral commands before the driver is disabled
-SETTLING = 100  # cycles of neutral commands after a reset, until the driver may be enabled
+ANSWER_TIMEOUT_S = 10.0  # for the driver to answer
+STATE_TIMEOUT_S = 0.1  # without a joint state while the crane moves
+NEUTRAL_AT_END_S = 0.2  # of neutral commands before the driver is disabled
+NEUTRAL_CYCLES = 100  # cycles of neutral commands after a reset, until the driver may be enabled
 
 
 class CraneClient(Node):
@@ -40,7 +39,7 @@ class CraneClient(Node):
         self._executor = SingleThreadedExecutor()
         self._executor.add_node(self)
         self.joints: tuple[str, ...] = ()
-        self.samples: list[Sample] = []
+        self.samples: list[JointInstant] = []
         self.pressures: list[dict[str, float]] = []
         self._received = -np.inf
         self._trouble = ""
@@ -83,7 +82,7 @@ class CraneClient(Node):
         self._wait(seconds)
         self._until(  # where this computer was too busy to take more
             lambda: len(self.samples) >= FEWEST,
-            f"no {self._states} in {seconds + PATIENCE:g} s, or fewer than {FEWEST}; see "
+            f"no {self._states} in {seconds + ANSWER_TIMEOUT_S:g} s, or fewer than {FEWEST}; see "
             "/diagnostics",
         )
         return np.array([one.position for one in self.samples])
@@ -132,7 +131,7 @@ class CraneClient(Node):
         answer = self._answer(self._driver.reset_fault(), drive)
         if not answer.success:
             raise MotionError(f"the driver does not reset its fault: {answer.message}")
-        for _ in range(SETTLING):
+        for _ in range(NEUTRAL_CYCLES):
             drive.tick(0.0)
         self._enable(drive)
 
@@ -145,9 +144,9 @@ class CraneClient(Node):
 
     def require_well(self) -> None:
         """`StoppedError` if the crane is not seen, or the driver has stopped it."""
-        if (age := time.monotonic() - self._received) > OLDEST:
+        if (age := time.monotonic() - self._received) > STATE_TIMEOUT_S:
             raise StoppedError(
-                f"no {self._states} for {age * 1e3:.0f} ms, limit {OLDEST * 1e3:.0f} ms"
+                f"no {self._states} for {age * 1e3:.0f} ms, limit {STATE_TIMEOUT_S * 1e3:.0f} ms"
             )
         if self._trouble:
             raise StoppedError(f"the driver has stopped the crane: {self._trouble}")
@@ -166,25 +165,25 @@ class CraneClient(Node):
     def _wait(self, seconds: float) -> None:
         end = time.monotonic() + seconds
         while time.monotonic() < end:
-            self.cycle(min(end, time.monotonic() + 10.0 * CYCLE))
+            self.cycle(min(end, time.monotonic() + 10.0 * COMMAND_PERIOD_S))
 
     def _until(self, condition: Callable[[], object], otherwise: str) -> None:
-        end = time.monotonic() + PATIENCE
+        end = time.monotonic() + ANSWER_TIMEOUT_S
         while not condition():
             if time.monotonic() > end:
                 raise DataError(otherwise)
-            self.cycle(time.monotonic() + CYCLE)
+            self.cycle(time.monotonic() + COMMAND_PERIOD_S)
 
     def _answer(self, future: Future, drive: "NodeDrive | None" = None) -> Any:
         """The answer of the driver; meanwhile the drive, if there is one, commands neutral."""
-        end = time.monotonic() + PATIENCE
+        end = time.monotonic() + ANSWER_TIMEOUT_S
         while not future.done():
             if time.monotonic() > end:
-                raise DataError(f"the driver does not answer within {PATIENCE:g} s")
+                raise DataError(f"the driver does not answer within {ANSWER_TIMEOUT_S:g} s")
             if drive:
                 drive.tick(0.0)
             else:
-                self.cycle(time.monotonic() + CYCLE)
+                self.cycle(time.monotonic() + COMMAND_PERIOD_S)
         return future.result()
 
     def _joint_state(self, message: JointState) -> None:
@@ -192,7 +191,7 @@ class CraneClient(Node):
         stamp = message.header.stamp
         self._received = time.monotonic()
         self.samples.append(
-            Sample(
+            JointInstant(
                 stamp.sec + stamp.nanosec * 1e-9,
                 np.array(message.position),
                 np.array(message.velocity),
@@ -225,17 +224,18 @@ class NodeDrive:
     def tick(self, command: float) -> Tick:
         """Send a command; samples until the next one is due."""
         if self.enabled:
-            if (pause := time.monotonic() - self._sent) > PAUSE:
+            if (pause := time.monotonic() - self._sent) > LONGEST_PAUSE_S:
                 if command:  # a neutral one begins anew
                     raise StoppedError(
-                        f"no command for {pause * 1e3:.0f} ms, limit {PAUSE * 1e3:.0f} ms: this "
-                        "computer is too busy; stop other programs"
+                        f"no command for {pause * 1e3:.0f} ms, limit "
+                        f"{LONGEST_PAUSE_S * 1e3:.0f} ms: this computer "
+                        "is too busy; stop other programs"
                     )
-                self._client.spin(CYCLE)  # what has come meanwhile
+                self._client.spin(COMMAND_PERIOD_S)  # what has come meanwhile
             self._client.require_well()
         self._client.samples.clear()
         sent = self._publish(command)
-        self._due = max(self._due + CYCLE, time.monotonic())
+        self._due = max(self._due + COMMAND_PERIOD_S, time.monotonic())
         self._client.cycle(self._due)
         return Tick(sent, list(self._client.samples))
 
@@ -245,10 +245,10 @@ class NodeDrive:
 
     def leave(self) -> None:
         """Neutral commands for a while, whatever else is wrong."""
-        end = time.monotonic() + FAREWELL
+        end = time.monotonic() + NEUTRAL_AT_END_S
         while time.monotonic() < end:
             self._publish(0.0)
-            self._client.spin(CYCLE)
+            self._client.spin(COMMAND_PERIOD_S)
 
     def _publish(self, command: float) -> float:
         now = self._client.get_clock().now()

@@ -18,7 +18,7 @@ from crane_driver.operator.bringup.restart import (
     next_command,
 )
 from crane_driver.operator.bringup.series import MAPPING, RESULT, STEPS, Series
-from crane_driver.operator.bringup.terminal import Terminal
+from crane_driver.operator.bringup.terminal import BringupTerminal
 from crane_model.arguments import between
 from crane_model.cli import command_line, run
 from crane_model.configuration import load, packaged
@@ -72,7 +72,7 @@ def _measure(argv: Sequence[str], options: argparse.Namespace) -> None:
         mapping = _mapping(options.mapping or series.newest(MAPPING), driver)
         bench = Bench(
             crane=crane,
-            terminal=Terminal(stop, crane.spin),
+            terminal=BringupTerminal(stop, crane.spin),
             series=series,
             mapping=mapping,
             driver=driver,

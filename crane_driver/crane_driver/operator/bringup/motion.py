@@ -5,13 +5,13 @@ from typing import NamedTuple, Protocol
 import numpy as np
 
 from crane_driver.operator.bringup.polarity import Nudge
-from crane_driver.operator.bringup.samples import SINKING, Rest, Sample, Trace
+from crane_driver.operator.bringup.samples import SINKING, JointInstant, Rest, Trace
 from crane_model.errors import CraneError, DataError
 
 OTHERS = 10.0  # movements, by which another joint may be shaken
 FAR = 12.0  # movements, that a triangle takes at least until it turns
 STILL = 0.3  # s without a movement: a joint that stands
-PATIENCE = 10.0  # s until a joint stands, or moves
+MOTION_TIMEOUT_S = 10.0  # until a joint stands, or moves
 SET_BACK = 0.05  # s; stamps go back by less where the driver begins to know when was sampled
 
 
@@ -33,7 +33,7 @@ class Tick(NamedTuple):
     """When a command was sent [s, the clock of the samples], and the samples until the next."""
 
     sent: float
-    samples: list[Sample]
+    samples: list[JointInstant]
 
 
 class Drive(Protocol):
@@ -64,7 +64,7 @@ class Mover:
         self._sinking = SINKING * (np.arange(len(joints)) != self._index)
         self._allowed = OTHERS * np.array([rest.movement for rest in rests])
         self._allowed[self._index] = travel
-        self.samples: list[Sample] = []
+        self.samples: list[JointInstant] = []
         self._sent: list[tuple[float, float]] = []
 
     def tick(self, command: float) -> None:
@@ -114,13 +114,13 @@ class Mover:
             recent = [one.position[self._index] for one in self.samples if one.time > now - STILL]
             if now - begun >= STILL and np.ptp(recent) <= self.rest.movement:
                 return
-            if now - begun > PATIENCE:
+            if now - begun > MOTION_TIMEOUT_S:
                 raise MotionError(
-                    f"{self.joint} does not come to rest within {PATIENCE:g} s of neutral; it "
-                    "sinks or swings, and nothing can be measured on it"
+                    f"{self.joint} does not come to rest within {MOTION_TIMEOUT_S:g} s of neutral; "
+                    "it sinks or swings, and nothing can be measured on it"
                 )
 
-    def _watch(self, before: list[Sample]) -> None:
+    def _watch(self, before: list[JointInstant]) -> None:
         if not self.samples:
             return
         now = self.samples[-1]
@@ -203,8 +203,8 @@ def step(mover: Mover, command: float, duration: float, limit: float) -> Trace:
 def back(mover: Mover, upwards: float, downwards: float) -> None:
     """Return to where the joint was before anything moved, by commands that move it slowly.
 
-    `MotionError` if it comes no nearer for `PATIENCE`: a command that is left standing would move
-    it when the oil comes back.
+    `MotionError` if it comes no nearer for `MOTION_TIMEOUT_S`: a command that is left standing
+    would move it when the oil comes back.
     """
     if abs(mover.displacement) <= mover.rest.movement:
         return
@@ -215,9 +215,10 @@ def back(mover: Mover, upwards: float, downwards: float) -> None:
         now = mover.samples[-1].time
         if left < nearest - mover.rest.movement:
             nearest, since = left, now
-        elif now - since > PATIENCE:
+        elif now - since > MOTION_TIMEOUT_S:
             raise MotionError(
-                f"{mover.joint} does not come back by a command of {command:.3g} in {PATIENCE:g} s"
+                f"{mover.joint} does not come back by a command of {command:.3g} in "
+                f"{MOTION_TIMEOUT_S:g} s"
             )
         mover.tick(command)
     mover.settle()

@@ -14,7 +14,7 @@ FEWEST = 10  # readings of a joint at rest
 ROTARY = 2.0 * np.pi  # rad, after which an encoder of one turn begins anew
 
 
-class Sample(NamedTuple):
+class JointInstant(NamedTuple):
     """The joints at one instant, in the order of the crane's joints."""
 
     time: float  # s

@@ -32,7 +32,7 @@ class Result(Schema, Generic[Entry]):
     results: dict[str, Entry]
 
 
-class Directions(Schema):
+class DeadBands(Schema):
     """The dead bands of a valve."""
 
     positive: DeadBandResult
@@ -56,12 +56,12 @@ class Series:
         runs = [one for one in self.runs if one.name.endswith(step) and (one / name).is_file()]
         return runs[-1] / name if runs else None
 
-    def dead_bands(self) -> dict[str, Directions]:
+    def dead_bands(self) -> dict[str, DeadBands]:
         """By joint, the newest of each; `DataError` if none was measured."""
-        bands: dict[str, Directions] = {}
+        bands: dict[str, DeadBands] = {}
         for run in self.runs:
             if run.name.endswith("dead_band"):
-                bands |= load(run / RESULT, Result[Directions]).results
+                bands |= load(run / RESULT, Result[DeadBands]).results
         if not bands:
             raise DataError(f"{self.folder}: no dead bands; first: bringup dead_band")
         return bands

@@ -15,7 +15,7 @@ class NotConfirmedError(CraneError):
     """The operator did not say yes; the step ends."""
 
 
-class Terminal:
+class BringupTerminal:
     """Reads standard input, from a terminal or from a file of answers.
 
     idle: what is done while waiting, for at most the time it is given [s].

@@ -18,9 +18,10 @@ from sensor_msgs.msg import JointState, Joy
 
 from crane_driver.operator.jog.jog_parameters import HOLD, PARAMETERS, joystick, shape
 from crane_driver.operator.jog.keyboard import Keyboard, Request
-from crane_driver.operator.jog.motion import Demand, Motion
-from crane_driver.operator.jog.screen import Screen, Shown
-from crane_driver.operator.jog.terminal import NoTerminal, Terminal
+from crane_driver.operator.jog.motion import Demand, JogMotion
+from crane_driver.operator.jog.screen import Screen, StatusLine
+from crane_driver.operator.jog.terminal import KeyTerminal, NoTerminal
+from crane_driver.operator.rhythm import COMMAND_PERIOD_S
 from crane_interfaces.msg import DriverState, ValveCommand
 from crane_model.cli import command_line, run
 from crane_model.errors import CraneError
@@ -32,10 +33,9 @@ from crane_nodes.parameters import declare
 from crane_nodes.publishers import publishers
 from crane_nodes.ready import say_ready
 
-PERIOD = 0.01  # s, of commands
 REFRESH = 0.1  # s, of the display
 CALLBACKS = 4  # in a period at most, so that commands do not wait
-PATIENCE = 10.0  # s, for a driver
+DRIVER_TIMEOUT_S = 10.0  # for a driver
 LAST_COMMANDS = 5  # neutral ones at the end
 NEWEST = QoSProfile(depth=1)
 
@@ -54,7 +54,7 @@ class Jog(Node):
         super().__init__("jog")
         declare(self, PARAMETERS, read_only=PARAMETERS)
         self._shape = shape(self)
-        self.motion = Motion(self._shape)
+        self.motion = JogMotion(self._shape)
         self.keyboard = Keyboard(HOLD.read(self))
         self.joystick = joystick(self) if by_joystick else None
         self.news: list[str] = []
@@ -72,7 +72,7 @@ class Jog(Node):
 
     def begin(self, stop: Stop) -> None:
         """Wait for the driver and become its publisher of commands; `JogError` if that fails."""
-        until = time.monotonic() + PATIENCE
+        until = time.monotonic() + DRIVER_TIMEOUT_S
         while not self._driver.ready:
             self._wait(stop, until, self._driver.problem or "the services of the driver are away")
         if others := publishers(self, "valve_command"):
@@ -102,7 +102,7 @@ class Jog(Node):
         while self._publisher and left:
             self.command(None)
             left -= self.motion.neutral
-            time.sleep(PERIOD)
+            time.sleep(COMMAND_PERIOD_S)
         if self._publisher:
             self._publisher.wait_for_all_acked(Duration(seconds=0.5))
         self.destroy_node()
@@ -121,13 +121,13 @@ class Jog(Node):
         for future in futures:
             future.add_done_callback(lambda one: self._answered(request, one))
 
-    def shown(self) -> Shown:
+    def shown(self) -> StatusLine:
         """What there is to be seen."""
         note = self.joystick.problem if self.joystick else f"speed {self.keyboard.step}"
         command = self._commands[self._moved]
         share = command / self._shape.maximum
         state, position = self._driver.state.text, self._positions.get(self._moved)
-        return Shown(state, self._moved, command, share, position, note)
+        return StatusLine(state, self._moved, command, share, position, note)
 
     def _asked(self, request: Request) -> list[Future]:
         match request:
@@ -177,7 +177,7 @@ def main(argv: Sequence[str] | None = None) -> int:
 
 
 def _run(argv: Sequence[str], by_joystick: bool) -> None:
-    terminal = NoTerminal() if by_joystick and not sys.stdin.isatty() else Terminal()
+    terminal = NoTerminal() if by_joystick and not sys.stdin.isatty() else KeyTerminal()
     with ros(argv) as stop:
         jog = Jog(by_joystick)
         try:
@@ -188,7 +188,7 @@ def _run(argv: Sequence[str], by_joystick: bool) -> None:
             jog.end()
 
 
-def _jog(jog: Jog, terminal: Terminal | NoTerminal, screen: Screen, stop: Stop) -> None:
+def _jog(jog: Jog, terminal: KeyTerminal | NoTerminal, screen: Screen, stop: Stop) -> None:
     due = refresh = time.monotonic()
     while not stop.requested and not terminal.closed:
         typed = terminal.read(due - time.monotonic())
@@ -202,7 +202,7 @@ def _jog(jog: Jog, terminal: Terminal | NoTerminal, screen: Screen, stop: Stop) 
             continue
         jog.work()
         jog.command(jog.demand())
-        due = max(due + PERIOD, now)
+        due = max(due + COMMAND_PERIOD_S, now)
         if now >= refresh:
             refresh = now + REFRESH
             for text in jog.news:

@@ -3,7 +3,7 @@
 from rclpy.node import Node
 
 from crane_driver.operator.jog.joystick import Axis, Joystick
-from crane_driver.operator.jog.motion import Shape
+from crane_driver.operator.jog.motion import CommandShape
 from crane_model.errors import ConfigurationError
 from crane_model.machine import JOINTS
 from crane_nodes.parameters import Number
@@ -38,10 +38,10 @@ PARAMETERS = (MAXIMUM, HOLD, RISE, FALL, *DEAD_BAND.values(), DEADMAN, *AXIS.val
               *SIGN.values())  # fmt: skip
 
 
-def shape(node: Node) -> Shape:
+def shape(node: Node) -> CommandShape:
     """How demands become commands."""
     dead_band = {joint: parameter.read(node) for joint, parameter in DEAD_BAND.items()}
-    return Shape(MAXIMUM.read(node), dead_band, RISE.read(node), FALL.read(node))
+    return CommandShape(MAXIMUM.read(node), dead_band, RISE.read(node), FALL.read(node))
 
 
 def joystick(node: Node) -> Joystick:

@@ -4,10 +4,9 @@ import math
 from collections.abc import Mapping
 from typing import NamedTuple
 
+from crane_driver.operator.rhythm import LONGEST_PAUSE_S
 from crane_model.errors import ConfigurationError
 from crane_model.machine import JOINTS
-
-PAUSE = 0.08  # s; after a longer one everything begins at neutral again, as the driver demands
 
 
 class Demand(NamedTuple):
@@ -17,7 +16,7 @@ class Demand(NamedTuple):
     level: float  # -1 to 1, of the fastest
 
 
-class Shape(NamedTuple):
+class CommandShape(NamedTuple):
     """How demands become spool commands."""
 
     maximum: float  # spool command at level 1
@@ -26,7 +25,7 @@ class Shape(NamedTuple):
     fall_time: float  # s, back
 
 
-class Motion:
+class JogMotion:
     """Spool commands from demands. All times are of the steady clock [s].
 
     A demand counts only after a moment without one: what is held when it begins, or after a pause,
@@ -34,7 +33,7 @@ class Motion:
     other direction, begins.
     """
 
-    def __init__(self, shape: Shape):
+    def __init__(self, shape: CommandShape):
         """`ConfigurationError` where a dead band leaves no room below the maximum."""
         for joint in JOINTS:
             if shape.dead_band[joint] >= shape.maximum:
@@ -55,7 +54,7 @@ class Motion:
     def step(self, demand: Demand | None, now: float) -> dict[str, float]:
         """The commands (-1 to 1) of all joints at `now`, while `demand` is held."""
         dt, self._stepped = now - self._stepped, now
-        if dt > PAUSE:
+        if dt > LONGEST_PAUSE_S:  # everything begins at neutral again
             self._level, self._let_go = 0.0, False
         if demand is None:
             self._let_go = True

@@ -23,7 +23,7 @@ OTHERS = (
 )
 
 
-class Shown(NamedTuple):
+class StatusLine(NamedTuple):
     """What the line says."""
 
     state: str  # of the driver
@@ -64,7 +64,7 @@ class Screen:
         """A message that stays, above the line."""
         self._console.print(text, markup=False)
 
-    def show(self, shown: Shown) -> None:
+    def show(self, shown: StatusLine) -> None:
         """Renew the line."""
         self._live.update(_line(shown), refresh=True)
 
@@ -85,7 +85,7 @@ def _keys(joystick: bool) -> Table:
     return table
 
 
-def _line(shown: Shown) -> Text:
+def _line(shown: StatusLine) -> Text:
     """The most important first: what does not fit is cut off."""
     line = Text(no_wrap=True, overflow="ellipsis")
     line.append(f" {shown.state:^14} ", style=f"reverse {STYLES.get(shown.state, WRONG)}")

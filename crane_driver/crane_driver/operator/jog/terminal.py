@@ -23,7 +23,7 @@ class TerminalError(CraneError):
     """
 
 
-class Terminal:
+class KeyTerminal:
     """Standard input. Keys come at once and unechoed; Ctrl-C still is a signal.
 
     Ctrl-Z and Ctrl-S are keys like others: they would hold up whoever sends commands.

@@ -33,7 +33,7 @@ KNOWING = ("crane_sim", "crane_benchmark.cases", "crane_benchmark.scores")
 
 
 @dataclass(frozen=True)
-class Job:
+class AnsweringJob:
     """A case, the folders of its set, and the thresholds."""
 
     name: str
@@ -48,7 +48,7 @@ def blindfold(folders: Folders) -> None:
     confine(folders.top, own, KNOWING)
 
 
-def answer_case(job: Job) -> None:
+def answer_case(job: AnsweringJob) -> None:
     """The diagnosis of one case, the answers of the other methods, and the time it took."""
     folder = job.folders.bags / job.name
     with new(job.folders.answers / job.name) as out:
@@ -123,7 +123,7 @@ def main(argv: Sequence[str] | None = None) -> int:
     folders = Folders(arguments.folder, arguments.round)
     waiting = sorted(done(folders.bags) - done(folders.answers))
     thresholds = load_thresholds(arguments.thresholds)
-    jobs = [Job(name, folders, thresholds, arguments.keep_bags) for name in waiting]
+    jobs = [AnsweringJob(name, folders, thresholds, arguments.keep_bags) for name in waiting]
     if jobs:
         in_processes(answer_case, jobs, arguments.workers, "answers", partial(blindfold, folders))
     return 0

@@ -2,11 +2,11 @@
 
 from enum import StrEnum
 
-from crane_benchmark.cases.motions import Excitation
+from crane_benchmark.cases.motions import Richness
 from crane_model.configuration import Schema
 
 
-class Kind(StrEnum):
+class CaseKind(StrEnum):
     """What sort of case it is; the value is what tables say."""
 
     NOTHING = "nothing"
@@ -44,7 +44,7 @@ class Carried(StrEnum):
     ONE = "one"  # of those to train on
 
 
-class Hidden(Schema):
+class EffectToHide(Schema):
     """An effect to hide in a form of the stand-in machine; `joint` None is the whole machine.
 
     Of its `parameters`, those that are not given are drawn.
@@ -67,10 +67,10 @@ class Case(Schema):
     """
 
     name: str  # tells nothing
-    kind: Kind
+    kind: CaseKind
     seed: tuple[int, int]
-    effects: tuple[Hidden, ...] = ()
-    excitation: Excitation = Excitation.RICH
+    effects: tuple[EffectToHide, ...] = ()
+    excitation: Richness = Richness.RICH
     lacks: tuple[str, ...] = ()
     world: World = World.LABORATORY
     warm: bool = False

@@ -5,9 +5,9 @@ from enum import StrEnum
 
 import numpy as np
 
-from crane_benchmark.cases.case import Case, Hidden, Kind
+from crane_benchmark.cases.case import Case, CaseKind, EffectToHide
 from crane_benchmark.cases.drawn import drawn, in_any_form
-from crane_benchmark.cases.motions import Excitation
+from crane_benchmark.cases.motions import Richness
 from crane_benchmark.cases.strangers import field, stranger
 from crane_model.machine import PLANAR_JOINTS
 
@@ -39,12 +39,12 @@ SEEDS = {
 """Before new thresholds are frozen, the scoring set becomes the former one and gets a new seed."""
 
 SHARES = {
-    Kind.NOTHING: 0.25,
-    Kind.OUTSIDE: 0.15,
-    Kind.PAIR: 0.15,
-    Kind.CLASS: 0.05,
-    Kind.INSUFFICIENT: 0.05,
-    Kind.SINGLE: 0.35,
+    CaseKind.NOTHING: 0.25,
+    CaseKind.OUTSIDE: 0.15,
+    CaseKind.PAIR: 0.15,
+    CaseKind.CLASS: 0.05,
+    CaseKind.INSUFFICIENT: 0.05,
+    CaseKind.SINGLE: 0.35,
 }
 
 
@@ -66,9 +66,9 @@ def with_others(case: Case, number: int) -> Case:
         told = stranger(case.name, case.seed, number)
         return told.model_copy(update={"excitation": case.excitation})
     rng = np.random.default_rng([20261121, *case.seed, number])
-    others = drawn(rng, case.kind is Kind.OUTSIDE, [one.strength for one in case.effects])
+    others = drawn(rng, case.kind is CaseKind.OUTSIDE, [one.strength for one in case.effects])
     old = {one.effect for one in case.effects}
-    effects: list[Hidden] = []
+    effects: list[EffectToHide] = []
     for wanted in case.effects:
         other = next(one for one in others if one.effect not in old)
         effects.append(other.model_copy(update={"strength": wanted.strength}))
@@ -76,7 +76,7 @@ def with_others(case: Case, number: int) -> Case:
     return case.model_copy(update={"effects": tuple(effects)})
 
 
-def apportioned(shares: dict[Kind, float], count: int) -> dict[Kind, int]:
+def apportioned(shares: dict[CaseKind, float], count: int) -> dict[CaseKind, int]:
     """`count` split by the largest remainders."""
     whole = {kind: int(share * count) for kind, share in shares.items()}
     left = sorted(shares, key=lambda kind: whole[kind] - shares[kind] * count)
@@ -88,7 +88,7 @@ def apportioned(shares: dict[Kind, float], count: int) -> dict[Kind, int]:
 def _null(seed: tuple[int, int]) -> Case:
     """Nothing hidden, every other time in the field."""
     special = field(np.random.default_rng([20261121, *seed])) if seed[1] % 2 else {}
-    return Case(name=_name(seed), kind=Kind.NOTHING, seed=seed, **special)
+    return Case(name=_name(seed), kind=CaseKind.NOTHING, seed=seed, **special)
 
 
 def _hiding(seeds: list[tuple[int, int]]) -> list[Case]:
@@ -99,17 +99,17 @@ def _hiding(seeds: list[tuple[int, int]]) -> list[Case]:
     outside = drawn(rng, True, UNKNOWN)
     out = []
     for seed, kind in zip(seeds, kinds, strict=True):
-        effects: tuple[Hidden, ...] = ()
-        if kind is Kind.SINGLE:
+        effects: tuple[EffectToHide, ...] = ()
+        if kind is CaseKind.SINGLE:
             effects = (next(single),)
-        elif kind is Kind.OUTSIDE:
+        elif kind is CaseKind.OUTSIDE:
             effects = (next(outside),)
-        elif kind is Kind.PAIR:
+        elif kind is CaseKind.PAIR:
             first = next(pair)
             effects = (first, next(one for one in pair if one.effect != first.effect))
-        elif kind is Kind.CLASS and seed[1] % 2:
+        elif kind is CaseKind.CLASS and seed[1] % 2:
             effects = (in_any_form(rng, "pressure_offset", "telescope", PAIR),)
-        elif kind is Kind.INSUFFICIENT:
+        elif kind is CaseKind.INSUFFICIENT:
             faint = str(rng.choice(FAINT))
             effects = (in_any_form(rng, faint, str(rng.choice(PLANAR_JOINTS)), PAIR),)
         out.append(
@@ -118,8 +118,8 @@ def _hiding(seeds: list[tuple[int, int]]) -> list[Case]:
                 kind=kind,
                 seed=seed,
                 effects=effects,
-                excitation=Excitation.POOR if kind is Kind.INSUFFICIENT else Excitation.RICH,
-                lacks=LACKS if kind is Kind.CLASS else (),
+                excitation=Richness.POOR if kind is CaseKind.INSUFFICIENT else Richness.RICH,
+                lacks=LACKS if kind is CaseKind.CLASS else (),
             )
         )
     return out

@@ -5,14 +5,16 @@ from itertools import cycle
 
 import numpy as np
 
-from crane_benchmark.cases.case import Carried, Hidden
+from crane_benchmark.cases.case import Carried, EffectToHide
 from crane_sim.effects.forms import FORMS
 
 ABSORBED = ("pressure_gain",)  # by the masses: no data without a known weight show it
 LOAD = "payload"  # in all recordings it would be a link's mass
 
 
-def drawn(rng: np.random.Generator, outside: bool, strengths: Sequence[float]) -> Iterator[Hidden]:
+def drawn(
+    rng: np.random.Generator, outside: bool, strengths: Sequence[float]
+) -> Iterator[EffectToHide]:
     """Effects on joints in random order, each as often as any other, at all strengths in turn."""
     places = sorted(
         {
@@ -32,10 +34,10 @@ def drawn(rng: np.random.Generator, outside: bool, strengths: Sequence[float]) -
 
 def in_any_form(
     rng: np.random.Generator, effect: str, joint: str | None, strength: float
-) -> Hidden:
+) -> EffectToHide:
     """The effect in any of its forms that can act there."""
     forms = [form.name for form in FORMS[effect] if joint is None or joint in form.joints]
-    return Hidden(
+    return EffectToHide(
         effect=effect,
         joint=joint,
         form=str(rng.choice(forms)),

@@ -8,10 +8,10 @@ from pathlib import Path
 
 import numpy as np
 
-from crane_benchmark.cases.case import Case, Hidden, World
+from crane_benchmark.cases.case import Case, EffectToHide, World
 from crane_benchmark.cases.case_sets import CaseSet, cases, with_others
 from crane_benchmark.cases.clean import save_clean
-from crane_benchmark.cases.motions import Excitation, Maker
+from crane_benchmark.cases.motions import Maker, Richness
 from crane_benchmark.cases.session import TRAIN, VALIDATE, recordings
 from crane_benchmark.folders import Folders, done, new, write_json
 from crane_benchmark.work import in_processes
@@ -31,13 +31,13 @@ from crane_trajectory.motion.check import load_clearance
 from crane_trajectory.motion.motion import Motion
 
 SPREAD = 0.15  # of the machines' parameters
-WEAKER = 0.5  # what is asked for next of an effect that cannot be so strong
+WEAKER_FACTOR = 0.5  # what is asked for next of an effect that cannot be so strong
 ATTEMPTS = 4
 REDRAWN = 4  # times as many, with other effects
 
 
 @dataclass(frozen=True)
-class Job:
+class MakingJob:
     """A case and where its set lies; `sets` of three motions each to train on."""
 
     case: Case
@@ -50,7 +50,7 @@ class Job:
         return self.case.name
 
 
-def make_case(job: Job) -> None:
+def make_case(job: MakingJob) -> None:
     """Bags, the model to diagnose, and the sealed truth of one case.
 
     Motions on which the machine cannot carry what is to be hidden are drawn anew; what no motion
@@ -68,7 +68,7 @@ def make_case(job: Job) -> None:
     raise reason
 
 
-def _make(job: Job, attempt: int) -> None:
+def _make(job: MakingJob, attempt: int) -> None:
     case, folders = job.case, job.folders
     entropy = np.random.SeedSequence([20261121, *case.seed, attempt])
     of_machine, of_motions, of_effects, of_sensors, of_session = (
@@ -79,7 +79,7 @@ def _make(job: Job, attempt: int) -> None:
     if case.spools:
         stand_in = vary_valves(stand_in, machine, of_machine)
     maker = Maker(np.random.default_rng(of_motions), machine, stand_in.start, clearance)
-    if case.excitation is Excitation.POOR:
+    if case.excitation is Richness.POOR:
         train, validate = maker.poor()
         measured = maker.designed(1)[0][:1]  # how strong an effect is does not depend on the data
     elif case.world is World.FIELD:
@@ -89,7 +89,7 @@ def _make(job: Job, attempt: int) -> None:
         train, validate = maker.designed(job.sets)
         measured = train[:1]
 
-    def planted(effects: tuple[Hidden, ...], motion: Motion) -> tuple[Planted, ...]:
+    def planted(effects: tuple[EffectToHide, ...], motion: Motion) -> tuple[Planted, ...]:
         hidden = tuple(HiddenEffect(**one.model_dump(exclude={"carried"})) for one in effects)
         spec = Spec(seed=of_effects, effects=hidden)
         return calibrate(spec, machine, stand_in, replace(motion, periods=1), gains)
@@ -113,10 +113,10 @@ def _make(job: Job, attempt: int) -> None:
 
 
 def _strongest(
-    planted: Callable[[tuple[Hidden, ...], Motion], tuple[Planted, ...]],
-    effects: tuple[Hidden, ...],
+    planted: Callable[[tuple[EffectToHide, ...], Motion], tuple[Planted, ...]],
+    effects: tuple[EffectToHide, ...],
     motions: Sequence[Motion],
-) -> tuple[tuple[Hidden, ...], tuple[Planted, ...]]:
+) -> tuple[tuple[EffectToHide, ...], tuple[Planted, ...]]:
     """As strong as asked for on the first motion that shows it so; or half of it, and so on."""
     for _ in range(ATTEMPTS):
         for motion in motions:
@@ -125,7 +125,7 @@ def _strongest(
             except RangeError as error:
                 reason = error
         effects = tuple(
-            one.model_copy(update={"strength": WEAKER * one.strength}) for one in effects
+            one.model_copy(update={"strength": WEAKER_FACTOR * one.strength}) for one in effects
         )
     raise reason
 
@@ -159,8 +159,8 @@ def main(argv: Sequence[str] | None = None) -> int:
     there = done(folders.bags) | done(folders.answers)
     wanted = cases(arguments.which, arguments.count)[arguments.first : arguments.last]
     if arguments.quick:
-        wanted = [case.model_copy(update={"excitation": Excitation.POOR}) for case in wanted]
-    jobs = [Job(case, folders, arguments.sets) for case in wanted if case.name not in there]
+        wanted = [case.model_copy(update={"excitation": Richness.POOR}) for case in wanted]
+    jobs = [MakingJob(case, folders, arguments.sets) for case in wanted if case.name not in there]
     if jobs:
         in_processes(make_case, jobs, arguments.workers, "bags")
     return 0

@@ -9,7 +9,7 @@ import numpy as np
 from crane_model.errors import RangeError
 from crane_model.machine import PLANAR_JOINTS, Machine
 from crane_trajectory.motion.check import Clearance, pump_flow, tip_room
-from crane_trajectory.motion.fourier import FourierTrajectory, Samples
+from crane_trajectory.motion.fourier import FourierTrajectory, MotionSamples
 from crane_trajectory.motion.motion import Motion, plan
 from crane_trajectory.motion.periodic import PeriodicTrajectory
 from crane_trajectory.motion.sweep import JointCourse, SweepTrajectory
@@ -18,16 +18,16 @@ HARMONICS = 4
 ATTEMPTS = 200
 SHRINK = 0.85  # of a motion that does not fit, before it is tried again
 TRIES = 8  # to shrink it, before another is drawn
-FREE = 0.05  # of the range of a joint, at both ends
+FREE_SHARE = 0.05  # of the range of a joint, at both ends
 LOOKS = 50  # instants of a motion at which it is looked at before it is planned
 DWELL = (1.5, 2.5)  # s
 BAND = (0.12, 0.4)  # Hz, up to which a motion of the field goes
-REPEATED = (9.0, 20.0)  # s, the period of one that repeats
-STRETCH = (40.0, 65.0)  # s, the length of one that does not
-BEYOND = 1.4  # of its length, the period of the series that it is cut from
+PERIOD_RANGE_S = (9.0, 20.0)  # s, the period of one that repeats
+LENGTH_RANGE_S = (40.0, 65.0)  # s, the length of one that does not
+CUT_RATIO = 1.4  # of its length, the period of the series that it is cut from
 
 
-class Excitation(StrEnum):
+class Richness(StrEnum):
     """How well a case is excited."""
 
     RICH = "rich"
@@ -56,7 +56,7 @@ class Stretch:
         """The joints that move."""
         return self.whole.joint_names
 
-    def evaluate(self, time: np.ndarray) -> Samples:
+    def evaluate(self, time: np.ndarray) -> MotionSamples:
         """Of the whole motion, at any time (n,) [s]."""
         return self.whole.evaluate(time)
 
@@ -105,15 +105,15 @@ class Maker:
         return self._fitting(lambda share: _sweeps(self.rng, self.machine, drawn, 0.9 * share), 2)
 
     def _repeated(self) -> Motion:
-        period, band = round(self.rng.uniform(*REPEATED), 2), self.rng.uniform(*BAND)
+        period, band = round(self.rng.uniform(*PERIOD_RANGE_S), 2), self.rng.uniform(*BAND)
         harmonics = max(round(band * period), 2)
         return self._fitting(
             lambda share: _fourier(self.rng, self.machine, period, 0.9 * share, harmonics), 3
         )
 
     def _stretch(self) -> Motion:
-        length, band = round(self.rng.uniform(*STRETCH), 2), self.rng.uniform(*BAND)
-        period = round(BEYOND * length, 2)
+        length, band = round(self.rng.uniform(*LENGTH_RANGE_S), 2), self.rng.uniform(*BAND)
+        period = round(CUT_RATIO * length, 2)
         harmonics = round(band * period)
 
         def draw(share: float) -> Stretch:
@@ -167,11 +167,11 @@ def _fourier(
             "", period, (joint,), np.append(0.0, coefficients)[:, np.newaxis]
         ).evaluate(time)
         limits = machine.limits[joint]
-        span = (1.0 - 2.0 * FREE) * (limits.position_max - limits.position_min)
+        span = (1.0 - 2.0 * FREE_SHARE) * (limits.position_max - limits.position_min)
         fastest = min(limits.velocity_max, -limits.velocity_min)
         factor = size * min(span / np.ptp(shape.position), fastest / np.abs(shape.velocity).max())
         low, high = factor * shape.position.min(), factor * shape.position.max()
-        free = FREE * (limits.position_max - limits.position_min)
+        free = FREE_SHARE * (limits.position_max - limits.position_min)
         offset = rng.uniform(limits.position_min + free - low, limits.position_max - free - high)
         columns.append(np.append(offset, factor * coefficients))
     return FourierTrajectory.from_coefficients(
@@ -191,9 +191,9 @@ def _sweeps(
         times = np.cumsum([0.0, up, dwells[0], period - dwells.sum() - up, dwells[1]])
         times[-1] = period
         fastest = min(limits.velocity_max, -limits.velocity_min)
-        span = (1.0 - 2.0 * FREE) * (limits.position_max - limits.position_min)
+        span = (1.0 - 2.0 * FREE_SHARE) * (limits.position_max - limits.position_min)
         way = size * min(span, fastest * min(up, times[3] - times[2]))
-        free = FREE * (limits.position_max - limits.position_min)
+        free = FREE_SHARE * (limits.position_max - limits.position_min)
         low = rng.uniform(limits.position_min + free, limits.position_max - free - way)
         ends = [low, low + way] if rng.uniform() < 0.5 else [low + way, low]
         positions = np.round([ends[0], ends[1], ends[1], ends[0], ends[0]], 6)

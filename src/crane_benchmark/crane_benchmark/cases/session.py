@@ -19,7 +19,7 @@ LIGHTER = (0.4, 0.8)  # of the strongest: an effect that is not always as strong
 
 
 @dataclass(frozen=True)
-class Recording:
+class SessionRecording:
     """One of those to train or to validate on, by its `number` there.
 
     `shares` are those of the magnitudes of the hidden effects, 0 where it does not carry one.
@@ -42,13 +42,13 @@ class Recording:
 
 def recordings(
     rng: np.random.Generator, case: Case, train: Sequence[Motion], validate: Sequence[Motion]
-) -> list[Recording]:
+) -> list[SessionRecording]:
     """Those of a case, by name; in the field they were made in any other order."""
     motions = [*train, *validate]
     moments = _session(rng, case.warm, motions) if case.world is World.FIELD else None
     shares = [_shares(rng, one.carried, len(train), len(validate)) for one in case.effects]
     return [
-        Recording(
+        SessionRecording(
             part=TRAIN if k < len(train) else VALIDATE,
             number=k if k < len(train) else k - len(train),
             motion=motion,

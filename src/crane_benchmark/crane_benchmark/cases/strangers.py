@@ -5,7 +5,7 @@ from typing import Any
 
 import numpy as np
 
-from crane_benchmark.cases.case import Carried, Case, Hidden, Kind, Story, World
+from crane_benchmark.cases.case import Carried, Case, CaseKind, EffectToHide, Story, World
 from crane_benchmark.cases.drawn import LOAD, in_any_form
 from crane_model.machine import PLANAR_JOINTS
 
@@ -42,20 +42,20 @@ def stranger(name: str, seed: tuple[int, int], number: int = 0) -> Case:
     return Case(name=name, seed=seed, **given)
 
 
-Told = tuple[Kind, tuple[Hidden, ...], dict[str, Any]]
+Told = tuple[CaseKind, tuple[EffectToHide, ...], dict[str, Any]]
 """Kind, what is hidden, and what else is special."""
 
 
 def _load(rng: np.random.Generator, which: int) -> Told:
     load = in_any_form(rng, LOAD, None, LOADS[which])
-    return Kind.SINGLE, (load.model_copy(update={"carried": Carried.SOME}),), {}
+    return CaseKind.SINGLE, (load.model_copy(update={"carried": Carried.SOME}),), {}
 
 
 def _warming(rng: np.random.Generator, which: int) -> Told:
     viscosity = in_any_form(rng, "warm_up", _joint(rng), STRONG)
     warming = round(float(rng.uniform(*WARMING)), 1)
     viscosity = viscosity.model_copy(update={"parameters": {"warming": warming}})
-    return Kind.SINGLE, (viscosity,), {"warm": which == 1}
+    return CaseKind.SINGLE, (viscosity,), {"warm": which == 1}
 
 
 def _strong(rng: np.random.Generator, which: int) -> Told:
@@ -63,7 +63,7 @@ def _strong(rng: np.random.Generator, which: int) -> Told:
     hidden = in_any_form(rng, effect, _joint(rng), STRONG)
     if which == 0:  # a zone that most motions enter
         hidden = hidden.model_copy(update={"parameters": {"zone": ZONE}})
-    return Kind.SINGLE, (hidden,), {}
+    return CaseKind.SINGLE, (hidden,), {}
 
 
 def _once(rng: np.random.Generator, which: int) -> Told:
@@ -73,19 +73,19 @@ def _once(rng: np.random.Generator, which: int) -> Told:
     once = {"carried": Carried.ONE}
     if which == 0:
         waves = in_any_form(rng, "cyclic_friction", _joint(rng), STRONG)
-        return Kind.OUTSIDE, (waves.model_copy(update=once),), {}
+        return CaseKind.OUTSIDE, (waves.model_copy(update=once),), {}
     zero = in_any_form(rng, "encoder_offset", str(rng.choice(PLANAR_JOINTS[:2])), CLEAR)
     other = in_any_form(rng, str(rng.choice(IN_FORCE)), _joint(rng), CLEAR)
-    return Kind.PAIR, (other, zero.model_copy(update=once)), {}
+    return CaseKind.PAIR, (other, zero.model_copy(update=once)), {}
 
 
 def _spools(rng: np.random.Generator, which: int) -> Told:
     effect = str(rng.choice(IN_FORCE if which == 0 else IN_FLOW))
-    return Kind.SINGLE, (in_any_form(rng, effect, _joint(rng), CLEAR),), {"spools": True}
+    return CaseKind.SINGLE, (in_any_form(rng, effect, _joint(rng), CLEAR),), {"spools": True}
 
 
 def _nothing(rng: np.random.Generator, which: int) -> Told:
-    return Kind.NOTHING, (), {"spools": True}
+    return CaseKind.NOTHING, (), {"spools": True}
 
 
 def _joint(rng: np.random.Generator) -> str:

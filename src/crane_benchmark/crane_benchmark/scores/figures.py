@@ -10,9 +10,9 @@ from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 from matplotlib.ticker import FuncFormatter, LogLocator, NullFormatter, PercentFormatter
 
-from crane_benchmark.cases.case import Kind
+from crane_benchmark.cases.case import CaseKind
 from crane_benchmark.cases.case_sets import STRENGTHS
-from crane_benchmark.scores.judgement import OURS, Outcome
+from crane_benchmark.scores.judgement import OURS, Judgement
 from crane_benchmark.scores.summary import Row, identifiable, learnt, of_kind, power, share
 
 COLOURS = ("#1f5fa8", "#c4552d", "#3a8f5c", "#7a7a7a", "#8a5fa8")
@@ -66,9 +66,9 @@ def _power(rows: Sequence[Row]) -> Figure:
     figure = Figure(figsize=(7.2, 4.4), layout="constrained")
     axes = figure.add_subplot()
     methods = list(dict.fromkeys(name for row in rows for name in row["outcomes"]))
-    nothing, sees = of_kind(rows, Kind.NOTHING), learnt(rows)
+    nothing, sees = of_kind(rows, CaseKind.NOTHING), learnt(rows)
     curves = {
-        name: (power(rows, name), share(nothing, name, Outcome.FALSE_ALARM)) for name in methods
+        name: (power(rows, name), share(nothing, name, Judgement.FALSE_ALARM)) for name in methods
     }
     curves[LEARNER] = sees["power"], sees["false_alarms"]
     for number, (method, (curve, alarms)) in enumerate(curves.items()):
@@ -108,9 +108,9 @@ def _power(rows: Sequence[Row]) -> Figure:
 def _threshold(rows: Sequence[Row]) -> Figure | None:
     """How far the best score is above what noise gives, with nothing hidden and with something."""
     groups = (
-        ("nothing hidden", of_kind(rows, Kind.NOTHING)),
-        ("single effects", [row for row in of_kind(rows, Kind.SINGLE) if identifiable(row)]),
-        ("outside the catalogue", of_kind(rows, Kind.OUTSIDE)),
+        ("nothing hidden", of_kind(rows, CaseKind.NOTHING)),
+        ("single effects", [row for row in of_kind(rows, CaseKind.SINGLE) if identifiable(row)]),
+        ("outside the catalogue", of_kind(rows, CaseKind.OUTSIDE)),
     )
     figure = Figure(figsize=(7.2, 3.4), layout="constrained")
     left, right = figure.subplots(1, 2, sharey=True)
@@ -152,13 +152,13 @@ def _confusion(rows: Sequence[Row]) -> Figure:
     """What is hidden (rows) against the headline of the answer (columns), counts."""
 
     def truth(row: Row) -> str:
-        if row["kind"] == Kind.SINGLE:
+        if row["kind"] == CaseKind.SINGLE:
             return row["hidden"][0]["effect"]
         return f"({row['kind']})"
 
     table: dict[tuple[str, str], int] = {}
     for row in rows:
-        if row["kind"] != Kind.PAIR:
+        if row["kind"] != CaseKind.PAIR:
             place = truth(row), row["headlines"][OURS]
             table[place] = table.get(place, 0) + 1
     down = sorted({t for t, _ in table}, key=lambda name: (name.startswith("("), name))

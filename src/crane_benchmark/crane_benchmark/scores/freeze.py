@@ -31,7 +31,7 @@ would have been an alarm is then known for any threshold.
 """
 
 
-class Gate(NamedTuple):
+class GateStatistic(NamedTuple):
     """A gate of `Gates`, the statistic of an answer that is compared with it, and the least it may
     be: None is what the file holds now.
     """
@@ -43,12 +43,12 @@ class Gate(NamedTuple):
 
 GATES = (
     # Not lowered: few null cases hold an effect that is strong enough to pass the other gates.
-    Gate("score_factor", "score", None),
-    Gate("smallest_strength", "strength", None),
-    Gate("floor_factor", "floor", 2.5),  # few periods say little of scatter
-    Gate("pulsation_clearness", "pulsation", None),  # 72 other sets say more of it
-    Gate("smallest_flow_share", "flow", None),
-    Gate("unexplained_flow", "flow_left", 0.0),
+    GateStatistic("score_factor", "score", None),
+    GateStatistic("smallest_strength", "strength", None),
+    GateStatistic("floor_factor", "floor", 2.5),  # few periods say little of scatter
+    GateStatistic("pulsation_clearness", "pulsation", None),  # 72 other sets say more of it
+    GateStatistic("smallest_flow_share", "flow", None),
+    GateStatistic("unexplained_flow", "flow_left", 0.0),
 )
 assert {gate.threshold for gate in GATES} == set(Gates.model_fields)
 FEWEST = 30  # cases, below which a quantile this far out is not known

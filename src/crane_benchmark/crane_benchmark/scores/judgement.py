@@ -9,7 +9,7 @@ from dataclasses import dataclass
 from enum import StrEnum
 from typing import Any
 
-from crane_benchmark.cases.case import Kind
+from crane_benchmark.cases.case import CaseKind
 from crane_benchmark.cases.case_sets import TWINS
 from crane_model.terms import REGISTRY
 
@@ -21,7 +21,7 @@ AND_MORE = "named_and_more"  # right where its names are, though it does not say
 NAMING = {"named", AND_MORE, "class"}  # verdicts that name effects
 
 
-class Outcome(StrEnum):
+class Judgement(StrEnum):
     """How an answer compares with what is hidden."""
 
     RIGHT = "right"
@@ -36,21 +36,21 @@ class Outcome(StrEnum):
 
 
 @dataclass(frozen=True)
-class Answer:
+class BlindAnswer:
     """A verdict and its findings: the effect named first, then the other members of its class."""
 
     verdict: str
     findings: tuple[tuple[Place, ...], ...]
 
     @classmethod
-    def of_diagnosis(cls, content: dict[str, Any]) -> "Answer":
+    def of_diagnosis(cls, content: dict[str, Any]) -> "BlindAnswer":
         """What `findings.json` says."""
         findings = ((finding, *finding.get("class_members", ())) for finding in content["findings"])
         places = tuple(tuple((one["effect"], one["joint"]) for one in found) for found in findings)
         return cls(content["verdict"], places)
 
     @classmethod
-    def of_names(cls, names: Sequence[Sequence[str]]) -> "Answer":
+    def of_names(cls, names: Sequence[Sequence[str]]) -> "BlindAnswer":
         """Of a method that only names effects."""
         findings = tuple(((str(effect), str(joint)),) for effect, joint in names)
         return cls("named" if findings else "none", findings)
@@ -84,54 +84,58 @@ def _same(one: Place, other: Place) -> bool:
 
 
 def judge(
-    kind: Kind, hidden: Sequence[Place], answer: Answer, twin: Callable[[int, Place], bool]
-) -> Outcome:
+    kind: CaseKind, hidden: Sequence[Place], answer: BlindAnswer, twin: Callable[[int, Place], bool]
+) -> Judgement:
     """`twin(i, other)` says whether `other` explains the i-th hidden effect as well as its own law;
     a class counts as right where all its members do.
     """
     verdict = answer.verdict
     if verdict == "crash":
-        return Outcome.CRASH
-    if kind is Kind.NOTHING:
-        silent = {"none": Outcome.RIGHT, "insufficient_data": Outcome.REFUSED}
-        return silent.get(verdict, Outcome.FALSE_ALARM)
-    if kind is Kind.OUTSIDE and verdict == "unknown":
-        return Outcome.RIGHT
+        return Judgement.CRASH
+    if kind is CaseKind.NOTHING:
+        silent = {"none": Judgement.RIGHT, "insufficient_data": Judgement.REFUSED}
+        return silent.get(verdict, Judgement.FALSE_ALARM)
+    if kind is CaseKind.OUTSIDE and verdict == "unknown":
+        return Judgement.RIGHT
     if verdict == "insufficient_data":
-        return Outcome.RIGHT if kind in {Kind.CLASS, Kind.INSUFFICIENT} else Outcome.MISSED
+        return (
+            Judgement.RIGHT if kind in {CaseKind.CLASS, CaseKind.INSUFFICIENT} else Judgement.MISSED
+        )
     if verdict == "unknown":
-        return Outcome.NOT_NAMED
+        return Judgement.NOT_NAMED
     if verdict == "none":
-        return Outcome.MISSED
-    if kind is Kind.CLASS:
+        return Judgement.MISSED
+    if kind is CaseKind.CLASS:
         return _of_twins(answer)
     outcome = _named(hidden, answer, twin)
-    if kind is Kind.INSUFFICIENT and outcome is Outcome.TOO_WIDE:
-        return Outcome.RIGHT  # so little data does not tell the class apart
+    if kind is CaseKind.INSUFFICIENT and outcome is Judgement.TOO_WIDE:
+        return Judgement.RIGHT  # so little data does not tell the class apart
     return outcome
 
 
-def _of_twins(answer: Answer) -> Outcome:
+def _of_twins(answer: BlindAnswer) -> Judgement:
     known = {(effect, "telescope") for effect in TWINS}
     if len(answer.findings) != 1 or not set(answer.findings[0]) & known:
-        return Outcome.WRONG_NAME
+        return Judgement.WRONG_NAME
     found = set(answer.findings[0])
     if len(found & known) < 2:
-        return Outcome.WRONG_NAME  # picks one where nothing tells them apart
-    return Outcome.RIGHT if found <= known else Outcome.TOO_WIDE
+        return Judgement.WRONG_NAME  # picks one where nothing tells them apart
+    return Judgement.RIGHT if found <= known else Judgement.TOO_WIDE
 
 
-def _named(hidden: Sequence[Place], answer: Answer, twin: Callable[[int, Place], bool]) -> Outcome:
+def _named(
+    hidden: Sequence[Place], answer: BlindAnswer, twin: Callable[[int, Place], bool]
+) -> Judgement:
     """Two findings may be laws of one hidden effect that neither describes alone."""
     found: set[int] = set()
     wide = False
     for members in answer.findings:
         meant = [i for i, place in enumerate(hidden) if any(_same(place, one) for one in members)]
         if not meant:
-            return Outcome.WRONG_NAME
+            return Judgement.WRONG_NAME
         own = next((i for i in meant if i not in found), meant[0])
         found.add(own)
         wide |= not all(_same(one, hidden[own]) or twin(own, one) for one in members)
     if len(found) < len(hidden):
-        return Outcome.PARTLY
-    return Outcome.TOO_WIDE if wide else Outcome.RIGHT
+        return Judgement.PARTLY
+    return Judgement.TOO_WIDE if wide else Judgement.RIGHT

@@ -14,34 +14,34 @@ from rich.console import Console
 
 from crane_benchmark.folders import Folders, done, new, read_json, write_json
 from crane_benchmark.scores import figures, frozen
-from crane_benchmark.scores.judgement import OURS, Answer, Outcome, judge
+from crane_benchmark.scores.judgement import OURS, BlindAnswer, Judgement, judge
 from crane_benchmark.scores.printed import notes, tables
 from crane_benchmark.scores.summary import summary
-from crane_benchmark.scores.truth import Truth, load_truth
+from crane_benchmark.scores.truth import CaseTruth, load_truth
 from crane_benchmark.work import in_processes
 from crane_identification.diagnosis.loads import LOADS
 from crane_model.model_file import Model, load_model
 from crane_model.terms.gravity_and_load import Load
 
 WIDTH = 144  # of the tables; narrower, their columns break
-NAMED = (Outcome.RIGHT, Outcome.TOO_WIDE, Outcome.PARTLY)  # where effects are named
+NAMED = (Judgement.RIGHT, Judgement.TOO_WIDE, Judgement.PARTLY)  # where effects are named
 
 
 @dataclass(frozen=True)
-class Job:
+class ScoringJob:
     """A case that is answered."""
 
     name: str
     folders: Folders
 
 
-def score_case(job: Job) -> None:
+def score_case(job: ScoringJob) -> None:
     """One row of the results, written beside the others."""
     sealed, given = job.folders.sealed / job.name, job.folders.answers / job.name
     truth, model = load_truth(sealed), load_model(sealed / "model.yaml")
     content, others = read_json(given / "answer.json"), read_json(given / "baselines.json")
-    answers = {OURS: Answer.of_diagnosis(content)}
-    answers |= {name: Answer.of_names(names) for name, names in others.items()}
+    answers = {OURS: BlindAnswer.of_diagnosis(content)}
+    answers |= {name: BlindAnswer.of_names(names) for name, names in others.items()}
     twin = partial(truth.twin, model)
     outcomes = {
         name: judge(truth.case.kind, truth.places, answer, twin) for name, answer in answers.items()
@@ -75,7 +75,7 @@ def score_case(job: Job) -> None:
         write_json(out / "row.json", row)
 
 
-def _closed(truth: Truth, model: Model, given: Path, content: dict[str, Any]) -> float | None:
+def _closed(truth: CaseTruth, model: Model, given: Path, content: dict[str, Any]) -> float | None:
     carried = {int(Path(one["recording"]).name): one["value"] for one in content["gap"]["loads"]}
     value = truth.closed(model, carrying(load_model(given / "model.yaml"), carried))
     return value if math.isfinite(value) else None
@@ -113,7 +113,7 @@ def main(argv: Sequence[str] | None = None) -> int:
     arguments = parser.parse_args(argv)
     folders = Folders(arguments.folder, arguments.round)
     answered = sorted(done(folders.answers) & done(folders.sealed))
-    waiting = [Job(name, folders) for name in answered if name not in done(folders.rows)]
+    waiting = [ScoringJob(name, folders) for name in answered if name not in done(folders.rows)]
     if waiting:
         in_processes(score_case, waiting, arguments.workers, "scores")
     scored = [read_json(folders.rows / name / "row.json") for name in sorted(done(folders.rows))]

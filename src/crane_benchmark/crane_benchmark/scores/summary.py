@@ -4,13 +4,13 @@ from collections import Counter
 from collections.abc import Callable, Sequence
 from typing import Any
 
-from crane_benchmark.cases.case import Kind
+from crane_benchmark.cases.case import CaseKind
 from crane_benchmark.cases.case_sets import PAIR, STRENGTHS
-from crane_benchmark.scores.judgement import AND_MORE, OURS, Outcome
+from crane_benchmark.scores.judgement import AND_MORE, OURS, Judgement
 from crane_benchmark.scores.rates import median, rate
 from crane_identification.diagnosis.thresholds import load_thresholds
 
-VISIBLE = 0.05  # share of an effect that recordings can show, below which they do not
+VISIBLE_SHARE = 0.05  # share of an effect that recordings can show, below which they do not
 
 Row = dict[str, Any]
 
@@ -34,7 +34,7 @@ def summary(rows: Sequence[Row]) -> dict[str, Any]:
         "parameter_error": median([e for row in ours for e in row["parameter_errors"]]),
         "seconds": median([row["seconds"] for row in ours if row["seconds"]]),
         "stories": _told(ours),
-        "not_identifiable": sum(not identifiable(row) for row in of_kind(rows, Kind.SINGLE)),
+        "not_identifiable": sum(not identifiable(row) for row in of_kind(rows, CaseKind.SINGLE)),
     }
 
 
@@ -46,19 +46,19 @@ def learnt(rows: Sequence[Row]) -> dict[str, Any]:
         return rate([bool(r["statistics"]) and r["statistics"]["learner"] > least for r in some])
 
     return {
-        "false_alarms": sees(of_kind(rows, Kind.NOTHING)),
-        "outside": sees(of_kind(rows, Kind.OUTSIDE)),
+        "false_alarms": sees(of_kind(rows, CaseKind.NOTHING)),
+        "outside": sees(of_kind(rows, CaseKind.OUTSIDE)),
         "power": {s: sees(of) for s, of in by_strength(rows).items()},
     }
 
 
 def by_strength(rows: Sequence[Row]) -> dict[float, list[Row]]:
     """Cases of single effects that can be identified, by the strength that was asked for."""
-    seen = [row for row in of_kind(rows, Kind.SINGLE) if identifiable(row)]
+    seen = [row for row in of_kind(rows, CaseKind.SINGLE) if identifiable(row)]
     return {s: [row for row in seen if row["hidden"][0]["strength"] == s] for s in STRENGTHS}
 
 
-def of_kind(rows: Sequence[Row], kind: Kind) -> list[Row]:
+def of_kind(rows: Sequence[Row], kind: CaseKind) -> list[Row]:
     """The rows of one kind of case."""
     return [row for row in rows if row["kind"] == kind]
 
@@ -66,20 +66,20 @@ def of_kind(rows: Sequence[Row], kind: Kind) -> list[Row]:
 def identifiable(row: Row) -> bool:
     """Whether the clean recordings show every effect of the case, by its visibility."""
     shown = [one["visibility"] for one in row["hidden"]]
-    return all(part is None or part >= VISIBLE for part in shown)
+    return all(part is None or part >= VISIBLE_SHARE for part in shown)
 
 
 def share(
-    rows: Sequence[Row], method: str, wanted: Callable[[Outcome], bool] | Outcome
+    rows: Sequence[Row], method: str, wanted: Callable[[Judgement], bool] | Judgement
 ) -> dict[str, Any]:
     """How often the outcome of a method is the wanted one."""
-    outcomes = [Outcome(row["outcomes"][method]) for row in rows if method in row["outcomes"]]
+    outcomes = [Judgement(row["outcomes"][method]) for row in rows if method in row["outcomes"]]
     return rate([wanted(o) if callable(wanted) else o is wanted for o in outcomes])
 
 
 def power(rows: Sequence[Row], method: str) -> dict[float, dict[str, Any]]:
     """Share of right answers to single effects that can be identified, by strength."""
-    return {s: share(of, method, Outcome.RIGHT) for s, of in by_strength(rows).items()}
+    return {s: share(of, method, Judgement.RIGHT) for s, of in by_strength(rows).items()}
 
 
 def _told(rows: Sequence[Row]) -> dict[str, dict[str, int]]:
@@ -92,19 +92,21 @@ def _told(rows: Sequence[Row]) -> dict[str, dict[str, int]]:
 
 
 def _of_method(rows: Sequence[Row], method: str) -> dict[str, Any]:
-    singles = of_kind(rows, Kind.SINGLE)
+    singles = of_kind(rows, CaseKind.SINGLE)
     seen = [row for row in singles if identifiable(row)]
 
     def at(strength: float) -> list[Row]:
         return [row for row in seen if row["hidden"][0]["strength"] >= strength]
 
-    nothing = of_kind(rows, Kind.NOTHING)
-    pairs = [row for row in of_kind(rows, Kind.PAIR) if identifiable(row)]
+    nothing = of_kind(rows, CaseKind.NOTHING)
+    pairs = [row for row in of_kind(rows, CaseKind.PAIR) if identifiable(row)]
     return {
-        "false_alarms": share(nothing, method, Outcome.FALSE_ALARM),
-        "right_from_2_percent": share(at(0.02), method, Outcome.RIGHT),
+        "false_alarms": share(nothing, method, Judgement.FALSE_ALARM),
+        "right_from_2_percent": share(at(0.02), method, Judgement.RIGHT),
         "right_from_2_percent_all": share(
-            [row for row in singles if row["hidden"][0]["strength"] >= 0.02], method, Outcome.RIGHT
+            [row for row in singles if row["hidden"][0]["strength"] >= 0.02],
+            method,
+            Judgement.RIGHT,
         ),
         "hedged": rate(
             [
@@ -112,19 +114,19 @@ def _of_method(rows: Sequence[Row], method: str) -> dict[str, Any]:
                 for row in singles
                 if method in row["outcomes"]
                 and row["hidden"][0]["strength"] >= 0.02
-                and row["outcomes"][method] == Outcome.RIGHT
+                and row["outcomes"][method] == Judgement.RIGHT
             ]
         ),
         "right_at_1_percent": share(
-            [row for row in seen if row["hidden"][0]["strength"] == 0.01], method, Outcome.RIGHT
+            [row for row in seen if row["hidden"][0]["strength"] == 0.01], method, Judgement.RIGHT
         ),
         "power": {f"{s:g}": value for s, value in power(rows, method).items()},
-        f"pairs_at_{PAIR:.0%}".replace("%", "_percent"): share(pairs, method, Outcome.RIGHT),
-        "one_of_two": share(pairs, method, Outcome.PARTLY),
-        "unknown_recognised": share(of_kind(rows, Kind.OUTSIDE), method, Outcome.RIGHT),
-        "twins": share(of_kind(rows, Kind.CLASS), method, Outcome.RIGHT),
-        "too_little_data": share(of_kind(rows, Kind.INSUFFICIENT), method, Outcome.RIGHT),
-        "wrong_names": share(rows, method, Outcome.WRONG_NAME),
-        "too_wide": share(rows, method, Outcome.TOO_WIDE),
-        "crashes": share(rows, method, Outcome.CRASH),
+        f"pairs_at_{PAIR:.0%}".replace("%", "_percent"): share(pairs, method, Judgement.RIGHT),
+        "one_of_two": share(pairs, method, Judgement.PARTLY),
+        "unknown_recognised": share(of_kind(rows, CaseKind.OUTSIDE), method, Judgement.RIGHT),
+        "twins": share(of_kind(rows, CaseKind.CLASS), method, Judgement.RIGHT),
+        "too_little_data": share(of_kind(rows, CaseKind.INSUFFICIENT), method, Judgement.RIGHT),
+        "wrong_names": share(rows, method, Judgement.WRONG_NAME),
+        "too_wide": share(rows, method, Judgement.TOO_WIDE),
+        "crashes": share(rows, method, Judgement.CRASH),
     }

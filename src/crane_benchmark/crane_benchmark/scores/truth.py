@@ -19,7 +19,7 @@ from crane_model.model_file import Model
 from crane_model.terms import REGISTRY
 from crane_sim.parts.parameters import StandIn
 
-AS_WELL = 0.01  # of the energy of what is hidden: another law that explains it so nearly is a twin
+TWIN_TOLERANCE = 0.01  # of the energy of what is hidden: a law that explains it so nearly is a twin
 
 COMPARABLE = {
     "chamber_gain": ("gain_B", ("gain",)),
@@ -38,7 +38,7 @@ one, and to its names there. Where the laws differ in form, their parameters do 
 
 
 @dataclass(frozen=True)
-class Truth:
+class CaseTruth:
     """A case, its machine, its labels (one a recording), and its recordings without noise."""
 
     case: Case
@@ -114,7 +114,7 @@ class Truth:
         if not hidden.any():
             return False  # acts on flows
         own = _explained(base, hidden, self.places[number])
-        return _explained(base, hidden, other) >= own - AS_WELL
+        return _explained(base, hidden, other) >= own - TWIN_TOLERANCE
 
     def gap(self, model: Model) -> np.ndarray:
         """(j,) error of the model, fitted to clean recordings, on those to validate on, over the
@@ -190,12 +190,12 @@ def _error(seen: Seen, model: Model, theta: np.ndarray) -> np.ndarray:
     return seen.rms(force - model.regressor(seen.record) @ theta) / seen.rms(force)
 
 
-def load_truth(folder: Path) -> Truth:
+def load_truth(folder: Path) -> CaseTruth:
     """Open what is sealed."""
     case = Case.model_validate(read_json(folder / "case.json"))
     train, validate = (_part(folder, case, part) for part in ("train", "validate"))
     stand_in = StandIn.model_validate(read_json(folder / "stand_in.json"))
-    return Truth(case, stand_in, (*train[0], *validate[0]), train[1], validate[1])
+    return CaseTruth(case, stand_in, (*train[0], *validate[0]), train[1], validate[1])
 
 
 def _part(folder: Path, case: Case, part: str) -> tuple[list[dict[str, Any]], Seen]:

@@ -22,7 +22,7 @@ class StudyError(Exception):
 
 
 @dataclass(frozen=True)
-class Experiment:
+class StudyPlan:
     """Trajectories of `period` s with `harmonics`, each the best of `starts` searches, recorded
     for so many `periods`.
     """
@@ -68,7 +68,7 @@ def run(package: str, executable: str, *arguments: object) -> str:
     return done.stdout
 
 
-def design(campaign: Campaign, experiment: Experiment) -> None:
+def design(campaign: Campaign, experiment: StudyPlan) -> None:
     """Each trajectory for the information that the earlier ones lack."""
     with _new(campaign.designs) as out:
         if out is not None:
@@ -80,7 +80,7 @@ def design(campaign: Campaign, experiment: Experiment) -> None:
             )
 
 
-def record(campaigns: Sequence[Campaign], experiment: Experiment, advance: Advance) -> None:
+def record(campaigns: Sequence[Campaign], experiment: StudyPlan, advance: Advance) -> None:
     """A bag of each trajectory with the stand-in machine, on all cores; `advance` after each."""
     with ThreadPoolExecutor(os.cpu_count() or 1) as pool:
         futures = [

@@ -20,7 +20,7 @@ from rich.console import Console
 from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn, TimeElapsedColumn
 
 from crane_benchmark.study.outcome import errors_table, parameter_table
-from crane_benchmark.study.recordings import Campaign, Experiment, StudyError, design, record, run
+from crane_benchmark.study.recordings import Campaign, StudyError, StudyPlan, design, record, run
 from crane_identification.report import terminal
 from crane_model.cli import command_line
 from crane_model.configuration import load, packaged
@@ -56,7 +56,7 @@ def _cpu() -> float:
 def study(arguments: argparse.Namespace, console: Console) -> None:
     """All of it; `StudyError` if one of the executables fails."""
     out: Path = arguments.out
-    experiment = Experiment(
+    experiment = StudyPlan(
         arguments.period, arguments.harmonics, arguments.starts, arguments.periods
     )
     training, validation = (

@@ -106,7 +106,7 @@ def schedule(path: Path, reader: Reader, selection: Selection) -> Iterator[Due]:
         yield Due(log_time, connection.topic, bytes(data))
 
 
-class Pace:
+class PlaybackPace:
     """Where the time of the bag stands on the steady clock; both in ns.
 
     `rate` seconds of the bag pass in one second.

@@ -8,6 +8,7 @@ from pathlib import Path
 import numpy as np
 from rosbags.rosbag2 import Reader
 
+from crane_bags.clocks import NANOSECONDS
 from crane_bags.storage import open_bag
 from crane_model.arguments import above
 from crane_model.cli import command_line, run
@@ -16,7 +17,6 @@ from crane_nodes.command_line import own_arguments
 from crane_nodes.context import ros
 from crane_nodes.recording.playback import Selection, schedule, select
 from crane_nodes.recording.player_node import Player
-from crane_nodes.recording.ros import NANOSECONDS
 
 SECONDS = "{desc}: {n:.1f} of {total:.1f} s" + BAR
 

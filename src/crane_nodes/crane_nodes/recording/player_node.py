@@ -12,20 +12,21 @@ from rclpy.publisher import Publisher
 from rclpy.qos import QoSProfile
 from rosgraph_msgs.msg import Clock
 
+from crane_bags.clocks import NANOSECONDS
 from crane_model.errors import DataError
 from crane_nodes.context import Stop
 from crane_nodes.names import full_name
 from crane_nodes.publishers import publishers
 from crane_nodes.ready import say_ready
 from crane_nodes.recording.definitions import message_class
-from crane_nodes.recording.playback import CLOCK, Due, Pace, PlayedTopic
-from crane_nodes.recording.ros import NANOSECONDS, profile
+from crane_nodes.recording.playback import CLOCK, Due, PlaybackPace, PlayedTopic
+from crane_nodes.recording.ros import profile
 
-TICK = 10_000_000  # ns between two messages on /clock
-LOOK = NANOSECONDS  # ns between two looks for other publishers
+TICK_PERIOD_NS = 10_000_000  # ns between two messages on /clock
+LOOK_PERIOD_NS = NANOSECONDS  # ns between two looks for other publishers
 UNKNOWN = "_NODE_NAMESPACE_UNKNOWN_/_NODE_NAME_UNKNOWN_"  # until rmw has been told the name
-UNNAMED = 5  # looks, after which a publisher is pointed out without a name
-LAST_MESSAGES = 10.0  # s that subscribers have to acknowledge what was sent last
+UNNAMED_LOOKS = 5  # looks, after which a publisher is pointed out without a name
+LAST_MESSAGES_TIMEOUT_S = 10.0  # that subscribers have to acknowledge what was sent last
 HISTORY = 5000  # messages, 25 s at 200 Hz, kept for subscribers that fall behind or are just found
 
 
@@ -85,9 +86,9 @@ class Player(Node):
 
         After each one `played` is called with its time in the bag and its delay, both in ns.
         """
-        pace: Pace | None = None
+        pace: PlaybackPace | None = None
         for message in messages:
-            pace = pace or Pace(message.time, time.monotonic_ns(), rate)
+            pace = pace or PlaybackPace(message.time, time.monotonic_ns(), rate)
             due = pace.steady(message.time)
             self._pass_time(pace, due)
             if self._stop.requested:
@@ -97,21 +98,21 @@ class Player(Node):
 
     def finish(self) -> None:
         """Wait, not for long, until subscribers have what was sent last."""
-        until = time.monotonic() + LAST_MESSAGES
+        until = time.monotonic() + LAST_MESSAGES_TIMEOUT_S
         for publisher in self._publishers_of.values():
             left = max(0.0, until - time.monotonic())
             publisher.wait_for_all_acked(Duration(seconds=left))
 
-    def _pass_time(self, pace: Pace, until: int) -> None:
+    def _pass_time(self, pace: PlaybackPace, until: int) -> None:
         """Publish the time, and answer requests to the node, until a moment of the steady clock."""
         while True:
             now = time.monotonic_ns()
             if now >= self._next_tick:
-                self._next_tick = now + TICK
+                self._next_tick = now + TICK_PERIOD_NS
                 self._tick(pace.bag(now))
                 self._worker.spin_once(timeout_sec=0.0)
                 if now >= self._next_look:
-                    self._next_look = now + LOOK
+                    self._next_look = now + LOOK_PERIOD_NS
                     self._look_for_others()
             elif now >= until or self._stop.requested:
                 return
@@ -129,7 +130,7 @@ class Player(Node):
             name = publisher.topic_name
             if name not in self._contested and self.count_publishers(name) > 1:
                 nodes = set(publishers(self, name))
-                if UNKNOWN in nodes and self._unnamed[name] < UNNAMED:
+                if UNKNOWN in nodes and self._unnamed[name] < UNNAMED_LOOKS:
                     self._unnamed[name] += 1  # its name follows, as a rule
                     continue
                 self._contested.add(name)

@@ -25,9 +25,9 @@ from crane_nodes.recording.ros import offered, profile
 from crane_nodes.recording.silence import Rhythm, Silence, Span
 from crane_nodes.recording.statistics import Arrivals, shown
 
-VISIT = 0.05  # s between two visits to the queues of the subscriptions
-FLUSH = 0.5  # s; what is younger is lost when the process is killed
-REPORT = 1.0  # s
+VISIT_PERIOD_S = 0.05  # between two visits to the queues of the subscriptions
+FLUSH_PERIOD_S = 0.5  # what is younger is lost when the process is killed
+REPORT_PERIOD_S = 1.0
 NAMELESS = "_NODE_NAME_UNKNOWN_"  # what ROS calls a node of which it has only seen a publisher
 
 
@@ -65,9 +65,9 @@ class Recorder(Node):
         self._diagnostics = self.create_publisher(DiagnosticArray, "/diagnostics", 10)
         steady = Clock(clock_type=ClockType.STEADY_TIME)
         for period, work in (
-            (VISIT, self.visit),
-            (FLUSH, bag.flush),
-            (REPORT, self._report),
+            (VISIT_PERIOD_S, self.visit),
+            (FLUSH_PERIOD_S, bag.flush),
+            (REPORT_PERIOD_S, self._report),
         ):
             self.create_timer(period, work, clock=steady)
         say_ready(self)

@@ -10,9 +10,8 @@ from rosbags.interfaces import (
     QosTime,
 )
 
+from crane_bags.clocks import NANOSECONDS
 from crane_nodes.recording.qos import Service
-
-NANOSECONDS = 1_000_000_000
 
 
 def profile(service: Service) -> QoSProfile:

@@ -1,18 +1,18 @@
 """When a topic that has a publisher is silent: by its kind, or by its rhythm so far.
 
-A continuous topic of the suite is silent after `SHORTEST` without a message, be it that none came
-yet. Of a topic that the suite does not know the rhythm has to be seen first: it is silent after
-`LONGER` times its longest pause, once it has come for `SEEN` and for `REGULAR` times that pause.
-Latched topics, and those of the suite that pause, are silent as they please.
+A continuous topic of the suite is silent after `SHORTEST_SILENCE_S` without a message, be it that
+none came yet. Of a topic that the suite does not know the rhythm has to be seen first: it is silent
+after `SILENCE_PAUSES` times its longest pause, once it has come for `SEEN_S` and for `SEEN_PAUSES`
+times that pause. Latched topics, and those of the suite that pause, are silent as they please.
 """
 
 from dataclasses import dataclass
 from enum import Enum, auto
 
-SHORTEST = 3.0  # s
-LONGER = 5.0  # times
-SEEN = 10.0  # s
-REGULAR = 10.0  # times
+SHORTEST_SILENCE_S = 3.0
+SILENCE_PAUSES = 5.0  # times
+SEEN_S = 10.0
+SEEN_PAUSES = 10.0  # times
 
 
 class Rhythm(Enum):
@@ -80,11 +80,11 @@ class Silence:
     def _longest(self) -> float:
         """How long it may pause [s]."""
         if self._rhythm is Rhythm.CONTINUOUS:
-            return SHORTEST
+            return SHORTEST_SILENCE_S
         if self._rhythm is Rhythm.UNKNOWN and self._first is not None:
             seen = self._last - self._first
-            if seen >= SEEN and seen >= REGULAR * self._pause:
-                return max(SHORTEST, LONGER * self._pause)
+            if seen >= SEEN_S and seen >= SEEN_PAUSES * self._pause:
+                return max(SHORTEST_SILENCE_S, SILENCE_PAUSES * self._pause)
         return float("inf")
 
     def _end(self, now: float) -> None:

@@ -1,37 +1,18 @@
 """Everything that the stand-in machine hides from the identification, from one YAML file."""
 
 from pathlib import Path
-from typing import Annotated, Any, Generic, Self, TypeVar
+from typing import Annotated, Any, Self
 
 import numpy as np
 import yaml
 from pydantic import Field, model_validator
 
-from crane_model.configuration import Schema, packaged, read_yaml, validate
+from crane_model.configuration import NonNegative, Positive, Schema, packaged, read_yaml, validate
 from crane_model.errors import ConfigurationError
-from crane_model.machine import JOINTS
+from crane_model.machine import JOINTS, PerJoint
 from crane_model.sensors import SensorChain
 
-Positive = Annotated[float, Field(gt=0)]
-NonNegative = Annotated[float, Field(ge=0)]
 Fraction = Annotated[float, Field(ge=0, lt=1)]
-Entry = TypeVar("Entry", bound=Schema | float)
-
-
-class PerJoint(Schema, Generic[Entry]):
-    """One entry a joint."""
-
-    slew: Entry
-    inner_boom: Entry
-    outer_boom: Entry
-    telescope: Entry
-
-    def __getitem__(self, joint: str) -> Entry:
-        return getattr(self, joint)
-
-    def array(self, key: str) -> np.ndarray:
-        """(4,) the value `key` of every entry, in the order of JOINTS."""
-        return np.array([getattr(self[joint], key) for joint in JOINTS], dtype=float)
 
 
 class Body(Schema):

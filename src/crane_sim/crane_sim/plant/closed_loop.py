@@ -15,7 +15,7 @@ from crane_trajectory.motion.motion import Reference
 
 REST = 1.0  # s, recorded at rest before and after the motion
 
-Progress = Callable[[Iterable[int]], Iterable[int]]
+Steps = Callable[[Iterable[int]], Iterable[int]]
 
 
 class Course(Protocol):
@@ -68,7 +68,7 @@ class SimulatedRecording:
 
 
 def record(
-    motion: Course, plant: Plant, sensors: Sensors, gains: Gains, progress: Progress = iter
+    motion: Course, plant: Plant, sensors: Sensors, gains: Gains, progress: Steps = iter
 ) -> SimulatedRecording:
     """Lead the plant, which rests where the motion starts, through the motion and to rest again.
 

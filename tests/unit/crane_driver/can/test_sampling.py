@@ -5,7 +5,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from crane_driver.can.sampling import LEARNT, PATIENCE, SamplingClock
+from crane_driver.can.sampling import LEARNT, PROMPT_TIMEOUT_S, SamplingClock
 
 CYCLE = 0.005  # s
 BEGIN = 100.0  # s
@@ -61,7 +61,7 @@ def test_a_device_that_was_held_up_is_followed_anew() -> None:
     clock = SamplingClock(CYCLE)
     told(clock, receptions(before, 5))
     late = told(clock, receptions(after, 6), 3000)
-    known = after > after[0] + PATIENCE + 2 * LEARNT
+    known = after > after[0] + PROMPT_TIMEOUT_S + 2 * LEARNT
     assert np.abs((late - after)[known]).max() < 2e-4
 
 

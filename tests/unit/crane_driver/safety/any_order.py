@@ -7,7 +7,7 @@ from collections import Counter
 from unit.crane_driver.safety.supervised import CAN_FAULT, CYCLE, MACHINE, NEUTRAL, SAFETY, Bench
 
 from crane_driver.faults import Fault, FaultKind
-from crane_driver.safety.states import State
+from crane_driver.safety.states import SafetyState
 from crane_driver.safety.supervisor import RefusedError
 
 WAITS = (0.005, 0.05, 0.3)  # s
@@ -39,7 +39,7 @@ class Happening:
         self.before = 0.0
         self.last_good = -math.inf
         self.events = 0  # calls of the supervisor
-        self.cycles: Counter[State] = Counter()
+        self.cycles: Counter[SafetyState] = Counter()
         self.moving = 0  # cycles with an open valve
         self.bench.run(0.3)
 
@@ -118,7 +118,7 @@ class Happening:
     def check(self) -> None:
         """Latched faults forbid motion."""
         if self.bench.it.faults:
-            assert self.bench.it.state not in (State.ENABLED, State.DISABLED)
+            assert self.bench.it.state not in (SafetyState.ENABLED, SafetyState.DISABLED)
 
     def _cycle(self) -> None:
         self.events += 1
@@ -126,7 +126,7 @@ class Happening:
         value, state = output.commands["slew"], self.bench.it.state
         self.cycles[state] += 1
         self.moving += value != 0.0
-        if state is not State.ENABLED:
+        if state is not SafetyState.ENABLED:
             assert abs(value) <= max(0.0, abs(self.before) - CYCLE / SAFETY.ramp_time) + 1e-9
             assert output.enabled == (value != 0.0)
         going_on = abs(self.before) if value * self.before > 0.0 else 0.0
@@ -134,7 +134,7 @@ class Happening:
         assert abs(value) <= opened + 1e-9
         if self.bench.now - self.last_good > SAFETY.command_timeout + CYCLE:
             assert abs(value) <= abs(self.before)
-        if state in (State.ESTOP, State.OFFLINE):
+        if state in (SafetyState.ESTOP, SafetyState.OFFLINE):
             assert output == NEUTRAL
         self.before = value
         self.bench.it.news.clear()

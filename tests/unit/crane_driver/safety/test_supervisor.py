@@ -17,7 +17,7 @@ from unit.crane_driver.safety.supervised import (
 
 from crane_driver.faults import Fault, FaultKind
 from crane_driver.safety.news import Level, News
-from crane_driver.safety.states import TRANSITIONS, Event, State
+from crane_driver.safety.states import TRANSITIONS, Event, SafetyState
 from crane_driver.safety.supervisor import Output, RefusedError, check_valves
 from crane_model.errors import ConfigurationError
 from crane_model.machine import JOINTS
@@ -48,15 +48,15 @@ def test_a_valve_that_is_enabled_anew_opens_from_neutral() -> None:
 def test_it_is_offline_until_the_readings_are_complete() -> None:
     one = Bench()
     one.it.ready(False, one.now + 10.0)
-    assert one.it.state is State.OFFLINE
+    assert one.it.state is SafetyState.OFFLINE
     with pytest.raises(RefusedError, match="state is offline; not all messages"):
         one.it.enable(one.now)
     one.it.readings(MIDDLE, {**STILL, "telescope": math.nan})
     one.run(1.0)
-    assert one.it.state is State.OFFLINE
+    assert one.it.state is SafetyState.OFFLINE
     one.it.readings(MIDDLE, STILL)
     one.run(CYCLE)
-    assert one.it.state is State.DISABLED
+    assert one.it.state is SafetyState.DISABLED
 
 
 def test_commands_pass_only_while_enabled() -> None:
@@ -86,7 +86,7 @@ def test_the_first_command_after_enable_must_be_neutral() -> None:
     with pytest.raises(RefusedError, match=r"first command is slew 0\.5; begin with a neutral one"):
         one.command(slew=0.5)
     assert one.run(0.3)[-1].commands == STILL
-    assert one.it.state is State.ENABLED
+    assert one.it.state is SafetyState.ENABLED
 
 
 def test_an_old_command_ramps_to_neutral_and_latches() -> None:
@@ -94,7 +94,7 @@ def test_an_old_command_ramps_to_neutral_and_latches() -> None:
     outputs = one.run(SAFETY.command_timeout - CYCLE)
     assert all(output.commands["slew"] == 1.0 for output in outputs)
     fell(one.run(SAFETY.ramp_time + 4 * CYCLE)[2:])
-    assert one.it.state is State.FAULT
+    assert one.it.state is SafetyState.FAULT
     (fault,) = one.it.faults.values()
     text = str(fault.fault)
     assert text.startswith("command timeout: last command 10")
@@ -110,7 +110,7 @@ def test_a_command_that_comes_too_late_does_not_hide_that_none_came(late: float)
     with suppress(RefusedError):
         one.command(slew=late)
     outputs = one.run(SAFETY.ramp_time + 2 * CYCLE)
-    assert one.it.state is State.FAULT
+    assert one.it.state is SafetyState.FAULT
     assert "command timeout" in one.it.faults
     fell(outputs)
 
@@ -148,7 +148,7 @@ def test_a_wrong_command_is_refused_as_a_whole_and_named(
         one.run(CYCLE)
         with pytest.raises(RefusedError):
             one.it.command(names, values, one.now)
-    assert one.it.state is State.FAULT  # but does not become younger
+    assert one.it.state is SafetyState.FAULT  # but does not become younger
     assert "command timeout" in one.it.faults
 
 
@@ -158,7 +158,7 @@ def test_two_publishers_are_refused_and_stop_the_crane() -> None:
     with pytest.raises(RefusedError, match="2 publishers command the valves, one may"):
         one.command(slew=1.0)
     fell(one.run(SAFETY.ramp_time + 2 * CYCLE))
-    assert one.it.state is State.FAULT
+    assert one.it.state is SafetyState.FAULT
     assert "several publishers" in one.it.faults
     one.it.reset(one.now)
     one.run(0.5)
@@ -177,7 +177,7 @@ def test_every_fault_of_the_bus_ramps_to_neutral_and_latches(kind: FaultKind) ->
     (latched,) = one.it.faults.values()
     assert (latched.fault, latched.count) == (fault, 2)
     assert one.run(5.0, {"slew": 0.0})[-1] == NEUTRAL
-    assert one.it.state is State.FAULT  # though all is well again
+    assert one.it.state is SafetyState.FAULT  # though all is well again
 
 
 def test_a_joint_without_a_known_velocity_stops_the_crane() -> None:
@@ -193,7 +193,7 @@ def test_disable_ramps_to_neutral() -> None:
     with pytest.raises(RefusedError, match="valves are not neutral yet"):
         one.it.enable(one.now)
     fell(one.run(SAFETY.ramp_time + 2 * CYCLE, {"slew": 1.0}))
-    assert one.it.state is State.DISABLED
+    assert one.it.state is SafetyState.DISABLED
     one.it.disable()  # a second time
 
 
@@ -201,12 +201,12 @@ def test_emergency_stop_is_neutral_at_once_from_every_state() -> None:
     for one in (Bench(), Bench().enabled(), Bench().moving()):
         one.it.emergency_stop()
         assert one.run(CYCLE, {"slew": 1.0})[-1] == NEUTRAL
-        assert one.it.state is State.ESTOP
+        assert one.it.state is SafetyState.ESTOP
         with pytest.raises(RefusedError, match="state is emergency stop"):
             one.it.enable(one.now)
         one.it.reset(one.now)
         one.run(0.5)
-        assert one.it.state is State.DISABLED
+        assert one.it.state is SafetyState.DISABLED
 
 
 def test_reset_waits_for_the_ramp_and_does_not_enable() -> None:
@@ -218,7 +218,7 @@ def test_reset_waits_for_the_ramp_and_does_not_enable() -> None:
     one.run(SAFETY.ramp_time)
     one.it.reset(one.now)
     assert one.run(1.0, {"slew": 1.0})[-1] == NEUTRAL
-    assert one.it.state is State.DISABLED
+    assert one.it.state is SafetyState.DISABLED
     assert not one.it.faults
 
 
@@ -229,7 +229,7 @@ def test_faults_that_go_on_keep_the_crane_offline_after_reset() -> None:
     for _ in range(100):
         one.it.can_faults([CAN_FAULT], one.now)
         one.run(CYCLE)
-    assert one.it.state is State.OFFLINE
+    assert one.it.state is SafetyState.OFFLINE
 
 
 def test_state_changes_and_faults_are_told_once() -> None:
@@ -283,9 +283,9 @@ def test_a_foreign_command_is_told_whatever_else_is_wrong() -> None:
 
 def test_only_enable_leads_to_enabled_and_only_reset_out_of_a_latched_state() -> None:
     for (before, event), after in TRANSITIONS.items():
-        assert (after is State.ENABLED) == (event is Event.ENABLE)
-        if before in (State.FAULT, State.ESTOP) and after is not State.ESTOP:
-            assert (event, after) == (Event.RESET, State.OFFLINE)
+        assert (after is SafetyState.ENABLED) == (event is Event.ENABLE)
+        if before in (SafetyState.FAULT, SafetyState.ESTOP) and after is not SafetyState.ESTOP:
+            assert (event, after) == (Event.RESET, SafetyState.OFFLINE)
 
 
 def test_a_valve_without_a_position_is_refused() -> None:

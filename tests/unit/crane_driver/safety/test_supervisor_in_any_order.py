@@ -16,7 +16,7 @@ from unit.crane_driver.safety.any_order import (
     Happening,
 )
 
-from crane_driver.safety.states import State
+from crane_driver.safety.states import SafetyState
 
 
 class AnyOrder(RuleBasedStateMachine):
@@ -68,5 +68,5 @@ def test_random_events_move_the_valves_too() -> None:
     happening, rng = Happening(), random.Random(1)
     while happening.events < 20_000:
         happening.anything(rng)
-    assert happening.cycles.keys() == set(State)
+    assert happening.cycles.keys() == set(SafetyState)
     assert happening.moving > 100

@@ -6,10 +6,10 @@ from sensor_msgs.msg import FluidPressure, JointState
 from std_msgs.msg import Float64MultiArray
 from unit.crane_identification.online.online_crane import START, crane, record_log
 
+from crane_bags.clocks import NANOSECONDS
 from crane_identification.data.column_map import ColumnMap
 from crane_identification.online.estimator import OnlineEstimator
 from crane_identification.online.mapped_topics import mapped_listeners
-from crane_identification.online.smoother import NANOSECONDS
 from crane_identification.online.topics import Listener
 from crane_model.errors import CraneError
 from crane_model.machine import PLANAR_JOINTS

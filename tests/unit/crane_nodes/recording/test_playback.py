@@ -21,7 +21,7 @@ from crane_model.errors import DataError
 from crane_nodes.recording.bag import RecordedBag
 from crane_nodes.recording.definitions import installed_definition
 from crane_nodes.recording.metadata import RecordedTopic
-from crane_nodes.recording.playback import Pace, Selection, schedule, select
+from crane_nodes.recording.playback import PlaybackPace, Selection, schedule, select
 
 CLOCK = Topic("/clock", "rosgraph_msgs/msg/Clock")
 TOPICS = (JOINT_STATES, VALVE_COMMAND, ROBOT_DESCRIPTION, CLOCK)
@@ -144,7 +144,7 @@ def test_files_of_a_split_bag_do_not_add_publishers(tmp_path: Path) -> None:
 )
 def test_pace(start: int, now: int, rate: float, later: int) -> None:
     """A bag time is due when the clock has run for its share; both ways agree to 1 us."""
-    pace = Pace(start, now, rate)
+    pace = PlaybackPace(start, now, rate)
     assert pace.steady(start) == now
     assert pace.steady(start + later) - now == pytest.approx(later / rate, abs=1.0)
     assert pace.bag(pace.steady(start + later)) == pytest.approx(start + later, abs=1000)

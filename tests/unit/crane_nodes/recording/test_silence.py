@@ -5,7 +5,13 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from crane_nodes.recording.silence import LONGER, SHORTEST, Rhythm, Silence, Span
+from crane_nodes.recording.silence import (
+    SHORTEST_SILENCE_S,
+    SILENCE_PAUSES,
+    Rhythm,
+    Silence,
+    Span,
+)
 
 PERIOD = 0.25  # s, of looking
 
@@ -35,7 +41,7 @@ def test_a_continuous_topic_that_never_comes_is_silent_from_its_publisher_on() -
 
 def test_a_silence_ends_where_the_publisher_goes() -> None:
     assert listened(Rhythm.CONTINUOUS, [], 60.0, gone=20.0) == [Span(0.0, 20.0)]
-    assert listened(Rhythm.CONTINUOUS, [], 60.0, gone=SHORTEST) == []
+    assert listened(Rhythm.CONTINUOUS, [], 60.0, gone=SHORTEST_SILENCE_S) == []
 
 
 def test_what_is_latched_or_pauses_is_never_silent() -> None:
@@ -45,7 +51,7 @@ def test_what_is_latched_or_pauses_is_never_silent() -> None:
 def test_an_unknown_topic_is_silent_when_it_falls_out_of_its_rhythm() -> None:
     fast, slow = np.arange(0.0, 20.0, 0.01), np.arange(0.0, 200.0, 5.0)
     assert listened(Rhythm.UNKNOWN, [*fast], 60.0)[0].begin == pytest.approx(fast[-1])
-    assert listened(Rhythm.UNKNOWN, [*slow], 195.0 + 5.0 * LONGER) == []
+    assert listened(Rhythm.UNKNOWN, [*slow], 195.0 + 5.0 * SILENCE_PAUSES) == []
     assert listened(Rhythm.UNKNOWN, [*slow], 300.0) == [Span(195.0, 300.0)]
 
 

@@ -11,9 +11,9 @@ from crane_driver.can.mapping import Mapping
 from crane_driver.driver_parameters import PARAMETERS
 from crane_driver.operator.bringup.bench import Bench, Protocol
 from crane_driver.operator.bringup.measuring import encoders
-from crane_driver.operator.bringup.samples import Sample
+from crane_driver.operator.bringup.samples import JointInstant
 from crane_driver.operator.bringup.series import Series
-from crane_driver.operator.bringup.terminal import Terminal
+from crane_driver.operator.bringup.terminal import BringupTerminal
 from crane_model.configuration import load, packaged
 from crane_model.machine import JOINTS
 from crane_nodes.context import Stop
@@ -42,7 +42,9 @@ class Crane:
             for one, other in self.exchanged.items():
                 shown[one] = self.position[other]
             shown[:3] = (shown[:3] + np.pi) % (2.0 * np.pi) - np.pi
-            self.samples.append(Sample(self.now, 4.8e-5 * np.round(shown / 4.8e-5), np.zeros(4)))
+            self.samples.append(
+                JointInstant(self.now, 4.8e-5 * np.round(shown / 4.8e-5), np.zeros(4))
+            )
 
     def record(self, seconds):
         self.samples.clear()
@@ -50,7 +52,7 @@ class Crane:
         return np.array([one.position for one in self.samples])
 
 
-class Operator(Terminal):
+class Operator(BringupTerminal):
     """Answers by the true angles, `slow` seconds after each question."""
 
     def __init__(self, crane, slow):

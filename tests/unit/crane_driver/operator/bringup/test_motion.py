@@ -7,7 +7,7 @@ from crane_driver.operator.bringup import motion
 from crane_driver.operator.bringup.bench import Bench
 from crane_driver.operator.bringup.dead_band import fit_dead_band
 from crane_driver.operator.bringup.motion import MotionError, Mover, StoppedError, Tick
-from crane_driver.operator.bringup.samples import Rest, Sample
+from crane_driver.operator.bringup.samples import JointInstant, Rest
 from crane_model.errors import DataError
 
 JOINTS = ("inner_boom", "outer_boom")
@@ -35,7 +35,7 @@ class Crane:
             velocity = speed * np.array([1.0, self.mixed])
             self.position += (velocity - self.sinking) * PERIOD
             shown = RESOLUTION * np.round(self.position / RESOLUTION)
-            samples.append(Sample(self.now, shown, velocity))
+            samples.append(JointInstant(self.now, shown, velocity))
         return Tick(sent, samples)
 
     def leave(self):

@@ -4,11 +4,14 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from crane_driver.operator.jog.motion import PAUSE, Demand, Motion, Shape
+from crane_driver.operator.jog.motion import CommandShape, Demand, JogMotion
+from crane_driver.operator.rhythm import LONGEST_PAUSE_S
 from crane_model.errors import ConfigurationError
 from crane_model.machine import JOINTS
 
-SHAPE = Shape(maximum=0.3, dead_band=dict.fromkeys(JOINTS, 0.05), rise_time=0.3, fall_time=0.03)
+SHAPE = CommandShape(
+    maximum=0.3, dead_band=dict.fromkeys(JOINTS, 0.05), rise_time=0.3, fall_time=0.03
+)
 PERIOD = 0.01
 NEUTRAL = 0.05  # the driver's: safety.yaml
 
@@ -25,7 +28,7 @@ def steps(schedule: list[tuple[Demand | None, int]]) -> list[Demand | None]:
 def test_commands_are_bounded_ramped_and_of_one_joint_at_a_time(
     schedule: list[tuple[Demand | None, int]],
 ) -> None:
-    motion = Motion(SHAPE)
+    motion = JogMotion(SHAPE)
     before = dict.fromkeys(JOINTS, 0.0)
     rise = PERIOD / SHAPE.rise_time * (SHAPE.maximum - NEUTRAL)
     for number, demand in enumerate(steps(schedule)):
@@ -48,7 +51,7 @@ def test_commands_are_bounded_ramped_and_of_one_joint_at_a_time(
 def test_it_begins_at_neutral_and_is_neutral_soon_after_the_last_demand(
     schedule: list[tuple[Demand | None, int]],
 ) -> None:
-    motion = Motion(SHAPE)
+    motion = JogMotion(SHAPE)
     held = steps(schedule)
     first = motion.step(held[0], 0.0)
     assert not any(first.values())
@@ -62,7 +65,7 @@ def test_it_begins_at_neutral_and_is_neutral_soon_after_the_last_demand(
 
 
 def test_a_demand_that_is_held_reaches_its_level_and_a_lower_one_is_followed() -> None:
-    motion = Motion(SHAPE)
+    motion = JogMotion(SHAPE)
     motion.step(None, 0.0)
     up = [motion.step(Demand("slew", 1.0), 0.01 * n)["slew"] for n in range(1, 50)]
     assert up[-1] == pytest.approx(0.3)
@@ -71,7 +74,7 @@ def test_a_demand_that_is_held_reaches_its_level_and_a_lower_one_is_followed() -
 
 
 def test_what_is_held_at_the_beginning_has_to_be_let_go_first() -> None:
-    motion = Motion(SHAPE)
+    motion = JogMotion(SHAPE)
     for number in range(100):
         assert not any(motion.step(Demand("slew", 1.0), number * PERIOD).values())
     motion.step(None, 1.0)
@@ -79,10 +82,10 @@ def test_what_is_held_at_the_beginning_has_to_be_let_go_first() -> None:
 
 
 def test_after_a_pause_everything_begins_at_neutral_again() -> None:
-    motion = Motion(SHAPE)
+    motion = JogMotion(SHAPE)
     motion.step(None, 0.0)
     assert motion.step(Demand("slew", 1.0), 0.01)["slew"] > 0
-    later = 0.02 + PAUSE
+    later = 0.02 + LONGEST_PAUSE_S
     assert not any(motion.step(Demand("slew", 1.0), later).values())
     assert not any(motion.step(Demand("slew", 1.0), later + PERIOD).values())
 
@@ -90,4 +93,4 @@ def test_after_a_pause_everything_begins_at_neutral_again() -> None:
 def test_a_dead_band_must_be_less_than_the_maximum() -> None:
     wide = {**SHAPE.dead_band, "telescope": 0.3}
     with pytest.raises(ConfigurationError, match=r"'dead_band.telescope': must be less than .*0.3"):
-        Motion(SHAPE._replace(dead_band=wide))
+        JogMotion(SHAPE._replace(dead_band=wide))
