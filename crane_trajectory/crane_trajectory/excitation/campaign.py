@@ -6,7 +6,7 @@ from dataclasses import replace
 
 from crane_model.errors import RangeError
 from crane_trajectory.excitation.merit import one_period
-from crane_trajectory.excitation.problem import Candidate, ExcitationProblem
+from crane_trajectory.excitation.problem import ExcitationProblem, FoundTrajectory
 from crane_trajectory.excitation.search import search
 from crane_trajectory.motion.fourier import FourierTrajectory
 
@@ -18,7 +18,7 @@ def campaign(
     starts: int,
     workers: Executor,
     progress: Callable[[], object] = lambda: None,
-) -> Iterator[Candidate]:
+) -> Iterator[FoundTrajectory]:
     """One trajectory a name, each minimising the criterion of all data up to and with its own.
 
     Raises `RangeError` if no start leads to a trajectory within the limits.

@@ -34,7 +34,7 @@ QUANTITIES = {
 
 
 @dataclass(frozen=True)
-class Candidate:
+class FoundTrajectory:
     """A trajectory that a local search led to."""
 
     trajectory: FourierTrajectory
@@ -133,14 +133,14 @@ class ExcitationProblem:
         found = self.start_limits.mend(self.descend(start, self.search.explore))
         return min(found, start, key=self.value)
 
-    def polish(self, point: np.ndarray, name: str) -> Candidate:
+    def polish(self, point: np.ndarray, name: str) -> FoundTrajectory:
         """The trajectory that the second stage leads to, within the limits at all times."""
         limits = self.limits(self.search.polish.grid_per_harmonic)
         found = limits.mend(self.descend(point, self.search.polish))
         candidates = [self.fitted(one, name) for one in (found, point)]
         return min(candidates, key=lambda one: (bool(one.violations), one.criterion))
 
-    def fitted(self, point: np.ndarray, name: str) -> Candidate:
+    def fitted(self, point: np.ndarray, name: str) -> FoundTrajectory:
         """The trajectory of a point, scaled down where extremes between grid points need it."""
         for reduction in REDUCTIONS:
             scaled = np.round(self.start_limits.drawn_home(point, 1.0 - reduction), DECIMALS)
@@ -150,7 +150,7 @@ class ExcitationProblem:
             violations = self.check(trajectory)
             if not violations:
                 break
-        return Candidate(trajectory, self.value(scaled), violations)
+        return FoundTrajectory(trajectory, self.value(scaled), violations)
 
     def random_point(self, rng: np.random.Generator) -> np.ndarray:
         """A random trajectory within the limits."""

@@ -8,7 +8,7 @@ from multiprocessing import get_context
 
 import numpy as np
 
-from crane_trajectory.excitation.problem import Candidate, ExcitationProblem
+from crane_trajectory.excitation.problem import ExcitationProblem, FoundTrajectory
 
 
 def search(
@@ -18,7 +18,7 @@ def search(
     name: str,
     workers: Executor,
     progress: Callable[[], object] = lambda: None,
-) -> list[Candidate]:
+) -> list[FoundTrajectory]:
     """The trajectories of the best starts, best first; those that pass a limit come last.
 
     A start depends on the seed and its number alone, so the outcome does not depend on the number

@@ -3,7 +3,7 @@
 import math
 from functools import cached_property
 from pathlib import Path
-from typing import Annotated, Generic, Self, TypeVar
+from typing import Annotated, Any, Generic, Self, SupportsIndex, TypeVar
 
 import numpy as np
 from pydantic import Field, model_validator
@@ -34,9 +34,18 @@ class PerJoint(Schema, Generic[Entry]):
         entry: Entry = getattr(self, joint)
         return entry
 
+    def __reduce_ex__(self, protocol: SupportsIndex) -> Any:
+        """A class such as `PerJoint[float]` is in no module, where pickle looks for classes."""
+        kinds = type(self).__pydantic_generic_metadata__["args"]
+        return (_per_joint, (*kinds, dict(self))) if kinds else super().__reduce_ex__(protocol)
+
     def array(self, key: str) -> np.ndarray:
         """(4,) the value `key` of every entry, in the order of JOINTS."""
         return np.array([getattr(self[joint], key) for joint in JOINTS], dtype=float)
+
+
+def _per_joint(kind: Any, entries: dict[str, Any]) -> Any:
+    return PerJoint[kind](**entries)
 
 
 class DenavitHartenberg(Schema):

@@ -1,6 +1,7 @@
 """The machine file: the report's numbers are in it, and each kind of wrong machine is refused."""
 
 import math
+import pickle
 from pathlib import Path
 from typing import Any
 
@@ -149,3 +150,8 @@ def test_wrong_machine_is_refused(
         load_machine(file)
     for part in [str(file), *parts]:
         assert part in str(caught.value)
+
+
+def test_a_machine_goes_to_another_process_unchanged() -> None:
+    machine = load_machine()
+    assert pickle.loads(pickle.dumps(machine)) == machine
