@@ -55,6 +55,13 @@ def escape(app: Sphinx, what: str, name: str, obj: object, opts: object, lines: 
     lines[:] = [SPECIAL.sub(lambda m: m["code"] or "\\" + m["sign"], line) for line in lines]
 
 
+def leave_out(
+    app: Sphinx, what: str, name: str, obj: object, skip: bool, opts: object
+) -> bool | None:
+    """Leave out what a generic class was made for, as `PerJoint[float]`: pydantic names it, too."""
+    return True if "[" in name else None
+
+
 LOADED = re.compile(r"<(?:script|link|img|iframe)\b[^>]* (?:src|href)=\"(?:https?:)?//[^\"]*")
 
 
@@ -76,4 +83,5 @@ def setup(app: Sphinx) -> None:
     """What Sphinx calls first."""
     app.connect("builder-inited", make_pages)
     app.connect("autodoc-process-docstring", escape)
+    app.connect("autodoc-skip-member", leave_out)
     app.connect("build-finished", check_offline)
