@@ -15,6 +15,7 @@ LEAST_SUPPORT = 3  # frames
 DRIFT = 2e-3  # by which the clock of a device may be slow
 SILENCE = 4.0  # cycles, in which a device may have restarted
 DOUBTED_FRAMES = 20  # frames in a row without a prompt one, after which it has
+TELLING = 30  # frames, from which on they can tell a cycle time
 MOST_OFF = 0.25  # of the nominal cycle, by which a device may send faster or slower
 PROMPT_AMONG_FRAMES = 200  # frames in a row, in which a clock cannot drift by as much as `EARLY`
 
@@ -31,7 +32,7 @@ def measured_cycle(received: np.ndarray, counters: np.ndarray, cycle: float, cou
     """The cycle time [s] by which a device really sends, where frames (n,) come evenly and none is
     lost; else the nominal `cycle`.
     """
-    if ((np.diff(counters) % count) != 1).any():
+    if len(received) < TELLING or ((np.diff(counters) % count) != 1).any():
         return cycle
     index = np.arange(len(received))
     slope, first = np.polyfit(index, received - received[0], 1)

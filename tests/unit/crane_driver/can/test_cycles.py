@@ -120,6 +120,14 @@ def test_devices_that_send_by_another_cycle_time_than_stated_make_sets(slower: f
     assert outcome.sets >= 0.99 * outcome.whole
 
 
+def test_few_frames_tell_no_cycle_time() -> None:
+    for cycles in (1, 2, 5):
+        assembly = Assembly(CRANE, "positions")
+        frames = BUSES["good"].frames(np.random.default_rng(2), cycles)
+        assert not any(assembly.add(readings(one)) for one in frames)
+        assembly.finish()  # whatever they show, it does not fail
+
+
 def test_after_a_silence_the_counters_are_learnt_anew() -> None:
     """A restart: the counters begin at other values, and their difference is another."""
     assembly, cycles = Assembly(CRANE, "positions"), 2 * LEARNT
