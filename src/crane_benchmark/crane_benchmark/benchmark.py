@@ -83,7 +83,7 @@ def stage(name: str, folders: Folders, workers: int, *arguments: object) -> None
 
 def main(argv: Sequence[str] | None = None) -> int:
     """Run the benchmark; exit status 1 if thresholds are not frozen or a stage fails."""
-    parser = cli.command_line(prog="benchmark", description=__doc__.splitlines()[0])
+    parser = cli.command_line(prog="discrepancy", description=__doc__.splitlines()[0])
     add = parser.add_argument
     add("--set", type=CaseSet, choices=list(CaseSet), default=CaseSet.SCORING, dest="which")
     add("--cases", type=int, help=", ".join(f"{n} ({s.value})" for s, n in COUNTS.items()))

@@ -15,7 +15,6 @@ from crane_model.configuration import Positive, Schema, load, packaged
 JOINTS = ("slew", "inner_boom", "outer_boom", "telescope")
 PLANAR_JOINTS = JOINTS[1:]
 JOINT_UNITS = {"slew": "rad", "inner_boom": "rad", "outer_boom": "rad", "telescope": "m"}
-FORCE_UNITS = {"slew": "N m", "inner_boom": "N m", "outer_boom": "N m", "telescope": "N"}
 
 SMALLEST_LEVER_ARM = 0.02  # m; below it a cylinder cannot turn its joint
 

@@ -4,9 +4,12 @@ A change of names or words changes no behaviour and needs no other calibration. 
 is shown: answers to the same bags, BEFORE and AFTER, are equal to the digit. Values that are frozen
 must be equal, whatever the answers: a gate, the method, what is usual of the hydraulics.
 
-    python benchmark.py --set tuning --cases 8 --keep-bags --out OUT  # of what was frozen
-    python answer_cases.py --folder OUT/tuning --round after --keep-bags  # of the change
-    python carry_over.py --before OUT/tuning/answers --after OUT/tuning/after/answers --why "..."
+    # of what was frozen
+    ros2 run crane_benchmark discrepancy --set tuning --cases 8 --keep-bags --out OUT
+    # of the change
+    python -m crane_benchmark.answers.answer_cases --folder OUT/tuning --round after --keep-bags
+    python -m crane_benchmark.scores.carry_over \\
+        --before OUT/tuning/answers --after OUT/tuning/after/answers --why "..."
 """
 
 import argparse

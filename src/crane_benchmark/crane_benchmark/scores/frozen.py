@@ -99,6 +99,6 @@ def require_frozen() -> str:
         raise ConfigurationError(
             f"not what was frozen on {record['date']}: {'; '.join(said)}. The scoring set is for "
             "what is frozen: calibrate with --set calibration --freeze or, where answers are the "
-            "same as before, carry the freeze over (carry_over.py)"
+            "same as before, carry the freeze over (crane_benchmark.scores.carry_over)"
         )
     return str(record["digest"])
