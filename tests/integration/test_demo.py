@@ -19,17 +19,22 @@ pytestmark = pytest.mark.realtime
 
 
 @pytest.fixture
-def demo(tmp_path: Path) -> Iterator[subprocess.Popen[bytes]]:
-    """The demo in a folder of its own; all its processes inherit a mark."""
+def mark() -> bytes:
+    """What all processes of one demo inherit in their environment."""
+    return f"{MARK}={uuid.uuid4().hex}".encode()
+
+
+@pytest.fixture
+def demo(tmp_path: Path, mark: bytes) -> Iterator[subprocess.Popen[bytes]]:
+    """The demo in a folder of its own."""
     process = subprocess.Popen(
         [sys.executable, str(DEMO)],
         cwd=tmp_path,
-        env=os.environ | {MARK: uuid.uuid4().hex},
+        env=os.environ | {MARK: mark.decode().partition("=")[2]},
         stdout=subprocess.PIPE,
         stderr=subprocess.STDOUT,
         bufsize=0,
     )
-    mark = mark_of(process)
     yield process
     process.kill()
     process.wait()
@@ -45,11 +50,6 @@ def wait_for(process: subprocess.Popen[bytes], text: bytes) -> None:
         read = process.stdout.read(4096)
         assert read, f"ended without '{text.decode()}': {seen.decode()}"
         seen += read
-
-
-def mark_of(process: subprocess.Popen[bytes]) -> bytes:
-    environment = Path(f"/proc/{process.pid}/environ").read_bytes().split(b"\0")
-    return next(one for one in environment if one.startswith(MARK.encode()))
 
 
 def alive_with(mark: bytes) -> list[tuple[int, str]]:
@@ -73,18 +73,16 @@ def interrupt(process: subprocess.Popen[bytes]) -> tuple[int, str]:
     return process.wait(), rest
 
 
-def test_while_it_starts(demo: subprocess.Popen[bytes]) -> None:
+def test_while_it_starts(demo: subprocess.Popen[bytes], mark: bytes) -> None:
     wait_for(demo, b"starting")
-    mark = mark_of(demo)
     status, printed = interrupt(demo)
     assert status == 130
     assert "interrupted" in printed
     assert alive_with(mark) == []
 
 
-def test_while_the_crane_moves(demo: subprocess.Popen[bytes], tmp_path: Path) -> None:
+def test_while_the_crane_moves(demo: subprocess.Popen[bytes], mark: bytes, tmp_path: Path) -> None:
     wait_for(demo, b"approach")
-    mark = mark_of(demo)
     assert len(alive_with(mark)) == 7  # the demo, five nodes, the client of the action
     status, printed = interrupt(demo)
     assert status == 130
