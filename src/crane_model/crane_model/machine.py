@@ -1,6 +1,7 @@
 """The machine: Table 1, Table 2, linkages, areas and pump, from one validated YAML file."""
 
 import math
+from collections.abc import Mapping
 from functools import cached_property
 from pathlib import Path
 from typing import Annotated, Any, Generic, Self, SupportsIndex, TypeVar
@@ -11,6 +12,7 @@ from pydantic import Field, model_validator
 from crane_model import linkages
 from crane_model.array import Array
 from crane_model.configuration import Positive, Schema, load, packaged
+from crane_model.errors import RangeError
 
 JOINTS = ("slew", "inner_boom", "outer_boom", "telescope")
 PLANAR_JOINTS = JOINTS[1:]
@@ -199,6 +201,24 @@ class Machine(Schema):
     hydraulics: Hydraulics
     plausible: dict[str, tuple[float, float]] = {}
     """[least, most] of masses [kg] and moments [kg m] without a load, to check recordings."""
+
+    @property
+    def joint_names(self) -> tuple[str, ...]:
+        """The joints from the base to the tip."""
+        return JOINTS
+
+    @property
+    def units(self) -> Mapping[str, str]:
+        """Unit of each joint's coordinate: rad or m."""
+        return JOINT_UNITS
+
+    def index(self, joint: str) -> int:
+        """Place of a joint in `joint_names`; `RangeError` if there is no such joint."""
+        if joint not in self.joint_names:
+            raise RangeError(
+                f"{self.name}: no joint '{joint}'; the joints are {', '.join(self.joint_names)}"
+            )
+        return self.joint_names.index(joint)
 
     def cylinder(self, joint: str, q: Array) -> Array:
         """(n,) coordinates of `joint` to (n, 3): cylinder length x, dx/dq, d2x/dq2."""

@@ -10,7 +10,7 @@ import pytest
 import yaml
 
 from crane_model.configuration import packaged, save
-from crane_model.errors import ConfigurationError
+from crane_model.errors import ConfigurationError, RangeError
 from crane_model.machine import JOINTS, Machine, load_machine
 
 LABORATORY = packaged("crane_model", "laboratory_crane.yaml")
@@ -155,3 +155,10 @@ def test_wrong_machine_is_refused(
 def test_a_machine_goes_to_another_process_unchanged() -> None:
     machine = load_machine()
     assert pickle.loads(pickle.dumps(machine)) == machine
+
+
+def test_a_joint_is_found_by_its_name(machine: Machine) -> None:
+    assert [machine.index(joint) for joint in machine.joint_names] == [0, 1, 2, 3]
+    assert [machine.units[joint] for joint in machine.joint_names] == ["rad", "rad", "rad", "m"]
+    with pytest.raises(RangeError, match="no joint 'bucket'; the joints are slew, inner_boom, "):
+        machine.index("bucket")
