@@ -11,13 +11,14 @@ from pydantic import Discriminator, Field, Tag, model_validator
 from crane_model.actuators import Actuator, HydraulicActuator
 from crane_model.array import Array
 from crane_model.chain.serial_chain import SerialChain
-from crane_model.configuration import Positive, Schema, load, packaged
+from crane_model.configuration import Positive, Schema, load
 from crane_model.errors import ConfigurationError, RangeError
 from crane_model.machine.by_joint import ByJoint
 from crane_model.machine.coupling import Coupling
 from crane_model.machine.joint import JointLimits, MachineJoint, Origin, Vector
 from crane_model.machine.old_format import what_to_write
 from crane_model.machine.planar import WEIGHED, PlanarCrane, planar_crane
+from crane_model.machine_files import machine_file
 
 Gravity = Annotated[
     Annotated[Positive, Tag("<number>")] | Annotated[Vector, Tag("<vector>")],
@@ -211,10 +212,12 @@ class Machine(Schema):
         return self.actuators[self.as_planar().joints[1]]
 
 
-def load_machine(path: Path | str | None = None) -> Machine:
-    """The machine in `path`, by default the laboratory crane; `ConfigurationError` if wrong.
+def load_machine(machine: Path | str | None = None) -> Machine:
+    """A shipped machine by its name, or that of a folder or file; `ConfigurationError` if wrong.
+
+    By default it is the laboratory crane.
 
     >>> load_machine().limits["telescope"].position_max  # m
     1.55
     """
-    return load(path or packaged("crane_model", "laboratory_crane.yaml"), Machine)
+    return load(machine_file("machine.yaml", machine), Machine)
