@@ -34,16 +34,14 @@ def machine_file_from_urdf(path: Path, tip: str | None = None) -> tuple[str, int
     """Text of a machine file that loads at once, and how many places in it are marked.
 
     The arm goes from the root to the link `tip`, or to the one with the most moving joints before
-    it, and of those the farthest. `ConfigurationError` if the file is no URDF, or there is no such arm.
+    it, and of those to the farthest. `ConfigurationError` if it is no URDF, or has no such arm.
     """
     robot = _read(path)
     joints = {_link(joint, "child", path): joint for joint in robot.findall("joint")}
     links = [link.get("name", "") for link in robot.findall("link")]
     ways = {link: _way(joints, link, path) for link in links}
     if tip is None:
-        tip = max(
-            ways, key=lambda link: (sum(map(_moves, ways[link])), len(ways[link])), default=""
-        )
+        tip = max(links, key=lambda one: (sum(map(_moves, ways[one])), len(ways[one])), default="")
     if tip not in ways or not any(map(_moves, ways[tip])):
         able = [link for link, way in ways.items() if any(map(_moves, way))]
         raise ConfigurationError(
