@@ -198,7 +198,7 @@ def test_a_contradiction_is_named(
 @pytest.mark.parametrize(
     ("changes", "message"),
     [
-        ({"positions__gripper": MAPPING["positions"]["inner_boom"]}, "no joint gripper; laboratory"),
+        ({"positions__gripper": MAPPING["positions"]["inner_boom"]}, "no joint gripper; labor"),
         ({"pressures__inner_boom": {"signal": "A.B", "unit": "bar"}}, "no pressure inner_boom;"),
         ({"positions__inner_boom__signal": "Boom"}, "key 'positions.inner_boom.signal'"),
         ({"positions__inner_boom__sign": 2}, "key 'positions.inner_boom.sign'"),
