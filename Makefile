@@ -1,4 +1,4 @@
-# make demo    the whole suite at work, results in runs/demo
+# make demo    the whole suite at work, results in runs/demo; MACHINE=... names another machine
 # make test    all tests
 # make discrepancy-benchmark   how often `diagnose` is right about hidden effects, in runs/
 # make study   the report's experiment with 20 + 2 trajectories, results in runs/study
@@ -30,7 +30,8 @@ setup:
 	@scripts/setup.sh
 
 demo: setup
-	@$(in_env) python scripts/demo/demo.py $(if $(SEED),--seed $(SEED))
+	@$(in_env) python scripts/demo/demo.py $(if $(SEED),--seed $(SEED)) \
+		$(if $(MACHINE),--machine $(MACHINE))
 
 study: setup
 	@$(in_env) ros2 run crane_benchmark study

@@ -16,6 +16,7 @@ from crane_model.machine import Machine
 from crane_model.machine_files import machine_file
 from crane_model.model_file import _ModelFile
 from crane_model.sensors import SensorChain
+from crane_nodes.joint_notes import JointNotes
 from crane_sim.hiding.spec import Spec
 from crane_sim.parts.parameters import StandIn
 from crane_trajectory.control.controller import Gains
@@ -47,6 +48,8 @@ KINDS = (
     Kind("Clearance", "The room that the boom tip keeps.", Clearance,
          machine_file("clearance.yaml")),
     Kind("Controller", "The gains of (36).", Gains, machine_file("controller.yaml")),
+    Kind("Joints", "What nodes and operator need to know of each joint.", JointNotes,
+         machine_file("joints.yaml")),
     Kind("Mapping", "Which signal of the bus is which joint, chamber or spool.", Mapping,
          machine_file("can.yaml")),
     Kind("Safety", "The safety functions of the driver; see [Safety](../../explanation/safety.md).",
@@ -75,7 +78,8 @@ def pages() -> dict[str, str]:
 
 def _entry(kind: Kind) -> str:
     schema = kind.schema.model_json_schema()
-    parts = [f"## {kind.title}", kind.about, _table(schema)]
+    whole = _table(schema) if "properties" in schema else f"{_value(schema)}."
+    parts = [f"## {kind.title}", kind.about, whole]
     for name, part in schema.get("$defs", {}).items():
         if "properties" in part:
             about = part.get("description", "").split("\n\n")[0].replace("\n", " ")

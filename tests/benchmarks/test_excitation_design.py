@@ -27,7 +27,7 @@ STARTS = 16
 CORES = 2
 AT_MOST = 10.0  # s a design, on two cores
 MODEL = load_model(machine_file("model.yaml"))
-SETTINGS = load_design_settings()
+SETTINGS = load_design_settings(machine_file("design.yaml"))
 PROBLEM = ExcitationProblem(
     MODEL,
     Criterion.of(
@@ -37,7 +37,7 @@ PROBLEM = ExcitationProblem(
     5,
     SETTINGS.search,
     Margins(position=0.0, velocity=0.0, flow=0.0, room=0.0),
-    load_clearance(),
+    load_clearance(machine_file("clearance.yaml")),
     without=frozenset({Limit.ROOM}),
 )
 

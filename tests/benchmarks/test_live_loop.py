@@ -27,6 +27,8 @@ from crane_driver.can.bus import BusSettings
 from crane_driver.can.codec import MachineCodec
 from crane_driver.can.frame import Frame
 from crane_driver.can.link import Link
+from crane_model.machine import load_machine
+from crane_model.machine_files import machine_file
 
 HERE = Path(__file__).parent
 MEASURED = float(os.environ.get("CRANE_LIVE_SECONDS", "60"))  # s
@@ -39,7 +41,7 @@ SETTLING = 3.0  # s, until all subscriptions are known to all publishers
 PATIENCE = 60.0  # s
 ANSWER = 0x7F0  # id, of the floor
 STEP, VALUES = 0.0005, 99  # as in live_controller.py
-LAYOUT = load_layout()
+LAYOUT = load_layout(load_machine(), machine_file("can.yaml"), machine_file("can.dbc"))
 ENCODERS = tuple(one.message.frame_id for one in LAYOUT.readings if one.positions)
 PRESSURES = tuple(one.message.frame_id for one in LAYOUT.readings if one.pressures)
 VALVES = LAYOUT.commands[0].message.frame_id

@@ -24,13 +24,19 @@ from crane_driver.can.binding import load_layout
 from crane_driver.can.bus import BusSettings
 from crane_driver.can.link import Link
 from crane_driver.realtime import RealTime, RealTimeSettings
+from crane_model.machine import load_machine
+from crane_model.machine_files import machine_file
 
 MEASURED = float(os.environ.get("CRANE_REALTIME_SECONDS", "20"))  # s, each row
 SETTLING = 3.0  # s
 PATIENCE = 300.0  # s, to start on a busy machine
 PRIORITY = 60  # the driver's is 50
 ABOVE = ("chrt", "--fifo", str(PRIORITY))
-VALVES = load_layout().commands[0].message.frame_id
+VALVES = (
+    load_layout(load_machine(), machine_file("can.yaml"), machine_file("can.dbc"))
+    .commands[0]
+    .message.frame_id
+)
 CONTROLLER = [sys.executable, str(Path(__file__).parent / "live_controller.py")]
 LOADS = {
     "nothing": [],

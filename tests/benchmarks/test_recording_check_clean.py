@@ -12,6 +12,7 @@ from crane_benchmark.cases.motions import Maker
 from crane_identification.recording_check.check import check
 from crane_model.errors import RangeError
 from crane_model.machine import load_machine
+from crane_model.machine_files import machine_file
 from crane_sim.effects.form import Form, Planted
 from crane_sim.effects.forms import FORMS
 from crane_sim.hiding.calibrate import calibrate
@@ -33,12 +34,20 @@ def suspected(seed: int) -> tuple[str, list[str], bool]:
     stand_in = vary(load_stand_in(), seed)
     if seed % 3 == 0:
         stand_in = vary_valves(stand_in, machine, seed)
-    maker = Maker(rng, machine, stand_in.start, load_clearance())
+    maker = Maker(rng, machine, stand_in.start, load_clearance(machine_file("clearance.yaml")))
     train, validate = maker.of_the_field(1) if seed % 4 == 0 else maker.designed(1)
     planted: tuple[Planted, ...] = ()
     if seed % 2:
         planted = _hidden(
-            rng, seed, lambda spec: calibrate(spec, machine, stand_in, train[0], load_gains())
+            rng,
+            seed,
+            lambda spec: calibrate(
+                spec,
+                machine,
+                stand_in,
+                train[0],
+                load_gains(machine_file("controller.yaml"), machine),
+            ),
         )
     found = []
     for number, course in enumerate((*train, *validate)):

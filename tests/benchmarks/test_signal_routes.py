@@ -58,9 +58,20 @@ def experiment(
 ) -> Experiment:
     machine, parameters = load_machine(), load_stand_in(machine_file(request.param))
     trajectory = load_trajectory(machine_file("excitation_20s.yaml"))
-    motion = plan(machine, trajectory, parameters.start, PERIODS, load_clearance())
+    motion = plan(
+        machine,
+        trajectory,
+        parameters.start,
+        PERIODS,
+        load_clearance(machine_file("clearance.yaml")),
+    )
     plant = Plant(parameters, machine, motion.start)
-    made = record(motion, plant, Sensors(parameters.sensors, machine, 1), load_gains(None))
+    made = record(
+        motion,
+        plant,
+        Sensors(parameters.sensors, machine, 1),
+        load_gains(machine_file("controller.yaml"), machine),
+    )
     path = tmp_path_factory.mktemp("bags") / Path(request.param).stem
     write_bag(path, machine, made)
     velocity = made.truth.velocity[:, 1:]

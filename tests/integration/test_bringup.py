@@ -180,9 +180,9 @@ def test_gains(shop: Workshop) -> None:
     controller = machine_file("controller.yaml")
     moves(shop, "gains", "--controller", str(controller))
     path = runs(shop, "gains")[-1] / "controller.yaml"
-    measured, base = load_gains(path), load_gains(controller)
-    assert measured.slew == base.slew
-    assert measured.inner_boom != base.inner_boom
+    measured, base = load_gains(path, load_machine()), load_gains(controller, load_machine())
+    assert measured["slew"] == base["slew"]
+    assert measured["inner_boom"] != base["inner_boom"]
     errors, end_speed = tracked(shop.plant, path)
     assert np.abs(errors).max() < 0.02
     assert np.abs(end_speed).max() < 1e-3
@@ -199,7 +199,7 @@ def tracked(plant_file: Path, controller: Path) -> tuple[np.ndarray, np.ndarray]
     """Errors (n, 2) of a sine of 0.1 rad and 0.03 Hz, and speeds (m, 2) after it, by new gains."""
     parameters, machine = load_stand_in(plant_file), load_machine()
     plant = Plant(parameters, machine, parameters.start)
-    gains = load_gains(controller).arrays
+    gains = load_gains(controller, load_machine()).arrays
     chain, density = parameters.sensors, parameters.jerk_density
     speed_filter = VelocityFilter(
         [density[joint] for joint in JOINTS], [chain.encoder_resolution[joint] for joint in JOINTS]
@@ -217,7 +217,7 @@ def tracked(plant_file: Path, controller: Path) -> tuple[np.ndarray, np.ndarray]
         position = chain.measure_positions(JOINTS, plant.q)
         _, speed, _ = speed_filter.update(time_, position)
         if np.isfinite(speed).all():
-            u = command(gains, position, speed, reference, reference_speed)
+            u = command(gains, position, speed, reference, reference_speed, machine.units)
         errors.append((plant.q - reference)[columns])
         if time_ > moving + 3.0:
             speeds.append(plant.v[columns])

@@ -9,7 +9,8 @@ import pytest
 from unit.crane_sim.hidden_machine import planted
 
 from crane_model.errors import ConfigurationError, RangeError
-from crane_model.machine import JOINTS, PLANAR_JOINTS, Machine
+from crane_model.machine import JOINTS, PLANAR_JOINTS, Machine, load_machine
+from crane_model.machine_files import machine_file
 from crane_sim.effects.form import Planted
 from crane_sim.effects.forms import FORMS
 from crane_sim.effects.memory import STILL
@@ -39,7 +40,7 @@ CATALOGUE = {
 @pytest.fixture(scope="module")
 def gains() -> Gains:
     """The packaged ones."""
-    return load_gains()
+    return load_gains(machine_file("controller.yaml"), load_machine())
 
 
 @dataclass(frozen=True)

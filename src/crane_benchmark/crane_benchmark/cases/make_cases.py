@@ -74,7 +74,9 @@ def _make(job: MakingJob, attempt: int) -> None:
     of_machine, of_motions, of_effects, of_sensors, of_session = (
         int(one.generate_state(1)[0]) for one in entropy.spawn(5)
     )
-    machine, gains, clearance = load_machine(), load_gains(), load_clearance()
+    machine = load_machine()
+    gains = load_gains(machine_file("controller.yaml"), machine)
+    clearance = load_clearance(machine_file("clearance.yaml"))
     stand_in = vary(load_stand_in(), of_machine, SPREAD)
     if case.spools:
         stand_in = vary_valves(stand_in, machine, of_machine)
