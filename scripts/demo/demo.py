@@ -18,6 +18,7 @@ from contextlib import contextmanager
 
 import live
 import missing
+from figures import write_figures
 from laws import DYNAMIC_LAW, OUT, REPORT_LAW, identify, make_bags, note_planted
 from processes import DemoError, Processes
 from results import complete_summary, write_summary
@@ -98,6 +99,7 @@ def _demo(console: Console, phases: Phases, suite: Processes, domain: int, seed:
     console.print(missing.answer(suite), highlight=False)
     console.print(missing.table())
     complete_summary(missing.summary(), phases.seconds)
+    write_figures()
     console.print(
         f"Reports: {OUT}/report.html, {missing.ANSWER}/report.html   All: {OUT}/summary.json"
     )
