@@ -41,3 +41,8 @@ class Readiness:
         if self._resting_since is None or now - self._resting_since < REST_TIME_S:
             return "the crane is not at rest; bring it to rest"
         return ""
+
+    def moved_from(self, start: np.ndarray, tuning: Tuning) -> bool:
+        """Whether the crane is no longer where a motion starts (4,) [SI]."""
+        assert self.position is not None
+        return bool((np.abs(self.position - start) > tuning.tolerance / 2).any())

@@ -4,12 +4,14 @@ from typing import NamedTuple
 
 import numpy as np
 from builtin_interfaces.msg import Time
+from rclpy.node import Node
 from sensor_msgs.msg import JointState
 
 from crane_interfaces.action import RunExcitation
 from crane_interfaces.msg import JointReference, ValveCommand
 from crane_model.errors import DataError
 from crane_model.machine import JOINTS
+from crane_nodes.publishers import publishers
 from crane_trajectory.experiment import Experiment, Outcome
 from crane_trajectory.motion.motion import Phase
 from crane_trajectory.motion.reference_clock import Target
@@ -43,6 +45,14 @@ def sample(message: JointState) -> MeasuredJoints:
         np.asarray(message.position, dtype=float)[places],
         np.asarray(message.velocity, dtype=float)[places],
     )
+
+
+def several_sources(node: Node) -> str:
+    """Who publishes joint states, if several do, as a player of bags might; else empty."""
+    if node.count_publishers("joint_states") < 2:
+        return ""
+    names, topic = publishers(node, "joint_states"), node.resolve_topic_name("joint_states")
+    return f"{', '.join(names)} publish {topic}, only the driver may; stop the others"
 
 
 def reference_message(target: Target, stamp: Time) -> JointReference:

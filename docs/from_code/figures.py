@@ -10,8 +10,9 @@ import sys
 from collections.abc import Callable, Sequence
 from pathlib import Path
 
-from crane_benchmark.measured import MeasuredFigures, Row
-from crane_model.configuration import load, packaged
+from crane_benchmark.measured import FigureRow, MeasuredFigures
+from crane_model.configuration import load
+from crane_model.machine_files import machine_file
 from crane_trajectory.motion.fourier import FourierTrajectory
 
 ROOT = Path(__file__).resolve().parents[2]
@@ -99,13 +100,13 @@ def trajectories() -> MeasuredFigures:
     of_report = {what: key.replace("number", "number_report") for what, key in shown.items()}
     rows = []
     for name in TRAJECTORIES:
-        one = load(packaged("crane_trajectory", f"{name}.yaml"), FourierTrajectory)
+        one = load(machine_file(f"{name}.yaml"), FourierTrajectory)
         merit = one.figures_of_merit
         sigmas = {key: v for key, v in merit.items() if key.startswith("relative_std_dev.")}
         worst = max(sigmas, key=lambda key: sigmas[key])
         values = {key: merit[key] for key in (*shown.values(), *of_report.values())}
         rows.append(
-            Row(
+            FigureRow(
                 cells=[
                     f"`{name}.yaml`",
                     f"{one.period:g} s, {one.harmonics}",

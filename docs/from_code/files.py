@@ -1,7 +1,7 @@
 """The YAML files that the suite reads: keys, values and defaults, as their schemas have them."""
 
 from collections.abc import Iterator
-from importlib.resources import files
+from pathlib import Path
 from typing import Any, NamedTuple
 
 from pydantic import BaseModel
@@ -11,7 +11,9 @@ from crane_driver.safety.settings import SafetySettings
 from crane_identification.data.column_map import ColumnMap
 from crane_identification.diagnosis.hydraulics import Usual
 from crane_identification.diagnosis.thresholds import Thresholds
+from crane_model.configuration import packaged
 from crane_model.machine import Machine
+from crane_model.machine_files import machine_file
 from crane_model.model_file import _ModelFile
 from crane_model.sensors import SensorChain
 from crane_sim.hiding.spec import Spec
@@ -29,34 +31,33 @@ class Kind(NamedTuple):
     title: str
     about: str
     schema: type[BaseModel]
-    package: str = ""  # of the file that ships, if one does
-    name: str = ""
+    ships: Path | None = None
 
 
 KINDS = (
-    Kind("Machine", "What the machine is.", Machine, "crane_model", "laboratory_crane.yaml"),
+    Kind("Machine", "What the machine is.", Machine, machine_file("machine.yaml")),
     Kind("Model", "The terms of a model and, once fitted, their values; see "
-         "[The model](../../explanation/model.md).", _ModelFile, "crane_model", "crane_model.yaml"),
+         "[The model](../../explanation/model.md).", _ModelFile, machine_file("model.yaml")),
     Kind("Column map", "See [Use tables](../../how_to/tables.md).", ColumnMap),
     Kind("Fourier trajectory", "See [Design an excitation trajectory](../../how_to/design.md).",
-         FourierTrajectory, "crane_trajectory", "validation_20s.yaml"),
+         FourierTrajectory, machine_file("validation_20s.yaml")),
     Kind("Sweep trajectory", "Written by `design --sweeps`.", SweepTrajectory),
     Kind("Design settings", "Margins and effort of `design`.", DesignSettings,
-         "crane_trajectory", "design.yaml"),
+         machine_file("design.yaml")),
     Kind("Clearance", "The room that the boom tip keeps.", Clearance,
-         "crane_trajectory", "clearance.yaml"),
-    Kind("Controller", "The gains of (36).", Gains, "crane_trajectory", "controller.yaml"),
+         machine_file("clearance.yaml")),
+    Kind("Controller", "The gains of (36).", Gains, machine_file("controller.yaml")),
     Kind("Mapping", "Which signal of the bus is which joint, chamber or spool.", Mapping,
-         "crane_driver", "laboratory_crane_can.yaml"),
+         machine_file("can.yaml")),
     Kind("Safety", "The safety functions of the driver; see [Safety](../../explanation/safety.md).",
-         SafetySettings, "crane_driver", "safety.yaml"),
+         SafetySettings, machine_file("safety.yaml")),
     Kind("Thresholds", "What `diagnose` decides by.", Thresholds,
-         "crane_identification", "discrepancy.yaml"),
+         packaged("crane_identification", "discrepancy.yaml")),
     Kind("Hydraulics", "What is usual of valves and oil.", Usual,
-         "crane_identification", "hydraulics.yaml"),
+         machine_file("hydraulics.yaml")),
     Kind("Sensors", "The encoders of the laboratory crane.", SensorChain,
-         "crane_model", "sensors.yaml"),
-    Kind("Stand-in", "All that the stand-in machine is.", StandIn, "crane_sim", "stand_in.yaml"),
+         machine_file("sensors.yaml")),
+    Kind("Stand-in", "All that the stand-in machine is.", StandIn, machine_file("stand_in.yaml")),
     Kind("Hidden effects", "See [Hide an effect](../../how_to/hide_effects.md).", Spec),
 )  # fmt: skip
 INTRODUCTION = """# Input files
@@ -79,9 +80,9 @@ def _entry(kind: Kind) -> str:
         if "properties" in part:
             about = part.get("description", "").split("\n\n")[0].replace("\n", " ")
             parts.append(f"**{name.strip('_')}** {about}\n\n{_table(part)}")
-    if kind.name:
-        text = (files(kind.package) / "data" / kind.name).read_text("utf-8")
-        parts.append(f"The file that ships, `{kind.name}`:\n\n```yaml\n{text}```")
+    if kind.ships:
+        text = kind.ships.read_text("utf-8")
+        parts.append(f"The file that ships, `{kind.ships.name}`:\n\n```yaml\n{text}```")
     return "\n\n".join(parts) + "\n"
 
 

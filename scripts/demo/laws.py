@@ -7,7 +7,7 @@ from typing import Any
 
 from processes import Processes
 
-from crane_model.configuration import packaged
+from crane_model.machine_files import machine_file
 
 OUT = Path("runs/demo")
 EXCITATION, VALIDATION = "excitation_20s.yaml", "validation_20s.yaml"
@@ -35,10 +35,10 @@ class Law:
         return json.loads((self.folder / name).read_text(encoding="utf-8"))
 
 
-REPORT_LAW = Law("the report's friction law (13)", packaged("crane_sim", "stand_in.yaml"), OUT)
+REPORT_LAW = Law("the report's friction law (13)", machine_file("stand_in.yaml"), OUT)
 DYNAMIC_LAW = Law(
     "dynamic friction (LuGre)",
-    packaged("crane_sim", "stand_in_dynamic_friction.yaml"),
+    machine_file("stand_in_dynamic_friction.yaml"),
     OUT / "dynamic_friction",
 )
 
@@ -55,7 +55,7 @@ def make_bags(suite: Processes, law: Law) -> None:
     for seed, (use, trajectory) in enumerate(trajectories.items(), start=1):
         suite.start(
             *(f"make_bag_{use}", "crane_sim", "make_bag", "--plant", law.plant),
-            *("--trajectory", packaged("crane_trajectory", trajectory)),
+            *("--trajectory", machine_file(trajectory)),
             *("--periods", PERIODS, "--seed", seed, "--out", law.bag(use)),
         )
     suite.finish(*(f"make_bag_{use}" for use in trajectories))
@@ -66,7 +66,7 @@ def identify(suite: Processes, *laws: Law) -> None:
     for law in laws:
         suite.start(
             *(f"identify_{law.folder.name}", "crane_identification", "identify"),
-            *("--model", packaged("crane_model", "crane_model.yaml"), "--out", law.folder),
+            *("--model", machine_file("model.yaml"), "--out", law.folder),
             *("--train", law.bag("train"), "--validate", law.bag("validate")),
             *("--reference-values", law.folder / "planted.json"),
         )

@@ -16,7 +16,7 @@ from rclpy.signals import SignalHandlerOptions
 
 from crane_bags.types import JOINT_STATES
 from crane_interfaces.msg import DriverState
-from crane_model.configuration import packaged
+from crane_model.machine_files import machine_file
 from crane_nodes.driver_client import DriverClient
 
 DOMAINS = 101  # ROS_DOMAIN_ID 1 to this can be used on every Linux
@@ -118,7 +118,7 @@ def _experiment(
         suite.until(lambda: onlooker.ready(listeners), "the nodes do not find each other")
         status = suite.attend(
             *("excitation", "crane_trajectory", "run_excitation", "--enable"),
-            *("--trajectory", packaged("crane_trajectory", trajectory), "--periods", periods),
+            *("--trajectory", machine_file(trajectory), "--periods", periods),
             *("--result", law.result(use)),
         )
         suite.stop("recorder")

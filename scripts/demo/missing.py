@@ -14,8 +14,8 @@ from processes import Processes
 from rich.table import Table
 
 from crane_identification.report.terminal import plain_table
-from crane_model.configuration import packaged
 from crane_model.machine import PLANAR_JOINTS
+from crane_model.machine_files import machine_file
 
 # What these motions show; `make discrepancy-benchmark` hides everything.
 EFFECTS = ("stribeck", "viscous_quadratic", "load_friction", "position_friction", "hose_stiffness")
@@ -40,7 +40,7 @@ def make_bags(suite: Processes, seed: int) -> None:
     for number, (name, trajectory) in enumerate(bags.items(), start=1):
         suite.start(
             *(name, "crane_sim", "make_bag", "--out", FOLDER / "bags" / name),
-            *("--trajectory", packaged("crane_trajectory", trajectory)),
+            *("--trajectory", machine_file(trajectory)),
             *("--periods", PERIODS, "--seed", 10 * seed + number),
             *("--hide", spec, "--label", LABELS / f"{name}.json"),
         )
@@ -52,7 +52,7 @@ def diagnose(suite: Processes) -> None:
     bags = FOLDER / "bags"
     suite.start(
         *("diagnose", "crane_identification", "diagnose", "--out", ANSWER),
-        *("--model", packaged("crane_model", "crane_model.yaml")),
+        *("--model", machine_file("model.yaml")),
         *("--train", *(bags / name for name in TRAIN)),
         *("--validate", *(bags / name for name in HELD_OUT)),
     )

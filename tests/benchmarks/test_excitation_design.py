@@ -11,7 +11,7 @@ from collections.abc import Callable
 import numpy as np
 from scipy.optimize import minimize
 
-from crane_model.configuration import packaged
+from crane_model.machine_files import machine_file
 from crane_model.model_file import load_model
 from crane_trajectory.excitation.columns import ColumnSet
 from crane_trajectory.excitation.criterion import Criterion, CriterionKind
@@ -26,7 +26,7 @@ SEEDS = range(10)
 STARTS = 16
 CORES = 2
 AT_MOST = 10.0  # s a design, on two cores
-MODEL = load_model(packaged("crane_model", "crane_model.yaml"))
+MODEL = load_model(machine_file("model.yaml"))
 SETTINGS = load_design_settings()
 PROBLEM = ExcitationProblem(
     MODEL,

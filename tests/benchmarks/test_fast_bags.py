@@ -8,8 +8,8 @@ import numpy as np
 from crane_benchmark.measured import of_joints
 from crane_identification.data.bag_log import read_bag
 from crane_identification.pipeline import fit, validate
-from crane_model.configuration import packaged
 from crane_model.machine import load_machine
+from crane_model.machine_files import machine_file
 from crane_model.model_file import load_model
 from crane_sim.make_bag import main as make_bag
 from crane_sim.parts.parameters import load_stand_in
@@ -21,9 +21,9 @@ BAGS = ("excitation_20s.yaml", "validation_20s.yaml")
 def test_fit_to_bags_made_faster_than_real_time(
     tmp_path: Path, measured: Callable[..., None]
 ) -> None:
-    model = load_model(packaged("crane_model", "crane_model.yaml"))
+    model = load_model(machine_file("model.yaml"))
     for seed, name in enumerate(BAGS, start=1):
-        trajectory = str(packaged("crane_trajectory", name))
+        trajectory = str(machine_file(name))
         words = ["--trajectory", trajectory, "--periods", "5", "--seed", str(seed)]
         assert make_bag([*words, "--out", str(tmp_path / name)]) == 0
     training, held_out = (read_bag(tmp_path / name, model.joints) for name in BAGS)

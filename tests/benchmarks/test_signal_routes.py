@@ -16,8 +16,8 @@ from crane_identification.signals.butterworth import ButterworthDifferentiator
 from crane_identification.signals.fourier import FourierFit
 from crane_identification.signals.kalman import KalmanSmoother
 from crane_identification.signals.motion import MotionEstimator
-from crane_model.configuration import packaged
 from crane_model.machine import load_machine
+from crane_model.machine_files import machine_file
 from crane_model.model_file import Model, load_model
 from crane_sim.make_bag import write_bag
 from crane_sim.parts.parameters import load_stand_in
@@ -56,8 +56,8 @@ class Score(NamedTuple):
 def experiment(
     request: pytest.FixtureRequest, tmp_path_factory: pytest.TempPathFactory
 ) -> Experiment:
-    machine, parameters = load_machine(), load_stand_in(packaged("crane_sim", request.param))
-    trajectory = load_trajectory(packaged("crane_trajectory", "excitation_20s.yaml"))
+    machine, parameters = load_machine(), load_stand_in(machine_file(request.param))
+    trajectory = load_trajectory(machine_file("excitation_20s.yaml"))
     motion = plan(machine, trajectory, parameters.start, PERIODS, load_clearance())
     plant = Plant(parameters, machine, motion.start)
     made = record(motion, plant, Sensors(parameters.sensors, machine, 1), load_gains(None))
@@ -70,7 +70,7 @@ def experiment(
 
 
 def model() -> Model:
-    return load_model(packaged("crane_model", "crane_model.yaml"))
+    return load_model(machine_file("model.yaml"))
 
 
 def averaged_alike(log: Log, values: np.ndarray, options: Options) -> np.ndarray:

@@ -18,7 +18,7 @@ from crane_identification.diagnosis.diagnosis import diagnose
 from crane_identification.diagnosis.thresholds import load_thresholds
 from crane_identification.options import Options
 from crane_identification.pipeline import fit
-from crane_model.configuration import packaged
+from crane_model.machine_files import machine_file
 from crane_model.model_file import Model, load_model
 from crane_sim.make_bag import main as make_bag
 
@@ -33,13 +33,13 @@ WALK = (
 
 @pytest.fixture(scope="module")
 def model() -> Model:
-    return load_model(packaged("crane_model", "crane_model.yaml"))
+    return load_model(machine_file("model.yaml"))
 
 
 @pytest.fixture(scope="module")
 def logs(model: Model, tmp_path_factory: pytest.TempPathFactory) -> list[Log]:
     """Two recordings of the stand-in machine, of different noise."""
-    trajectory = str(packaged("crane_trajectory", "excitation_20s.yaml"))
+    trajectory = str(machine_file("excitation_20s.yaml"))
     out = [tmp_path_factory.mktemp("bags") / f"bag_{seed}" for seed in (1, 2)]
     for seed, path in enumerate(out):
         words = ["--trajectory", trajectory, "--periods", "4", "--seed", str(seed)]

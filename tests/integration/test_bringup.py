@@ -14,8 +14,9 @@ from integration.workshop import OFFSETS, VALVES, WIRING, Tool, Workshop
 from crane_driver.can.mapping import Mapping
 from crane_driver.operator.bringup.series import DeadBands, Result
 from crane_driver.velocity_filter import VelocityFilter
-from crane_model.configuration import load, packaged
+from crane_model.configuration import load
 from crane_model.machine import JOINTS, load_machine
+from crane_model.machine_files import machine_file
 from crane_sim.parts.parameters import load_stand_in
 from crane_sim.plant.plant import Plant
 from crane_trajectory.control.controller import command, load_gains
@@ -186,7 +187,7 @@ def test_ctrl_c_while_it_moves_is_neutral_disabled_and_the_end(shop: Workshop) -
 
 
 def test_gains(shop: Workshop, measured: Callable[..., None]) -> None:
-    controller = packaged("crane_trajectory", "controller.yaml")
+    controller = machine_file("controller.yaml")
     moves(shop, "gains", "--controller", str(controller))
     path = runs(shop, "gains")[-1] / "controller.yaml"
     found, base = load_gains(path), load_gains(controller)

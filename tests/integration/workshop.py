@@ -27,7 +27,7 @@ from crane_driver.can.binding import load_layout
 from crane_driver.can.bus import BusSettings
 from crane_driver.can.codec import DriverCodec, MachineCodec
 from crane_driver.can.link import Link
-from crane_model.configuration import packaged
+from crane_model.machine_files import machine_file
 
 BRINGUP = RUN.format(module="crane_driver.operator.bringup.main")
 WIRING = {  # (sign, zero) of encoders, sign of valves
@@ -46,7 +46,7 @@ class Workshop:
 
     def __init__(self, folder: Path):
         self.folder = folder
-        naive = yaml.safe_load(packaged("crane_driver", "laboratory_crane_can.yaml").read_text())
+        naive = yaml.safe_load(machine_file("can.yaml").read_text())
         naive["timing"] = TIMING
         self.naive = folder / "naive.yaml"
         self.naive.write_text(yaml.safe_dump(naive))
@@ -59,7 +59,7 @@ class Workshop:
         truth = folder / "truth.yaml"
         truth.write_text(yaml.safe_dump(naive))
         plant = folder / "plant.yaml"
-        base = str(packaged("crane_sim", "stand_in.yaml"))
+        base = str(machine_file("stand_in.yaml"))
         plant.write_text(yaml.safe_dump({"base": base, "valves": VALVES}))
         self.plant = plant
         self.port = f"port={free_port()}"

@@ -29,9 +29,10 @@ from crane_driver.can.mapping import (
     StateSignal,
 )
 from crane_driver.can.signals import fills_byte, is_scaled, raw_limits, to_channel
-from crane_model.configuration import load, packaged
+from crane_model.configuration import load
 from crane_model.errors import ConfigurationError
 from crane_model.machine import JOINT_UNITS
+from crane_model.machine_files import machine_file
 
 LONGEST = 8  # bytes, of classical CAN
 QUANTITY = {"rad": "angle", "m": "length"}
@@ -42,8 +43,8 @@ def load_layout(mapping: Path | str | None = None, dbc: Path | str | None = None
 
     `ConfigurationError` lists all that does not fit together: file, key, message, signal.
     """
-    mapping_path = Path(mapping or packaged("crane_driver", "laboratory_crane_can.yaml"))
-    dbc_path = Path(dbc or packaged("crane_driver", "laboratory_crane.dbc"))
+    mapping_path = Path(mapping or machine_file("can.yaml"))
+    dbc_path = Path(dbc or machine_file("can.dbc"))
     return _Binder(mapping_path, load(mapping_path, Mapping), load_dbc(dbc_path)).layout()
 
 

@@ -1,12 +1,13 @@
-"""The settings of the safety functions, from `data/safety.yaml`."""
+"""The settings of the safety functions, from `safety.yaml`."""
 
 from pathlib import Path
 from typing import Annotated, Self
 
 from pydantic import Field, model_validator
 
-from crane_model.configuration import Positive, Schema, load, packaged
+from crane_model.configuration import Positive, Schema, load
 from crane_model.machine import PerJoint
+from crane_model.machine_files import machine_file
 
 Spool = Annotated[float, Field(gt=0, lt=1)]
 
@@ -39,4 +40,4 @@ class SafetySettings(Schema):
 
 def load_safety(path: Path | str | None = None) -> SafetySettings:
     """The settings in `path`, by default the laboratory's; `ConfigurationError` if wrong."""
-    return load(path or packaged("crane_driver", "safety.yaml"), SafetySettings)
+    return load(path or machine_file("safety.yaml"), SafetySettings)

@@ -5,8 +5,9 @@ from pathlib import Path
 from typing import NamedTuple
 
 from crane_identification.diagnosis.thresholds import Method
-from crane_model.configuration import Positive, Schema, load, packaged
+from crane_model.configuration import Positive, Schema, load
 from crane_model.flow import FLOW_EFFECTS
+from crane_model.machine_files import machine_file
 from crane_model.terms import Effect
 
 
@@ -22,7 +23,7 @@ class Usual(Schema):
 
 def load_usual(path: Path | None = None) -> Usual:
     """The packaged values, or those of a file; `ConfigurationError` names what is wrong in it."""
-    return load(path or packaged("crane_identification", "hydraulics.yaml"), Usual)
+    return load(path or machine_file("hydraulics.yaml"), Usual)
 
 
 @dataclass(frozen=True)

@@ -23,8 +23,9 @@ from crane_identification.online.topics import (
     listeners,
 )
 from crane_interfaces.msg import GeneralizedForces, ParameterEstimate
-from crane_model.configuration import load, packaged
+from crane_model.configuration import load
 from crane_model.errors import CraneError, DataError
+from crane_model.machine_files import machine_file
 from crane_model.model_file import load_model, save_model
 from crane_nodes.managed import AUTOSTART, run_managed
 from crane_nodes.names import full_name
@@ -139,7 +140,7 @@ class Identification(LifecycleNode):
                 encoder_resolution=RESOLUTION.read(self) or None,
             )
             self._condition = Condition(timeout=TIMEOUT.read(self))
-            file = MODEL.read(self) or packaged("crane_model", "crane_model.yaml")
+            file = MODEL.read(self) or machine_file("model.yaml")
             estimator = OnlineEstimator(load_model(file).of_machine(), options)
             recent = Recent(estimator.model.machine, estimator.model.joints)
             self._listeners = self._listeners_of(Watched(estimator, recent))

@@ -24,9 +24,10 @@ import numpy as np
 from numba import njit
 from pydantic import Field, model_validator
 
-from crane_model.configuration import Schema, load, packaged
+from crane_model.configuration import Schema, load
 from crane_model.errors import RangeError
 from crane_model.machine import JOINT_UNITS, JOINTS
+from crane_model.machine_files import machine_file
 
 DeadZone = Annotated[float, Field(ge=0.0, le=0.99)]
 Small = Annotated[float, Field(ge=1e-6, le=1.0)]
@@ -34,7 +35,7 @@ T = TypeVar("T")
 
 
 class JointGains(Schema):
-    """Gains of (36) of one joint; units in `data/controller.yaml`."""
+    """Gains of (36) of one joint; units in `controller.yaml`."""
 
     kp: Annotated[float, Field(ge=1e-6, le=1000.0)]
     kd: Annotated[float, Field(ge=0.0, le=100.0)]
@@ -89,7 +90,7 @@ class Gains(Schema):
 
 def load_gains(path: Path | str | None = None) -> Gains:
     """The gains in `path`, by default the laboratory's; `ConfigurationError` if wrong."""
-    return load(path or packaged("crane_trajectory", "controller.yaml"), Gains)
+    return load(path or machine_file("controller.yaml"), Gains)
 
 
 @njit(cache=True)
@@ -157,3 +158,8 @@ def command(
             "no command is given, close the valves"
         )
     return _commands(gains, *inputs)
+
+
+def compile_command(gains: GainArrays) -> None:
+    """Once, before the crane moves: the first `command` takes seconds."""
+    command(gains, *np.zeros((4, len(gains.kp))))

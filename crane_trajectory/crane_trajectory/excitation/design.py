@@ -11,9 +11,10 @@ import numpy as np
 
 from crane_model.arguments import above, between, one_of, whole
 from crane_model.cli import add_replace, check_out, command_line, run
-from crane_model.configuration import packaged, save
+from crane_model.configuration import save
 from crane_model.errors import ConfigurationError
 from crane_model.machine import JOINTS
+from crane_model.machine_files import machine_file
 from crane_model.model_file import Model, load_model
 from crane_model.progress_bar import progress_bar
 from crane_trajectory.excitation.campaign import after, campaign
@@ -102,8 +103,8 @@ def _parser() -> argparse.ArgumentParser:
     parser.add_argument("--seed", type=whole(0), default=1, help="of the random starts")
     parser.add_argument("--starts", type=whole(1), default=16, help="local searches to run")
     parser.add_argument("--model", type=Path, help="model file; default: the crane's own")
-    parser.add_argument("--settings", type=Path, help="of the search; default: data/design.yaml")
-    parser.add_argument("--clearance", type=Path, help="of the tip; default: data/clearance.yaml")
+    parser.add_argument("--settings", type=Path, help="of the search; default: the machine's")
+    parser.add_argument("--clearance", type=Path, help="of the tip; default: the machine's")
     parser.add_argument("--out", type=Path, required=True, help="trajectory file to write (YAML)")
     add_replace(parser)
     return parser
@@ -111,7 +112,7 @@ def _parser() -> argparse.ArgumentParser:
 
 def _design(arguments: argparse.Namespace, argv: list[str]) -> None:
     settings = load_design_settings(arguments.settings)
-    model = load_model(arguments.model or packaged("crane_model", "crane_model.yaml"))
+    model = load_model(arguments.model or machine_file("model.yaml"))
     clearance = load_clearance(arguments.clearance)
     if arguments.sweeps or arguments.count is None:
         check_out(arguments.out, arguments.out.with_suffix(".png"), replace=arguments.replace)

@@ -1,11 +1,12 @@
-"""How excitation trajectories are searched and judged: `data/design.yaml`."""
+"""How excitation trajectories are searched and judged: `design.yaml`."""
 
 from pathlib import Path
 from typing import Annotated
 
 from pydantic import Field
 
-from crane_model.configuration import Positive, Schema, load, packaged
+from crane_model.configuration import Positive, Schema, load
+from crane_model.machine_files import machine_file
 from crane_trajectory.excitation.merit import PredictedRecording
 
 Share = Annotated[float, Field(ge=0, lt=1)]
@@ -42,7 +43,7 @@ class SearchSettings(Schema):
 
 
 class DesignSettings(Schema):
-    """Everything of `data/design.yaml`."""
+    """Everything of `design.yaml`."""
 
     search: SearchSettings
     margins: Margins
@@ -52,4 +53,4 @@ class DesignSettings(Schema):
 
 def load_design_settings(path: Path | None = None) -> DesignSettings:
     """The settings in `path`, by default the packaged ones; `ConfigurationError` if wrong."""
-    return load(path or packaged("crane_trajectory", "design.yaml"), DesignSettings)
+    return load(path or machine_file("design.yaml"), DesignSettings)

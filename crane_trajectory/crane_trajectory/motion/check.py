@@ -8,11 +8,12 @@ from typing import NamedTuple
 
 import numpy as np
 
-from crane_model.configuration import NonNegative, Schema, load, packaged
+from crane_model.configuration import NonNegative, Schema, load
 from crane_model.cylinders import lever_arm
 from crane_model.errors import RangeError
 from crane_model.kinematics import tip_position
 from crane_model.machine import JOINT_UNITS, JOINTS, PLANAR_JOINTS, Machine
+from crane_model.machine_files import machine_file
 from crane_trajectory.motion.extremes import maxima
 from crane_trajectory.motion.periodic import PeriodicTrajectory
 
@@ -38,7 +39,7 @@ class Clearance(Schema):
 
 def load_clearance(path: Path | str | None = None) -> Clearance:
     """The clearance in `path`, by default the laboratory's; `ConfigurationError` if wrong."""
-    return load(path or packaged("crane_trajectory", "clearance.yaml"), Clearance)
+    return load(path or machine_file("clearance.yaml"), Clearance)
 
 
 @dataclass(frozen=True)

@@ -11,8 +11,9 @@ from pydantic import Field, model_validator
 
 from crane_model import linkages
 from crane_model.array import Array
-from crane_model.configuration import Positive, Schema, load, packaged
+from crane_model.configuration import Positive, Schema, load
 from crane_model.errors import RangeError
+from crane_model.machine_files import machine_file
 
 JOINTS = ("slew", "inner_boom", "outer_boom", "telescope")
 PLANAR_JOINTS = JOINTS[1:]
@@ -269,10 +270,12 @@ class Machine(Schema):
         return self
 
 
-def load_machine(path: Path | str | None = None) -> Machine:
-    """The machine in `path`, by default the laboratory crane; `ConfigurationError` if wrong.
+def load_machine(machine: Path | str | None = None) -> Machine:
+    """A shipped machine by its name, or that of a folder or file; `ConfigurationError` if wrong.
+
+    By default it is the laboratory crane.
 
     >>> load_machine().limits["telescope"].position_max  # m
     1.55
     """
-    return load(path or packaged("crane_model", "laboratory_crane.yaml"), Machine)
+    return load(machine_file("machine.yaml", machine), Machine)

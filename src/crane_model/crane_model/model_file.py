@@ -10,6 +10,7 @@ from typing import Annotated, Any, Literal, Self
 import numpy as np
 from pydantic import BeforeValidator, Field, SerializeAsAny
 
+import crane_machines
 from crane_model.array import Array
 from crane_model.configuration import Schema, load, save, validate
 from crane_model.errors import ConfigurationError
@@ -175,11 +176,11 @@ class _ModelFile(Schema):
 def load_model(path: Path | str) -> Model:
     """Read a model file; `ConfigurationError` names file, key and what is wrong.
 
-    `machine` is a machine file beside the model file, the machine itself, `laboratory_crane` for
-    the one that ships with the suite, or absent for a machine without linkages.
+    `machine` is a machine file beside the model file, the machine itself, the name of one that
+    ships with the suite, or absent for a machine without linkages.
 
-    >>> from crane_model.configuration import packaged
-    >>> model = load_model(packaged("crane_model", "crane_model.yaml"))
+    >>> from crane_model.machine_files import machine_file
+    >>> model = load_model(machine_file("model.yaml"))
     >>> model.joints
     ('inner_boom', 'outer_boom', 'telescope')
     >>> len(model.parameters), model.parameters[6].name
@@ -250,8 +251,8 @@ def _machine(given: dict[str, Any] | str | None, model_path: Path) -> Machine | 
         return None
     if isinstance(given, dict):
         return validate(given, Machine, f"{model_path}: machine")
-    if given == "laboratory_crane":
-        return load_machine()
+    if given in crane_machines.shipped():
+        return load_machine(given)
     return load_machine(model_path.parent / given)
 
 

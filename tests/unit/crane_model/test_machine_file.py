@@ -9,11 +9,12 @@ import numpy as np
 import pytest
 import yaml
 
-from crane_model.configuration import packaged, save
+from crane_model.configuration import save
 from crane_model.errors import ConfigurationError, RangeError
 from crane_model.machine import JOINTS, Machine, load_machine
+from crane_model.machine_files import machine_file
 
-LABORATORY = packaged("crane_model", "laboratory_crane.yaml")
+LABORATORY = machine_file("machine.yaml")
 
 
 def test_table_1(machine: Machine) -> None:

@@ -226,7 +226,7 @@ def test_wrong_file_is_told_what_is_wrong(file: Path, text: str, parts: list[str
 
 
 def test_absent_machine_file_is_named(file: Path) -> None:
-    with pytest.raises(ConfigurationError, match=r"grader\.yaml: no such file"):
+    with pytest.raises(ConfigurationError, match=r"grader\.yaml: no such machine"):
         written(file, SLIDE + "machine: grader.yaml\n")
 
 

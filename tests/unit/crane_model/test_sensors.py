@@ -4,8 +4,9 @@ import numpy as np
 import pytest
 from scipy.stats import chi2
 
-from crane_model.configuration import load, packaged
+from crane_model.configuration import load
 from crane_model.machine import JOINTS, Machine
+from crane_model.machine_files import machine_file
 from crane_model.sensors import SensorChain
 
 SAMPLES = 20_000
@@ -13,7 +14,7 @@ SAMPLES = 20_000
 
 @pytest.fixture(scope="module")
 def sensors() -> SensorChain:
-    return load(packaged("crane_model", "sensors.yaml"), SensorChain)
+    return load(machine_file("sensors.yaml"), SensorChain)
 
 
 @pytest.fixture

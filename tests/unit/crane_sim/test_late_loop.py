@@ -6,8 +6,8 @@ from typing import Any
 import numpy as np
 from scipy.signal import butter, sosfiltfilt
 
-from crane_model.configuration import packaged
 from crane_model.machine import JOINTS, load_machine
+from crane_model.machine_files import machine_file
 from crane_sim.parts.parameters import load_stand_in
 from crane_sim.plant.closed_loop import record
 from crane_sim.plant.plant import Plant
@@ -40,7 +40,7 @@ class Late:
 
 def test_commands_that_are_50_ms_late_set_nothing_swinging() -> None:
     machine, parameters = load_machine(), load_stand_in()
-    trajectory = load_trajectory(packaged("crane_trajectory", "excitation_20s.yaml"))
+    trajectory = load_trajectory(machine_file("excitation_20s.yaml"))
     motion = plan(machine, trajectory, parameters.start, 1, load_clearance())
     plant = Late(Plant(parameters, machine, motion.start), LATE)
     sensors = Sensors(parameters.sensors, machine, 1)

@@ -4,8 +4,8 @@ import numpy as np
 import pytest
 from PIL import Image
 
-from crane_model.configuration import packaged
 from crane_model.machine import JOINTS, PLANAR_JOINTS, load_machine
+from crane_model.machine_files import machine_file
 from crane_model.model_file import load_model
 from crane_trajectory.excitation.design import main
 from crane_trajectory.excitation.merit import figures_of_merit
@@ -15,14 +15,14 @@ from crane_trajectory.motion.motion import plan
 from crane_trajectory.motion.periodic import load_trajectory
 
 MACHINE = load_machine()
-MODEL = load_model(packaged("crane_model", "crane_model.yaml"))
+MODEL = load_model(machine_file("model.yaml"))
 SETTINGS = load_design_settings()
 SHIPPED = {"excitation_20s": 20.0, "excitation_66s": 66.0, "validation_20s": 20.0}
 
 
 @pytest.fixture(params=SHIPPED)
 def shipped(request):
-    return load_trajectory(packaged("crane_trajectory", f"{request.param}.yaml"))
+    return load_trajectory(machine_file(f"{request.param}.yaml"))
 
 
 def test_shipped_trajectory_is_within_all_limits(shipped):
@@ -61,9 +61,7 @@ def test_shipped_provenance_names_the_command_and_the_columns(shipped):
 
 def test_training_and_validation_differ():
     first, second = (
-        load_trajectory(packaged("crane_trajectory", f"{name}.yaml"))
-        .evaluate(np.linspace(0.0, 20.0, 400))
-        .position
+        load_trajectory(machine_file(f"{name}.yaml")).evaluate(np.linspace(0.0, 20.0, 400)).position
         for name in ("excitation_20s", "validation_20s")
     )
     distance = np.linalg.norm(first[:, None] - second[None], axis=2).min(axis=0)
@@ -78,7 +76,7 @@ def drawn(path):
 
 def test_campaign_writes_trajectories_with_figures_of_merit_and_pictures(tmp_path, capsys):
     out = tmp_path / "two"
-    earlier = packaged("crane_trajectory", "excitation_20s.yaml")
+    earlier = machine_file("excitation_20s.yaml")
     command = ["--period", "30", "--harmonics", "2", "--starts", "2", "--count", "2"]
     command += ["--criterion", "d-optimality", "--acceleration", "telescope=0.2"]
     command += ["--after", str(earlier), "--out", str(out)]

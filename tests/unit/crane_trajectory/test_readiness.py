@@ -42,3 +42,10 @@ def test_a_crane_must_have_rested(velocity: np.ndarray, ready: Readiness) -> Non
     assert ready.lacking(TIMEOUT, NOW + 0.1).startswith("the crane is not at rest")
     ready.sample(PLACE, REST, TUNING, NOW + 0.1 + REST_TIME_S)
     assert ready.lacking(TIMEOUT, NOW + 0.1 + REST_TIME_S) == ""
+
+
+def test_a_crane_that_was_moved_is_not_where_its_motion_starts(ready: Readiness) -> None:
+    ready.sample(PLACE + 0.4 * TUNING.tolerance, REST, TUNING, NOW)
+    assert not ready.moved_from(PLACE, TUNING)
+    ready.sample(PLACE - 0.6 * TUNING.tolerance, REST, TUNING, NOW)
+    assert ready.moved_from(PLACE, TUNING)

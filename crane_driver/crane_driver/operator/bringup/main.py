@@ -21,9 +21,10 @@ from crane_driver.operator.bringup.series import MAPPING, RESULT, STEPS, Series
 from crane_driver.operator.bringup.terminal import BringupTerminal
 from crane_model.arguments import between
 from crane_model.cli import command_line, run
-from crane_model.configuration import load, packaged
+from crane_model.configuration import load
 from crane_model.errors import ConfigurationError
 from crane_model.machine import JOINTS
+from crane_model.machine_files import machine_file
 from crane_nodes.command_line import own_arguments, ros_arguments
 from crane_nodes.context import ros
 
@@ -97,7 +98,7 @@ def _measure(argv: Sequence[str], options: argparse.Namespace) -> None:
 def _mapping(expected: Path | None, driver: Parameters) -> Path:
     """The mapping of the driver; what is measured corrects that one and no other."""
     running = str(driver["mapping"])
-    used = Path(running) if running else packaged("crane_driver", "laboratory_crane_can.yaml")
+    used = Path(running) if running else machine_file("can.yaml")
     if expected and expected.resolve() != used.resolve():
         raise ConfigurationError(
             f"the driver runs with the mapping {used}, but the one to go on from is {expected}; "

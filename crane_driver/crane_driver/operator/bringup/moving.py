@@ -192,6 +192,6 @@ def _controller_entry(base: Any, joint: str, path: Path) -> dict[str, float]:
     if not isinstance(entry, dict) or "position_tolerance" not in entry:
         raise ConfigurationError(
             f"{path}: key '{joint}.position_tolerance' is missing; name a controller file of "
-            "crane_trajectory, such as its data/controller.yaml"
+            "crane_trajectory, such as the machine's controller.yaml"
         )
     return entry

@@ -11,7 +11,7 @@ import yaml
 from crane_driver.driver_parameters import MAPPING, PARAMETERS
 from crane_driver.operator.bringup.series import STEPS
 
-CONTROLLER = Path("crane_trajectory/crane_trajectory/data/controller.yaml")
+CONTROLLER = Path("src/crane_machines/crane_machines/laboratory_crane/controller.yaml")
 """The controller file to begin from, in the repository."""
 
 Parameters = Mapping[str, str | bool | float]

@@ -15,9 +15,9 @@ from crane_benchmark.cases.motions import Maker, Richness
 from crane_benchmark.cases.session import TRAIN, VALIDATE, recordings
 from crane_benchmark.folders import Folders, done, new, write_json
 from crane_benchmark.work import in_processes
-from crane_model.configuration import packaged
 from crane_model.errors import CraneError, RangeError
 from crane_model.machine import load_machine
+from crane_model.machine_files import machine_file
 from crane_model.model_file import Model, load_model, save_model
 from crane_sim.effects.form import Planted
 from crane_sim.hiding.calibrate import calibrate
@@ -133,7 +133,7 @@ def _strongest(
 
 def _model(case: Case) -> Model:
     """The model of the suite without the terms that the case lacks."""
-    model = load_model(packaged("crane_model", "crane_model.yaml"))
+    model = load_model(machine_file("model.yaml"))
     kept = tuple(
         term
         for term in model.terms

@@ -27,6 +27,7 @@ from crane_benchmark.study.recordings import Campaign, StudyError, StudyPlan, de
 from crane_identification.report import terminal
 from crane_model.cli import command_line
 from crane_model.configuration import packaged
+from crane_model.machine_files import machine_file
 
 EMPS = packaged("crane_benchmark", "emps/model.yaml").parent  # model and column map
 SEEDS = {"training": 1, "validation": 101}
@@ -84,7 +85,7 @@ def study(arguments: argparse.Namespace, console: Console) -> None:
     with phase(console, took, "identified and validated"):
         run(
             *("crane_identification", "identify", "--recursive", "--replace", "--out", out),
-            *("--model", packaged("crane_model", "crane_model.yaml")),
+            *("--model", machine_file("model.yaml")),
             *("--train", *training.bags, "--validate", *validation.bags),
             *("--reference-values", planted),
         )

@@ -14,11 +14,12 @@ from crane_driver.operator.bringup.measuring import encoders
 from crane_driver.operator.bringup.samples import JointInstant
 from crane_driver.operator.bringup.series import Series
 from crane_driver.operator.bringup.terminal import BringupTerminal
-from crane_model.configuration import load, packaged
+from crane_model.configuration import load
 from crane_model.machine import JOINTS
+from crane_model.machine_files import machine_file
 from crane_nodes.context import Stop
 
-MAPPING = packaged("crane_driver", "laboratory_crane_can.yaml")
+MAPPING = machine_file("can.yaml")
 START = np.array([3.1, 0.4, -1.2, 0.3])
 SINKING = np.array([0.0, -1.14e-4, -2e-5, 0.0])  # rad/s, m/s: 13.7 mrad in two minutes
 PERIOD, SPEED = 0.02, 0.05

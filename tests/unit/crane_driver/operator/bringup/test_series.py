@@ -8,10 +8,11 @@ from crane_driver.can.mapping import Mapping
 from crane_driver.operator.bringup.dead_band import DeadBandResult
 from crane_driver.operator.bringup.encoder import EncoderResult
 from crane_driver.operator.bringup.series import Series, copy_changed
-from crane_model.configuration import load, packaged
+from crane_model.configuration import load
 from crane_model.errors import DataError
+from crane_model.machine_files import machine_file
 
-MAPPING = packaged("crane_driver", "laboratory_crane_can.yaml")
+MAPPING = machine_file("can.yaml")
 
 
 def test_each_step_has_a_folder_of_its_own(tmp_path):
