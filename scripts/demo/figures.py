@@ -3,7 +3,7 @@
 from collections.abc import Iterator, Mapping
 from typing import Any
 
-from laws import DYNAMIC_LAW, OUT, REPORT_LAW
+from laws import OUT, Law
 
 from crane_benchmark.measured import FigureRow, of_joints, write
 from crane_model.machine import JOINT_UNITS
@@ -11,10 +11,10 @@ from crane_model.machine import JOINT_UNITS
 COMMAND = "make demo"
 
 
-def write_figures() -> None:
+def write_figures(law: Law, dynamic: Law) -> None:
     """Next to the demo's summary."""
-    summary, dynamic = REPORT_LAW.read("summary.json"), DYNAMIC_LAW.read("summary.json")
-    write(OUT / "figures.json", COMMAND, list(rows(summary, dynamic)))
+    summaries = law.read("summary.json"), dynamic.read("summary.json")
+    write(OUT / "figures.json", COMMAND, list(rows(*summaries)))
 
 
 def rows(summary: Mapping[str, Any], dynamic: Mapping[str, Any]) -> Iterator[FigureRow]:

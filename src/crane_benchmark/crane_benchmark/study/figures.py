@@ -80,7 +80,7 @@ def rows(
 def _campaign(trajectories: Sequence[FourierTrajectory]) -> FigureRow:
     """The largest standard deviation that is predicted after some trajectories, and after all."""
     model = load_model(machine_file("model.yaml"))
-    settings = load_design_settings()
+    settings = load_design_settings(machine_file("design.yaml"))
     told = np.cumsum(
         [
             information(
