@@ -9,17 +9,16 @@ from typing import Any
 import numpy as np
 
 from crane_identification.diagnosis.diagnosis import Diagnosis
+from crane_identification.diagnosis.energy import acting
+from crane_identification.diagnosis.extension import Finding, Value, carried_in
 from crane_identification.diagnosis.flow_and_load_findings import balance, of_flow, of_load
 from crane_identification.diagnosis.gap import Gap
-from crane_identification.diagnosis.likeness import acting
-from crane_identification.diagnosis.pulsation import pulsations
 from crane_identification.diagnosis.region import (
     Region,
     correlation_left,
     energy_shares,
     regions,
 )
-from crane_identification.diagnosis.trial import Finding, Value, carried_in
 from crane_identification.diagnosis.variables import feature_unit
 from crane_identification.notation import is_determined
 from crane_identification.validation.motion_validation import MotionValidation
@@ -74,7 +73,7 @@ def content(diagnosis: Diagnosis) -> dict[str, Any]:
                     diagnosis.joints,
                     correlation_left(fit.evidence, proof.trial),
                     proof.trial.learnt.share,
-                    proof.trial.learnt.follows_law(thresholds),
+                    proof.trial.law,
                     gap.over_floor(np.maximum(gap.after, gap.training_after)),
                     regions(fit, proof.trial),
                     strict=True,
@@ -94,7 +93,7 @@ def content(diagnosis: Diagnosis) -> dict[str, Any]:
                 {"effect": effect, "joint": joint, "reason": reason}
                 for (effect, joint), reason in diagnosis.flow.unobservable.items()
             ],
-            "pulsations": [vars(one) for one in pulsations(proof.lines, thresholds)],
+            "pulsations": [vars(one) for one in proof.pulsations],
             "flow": {flow.joint: balance(flow) for flow in diagnosis.flow.found},
             "detectable_strength": diagnosis.detectable,
         }

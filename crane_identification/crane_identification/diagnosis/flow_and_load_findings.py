@@ -8,8 +8,7 @@ from typing import Any
 from crane_identification.diagnosis.candidates import WHOLE, Candidate
 from crane_identification.diagnosis.diagnosis import Diagnosis
 from crane_identification.diagnosis.hydraulics import Flow, Quantity
-from crane_identification.diagnosis.loads import LOADS, MASS_SIGMAS, NO_LOAD
-from crane_identification.diagnosis.weighing import Weighed
+from crane_identification.diagnosis.loads import LOADS, MASS_SIGMAS, NO_LOAD, Weighed
 from crane_identification.notation import is_determined
 
 
