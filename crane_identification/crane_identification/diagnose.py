@@ -88,7 +88,7 @@ def run(arguments: argparse.Namespace) -> None:
         save_model(arguments.out / "model.yaml", result.after)
         findings.write(arguments.out / "findings.json", result, suspicions)
         page.write(arguments.out / "report.html", result, provenance, suspicions)
-    _tell(findings.content(result) | {"suspicions": suspicions})
+    _tell(findings.content(result, suspicions))
     print(f"written: {arguments.out}/findings.json, model.yaml, report.html")
     logs = [*training, *held_out]
     samples = sum(len(log.position.time) for log in logs)

@@ -2,7 +2,8 @@
 
 from pathlib import Path
 
-from crane_model.configuration import Positive, Schema, load, packaged
+from crane_model.configuration import Positive, Schema, load
+from crane_model.machine_files import machine_file
 
 
 class Usual(Schema):
@@ -17,4 +18,4 @@ class Usual(Schema):
 
 def load_usual(path: Path | None = None) -> Usual:
     """The packaged values, or those of a file; `ConfigurationError` names what is wrong in it."""
-    return load(path or packaged("crane_identification", "hydraulics.yaml"), Usual)
+    return load(path or machine_file("hydraulics.yaml"), Usual)

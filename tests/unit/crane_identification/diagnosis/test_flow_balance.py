@@ -14,7 +14,7 @@ from crane_identification.diagnosis.hydraulics import Flow
 from crane_identification.diagnosis.runs import Run
 from crane_identification.diagnosis.thresholds import load_thresholds
 from crane_identification.diagnosis.usual import Usual
-from crane_model.configuration import packaged
+from crane_model.machine_files import machine_file
 from crane_model.model_file import load_model
 from crane_model.record import Record
 from crane_model.terms.sensing import EncoderOffset
@@ -33,7 +33,7 @@ THRESHOLDS = PACKAGED.model_copy(update={"gates": PACKAGED.gates.model_copy(upda
 
 @pytest.fixture(scope="module")
 def evidence() -> Evidence:
-    model = load_model(packaged("crane_model", "crane_model.yaml"))
+    model = load_model(machine_file("model.yaml"))
     assert model.machine is not None
     record = moved(model.machine)
     run = Run("cylinder", 0, record, np.ones((len(record), 1)), 10)

@@ -20,12 +20,12 @@ from crane_identification.diagnosis.thresholds import load_thresholds
 from crane_identification.diagnosis.trial import Trial, differs
 from crane_identification.diagnosis.verdict import Answer, Reach, Verdict, judge
 from crane_identification.validation.motion_validation import MotionValidation
-from crane_model.configuration import packaged
+from crane_model.machine_files import machine_file
 from crane_model.model_file import load_model
 from crane_model.terms import REGISTRY
 
 JOINTS = ("inner_boom", "outer_boom", "telescope")
-MODEL = load_model(packaged("crane_model", "crane_model.yaml"))
+MODEL = load_model(machine_file("model.yaml"))
 THRESHOLDS = load_thresholds()
 MOTION = MotionValidation(JOINTS, 0.5, 1, np.ones(3), np.ones(3))
 ENOUGH = Reach(testable=0.9, least=0.003, undetermined=())
