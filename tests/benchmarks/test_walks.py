@@ -23,7 +23,7 @@ from crane_model.model_file import Model, load_model
 from crane_sim.make_bag import main as make_bag
 
 RETURNS_OF_FIT = 22
-RETURNS_OF_DIAGNOSIS = 93
+RETURNS_OF_DIAGNOSIS = 58
 """To modules of crane_identification; more, and rooms that are one room have been parted."""
 WALK = (
     "{functions:.0f} functions, {visits:.0f} visits to {modules:.0f} modules, {returns:.0f} "

@@ -8,6 +8,8 @@ import numpy as np
 
 from crane_identification.diagnosis.candidates import Candidate
 from crane_identification.diagnosis.diagnosis import Diagnosis
+from crane_identification.diagnosis.energy import acting
+from crane_identification.diagnosis.extension import Finding, Value, carried_in
 from crane_identification.diagnosis.findings_file import (
     CarriedLoad,
     ChangedParameter,
@@ -29,15 +31,12 @@ from crane_identification.diagnosis.findings_file import (
 )
 from crane_identification.diagnosis.flow_and_load_findings import balance, of_flow, of_load
 from crane_identification.diagnosis.gap import Gap
-from crane_identification.diagnosis.likeness import acting
-from crane_identification.diagnosis.pulsation import pulsations
 from crane_identification.diagnosis.region import (
     Region,
     correlation_left,
     energy_shares,
     regions,
 )
-from crane_identification.diagnosis.trial import Finding, Value, carried_in
 from crane_identification.diagnosis.variables import feature_unit
 from crane_identification.notation import is_determined
 from crane_identification.validation.motion_validation import MotionValidation
@@ -92,7 +91,7 @@ def answer(diagnosis: Diagnosis, suspicions: Sequence[str] = ()) -> Findings:
         ],
         pulsations=[
             FoundPulsation(joint=one.joint, frequency=one.frequency, strength=one.strength)
-            for one in pulsations(diagnosis.proof.lines, diagnosis.thresholds)
+            for one in diagnosis.proof.pulsations
         ],
         flow={one.joint: balance(one) for one in flow.found},
         detectable_strength=diagnosis.detectable,
@@ -129,7 +128,7 @@ def _left(diagnosis: Diagnosis) -> dict[str, LeftResidual]:
             diagnosis.joints,
             correlation_left(fit.evidence, trial),
             trial.learnt.share,
-            trial.learnt.follows_law(thresholds),
+            trial.law,
             gap.over_floor(np.maximum(gap.after, gap.training_after)),
             regions(fit, trial),
             strict=True,

@@ -13,8 +13,7 @@ from crane_identification.diagnosis.findings_file import (
     HydraulicQuantity,
 )
 from crane_identification.diagnosis.hydraulics import Flow, Quantity
-from crane_identification.diagnosis.loads import LOADS, MASS_SIGMAS, NO_LOAD
-from crane_identification.diagnosis.weighing import Weighed
+from crane_identification.diagnosis.loads import LOADS, MASS_SIGMAS, NO_LOAD, Weighed
 from crane_identification.notation import is_determined
 
 
