@@ -214,7 +214,7 @@ def tracked(plant_file: Path, controller: Path) -> tuple[np.ndarray, np.ndarray]
         reference[columns] += 0.05 * (1.0 - np.cos(phase))
         reference_speed[columns] = 0.05 * frequency * np.sin(phase)
         plant.advance(u, period)
-        position = chain.measure_positions(plant.q)
+        position = chain.measure_positions(JOINTS, plant.q)
         _, speed, _ = speed_filter.update(time_, position)
         if np.isfinite(speed).all():
             u = command(gains, position, speed, reference, reference_speed, machine.units)

@@ -14,7 +14,7 @@ import crane_machines
 from crane_model.array import Array
 from crane_model.configuration import Schema, load, save, validate
 from crane_model.errors import ConfigurationError
-from crane_model.machine import JOINT_UNITS, Machine, load_machine
+from crane_model.machine import Machine, load_machine
 from crane_model.record import Record
 from crane_model.terms import Parameter, Term, term_from_mapping
 from crane_model.terms.term import Setting
@@ -190,10 +190,11 @@ def load_model(path: Path | str) -> Model:
     content = load(path, _ModelFile)
     setting = Setting(content.joints, _machine(content.machine, path))
     model = Model(content.name, setting, content.terms)
-    if setting.machine is not None and not content.joints.items() <= JOINT_UNITS.items():
+    machine = setting.machine
+    if machine is not None and not content.joints.items() <= machine.units.items():
         raise ConfigurationError(
-            f"{path}: key 'joints': a machine has the joints {_units(JOINT_UNITS)}, of which a "
-            f"model takes any in any order; got {_units(content.joints)}"
+            f"{path}: key 'joints': {machine.name} has the joints {_units(machine.units)}, of "
+            f"which a model takes any in any order; got {_units(content.joints)}"
         )
     try:
         names = [(p.name, p.unit) for p in model.parameters]

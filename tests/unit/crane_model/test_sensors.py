@@ -50,7 +50,7 @@ def test_all_encoders_at_once_read_like_each_alone(
     sensors: SensorChain, rng: np.random.Generator
 ) -> None:
     q = rng.uniform(-2.0, 2.0, (50, 4))
-    together = sensors.measure_positions(q)
+    together = sensors.measure_positions(JOINTS, q)
     for i, joint in enumerate(JOINTS):
         np.testing.assert_array_equal(together[:, i], sensors.measure_position(joint, q[:, i]))
 

@@ -201,7 +201,7 @@ def test_slewing_begins_and_ends_at_rest(
     np.testing.assert_allclose(reference.position[[0, -1]], motion.reference(time[[0, -1]])[0])
     np.testing.assert_allclose(reference.velocity[[0, -1]], 0.0, atol=1e-9)
     assert np.abs(reference.velocity[:, 0]).max() == pytest.approx(0.3, rel=1e-3)
-    assert reference.position[:, 0].max() < machine.limits.slew.position_max
+    assert reference.position[:, 0].max() < machine.limits["slew"].position_max
     np.testing.assert_allclose(
         np.gradient(reference.position[:, 0], time)[1:-1], reference.velocity[1:-1, 0], atol=1e-3
     )

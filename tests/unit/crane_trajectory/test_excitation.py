@@ -130,7 +130,7 @@ def test_a_limit_can_be_left_out(limit):
 
 def test_the_weak_pump_limits_all_cylinders_together():
     weak = MODEL.machine.model_copy(
-        update={"hydraulics": MODEL.machine.hydraulics.model_copy(update={"pump_flow": 2e-4})}
+        update={"supply": MODEL.machine.hydraulics.model_copy(update={"pump_flow": 2e-4})}
     )
     model = replace(MODEL, setting=Setting(MODEL.setting.units, weak))
     found = found_from(problem(model=model), 1)

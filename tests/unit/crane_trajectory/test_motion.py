@@ -101,7 +101,7 @@ def test_the_approach_uses_its_share_of_the_tightest_limit():
     time = np.linspace(0.0, motion.approach_time, 2001)[:-1]
     velocity = motion.reference(time).velocity
     assert velocity[:, 1].min() == pytest.approx(
-        APPROACH_SHARE * MACHINE.limits.inner_boom.velocity_min, rel=1e-3
+        APPROACH_SHARE * MACHINE.limits["inner_boom"].velocity_min, rel=1e-3
     )
 
 

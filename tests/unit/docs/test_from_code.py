@@ -22,7 +22,8 @@ def test_files_that_ship_are_of_the_schema_shown(kind: Kind) -> None:
 
 def test_tables_of_files_tell_bounds_and_defaults() -> None:
     page = pages_of_files()["files.md"]
-    assert "| `gravity` | number, > 0 |  |" in page
+    assert "| `gravity` | number, > 0 or list of number, number, number |  |" in page
+    assert "| `supply_pressure` | number, > 0 |  |" in page
     assert "| `sign` | `-1`, `1` | `1` |" in page
     assert "| `heartbeat_period` | number, ≥ 0.001, ≤ 65.535 | `absent` |" in page
 

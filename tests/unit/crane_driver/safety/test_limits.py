@@ -111,7 +111,9 @@ def test_the_simulated_crane_at_full_spool_stays_within_table_2(
     one, u, fastest_seen = limiter(joint), np.zeros(4), 0.0
     for _ in range(600):
         plant.advance(u, CYCLE)
-        position, velocity, _ = velocity_filter.update(plant.time, chain.measure_positions(plant.q))
+        position, velocity, _ = velocity_filter.update(
+            plant.time, chain.measure_positions(JOINTS, plant.q)
+        )
         if np.isfinite(velocity[i]):
             u[i] = one.limit(direction, position[i], velocity[i], CYCLE)
         beyond = direction * (plant.q[i] - end)
