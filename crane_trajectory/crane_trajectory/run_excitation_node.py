@@ -4,8 +4,6 @@ HAZARD: the crane moves by itself. Ctrl-C brings it to rest; software is no safe
 """
 
 import argparse
-import json
-import math
 import sys
 from collections.abc import Callable, Iterator, Sequence
 from contextlib import contextmanager
@@ -24,6 +22,7 @@ from crane_model.arguments import whole
 from crane_model.cli import INTERRUPTED, add_replace, check_out, command_line, run
 from crane_model.errors import CraneError
 from crane_model.progress_bar import BAR, progress_bar
+from crane_model.result_file import NumberByJoint, ResultFile
 from crane_nodes.command_line import own_arguments
 from crane_nodes.context import Stop, ros
 from crane_nodes.driver_client import DriverClient
@@ -45,6 +44,17 @@ class ExcitationError(CraneError):
     """
 
 
+class ExcitationResult(ResultFile):
+    """How an experiment ended (`run_excitation --result`)."""
+
+    outcome: str
+    """`COMPLETED`, or what ended it: the constants of the action."""
+    message: str
+    """The same in a sentence."""
+    rms_tracking_error: NumberByJoint
+    """Of the periods that were run [rad, m]; null where none was."""
+
+
 class RunExcitationClient(Node):
     """Asks for one experiment, and waits for its end whatever happens."""
 
@@ -54,7 +64,6 @@ class RunExcitationClient(Node):
         self._worker = SingleThreadedExecutor()
         self._worker.add_node(self)
         self._action = ActionClient(self, RunExcitation, ACTION)
-        self._action = ActionClient(self, RunExcitation, "run_excitation")
         self._driver = DriverClient(self)
         self._bar: tqdm | None = None
 
@@ -156,15 +165,11 @@ def _run(options: argparse.Namespace, client: RunExcitationClient) -> RunExcitat
 
 
 def _write(file: Path, result: RunExcitation.Result) -> None:
-    errors = zip(result.name, result.rms_tracking_error.tolist(), strict=True)
-    content = {
-        "outcome": Outcome(result.outcome).name,
-        "message": result.message,
-        "rms_tracking_error": {
-            joint: error if math.isfinite(error) else None for joint, error in errors
-        },
-    }
-    file.write_text(json.dumps(content, indent=2, ensure_ascii=False) + "\n", encoding="utf-8")
+    ExcitationResult(
+        outcome=Outcome(result.outcome).name,
+        message=result.message,
+        rms_tracking_error=dict(zip(result.name, result.rms_tracking_error.tolist(), strict=True)),
+    ).write(file)
 
 
 def _tell(result: RunExcitation.Result) -> None:

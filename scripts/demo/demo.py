@@ -18,6 +18,7 @@ from contextlib import contextmanager
 
 import live
 import missing
+from figures import write_figures
 from laws import OUT, Law, dynamic_law, identify, make_bags, note_planted, report_law
 from processes import DemoError, Processes
 from results import complete_summary, write_summary
@@ -114,6 +115,7 @@ def _demo(
     console.print(missing.answer(suite), highlight=False)
     console.print(missing.table())
     complete_summary(law, missing.summary(), phases.seconds)
+    write_figures(law, dynamic)
     console.print(
         f"Reports: {OUT}/report.html, {missing.ANSWER}/report.html   All: {OUT}/summary.json"
     )

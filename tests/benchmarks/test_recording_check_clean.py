@@ -84,9 +84,11 @@ def test_forty_clean_recordings_raise_no_suspicion(measured) -> None:
         print(f"\n{hidden or 'nothing hidden'}:", *texts, sep="\n  ")
     refused = sum(decisive for *_, decisive in found)
     measured(
-        "recordings of clean machines that the check suspects, refuses",
-        "0, 0",
-        f"{len(blamed)}, {refused} of {MACHINES} machines",
+        f"{MACHINES} machines as they should be, half of them with an effect: suspected; refused",
+        "0; 0",
+        "{suspected:.0f}; {refused:.0f}",
+        suspected=len(blamed),
+        refused=refused,
     )
     assert not refused
     assert all(FAULTY_CLOCK in hidden for hidden, _ in blamed)

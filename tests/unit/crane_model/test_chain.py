@@ -76,12 +76,8 @@ SHIPPED = ("laboratory_crane", "excavator", "single_axis")
 KUKA = Path(__file__).parents[2] / "machines" / "kuka_kr300.yaml"
 
 
-def shipped(name: str) -> Machine:
-    return load_machine(name)
-
-
 MACHINES = {
-    **{name: lambda name=name: shipped(name) for name in SHIPPED},
+    **{name: lambda name=name: load_machine(name) for name in SHIPPED},
     "kuka": lambda: load_machine(KUKA),
     **{f"chain {seed}": lambda seed=seed: random_machine(seed) for seed in range(20)},
 }
@@ -150,7 +146,7 @@ def test_the_published_flange_of_the_robot_at_home() -> None:
 
 def test_joints_that_follow_move_and_load_their_leader() -> None:
     """A double telescope is its two sections held together: q = C q_leaders, tau = C^T tau."""
-    machine = shipped("double_telescope_crane")
+    machine = load_machine("double_telescope_crane")
     assert machine.joint_names == ("slew", "inner_boom", "outer_boom", "telescope")
     free = machine.model_copy(
         update={

@@ -17,7 +17,7 @@ from crane_driver.operator.bringup.motion import Mover
 from crane_driver.operator.bringup.polarity import find_polarity
 from crane_driver.operator.bringup.response import StepFit, first_gains, fit_step
 from crane_driver.operator.bringup.samples import Trace
-from crane_driver.operator.bringup.series import CONTROLLER, copy_changed, significant
+from crane_driver.operator.bringup.series import CONTROLLER, DeadBands, copy_changed, significant
 from crane_model.configuration import read_yaml
 from crane_model.errors import ConfigurationError, DataError
 
@@ -94,8 +94,7 @@ def dead_band(bench: Bench) -> None:
                 f"{one.gain:.3g} {bench.units[joint]}/s per command, lag {one.lag * 1e3:.0f} ms"
             )
     named = {
-        joint: {DIRECTIONS[direction]: one for direction, one in both.items()}
-        for joint, both in results.items()
+        joint: DeadBands(positive=both[1], negative=both[-1]) for joint, both in results.items()
     }
     figure = pictures.dead_bands(fits, results, bench.units)
     bench.finish(
