@@ -148,7 +148,9 @@ def drive(
             Point(ahead.position[k], ahead.velocity[k], ahead.acceleration[k]),
             phase,
         )
-        command = controller.command(time - float(times[k - 1]) if k else chain.period, reading, wanted)
+        command = controller.command(
+            time - float(times[k - 1]) if k else chain.period, reading, wanted
+        )
         waiting.append((float(effect[k]), command.copy()))
         error[k], velocity[k], commands[k] = now.position[k] - q, v, command
         speed[k], conditions[k] = now.velocity[k], controller.conditions

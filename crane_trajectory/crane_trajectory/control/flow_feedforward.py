@@ -18,7 +18,7 @@ import numpy as np
 from crane_model.machine import Machine
 from crane_model.model_file import Model
 from crane_trajectory.control.adaptation import WINDOW_FIELDS, begin
-from crane_trajectory.control.cycle import HISTORY, STATE, cycle
+from crane_trajectory.control.cycle import HISTORY, STATE, Memory, Setting, cycle
 from crane_trajectory.control.geometry import tables
 from crane_trajectory.control.hydraulics import Hydraulics
 from crane_trajectory.control.interface import Condition, Reading, Wanted
@@ -55,8 +55,8 @@ def feedback_gains(machine: Machine, model: Model, scale: float = 1.0) -> Feedba
     one = scale * np.ones(len(limits))
     known = np.array([joint in model.joints for joint in machine.joint_names])
     return FeedbackGains(
-        kv=np.where(known, 5.0, 3.0) * one,
-        ki=np.where(known, 7.0, 2.0) * one,
+        kv=np.where(known, 4.5, 3.0) * one,
+        ki=np.where(known, 10.0, 2.0) * one,
         kp=8.0 * one,
         kp_alone=np.where(known, 0.0, 6.0) * one,
         tolerance=np.array(
@@ -84,44 +84,44 @@ class FlowFeedforward:
         self.preview = float(np.mean(hydraulics.lag))
         self._load = Load(model, machine)
         fitted = [pressures and machine.cylinders[joint].pressure_sensors for joint in joints]
-        self._setting = (
-            hydraulics.records(), (gains or feedback_gains(machine, model)).records(), tables(machine),
-            np.array(fitted), adaptive, by_force, self.preview,
-        )  # fmt: skip
-        self._state, self._watch = (
-            np.zeros(len(joints), np.dtype([(name, float) for name in fields]))
-            for fields in (STATE, WATCH)
+        self._setting = Setting(
+            hydraulics.records(),
+            (gains or feedback_gains(machine, model)).records(),
+            tables(machine),
+            np.array(fitted),
+            adaptive,
+            by_force,
+            self.preview,
         )
-        self.learnt = begin(hydraulics.dead_zone_extend, hydraulics.dead_zone_retract)
-        windows = np.zeros((len(joints), WINDOW_FIELDS))
-        self._forces, self._spools = np.zeros((2, len(joints), HISTORY))
-        self._memory = (
-            self._state, self._watch, self.learnt, windows, self._forces, self._spools
-        )  # fmt: skip
+        self.memory = Memory(
+            np.zeros(len(joints), np.dtype([(name, float) for name in STATE])),
+            np.zeros(len(joints), np.dtype([(name, float) for name in WATCH])),
+            begin(hydraulics.dead_zone_extend, hydraulics.dead_zone_retract),
+            np.zeros((len(joints), WINDOW_FIELDS)),
+            *np.zeros((2, len(joints), HISTORY)),
+        )
         self._count = 0
         self._started = False
 
     def start(self, command: np.ndarray) -> None:
         """Take over where `command` (j,) was in force, without a jump; what was learnt stays."""
-        for memory in (self._state, self._watch):
-            memory[:] = np.zeros((), memory.dtype)
-        self._state["command"] = command
-        self._state["direction"] = 1.0
-        self._spools[:], self._count = 0.0, 0
-        self._state["condition"] = Condition.AT_REST
+        state = self.memory.state
+        for each in self.memory:
+            if each is not self.memory.learnt:
+                each[...] = np.zeros((), each.dtype)
+        state["command"], state["direction"] = command, 1.0
+        state["p_a"] = state["p_b"] = np.nan
+        self._count = 0
         self._started = True
 
     def command(self, dt: float, reading: Reading, wanted: Wanted) -> np.ndarray:
         """As `Controller` has it."""
-        now, ahead = wanted.now, wanted.ahead
-        load = self._load(*ahead)
-        u = np.empty(len(self._state))
+        u = np.empty(len(self.memory.state))
         step = min(max(dt, 0.0), LARGEST_STEP)
-        references = now.position, *ahead
+        load = self._load(*wanted.ahead)
         cycle(
-            self._setting, self._started, step, self._count, tuple(reading), references, load,
-            self._memory, u,
-        )  # fmt: skip
+            self._setting, self.memory, self._started, step, self._count, reading, wanted, load, u
+        )
         self._count += 1
         return u
 
@@ -129,5 +129,5 @@ class FlowFeedforward:
     def conditions(self) -> tuple[Condition, ...]:
         """Of each joint, after the last command."""
         if not self._started:
-            return (Condition.NOT_INITIALISED,) * len(self._state)
-        return tuple(Condition(int(code)) for code in self._state["condition"])
+            return (Condition.NOT_INITIALISED,) * len(self.memory.state)
+        return tuple(Condition(int(code)) for code in self.memory.state["condition"])

@@ -96,4 +96,5 @@ def in_words(conditions: tuple[Condition, ...], joints: tuple[str, ...]) -> str:
     worst = max(conditions)
     if worst <= Condition.FOLLOWING:
         return worst.text
-    return f"{', '.join(j for j, c in zip(joints, conditions, strict=True) if c == worst)}: {worst.text}"
+    have_it = [joint for joint, one in zip(joints, conditions, strict=True) if one == worst]
+    return f"{', '.join(have_it)}: {worst.text}"

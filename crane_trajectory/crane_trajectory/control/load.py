@@ -39,7 +39,9 @@ class Load:
         self, position: np.ndarray, velocity: np.ndarray, acceleration: np.ndarray
     ) -> np.ndarray:
         """(j,) N m, N at a point (j,) of the reference."""
-        q, v, a = (np.take(each, self._columns)[None] for each in (position, velocity, acceleration))
+        q, v, a = (
+            np.take(each, self._columns)[None] for each in (position, velocity, acceleration)
+        )
         direction = np.tanh(v / REVERSAL_SPEED)
         f_c, df_c, f_v, df_v = self._law
         tau = (f_c + df_v * v) * direction + df_c + f_v * v

@@ -33,8 +33,8 @@ class PdDeadZone:
         inputs = reading.position, reading.velocity, now.position, now.velocity
         if self._bump is None and not np.isfinite(reading.velocity).all():
             return self._last  # the velocity filter has only begun
-        known = np.isfinite(inputs).all(axis=0)
-        if not known.all() and not any(one.stops for one in self.conditions):
+        known = [bool(np.isfinite(one).all()) for one in np.transpose(inputs)]
+        if not all(known) and not any(one.stops for one in self.conditions):
             self.conditions = tuple(AT_REST if one else Condition.NOT_MEASURED for one in known)
         if any(one.stops for one in self.conditions):
             size = np.maximum(np.abs(self._last) - STOP_RATE * dt, 0.0)

@@ -58,9 +58,7 @@ def transducers_good(
 
 
 @njit(cache=True, error_model="numpy")
-def answer(
-    watch: np.record, opening: float, expected: float, velocity: float, dt: float
-) -> int:
+def answer(watch: np.record, opening: float, expected: float, velocity: float, dt: float) -> int:
     """`NO_NEWS`, or what is wrong with a joint: `expected` is its speed at the opening."""
     opened = abs(opening) > OPEN and math.isfinite(velocity)
     silent = opened and abs(velocity) < 0.1 * abs(expected)
