@@ -15,8 +15,8 @@ from integration.processes import end
 from lifecycle_msgs.msg import Transition
 from sensor_msgs.msg import JointState
 
-from crane_model.configuration import packaged
 from crane_model.machine import JOINTS
+from crane_model.machine_files import machine_file
 from crane_trajectory.experiment import Outcome
 
 ALIASES = "\n".join(f"x{i}: &x{i} [*x{i - 1}, *x{i - 1}]" for i in range(1, 20))
@@ -26,7 +26,7 @@ pytestmark = pytest.mark.realtime
 @pytest.fixture(scope="module")
 def stage(ros_domain: int, tmp_path_factory: pytest.TempPathFactory) -> Iterator[Stage]:
     folder = tmp_path_factory.mktemp("stage")
-    settings = yaml.safe_load(packaged("crane_driver", "safety.yaml").read_text())
+    settings = yaml.safe_load(machine_file("safety.yaml").read_text())
     safety = folder / "safety.yaml"
     safety.write_text(yaml.safe_dump(settings | {"command_timeout": 2 * TIMEOUT}))
     one = Stage(folder, [], safety=str(safety))

@@ -54,7 +54,7 @@ def pull_back(model: Model, record: Record, weight: np.ndarray, width: np.ndarra
         if term.has_base_parameters:
             assert model.machine is not None  # such a model cannot be loaded
             geometry = Geometry.of(model.machine)
-            at = planar_columns(record)
+            at = planar_columns(model.setting, record)
             parts = _rigid_body(geometry, record, at, weight[:, at, columns])
             for whole, part in zip(total, parts, strict=True):
                 whole[:, at] += part

@@ -6,7 +6,7 @@ import numpy as np
 
 from crane_model.array import Array
 from crane_model.errors import RangeError
-from crane_model.machine import JOINT_UNITS, JOINTS, Machine
+from crane_model.machine import Machine
 
 
 def cylinder_geometry(machine: Machine, joint: str, q: Array) -> tuple[Array, Array, Array]:
@@ -15,8 +15,7 @@ def cylinder_geometry(machine: Machine, joint: str, q: Array) -> tuple[Array, Ar
     Source: (20), (24). Raises `RangeError` where the linkage cannot be assembled or q is not
     finite.
     """
-    if joint not in JOINTS:
-        raise RangeError(f"no cylinder moves '{joint}'; the joints are {', '.join(JOINTS)}")
+    machine.index(joint)  # or RangeError names the joints
     q = np.asarray(q, dtype=float)
     flat = q.ravel()
     values = machine.cylinder(joint, flat)
@@ -25,7 +24,7 @@ def cylinder_geometry(machine: Machine, joint: str, q: Array) -> tuple[Array, Ar
         limits = machine.limits[joint]
         raise RangeError(
             f"{joint}: the linkage cannot be assembled at q = {flat[bad][0]:.6g} "
-            f"{JOINT_UNITS[joint]}; its range is [{limits.position_min}, {limits.position_max}]"
+            f"{machine.units[joint]}; its range is [{limits.position_min}, {limits.position_max}]"
         )
     length, lever, slope = values.T.reshape(3, *q.shape)
     return length, lever, slope

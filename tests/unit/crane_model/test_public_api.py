@@ -10,7 +10,9 @@ import pytest
 from unit.crane_model.test_architecture import FOLDERS
 
 PACKAGES = ("crane_model", "crane_sim")
-WITH_EXAMPLES = ("kinematics", "dynamics", "cylinders", "machine", "model_file")
+WITH_EXAMPLES = (
+    *("kinematics", "dynamics", "cylinders", "machine.machine", "model_file", "result_file"),
+)
 
 
 @pytest.mark.parametrize("package", PACKAGES)

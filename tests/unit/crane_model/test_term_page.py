@@ -96,7 +96,7 @@ def test_the_example_in_a_new_file_of_the_package(example: str, tmp_path: Path) 
     )
     done = subprocess.run(
         [sys.executable, "-c", read, model_with("cubic_loss", tmp_path)],
-        env=os.environ | {"PYTHONPATH": str(tmp_path)},
+        env=os.environ | {"PYTHONPATH": f"{tmp_path}:{os.environ.get('PYTHONPATH', '')}"},
         capture_output=True,
         text=True,
         check=False,

@@ -9,9 +9,10 @@ from typing import get_args
 import numpy as np
 import pytest
 
-from crane_model.configuration import packaged, read_yaml
+from crane_model.configuration import read_yaml
 from crane_model.errors import DataError
 from crane_model.machine import JOINT_UNITS, PLANAR_JOINTS, load_machine
+from crane_model.machine_files import machine_file
 from crane_model.record import Record
 from crane_model.terms import (
     REGISTRY,
@@ -93,7 +94,7 @@ def test_registry_is_complete() -> None:
 
 
 def test_the_shipped_model_lists_no_column_twice() -> None:
-    listed = read_yaml(packaged("crane_model", "crane_model.yaml"))["terms"]
+    listed = read_yaml(machine_file("model.yaml"))["terms"]
     entries = [tuple(sorted(entry.items())) for entry in listed]
     assert len(entries) == len(set(entries))
 

@@ -5,16 +5,16 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from crane_model.configuration import packaged
 from crane_model.errors import ConfigurationError
 from crane_model.machine import PLANAR_JOINTS
+from crane_model.machine_files import machine_file
 from crane_model.model_file import load_model
 from crane_model.record import Record
 from crane_model.terms import JointTerm, Parameter, Term
 from crane_trajectory.excitation.derivatives import pull_back, smooth_record, smooth_regressor
 from crane_trajectory.motion.fourier import MotionSamples
 
-MODEL = load_model(packaged("crane_model", "crane_model.yaml"))
+MODEL = load_model(machine_file("model.yaml"))
 WIDTH = np.array([0.02, 0.05, 0.1])
 STEP = 1e-6
 

@@ -42,7 +42,7 @@ class BaseTilt(Term):
     def fill(self, record: Record, setting: Setting, columns: Array) -> None:
         """On the rows of inner boom, outer boom and telescope."""
         weight = turned_weight(planar_machine(self, setting), record)
-        columns[:, planar_columns(record), 0] = weight
+        columns[:, planar_columns(setting, record), 0] = weight
 
 
 def turned_weight(machine: Machine, record: Record) -> Array:
@@ -105,7 +105,7 @@ class Payload(Term):
 
     def fill(self, record: Record, setting: Setting, columns: Array) -> None:
         """On the rows of inner boom, outer boom and telescope: (n, 3, loads)."""
-        machine, at = planar_machine(self, setting), planar_columns(record)
+        machine, at = planar_machine(self, setting), planar_columns(setting, record)
         motion = record.position[:, at], record.velocity[:, at], record.acceleration[:, at]
         column = lagrangian_regressor(Geometry.of(machine), *motion) @ tip_mass(machine)
         if self.loads is None:
@@ -120,7 +120,7 @@ class Payload(Term):
 
 def tip_mass(machine: Machine) -> Array:
     """(9,): the Lagrangian parameters of a mass of 1 kg at the boom tip."""
-    dh = machine.denavit_hartenberg
+    dh = machine.as_planar()
     a2, a3, length = dh.inner_boom_length, dh.telescope_offset, dh.telescope_length
     return np.array([a2**2, a2, 0.0, length**2 + a3**2, length, a3, 1.0, length, a3])
 
@@ -152,7 +152,7 @@ class HoseMass(Term):
         machine = planar_machine(self, setting)
         _, psi, extension = BoomDirections.of(machine, record)
         turning = machine.gravity * extension**2 / 2.0 * np.cos(psi)
-        inner, outer, telescope = planar_columns(record)
+        inner, outer, telescope = planar_columns(setting, record)
         columns[:, inner, 0] = columns[:, outer, 0] = turning
         columns[:, telescope, 0] = machine.gravity * extension * np.sin(psi)
 
@@ -193,6 +193,6 @@ class SlewCoupling(Term):
         spin = self.needed(record, "slew_velocity") ** 2
         phi, _, _ = BoomDirections.of(machine, record)
         reach = AxisReach.of(machine, self.reach, record)
-        at = planar_columns(record)
+        at = planar_columns(setting, record)
         columns[:, at[0], 0] = spin * np.sin(phi) * np.cos(phi)
         columns[:, at, 1] = -(spin * reach.distance)[:, np.newaxis] * reach.gradient

@@ -29,7 +29,7 @@ class PlanarRigidBody(Term):
         """On the rows of inner boom, outer boom and telescope."""
         geometry = Geometry.of(planar_machine(self, setting))
         motion = record.position, record.velocity, record.acceleration
-        fill_base_regressor(geometry, *motion, planar_columns(record), columns)
+        fill_base_regressor(geometry, *motion, planar_columns(setting, record), columns)
 
 
 BASE_PARAMETERS = (

@@ -11,6 +11,7 @@ from crane_model.array import Array
 from crane_model.configuration import Schema
 from crane_model.machine import Machine
 from crane_model.record import Record
+from crane_model.registry import of_type
 from crane_model.terms.effect import Effect, Shape
 
 REGISTRY: dict[str, type["Term"]] = {}
@@ -154,11 +155,5 @@ class Term(Schema, ABC):
 
 def term_from_mapping(content: Mapping[str, Any]) -> Term:
     """The term that an entry of a model file describes; raises ValueError as pydantic wants it."""
-    name = content.get("type") if isinstance(content, Mapping) else None
-    if name not in REGISTRY:
-        known = ", ".join(sorted(REGISTRY))
-        raise ValueError(
-            f"no term of type {name!r}; there are {known}, those of installed packages and of "
-            "--terms FILE"
-        )
-    return REGISTRY[name].model_validate(content)
+    more = "those of installed packages and of --terms FILE"
+    return of_type(content, REGISTRY, "term", more)
