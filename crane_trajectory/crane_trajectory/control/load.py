@@ -2,8 +2,8 @@
 
 import numpy as np
 
-from crane_model.model_file import Model
 from crane_model.machine import Machine
+from crane_model.model_file import Model
 from crane_model.record import Record
 from crane_model.terms.friction import Coulomb, CoulombAsymmetry, Viscous, ViscousAsymmetry
 

@@ -1,6 +1,7 @@
 """`pd_dead_zone`: the controller (36) of the report behind the interface of all controllers."""
 
 import math
+from collections.abc import Mapping
 
 import numpy as np
 
@@ -16,8 +17,9 @@ class PdDeadZone:
 
     preview = 0.0
 
-    def __init__(self, gains: GainArrays):
-        self._gains = gains
+    def __init__(self, gains: GainArrays, units: Mapping[str, str]):
+        """`units` of the joints, as their machine has them."""
+        self._gains, self._units = gains, units
         self._bump: np.ndarray | None = None  # None until the first command
         self._last = np.zeros(len(gains.kp))
         self.conditions = (Condition.NOT_INITIALISED,) * len(gains.kp)
@@ -40,7 +42,7 @@ class PdDeadZone:
             size = np.maximum(np.abs(self._last) - STOP_RATE * dt, 0.0)
             self._last = np.copysign(size, self._last)
             return self._last
-        asked = command(self._gains, *inputs)
+        asked = command(self._gains, *inputs, units=self._units)
         if self._bump is None:
             self._bump = self._last - asked
         else:
