@@ -24,14 +24,16 @@ from crane_driver.driver_messages import (
     inactive,
     inactive_state,
 )
-from crane_driver.driver_parameters import PARAMETERS, DriverParameters, read_parameters
+from crane_driver.driver_parameters import DriverParameters, driver_parameters, read_parameters
 from crane_driver.safety.settings import load_safety
 from crane_driver.safety.supervisor import RefusedError
 from crane_interfaces.msg import CylinderPressures, DriverState
 from crane_model.errors import CraneError
-from crane_model.machine import Machine, load_machine
+from crane_model.machine import load_machine
+from crane_model.machine_files import DEFAULT_MACHINE
 from crane_model.urdf import urdf
 from crane_nodes.driver_client import LATCHED, STATE_TOPIC
+from crane_nodes.machine_parameter import MACHINE, declare_machine, read_again
 from crane_nodes.managed import AUTOSTART, run_managed
 from crane_nodes.names import full_name
 from crane_nodes.parameters import declare, hold
@@ -47,12 +49,13 @@ class Driver(LifecycleNode):
 
     def __init__(self) -> None:
         super().__init__("driver")
-        declare(self, PARAMETERS, read_only=(AUTOSTART,))
+        self._machine = declare_machine(self)
+        _, *others = parameters = driver_parameters(self._machine, MACHINE.read(self))
+        declare(self, others, read_only=(AUTOSTART,))
         self._settings: DriverParameters | None = None
-        self._machine: Machine | None = None
         self._active: ActiveDriver | None = None
         self._lifecycle = "unconfigured"
-        hold(self, PARAMETERS, lambda: self._lifecycle)
+        hold(self, parameters, lambda: self._lifecycle)
         self._joints = self.create_publisher(JointState, "joint_states", DEPTH)
         self._pressures = self.create_publisher(CylinderPressures, "cylinder_pressures", DEPTH)
         self._diagnostics = self.create_publisher(DiagnosticArray, "/diagnostics", DEPTH)
@@ -79,8 +82,8 @@ class Driver(LifecycleNode):
     def on_configure(self, state: LifecycleState) -> TransitionCallbackReturn:
         """Read parameters and files, and check that they fit together."""
         try:
-            self._settings = read_parameters(self)
-            self._machine = load_machine(self._settings.machine)
+            self._machine = read_again(self, self._machine)
+            self._settings = read_parameters(self, self._machine)
             self._new_loop()
         except CraneError as error:
             return self._failed(error)
@@ -114,7 +117,7 @@ class Driver(LifecycleNode):
 
     def on_cleanup(self, state: LifecycleState) -> TransitionCallbackReturn:
         """Forget the parameters; they are read again when the node is configured."""
-        self._settings = self._machine = None
+        self._settings = None
         self._lifecycle = "unconfigured"
         self._report()
         return SUCCESS
@@ -132,11 +135,11 @@ class Driver(LifecycleNode):
         return self.on_cleanup(state)
 
     def _new_loop(self) -> DriverLoop:
-        assert self._settings and self._machine
+        assert self._settings
         return DriverLoop(
-            load_layout(self._settings.mapping, self._settings.dbc),
+            load_layout(self._machine, self._settings.mapping, self._settings.dbc),
             self._machine,
-            load_safety(self._settings.safety),
+            load_safety(self._settings.safety, self._machine),
             self._settings.jerk_density,
             time.monotonic(),
         )
@@ -193,4 +196,5 @@ the service ~/enable is called. Software is no safety stop."""
 
 def main(argv: Sequence[str] | None = None) -> int:
     """Run the driver until a signal ends it; it ramps to neutral before it ends."""
-    return run_managed("driver", Driver, ABOUT, PARAMETERS, argv)
+    parameters = driver_parameters(load_machine(), DEFAULT_MACHINE)
+    return run_managed("driver", Driver, ABOUT, parameters, argv)

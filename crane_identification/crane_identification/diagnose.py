@@ -19,9 +19,9 @@ from crane_identification.data.column_map import ColumnMap
 from crane_identification.data.columns import TABLES
 from crane_identification.diagnosis import explain, findings
 from crane_identification.diagnosis.diagnosis import check_known, diagnose
-from crane_identification.diagnosis.hydraulics import load_usual
 from crane_identification.diagnosis.report import page
 from crane_identification.diagnosis.thresholds import load_thresholds
+from crane_identification.diagnosis.usual import load_usual
 from crane_identification.options import Options
 from crane_identification.progress_bar import ProgressBar
 from crane_identification.recording_check.check import blaming, vetted
@@ -88,7 +88,7 @@ def run(arguments: argparse.Namespace) -> None:
         save_model(arguments.out / "model.yaml", result.after)
         findings.write(arguments.out / "findings.json", result, suspicions)
         page.write(arguments.out / "report.html", result, provenance, suspicions)
-    _tell(findings.content(result) | {"suspicions": suspicions})
+    _tell(findings.content(result, suspicions))
     print(f"written: {arguments.out}/findings.json, model.yaml, report.html")
     logs = [*training, *held_out]
     samples = sum(len(log.position.time) for log in logs)

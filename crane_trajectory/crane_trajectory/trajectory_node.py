@@ -8,7 +8,7 @@ Software is no safety stop: keep the emergency stop of the machine within reach.
 """
 
 import time
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from functools import partial
 
 from diagnostic_msgs.msg import DiagnosticArray
@@ -20,8 +20,10 @@ from sensor_msgs.msg import JointState
 
 from crane_interfaces.msg import DriverState, JointReference
 from crane_model.errors import CraneError, DataError
-from crane_model.machine import Machine, load_machine
+from crane_model.machine import load_machine
+from crane_model.machine_files import DEFAULT_MACHINE, machine_file
 from crane_nodes.driver_client import DriverClient
+from crane_nodes.machine_parameter import MACHINE, declare_machine, read_again
 from crane_nodes.managed import AUTOSTART, run_managed
 from crane_nodes.parameters import declare, hold
 from crane_nodes.ready import say_ready
@@ -30,16 +32,15 @@ from crane_trajectory.control.tuning import Tuning
 from crane_trajectory.experiment import Experiment, Outcome
 from crane_trajectory.motion.check import Clearance, load_clearance
 from crane_trajectory.motion.motion import Motion, plan
-from crane_trajectory.motion.periodic import PeriodicTrajectory
+from crane_trajectory.motion.periodic import PeriodicTrajectory, load_trajectory
 from crane_trajectory.readiness import Readiness
 from crane_trajectory.run_excitation_action import ACTION, Goals, NotReadyError
 from crane_trajectory.trajectory_condition import status
 from crane_trajectory.trajectory_parameters import (
-    CHANGEABLE,
     CLEARANCE,
     FIXED,
-    MACHINE,
     STATES_TIMEOUT,
+    TuningNumbers,
 )
 from crane_trajectory.trajectory_topics import reference_message, sample, several_sources
 from crane_trajectory.tuning_parameters import TuningParameters
@@ -56,18 +57,19 @@ class Trajectory(LifecycleNode):
 
     def __init__(self) -> None:
         super().__init__("trajectory")
+        self._machine = declare_machine(self)
+        self._machine_name = MACHINE.read(self)
         declare(self, FIXED, read_only=(AUTOSTART,))
-        self._tuning_parameters = TuningParameters(self, changed=self._retune)
+        self._tuning_parameters = TuningParameters(self, self._machine, changed=self._retune)
         self._lifecycle = "unconfigured"
         hold(self, FIXED, lambda: self._lifecycle)
-        self._machine: Machine | None = None
         self._clearance: Clearance | None = None
         self._tuning: Tuning | None = None
         self._timeout = STATES_TIMEOUT.default
         self._states: Subscription | None = None
         self._ready = Readiness()
         self._experiment: Experiment | None = None
-        self._valves = Valves(self)
+        self._valves = Valves(self, self._machine.joint_names)
         self._next_watch = Future()
         steady = Clock(clock_type=ClockType.STEADY_TIME)
         self._references = self.create_publisher(JointReference, "joint_reference", DEPTH)
@@ -82,11 +84,13 @@ class Trajectory(LifecycleNode):
     def on_configure(self, state: LifecycleState) -> TransitionCallbackReturn:
         """Read parameters and files."""
         try:
-            self._tuning_parameters.read_file()
+            self._machine = read_again(self, self._machine)
+            self._tuning_parameters.read_file(self._machine)
             self._tuning = self._tuning_parameters.read()
             self._timeout = STATES_TIMEOUT.read(self)
-            self._machine = load_machine(MACHINE.read(self) or None)
-            self._clearance = load_clearance(CLEARANCE.read(self) or None)
+            self._clearance = load_clearance(
+                machine_file("clearance.yaml", self._machine_name, CLEARANCE.read(self))
+            )
         except CraneError as error:
             for line in str(error).splitlines():
                 self.get_logger().error(line)
@@ -111,7 +115,7 @@ class Trajectory(LifecycleNode):
 
     def on_cleanup(self, state: LifecycleState) -> TransitionCallbackReturn:
         """Forget what was read."""
-        self._machine = self._clearance = self._tuning = None
+        self._clearance = self._tuning = None
         self._lifecycle = "unconfigured"
         return super().on_cleanup(state)
 
@@ -148,7 +152,7 @@ class Trajectory(LifecycleNode):
     def _state(self, message: JointState) -> None:
         now = time.monotonic()
         try:
-            measured = sample(message)
+            measured = sample(message, self._machine.joint_names)
         except DataError as error:
             self.get_logger().error(str(error), throttle_duration_sec=REPORT_PERIOD_S)
             return
@@ -160,7 +164,8 @@ class Trajectory(LifecycleNode):
             return
         self._valves.send(experiment.sample(measured.seconds, position, velocity, now))
         if experiment.target is not None:
-            self._references.publish(reference_message(experiment.target, measured.stamp))
+            joints = self._machine.joint_names
+            self._references.publish(reference_message(experiment.target, measured.stamp, joints))
 
     def _watch(self) -> None:
         now = time.monotonic()
@@ -182,6 +187,11 @@ class Trajectory(LifecycleNode):
         return self._lifecycle == "active"
 
     @property
+    def units(self) -> Mapping[str, str]:
+        """Of the joints of the machine, from the base to the tip."""
+        return self._machine.units
+
+    @property
     def next_watch(self) -> Future:
         """Done when the experiment has been looked at again."""
         return self._next_watch
@@ -198,10 +208,14 @@ class Trajectory(LifecycleNode):
             or self._valves.unheard
         )
 
+    def read(self, trajectory: str) -> PeriodicTrajectory:
+        """The trajectory of a path, or that of the machine which has the name."""
+        return load_trajectory(machine_file("", self._machine_name, trajectory))
+
     def planner(self, trajectory: PeriodicTrajectory, periods: int) -> Callable[[], Motion]:
         """What plans the motion from where the crane is now, in any thread."""
         start = self._ready.position
-        assert self._machine and self._clearance and start is not None
+        assert self._clearance and start is not None
         return partial(plan, self._machine, trajectory, start, periods, self._clearance)
 
     def open_valves(self) -> None:
@@ -246,4 +260,5 @@ run_excitation ask. Software is no safety stop."""
 
 def main(argv: Sequence[str] | None = None) -> int:
     """Lead the crane through excitation trajectories, as goals of RunExcitation ask."""
-    return run_managed("trajectory", Trajectory, ABOUT, (*FIXED, *CHANGEABLE), argv)
+    changeable = TuningNumbers.of(load_machine(), DEFAULT_MACHINE).all
+    return run_managed("trajectory", Trajectory, ABOUT, (MACHINE, *FIXED, *changeable), argv)

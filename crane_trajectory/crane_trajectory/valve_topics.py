@@ -1,5 +1,7 @@
 """Who commands the valves: this node while it leads the crane, and no other meanwhile."""
 
+from collections.abc import Sequence
+
 import numpy as np
 from rclpy.node import Node
 from rclpy.publisher import Publisher
@@ -16,8 +18,8 @@ DEPTH = 10
 class Valves:
     """The topic valve_command of `node`, on which it publishes from `open` to `close`."""
 
-    def __init__(self, node: Node):
-        self._node = node
+    def __init__(self, node: Node, joints: Sequence[str]):
+        self._node, self._joints = node, joints
         self._publisher: Publisher | None = None
 
     def open(self) -> None:
@@ -31,9 +33,10 @@ class Valves:
             self._publisher = None
 
     def send(self, u: np.ndarray | None) -> None:
-        """Spool commands (n,), between -1 and 1; None where there are none to send."""
+        """Spool commands (j,), between -1 and 1; None where there are none to send."""
         if u is not None and self._publisher is not None:
-            self._publisher.publish(command_message(u, self._node.get_clock().now().to_msg()))
+            now = self._node.get_clock().now().to_msg()
+            self._publisher.publish(command_message(u, now, self._joints))
 
     @property
     def rivals(self) -> str:

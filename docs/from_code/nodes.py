@@ -11,7 +11,7 @@ from std_srvs.srv import Trigger
 from crane_driver.driver_node import Driver
 from crane_driver.operator.jog.jog_node import Jog
 from crane_identification.online.identification_node import Identification
-from crane_model.machine import JOINTS
+from crane_model.machine import load_machine
 from crane_trajectory.trajectory_node import Trajectory
 
 NODES: dict[str, Callable[[], Node]] = {
@@ -21,7 +21,7 @@ NODES: dict[str, Callable[[], Node]] = {
     "jog": lambda: Jog(by_joystick=True),
 }
 OF_EVERY_NODE = {"use_sim_time", "start_type_description_service"}
-JOINT = re.compile(rf"\b({'|'.join(JOINTS)})\b")
+JOINT = re.compile(rf"\b({'|'.join(load_machine().joint_names)})\b")
 UNIT = re.compile(r"(?<=Unit: )[^,]+(?=,)")
 INTRODUCTION = """# Parameters
 

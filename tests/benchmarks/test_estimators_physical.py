@@ -50,7 +50,9 @@ def test_physical_and_hardly_worse(noise: float, measured) -> None:
     measured(
         f"physically consistent fit, {data}: M positive definite; held-out error / least squares",
         f"{POSES} of {POSES} poses; 1.02",
-        f"{min(poses)}; {np.mean(ratios):.3f}",
+        "{positive:.0f}; {error:.3f}",
+        positive=min(poses),
+        error=np.mean(ratios),
     )
     assert min(poses) == POSES
     assert np.mean(ratios) < 1.02

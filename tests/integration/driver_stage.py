@@ -25,6 +25,7 @@ from crane_driver.can.codec import DriverCodec, MachineCodec
 from crane_driver.can.frame import Frame
 from crane_driver.can.link import Link
 from crane_interfaces.msg import CylinderPressures
+from crane_model.machine import load_machine
 from crane_model.machine_files import machine_file
 
 LATCHED = QoSProfile(depth=1, durability=DurabilityPolicy.TRANSIENT_LOCAL)
@@ -62,7 +63,7 @@ class Stage:
     ):
         path = patient_mapping(folder, canopen)
         port = self.port = free_port()
-        self.layout = load_layout(path)
+        self.layout = load_layout(load_machine(), path, machine_file("can.dbc"))
         self.codec = MachineCodec(self.layout)
         self._reader = DriverCodec(self.layout)
         self.link = Link(BusSettings(extra={"port": port})).open()

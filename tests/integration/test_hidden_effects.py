@@ -128,7 +128,7 @@ def test_labels_of_other_machines_and_other_files_are_refused(
     trajectory = machine_file("excitation_20s.yaml")
     for words, arguments in (
         ("label of another machine", ("--hide", made / "label.json", "--plant", plant)),
-        ("not the label of a bag", ("--hide", tmp_path / "other.json")),
+        ("give a label that --label has written", ("--hide", tmp_path / "other.json")),
         ("no such file", ("--hide", tmp_path / "none.json")),
     ):
         where = ("--out", tmp_path / "bag", "--label", tmp_path / "label.json")

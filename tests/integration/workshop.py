@@ -27,6 +27,7 @@ from crane_driver.can.binding import load_layout
 from crane_driver.can.bus import BusSettings
 from crane_driver.can.codec import DriverCodec, MachineCodec
 from crane_driver.can.link import Link
+from crane_model.machine import load_machine
 from crane_model.machine_files import machine_file
 
 BRINGUP = RUN.format(module="crane_driver.operator.bringup.main")
@@ -63,7 +64,7 @@ class Workshop:
         plant.write_text(yaml.safe_dump({"base": base, "valves": VALVES}))
         self.plant = plant
         self.port = f"port={free_port()}"
-        layout = load_layout(truth)
+        layout = load_layout(load_machine(), truth, machine_file("can.dbc"))
         self._machine_side, self._driver_side = MachineCodec(layout), DriverCodec(layout)
         self.link = Link(BusSettings(extra={"port": int(self.port[5:])})).open()
         self.machine = start(

@@ -6,8 +6,8 @@ from typing import Annotated, Self
 from pydantic import Field, model_validator
 
 from crane_model.configuration import Positive, Schema, load
-from crane_model.machine import PerJoint
-from crane_model.machine_files import machine_file
+from crane_model.joint_tables import of_every_joint
+from crane_model.machine import Machine
 
 Spool = Annotated[float, Field(gt=0, lt=1)]
 
@@ -19,7 +19,7 @@ class SafetySettings(Schema):
     ramp_time: Positive
     neutral: Spool
     settling_time: Positive
-    deceleration: PerJoint[Positive]
+    deceleration: dict[str, Positive]  # joint
     reaction_time: Positive
     correction_time: Positive
     opening: Spool
@@ -38,6 +38,8 @@ class SafetySettings(Schema):
         return self
 
 
-def load_safety(path: Path | str | None = None) -> SafetySettings:
-    """The settings in `path`, by default the laboratory's; `ConfigurationError` if wrong."""
-    return load(path or machine_file("safety.yaml"), SafetySettings)
+def load_safety(path: Path | str, machine: Machine) -> SafetySettings:
+    """The settings in `path`; `ConfigurationError` if wrong, or not of the joints of `machine`."""
+    settings = load(path, SafetySettings)
+    of_every_joint(settings.deceleration, machine.joint_names, f"{path}: key 'deceleration'")
+    return settings

@@ -3,15 +3,15 @@
 from collections.abc import Sequence
 
 from crane_identification.diagnosis.decision import Decision
+from crane_identification.diagnosis.energy import detectable, testable_share
 from crane_identification.diagnosis.fit import Fitted
 from crane_identification.diagnosis.hydraulics import Flow, Flows
-from crane_identification.diagnosis.likeness import detectable
+from crane_identification.diagnosis.loads import Weighed
 from crane_identification.diagnosis.proof import Nearest, Proof, nearest
-from crane_identification.diagnosis.pulsation import Pulsation, pulsations
+from crane_identification.diagnosis.pulsation import Pulsation
 from crane_identification.diagnosis.search import Search
 from crane_identification.diagnosis.thresholds import Thresholds
 from crane_identification.diagnosis.verdict import Answer, Reach, Verdict, judge
-from crane_identification.diagnosis.weighing import Weighed
 
 
 def answered(
@@ -24,11 +24,11 @@ def answered(
 ) -> Answer:
     """What these results come to."""
     least = detectable(search, decision.threshold)
-    answer = judge(proof, Reach(search.testable_share, least, fit.undetermined), thresholds)
+    answer = judge(proof, Reach(testable_share(search), least, fit.undetermined), thresholds)
     if answer.verdict is Verdict.UNKNOWN:
         answer = answer._replace(nearest=_nearest(fit, search, decision, proof, answer))
     answer = with_flow(with_loads(answer, proof.gap.loads), flow.found)
-    return with_pulsation(answer, pulsations(proof.lines, thresholds))
+    return with_pulsation(answer, proof.pulsations)
 
 
 def _nearest(

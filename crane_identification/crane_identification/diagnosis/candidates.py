@@ -5,7 +5,7 @@ used, is not asked for. Breakaway is over once a joint has slid some tenths of a
 has not been moving by then for as long as the estimate of its velocity needs, no row has seen it.
 """
 
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Iterator, Mapping
 from dataclasses import dataclass
 from itertools import product
 from typing import Any
@@ -24,9 +24,6 @@ Given = tuple[tuple[str, tuple[float, ...]], ...]
 
 ROUNDS = 6  # in which what a term takes from the model settles
 LARGEST_GRID = 16  # shapes of a candidate; between them, the best is refined
-SEEN_SHARE = 0.1
-"""Share of the norm of a column within the used rows, below which it is not sought there: ten times
-as much friction would have to be where none is seen."""
 
 
 @dataclass(frozen=True)
@@ -136,13 +133,14 @@ def _given(model: Model, evidence: Evidence, cls: type[Term], joint: str | None)
     }
     given: Given = ()
     values = model.theta
-    rounds = 1 if evidence.keeps else ROUNDS  # values that are kept do not make up for it
-    for _ in range(rounds if places else 0):
+    for _ in range(ROUNDS if places else 0):
         given = tuple((field, tuple(values[at].tolist())) for field, at in places.items())
         try:
             values = evidence.roughly(evidence.columns(Candidate(cls, joint, given).at({})))
         except CraneError:
             break  # not observable, which `observed` says
+        if evidence.keeps:
+            break  # values that are kept do not make up for it
     return given
 
 
@@ -169,56 +167,3 @@ def observed(
             absent[candidate] = str(error)
         progress("candidates", (number + 1) / len(wanted))
     return found, absent
-
-
-def left_out(
-    evidence: Evidence, tried: Sequence[ShapedCandidate]
-) -> tuple[np.ndarray, dict[Candidate, str], dict[Candidate, str]]:
-    """Which of the `tried` (tried,) lie in rows that are left out; candidates of which all do,
-    and of which some do, with the reason.
-    """
-    share = np.array([seen(evidence, one.term) if one.term.is_friction() else 1.0 for one in tried])
-    hidden = share < SEEN_SHARE
-    whole: dict[Candidate, str] = {}
-    part: dict[Candidate, str] = {}
-    for candidate in dict.fromkeys(
-        one.candidate for one, out in zip(tried, hidden, strict=True) if out
-    ):
-        own = np.array([one.candidate == candidate for one in tried])
-        lost = own & hidden
-        reason = (
-            "its peak lies in the rows that are left out around reversals; those that are used see "
-            f"{share[lost].max():.1%} of it, {SEEN_SHARE:.0%} needed"
-        )
-        if lost.sum() == own.sum():
-            whole[candidate] = reason
-        else:
-            shapes = [one.shape for one, out in zip(tried, lost, strict=True) if out]
-            coordinate = evidence.model.setting.units.get(candidate.where, "rad")
-            part[candidate] = f"{_where(candidate, shapes, coordinate)}, {reason}"
-    return hidden, whole, part
-
-
-def seen(evidence: Evidence, term: Term) -> float:
-    """Share of the norm of the columns of a term, wherever it acts, that is in used samples."""
-    inside = total = 0.0
-    for run in evidence.runs:
-        energy = (term.columns(run.record, evidence.model.setting) ** 2).sum(axis=2)
-        used = (run.gate.reshape(len(energy), -1, energy.shape[1]) > 0.0).any(axis=1)
-        inside, total = inside + float((energy * used).sum()), total + float(energy.sum())
-    return float(np.sqrt(inside / total)) if total > 0.0 else 1.0
-
-
-def _where(candidate: Candidate, hidden: Sequence[dict[str, float]], coordinate: str) -> str:
-    """The shapes that are hidden, by the parameters whose other values are sought."""
-    parts = []
-    for name, shape in candidate.term.shapes.items():
-        every, some = (
-            sorted({one[name] for one in shapes}) for shapes in (candidate.grid(), hidden)
-        )
-        unit = shape.unit_on(coordinate)
-        if some[-1] < every[-1]:
-            parts.append(f"{name} below {next(x for x in every if x > some[-1]):.2g} {unit}")
-        elif some[0] > every[0]:
-            parts.append(f"{name} above {max(x for x in every if x < some[0]):.2g} {unit}")
-    return f"with {' and '.join(parts)}" if parts else "with some shapes"

@@ -2,9 +2,9 @@
 
 import numpy as np
 
-from crane_identification.diagnosis.evidence import Evidence
+from crane_identification.diagnosis.evidence import Evidence, beside, leading
 from crane_identification.diagnosis.thresholds import Thresholds
-from crane_identification.diagnosis.whitening import Whitener, leading
+from crane_identification.diagnosis.whitening import Whitener
 
 FEWEST_BAGS = 4  # with fewer, blocks of time take their place
 TIME_BLOCKS = 6
@@ -48,7 +48,7 @@ def gain(before: np.ndarray, added: np.ndarray, force: np.ndarray, out: np.ndarr
     alone = ~added[~out].any(axis=0) & added[out].any(axis=0)
     private, added = added[:, alone], added[:, ~alone]
     known = leading(before, before.shape[1])
-    rest = _beside(known, added)
+    rest = beside(known, added)
     own = np.linalg.norm(rest, axis=0) > ROUNDING_SHARE * np.linalg.norm(added, axis=0)
     new = leading(rest[:, own], added.shape[1])
     # Orthonormal columns keep their principal directions on any rows and on the others.
@@ -58,10 +58,10 @@ def gain(before: np.ndarray, added: np.ndarray, force: np.ndarray, out: np.ndarr
     lost = np.concatenate([turned[:, power < HELD_SHARE**2], private], axis=1)
     both = np.concatenate([held, new, force[:, np.newaxis]], axis=1)
     inside, outside = (
-        _beside(leading(lost[rows], lost.shape[1]), both[rows]) for rows in (~out, out)
+        beside(leading(lost[rows], lost.shape[1]), both[rows]) for rows in (~out, out)
     )
     k = held.shape[1]
-    left = _beside(leading(inside[:, :k], k), inside[:, k:-1])
+    left = beside(leading(inside[:, :k], k), inside[:, k:-1])
     if np.linalg.svd(left, compute_uv=False).min(initial=1.0) < HELD_SHARE or not own.any():
         return np.nan
     costs = [_left(inside, outside, count) for count in (k, k + new.shape[1])]
@@ -72,11 +72,6 @@ def _left(inside: np.ndarray, outside: np.ndarray, count: int) -> float:
     """Sum of squares of the last column outside that its fit by the first `count` inside leaves."""
     values = np.linalg.lstsq(inside[:, :count], inside[:, -1])[0]
     return float(((outside[:, -1] - outside[:, :count] @ values) ** 2).sum())
-
-
-def _beside(known: np.ndarray, values: np.ndarray) -> np.ndarray:
-    """Values (N, k) without what the orthonormal columns `known` (N, d) explain."""
-    return values - known @ (known.T @ values)
 
 
 def helps(gains: np.ndarray, thresholds: Thresholds) -> bool:

@@ -11,12 +11,14 @@ from functools import cached_property
 
 import numpy as np
 
+from crane_identification.diagnosis.features import Features, features
 from crane_identification.diagnosis.runs import Run, Zone, thinned
-from crane_identification.diagnosis.scaling import normed
 from crane_identification.preparation.run import Preparation
 from crane_model.errors import DataError
 from crane_model.model_file import Model
 from crane_model.terms import Term, joints_of, nuisances, typical
+
+ROUNDING_SHARE = 1e-8  # of the largest eigenvalue: directions below are rounding
 
 
 @dataclass(frozen=True)
@@ -62,15 +64,15 @@ class Evidence:
             return self.force
         return self.force - self.base[:, :, : len(self.model.theta)] @ self.model.theta
 
+    @cached_property
+    def known(self) -> Features:
+        """What a law may depend on."""
+        return features(self.runs)
+
     @property
     def joints(self) -> tuple[str, ...]:
         """Names of the joints, each with a channel in every zone."""
         return self.model.joints
-
-    @property
-    def channels(self) -> int:
-        """Number c."""
-        return self.force.shape[1]
 
     @property
     def sources(self) -> tuple[str, ...]:
@@ -182,3 +184,44 @@ def _nuisances(model: Model) -> list[Term]:
                 for x in shape.grid[::2]
             ]
     return out
+
+
+def normed(columns: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    """Columns (n, k) divided by their norms (k,), and these; 1 in place of a norm of 0."""
+    norms = np.linalg.norm(columns, axis=0)
+    norms = np.where(norms > 0.0, norms, 1.0)
+    return columns / norms, norms
+
+
+def leading(columns: np.ndarray, most: int) -> np.ndarray:
+    """Orthonormal (n, d <= most): the directions that most of the columns (n, k) share."""
+    norms = np.linalg.norm(columns, axis=0)
+    scaled = columns[:, norms > 0.0] / norms[norms > 0.0]
+    power, vectors = np.linalg.eigh(scaled.T @ scaled)
+    order = np.argsort(power)[::-1][:most]
+    kept = order[power[order] > ROUNDING_SHARE * power.max(initial=0.0)]
+    return scaled @ vectors[:, kept] / np.sqrt(power[kept])
+
+
+def beside(known: np.ndarray, values: np.ndarray) -> np.ndarray:
+    """Values (n, ...) without what the orthonormal columns `known` (n, d) explain."""
+    return values - known @ (known.T @ values)
+
+
+def over_zones(evidence: Evidence, values: np.ndarray) -> np.ndarray:
+    """Root mean square (j,) of values (n, c) over the used rows of both zones of each joint."""
+    joints = len(evidence.joints)
+    power = (np.where(evidence.used, values, 0.0) ** 2).reshape(len(values), -1, joints)
+    rows = evidence.used.reshape(len(values), -1, joints).sum(axis=(0, 1))
+    return np.sqrt(power.sum(axis=(0, 1)) / np.maximum(rows, 1))
+
+
+def relative(evidence: Evidence, values: np.ndarray) -> np.ndarray:
+    """The same (j,) over that of the force."""
+    return over_zones(evidence, values) / over_zones(evidence, evidence.force)
+
+
+def residual(evidence: Evidence, model: Model) -> np.ndarray:
+    """Measured less predicted force (n, c) on the rows of the evidence."""
+    predicted = evidence.regressor(model) @ model.theta
+    return np.where(evidence.used, evidence.force - predicted, 0.0)

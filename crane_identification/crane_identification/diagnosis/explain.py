@@ -3,25 +3,16 @@
 Whatever is not printed is said to be elsewhere.
 """
 
-import json
 from pathlib import Path
 from typing import Any
 
 from crane_identification.diagnosis import wording
-from crane_model.errors import DataError
+from crane_identification.diagnosis.findings_file import Findings
 
 
 def read(folder: Path) -> dict[str, Any]:
-    """findings.json of a diagnosis; `DataError` if there is none."""
-    path = folder / "findings.json"
-    try:
-        return json.loads(path.read_text(encoding="utf-8"))
-    except FileNotFoundError:
-        raise DataError(
-            f"{path}: no such file; name the folder that diagnose wrote with --out"
-        ) from None
-    except (OSError, ValueError) as error:
-        raise DataError(f"{path}: not readable: {error}; diagnose again") from None
+    """findings.json of a diagnosis; `DataError` if there is none, or none of this version."""
+    return Findings.read(folder / "findings.json").plain()
 
 
 def lines(content: dict[str, Any]) -> list[str]:

@@ -2,17 +2,13 @@
 
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
-from functools import cached_property
 from math import ceil
 
 import numpy as np
 
 from crane_identification.data.log import Log
-from crane_identification.diagnosis import changes
-from crane_identification.diagnosis.evidence import Evidence, gather
-from crane_identification.diagnosis.learner import Features, features
+from crane_identification.diagnosis.evidence import Evidence, gather, normed
 from crane_identification.diagnosis.refit import UndeterminedError, refit
-from crane_identification.diagnosis.scaling import normed
 from crane_identification.estimation.regression import common_factor
 from crane_identification.options import Options
 from crane_identification.preparation.periodicity import periodic_part
@@ -20,7 +16,7 @@ from crane_identification.preparation.prepare import prepare
 from crane_identification.preparation.run import Preparation
 from crane_identification.preparation.session import Session, chronological, prepare_all
 from crane_identification.signals.decimate import KEPT_SHARE
-from crane_model.errors import DataError
+from crane_model.errors import ConfigurationError, DataError
 from crane_model.model_file import Model
 from crane_model.progress import Progress, silent
 from crane_model.terms import Term
@@ -42,36 +38,23 @@ class Training:
 class Fitted:
     """The model `before` anything is added, and the evidence of the recordings about it.
 
-    Terms that the recordings do not determine are `left_out` of it. `periods`: held-out recordings
-    averaged, whose scatter is the noise. `session` says whether time runs through all recordings;
-    `uncalibrated` quantities are in counts; `warnings` are about the recordings.
+    Terms with `undetermined` parameters are `left_out` of it. With `fixed`, its values were kept.
+    `periods`: held-out recordings averaged, whose scatter is the noise. `session` says whether time
+    runs through all recordings; `uncalibrated` quantities are in counts; `warnings` are about the
+    recordings.
     """
 
     before: Model
     left_out: tuple[Term, ...]
+    undetermined: tuple[str, ...]
     training: Training
     evidence: Evidence
     held_out: Evidence
+    fixed: bool
     periods: tuple[Preparation, ...]
     session: Session
     uncalibrated: tuple[str, ...]
     warnings: tuple[str, ...]
-
-    @property
-    def fixed(self) -> bool:
-        """Whether the values of the model were kept."""
-        return self.evidence.keeps
-
-    @property
-    def undetermined(self) -> tuple[str, ...]:
-        """The parameters of the terms that are left out."""
-        setting = self.before.setting
-        return tuple(p.name for term in self.left_out for p in term.parameters(setting))
-
-    @cached_property
-    def known(self) -> Features:
-        """What a law may depend on, at the rows of the evidence."""
-        return features(self.evidence.moving)
 
 
 def fitted(
@@ -88,7 +71,7 @@ def fitted(
     `ConfigurationError` if values to keep are missing.
     """
     if fixed:
-        changes.check_values(model)
+        check_values(model)
     model = model.of_machine()  # what these recordings carry is asked anew
     logs = chronological((*training, *validation))
     session = Session.of(logs)
@@ -98,17 +81,20 @@ def fitted(
     hold = [p for p in prepared if p.source not in sources]
     given = Training(train, decimation(train, options.decimation), ", ".join(sorted(sources)))
     evidence, before, left_out = (
-        (changes.kept(model, train, given.factor), model, ())
+        (kept(model, train, given.factor), model, ())
         if fixed
         else determined(model, train, given.factor, given.sources)
     )
+    undetermined = tuple(p.name for term in left_out for p in term.parameters(model.setting))
     periods, not_periodic = _averaged(model, validation, options)
     return Fitted(
         before=before,
         left_out=left_out,
+        undetermined=undetermined,
         training=given,
         evidence=evidence,
         held_out=gather(before, hold, given.factor, first_run=len(train)),
+        fixed=fixed,
         periods=periods,
         session=session,
         uncalibrated=tuple(dict.fromkeys(name for log in logs for name in log.uncalibrated)),
@@ -190,3 +176,17 @@ def _left(evidence: Evidence, without: slice) -> float:
     matrix, force = columns * scaling[:, None], evidence.force[evidence.used] * scaling
     matrix, _ = normed(matrix)
     return float(((force - matrix @ np.linalg.lstsq(matrix, force, rcond=1e-9)[0]) ** 2).sum())
+
+
+def check_values(model: Model) -> None:
+    """`ConfigurationError` if the model has no values to keep."""
+    if model.values is None or model.std_devs is None:
+        raise ConfigurationError(
+            f"model '{model.name}' has no values that could have changed; fit it with identify to "
+            "recordings from before, or leave out --fixed"
+        )
+
+
+def kept(model: Model, training: Sequence[Preparation], factor: int) -> Evidence:
+    """The evidence about a model whose values are kept."""
+    return replace(gather(model, training, factor), std_devs=model.std_devs)

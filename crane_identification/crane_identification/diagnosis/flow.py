@@ -5,10 +5,11 @@ cannot show in its residual. They do in the balance of flow, which is fitted as 
 machine has some of each, and an effect is missing where a value is not the usual one.
 """
 
-from collections.abc import Callable, Collection, Sequence
+from collections.abc import Callable, Sequence
 
 import numpy as np
 
+from crane_identification.diagnosis.candidates import Candidate
 from crane_identification.diagnosis.evidence import Evidence
 from crane_identification.diagnosis.flow_balance import (
     COLUMNS,
@@ -17,12 +18,14 @@ from crane_identification.diagnosis.flow_balance import (
     SOFT,
     ZONES,
     FlowRows,
+    Spool,
     power,
     searched,
     solved,
 )
-from crane_identification.diagnosis.hydraulics import Flow, Flows, Gain, Quantity, Usual
+from crane_identification.diagnosis.hydraulics import Flow, Flows, Gain, Quantity
 from crane_identification.diagnosis.thresholds import Thresholds
+from crane_identification.diagnosis.usual import Usual
 from crane_model.errors import DataError
 from crane_model.flow import FLOW_EFFECTS
 from crane_model.flow.valve import EDGES, asymmetry, by_chamber
@@ -33,14 +36,15 @@ def examine(
     held_out: Evidence,
     usual: Usual,
     thresholds: Thresholds,
-    distrusted: Collection[str] = (),
+    named: Sequence[Candidate] = (),
 ) -> Flows:
     """Each joint whose flow was recorded, and why effects are not observable on the others.
 
     An effect is missing where its value lies beyond what is usual, and where the usual value
-    predicts the flow of the `held_out` recordings clearly worse. Sensors of the joints `distrusted`
-    are known to be wrong.
+    predicts the flow of the `held_out` recordings clearly worse. Where effects
+    that are `named` are of sensors, what these measure tells nothing of the flow.
     """
+    distrusted = {one.where for one in named if one.term.is_of_sensors()}
     found: list[Flow] = []
     absent: dict[tuple[str, str], str] = {}
     for joint in evidence.joints:
@@ -52,7 +56,7 @@ def examine(
                 raise DataError(
                     f"flow of '{joint}': what is usual of its valve is not known; add its dead_zone"
                 )
-            found.append(_Examination(here, there, usual, thresholds).flow())
+            found.append(_Examination(here, there, searched(here), usual, thresholds).flow())
         except DataError as error:
             absent |= {(effect, joint): str(error) for effect in sorted(FLOW_EFFECTS)}
     return Flows(tuple(found), absent)
@@ -67,14 +71,13 @@ class _Examination:
     """All quantities of a joint, from its balance `here`, proved `there`."""
 
     def __init__(
-        self, here: FlowRows, there: FlowRows, usual: Usual, thresholds: Thresholds
+        self, here: FlowRows, there: FlowRows, spool: Spool, usual: Usual, thresholds: Thresholds
     ) -> None:
-        self._here, self._there, self._usual = here, there, usual
+        self._here, self._there, self._spool, self._usual = here, there, spool, usual
         self._gates, self._method = thresholds.gates, thresholds.method
-        self._spool = searched(here)
-        self._columns, self._proof = self._spool.columns(here), self._spool.columns(there)
+        self._columns, self._proof = spool.columns(here), spool.columns(there)
         self._free = solved(self._columns, here.flow)
-        self._correlation = here.correlation(self._free.left)
+        self._correlation = _correlation(self._free.left)
         self._least = power(there.flow - self._proof @ self._free.values)
         self._flow_power = power(here.flow)
 
@@ -118,11 +121,15 @@ class _Examination:
             )
 
     def _std_dev(self, gradient: np.ndarray) -> float:
-        """Of a function of the parameters: neighbouring rows of what is left are not independent,
-        as of an autoregression of first order.
+        """Of a function of the parameters with this gradient (COLUMNS,); infinite if it is not
+        determined. Neighbouring rows of what is left are not independent, as of an autoregression
+        of first order.
         """
+        if not self._free.determined[gradient != 0.0].all():
+            return float("inf")
         alike = max(self._correlation, 0.0)
-        return float(np.sqrt((1.0 + alike) / (1.0 - alike))) * self._free.std_dev(gradient)
+        independent = float(np.sqrt(gradient @ self._free.covariance @ gradient))
+        return float(np.sqrt((1.0 + alike) / (1.0 - alike))) * independent
 
     def _quantities(self) -> tuple[Quantity, ...]:
         usual = self._usual
@@ -202,3 +209,9 @@ class _Examination:
         proved = left > self._method.flow_proof_factor * self._least
         missing = proved and share > self._gates.smallest_flow_share
         return Quantity(effect, value, std_dev, limit, share, score, missing, determined)
+
+
+def _correlation(left: np.ndarray) -> float:
+    """Of neighbouring rows (N,) of the same chamber, below 1: 0.2 of filtered noise."""
+    chambers = left.reshape(-1, 2)
+    return float((chambers[1:] * chambers[:-1]).sum() / (chambers**2).sum())

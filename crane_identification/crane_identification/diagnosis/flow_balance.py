@@ -7,9 +7,8 @@ from typing import NamedTuple
 import numpy as np
 from scipy.optimize import minimize_scalar
 
-from crane_identification.diagnosis.evidence import Evidence
+from crane_identification.diagnosis.evidence import Evidence, normed
 from crane_identification.diagnosis.runs import Run, thinned
-from crane_identification.diagnosis.scaling import normed
 from crane_identification.estimation.regression import OPEN
 from crane_model.errors import DataError
 from crane_model.flow import flow_regressor, piston_flow
@@ -73,11 +72,6 @@ class FlowRows:
 
         flow, rate = np.split(self._rows(columns), 2, axis=1)
         return flow, rate
-
-    def correlation(self, left: np.ndarray) -> float:
-        """Of neighbouring rows (N,) of the same chamber, below 1: 0.2 of filtered noise."""
-        chambers = left.reshape(-1, 2)
-        return float((chambers[1:] * chambers[:-1]).sum() / (chambers**2).sum())
 
     def _valve(self, dead_zones: tuple[float, float], play: float) -> Valve:
         a, b = dead_zones
@@ -156,12 +150,6 @@ class Fit(NamedTuple):
     def rest(self) -> float:
         """Variance of what is left."""
         return power(self.left)
-
-    def std_dev(self, gradient: np.ndarray) -> float:
-        """Of a function of the parameters with this gradient (k,); infinite if not determined."""
-        if not self.determined[gradient != 0.0].all():
-            return float("inf")
-        return float(np.sqrt(gradient @ self.covariance @ gradient))
 
 
 class Spool(NamedTuple):

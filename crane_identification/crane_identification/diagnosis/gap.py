@@ -6,10 +6,10 @@ from typing import SupportsIndex
 
 import numpy as np
 
-from crane_identification.diagnosis.evidence import Evidence
+from crane_identification.diagnosis.evidence import Evidence, over_zones, relative, residual
 from crane_identification.diagnosis.learner import predict_elsewhere
+from crane_identification.diagnosis.loads import Weighed, with_own_loads
 from crane_identification.diagnosis.thresholds import Method
-from crane_identification.diagnosis.weighing import Weighed, weighed
 from crane_identification.estimation.regression import OPEN
 from crane_identification.preparation.averaging import noise_of_mean
 from crane_identification.preparation.run import Preparation
@@ -105,6 +105,7 @@ def measure(
     The one after with the load of each of these, which is a property of that recording.
     """
     j = len(before.joints)
+    noise = noise_floor(averaged, held_out.runs[0].factor, j)
     doubt = uncertain(held_out, after) if training.keeps else 0.0
     after, loads = with_own_loads(after, training, held_out)
     old, new = residual(held_out, before), residual(held_out, after)
@@ -112,14 +113,13 @@ def measure(
     seen = training.moving
     fitted = residual(training, before)
     learnt[:, :j] = predict_elsewhere(seen, fitted[:, :j], held_out.moving) - old[:, :j]
-    force = over_zones(held_out, held_out.force)
     errors = [relative(held_out, values) for values in (old, new, learnt)]
     records = [run.record for run in held_out.runs]
     return Gap(
         joints=before.joints,
         before=errors[0],
         after=errors[1],
-        floor=noise_floor(averaged, held_out.runs[0].factor, j) / force,
+        floor=noise / over_zones(held_out, held_out.force),
         best=np.minimum(errors[2], errors[0]),
         training_before=relative(training, fitted),
         training_after=relative(training, residual(training, after)),
@@ -137,33 +137,6 @@ def uncertain(evidence: Evidence, model: Model) -> np.ndarray:
     assert model.std_devs is not None  # of values that are kept
     parts = evidence.regressor(model) * model.std_devs
     return relative(evidence, np.linalg.norm(parts, axis=2))
-
-
-def with_own_loads(
-    model: Model, training: Evidence, held_out: Evidence
-) -> tuple[Model, tuple[Weighed, ...]]:
-    """The model with what each held-out recording carries, and these loads."""
-    usual = training.rms(residual(training, model))
-    return weighed(model, held_out, residual(held_out, model), usual)
-
-
-def over_zones(evidence: Evidence, values: np.ndarray) -> np.ndarray:
-    """Root mean square (j,) of values (n, c) over the used rows of both zones of each joint."""
-    joints = len(evidence.joints)
-    power = (np.where(evidence.used, values, 0.0) ** 2).reshape(len(values), -1, joints)
-    rows = evidence.used.reshape(len(values), -1, joints).sum(axis=(0, 1))
-    return np.sqrt(power.sum(axis=(0, 1)) / np.maximum(rows, 1))
-
-
-def relative(evidence: Evidence, values: np.ndarray) -> np.ndarray:
-    """The same (j,) over that of the force."""
-    return over_zones(evidence, values) / over_zones(evidence, evidence.force)
-
-
-def residual(evidence: Evidence, model: Model) -> np.ndarray:
-    """Measured less predicted force (n, c) on the rows of the evidence."""
-    predicted = evidence.regressor(model) @ model.theta
-    return np.where(evidence.used, evidence.force - predicted, 0.0)
 
 
 def noise_floor(averaged: Sequence[Preparation], factor: int, joints: int) -> np.ndarray:

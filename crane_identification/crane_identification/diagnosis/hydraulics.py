@@ -1,29 +1,11 @@
 """What a balance of flow says of valves and oil, beside what is usual of them."""
 
 from dataclasses import dataclass
-from pathlib import Path
 from typing import NamedTuple
 
 from crane_identification.diagnosis.thresholds import Method
-from crane_model.configuration import Positive, Schema, load
 from crane_model.flow import FLOW_EFFECTS
-from crane_model.machine_files import machine_file
 from crane_model.terms import Effect
-
-
-class Usual(Schema):
-    """What is usual of valves and oil; `hydraulics.yaml` says what each is."""
-
-    dead_zone: dict[str, Positive]
-    hysteresis: Positive
-    asymmetry: Positive
-    leakage: Positive
-    bulk_modulus: Positive
-
-
-def load_usual(path: Path | None = None) -> Usual:
-    """The packaged values, or those of a file; `ConfigurationError` names what is wrong in it."""
-    return load(path or machine_file("hydraulics.yaml"), Usual)
 
 
 @dataclass(frozen=True)

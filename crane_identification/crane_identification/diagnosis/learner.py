@@ -8,68 +8,13 @@ from sklearn.ensemble import HistGradientBoostingRegressor
 from threadpoolctl import threadpool_limits
 
 from crane_identification.diagnosis.evidence import Evidence
+from crane_identification.diagnosis.features import Features
 from crane_identification.diagnosis.thresholds import Thresholds
-from crane_model.record import Record
 
 ITERATIONS = 80
 SEED = 7
 BLOCK = 10  # rows, some seconds: longer than what a residual remembers
 FEWEST_ROWS = 60  # of a joint, below which nothing is learnt
-
-
-@dataclass(frozen=True)
-class Features:
-    """What a law may depend on: `values` (n, f) at the rows of the evidence, and their names."""
-
-    names: tuple[str, ...]
-    values: np.ndarray
-
-    def about(self, joint: str) -> "Features":
-        """Those of one joint, and those that belong to none."""
-        other = [i for i, name in enumerate(self.names) if " of " not in name]
-        own = [i for i, name in enumerate(self.names) if f" of {joint}" in name]
-        return Features(tuple(self.names[i] for i in own + other), self.values[:, own + other])
-
-
-def features(evidence: Evidence) -> Features:
-    """Motion, way since the last reversal, forces, pressures, command, slew, temperature, time."""
-    parts = []
-    names: tuple[str, ...] = ()
-    for run in evidence.runs:
-        columns = quantities(run.record)
-        names = tuple(columns)
-        parts.append(np.stack([values[run.kept] for values in columns.values()], axis=1))
-    return Features(names, np.concatenate(parts))
-
-
-def quantities(record: Record) -> dict[str, np.ndarray]:
-    """What a law may depend on, by name: (n,) each."""
-    out: dict[str, np.ndarray] = {}
-    for j, joint in enumerate(record.joints):
-        q, v = record.position[:, j], record.velocity[:, j]
-        out[f"position of {joint}"] = q
-        out[f"velocity of {joint}"] = v
-        out[f"acceleration of {joint}"] = record.acceleration[:, j]
-        out[f"way of {joint} since it turned"] = way_since_turned(q, v)
-        assert record.force is not None  # evidence has it
-        out[f"force of {joint}"] = record.force[:, j]
-        if record.pressure_a is not None and record.pressure_b is not None:
-            out[f"pressure sum of {joint}"] = record.pressure_a[:, j] + record.pressure_b[:, j]
-        if record.command is not None:
-            out[f"valve command of {joint}"] = record.command[:, j]
-    if record.slew_velocity is not None:
-        out["slew velocity"] = record.slew_velocity
-    if record.temperature is not None:
-        out["temperature"] = record.temperature
-    out["time"] = record.time
-    return out
-
-
-def way_since_turned(q: np.ndarray, v: np.ndarray) -> np.ndarray:
-    """Displacement (n,) since the velocity last changed its sign."""
-    turned = np.concatenate([[True], np.sign(v[1:]) != np.sign(v[:-1])])
-    last = np.maximum.accumulate(np.where(turned, np.arange(len(v)), 0))
-    return q - q[last]
 
 
 @dataclass(frozen=True)
@@ -93,7 +38,7 @@ class Learnt:
 
 
 def learn(evidence: Evidence, known: Features, residual: np.ndarray, fold: np.ndarray) -> Learnt:
-    """Predict the residual (n, j) of each fold from the others."""
+    """Predict the residual (n, j) of each fold (n,) from the others."""
     prediction = np.zeros_like(residual)
     share, strength = np.zeros((2, residual.shape[1]))
     p_value = np.ones(residual.shape[1])
@@ -144,7 +89,7 @@ def fitted(values: np.ndarray, target: np.ndarray) -> HistGradientBoostingRegres
 
 def predict_elsewhere(evidence: Evidence, residual: np.ndarray, other: Evidence) -> np.ndarray:
     """The residual (n', j) of other evidence as learnt from this one."""
-    here, there = features(evidence), features(other)
+    here, there = evidence.known, other.known
     out = np.zeros_like(other.force)
     for j in range(residual.shape[1]):
         used = evidence.used[:, j]

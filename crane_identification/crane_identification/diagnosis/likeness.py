@@ -1,27 +1,16 @@
 """What an effect is weighed by: its strength, and others in its place."""
 
 from collections.abc import Sequence
-from dataclasses import replace
 
 import numpy as np
 
-from crane_identification.diagnosis.candidates import Candidate, ShapedCandidate
-from crane_identification.diagnosis.evidence import Evidence
-from crane_identification.diagnosis.gap import relative
+from crane_identification.diagnosis.candidates import Candidate
+from crane_identification.diagnosis.energy import unexplained_beside
 from crane_identification.diagnosis.projection import Projection
+from crane_identification.diagnosis.race import others
 from crane_identification.diagnosis.search import Search
-from crane_identification.diagnosis.selection import (
-    NOTHING,
-    Subset,
-    constrained,
-    extended,
-    others,
-    solve,
-)
+from crane_identification.diagnosis.selection import NOTHING, Subset, constrained, extended, solve
 from crane_identification.diagnosis.thresholds import Thresholds
-
-DETECTABLE_SHARE = 0.9
-"""Share of the effects that would show at the strength that is called detectable."""
 
 
 def without(search: Search, subset: Subset, place: int) -> Subset:
@@ -107,80 +96,22 @@ def same_as(
     ]
 
 
-def slight(channels: Sequence[np.ndarray], gains: Sequence[float], thresholds: Thresholds) -> bool:
-    """Whether one of several effects gains too little beside another to be told from its form.
+def simplest(search: Search, subset: Subset, thresholds: Thresholds, threshold: float) -> Subset:
+    """The set with effects replaced by simpler ones that they are no better than.
 
-    `channels` are those where each acts. What a law leaves because it is not quite that of the
-    machine is on its own joint, most of it.
+    Presliding over no way and a Stribeck curve without end are Coulomb friction.
     """
-    where, method = [set(one.tolist()) for one in channels], thresholds.method
-    for own, gain in zip(where, gains, strict=True):
-        there = max(g for other, g in zip(where, gains, strict=True) if own & other)
-        least = max(method.further_share * there, method.elsewhere_share * max(gains))
-        if gain < least:
-            return True
-    return False
-
-
-def mends(
-    search: Search, numbers: Sequence[int], gains: Sequence[float], thresholds: Thresholds
-) -> bool:
-    """Whether one of several laws that resist the motion gains too little beside another of these
-    on its joint to be more than what that one's form leaves.
-    """
-    candidates = search.projection.candidates
-    resisting: dict[str, list[float]] = {}
-    for number, gain in zip(numbers, gains, strict=True):
-        joint = candidates[number].candidate.joint
-        if joint is not None and reverses(search, candidates[number]):
-            resisting.setdefault(joint, []).append(gain)
-    return any(min(one) < thresholds.method.form_share * max(one) for one in resisting.values())
-
-
-def reverses(search: Search, shaped: ShapedCandidate) -> bool:
-    """Whether the force of a candidate changes its sign with the velocity, and nothing else."""
-    setting = search.evidence.model.setting
-    for run in search.evidence.runs:
-        record = replace(run.record, direction_known=None)
-        there = shaped.term.columns(record, setting)
-        back = shaped.term.columns(replace(record, velocity=-record.velocity), setting)
-        if there.any():
-            return bool(np.allclose(back, -there))
-    return False
-
-
-def acting(evidence: Evidence, columns: np.ndarray, values: np.ndarray) -> float:
-    """Root mean square of an effect, columns (n, c, k) with these values (k,), over that of the
-    drive force of its joint: what the manual calls its strength.
-    """
-    return float(np.nan_to_num(relative(evidence, columns @ values)).max())
-
-
-def strength(search: Search, number: int, score: float) -> float:
-    """Root mean square of what a candidate of this score explains, over that of its joint's force.
-
-    That is the part of the effect that shows beside the model.
-    """
-    shares = search.energy_shares(number)
-    evidence = search.evidence
-    joints = len(evidence.joints)
-    variance = np.array([0.0 if one is None else one.variance for one in search.whitener.noise])
-    power = (score * shares * variance).reshape(-1, joints).sum(axis=0)
-    rows = evidence.used.reshape(len(evidence.time), -1, joints).sum(axis=(0, 1))
-    rms = np.sqrt(power / np.maximum(rows, 1))
-    force = evidence.force_rms[:joints]
-    return float(np.max(np.divide(rms, force, out=np.zeros_like(rms), where=force > 0.0)))
-
-
-def detectable(search: Search, threshold: float) -> float:
-    """Strength at which nearly all of the testable candidates would reach the threshold.
-
-    Infinite where none is testable.
-    """
-    strengths: dict[Candidate, float] = {}
-    candidates = search.projection.candidates
-    for number, share in enumerate(search.projection.visibility):
-        candidate = candidates[number].candidate
-        least = strength(search, number, threshold) / max(float(share), 1e-9)
-        strengths[candidate] = min(strengths.get(candidate, np.inf), least)
-    return float(np.quantile(list(strengths.values()), DETECTABLE_SHARE)) if strengths else np.inf
+    method = thresholds.method
+    for place in range(len(subset.numbers)):
+        own, swaps = subset.numbers[place], in_place_of(search, subset, place)
+        needed = max(threshold, method.lead_share * unexplained_beside(search, subset, place))
+        for swapped in swaps:
+            other = swapped.numbers[-1]
+            if subset.gain - swapped.gain > needed:
+                break
+            simpler = freedom(search, other) < freedom(search, own)
+            if simpler and likeness(search, own, other) > method.form_correlation:
+                order = (*subset.numbers[:place], other, *subset.numbers[place + 1 :])
+                subset = solve(search.projection, order) or subset
+                break
+    return subset

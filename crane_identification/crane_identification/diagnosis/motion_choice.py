@@ -10,10 +10,12 @@ from dataclasses import replace
 import numpy as np
 
 from crane_identification.diagnosis.candidates import ShapedCandidate
-from crane_identification.diagnosis.changes import estimated
-from crane_identification.diagnosis.decision import Decision, Judged
-from crane_identification.diagnosis.scaling import normed
-from crane_identification.diagnosis.search import Race, Search
+from crane_identification.diagnosis.decision import Decision
+from crane_identification.diagnosis.evidence import normed
+from crane_identification.diagnosis.judgement import Judged
+from crane_identification.diagnosis.kept_values import estimated
+from crane_identification.diagnosis.race import Race
+from crane_identification.diagnosis.search import Search
 from crane_identification.diagnosis.selection import Subset, solve
 from crane_identification.validation.motion_validation import validate_motion
 from crane_model.model_file import Model

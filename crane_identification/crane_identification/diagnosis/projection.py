@@ -4,28 +4,16 @@ By the theorem of Frisch, Waugh and Lovell, least squares on these gives the par
 gain of the full model: no effect is absorbed in Theta, and Theta is not biased by one.
 """
 
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property
 from typing import Self
 
 import numpy as np
 
-from crane_identification.diagnosis.candidates import Candidate, ShapedCandidate
-from crane_identification.diagnosis.evidence import Evidence
-from crane_identification.diagnosis.whitening import FORCE_CORRELATION, Whitener, leading
-
-TINY = np.finfo(float).tiny
-ITSELF_TOLERANCE, ITSELF_CORRELATION = 0.05, 0.95
-"""The measured force explains itself with the coefficient one: a column that is within this
-tolerance of that and correlated with the residual by more than this is made of it, as |tau| sgn(v)
-is where friction is all that the force overcomes."""
-VISIBLE_SHARE = 0.02
-"""Share of a column's norm that must be left beside the base for its effect to be testable. Asked
-in the zone that shows it: friction with memory is Coulomb's but for the reversals.
-"""
-ROUNDING_SHARE = 1e-6  # share of a column's norm that is more than rounding
-REPLICATES = 500
-SEED = 20250101
+from crane_identification.diagnosis.candidates import ShapedCandidate
+from crane_identification.diagnosis.evidence import beside
+from crane_identification.diagnosis.whitening import Base, Whitener
 
 
 @dataclass(frozen=True)
@@ -97,34 +85,22 @@ class Projection:
         return grown
 
 
-def project(
-    evidence: Evidence,
-    whitener: Whitener,
-    candidates: list[ShapedCandidate],
-    base: np.ndarray | None = None,
-) -> Projection:
-    """All candidates beside the base of the evidence, whitened.
-
-    `base` (N, d) is what `whitened_base` gives, where it is known already.
-    """
-    base = whitened_base(evidence, whitener) if base is None else base
-    force = whitener(evidence.left)
-    residual = force - base @ (base.T @ force)
-    zone = whitener.channel // len(evidence.joints)
+def project(whitener: Whitener, base: Base, candidates: Sequence[ShapedCandidate]) -> Projection:
+    """The candidates beside the base, whitened."""
     parts, visibility = [], np.zeros(len(candidates))
     scales = []
     for number, shaped in enumerate(candidates):
         columns = whitener(shaped.columns)
-        rest = columns - base @ (base.T @ columns)
+        rest = beside(base.basis, columns)
         norms, whole = np.linalg.norm(rest, axis=0), np.linalg.norm(columns, axis=0)
-        visibility[number] = _visibility(columns, rest, zone).min(initial=1.0)
+        visibility[number] = _visibility(columns, rest, whitener.zone).min(initial=1.0)
         scales.append(norms)
         parts.append(np.divide(rest, norms, out=np.zeros_like(rest), where=norms > 1e-12 * whole))
     owner = np.repeat(np.arange(len(candidates)), [len(s) for s in scales])
     return Projection(
         tuple(candidates),
         np.concatenate(parts, axis=1),
-        residual,
+        base.residual,
         owner,
         np.concatenate([shaped.positive for shaped in candidates]),
         np.concatenate(scales),
@@ -142,99 +118,3 @@ def _visibility(columns: np.ndarray, rest: np.ndarray, zone: np.ndarray) -> np.n
     most = left.argmax(axis=0)[np.newaxis]
     left, whole = (np.take_along_axis(values, most, axis=0)[0] for values in (left, whole))
     return np.divide(left, whole, out=np.zeros_like(left), where=whole > 0.0)
-
-
-def whitened_base(evidence: Evidence, whitener: Whitener) -> np.ndarray:
-    """Basis B (N, d) of the whitened base, such that rows less B B^T of them are beside the base.
-
-    Orthonormal; but where the values of the model are kept, not all of the columns u that they are
-    uncertain by, with standard deviation a, is taken out. The rows have the covariance I + a^2 u
-    u^T: they are white again after I - (1 - 1/sqrt(1 + a^2)) u u^T.
-    """
-    free = whitener(evidence.free)
-    base = leading(free, free.shape[1])
-    if not evidence.keeps:
-        return base
-    columns = whitener(evidence.uncertain)
-    u, a, _ = np.linalg.svd(columns - base @ (base.T @ columns), full_matrices=False)
-    return np.concatenate([base, u * np.sqrt(1.0 - 1.0 / np.hypot(1.0, a))], axis=1)
-
-
-def testable(
-    projection: Projection, evidence: Evidence, whitener: Whitener
-) -> tuple[np.ndarray, dict[Candidate, str]]:
-    """Which (candidates,) can be tested, and why others cannot."""
-    candidates = [shaped.candidate for shaped in projection.candidates]
-    least = np.array([_least(candidate) for candidate in candidates])
-    visible = projection.visibility >= least
-    itself = _force_itself(projection, evidence, whitener)
-    wanted = visible & np.array([candidate not in itself for candidate in candidates], dtype=bool)
-    reasons = {f: "its column is the measured force itself" for f in candidates if f in itself}
-    best: dict[Candidate, float] = {}
-    for candidate, share in zip(candidates, projection.visibility, strict=True):
-        best[candidate] = max(best.get(candidate, 0.0), float(share))
-    for candidate, share in best.items():
-        if share < _least(candidate):
-            reasons[candidate] = (
-                "these recordings do not show all of its parameters"
-                if candidate.changes
-                else f"{share:.1%} of its column is left beside the model, "
-                f"{VISIBLE_SHARE:.0%} needed"
-            )
-    return wanted, reasons
-
-
-def _least(candidate: Candidate) -> float:
-    """The least visibility needed: of a change, which has the form of the model's own term, any."""
-    return ROUNDING_SHARE if candidate.changes else VISIBLE_SHARE
-
-
-def _force_itself(projection: Projection, evidence: Evidence, whitener: Whitener) -> set[Candidate]:
-    """Candidates of one joint with a column that is, beside the model there, the residual there.
-
-    Asked on the rows of that joint alone: what the joints share in the base, and the residual of
-    the others, would hide it.
-    """
-    joints = evidence.joints
-    force, base = whitener(evidence.force), whitener(evidence.base)
-    first = {shaped.candidate: shaped for shaped in reversed(projection.candidates)}
-    found = set()
-    for j, joint in enumerate(joints):
-        rows = whitener.channel % len(joints) == j
-        known = leading(base[rows], base.shape[1])
-        rest = force[rows] - known @ (known.T @ force[rows])
-        for candidate, shaped in first.items():
-            if candidate.joint != joint:
-                continue
-            columns = whitener(shaped.columns)[rows]
-            columns = columns - known @ (known.T @ columns)
-            size, score = np.linalg.norm(columns, axis=0), rest @ columns
-            alike = np.abs(score) / np.maximum(size * np.linalg.norm(rest), TINY)
-            once = np.abs(score / np.maximum(size**2, TINY) - 1.0) < ITSELF_TOLERANCE
-            if ((alike > FORCE_CORRELATION) | (once & (alike > ITSELF_CORRELATION))).any():
-                found.add(candidate)
-    return found
-
-
-def null_gains(
-    projection: Projection, inside: list[int], replicates: int = REPLICATES
-) -> np.ndarray:
-    """(replicates,) largest gain of any candidate beside the columns `inside`, from noise alone.
-
-    Parametric bootstrap: the noise of whitened rows is white, so that the inner products with the
-    columns are jointly normal with their Gram matrix as covariance, and need no rows at all.
-    """
-    rng = np.random.default_rng(SEED)
-    score = projection.root @ rng.standard_normal((len(projection.gram), replicates))
-    gram = projection.gram
-    if inside:
-        mixed = np.linalg.solve(gram[np.ix_(inside, inside)], gram[inside])
-        score, gram = score - mixed.T @ score[inside], gram - gram[:, inside] @ mixed
-    size = np.diag(gram)
-    seen = size > 1e-6
-    allowed = seen[:, None] & (~projection.positive[:, None] | (score > 0.0))
-    gains = np.where(allowed, score**2 / np.where(seen, size, 1.0)[:, None], 0.0)
-    # Candidates with several parameters gain the sum of their parts at most.
-    totals = np.zeros((len(projection.candidates), replicates))
-    np.add.at(totals, projection.owner, gains)
-    return totals.max(axis=0)

@@ -6,14 +6,18 @@ from typing import NamedTuple
 
 import numpy as np
 
-from crane_identification.diagnosis.decision import Judged
+from crane_identification.diagnosis.energy import left_share
+from crane_identification.diagnosis.evidence import relative, residual
+from crane_identification.diagnosis.extension import extended
 from crane_identification.diagnosis.fit import Fitted
-from crane_identification.diagnosis.gap import Gap, measure, relative, residual, with_own_loads
-from crane_identification.diagnosis.pulsation import Line, clearest_lines
+from crane_identification.diagnosis.gap import Gap, measure
+from crane_identification.diagnosis.judgement import Judged
+from crane_identification.diagnosis.loads import with_own_loads
+from crane_identification.diagnosis.pulsation import Line, Pulsation, clearest_lines, pulsations
 from crane_identification.diagnosis.refit import UndeterminedError
 from crane_identification.diagnosis.search import Search
 from crane_identification.diagnosis.thresholds import Thresholds
-from crane_identification.diagnosis.trial import Trial, extended, tried
+from crane_identification.diagnosis.trial import Trial, tried
 from crane_model.progress import Progress, silent
 
 
@@ -29,7 +33,7 @@ class Proof:
     """The effects that close the held-out `gap` where they act, in a `trial`; `short` do not.
 
     `before` is the trial without any; `lines` are the clearest of each joint in the spectrum of
-    what the `trial` leaves.
+    what the `trial` leaves, `pulsations` those that are clear enough.
     """
 
     before: Trial
@@ -37,6 +41,7 @@ class Proof:
     gap: Gap
     short: tuple[Short, ...] = ()
     lines: tuple[Line, ...] = ()
+    pulsations: tuple[Pulsation, ...] = ()
 
 
 def proved(
@@ -69,7 +74,7 @@ def proved(
     lines = clearest_lines(trial.model, (*fit.evidence.runs, *fit.held_out.runs), fewest)
     progress("what is left", 1.0)
     progress("gap", 1.0)
-    return Proof(before, trial, gap, tuple(short), lines)
+    return Proof(before, trial, gap, tuple(short), lines, pulsations(lines, thresholds))
 
 
 def objection(one: Judged, gap: Gap, thresholds: Thresholds) -> str:
@@ -132,7 +137,7 @@ def nearest(fit: Fitted, search: Search, effects: Sequence[Judged], objection: s
         new = relative(held_out, residual(held_out, carried))
     except UndeterminedError:
         new = np.full_like(old, np.nan)
-    left = search.left_share([one.shaped for one in effects])
+    left = left_share(search, [one.shaped for one in effects])
     return Nearest(
         joints=before.joints,
         effects=tuple(effects),

@@ -121,31 +121,6 @@ def solve(projection: Projection, numbers: tuple[int, ...]) -> Subset | None:
     return Subset(numbers, float(values @ score), values)
 
 
-def others(subset: Subset, place: int) -> tuple[int, ...]:
-    """The candidates of a set without one of them."""
-    return subset.numbers[:place] + subset.numbers[place + 1 :]
-
-
-class Beside:
-    """Gains of further candidates beside some that a projection has."""
-
-    def __init__(self, projection: Projection, numbers: tuple[int, ...]) -> None:
-        inside = [column for i in numbers for column in projection.columns_of[i]]
-        self._inside = np.array(inside, dtype=int)
-        self._projection = projection
-
-    def gain(self, one: Projection) -> float:
-        """Gain of the set with the single candidate of `one`; -inf where a sign is wrong."""
-        old, inside = self._projection, self._inside
-        columns = np.concatenate([old.columns[:, inside], one.columns], axis=1)
-        positive = np.concatenate([old.positive[inside], one.positive])
-        score = columns.T @ old.residual
-        values = constrained(columns.T @ columns, score, positive)
-        if values is None or not values[len(inside) :].any():
-            return -np.inf
-        return float(values @ score)
-
-
 def _without(projection: Projection, inside: list[int]) -> tuple[np.ndarray, np.ndarray]:
     """Gram matrix and score beside the columns `inside` (sweep)."""
     gram, score = projection.gram, projection.score

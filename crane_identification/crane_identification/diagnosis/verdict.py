@@ -6,8 +6,8 @@ from typing import NamedTuple
 
 import numpy as np
 
-from crane_identification.diagnosis.decision import Judged
 from crane_identification.diagnosis.gap import Gap
+from crane_identification.diagnosis.judgement import Judged
 from crane_identification.diagnosis.proof import Nearest, Proof
 from crane_identification.diagnosis.thresholds import Thresholds
 
@@ -60,7 +60,7 @@ def judge(proof: Proof, reach: Reach, thresholds: Thresholds) -> Answer:
             NOT_HELD,
             f"its parameters are zero within {method.parameter_sigmas:.0f} standard deviations",
         )
-    law = proof.before.learnt.follows_law(thresholds)
+    law = proof.before.law
     if law.any():
         return Answer(
             Verdict.UNKNOWN,
@@ -133,7 +133,7 @@ def _beyond_noise(gap: Gap, held_out: np.ndarray, training: np.ndarray, factor: 
 
 def _of_effects(proof: Proof, thresholds: Thresholds) -> Answer:
     """Effects that passed every test: are they all?"""
-    share = proof.trial.explained(proof.before, thresholds)
+    share = proof.trial.explained(proof.before)
     said = [f"the effects explain {share:.0%} of what can be explained", *_moved(proof)]
     classes = [_alternatives(one) for one in proof.trial.effects if one.indistinct]
     apart = [f"these recordings do not tell apart: {'; '.join(classes)}"] if classes else []
@@ -162,8 +162,7 @@ def _more(proof: Proof, share: float, thresholds: Thresholds) -> list[str]:
     trial, gap, method = proof.trial, proof.gap, thresholds.method
     said = []
     if share < method.explained_share:
-        law = trial.learnt.follows_law(thresholds)
-        said.append(f"something more is missing, a law that is left on {_listed(gap, law)}")
+        said.append(f"something more is missing, a law that is left on {_listed(gap, trial.law)}")
     if trial.left_share > method.left_share:
         said.append(f"they leave {trial.left_share:.0%} of the energy beyond noise where they act")
     said += _beyond_noise(gap, gap.after, gap.training_after, thresholds.gates.floor_factor)

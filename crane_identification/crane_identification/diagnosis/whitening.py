@@ -1,19 +1,17 @@
 """Rows whose noise is independent and of variance one, by an autoregression per channel."""
 
 from dataclasses import dataclass
-from functools import cached_property
 from typing import NamedTuple
 
 import numpy as np
 
-from crane_identification.diagnosis.evidence import Evidence
+from crane_identification.diagnosis.evidence import ROUNDING_SHARE, Evidence, beside, leading
 from crane_identification.estimation.autoregression import (
     Autoregression,
     predictors_of,
     restricted_likelihood,
 )
 
-ROUNDING_SHARE = 1e-8  # of the largest eigenvalue: directions below are rounding
 DIRECTIONS = 60  # of the candidates that the largest model takes, the commonest ones
 ROWS_PER_UNKNOWN = 1.5  # of the base; a channel with fewer says nothing about what it lacks
 FEWEST_ROWS = 8
@@ -36,21 +34,14 @@ class _Pick(NamedTuple):
 class Whitener:
     """Turns rows (n, c, ...) of the evidence into N independent rows of variance one.
 
-    `row` and `channel` (N,) say where each comes from; `noise` holds the autoregressions.
+    `row`, `channel` and `zone` (N,) say where each comes from; `noise` holds the autoregressions.
     """
 
     noise: tuple[Autoregression | None, ...]
     picks: tuple[_Pick, ...]
-
-    @property
-    def row(self) -> np.ndarray:
-        """(N,) row of the evidence."""
-        return np.concatenate([pick.rows for pick in self.picks])
-
-    @cached_property
-    def channel(self) -> np.ndarray:
-        """(N,) channel."""
-        return np.concatenate([np.full(len(pick.rows), pick.channel) for pick in self.picks])
+    row: np.ndarray
+    channel: np.ndarray
+    zone: np.ndarray
 
     def __call__(self, values: np.ndarray) -> np.ndarray:
         """(n, c, ...) to (N, ...)."""
@@ -75,8 +66,7 @@ def whitener(evidence: Evidence, largest: np.ndarray) -> Whitener:
     noise: list[Autoregression | None] = []
     picks: list[_Pick] = []
     first = np.diff(evidence.run, prepend=-1) != 0
-    for c in range(evidence.channels):
-        used = evidence.used[:, c]
+    for c, used in enumerate(evidence.used.T):
         known = leading(evidence.base[used, c], evidence.base.shape[2])
         if used.sum() < max(ROWS_PER_UNKNOWN * known.shape[1], FEWEST_ROWS):
             noise.append(None)
@@ -89,7 +79,11 @@ def whitener(evidence: Evidence, largest: np.ndarray) -> Whitener:
             rows = np.flatnonzero(used & (before == m))
             if len(rows):
                 picks.append(_Pick(c, rows, polynomial, float(np.sqrt(variance))))
-    return Whitener(tuple(noise), tuple(picks))
+    none = np.zeros(0, dtype=int)
+    row = np.concatenate([none, *(pick.rows for pick in picks)])
+    channel = np.concatenate([none, *(np.full(len(pick.rows), pick.channel) for pick in picks)])
+    zone = channel // len(evidence.model.joints)
+    return Whitener(tuple(noise), tuple(picks), row, channel, zone)
 
 
 def _noise(
@@ -97,8 +91,7 @@ def _noise(
 ) -> Autoregression:
     """Beside the orthonormal directions `known` of the base, and those of the columns."""
     columns = columns[:, columns.any(axis=0)]
-    rest = columns[used] - known @ (known.T @ columns[used])
-    residual = force[used] - known @ (known.T @ force[used])
+    rest, residual = beside(known, columns[used]), beside(known, force[used])
     norms = np.linalg.norm(rest, axis=0)
     telling = norms > ROUNDING_SHARE * np.linalg.norm(columns[used], axis=0)
     telling[telling] &= np.abs(residual @ rest[:, telling]) < (
@@ -112,16 +105,6 @@ def _noise(
     assert found is not None  # `whitener` asks for more rows than directions
     floor = (1e-9 * np.sqrt((force[used] ** 2).mean())) ** 2  # of a machine without any noise
     return Autoregression(found.polynomial, max(found.variance, floor, np.finfo(float).tiny))
-
-
-def leading(columns: np.ndarray, most: int) -> np.ndarray:
-    """Orthonormal (n, d <= most): the directions that most of the columns (n, k) share."""
-    norms = np.linalg.norm(columns, axis=0)
-    scaled = columns[:, norms > 0.0] / norms[norms > 0.0]
-    power, vectors = np.linalg.eigh(scaled.T @ scaled)
-    order = np.argsort(power)[::-1][:most]
-    kept = order[power[order] > ROUNDING_SHARE * power.max(initial=0.0)]
-    return scaled @ vectors[:, kept] / np.sqrt(power[kept])
 
 
 def _used_before(used: np.ndarray, first: np.ndarray, highest: int) -> np.ndarray:
@@ -140,3 +123,28 @@ def _by_run(values: np.ndarray, run: np.ndarray) -> np.ndarray:
     for i, number in enumerate(numbers):
         out[i, : counts[i]] = values[run == number]
     return out
+
+
+class Base(NamedTuple):
+    """`basis` B (N, d), such that rows less B B^T of them are beside the whitened base, and the
+    `residual` (N,) of the force beside it.
+    """
+
+    basis: np.ndarray
+    residual: np.ndarray
+
+
+def whitened_base(evidence: Evidence, whitener: Whitener) -> Base:
+    """The base of the evidence, whitened.
+
+    Its basis is orthonormal; but where the values of the model are kept, not all of the columns u
+    that they are uncertain by, with standard deviation a, is taken out. The rows have the
+    covariance I + a^2 u u^T: they are white again after I - (1 - 1/sqrt(1 + a^2)) u u^T.
+    """
+    free, force = (whitener(values) for values in (evidence.free, evidence.left))
+    basis = leading(free, free.shape[1])
+    if evidence.keeps:
+        columns = beside(basis, whitener(evidence.uncertain))
+        u, a, _ = np.linalg.svd(columns, full_matrices=False)
+        basis = np.concatenate([basis, u * np.sqrt(1.0 - 1.0 / np.hypot(1.0, a))], axis=1)
+    return Base(basis, beside(basis, force))

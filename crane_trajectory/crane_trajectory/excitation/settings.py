@@ -6,7 +6,6 @@ from typing import Annotated
 from pydantic import Field
 
 from crane_model.configuration import Positive, Schema, load
-from crane_model.machine_files import machine_file
 from crane_trajectory.excitation.merit import PredictedRecording
 
 Share = Annotated[float, Field(ge=0, lt=1)]
@@ -51,6 +50,6 @@ class DesignSettings(Schema):
     plausible: dict[str, float]
 
 
-def load_design_settings(path: Path | None = None) -> DesignSettings:
-    """The settings in `path`, by default the packaged ones; `ConfigurationError` if wrong."""
-    return load(path or machine_file("design.yaml"), DesignSettings)
+def load_design_settings(path: Path | str) -> DesignSettings:
+    """The settings in `path`; `ConfigurationError` if wrong."""
+    return load(path, DesignSettings)

@@ -12,8 +12,7 @@ from crane_model.configuration import NonNegative, Schema, load
 from crane_model.cylinders import lever_arm
 from crane_model.errors import RangeError
 from crane_model.kinematics import tip_position
-from crane_model.machine import JOINT_UNITS, JOINTS, PLANAR_JOINTS, Machine
-from crane_model.machine_files import machine_file
+from crane_model.machine import PLANAR_JOINTS, Machine
 from crane_trajectory.motion.extremes import maxima
 from crane_trajectory.motion.periodic import PeriodicTrajectory
 
@@ -37,9 +36,9 @@ class Clearance(Schema):
         return self.gripper_length + self.ground_clearance
 
 
-def load_clearance(path: Path | str | None = None) -> Clearance:
-    """The clearance in `path`, by default the laboratory's; `ConfigurationError` if wrong."""
-    return load(path or machine_file("clearance.yaml"), Clearance)
+def load_clearance(path: Path | str) -> Clearance:
+    """The clearance in `path`; `ConfigurationError` if wrong."""
+    return load(path, Clearance)
 
 
 @dataclass(frozen=True)
@@ -78,7 +77,7 @@ def violations(
     found: list[Violation] = []
     fits = set()
     for joint, extremes in zip(joints, _joint_extremes(reference, grid), strict=True):
-        limits, unit = machine.limits[joint], JOINT_UNITS[joint]
+        limits, unit = machine.limits[joint], machine.units[joint]
         position = [
             *_above(joint, "position", extremes.highest, limits.position_max, unit),
             *_below(joint, "position", extremes.lowest, limits.position_min, unit),
@@ -98,6 +97,15 @@ def violations(
     return found
 
 
+def check_joints(machine: Machine, trajectory: PeriodicTrajectory) -> None:
+    """`RangeError` unless the machine has every joint that the trajectory moves."""
+    if unknown := [one for one in trajectory.joint_names if one not in machine.joint_names]:
+        raise RangeError(
+            f"trajectory '{trajectory.name}': no joint {', '.join(unknown)}; {machine.name} has "
+            f"the joints {', '.join(machine.joint_names)}"
+        )
+
+
 def trajectory_grid(trajectory: PeriodicTrajectory) -> np.ndarray:
     """Times (n,) over one period, fine enough for `violations`."""
     return np.linspace(0.0, trajectory.period, GRID_PER_PERIOD * trajectory.harmonics + 1)
@@ -112,6 +120,7 @@ def trajectory_violations(
         samples = trajectory.evaluate(time)
         return samples.position, samples.velocity
 
+    check_joints(machine, trajectory)
     return violations(
         machine, trajectory.joint_names, reference, trajectory_grid(trajectory), clearance
     )
@@ -211,9 +220,9 @@ def _flow(
 def tip_room(machine: Machine, joints: Sequence[str], position: np.ndarray) -> np.ndarray:
     """(n, 2): distance of the tip from the pillar's axis, positive on the side that the booms
     point to, and height of the tip above the ground [m]. Does not depend on the slew angle."""
-    q = np.zeros((len(position), len(JOINTS)))
+    q = np.zeros((len(position), len(machine.joint_names)))
     for joint in PLANAR_JOINTS:
-        q[:, JOINTS.index(joint)] = position[:, joints.index(joint)]
+        q[:, machine.index(joint)] = position[:, joints.index(joint)]
     return tip_position(machine, q)[:, [0, 2]]
 
 

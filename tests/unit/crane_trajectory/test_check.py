@@ -11,6 +11,7 @@ from unit.crane_model.changed_machine import with_actuator
 from crane_model.cylinders import cylinder_length
 from crane_model.errors import RangeError
 from crane_model.machine import PLANAR_JOINTS, load_machine
+from crane_model.machine_files import machine_file
 from crane_trajectory.motion.check import (
     Clearance,
     load_clearance,
@@ -23,7 +24,7 @@ from crane_trajectory.motion.extremes import maxima
 from crane_trajectory.motion.fourier import FourierTrajectory, JointSeries
 
 MACHINE = load_machine()
-CLEARANCE = load_clearance()
+CLEARANCE = load_clearance(machine_file("clearance.yaml"))
 
 
 def sine(joint, offset, amplitude, period=20.0, harmonic=1):

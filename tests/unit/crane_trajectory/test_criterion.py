@@ -22,7 +22,7 @@ from crane_trajectory.excitation.settings import load_design_settings
 from crane_trajectory.motion.periodic import load_trajectory
 
 MODEL = load_model(machine_file("model.yaml"))
-SETTINGS = load_design_settings()
+SETTINGS = load_design_settings(machine_file("design.yaml"))
 PHI = one_period(MODEL, load_trajectory(machine_file("excitation_20s.yaml")), samples=100)
 STACKED = PHI.reshape(-1, 20)
 JUDGED = SETTINGS.experiment, SETTINGS.plausible

@@ -24,8 +24,8 @@ from crane_trajectory.motion.fourier import FourierTrajectory
 from crane_trajectory.motion.periodic import load_trajectory
 
 MODEL = load_model(machine_file("model.yaml"))
-SETTINGS = load_design_settings()
-CLEARANCE = load_clearance()
+SETTINGS = load_design_settings(machine_file("design.yaml"))
+CLEARANCE = load_clearance(machine_file("clearance.yaml"))
 STAGE = SETTINGS.search.explore.model_copy(update={"iterations": 10})
 QUICK = SETTINGS.search.model_copy(
     update={"samples": 60, "survivors": 2, "explore": STAGE, "polish": STAGE}

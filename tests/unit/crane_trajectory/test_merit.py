@@ -18,7 +18,7 @@ from crane_trajectory.motion.periodic import load_trajectory
 
 MODEL = load_model(machine_file("model.yaml"))
 TRAJECTORY = load_trajectory(machine_file("excitation_20s.yaml"))
-SETTINGS = load_design_settings()
+SETTINGS = load_design_settings(machine_file("design.yaml"))
 
 
 def test_condition_numbers_are_those_of_the_singular_values():

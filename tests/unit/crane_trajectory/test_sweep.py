@@ -8,6 +8,7 @@ import pytest
 from crane_model.configuration import save
 from crane_model.errors import ConfigurationError, RangeError
 from crane_model.machine import PLANAR_JOINTS, load_machine
+from crane_model.machine_files import machine_file
 from crane_trajectory.excitation.settings import load_design_settings
 from crane_trajectory.excitation.sweeps import CORNER, design_sweeps
 from crane_trajectory.motion.check import Clearance, load_clearance, trajectory_violations
@@ -16,8 +17,8 @@ from crane_trajectory.motion.periodic import load_trajectory
 from crane_trajectory.motion.sweep import JointCourse, SweepTrajectory
 
 MACHINE = load_machine()
-CLEARANCE = load_clearance()
-MARGINS = load_design_settings().margins
+CLEARANCE = load_clearance(machine_file("clearance.yaml"))
+MARGINS = load_design_settings(machine_file("design.yaml")).margins
 COURSE = JointCourse(time=(0.0, 3.0, 4.0, 5.0, 20.0), position=(0.2, 0.9, 0.9, 0.3, 0.2))
 SWEEP = SweepTrajectory(
     kind="sweep", name="one joint", period=20.0, corner=0.5, joints={"telescope": COURSE}

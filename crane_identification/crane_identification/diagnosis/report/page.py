@@ -64,7 +64,7 @@ def render(
         left=wording.sentence(wording.left(content)),
         where=where,
         disagrees=list(wording.disagrees(content)),
-        estimate=lambda one: wording.estimate(of_quantity(one)),
+        estimate=lambda one: wording.estimate(of_quantity(one).plain()),
         usual=_usual,
         percent=percent,
         detectable=short_percent(diagnosis.detectable),

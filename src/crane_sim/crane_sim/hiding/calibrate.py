@@ -71,7 +71,9 @@ def hidden_in(spec: Spec, machine: Machine, stand_in: StandIn, gains: Gains) -> 
     if all(effect.strength is None for effect in spec.effects):
         return draw(spec, stand_in)
     trajectory = load_trajectory(spec.trajectory or machine_file(OWN_MOTION))
-    motion = plan(machine, trajectory, stand_in.start, 1, load_clearance())
+    motion = plan(
+        machine, trajectory, stand_in.start, 1, load_clearance(machine_file("clearance.yaml"))
+    )
     return calibrate(spec, machine, stand_in, motion, gains)
 
 

@@ -13,6 +13,7 @@ from crane_driver.canopen.devices import RETRY, Devices
 from crane_driver.canopen.watch import NodeState
 from crane_driver.faults import Fault, FaultKind
 from crane_model.errors import ConfigurationError
+from crane_model.machine import load_machine
 from crane_model.machine_files import machine_file
 
 BOOTED, STOPPED, OPERATIONAL, PRE_OPERATIONAL = 0x00, 0x04, 0x05, 0x7F
@@ -156,7 +157,7 @@ def load(folder: Path, canopen: dict[str, object], encoder: int = 0x120) -> None
     mapping.write_text(yaml.safe_dump({**yaml.safe_load(text), "canopen": canopen}))
     text = machine_file("can.dbc").read_text()
     dbc.write_text(text.replace("BO_ 288 EncoderBase", f"BO_ {encoder} EncoderBase"))
-    load_layout(mapping, dbc)
+    load_layout(load_machine(), mapping, dbc)
 
 
 @pytest.mark.parametrize(

@@ -11,10 +11,11 @@ from crane_driver.safety.limits import JointLimiter
 from crane_driver.safety.settings import load_safety
 from crane_driver.velocity_filter import VelocityFilter
 from crane_model.machine import JOINTS, load_machine
+from crane_model.machine_files import machine_file
 from crane_sim.parts.parameters import load_stand_in
 from crane_sim.plant.plant import Plant
 
-MACHINE, SAFETY = load_machine(), load_safety()
+MACHINE, SAFETY = load_machine(), load_safety(machine_file("safety.yaml"), load_machine())
 CYCLE = 0.005  # s
 ROUNDING = 1e-6  # rad, m
 SWING = 0.005  # rad, m, by which the load swings on the oil when it is stopped

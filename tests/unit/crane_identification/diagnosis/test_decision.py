@@ -7,7 +7,8 @@ import pytest
 from unit.crane_identification.diagnosis.made import ROWS, normal, searched
 
 from crane_identification.diagnosis.decision import Decision, decide
-from crane_identification.diagnosis.search import Race, Search
+from crane_identification.diagnosis.race import Race
+from crane_identification.diagnosis.search import Search
 from crane_identification.diagnosis.thresholds import load_thresholds
 
 A, B, C, D = np.linalg.qr(normal(1, ROWS, 4))[0].T * np.sqrt(ROWS)

@@ -7,7 +7,8 @@ import numpy as np
 import pytest
 
 from crane_identification.diagnosis.candidates import Candidate, ShapedCandidate
-from crane_identification.diagnosis.likeness import likeness, mends, slight
+from crane_identification.diagnosis.form import mends, slight
+from crane_identification.diagnosis.likeness import likeness
 from crane_identification.diagnosis.projection import Projection
 from crane_identification.diagnosis.thresholds import load_thresholds
 from crane_model.model_file import load_model

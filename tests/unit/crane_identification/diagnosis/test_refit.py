@@ -17,9 +17,11 @@ from unit.crane_identification.diagnosis.made import (
 from crane_identification.diagnosis.candidates import Candidate
 from crane_identification.diagnosis.candidates import at_shape as observed
 from crane_identification.diagnosis.evidence import Evidence
-from crane_identification.diagnosis.refit import UndeterminedError, refit, shape_std_devs
+from crane_identification.diagnosis.extension import shape_std_devs
+from crane_identification.diagnosis.race import Race
+from crane_identification.diagnosis.refit import UndeterminedError, refit
 from crane_identification.diagnosis.runs import Run
-from crane_identification.diagnosis.search import Race, Search
+from crane_identification.diagnosis.search import Search
 from crane_identification.diagnosis.selection import solve
 from crane_model.model_file import Model
 from crane_model.record import Record

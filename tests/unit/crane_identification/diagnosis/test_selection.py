@@ -7,7 +7,8 @@ import pytest
 from scipy.stats import chi2
 
 from crane_identification.diagnosis.candidates import Candidate, ShapedCandidate
-from crane_identification.diagnosis.projection import Projection, null_gains
+from crane_identification.diagnosis.chance import null_gains
+from crane_identification.diagnosis.projection import Projection
 from crane_identification.diagnosis.selection import NOTHING, Subset, larger_sets, solve
 from crane_model.terms import REGISTRY
 

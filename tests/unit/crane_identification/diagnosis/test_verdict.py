@@ -9,15 +9,16 @@ import pytest
 
 from crane_identification.diagnosis.answer import with_loads, with_pulsation
 from crane_identification.diagnosis.candidates import Candidate, ShapedCandidate
-from crane_identification.diagnosis.decision import Judged
+from crane_identification.diagnosis.extension import Value
 from crane_identification.diagnosis.gap import Gap
+from crane_identification.diagnosis.judgement import Judged
 from crane_identification.diagnosis.learner import Learnt
+from crane_identification.diagnosis.loads import Weighed
 from crane_identification.diagnosis.proof import Proof, Short, objection
 from crane_identification.diagnosis.pulsation import Pulsation
 from crane_identification.diagnosis.thresholds import load_thresholds
-from crane_identification.diagnosis.trial import Trial, Value, differs
+from crane_identification.diagnosis.trial import Trial, differs
 from crane_identification.diagnosis.verdict import Answer, Reach, Verdict, judge
-from crane_identification.diagnosis.weighing import Weighed
 from crane_identification.validation.motion_validation import MotionValidation
 from crane_model.machine_files import machine_file
 from crane_model.model_file import load_model
@@ -93,6 +94,7 @@ def trial(*effects: Judged, energy: float = 1000.0, share: float = 0.0, left: fl
         model=MODEL,
         residual=np.zeros((1, 6)),
         learnt=learnt,
+        law=learnt.follows_law(THRESHOLDS),
         energy=np.concatenate([energy * there, none]),
         left_share=left,
     )

@@ -25,7 +25,7 @@ def packaged_motion(
 ) -> Course:
     """One period of 20 s, its approach and its end."""
     trajectory = load_trajectory(machine_file(name))
-    return plan(machine, trajectory, start, 1, load_clearance())
+    return plan(machine, trajectory, start, 1, load_clearance(machine_file("clearance.yaml")))
 
 
 def seen(
@@ -35,7 +35,12 @@ def seen(
     machine = load_machine()
     plant = Plant(stand_in, machine, course.start, planted)
     sensors = Sensors(stand_in.sensors, machine, seed, faults(planted))
-    return record(slewing(course, planted), plant, sensors, load_gains())
+    return record(
+        slewing(course, planted),
+        plant,
+        sensors,
+        load_gains(machine_file("controller.yaml"), machine),
+    )
 
 
 def recorded(

@@ -42,7 +42,13 @@ def with_effect(effect: str, joint: str | None, magnitude: dict[str, float]) -> 
     machine, stand_in = load_machine(), load_stand_in()
     course = packaged_motion(machine, stand_in.start)
     hidden = HiddenEffect(effect=effect, joint=joint, parameters=magnitude)
-    planted = calibrate(Spec(effects=(hidden,)), machine, stand_in, course, load_gains())
+    planted = calibrate(
+        Spec(effects=(hidden,)),
+        machine,
+        stand_in,
+        course,
+        load_gains(machine_file("controller.yaml"), machine),
+    )
     return recorded(stand_in, course, 4, planted)
 
 
