@@ -3,7 +3,6 @@
 They are found beside the effects of the force, with which they do not compete.
 """
 
-from crane_identification.diagnosis.candidates import WHOLE, Candidate
 from crane_identification.diagnosis.diagnosis import Diagnosis
 from crane_identification.diagnosis.findings_file import (
     EdgeGain,
@@ -12,8 +11,9 @@ from crane_identification.diagnosis.findings_file import (
     FoundParameter,
     HydraulicQuantity,
 )
-from crane_identification.diagnosis.hydraulics import Flow, Quantity
-from crane_identification.diagnosis.loads import LOADS, MASS_SIGMAS, NO_LOAD, Weighed
+from crane_identification.diagnosis.flow.hydraulics import Flow, Quantity
+from crane_identification.diagnosis.search.candidates import WHOLE, Candidate
+from crane_identification.diagnosis.search.loads import LOADS, MASS_SIGMAS, NO_LOAD, Weighed
 from crane_identification.notation import is_determined
 
 

@@ -5,8 +5,8 @@ from collections.abc import Iterable, Iterator, Mapping
 from math import isnan, nan
 from typing import Any, NamedTuple
 
-from crane_identification.diagnosis.candidates import WHOLE
-from crane_identification.diagnosis.loads import NO_LOAD
+from crane_identification.diagnosis.search.candidates import WHOLE
+from crane_identification.diagnosis.search.loads import NO_LOAD
 from crane_identification.notation import (
     NARROW_SPACE,
     NONE,

@@ -5,8 +5,8 @@ from pathlib import Path
 
 from crane_identification.diagnosis import findings, wording
 from crane_identification.diagnosis.diagnosis import Diagnosis
+from crane_identification.diagnosis.flow.hydraulics import Quantity
 from crane_identification.diagnosis.flow_and_load_findings import of_quantity
-from crane_identification.diagnosis.hydraulics import Quantity
 from crane_identification.diagnosis.report.cards import cards
 from crane_identification.diagnosis.report.pictures import gap_pictures, where_picture
 from crane_identification.notation import human, percent, plain, short_percent, spoken

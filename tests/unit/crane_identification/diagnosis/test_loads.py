@@ -9,12 +9,12 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from unit.crane_identification.synthetic import crane_log, crane_model
 
-from crane_identification.diagnosis.candidates import candidates_of
-from crane_identification.diagnosis.evidence import Evidence, gather, residual
-from crane_identification.diagnosis.loads import agreeing, one_each, weighed
-from crane_identification.diagnosis.race import Race
-from crane_identification.diagnosis.refit import refit
-from crane_identification.diagnosis.search import search
+from crane_identification.diagnosis.fit.evidence import Evidence, gather, residual
+from crane_identification.diagnosis.fit.refit import refit
+from crane_identification.diagnosis.search.candidates import candidates_of
+from crane_identification.diagnosis.search.loads import agreeing, one_each, weighed
+from crane_identification.diagnosis.search.race import Race
+from crane_identification.diagnosis.search.search import search
 from crane_identification.options import Options
 from crane_identification.preparation.prepare import prepare
 from crane_identification.preparation.run import Preparation
