@@ -7,7 +7,7 @@ from hypothesis import HealthCheck, settings
 from rich.console import Console
 from rich.table import Table
 
-from crane_benchmark.measured import FigureRow, write
+from crane_benchmark.measured import MeasuredRow, write
 
 # The same examples on every machine; the first call of compiled code takes seconds.
 settings.register_profile(
@@ -30,7 +30,7 @@ LONGEST = (
     "test_identification_node.py",
 )
 MEASURED = ROOT / "runs" / "bench"  # for the manual: `make figures`
-ROWS = pytest.StashKey[dict[str, dict[str, FigureRow]]]()
+ROWS = pytest.StashKey[dict[str, dict[str, MeasuredRow]]]()
 
 
 def pytest_collection_modifyitems(items: list[pytest.Item]) -> None:
@@ -41,14 +41,16 @@ def pytest_collection_modifyitems(items: list[pytest.Item]) -> None:
 
 @pytest.fixture
 def measured(request: pytest.FixtureRequest) -> Callable[..., None]:
-    """`measured(what, target, text, **values)`: a number that the project promises. The text is
-    that of a cell of `FigureRow`. It stands in the table at the end of the run, and in runs/bench.
+    """`measured(what, target, text, **values)`: a number that the project promises.
+
+    The text is that of a cell of `MeasuredRow`. It stands in the table at the end of the run, and
+    in runs/bench.
     """
     rows = request.config.stash.setdefault(ROWS, {}).setdefault(request.path.stem, {})
 
     def add(what: str, target: str, text: str, **values: float) -> None:
         plain = {name: float(value) for name, value in values.items()}
-        rows[what] = FigureRow(cells=[what, target, text], values=plain)  # the last one of reruns
+        rows[what] = MeasuredRow(cells=[what, target, text], values=plain)  # the last one of reruns
 
     return add
 

@@ -10,10 +10,11 @@ import sys
 from collections.abc import Callable, Sequence
 from pathlib import Path
 
-from crane_benchmark.measured import FigureRow, MeasuredFigures
+from crane_benchmark.measured import MeasuredFigures, MeasuredRow, write
 from crane_model.configuration import load
 from crane_model.machine_files import machine_file
 from crane_trajectory.motion.fourier import FourierTrajectory
+from from_code import imports
 
 ROOT = Path(__file__).resolve().parents[2]
 MEASURED = ROOT / "docs" / "measured"
@@ -33,6 +34,7 @@ def main() -> int:
     for name, pattern in SOURCES:
         for source in sorted((ROOT / "runs").glob(pattern), key=lambda path: path.stat().st_mtime):
             take_over(source, MEASURED / f"{name or source.stem}.json")
+    count_imports(MEASURED / "imports.json")
     for page in pages():
         text = page.read_text("utf-8")
         if (new := rendered(text)) != text:
@@ -53,6 +55,13 @@ def take_over(source: Path, target: Path) -> None:
             return
     found.write(target)
     print(f"taken over: {source}, measured by {found.command} on {found.date}")
+
+
+def count_imports(target: Path) -> None:
+    """How the rooms import each other now."""
+    found = list(imports.Imports.of(ROOT).rows())
+    if not target.exists() or MeasuredFigures.read(target).rows != found:
+        write(target, "make figures", found, imports.COLUMNS)
 
 
 def pages() -> list[Path]:
@@ -106,7 +115,7 @@ def trajectories() -> MeasuredFigures:
         worst = max(sigmas, key=lambda key: sigmas[key])
         values = {key: merit[key] for key in (*shown.values(), *of_report.values())}
         rows.append(
-            FigureRow(
+            MeasuredRow(
                 cells=[
                     f"`{name}.yaml`",
                     f"{one.period:g} s, {one.harmonics}",

@@ -78,7 +78,7 @@ def pages() -> dict[str, str]:
 
 def _entry(kind: Kind) -> str:
     schema = kind.schema.model_json_schema()
-    whole = _table(schema) if "properties" in schema else f"{_value(schema)}."
+    whole = _table(schema) if "properties" in schema else f"{value_of(schema)}."
     parts = [f"## {kind.title}", kind.about, whole]
     for name, part in schema.get("$defs", {}).items():
         if "properties" in part:

@@ -115,7 +115,7 @@ def _demo(
     console.print(missing.answer(suite), highlight=False)
     console.print(missing.table())
     complete_summary(law, missing.summary(), phases.seconds)
-    write_figures()
+    write_figures(law, dynamic)
     console.print(
         f"Reports: {OUT}/report.html, {missing.ANSWER}/report.html   All: {OUT}/summary.json"
     )

@@ -3,26 +3,26 @@
 from collections.abc import Iterator, Mapping
 from typing import Any
 
-from laws import DYNAMIC_LAW, OUT, REPORT_LAW
+from laws import OUT, Law
 
-from crane_benchmark.measured import FigureRow, of_joints, write
+from crane_benchmark.measured import MeasuredRow, of_joints, write
 from crane_model.machine import JOINT_UNITS
 
 COMMAND = "make demo"
 
 
-def write_figures() -> None:
+def write_figures(law: Law, dynamic: Law) -> None:
     """Next to the demo's summary."""
-    summary, dynamic = REPORT_LAW.read("summary.json"), DYNAMIC_LAW.read("summary.json")
-    write(OUT / "figures.json", COMMAND, list(rows(summary, dynamic)))
+    summaries = law.read("summary.json"), dynamic.read("summary.json")
+    write(OUT / "figures.json", COMMAND, list(rows(*summaries)))
 
 
-def rows(summary: Mapping[str, Any], dynamic: Mapping[str, Any]) -> Iterator[FigureRow]:
+def rows(summary: Mapping[str, Any], dynamic: Mapping[str, Any]) -> Iterator[MeasuredRow]:
     """From the demo's summary, and that of the machine with dynamic friction."""
     parameters = summary["parameters"]
     motion = summary["simulated_motion"]
     joints = ", ".join(summary["heldout_relative_error"])
-    yield FigureRow(
+    yield MeasuredRow(
         cells=[
             f"{len(parameters)} planted parameters, live: farthest off, online and offline",
             "",
@@ -48,7 +48,7 @@ def rows(summary: Mapping[str, Any], dynamic: Mapping[str, Any]) -> Iterator[Fig
         yield of_joints(name, what, errors, ".2%")
     yield of_joints("friction_share", "friction in τ", summary["friction_share"], ".0%")
     tracked = summary["tracking_rms"]
-    yield FigureRow(
+    yield MeasuredRow(
         cells=[
             f"RMS tracking error ({', '.join(tracked)})",
             "",
@@ -56,7 +56,7 @@ def rows(summary: Mapping[str, Any], dynamic: Mapping[str, Any]) -> Iterator[Fig
         ],
         values={f"tracking_{joint}": 1e3 * error for joint, error in tracked.items()},
     )
-    yield FigureRow(
+    yield MeasuredRow(
         cells=[f"`{COMMAND}`, after the set-up", "", "{seconds:.0f} s"],
         values={"seconds": sum(summary["wall_seconds"].values())},
     )

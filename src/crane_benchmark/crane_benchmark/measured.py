@@ -18,10 +18,10 @@ COLUMNS = ("what", "target", "measured")
 NARROW = re.compile(r"(?<=\d)%")
 
 
-class FigureRow(ResultPart):
+class MeasuredRow(ResultPart):
     """A row of a table.
 
-    >>> FigureRow(cells=["error", "", "{error:.1%}"], values={"error": 0.0123}).shown
+    >>> MeasuredRow(cells=["error", "", "{error:.1%}"], values={"error": 0.0123}).shown
     ['error', '', '1.2 %']
     """
 
@@ -47,7 +47,7 @@ class MeasuredFigures(ResultFile):
     """Of the source that was measured; empty where it was no clone."""
     columns: list[str]
     """What the cells of all rows are."""
-    rows: list[FigureRow]
+    rows: list[MeasuredRow]
     """In their order."""
 
     def value(self, name: str) -> float:
@@ -58,16 +58,16 @@ class MeasuredFigures(ResultFile):
 
 def of_joints(
     name: str, what: str, values: Mapping[str, float], shown: str, target: str = ""
-) -> FigureRow:
+) -> MeasuredRow:
     """A value for each joint, `name`_JOINT, `shown` in that format."""
-    return FigureRow(
+    return MeasuredRow(
         cells=[what, target, ", ".join(f"{{{name}_{joint}:{shown}}}" for joint in values)],
         values={f"{name}_{joint}": value for joint, value in values.items()},
     )
 
 
 def write(
-    path: Path, command: str, rows: Sequence[FigureRow], columns: Sequence[str] = COLUMNS
+    path: Path, command: str, rows: Sequence[MeasuredRow], columns: Sequence[str] = COLUMNS
 ) -> MeasuredFigures:
     """Write what `command` has measured just now to the file `path`, and return it."""
     found = MeasuredFigures(
@@ -103,7 +103,7 @@ def main(argv: Sequence[str] | None = None) -> int:
     if status == 0:
         words = " ".join(arguments.command)
         seconds = time.monotonic() - begin
-        write(arguments.out, words, [FigureRow(cells=[f"`{words}`", "", "{seconds:.0f} s"],
+        write(arguments.out, words, [MeasuredRow(cells=[f"`{words}`", "", "{seconds:.0f} s"],
                                          values={"seconds": seconds})])  # fmt: skip
     return status
 

@@ -5,6 +5,7 @@ from graphlib import TopologicalSorter
 from pathlib import Path
 
 import pytest
+from from_code.imports import MAY_IMPORT, Imports
 
 ROOT = Path(__file__).resolve().parents[3]
 FOLDERS = {
@@ -17,19 +18,6 @@ FOLDERS = {
     "crane_driver": ROOT / "crane_driver" / "crane_driver",
     "crane_trajectory": ROOT / "crane_trajectory" / "crane_trajectory",
     "crane_identification": ROOT / "crane_identification" / "crane_identification",
-}
-# What is identified is judged against crane_sim: crane_model and crane_identification share
-# nothing with it.
-MAY_IMPORT = {
-    "crane_machines": set(),
-    "crane_model": {"crane_machines"},
-    "crane_bags": {"crane_model"},
-    "crane_nodes": {"crane_model", "crane_bags"},
-    "crane_driver": {"crane_model", "crane_bags", "crane_nodes"},
-    "crane_trajectory": {"crane_model", "crane_nodes"},
-    "crane_sim": {"crane_model", "crane_bags", "crane_driver", "crane_trajectory"},
-    "crane_identification": {"crane_model", "crane_bags", "crane_nodes"},
-    "crane_benchmark": {"crane_model", "crane_sim", "crane_trajectory", "crane_identification"},
 }
 ROS_PREFIXES = ("rclpy", "rcl_interfaces", "crane_interfaces", "launch", "rosidl_")
 ROS_SUFFIXES = ("_msgs", "_srvs")
@@ -60,33 +48,8 @@ def test_imports_point_one_way(package: str) -> None:
         assert not forbidden, f"{file.relative_to(ROOT)} imports {', '.join(sorted(forbidden))}"
 
 
-def room(module: str) -> str:
-    """The folder of a module; at the root of a package each module is a room of its own."""
-    parts = module.split(".")
-    return module if len(parts) == 2 else ".".join(parts[:-1])
-
-
-def imported_rooms() -> dict[str, set[str]]:
-    """Which rooms each room imports."""
-    modules = {
-        ".".join((package, *file.relative_to(folder).with_suffix("").parts)): file
-        for package, folder in FOLDERS.items()
-        for file in folder.rglob("*.py")
-        if file.stem != "__init__"
-    }
-    rooms: dict[str, set[str]] = {}
-    for module, file in modules.items():
-        found = rooms.setdefault(room(module), set())
-        for node in ast.walk(ast.parse(file.read_text(encoding="utf-8"))):
-            if isinstance(node, ast.ImportFrom):
-                names = (f"{node.module}.{alias.name}" for alias in node.names)
-                found |= {room(n) for n in (*names, str(node.module)) if n in modules}
-        found.discard(room(module))
-    return rooms
-
-
 def test_no_rooms_import_each_other_in_a_circle() -> None:
-    rooms = imported_rooms()
+    rooms = Imports.of(ROOT).rooms
     assert len(rooms) > 50
     TopologicalSorter(rooms).prepare()  # CycleError names them
 

@@ -11,7 +11,7 @@ from from_code.figures import MEASURED, TABLE, pages, rendered, take_over
 from manual import text
 
 from crane_benchmark.folders import read_json
-from crane_benchmark.measured import FigureRow, MeasuredFigures, write
+from crane_benchmark.measured import MeasuredFigures, MeasuredRow, write
 from crane_benchmark.scores.frozen import RECORD
 
 NAMES = sorted(path.stem for path in MEASURED.glob("*.json"))
@@ -108,8 +108,10 @@ def files(tmp_path: Path) -> tuple[Path, Path]:
     return tmp_path / "new.json", tmp_path / "old.json"
 
 
-def some(*values: float) -> list[FigureRow]:
-    return [FigureRow(cells=[f"row {i}", "", "{x}"], values={"x": x}) for i, x in enumerate(values)]
+def some(*values: float) -> list[MeasuredRow]:
+    return [
+        MeasuredRow(cells=[f"row {i}", "", "{x}"], values={"x": x}) for i, x in enumerate(values)
+    ]
 
 
 def test_what_was_measured_last_is_taken_over(files: tuple[Path, Path]) -> None:

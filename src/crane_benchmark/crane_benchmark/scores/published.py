@@ -5,7 +5,7 @@ from pathlib import Path
 from typing import Any
 
 from crane_benchmark import measured
-from crane_benchmark.measured import FigureRow
+from crane_benchmark.measured import MeasuredRow
 from crane_benchmark.scores.judgement import OURS
 from crane_benchmark.scores.printed import MEDIANS, TARGETS
 
@@ -20,7 +20,7 @@ def write(path: Path, summary: Mapping[str, Any]) -> None:
     measured.write(path, COMMAND, list(rows(summary)), columns)
 
 
-def rows(summary: Mapping[str, Any]) -> Iterator[FigureRow]:
+def rows(summary: Mapping[str, Any]) -> Iterator[MeasuredRow]:
     """Each rate, with that of other methods beside it; then medians."""
     methods = {OURS: summary["methods"][OURS], **summary["methods"]}
     for key, (words, target) in TARGETS.items():
@@ -36,7 +36,7 @@ def rows(summary: Mapping[str, Any]) -> Iterator[FigureRow]:
             if place == 0:
                 values |= _ends(key, found["interval"]) | {f"{key}_of": found["of"]}
                 cells[-1] += f" [{{{key}_low:.0%}}, {{{key}_high:.0%}}] of {{{key}_of:.0f}}"
-        yield FigureRow(cells=cells, values=values)
+        yield MeasuredRow(cells=cells, values=values)
     yield _power(methods)
     empty = [""] * (len(methods) - 1)
     for key, (words, target, shown) in MEDIANS.items():
@@ -48,10 +48,12 @@ def rows(summary: Mapping[str, Any]) -> Iterator[FigureRow]:
         if found["interval"] is not None:
             values |= _ends(key, found["interval"])
             cell += f" [{_named(shown, f'{key}_low')}, {_named(shown, f'{key}_high')}]"
-        yield FigureRow(cells=[words, target, f"{cell} of {{{key}_of:.0f}}", *empty], values=values)
+        yield MeasuredRow(
+            cells=[words, target, f"{cell} of {{{key}_of:.0f}}", *empty], values=values
+        )
 
 
-def _power(methods: Mapping[str, Any]) -> FigureRow:
+def _power(methods: Mapping[str, Any]) -> MeasuredRow:
     """Of single effects that can be identified, by strength."""
     strengths = list(methods[OURS]["power"])
     values: dict[str, float] = {}
@@ -62,7 +64,7 @@ def _power(methods: Mapping[str, Any]) -> FigureRow:
         values |= named
         cells.append(", ".join(f"{{{name}:.0%}}" for name in named) or NO_CASE)
     listed = ", ".join(f"{float(s):g}" for s in (100.0 * float(s) for s in strengths))
-    return FigureRow(cells=[f"single, identifiable, of {listed} %", "", *cells], values=values)
+    return MeasuredRow(cells=[f"single, identifiable, of {listed} %", "", *cells], values=values)
 
 
 def _ends(key: str, interval: list[float]) -> dict[str, float]:

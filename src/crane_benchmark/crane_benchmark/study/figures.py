@@ -5,7 +5,7 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from crane_benchmark.measured import FigureRow, of_joints
+from crane_benchmark.measured import MeasuredRow, of_joints
 from crane_model.machine_files import machine_file
 from crane_model.model_file import load_model
 from crane_trajectory.excitation.merit import information, one_period, relative_std_devs
@@ -29,12 +29,12 @@ def rows(
     planted: Mapping[str, float],
     trajectories: Sequence[FourierTrajectory],
     took: Sequence[Took],
-) -> Iterator[FigureRow]:
+) -> Iterator[MeasuredRow]:
     """From the summary of the fit, what was planted, the designs, and the time of all steps, which
     is empty where something had been made before.
     """
     yield _campaign(trajectories)
-    yield FigureRow(
+    yield MeasuredRow(
         cells=[
             f"{len(planted)} planted parameters: farthest off, by the fit and by the recursion",
             "",
@@ -59,7 +59,7 @@ def rows(
     yield of_joints("over_training", "held-out over training error", ratios, ".2f", "1.2")
     if took:
         steps = ", ".join(one.step for one in took)
-        yield FigureRow(
+        yield MeasuredRow(
             cells=[
                 f"`{COMMAND}` after the set-up: all of it; {steps}; CPU time of these",
                 "10 min on 2 cores",
@@ -77,10 +77,10 @@ def rows(
         )
 
 
-def _campaign(trajectories: Sequence[FourierTrajectory]) -> FigureRow:
+def _campaign(trajectories: Sequence[FourierTrajectory]) -> MeasuredRow:
     """The largest standard deviation that is predicted after some trajectories, and after all."""
     model = load_model(machine_file("model.yaml"))
-    settings = load_design_settings()
+    settings = load_design_settings(machine_file("design.yaml"))
     told = np.cumsum(
         [
             information(
@@ -94,7 +94,7 @@ def _campaign(trajectories: Sequence[FourierTrajectory]) -> FigureRow:
         axis=0,
     )
     counts = [*(n for n in SHOWN if n < len(trajectories)), len(trajectories)]
-    return FigureRow(
+    return MeasuredRow(
         cells=[
             "campaign at the report's setting: worst predicted σ after "
             f"{', '.join(map(str, counts))} trajectories",

@@ -10,7 +10,7 @@ from pydantic import Discriminator, Field, Tag, model_validator
 
 from crane_model.actuators import Actuator, HydraulicActuator
 from crane_model.array import Array
-from crane_model.chain import SerialChain
+from crane_model.chain.serial_chain import SerialChain
 from crane_model.configuration import Positive, Schema, load
 from crane_model.errors import ConfigurationError, RangeError
 from crane_model.machine.by_joint import ByJoint

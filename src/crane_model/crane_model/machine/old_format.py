@@ -14,5 +14,6 @@ def what_to_write(content: Any) -> str:
         f"{', '.join(found)}: an older kind of machine file; write a list `joints:` now, from the "
         "base to the tip, each with `name`, `kind` (revolute or prismatic), `dh` (its row of "
         "Table 1: theta, d, a, alpha), `limits` (as before) and `actuator` (`type` with the areas "
-        "and lengths of its cylinder and the constants of its linkage): see the shipped laboratory_crane"
+        "and lengths of its cylinder and the constants of its linkage), as in machine.yaml of the "
+        "laboratory crane"
     )
