@@ -3,7 +3,7 @@
 from types import ModuleType
 
 from crane_bags import reader, writer
-from crane_identification import options, pipeline, thresholds
+from crane_identification import fitting, options, thresholds
 from crane_identification.data import bag_log, log
 from crane_identification.diagnosis import diagnosis, findings
 from crane_identification.estimation import estimate
@@ -22,7 +22,7 @@ MODULES = {
     "Terms": (term, joint_term, effect, own),
     "Bags": (reader, writer),
     "Trajectories": (fourier, sweep, motion, check, merit, controller),
-    "Identification": (log, bag_log, options, pipeline, estimate, force_validation),
+    "Identification": (log, bag_log, options, fitting, estimate, force_validation),
     "Diagnosis": (diagnosis, thresholds, findings),
     "Stand-in machine": (make_bag, parameters, variation, calibrate),
 }

@@ -21,7 +21,7 @@ WITH_EXAMPLES = (
     "crane_identification",
     "crane_identification.data.log",
     "crane_identification.options",
-    "crane_identification.pipeline",
+    "crane_identification.fitting",
     "crane_identification.preparation.periodicity",
 )
 COMMANDS = ("identify", "diagnose", "check_recording")

@@ -12,7 +12,7 @@ from crane_identification.diagnosis.fit.fit import Training
 from crane_identification.diagnosis.fit.refit import refit
 from crane_identification.diagnosis.search.candidates import Candidate, ShapedCandidate, at_shape
 from crane_identification.diagnosis.search.kept_values import estimated
-from crane_identification.diagnosis.search.loads import LOADS, NO_LOAD, Loads
+from crane_identification.diagnosis.search.loads import NO_LOAD
 from crane_identification.diagnosis.search.search import Search
 from crane_model.model_file import Model
 
@@ -113,8 +113,8 @@ def _before(model: Model, i: int) -> tuple[float, float]:
 
 def carried_in(finding: Finding, recordings: Sequence[str]) -> dict[str, tuple[str, ...]]:
     """Which recordings carry each load of an effect that differs between them, and which `none`."""
-    loads: Loads | None = getattr(finding.judged.shaped.term, LOADS, None)
-    if loads is None:
+    loads = finding.judged.shaped.term.carried
+    if not loads:
         return {}
     pairs = zip(finding.parameters, loads, strict=True)
     carried = {value.name: load.recordings for value, load in pairs}

@@ -109,10 +109,9 @@ def candidates_of(model: Model, evidence: Evidence) -> list[Candidate]:
     present = {(term.type, term.only_joint) for term in model.terms}
     out = []
     for cls in candidates(model.setting):
-        of_loads = LOADS in cls.model_fields
-        if of_loads and len(evidence.bags) < 2:
+        if cls.carries_loads and len(evidence.bags) < 2:
             continue
-        parts = heavier(evidence, cls) if of_loads else ()
+        parts = heavier(evidence, cls) if cls.carries_loads else ()
         out += [
             Candidate(cls, joint, _given(model, evidence, cls, joint), parts)
             for joint in joints_of(cls, model.setting) or (None,)

@@ -15,11 +15,11 @@ import numpy as np
 from crane_identification.diagnosis.fit.evidence import Evidence, residual
 from crane_model.model_file import Model
 from crane_model.terms import Term, candidates, typical
-from crane_model.terms.gravity_and_load import Load
+from crane_model.terms.load import Load
 
 Loads = tuple[Load, ...]
 
-LOADS = "loads"  # the field of a term that may differ between recordings
+LOADS = "loads"  # the field of a term that carries them
 NO_LOAD = "none"  # what the lightest recordings carry: masses count from it
 MASS_SIGMAS = 4.0  # standard deviations within which two masses are the same,
 MASS_SHARE = (
@@ -125,8 +125,7 @@ def weighed(
     term = _term_of_loads(model)
     if term is None:
         return model, ()
-    known = getattr(term, LOADS) if term in model.terms else ()
-    loads = one_each(held_out)
+    known, loads = term.carried, one_each(held_out)
     columns = held_out.columns(term.model_copy(update={LOADS: loads}))
     weight = np.where(held_out.used, 1.0 / np.where(usual > 0.0, usual, np.inf), 0.0)
     found, put, values = [], [], []
@@ -161,13 +160,11 @@ def weighed(
 
 def _term_of_loads(model: Model) -> Term | None:
     """The term of the model whose loads may differ, or else a new one; None if it can hold none."""
-    for term in model.terms:
-        if getattr(term, LOADS, None) is not None:
-            return term
-    if any(LOADS in type(term).model_fields for term in model.terms):
-        return None  # one mass in every run: the model says that none differs
+    own = [term for term in model.terms if term.carries_loads]
+    if own:  # without loads it is one mass in every run: the model says that none differs
+        return next((term for term in own if term.of_recordings), None)
     held = candidates(model.setting)
-    return next((typical(cls) for cls in held if LOADS in cls.model_fields), None)
+    return next((typical(cls) for cls in held if cls.carries_loads), None)
 
 
 def _fitted(column: np.ndarray, force: np.ndarray) -> tuple[float, float]:

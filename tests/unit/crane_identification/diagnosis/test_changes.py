@@ -23,14 +23,15 @@ from crane_identification.diagnosis.search.race import Race
 from crane_identification.diagnosis.search.search import search
 from crane_identification.diagnosis.search.wanted import changes_of
 from crane_identification.diagnosis.search.whitening import whitened_base, whitener
+from crane_identification.fitting import fit
 from crane_identification.options import Options
-from crane_identification.pipeline import fit
 from crane_identification.preparation.prepare import prepare
 from crane_identification.report.content import Provenance
 from crane_identification.thresholds import load_thresholds
 from crane_model.errors import ConfigurationError
 from crane_model.model_file import Model, load_model, save_model
-from crane_model.terms.gravity_and_load import Load, Payload
+from crane_model.terms.gravity_and_load import Payload
+from crane_model.terms.load import Load
 
 F_C = 2  # index of Coulomb friction
 

@@ -15,8 +15,8 @@ from unit.crane_identification.synthetic import (
 )
 
 from crane_identification.data.log import Log, Signal
+from crane_identification.fitting import FitResult, fit, validate
 from crane_identification.options import Estimator, Options
-from crane_identification.pipeline import FitResult, fit, validate
 from crane_identification.preparation.prepare import prepare
 from crane_model.errors import ConfigurationError, DataError
 from crane_model.model_file import Model
