@@ -76,13 +76,6 @@ def test_ros_packages_are_recognised() -> None:
     assert not any(is_ros(name) for name in ("numpy", "rosbags", "crane_model", "pydantic"))
 
 
-# Pairs that are still to be told apart.
-NAMED_TWICE = {
-    *("Beside", "Cylinder", "Delay", "Estimate", "Fault", "Fit", "Lag", "Link", "Motion", "Oil"),
-    *("Reach", "Recording", "Valve"),
-}
-
-
 def test_no_two_public_classes_have_one_name() -> None:
     places: dict[str, set[str]] = {}
     for folder in FOLDERS.values():
@@ -92,4 +85,4 @@ def test_no_two_public_classes_have_one_name() -> None:
                     places.setdefault(node.name, set()).add(str(file.relative_to(ROOT)))
     assert len(places) > 300
     twice = {name: files for name, files in places.items() if len(files) > 1}
-    assert not {name: files for name, files in twice.items() if name not in NAMED_TWICE}
+    assert not twice

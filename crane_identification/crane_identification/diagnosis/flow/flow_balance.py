@@ -138,7 +138,7 @@ def _duration(record: Record) -> float:
     return float(record.time[-1] - record.time[0]) if len(record) else 0.0
 
 
-class Fit(NamedTuple):
+class FlowSolution(NamedTuple):
     """Parameters of columns and their covariance, which of them are determined, what is left."""
 
     values: np.ndarray
@@ -181,7 +181,7 @@ class Spool(NamedTuple):
 def searched(rows: FlowRows) -> Spool:
     """Dead zones and play with which least is left: one dead zone first, then each way its own."""
 
-    def common(x: float) -> Fit:
+    def common(x: float) -> FlowSolution:
         parts = (*rows.edges_and_rates((x, x)), rows.leak_and_oil)
         return solved(np.concatenate(parts, axis=1), rows.flow)
 
@@ -218,7 +218,7 @@ def _lowest(cost: Callable[[float], float], highest: float) -> float:
     return float(found.x)
 
 
-def solved(columns: np.ndarray, flow: np.ndarray) -> Fit:
+def solved(columns: np.ndarray, flow: np.ndarray) -> FlowSolution:
     """Least squares of flow (N,) on columns (N, k)."""
     scaled, norms = normed(columns)
     sizes, directions = np.linalg.eigh(scaled.T @ scaled)
@@ -228,7 +228,7 @@ def solved(columns: np.ndarray, flow: np.ndarray) -> Fit:
     left = flow - scaled @ values
     determined = (directions[:, ~kept] ** 2).sum(axis=1) < SINGULAR_SHARE
     covariance = power(left) * inverse / np.outer(norms, norms)
-    return Fit(values / norms, covariance, determined, left)
+    return FlowSolution(values / norms, covariance, determined, left)
 
 
 def power(values: np.ndarray) -> float:

@@ -29,7 +29,7 @@ class Card(NamedTuple):
     evidence: str
     member: str
     settled_by: str
-    parameters: tuple[wording.Estimate, ...]
+    parameters: tuple[wording.PrintedParameter, ...]
     carried: list[str]
     pictures: tuple[Picture, ...]
 

@@ -12,7 +12,7 @@ from crane_identification.diagnosis.report.pictures import gap_pictures, where_p
 from crane_identification.notation import human, percent, plain, short_percent, spoken
 from crane_identification.report import template
 from crane_identification.report.content import Provenance
-from crane_identification.report.links import Link, link, page_of
+from crane_identification.report.links import PageLink, link, page_of
 from crane_model.flow import FLOW_EFFECTS
 
 RESULTS = ("model.yaml", "findings.json")  # beside the page
@@ -80,7 +80,7 @@ def render(
         suspicions=suspicions,
         model_file=link(provenance.model_file, folder),
         model_page=page_of(provenance.model_file, folder),
-        results=[Link(name, name) for name in RESULTS],
+        results=[PageLink(name, name) for name in RESULTS],
         training=[link(bag, folder) for bag in diagnosis.training.sources],
         validation=[link(bag, folder) for bag in diagnosis.held_out.sources],
         style=template.part(SHARED, "page.css") + template.part(__package__, "page.css"),
