@@ -162,7 +162,7 @@ class Spool(NamedTuple):
     gains: np.ndarray
 
     def columns(self, rows: FlowRows) -> np.ndarray:
-        """(N, COLUMNS)."""
+        """The columns (N, COLUMNS) of the balance, linear about these dead zones and play."""
         a, b = self.dead_zones
         edges, rates = rows.edges_and_rates((a, b))
 

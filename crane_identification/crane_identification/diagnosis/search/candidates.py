@@ -67,7 +67,7 @@ class Candidate:
 
     @property
     def label(self) -> str:
-        """For messages."""
+        """How a message names it: effect and joint."""
         return f"{self.effect.name} ({self.where})"
 
     def at(self, shape: Mapping[str, Any]) -> Term:
