@@ -152,7 +152,10 @@ def test_figures_of_the_demo_are_those_of_its_summary() -> None:
         "tracking_rms": {"slew": 0.001, "telescope": 0.009},
         "wall_seconds": {"live": 100.0, "bags": 23.0},
     }
-    told = {row.shown[0]: row.shown[2] for row in rows_of_demo(summary, summary)}
+    told = {
+        row.shown[0]: row.shown[2]
+        for row in rows_of_demo(summary, summary, {"slew": "rad", "telescope": "m"})
+    }
     assert told["2 planted parameters, live: farthest off, online and offline"] == "1.5 σ, 1.0 σ"
     assert told["friction in τ"] == "50 %, 50 %"
     assert told["simulated motion 0.5 s ahead, error relative to the way"] == "0.20 %, 0.50 %"
