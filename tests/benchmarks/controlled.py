@@ -41,6 +41,9 @@ class Loop(NamedTuple):
     tamper: Callable[[float, Reading], Reading] | None = None
 
 
+AS_ASKED = Loop()
+
+
 def true_hydraulics(stand_in: StandIn, machine: Machine, delay: float = 0.0) -> Hydraulics:
     """What the stand-in's file says of its valves and oil."""
     joints = machine.joint_names
@@ -93,7 +96,7 @@ def drive(
     stand_in: StandIn,
     machine: Machine,
     controller: Controller,
-    loop: Loop = Loop(),
+    loop: Loop = AS_ASKED,
     planted: tuple[Planted, ...] = (),
     plant: Plant | None = None,
     seed: int = 0,
