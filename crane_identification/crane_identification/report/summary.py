@@ -3,7 +3,7 @@
 import json
 from collections.abc import Sequence
 from pathlib import Path
-from typing import TypedDict
+from typing import Any, TypedDict
 
 import numpy as np
 
@@ -61,6 +61,7 @@ class Summary(TypedDict):
     model. The condition numbers are those of all columns in SI units, and of the same columns
     scaled to norm 1 (null: rank deficient). `samples` counts the fitted rows. `bounds` names the
     physical constraints that hold the values back. `recursive` is null where it was not asked for.
+    `hydraulics` is that section of model.yaml, null where no valve command or pressure was logged.
     """
 
     model: str
@@ -78,6 +79,7 @@ class Summary(TypedDict):
     lack_of_fit: LackOfFitSummary
     simulated_motion: MotionSummary | None
     recursive: RecursiveSummary | None
+    hydraulics: dict[str, Any] | None
     condition_number: float | None
     condition_number_normalized: float | None
     training_bags: list[str]
@@ -90,6 +92,7 @@ def summarize(report: IdentificationReport) -> Summary:
     """The summary of a report, as plain numbers, strings, lists and dictionaries."""
     estimate, held_out, simulated = report.fit.estimate, report.held_out, report.simulated
     recursive, recursive_held_out = report.recursive, report.recursive_held_out
+    hydraulics = report.fit.model.hydraulics
 
     def per_joint(values: np.ndarray) -> dict[str, float | None]:
         return {joint: _number(v) for joint, v in zip(estimate.joints, values, strict=True)}
@@ -133,6 +136,7 @@ def summarize(report: IdentificationReport) -> Summary:
         )
         if recursive
         else None,
+        hydraulics=None if hydraulics is None else hydraulics.model_dump(mode="json"),
         condition_number=_number(estimate.condition_number),
         condition_number_normalized=_number(estimate.condition_number_normalized),
         training_bags=report.training_bags,

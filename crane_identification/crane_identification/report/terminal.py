@@ -11,6 +11,8 @@ from rich.table import Table
 
 from crane_identification.notation import percent, shown
 from crane_identification.report.content import IdentificationReport
+from crane_identification.report.hydraulics import hydraulic_groups
+from crane_model.hydraulics.values import HydraulicValues
 
 
 def console(width: int) -> Console:
@@ -53,6 +55,21 @@ def parameters(report: IdentificationReport) -> Table:
     return result
 
 
+def hydraulics(values: HydraulicValues | None) -> Table:
+    """Valves, oil and supply, joint by joint."""
+    result = plain_table()
+    for heading in ("hydraulics", "value"):
+        result.add_column(heading, no_wrap=True)
+    for heading in ("estimate", "± σ", "σ relative"):
+        result.add_column(heading, justify="right", no_wrap=True)
+    result.add_column("unit", no_wrap=True)
+    for group in hydraulic_groups(values):
+        for row in group.rows:
+            numbers = (row.value, row.std_dev, row.relative)
+            result.add_row(group.heading, row.name, *numbers, row.unit)
+    return result
+
+
 def tell(report: IdentificationReport, out: Path) -> None:
     """Prints what was found, and where in `out` the rest is."""
     for warning in report.warnings:
@@ -60,6 +77,10 @@ def tell(report: IdentificationReport, out: Path) -> None:
     estimate, held_out = report.fit.estimate, report.held_out
     print(f"{len(estimate.names)} parameters from {estimate.samples} equations")
     console(100).print(parameters(report))
+    if (found := report.fit.model.hydraulics) is not None:
+        console(100).print(hydraulics(found))
+        for what, why in found.unknown.items():
+            print(f"hydraulics of {what} not identified: {why}")
     if held_out is not None:
         print("force unexplained on held-out recordings (noise floor):")
         for joint, error, floor in zip(

@@ -13,6 +13,7 @@ from pydantic import BeforeValidator, Field, SerializeAsAny
 from crane_model.array import Array
 from crane_model.configuration import Schema, load, save, validate
 from crane_model.errors import ConfigurationError
+from crane_model.hydraulics.values import HydraulicValues
 from crane_model.machine import JOINT_UNITS, Machine, load_machine
 from crane_model.record import Record
 from crane_model.terms import Parameter, Term, term_from_mapping
@@ -29,6 +30,7 @@ class Model:
     values: Array | None = None  # (p,) Theta
     std_devs: Array | None = None  # (p,)
     provenance: str = ""
+    hydraulics: HydraulicValues | None = None  # of the machine, where they were identified
 
     @property
     def joints(self) -> tuple[str, ...]:
@@ -170,6 +172,7 @@ class _ModelFile(Schema):
         min_length=1
     )
     estimate: _Estimate | None = None
+    hydraulics: HydraulicValues | None = None
 
 
 def load_model(path: Path | str) -> Model:
@@ -188,12 +191,13 @@ def load_model(path: Path | str) -> Model:
     path = Path(path)
     content = load(path, _ModelFile)
     setting = Setting(content.joints, _machine(content.machine, path))
-    model = Model(content.name, setting, content.terms)
+    model = Model(content.name, setting, content.terms, hydraulics=content.hydraulics)
     if setting.machine is not None and not content.joints.items() <= JOINT_UNITS.items():
         raise ConfigurationError(
             f"{path}: key 'joints': a machine has the joints {_units(JOINT_UNITS)}, of which a "
             f"model takes any in any order; got {_units(content.joints)}"
         )
+    _check_hydraulics(model, path)
     try:
         names = [(p.name, p.unit) for p in model.parameters]
     except ConfigurationError as error:
@@ -241,6 +245,7 @@ def save_model(path: Path | str, model: Model) -> None:
         "joints": dict(model.setting.units),
         "terms": tuple(term.model_dump() for term in model.terms),
         "estimate": estimate,
+        "hydraulics": None if model.hydraulics is None else model.hydraulics.model_dump(),
     }
     save(path, validate(content, _ModelFile, path))
 
@@ -253,6 +258,19 @@ def _machine(given: dict[str, Any] | str | None, model_path: Path) -> Machine | 
     if given == "laboratory_crane":
         return load_machine()
     return load_machine(model_path.parent / given)
+
+
+def _check_hydraulics(model: Model, path: Path) -> None:
+    if model.hydraulics is None:
+        return
+    if model.machine is None:
+        raise ConfigurationError(f"{path}: key 'hydraulics': needs a machine with cylinders")
+    there = model.machine.joint_names
+    if unknown := sorted(model.hydraulics.joints.keys() - set(there)):
+        raise ConfigurationError(
+            f"{path}: key 'hydraulics.joints': {', '.join(unknown)}: no joint of the machine; "
+            f"it has {', '.join(there)}"
+        )
 
 
 def _units(joints: Mapping[str, str]) -> str:
