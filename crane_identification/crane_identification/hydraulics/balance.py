@@ -37,7 +37,7 @@ LINEAR = (*EDGES, "leakage", "compliance", "softness_a", "softness_b")
 """Names of the columns: compliance 1/beta, softness V_0/beta of each chamber."""
 
 
-class Spool(NamedTuple):
+class SpoolValues(NamedTuple):
     """What the balance is not linear in; `share` is that part of the lag which is not delay."""
 
     lag: float  # s
@@ -58,7 +58,7 @@ class Spool(NamedTuple):
 
 
 class PassageRows:
-    """PassageRows of one passage.
+    """Rows of one passage.
 
     `rounding` (2,) [m3/s] is what the rounding of the encoder adds to them: one standard deviation,
     with the sign in which the two chambers share it.
@@ -100,13 +100,13 @@ class PassageRows:
         fine = FINE * (len(passage) - 1) + 1
         self._fine = passage.time[0] + step / FINE * np.arange(fine)
 
-    def opening(self, spool: Spool) -> np.ndarray:
+    def opening(self, spool: SpoolValues) -> np.ndarray:
         """(FINE (n - 1) + 1,) o of `crane_model.hydraulics.spool`, FINE a sample."""
         stamps, commands = self.passage.stamps + spool.delay, self.passage.commands
         y = spool_course(stamps, commands, self._fine, spool.frequency, DAMPING_RATIO)
         return openings(trailing(y, spool.play), spool.dead_zone_a, spool.dead_zone_b)
 
-    def columns(self, spool: Spool) -> np.ndarray:
+    def columns(self, spool: SpoolValues) -> np.ndarray:
         """(n, 2, 8) of LINEAR for 1 of each, before rows are thinned."""
         flows = _mean_flows(self.opening(spool), self._roots)
         edges = self._filtered(flows)
@@ -121,7 +121,7 @@ class PassageRows:
         mean = (pressure[:-2] + 2.0 * pressure[1:-1] + pressure[2:]) / 4.0
         return self._filtered(np.stack([np.ones_like(mean), mean], axis=1))
 
-    def drawn(self, spool: Spool, linear: np.ndarray) -> np.ndarray:
+    def drawn(self, spool: SpoolValues, linear: np.ndarray) -> np.ndarray:
         """(n,) flow out of the supply [m3/s], filtered like the flow."""
         columns = self.columns(spool)
         found: np.ndarray = columns[:, 0, 0] * linear[0] + columns[:, 1, 2] * linear[2]
@@ -143,7 +143,7 @@ class PassageRows:
 
 
 class Balance:
-    """PassageRows (N,) of all passages of a joint, of both chambers side by side."""
+    """Rows (N,) of all passages of a joint, of both chambers side by side."""
 
     def __init__(self, parts: Sequence[Passage], cylinder: HydraulicCylinder) -> None:
         self.rows = [PassageRows(part, cylinder) for part in parts]
@@ -153,7 +153,7 @@ class Balance:
         """(N, 2) A_A x' and -A_B x' [m3/s]."""
         return np.concatenate([rows.thinned(rows.flow) for rows in self.rows])
 
-    def columns(self, spool: Spool) -> np.ndarray:
+    def columns(self, spool: SpoolValues) -> np.ndarray:
         """(N, 2, 8) of LINEAR."""
         return np.concatenate([rows.thinned(rows.columns(spool)) for rows in self.rows])
 

@@ -13,13 +13,13 @@ from scipy.stats import f as fisher
 from crane_identification.data.log import Log
 from crane_identification.estimation.lack_of_fit import independent_samples
 from crane_identification.hydraulics.balance import ROW_RATE, Balance
-from crane_identification.hydraulics.projection import FREE, Projection
+from crane_identification.hydraulics.projection import FREE, BalanceFit
 from crane_identification.preparation.periodicity import Periodicity, periodic_part
 from crane_model.errors import DataError
 
 
 def lack_of_fit(
-    balance: Balance, found: Projection, logs: Sequence[Log], period: float | None
+    balance: Balance, found: BalanceFit, logs: Sequence[Log], period: float | None
 ) -> float | None:
     """How likely noise alone repeats as much; None where no period was repeated."""
     power = noise = variance = of_noise = 0.0

@@ -9,7 +9,7 @@ from crane_identification.data.log import Log
 from crane_identification.hydraulics.balance import DAMPING_RATIO, EDGES, LINEAR, Balance
 from crane_identification.hydraulics.fit_test import lack_of_fit
 from crane_identification.hydraulics.passage import passages
-from crane_identification.hydraulics.projection import Projection, project
+from crane_identification.hydraulics.projection import BalanceFit, project
 from crane_model.errors import DataError
 from crane_model.hydraulics.values import (
     ChamberValues,
@@ -40,7 +40,7 @@ class JointFit(NamedTuple):
     """What is known of a joint, and the fit that it is known from."""
 
     values: JointHydraulics
-    projection: Projection
+    projection: BalanceFit
     balance: Balance
 
 
@@ -81,7 +81,7 @@ def settled_by(name: str) -> str:
     return next(text for key, text in SETTLED_BY.items() if name.startswith(key))
 
 
-def _require_gains(found: Projection) -> None:
+def _require_gains(found: BalanceFit) -> None:
     gains = found.linear[: len(EDGES)]
     std_devs = np.sqrt(np.diag(found.covariance))[-len(LINEAR) :][: len(EDGES)]
     against = [
@@ -94,7 +94,7 @@ def _require_gains(found: Projection) -> None:
         )
 
 
-def _values(found: Projection) -> dict[str, Measured]:
+def _values(found: BalanceFit) -> dict[str, Measured]:
     spool, linear = found.spool, dict(zip(LINEAR, found.linear, strict=True))
     order = [*spool._fields, *LINEAR]
 

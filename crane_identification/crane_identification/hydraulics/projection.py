@@ -1,6 +1,6 @@
 """Least squares of the balance: the spool outside, gains and oil inside (variable projection).
 
-PassageRows of the two chambers share the noise of the encoder and little else, so that they are whitened
+Rows of the two chambers share the noise of the encoder and little else, so that they are whitened
 by its covariance, which is estimated from what is left; the covariance of the estimate is that of
 rows which are correlated over blocks of time, whatever their law.
 
@@ -13,11 +13,11 @@ from itertools import product
 import numpy as np
 from scipy.optimize import least_squares
 
-from crane_identification.hydraulics.balance import EDGES, LINEAR, Balance, Spool
+from crane_identification.hydraulics.balance import EDGES, LINEAR, Balance, SpoolValues
 from crane_model.errors import DataError
 
-LOWEST = Spool(1e-3, 0.0, 0.0, 0.0, 0.0)
-HIGHEST = Spool(0.4, 1.5, 0.5, 0.5, 0.3)
+LOWEST = SpoolValues(1e-3, 0.0, 0.0, 0.0, 0.0)
+HIGHEST = SpoolValues(0.4, 1.5, 0.5, 0.5, 0.3)
 SCALE = np.array([2e-3, 0.1, 1e-2, 1e-2, 1e-2])
 """Of the parameters of a spool, so that a step of 1 changes the balance visibly."""
 STEP = 1e-3  # of SCALE, for derivatives
@@ -30,13 +30,13 @@ FREE = len(LOWEST) + len(LINEAR)
 
 
 @dataclass(frozen=True)
-class Projection:
-    """Spool and linear parameters (8,), their joint covariance (13, 13), what is left (N, 2).
+class BalanceFit:
+    """SpoolValues and linear parameters (8,), their joint covariance (13, 13), what is left (N, 2).
 
     `whitening` (2, 2) makes rows of the two chambers independent and their power 1.
     """
 
-    spool: Spool
+    spool: SpoolValues
     linear: np.ndarray
     covariance: np.ndarray
     left: np.ndarray
@@ -44,7 +44,7 @@ class Projection:
     unexplained: float  # rms share of the flow
 
 
-def project(balance: Balance) -> Projection:
+def project(balance: Balance) -> BalanceFit:
     """The best spool, gains and oil; `DataError` if the flow does not follow the valve."""
     whitening = np.diag(1.0 / np.sqrt((balance.flow**2).mean(axis=0)))
     spool = _started(balance, whitening)
@@ -56,15 +56,15 @@ def project(balance: Balance) -> Projection:
         whitening = np.linalg.inv(np.linalg.cholesky(noise))
     covariance = _covariance(balance, whitening, spool, linear, left)
     share = float(np.sqrt((left**2).sum() / (balance.flow**2).sum()))
-    return Projection(spool, linear, covariance, left, whitening, share)
+    return BalanceFit(spool, linear, covariance, left, whitening, share)
 
 
-def _started(balance: Balance, whitening: np.ndarray) -> Spool:
+def _started(balance: Balance, whitening: np.ndarray) -> SpoolValues:
     tried = [LOWEST._replace(lag=lag, share=0.5, dead_zone_a=d, dead_zone_b=d) for lag, d in STARTS]
     return min(tried, key=lambda spool: (_rest(balance, whitening, spool) ** 2).sum())
 
 
-def _searched(balance: Balance, whitening: np.ndarray, start: Spool) -> Spool:
+def _searched(balance: Balance, whitening: np.ndarray, start: SpoolValues) -> SpoolValues:
     low, high = np.array(LOWEST) / SCALE, np.array(HIGHEST) / SCALE
     found = least_squares(
         lambda x: _rest(balance, whitening, _spool(x)),
@@ -77,8 +77,8 @@ def _searched(balance: Balance, whitening: np.ndarray, start: Spool) -> Spool:
     return _spool(found.x)
 
 
-def _spool(x: np.ndarray) -> Spool:
-    return Spool(*(SCALE * x).tolist())
+def _spool(x: np.ndarray) -> SpoolValues:
+    return SpoolValues(*(SCALE * x).tolist())
 
 
 def _whitened(whitening: np.ndarray, columns: np.ndarray) -> np.ndarray:
@@ -87,7 +87,9 @@ def _whitened(whitening: np.ndarray, columns: np.ndarray) -> np.ndarray:
     return out.reshape(-1, columns.shape[2])
 
 
-def _solved(balance: Balance, whitening: np.ndarray, spool: Spool) -> tuple[np.ndarray, np.ndarray]:
+def _solved(
+    balance: Balance, whitening: np.ndarray, spool: SpoolValues
+) -> tuple[np.ndarray, np.ndarray]:
     """Linear parameters (8,), and the whitened columns (2 N, 8)."""
     columns = _whitened(whitening, balance.columns(spool))
     norms = np.linalg.norm(columns, axis=0)
@@ -96,14 +98,18 @@ def _solved(balance: Balance, whitening: np.ndarray, spool: Spool) -> tuple[np.n
     return np.linalg.lstsq(columns / norms, flow, rcond=1e-12)[0] / norms, columns
 
 
-def _rest(balance: Balance, whitening: np.ndarray, spool: Spool) -> np.ndarray:
+def _rest(balance: Balance, whitening: np.ndarray, spool: SpoolValues) -> np.ndarray:
     """(2 N,) whitened, of the best linear parameters."""
-    linear = _solved(balance, whitening, spool)
+    linear, columns = _solved(balance, whitening, spool)
     return (balance.flow @ whitening.T).ravel() - columns @ linear
 
 
 def _covariance(
-    balance: Balance, whitening: np.ndarray, spool: Spool, linear: np.ndarray, left: np.ndarray
+    balance: Balance,
+    whitening: np.ndarray,
+    spool: SpoolValues,
+    linear: np.ndarray,
+    left: np.ndarray,
 ) -> np.ndarray:
     """(13, 13) of spool and linear parameters, from the scatter of blocks."""
     at = np.array(spool)
@@ -112,7 +118,10 @@ def _covariance(
         step = STEP * scale
         low, high = at.copy(), at.copy()
         low[i], high[i] = max(LOWEST[i], at[i] - step), min(HIGHEST[i], at[i] + step)
-        change = balance.columns(Spool(*high)) @ linear - balance.columns(Spool(*low)) @ linear
+        change = (
+            balance.columns(SpoolValues(*high)) @ linear
+            - balance.columns(SpoolValues(*low)) @ linear
+        )
         slopes.append(change / (high[i] - low[i]))
     columns = np.concatenate([np.stack(slopes, axis=2), balance.columns(spool)], axis=2)
     rows = _whitened(whitening, columns)

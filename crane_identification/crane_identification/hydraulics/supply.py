@@ -13,7 +13,7 @@ import numpy as np
 from crane_identification.data.log import Log
 from crane_identification.hydraulics.balance import PassageRows
 from crane_identification.hydraulics.joint_estimate import JointFit
-from crane_identification.hydraulics.projection import BLOCK, Projection
+from crane_identification.hydraulics.projection import BLOCK, BalanceFit
 from crane_model.errors import DataError
 from crane_model.hydraulics.values import Measured, SupplyValues
 
@@ -66,9 +66,9 @@ def _still(log: Log) -> bool:
 
 def _shared(
     found: Sequence[JointFit],
-) -> list[list[tuple[Projection, PassageRows]]]:
-    """PassageRows of all joints that begin and end together."""
-    together: dict[tuple[str, float, int], list[tuple[Projection, PassageRows]]] = {}
+) -> list[list[tuple[BalanceFit, PassageRows]]]:
+    """Rows of all joints that begin and end together."""
+    together: dict[tuple[str, float, int], list[tuple[BalanceFit, PassageRows]]] = {}
     for joint in found:
         for rows in joint.balance.rows:
             part = rows.passage

@@ -1,20 +1,20 @@
-"""The whole crane from its valves: forward simulation of mechanics (16) and oil, many runs at once.
+"""The whole crane from its valves: forward simulation of mechanics (16) and oil, many runs beside.
 
-Between instants the mechanics is held linear about the state, as the terms of the model have it
-there, whatever terms these are; valves, chambers, supply and dry friction are stepped in between in
-compiled code. The piston follows the flow, so that motion hardly depends on how often the mechanics
-is asked.
+The terms of the model, whatever they are, say what the mechanics is at every instant of a stretch
+of motion, all at once; about these, linear from one to the next, valves, chambers, supply and dry
+friction are stepped in compiled code; and the terms are asked again, along the motion that this
+gave, until it stays. The piston follows the flow, so that two or three passes do.
 """
 
 from collections.abc import Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
 from crane_model.array import Array
 from crane_model.errors import ConfigurationError, RangeError
 from crane_model.hydraulics.spool import openings, spool_course, trailing
-from crane_model.hydraulics.stepping import Circuit, Mechanics, OilPressures, advance
+from crane_model.hydraulics.stepping import Circuit, Course, Mechanics, advance
 from crane_model.hydraulics.values import ChamberValues, HydraulicValues, ValveValues
 from crane_model.machine import Machine
 from crane_model.model_file import Model
@@ -22,6 +22,9 @@ from crane_model.record import Record
 from crane_model.terms import Term
 
 SUBSTEP = 2.5e-4  # s, at most: a fiftieth of the fastest oscillation of oil and booms
+STRETCH = 50  # instants whose mechanics is asked for at once
+PASSES = 8  # at most
+SETTLED = 1e-7  # rad or m, by which the last pass may still change a position
 NUDGE = 1e-4  # of velocity, rad/s or m/s, for the slope of the forces
 
 
@@ -74,35 +77,49 @@ def simulate_openings(
     `ConfigurationError` if the model has no values, or no hydraulics of a joint; `RangeError` if
     the motion leaves the range in which a linkage can be assembled.
     """
-    circuit = circuit_of(model)
-    asking = _Asking(model, beside or {}, period, circuit)
-    q, v = np.array(start.position, dtype=float), np.array(start.velocity, dtype=float)
-    oil = OilPressures(
-        np.array(start.pressure_a, dtype=float),
-        np.array(start.pressure_b, dtype=float),
-        np.full(len(q), circuit.supply_pressure),
+    asking = _Asking(model, beside or {}, period, circuit_of(model))
+    runs, joints = start.position.shape
+    states = asking.memory(start)
+    stretch = 1 if states else STRETCH  # a memory is advanced from instant to instant
+    shape = (len(opened) + 1, runs, joints)
+    whole = Course(
+        np.empty(shape), np.empty(shape), np.empty(shape), np.empty(shape), np.empty(shape[:2])
     )
-    states: dict[Term, Array] = {}
-    first = asking.record(0, q, v, oil)
-    for term in model.terms:
-        begun = term.start(first, model.setting)
-        if begun.shape[1]:
-            states[term] = begun
-    positions, velocities = [q.copy()], [v.copy()]
-    step = period / opened.shape[1]
-    for k, between in enumerate(opened):
-        before = asking.record(k, q, v, oil) if states else None
-        mechanics = asking.mechanics(k, q, v, oil, states)
-        advance(circuit, mechanics, np.ascontiguousarray(between), step, q, v, oil)
-        if before is not None:
-            after = asking.record(k + 1, q, v, oil)
-            states = {
-                term: term.advance(state, before, after, model.setting)
-                for term, state in states.items()
-            }
-        positions.append(q.copy())
-        velocities.append(v.copy())
-    return np.stack(positions), np.stack(velocities)
+    whole.position[0], whole.velocity[0] = start.position, start.velocity
+    whole.chamber_a[0], whole.chamber_b[0] = start.pressure_a, start.pressure_b
+    whole.supply[0] = asking.circuit.supply_pressure
+    for k in range(0, len(opened), stretch):
+        between = np.ascontiguousarray(opened[k : k + stretch])
+        course = Course(*(values[k : k + len(between) + 1] for values in whole))
+        _settle(asking, k, course, between, states)
+        states = asking.advanced(states, k, course)
+    return whole.position, whole.velocity
+
+
+def _settle(
+    asking: "_Asking",
+    k: int,
+    course: Course,
+    between: Array,
+    memory: Mapping[Term, Array],
+) -> None:
+    """Write the course behind its first instant, instant k; `RangeError` if it diverges."""
+    step = asking.period / between.shape[1]
+    for values in course:
+        values[1:] = values[:1]
+    asked = course.position.copy()
+    for number in range(PASSES):
+        mechanics = asking.mechanics(k, course, memory)
+        advance(asking.circuit, mechanics, between, step, course)
+        change = float(np.abs(course.position - asked).max())
+        if not np.isfinite(change):
+            raise RangeError(
+                f"simulation of '{asking.model.name}': the motion grows beyond all bounds; its "
+                "values are not physical"
+            )
+        if change < SETTLED or (len(between) == 1 and number):
+            return
+        asked = course.position.copy()
 
 
 def circuit_of(model: Model) -> Circuit:
@@ -156,100 +173,118 @@ class _Asking:
     period: float
     circuit: Circuit
 
-    def record(self, k: int, q: Array, v: Array, oil: OilPressures) -> Record:
-        """The N runs at instant k."""
-        return self._record(k, q, v, oil, self._cylinder(q), np.zeros_like(v), None, 1)
+    def memory(self, start: CraneState) -> dict[Term, Array]:
+        """The states in which terms that have some begin."""
+        runs = len(start.position)
+        still = Course(
+            start.position[np.newaxis],
+            start.velocity[np.newaxis],
+            start.pressure_a[np.newaxis],
+            start.pressure_b[np.newaxis],
+            np.full((1, runs), self.circuit.supply_pressure),
+        )
+        record = self._record(0, still, self._cylinder(still.position))
+        begun = {term: term.start(record, self.model.setting) for term in self.model.terms}
+        return {term: state for term, state in begun.items() if state.shape[1]}
 
-    def mechanics(
-        self, k: int, q: Array, v: Array, oil: OilPressures, memory: Mapping[Term, Array]
-    ) -> Mechanics:
-        """Linear about the state, from one evaluation of the model on 2 j + 2 stacked cases."""
-        runs, joints = q.shape
+    def advanced(self, states: Mapping[Term, Array], k: int, course: Course) -> dict[Term, Array]:
+        """States at the end of a course of two instants, the first of which is instant k."""
+        if not states:
+            return {}
+        ends = [Course(*(values[i : i + 1] for values in course)) for i in (0, 1)]
+        before, after = (
+            self._record(k + i, end, self._cylinder(end.position)) for i, end in enumerate(ends)
+        )
+        setting = self.model.setting
+        return {term: term.advance(state, before, after, setting) for term, state in states.items()}
+
+    def mechanics(self, k: int, course: Course, memory: Mapping[Term, Array]) -> Mechanics:
+        """About every state of a course but the last, from one evaluation of the model.
+
+        It is evaluated on 2 j + 2 stacked cases of acceleration, direction of motion and velocity.
+        """
+        asked = Course(*(values[:-1] for values in course))
+        instants, runs, joints = asked.position.shape
+        cylinder = self._cylinder(asked.position)
         cases = 2 * joints + 2
-        nudged = np.tile(v, (cases, 1, 1))
-        acceleration, direction = np.zeros((2, cases, runs, joints))
+        velocity = np.tile(asked.velocity.reshape(-1, joints), (cases, 1, 1))
+        acceleration, direction = np.zeros((2, *velocity.shape))
         for j in range(joints):
             acceleration[j, :, j] = 1.0
-            nudged[joints + 2 + j, :, j] += NUDGE
+            velocity[joints + 2 + j, :, j] += NUDGE
         direction[joints + 1] = 1.0
-        cylinder = self._cylinder(q)
-        record = self._record(
-            k,
-            q,
-            nudged.reshape(-1, joints),
-            oil,
-            cylinder,
-            acceleration.reshape(-1, joints),
-            direction.reshape(-1, joints),
-            cases,
-            memory,
+        one = self._record(k, asked, cylinder)
+        rows = np.tile(np.arange(instants * runs), cases)
+        record = replace(
+            one.take(rows),
+            velocity=velocity.reshape(-1, joints),
+            acceleration=acceleration.reshape(-1, joints),
+            direction_known=direction.reshape(-1, joints),
+            memory={term: np.tile(state, (cases, 1)) for term, state in memory.items()},
         )
-        force = self.model.predict(record).reshape(cases, runs, joints)
+        force = self.model.predict(record).reshape(cases, -1, joints)
         rest = force[joints]
-        try:
-            inverse = np.linalg.inv((force[:joints] - rest).transpose(1, 2, 0)).astype(float)
-        except np.linalg.LinAlgError:
-            inverse = np.full((runs, joints, joints), np.nan)
-        if not (np.isfinite(inverse).all() and (np.einsum("njj->nj", inverse) > 0.0).all()):
-            raise RangeError(
-                f"simulation of '{self.model.name}': the mass matrix is not positive definite; the "
-                "inertial values of the model are not physical, or the motion has grown beyond "
-                "all bounds"
-            )
+        mass = (force[:joints] - rest).transpose(1, 2, 0)
+        damping = (force[joints + 2 :] - rest).transpose(1, 2, 0) / NUDGE
+        shape = (instants, runs, joints)
         return Mechanics(
-            position=q.copy(),
-            velocity=v.copy(),
-            inverse=inverse,
-            load=-rest,
-            damping=np.ascontiguousarray((force[joints + 2 :] - rest).transpose(1, 2, 0) / NUDGE),
-            dry=np.maximum(force[joints + 1] - rest, 0.0),
+            position=asked.position.copy(),
+            velocity=asked.velocity.copy(),
+            inverse=self._inverse(mass).reshape(*shape, joints),
+            load=-rest.reshape(shape),
+            damping=np.ascontiguousarray(damping).reshape(*shape, joints),
+            dry=np.maximum(force[joints + 1] - rest, 0.0).reshape(shape),
             cylinder=cylinder,
         )
 
+    def _inverse(self, mass: Array) -> Array:
+        """Of mass matrices (n, j, j); `RangeError` if one is not positive definite."""
+        if np.isfinite(mass).all() and (np.linalg.eigvalsh(mass) > 0.0).all():
+            return np.linalg.inv(mass).astype(float)
+        raise RangeError(
+            f"simulation of '{self.model.name}': the mass matrix is not positive definite; the "
+            "inertial values of the model are not physical, or the motion has grown beyond all "
+            "bounds"
+        )
+
     def _cylinder(self, q: Array) -> Array:
-        """(N, j, 3) length, lever arm and its derivative; `RangeError` outside the linkages."""
-        machine = self.model.machine
+        """(..., j, 3) length, lever arm and its derivative; `RangeError` outside the linkages."""
+        machine, joints = self.model.machine, self.model.joints
         assert machine is not None  # checked by `circuit_of`
-        parts = [machine.cylinder(joint, q[:, j]) for j, joint in enumerate(self.model.joints)]
+        flat = q.reshape(-1, len(joints))
+        parts = [machine.cylinder(joint, flat[:, j]) for j, joint in enumerate(joints)]
         cylinder = np.stack(parts, axis=1)
         if not np.isfinite(cylinder).all():
-            joint = self.model.joints[int(np.argwhere(~np.isfinite(cylinder))[0, 1])]
+            joint = joints[int(np.argwhere(~np.isfinite(cylinder))[0, 1])]
             raise RangeError(
                 f"simulation of '{self.model.name}': {joint} left the range in which its linkage "
                 "can be assembled"
             )
-        return cylinder
+        return cylinder.reshape(*q.shape, 3)
 
-    def _record(
-        self,
-        k: int,
-        q: Array,
-        v: Array,
-        oil: OilPressures,
-        cylinder: Array,
-        acceleration: Array,
-        direction: Array | None,
-        cases: int,
-        memory: Mapping[Term, Array] | None = None,
-    ) -> Record:
-        def stacked(values: Array) -> Array:
-            return np.concatenate([values] * cases) if cases > 1 else values
-
-        p_a, p_b, circuit = oil.chamber_a, oil.chamber_b, self.circuit
+    def _record(self, k: int, course: Course, cylinder: Array) -> Record:
+        """All runs at the instants of a course, the first of which is instant k."""
+        circuit = self.circuit
+        instants, runs, joints = course.position.shape
+        piston = circuit.area_a * course.chamber_a - circuit.area_b * course.chamber_b
+        given = {
+            name: values[k : k + instants].reshape(instants * runs, *values.shape[2:])
+            for name, values in self.beside.items()
+        }
+        flat = (-1, joints)
         signals = {
-            "time": np.full(len(q), k * self.period),
-            "force": cylinder[:, :, 1] * (circuit.area_a * p_a - circuit.area_b * p_b),
-            "pressure_a": p_a,
-            "pressure_b": p_b,
-            "supply_pressure": oil.supply,
-            "tank_pressure": np.full(len(q), circuit.tank_pressure),
-        } | {name: values[k] for name, values in self.beside.items()}
+            "time": np.repeat(self.period * (k + np.arange(instants)), runs),
+            "force": (cylinder[..., 1] * piston).reshape(flat),
+            "pressure_a": course.chamber_a.reshape(flat),
+            "pressure_b": course.chamber_b.reshape(flat),
+            "supply_pressure": course.supply.ravel(),
+            "tank_pressure": np.full(instants * runs, circuit.tank_pressure),
+        } | given
         return Record(
             joints=self.model.joints,
-            position=stacked(q),
-            velocity=v,
-            acceleration=acceleration,
-            direction_known=direction,
-            memory={term: stacked(state) for term, state in (memory or {}).items()},
-            **{name: stacked(values) for name, values in signals.items()},
+            position=course.position.reshape(flat),
+            velocity=course.velocity.reshape(flat),
+            acceleration=np.zeros((instants * runs, joints)),
+            memory=None,
+            **signals,
         )

@@ -1,4 +1,4 @@
-"""Oil and pistons of all joints, stepped together while the mechanics is held linear; compiled."""
+"""Oil and pistons of all joints stepped together, compiled, the mechanics known at instants."""
 
 from typing import NamedTuple
 
@@ -33,26 +33,28 @@ class Circuit(NamedTuple):
 
 
 class Mechanics(NamedTuple):
-    """N runs about a state of j joints: M a = tau + load - damping (v - v0) - dry s, s in Sgn(v).
+    """N runs about T states of j joints: M a = tau + load - damping (v - v0) - dry s, s in Sgn(v).
 
-    `cylinder` (N, j, 3): length, lever arm and its derivative at q0.
+    `cylinder` (T, N, j, 3): length, lever arm and its derivative at q0.
     """
 
-    position: Array  # (N, j) q0
-    velocity: Array  # (N, j) v0
-    inverse: Array  # (N, j, j) of M
-    load: Array  # (N, j)
-    damping: Array  # (N, j, j)
-    dry: Array  # (N, j)
-    cylinder: Array  # (N, j, 3)
+    position: Array  # (T, N, j) q0
+    velocity: Array  # (T, N, j) v0
+    inverse: Array  # (T, N, j, j) of M
+    load: Array  # (T, N, j)
+    damping: Array  # (T, N, j, j)
+    dry: Array  # (T, N, j)
+    cylinder: Array  # (T, N, j, 3)
 
 
-class OilPressures(NamedTuple):
-    """Pressures [Pa] of N runs: (N, j), (N, j), (N,). They are stepped in place."""
+class Course(NamedTuple):
+    """N runs of j joints at T + 1 instants, the first of them given."""
 
-    chamber_a: Array
-    chamber_b: Array
-    supply: Array
+    position: Array  # (T + 1, N, j) rad or m
+    velocity: Array  # (T + 1, N, j)
+    chamber_a: Array  # (T + 1, N, j) Pa
+    chamber_b: Array  # (T + 1, N, j) Pa
+    supply: Array  # (T + 1, N) Pa
 
 
 @njit(cache=True, error_model="numpy")
@@ -77,65 +79,87 @@ def _chamber_flows(
 
 @njit(cache=True, error_model="numpy")
 def advance(
-    circuit: Circuit,
-    mechanics: Mechanics,
-    openings: Array,
-    step: float,
-    position: Array,
-    velocity: Array,
-    oil: OilPressures,
+    circuit: Circuit, mechanics: Mechanics, openings: Array, step: float, course: Course
 ) -> None:
-    """As many steps of `step` [s] as `openings` (S, N, j) has, of the state, in place.
+    """The course from its first instant on, by the mechanics at each; it is written in place.
+
+    `openings` (T, S, N, j): of S steps of `step` [s] from each instant to the next.
+    """
+    instants, steps = openings.shape[:2]
+    for k in range(instants):
+        for values in (course.position, course.velocity, course.chamber_a, course.chamber_b):
+            values[k + 1] = values[k]
+        course.supply[k + 1] = course.supply[k]
+        compliance = step * mechanics.inverse[k]
+        for s in range(steps):
+            free = _driven(circuit, mechanics, k, compliance, course)
+            course.velocity[k + 1] = with_dry_friction(free, compliance, mechanics.dry[k])
+            _fill(circuit, mechanics, k, openings[k, s], step, course)
+
+
+@njit(cache=True, error_model="numpy")
+def _driven(
+    circuit: Circuit, mechanics: Mechanics, k: int, compliance: Array, course: Course
+) -> Array:
+    """Velocities (N, j) that the pressures would bring about without dry friction."""
+    runs, joints = mechanics.load[k].shape
+    free: Array = course.velocity[k + 1].copy()
+    tau = np.empty(joints)
+    for n in range(runs):
+        q, v = course.position[k + 1, n], course.velocity[k + 1, n]
+        for j in range(joints):
+            arm = mechanics.cylinder[k, n, j, 1]
+            arm += mechanics.cylinder[k, n, j, 2] * (q[j] - mechanics.position[k, n, j])
+            piston = circuit.area_a[j] * course.chamber_a[k + 1, n, j]
+            piston -= circuit.area_b[j] * course.chamber_b[k + 1, n, j]  # (19)
+            tau[j] = arm * piston + mechanics.load[k, n, j]  # (18)
+            for i in range(joints):
+                tau[j] -= mechanics.damping[k, n, j, i] * (v[i] - mechanics.velocity[k, n, i])
+        for j in range(joints):
+            for i in range(joints):
+                free[n, j] += compliance[n, j, i] * tau[i]
+    return free
+
+
+@njit(cache=True, error_model="numpy")
+def _fill(
+    circuit: Circuit, mechanics: Mechanics, k: int, opened: Array, step: float, course: Course
+) -> None:
+    """Positions and pressures after a step with openings (N, j).
 
     Pressures are linearly implicit, so that a small chamber behind a wide edge stays stable; what a
     piston sweeps is what its length really changed, so that no oil is made or lost.
     """
-    steps, runs, joints = openings.shape
-    compliance = step * mechanics.inverse
-    free = np.empty((runs, joints))
-    tau = np.empty(joints)
-    for s in range(steps):
-        for n in range(runs):
-            for j in range(joints):
-                arm = mechanics.cylinder[n, j, 1]
-                arm += mechanics.cylinder[n, j, 2] * (position[n, j] - mechanics.position[n, j])
-                piston = circuit.area_a[j] * oil.chamber_a[n, j]
-                piston -= circuit.area_b[j] * oil.chamber_b[n, j]  # (19)
-                tau[j] = arm * piston + mechanics.load[n, j]  # (18)
-                for i in range(joints):
-                    change = velocity[n, i] - mechanics.velocity[n, i]
-                    tau[j] -= mechanics.damping[n, j, i] * change
-            for j in range(joints):
-                free[n, j] = velocity[n, j]
-                for i in range(joints):
-                    free[n, j] += compliance[n, j, i] * tau[i]
-        velocity[:] = with_dry_friction(free, compliance, mechanics.dry)
-        for n in range(runs):
-            drawn = 0.0
-            for j in range(joints):
-                before = position[n, j] - mechanics.position[n, j]
-                position[n, j] += step * velocity[n, j]
-                after = position[n, j] - mechanics.position[n, j]
-                x, arm, bend = mechanics.cylinder[n, j]
-                x += after * (arm + 0.5 * bend * after)
-                growth = (after - before) * (arm + 0.5 * bend * (after + before)) / step
-                o, p_a, p_b = openings[s, n, j], oil.chamber_a[n, j], oil.chamber_b[n, j]
-                q_a, slope_a, q_b, slope_b = _chamber_flows(circuit, j, o, p_a, p_b, oil.supply[n])
-                leak = circuit.leakage[j]
-                stiffness = step * circuit.bulk_modulus[j]
-                swept = circuit.area_a[j] * (x - circuit.length_min[j])
-                k = stiffness / (circuit.dead_volume_a[j] + max(swept, 0.0))
-                change = k * (q_a - circuit.area_a[j] * growth - leak * (p_a - p_b))
-                change /= 1.0 - k * (slope_a - leak)
-                oil.chamber_a[n, j] = max(p_a + change, 0.0)
-                if o > 0.0:
-                    drawn += q_a + slope_a * change
-                swept = circuit.area_b[j] * (circuit.length_max[j] - x)
-                k = stiffness / (circuit.dead_volume_b[j] + max(swept, 0.0))
-                change = k * (q_b + circuit.area_b[j] * growth + leak * (p_a - p_b))
-                change /= 1.0 - k * (slope_b - leak)
-                oil.chamber_b[n, j] = max(p_b + change, 0.0)
-                if o < 0.0:
-                    drawn += q_b + slope_b * change
-            target = circuit.supply_pressure - circuit.droop * drawn
-            oil.supply[n] += (target - oil.supply[n]) * step / (RELAXATION + step)
+    runs, joints = opened.shape
+    for n in range(runs):
+        drawn, supply = 0.0, course.supply[k + 1, n]
+        for j in range(joints):
+            begun = mechanics.position[k, n, j]
+            before = course.position[k + 1, n, j] - begun
+            after = before + step * course.velocity[k + 1, n, j]
+            course.position[k + 1, n, j] = begun + after
+            x, arm, bend = mechanics.cylinder[k, n, j]
+            x += after * (arm + 0.5 * bend * after)
+            growth = (after - before) * (arm + 0.5 * bend * (after + before)) / step
+            o = opened[n, j]
+            p_a, p_b = course.chamber_a[k + 1, n, j], course.chamber_b[k + 1, n, j]
+            q_a, slope_a, q_b, slope_b = _chamber_flows(circuit, j, o, p_a, p_b, supply)
+            leak = circuit.leakage[j]
+            swept = circuit.area_a[j] * (x - circuit.length_min[j])
+            stiffness = step * circuit.bulk_modulus[j]
+            stiffness /= circuit.dead_volume_a[j] + max(swept, 0.0)
+            change = stiffness * (q_a - circuit.area_a[j] * growth - leak * (p_a - p_b))
+            change /= 1.0 - stiffness * (slope_a - leak)
+            course.chamber_a[k + 1, n, j] = max(p_a + change, 0.0)
+            if o > 0.0:
+                drawn += q_a + slope_a * change
+            swept = circuit.area_b[j] * (circuit.length_max[j] - x)
+            stiffness = step * circuit.bulk_modulus[j]
+            stiffness /= circuit.dead_volume_b[j] + max(swept, 0.0)
+            change = stiffness * (q_b + circuit.area_b[j] * growth + leak * (p_a - p_b))
+            change /= 1.0 - stiffness * (slope_b - leak)
+            course.chamber_b[k + 1, n, j] = max(p_b + change, 0.0)
+            if o < 0.0:
+                drawn += q_b + slope_b * change
+        target = circuit.supply_pressure - circuit.droop * drawn
+        course.supply[k + 1, n] += (target - supply) * step / (RELAXATION + step)
