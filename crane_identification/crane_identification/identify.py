@@ -102,6 +102,7 @@ def identify(arguments: argparse.Namespace) -> None:
             ),
             planted=known,
             recursive=replayed.result(progress) if replayed else None,
+            seen_by_none=held_out,
         )
         arguments.out.mkdir(parents=True, exist_ok=True)
         save_model(arguments.out / "model.yaml", result.model)

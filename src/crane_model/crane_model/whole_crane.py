@@ -14,7 +14,7 @@ import numpy as np
 from crane_model.array import Array
 from crane_model.errors import ConfigurationError, RangeError
 from crane_model.hydraulics.spool import openings, spool_course, trailing
-from crane_model.hydraulics.stepping import Circuit, Course, Mechanics, advance
+from crane_model.hydraulics.stepping import Circuit, CraneCourse, Mechanics, advance
 from crane_model.hydraulics.values import ChamberValues, HydraulicValues, ValveValues
 from crane_model.machine import Machine
 from crane_model.model_file import Model
@@ -82,7 +82,7 @@ def simulate_openings(
     states = asking.memory(start)
     stretch = 1 if states else STRETCH  # a memory is advanced from instant to instant
     shape = (len(opened) + 1, runs, joints)
-    whole = Course(
+    whole = CraneCourse(
         np.empty(shape), np.empty(shape), np.empty(shape), np.empty(shape), np.empty(shape[:2])
     )
     whole.position[0], whole.velocity[0] = start.position, start.velocity
@@ -90,7 +90,7 @@ def simulate_openings(
     whole.supply[0] = asking.circuit.supply_pressure
     for k in range(0, len(opened), stretch):
         between = np.ascontiguousarray(opened[k : k + stretch])
-        course = Course(*(values[k : k + len(between) + 1] for values in whole))
+        course = CraneCourse(*(values[k : k + len(between) + 1] for values in whole))
         _settle(asking, k, course, between, states)
         states = asking.advanced(states, k, course)
     return whole.position, whole.velocity
@@ -99,7 +99,7 @@ def simulate_openings(
 def _settle(
     asking: "_Asking",
     k: int,
-    course: Course,
+    course: CraneCourse,
     between: Array,
     memory: Mapping[Term, Array],
 ) -> None:
@@ -124,7 +124,7 @@ def _settle(
 
 def circuit_of(model: Model) -> Circuit:
     """The constants of the circuit; `ConfigurationError` names what is not identified of it."""
-    machine, known = _identified(model)
+    machine, known = identified(model)
     valves, chambers = zip(*(_parts(model, known, joint) for joint in model.joints), strict=True)
     cylinders = [machine.cylinders[joint] for joint in model.joints]
     parts: dict[str, Array] = {}
@@ -145,7 +145,8 @@ def circuit_of(model: Model) -> Circuit:
     )
 
 
-def _identified(model: Model) -> tuple[Machine, HydraulicValues]:
+def identified(model: Model) -> tuple[Machine, HydraulicValues]:
+    """The machine and its hydraulics; `ConfigurationError` if they were not identified."""
     if model.hydraulics is None or model.machine is None:
         raise ConfigurationError(
             f"model '{model.name}' holds no hydraulics; identify them from recordings with valve "
@@ -176,7 +177,7 @@ class _Asking:
     def memory(self, start: CraneState) -> dict[Term, Array]:
         """The states in which terms that have some begin."""
         runs = len(start.position)
-        still = Course(
+        still = CraneCourse(
             start.position[np.newaxis],
             start.velocity[np.newaxis],
             start.pressure_a[np.newaxis],
@@ -187,23 +188,25 @@ class _Asking:
         begun = {term: term.start(record, self.model.setting) for term in self.model.terms}
         return {term: state for term, state in begun.items() if state.shape[1]}
 
-    def advanced(self, states: Mapping[Term, Array], k: int, course: Course) -> dict[Term, Array]:
+    def advanced(
+        self, states: Mapping[Term, Array], k: int, course: CraneCourse
+    ) -> dict[Term, Array]:
         """States at the end of a course of two instants, the first of which is instant k."""
         if not states:
             return {}
-        ends = [Course(*(values[i : i + 1] for values in course)) for i in (0, 1)]
+        ends = [CraneCourse(*(values[i : i + 1] for values in course)) for i in (0, 1)]
         before, after = (
             self._record(k + i, end, self._cylinder(end.position)) for i, end in enumerate(ends)
         )
         setting = self.model.setting
         return {term: term.advance(state, before, after, setting) for term, state in states.items()}
 
-    def mechanics(self, k: int, course: Course, memory: Mapping[Term, Array]) -> Mechanics:
+    def mechanics(self, k: int, course: CraneCourse, memory: Mapping[Term, Array]) -> Mechanics:
         """About every state of a course but the last, from one evaluation of the model.
 
         It is evaluated on 2 j + 2 stacked cases of acceleration, direction of motion and velocity.
         """
-        asked = Course(*(values[:-1] for values in course))
+        asked = CraneCourse(*(values[:-1] for values in course))
         instants, runs, joints = asked.position.shape
         cylinder = self._cylinder(asked.position)
         cases = 2 * joints + 2
@@ -262,7 +265,7 @@ class _Asking:
             )
         return cylinder.reshape(*q.shape, 3)
 
-    def _record(self, k: int, course: Course, cylinder: Array) -> Record:
+    def _record(self, k: int, course: CraneCourse, cylinder: Array) -> Record:
         """All runs at the instants of a course, the first of which is instant k."""
         circuit = self.circuit
         instants, runs, joints = course.position.shape

@@ -47,7 +47,7 @@ class Mechanics(NamedTuple):
     cylinder: Array  # (T, N, j, 3)
 
 
-class Course(NamedTuple):
+class CraneCourse(NamedTuple):
     """N runs of j joints at T + 1 instants, the first of them given."""
 
     position: Array  # (T + 1, N, j) rad or m
@@ -79,7 +79,7 @@ def _chamber_flows(
 
 @njit(cache=True, error_model="numpy")
 def advance(
-    circuit: Circuit, mechanics: Mechanics, openings: Array, step: float, course: Course
+    circuit: Circuit, mechanics: Mechanics, openings: Array, step: float, course: CraneCourse
 ) -> None:
     """The course from its first instant on, by the mechanics at each; it is written in place.
 
@@ -99,7 +99,7 @@ def advance(
 
 @njit(cache=True, error_model="numpy")
 def _driven(
-    circuit: Circuit, mechanics: Mechanics, k: int, compliance: Array, course: Course
+    circuit: Circuit, mechanics: Mechanics, k: int, compliance: Array, course: CraneCourse
 ) -> Array:
     """Velocities (N, j) that the pressures would bring about without dry friction."""
     runs, joints = mechanics.load[k].shape
@@ -123,7 +123,7 @@ def _driven(
 
 @njit(cache=True, error_model="numpy")
 def _fill(
-    circuit: Circuit, mechanics: Mechanics, k: int, opened: Array, step: float, course: Course
+    circuit: Circuit, mechanics: Mechanics, k: int, opened: Array, step: float, course: CraneCourse
 ) -> None:
     """Positions and pressures after a step with openings (N, j).
 
