@@ -19,6 +19,9 @@ from crane_model.hydraulics.values import (
 )
 from crane_model.machine import Machine
 
+LARGEST_UNEXPLAINED = 0.2  # rms share of the flow, beyond which the values mean nothing
+SIGMAS = 4.0  # standard deviations by which a sign is certain
+TINY = 1e-300
 KNOWN = 0.25  # of a value: a larger standard deviation does not determine it
 KNOWN_PART = 0.005  # of the stroke, for dead zones and hysteresis, which may be 0
 KNOWN_LEAKAGE = 1e-14  # m3/(s Pa), for a piston that may be tight
@@ -51,7 +54,7 @@ def identify_joint(
     balance = Balance(passages(machine, joint, logs), machine.cylinders[joint])
     try:
         found = project(balance)
-        _require_gains(found)
+        _require_sense(found)
     except DataError as error:
         raise DataError(f"hydraulics of '{joint}': {error}") from None
     values = _values(found)
@@ -81,16 +84,23 @@ def settled_by(name: str) -> str:
     return next(text for key, text in SETTLED_BY.items() if name.startswith(key))
 
 
-def _require_gains(found: BalanceFit) -> None:
-    gains = found.linear[: len(EDGES)]
-    std_devs = np.sqrt(np.diag(found.covariance))[-len(LINEAR) :][: len(EDGES)]
-    against = [
-        edge for edge, gain, std in zip(EDGES, gains, std_devs, strict=True) if gain <= 3.0 * std
-    ]
-    if against:
+def _require_sense(found: BalanceFit) -> None:
+    """`DataError` where the flow runs against the valve, or the oil grows under pressure."""
+    std_devs = np.sqrt(np.diag(found.covariance))[-len(LINEAR) :]
+    sigmas = dict(zip(LINEAR, found.linear / np.maximum(std_devs, TINY), strict=True))
+    remedy = "check sign and log of its command, and that its chambers are not exchanged"
+    if against := [edge for edge in EDGES if sigmas[edge] <= SIGMAS]:
+        raise DataError(f"the flow does not follow the valve at {', '.join(against)}; {remedy}")
+    oil = [name for name in LINEAR[len(EDGES) :] if sigmas[name] < -SIGMAS]
+    if oil or sigmas["compliance"] <= 0.0:
         raise DataError(
-            f"the flow does not follow the valve at {', '.join(against)}; check sign and log of "
-            "its command, and that its chambers are not exchanged"
+            f"{', '.join(oil or ['compliance'])} of the oil would be negative; {remedy}, or record "
+            "more reversals under load"
+        )
+    if found.unexplained > LARGEST_UNEXPLAINED:
+        raise DataError(
+            f"valve and oil leave {found.unexplained:.0%} of its flow unexplained, at most "
+            f"{LARGEST_UNEXPLAINED:.0%} allowed; {remedy}"
         )
 
 

@@ -61,7 +61,7 @@ def passages(machine: Machine, joint: str, logs: Sequence[Log]) -> list[Passage]
     found = [
         part for log in logs if not lacking[log.source] for part in _parts(machine, joint, log)
     ]
-    _require_motion(where, found, sum(float(log.position.time[-1]) for log in logs))
+    _require_motion(where, found, sum(float(np.ptp(log.position.time)) for log in logs))
     return found
 
 
