@@ -68,8 +68,13 @@ def fit(
     >>> place = Signal(time, np.sin(time)[:, np.newaxis], "made")
     >>> push = 2.0 * np.cos(time) - 3.0 * np.sin(time)
     >>> force = Signal(time, push[:, np.newaxis], "made")
-    >>> fit(model, [Log("made", ("axis",), 0, place, force=force)]).estimate.values.round(2)
+    >>> log = Log("made", ("axis",), 0, place, force=force)
+    >>> found = fit(model, [log])
+    >>> found.estimate.values.round(2)
     array([3., 2.])
+    >>> (held_out,) = validate(found.model, [log])
+    >>> bool(held_out.relative_error < 0.01)
+    True
     """
     options = options or Options()
     preparations = prepare_all(model, logs, options, progress, session)

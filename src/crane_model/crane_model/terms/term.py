@@ -54,9 +54,9 @@ class Term(Schema, ABC):
 
     What else its physics is, the class says as well, so that nobody has to know classes by name:
     `has_base_parameters` if its parameters are those of (8), `asymmetry_of` the type of the term
-    whose difference between two directions of motion it is, `of_one_instant` if its only column
-    follows from the motion of its only joint at the same instant, `carries_loads` if recordings may
-    differ in it: a field `loads` then says which ones carry what.
+    whose difference between two directions of motion it is, `of_one_instant` if its columns follow
+    from the motion at the same instant, `carries_loads` if recordings may differ in it: a field
+    `loads` then says which ones carry what.
     """
 
     type: str
