@@ -14,6 +14,7 @@ from crane_identification.data.arguments import (
     Sources,
     add_part,
     add_period,
+    add_recordings,
     add_trust,
     refuse_overlap,
 )
@@ -187,8 +188,8 @@ def parser() -> argparse.ArgumentParser:
     )
     add = result.add_argument
     add("--model", type=Path, required=True, help="model file (YAML) that lists the terms")
-    add("--train", type=Path, nargs="+", required=True, help="recordings to fit the model to")
-    add("--validate", type=Path, nargs="+", default=[], help="recordings to validate it on")
+    add_recordings(result, "--train", "recordings to fit the model to", required=True)
+    add_recordings(result, "--validate", "recordings to validate it on")
     add("--out", type=Path, required=True, help="folder for the results")
     cli.add_replace(result)
     add("--terms", type=Path, metavar="FILE", help="Python file with terms of your own")
