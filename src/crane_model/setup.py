@@ -20,6 +20,7 @@ setup(
     install_requires=[
         "annotated-types",
         "crane_machines",
+        "matplotlib",
         "numba",
         "numpy",
         "pydantic>=2",
@@ -28,5 +29,7 @@ setup(
         "scipy",
         "tqdm",
     ],
-    entry_points={"console_scripts": []},
+    entry_points={
+        "console_scripts": ["machine = crane_model.inspection.machine_command:main"],
+    },
 )

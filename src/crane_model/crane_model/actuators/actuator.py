@@ -6,6 +6,7 @@ from typing import Any, ClassVar
 
 import numpy as np
 
+from crane_model.actuators.drawn import Bar
 from crane_model.array import Array
 from crane_model.configuration import Schema
 from crane_model.linkages import PROPORTIONAL, Linkage, samples, tabulated
@@ -42,6 +43,10 @@ class Actuator(Schema, ABC):
     def linkage(self, low: float, high: float) -> Linkage:
         """The same for compiled code, from `low` to `high`: here, of a class of one's own."""
         return tabulated(low, high, self.motion(np.linspace(low, high, TABULATED)))
+
+    def bars(self, q: float) -> tuple[Bar, ...]:
+        """What pictures show of it; nothing where it is within the joint."""
+        return ()
 
     def check(self, low: float, high: float) -> None:
         """`ValueError` unless it can drive its joint from `low` to `high`."""

@@ -6,6 +6,7 @@ from typing import Literal
 import numpy as np
 
 from crane_model.actuators.actuator import BuiltIn
+from crane_model.actuators.drawn import Bar, direction
 from crane_model.actuators.hydraulic import CylinderActuator
 from crane_model.angle import Angle
 from crane_model.configuration import Positive
@@ -35,3 +36,8 @@ class TriangleCylinder(BuiltIn, CylinderActuator):
     def angle_0(self) -> float:
         """The constant part of the angle in (20)."""
         return math.pi / 2 - self.phi_4 + self.phi_3
+
+    def bars(self, q: float) -> tuple[Bar, ...]:
+        """The cylinder."""
+        base = self.j1 * direction(self.phi_4 - math.pi / 2)
+        return (Bar(base, self.j2 * direction(self.phi_3 + q), True),)
