@@ -19,13 +19,13 @@ from crane_identification.data.column_map import ColumnMap
 from crane_identification.data.columns import TABLES
 from crane_identification.diagnosis import explain, findings
 from crane_identification.diagnosis.diagnosis import check_known, diagnose
+from crane_identification.diagnosis.flow.usual import load_usual
 from crane_identification.diagnosis.report import page
-from crane_identification.diagnosis.thresholds import load_thresholds
-from crane_identification.diagnosis.usual import load_usual
 from crane_identification.options import Options
 from crane_identification.progress_bar import ProgressBar
 from crane_identification.recording_check.check import blaming, vetted
 from crane_identification.report.content import Provenance
+from crane_identification.thresholds import load_thresholds
 from crane_model import cli
 from crane_model.configuration import load
 from crane_model.errors import ConfigurationError

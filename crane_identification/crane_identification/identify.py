@@ -18,9 +18,9 @@ from crane_identification.data.arguments import (
 )
 from crane_identification.data.column_map import ColumnMap
 from crane_identification.data.columns import TABLES
+from crane_identification.fitting import fit, validate
 from crane_identification.online.replay import recursion
 from crane_identification.options import Estimator, Options
-from crane_identification.pipeline import fit, validate
 from crane_identification.preparation.session import Session
 from crane_identification.progress_bar import ProgressBar
 from crane_identification.recording_check.check import blaming, vetted

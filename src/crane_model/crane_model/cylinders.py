@@ -57,9 +57,25 @@ def cylinder_force(machine: Machine, joint: str, pressure_a: Array, pressure_b: 
 
 
 def lever_arms(machine: Machine, q: Array, joints: Sequence[str]) -> Array:
-    """(n, k) coordinates of k joints, in any order, to (n, k) lever arms dx/dq."""
-    columns = zip(joints, q.T, strict=True)
+    """(n, k) coordinates of k joints, in any order, to (n, k) lever arms dx/dq of their actuators.
+
+    Of an actuator that several joints move, q is what it sees of them.
+    """
+    shares = _shares(machine, joints)
+    columns = zip(joints, (q if shares is None else q @ shares.T).T, strict=True)
     return np.stack([lever_arm(machine, joint, column) for joint, column in columns], axis=1)
+
+
+def generalized_from_actuators(
+    machine: Machine, q: Array, force: Array, joints: Sequence[str]
+) -> Array:
+    """(18) [N m, N] of k joints in any order from coordinates and forces of actuators, (n, k) each.
+
+    The forces are those of cylinders [N], or the torques of motors on their own side of the gear.
+    """
+    tau = lever_arms(machine, q, joints) * force
+    shares = _shares(machine, joints)
+    return tau if shares is None else tau @ shares
 
 
 def generalized_forces(
@@ -70,14 +86,30 @@ def generalized_forces(
     joints: Sequence[str],
 ) -> Array:
     """(27) [N m, N] of k joints in any order from coordinates and pressures, each (n, k)."""
-    tau = lever_arms(machine, q, joints)
-    for i, joint in enumerate(joints):
-        tau[:, i] *= cylinder_force(machine, joint, pressure_a[:, i], pressure_b[:, i])
-    return tau
+    columns = enumerate(joints)
+    forces = [cylinder_force(machine, j, pressure_a[:, i], pressure_b[:, i]) for i, j in columns]
+    return generalized_from_actuators(machine, q, np.stack(forces, axis=1), joints)
 
 
 def cylinder_forces_from_generalized(
     machine: Machine, q: Array, tau: Array, joints: Sequence[str]
 ) -> Array:
     """Inverse of (27): (n, k) generalized forces of k joints to (n, k) cylinder forces [N]."""
-    return np.asarray(tau) / lever_arms(machine, q, joints)
+    shares = _shares(machine, joints)
+    own = np.asarray(tau) if shares is None else np.asarray(tau) @ np.linalg.inv(shares)
+    return own / lever_arms(machine, q, joints)
+
+
+def _shares(machine: Machine, joints: Sequence[str]) -> Array | None:
+    """(k, k) what the actuators of k joints see of each; None where each sees its own alone."""
+    if not machine.couplings:
+        return None
+    shares = np.zeros((len(joints), len(joints)))
+    for i, joint in enumerate(joints):
+        for other, share in machine.seen_by(joint).items():
+            if other not in joints:
+                raise RangeError(
+                    f"the actuator of {joint} is also moved by {other}, whose coordinate is needed"
+                )
+            shares[i, joints.index(other)] = share
+    return shares

@@ -1,4 +1,15 @@
-"""`make_bag`: a recording of the stand-in machine on an excitation trajectory, as an mcap bag."""
+"""`make_bag`: a recording of the stand-in machine on an excitation trajectory, as an mcap bag.
+
+>>> from crane_bags.reader import read_topics
+>>> from crane_bags.types import JOINT_STATES
+>>> from crane_model.machine_files import machine_file
+>>> words = ["--trajectory", str(machine_file("excitation_20s.yaml")), "--periods", "1"]
+>>> main([*words, "--out", "bag"])
+written: bag, 33.1 s
+0
+>>> read_topics("bag", [JOINT_STATES])[JOINT_STATES.name].names
+('slew', 'inner_boom', 'outer_boom', 'telescope')
+"""
 
 from collections.abc import Iterable, Sequence
 from datetime import UTC, datetime

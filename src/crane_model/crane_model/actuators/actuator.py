@@ -6,6 +6,7 @@ from typing import Any, ClassVar
 
 import numpy as np
 
+from crane_model.actuators.drawn import Bar
 from crane_model.array import Array
 from crane_model.configuration import Schema
 from crane_model.linkages import PROPORTIONAL, Linkage, samples, tabulated
@@ -21,11 +22,16 @@ class Actuator(Schema, ABC):
 
     A subclass gives its `type` in machine files and is registered by being defined. x is a length
     [m] where it pushes, an angle [rad] where it turns. `has_chambers` if F follows from two
-    pressures (19): then it is a `HydraulicActuator`.
+    pressures (19): then it is a `HydraulicActuator`; `has_rotor` if it is a
+    motor that turns with x = gear ratio times q; not `drives` if it is none at all;
+    `bounded_by_pins` if it is a cylinder whose length runs from pin to pin.
     """
 
     type: str
     has_chambers: ClassVar[bool] = False
+    has_rotor: ClassVar[bool] = False
+    drives: ClassVar[bool] = True
+    bounded_by_pins: ClassVar[bool] = False
 
     @classmethod
     def __pydantic_init_subclass__(cls, **kwargs: Any) -> None:
@@ -40,6 +46,10 @@ class Actuator(Schema, ABC):
     def linkage(self, low: float, high: float) -> Linkage:
         """The same for compiled code, from `low` to `high`: here, of a class of one's own."""
         return tabulated(low, high, self.motion(np.linspace(low, high, TABULATED)))
+
+    def bars(self, q: float) -> tuple[Bar, ...]:
+        """What pictures show of it; nothing where it is within the joint."""
+        return ()
 
     def check(self, low: float, high: float) -> None:
         """`ValueError` unless it can drive its joint from `low` to `high`."""

@@ -1,6 +1,6 @@
 """An electric motor with a gear."""
 
-from typing import Literal
+from typing import ClassVar, Literal
 
 from crane_model.actuators.actuator import BuiltIn, proportional
 from crane_model.configuration import NonNegative, Positive
@@ -12,6 +12,7 @@ class ElectricDrive(BuiltIn):
     times at the joint; a negative ratio reverses.
     """
 
+    has_rotor: ClassVar[bool] = True
     type: Literal["electric_drive"] = "electric_drive"
     gear_ratio: float  # rad of the rotor per rad or m of the joint
     rotor_inertia: NonNegative | None = None  # kg m2, where the data sheet gives it

@@ -2,13 +2,14 @@
 
 import math
 from functools import cached_property
-from typing import Literal, Self
+from typing import ClassVar, Literal, Self
 
 import numpy as np
 from pydantic import model_validator
 
 from crane_model import linkages
 from crane_model.actuators.actuator import BuiltIn
+from crane_model.actuators.drawn import Bar, direction, meeting
 from crane_model.actuators.hydraulic import CylinderActuator
 from crane_model.angle import Angle
 from crane_model.configuration import Positive
@@ -22,6 +23,7 @@ class FourBarCylinder(BuiltIn, CylinderActuator):
     `pin_rise` is the direction of the cylinder's base seen from the joint, for pictures alone.
     """
 
+    bounded_by_pins: ClassVar[bool] = True
     type: Literal["four_bar_cylinder"] = "four_bar_cylinder"
     s22: Positive
     s23: Positive
@@ -59,3 +61,18 @@ class FourBarCylinder(BuiltIn, CylinderActuator):
         lengths = self.s22, self.s23, self.c1, self.c2, self.s31
         sense = -1.0 if self.mirrored else 1.0
         return Linkage(FOUR_BAR, np.array([self.gamma_21_0, self.gamma_32, *lengths, sense]))
+
+    def bars(self, q: float) -> tuple[Bar, ...]:
+        """The cylinder from its base B to the eye K, and the links from there to P and R."""
+        sense = -1.0 if self.mirrored else 1.0
+        to_rocker = math.pi - self.pin_rise + self.gamma_32
+        base = self.s31 * direction(math.pi - self.pin_rise)
+        rocker = self.s23 * direction(to_rocker)
+        lever = self.s22 * direction(to_rocker - self.gamma_21_0 + sense * q)
+        eye = meeting(lever, self.c1, rocker, self.c2)
+        pins = [np.array([1.0, sense]) * pin for pin in (base, eye, lever, rocker)]
+        return (
+            Bar(pins[0], pins[1], True),
+            Bar(pins[1], pins[2], False),
+            Bar(pins[1], pins[3], False),
+        )

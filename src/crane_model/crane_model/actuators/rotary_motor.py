@@ -1,7 +1,7 @@
 """A hydraulic motor that turns a joint."""
 
 import math
-from typing import Literal
+from typing import ClassVar, Literal
 
 from crane_model.actuators.actuator import BuiltIn, proportional
 from crane_model.actuators.hydraulic import HydraulicActuator
@@ -12,6 +12,7 @@ from crane_model.linkages import Linkage
 class RotaryMotor(BuiltIn, HydraulicActuator):
     """x = `gear_ratio` q [rad] of the motor's shaft; its torque is `displacement` (p_A - p_B)."""
 
+    has_rotor: ClassVar[bool] = True
     type: Literal["rotary_motor"] = "rotary_motor"
     displacement: Positive  # m3/rad
     gear_ratio: Positive = 1.0  # turns of the motor a turn of the joint

@@ -1,11 +1,12 @@
 """A cylinder that spans a joint directly: Fig. 5."""
 
 import math
-from typing import Literal
+from typing import ClassVar, Literal
 
 import numpy as np
 
 from crane_model.actuators.actuator import BuiltIn
+from crane_model.actuators.drawn import Bar, direction
 from crane_model.actuators.hydraulic import CylinderActuator
 from crane_model.angle import Angle
 from crane_model.configuration import Positive
@@ -20,6 +21,7 @@ class TriangleCylinder(BuiltIn, CylinderActuator):
     `phi_3` from x of the frame that turns with it. Both angles count the joint's way round.
     """
 
+    bounded_by_pins: ClassVar[bool] = True
     type: Literal["triangle_cylinder"] = "triangle_cylinder"
     j1: Positive
     j2: Positive
@@ -35,3 +37,8 @@ class TriangleCylinder(BuiltIn, CylinderActuator):
     def angle_0(self) -> float:
         """The constant part of the angle in (20)."""
         return math.pi / 2 - self.phi_4 + self.phi_3
+
+    def bars(self, q: float) -> tuple[Bar, ...]:
+        """The cylinder."""
+        base = self.j1 * direction(self.phi_4 - math.pi / 2)
+        return (Bar(base, self.j2 * direction(self.phi_3 + q), True),)

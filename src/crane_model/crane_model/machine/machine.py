@@ -53,6 +53,9 @@ class Machine(Schema):
     plausible: dict[str, tuple[float, float]] = {}
     """[least, most] of masses [kg] and moments [kg m] without a load, to check recordings."""
 
+    def __hash__(self) -> int:
+        return hash((self.name, *self.joint_names))
+
     @model_validator(mode="before")
     @classmethod
     def _not_of_the_old_format(cls, content: Any) -> Any:
@@ -126,6 +129,19 @@ class Machine(Schema):
             if isinstance(one, HydraulicActuator)
         }
         return ByJoint(self.name, "hydraulic actuator", hydraulic)
+
+    @cached_property
+    def rotors(self) -> tuple[str, ...]:
+        """The joints that a motor turns."""
+        return tuple(joint for joint, one in self.actuators.items() if one.has_rotor)
+
+    def seen_by(self, joint: str) -> Mapping[str, float]:
+        """The joints that move the actuator of `joint`, with its share of each coordinate."""
+        for coupling in self.couplings:
+            if joint in coupling.joints:
+                row = coupling.matrix[coupling.joints.index(joint)]
+                return {one: c for one, c in zip(coupling.joints, row, strict=True) if c}
+        return {joint: 1.0}
 
     def index(self, joint: str) -> int:
         """Place of a joint in `joint_names`; `RangeError` if there is no such joint."""
