@@ -12,7 +12,7 @@ Reversals are rows like others. It is linear in the gains of the four metering e
 
 from collections.abc import Sequence
 from functools import cached_property
-from typing import NamedTuple
+from typing import Generic, NamedTuple, TypeVar
 
 import numpy as np
 from numba import njit
@@ -58,13 +58,10 @@ class SpoolValues(NamedTuple):
 
 
 class PassageRows:
-    """Rows of one passage.
+    """What the rows of one passage have in common: the opening of the valve, and the filter."""
 
-    `rounding` (2,) [m3/s] is what the rounding of the encoder adds to them: one standard deviation,
-    with the sign in which the two chambers share it.
-    """
-
-    def __init__(self, passage: Passage, cylinder: HydraulicActuator) -> None:
+    def __init__(self, passage: Passage, gate: np.ndarray | None = None) -> None:
+        """`gate` (n,) is 1 where the samples count, 0 where not."""
         self.passage = passage
         step = passage.step
         self._sections = signal.butter(ORDER, CUT_OFF, fs=1.0 / step, output="sos")
@@ -72,31 +69,8 @@ class PassageRows:
         cut = int(SPOILT / step)
         self._kept = slice(cut, len(passage) - 2 - cut)
         self._every = max(int(1.0 / (ROW_RATE * step)), 1)
-        p_a, p_b = passage.pressure_a, passage.pressure_b
-        supply, tank = passage.supply_pressure, passage.tank_pressure
-        filled = (np.minimum(p_a, p_b) > tank + LEAST_PRESSURE).astype(float)
-        self._gate = signal.sosfiltfilt(self._sections, filled).clip(0.0, 1.0)[1:-1] * filled[1:-1]
-        x, inner = passage.length, slice(1, -1)
-        swept_a = cylinder.area_a * (x[inner] - cylinder.length_min)
-        swept_b = cylinder.area_b * (cylinder.length_max - x[inner])
-        speed, rate_a, rate_b = ((v[2:] - v[:-2]) / (2.0 * step) for v in (x, p_a, p_b))
-        drop = p_a - p_b
-        drop = (drop[:-2] + 2.0 * drop[inner] + drop[2:]) / 4.0
-        none = np.zeros_like(drop)
-        areas = np.array([cylinder.area_a, -cylinder.area_b])
-        flow = np.outer(speed, areas)
-        oil = (
-            (-drop, drop),
-            (-swept_a * rate_a, -swept_b * rate_b),
-            (-rate_a, none),
-            (none, -rate_b),
-        )
-        self.flow = self._filtered(flow)  # (n, 2)
-        rounded = passage.resolution / np.sqrt(12.0)
-        self.rounding = areas * rounded * _slope_gain(self._sections, self._integrating, step)
-        self.oil = self._filtered(np.stack([np.stack(pair, axis=1) for pair in oil], axis=2))
-        drops = (supply - p_a, p_a - tank, supply - p_b, p_b - tank)
-        self._roots = np.stack([roots(one) for one in drops], axis=1)
+        open_ = np.ones(len(passage)) if gate is None else gate
+        self._gate = signal.sosfiltfilt(self._sections, open_).clip(0.0, 1.0)[1:-1] * open_[1:-1]
         fine = FINE * (len(passage) - 1) + 1
         self._fine = passage.time[0] + step / FINE * np.arange(fine)
 
@@ -106,26 +80,24 @@ class PassageRows:
         y = spool_course(stamps, commands, self._fine, spool.frequency, DAMPING_RATIO)
         return openings(trailing(y, spool.play), spool.dead_zone_a, spool.dead_zone_b)
 
-    def columns(self, spool: SpoolValues) -> np.ndarray:
-        """(n, 2, 8) of LINEAR for 1 of each, before rows are thinned."""
-        flows = _mean_flows(self.opening(spool), self._roots)
-        edges = self._filtered(flows)
-        out = np.zeros((len(edges), 2, len(LINEAR)))
-        out[:, 0, :2], out[:, 1, 2:4] = edges[:, :2], edges[:, 2:]
-        out[:, :, 4:] = self.oil
-        return out
+    def flows(self, spool: SpoolValues, drops: np.ndarray) -> np.ndarray:
+        """(n, 4) filtered flow through EDGES for a gain of 1, from roots of their drops."""
+        return self._filtered(_mean_flows(self.opening(spool), drops))
 
-    def supply(self) -> np.ndarray:
-        """(n, 2) 1 and the supply pressure [Pa], filtered like the flow."""
-        pressure = self.passage.supply_pressure
-        mean = (pressure[:-2] + 2.0 * pressure[1:-1] + pressure[2:]) / 4.0
-        return self._filtered(np.stack([np.ones_like(mean), mean], axis=1))
+    @property
+    def speed(self) -> np.ndarray:
+        """(n,) m/s of the piston, filtered."""
+        return self._filtered(self._slope(self.passage.length))
 
-    def drawn(self, spool: SpoolValues, linear: np.ndarray) -> np.ndarray:
-        """(n,) flow out of the supply [m3/s], filtered like the flow."""
-        columns = self.columns(spool)
-        found: np.ndarray = columns[:, 0, 0] * linear[0] + columns[:, 1, 2] * linear[2]
-        return found
+    @property
+    def speed_rounding(self) -> float:
+        """What the rounding of the encoder adds to the speed: one standard deviation [m/s]."""
+        gain = _slope_gain(self._sections, self._integrating, self.passage.step)
+        return self.passage.resolution / float(np.sqrt(12.0)) * gain
+
+    def _slope(self, values: np.ndarray) -> np.ndarray:
+        slope: np.ndarray = (values[2:] - values[:-2]) / (2.0 * self.passage.step)
+        return slope
 
     def thinned(self, values: np.ndarray) -> np.ndarray:
         """As many of n samples as the filter left independent."""
@@ -142,19 +114,98 @@ class PassageRows:
         return np.asarray(signal.sosfilt(self._integrating, low, axis=0))
 
 
-class Balance:
-    """Rows (N,) of all passages of a joint, of both chambers side by side."""
+class ChamberRows(PassageRows):
+    """Rows of both chambers.
 
-    def __init__(self, parts: Sequence[Passage], cylinder: HydraulicActuator) -> None:
-        self.rows = [PassageRows(part, cylinder) for part in parts]
+    `rounding` (2,) [m3/s] is what the rounding of the encoder adds to them: one standard deviation,
+    with the sign in which the two chambers share it.
+    """
+
+    def __init__(self, passage: Passage, cylinder: HydraulicActuator) -> None:
+        p_a, p_b, supply, tank = (
+            passage.pressures[name]
+            for name in ("pressure_a", "pressure_b", "supply_pressure", "tank_pressure")
+        )
+        filled = np.minimum(p_a, p_b) > tank + LEAST_PRESSURE
+        super().__init__(passage, filled.astype(float))
+        areas = np.array([cylinder.area_a, -cylinder.area_b])
+        self.flow = np.outer(self.speed, areas)  # (n, 2)
+        self.rounding = areas * self.speed_rounding
+        x, inner = passage.length, slice(1, -1)
+        swept_a = cylinder.area_a * (x[inner] - cylinder.length_min)
+        swept_b = cylinder.area_b * (cylinder.length_max - x[inner])
+        rate_a, rate_b, drop = self._slope(p_a), self._slope(p_b), _mean(p_a - p_b)
+        none = np.zeros_like(drop)
+        oil = (
+            (-drop, drop),
+            (-swept_a * rate_a, -swept_b * rate_b),
+            (-rate_a, none),
+            (none, -rate_b),
+        )
+        self.oil = self._filtered(np.stack([np.stack(pair, axis=1) for pair in oil], axis=2))
+        drops = (supply - p_a, p_a - tank, supply - p_b, p_b - tank)
+        self._roots = np.stack([roots(one) for one in drops], axis=1)
+
+    def columns(self, spool: SpoolValues) -> np.ndarray:
+        """(n, 2, 8) of LINEAR for 1 of each, before rows are thinned."""
+        edges = self.flows(spool, self._roots)
+        out = np.zeros((len(edges), 2, len(LINEAR)))
+        out[:, 0, :2], out[:, 1, 2:4] = edges[:, :2], edges[:, 2:]
+        out[:, :, 4:] = self.oil
+        return out
+
+    def supply(self) -> np.ndarray:
+        """(n, 2) 1 and the supply pressure [Pa], filtered like the flow."""
+        mean = _mean(self.passage.pressures["supply_pressure"])
+        return self._filtered(np.stack([np.ones_like(mean), mean], axis=1))
+
+    def drawn(self, spool: SpoolValues, linear: np.ndarray) -> np.ndarray:
+        """(n,) flow out of the supply [m3/s], filtered like the flow."""
+        edges = self.flows(spool, self._roots)
+        drawn: np.ndarray = edges[:, 0] * linear[0] + edges[:, 2] * linear[2]
+        return drawn
+
+
+class MotionRows(PassageRows):
+    """Rows of a joint without transducers: its speed, from the flow at no load.
+
+        x' = K+ o sqrt((A_A p_S - A_B p_T) / (A_A^3 + A_B^3))   where o > 0,
+        x' = K- o sqrt((A_B p_S - A_A p_T) / (A_A^3 + A_B^3))   where o < 0
+
+    of two equal edges in series, each passing what its chamber takes.
+    """
+
+    def __init__(self, passage: Passage, cylinder: HydraulicActuator) -> None:
+        super().__init__(passage)
+        self.flow = self.speed[:, np.newaxis]
+        supply, tank = (passage.pressures[name] for name in ("supply_pressure", "tank_pressure"))
+        a, b = cylinder.area_a, cylinder.area_b
+        out, back = (
+            roots(drop / (a**3 + b**3)) for drop in (a * supply - b * tank, b * supply - a * tank)
+        )
+        self._roots = np.stack([out, back, back, out], axis=1)
+
+    def columns(self, spool: SpoolValues) -> np.ndarray:
+        """(n, 1, 2) of K+ and K- for 1 of each."""
+        return self.flows(spool, self._roots)[:, np.newaxis, :2]
+
+
+AnyRows = TypeVar("AnyRows", ChamberRows, MotionRows)
+
+
+class Balance(Generic[AnyRows]):
+    """Rows (N,) of all passages of a joint, its c flows (both chambers, or the speed) beside."""
+
+    def __init__(self, rows: Sequence[AnyRows]) -> None:
+        self.rows: Sequence[AnyRows] = rows
 
     @cached_property
     def flow(self) -> np.ndarray:
-        """(N, 2) A_A x' and -A_B x' [m3/s]."""
+        """(N, c)."""
         return np.concatenate([rows.thinned(rows.flow) for rows in self.rows])
 
     def columns(self, spool: SpoolValues) -> np.ndarray:
-        """(N, 2, 8) of LINEAR."""
+        """(N, c, k) of the linear parameters."""
         return np.concatenate([rows.thinned(rows.columns(spool)) for rows in self.rows])
 
     def blocks(self, duration: float) -> np.ndarray:
@@ -165,6 +216,12 @@ class Balance:
             first = numbers[-1][-1] + 1 if numbers else 0
             numbers.append(first + ((time - time[0]) / duration).astype(int))
         return np.concatenate(numbers)
+
+
+def _mean(values: np.ndarray) -> np.ndarray:
+    """(n - 2,) over the samples before and behind, of (n,)."""
+    mean: np.ndarray = (values[:-2] + 2.0 * values[1:-1] + values[2:]) / 4.0
+    return mean
 
 
 @njit(cache=True, error_model="numpy")

@@ -12,14 +12,14 @@ from scipy.stats import f as fisher
 
 from crane_identification.data.log import Log
 from crane_identification.estimation.lack_of_fit import independent_samples
-from crane_identification.hydraulics.balance import ROW_RATE, Balance
-from crane_identification.hydraulics.projection import FREE, BalanceFit
+from crane_identification.hydraulics.balance import ROW_RATE, Balance, ChamberRows
+from crane_identification.hydraulics.projection import BalanceFit
 from crane_identification.preparation.periodicity import Periodicity, periodic_part
 from crane_model.errors import DataError
 
 
 def lack_of_fit(
-    balance: Balance, found: BalanceFit, logs: Sequence[Log], period: float | None
+    balance: Balance[ChamberRows], found: BalanceFit, logs: Sequence[Log], period: float | None
 ) -> float | None:
     """How likely noise alone repeats as much; None where no period was repeated."""
     power = noise = variance = of_noise = 0.0
@@ -45,7 +45,7 @@ def lack_of_fit(
     if not noise:
         return None
     freedom, noise_freedom = noise**2 / variance, noise**2 / of_noise
-    kept = max(1.0 - FREE / freedom, 0.1)
+    kept = max(1.0 - len(found.covariance) / freedom, 0.1)
     return float(fisher.sf(power / noise / kept, kept * freedom, noise_freedom))
 
 

@@ -5,6 +5,7 @@ from collections.abc import Sequence
 from crane_identification.data.log import Log
 from crane_identification.hydraulics.balance import CUT_OFF
 from crane_identification.hydraulics.joint_estimate import JointFit, identify_joint
+from crane_identification.hydraulics.motion_estimate import identify_motion
 from crane_identification.hydraulics.supply import identify_supply
 from crane_model.errors import DataError, RangeError
 from crane_model.hydraulics.values import HydraulicValues
@@ -26,6 +27,9 @@ def identify_hydraulics(
     unknown: dict[str, str] = {}
     found: dict[str, JointFit] = {}
     fitted = [joint for joint in model.joints if machine.cylinders[joint].pressure_sensors]
+    blind = [
+        joint for joint in machine.joint_names if not machine.cylinders[joint].pressure_sensors
+    ]
     for number, joint in enumerate(fitted):
         try:
             found[joint] = identify_joint(machine, joint, wanted, period)
@@ -33,16 +37,22 @@ def identify_hydraulics(
             unknown[joint] = str(error)
         progress("hydraulics", (number + 1) / len(fitted))
     supply = None
-    if found and not unknown:
+    if found and len(found) == len(fitted):
         try:
             supply = identify_supply(tuple(found.values()), wanted)
         except DataError as error:
             unknown["supply"] = str(error)
+    joints = {joint: one.values for joint, one in found.items()}
+    for joint in blind:
+        try:
+            joints[joint] = identify_motion(machine, joint, wanted)
+        except (DataError, RangeError) as error:
+            unknown[joint] = str(error)
     rows = sum(len(one.balance.flow) for one in found.values())
     sources = ", ".join(dict.fromkeys(log.source for log in wanted))
     return HydraulicValues(
         provenance=f"balance of flow below {CUT_OFF:g} Hz, both chambers, {rows} rows of {sources}",
-        joints={joint: one.values for joint, one in found.items()},
+        joints=joints,
         supply=supply,
         unknown=unknown,
     )

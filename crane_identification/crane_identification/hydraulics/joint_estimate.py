@@ -1,12 +1,18 @@
 """The hydraulics of one joint with pressure transducers."""
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from typing import NamedTuple
 
 import numpy as np
 
 from crane_identification.data.log import Log
-from crane_identification.hydraulics.balance import DAMPING_RATIO, EDGES, LINEAR, Balance
+from crane_identification.hydraulics.balance import (
+    DAMPING_RATIO,
+    EDGES,
+    LINEAR,
+    Balance,
+    ChamberRows,
+)
 from crane_identification.hydraulics.fit_test import lack_of_fit
 from crane_identification.hydraulics.passage import passages
 from crane_identification.hydraulics.projection import BalanceFit, project
@@ -44,14 +50,15 @@ class JointFit(NamedTuple):
 
     values: JointHydraulics
     projection: BalanceFit
-    balance: Balance
+    balance: Balance[ChamberRows]
 
 
 def identify_joint(
     machine: Machine, joint: str, logs: Sequence[Log], period: float | None = None
 ) -> JointFit:
     """Valve and chambers; `DataError` says why the recordings do not tell them."""
-    balance = Balance(passages(machine, joint, logs), machine.cylinders[joint])
+    cylinder = machine.cylinders[joint]
+    balance = Balance([ChamberRows(part, cylinder) for part in passages(machine, joint, logs)])
     try:
         found = project(balance)
         _require_sense(found)
@@ -64,17 +71,18 @@ def identify_joint(
         JointHydraulics(
             valve=valve,
             chambers=chambers,
-            undetermined={
-                name: settled_by(name)
-                for name, one in values.items()
-                if name != "damping_ratio" and not _known(name, one)
-            },
+            undetermined=undetermined(values),
             unexplained=found.unexplained,
             lack_of_fit=lack_of_fit(balance, found, logs, period),
         ),
         found,
         balance,
     )
+
+
+def undetermined(values: Mapping[str, Measured]) -> dict[str, str]:
+    """Names of those that are not known well enough, each with the experiment that tells it."""
+    return {name: settled_by(name) for name, one in values.items() if not _known(name, one)}
 
 
 def settled_by(name: str) -> str:
@@ -104,45 +112,52 @@ def _require_sense(found: BalanceFit) -> None:
         )
 
 
-def _values(found: BalanceFit) -> dict[str, Measured]:
-    spool, linear = found.spool, dict(zip(LINEAR, found.linear, strict=True))
-    order = [*spool._fields, *LINEAR]
-
-    def measured(value: float, unit: str, least: float = 0.0, **slopes: float) -> Measured:
-        gradient = np.array([slopes.get(name, 0.0) for name in order])
-        std_dev = float(np.sqrt(gradient @ found.covariance @ gradient))
-        return Measured(value=max(float(value), least), std_dev=std_dev, unit=unit)
-
-    out = {
-        "dead_zone_a": measured(spool.dead_zone_a, "1", dead_zone_a=1.0),
-        "dead_zone_b": measured(spool.dead_zone_b, "1", dead_zone_b=1.0),
-        "hysteresis": measured(spool.play, "1", play=1.0),
-        "lag": measured(spool.lag, "s", lag=1.0),
-        "natural_frequency": measured(
+def measured_spool(found: BalanceFit) -> dict[str, Measured]:
+    """What is known of the spool, by name."""
+    spool = found.spool
+    return {
+        "dead_zone_a": _measured(found, spool.dead_zone_a, "1", dead_zone_a=1.0),
+        "dead_zone_b": _measured(found, spool.dead_zone_b, "1", dead_zone_b=1.0),
+        "hysteresis": _measured(found, spool.play, "1", play=1.0),
+        "lag": _measured(found, spool.lag, "s", lag=1.0),
+        "natural_frequency": _measured(
+            found,
             spool.frequency,
             "rad/s",
             lag=spool.frequency / spool.lag,
             share=spool.frequency / max(spool.share, 1e-6),
         ),
+    }
+
+
+def _values(found: BalanceFit) -> dict[str, Measured]:
+    linear = dict(zip(LINEAR, found.linear, strict=True))
+    modulus = 1.0 / linear["compliance"]
+    out = measured_spool(found) | {
         "damping_ratio": Measured(value=DAMPING_RATIO, unit="1"),
-        "leakage": measured(linear["leakage"], "m3/(s Pa)", leakage=1.0),
+        "leakage": _measured(found, linear["leakage"], "m3/(s Pa)", leakage=1.0),
+        "bulk_modulus": _measured(found, modulus, "Pa", compliance=modulus**2),
     }
     for edge in EDGES:
-        out[edge] = measured(linear[edge], ValveValues.units[edge], **{edge: 1.0})
-    softest = 1.0 / max(linear["compliance"], 1e-13)
-    out["bulk_modulus"] = measured(softest, "Pa", compliance=softest**2)
+        out[edge] = _measured(found, linear[edge], ValveValues.units[edge], **{edge: 1.0})
     for chamber in "ab":
         softness = linear[f"softness_{chamber}"]
-        out[f"dead_volume_{chamber}"] = measured(
-            softness * softest,
-            "m3",
-            **{f"softness_{chamber}": softest, "compliance": -softness * softest**2},
-        )
+        slopes = {f"softness_{chamber}": modulus, "compliance": -softness * modulus**2}
+        out[f"dead_volume_{chamber}"] = _measured(found, softness * modulus, "m3", **slopes)
     return out
 
 
+def _measured(found: BalanceFit, value: float, unit: str, **slopes: float) -> Measured:
+    """A value, at least 0, whose slopes against parameters of the fit are given by their names."""
+    names = (*found.spool._fields, *LINEAR[: len(found.linear)])
+    gradient = np.array([slopes.get(name, 0.0) for name in names])
+    std_dev = float(np.sqrt(gradient @ found.covariance @ gradient))
+    return Measured(value=max(float(value), 0.0), std_dev=std_dev, unit=unit)
+
+
 def _known(name: str, one: Measured) -> bool:
-    assert one.std_dev is not None
+    if one.std_dev is None:  # assumed
+        return True
     enough = KNOWN * abs(one.value)
     if name.startswith("dead_zone") or name == "hysteresis":
         enough = max(enough, KNOWN_PART)

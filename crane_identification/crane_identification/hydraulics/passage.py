@@ -1,6 +1,6 @@
 """A joint's recording, cut to where all is known that the balance of its flow needs."""
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -17,7 +17,8 @@ LEAST_RUN = 3.0  # s; of what is shorter, the filter sees little but its ends
 LEAST_TIME = 8.0  # s of motion in either direction
 STILL = 0.02  # of the fastest piston speed; below it a joint counts as at rest
 PRESSURES = ("pressure_a", "pressure_b", "supply_pressure", "tank_pressure")
-SIGNALS = ("position", "command", *PRESSURES)
+MOTION = ("position", "command", "supply_pressure", "tank_pressure")
+SIGNALS = (*MOTION, "pressure_a", "pressure_b")
 
 
 @dataclass(frozen=True)
@@ -34,10 +35,7 @@ class Passage:
     resolution: float  # m
     time: np.ndarray  # (n,) s
     length: np.ndarray  # (n,) m
-    pressure_a: np.ndarray  # (n,) Pa
-    pressure_b: np.ndarray
-    supply_pressure: np.ndarray
-    tank_pressure: np.ndarray
+    pressures: Mapping[str, np.ndarray]  # (n,) Pa each, by their names in a log
     stamps: np.ndarray  # (m,) s
     commands: np.ndarray  # (m,) -1..1
 
@@ -46,32 +44,38 @@ class Passage:
 
 
 def passages(machine: Machine, joint: str, logs: Sequence[Log]) -> list[Passage]:
-    """All parts of the recordings in which everything is known.
+    """All parts of the recordings in which everything is known; of a joint without transducers,
+    everything but the pressures of its chambers.
 
     `DataError` says what was not logged, or that the joint moves too little where all is known.
     """
     where = f"hydraulics of '{joint}'"
-    lacking = {log.source: _lacking(log, joint) for log in logs}
+    wanted = SIGNALS if machine.cylinders[joint].pressure_sensors else MOTION
+    lacking = {log.source: _lacking(log, joint, wanted) for log in logs}
     if logs and all(lacking.values()):
         log = logs[0]
         raise DataError(
             f"{where}: {log.source} holds no {', '.join(lacking[log.source])}; record valve "
-            "commands and the pressures of supply, tank and both chambers"
+            "commands, positions, and the pressures of supply, tank and chambers"
         )
     found = [
-        part for log in logs if not lacking[log.source] for part in _parts(machine, joint, log)
+        part
+        for log in logs
+        if not lacking[log.source]
+        for part in _parts(machine, joint, log, wanted)
     ]
-    _require_motion(where, found, sum(float(np.ptp(log.position.time)) for log in logs))
+    _require_motion(where, wanted, found, sum(float(np.ptp(log.position.time)) for log in logs))
     return found
 
 
-def _lacking(log: Log, joint: str) -> list[str]:
-    return [name for name in SIGNALS if _column(log, joint, name) is None]
+def _lacking(log: Log, joint: str, wanted: Sequence[str]) -> list[str]:
+    return [name for name in wanted if _column(log, joint, name) is None]
 
 
 def _column(log: Log, joint: str, name: str) -> Signal | None:
     """The samples of a signal that hold a number for the joint, (k,); None if there are not two."""
-    signal: Signal | None = getattr(log, name)
+    apart = joint not in log.joints and name in ("position", "command")
+    signal: Signal | None = getattr(log, f"{joint}_{name}" if apart else name, None)
     if signal is None:
         return None
     value = signal.value if signal.value.ndim == 1 else signal.value[:, log.joints.index(joint)]
@@ -81,8 +85,8 @@ def _column(log: Log, joint: str, name: str) -> Signal | None:
     return Signal(signal.time[known], value[known], signal.origin)
 
 
-def _parts(machine: Machine, joint: str, log: Log) -> list[Passage]:
-    signals = {name: _column(log, joint, name) for name in SIGNALS}
+def _parts(machine: Machine, joint: str, log: Log, wanted: Sequence[str]) -> list[Passage]:
+    signals = {name: _column(log, joint, name) for name in wanted}
     given = {name: signal for name, signal in signals.items() if signal is not None}
     step = 1.0 / sampling_rate(given["position"].time)
     begin = max(signal.time[0] for signal in given.values())
@@ -104,7 +108,7 @@ def _parts(machine: Machine, joint: str, log: Log) -> list[Passage]:
             resolution=resolution,
             time=inside,
             length=_smooth(length, inside),
-            **{name: _smooth(given[name], inside) for name in PRESSURES},
+            pressures={name: _smooth(given[name], inside) for name in given if name in PRESSURES},
             stamps=command.time,
             commands=np.sign(arm) * command.value,
         )
@@ -128,7 +132,9 @@ def _smooth(signal: Signal, time: np.ndarray) -> np.ndarray:
     return np.asarray(CubicSpline(signal.time[near], signal.value[near])(time))
 
 
-def _require_motion(where: str, found: Sequence[Passage], recorded: float) -> None:
+def _require_motion(
+    where: str, wanted: Sequence[str], found: Sequence[Passage], recorded: float
+) -> None:
     speeds = [np.gradient(part.length, part.step) for part in found]
     fastest = max((float(np.abs(speed).max()) for speed in speeds), default=0.0)
     out, back = (
@@ -144,7 +150,7 @@ def _require_motion(where: str, found: Sequence[Passage], recorded: float) -> No
             f"{where}: its cylinder extends for {out:.0f} s and retracts for {back:.0f} s where "
             f"all is known, {LEAST_TIME:.0f} s each needed; "
             + (
-                f"{', '.join(SIGNALS)} are known together for {known:.1f} s of {recorded:.1f} s: "
+                f"{', '.join(wanted)} are known together for {known:.1f} s of {recorded:.1f} s: "
                 "log them all along"
                 if known < 0.9 * recorded
                 else "record longer, or move it more"

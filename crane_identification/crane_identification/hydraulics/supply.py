@@ -11,9 +11,9 @@ from collections.abc import Sequence
 import numpy as np
 
 from crane_identification.data.log import Log
-from crane_identification.hydraulics.balance import PassageRows
+from crane_identification.hydraulics.balance import ChamberRows
 from crane_identification.hydraulics.joint_estimate import JointFit
-from crane_identification.hydraulics.projection import BLOCK, BalanceFit
+from crane_identification.hydraulics.projection import BLOCK, BalanceFit, block_scores
 from crane_model.errors import DataError
 from crane_model.hydraulics.values import Measured, SupplyValues
 
@@ -48,10 +48,8 @@ def identify_supply(found: Sequence[JointFit], logs: Sequence[Log]) -> SupplyVal
     scaled = matrix / norms
     bread = np.linalg.pinv(scaled.T @ scaled)
     values = bread @ scaled.T @ pressure
-    sums = np.zeros((begun, 2))
-    np.add.at(sums, block, scaled * (pressure - scaled @ values)[:, np.newaxis])
-    more = begun / max(begun - 2, 1)
-    std_devs = np.sqrt(more * np.diag(bread @ (sums.T @ sums) @ bread)) / norms
+    sums = block_scores(scaled, pressure - scaled @ values, bread, block)
+    std_devs = np.sqrt(np.diag(bread @ (sums.T @ sums) @ bread)) / norms
     level, droop = values / norms
     return SupplyValues(
         pressure=Measured(value=float(level), std_dev=float(std_devs[0]), unit="Pa"),
@@ -66,9 +64,9 @@ def _still(log: Log) -> bool:
 
 def _shared(
     found: Sequence[JointFit],
-) -> list[list[tuple[BalanceFit, PassageRows]]]:
+) -> list[list[tuple[BalanceFit, ChamberRows]]]:
     """Rows of all joints that begin and end together."""
-    together: dict[tuple[str, float, int], list[tuple[BalanceFit, PassageRows]]] = {}
+    together: dict[tuple[str, float, int], list[tuple[BalanceFit, ChamberRows]]] = {}
     for joint in found:
         for rows in joint.balance.rows:
             part = rows.passage

@@ -103,8 +103,8 @@ def tell(report: IdentificationReport, out: Path) -> None:
     console(100).print(parameters(report))
     if (found := report.fit.model.hydraulics) is not None:
         console(100).print(hydraulics(found))
-        for what, why in found.unknown.items():
-            print(f"hydraulics of {what} not identified: {why}")
+        for why in found.unknown.values():
+            print(f"not identified: {why}")
     if held_out is not None:
         print("force unexplained on held-out recordings (noise floor):")
         for joint, error, floor in zip(

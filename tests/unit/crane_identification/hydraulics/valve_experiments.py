@@ -12,6 +12,7 @@ from crane_model.machine import load_machine
 from crane_model.machine_files import machine_file
 from crane_sim.effects.form import Planted
 from crane_sim.effects.forms import FORMS
+from crane_sim.hiding.slewing import SLEW, Slewing
 from crane_sim.parts.parameters import StandIn, load_stand_in
 from crane_sim.plant.closed_loop import SimulatedRecording, record
 from crane_sim.plant.plant import Plant
@@ -25,6 +26,7 @@ MACHINE = load_machine()
 FITTED = tuple(j for j in MACHINE.joint_names if MACHINE.cylinders[j].pressure_sensors)
 COLUMNS = [MACHINE.index(joint) for joint in FITTED]
 PERIOD = 20.0  # s of the packaged trajectories
+SLEW_SPEED, SLEW_FREQUENCY = 0.15, 0.6  # rad/s
 SILENT = 1.8  # s at the start of a live recording before the first command is logged
 
 
@@ -61,8 +63,9 @@ def recorded(
     trajectory: str = "excitation_20s.yaml",
     planted: Sequence[Planted] = (),
     live: bool = False,
+    slewed: bool = False,
 ) -> Log:
-    """Periods of a packaged trajectory under the controller (36)."""
+    """Periods of a packaged trajectory under the controller (36), the slew at rest or swinging."""
     stand_in = stand_in or load_stand_in()
     motion = plan(
         MACHINE,
@@ -71,11 +74,12 @@ def recorded(
         periods,
         load_clearance(machine_file("clearance.yaml")),
     )
+    course = Slewing(motion, SLEW_SPEED, SLEW_FREQUENCY) if slewed else motion
     plant: Any = Plant(stand_in, MACHINE, motion.start, planted)
     plant = LateValves(plant, seed) if live else plant
     sensors = Sensors(stand_in.sensors, MACHINE, seed)
     gains = load_gains(machine_file("controller.yaml"), MACHINE)
-    return log_of(record(motion, plant, sensors, gains), live)
+    return log_of(record(course, plant, sensors, gains), live)
 
 
 def log_of(recording: SimulatedRecording, live: bool = False) -> Log:
@@ -97,6 +101,8 @@ def log_of(recording: SimulatedRecording, live: bool = False) -> Log:
         supply_pressure=signal(pressures.supply, "/cylinder_pressures"),
         tank_pressure=signal(pressures.tank, "/cylinder_pressures"),
         command=signal(recording.command[:, COLUMNS], "/valve_command", logged),
+        slew_position=signal(recording.position[:, SLEW], "/joint_states"),
+        slew_command=signal(recording.command[:, SLEW], "/valve_command", logged),
         reference_position=signal(reference.position[:, COLUMNS], "/joint_reference"),
     )
 
