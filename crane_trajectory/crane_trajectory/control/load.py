@@ -11,8 +11,6 @@ from crane_model.terms.friction import Coulomb, CoulombAsymmetry, Viscous, Visco
 from crane_model.terms.term import Setting
 
 REVERSAL_SPEED = 0.008  # rad/s or m/s; for slow valves sgn(q') of (13) is tanh(q' / this)
-    0.008  # rad/s or m/s; sgn(q') of (13) becomes tanh(q' / this), so that slow valves follow
-)
 
 FRICTION = (Coulomb, CoulombAsymmetry, Viscous, ViscousAsymmetry)
 
