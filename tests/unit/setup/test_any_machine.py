@@ -26,7 +26,7 @@ STILL = (
     *(
         f"crane_identification/crane_identification/{name}.py"
         for name in (
-            *("data/bag_log", "data/column_map", "data/resample", "diagnosis/features"),
+            *("data/bag_log", "data/column_map", "data/resample", "diagnosis/fit/features"),
             *("diagnosis/variables", "estimation/lack_of_fit", "estimation/physics"),
             *("online/estimator", "online/replay", "preparation/run", "recording_check/check"),
             *("recording_check/positions", "recording_check/pressures"),
