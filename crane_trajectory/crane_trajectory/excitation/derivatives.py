@@ -15,7 +15,7 @@ from crane_model.dynamics import Geometry
 from crane_model.errors import ConfigurationError
 from crane_model.model_file import Model
 from crane_model.record import Record
-from crane_model.terms import JointTerm, Setting, Term
+from crane_model.terms import Setting, Term
 from crane_model.terms.planar import planar_columns
 from crane_trajectory.motion.fourier import MotionSamples
 
@@ -64,7 +64,7 @@ def pull_back(model: Model, record: Record, weight: np.ndarray, width: np.ndarra
                 f"model '{model.name}': term '{term.type}' depends on more than the motion at one "
                 "instant; leave it out of the model for which a trajectory is designed"
             )
-        own = [record.column(term.joint)] if isinstance(term, JointTerm) else range(len(width))
+        own = range(len(width)) if term.only_joint is None else [record.column(term.only_joint)]
         for j in own:
             slopes = term.slopes(record, j, (1.0 - record.direction[:, j] ** 2) / width[j])
             if slopes is None:
