@@ -62,7 +62,7 @@ def pytest_terminal_summary(config: pytest.Config) -> None:
     for name, rows in found.items():
         for row in rows.values():
             table.add_row(*row.shown, name)
-        write(MEASURED / f"{name}.json", f"make bench ({name}.py)", list(rows.values()))
+        write(MEASURED / f"{name}.json", "make bench", list(rows.values()))
     Console(width=150, highlight=False).print(table)
 
 

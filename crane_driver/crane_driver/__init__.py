@@ -3,7 +3,9 @@
 A command as the driver sends it, and as the machine at the other end of the bus reads it:
 
 >>> from crane_driver import DriverCodec, MachineCodec, load_layout
->>> layout = load_layout()
+>>> from crane_model import load_machine
+>>> from crane_model.machine_files import machine_file
+>>> layout = load_layout(load_machine(), machine_file("can.yaml"), machine_file("can.dbc"))
 >>> (frame,) = DriverCodec(layout).command_frames({"telescope": 0.25}, enabled=True)
 >>> read = MachineCodec(layout).decode(frame)
 >>> read.commands["telescope"], read.enabled

@@ -9,9 +9,9 @@ The trajectory that ships, one period of it, and the motion of an experiment alo
 >>> trajectory = load_trajectory(machine_file("excitation_20s.yaml"))
 >>> trajectory.period, trajectory.evaluate(np.arange(0.0, 20.0)).position.shape
 (20.0, (20, 3))
->>> machine, clearance = load_machine(), load_clearance()
+>>> machine, clearance = load_machine(), load_clearance(machine_file("clearance.yaml"))
 >>> course = plan(machine, trajectory, [0.0, 1.0, -1.5, 0.5], 2, clearance)
->>> course.violations(machine, clearance), bool(course.duration > 40.0)
+>>> course.violations(clearance), bool(course.duration > 40.0)
 ([], True)
 
 A trajectory of one joint by hand, as (32) has it:

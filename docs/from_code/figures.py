@@ -26,6 +26,8 @@ SOURCES = (
 )
 """Names in docs/measured, and what becomes of them in runs."""
 TABLE = re.compile(r"(<!-- measured: ([^>]+) -->\n).*?(<!-- end -->)", re.DOTALL)
+NO_BREAK_HYPHEN = "\u2011"
+BENCH = "make bench"  # of many tests: each file has figures of its own
 TRAJECTORIES = ("excitation_20s", "excitation_66s", "validation_20s")
 
 
@@ -83,7 +85,9 @@ def table(names: Sequence[str]) -> str:
     for name, one in zip(names, files, strict=True):
         if one.columns != columns:
             raise ValueError(f"{name}: has the columns {one.columns}, {names[0]} {columns}")
-        told = f"`{one.command}`" + (f", {one.date}" if one.date else "")
+        command = f"{name}.py" if one.command == BENCH else one.command
+        date = one.date.replace("-", NO_BREAK_HYPHEN)
+        told = f"`{command}`" + (f", {date}" if date else "")
         for row in one.rows:
             lines.append([*row.shown, told])
             told = "the same"

@@ -9,8 +9,8 @@ from pydantic import BaseModel
 from crane_driver.can.mapping import Mapping
 from crane_driver.safety.settings import SafetySettings
 from crane_identification.data.column_map import ColumnMap
-from crane_identification.diagnosis.thresholds import Thresholds
-from crane_identification.diagnosis.usual import Usual
+from crane_identification.diagnosis.flow.usual import Usual
+from crane_identification.thresholds import Thresholds
 from crane_model.configuration import packaged
 from crane_model.machine import Machine
 from crane_model.machine_files import machine_file

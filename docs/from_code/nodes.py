@@ -26,8 +26,8 @@ UNIT = re.compile(r"(?<=Unit: )[^,]+(?=,)")
 INTRODUCTION = """# Parameters
 
 *At configure* says that a parameter can only be changed before: `deactivate`, `cleanup`, set it,
-`configure`, `activate`. *Empty* stands for `''`. Four values are those of slew, inner boom, outer
-boom and telescope.
+`configure`, `activate`. *Empty* stands for `''`. Several values are those of the joints of the
+laboratory crane, from the base to the tip.
 """
 
 

@@ -6,7 +6,7 @@ from typing import Any
 from laws import OUT, Law
 
 from crane_benchmark.measured import MeasuredRow, of_joints, write
-from crane_model.machine import JOINT_UNITS
+from crane_model.machine import load_machine
 
 COMMAND = "make demo"
 
@@ -14,11 +14,13 @@ COMMAND = "make demo"
 def write_figures(law: Law, dynamic: Law) -> None:
     """Next to the demo's summary."""
     summaries = law.read("summary.json"), dynamic.read("summary.json")
-    write(OUT / "figures.json", COMMAND, list(rows(*summaries)))
+    write(OUT / "figures.json", COMMAND, list(rows(*summaries, load_machine(law.machine).units)))
 
 
-def rows(summary: Mapping[str, Any], dynamic: Mapping[str, Any]) -> Iterator[MeasuredRow]:
-    """From the demo's summary, and that of the machine with dynamic friction."""
+def rows(
+    summary: Mapping[str, Any], dynamic: Mapping[str, Any], units: Mapping[str, str]
+) -> Iterator[MeasuredRow]:
+    """From the demo's summary, that of the machine with dynamic friction, and units of joints."""
     parameters = summary["parameters"]
     motion = summary["simulated_motion"]
     joints = ", ".join(summary["heldout_relative_error"])
@@ -52,7 +54,7 @@ def rows(summary: Mapping[str, Any], dynamic: Mapping[str, Any]) -> Iterator[Mea
         cells=[
             f"RMS tracking error ({', '.join(tracked)})",
             "",
-            ", ".join(f"{{tracking_{joint}:.0f}} m{JOINT_UNITS[joint]}" for joint in tracked),
+            ", ".join(f"{{tracking_{joint}:.0f}} m{units[joint]}" for joint in tracked),
         ],
         values={f"tracking_{joint}": 1e3 * error for joint, error in tracked.items()},
     )

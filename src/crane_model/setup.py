@@ -1,9 +1,13 @@
+import sys
 import xml.etree.ElementTree as ElementTree
 from pathlib import Path
 
 from setuptools import find_packages, setup
 
 PACKAGE = "crane_model"
+TOOL = "crane_model.inspection.machine_command:main"
+# pip puts scripts on the path of everyone, where short names are taken
+NAME = "crane-machine" if {"bdist_wheel", "editable_wheel"} & set(sys.argv) else "machine"
 
 setup(
     name=PACKAGE,
@@ -29,7 +33,5 @@ setup(
         "scipy",
         "tqdm",
     ],
-    entry_points={
-        "console_scripts": ["machine = crane_model.inspection.machine_command:main"],
-    },
+    entry_points={"console_scripts": [f"{NAME} = {TOOL}"]},
 )

@@ -11,8 +11,8 @@ from crane_identification.estimation.estimate import Estimate
 from crane_identification.estimation.least_squares import least_squares
 from crane_identification.estimation.physics import physics
 from crane_identification.estimation.regression import build_rows
+from crane_identification.fitting import fit, validate
 from crane_identification.options import Estimator, Options
-from crane_identification.pipeline import fit, validate
 
 POSES = 10_000
 FITS = 25

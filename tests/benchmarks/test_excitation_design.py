@@ -105,16 +105,11 @@ def test_designs_reach_the_marks_from_every_seed(measured) -> None:
         "random search": random_search,
         "SLSQP by differences": slsqp_by_differences,
     }
+    found = {}
     for name, method in others.items():
         row = conditions(method(np.random.default_rng(0), budget))
         print(f"  {name:<25}{_row(*row)}{budget / CORES:10.1f}")
-        measured(
-            f"excitation by {name}, for the same CPU time",
-            "",
-            "{raw:.0f}, {normalised:.1f}",
-            raw=row[0],
-            normalised=row[1],
-        )
+        found[name] = row
         assert row[0] * row[1] > min(product), f"{name} is better than the design"
     marks = [
         (raw, normalised) for raw, normalised, *_ in designs if raw <= 272 and normalised <= 16
@@ -142,6 +137,14 @@ def test_designs_reach_the_marks_from_every_seed(measured) -> None:
         cpu=slowest,
         wall=wall,
     )
+    for name, row in found.items():
+        measured(
+            f"excitation by {name}, for the same CPU time",
+            "",
+            "{raw:.0f}, {normalised:.1f}",
+            raw=row[0],
+            normalised=row[1],
+        )
     assert marks, "no design has raw <= 272 and column-normalised <= 16"
     assert max(product) <= 1.1 * min(product), f"products {np.sort(product)}"
     assert slowest <= AT_MOST, f"{slowest:.1f} s of two cores for a design"

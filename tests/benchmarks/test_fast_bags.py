@@ -7,7 +7,7 @@ import numpy as np
 
 from crane_benchmark.measured import of_joints
 from crane_identification.data.bag_log import read_bag
-from crane_identification.pipeline import fit, validate
+from crane_identification.fitting import fit, validate
 from crane_model.machine import load_machine
 from crane_model.machine_files import machine_file
 from crane_model.model_file import load_model

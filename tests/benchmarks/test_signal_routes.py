@@ -9,8 +9,8 @@ import pytest
 
 from crane_identification.data.bag_log import read_bag
 from crane_identification.data.log import Log, Signal
+from crane_identification.fitting import fit
 from crane_identification.options import Options
-from crane_identification.pipeline import fit
 from crane_identification.preparation.prepare import prepare
 from crane_identification.signals.butterworth import ButterworthDifferentiator
 from crane_identification.signals.fourier import FourierFit

@@ -19,7 +19,7 @@ from integration.emps_published import (
 )
 from scipy.io import loadmat
 
-from crane_identification.pipeline import fit
+from crane_identification.fitting import fit
 from crane_model.machine_files import machine_file
 from crane_model.model_file import load_model
 from crane_model.terms.single_axis import Offset

@@ -5,24 +5,24 @@ from dataclasses import dataclass
 from functools import cached_property
 
 from crane_identification.data.log import Log
-from crane_identification.diagnosis.answer import answered
-from crane_identification.diagnosis.decision import Decision, decide
-from crane_identification.diagnosis.energy import detectable
-from crane_identification.diagnosis.evidence import Evidence
-from crane_identification.diagnosis.extension import Finding, in_counts
-from crane_identification.diagnosis.fit import Fitted, fitted
-from crane_identification.diagnosis.flow import examine
-from crane_identification.diagnosis.gap import Gap
-from crane_identification.diagnosis.hydraulics import Flows
-from crane_identification.diagnosis.motion_choice import suited
-from crane_identification.diagnosis.proof import Proof, proved
-from crane_identification.diagnosis.race import Race
-from crane_identification.diagnosis.search import Search, search
-from crane_identification.diagnosis.thresholds import Thresholds
-from crane_identification.diagnosis.usual import Usual, load_usual
-from crane_identification.diagnosis.verdict import Answer, Verdict
-from crane_identification.diagnosis.wanted import wanted
+from crane_identification.diagnosis.answer.answer import answered
+from crane_identification.diagnosis.answer.verdict import Answer, Verdict
+from crane_identification.diagnosis.decision.decision import Decision, decide
+from crane_identification.diagnosis.decision.motion_choice import suited
+from crane_identification.diagnosis.fit.evidence import Evidence
+from crane_identification.diagnosis.fit.fit import Fitted, fitted
+from crane_identification.diagnosis.flow.flow import examine
+from crane_identification.diagnosis.flow.hydraulics import Flows
+from crane_identification.diagnosis.flow.usual import Usual, load_usual
+from crane_identification.diagnosis.proof.extension import Finding, in_counts
+from crane_identification.diagnosis.proof.gap import Gap
+from crane_identification.diagnosis.proof.proof import Proof, proved
+from crane_identification.diagnosis.search.energy import detectable
+from crane_identification.diagnosis.search.race import Race
+from crane_identification.diagnosis.search.search import Search, search
+from crane_identification.diagnosis.search.wanted import wanted
 from crane_identification.options import Options
+from crane_identification.thresholds import Thresholds
 from crane_identification.validation.carry_over import elsewhere
 from crane_model.errors import ConfigurationError, DataError
 from crane_model.model_file import Model

@@ -6,10 +6,7 @@ from typing import Any
 
 import numpy as np
 
-from crane_identification.diagnosis.candidates import Candidate
 from crane_identification.diagnosis.diagnosis import Diagnosis
-from crane_identification.diagnosis.energy import acting
-from crane_identification.diagnosis.extension import Finding, Value, carried_in
 from crane_identification.diagnosis.findings_file import (
     CarriedLoad,
     ChangedParameter,
@@ -30,13 +27,16 @@ from crane_identification.diagnosis.findings_file import (
     Untried,
 )
 from crane_identification.diagnosis.flow_and_load_findings import balance, of_flow, of_load
-from crane_identification.diagnosis.gap import Gap
+from crane_identification.diagnosis.proof.extension import Finding, Value, carried_in
+from crane_identification.diagnosis.proof.gap import Gap
 from crane_identification.diagnosis.region import (
     Region,
     correlation_left,
     energy_shares,
     regions,
 )
+from crane_identification.diagnosis.search.candidates import Candidate
+from crane_identification.diagnosis.search.energy import acting
 from crane_identification.diagnosis.variables import feature_unit
 from crane_identification.notation import is_determined
 from crane_identification.validation.motion_validation import MotionValidation

@@ -1,6 +1,6 @@
 """What findings.json holds. Shares are of one; a number that is not known is null."""
 
-from crane_identification.diagnosis.verdict import Verdict
+from crane_identification.diagnosis.answer.verdict import Verdict
 from crane_model.result_file import Number, NumberByJoint, ResultFile, ResultPart
 
 

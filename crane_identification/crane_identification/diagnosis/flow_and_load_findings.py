@@ -3,7 +3,6 @@
 They are found beside the effects of the force, with which they do not compete.
 """
 
-from crane_identification.diagnosis.candidates import WHOLE, Candidate
 from crane_identification.diagnosis.diagnosis import Diagnosis
 from crane_identification.diagnosis.findings_file import (
     EdgeGain,
@@ -12,14 +11,15 @@ from crane_identification.diagnosis.findings_file import (
     FoundParameter,
     HydraulicQuantity,
 )
-from crane_identification.diagnosis.hydraulics import Flow, Quantity
-from crane_identification.diagnosis.loads import LOADS, MASS_SIGMAS, NO_LOAD, Weighed
+from crane_identification.diagnosis.flow.hydraulics import Flow, Quantity
+from crane_identification.diagnosis.search.candidates import WHOLE, Candidate
+from crane_identification.diagnosis.search.loads import MASS_SIGMAS, NO_LOAD, Weighed
 from crane_identification.notation import is_determined
 
 
 def of_load(diagnosis: Diagnosis, one: Weighed) -> FindingEntry:
     """A load that a held-out recording alone carries, by the same keys."""
-    cls = next(type(term) for term in diagnosis.gap.carried.terms if hasattr(term, LOADS))
+    cls = next(type(term) for term in diagnosis.gap.carried.terms if term.carries_loads)
     mass = FoundParameter(
         name="m_payload",
         value=one.mass,

@@ -4,10 +4,10 @@ from typing import NamedTuple
 
 import numpy as np
 
-from crane_identification.diagnosis.evidence import Evidence
-from crane_identification.diagnosis.features import Features
-from crane_identification.diagnosis.fit import Fitted
-from crane_identification.diagnosis.trial import Trial
+from crane_identification.diagnosis.fit.evidence import Evidence
+from crane_identification.diagnosis.fit.features import Features
+from crane_identification.diagnosis.fit.fit import Fitted
+from crane_identification.diagnosis.proof.trial import Trial
 
 BINS = 10
 ENERGY_SHARE = 0.5  # of the energy that the range must carry

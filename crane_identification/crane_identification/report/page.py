@@ -13,7 +13,8 @@ from crane_identification.report.figures import (
     reference_figures,
     validation_figures,
 )
-from crane_identification.report.links import Link, link, page_of
+from crane_identification.report.hydraulics import hydraulic_groups
+from crane_identification.report.links import PageLink, link, page_of
 from crane_identification.report.processing import processing
 from crane_identification.report.recording import recorded
 from crane_identification.report.recursion import (
@@ -61,6 +62,7 @@ def render(report: IdentificationReport, progress: Progress = silent, folder: Pa
         motions=tables.motion_rows(report),
         groups=tables.parameter_groups(report),
         entries=tables.report_entries(report),
+        hydraulics=hydraulic_groups(report.fit.model.hydraulics),
         conditioning=tables.conditioning(report),
         excitation=tables.excitation(report),
         processing=processing(report),
@@ -70,7 +72,7 @@ def render(report: IdentificationReport, progress: Progress = silent, folder: Pa
         sources=source_rows(report),
         model_file=link(model_file, folder),
         model_page=page_of(model_file, folder),
-        results=[Link(name, name) for name in RESULTS],
+        results=[PageLink(name, name) for name in RESULTS],
         training_links=[link(bag, folder) for bag in report.training_bags],
         validation_links=[link(bag, folder) for bag in report.validation_bags],
         recursive=recursive_groups(report),

@@ -166,4 +166,5 @@ def command(
 
 def compile_command(gains: GainArrays) -> None:
     """Once, before the crane moves: the first `command` takes seconds."""
-    _commands(gains, *np.zeros((4, len(gains.kp))))
+    zero = np.zeros_like(gains.kp)
+    _commands(gains, q=zero, velocity=zero, q_ref=zero, velocity_ref=zero)

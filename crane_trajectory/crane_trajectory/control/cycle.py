@@ -153,7 +153,7 @@ def _lead(
     lagging = max(h.lag / dt, 1.0) if dt > 0.0 else 1.0
     force_now = _before(memory.forces[i], count, lagging)
     supply = reading.supply
-    if not supply > 0.5 * h.supply_pressure:  # or not measured
+    if not 0.5 < supply / h.supply_pressure < 2.0:  # or not measured
         supply = h.supply_pressure
     p_a, p_b = reading.pressure_a[i], reading.pressure_b[i]
     used = setting.fitted[i] and transducers_good(
@@ -176,6 +176,10 @@ def _lead(
         setting, gain, h, s, piston, force, lever, speed, reading.velocity[i], p_a, p_b, dt
     )
     opening = n / _yield(h, memory.learnt[i], n > 0.0, piston, force, p_a, p_b)
+    if not math.isfinite(opening):  # of readings beyond all reason
+        s.condition = UNMEASURED
+        _close(s, dt)
+        return
     if s.begun == 0.0:
         s.opening = _opened(h.sense * s.command, memory.learnt[i])
     if s.begun == 0.0 or used != (s.pressed > 0.0):

@@ -84,9 +84,10 @@ class FlowFeedforward:
         self.preview = float(np.mean(hydraulics.lag))
         self._load = Load(model, machine)
         fitted = [pressures and machine.cylinders[joint].pressure_sensors for joint in joints]
+        self.gains = (gains or feedback_gains(machine, model)).records()
         self._setting = Setting(
             hydraulics.records(),
-            (gains or feedback_gains(machine, model)).records(),
+            self.gains,
             tables(machine),
             np.array(fitted),
             adaptive,

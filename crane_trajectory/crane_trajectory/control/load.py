@@ -2,12 +2,15 @@
 
 import numpy as np
 
+from crane_model.errors import DataError
 from crane_model.machine import Machine
 from crane_model.model_file import Model
 from crane_model.record import Record
+from crane_model.terms import Term
 from crane_model.terms.friction import Coulomb, CoulombAsymmetry, Viscous, ViscousAsymmetry
+from crane_model.terms.term import Setting
 
-REVERSAL_SPEED = 0.004  # rad/s or m/s; sgn(q') of (13) becomes tanh(q' / this)
+REVERSAL_SPEED = 0.008  # rad/s or m/s; for slow valves sgn(q') of (13) is tanh(q' / this)
 
 FRICTION = (Coulomb, CoulombAsymmetry, Viscous, ViscousAsymmetry)
 
@@ -23,17 +26,18 @@ class Load:
         self._columns = [machine.joint_names.index(joint) for joint in model.joints]
         self._model, self._count = model, len(machine.joint_names)
         self._law = np.zeros((len(FRICTION), len(model.joints)))
-        self._bodies = []
-        theta = model.theta
+        self._bodies: list[tuple[Term, np.ndarray, np.ndarray]] = []
+        theta, one = model.theta, np.zeros((1, len(model.joints)))
+        self._time = np.zeros(1)
+        rest = Record(model.joints, self._time, one, one, one)
         for term in model.terms:
             values = theta[model.part(term)]
-            if isinstance(term, FRICTION):
-                self._law[FRICTION.index(type(term)), model.joints.index(term.joint)] += values[0]
-            elif term.has_weight():
-                shape = (1, len(model.joints), len(values))
-                self._bodies.append((term, np.zeros(shape), values))
-        self._still = np.zeros((1, len(model.joints)))
-        self._time = np.zeros(1)
+            if type(term) in FRICTION:
+                row = FRICTION.index(type(term))
+                self._law[row, model.joints.index(term.only_joint)] += values[0]
+            elif term.has_weight() and _follows(term, rest, model.setting):
+                columns = np.zeros((1, len(model.joints), len(values)))
+                self._bodies.append((term, columns, values))
 
     def __call__(
         self, position: np.ndarray, velocity: np.ndarray, acceleration: np.ndarray
@@ -47,8 +51,20 @@ class Load:
         tau = (f_c + df_v * v) * direction + df_c + f_v * v
         record = Record(self._model.joints, self._time, q, v, a, direction_known=direction)
         for term, columns, values in self._bodies:
+            columns[:] = 0.0
             term.fill(record, self._model.setting, columns)
             tau += columns @ values
         load = np.zeros(self._count)
         load[self._columns] = tau[0]
         return load
+
+
+def _follows(term: Term, record: Record, setting: Setting) -> bool:
+    """Whether a term needs no more than the reference: no memory and no other signal."""
+    if term.start(record, setting).shape[1]:
+        return False
+    try:
+        term.columns(record, setting)
+    except DataError:
+        return False
+    return True

@@ -36,7 +36,7 @@ def transducers_good(
     moving: bool,
     dt: float,
 ) -> bool:
-    """Whether two readings [Pa] are finite, plausible and alive; `load` is the model's force [N]."""
+    """Whether two readings [Pa] are finite, plausible, alive; `load` [N] is that of the model."""
     good = math.isfinite(pressure_a + pressure_b)
     if good:
         known = watch.last_a != 0.0 or watch.last_b != 0.0

@@ -27,7 +27,7 @@ from crane_trajectory.excitation.merit import (
     relative_std_devs,
 )
 from crane_trajectory.excitation.picture import draw
-from crane_trajectory.excitation.problem import ExcitationProblem, planar_machine
+from crane_trajectory.excitation.problem import ExcitationProblem, machine_of
 from crane_trajectory.excitation.search import steps, workers
 from crane_trajectory.excitation.settings import DesignSettings, load_design_settings
 from crane_trajectory.excitation.sweeps import design_sweeps
@@ -141,9 +141,10 @@ def _sweeps(
     model: Model,
     clearance: Clearance,
 ) -> None:
-    machine = planar_machine(model)
+    machine = machine_of(model)
     trajectory = design_sweeps(
         machine,
+        model.joints,
         clearance,
         settings.margins,
         arguments.sweeps,

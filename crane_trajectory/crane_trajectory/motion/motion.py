@@ -217,9 +217,11 @@ def _approach_time(machine: Machine, trajectory: PeriodicTrajectory, start: np.n
         line.velocity / [limit.velocity_max for limit in limits],
         line.velocity / [limit.velocity_min for limit in limits],
     )
-    flow = pump_flow(machine, machine.joint_names, line.position, line.velocity)
-    needed = max(used.max(), flow.max() / machine.hydraulics.pump_flow) / APPROACH_SHARE
-    return float(np.maximum(needed, SHORTEST_APPROACH))  # which keeps nan
+    most = used.max()
+    if machine.supply:
+        flow = pump_flow(machine, machine.joint_names, line.position, line.velocity)
+        most = max(most, flow.max() / machine.supply.pump_flow)
+    return float(np.maximum(most / APPROACH_SHARE, SHORTEST_APPROACH))  # which keeps nan
 
 
 def _pose(machine: Machine, position: np.ndarray) -> str:

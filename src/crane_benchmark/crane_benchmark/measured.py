@@ -14,15 +14,17 @@ from pathlib import Path
 
 from crane_model.result_file import ResultFile, ResultPart
 
+NO_BREAK = "\u00a0"
 COLUMNS = ("what", "target", "measured")
-NARROW = re.compile(r"(?<=\d)%")
+PERCENT = re.compile(r"(?<=\d)%")
+BEFORE_UNIT = re.compile(r"(?<=\d) (?=[%σ]|(?:µs|ms|s|mrad|mm|rad|bar|times)\b)")
 
 
 class MeasuredRow(ResultPart):
-    """A row of a table.
+    r"""A row of a table.
 
     >>> MeasuredRow(cells=["error", "", "{error:.1%}"], values={"error": 0.0123}).shown
-    ['error', '', '1.2 %']
+    ['error', '', '1.2\xa0%']
     """
 
     cells: list[str]
@@ -33,7 +35,8 @@ class MeasuredRow(ResultPart):
     @property
     def shown(self) -> list[str]:
         """The cells with their values."""
-        return [NARROW.sub(" %", cell.format(**self.values)) for cell in self.cells]
+        plain = (PERCENT.sub(" %", cell.format(**self.values)) for cell in self.cells)
+        return [BEFORE_UNIT.sub(NO_BREAK, cell) for cell in plain]
 
 
 class MeasuredFigures(ResultFile):

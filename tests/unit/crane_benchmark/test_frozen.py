@@ -10,7 +10,7 @@ import pytest
 from crane_benchmark import benchmark
 from crane_benchmark.folders import Folders, new, read_json, write_json
 from crane_benchmark.scores import carry_over, freeze, frozen
-from crane_identification.diagnosis.thresholds import load_thresholds
+from crane_identification.thresholds import load_thresholds
 from crane_model.errors import ConfigurationError, DataError
 
 ANSWER = {

@@ -9,7 +9,7 @@ from crane_benchmark.cases.case import Case, CaseKind, EffectToHide
 from crane_benchmark.cases.clean import load_seen, save_clean
 from crane_benchmark.scores.truth import CaseTruth
 from crane_benchmark.scores.unusual import beyond_usual
-from crane_identification.diagnosis.usual import load_usual
+from crane_identification.diagnosis.flow.usual import load_usual
 from crane_model.machine import JOINTS, PLANAR_JOINTS
 from crane_model.machine_files import machine_file
 from crane_model.model_file import load_model

@@ -17,11 +17,11 @@ from crane_trajectory.motion.check import (
     load_clearance,
     pump_flow,
     refuse,
-    tip_room,
     trajectory_violations,
 )
 from crane_trajectory.motion.extremes import maxima
 from crane_trajectory.motion.fourier import FourierTrajectory, JointSeries
+from crane_trajectory.motion.room import tip_room
 
 MACHINE = load_machine()
 CLEARANCE = load_clearance(machine_file("clearance.yaml"))

@@ -16,12 +16,13 @@ from crane_trajectory.excitation.columns import ColumnSet
 from crane_trajectory.excitation.criterion import Criterion, CriterionKind
 from crane_trajectory.excitation.limits import Limit
 from crane_trajectory.excitation.merit import one_period
-from crane_trajectory.excitation.problem import ExcitationProblem, planar_machine
+from crane_trajectory.excitation.problem import ExcitationProblem, machine_of
 from crane_trajectory.excitation.search import search, steps
 from crane_trajectory.excitation.settings import load_design_settings
-from crane_trajectory.motion.check import Clearance, load_clearance, pump_flow, tip_room
+from crane_trajectory.motion.check import Clearance, load_clearance, pump_flow
 from crane_trajectory.motion.fourier import FourierTrajectory
 from crane_trajectory.motion.periodic import load_trajectory
+from crane_trajectory.motion.room import tip_room
 
 MODEL = load_model(machine_file("model.yaml"))
 SETTINGS = load_design_settings(machine_file("design.yaml"))
@@ -184,7 +185,7 @@ def test_no_room_for_the_tip_is_refused():
 def test_another_model_is_refused():
     model = Model("one axis", Setting({"motor": "rad"}, None), MODEL.terms[1:2])
     with pytest.raises(ConfigurationError, match="'one axis'.*got the joints motor and no machine"):
-        planar_machine(model)
+        machine_of(model)
 
 
 def test_coefficients_and_points_are_the_same_numbers():

@@ -27,7 +27,7 @@ SWEEP = SweepTrajectory(
 
 @pytest.fixture(scope="module")
 def designed():
-    return design_sweeps(MACHINE, CLEARANCE, MARGINS, [0.2, 0.8], 2.0, "designed")
+    return design_sweeps(MACHINE, PLANAR_JOINTS, CLEARANCE, MARGINS, [0.2, 0.8], 2.0, "designed")
 
 
 def test_is_continuous_in_acceleration_and_consistent():
@@ -114,4 +114,4 @@ def test_designed_sweeps_can_be_run(designed):
 def test_no_room_is_refused():
     high = Clearance(gripper_length=9.0, ground_clearance=0.0, pillar_clearance=0.0)
     with pytest.raises(RangeError, match="no pose within Table 2"):
-        design_sweeps(MACHINE, high, MARGINS, [0.5], 1.0, "none")
+        design_sweeps(MACHINE, PLANAR_JOINTS, high, MARGINS, [0.5], 1.0, "none")

@@ -11,7 +11,7 @@ from from_code.figures import MEASURED, TABLE, pages, rendered, take_over
 from manual import text
 
 from crane_benchmark.folders import read_json
-from crane_benchmark.measured import MeasuredFigures, MeasuredRow, write
+from crane_benchmark.measured import NO_BREAK, MeasuredFigures, MeasuredRow, write
 from crane_benchmark.scores.frozen import RECORD
 
 NAMES = sorted(path.stem for path in MEASURED.glob("*.json"))
@@ -152,7 +152,9 @@ def test_figures_of_the_demo_are_those_of_its_summary() -> None:
         "tracking_rms": {"slew": 0.001, "telescope": 0.009},
         "wall_seconds": {"live": 100.0, "bags": 23.0},
     }
-    told = {row.shown[0]: row.shown[2] for row in rows_of_demo(summary, summary)}
+    rows = rows_of_demo(summary, summary, {"slew": "rad", "telescope": "m"})
+    shown = [[cell.replace(NO_BREAK, " ") for cell in row.shown] for row in rows]
+    told = {what: said for what, _, said in shown}
     assert told["2 planted parameters, live: farthest off, online and offline"] == "1.5 σ, 1.0 σ"
     assert told["friction in τ"] == "50 %, 50 %"
     assert told["simulated motion 0.5 s ahead, error relative to the way"] == "0.20 %, 0.50 %"

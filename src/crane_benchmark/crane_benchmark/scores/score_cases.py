@@ -19,9 +19,9 @@ from crane_benchmark.scores.printed import notes, tables
 from crane_benchmark.scores.summary import summary
 from crane_benchmark.scores.truth import CaseTruth, load_truth
 from crane_benchmark.work import in_processes
-from crane_identification.diagnosis.loads import LOADS
+from crane_identification.diagnosis.search.loads import LOADS
 from crane_model.model_file import Model, load_model
-from crane_model.terms.gravity_and_load import Load
+from crane_model.terms.load import Load
 
 WIDTH = 144  # of the tables; narrower, their columns break
 NAMED = (Judgement.RIGHT, Judgement.TOO_WIDE, Judgement.PARTLY)  # where effects are named

@@ -22,13 +22,16 @@ class Actuator(Schema, ABC):
 
     A subclass gives its `type` in machine files and is registered by being defined. x is a length
     [m] where it pushes, an angle [rad] where it turns. `has_chambers` if F follows from two
-    pressures (19): then it is a `HydraulicActuator`; `has_rotor` if it
-    is a motor that turns with x = gear ratio times q.
+    pressures (19): then it is a `HydraulicActuator`; `has_rotor` if it is a
+    motor that turns with x = gear ratio times q; not `drives` if it is none at all;
+    `bounded_by_pins` if it is a cylinder whose length runs from pin to pin.
     """
 
     type: str
     has_chambers: ClassVar[bool] = False
     has_rotor: ClassVar[bool] = False
+    drives: ClassVar[bool] = True
+    bounded_by_pins: ClassVar[bool] = False
 
     @classmethod
     def __pydantic_init_subclass__(cls, **kwargs: Any) -> None:

@@ -2,7 +2,7 @@
 
 import math
 from functools import cached_property
-from typing import Literal, Self
+from typing import ClassVar, Literal, Self
 
 import numpy as np
 from pydantic import model_validator
@@ -23,6 +23,7 @@ class FourBarCylinder(BuiltIn, CylinderActuator):
     `pin_rise` is the direction of the cylinder's base seen from the joint, for pictures alone.
     """
 
+    bounded_by_pins: ClassVar[bool] = True
     type: Literal["four_bar_cylinder"] = "four_bar_cylinder"
     s22: Positive
     s23: Positive

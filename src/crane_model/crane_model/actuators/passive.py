@@ -1,6 +1,6 @@
 """No actuator at all."""
 
-from typing import Literal
+from typing import ClassVar, Literal
 
 from crane_model.actuators.actuator import BuiltIn, proportional
 from crane_model.linkages import Linkage
@@ -9,6 +9,7 @@ from crane_model.linkages import Linkage
 class Passive(BuiltIn):
     """Nothing drives the joint, or nothing is known of what does: x = q."""
 
+    drives: ClassVar[bool] = False
     type: Literal["passive"] = "passive"
 
     @property

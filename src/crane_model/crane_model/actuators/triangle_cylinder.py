@@ -1,7 +1,7 @@
 """A cylinder that spans a joint directly: Fig. 5."""
 
 import math
-from typing import Literal
+from typing import ClassVar, Literal
 
 import numpy as np
 
@@ -21,6 +21,7 @@ class TriangleCylinder(BuiltIn, CylinderActuator):
     `phi_3` from x of the frame that turns with it. Both angles count the joint's way round.
     """
 
+    bounded_by_pins: ClassVar[bool] = True
     type: Literal["triangle_cylinder"] = "triangle_cylinder"
     j1: Positive
     j2: Positive

@@ -94,7 +94,7 @@ def _of_cylinder(machine: Machine, joint: str) -> Iterator[str]:
     if one.area_b > one.area_a:
         yield f"joint '{joint}': area_b, of the rod's side, is larger than area_a; exchanged?"
     stroke, used = one.length_max - one.length_min, float(np.ptp(x))
-    if one.type in ("triangle_cylinder", "four_bar_cylinder") and (stroke > one.length_min - PORT):
+    if one.bounded_by_pins and stroke > one.length_min - PORT:
         yield (
             f"joint '{joint}': a cylinder of {one.length_min:.3g} m from pin to pin cannot have a "
             f"stroke of {stroke:.3g} m; check length_min, length_max and the linkage"
@@ -108,7 +108,7 @@ def _of_cylinder(machine: Machine, joint: str) -> Iterator[str]:
 
 def _of_joints(machine: Machine) -> Iterator[str]:
     for joint, one in machine.actuators.items():
-        if one.type == "passive":
+        if not one.drives:
             yield f"joint '{joint}': nothing drives it; is its actuator not entered yet?"
         if isinstance(one, HydraulicActuator) and not one.pressure_sensors:
             yield f"joint '{joint}': no pressure sensors, so that its force is not measured"

@@ -50,7 +50,7 @@ def table(machine: Machine) -> str:
         limits, unit = machine.limits[one.joint], machine.units[one.joint]
         force = "N m" if unit == "rad" else "N"
         actuator = machine.actuators[one.joint]
-        turns = actuator.has_rotor or (actuator.type == "passive" and unit == "rad")
+        turns = actuator.has_rotor or (not actuator.drives and unit == "rad")
         length = "rad" if turns else "m"
         strength = "not known"
         if one.up is not None and one.down is not None:

@@ -6,11 +6,11 @@ import numpy as np
 from pydantic import Field, field_validator
 
 from crane_model.array import Array
-from crane_model.configuration import Schema
 from crane_model.dynamics import Geometry, lagrangian_regressor
 from crane_model.machine import Machine
 from crane_model.record import Record
 from crane_model.terms.effect import Effect, Shape
+from crane_model.terms.load import Load
 from crane_model.terms.planar import AxisReach, BoomDirections, planar_columns, planar_machine
 from crane_model.terms.term import Family, Parameter, Setting, Term
 
@@ -52,13 +52,6 @@ def turned_weight(machine: Machine, record: Record) -> Array:
     return np.stack([turning, turning, machine.gravity * np.cos(psi)], axis=1)
 
 
-class Load(Schema):
-    """`runs`, numbers of `Record.run`, that carry one load, and the `recordings` they come from."""
-
-    runs: tuple[int, ...] = Field(min_length=1)
-    recordings: tuple[str, ...] = ()
-
-
 class Payload(Term):
     """m_k J_tip^T (g + a): a point mass at the boom tip (2) in the runs of load k = 1, 2, ...
 
@@ -77,6 +70,7 @@ class Payload(Term):
         "the same motion with an empty gripper and with a known weight",
         follows=("recording",),
     )
+    carries_loads: ClassVar[bool] = True
 
     loads: tuple[Load, ...] | None = None
 
@@ -92,6 +86,11 @@ class Payload(Term):
     def of_recordings(self) -> bool:
         """Where recordings differ."""
         return self.loads is not None
+
+    @property
+    def carried(self) -> tuple[Load, ...]:
+        """Its `loads`."""
+        return self.loads or ()
 
     def parameters(self, setting: Setting) -> tuple[Parameter, ...]:
         """m_1, m_2, ..., or m."""

@@ -11,14 +11,14 @@ from unit.crane_identification.synthetic import axis_log
 
 from crane_identification.data.log import Log, Signal
 from crane_identification.diagnosis import explain, findings
+from crane_identification.diagnosis.answer.verdict import Verdict
 from crane_identification.diagnosis.diagnosis import Diagnosis, diagnose
-from crane_identification.diagnosis.energy import left_share
 from crane_identification.diagnosis.region import regions
 from crane_identification.diagnosis.report import charts, page
-from crane_identification.diagnosis.thresholds import load_thresholds
-from crane_identification.diagnosis.verdict import Verdict
+from crane_identification.diagnosis.search.energy import left_share
 from crane_identification.options import Options
 from crane_identification.report.content import Provenance
+from crane_identification.thresholds import load_thresholds
 from crane_model.errors import ConfigurationError
 from crane_model.model_file import Model, load_model, save_model
 

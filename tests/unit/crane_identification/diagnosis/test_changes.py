@@ -11,26 +11,27 @@ from unit.crane_identification.synthetic import AXIS_THETA, axis_log, crane_mode
 
 from crane_identification.data.log import Log
 from crane_identification.diagnosis import explain, findings
-from crane_identification.diagnosis.candidates import candidates_of
-from crane_identification.diagnosis.decision import decide
+from crane_identification.diagnosis.answer.verdict import Verdict
+from crane_identification.diagnosis.decision.decision import decide
 from crane_identification.diagnosis.diagnosis import Diagnosis, diagnose
-from crane_identification.diagnosis.evidence import Evidence
-from crane_identification.diagnosis.extension import extended
-from crane_identification.diagnosis.fit import Training, decimation, kept
-from crane_identification.diagnosis.race import Race
+from crane_identification.diagnosis.fit.evidence import Evidence
+from crane_identification.diagnosis.fit.fit import Training, decimation, kept
+from crane_identification.diagnosis.proof.extension import extended
 from crane_identification.diagnosis.report import page
-from crane_identification.diagnosis.search import search
-from crane_identification.diagnosis.thresholds import load_thresholds
-from crane_identification.diagnosis.verdict import Verdict
-from crane_identification.diagnosis.wanted import changes_of
-from crane_identification.diagnosis.whitening import whitened_base, whitener
+from crane_identification.diagnosis.search.candidates import candidates_of
+from crane_identification.diagnosis.search.race import Race
+from crane_identification.diagnosis.search.search import search
+from crane_identification.diagnosis.search.wanted import changes_of
+from crane_identification.diagnosis.search.whitening import whitened_base, whitener
+from crane_identification.fitting import fit
 from crane_identification.options import Options
-from crane_identification.pipeline import fit
 from crane_identification.preparation.prepare import prepare
 from crane_identification.report.content import Provenance
+from crane_identification.thresholds import load_thresholds
 from crane_model.errors import ConfigurationError
 from crane_model.model_file import Model, load_model, save_model
-from crane_model.terms.gravity_and_load import Load, Payload
+from crane_model.terms.gravity_and_load import Payload
+from crane_model.terms.load import Load
 
 F_C = 2  # index of Coulomb friction
 

@@ -7,13 +7,13 @@ import numpy as np
 import pytest
 from unit.crane_model.test_flow import BANDS, BETA, GAINS, JOINT, LEAK, PLAY, moved
 
-from crane_identification.diagnosis.candidates import Candidate
-from crane_identification.diagnosis.evidence import Evidence
-from crane_identification.diagnosis.flow import examine
-from crane_identification.diagnosis.hydraulics import Flow
-from crane_identification.diagnosis.runs import Run
-from crane_identification.diagnosis.thresholds import load_thresholds
-from crane_identification.diagnosis.usual import Usual
+from crane_identification.diagnosis.fit.evidence import Evidence
+from crane_identification.diagnosis.fit.runs import Run
+from crane_identification.diagnosis.flow.flow import examine
+from crane_identification.diagnosis.flow.hydraulics import Flow
+from crane_identification.diagnosis.flow.usual import Usual
+from crane_identification.diagnosis.search.candidates import Candidate
+from crane_identification.thresholds import load_thresholds
 from crane_model.machine_files import machine_file
 from crane_model.model_file import load_model
 from crane_model.record import Record

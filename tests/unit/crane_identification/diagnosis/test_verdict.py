@@ -7,18 +7,18 @@ from types import MappingProxyType
 import numpy as np
 import pytest
 
-from crane_identification.diagnosis.answer import with_loads, with_pulsation
-from crane_identification.diagnosis.candidates import Candidate, ShapedCandidate
-from crane_identification.diagnosis.extension import Value
-from crane_identification.diagnosis.gap import Gap
-from crane_identification.diagnosis.judgement import Judged
-from crane_identification.diagnosis.learner import Learnt
-from crane_identification.diagnosis.loads import Weighed
-from crane_identification.diagnosis.proof import Proof, Short, objection
-from crane_identification.diagnosis.pulsation import Pulsation
-from crane_identification.diagnosis.thresholds import load_thresholds
-from crane_identification.diagnosis.trial import Trial, differs
-from crane_identification.diagnosis.verdict import Answer, Reach, Verdict, judge
+from crane_identification.diagnosis.answer.answer import with_loads, with_pulsation
+from crane_identification.diagnosis.answer.verdict import Answer, Reach, Verdict, judge
+from crane_identification.diagnosis.decision.judgement import Judged
+from crane_identification.diagnosis.proof.extension import Value
+from crane_identification.diagnosis.proof.gap import Gap
+from crane_identification.diagnosis.proof.learner import Learnt
+from crane_identification.diagnosis.proof.proof import Proof, Short, objection
+from crane_identification.diagnosis.proof.pulsation import Pulsation
+from crane_identification.diagnosis.proof.trial import Trial, differs
+from crane_identification.diagnosis.search.candidates import Candidate, ShapedCandidate
+from crane_identification.diagnosis.search.loads import Weighed
+from crane_identification.thresholds import load_thresholds
 from crane_identification.validation.motion_validation import MotionValidation
 from crane_model.machine_files import machine_file
 from crane_model.model_file import load_model

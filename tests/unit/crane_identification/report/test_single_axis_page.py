@@ -5,8 +5,8 @@ import pytest
 from unit.crane_identification.report.html_reader import Element, figure_descriptions, read_html
 
 from crane_identification.data.log import Log, Signal
+from crane_identification.fitting import fit
 from crane_identification.options import Options
-from crane_identification.pipeline import fit
 from crane_identification.preparation.prepare import prepare
 from crane_identification.report import page, summary
 from crane_identification.report.content import IdentificationReport, Provenance
