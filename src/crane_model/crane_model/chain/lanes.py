@@ -5,6 +5,7 @@ in loops over a row whose places are constants: so the compiler turns them into 
 several samples at once.
 """
 
+import math
 from typing import NamedTuple
 
 import numpy as np
@@ -22,7 +23,8 @@ _R, _P, _W, _TURNING, _RISE = 0, 9, 12, 15, 18  # as in `crane_model.chain.motio
 _SPEED, _PUSH = 21, 24
 _ALONG, _ABOUT = 27, 30
 _TEN = 33
-_ROWS = 43
+_COS, _SIN, _MOVED = 43, 44, 45  # of a joint that turns; way of one that slides
+_ROWS = 46
 
 
 class Turns(NamedTuple):
@@ -73,15 +75,15 @@ def _set_joint(
 ) -> None:
     """Rotation, origin, speed and push of joint i at the samples from n on, the last repeated."""
     j, ratio = chain.leader[i], chain.ratio[i]
-    cos, sin, moved = np.empty(LANES), np.empty(LANES), np.zeros(LANES)
+    cos, sin, moved = _COS * LANES, _SIN * LANES, _MOVED * LANES
     for lane in range(LANES):
         sample = min(n + lane, len(q) - 1)
-        angle = ratio * q[sample, j]
+        coordinate = ratio * q[sample, j]
         if chain.slides[i]:
-            moved[lane] = angle
-            cos[lane] = sin[lane] = 0.0
+            s[cos + lane], s[sin + lane], s[moved + lane] = 0.0, 0.0, coordinate
         else:
-            cos[lane], sin[lane] = np.cos(angle), np.sin(angle)
+            s[cos + lane], s[sin + lane] = math.cos(coordinate), math.sin(coordinate)
+            s[moved + lane] = 0.0
         speed, push = ratio * v[sample, j], ratio * a[sample, j]
         for c in range(3):
             s[(_SPEED + c) * LANES + lane] = speed * chain.axis[i, c]
@@ -93,10 +95,10 @@ def _set_joint(
             fixed, even, odd = turns.fixed[i, c, d], turns.even[i, c, d], turns.odd[i, c, d]
             first = (_R + 3 * c + d) * LANES
             for lane in range(LANES):
-                s[first + lane] = fixed + cos[lane] * even + sin[lane] * odd
+                s[first + lane] = fixed + s[cos + lane] * even + s[sin + lane] * odd
         first = (_P + c) * LANES
         for lane in range(LANES):
-            s[first + lane] = chain.translation[i, c] + moved[lane] * along
+            s[first + lane] = chain.translation[i, c] + s[moved + lane] * along
 
 
 @njit(cache=True, fastmath={"contract"})
@@ -170,12 +172,13 @@ def fill(
     """Add the columns to `out` (n, rows, columns): of body i, `which` of its ten, from `begins`."""
     m = len(chain.ratio)
     s, twists = np.empty(_ROWS * LANES), np.empty((m, 6 * LANES))
-    twist = s[_ALONG * LANES : (_ABOUT + 3) * LANES]
+    twist, size = _ALONG * LANES, 6 * LANES  # where that of the joint at hand stands
     for n in range(0, len(q), LANES):
         lanes = min(LANES, len(q) - n)
-        s[_W * LANES : _RISE * LANES] = 0.0
         for c in range(3):
-            s[(_RISE + c) * LANES : (_RISE + c + 1) * LANES] = -chain.gravity[c]
+            for lane in range(LANES):
+                s[(_W + c) * LANES + lane] = s[(_TURNING + c) * LANES + lane] = 0.0
+                s[(_RISE + c) * LANES + lane] = -chain.gravity[c]
         for i in range(m):
             _set_joint(chain, turns, i, q, v, a, n, s)
             _move_on(s, chain.slides[i])
@@ -183,15 +186,18 @@ def fill(
                 if rows[k] < 0:
                     continue
                 if k < i:
-                    twist[:] = twists[k]
+                    for e in range(size):
+                        s[twist + e] = twists[k, e]
                     _carry_twist(s)
                 else:
-                    twist[:] = 0.0
-                    first = _ALONG if chain.slides[i] else _ABOUT
                     for c in range(3):
                         unit = chain.ratio[i] * chain.axis[i, c]
-                        s[(first + c) * LANES : (first + c + 1) * LANES] = unit
-                twists[k] = twist
+                        along, about = (unit, 0.0) if chain.slides[i] else (0.0, unit)
+                        for lane in range(LANES):
+                            s[(_ALONG + c) * LANES + lane] = along
+                            s[(_ABOUT + c) * LANES + lane] = about
+                for e in range(size):
+                    twists[k, e] = s[twist + e]
                 _set_power(s)
                 row = rows[k]
                 for lane in range(lanes):
