@@ -240,15 +240,15 @@ def test_the_page_of_effects_lists_every_effect_with_its_forms(machine: Machine)
         ("effect: stribeck, joint: telescope, strength: 0.1, form: exp", "no form 'exp'"),
         (
             "effect: stribeck, strength: 0.1",
-            r"spec\.yaml: 'stribeck' acts on a joint whose pres.* joint of inner_boom",
+            r"spec\.yaml: 'stribeck' acts on a joint, whose pres.* joint of inner_boom",
         ),
         (
             "effect: stribeck, joint: slew, strength: 0.1",
-            r"spec\.yaml: 'stribeck' acts on a joint whose pres.* joint of inner_boom",
+            r"spec\.yaml: 'stribeck' acts on a joint, whose pres.* joint of inner_boom",
         ),
         (
             "effect: encoder_offset, joint: telescope, strength: 0.1",
-            r"acts on a joint that turns .* joint of inner_boom, outer_boom; got 'tel",
+            r"acts on a joint that turns, .* joint of inner_boom, outer_boom; got 'tel",
         ),
         ("effect: payload, joint: telescope, strength: 0.1", "give no joint"),
         ("effect: payload", "either its strength or its parameter mass"),

@@ -23,6 +23,7 @@ from crane_sim.drawing.scene import Scene
 from crane_sim.effects.form import Where
 from crane_sim.effects.sensing import faults
 from crane_sim.hiding.clean import clean
+from crane_sim.hiding.spec import HiddenEffect, Spec, check_joints
 from crane_sim.options import load_both
 from crane_sim.parts.constants import pack_chain
 from crane_sim.parts.mujoco_model import chain_positions, machine_spec
@@ -179,9 +180,18 @@ def on_no_link(content: dict[str, Any]) -> None:
 @pytest.mark.parametrize(
     ("change", "message"),
     [
-        (without_joint, "plant.yaml: key 'friction': no entry for the joint stick; the joints of"),
-        (with_another, "plant.yaml: key 'rest_pose.telescope': no such joint; .* swing, boom, st"),
-        (on_no_link, "plant.yaml: key 'bodies.bucket.link': no joint 'grapple'; the joints of sm"),
+        (
+            without_joint,
+            "plant.yaml: key 'friction': no entry for stick; the machine has the joints sw",
+        ),
+        (
+            with_another,
+            "plant.yaml: key 'rest_pose': no joint telescope; the .* swing, boom, stick, b",
+        ),
+        (
+            on_no_link,
+            "plant.yaml: key 'bodies.bucket.link': no joint 'grapple'; small excavator has",
+        ),
     ],
 )
 def test_a_stand_in_of_another_machine_is_refused_in_its_words(
@@ -200,3 +210,26 @@ def test_every_link_needs_a_body() -> None:
     bodies = {name: body for name, body in stand_in.bodies.items() if name != "stick"}
     with pytest.raises(ConfigurationError, match="key 'bodies': no body has the link stick"):
         pack_chain(stand_in.model_copy(update={"bodies": bodies}), machine)
+
+
+@pytest.mark.parametrize(
+    ("effect", "message"),
+    [
+        ({"effect": "hose_mass"}, "a joint which slides: of small excavator, no such"),
+        ({"effect": "slew_coupling"}, "first joint turns and is not measured: of small exc"),
+        (
+            {"effect": "pad_friction", "joint": "stick"},
+            "that slides, .* small excavator, no",
+        ),
+        (
+            {"effect": "stribeck", "joint": "telescope"},
+            "stick, bucket; got 'telescope'",
+        ),
+    ],
+)
+def test_effects_are_refused_where_a_machine_has_no_place_for_them(
+    effect: dict[str, Any], message: str
+) -> None:
+    spec = Spec(effects=(HiddenEffect(strength=0.05, **effect),))
+    with pytest.raises(ConfigurationError, match=message):
+        check_joints(spec, load_machine("excavator"), "spec.yaml")

@@ -61,13 +61,17 @@ class Draw(NamedTuple):
 
 
 class Where(Enum):
-    """On which joints an effect can act, of those whose pressures are measured."""
+    """On which joints an effect can act, of those whose pressures are measured; or on none of
+    them by itself, but on the whole of certain machines.
+    """
 
     ANY = "a joint"
     TURNING = "a joint that turns"
     SLIDING = "a joint that slides"
     FOLLOWING = "a joint that follows another such"
     WHOLE = "the whole machine"
+    SLEWING = "the whole of a machine whose first joint turns and is not measured"
+    TELESCOPIC = "the whole of a machine that has a joint which slides"
 
     def joints(self, machine: Machine) -> tuple[str, ...]:
         """Those of a machine, from the base to the tip."""
@@ -83,8 +87,26 @@ class Where(Enum):
                 names = machine.joint_names
                 pairs = pairwise(names)
                 return tuple(joint for last, joint in pairs if {last, joint} <= set(measured))
-            case Where.WHOLE:
+            case _:
                 return ()
+
+    @property
+    def whole(self) -> bool:
+        """Whether no joint is to be named."""
+        return self in (Where.WHOLE, Where.SLEWING, Where.TELESCOPIC)
+
+    def fits(self, machine: Machine) -> bool:
+        """Whether there is such a joint, or it is such a machine."""
+        first = machine.joint_names[0]
+        match self:
+            case Where.WHOLE:
+                return True
+            case Where.SLEWING:
+                return machine.units[first] == "rad" and first not in measured_joints(machine)
+            case Where.TELESCOPIC:
+                return "m" in machine.units.values()
+            case _:
+                return bool(self.joints(machine))
 
 
 class Form(NamedTuple):

@@ -8,7 +8,7 @@ from pydantic import Field, model_validator
 from crane_model.configuration import Schema, load
 from crane_model.errors import ConfigurationError
 from crane_model.machine import Machine
-from crane_sim.effects.form import Form, Where
+from crane_sim.effects.form import Form
 from crane_sim.effects.forms import FORMS
 
 
@@ -34,7 +34,7 @@ class HiddenEffect(Schema):
         if self.form is not None and self.form not in names:
             raise ValueError(f"'{self.effect}' has no form '{self.form}', but {', '.join(names)}")
         form = self.law
-        if form.where is Where.WHOLE and self.joint is not None:
+        if form.where.whole and self.joint is not None:
             raise ValueError(f"'{self.effect}' acts on the whole machine: give no joint")
         known = [form.magnitude.name, *(draw.name for draw in form.draws)]
         if unknown := sorted(self.parameters.keys() - set(known)):
@@ -78,10 +78,12 @@ def check_joints(spec: Spec, machine: Machine, source: Path | str) -> Spec:
     for effect in spec.effects:
         where = effect.law.where
         joints = where.joints(machine)
-        if where is not Where.WHOLE and effect.joint not in joints:
-            there = f"a joint of {', '.join(joints)}" if joints else "none"
-            raise ConfigurationError(
-                f"{source}: '{effect.effect}' acts on {where.value} whose pressures are measured, "
-                f"of {machine.name} {there}; got {effect.joint!r}"
-            )
+        if where.fits(machine) and (where.whole or effect.joint in joints):
+            continue
+        there = f"a joint of {', '.join(joints)}; got {effect.joint!r}" if joints else "no such"
+        raise ConfigurationError(
+            f"{source}: '{effect.effect}' acts on {where.value}"
+            f"{'' if where.whole else ', whose pressures are measured'}: "
+            f"of {machine.name}, {there}"
+        )
     return spec

@@ -10,6 +10,7 @@ from pydantic import Field, model_validator
 
 from crane_model.configuration import NonNegative, Positive, Schema, read_yaml, validate
 from crane_model.errors import ConfigurationError
+from crane_model.joint_tables import of_every_joint
 from crane_model.machine import Machine, load_machine
 from crane_model.machine_files import machine_file
 from crane_model.sensors import SensorChain
@@ -164,32 +165,30 @@ class StandIn(Schema):
     def of(self, machine: Machine, source: Path | str) -> Self:
         """Itself, with all that is said of joints in the order of the machine.
 
-        `ConfigurationError` names the keys of `source` where joints are missing or unknown.
+        `ConfigurationError` names the keys of `source` where joints are missing or unknown, and
+        the joints that it cannot move.
         """
-        wrong = []
-        ordered = {}
-        for key in OF_JOINTS:
-            table = getattr(self, key)
-            if table is None:
-                continue
-            missing = [joint for joint in machine.joint_names if joint not in table]
-            wrong += [f"key '{key}': no entry for the joint {joint}" for joint in missing]
-            unknown = [joint for joint in table if joint not in machine.joint_names]
-            wrong += [f"key '{key}.{joint}': no such joint" for joint in unknown]
-            if not missing:
-                ordered[key] = {joint: table[joint] for joint in machine.joint_names}
-        wrong += [
-            f"key 'bodies.{name}.link': no joint '{body.link}'"
-            for name, body in self.bodies.items()
-            if body.link not in [joint.name for joint in machine.joints]
-        ]
-        if wrong:
-            joints = ", ".join(joint.name for joint in machine.joints)
-            raise ConfigurationError(
-                "\n".join(
-                    f"{source}: {one}; the joints of {machine.name} are {joints}" for one in wrong
+        for joint, actuator in machine.actuators.items():
+            if not actuator.has_chambers:
+                raise ConfigurationError(
+                    f"{source}: a stand-in moves hydraulic actuators only, but {joint} of "
+                    f"{machine.name} has one of type {actuator.type}"
                 )
-            )
+        links = [joint.name for joint in machine.joints]
+        for name, body in self.bodies.items():
+            if body.link not in links:
+                raise ConfigurationError(
+                    f"{source}: key 'bodies.{name}.link': no joint '{body.link}'; "
+                    f"{machine.name} has {', '.join(links)}"
+                )
+        joints, resolution = machine.joint_names, self.sensors.encoder_resolution
+        of_every_joint(resolution, joints, f"{source}: key 'sensors.encoder_resolution'")
+        tables = {key: getattr(self, key) for key in OF_JOINTS}
+        ordered = {
+            key: of_every_joint(table, joints, f"{source}: key '{key}'")
+            for key, table in tables.items()
+            if table is not None
+        }
         return self.model_copy(update=ordered)
 
 
