@@ -4,6 +4,7 @@ import argparse
 import sys
 from collections.abc import Sequence
 from contextlib import ExitStack
+from dataclasses import replace
 from datetime import UTC, datetime
 from pathlib import Path
 
@@ -20,6 +21,7 @@ from crane_identification.data.arguments import (
 from crane_identification.data.column_map import ColumnMap
 from crane_identification.data.columns import TABLES
 from crane_identification.fitting import fit, validate
+from crane_identification.hydraulics.identified import identify_hydraulics
 from crane_identification.online.replay import recursion
 from crane_identification.options import Estimator, Options
 from crane_identification.preparation.session import Session
@@ -83,6 +85,8 @@ def identify(arguments: argparse.Namespace) -> None:
         session = Session.of((*training, *held_out))
         with blaming(suspicions):
             result = fit(model, training, options, progress, session)
+        hydraulics = identify_hydraulics(model, training, options.period, progress)
+        result = replace(result, model=replace(result.model, hydraulics=hydraulics))
         validations = (
             validate(result.model, held_out, options, progress, session) if held_out else ()
         )
@@ -99,6 +103,7 @@ def identify(arguments: argparse.Namespace) -> None:
             ),
             planted=known,
             recursive=replayed.result(progress) if replayed else None,
+            seen_by_none=held_out,
         )
         arguments.out.mkdir(parents=True, exist_ok=True)
         save_model(arguments.out / "model.yaml", result.model)
