@@ -1,8 +1,9 @@
-# make demo    the whole suite at work, results in runs/demo
+# make demo    the whole suite at work, results in runs/demo; MACHINE=... names another machine
 # make test    all tests
 # make discrepancy-benchmark   how often `diagnose` is right about hidden effects, in runs/
 # make study   the report's experiment with 20 + 2 trajectories, results in runs/study
 # make bench   measurements of speed
+# make figures put what was measured (demo, study, discrepancy-benchmark, bench) into the manual
 # make lint    style and types
 # make docs    the manual as a site, runs/docs/html/index.html
 # make setup   only what every target above does first: environment, packages, build
@@ -21,7 +22,7 @@ export ROS_AUTOMATIC_DISCOVERY_RANGE := LOCALHOST
 
 in_env := source scripts/env.sh &&
 
-.PHONY: help demo study discrepancy-benchmark test bench lint docs setup clean
+.PHONY: help demo study discrepancy-benchmark test bench figures lint docs setup clean
 
 help:
 	@sed -n '/^$$/q; s/^# //p' Makefile
@@ -30,7 +31,8 @@ setup:
 	@scripts/setup.sh
 
 demo: setup
-	@$(in_env) python scripts/demo/demo.py $(if $(SEED),--seed $(SEED))
+	@$(in_env) python scripts/demo/demo.py $(if $(SEED),--seed $(SEED)) \
+		$(if $(MACHINE),--machine $(MACHINE))
 
 study: setup
 	@$(in_env) ros2 run crane_benchmark study
@@ -43,6 +45,9 @@ test: setup
 
 bench: setup
 	@$(in_env) python -m pytest -s $(BENCH)
+
+figures: setup
+	@$(in_env) PYTHONPATH="docs:$$PYTHONPATH" python -m from_code.figures
 
 lint: setup
 	@$(in_env) ruff check . && ruff format --check . && mypy

@@ -7,6 +7,8 @@ import sys
 import xml.etree.ElementTree as ElementTree
 from pathlib import Path
 
+from myst_nb.core import render
+from nbformat import NotebookNode
 from sphinx.application import Sphinx
 from sphinx.util import logging
 
@@ -62,6 +64,19 @@ def leave_out(
     return True if "[" in name else None
 
 
+def joined(outputs: list[NotebookNode]) -> list[NotebookNode]:
+    """What a cell prints, in one piece: it comes in pieces of 100 bytes, and myst-nb would end a
+    line at each of them.
+    """
+    streams: dict[str, NotebookNode] = {}
+    for one in outputs:
+        if one.output_type == "stream":
+            whole = streams.setdefault(one.name, NotebookNode(one, text=""))
+            whole.text += one.text
+    return [*streams.values(), *(one for one in outputs if one.output_type != "stream")]
+
+
+render.coalesce_streams = joined
 LOADED = re.compile(r"<(?:script|link|img|iframe)\b[^>]* (?:src|href)=\"(?:https?:)?//[^\"]*")
 
 

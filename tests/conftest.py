@@ -1,12 +1,13 @@
 import os
 from collections.abc import Callable, Iterator
 from pathlib import Path
-from typing import NamedTuple
 
 import pytest
 from hypothesis import HealthCheck, settings
 from rich.console import Console
 from rich.table import Table
+
+from crane_benchmark.measured import MeasuredRow, write
 
 # The same examples on every machine; the first call of compiled code takes seconds.
 settings.register_profile(
@@ -15,15 +16,6 @@ settings.register_profile(
 settings.load_profile("suite")
 
 ROOT = Path(__file__).resolve().parents[1]
-
-
-class Measurement(NamedTuple):
-    """A number that the project promises, as the last run of `file` found it."""
-
-    quantity: str
-    target: str
-    value: str
-    file: str
 
 
 # They begin, so that the workers of a parallel run end at nearly the same time.
@@ -37,7 +29,8 @@ LONGEST = (
     "test_identify.py",
     "test_identification_node.py",
 )
-MEASUREMENTS = pytest.StashKey[list[Measurement]]()
+MEASURED = ROOT / "runs" / "bench"  # for the manual: `make figures`
+ROWS = pytest.StashKey[dict[str, dict[str, MeasuredRow]]]()
 
 
 def pytest_collection_modifyitems(items: list[pytest.Item]) -> None:
@@ -47,20 +40,29 @@ def pytest_collection_modifyitems(items: list[pytest.Item]) -> None:
 
 
 @pytest.fixture
-def measured(request: pytest.FixtureRequest) -> Callable[[str, str, str], None]:
-    """`measured(quantity, target, value)` puts a row into the table at the end of the run."""
-    rows = request.config.stash.setdefault(MEASUREMENTS, [])
-    return lambda quantity, target, value: rows.append(
-        Measurement(quantity, target, value, request.path.name)
-    )
+def measured(request: pytest.FixtureRequest) -> Callable[..., None]:
+    """`measured(what, target, text, **values)`: a number that the project promises.
+
+    The text is that of a cell of `MeasuredRow`. It stands in the table at the end of the run, and
+    in runs/bench.
+    """
+    rows = request.config.stash.setdefault(ROWS, {}).setdefault(request.path.stem, {})
+
+    def add(what: str, target: str, text: str, **values: float) -> None:
+        plain = {name: float(value) for name, value in values.items()}
+        rows[what] = MeasuredRow(cells=[what, target, text], values=plain)  # the last one of reruns
+
+    return add
 
 
 def pytest_terminal_summary(config: pytest.Config) -> None:
-    if not (rows := config.stash.get(MEASUREMENTS, [])):
+    if not (found := config.stash.get(ROWS, {})):
         return
     table = Table("quantity", "target", "measured", "by", title="What was measured", width=150)
-    for row in rows:
-        table.add_row(*row)
+    for name, rows in found.items():
+        for row in rows.values():
+            table.add_row(*row.shown, name)
+        write(MEASURED / f"{name}.json", "make bench", list(rows.values()))
     Console(width=150, highlight=False).print(table)
 
 

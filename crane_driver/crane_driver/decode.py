@@ -4,14 +4,16 @@ import argparse
 from collections.abc import Sequence
 from pathlib import Path
 
-from crane_model.cli import add_replace, check_out, command_line, run
+from crane_model.cli import add_machine, add_replace, check_out, command_line, run
 from crane_model.errors import CraneError
+from crane_model.machine import load_machine
+from crane_model.machine_files import machine_file
 
 
 def main(argv: Sequence[str] | None = None) -> int:
     """Command line of `ros2 run crane_driver decode`."""
     parser = command_line(description=__doc__)
-    parser.add_argument("--dbc", type=Path, required=True, help="DBC file")
+    parser.add_argument("--dbc", type=Path, help="DBC file (default: can.dbc of the machine)")
     parser.add_argument(
         "--log",
         type=Path,
@@ -27,8 +29,12 @@ def main(argv: Sequence[str] | None = None) -> int:
         "(mcap), which needs --mapping",
     )
     parser.add_argument(
-        "--mapping", type=Path, help="mapping YAML: which signals are joints, pressures, commands"
+        "--mapping",
+        type=Path,
+        help="mapping YAML: which signals are joints, pressures, commands (default: can.yaml of "
+        "the machine, unless --dbc alone is named)",
     )
+    add_machine(parser)
     add_replace(parser)
     parser.add_argument("--channel", help="interface to read, where the log has several")
     options = parser.parse_args(argv)
@@ -44,4 +50,8 @@ def _decode(options: argparse.Namespace) -> None:
         ) from None
     if options.out.suffix in TABLES:
         check_out(options.out, replace=options.replace)
-    print(decode(options.log, options.dbc, options.mapping, options.channel, options.out))
+    name, mapping = options.machine, options.mapping
+    if mapping or name or not options.dbc:
+        mapping = machine_file("can.yaml", name, mapping)
+    dbc = machine_file("can.dbc", name, options.dbc)
+    print(decode(options.log, load_machine(name), dbc, mapping, options.channel, options.out))

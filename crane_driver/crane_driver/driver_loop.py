@@ -24,7 +24,7 @@ from crane_driver.safety.states import SafetyState
 from crane_driver.safety.supervisor import Supervisor, check_valves
 from crane_driver.velocity_filter import VelocityFilter
 from crane_model.cylinders import cylinder_force
-from crane_model.machine import JOINTS, Machine
+from crane_model.machine import Machine
 
 # After a command valve frames follow the commands, not the cycle, unless none comes for so long.
 GRACE = 1.5  # cycles
@@ -73,9 +73,9 @@ class DriverLoop:
     ):
         """`ConfigurationError` if a joint has a valve but no position."""
         check_valves(layout.valves, layout.positions)
-        self.joints = tuple(joint for joint in JOINTS if joint in layout.positions)
+        self.joints = tuple(joint for joint in machine.joint_names if joint in layout.positions)
         measured = {name.split(".")[0] for name in layout.pressures if name not in LINES}
-        self.cylinders = tuple(joint for joint in JOINTS if joint in measured)
+        self.cylinders = tuple(joint for joint in machine.joint_names if joint in measured)
         self.cycle = min(message.cycle for message in layout.commands)
         self.codec = DriverCodec(layout)
         self.monitor = Monitor(layout.readings, layout.timing, now)
@@ -245,6 +245,9 @@ class DriverLoop:
             return [math.nan] * len(self.joints)
         effort = []
         for joint in self.joints:
+            if joint not in self._machine.cylinders:
+                effort.append(math.nan)
+                continue
             pressure_a, pressure_b = (
                 np.array(newest.values.get(f"{joint}.{chamber}", math.nan)) for chamber in "ab"
             )

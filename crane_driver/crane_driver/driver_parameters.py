@@ -2,13 +2,17 @@
 
 from collections.abc import Mapping
 from dataclasses import dataclass
+from pathlib import Path
 
 from rclpy.node import Node
 
 from crane_driver.can.bus import BusSettings
 from crane_driver.can.options import bus_settings
 from crane_driver.realtime import RealTimeSettings
-from crane_model.machine import JOINT_UNITS, JOINTS
+from crane_model.machine import Machine
+from crane_model.machine_files import machine_file
+from crane_nodes.joint_notes import load_joint_notes
+from crane_nodes.machine_parameter import MACHINE
 from crane_nodes.managed import AUTOSTART
 from crane_nodes.parameters import NodeParameter, Number, Switch, Text
 
@@ -31,31 +35,17 @@ OPTIONS = Text(
     "Further options of the interface as KEY=VALUE, separated by blanks, for example port=43113. "
     "At configure",
 )
-DBC = Text("dbc", "", "DBC file; empty: that of the laboratory crane. At configure")
+DBC = Text("dbc", "", "DBC file; empty: can.dbc of the machine. At configure")
 MAPPING = Text(
     "mapping",
     "",
-    "YAML that says what the signals mean; empty: that of the laboratory crane. At configure",
-)
-MACHINE = Text(
-    "machine", "", "Machine YAML with Tables 1 and 2; empty: the laboratory crane. At configure"
+    "YAML that says what the signals mean; empty: can.yaml of the machine. At configure",
 )
 SAFETY = Text(
     "safety",
     "",
-    "YAML of the safety functions; empty: that of the laboratory crane. At configure",
+    "YAML of the safety functions; empty: safety.yaml of the machine. At configure",
 )
-JERK_DENSITY = {
-    joint: Number(
-        f"jerk_density.{joint}",
-        density,
-        f"{JOINT_UNITS[joint]}^2/s^5",
-        1e-9,
-        1e6,
-        "Expected jerk squared times its duration, for the velocity. At configure",
-    )
-    for joint, density in zip(JOINTS, (0.01, 0.01, 0.02, 0.05), strict=True)
-}
 PRIORITY = Number(
     "realtime.priority",
     50,
@@ -70,11 +60,31 @@ LOCK_MEMORY = Switch(
     True,
     "Keep the memory of the driver from being paged out, where the system permits it. At configure",
 )
-PARAMETERS: tuple[NodeParameter, ...] = (
-    *(AUTOSTART, INTERFACE, CHANNEL, BITRATE, OPTIONS, DBC, MAPPING, MACHINE, SAFETY),
-    *JERK_DENSITY.values(),
-    *(PRIORITY, LOCK_MEMORY),
-)
+
+
+def jerk_density_parameters(machine: Machine, name: str) -> dict[str, Number]:
+    """By joint of the machine called `name`; `ConfigurationError` if its joints.yaml is wrong."""
+    notes = load_joint_notes(machine_file("joints.yaml", name), machine.units)
+    return {
+        joint: Number(
+            f"jerk_density.{joint}",
+            note.jerk_density,
+            f"{machine.units[joint]}^2/s^5",
+            1e-9,
+            1e6,
+            "Expected jerk squared times its duration, for the velocity. At configure",
+        )
+        for joint, note in notes.items()
+    }
+
+
+def driver_parameters(machine: Machine, name: str) -> tuple[NodeParameter, ...]:
+    """All parameters of the driver of the machine called `name`, `MACHINE` first."""
+    return (
+        *(MACHINE, AUTOSTART, INTERFACE, CHANNEL, BITRATE, OPTIONS, DBC, MAPPING, SAFETY),
+        *jerk_density_parameters(machine, name).values(),
+        *(PRIORITY, LOCK_MEMORY),
+    )
 
 
 @dataclass(frozen=True)
@@ -82,16 +92,17 @@ class DriverParameters:
     """The parameters as the driver uses them."""
 
     bus: BusSettings
-    dbc: str | None
-    mapping: str | None
-    machine: str | None
-    safety: str | None
+    dbc: Path
+    mapping: Path
+    safety: Path
     jerk_density: Mapping[str, float]
     realtime: RealTimeSettings
 
 
-def read_parameters(node: Node) -> DriverParameters:
+def read_parameters(node: Node, machine: Machine) -> DriverParameters:
     """`ConfigurationError` names the parameter, what it must be and its value."""
+    name = MACHINE.read(node)
+    densities = jerk_density_parameters(machine, name)
     return DriverParameters(
         bus=bus_settings(
             INTERFACE.read(node),
@@ -99,10 +110,9 @@ def read_parameters(node: Node) -> DriverParameters:
             int(BITRATE.read(node)),
             OPTIONS.read(node).split(),
         ),
-        dbc=DBC.read(node) or None,
-        mapping=MAPPING.read(node) or None,
-        machine=MACHINE.read(node) or None,
-        safety=SAFETY.read(node) or None,
-        jerk_density={joint: one.read(node) for joint, one in JERK_DENSITY.items()},
+        dbc=machine_file("can.dbc", name, DBC.read(node)),
+        mapping=machine_file("can.yaml", name, MAPPING.read(node)),
+        safety=machine_file("safety.yaml", name, SAFETY.read(node)),
+        jerk_density={joint: one.read(node) for joint, one in densities.items()},
         realtime=RealTimeSettings(int(PRIORITY.read(node)), LOCK_MEMORY.read(node)),
     )

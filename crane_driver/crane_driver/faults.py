@@ -141,7 +141,7 @@ class Fault:
     detail: str
     source: str = ""
     id: str = ""  # of a message, as `show_id` writes it
-    measures: str = ""  # what a message measures, for people: "encoder of telescope"
+    measures: str = ""  # what a message measures, for people: "encoder of boom"
 
     @property
     def where(self) -> str:

@@ -12,7 +12,7 @@ ARGUMENTS = COMMON | {
     "bus_options": "Further options as KEY=VALUE, separated by blanks",
     "dbc": "DBC file",
     "mapping": "Mapping YAML",
-    "machine": "Machine YAML",
+    "machine": "Machine by its name, or its folder or machine file",
     "safety": "YAML of the safety functions",
     "record": "New folder to record to; empty: nothing is recorded",
 }

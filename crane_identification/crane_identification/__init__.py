@@ -14,12 +14,12 @@ if TYPE_CHECKING:
     from crane_identification.data.log import Log as Log
     from crane_identification.data.log import Signal as Signal
     from crane_identification.estimation.estimate import Estimate as Estimate
+    from crane_identification.fitting import FitResult as FitResult
+    from crane_identification.fitting import fit as fit
+    from crane_identification.fitting import validate as validate
     from crane_identification.options import Covariance as Covariance
     from crane_identification.options import Estimator as Estimator
     from crane_identification.options import Options as Options
-    from crane_identification.pipeline import FitResult as FitResult
-    from crane_identification.pipeline import fit as fit
-    from crane_identification.pipeline import validate as validate
     from crane_identification.preparation.session import Session as Session
     from crane_identification.progress_bar import ProgressBar as ProgressBar
     from crane_identification.validation.force_validation import Validation as Validation
@@ -31,7 +31,7 @@ __getattr__, __dir__, __all__ = lazily(
         "data.log": ("Log", "Signal"),
         "estimation.estimate": ("Estimate",),
         "options": ("Covariance", "Estimator", "Options"),
-        "pipeline": ("FitResult", "fit", "validate"),
+        "fitting": ("FitResult", "fit", "validate"),
         "preparation.session": ("Session",),
         "progress_bar": ("ProgressBar",),
         "validation.force_validation": ("Validation",),

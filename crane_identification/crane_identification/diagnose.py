@@ -12,6 +12,7 @@ from crane_identification.data.arguments import (
     Sources,
     add_part,
     add_period,
+    add_recordings,
     add_trust,
     refuse_overlap,
 )
@@ -19,13 +20,13 @@ from crane_identification.data.column_map import ColumnMap
 from crane_identification.data.columns import TABLES
 from crane_identification.diagnosis import explain, findings
 from crane_identification.diagnosis.diagnosis import check_known, diagnose
-from crane_identification.diagnosis.hydraulics import load_usual
+from crane_identification.diagnosis.flow.usual import load_usual
 from crane_identification.diagnosis.report import page
-from crane_identification.diagnosis.thresholds import load_thresholds
 from crane_identification.options import Options
 from crane_identification.progress_bar import ProgressBar
 from crane_identification.recording_check.check import blaming, vetted
 from crane_identification.report.content import Provenance
+from crane_identification.thresholds import load_thresholds
 from crane_model import cli
 from crane_model.configuration import load
 from crane_model.errors import ConfigurationError
@@ -88,7 +89,7 @@ def run(arguments: argparse.Namespace) -> None:
         save_model(arguments.out / "model.yaml", result.after)
         findings.write(arguments.out / "findings.json", result, suspicions)
         page.write(arguments.out / "report.html", result, provenance, suspicions)
-    _tell(findings.content(result) | {"suspicions": suspicions})
+    _tell(findings.content(result, suspicions))
     print(f"written: {arguments.out}/findings.json, model.yaml, report.html")
     logs = [*training, *held_out]
     samples = sum(len(log.position.time) for log in logs)
@@ -112,8 +113,8 @@ def parser() -> argparse.ArgumentParser:
     )
     add = result.add_argument
     add("--model", type=Path, help="model file (YAML) that lists the terms")
-    add("--train", type=Path, nargs="+", default=[], help="recordings to look into")
-    add("--validate", type=Path, nargs="+", default=[], help="recordings to prove the answer on")
+    add_recordings(result, "--train", "recordings to look into")
+    add_recordings(result, "--validate", "recordings to prove the answer on")
     add("--out", type=Path, help="folder for the results")
     cli.add_replace(result)
     add(
@@ -125,7 +126,7 @@ def parser() -> argparse.ArgumentParser:
     add("--columns", type=Path, help="column map (YAML) of tables, or of your topics")
     add_part(result)
     add_period(result)
-    add("--without", nargs="+", default=[], metavar="EFFECT", help=WITHOUT)
+    add("--without", nargs="+", action="extend", default=[], metavar="EFFECT", help=WITHOUT)
     add("--fixed", action="store_true", help=FIXED)
     add("--thresholds", type=Path, help="thresholds (YAML; default: the packaged ones)")
     add("--hydraulics", type=Path, help="what is usual of valves and oil (YAML)")

@@ -14,15 +14,16 @@ from crane_identification.data.arguments import (
     Sources,
     add_part,
     add_period,
+    add_recordings,
     add_trust,
     refuse_overlap,
 )
 from crane_identification.data.column_map import ColumnMap
 from crane_identification.data.columns import TABLES
+from crane_identification.fitting import fit, validate
 from crane_identification.hydraulics.identified import identify_hydraulics
 from crane_identification.online.replay import recursion
 from crane_identification.options import Estimator, Options
-from crane_identification.pipeline import fit, validate
 from crane_identification.preparation.session import Session
 from crane_identification.progress_bar import ProgressBar
 from crane_identification.recording_check.check import blaming, vetted
@@ -187,8 +188,8 @@ def parser() -> argparse.ArgumentParser:
     )
     add = result.add_argument
     add("--model", type=Path, required=True, help="model file (YAML) that lists the terms")
-    add("--train", type=Path, nargs="+", required=True, help="recordings to fit the model to")
-    add("--validate", type=Path, nargs="+", default=[], help="recordings to validate it on")
+    add_recordings(result, "--train", "recordings to fit the model to", required=True)
+    add_recordings(result, "--validate", "recordings to validate it on")
     add("--out", type=Path, required=True, help="folder for the results")
     cli.add_replace(result)
     add("--terms", type=Path, metavar="FILE", help="Python file with terms of your own")

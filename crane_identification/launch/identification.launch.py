@@ -6,6 +6,7 @@ from launch.substitutions import LaunchConfiguration
 from crane_nodes.launching import COMMON, declared, node
 
 ARGUMENTS = COMMON | {
+    "machine": "Machine by its name, or its folder or machine file",
     "model": "Model file to identify",
     "model_output": "File that ~/save_model writes",
     "forgetting": "Forgetting factor per row",
@@ -24,6 +25,7 @@ def generate_launch_description() -> LaunchDescription:
                 package="crane_identification",
                 executable="identification",
                 parameters={
+                    "machine": ("machine", str),
                     "model": ("model", str),
                     "model_output": ("model_output", str),
                     "forgetting": ("forgetting", float),

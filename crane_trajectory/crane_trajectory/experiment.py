@@ -16,7 +16,6 @@ from enum import Enum, IntEnum, auto
 import numpy as np
 
 from crane_model.errors import RangeError
-from crane_model.machine import JOINTS
 from crane_trajectory.control.controller import command
 from crane_trajectory.control.tracking import PeriodicError, beyond
 from crane_trajectory.control.tuning import Blend, Tuning
@@ -64,16 +63,17 @@ class Experiment:
         self.outcome = Outcome.COMPLETED
         self.message = "every period has been run and the crane is at rest"
         self.target: Target | None = None  # None while no reference is followed
-        self.tracking_error = np.zeros(len(JOINTS))  # (4,) rad, m: reference minus measured
+        self._units = motion.machine.units
+        self.tracking_error = np.zeros(len(self._units))  # (j,) rad, m: reference minus measured
         self._clock = ReferenceClock(-NEUTRAL_BEFORE)
         self._tuning = Blend(tuning)
         self._timeout = states_timeout
         self._error = PeriodicError(
-            motion.excitation_start, motion.trajectory.period, motion.periods
+            len(self._units), motion.excitation_start, motion.trajectory.period, motion.periods
         )
         self._stamp: float | None = None
         self._heard = now
-        self._command = np.zeros(len(JOINTS))
+        self._command = np.zeros(len(self._units))
         self._commanded = now
         self._entered = now  # the stage
         self._resting_since: float | None = None
@@ -90,7 +90,7 @@ class Experiment:
 
     @property
     def rms(self) -> np.ndarray:
-        """Root mean square of the tracking error over whole periods (4,); NaN without one."""
+        """Root mean square of the tracking error over whole periods (j,); NaN without one."""
         return self._error.rms
 
     def retune(self, tuning: Tuning) -> None:
@@ -113,7 +113,7 @@ class Experiment:
     def sample(
         self, stamp: float, position: np.ndarray, velocity: np.ndarray, now: float
     ) -> np.ndarray | None:
-        """The command (4,) that answers a joint state (4,), (4,) [SI]; None when it is over."""
+        """The command (j,) that answers a joint state (j,), (j,) [SI]; None when it is over."""
         dt = stamp - self._stamp if self._stamp is not None else 0.0
         self._stamp, self._heard = stamp, now
         tuning = self._tuning.advance(max(dt, 0.0))
@@ -127,7 +127,7 @@ class Experiment:
         return self._ramp(now)
 
     def watch(self, now: float) -> np.ndarray | None:
-        """A command (4,) if one is due although no joint state has come, else None."""
+        """A command (j,) if one is due although no joint state has come, else None."""
         silent = now - self._heard
         if silent > self._timeout:
             self.release(
@@ -144,15 +144,15 @@ class Experiment:
         self, position: np.ndarray, velocity: np.ndarray, tuning: Tuning, now: float
     ) -> np.ndarray | None:
         target = self.target = self._clock.target(self.motion)
-        u = command(tuning.gains, position, velocity, target.position, target.velocity)
+        u = command(tuning.gains, position, velocity, target.position, target.velocity, self._units)
         self.tracking_error = target.position - position
         self._error.add(self._clock.time, self.tracking_error)
-        if lost := beyond(self.tracking_error, tuning.tolerance):
+        if lost := beyond(self.tracking_error, tuning.tolerance, self._units):
             self.release(Outcome.TRACKING_LOST, lost, now)
             return self._ramp(now)
         self._command, self._commanded = np.clip(u, -tuning.saturation, tuning.saturation), now
         if self._clock.time < 0.0:
-            self._command = np.zeros(len(JOINTS))
+            self._command = np.zeros(len(self._units))
         self._proceed(tuning, now)
         return self._command
 

@@ -16,7 +16,7 @@ class Readiness:
     """
 
     def __init__(self) -> None:
-        self.position: np.ndarray | None = None  # (4,) rad, m: the newest
+        self.position: np.ndarray | None = None  # (j,) rad, m: the newest
         self._heard = -math.inf  # when the newest joint state came
         self._resting_since: float | None = None
 
@@ -27,7 +27,7 @@ class Readiness:
     def sample(
         self, position: np.ndarray, velocity: np.ndarray, tuning: Tuning, now: float
     ) -> None:
-        """A joint state (4,), (4,) [SI] has come."""
+        """A joint state (j,), (j,) [SI] has come."""
         self.position, self._heard = position, now
         if not at_rest(velocity, tuning):
             self._resting_since = None
@@ -41,3 +41,8 @@ class Readiness:
         if self._resting_since is None or now - self._resting_since < REST_TIME_S:
             return "the crane is not at rest; bring it to rest"
         return ""
+
+    def moved_from(self, start: np.ndarray, tuning: Tuning) -> bool:
+        """Whether the crane is no longer where a motion starts (j,) [SI]."""
+        assert self.position is not None
+        return bool((np.abs(self.position - start) > tuning.tolerance / 2).any())

@@ -1,7 +1,7 @@
 """The action run_excitation: what becomes of a goal, from its request to its result."""
 
 import time
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
 from concurrent.futures import Future as Result
 from functools import partial
 from threading import Thread
@@ -17,7 +17,7 @@ from crane_interfaces.action import RunExcitation
 from crane_model.errors import ConfigurationError, CraneError
 from crane_trajectory.experiment import Experiment, Outcome
 from crane_trajectory.motion.motion import Motion
-from crane_trajectory.motion.periodic import PeriodicTrajectory, load_trajectory
+from crane_trajectory.motion.periodic import PeriodicTrajectory
 from crane_trajectory.trajectory_topics import feedback_message, result_message
 
 ACTION = "run_excitation"
@@ -43,11 +43,18 @@ class Leader(Protocol):
         """Whether goals may begin at all."""
 
     @property
+    def units(self) -> Mapping[str, str]:
+        """Of the joints of the machine, from the base to the tip: rad or m."""
+
+    @property
     def next_watch(self) -> Future:
         """Done when the experiment has been looked at again."""
 
     def lacking(self) -> str:
         """What is in the way of an experiment; empty if nothing is."""
+
+    def read(self, trajectory: str) -> PeriodicTrajectory:
+        """What a goal names, in any thread; `ConfigurationError` if it is wrong."""
 
     def planner(self, trajectory: PeriodicTrajectory, periods: int) -> Callable[[], Motion]:
         """What plans the motion from where the crane is now, in any thread; it raises `RangeError`
@@ -99,7 +106,7 @@ class Goals:
     async def _run(self, goal: ServerGoalHandle) -> RunExcitation.Result:
         if goal.request.periods < 1:
             raise ConfigurationError("periods: must be at least 1, got 0")
-        trajectory = await self._aside(goal, partial(load_trajectory, goal.request.trajectory))
+        trajectory = await self._aside(goal, partial(self._leader.read, goal.request.trajectory))
         await self._ready(goal)
         planner = self._leader.planner(trajectory, goal.request.periods)
         motion = await self._aside(goal, planner)
@@ -166,4 +173,4 @@ class Goals:
             goal.canceled()
         else:
             goal.abort()
-        return result_message(outcome, message, rms)
+        return result_message(outcome, message, self._leader.units, rms)

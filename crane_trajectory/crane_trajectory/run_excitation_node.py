@@ -4,8 +4,6 @@ HAZARD: the crane moves by itself. Ctrl-C brings it to rest; software is no safe
 """
 
 import argparse
-import json
-import math
 import sys
 from collections.abc import Callable, Iterator, Sequence
 from contextlib import contextmanager
@@ -23,8 +21,8 @@ from crane_interfaces.action import RunExcitation
 from crane_model.arguments import whole
 from crane_model.cli import INTERRUPTED, add_replace, check_out, command_line, run
 from crane_model.errors import CraneError
-from crane_model.machine import JOINT_UNITS
 from crane_model.progress_bar import BAR, progress_bar
+from crane_model.result_file import NumberByJoint, ResultFile
 from crane_nodes.command_line import own_arguments
 from crane_nodes.context import Stop, ros
 from crane_nodes.driver_client import DriverClient
@@ -46,6 +44,17 @@ class ExcitationError(CraneError):
     """
 
 
+class ExcitationResult(ResultFile):
+    """How an experiment ended (`run_excitation --result`)."""
+
+    outcome: str
+    """`COMPLETED`, or what ended it: the constants of the action."""
+    message: str
+    """The same in a sentence."""
+    rms_tracking_error: NumberByJoint
+    """Of the periods that were run [rad, m]; null where none was."""
+
+
 class RunExcitationClient(Node):
     """Asks for one experiment, and waits for its end whatever happens."""
 
@@ -55,7 +64,6 @@ class RunExcitationClient(Node):
         self._worker = SingleThreadedExecutor()
         self._worker.add_node(self)
         self._action = ActionClient(self, RunExcitation, ACTION)
-        self._action = ActionClient(self, RunExcitation, "run_excitation")
         self._driver = DriverClient(self)
         self._bar: tqdm | None = None
 
@@ -73,7 +81,9 @@ class RunExcitationClient(Node):
         """The result of the goal; a signal cancels it, and it is waited for all the same."""
         self._await(self._action.server_is_ready, "no trajectory node answers; start one")
         say_ready(self)
-        goal = RunExcitation.Goal(trajectory=str(trajectory.absolute()), periods=periods)
+        of_machine = not trajectory.exists() and trajectory.name == str(trajectory)
+        named = str(trajectory if of_machine else trajectory.absolute())
+        goal = RunExcitation.Goal(trajectory=named, periods=periods)
         with progress_bar("", 0.0, form=ELAPSED, patience=0.0) as bar:
             self._bar = bar
             handle = self._answer(self._action.send_goal_async(goal, self._show))
@@ -99,8 +109,10 @@ class RunExcitationClient(Node):
         self._bar.total = max(feedback.duration, feedback.elapsed)
         self._bar.n = feedback.elapsed
         errors = (
-            f"{joint} {error * 1e3:+.0f} m{JOINT_UNITS[joint]}"
-            for joint, error in zip(feedback.name, feedback.tracking_error, strict=True)
+            f"{joint} {error * 1e3:+.0f} m{unit}"
+            for joint, unit, error in zip(
+                feedback.name, feedback.unit, feedback.tracking_error, strict=True
+            )
         )
         if not self._stop.requested:
             self._bar.set_description(Phase(feedback.phase).name.lower(), refresh=False)
@@ -153,21 +165,17 @@ def _run(options: argparse.Namespace, client: RunExcitationClient) -> RunExcitat
 
 
 def _write(file: Path, result: RunExcitation.Result) -> None:
-    errors = zip(result.name, result.rms_tracking_error.tolist(), strict=True)
-    content = {
-        "outcome": Outcome(result.outcome).name,
-        "message": result.message,
-        "rms_tracking_error": {
-            joint: error if math.isfinite(error) else None for joint, error in errors
-        },
-    }
-    file.write_text(json.dumps(content, indent=2, ensure_ascii=False) + "\n", encoding="utf-8")
+    ExcitationResult(
+        outcome=Outcome(result.outcome).name,
+        message=result.message,
+        rms_tracking_error=dict(zip(result.name, result.rms_tracking_error.tolist(), strict=True)),
+    ).write(file)
 
 
 def _tell(result: RunExcitation.Result) -> None:
     """Print the result; `ExcitationError` unless it was completed."""
-    for joint, error in zip(result.name, result.rms_tracking_error, strict=True):
-        print(f"RMS tracking error, {joint}: {error:.4g} {JOINT_UNITS[joint]}")
+    for joint, unit, error in zip(result.name, result.unit, result.rms_tracking_error, strict=True):
+        print(f"RMS tracking error, {joint}: {error:.4g} {unit}")
     outcome = Outcome(result.outcome)
     if outcome is not Outcome.COMPLETED:
         raise ExcitationError(f"{outcome.name}: {result.message}")
@@ -177,7 +185,10 @@ def _tell(result: RunExcitation.Result) -> None:
 def _parser() -> argparse.ArgumentParser:
     parser = command_line(prog="run_excitation", description=main.__doc__)
     parser.add_argument(
-        "--trajectory", type=Path, required=True, help="file, on the machine of the trajectory node"
+        "--trajectory",
+        type=Path,
+        required=True,
+        help="file, where the trajectory node runs; a bare name: that of its machine",
     )
     parser.add_argument(
         "--periods", type=whole(1, MOST_PERIODS), required=True, help="whole periods to run"

@@ -2,7 +2,6 @@
 
 from diagnostic_msgs.msg import DiagnosticStatus, KeyValue
 
-from crane_model.machine import JOINT_UNITS, JOINTS
 from crane_trajectory.experiment import Experiment
 
 
@@ -23,7 +22,8 @@ def status(
         total = experiment.motion.duration
         found.message = f"{phase}, {experiment.elapsed:.1f} of {total:.1f} s"
         values["phase"] = phase
-        for joint, error in zip(JOINTS, experiment.tracking_error, strict=True):
-            values[f"tracking error, {joint} [{JOINT_UNITS[joint]}]"] = f"{error:.4g}"
+        units = experiment.motion.machine.units
+        for (joint, unit), error in zip(units.items(), experiment.tracking_error, strict=True):
+            values[f"tracking error, {joint} [{unit}]"] = f"{error:.4g}"
     found.values = [KeyValue(key=key, value=value) for key, value in values.items()]
     return found

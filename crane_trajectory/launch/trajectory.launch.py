@@ -5,7 +5,7 @@ from launch import LaunchDescription
 from crane_nodes.launching import COMMON, declared, node
 
 ARGUMENTS = COMMON | {
-    "machine": "Machine YAML with the limits",
+    "machine": "Machine by its name, or its folder or machine file",
     "clearance": "File of the room that the boom tip keeps",
     "controller": "File of the gains, as bring-up writes it",
 }

@@ -3,13 +3,21 @@
 import sys
 from pathlib import Path
 
-from from_code import api, command_line, files, messages, nodes
+from from_code import (
+    api,
+    command_line,
+    files,
+    imports_picture,
+    messages,
+    nodes,
+    result_files,
+)
 
 
 def main(folder: Path) -> None:
     """Write what has changed, remove what is no longer made."""
     made: dict[str, str] = {}
-    for module in (command_line, nodes, messages, files, api):
+    for module in (command_line, nodes, messages, files, result_files, api, imports_picture):
         made |= module.pages()
     folder.mkdir(exist_ok=True)
     for path in folder.iterdir():

@@ -3,9 +3,9 @@
 from types import ModuleType
 
 from crane_bags import reader, writer
-from crane_identification import options, pipeline
+from crane_identification import fitting, options, thresholds
 from crane_identification.data import bag_log, log
-from crane_identification.diagnosis import diagnosis, findings, thresholds
+from crane_identification.diagnosis import diagnosis, findings
 from crane_identification.estimation import estimate
 from crane_identification.validation import force_validation
 from crane_model import dynamics, kinematics, machine, model_file, record, simulation
@@ -22,7 +22,7 @@ MODULES = {
     "Terms": (term, joint_term, effect, own),
     "Bags": (reader, writer),
     "Trajectories": (fourier, sweep, motion, check, merit, controller),
-    "Identification": (log, bag_log, options, pipeline, estimate, force_validation),
+    "Identification": (log, bag_log, options, fitting, estimate, force_validation),
     "Diagnosis": (diagnosis, thresholds, findings),
     "Stand-in machine": (make_bag, parameters, variation, calibrate),
 }

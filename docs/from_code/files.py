@@ -1,7 +1,7 @@
 """The YAML files that the suite reads: keys, values and defaults, as their schemas have them."""
 
 from collections.abc import Iterator
-from importlib.resources import files
+from pathlib import Path
 from typing import Any, NamedTuple
 
 from pydantic import BaseModel
@@ -9,11 +9,14 @@ from pydantic import BaseModel
 from crane_driver.can.mapping import Mapping
 from crane_driver.safety.settings import SafetySettings
 from crane_identification.data.column_map import ColumnMap
-from crane_identification.diagnosis.hydraulics import Usual
-from crane_identification.diagnosis.thresholds import Thresholds
+from crane_identification.diagnosis.flow.usual import Usual
+from crane_identification.thresholds import Thresholds
+from crane_model.configuration import packaged
 from crane_model.machine import Machine
+from crane_model.machine_files import machine_file
 from crane_model.model_file import _ModelFile
 from crane_model.sensors import SensorChain
+from crane_nodes.joint_notes import JointNotes
 from crane_sim.hiding.spec import Spec
 from crane_sim.parts.parameters import StandIn
 from crane_trajectory.control.controller import Gains
@@ -29,37 +32,38 @@ class Kind(NamedTuple):
     title: str
     about: str
     schema: type[BaseModel]
-    package: str = ""  # of the file that ships, if one does
-    name: str = ""
+    ships: Path | None = None
 
 
 KINDS = (
-    Kind("Machine", "What the machine is.", Machine, "crane_model", "laboratory_crane.yaml"),
+    Kind("Machine", "What the machine is.", Machine, machine_file("machine.yaml")),
     Kind("Model", "The terms of a model and, once fitted, their values; see "
-         "[The model](../../explanation/model.md).", _ModelFile, "crane_model", "crane_model.yaml"),
+         "[The model](../../explanation/model.md).", _ModelFile, machine_file("model.yaml")),
     Kind("Column map", "See [Use tables](../../how_to/tables.md).", ColumnMap),
     Kind("Fourier trajectory", "See [Design an excitation trajectory](../../how_to/design.md).",
-         FourierTrajectory, "crane_trajectory", "validation_20s.yaml"),
+         FourierTrajectory, machine_file("validation_20s.yaml")),
     Kind("Sweep trajectory", "Written by `design --sweeps`.", SweepTrajectory),
     Kind("Design settings", "Margins and effort of `design`.", DesignSettings,
-         "crane_trajectory", "design.yaml"),
+         machine_file("design.yaml")),
     Kind("Clearance", "The room that the boom tip keeps.", Clearance,
-         "crane_trajectory", "clearance.yaml"),
-    Kind("Controller", "The gains of (36).", Gains, "crane_trajectory", "controller.yaml"),
+         machine_file("clearance.yaml")),
+    Kind("Controller", "The gains of (36).", Gains, machine_file("controller.yaml")),
+    Kind("Joints", "What nodes and operator need to know of each joint.", JointNotes,
+         machine_file("joints.yaml")),
     Kind("Mapping", "Which signal of the bus is which joint, chamber or spool.", Mapping,
-         "crane_driver", "laboratory_crane_can.yaml"),
+         machine_file("can.yaml")),
     Kind("Safety", "The safety functions of the driver; see [Safety](../../explanation/safety.md).",
-         SafetySettings, "crane_driver", "safety.yaml"),
+         SafetySettings, machine_file("safety.yaml")),
     Kind("Thresholds", "What `diagnose` decides by.", Thresholds,
-         "crane_identification", "discrepancy.yaml"),
+         packaged("crane_identification", "discrepancy.yaml")),
     Kind("Hydraulics", "What is usual of valves and oil.", Usual,
-         "crane_identification", "hydraulics.yaml"),
+         machine_file("hydraulics.yaml")),
     Kind("Sensors", "The encoders of the laboratory crane.", SensorChain,
-         "crane_model", "sensors.yaml"),
-    Kind("Stand-in", "All that the stand-in machine is.", StandIn, "crane_sim", "stand_in.yaml"),
+         machine_file("sensors.yaml")),
+    Kind("Stand-in", "All that the stand-in machine is.", StandIn, machine_file("stand_in.yaml")),
     Kind("Hidden effects", "See [Hide an effect](../../how_to/hide_effects.md).", Spec),
 )  # fmt: skip
-INTRODUCTION = """# Files
+INTRODUCTION = """# Input files
 
 YAML files, in UTF-8, of 1 MB at most. Unknown keys are errors, which name the file, the line and
 the key. Where no default is given, the key must be there. The comments of the files that ship with
@@ -74,14 +78,15 @@ def pages() -> dict[str, str]:
 
 def _entry(kind: Kind) -> str:
     schema = kind.schema.model_json_schema()
-    parts = [f"## {kind.title}", kind.about, _table(schema)]
+    whole = _table(schema) if "properties" in schema else f"{value_of(schema)}."
+    parts = [f"## {kind.title}", kind.about, whole]
     for name, part in schema.get("$defs", {}).items():
         if "properties" in part:
             about = part.get("description", "").split("\n\n")[0].replace("\n", " ")
             parts.append(f"**{name.strip('_')}** {about}\n\n{_table(part)}")
-    if kind.name:
-        text = (files(kind.package) / "data" / kind.name).read_text("utf-8")
-        parts.append(f"The file that ships, `{kind.name}`:\n\n```yaml\n{text}```")
+    if kind.ships:
+        text = kind.ships.read_text("utf-8")
+        parts.append(f"The file that ships, `{kind.ships.name}`:\n\n```yaml\n{text}```")
     return "\n\n".join(parts) + "\n"
 
 
@@ -89,16 +94,16 @@ def _table(schema: dict[str, Any]) -> str:
     lines = ["| key | value | default |", "|---|---|---|"]
     for key, part in schema["properties"].items():
         default = "" if key in schema.get("required", ()) else f"`{_plain(part.get('default'))}`"
-        lines.append(f"| `{key}` | {_value(part)} | {default} |")
+        lines.append(f"| `{key}` | {value_of(part)} | {default} |")
     return "\n".join(lines)
 
 
-def _value(part: dict[str, Any]) -> str:
+def value_of(part: dict[str, Any]) -> str:
     """The kind of value that a part of a schema asks for, in words."""
     if "$ref" in part:
         return part["$ref"].rpartition("/")[2].strip("_")
     if several := part.get("anyOf") or part.get("oneOf") or part.get("allOf"):
-        kinds = [_value(one) for one in several if one.get("type") != "null"]
+        kinds = [value_of(one) for one in several if one.get("type") != "null"]
         return " or ".join(dict.fromkeys(kinds))
     if "enum" in part or "const" in part:
         return ", ".join(f"`{one}`" for one in part.get("enum", [part.get("const")]))
@@ -107,7 +112,7 @@ def _value(part: dict[str, Any]) -> str:
         least = 0 if "prefixItems" in part else part.get("minItems", 0)
         return f"list of {_items(part)}" + (f", at least {least}" if least else "")
     if kind == "object" and isinstance(part.get("additionalProperties"), dict):
-        return f"names, each with: {_value(part['additionalProperties'])}"
+        return f"names, each with: {value_of(part['additionalProperties'])}"
     words = {"number": "number", "integer": "whole number", "string": "text", "object": "mapping",
              "boolean": "true or false", "any": "anything"}  # fmt: skip
     return ", ".join([words[kind], *_bounds(part)])
@@ -115,8 +120,8 @@ def _value(part: dict[str, Any]) -> str:
 
 def _items(part: dict[str, Any]) -> str:
     if "prefixItems" in part:
-        return ", ".join(map(_value, part["prefixItems"]))
-    return _value(part["items"]) if "items" in part else "anything"
+        return ", ".join(map(value_of, part["prefixItems"]))
+    return value_of(part["items"]) if "items" in part else "anything"
 
 
 def _bounds(part: dict[str, Any]) -> Iterator[str]:

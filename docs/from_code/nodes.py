@@ -11,7 +11,7 @@ from std_srvs.srv import Trigger
 from crane_driver.driver_node import Driver
 from crane_driver.operator.jog.jog_node import Jog
 from crane_identification.online.identification_node import Identification
-from crane_model.machine import JOINTS
+from crane_model.machine import load_machine
 from crane_trajectory.trajectory_node import Trajectory
 
 NODES: dict[str, Callable[[], Node]] = {
@@ -21,13 +21,13 @@ NODES: dict[str, Callable[[], Node]] = {
     "jog": lambda: Jog(by_joystick=True),
 }
 OF_EVERY_NODE = {"use_sim_time", "start_type_description_service"}
-JOINT = re.compile(rf"\b({'|'.join(JOINTS)})\b")
+JOINT = re.compile(rf"\b({'|'.join(load_machine().joint_names)})\b")
 UNIT = re.compile(r"(?<=Unit: )[^,]+(?=,)")
 INTRODUCTION = """# Parameters
 
 *At configure* says that a parameter can only be changed before: `deactivate`, `cleanup`, set it,
-`configure`, `activate`. *Empty* stands for `''`. Four values are those of slew, inner boom, outer
-boom and telescope.
+`configure`, `activate`. *Empty* stands for `''`. Several values are those of the joints of the
+laboratory crane, from the base to the tip.
 """
 
 

@@ -18,7 +18,8 @@ from contextlib import contextmanager
 
 import live
 import missing
-from laws import DYNAMIC_LAW, OUT, REPORT_LAW, identify, make_bags, note_planted
+from figures import write_figures
+from laws import OUT, Law, dynamic_law, identify, make_bags, note_planted, report_law
 from processes import DemoError, Processes
 from results import complete_summary, write_summary
 from rich.console import Console
@@ -26,6 +27,9 @@ from rich.progress import Progress, SpinnerColumn, TextColumn, TimeElapsedColumn
 from tables import bags_table, errors_table, table
 
 from crane_identification.report import terminal
+from crane_model.cli import add_machine
+from crane_model.errors import ConfigurationError
+from crane_model.machine_files import DEFAULT_MACHINE
 
 SEED = 1
 WIDTH = 100  # characters, where the output is no terminal
@@ -54,7 +58,13 @@ def main() -> int:
     """Run the demo; exit status 0, 1 if something failed, 130 after Ctrl-C."""
     parser = argparse.ArgumentParser(description="The whole suite at work.")
     parser.add_argument("--seed", type=int, default=SEED, help="of noise and of what is hidden")
+    add_machine(parser)
     options = parser.parse_args()
+    try:
+        name = options.machine or DEFAULT_MACHINE
+        laws = report_law(name), dynamic_law(name)
+    except ConfigurationError as error:
+        parser.error(str(error))
     console = terminal.console(WIDTH)
     phases = Phases(console)
     shutil.rmtree(OUT, ignore_errors=True)  # only ever written by this script
@@ -66,7 +76,7 @@ def main() -> int:
     os.environ.update(environment)
     try:
         with Processes(OUT / "logs", environment) as suite:
-            _demo(console, phases, suite, domain, options.seed)
+            _demo(console, phases, suite, domain, laws, options.seed)
     except DemoError as error:
         print(f"error: {error}", file=sys.stderr)
         return 1
@@ -77,27 +87,35 @@ def main() -> int:
     return 0
 
 
-def _demo(console: Console, phases: Phases, suite: Processes, domain: int, seed: int) -> None:
-    laws = REPORT_LAW, DYNAMIC_LAW
-    for law in laws:
-        (law.folder / "bags").mkdir(parents=True)
-        note_planted(suite, law)
+def _demo(
+    console: Console,
+    phases: Phases,
+    suite: Processes,
+    domain: int,
+    laws: tuple[Law, Law],
+    seed: int,
+) -> None:
+    law, dynamic = laws
+    for one in laws:
+        (one.folder / "bags").mkdir(parents=True)
+        note_planted(suite, one)
     start = time.monotonic()
-    live.record(suite, domain, REPORT_LAW, seed, console.print)
+    live.record(suite, domain, law, seed, console.print)
     phases.seconds["live"] = round(time.monotonic() - start, 2)
-    with phases.phase("bags", f"two bags of {DYNAMIC_LAW.name}, faster than real time"):
-        make_bags(suite, DYNAMIC_LAW)
+    with phases.phase("bags", f"two bags of {dynamic.name}, faster than real time"):
+        make_bags(suite, dynamic)
     with phases.phase("identify", "identification: fit, validation on the other bag, report"):
         identify(suite, *laws)
-    write_summary()
-    console.print(table(), errors_table(), bags_table())
+    write_summary(law, dynamic)
+    console.print(table(law), errors_table(law, dynamic), bags_table(law))
     with phases.phase("missing_bags", "last act: bags of a machine with an effect the model lacks"):
-        missing.make_bags(suite, seed)
+        missing.make_bags(suite, law, seed)
     with phases.phase("diagnose", "which effect is it? asked of the bags alone"):
-        missing.diagnose(suite)
+        missing.diagnose(suite, law)
     console.print(missing.answer(suite), highlight=False)
     console.print(missing.table())
-    complete_summary(missing.summary(), phases.seconds)
+    complete_summary(law, missing.summary(), phases.seconds)
+    write_figures(law, dynamic)
     console.print(
         f"Reports: {OUT}/report.html, {missing.ANSWER}/report.html   All: {OUT}/summary.json"
     )

@@ -7,7 +7,7 @@ from typing import Any
 
 from processes import Processes
 
-from crane_model.configuration import packaged
+from crane_model.machine_files import machine_file
 
 OUT = Path("runs/demo")
 EXCITATION, VALIDATION = "excitation_20s.yaml", "validation_20s.yaml"
@@ -19,8 +19,13 @@ class Law:
     """One friction law of the stand-in machine and where its results go."""
 
     name: str
+    machine: str  # name of a shipped one, a folder or a machine file
     plant: Path
     folder: Path
+
+    def file(self, name: str) -> Path:
+        """A file of the machine."""
+        return machine_file(name, self.machine)
 
     def bag(self, use: str) -> Path:
         """Folder of the bag recorded for `use`, "train" or "validate"."""
@@ -35,17 +40,24 @@ class Law:
         return json.loads((self.folder / name).read_text(encoding="utf-8"))
 
 
-REPORT_LAW = Law("the report's friction law (13)", packaged("crane_sim", "stand_in.yaml"), OUT)
-DYNAMIC_LAW = Law(
-    "dynamic friction (LuGre)",
-    packaged("crane_sim", "stand_in_dynamic_friction.yaml"),
-    OUT / "dynamic_friction",
-)
+def report_law(machine: str) -> Law:
+    """That which the machine's model can represent."""
+    plant = machine_file("stand_in.yaml", machine)
+    return Law("the report's friction law (13)", machine, plant, OUT)
+
+
+def dynamic_law(machine: str) -> Law:
+    """That which it cannot."""
+    plant = machine_file("stand_in_dynamic_friction.yaml", machine)
+    return Law("dynamic friction (LuGre)", machine, plant, OUT / "dynamic_friction")
 
 
 def note_planted(suite: Processes, law: Law) -> None:
     """Write what is planted in the machine to a file beside its bags."""
-    text = suite.output("planted", "crane_sim", "planted", "--plant", law.plant, "--json")
+    text = suite.output(
+        *("planted", "crane_sim", "planted", "--machine", law.machine),
+        *("--plant", law.plant, "--json"),
+    )
     (law.folder / "planted.json").write_text(text, encoding="utf-8")
 
 
@@ -54,8 +66,8 @@ def make_bags(suite: Processes, law: Law) -> None:
     trajectories = {"train": EXCITATION, "validate": VALIDATION}
     for seed, (use, trajectory) in enumerate(trajectories.items(), start=1):
         suite.start(
-            *(f"make_bag_{use}", "crane_sim", "make_bag", "--plant", law.plant),
-            *("--trajectory", packaged("crane_trajectory", trajectory)),
+            *(f"make_bag_{use}", "crane_sim", "make_bag", "--machine", law.machine),
+            *("--plant", law.plant, "--trajectory", law.file(trajectory)),
             *("--periods", PERIODS, "--seed", seed, "--out", law.bag(use)),
         )
     suite.finish(*(f"make_bag_{use}" for use in trajectories))
@@ -66,7 +78,7 @@ def identify(suite: Processes, *laws: Law) -> None:
     for law in laws:
         suite.start(
             *(f"identify_{law.folder.name}", "crane_identification", "identify"),
-            *("--model", packaged("crane_model", "crane_model.yaml"), "--out", law.folder),
+            *("--model", law.file("model.yaml"), "--out", law.folder),
             *("--train", law.bag("train"), "--validate", law.bag("validate")),
             *("--reference-values", law.folder / "planted.json"),
         )

@@ -16,7 +16,6 @@ from rclpy.signals import SignalHandlerOptions
 
 from crane_bags.types import JOINT_STATES
 from crane_interfaces.msg import DriverState
-from crane_model.configuration import packaged
 from crane_nodes.driver_client import DriverClient
 
 DOMAINS = 101  # ROS_DOMAIN_ID 1 to this can be used on every Linux
@@ -84,14 +83,20 @@ def record(suite: Processes, domain: int, law: Law, seed: int, say: Say) -> None
         say("starting: simulated crane, driver, trajectory, identification, recorder")
         suite.start(
             *("crane", "crane_sim", "simulated_crane", "--bus-option", f"port={port}"),
-            *("--plant", law.plant, "--seed", seed),
+            *("--machine", law.machine, "--plant", law.plant, "--seed", seed),
         )
         suite.start(
             *("driver", "crane_driver", "driver", "--ros-args"),
-            *("-p", f"bus.options:=port={port}"),
+            *("-p", f"machine:={law.machine}", "-p", f"bus.options:=port={port}"),
         )
-        suite.start("trajectory", "crane_trajectory", "trajectory")
-        suite.start("identification", "crane_identification", "identification")
+        suite.start(
+            *("trajectory", "crane_trajectory", "trajectory", "--ros-args"),
+            *("-p", f"machine:={law.machine}"),
+        )
+        suite.start(
+            *("identification", "crane_identification", "identification", "--ros-args"),
+            *("-p", f"model:={law.file('model.yaml')}"),
+        )
         _experiment(
             suite, onlooker, law, "train", EXCITATION, FIT_PERIODS, (*LEADING, "identification")
         )
@@ -118,7 +123,7 @@ def _experiment(
         suite.until(lambda: onlooker.ready(listeners), "the nodes do not find each other")
         status = suite.attend(
             *("excitation", "crane_trajectory", "run_excitation", "--enable"),
-            *("--trajectory", packaged("crane_trajectory", trajectory), "--periods", periods),
+            *("--trajectory", law.file(trajectory), "--periods", periods),
             *("--result", law.result(use)),
         )
         suite.stop("recorder")

@@ -9,13 +9,12 @@ from typing import Any
 
 import numpy as np
 import yaml
-from laws import EXCITATION, OUT, VALIDATION
+from laws import EXCITATION, OUT, VALIDATION, Law
 from processes import Processes
 from rich.table import Table
 
 from crane_identification.report.terminal import plain_table
-from crane_model.configuration import packaged
-from crane_model.machine import PLANAR_JOINTS
+from crane_model.model_file import load_model
 
 # What these motions show; `make discrepancy-benchmark` hides everything.
 EFFECTS = ("stribeck", "viscous_quadratic", "load_friction", "position_friction", "hose_stiffness")
@@ -28,10 +27,11 @@ TRAIN = {"train_0": EXCITATION, "train_1": VALIDATION, "train_2": EXCITATION}
 HELD_OUT = {"held_out": VALIDATION}
 
 
-def make_bags(suite: Processes, seed: int) -> None:
+def make_bags(suite: Processes, law: Law, seed: int) -> None:
     """Record the machine with the effect, faster than real time."""
     rng = np.random.default_rng(seed)
-    effect, joint = str(rng.choice(EFFECTS)), str(rng.choice(PLANAR_JOINTS))
+    joints = load_model(law.file("model.yaml")).joints
+    effect, joint = str(rng.choice(EFFECTS)), str(rng.choice(joints))
     hidden = {"effect": effect, "joint": joint, "strength": STRENGTH}
     LABELS.mkdir(parents=True)
     spec = LABELS / "hidden.yaml"
@@ -40,19 +40,19 @@ def make_bags(suite: Processes, seed: int) -> None:
     for number, (name, trajectory) in enumerate(bags.items(), start=1):
         suite.start(
             *(name, "crane_sim", "make_bag", "--out", FOLDER / "bags" / name),
-            *("--trajectory", packaged("crane_trajectory", trajectory)),
+            *("--machine", law.machine, "--trajectory", law.file(trajectory)),
             *("--periods", PERIODS, "--seed", 10 * seed + number),
             *("--hide", spec, "--label", LABELS / f"{name}.json"),
         )
     suite.finish(*bags)
 
 
-def diagnose(suite: Processes) -> None:
+def diagnose(suite: Processes, law: Law) -> None:
     """Answer from the bags alone."""
     bags = FOLDER / "bags"
     suite.start(
         *("diagnose", "crane_identification", "diagnose", "--out", ANSWER),
-        *("--model", packaged("crane_model", "crane_model.yaml")),
+        *("--model", law.file("model.yaml")),
         *("--train", *(bags / name for name in TRAIN)),
         *("--validate", *(bags / name for name in HELD_OUT)),
     )

@@ -5,13 +5,12 @@ import math
 from typing import Any
 
 import bags
-from laws import DYNAMIC_LAW, OUT, REPORT_LAW, Law
+from laws import OUT, Law
 
 
-def parameters(law: Law) -> list[dict[str, Any]]:
+def parameters(law: Law, online: dict[str, tuple[float, float]]) -> list[dict[str, Any]]:
     """Planted value and estimates of each parameter; `rls` is the online one, where there is."""
     planted = law.read("planted.json")
-    online = bags.online_estimate(law.bag("train")) if law is REPORT_LAW else {}
     rows = []
     for fitted in law.read("summary.json")["parameters"]:
         name = fitted["name"]
@@ -30,25 +29,26 @@ def parameters(law: Law) -> list[dict[str, Any]]:
     return rows
 
 
-def write_summary() -> None:
+def write_summary(law: Law, dynamic_law: Law) -> None:
     """Add planted values, online estimates, and what was recorded."""
-    summary = REPORT_LAW.read("summary.json") | {
-        "parameters": parameters(REPORT_LAW),
-        "tracking_rms": REPORT_LAW.read(REPORT_LAW.result("train").name)["rms_tracking_error"],
-        "bag_messages": bags.messages(REPORT_LAW.bag("train")),
-        "bag_gaps": bags.gaps(REPORT_LAW.bag("train")),
-        "validation_bag_messages": bags.messages(REPORT_LAW.bag("validate")),
-        "validation_bag_gaps": bags.gaps(REPORT_LAW.bag("validate")),
-        "dynamic_friction": DYNAMIC_LAW.read("summary.json")
-        | {"parameters": parameters(DYNAMIC_LAW)},
+    train, validate = law.bag("train"), law.bag("validate")
+    summary = law.read("summary.json") | {
+        "parameters": parameters(law, bags.online_estimate(train)),
+        "tracking_rms": law.read(law.result("train").name)["rms_tracking_error"],
+        "bag_messages": bags.messages(train),
+        "bag_gaps": bags.gaps(train),
+        "validation_bag_messages": bags.messages(validate),
+        "validation_bag_gaps": bags.gaps(validate),
+        "dynamic_friction": dynamic_law.read("summary.json")
+        | {"parameters": parameters(dynamic_law, {})},
     }
     _write(summary)
 
 
-def complete_summary(missing_effect: dict[str, Any], seconds: dict[str, float]) -> None:
+def complete_summary(law: Law, missing_effect: dict[str, Any], seconds: dict[str, float]) -> None:
     """Add what the last act hid and found, and wall times."""
     rest = {"missing_effect": missing_effect, "wall_seconds": seconds}
-    _write(REPORT_LAW.read("summary.json") | rest)
+    _write(law.read("summary.json") | rest)
 
 
 def _write(summary: dict[str, Any]) -> None:

@@ -2,21 +2,21 @@
 
 from typing import Any
 
-from laws import DYNAMIC_LAW, REPORT_LAW
+from laws import Law
 from rich.table import Table
 
 from crane_identification.report.terminal import estimate, plain_table, rounded
-from crane_model.machine import JOINT_UNITS
+from crane_model.machine import load_machine
 
 
-def table() -> Table:
+def table(law: Law) -> Table:
     """Parameter, unit, planted, and what was identified online and offline."""
     result = plain_table("Θ: planted in the simulated crane, identified online and from its bag")
     for heading in ("parameter", "unit"):
         result.add_column(heading, no_wrap=True)
     for heading in ("planted", "online ± σ", "off/σ", "offline ± σ", "off/σ"):
         result.add_column(heading, justify="right", no_wrap=True)
-    for row in REPORT_LAW.read("summary.json")["parameters"]:
+    for row in law.read("summary.json")["parameters"]:
         result.add_row(
             row["name"],
             row["unit"],
@@ -34,25 +34,26 @@ def _estimate(row: dict[str, Any], kind: str) -> tuple[str, str]:
     return estimate(row[kind], row[f"{kind}_std"], row["planted"])
 
 
-def bags_table() -> Table:
+def bags_table(law: Law) -> Table:
     """What was recorded, and how well the crane followed."""
     result = plain_table("Messages recorded live at 200 Hz, and gaps of more than 1.5 cycles")
     result.add_column("topic", no_wrap=True)
     for heading in ("fit", "gaps", "validation", "gaps"):
         result.add_column(heading, justify="right")
-    summary = REPORT_LAW.read("summary.json")
+    summary = law.read("summary.json")
     columns = "bag_messages", "bag_gaps", "validation_bag_messages", "validation_bag_gaps"
     for topic in summary["bag_gaps"]:
         result.add_row(topic, *(str(summary[column][topic]) for column in columns))
+    units = load_machine(law.machine).units
     rms = ", ".join(
-        f"{joint} {value * 1e3:.0f} m{JOINT_UNITS[joint]}"
+        f"{joint} {value * 1e3:.0f} m{units[joint]}"
         for joint, value in summary["tracking_rms"].items()
     )
     result.caption, result.caption_justify = f"RMS tracking error: {rms}", "left"
     return result
 
 
-def errors_table() -> Table:
+def errors_table(law: Law, dynamic_law: Law) -> Table:
     """Held-out errors per joint."""
     result = plain_table("On the bag that was not used for fitting: error of force and of motion")
     result.add_column("joint", no_wrap=True)
@@ -61,7 +62,7 @@ def errors_table() -> Table:
         *("motion 0.5 s ahead", "friction in τ"),
     ):
         result.add_column(heading, justify="right")
-    summary, dynamic = REPORT_LAW.read("summary.json"), DYNAMIC_LAW.read("summary.json")
+    summary, dynamic = law.read("summary.json"), dynamic_law.read("summary.json")
     motion = summary["simulated_motion"]
     for joint, error in summary["heldout_relative_error"].items():
         result.add_row(

@@ -30,8 +30,20 @@ def _inputs(machine: Machine) -> list[Path]:
     )
 
 
+def _linked_data(machine: Machine) -> list[Path]:
+    """Data files in the packages: the build makes a link to each that is there."""
+    return sorted(
+        path
+        for package in _package_folders(machine)
+        for path in (package / package.name).rglob("*")
+        if path.suffix in (".yaml", ".dbc")
+    )
+
+
 def _wanted(machine: Machine) -> str:
     digest = hashlib.sha256(packages.stamp_file(machine).read_bytes())
+    for path in _linked_data(machine):
+        digest.update(f"{path.relative_to(machine.root)}\n".encode())
     for path in _inputs(machine):
         digest.update(f"{path.relative_to(machine.root)}\n".encode() + path.read_bytes())
     return digest.hexdigest()

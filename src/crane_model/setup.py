@@ -1,9 +1,13 @@
+import sys
 import xml.etree.ElementTree as ElementTree
 from pathlib import Path
 
 from setuptools import find_packages, setup
 
 PACKAGE = "crane_model"
+TOOL = "crane_model.inspection.machine_command:main"
+# pip puts scripts on the path of everyone, where short names are taken
+NAME = "crane-machine" if {"bdist_wheel", "editable_wheel"} & set(sys.argv) else "machine"
 
 setup(
     name=PACKAGE,
@@ -11,15 +15,16 @@ setup(
     license="Apache-2.0",
     python_requires=">=3.11",
     packages=find_packages(include=[PACKAGE, f"{PACKAGE}.*"]),
-    package_data={PACKAGE: ["data/*", "py.typed"]},
+    package_data={PACKAGE: ["py.typed"]},
     data_files=[
         ("share/ament_index/resource_index/packages", [f"resource/{PACKAGE}"]),
         (f"share/{PACKAGE}", ["package.xml"]),
-        (f"share/{PACKAGE}/config", sorted(map(str, Path(PACKAGE, "data").glob("*.yaml")))),
     ],
     zip_safe=False,
     install_requires=[
         "annotated-types",
+        "crane_machines",
+        "matplotlib",
         "numba",
         "numpy",
         "pydantic>=2",
@@ -28,5 +33,5 @@ setup(
         "scipy",
         "tqdm",
     ],
-    entry_points={"console_scripts": []},
+    entry_points={"console_scripts": [f"{NAME} = {TOOL}"]},
 )

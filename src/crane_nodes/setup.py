@@ -36,6 +36,7 @@ setup(
         "crane_model",
         "mcap",
         "numpy",
+        "pydantic>=2",
         "pyyaml",
         "rosbags>=0.11",
     ],

@@ -25,11 +25,10 @@ setup(
     license="Apache-2.0",
     python_requires=">=3.11",
     packages=find_packages(include=[PACKAGE, f"{PACKAGE}.*"]),
-    package_data={PACKAGE: ["data/*", "py.typed"]},
+    package_data={PACKAGE: ["py.typed"]},
     data_files=[
         ("share/ament_index/resource_index/packages", [f"resource/{PACKAGE}"]),
         (f"share/{PACKAGE}", ["package.xml"]),
-        (f"share/{PACKAGE}/config", sorted(map(str, Path(PACKAGE, "data").glob("*.yaml")))),
         (f"share/{PACKAGE}/launch", ["launch/demo.launch.py", "launch/simulated_crane.launch.py"]),
     ],
     zip_safe=False,

@@ -11,8 +11,8 @@ from crane_identification.estimation.estimate import Estimate
 from crane_identification.estimation.least_squares import least_squares
 from crane_identification.estimation.physics import physics
 from crane_identification.estimation.regression import build_rows
+from crane_identification.fitting import fit, validate
 from crane_identification.options import Estimator, Options
-from crane_identification.pipeline import fit, validate
 
 POSES = 10_000
 FITS = 25
@@ -50,7 +50,9 @@ def test_physical_and_hardly_worse(noise: float, measured) -> None:
     measured(
         f"physically consistent fit, {data}: M positive definite; held-out error / least squares",
         f"{POSES} of {POSES} poses; 1.02",
-        f"{min(poses)}; {np.mean(ratios):.3f}",
+        "{positive:.0f}; {error:.3f}",
+        positive=min(poses),
+        error=np.mean(ratios),
     )
     assert min(poses) == POSES
     assert np.mean(ratios) < 1.02

@@ -11,7 +11,7 @@ from collections.abc import Callable
 import numpy as np
 from scipy.optimize import minimize
 
-from crane_model.configuration import packaged
+from crane_model.machine_files import machine_file
 from crane_model.model_file import load_model
 from crane_trajectory.excitation.columns import ColumnSet
 from crane_trajectory.excitation.criterion import Criterion, CriterionKind
@@ -26,8 +26,8 @@ SEEDS = range(10)
 STARTS = 16
 CORES = 2
 AT_MOST = 10.0  # s a design, on two cores
-MODEL = load_model(packaged("crane_model", "crane_model.yaml"))
-SETTINGS = load_design_settings()
+MODEL = load_model(machine_file("model.yaml"))
+SETTINGS = load_design_settings(machine_file("design.yaml"))
 PROBLEM = ExcitationProblem(
     MODEL,
     Criterion.of(
@@ -37,7 +37,7 @@ PROBLEM = ExcitationProblem(
     5,
     SETTINGS.search,
     Margins(position=0.0, velocity=0.0, flow=0.0, room=0.0),
-    load_clearance(),
+    load_clearance(machine_file("clearance.yaml")),
     without=frozenset({Limit.ROOM}),
 )
 
@@ -105,10 +105,11 @@ def test_designs_reach_the_marks_from_every_seed(measured) -> None:
         "random search": random_search,
         "SLSQP by differences": slsqp_by_differences,
     }
+    found = {}
     for name, method in others.items():
         row = conditions(method(np.random.default_rng(0), budget))
         print(f"  {name:<25}{_row(*row)}{budget / CORES:10.1f}")
-        measured(f"beside it, in the same time: {name}", "", f"{row[0]:.0f}, {row[1]:.1f}")
+        found[name] = row
         assert row[0] * row[1] > min(product), f"{name} is better than the design"
     marks = [
         (raw, normalised) for raw, normalised, *_ in designs if raw <= 272 and normalised <= 16
@@ -119,18 +120,31 @@ def test_designs_reach_the_marks_from_every_seed(measured) -> None:
     measured(
         "excitation at the report's setting: raw, column-normalised condition number",
         "272, 16",
-        f"{raw:.0f}, {normalised:.1f}",
+        "{raw:.0f}, {normalised:.1f}",
+        raw=raw,
+        normalised=normalised,
     )
     measured(
         "worst of ten seeds above the best, product of the two",
         "10 %",
-        f"{max(product) / min(product) - 1:.1%}",
+        "{above:.1%}",
+        above=max(product) / min(product) - 1,
     )
     measured(
-        "one design on two cores, the slowest of ten",
+        "one design on two cores, the slowest of ten seeds: CPU time a core; wall time",
         "10 s",
-        f"{slowest:.1f} s CPU a core, {wall:.1f} s wall",
+        "{cpu:.1f}; {wall:.1f} s",
+        cpu=slowest,
+        wall=wall,
     )
+    for name, row in found.items():
+        measured(
+            f"excitation by {name}, for the same CPU time",
+            "",
+            "{raw:.0f}, {normalised:.1f}",
+            raw=row[0],
+            normalised=row[1],
+        )
     assert marks, "no design has raw <= 272 and column-normalised <= 16"
     assert max(product) <= 1.1 * min(product), f"products {np.sort(product)}"
     assert slowest <= AT_MOST, f"{slowest:.1f} s of two cores for a design"

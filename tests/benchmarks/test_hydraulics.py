@@ -24,7 +24,7 @@ from crane_identification.hydraulics.joint_estimate import identify_joint
 from crane_identification.options import Options
 from crane_identification.pipeline import fit
 from crane_identification.validation.command_validation import validate_commands
-from crane_model.configuration import packaged
+from crane_model.machine_files import machine_file
 from crane_model.model_file import Model, load_model
 from crane_sim.parts.parameters import StandIn, load_stand_in
 from crane_sim.parts.variation import vary, vary_valves
@@ -80,7 +80,7 @@ def changed(stand_in: StandIn, frequency: float | None = None, unequal: float = 
 
 
 def dynamic() -> StandIn:
-    return load_stand_in(packaged("crane_sim", "stand_in_dynamic_friction.yaml"))
+    return load_stand_in(machine_file("stand_in_dynamic_friction.yaml"))
 
 
 PLANTS: dict[str, tuple[Callable[[], StandIn], float]] = {
@@ -164,7 +164,7 @@ def test_intervals_cover_what_they_claim(measured: Measured) -> None:
 @pytest.fixture(scope="module")
 def whole_crane() -> Model:
     """Mechanics and hydraulics from the same bag."""
-    model, log = load_model(packaged("crane_model", "crane_model.yaml")), recorded(seed=12)
+    model, log = load_model(machine_file("model.yaml")), recorded(seed=12)
     hydraulics = identify_hydraulics(model, [log], PERIOD)
     return replace(fit(model, [log], Options(period=PERIOD)).model, hydraulics=hydraulics)
 

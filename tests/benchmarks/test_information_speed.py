@@ -53,7 +53,9 @@ def test_information_of_a_long_record(record: Record, measured) -> None:
     measured(
         "information matrix ΦᵀΦ, Φᵀτ, 20 columns, 3 joints, one core",
         "3 million samples/s",
-        f"{ours / 1e6:.1f} million samples/s; regressor stacked first: {theirs / 1e6:.1f}",
+        "{ours:.1f} million samples/s; regressor stacked first: {stacked:.1f}",
+        ours=ours / 1e6,
+        stacked=theirs / 1e6,
     )
     assert ours >= AT_LEAST
     assert ours > theirs
@@ -78,7 +80,9 @@ def test_time_is_linear_and_memory_constant(record: Record, measured) -> None:
     measured(
         "32 recordings beside 4: time a recording, memory",
         "the same",
-        f"{each[1] / each[0]:.2f}, {memory[1] / memory[0]:.2f} times",
+        "{time:.2f}, {memory:.2f} times",
+        time=each[1] / each[0],
+        memory=memory[1] / memory[0],
     )
     assert 0.7 < each[1] / each[0] < 1.4
     assert memory[1] < 1.1 * memory[0]

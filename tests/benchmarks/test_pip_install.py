@@ -8,11 +8,16 @@ import sys
 import venv
 from pathlib import Path
 
-from crane_model.configuration import packaged
+from crane_model.machine_files import machine_file
 from crane_sim.make_bag import main as make_bag
 
 ROOT = Path(__file__).resolve().parents[2]
-PACKAGES = (Path("src/crane_model"), Path("src/crane_bags"), Path("crane_identification"))
+PACKAGES = (
+    Path("src/crane_machines"),
+    Path("src/crane_model"),
+    Path("src/crane_bags"),
+    Path("crane_identification"),
+)
 LEFT_OUT = shutil.ignore_patterns("build", "*.egg-info", "__pycache__")
 
 
@@ -34,9 +39,9 @@ def test_fit_of_a_bag_where_there_is_no_ros(tmp_path: Path) -> None:
     uv("pip", "install", "--quiet", "--python", python, *pins, *wheels)
 
     bag = tmp_path / "bag"
-    trajectory = packaged("crane_trajectory", "excitation_20s.yaml")
+    trajectory = machine_file("excitation_20s.yaml")
     assert make_bag(["--trajectory", str(trajectory), "--periods", "3", "--out", str(bag)]) == 0
-    model = packaged("crane_model", "crane_model.yaml")
+    model = machine_file("model.yaml")
     command = [environment / "bin" / "crane-identify", "--model", model, "--train", bag]
     names = ("PYTHONPATH", "AMENT_PREFIX_PATH")
     without_ros = {key: value for key, value in os.environ.items() if key not in names}

@@ -63,9 +63,11 @@ def test_update_beside_filterpy(rows: tuple[np.ndarray, np.ndarray], measured) -
         f"filterpy's KalmanFilter: {theirs:.1f} us an update"
     )
     measured(
-        "recursive update, 20 parameters x 3 joints",
-        "under 30 us",
-        f"{ours:.1f} us; filterpy's KalmanFilter {theirs:.1f} us",
+        "recursive update of 20 parameters x 3 joints; filterpy's KalmanFilter",
+        "under 30 µs",
+        "{ours:.1f}; {filterpy:.1f} µs",
+        ours=ours,
+        filterpy=theirs,
     )
     assert ours < 30.0
     assert ours < theirs
@@ -85,6 +87,7 @@ def test_whole_estimator_from_readings_to_rows(measured) -> None:
     measured(
         "online estimator, from readings to Θ",
         "",
-        f"{spent / len(log.position.time) * 1e6:.0f} us a sample",
+        "{whole:.0f} µs a sample",
+        whole=spent / len(log.position.time) * 1e6,
     )
     assert share < 0.25

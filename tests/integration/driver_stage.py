@@ -25,7 +25,8 @@ from crane_driver.can.codec import DriverCodec, MachineCodec
 from crane_driver.can.frame import Frame
 from crane_driver.can.link import Link
 from crane_interfaces.msg import CylinderPressures
-from crane_model.configuration import packaged
+from crane_model.machine import load_machine
+from crane_model.machine_files import machine_file
 
 LATCHED = QoSProfile(depth=1, durability=DurabilityPolicy.TRANSIENT_LOCAL)
 SERVICES = ("enable", "disable", "emergency_stop", "reset_fault")
@@ -42,7 +43,7 @@ class Valves(NamedTuple):
 
 def patient_mapping(folder: Path, canopen: Mapping[str, object] = {}) -> Path:
     """The laboratory crane's mapping with the patience that a busy test machine needs."""
-    mapping = yaml.safe_load(packaged("crane_driver", "laboratory_crane_can.yaml").read_text())
+    mapping = yaml.safe_load(machine_file("can.yaml").read_text())
     path = folder / "mapping.yaml"
     path.write_text(yaml.safe_dump({**mapping, "timing": TIMING, "canopen": dict(canopen)}))
     return path
@@ -62,7 +63,7 @@ class Stage:
     ):
         path = patient_mapping(folder, canopen)
         port = self.port = free_port()
-        self.layout = load_layout(path)
+        self.layout = load_layout(load_machine(), path, machine_file("can.dbc"))
         self.codec = MachineCodec(self.layout)
         self._reader = DriverCodec(self.layout)
         self.link = Link(BusSettings(extra={"port": port})).open()

@@ -2,7 +2,7 @@
 
 import math
 import signal
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from pathlib import Path
 from typing import Any
 
@@ -14,8 +14,9 @@ from integration.workshop import OFFSETS, VALVES, WIRING, Tool, Workshop
 from crane_driver.can.mapping import Mapping
 from crane_driver.operator.bringup.series import DeadBands, Result
 from crane_driver.velocity_filter import VelocityFilter
-from crane_model.configuration import load, packaged
+from crane_model.configuration import load
 from crane_model.machine import JOINTS, load_machine
+from crane_model.machine_files import machine_file
 from crane_sim.parts.parameters import load_stand_in
 from crane_sim.plant.plant import Plant
 from crane_trajectory.control.controller import command, load_gains
@@ -68,7 +69,7 @@ def result(shop: Workshop, step: str) -> dict[str, Any]:
     return yaml.safe_load((folder / "result.yaml").read_text())["results"]
 
 
-def test_encoders(shop: Workshop) -> None:
+def test_encoders(shop: Workshop, measured: Callable[..., None]) -> None:
     tool = Tool(shop, "encoders", *FAST)
     for joint in MEASURED:
         tool.expect(f"{joint}: let it stand still")
@@ -76,7 +77,11 @@ def test_encoders(shop: Workshop) -> None:
         tool.expect("now move it")
         tool.answer(f"{math.degrees(shop.pull(joint, 0.12)):.3f}")
     assert tool.done() == 0
-    for joint, one in result(shop, "encoders").items():
+    found = result(shop, "encoders")
+    worst = max(abs(one["zero"] - WIRING["positions"][joint][1]) for joint, one in found.items())
+    measured("zeros of encoders, with an exact inclinometer: error", "2e-4 rad", "{worst:.0e} rad",
+             worst=worst)  # fmt: skip
+    for joint, one in found.items():
         sign, zero = WIRING["positions"][joint]
         assert one["sign"] == sign
         assert one["zero"] == pytest.approx(zero, abs=2e-4)
@@ -91,7 +96,7 @@ def test_a_driver_with_another_mapping_is_refused(shop: Workshop) -> None:
     shop.restart_driver(tool)
 
 
-def test_pressures(shop: Workshop) -> None:
+def test_pressures(shop: Workshop, measured: Callable[..., None]) -> None:
     tool = Tool(shop, "pressures", *FAST)
     tool.expect("Engine stopped")
     tool.answer("yes")  # though it runs
@@ -101,7 +106,10 @@ def test_pressures(shop: Workshop) -> None:
     tool = Tool(shop, "pressures", *FAST)
     tool.answer("yes")
     assert tool.done() == 0
-    for name, one in result(shop, "pressures").items():
+    found = result(shop, "pressures")
+    worst = max(abs(one["offset"] - OFFSETS.get(name, 0.0)) for name, one in found.items())
+    measured("offsets of pressures: error", "0.1 bar", "{worst:.2f} bar", worst=1e-5 * worst)
+    for name, one in found.items():
         # a transducer ends at 0 bar: half of the noise of one without offset is cut off
         assert one["offset"] == pytest.approx(OFFSETS.get(name, 0.0), abs=1e4)
     shop.hands("engine=on")
@@ -135,15 +143,18 @@ def test_the_last_mapping_is_the_wiring_of_the_machine(shop: Workshop) -> None:
         assert found.pressures[name].zero == pytest.approx(one.zero, abs=1e4)
 
 
-def test_dead_band(shop: Workshop) -> None:
+def test_dead_band(shop: Workshop, measured: Callable[..., None]) -> None:
+    errors = []
     _, before = moves(shop, "dead_band")
     run = runs(shop, "dead_band")[-1]
     for joint, one in load(run / "result.yaml", Result[DeadBands]).results.items():
         valve = VALVES[joint]
-        for direction, measured in ((1, one.positive), (-1, one.negative)):
+        for direction, found in ((1, one.positive), (-1, one.negative)):
             true = valve["dead_zone"] + direction * valve["null_bias"]
-            assert measured.dead_band == pytest.approx(true, abs=0.003)
+            errors.append(abs(found.dead_band - true))
+            assert found.dead_band == pytest.approx(true, abs=0.003)
         assert shop.still(joint) == pytest.approx(before[joint], abs=0.01)
+    measured("dead bands, one repeat: error", "0.003", "{worst:.4f}", worst=max(errors))
 
 
 def test_a_stall_costs_one_ramp(shop: Workshop) -> None:
@@ -175,14 +186,16 @@ def test_ctrl_c_while_it_moves_is_neutral_disabled_and_the_end(shop: Workshop) -
     assert runs(shop, "dead_band") == before
 
 
-def test_gains(shop: Workshop) -> None:
-    controller = packaged("crane_trajectory", "controller.yaml")
+def test_gains(shop: Workshop, measured: Callable[..., None]) -> None:
+    controller = machine_file("controller.yaml")
     moves(shop, "gains", "--controller", str(controller))
     path = runs(shop, "gains")[-1] / "controller.yaml"
-    measured, base = load_gains(path), load_gains(controller)
-    assert measured.slew == base.slew
-    assert measured.inner_boom != base.inner_boom
+    found, base = load_gains(path, load_machine()), load_gains(controller, load_machine())
+    assert found["slew"] == base["slew"]
+    assert found["inner_boom"] != base["inner_boom"]
     errors, end_speed = tracked(shop.plant, path)
+    measured("a sine of 0.1 rad by the first gains: error", "0.02 rad", "{worst:.3f} rad",
+             worst=np.abs(errors).max())  # fmt: skip
     assert np.abs(errors).max() < 0.02
     assert np.abs(end_speed).max() < 1e-3
 
@@ -198,7 +211,7 @@ def tracked(plant_file: Path, controller: Path) -> tuple[np.ndarray, np.ndarray]
     """Errors (n, 2) of a sine of 0.1 rad and 0.03 Hz, and speeds (m, 2) after it, by new gains."""
     parameters, machine = load_stand_in(plant_file), load_machine()
     plant = Plant(parameters, machine, parameters.start)
-    gains = load_gains(controller).arrays
+    gains = load_gains(controller, load_machine()).arrays
     chain, density = parameters.sensors, parameters.jerk_density
     speed_filter = VelocityFilter(
         [density[joint] for joint in JOINTS], [chain.encoder_resolution[joint] for joint in JOINTS]
@@ -213,10 +226,10 @@ def tracked(plant_file: Path, controller: Path) -> tuple[np.ndarray, np.ndarray]
         reference[columns] += 0.05 * (1.0 - np.cos(phase))
         reference_speed[columns] = 0.05 * frequency * np.sin(phase)
         plant.advance(u, period)
-        position = chain.measure_positions(plant.q)
+        position = chain.measure_positions(JOINTS, plant.q)
         _, speed, _ = speed_filter.update(time_, position)
         if np.isfinite(speed).all():
-            u = command(gains, position, speed, reference, reference_speed)
+            u = command(gains, position, speed, reference, reference_speed, machine.units)
         errors.append((plant.q - reference)[columns])
         if time_ > moving + 3.0:
             speeds.append(plant.v[columns])

@@ -10,12 +10,12 @@ from unit.crane_identification.recording_check.recorded import packaged_motion, 
 from crane_identification.check_recording import main as check_recording
 from crane_identification.diagnose import main as diagnose
 from crane_identification.identify import main as identify
-from crane_model.configuration import packaged
 from crane_model.machine import load_machine
+from crane_model.machine_files import machine_file
 from crane_sim.make_bag import write_bag
 from crane_sim.parts.parameters import load_stand_in
 
-MODEL = str(packaged("crane_model", "crane_model.yaml"))
+MODEL = str(machine_file("model.yaml"))
 CAUSE = "telescope: chambers A and B are exchanged"
 
 

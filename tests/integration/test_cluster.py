@@ -11,15 +11,15 @@ from distributed import LocalCluster
 from crane_identification import identify
 from crane_identification.data.bag_log import read_bag
 from crane_identification.data.column_map import ColumnMap
+from crane_identification.fitting import fit
 from crane_identification.options import Estimator, Options
-from crane_identification.pipeline import fit
 from crane_identification.scale.cluster import fit_on_cluster
-from crane_model.configuration import packaged
 from crane_model.errors import ConfigurationError, DataError
+from crane_model.machine_files import machine_file
 from crane_model.model_file import load_model
 from crane_sim import make_bag
 
-MODEL = packaged("crane_model", "crane_model.yaml")
+MODEL = machine_file("model.yaml")
 OPTIONS = Options(estimator=Estimator.LEAST_SQUARES)
 
 
@@ -28,7 +28,7 @@ def bags(tmp_path_factory: pytest.TempPathFactory) -> list[Path]:
     folder = tmp_path_factory.mktemp("bags")
     files = ("excitation_20s.yaml", "validation_20s.yaml")
     for seed, name in enumerate(files):
-        trajectory = str(packaged("crane_trajectory", name))
+        trajectory = str(machine_file(name))
         out = str(folder / str(seed))
         assert not make_bag.main(
             ["--trajectory", trajectory, "--periods", "2", "--seed", str(seed), "--out", out]
@@ -52,7 +52,12 @@ def test_same_estimate_as_on_one_machine(bags: list[Path], address: str, measure
     )
     expected = fit(model, [read_bag(bag, model.joints) for bag in bags], OPTIONS)
     difference = np.abs(found.model.theta / expected.estimate.values - 1.0).max()
-    measured("fit on two Dask workers beside one machine", "the same to 1e-9", f"{difference:.0e}")
+    measured(
+        "fit on two Dask workers beside one machine",
+        "the same to 1e-9",
+        "{difference:.0e}",
+        difference=difference,
+    )
     assert difference < 1e-9
     assert found.information.rows.sum() == expected.estimate.samples
     assert found.workers == 2

@@ -19,12 +19,12 @@ from integration.emps_published import (
 )
 from scipy.io import loadmat
 
-from crane_identification.pipeline import fit
-from crane_model.configuration import packaged
+from crane_identification.fitting import fit
+from crane_model.machine_files import machine_file
 from crane_model.model_file import load_model
 from crane_model.terms.single_axis import Offset
 
-MODEL = packaged("crane_model", "crane_model.yaml")
+MODEL = machine_file("model.yaml")
 BARE = """
 name: EMPS, inertia and viscous friction only
 joints: {axis: m}
@@ -56,7 +56,7 @@ def bags(tmp_path_factory: pytest.TempPathFactory) -> tuple[Path, Path, Path]:
         ("second", "validation_20s.yaml", 22),
         ("held_out", "validation_20s.yaml", 23),
     ):
-        file = packaged("crane_trajectory", trajectory)
+        file = machine_file(trajectory)
         what = ("--trajectory", file, "--periods", 2, "--seed", seed, "--out", folder / name)
         done = _run("crane_sim", "make_bag", *what)
         assert done.returncode == 0, done.stderr

@@ -19,10 +19,12 @@ from integration.processes import PATIENCE, TIMING, end, start
 from crane_driver.can.codec import DriverCodec
 from crane_driver.safety.settings import load_safety
 from crane_interfaces.msg import ValveCommand
+from crane_model.machine import load_machine
+from crane_model.machine_files import machine_file
 
 pytestmark = pytest.mark.realtime
 
-SAFETY = load_safety()
+SAFETY = load_safety(machine_file("safety.yaml"), load_machine())
 SLACK = 1.0  # s, that a busy test machine may take beyond the times of the driver
 
 

@@ -20,8 +20,8 @@ from integration.emps_published import (
 )
 
 from crane_identification.data.log import Log
+from crane_identification.fitting import FitResult, fit, validate
 from crane_identification.options import Options
-from crane_identification.pipeline import FitResult, fit, validate
 from crane_model.model_file import Model, load_model
 
 

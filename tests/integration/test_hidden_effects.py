@@ -11,8 +11,8 @@ from ament_index_python.packages import get_package_prefix
 
 from crane_bags.reader import read_topics
 from crane_bags.types import CYLINDER_PRESSURES, JOINT_REFERENCE, JOINT_STATES
-from crane_model.configuration import packaged
 from crane_model.machine import PLANAR_JOINTS
+from crane_model.machine_files import machine_file
 from crane_sim import make_bag
 
 SPEC = """
@@ -26,7 +26,7 @@ effects:
 def run(*arguments: object) -> subprocess.CompletedProcess[str]:
     """`make_bag`."""
     path = Path(get_package_prefix("crane_sim")) / "lib" / "crane_sim" / "make_bag"
-    trajectory = packaged("crane_trajectory", "excitation_20s.yaml")
+    trajectory = machine_file("excitation_20s.yaml")
     command = [path, "--trajectory", trajectory, "--periods", 1, "--seed", 3, *arguments]
     return subprocess.run([str(part) for part in command], capture_output=True, text=True)
 
@@ -98,7 +98,7 @@ def hidden(label: Path) -> list[tuple[str, str, dict[str, float]]]:
 
 def test_one_spec_is_one_machine_whatever_is_recorded(made: Path, tmp_path: Path) -> None:
     """Also later in the session, which the stamps tell."""
-    other = packaged("crane_trajectory", "validation_20s.yaml")
+    other = machine_file("validation_20s.yaml")
     begun = ["--started", "2025-03-14T08:00:00", "--running", 600]
     hide = ["--hide", made / "spec.yaml", "--label", tmp_path / "label.json"]
     done = run("--out", tmp_path / "bag", "--trajectory", other, *begun, *hide)
@@ -124,11 +124,11 @@ def test_labels_of_other_machines_and_other_files_are_refused(
 ) -> None:
     """By name, before anything is made."""
     (tmp_path / "other.json").write_text('{"effects": [3]}', encoding="utf-8")
-    plant = packaged("crane_sim", "stand_in_dynamic_friction.yaml")
-    trajectory = packaged("crane_trajectory", "excitation_20s.yaml")
+    plant = machine_file("stand_in_dynamic_friction.yaml")
+    trajectory = machine_file("excitation_20s.yaml")
     for words, arguments in (
         ("label of another machine", ("--hide", made / "label.json", "--plant", plant)),
-        ("not the label of a bag", ("--hide", tmp_path / "other.json")),
+        ("give a label that --label has written", ("--hide", tmp_path / "other.json")),
         ("no such file", ("--hide", tmp_path / "none.json")),
     ):
         where = ("--out", tmp_path / "bag", "--label", tmp_path / "label.json")

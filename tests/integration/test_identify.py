@@ -9,10 +9,10 @@ import numpy as np
 import pytest
 from ament_index_python.packages import get_package_prefix
 
-from crane_model.configuration import packaged
+from crane_model.machine_files import machine_file
 from crane_model.model_file import load_model
 
-MODEL = packaged("crane_model", "crane_model.yaml")
+MODEL = machine_file("model.yaml")
 
 
 def _run(package: str, executable: str, *arguments: object) -> subprocess.CompletedProcess[str]:
@@ -21,7 +21,7 @@ def _run(package: str, executable: str, *arguments: object) -> subprocess.Comple
 
 
 def _bag(out: Path, trajectory: str, seed: int) -> Path:
-    file = packaged("crane_trajectory", trajectory)
+    file = machine_file(trajectory)
     what = ("--trajectory", file, "--periods", 3, "--seed", seed, "--out", out)
     done = _run("crane_sim", "make_bag", *what)
     assert done.returncode == 0, done.stderr

@@ -13,9 +13,12 @@ import pytest
 from ament_index_python.packages import get_package_prefix, get_package_share_directory
 from integration.processes import free_port
 
-from crane_driver.driver_parameters import PARAMETERS as DRIVER
+from crane_driver.driver_parameters import driver_parameters
 from crane_identification.online.identification_node import PARAMETERS as IDENTIFICATION
-from crane_trajectory.trajectory_parameters import CHANGEABLE, FIXED
+from crane_model.machine import load_machine
+from crane_model.machine_files import DEFAULT_MACHINE
+from crane_nodes.machine_parameter import MACHINE
+from crane_trajectory.trajectory_parameters import FIXED, TuningNumbers
 
 ROOT = Path(__file__).resolve().parents[2]
 FILES = sorted([*ROOT.glob("crane_*/launch/*.py"), *ROOT.glob("src/*/launch/*.py")])
@@ -23,8 +26,11 @@ SHARED = ROOT / "src/crane_nodes/crane_nodes/launching.py"
 NAMES = [path.name.removesuffix(".launch.py") for path in FILES]
 OF_EVERY_NODE = {"use_sim_time"}
 DECLARED = {
-    "driver": {one.name for one in DRIVER},
-    "trajectory": {one.name for one in (*FIXED, *CHANGEABLE)},
+    "driver": {one.name for one in driver_parameters(load_machine(), DEFAULT_MACHINE)},
+    "trajectory": {
+        one.name
+        for one in (MACHINE, *FIXED, *TuningNumbers.of(load_machine(), DEFAULT_MACHINE).all)
+    },
     "identification": {one.name for one in IDENTIFICATION},
     "recorder": set(),
     "player": set(),

@@ -15,13 +15,13 @@ from crane_bags.types import (
     JOINT_STATES,
     VALVE_COMMAND,
 )
-from crane_model.configuration import packaged
 from crane_model.cylinders import generalized_forces
 from crane_model.machine import JOINTS, PLANAR_JOINTS, load_machine
+from crane_model.machine_files import machine_file
 from crane_trajectory.motion.periodic import load_trajectory
 
 TOPICS = (JOINT_STATES, CYLINDER_PRESSURES, VALVE_COMMAND, JOINT_REFERENCE)
-TRAJECTORY = packaged("crane_trajectory", "excitation_20s.yaml")
+TRAJECTORY = machine_file("excitation_20s.yaml")
 
 
 def _run(executable: str, *arguments: object) -> subprocess.CompletedProcess[str]:

@@ -11,7 +11,8 @@ from rclpy.lifecycle import TransitionCallbackReturn
 from rclpy.node import Node
 from rclpy.parameter import Parameter
 
-from crane_model.configuration import bounds, packaged
+from crane_model.configuration import bounds
+from crane_model.machine_files import machine_file
 from crane_nodes.parameters import Number, Numbers, Switch, Text, declare, hold
 from crane_trajectory.control.controller import JointGains
 from crane_trajectory.trajectory_node import Trajectory
@@ -123,7 +124,7 @@ def test_what_is_read_at_configure_is_held_while_the_node_is_configured(node: No
 
 def controller_file(path: Path, **slew: float) -> Path:
     """The packaged controller with other gains of the slew."""
-    content = yaml.safe_load(packaged("crane_trajectory", "controller.yaml").read_text())
+    content = yaml.safe_load(machine_file("controller.yaml").read_text())
     path.write_text(yaml.safe_dump(content | {"slew": content["slew"] | slew}))
     return path
 

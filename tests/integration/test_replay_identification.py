@@ -13,7 +13,7 @@ from crane_identification.data.bag_log import read_bag
 from crane_identification.online.estimator import OnlineOptions
 from crane_identification.online.replay import replay
 from crane_interfaces.msg import ParameterEstimate
-from crane_model.configuration import packaged
+from crane_model.machine_files import machine_file
 from crane_model.model_file import load_model
 
 pytestmark = pytest.mark.realtime
@@ -27,7 +27,7 @@ TOPICS = ("/joint_states", "/cylinder_pressures")
 def bag(tmp_path_factory: pytest.TempPathFactory) -> Path:
     """One period of the stand-in machine."""
     path = tmp_path_factory.mktemp("bags") / "one"
-    trajectory = packaged("crane_trajectory", "excitation_20s.yaml")
+    trajectory = machine_file("excitation_20s.yaml")
     run("crane_sim", "make_bag", "--trajectory", trajectory, "--periods", 1, "--out", path)
     return path
 
@@ -40,7 +40,7 @@ def ros(ros_domain: int, tmp_path: Path) -> Iterator[Graph]:
 
 def test_a_played_bag_gives_the_estimate_of_the_offline_recursion(ros: Graph, bag: Path) -> None:
     """To 1e-6, values and standard deviations, from the same number of rows."""
-    model = load_model(packaged("crane_model", "crane_model.yaml"))
+    model = load_model(machine_file("model.yaml"))
     log = read_bag(bag, model.joints)
     offline, _ = replay(model, log, OnlineOptions(forgetting=FORGETTING))
     expected = offline.solve()

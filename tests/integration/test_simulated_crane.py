@@ -15,6 +15,8 @@ from crane_driver.can.bus import BusSettings
 from crane_driver.can.codec import DriverCodec
 from crane_driver.can.decoder import Readings
 from crane_driver.can.link import Link
+from crane_model.machine import load_machine
+from crane_model.machine_files import machine_file
 from crane_sim.bus.simulated_crane import main
 
 pytestmark = pytest.mark.realtime
@@ -25,7 +27,9 @@ CYCLE = 0.005  # s
 class Bench:
     def __init__(self) -> None:
         port = free_port()
-        self.codec = DriverCodec(load_layout())
+        self.codec = DriverCodec(
+            load_layout(load_machine(), machine_file("can.yaml"), machine_file("can.dbc"))
+        )
         self.link = Link(BusSettings(extra={"port": port})).open()
         self.process = start(MACHINE, "--bus-option", f"port={port}")
         self.readings: list[Readings] = []

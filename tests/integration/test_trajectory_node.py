@@ -15,8 +15,8 @@ from integration.processes import end
 from lifecycle_msgs.msg import Transition
 from sensor_msgs.msg import JointState
 
-from crane_model.configuration import packaged
 from crane_model.machine import JOINTS
+from crane_model.machine_files import machine_file
 from crane_trajectory.experiment import Outcome
 
 ALIASES = "\n".join(f"x{i}: &x{i} [*x{i - 1}, *x{i - 1}]" for i in range(1, 20))
@@ -26,7 +26,7 @@ pytestmark = pytest.mark.realtime
 @pytest.fixture(scope="module")
 def stage(ros_domain: int, tmp_path_factory: pytest.TempPathFactory) -> Iterator[Stage]:
     folder = tmp_path_factory.mktemp("stage")
-    settings = yaml.safe_load(packaged("crane_driver", "safety.yaml").read_text())
+    settings = yaml.safe_load(machine_file("safety.yaml").read_text())
     safety = folder / "safety.yaml"
     safety.write_text(yaml.safe_dump(settings | {"command_timeout": 2 * TIMEOUT}))
     one = Stage(folder, [], safety=str(safety))
@@ -174,7 +174,8 @@ def test_parameters_change_while_the_crane_moves_where_that_is_safe(crane: Exper
         ("gains.outer_boom.kp", -1.0, "gains.outer_boom.kp out of range Min: 1e-06, Max: 1000.0"),
         ("gains.outer_boom.kp", 100.0, "kp times position_tolerance is 0.4, more than dead_zone"),
         ("saturation", 2.0, "saturation out of range Min: 0.01, Max: 1.0, value: 2.0"),
-        ("machine", "other.yaml", "parameter 'machine' is read when the node is configured"),
+        ("clearance", "x.yaml", "parameter 'clearance' is read when the node is configured"),
+        ("machine", "x.yaml", "read-only parameter: machine"),
     ):
         done, why = crane.set(name, value)
         assert not done

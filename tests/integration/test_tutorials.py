@@ -65,6 +65,6 @@ def test_a_crane_of_your_own(clone: Path) -> None:
         position = log.position.value[:, j]
         asked = np.interp(log.position.time, reference.time, reference.value[:, j])
         assert np.abs(position - asked).max() < 0.1
-        own = getattr(limits, joint)
+        own = limits[joint]
         assert own.position_min <= position.min() < position.max() <= own.position_max
-    assert names["machine"].denavit_hartenberg.inner_boom_length == 1.6
+    assert names["machine"].planar.inner_boom_length == 1.6

@@ -27,7 +27,8 @@ from crane_driver.can.binding import load_layout
 from crane_driver.can.bus import BusSettings
 from crane_driver.can.codec import DriverCodec, MachineCodec
 from crane_driver.can.link import Link
-from crane_model.configuration import packaged
+from crane_model.machine import load_machine
+from crane_model.machine_files import machine_file
 
 BRINGUP = RUN.format(module="crane_driver.operator.bringup.main")
 WIRING = {  # (sign, zero) of encoders, sign of valves
@@ -46,7 +47,7 @@ class Workshop:
 
     def __init__(self, folder: Path):
         self.folder = folder
-        naive = yaml.safe_load(packaged("crane_driver", "laboratory_crane_can.yaml").read_text())
+        naive = yaml.safe_load(machine_file("can.yaml").read_text())
         naive["timing"] = TIMING
         self.naive = folder / "naive.yaml"
         self.naive.write_text(yaml.safe_dump(naive))
@@ -59,11 +60,11 @@ class Workshop:
         truth = folder / "truth.yaml"
         truth.write_text(yaml.safe_dump(naive))
         plant = folder / "plant.yaml"
-        base = str(packaged("crane_sim", "stand_in.yaml"))
+        base = str(machine_file("stand_in.yaml"))
         plant.write_text(yaml.safe_dump({"base": base, "valves": VALVES}))
         self.plant = plant
         self.port = f"port={free_port()}"
-        layout = load_layout(truth)
+        layout = load_layout(load_machine(), truth, machine_file("can.dbc"))
         self._machine_side, self._driver_side = MachineCodec(layout), DriverCodec(layout)
         self.link = Link(BusSettings(extra={"port": int(self.port[5:])})).open()
         self.machine = start(

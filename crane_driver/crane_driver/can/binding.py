@@ -2,8 +2,9 @@
 
 import math
 from collections import defaultdict
-from collections.abc import Iterable
+from collections.abc import Iterable, Sequence
 from pathlib import Path
+from typing import TypeVar
 
 from cantools.database.can import Message, Signal
 
@@ -20,6 +21,7 @@ from crane_driver.can.layout import (
     Protected,
 )
 from crane_driver.can.mapping import (
+    LINES,
     UNITS,
     Mapping,
     PositionSignal,
@@ -29,27 +31,26 @@ from crane_driver.can.mapping import (
     StateSignal,
 )
 from crane_driver.can.signals import fills_byte, is_scaled, raw_limits, to_channel
-from crane_model.configuration import load, packaged
+from crane_model.configuration import load
 from crane_model.errors import ConfigurationError
-from crane_model.machine import JOINT_UNITS
+from crane_model.machine import Machine
 
 LONGEST = 8  # bytes, of classical CAN
 QUANTITY = {"rad": "angle", "m": "length"}
+Entry = TypeVar("Entry")
 
 
-def load_layout(mapping: Path | str | None = None, dbc: Path | str | None = None) -> Layout:
-    """Layout of a mapping file and a DBC file; without them that of the laboratory crane.
+def load_layout(machine: Machine, mapping: Path | str, dbc: Path | str) -> Layout:
+    """Layout of the mapping file and the DBC file of a machine.
 
     `ConfigurationError` lists all that does not fit together: file, key, message, signal.
     """
-    mapping_path = Path(mapping or packaged("crane_driver", "laboratory_crane_can.yaml"))
-    dbc_path = Path(dbc or packaged("crane_driver", "laboratory_crane.dbc"))
-    return _Binder(mapping_path, load(mapping_path, Mapping), load_dbc(dbc_path)).layout()
+    return _Binder(machine, Path(mapping), load(mapping, Mapping), load_dbc(dbc)).layout()
 
 
 class _Binder:
-    def __init__(self, path: Path, mapping: Mapping, dbc: Dbc):
-        self.path, self.mapping, self.dbc = path, mapping, dbc
+    def __init__(self, machine: Machine, path: Path, mapping: Mapping, dbc: Dbc):
+        self.machine, self.path, self.mapping, self.dbc = machine, path, mapping, dbc
         self.problems: list[str] = []
         self.used: dict[str, str] = {}  # signal: key that uses it
         self.positions: dict[str, list[Channel]] = defaultdict(list)
@@ -86,12 +87,15 @@ class _Binder:
         return Layout(readings, commands, self.mapping.timing, self.mapping.canopen)
 
     def _bind(self) -> None:
-        mapping = self.mapping
-        for name, position in mapping.positions.items():
-            self._bind_reading(f"positions.{name}", name, position, QUANTITY[JOINT_UNITS[name]])
-        for name, pressure in mapping.pressures.items():
+        mapping, joints = self.mapping, self.machine.joint_names
+        chambers = [f"{joint}.{chamber}" for joint in self.machine.cylinders for chamber in "ab"]
+        for name, position in self._known("positions", "joint", mapping.positions, joints):
+            quantity = QUANTITY[self.machine.units[name]]
+            self._bind_reading(f"positions.{name}", name, position, quantity)
+        named = self._known("pressures", "pressure", mapping.pressures, (*chambers, *LINES))
+        for name, pressure in named:
             self._bind_reading(f"pressures.{name}", name, pressure, "pressure")
-        for name, spool in mapping.commands.items():
+        for name, spool in self._known("commands", "joint", mapping.commands, joints):
             self._bind_spool(f"commands.{name}", name, spool)
         for name, state in mapping.states.items():
             self._bind_state(f"states.{name}", name, state)
@@ -101,6 +105,16 @@ class _Binder:
             self._bind_constant(f"constants.{name}", name, value)
         for name, protection in mapping.protection.items():
             self._bind_protection(f"protection.{name}", name, protection)
+
+    def _known(
+        self, key: str, kind: str, entries: dict[str, Entry], names: Sequence[str]
+    ) -> list[tuple[str, Entry]]:
+        """The entries that the machine has a `kind` for; others are noted."""
+        if unknown := [name for name in entries if name not in names]:
+            self._problem(
+                key, f"no {kind} {', '.join(unknown)}; {self.machine.name} has {', '.join(names)}"
+            )
+        return [(name, entry) for name, entry in entries.items() if name in names]
 
     def _bind_reading(
         self, key: str, name: str, entry: PositionSignal | PressureSignal, quantity: str

@@ -15,12 +15,20 @@ from crane_driver.can.log_formats import open_log
 from crane_driver.can.log_report import describe
 from crane_driver.can.log_table import LogTable
 from crane_model.errors import ConfigurationError, DataError
+from crane_model.machine import Machine
 from crane_model.progress_bar import progress_bar
 
 TABLES = (".csv", ".parquet")
 
 
-def decode(log_path: Path, dbc: Path, mapping: Path | None, channel: str | None, out: Path) -> str:
+def decode(
+    log_path: Path,
+    machine: Machine,
+    dbc: Path,
+    mapping: Path | None,
+    channel: str | None,
+    out: Path,
+) -> str:
     """Decode a log to `out`, and say what was in it.
 
     A bag needs the `mapping`; `channel` is needed where the log has several. `DataError` and
@@ -37,7 +45,7 @@ def decode(log_path: Path, dbc: Path, mapping: Path | None, channel: str | None,
         _write(table.table(), out)
         return describe(log, table)
     assert mapping is not None  # checked above
-    bag = _write_bag(log, table, load_layout(mapping, dbc), out)
+    bag = _write_bag(log, table, load_layout(machine, mapping, dbc), out)
     return "\n".join([describe(log, table), *_describe_bag(out, bag)])
 
 

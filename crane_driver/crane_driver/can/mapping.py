@@ -7,13 +7,12 @@ from pydantic import Field, field_validator, model_validator
 
 from crane_driver.can.canopen_settings import Device, check_nodes
 from crane_model.configuration import Schema
-from crane_model.machine import JOINTS
 
 SignalName = Annotated[str, Field(pattern=r"^\w+\.\w+$")]
 """MESSAGE.SIGNAL"""
 
 LINES = ("supply", "tank")
-PRESSURES = (*(f"{joint}.{chamber}" for joint in JOINTS for chamber in "ab"), *LINES)
+"""Pressures that are of no joint; those of a joint's chambers are JOINT.a and JOINT.b."""
 
 # Quantity and size in SI units; units are compared without regard to case.
 UNITS = {
@@ -120,24 +119,8 @@ class Mapping(Schema):
     timing: Timing
     canopen: dict[str, Device] = {}
 
-    @field_validator("positions", "commands")
-    @classmethod
-    def _joints(cls, value: dict[str, Schema]) -> dict[str, Schema]:
-        return _known(value, "joint", JOINTS)
-
-    @field_validator("pressures")
-    @classmethod
-    def _pressures(cls, value: dict[str, Schema]) -> dict[str, Schema]:
-        return _known(value, "pressure", PRESSURES)
-
     @field_validator("canopen")
     @classmethod
     def _nodes(cls, value: dict[str, Device]) -> dict[str, Device]:
         check_nodes(value)
         return value
-
-
-def _known(value: dict[str, Schema], kind: str, names: tuple[str, ...]) -> dict[str, Schema]:
-    if unknown := [name for name in value if name not in names]:
-        raise ValueError(f"no {kind} {', '.join(unknown)}; there are {', '.join(names)}")
-    return value

@@ -40,7 +40,7 @@ class JointLimiter:
     def limit(self, command: float, position: float, velocity: float, dt: float) -> float:
         """`command` (-1 to 1), or a smaller one of the same sign, `dt` [s] after the last call.
 
-        Units of position and velocity: rad, rad/s; telescope m, m/s; both finite.
+        Units of position and velocity: rad, rad/s or m, m/s; both finite.
         """
         direction = math.copysign(1.0, command) if command else 0.0
         if direction != self._direction:

@@ -1,12 +1,13 @@
-"""The settings of the safety functions, from `data/safety.yaml`."""
+"""The settings of the safety functions, from `safety.yaml`."""
 
 from pathlib import Path
 from typing import Annotated, Self
 
 from pydantic import Field, model_validator
 
-from crane_model.configuration import Positive, Schema, load, packaged
-from crane_model.machine import PerJoint
+from crane_model.configuration import Positive, Schema, load
+from crane_model.joint_tables import of_every_joint
+from crane_model.machine import Machine
 
 Spool = Annotated[float, Field(gt=0, lt=1)]
 
@@ -18,7 +19,7 @@ class SafetySettings(Schema):
     ramp_time: Positive
     neutral: Spool
     settling_time: Positive
-    deceleration: PerJoint[Positive]
+    deceleration: dict[str, Positive]  # joint
     reaction_time: Positive
     correction_time: Positive
     opening: Spool
@@ -37,6 +38,8 @@ class SafetySettings(Schema):
         return self
 
 
-def load_safety(path: Path | str | None = None) -> SafetySettings:
-    """The settings in `path`, by default the laboratory's; `ConfigurationError` if wrong."""
-    return load(path or packaged("crane_driver", "safety.yaml"), SafetySettings)
+def load_safety(path: Path | str, machine: Machine) -> SafetySettings:
+    """The settings in `path`; `ConfigurationError` if wrong, or not of the joints of `machine`."""
+    settings = load(path, SafetySettings)
+    of_every_joint(settings.deceleration, machine.joint_names, f"{path}: key 'deceleration'")
+    return settings

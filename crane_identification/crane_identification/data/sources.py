@@ -110,7 +110,7 @@ class TopicField(Reading):
 
     @property
     def stream(self) -> str:
-        """The topic."""
+        """The topic that its messages come on."""
         return self.topic
 
     @property

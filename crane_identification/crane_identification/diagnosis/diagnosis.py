@@ -5,23 +5,24 @@ from dataclasses import dataclass
 from functools import cached_property
 
 from crane_identification.data.log import Log
-from crane_identification.diagnosis import changes
-from crane_identification.diagnosis.answer import answered
-from crane_identification.diagnosis.candidates import Candidate, candidates_of
-from crane_identification.diagnosis.decision import Decision, decide
-from crane_identification.diagnosis.evidence import Evidence
-from crane_identification.diagnosis.fit import Fitted, fitted
-from crane_identification.diagnosis.flow import examine
-from crane_identification.diagnosis.gap import Gap
-from crane_identification.diagnosis.hydraulics import Flows, Usual, load_usual
-from crane_identification.diagnosis.likeness import detectable
-from crane_identification.diagnosis.motion_choice import suited
-from crane_identification.diagnosis.proof import Proof, proved
-from crane_identification.diagnosis.search import Race, Search, search
-from crane_identification.diagnosis.thresholds import Thresholds
-from crane_identification.diagnosis.trial import Finding, in_counts
-from crane_identification.diagnosis.verdict import Answer, Verdict
+from crane_identification.diagnosis.answer.answer import answered
+from crane_identification.diagnosis.answer.verdict import Answer, Verdict
+from crane_identification.diagnosis.decision.decision import Decision, decide
+from crane_identification.diagnosis.decision.motion_choice import suited
+from crane_identification.diagnosis.fit.evidence import Evidence
+from crane_identification.diagnosis.fit.fit import Fitted, fitted
+from crane_identification.diagnosis.flow.flow import examine
+from crane_identification.diagnosis.flow.hydraulics import Flows
+from crane_identification.diagnosis.flow.usual import Usual, load_usual
+from crane_identification.diagnosis.proof.extension import Finding, in_counts
+from crane_identification.diagnosis.proof.gap import Gap
+from crane_identification.diagnosis.proof.proof import Proof, proved
+from crane_identification.diagnosis.search.energy import detectable
+from crane_identification.diagnosis.search.race import Race
+from crane_identification.diagnosis.search.search import Search, search
+from crane_identification.diagnosis.search.wanted import wanted
 from crane_identification.options import Options
+from crane_identification.thresholds import Thresholds
 from crane_identification.validation.carry_over import elsewhere
 from crane_model.errors import ConfigurationError, DataError
 from crane_model.model_file import Model
@@ -131,13 +132,12 @@ def diagnose(
     """
     _check(training, validation, without)
     fit = fitted(model, training, validation, options, fixed, progress)
-    race = Race(search(fit.evidence, _wanted(fit, without), progress), progress)
+    race = Race(search(fit.evidence, wanted(fit, without), progress), progress)
     decision = suited(race, fit.before, decide(race, thresholds))
     found = race.search  # all of it: the decision is taken
     proof = proved(fit, found, decision.passed, thresholds, progress)
-    flow = examine(
-        fit.evidence, fit.held_out, usual or load_usual(), thresholds, proof.trial.distrusted
-    )
+    effects = [one.shaped.candidate for one in proof.trial.effects]
+    flow = examine(fit.evidence, fit.held_out, usual or load_usual(), thresholds, effects)
     answer = answered(fit, found, decision, proof, flow, thresholds)
     return Diagnosis(fit, found, decision, flow, proof, answer, thresholds, frozenset(without))
 
@@ -157,14 +157,3 @@ def check_known(effects: Collection[str]) -> None:
         raise ConfigurationError(
             f"{', '.join(unknown)}: no effect that shows in the force; there are {', '.join(known)}"
         )
-
-
-def _wanted(fit: Fitted, without: Collection[str]) -> list[Candidate]:
-    """The candidates that are asked for: not `without`, and none that the model had."""
-    had = {(term.type, term.only_joint) for term in fit.left_out}
-    changed = changes.changes_of(fit.evidence.model) if fit.fixed else []
-    return [
-        candidate
-        for candidate in (*candidates_of(fit.before, fit.evidence), *changed)
-        if candidate.type not in without and (candidate.type, candidate.joint) not in had
-    ]

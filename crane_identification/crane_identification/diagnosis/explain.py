@@ -3,25 +3,16 @@
 Whatever is not printed is said to be elsewhere.
 """
 
-import json
 from pathlib import Path
 from typing import Any
 
 from crane_identification.diagnosis import wording
-from crane_model.errors import DataError
+from crane_identification.diagnosis.findings_file import Findings
 
 
 def read(folder: Path) -> dict[str, Any]:
-    """findings.json of a diagnosis; `DataError` if there is none."""
-    path = folder / "findings.json"
-    try:
-        return json.loads(path.read_text(encoding="utf-8"))
-    except FileNotFoundError:
-        raise DataError(
-            f"{path}: no such file; name the folder that diagnose wrote with --out"
-        ) from None
-    except (OSError, ValueError) as error:
-        raise DataError(f"{path}: not readable: {error}; diagnose again") from None
+    """findings.json of a diagnosis; `DataError` if there is none, or none of this version."""
+    return Findings.read(folder / "findings.json").plain()
 
 
 def lines(content: dict[str, Any]) -> list[str]:
@@ -82,10 +73,11 @@ def _block(title: str, said: list[str]) -> list[str]:
 
 def _elsewhere(content: dict[str, Any]) -> list[str]:
     """What is not printed."""
-    numbers = (
-        (len(content["not_testable"]), "effects that hide behind the parameters of the model"),
-        (len(content["not_observable"]), "that are not observable in these recordings"),
-        (len(content["flow"]), "joints with a balance of the flow"),
+    counted = (
+        ("effects that hide behind the parameters of the model", content["not_testable"]),
+        ("effects that are not observable in these recordings", content["not_observable"]),
+        ("joints with a balance of the flow", content["flow"]),
     )
-    said = [f"{number} {what}" for number, what in numbers if number > 0]
-    return [f"Not printed: {', '.join(said)}; see report.html or findings.json."] if said else []
+    said = [f"{what} ({len(found)})" for what, found in counted if found]
+    said.insert(0, "errors of the simulated motion")
+    return [f"Not printed: {', '.join(said)}; see report.html or findings.json."]

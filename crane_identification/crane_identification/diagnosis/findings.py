@@ -1,25 +1,42 @@
 """findings.json: the answer for programs."""
 
-import json
-import math
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 
 from crane_identification.diagnosis.diagnosis import Diagnosis
+from crane_identification.diagnosis.findings_file import (
+    CarriedLoad,
+    ChangedParameter,
+    FindingEntry,
+    Findings,
+    FoundEffect,
+    FoundParameter,
+    FoundPlace,
+    FoundPulsation,
+    FoundRegion,
+    GapOfModels,
+    GapSide,
+    LeftResidual,
+    NearEffect,
+    NearestEffects,
+    NearestGap,
+    SessionClock,
+    Untried,
+)
 from crane_identification.diagnosis.flow_and_load_findings import balance, of_flow, of_load
-from crane_identification.diagnosis.gap import Gap
-from crane_identification.diagnosis.likeness import acting
-from crane_identification.diagnosis.pulsation import pulsations
+from crane_identification.diagnosis.proof.extension import Finding, Value, carried_in
+from crane_identification.diagnosis.proof.gap import Gap
 from crane_identification.diagnosis.region import (
     Region,
     correlation_left,
     energy_shares,
     regions,
 )
-from crane_identification.diagnosis.trial import Finding, Value, carried_in
+from crane_identification.diagnosis.search.candidates import Candidate
+from crane_identification.diagnosis.search.energy import acting
 from crane_identification.diagnosis.variables import feature_unit
 from crane_identification.notation import is_determined
 from crane_identification.validation.motion_validation import MotionValidation
@@ -29,205 +46,195 @@ WHITE = 0.25  # correlation of neighbouring rows up to which what is left counts
 
 def write(path: Path | str, diagnosis: Diagnosis, suspicions: Sequence[str] = ()) -> None:
     """Write the file, with what is suspicious of the recordings."""
-    answer = content(diagnosis) | {"suspicions": list(suspicions)}
-    text = json.dumps(answer, indent=2, allow_nan=False, ensure_ascii=False)
-    Path(path).write_text(text + "\n", encoding="utf-8")
+    answer(diagnosis, suspicions).write(path)
 
 
-def content(diagnosis: Diagnosis) -> dict[str, Any]:
-    """All of it as plain mappings; numbers that are not known are null."""
-    fit, proof, gap = diagnosis.fit, diagnosis.proof, diagnosis.gap
-    thresholds = diagnosis.thresholds
-    return _plain(
-        {
-            "verdict": diagnosis.verdict.value,
-            "reason": diagnosis.reason,
-            "values_kept": fit.fixed,
-            "where": _where(diagnosis),
-            "findings": [_finding(diagnosis, one) for one in diagnosis.findings]
-            + [
-                of_flow(diagnosis, flow.joint, one)
-                for flow in diagnosis.flow.found
-                for one in flow.missing
-            ]
-            + [of_load(diagnosis, one) for one in gap.loads if one.found],
-            "nearest": _nearest(diagnosis),
-            "gap": {
-                "before": _side(gap, gap.before, gap.motion_before),
-                "after": _side(gap, gap.after, gap.motion_after),
-                "closed": dict(zip(diagnosis.joints, gap.closed, strict=True)),
-                "loads": [
-                    {"recording": one.recording, "value": one.mass, "std_dev": one.std_dev}
-                    for one in gap.loads
-                ],
-            },
-            "left": {
-                joint: {
-                    "white": abs(correlation) < WHITE,
-                    "correlation": correlation,
-                    "learnable_share": share,
-                    "law": law,
-                    "beyond_noise": times > thresholds.gates.floor_factor,
-                    "region": _region(diagnosis, region),
-                }
-                for joint, correlation, share, law, times, region in zip(
-                    diagnosis.joints,
-                    correlation_left(fit.evidence, proof.trial),
-                    proof.trial.learnt.share,
-                    proof.trial.learnt.follows_law(thresholds),
-                    gap.over_floor(np.maximum(gap.after, gap.training_after)),
-                    regions(fit, proof.trial),
-                    strict=True,
-                )
-            },
-            "undetermined": fit.undetermined,
-            "clock": {
-                "through_session": fit.session.fallback is None,
-                "reason": fit.session.fallback,
-            },
-            "needs_units": fit.uncalibrated,
-            "warnings": diagnosis.warnings,
-            "without": sorted(diagnosis.without),
-            "not_testable": _reasons(diagnosis.search.untestable),
-            "not_observable": _reasons(diagnosis.search.unobservable)
-            + [
-                {"effect": effect, "joint": joint, "reason": reason}
-                for (effect, joint), reason in diagnosis.flow.unobservable.items()
+def content(diagnosis: Diagnosis, suspicions: Sequence[str] = ()) -> dict[str, Any]:
+    """What the file holds, as it is read from it."""
+    return answer(diagnosis, suspicions).plain()
+
+
+def answer(diagnosis: Diagnosis, suspicions: Sequence[str] = ()) -> Findings:
+    """All that a diagnosis found."""
+    fit, gap, flow = diagnosis.fit, diagnosis.gap, diagnosis.flow
+    return Findings(
+        verdict=diagnosis.verdict,
+        reason=diagnosis.reason,
+        values_kept=fit.fixed,
+        where=_where(diagnosis),
+        findings=[_finding(diagnosis, one) for one in diagnosis.findings]
+        + [of_flow(diagnosis, one.joint, each) for one in flow.found for each in one.missing]
+        + [of_load(diagnosis, one) for one in gap.loads if one.found],
+        nearest=_nearest(diagnosis),
+        gap=GapOfModels(
+            before=_side(gap, gap.before, gap.motion_before),
+            after=_side(gap, gap.after, gap.motion_after),
+            closed=dict(zip(diagnosis.joints, gap.closed, strict=True)),
+            loads=[
+                CarriedLoad(recording=one.recording, value=one.mass, std_dev=one.std_dev)
+                for one in gap.loads
             ],
-            "pulsations": [vars(one) for one in pulsations(proof.lines, thresholds)],
-            "flow": {flow.joint: balance(flow) for flow in diagnosis.flow.found},
-            "detectable_strength": diagnosis.detectable,
-        }
+        ),
+        left=_left(diagnosis),
+        undetermined=list(fit.undetermined),
+        clock=SessionClock(
+            through_session=fit.session.fallback is None, reason=fit.session.fallback
+        ),
+        needs_units=list(fit.uncalibrated),
+        warnings=list(diagnosis.warnings),
+        without=sorted(diagnosis.without),
+        not_testable=_untried(diagnosis.search.untestable),
+        not_observable=_untried(diagnosis.search.unobservable)
+        + [
+            Untried(effect=effect, joint=joint, reason=reason)
+            for (effect, joint), reason in flow.unobservable.items()
+        ],
+        pulsations=[
+            FoundPulsation(joint=one.joint, frequency=one.frequency, strength=one.strength)
+            for one in diagnosis.proof.pulsations
+        ],
+        flow={one.joint: balance(one) for one in flow.found},
+        detectable_strength=diagnosis.detectable,
+        suspicions=list(suspicions),
     )
 
 
-def _where(diagnosis: Diagnosis) -> dict[str, Any]:
+def _where(diagnosis: Diagnosis) -> dict[str, FoundPlace]:
     motion, first = diagnosis.gap.motion_before, diagnosis.proof.before
     shares, places = energy_shares(diagnosis.training, first), regions(diagnosis.fit, first)
     return {
-        joint: {
-            "energy_share": shares[j],
-            "motion_error": motion.position_rms[j],
-            "region": _region(diagnosis, places[j]),
-        }
+        joint: FoundPlace(
+            energy_share=shares[j],
+            motion_error=motion.position_rms[j],
+            region=_region(diagnosis, places[j]),
+        )
         for j, joint in enumerate(diagnosis.joints)
     }
 
 
-def _region(diagnosis: Diagnosis, region: Region | None) -> dict[str, Any] | None:
+def _left(diagnosis: Diagnosis) -> dict[str, LeftResidual]:
+    fit, trial, gap = diagnosis.fit, diagnosis.proof.trial, diagnosis.gap
+    thresholds = diagnosis.thresholds
+    return {
+        joint: LeftResidual(
+            white=bool(abs(correlation) < WHITE),
+            correlation=correlation,
+            learnable_share=share,
+            law=bool(law),
+            beyond_noise=bool(times > thresholds.gates.floor_factor),
+            region=_region(diagnosis, region),
+        )
+        for joint, correlation, share, law, times, region in zip(
+            diagnosis.joints,
+            correlation_left(fit.evidence, trial),
+            trial.learnt.share,
+            trial.law,
+            gap.over_floor(np.maximum(gap.after, gap.training_after)),
+            regions(fit, trial),
+            strict=True,
+        )
+    }
+
+
+def _region(diagnosis: Diagnosis, region: Region | None) -> FoundRegion | None:
     if region is None:
         return None
     setting, counts = diagnosis.before.setting, bool(diagnosis.fit.uncalibrated)
-    return {
-        "variable": region.variable,
-        "range": [region.low, region.high],
-        "unit": feature_unit(region.variable, setting, counts),
-        "share": region.share,
-    }
+    return FoundRegion(
+        variable=region.variable,
+        range=(region.low, region.high),
+        unit=feature_unit(region.variable, setting, counts),
+        share=region.share,
+    )
 
 
-def _finding(diagnosis: Diagnosis, finding: Finding) -> dict[str, Any]:
+def _finding(diagnosis: Diagnosis, finding: Finding) -> FindingEntry:
     judged, candidate = finding.judged, finding.candidate
-    runner = judged.runner_up
-    return {
-        "effect": candidate.type,
-        "name": candidate.effect.name,
-        "joint": candidate.where,
-        "changed": candidate.changes,
-        "class_members": [
-            {"effect": one.type, "name": one.effect.name, "joint": one.where}
-            for one in judged.indistinct
-        ],
-        "parameters": [_parameter(value) for value in finding.parameters],
-        "carried_in": carried_in(finding, diagnosis.training.sources),
-        "score": judged.score,
-        "threshold": judged.threshold,
-        "false_alarm_rate": diagnosis.thresholds.method.false_alarm_rate,
-        "runner_up": None
-        if runner is None
-        else {"effect": runner.type, "name": runner.effect.name, "joint": runner.where},
-        "margin": judged.margin,
-        "margin_needed": judged.needed,
-        "visibility": judged.visibility,
-        "strength": _strength(diagnosis, finding),
-        "visible_strength": judged.strength,
-        "held_out_gains": dict(zip(judged.fold_names, judged.held_out, strict=True)),
-        "settled_by": candidate.effect.settled_by,
-    }
+    return FindingEntry(
+        effect=candidate.type,
+        name=candidate.effect.name,
+        joint=candidate.where,
+        changed=candidate.changes,
+        class_members=[_effect(one) for one in judged.indistinct],
+        parameters=[_parameter(value) for value in finding.parameters],
+        carried_in=carried_in(finding, diagnosis.training.sources),
+        score=judged.score,
+        threshold=judged.threshold,
+        false_alarm_rate=diagnosis.thresholds.method.false_alarm_rate,
+        runner_up=None if judged.runner_up is None else _effect(judged.runner_up),
+        margin=judged.margin,
+        margin_needed=judged.needed,
+        visibility=judged.visibility,
+        strength=acting(diagnosis.training, judged.shaped.columns, finding.added),
+        visible_strength=judged.strength,
+        held_out_gains=dict(zip(judged.fold_names, judged.held_out, strict=True)),
+        settled_by=candidate.effect.settled_by,
+    )
 
 
-def _parameter(one: Value) -> dict[str, Any]:
+def _effect(one: Candidate) -> FoundEffect:
+    return FoundEffect(effect=one.type, name=one.effect.name, joint=one.where)
+
+
+def _parameter(one: Value) -> FoundParameter:
     """A parameter, whether the recordings determine it, and what it has changed from."""
-    own = one.__dict__ | {"determined": is_determined(one.value, one.std_dev, one.minimum)}
-    before = own.pop("before")
-    if before is None:
-        return own
-    change, std_dev = one.change
-    return own | {
-        "before": before[0],
-        "before_std_dev": before[1],
-        "change": change,
-        "change_std_dev": std_dev,
-    }
+    parameter = FoundParameter(
+        name=one.name,
+        value=one.value,
+        std_dev=one.std_dev,
+        unit=one.unit,
+        minimum=one.minimum,
+        determined=is_determined(one.value, one.std_dev, one.minimum),
+    )
+    if one.before is None:
+        return parameter
+    (before, before_std_dev), (change, change_std_dev) = one.before, one.change
+    return ChangedParameter(
+        **dict(parameter),
+        before=before,
+        before_std_dev=before_std_dev,
+        change=change,
+        change_std_dev=change_std_dev,
+    )
 
 
-def _strength(diagnosis: Diagnosis, finding: Finding) -> float:
-    return acting(diagnosis.training, finding.judged.shaped.columns, finding.added)
-
-
-def _nearest(diagnosis: Diagnosis) -> dict[str, Any] | None:
+def _nearest(diagnosis: Diagnosis) -> NearestEffects | None:
     """What comes closest where nothing is named, and why that does not do."""
     near = diagnosis.answer.nearest
     if near is None:
         return None
-    return {
-        "effects": [
-            {
-                "effect": one.shaped.candidate.type,
-                "name": one.shaped.candidate.effect.name,
-                "joint": one.shaped.candidate.where,
-                "score": one.score,
-                "threshold": one.threshold,
-            }
+    return NearestEffects(
+        effects=[
+            NearEffect(
+                **dict(_effect(one.shaped.candidate)), score=one.score, threshold=one.threshold
+            )
             for one in near.effects
         ],
-        "explained_share": near.explained,
-        "gap": {
-            joint: {"before": before, "after": after}
+        explained_share=near.explained,
+        gap={
+            joint: NearestGap(before=before, after=after)
             for joint, before, after in zip(near.joints, near.before, near.after, strict=True)
         },
-        "objection": near.objection,
-    }
+        objection=near.objection,
+    )
 
 
-def _side(gap: Gap, error: np.ndarray, motion: MotionValidation) -> dict[str, Any]:
+def _side(gap: Gap, error: np.ndarray, motion: MotionValidation) -> dict[str, GapSide]:
     return {
-        joint: {
-            "force_relative_error": error[j],
-            "noise_floor": gap.floor[j],
-            "best_achievable": gap.best[j],
-            "motion_error": motion.position_rms[j],
-            "motion_displacement": motion.displacement_rms[j],
-            "motion_reason": motion.reason,
-        }
+        joint: GapSide(
+            force_relative_error=error[j],
+            noise_floor=gap.floor[j],
+            best_achievable=gap.best[j],
+            motion_error=motion.position_rms[j],
+            motion_displacement=motion.displacement_rms[j],
+            motion_reason=motion.reason,
+        )
         for j, joint in enumerate(gap.joints)
     }
 
 
-def _reasons(candidates: dict[Any, str]) -> list[dict[str, str]]:
+def _untried(candidates: Mapping[Candidate, str]) -> list[Untried]:
     return [
-        {"effect": candidate.type, "joint": candidate.where, "reason": reason}
+        Untried(effect=candidate.type, joint=candidate.where, reason=reason)
         for candidate, reason in candidates.items()
     ]
-
-
-def _plain(value: Any) -> Any:
-    if isinstance(value, dict):
-        return {str(key): _plain(item) for key, item in value.items()}
-    if isinstance(value, list | tuple):
-        return [_plain(item) for item in value]
-    if isinstance(value, np.bool_):
-        return bool(value)
-    if isinstance(value, float | np.floating):
-        return float(value) if math.isfinite(value) else None
-    return value

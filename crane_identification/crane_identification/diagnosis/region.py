@@ -4,10 +4,10 @@ from typing import NamedTuple
 
 import numpy as np
 
-from crane_identification.diagnosis.evidence import Evidence
-from crane_identification.diagnosis.fit import Fitted
-from crane_identification.diagnosis.learner import Features
-from crane_identification.diagnosis.trial import Trial
+from crane_identification.diagnosis.fit.evidence import Evidence
+from crane_identification.diagnosis.fit.features import Features
+from crane_identification.diagnosis.fit.fit import Fitted
+from crane_identification.diagnosis.proof.trial import Trial
 
 BINS = 10
 ENERGY_SHARE = 0.5  # of the energy that the range must carry
@@ -59,9 +59,9 @@ def _narrowest(edges: np.ndarray, power: np.ndarray) -> tuple[float, float, floa
 
 def regions(fit: Fitted, trial: Trial) -> tuple[Region | None, ...]:
     """Where what a model leaves of each joint sits."""
-    used = fit.evidence.used
+    known, used = fit.evidence.moving.known, fit.evidence.used
     return tuple(
-        region(fit.known, trial.residual[:, j], used[:, j]) for j in range(len(fit.before.joints))
+        region(known, trial.residual[:, j], used[:, j]) for j in range(len(fit.before.joints))
     )
 
 

@@ -5,8 +5,8 @@ from collections.abc import Callable, Mapping
 import numpy as np
 
 from crane_identification.data.units import COUNTS
-from crane_identification.diagnosis.evidence import Evidence
-from crane_identification.diagnosis.learner import way_since_turned
+from crane_identification.diagnosis.fit.evidence import Evidence
+from crane_identification.diagnosis.fit.features import way_since_turned
 from crane_model.record import Record
 from crane_model.terms import Setting
 from crane_model.terms.effect import Variable

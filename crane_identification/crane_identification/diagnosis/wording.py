@@ -5,8 +5,8 @@ from collections.abc import Iterable, Iterator, Mapping
 from math import isnan, nan
 from typing import Any, NamedTuple
 
-from crane_identification.diagnosis.candidates import WHOLE
-from crane_identification.diagnosis.loads import NO_LOAD
+from crane_identification.diagnosis.search.candidates import WHOLE
+from crane_identification.diagnosis.search.loads import NO_LOAD
 from crane_identification.notation import (
     NARROW_SPACE,
     NONE,
@@ -47,7 +47,7 @@ NOISE = {"none", "insufficient_data"}
 SMALL_SHARE = 0.05  # share of what is unexplained, below which a joint says nothing
 
 
-class Estimate(NamedTuple):
+class PrintedParameter(NamedTuple):
     """A parameter as it is printed: numbers in units that people read, or why there is none.
 
     `change`: what was added to the value before, and that one; empty where there was none.
@@ -122,7 +122,7 @@ def _alone(one: Content) -> str:
     return f"{one['name']} ({place(one['joint'])})"
 
 
-def estimate(parameter: Content) -> Estimate:
+def estimate(parameter: Content) -> PrintedParameter:
     """A parameter of a finding."""
     unit, factor = human(parameter["unit"])
     value, deviation, minimum = (
@@ -132,7 +132,9 @@ def estimate(parameter: Content) -> Estimate:
     printed = shown(value, deviation, None if isnan(minimum) else minimum)
     number = not printed.value.startswith(NOT_DETERMINED)
     deviated = printed.std_dev if number else NONE
-    return Estimate(parameter["name"], printed.value, deviated, unit, _change(parameter, factor))
+    return PrintedParameter(
+        parameter["name"], printed.value, deviated, unit, _change(parameter, factor)
+    )
 
 
 def _change(parameter: Content, factor: float) -> str:
@@ -156,7 +158,7 @@ def carried(finding: Content) -> list[str]:
     ]
 
 
-def loads(content: Content) -> list[Estimate]:
+def loads(content: Content) -> list[PrintedParameter]:
     """The loads that are estimated from held-out recordings, by the names of these."""
     return [
         estimate(one | {"name": one["recording"], "unit": "kg"})

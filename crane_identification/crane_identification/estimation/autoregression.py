@@ -38,7 +38,7 @@ class Autoregression(NamedTuple):
     filtered: np.ndarray = UNFILTERED
 
     def autocovariance(self, lags: int) -> np.ndarray:
-        """Autocovariance (lags,)."""
+        """Of the noise behind its filter, at lags 0, 1, ...: (lags,)."""
         points = 8 * (lags + 64)
         spectrum = _power(self.filtered, points)
         spectrum = spectrum / np.abs(np.fft.rfft(self.polynomial, points)) ** 2

@@ -19,9 +19,9 @@ from numba import njit
 from scipy import signal
 
 from crane_identification.hydraulics.passage import Passage
+from crane_model.actuators import HydraulicActuator
 from crane_model.hydraulics.chambers import roots
 from crane_model.hydraulics.spool import openings, spool_course, trailing
-from crane_model.machine import HydraulicCylinder
 
 CUT_OFF = 4.0  # Hz: what the machine moves at lies below, most of the noise above
 ORDER = 4
@@ -121,7 +121,7 @@ class ChamberRows(PassageRows):
     with the sign in which the two chambers share it.
     """
 
-    def __init__(self, passage: Passage, cylinder: HydraulicCylinder) -> None:
+    def __init__(self, passage: Passage, cylinder: HydraulicActuator) -> None:
         p_a, p_b, supply, tank = (
             passage.pressures[name]
             for name in ("pressure_a", "pressure_b", "supply_pressure", "tank_pressure")
@@ -175,7 +175,7 @@ class MotionRows(PassageRows):
     of two equal edges in series, each passing what its chamber takes.
     """
 
-    def __init__(self, passage: Passage, cylinder: HydraulicCylinder) -> None:
+    def __init__(self, passage: Passage, cylinder: HydraulicActuator) -> None:
         super().__init__(passage)
         self.flow = self.speed[:, np.newaxis]
         supply, tank = (passage.pressures[name] for name in ("supply_pressure", "tank_pressure"))

@@ -12,10 +12,11 @@ from crane_identification.online.matching import Matched, Matcher
 from crane_identification.online.recursion import Recursion, Solution
 from crane_identification.online.smoother import FixedLagSmoother, Smoothed
 from crane_identification.online.window import Row, Window
-from crane_model.configuration import load, packaged
+from crane_model.configuration import load
 from crane_model.cylinders import generalized_forces
 from crane_model.errors import ConfigurationError, DataError, RangeError
 from crane_model.machine import JOINTS
+from crane_model.machine_files import DEFAULT_MACHINE, machine_file
 from crane_model.model_file import Model
 from crane_model.record import Record
 from crane_model.sensors import SensorChain
@@ -42,6 +43,7 @@ class OnlineOptions:
     forgetting: float = 1.0
     largest_gap: float = 0.025
     encoder_resolution: tuple[float, ...] | None = None
+    machine: str = DEFAULT_MACHINE
 
 
 class Forces(NamedTuple):
@@ -238,7 +240,7 @@ def _check(options: OnlineOptions) -> None:
 def _resolution(model: Model, options: OnlineOptions) -> np.ndarray:
     given = options.encoder_resolution
     if given is None:
-        chain = load(packaged("crane_model", "sensors.yaml"), SensorChain)
+        chain = load(machine_file("sensors.yaml", options.machine), SensorChain)
         if unknown := set(model.joints) - set(JOINTS):
             raise ConfigurationError(
                 f"encoder resolution of {', '.join(sorted(unknown))} is not known; give one count "

@@ -23,9 +23,11 @@ from crane_identification.online.topics import (
     listeners,
 )
 from crane_interfaces.msg import GeneralizedForces, ParameterEstimate
-from crane_model.configuration import load, packaged
+from crane_model.configuration import load
 from crane_model.errors import CraneError, DataError
+from crane_model.machine_files import machine_file
 from crane_model.model_file import load_model, save_model
+from crane_nodes.machine_parameter import MACHINE
 from crane_nodes.managed import AUTOSTART, run_managed
 from crane_nodes.names import full_name
 from crane_nodes.parameters import NodeParameter, Number, Numbers, Text, declare, hold
@@ -43,9 +45,7 @@ PUBLISH = 1.0  # s
 VISIT = 0.05  # s between two visits to the queues, which hold 100 times as much
 
 DEFAULTS = OnlineOptions()
-MODEL = Text(
-    "model", "", "Model file to identify; empty: the model that ships with the suite. At configure"
-)
+MODEL = Text("model", "", "Model file to identify; empty: model.yaml of the machine. At configure")
 MODEL_OUTPUT = Text(
     "model_output", "identified_model.yaml", "File that ~/save_model writes, replacing it"
 )
@@ -92,11 +92,11 @@ RESOLUTION = Numbers(
     "rad or m",
     1e-9,
     0.1,
-    "One count of the encoder of each joint of the model, in its order; empty: those of the "
-    "laboratory crane. At configure",
+    "One count of the encoder of each joint of the model, in its order; empty: by sensors.yaml of "
+    "the machine. At configure",
 )
 PARAMETERS: tuple[NodeParameter, ...] = (
-    *(AUTOSTART, MODEL, COLUMNS, MODEL_OUTPUT, FORGETTING),
+    *(AUTOSTART, MACHINE, MODEL, COLUMNS, MODEL_OUTPUT, FORGETTING),
     *(LAG, PERIOD, LARGEST_GAP, RESOLUTION, TIMEOUT),
 )
 
@@ -106,7 +106,7 @@ class Identification(LifecycleNode):
 
     def __init__(self) -> None:
         super().__init__("identification")
-        declare(self, PARAMETERS, read_only=(AUTOSTART,))
+        declare(self, PARAMETERS, read_only=(AUTOSTART, MACHINE))
         self._estimator: OnlineEstimator | None = None
         self._recent: Recent | None = None
         fixed = [parameter for parameter in PARAMETERS if parameter is not MODEL_OUTPUT]
@@ -137,9 +137,10 @@ class Identification(LifecycleNode):
                 forgetting=FORGETTING.read(self),
                 largest_gap=LARGEST_GAP.read(self),
                 encoder_resolution=RESOLUTION.read(self) or None,
+                machine=MACHINE.read(self),
             )
             self._condition = Condition(timeout=TIMEOUT.read(self))
-            file = MODEL.read(self) or packaged("crane_model", "crane_model.yaml")
+            file = machine_file("model.yaml", options.machine, MODEL.read(self))
             estimator = OnlineEstimator(load_model(file).of_machine(), options)
             recent = Recent(estimator.model.machine, estimator.model.joints)
             self._listeners = self._listeners_of(Watched(estimator, recent))

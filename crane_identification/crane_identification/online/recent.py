@@ -70,14 +70,14 @@ class Watched:
         self.model, self.options = estimator.model, estimator.options
 
     def add_position(self, stamp: int, position: np.ndarray) -> list[Forces]:
-        """As `OnlineEstimator.add_position`."""
+        """As `OnlineEstimator.add_position`, which it goes on to."""
         self._recent.add_position(stamp, position)
         return self._estimator.add_position(stamp, position)
 
     def add_pressure(
         self, stamp: int, chamber_a: np.ndarray, chamber_b: np.ndarray
     ) -> list[Forces]:
-        """As `OnlineEstimator.add_pressure`."""
+        """As `OnlineEstimator.add_pressure`, which it goes on to."""
         self._recent.add_pressure(stamp, chamber_a, chamber_b)
         return self._estimator.add_pressure(stamp, chamber_a, chamber_b)
 

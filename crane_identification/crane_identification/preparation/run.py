@@ -8,7 +8,7 @@ from crane_identification.data.log import Log
 from crane_identification.data.resample import Samples
 from crane_identification.options import Options
 from crane_identification.signals.gate import SETTLING, moving, velocity_resolution
-from crane_identification.signals.motion import Motion, encoder_resolution
+from crane_identification.signals.motion import SmoothedMotion, encoder_resolution
 from crane_model.cylinders import generalized_forces
 from crane_model.errors import DataError
 from crane_model.model_file import Model
@@ -123,7 +123,7 @@ def record_of(
     model: Model,
     time: np.ndarray,
     signals: dict[str, np.ndarray],
-    motion: Motion,
+    motion: SmoothedMotion,
     mask_reversals: bool,
 ) -> Record:
     """The record (n samples) of signals along an estimated motion.
@@ -159,7 +159,7 @@ def record_of(
 
 def where_moving(
     model: Model,
-    motion: Motion,
+    motion: SmoothedMotion,
     step: float,
     periodic: bool,
     options: Options,

@@ -13,7 +13,7 @@ from crane_identification.recording_check.suspicion import Suspicion
 from crane_model.flow import piston_flow
 
 
-class Fit(NamedTuple):
+class FlowFit(NamedTuple):
     """Share of the piston's flow that the valve leaves unexplained, and its mean `gain`."""
 
     left: float
@@ -43,7 +43,7 @@ def commands(whole: Grid) -> Iterator[Suspicion]:
             )
 
 
-def fit(whole: Grid, j: int, command: int, exchanged: bool = False) -> Fit:
+def fit(whole: Grid, j: int, command: int, exchanged: bool = False) -> FlowFit:
     """The flow of joint j by the command of column `command`, its chambers `exchanged` or not.
 
     Each of the four edges of the valve has a gain and a dead band of its own, and lags.
@@ -69,4 +69,4 @@ def fit(whole: Grid, j: int, command: int, exchanged: bool = False) -> Fit:
         found = np.linalg.lstsq(scaled, wanted, rcond=NEGLIGIBLE)[0]
         left.append(np.mean((wanted - scaled @ found) ** 2) / np.mean(wanted**2))
         gains += list((found / norms)[[0, 3]])
-    return Fit(float(np.sqrt(np.mean(left))), float(np.mean(gains)))
+    return FlowFit(float(np.sqrt(np.mean(left))), float(np.mean(gains)))

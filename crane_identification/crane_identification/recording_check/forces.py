@@ -8,8 +8,8 @@ from scipy.optimize import lsq_linear
 
 from crane_identification.recording_check.constants import CORRELATED
 from crane_identification.recording_check.grid import Grid
-from crane_model.configuration import packaged
 from crane_model.machine import Machine
+from crane_model.machine_files import machine_file
 from crane_model.model_file import Model, load_model
 from crane_model.terms.term import Setting
 
@@ -26,7 +26,7 @@ def crane(machine: Machine) -> Model:
 
 @cache
 def _standard() -> Model:
-    return load_model(packaged("crane_model", "crane_model.yaml"))
+    return load_model(machine_file("model.yaml"))
 
 
 @dataclass(frozen=True)

@@ -10,9 +10,9 @@ from importlib.metadata import PackageNotFoundError, version
 import numpy as np
 
 from crane_identification.data.log import Log
+from crane_identification.fitting import FitResult
 from crane_identification.online.replay import Recursive
 from crane_identification.options import Options
-from crane_identification.pipeline import FitResult
 from crane_identification.report.errors import JointErrors, pooled
 from crane_identification.validation.command_validation import (
     CommandValidation,

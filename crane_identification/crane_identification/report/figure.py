@@ -75,7 +75,7 @@ class Figure:
 
     @property
     def height(self) -> int:
-        """px."""
+        """Of all panels with their titles [px]."""
         return sum(panel.height + _TITLE_HEIGHT for panel in self.panels) + _AXIS_HEIGHT
 
     @property

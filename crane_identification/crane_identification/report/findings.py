@@ -5,6 +5,7 @@ from collections.abc import Sequence
 import numpy as np
 
 from crane_identification.data.log import Log
+from crane_identification.fitting import FitResult
 from crane_identification.notation import (
     NONE,
     listed,
@@ -13,7 +14,6 @@ from crane_identification.notation import (
     shown,
     spoken,
 )
-from crane_identification.pipeline import FitResult
 from crane_identification.preparation.run import Preparation
 from crane_identification.report.errors import pooled
 from crane_identification.validation.carry_over import elsewhere

@@ -14,7 +14,7 @@ from crane_identification.report.figures import (
     validation_figures,
 )
 from crane_identification.report.hydraulics import hydraulic_groups
-from crane_identification.report.links import Link, link, page_of
+from crane_identification.report.links import PageLink, link, page_of
 from crane_identification.report.processing import processing
 from crane_identification.report.recording import recorded
 from crane_identification.report.recursion import (
@@ -27,7 +27,7 @@ from crane_identification.report.verdict import bags, verdict
 from crane_model.progress import Progress, silent
 
 
-class FigureRow(NamedTuple):
+class RowOfFigures(NamedTuple):
     """The figures of one recording, one per joint."""
 
     source: str
@@ -72,7 +72,7 @@ def render(report: IdentificationReport, progress: Progress = silent, folder: Pa
         sources=source_rows(report),
         model_file=link(model_file, folder),
         model_page=page_of(model_file, folder),
-        results=[Link(name, name) for name in RESULTS],
+        results=[PageLink(name, name) for name in RESULTS],
         training_links=[link(bag, folder) for bag in report.training_bags],
         validation_links=[link(bag, folder) for bag in report.validation_bags],
         recursive=recursive_groups(report),
@@ -87,11 +87,11 @@ def render(report: IdentificationReport, progress: Progress = silent, folder: Pa
     )
 
 
-def _reference_rows(report: IdentificationReport) -> list[FigureRow]:
+def _reference_rows(report: IdentificationReport) -> list[RowOfFigures]:
     """Rows of Fig. 8, for recordings with a reference that repeats."""
     fit = report.fit
     rows = [
-        FigureRow(p.source, reference_figures(fit.model, p, f"reference-{number}"))
+        RowOfFigures(p.source, reference_figures(fit.model, p, f"reference-{number}"))
         for number, p in enumerate(fit.preparations)
         if p.averaging is not None
     ]
@@ -100,7 +100,7 @@ def _reference_rows(report: IdentificationReport) -> list[FigureRow]:
 
 def _figure_rows(
     report: IdentificationReport, progress: Progress
-) -> tuple[list[FigureRow], list[FigureRow], list[FigureRow]]:
+) -> tuple[list[RowOfFigures], list[RowOfFigures], list[RowOfFigures]]:
     """Rows of Fig. 9, of Figs. 10 and 11, and of Figs. 12 and 13."""
     model = report.fit.model
     recordings = []
@@ -108,12 +108,12 @@ def _figure_rows(
     for number, log in enumerate(report.training):
         recording = recorded(model, log, report.options.motion, bandwidth[log.source])
         figures = recording_figures(model, recording, f"recording-{number}")
-        recordings.append(FigureRow(log.source, figures))
+        recordings.append(RowOfFigures(log.source, figures))
         progress("report", (number + 1) / len(report.training))
     averages, validations = [], []
     for number, validation in enumerate(report.validations):
         figures = averaged_figures(model, validation.preparation, f"average-{number}")
-        averages.append(FigureRow(validation.source, figures))
+        averages.append(RowOfFigures(validation.source, figures))
         figures = validation_figures(model, validation, f"validation-{number}")
-        validations.append(FigureRow(validation.source, figures))
+        validations.append(RowOfFigures(validation.source, figures))
     return recordings, averages, validations

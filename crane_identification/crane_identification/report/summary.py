@@ -1,101 +1,143 @@
 """summary.json: the numbers of the page for programs."""
 
-import json
 from collections.abc import Sequence
 from pathlib import Path
-from typing import Any, TypedDict
 
 import numpy as np
 
 from crane_identification.report.content import IdentificationReport
 from crane_identification.report.errors import JointErrors
 from crane_identification.scale.information import ClusterFit
+from crane_model.result_file import Number, NumberByJoint, ResultFile, ResultPart
 
 
-class ParameterSummary(TypedDict):
-    """`value` and `std_dev` in `unit`; null where the data do not determine the parameter."""
+class ParameterSummary(ResultPart):
+    """A parameter; null where the data do not determine it."""
 
     name: str
+    """As in model files."""
     unit: str
-    value: float | None
-    std_dev: float | None
+    """SI; `1` for a ratio, `counts` where readings have no unit."""
+    value: Number
+    """Estimate [unit]."""
+    std_dev: Number
+    """Its standard deviation [unit]."""
 
 
-class MotionSummary(TypedDict):
-    """Per joint [rad, m]: rms error of the simulated position `horizon` seconds [s] ahead, driven
-    by the measured pressures, and how far the joint itself moved in that time. Where the model
-    cannot be simulated, they are null and `reason` says why; otherwise it is empty.
-    """
+class MotionSummary(ResultPart):
+    """Error of the simulated motion, driven by the measured pressures."""
 
     horizon: float
+    """How long each simulation lasts [s]."""
     windows: int
-    position_rms: dict[str, float | None]
-    displacement_rms: dict[str, float | None]
+    """Simulations, one behind the other [-]."""
+    position_rms: NumberByJoint
+    """Rms error at their end [rad, m]; null where the model cannot be simulated."""
+    displacement_rms: NumberByJoint
+    """How far the joint itself moved in that time, rms [rad, m]."""
     reason: str
+    """Why the model cannot be simulated; empty if it can."""
 
 
-class RecursiveSummary(TypedDict):
-    """The recursion over the training recordings, and its error on the validation recordings."""
+class RecursiveSummary(ResultPart):
+    """The recursion over the training recordings."""
 
     parameters: list[ParameterSummary]
-    heldout_relative_error: dict[str, float | None]
+    """At its end."""
+    heldout_relative_error: NumberByJoint
+    """As of the fit, on the validation recordings [-]."""
     samples: int
+    """Samples that it used [-]."""
 
 
-class LackOfFitSummary(TypedDict):
-    """Per joint: power of the residual over what the noise between periods leaves of it, and the
-    probability that noise alone gives as much (null: no period was repeated).
-    """
+class LackOfFitSummary(ResultPart):
+    """What the model leaves of the training recordings, beside noise."""
 
-    ratio: dict[str, float | None]
-    p_value: dict[str, float | None]
+    ratio: NumberByJoint
+    """Power of the residual over what the noise between periods leaves of it [-]; null where no
+    period was repeated."""
+    p_value: NumberByJoint
+    """Probability that noise alone gives as much [-]."""
 
 
-class Summary(TypedDict):
-    """Errors are shares of one per joint, over all samples of all recordings of their kind.
-
-    `heldout_relative_error` is ‖τ - τ̂‖/‖τ‖, `..._moving` the same where the sign of the joint's
-    velocity is known, `..._without_gravity` the error relative to τ without its gravity part, and
-    `noise_floor` the scatter of τ from period to period (null: no period was repeated). They are
-    empty without validation. `friction_share` is ‖friction‖/‖τ‖ of the training data by the fitted
-    model. The condition numbers are those of all columns in SI units, and of the same columns
-    scaled to norm 1 (null: rank deficient). `samples` counts the fitted rows. `bounds` names the
-    physical constraints that hold the values back. `recursive` is null where it was not asked for.
-    `hydraulics` is that section of model.yaml, null where no valve command or pressure was logged.
+class Summary(ResultFile):
+    """What `identify` found. Errors are over all samples of all recordings of their kind; those of
+    held-out recordings are empty without validation.
     """
 
     model: str
+    """Name of the model."""
     date: str
+    """Of the fit, UTC."""
     estimator: str
+    """`--estimator`."""
     method: str
+    """What was done, in words."""
     bounds: list[str]
+    """Physical constraints that hold the values back."""
     parameters: list[ParameterSummary]
-    heldout_relative_error: dict[str, float | None]
-    heldout_relative_error_moving: dict[str, float | None]
-    heldout_relative_error_without_gravity: dict[str, float | None]
-    noise_floor: dict[str, float | None]
-    training_relative_error: dict[str, float | None]
-    friction_share: dict[str, float | None]
+    """Of the model, in its order."""
+    heldout_relative_error: NumberByJoint
+    """‖τ - τ̂‖/‖τ‖ on the validation recordings [-]."""
+    heldout_relative_error_moving: NumberByJoint
+    """The same where the sign of the joint's velocity is known [-]."""
+    heldout_relative_error_without_gravity: NumberByJoint
+    """The same relative to τ without its gravity part [-]."""
+    noise_floor: NumberByJoint
+    """Scatter of τ from period to period over ‖τ‖ [-]; null where no period was repeated."""
+    training_relative_error: NumberByJoint
+    """‖τ - τ̂‖/‖τ‖ on the training recordings [-]."""
+    friction_share: NumberByJoint
+    """‖friction‖/‖τ‖ of the training recordings, by the fitted model [-]."""
     lack_of_fit: LackOfFitSummary
+    """Of the training recordings."""
     simulated_motion: MotionSummary | None
+    """Of the validation recordings; null without them."""
     recursive: RecursiveSummary | None
-    hydraulics: dict[str, Any] | None
-    condition_number: float | None
-    condition_number_normalized: float | None
+    """Null unless it was asked for (`--recursive`)."""
+    hydraulics: list[ParameterSummary]
+    """Of valves and oil, as `dead_zone_a.boom`; empty where no command or pressure was logged."""
+    condition_number: Number
+    """Of all columns in SI units [-]; null: the columns are dependent."""
+    condition_number_normalized: Number
+    """Of the same columns scaled to norm 1 [-]."""
     training_bags: list[str]
+    """Recordings that the model was fitted to."""
     validation_bags: list[str]
+    """Recordings that it was tried on."""
     samples: int
+    """Rows that were fitted [-]."""
     warnings: list[str]
+    """About recordings and results."""
+
+
+class ClusterSummary(ResultFile):
+    """What `identify --cluster` found: what is known without the rows of the recordings."""
+
+    model: str
+    """Name of the model."""
+    method: str
+    """What was done, in words."""
+    parameters: list[ParameterSummary]
+    """Of the model, in its order."""
+    heldout_relative_error: NumberByJoint
+    """‖τ - τ̂‖/‖τ‖ on the validation recordings [-]."""
+    heldout_relative_error_without_gravity: NumberByJoint
+    """The same relative to τ without its gravity part [-]."""
+    noise_floor: NumberByJoint
+    """Scatter of τ from period to period over ‖τ‖ [-]; null where no period was repeated."""
+    samples: int
+    """Rows that were fitted [-]."""
 
 
 def summarize(report: IdentificationReport) -> Summary:
-    """The summary of a report, as plain numbers, strings, lists and dictionaries."""
+    """The summary of a report."""
     estimate, held_out, simulated = report.fit.estimate, report.held_out, report.simulated
     recursive, recursive_held_out = report.recursive, report.recursive_held_out
     hydraulics = report.fit.model.hydraulics
 
     def per_joint(values: np.ndarray) -> dict[str, float | None]:
-        return {joint: _number(v) for joint, v in zip(estimate.joints, values, strict=True)}
+        return dict(zip(estimate.joints, values, strict=True))
 
     return Summary(
         model=report.fit.model.name,
@@ -136,9 +178,15 @@ def summarize(report: IdentificationReport) -> Summary:
         )
         if recursive
         else None,
-        hydraulics=None if hydraulics is None else hydraulics.model_dump(mode="json"),
-        condition_number=_number(estimate.condition_number),
-        condition_number_normalized=_number(estimate.condition_number_normalized),
+        hydraulics=[
+            ParameterSummary(
+                name=f"{name}.{joint}", unit=one.unit, value=one.value, std_dev=one.std_dev
+            )
+            for joint, of_joint in (hydraulics.joints if hydraulics else {}).items()
+            for name, one in of_joint.values.items()
+        ],
+        condition_number=estimate.condition_number,
+        condition_number_normalized=estimate.condition_number_normalized,
         training_bags=report.training_bags,
         validation_bags=report.validation_bags,
         samples=estimate.samples,
@@ -148,20 +196,7 @@ def summarize(report: IdentificationReport) -> Summary:
 
 def write(path: Path | str, report: IdentificationReport) -> None:
     """Write `summarize(report)` as JSON."""
-    text = json.dumps(summarize(report), indent=2, ensure_ascii=False, allow_nan=False)
-    Path(path).write_text(text + "\n", encoding="utf-8")
-
-
-class ClusterSummary(TypedDict):
-    """As `Summary`, what is known without the rows of the training recordings."""
-
-    model: str
-    method: str
-    parameters: list[ParameterSummary]
-    heldout_relative_error: dict[str, float | None]
-    heldout_relative_error_without_gravity: dict[str, float | None]
-    noise_floor: dict[str, float | None]
-    samples: int
+    summarize(report).write(path)
 
 
 def write_of_cluster(path: Path | str, fit: ClusterFit, held_out: JointErrors | None) -> None:
@@ -170,9 +205,9 @@ def write_of_cluster(path: Path | str, fit: ClusterFit, held_out: JointErrors | 
     assert model.std_devs is not None  # of a fitted model
 
     def per_joint(values: np.ndarray) -> dict[str, float | None]:
-        return {joint: _number(v) for joint, v in zip(model.joints, values, strict=True)}
+        return dict(zip(model.joints, values, strict=True))
 
-    content = ClusterSummary(
+    ClusterSummary(
         model=model.name,
         method=model.provenance,
         parameters=_parameters(information.names, information.units, model.theta, model.std_devs),
@@ -182,20 +217,13 @@ def write_of_cluster(path: Path | str, fit: ClusterFit, held_out: JointErrors | 
         else {},
         noise_floor=per_joint(held_out.noise_floor) if held_out else {},
         samples=int(information.rows.sum()),
-    )
-    text = json.dumps(content, indent=2, ensure_ascii=False, allow_nan=False)
-    Path(path).write_text(text + "\n", encoding="utf-8")
+    ).write(path)
 
 
 def _parameters(
     names: Sequence[str], units: Sequence[str], values: np.ndarray, std_devs: np.ndarray
 ) -> list[ParameterSummary]:
     return [
-        ParameterSummary(name=name, unit=unit, value=_number(value), std_dev=_number(std_dev))
+        ParameterSummary(name=name, unit=unit, value=value, std_dev=std_dev)
         for name, unit, value, std_dev in zip(names, units, values, std_devs, strict=True)
     ]
-
-
-def _number(value: float) -> float | None:
-    """JSON has neither NaN nor infinity."""
-    return float(value) if np.isfinite(value) else None

@@ -50,7 +50,7 @@ def fit_on_cluster(
     read, by `columns` or as bags of the suite.
 
     `address` is that of the scheduler, tcp://host:port. Raises `ConfigurationError` if it is none,
-    no scheduler answers or it has no workers, `DataError` as `pipeline.fit` does, and where a
+    no scheduler answers or it has no workers, `DataError` as `fitting.fit` does, and where a
     recording that is not `trusted` looks wrong.
     """
     if not ADDRESS.fullmatch(address):

@@ -10,8 +10,8 @@ if TYPE_CHECKING:
     )
     from crane_identification.signals.fourier import FourierFit as FourierFit
     from crane_identification.signals.kalman import KalmanSmoother as KalmanSmoother
-    from crane_identification.signals.motion import Motion as Motion
     from crane_identification.signals.motion import MotionEstimator as MotionEstimator
+    from crane_identification.signals.motion import SmoothedMotion as SmoothedMotion
 
 __getattr__, __dir__, __all__ = lazily(
     __name__,
@@ -19,6 +19,6 @@ __getattr__, __dir__, __all__ = lazily(
         "butterworth": ("ButterworthDifferentiator",),
         "fourier": ("FourierFit",),
         "kalman": ("KalmanSmoother",),
-        "motion": ("Motion", "MotionEstimator"),
+        "motion": ("SmoothedMotion", "MotionEstimator"),
     },
 )

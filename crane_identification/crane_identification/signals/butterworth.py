@@ -5,7 +5,7 @@ from dataclasses import dataclass
 import numpy as np
 from scipy import signal
 
-from crane_identification.signals.motion import Motion, checked
+from crane_identification.signals.motion import SmoothedMotion, checked
 from crane_model.errors import DataError
 from crane_model.progress import Progress, silent
 
@@ -26,7 +26,7 @@ class ButterworthDifferentiator:
 
     def estimate(
         self, position: np.ndarray, step: float, resolution: np.ndarray, progress: Progress = silent
-    ) -> Motion:
+    ) -> SmoothedMotion:
         """Motion at the times of `position` (n, j); `DataError` if it is too short for the filter.
 
         The noise is that of an encoder that rounds to `resolution` (j,).
@@ -45,7 +45,7 @@ class ButterworthDifferentiator:
         progress("motion", 1.0)
         joints = position.shape[1]
         reading_noise = np.asarray(resolution, dtype=float) / np.sqrt(12)
-        return Motion(
+        return SmoothedMotion(
             smooth,
             velocity,
             acceleration,

@@ -14,7 +14,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from crane_identification.signals.decimate import KEPT_SHARE
-from crane_identification.signals.motion import Motion, checked
+from crane_identification.signals.motion import SmoothedMotion, checked
 from crane_model.progress import Progress, silent
 
 SHORTEST = 20
@@ -38,7 +38,7 @@ class FourierFit:
 
     def estimate(
         self, position: np.ndarray, step: float, resolution: np.ndarray, progress: Progress = silent
-    ) -> Motion:
+    ) -> SmoothedMotion:
         """Motion at the times of `position` (n, j), one whole period; `DataError` if too short.
 
         The noise is at least that of encoders that round to `resolution` (j,). What the parallel
@@ -57,7 +57,7 @@ class FourierFit:
         weights[k[:, np.newaxis] <= KEPT_SHARE * highest] = 1.0
         damped = lines * weights
         progress("motion", 1.0)
-        return Motion(
+        return SmoothedMotion(
             position=np.fft.irfft(damped, n, axis=0),
             velocity=np.fft.irfft(damped * 1j * omega, n, axis=0),
             acceleration=np.fft.irfft(damped * -(omega**2), n, axis=0),

@@ -3,7 +3,7 @@
 import numpy as np
 from scipy.ndimage import binary_dilation
 
-from crane_identification.signals.motion import Motion
+from crane_identification.signals.motion import SmoothedMotion
 
 SIGMAS = 3.0
 """Speeds below this many standard deviations of the velocity estimate count as standstill."""
@@ -16,12 +16,14 @@ SETTLING = 0.1
 bristles and seals that give way (presliding), which a model of (13) takes for inertia."""
 
 
-def velocity_resolution(motion: Motion) -> np.ndarray:
+def velocity_resolution(motion: SmoothedMotion) -> np.ndarray:
     """Speed (j,) below which the sign of the estimated velocity is not known."""
     return SIGMAS * motion.velocity_noise
 
 
-def moving(motion: Motion, step: float, periodic: bool, settling: float = SETTLING) -> np.ndarray:
+def moving(
+    motion: SmoothedMotion, step: float, periodic: bool, settling: float = SETTLING
+) -> np.ndarray:
     """(n, j): True where joint j moves, and has done and will do so for a smoothing cycle and more.
 
     `settling` [s] is added to the cycle; without it, only the sign of the velocity is known.

@@ -15,7 +15,7 @@ from numba import njit
 from scipy.linalg import solve_discrete_are, solve_discrete_lyapunov
 from scipy.optimize import minimize_scalar
 
-from crane_identification.signals.motion import Motion, checked
+from crane_identification.signals.motion import SmoothedMotion, checked
 from crane_model.errors import DataError
 from crane_model.progress import Progress, silent
 
@@ -42,7 +42,7 @@ class KalmanSmoother:
 
     def estimate(
         self, position: np.ndarray, step: float, resolution: np.ndarray, progress: Progress = silent
-    ) -> Motion:
+    ) -> SmoothedMotion:
         """Motion at the times of `position` (n, j), `DataError` if there are too few samples."""
         position = checked(position, step, SHORTEST)
         n, joints = position.shape
@@ -57,7 +57,7 @@ class KalmanSmoother:
             bandwidth[j] = omega / (2 * np.pi)
             velocity_noise[j] = scale[1] * np.sqrt(smoothed_covariance(h)[1, 1])
             progress("motion", (j + 1) / joints)
-        return Motion(states[0], states[1], states[2], bandwidth, noise, velocity_noise)
+        return SmoothedMotion(states[0], states[1], states[2], bandwidth, noise, velocity_noise)
 
     def _tuning(
         self, j: int, readings: np.ndarray, step: float, resolution: float

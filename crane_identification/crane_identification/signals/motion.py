@@ -13,7 +13,7 @@ SAME_READING = 1e-9
 
 
 @dataclass(frozen=True)
-class Motion:
+class SmoothedMotion:
     """Smoothed motion of j coordinates at n uniform times, and how good it is.
 
     `position`, `velocity`, `acceleration` (n, j) in rad or m, per s, per s²; `bandwidth` (j,) [Hz]
@@ -39,11 +39,11 @@ class Motion:
 
 
 class MotionEstimator(Protocol):
-    """Anything that turns positions (n, j), sampled every `step` s, into a `Motion`."""
+    """Anything that turns positions (n, j), sampled every `step` s, into a `SmoothedMotion`."""
 
     def estimate(
         self, position: np.ndarray, step: float, resolution: np.ndarray, progress: Progress = silent
-    ) -> Motion:
+    ) -> SmoothedMotion:
         """Motion at the times of `position`; `resolution` (j,) is that of the encoders."""
         ...
 

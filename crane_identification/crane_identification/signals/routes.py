@@ -9,7 +9,7 @@ import numpy as np
 
 from crane_identification.signals.fourier import FourierFit
 from crane_identification.signals.kalman import KalmanSmoother
-from crane_identification.signals.motion import Motion, MotionEstimator
+from crane_identification.signals.motion import MotionEstimator, SmoothedMotion
 from crane_model.errors import DataError
 from crane_model.progress import Progress, silent
 
@@ -20,7 +20,7 @@ def estimate_record(
     step: float,
     resolution: np.ndarray,
     progress: Progress = silent,
-) -> Motion:
+) -> SmoothedMotion:
     """Motion of a record (n, j) with two ends; `DataError` for an estimator of whole periods."""
     if isinstance(estimator, FourierFit):
         raise DataError(
@@ -35,7 +35,7 @@ def estimate_period(
     step: float,
     resolution: np.ndarray,
     progress: Progress = silent,
-) -> Motion:
+) -> SmoothedMotion:
     """Motion over one whole period (n, j), which continues over its ends.
 
     For estimators that know no periods, half a period is put before and behind, which is far more

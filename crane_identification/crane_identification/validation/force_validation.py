@@ -41,7 +41,7 @@ class Validation:
 
     @property
     def source(self) -> str:
-        """The recording."""
+        """Name of the recording."""
         return self.preparation.source
 
     @property

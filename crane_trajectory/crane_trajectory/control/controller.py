@@ -17,16 +17,18 @@ the valve stays closed and the crane is held still, without a command that switc
 controller has no state.
 """
 
+from collections.abc import Mapping
 from pathlib import Path
 from typing import Annotated, Generic, NamedTuple, Self, TypeVar
 
 import numpy as np
 from numba import njit
-from pydantic import Field, model_validator
+from pydantic import ConfigDict, Field, RootModel, model_validator
 
-from crane_model.configuration import Schema, load, packaged
+from crane_model.configuration import Schema, load
 from crane_model.errors import RangeError
-from crane_model.machine import JOINT_UNITS, JOINTS
+from crane_model.joint_tables import of_every_joint
+from crane_model.machine import Machine
 
 DeadZone = Annotated[float, Field(ge=0.0, le=0.99)]
 Small = Annotated[float, Field(ge=1e-6, le=1.0)]
@@ -34,7 +36,7 @@ T = TypeVar("T")
 
 
 class JointGains(Schema):
-    """Gains of (36) of one joint; units in `data/controller.yaml`."""
+    """Gains of (36) of one joint; units in `controller.yaml`."""
 
     kp: Annotated[float, Field(ge=1e-6, le=1000.0)]
     kd: Annotated[float, Field(ge=0.0, le=100.0)]
@@ -67,29 +69,29 @@ class GainFields(NamedTuple, Generic[T]):
     position_tolerance: T
 
 
-GainArrays = GainFields[np.ndarray]  # (4,) each, in the order of JOINTS
+GainArrays = GainFields[np.ndarray]  # (j,) each, in the order of the machine's joints
 
 
-class Gains(Schema):
-    """Gains of (36) of the four joints."""
+class Gains(RootModel[dict[str, JointGains]]):
+    """Gains of (36) by joint."""
 
-    slew: JointGains
-    inner_boom: JointGains
-    outer_boom: JointGains
-    telescope: JointGains
+    model_config = ConfigDict(frozen=True)
+
+    def __getitem__(self, joint: str) -> JointGains:
+        return self.root[joint]
 
     @property
     def arrays(self) -> GainArrays:
         """The gains of all joints by field, for `command`."""
-        rows: list[JointGains] = [getattr(self, joint) for joint in JOINTS]
+        rows = self.root.values()
         return GainFields(
             **{name: np.array([getattr(row, name) for row in rows]) for name in GainFields._fields}
         )
 
 
-def load_gains(path: Path | str | None = None) -> Gains:
-    """The gains in `path`, by default the laboratory's; `ConfigurationError` if wrong."""
-    return load(path or packaged("crane_trajectory", "controller.yaml"), Gains)
+def load_gains(path: Path | str, machine: Machine) -> Gains:
+    """The gains in `path`, in the order of the machine's joints; `ConfigurationError` if wrong."""
+    return Gains(of_every_joint(load(path, Gains).root, machine.joint_names, str(path)))
 
 
 @njit(cache=True)
@@ -142,18 +144,27 @@ def command(
     velocity: np.ndarray,
     q_ref: np.ndarray,
     velocity_ref: np.ndarray,
+    units: Mapping[str, str],
 ) -> np.ndarray:
-    """Valve commands (4,) in [-1, 1] of (36); `gains` is `Gains.arrays`, the others (4,) in SI.
+    """Valve commands (j,) in [-1, 1] of (36); `gains` is `Gains.arrays`, the others (j,) in SI.
 
-    Raises `RangeError` where an input is not finite: a crane is never moved on a guess.
+    `units` of the joints are those of their machine. Raises `RangeError` where an input is not
+    finite: a crane is never moved on a guess.
     """
     inputs = np.array([q, velocity, q_ref, velocity_ref])
     if not np.isfinite(inputs).all():
-        kind, joint = np.argwhere(~np.isfinite(inputs))[0]
+        kind, place = np.argwhere(~np.isfinite(inputs))[0]
+        joint, unit = tuple(units.items())[place]
         quantity = ("position", "velocity", "reference position", "reference velocity")[kind]
-        unit = JOINT_UNITS[JOINTS[joint]] + ("" if kind % 2 == 0 else "/s")
+        rate = "" if kind % 2 == 0 else "/s"
         raise RangeError(
-            f"{JOINTS[joint]}: {quantity} must be finite, got {inputs[kind, joint]} {unit}; "
+            f"{joint}: {quantity} must be finite, got {inputs[kind, place]} {unit}{rate}; "
             "no command is given, close the valves"
         )
     return _commands(gains, *inputs)
+
+
+def compile_command(gains: GainArrays) -> None:
+    """Once, before the crane moves: the first `command` takes seconds."""
+    zero = np.zeros_like(gains.kp)
+    _commands(gains, q=zero, velocity=zero, q_ref=zero, velocity_ref=zero)

@@ -1,22 +1,22 @@
 """How far the crane was from its reference."""
 
-import numpy as np
+from collections.abc import Mapping
 
-from crane_model.machine import JOINT_UNITS, JOINTS
+import numpy as np
 
 
 class PeriodicError:
     """Root mean square of the tracking error over whole periods; a begun period does not count."""
 
-    def __init__(self, start: float, period: float, periods: int):
-        """The periods begin at the time `start` [s] of the motion."""
+    def __init__(self, joints: int, start: float, period: float, periods: int):
+        """Of so many joints (j); the periods begin at the time `start` [s] of the motion."""
         self._start, self._period, self._periods = start, period, periods
         self._current = 0
-        self._whole, self._begun = np.zeros((2, len(JOINTS)))
+        self._whole, self._begun = np.zeros((2, joints))
         self._whole_count = self._begun_count = 0
 
     def add(self, time: float, error: np.ndarray) -> None:
-        """The error (4,) at a time [s] of the motion; times rise."""
+        """The error (j,) at a time [s] of the motion; times rise."""
         index = int(np.floor((time - self._start) / self._period))
         if index > self._current:
             self._whole += self._begun
@@ -29,17 +29,20 @@ class PeriodicError:
 
     @property
     def rms(self) -> np.ndarray:
-        """(4,) [rad, m]; NaN if no period is whole."""
+        """(j,) [rad, m]; NaN if no period is whole."""
         if not self._whole_count:
-            return np.full(len(JOINTS), np.nan)
+            return np.full_like(self._whole, np.nan)
         return np.sqrt(self._whole / self._whole_count)
 
 
-def beyond(error: np.ndarray, tolerance: np.ndarray) -> str:
-    """Names the joints whose error (4,) is beyond the tolerance (4,); empty if there is none."""
+def beyond(error: np.ndarray, tolerance: np.ndarray, units: Mapping[str, str]) -> str:
+    """Names the joints whose error (j,) is beyond the tolerance (j,); empty if there is none.
+
+    `units` of the joints are those of their machine.
+    """
     return "; ".join(
-        f"{joint}: tracking error {error[i]:.4g} {JOINT_UNITS[joint]} is beyond the tolerance "
-        f"{tolerance[i]:.4g} {JOINT_UNITS[joint]}"
-        for i, joint in enumerate(JOINTS)
+        f"{joint}: tracking error {error[i]:.4g} {unit} is beyond the tolerance "
+        f"{tolerance[i]:.4g} {unit}"
+        for i, (joint, unit) in enumerate(units.items())
         if abs(error[i]) > tolerance[i]
     )

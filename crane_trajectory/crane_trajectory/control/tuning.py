@@ -11,7 +11,7 @@ BLEND = 1.0  # s, in which new gains take the place of the old
 
 @dataclass(frozen=True, eq=False)
 class Tuning:
-    """Gains of (36), largest command (0, 1], tracking tolerance (4,) [rad, m]."""
+    """Gains of (36), largest command (0, 1], tracking tolerance (j,) [rad, m]."""
 
     gains: GainArrays
     saturation: float

@@ -2,8 +2,8 @@
 
 Every criterion of (35) is a function of Phi^T Phi. Its derivative with respect to the motion is
 sum_jk weight_njk dPhi_njk / d(q, q', q'') at each sample n: the regressor pulled back by a weight.
-Closed forms for the terms of the report's model (16); for any other term of one joint, differences
-of fourth order, which are exact to rounding where the term is smooth.
+Closed forms for the terms of the report's model (16); for any other term of one instant,
+differences of fourth order, which are exact to rounding where the term is smooth.
 """
 
 from collections.abc import Iterator
@@ -47,29 +47,33 @@ def pull_back(model: Model, record: Record, weight: np.ndarray, width: np.ndarra
     """sum_jk weight_njk dPhi_njk / d(q, q', q'') of `smooth_regressor`: three arrays (n, j).
 
     weight (n, j, p); `record` is one of `smooth_record` with the same `width`. Raises
-    `ConfigurationError` for a term whose force does not depend on the motion of its joint alone.
+    `ConfigurationError` for a term whose force depends on more than the motion at the instant.
     """
     total = MotionSamples(*np.zeros((3, *record.position.shape)))
     for term, columns in _parts(model):
         if term.has_base_parameters:
             assert model.machine is not None  # such a model cannot be loaded
             geometry = Geometry.of(model.machine)
-            at = planar_columns(record)
+            at = planar_columns(model.setting, record)
             parts = _rigid_body(geometry, record, at, weight[:, at, columns])
             for whole, part in zip(total, parts, strict=True):
                 whole[:, at] += part
-        elif term.of_one_instant and term.only_joint is not None:
-            j = record.column(term.only_joint)
+            continue
+        if not term.of_one_instant:
+            raise ConfigurationError(
+                f"model '{model.name}': term '{term.type}' depends on more than the motion at one "
+                "instant; leave it out of the model for which a trajectory is designed"
+            )
+        own = range(len(width)) if term.only_joint is None else [record.column(term.only_joint)]
+        for j in own:
             slopes = term.slopes(record, j, (1.0 - record.direction[:, j] ** 2) / width[j])
             if slopes is None:
-                slopes = _by_differences(term, model.setting, record, j, width[j])
+                given = weight[:, :, columns]
+                slopes = _by_differences(term, model.setting, record, j, width[j], given)
+            else:
+                slopes = weight[:, j, columns.start] * slopes
             for whole, part in zip(total, slopes, strict=True):
-                whole[:, j] += weight[:, j, columns.start] * part
-        else:
-            raise ConfigurationError(
-                f"model '{model.name}': term '{term.type}' depends on more than the motion of its "
-                "joint at one instant; leave it out of the model for which a trajectory is designed"
-            )
+                whole[:, j] += part
     return total
 
 
@@ -82,22 +86,26 @@ def _parts(model: Model) -> Iterator[tuple[Term, slice]]:
 
 
 def _by_differences(
-    term: Term, setting: Setting, record: Record, j: int, width: float
+    term: Term, setting: Setting, record: Record, j: int, width: float, weight: np.ndarray
 ) -> np.ndarray:
-    """(3, n): derivatives of the column of a term with respect to q, q' and q'' of its joint j."""
+    """(3, n): derivatives with respect to q, q' and q'' of joint j of the columns of a term,
+    summed with weights (n, j, p).
+    """
 
-    def column(quantity: str, shift: float) -> np.ndarray:
+    def weighted(quantity: str, shift: float) -> np.ndarray:
         shifted = getattr(record, quantity).copy()
         shifted[:, j] += shift
         moved = {quantity: shifted}
         if quantity == "velocity":
             moved["direction_known"] = record.direction.copy()
             moved["direction_known"][:, j] = np.tanh(shifted[:, j] / width)
-        return term.columns(replace(record, **moved), setting)[:, j, 0]
+        columns = term.columns(replace(record, **moved), setting)
+        total: np.ndarray = np.einsum("njp,njp->n", weight, columns)
+        return total
 
     return np.stack(
         [
-            np.sum([factor * column(quantity, k * STEP) for k, factor in STENCIL], axis=0) / STEP
+            np.sum([factor * weighted(quantity, k * STEP) for k, factor in STENCIL], axis=0) / STEP
             for quantity in ("position", "velocity", "acceleration")
         ]
     )

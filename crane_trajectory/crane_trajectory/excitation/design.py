@@ -10,10 +10,10 @@ from pathlib import Path
 import numpy as np
 
 from crane_model.arguments import above, between, one_of, whole
-from crane_model.cli import add_replace, check_out, command_line, run
-from crane_model.configuration import packaged, save
+from crane_model.cli import add_machine, add_replace, check_out, command_line, run
+from crane_model.configuration import save
 from crane_model.errors import ConfigurationError
-from crane_model.machine import JOINTS
+from crane_model.machine_files import machine_file
 from crane_model.model_file import Model, load_model
 from crane_model.progress_bar import progress_bar
 from crane_trajectory.excitation.campaign import after, campaign
@@ -27,7 +27,7 @@ from crane_trajectory.excitation.merit import (
     relative_std_devs,
 )
 from crane_trajectory.excitation.picture import draw
-from crane_trajectory.excitation.problem import ExcitationProblem, planar_machine
+from crane_trajectory.excitation.problem import ExcitationProblem, machine_of
 from crane_trajectory.excitation.search import steps, workers
 from crane_trajectory.excitation.settings import DesignSettings, load_design_settings
 from crane_trajectory.excitation.sweeps import design_sweeps
@@ -101,18 +101,20 @@ def _parser() -> argparse.ArgumentParser:
     )
     parser.add_argument("--seed", type=whole(0), default=1, help="of the random starts")
     parser.add_argument("--starts", type=whole(1), default=16, help="local searches to run")
-    parser.add_argument("--model", type=Path, help="model file; default: the crane's own")
-    parser.add_argument("--settings", type=Path, help="of the search; default: data/design.yaml")
-    parser.add_argument("--clearance", type=Path, help="of the tip; default: data/clearance.yaml")
+    add_machine(parser)
+    parser.add_argument("--model", type=Path, help="model file; default: the machine's")
+    parser.add_argument("--settings", type=Path, help="of the search; default: the machine's")
+    parser.add_argument("--clearance", type=Path, help="of the tip; default: the machine's")
     parser.add_argument("--out", type=Path, required=True, help="trajectory file to write (YAML)")
     add_replace(parser)
     return parser
 
 
 def _design(arguments: argparse.Namespace, argv: list[str]) -> None:
-    settings = load_design_settings(arguments.settings)
-    model = load_model(arguments.model or packaged("crane_model", "crane_model.yaml"))
-    clearance = load_clearance(arguments.clearance)
+    name = arguments.machine
+    model = load_model(machine_file("model.yaml", name, arguments.model))
+    settings = _settings(machine_file("design.yaml", name, arguments.settings), model)
+    clearance = load_clearance(machine_file("clearance.yaml", name, arguments.clearance))
     if arguments.sweeps or arguments.count is None:
         check_out(arguments.out, arguments.out.with_suffix(".png"), replace=arguments.replace)
     arguments.out.parent.mkdir(parents=True, exist_ok=True)
@@ -122,6 +124,16 @@ def _design(arguments: argparse.Namespace, argv: list[str]) -> None:
         _search(arguments, argv, settings, model, clearance)
 
 
+def _settings(path: Path, model: Model) -> DesignSettings:
+    settings = load_design_settings(path)
+    if missing := [joint for joint in model.joints if joint not in settings.experiment.noise]:
+        raise ConfigurationError(
+            f"{path}: key 'experiment.noise': no entry for {', '.join(missing)}, of the model "
+            f"'{model.name}'; add it, or name settings of this machine by --machine or --settings"
+        )
+    return settings
+
+
 def _sweeps(
     arguments: argparse.Namespace,
     argv: list[str],
@@ -129,9 +141,10 @@ def _sweeps(
     model: Model,
     clearance: Clearance,
 ) -> None:
-    machine = planar_machine(model)
+    machine = machine_of(model)
     trajectory = design_sweeps(
         machine,
+        model.joints,
         clearance,
         settings.margins,
         arguments.sweeps,
@@ -152,6 +165,12 @@ def _search(
     model: Model,
     clearance: Clearance,
 ) -> None:
+    for joint, _ in arguments.acceleration:
+        if joint not in model.joints:
+            raise ConfigurationError(
+                f"--acceleration: no joint {joint}; model '{model.name}' has "
+                f"{', '.join(model.joints)}"
+            )
     criterion = Criterion.of(
         model,
         arguments.criterion,
@@ -275,9 +294,6 @@ def _moves(seconds: float) -> str:
 
 def _bound(text: str) -> tuple[str, float]:
     joint, _, value = text.partition("=")
-    if joint not in JOINTS or not value or not float(value) > 0.0:
-        raise argparse.ArgumentTypeError(
-            f"must be JOINT=VALUE with a joint of {', '.join(JOINTS)} and a value above 0, "
-            f"got {text}"
-        )
+    if not joint or not value or not float(value) > 0.0:
+        raise argparse.ArgumentTypeError(f"must be JOINT=VALUE with a value above 0, got {text}")
     return joint, float(value)

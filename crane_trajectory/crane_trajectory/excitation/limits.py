@@ -9,16 +9,15 @@ from enum import StrEnum
 
 import numpy as np
 
-from crane_model.errors import RangeError
-from crane_model.kinematics import tip_jacobian
-from crane_model.machine import JOINTS, Machine
+from crane_model.errors import ConfigurationError, RangeError
+from crane_model.machine import Machine
 from crane_trajectory.excitation.settings import Margins
-from crane_trajectory.motion.check import Clearance, pump_flow, tip_room
+from crane_trajectory.motion.check import Clearance, pump_flow
 from crane_trajectory.motion.fourier import MotionSamples
+from crane_trajectory.motion.room import TipRoom
 
-POSES = 7  # per joint, among which the home pose is chosen
+POSES, MOST_POSES = 7, 2401  # per joint and in all, among which the home pose is chosen
 NEGLIGIBLE = 1e-3  # share of the flow, m: a search ends this close to a limit, within its margin
-TIP = [0, 2]  # rows of the tip's Jacobian: distance from the pillar, height
 
 
 class Limit(StrEnum):
@@ -47,7 +46,18 @@ class Limits:
         without: frozenset[Limit] = frozenset(),
     ) -> None:
         self.machine, self.joints, self.basis = machine, joints, basis
-        self.margins, self.clearance, self.without = margins, clearance, without
+        self.margins, self.clearance = margins, clearance
+        self._flow_counts = Limit.FLOW not in without and machine.supply is not None
+        self._room, keep = TipRoom(machine), clearance.kept + margins.room
+        counts = Limit.ROOM not in without
+        self._sides = [side for side in (0, 1) if counts and np.isfinite(keep[side])]
+        self._keep = keep[self._sides]
+        if self._sides and not set(self._room.joints) <= set(joints):
+            raise ConfigurationError(
+                f"{machine.name}: the room of its tip depends on {', '.join(self._room.joints)}, "
+                f"but the model has only {', '.join(joints)}; add the others to the model, or "
+                "design without room"
+            )
         rows = [machine.limits[joint] for joint in joints]
         lowest, highest = np.array([(row.position_min, row.position_max) for row in rows]).T
         free = margins.position * (highest - lowest)
@@ -71,19 +81,17 @@ class Limits:
         """(r, v): derivatives of `reserves` with respect to the point (v,)."""
         position, velocity, inside = self._motion(point)
         blocks = []
-        if Limit.FLOW not in self.without:
+        if self._flow_counts:
             by_position, by_velocity = self._flow_slopes(position, velocity)
             blocks.append(
                 self._chain(self.basis.position, by_position * inside)
                 + self._chain(self.basis.velocity, by_velocity)
             )
-        if Limit.ROOM not in self.without:
-            q = np.zeros((len(position), len(JOINTS)))
-            columns = [JOINTS.index(joint) for joint in self.joints]
-            q[:, columns] = position
-            q[:, 0] = 0.0  # the distance from the pillar does not depend on the slew
-            jacobian = tip_jacobian(self.machine, q)[:, TIP][:, :, columns]
-            blocks += [self._chain(self.basis.position, jacobian[:, i] * inside) for i in (0, 1)]
+        if self._sides:
+            slopes = self._room.slopes(self.joints, position)
+            blocks += [
+                self._chain(self.basis.position, slopes[:, side] * inside) for side in self._sides
+            ]
         return np.concatenate([*blocks, np.empty((0, len(point)))])
 
     def mend(self, point: np.ndarray) -> np.ndarray:
@@ -133,20 +141,24 @@ class Limits:
 
     def _reserves_of(self, position: np.ndarray, velocity: np.ndarray) -> np.ndarray:
         parts = [np.empty(0)]
-        if Limit.FLOW not in self.without:
+        if self._flow_counts:
             flow = pump_flow(self.machine, self.joints, position, velocity)
             parts.append(1.0 - flow / self._flow_allowed)
-        if Limit.ROOM not in self.without:
-            keep = np.array([self.clearance.pillar_clearance, self.clearance.lowest_tip])
-            room = tip_room(self.machine, self.joints, position) - keep - self.margins.room
-            parts.append(room.T.ravel())
+        if self._sides:
+            parts.append(self._room_left(position).T.ravel())
         return np.concatenate(parts)
+
+    def _room_left(self, position: np.ndarray) -> np.ndarray:
+        """(n, s): room beyond what is kept, on each side that counts [m]."""
+        return self._room.at(self.joints, position)[:, self._sides] - self._keep
 
     def _flow_slopes(
         self, position: np.ndarray, velocity: np.ndarray
     ) -> tuple[np.ndarray, np.ndarray]:
-        by_position, by_velocity = np.empty_like(position), np.empty_like(position)
+        by_position, by_velocity = np.zeros_like(position), np.zeros_like(position)
         for i, joint in enumerate(self.joints):
+            if joint not in self.machine.cylinders:
+                continue
             cylinder = self.machine.cylinders[joint]
             _, lever, slope = self.machine.cylinder(joint, position[:, i]).T
             area = np.where(lever * velocity[:, i] > 0.0, cylinder.area_a, -cylinder.area_b)
@@ -178,17 +190,22 @@ class Limits:
 
     def _home_pose(self) -> np.ndarray:
         """The pose (j,) of a coarse grid that is farthest from all limits of position and room."""
-        steps = (np.arange(POSES) + 0.5) / POSES
+        count = poses_per_joint(len(self.joints), POSES, MOST_POSES)
+        steps = (np.arange(count) + 0.5) / count
         shares = np.stack(np.meshgrid(*[steps] * len(self.joints)), axis=-1)
         shares = shares.reshape(-1, len(self.joints))
         poses = self.lowest + shares * (self.highest - self.lowest)
         distance = np.minimum(shares, 1.0 - shares).min(axis=1)
-        if Limit.ROOM not in self.without:
-            room = self._reserves_of(poses, np.zeros_like(poses))[-2 * len(poses) :]
-            distance = np.minimum(distance, room.reshape(2, -1).min(axis=0))
+        if self._sides:
+            distance = np.minimum(distance, self._room_left(poses).min(axis=1))
         if distance.max() <= 0.0:
             raise RangeError(
                 f"{self.clearance}: no pose within Table 2 keeps the boom tip clear by this and a "
                 f"margin of {self.margins.room} m; lower the clearance or the margin"
             )
         return poses[distance.argmax()]
+
+
+def poses_per_joint(joints: int, wanted: int, most: int) -> int:
+    """As many as `wanted`, or fewer where a grid of all joints would have more than `most`."""
+    return max(2, min(wanted, int(most ** (1.0 / joints) + 1e-9)))

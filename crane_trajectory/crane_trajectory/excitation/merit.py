@@ -6,6 +6,7 @@ import numpy as np
 from pydantic import Field
 
 from crane_model.configuration import Positive, Schema
+from crane_model.errors import ConfigurationError
 from crane_model.model_file import Model
 from crane_model.record import Record
 from crane_trajectory.excitation.columns import (
@@ -90,10 +91,21 @@ def relative_std_devs(
     }
 
 
+def _motion(model: Model, trajectory: FourierTrajectory, samples: int) -> MotionSamples:
+    """One period of a trajectory, with the columns of the model's joints."""
+    if missing := [joint for joint in model.joints if joint not in trajectory.joint_names]:
+        raise ConfigurationError(
+            f"trajectory '{trajectory.name}': does not move {', '.join(missing)}, a joint of the "
+            f"model '{model.name}'; it moves {', '.join(trajectory.joint_names)}"
+        )
+    motion = trajectory.evaluate(np.arange(samples) * trajectory.period / samples)
+    columns = [trajectory.joint_names.index(joint) for joint in model.joints]
+    return MotionSamples(*(np.ascontiguousarray(one[:, columns]) for one in motion))
+
+
 def one_period(model: Model, trajectory: FourierTrajectory, samples: int) -> np.ndarray:
     """The regressor (samples, j, p) over one period of a trajectory of the model's joints."""
-    time = np.arange(samples) * trajectory.period / samples
-    return model.regressor(record_of(model, trajectory.evaluate(time)))
+    return model.regressor(record_of(model, _motion(model, trajectory, samples)))
 
 
 def figures_of_merit(
@@ -117,7 +129,7 @@ def figures_of_merit(
         change = column_map(model, ColumnSet.REPORT)
         reported = change.T @ gram @ change
         merit |= _conditions("condition_number_report", reported, inertial_columns(model))
-    motion = trajectory.evaluate(np.arange(samples) * trajectory.period / samples)
+    motion = _motion(model, trajectory, samples)
     peaks = np.abs(motion.acceleration).max(axis=0).tolist()
     merit |= {f"peak_acceleration.{j}": peak for j, peak in zip(model.joints, peaks, strict=True)}
     told = information(model, regressor, trajectory.period, experiment)

@@ -7,7 +7,7 @@ import numpy as np
 from scipy.optimize import minimize
 
 from crane_model.errors import ConfigurationError
-from crane_model.machine import JOINT_UNITS, JOINTS, PLANAR_JOINTS, Machine
+from crane_model.machine import Machine
 from crane_model.model_file import Model
 from crane_trajectory.excitation.criterion import Criterion
 from crane_trajectory.excitation.derivatives import pull_back, smooth_record, smooth_regressor
@@ -68,7 +68,7 @@ class ExcitationProblem:
     @cached_property
     def machine(self) -> Machine:
         """The machine of the model."""
-        return planar_machine(self.model)
+        return machine_of(self.model)
 
     @cached_property
     def start_limits(self) -> Limits:
@@ -172,7 +172,7 @@ class ExcitationProblem:
             lambda time: np.abs(trajectory.evaluate(time).acceleration), trajectory_grid(trajectory)
         )
         for joint, time, peak in zip(self.model.joints, times, peaks, strict=True):
-            bound, unit = self.acceleration.get(joint, np.inf), f"{JOINT_UNITS[joint]}/s2"
+            bound, unit = self.acceleration.get(joint, np.inf), f"{self.machine.units[joint]}/s2"
             if peak > bound:
                 kept.append(Violation(joint, "acceleration", time, bound, peak, unit))
         return tuple(kept)
@@ -195,12 +195,11 @@ class ExcitationProblem:
         return harmonic_basis(time, self.period, self.harmonics)
 
 
-def planar_machine(model: Model) -> Machine:
-    """The machine of a model of the planar joints; `ConfigurationError` if it is another model."""
-    if model.machine is None or not set(PLANAR_JOINTS) <= set(model.joints) <= set(JOINTS):
+def machine_of(model: Model) -> Machine:
+    """The machine of a model; `ConfigurationError` if it has none."""
+    if model.machine is None:
         raise ConfigurationError(
-            f"model '{model.name}': a trajectory is found for a model with a machine and the "
-            f"joints {', '.join(PLANAR_JOINTS)}, got the joints {', '.join(model.joints)}"
-            + ("" if model.machine else " and no machine")
+            f"model '{model.name}': a trajectory is found for a model with a machine, got the "
+            f"joints {', '.join(model.joints)} and no machine; add the key 'machine' to its file"
         )
     return model.machine

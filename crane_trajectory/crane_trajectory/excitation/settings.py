@@ -1,11 +1,11 @@
-"""How excitation trajectories are searched and judged: `data/design.yaml`."""
+"""How excitation trajectories are searched and judged: `design.yaml`."""
 
 from pathlib import Path
 from typing import Annotated
 
 from pydantic import Field
 
-from crane_model.configuration import Positive, Schema, load, packaged
+from crane_model.configuration import Positive, Schema, load
 from crane_trajectory.excitation.merit import PredictedRecording
 
 Share = Annotated[float, Field(ge=0, lt=1)]
@@ -42,7 +42,7 @@ class SearchSettings(Schema):
 
 
 class DesignSettings(Schema):
-    """Everything of `data/design.yaml`."""
+    """Everything of `design.yaml`."""
 
     search: SearchSettings
     margins: Margins
@@ -50,6 +50,6 @@ class DesignSettings(Schema):
     plausible: dict[str, float]
 
 
-def load_design_settings(path: Path | None = None) -> DesignSettings:
-    """The settings in `path`, by default the packaged ones; `ConfigurationError` if wrong."""
-    return load(path or packaged("crane_trajectory", "design.yaml"), DesignSettings)
+def load_design_settings(path: Path | str) -> DesignSettings:
+    """The settings in `path`; `ConfigurationError` if wrong."""
+    return load(path, DesignSettings)

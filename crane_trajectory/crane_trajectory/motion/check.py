@@ -8,13 +8,13 @@ from typing import NamedTuple
 
 import numpy as np
 
-from crane_model.configuration import NonNegative, Schema, load, packaged
+from crane_model.configuration import NonNegative, Schema, load
 from crane_model.cylinders import lever_arm
 from crane_model.errors import RangeError
-from crane_model.kinematics import tip_position
-from crane_model.machine import JOINT_UNITS, JOINTS, PLANAR_JOINTS, Machine
+from crane_model.machine import Machine
 from crane_trajectory.motion.extremes import maxima
 from crane_trajectory.motion.periodic import PeriodicTrajectory
+from crane_trajectory.motion.room import TipRoom
 
 GRID_PER_PERIOD = 40  # samples per period of the highest harmonic; extremes are refined from these
 TOLERANCE = 1e-9  # of a limit, for a reference that runs exactly along it
@@ -24,21 +24,30 @@ Reference = Callable[[np.ndarray], tuple[np.ndarray, np.ndarray]]
 
 
 class Clearance(Schema):
-    """Room that the boom tip keeps [m]; the ground is z = 0 and the pillar the z axis."""
+    """Room that the boom tip keeps [m], as `TipRoom` has it; null where it needs none."""
 
     gripper_length: NonNegative
-    ground_clearance: NonNegative
-    pillar_clearance: NonNegative
+    ground_clearance: NonNegative | None
+    pillar_clearance: NonNegative | None
 
     @property
     def lowest_tip(self) -> float:
         """Least height of the tip, from which the gripper hangs [m]."""
-        return self.gripper_length + self.ground_clearance
+        return self.gripper_length + self._kept(self.ground_clearance)
+
+    @property
+    def kept(self) -> np.ndarray:
+        """(2,): least distance of the tip from the pillar, and its least height [m]."""
+        return np.array([self._kept(self.pillar_clearance), self.lowest_tip])
+
+    @staticmethod
+    def _kept(least: float | None) -> float:
+        return -np.inf if least is None else least
 
 
-def load_clearance(path: Path | str | None = None) -> Clearance:
-    """The clearance in `path`, by default the laboratory's; `ConfigurationError` if wrong."""
-    return load(path or packaged("crane_trajectory", "clearance.yaml"), Clearance)
+def load_clearance(path: Path | str) -> Clearance:
+    """The clearance in `path`; `ConfigurationError` if wrong."""
+    return load(path, Clearance)
 
 
 @dataclass(frozen=True)
@@ -72,12 +81,12 @@ def violations(
     """Every limit that `reference` passes within the span of `grid`, worst value each.
 
     The grid (n,) [s] must separate the extremes; they are refined between its points. Clearance is
-    checked where all planar joints are among `joints`.
+    checked where all joints that move the tip to and fro are among `joints`.
     """
     found: list[Violation] = []
     fits = set()
     for joint, extremes in zip(joints, _joint_extremes(reference, grid), strict=True):
-        limits, unit = machine.limits[joint], JOINT_UNITS[joint]
+        limits, unit = machine.limits[joint], machine.units[joint]
         position = [
             *_above(joint, "position", extremes.highest, limits.position_max, unit),
             *_below(joint, "position", extremes.lowest, limits.position_min, unit),
@@ -86,15 +95,26 @@ def violations(
             *position,
             *_above(joint, "velocity", extremes.fastest, limits.velocity_max, f"{unit}/s"),
             *_below(joint, "velocity", extremes.slowest, limits.velocity_min, f"{unit}/s"),
-            *_stroke(machine, joint, extremes),
+            *(_stroke(machine, joint, extremes) if joint in machine.cylinders else ()),
         ]
         if not position:
             fits.add(joint)
     if fits == set(joints):  # elsewhere lever arms and tip have no meaning
-        found += _flow(machine, joints, reference, grid)
-        if set(PLANAR_JOINTS) <= fits:
-            found += _room(machine, joints, reference, grid, clearance)
+        if machine.supply:
+            found += _flow(machine, joints, reference, grid)
+        room = TipRoom(machine)
+        if set(room.joints) <= fits:
+            found += _room(room, joints, reference, grid, clearance)
     return found
+
+
+def check_joints(machine: Machine, trajectory: PeriodicTrajectory) -> None:
+    """`RangeError` unless the machine has every joint that the trajectory moves."""
+    if unknown := [one for one in trajectory.joint_names if one not in machine.joint_names]:
+        raise RangeError(
+            f"trajectory '{trajectory.name}': no joint {', '.join(unknown)}; {machine.name} has "
+            f"the joints {', '.join(machine.joint_names)}"
+        )
 
 
 def trajectory_grid(trajectory: PeriodicTrajectory) -> np.ndarray:
@@ -111,6 +131,7 @@ def trajectory_violations(
         samples = trajectory.evaluate(time)
         return samples.position, samples.velocity
 
+    check_joints(machine, trajectory)
     return violations(
         machine, trajectory.joint_names, reference, trajectory_grid(trajectory), clearance
     )
@@ -190,6 +211,8 @@ def pump_flow(
     """Flow [m3/s] into all cylinders at once, (n,): speed times area of the chamber that fills."""
     flow = np.zeros(len(position))
     for i, joint in enumerate(joints):
+        if joint not in machine.cylinders:
+            continue
         cylinder = machine.cylinders[joint]
         speed = lever_arm(machine, joint, position[:, i]) * velocity[:, i]
         flow += np.where(speed > 0.0, cylinder.area_a, -cylinder.area_b) * speed
@@ -207,28 +230,20 @@ def _flow(
     return _above("all cylinders", "pump flow", largest, machine.hydraulics.pump_flow, "m3/s")
 
 
-def tip_room(machine: Machine, joints: Sequence[str], position: np.ndarray) -> np.ndarray:
-    """(n, 2): distance of the tip from the pillar's axis, positive on the side that the booms
-    point to, and height of the tip above the ground [m]. Does not depend on the slew angle."""
-    q = np.zeros((len(position), len(JOINTS)))
-    for joint in PLANAR_JOINTS:
-        q[:, JOINTS.index(joint)] = position[:, joints.index(joint)]
-    return tip_position(machine, q)[:, [0, 2]]
-
-
 def _room(
-    machine: Machine,
+    room: TipRoom,
     joints: Sequence[str],
     reference: Reference,
     grid: np.ndarray,
     clearance: Clearance,
 ) -> list[Violation]:
     def nearness(time: np.ndarray) -> np.ndarray:
-        return -tip_room(machine, joints, reference(time)[0])
+        return -room.at(joints, reference(time)[0])
 
     times, values = maxima(nearness, grid)
     near, low = map(Extreme, times.tolist(), (-values).tolist())
+    distance, height = clearance.kept.tolist()
     return [
-        *_below("boom tip", "distance from pillar", near, clearance.pillar_clearance, "m"),
-        *_below("boom tip", "height", low, clearance.lowest_tip, "m"),
+        *_below("boom tip", "distance from pillar", near, distance, "m"),
+        *_below("boom tip", "height", low, height, "m"),
     ]

@@ -7,7 +7,6 @@ import numpy as np
 from pydantic import Field, model_validator
 
 from crane_model.configuration import Schema
-from crane_model.machine import JOINTS
 
 MOST_HARMONICS = 50
 SHORTEST_PERIOD, LONGEST_PERIOD = 1.0, 3600.0  # s: what a crane can follow, and one waits for
@@ -65,17 +64,10 @@ class FourierTrajectory(Schema):
     figures_of_merit: dict[str, float] = {}
     provenance: str = ""
 
-    @model_validator(mode="after")
-    def _known_joints(self) -> Self:
-        for joint in self.joints:
-            if joint not in JOINTS:
-                raise ValueError(f"joints: no joint '{joint}'; the joints are {', '.join(JOINTS)}")
-        return self
-
     @cached_property
     def joint_names(self) -> tuple[str, ...]:
-        """The joints that move, in the order of the columns of `evaluate` (that of `JOINTS`)."""
-        return tuple(joint for joint in JOINTS if joint in self.joints)
+        """The joints that move, in the order of the columns of `evaluate`."""
+        return tuple(self.joints)
 
     @cached_property
     def harmonics(self) -> int:

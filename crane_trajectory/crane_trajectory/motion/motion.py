@@ -8,7 +8,7 @@ trajectory respects limits of position, velocity, stroke, pump flow and room, so
 velocity and acceleration are continuous throughout.
 """
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from enum import IntEnum
 from functools import cached_property
 from typing import NamedTuple
@@ -16,11 +16,12 @@ from typing import NamedTuple
 import numpy as np
 
 from crane_model.errors import RangeError
-from crane_model.machine import JOINT_UNITS, JOINTS, Machine
+from crane_model.machine import Machine
 from crane_trajectory.motion.check import (
     GRID_PER_PERIOD,
     Clearance,
     Violation,
+    check_joints,
     pump_flow,
     refuse,
     violations,
@@ -48,7 +49,7 @@ class Phase(IntEnum):
 
 
 class Reference(NamedTuple):
-    """Reference of all four joints at n times: (n, 4) each [SI], and the phase (n,)."""
+    """Reference of all joints at n times: (n, j) each [SI], and the phase (n,)."""
 
     position: np.ndarray
     velocity: np.ndarray
@@ -60,10 +61,11 @@ class Reference(NamedTuple):
 class Motion:
     """`periods` of a trajectory with approach and stop; `plan` makes one that is checked.
 
-    `start` (4,) is where the crane stands at rest at time 0; joints that the trajectory does not
-    move are held there.
+    `start` (j,) is where the crane stands at rest at time 0; joints of the machine that the
+    trajectory does not move are held there.
     """
 
+    machine: Machine
     trajectory: PeriodicTrajectory
     start: np.ndarray
     periods: int
@@ -103,16 +105,20 @@ class Motion:
         )
         return Reference(position, velocity, acceleration, phase)
 
-    def violations(self, machine: Machine, clearance: Clearance) -> list[Violation]:
-        """Every limit that the motion passes from start to rest, all four joints."""
-        first_period = Motion(self.trajectory, self.start, 1, self.approach_time)  # as all others
+    def violations(self, clearance: Clearance) -> list[Violation]:
+        """Every limit that the motion passes from start to rest, all joints."""
+        first_period = replace(self, periods=1)  # as all others
         step = self.trajectory.period / self.trajectory.harmonics / GRID_PER_PERIOD
         step = min(step, SHORTEST_APPROACH / GRID_PER_PERIOD)
         grid = np.linspace(
             0.0, first_period.duration, int(np.ceil(first_period.duration / step)) + 1
         )
         return violations(
-            machine, JOINTS, lambda time: first_period.reference(time)[:2], grid, clearance
+            self.machine,
+            self.machine.joint_names,
+            lambda time: first_period.reference(time)[:2],
+            grid,
+            clearance,
         )
 
     def _line(self, time: np.ndarray) -> Course:
@@ -146,16 +152,16 @@ class Motion:
 
     @cached_property
     def _launch(self) -> np.ndarray:
-        """(4,): where the clock starts to run."""
+        """(j,): where the clock starts to run."""
         position = self.trajectory.evaluate(np.array([-RUN_UP / 2])).position
         return self._all_joints(position, self.start)[0]
 
     @cached_property
     def _columns(self) -> list[int]:
-        return [JOINTS.index(joint) for joint in self.trajectory.joint_names]
+        return [self.machine.index(joint) for joint in self.trajectory.joint_names]
 
     def _all_joints(self, moving: np.ndarray, held: np.ndarray | float) -> np.ndarray:
-        values = np.empty((len(moving), len(JOINTS)))
+        values = np.empty((len(moving), len(self.start)))
         values[:] = held
         values[:, self._columns] = moving
         return values
@@ -168,24 +174,26 @@ def plan(
     periods: int,
     clearance: Clearance,
 ) -> Motion:
-    """The motion from rest at `start` (4,) through `periods` of the trajectory to rest.
+    """The motion from rest at `start` (j,) through `periods` of the trajectory to rest.
 
     The approach is as short as a share of the velocity limits and of the pump flow allows. Raises
     `RangeError` that lists every limit that the whole motion would pass, or if it takes too long.
     """
     start = np.asarray(start, dtype=float)
-    if start.shape != (len(JOINTS),) or not np.isfinite(start).all():
-        raise RangeError(f"start: one finite position for each of {', '.join(JOINTS)}, got {start}")
+    joints = machine.joint_names
+    if start.shape != (len(joints),) or not np.isfinite(start).all():
+        raise RangeError(f"start: one finite position for each of {', '.join(joints)}, got {start}")
     if periods < 1:
         raise RangeError(f"periods: at least 1, got {periods}")
+    check_joints(machine, trajectory)
     approach = _approach_time(machine, trajectory, start)
     if not approach <= LONGEST_APPROACH:  # nor where it cannot be told
         raise RangeError(
-            f"trajectory '{trajectory.name}' from {_pose(start)}: the way to its start would take "
-            f"{approach:.4g} s, at most {LONGEST_APPROACH:g} s are allowed; are its positions in "
-            "rad and m?"
+            f"trajectory '{trajectory.name}' from {_pose(machine, start)}: the way to its start "
+            f"would take {approach:.4g} s, at most {LONGEST_APPROACH:g} s are allowed; are its "
+            "positions in rad and m?"
         )
-    motion = Motion(trajectory, start, periods, approach)
+    motion = Motion(machine, trajectory, start, periods, approach)
     if motion.duration > LONGEST_MOTION:
         raise RangeError(
             f"periods: {periods} of {trajectory.period:g} s would move the crane for "
@@ -193,8 +201,8 @@ def plan(
             "run fewer periods"
         )
     refuse(
-        motion.violations(machine, clearance),
-        f"trajectory '{trajectory.name}' from {_pose(start)}",
+        motion.violations(clearance),
+        f"trajectory '{trajectory.name}' from {_pose(machine, start)}",
         "start from another pose, lower the amplitude or lengthen the period",
     )
     return motion
@@ -202,22 +210,24 @@ def plan(
 
 def _approach_time(machine: Machine, trajectory: PeriodicTrajectory, start: np.ndarray) -> float:
     """Time [s] at which the line to the trajectory uses its share of speed and pump flow."""
-    in_one_second = Motion(trajectory, start, 1, approach_time=1.0)
+    in_one_second = Motion(machine, trajectory, start, 1, approach_time=1.0)
     line = in_one_second.reference(np.linspace(0.0, 1.0, 200, endpoint=False))
-    limits = [machine.limits[joint] for joint in JOINTS]
+    limits = [machine.limits[joint] for joint in machine.joint_names]
     used = np.maximum(
         line.velocity / [limit.velocity_max for limit in limits],
         line.velocity / [limit.velocity_min for limit in limits],
     )
-    flow = pump_flow(machine, JOINTS, line.position, line.velocity)
-    needed = max(used.max(), flow.max() / machine.hydraulics.pump_flow) / APPROACH_SHARE
-    return float(np.maximum(needed, SHORTEST_APPROACH))  # which keeps nan
+    most = used.max()
+    if machine.supply:
+        flow = pump_flow(machine, machine.joint_names, line.position, line.velocity)
+        most = max(most, flow.max() / machine.supply.pump_flow)
+    return float(np.maximum(most / APPROACH_SHARE, SHORTEST_APPROACH))  # which keeps nan
 
 
-def _pose(position: np.ndarray) -> str:
+def _pose(machine: Machine, position: np.ndarray) -> str:
     return ", ".join(
-        f"{joint} {value:.4g} {JOINT_UNITS[joint]}"
-        for joint, value in zip(JOINTS, position, strict=True)
+        f"{joint} {value:.4g} {unit}"
+        for (joint, unit), value in zip(machine.units.items(), position, strict=True)
     )
 
 

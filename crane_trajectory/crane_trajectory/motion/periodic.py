@@ -27,7 +27,7 @@ class PeriodicTrajectory(Protocol):
 
     @property
     def joint_names(self) -> tuple[str, ...]:
-        """The joints that move, in the order of the columns of `evaluate` (that of `JOINTS`)."""
+        """The joints that move, in the order of the columns of `evaluate`."""
 
     def evaluate(self, time: np.ndarray) -> MotionSamples:
         """Position, velocity and acceleration at any time (n,) [s]."""

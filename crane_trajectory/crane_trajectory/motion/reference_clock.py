@@ -7,13 +7,13 @@ import numpy as np
 from crane_trajectory.motion.motion import Motion, Phase, running_up
 
 # The largest deceleration on a stop is 1.5 times the speed by this time: at the limits of speed of
-# the laboratory crane 0.2 rad/s2 (inner boom) to 0.7 m/s2 (telescope).
+# the laboratory crane 0.2 rad/s2 to 0.7 m/s2.
 BRAKE_TIME = 1.5  # s
 LONGEST_STEP = 0.05  # s; after a longer gap, or a leap of the clock of the stamps, it goes on so
 
 
 class Target(NamedTuple):
-    """The reference of one instant: (4,) each [SI], and the phase."""
+    """The reference of one instant: (j,) each [SI], and the phase."""
 
     position: np.ndarray
     velocity: np.ndarray

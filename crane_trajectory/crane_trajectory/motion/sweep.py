@@ -12,7 +12,6 @@ import numpy as np
 from pydantic import Field, model_validator
 
 from crane_model.configuration import Schema
-from crane_model.machine import JOINTS
 from crane_trajectory.motion.fourier import MotionSamples, Period
 
 Knots = Annotated[tuple[float, ...], Field(min_length=2, max_length=500)]
@@ -54,8 +53,6 @@ class SweepTrajectory(Schema):
     @model_validator(mode="after")
     def _consistent(self) -> Self:
         for joint, course in self.joints.items():
-            if joint not in JOINTS:
-                raise ValueError(f"joints: no joint '{joint}'; the joints are {', '.join(JOINTS)}")
             if course.time[-1] != self.period:
                 raise ValueError(
                     f"joints.{joint}.time: must end with the period {self.period:g} s, "
@@ -67,8 +64,8 @@ class SweepTrajectory(Schema):
 
     @property
     def joint_names(self) -> tuple[str, ...]:
-        """The joints that move, in the order of the columns of `evaluate` (that of `JOINTS`)."""
-        return tuple(joint for joint in JOINTS if joint in self.joints)
+        """The joints that move, in the order of the columns of `evaluate`."""
+        return tuple(self.joints)
 
     @property
     def harmonics(self) -> int:

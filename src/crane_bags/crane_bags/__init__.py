@@ -1,4 +1,31 @@
-"""Bags of ROS 2 as arrays and back, without ROS."""
+"""Bags of ROS 2 as arrays and back, without ROS.
+
+A bag of two messages, and what it holds:
+
+>>> from crane_bags import Place, Topic, BagWriter, namespace_of, read_fields, read_topics
+>>> states = Topic("/joint_states", "sensor_msgs/msg/JointState")
+>>> with BagWriter("bag") as bag:
+...     channel = bag.add_arrays(states, ["telescope"])
+...     for k in range(2):  # received, stamped [ns]; position, velocity, effort
+...         channel.write(k * 5_000_000, k * 5_000_000, [0.1 * k], [20.0], [300.0])
+>>> found = read_topics("bag", [states])["/joint_states"]
+>>> found.names, found.fields["position"].tolist()
+(('telescope',), [[0.0], [0.1]])
+>>> namespace_of("bag")
+'/'
+
+Single numbers are read out of any topic of any type:
+
+>>> found = read_fields("bag", {"/joint_states": [Place("effort", "telescope")]}, {})
+>>> found["/joint_states"].fields["effort[telescope]"].tolist()
+[300.0, 300.0]
+
+The topics of the suite and their types:
+
+>>> from crane_bags import TOPICS, typestore
+>>> all(topic.msgtype in typestore().types for topic in TOPICS)
+True
+"""
 
 from typing import TYPE_CHECKING
 

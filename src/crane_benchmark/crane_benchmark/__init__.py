@@ -1,4 +1,16 @@
-"""How often the suite is right about effects that are hidden from it."""
+"""How often the suite is right about effects that are hidden from it.
+
+An answer is judged by the effects and joints that it names:
+
+>>> from crane_benchmark import BlindAnswer, CaseKind, judge
+>>> hidden = [("stribeck", "telescope")]
+>>> def twin(place, other):  # whether the data tell another effect from the hidden one
+...     return False
+>>> judge(CaseKind.SINGLE, hidden, BlindAnswer.of_names([("stribeck", "telescope")]), twin)
+<Judgement.RIGHT: 'right'>
+>>> judge(CaseKind.SINGLE, hidden, BlindAnswer.of_names([("stribeck", "outer_boom")]), twin)
+<Judgement.WRONG_NAME: 'wrong name'>
+"""
 
 from typing import TYPE_CHECKING
 

@@ -21,11 +21,11 @@ from crane_benchmark.folders import Folders, done, new, read_json, write_json
 from crane_benchmark.scores.judgement import NAMING, BlindAnswer, Place
 from crane_benchmark.scores.rates import rate
 from crane_benchmark.work import in_processes
-from crane_identification.diagnosis.candidates import WHOLE
 from crane_identification.diagnosis.diagnosis import diagnose
 from crane_identification.diagnosis.findings import content
-from crane_identification.diagnosis.thresholds import load_thresholds
+from crane_identification.diagnosis.search.candidates import WHOLE
 from crane_identification.options import Options
+from crane_identification.thresholds import load_thresholds
 from crane_model.cli import command_line
 from crane_model.errors import CraneError
 from crane_model.terms import REGISTRY

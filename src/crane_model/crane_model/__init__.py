@@ -2,6 +2,28 @@
 
 The names of `__all__` are the public API; each is imported from its module when it is first asked
 for, so that `import crane_model` alone compiles nothing.
+
+Lever arms and generalized forces of two poses:
+
+>>> import numpy as np
+>>> from crane_model import generalized_forces, lever_arms, load_machine
+>>> machine, joints = load_machine(), ("inner_boom", "telescope")
+>>> q = np.array([[0.5, 0.2], [0.8, 0.4]])
+>>> lever_arms(machine, q, joints)[:, 1].tolist()
+[1.0, 1.0]
+>>> pressure_a, pressure_b = np.full((2, 2, 2), 1e6)
+>>> generalized_forces(machine, q, pressure_a, pressure_b, joints).shape
+(2, 2)
+
+A block of 2 kg that is pushed by 4 N for a second:
+
+>>> from crane_model import Model, simulate
+>>> from crane_model.terms.single_axis import Inertia
+>>> from crane_model.terms.term import Setting
+>>> block = Model("block", Setting({"axis": "m"}, None), (Inertia(joint="axis"),), np.array([2.0]))
+>>> still, push = np.zeros((1, 1)), np.full((11, 1, 1), 4.0)
+>>> simulate(block, still, still, push, period=0.1).velocity[-1].round(6).tolist()
+[[2.0]]
 """
 
 from importlib import import_module

@@ -1,5 +1,6 @@
 """Base parameters: which combinations the motion determines, and the way from and to (9)."""
 
+import math
 from typing import NamedTuple
 
 import numpy as np
@@ -7,6 +8,7 @@ from scipy.linalg import qr
 
 from crane_model.array import Array
 from crane_model.dynamics import Geometry
+from crane_model.machine import Machine
 
 STANDARD_PARAMETERS = tuple(
     f"{quantity}_{body}" for body in ("FL", "SL", "TG") for quantity in ("m", "mx", "my", "J")
@@ -80,6 +82,31 @@ def lagrangian_from_standard(geometry: Geometry) -> Array:
             my_tg,
         ]
     )
+
+
+def standard_from_chain(machine: Machine) -> Array:
+    """(12, 10 m): the standard parameters from ten of each body of the machine's chain.
+
+    The joints' frames are turned by theta20 against the line to the elbow (inner boom) and against
+    the telescope's axis (outer boom, the other way), with z out of the plane; the telescope's has
+    x along the normal, z along the axis and lies a3 off the elbow.
+    """
+    crane, bodies = machine.as_planar(), len(machine.joints)
+    m, mx, my, mz, i_yy, i_zz = 0, 1, 2, 3, 6, 9
+    cos, sin, a3 = math.cos(crane.theta_2_0), math.sin(crane.theta_2_0), crane.telescope_offset
+    standard = np.zeros((12, bodies, 10))
+    first, second, third = standard[:4, -3], standard[4:8, -2], standard[8:, -1]
+    first[0, m] = first[3, i_zz] = 1.0
+    first[1, [mx, my]] = cos, sin
+    first[2, [mx, my]] = -sin, cos
+    second[0, m] = second[3, i_zz] = 1.0
+    second[1, [mx, my]] = cos, -sin
+    second[2, [mx, my]] = sin, cos
+    third[0, m] = 1.0
+    third[1, mz] = 1.0
+    third[2, [mx, m]] = 1.0, a3
+    third[3, [i_yy, mx, m]] = 1.0, 2.0 * a3, a3**2
+    return standard.reshape(12, -1)
 
 
 def report_from_base(geometry: Geometry) -> Array:

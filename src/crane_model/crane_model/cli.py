@@ -10,6 +10,7 @@ from pathlib import Path
 from typing import Any
 
 from crane_model.errors import ConfigurationError, CraneError
+from crane_model.machine_files import DEFAULT_MACHINE
 
 INTERRUPTED = 130  # the shell's convention: 128 + SIGINT
 
@@ -20,6 +21,16 @@ def command_line(**options: Any) -> argparse.ArgumentParser:
     told = f"%(prog)s of the crane suite {version('crane_model')}"
     parser.add_argument("--version", action="version", version=told)
     return parser
+
+
+def add_machine(parser: argparse.ArgumentParser) -> None:
+    """The option that names the machine; what is not named itself is a file of its folder."""
+    parser.add_argument(
+        "--machine",
+        metavar="NAME",
+        help="machine that ships with the suite by its name, or the folder or machine file of "
+        f"another (default: {DEFAULT_MACHINE})",
+    )
 
 
 def add_replace(parser: argparse.ArgumentParser) -> None:

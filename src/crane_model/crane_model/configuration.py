@@ -1,6 +1,6 @@
 """YAML files: read into validated, immutable objects; every error names file, key and value."""
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass
 from importlib.resources import files
 from pathlib import Path
@@ -37,7 +37,28 @@ NonNegative = Annotated[float, Field(ge=0)]
 class Schema(BaseModel):
     """Base of everything that is read from YAML: immutable, and unknown keys are errors."""
 
-    model_config = ConfigDict(frozen=True, extra="forbid", allow_inf_nan=False)
+    model_config = ConfigDict(
+        frozen=True, extra="forbid", allow_inf_nan=False, serialize_by_alias=True
+    )
+
+    def __eq__(self, other: object) -> bool:
+        """By the fields alone; beside them stands what was computed from them."""
+        if not isinstance(other, Schema) or type(self) is not type(other):
+            return False
+        return self._values() == other._values()
+
+    def __hash__(self) -> int:
+        return hash((type(self), *self._values()))
+
+    def _values(self) -> list[Any]:
+        return [getattr(self, name) for name in type(self).model_fields]
+
+    def __copy__(self) -> Self:
+        """Without what was computed from the fields, which `model_copy` changes."""
+        copied = super().__copy__()
+        for name in copied.__dict__.keys() - type(self).model_fields.keys():
+            del copied.__dict__[name]
+        return copied
 
     @model_validator(mode="wrap")
     @classmethod
@@ -133,13 +154,26 @@ def _beside_known(problem: ErrorDetails, schema: type[BaseModel]) -> InitErrorDe
     kind, text, context = problem["type"], problem["msg"], problem.get("ctx", {})
     if kind == "extra_forbidden" and len(problem["loc"]) == 1:
         kind, text = UNKNOWN_KEY, "there are {known}"
-        context = {"known": ", ".join(schema.model_fields)}
+        context = {
+            "known": ", ".join(one.alias or name for name, one in schema.model_fields.items())
+        }
     return InitErrorDetails(
         type=kind if kind in BUILT_IN else PydanticCustomError(kind, text, context),
         loc=problem["loc"],
         input=problem["input"],
         ctx=context,
     )
+
+
+def _named(content: Any, place: Sequence[int | str]) -> Iterator[str]:
+    """Keys down to a place in the content; in lists, by name where their entries have names."""
+    for part in place:
+        try:
+            content = content[part]
+        except (LookupError, TypeError):  # what is missing, or of a part that is not in the file
+            content = None
+        name = content.get("name") if isinstance(content, dict) and isinstance(part, int) else None
+        yield str(part if name is None else name)
 
 
 def _validate(
@@ -153,7 +187,7 @@ def _validate(
     for problem in problems:
         # in <> is not a key, but which kind of thing an entry was taken for
         parts = [one for one in problem["loc"] if not str(one).startswith("<")]
-        key = ".".join(map(str, parts)) or "(whole file)"
+        key = ".".join(_named(content, parts)) or "(whole file)"
         told = wording(problem["type"], problem.get("ctx", {}), problem["input"])
         lines.append(f"{place_of(parts)}: key '{key}': {told}")
     raise ConfigurationError("\n".join(lines))

@@ -6,7 +6,7 @@ import numpy as np
 
 from crane_model.array import Array
 from crane_model.errors import RangeError
-from crane_model.machine import JOINT_UNITS, JOINTS, Machine
+from crane_model.machine import Machine
 
 
 def cylinder_geometry(machine: Machine, joint: str, q: Array) -> tuple[Array, Array, Array]:
@@ -15,8 +15,7 @@ def cylinder_geometry(machine: Machine, joint: str, q: Array) -> tuple[Array, Ar
     Source: (20), (24). Raises `RangeError` where the linkage cannot be assembled or q is not
     finite.
     """
-    if joint not in JOINTS:
-        raise RangeError(f"no cylinder moves '{joint}'; the joints are {', '.join(JOINTS)}")
+    machine.index(joint)  # or RangeError names the joints
     q = np.asarray(q, dtype=float)
     flat = q.ravel()
     values = machine.cylinder(joint, flat)
@@ -25,7 +24,7 @@ def cylinder_geometry(machine: Machine, joint: str, q: Array) -> tuple[Array, Ar
         limits = machine.limits[joint]
         raise RangeError(
             f"{joint}: the linkage cannot be assembled at q = {flat[bad][0]:.6g} "
-            f"{JOINT_UNITS[joint]}; its range is [{limits.position_min}, {limits.position_max}]"
+            f"{machine.units[joint]}; its range is [{limits.position_min}, {limits.position_max}]"
         )
     length, lever, slope = values.T.reshape(3, *q.shape)
     return length, lever, slope
@@ -58,9 +57,25 @@ def cylinder_force(machine: Machine, joint: str, pressure_a: Array, pressure_b: 
 
 
 def lever_arms(machine: Machine, q: Array, joints: Sequence[str]) -> Array:
-    """(n, k) coordinates of k joints, in any order, to (n, k) lever arms dx/dq."""
-    columns = zip(joints, q.T, strict=True)
+    """(n, k) coordinates of k joints, in any order, to (n, k) lever arms dx/dq of their actuators.
+
+    Of an actuator that several joints move, q is what it sees of them.
+    """
+    shares = _shares(machine, joints)
+    columns = zip(joints, (q if shares is None else q @ shares.T).T, strict=True)
     return np.stack([lever_arm(machine, joint, column) for joint, column in columns], axis=1)
+
+
+def generalized_from_actuators(
+    machine: Machine, q: Array, force: Array, joints: Sequence[str]
+) -> Array:
+    """(18) [N m, N] of k joints in any order from coordinates and forces of actuators, (n, k) each.
+
+    The forces are those of cylinders [N], or the torques of motors on their own side of the gear.
+    """
+    tau = lever_arms(machine, q, joints) * force
+    shares = _shares(machine, joints)
+    return tau if shares is None else tau @ shares
 
 
 def generalized_forces(
@@ -71,14 +86,30 @@ def generalized_forces(
     joints: Sequence[str],
 ) -> Array:
     """(27) [N m, N] of k joints in any order from coordinates and pressures, each (n, k)."""
-    tau = lever_arms(machine, q, joints)
-    for i, joint in enumerate(joints):
-        tau[:, i] *= cylinder_force(machine, joint, pressure_a[:, i], pressure_b[:, i])
-    return tau
+    columns = enumerate(joints)
+    forces = [cylinder_force(machine, j, pressure_a[:, i], pressure_b[:, i]) for i, j in columns]
+    return generalized_from_actuators(machine, q, np.stack(forces, axis=1), joints)
 
 
 def cylinder_forces_from_generalized(
     machine: Machine, q: Array, tau: Array, joints: Sequence[str]
 ) -> Array:
     """Inverse of (27): (n, k) generalized forces of k joints to (n, k) cylinder forces [N]."""
-    return np.asarray(tau) / lever_arms(machine, q, joints)
+    shares = _shares(machine, joints)
+    own = np.asarray(tau) if shares is None else np.asarray(tau) @ np.linalg.inv(shares)
+    return own / lever_arms(machine, q, joints)
+
+
+def _shares(machine: Machine, joints: Sequence[str]) -> Array | None:
+    """(k, k) what the actuators of k joints see of each; None where each sees its own alone."""
+    if not machine.couplings:
+        return None
+    shares = np.zeros((len(joints), len(joints)))
+    for i, joint in enumerate(joints):
+        for other, share in machine.seen_by(joint).items():
+            if other not in joints:
+                raise RangeError(
+                    f"the actuator of {joint} is also moved by {other}, whose coordinate is needed"
+                )
+            shares[i, joints.index(other)] = share
+    return shares

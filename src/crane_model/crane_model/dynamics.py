@@ -49,8 +49,8 @@ class Geometry(NamedTuple):
     @classmethod
     def of(cls, machine: Machine) -> "Geometry":
         """The constants of Table 1 that matter in the plane."""
-        dh = machine.denavit_hartenberg
-        return cls(dh.theta_2_0, dh.inner_boom_length, dh.telescope_offset, machine.gravity)
+        crane = machine.as_planar()
+        return cls(crane.theta_2_0, crane.inner_boom_length, crane.telescope_offset, crane.gravity)
 
 
 @njit(cache=True)

@@ -1,11 +1,12 @@
-"""The two boom linkages (20)-(26), compiled: cylinder length, lever arm and its derivative.
+"""The linkages (20)-(26), compiled: cylinder length, lever arm and its derivative.
 
-The scalar functions return (x, dx/dq, d2x/dq2) and can be called from a compiled simulation; the
-functions named `..._samples` apply them to n samples and return (n, 3). Lengths in m, angles rad.
+The scalar functions return (x, dx/dq, d2x/dq2) and can be called from a compiled simulation;
+`motion` and `samples` take any linkage by its kind and constants. Lengths in m, angles rad.
 Where a triangle degenerates they divide by zero as numpy does: the result is not finite.
 """
 
 import math
+from typing import NamedTuple
 
 import numpy as np
 from numba import njit
@@ -100,28 +101,58 @@ def gamma_32(s31: float, s23: float, s32: float) -> float:
     return math.acos((s31**2 + s23**2 - s32**2) / (2.0 * s31 * s23))
 
 
-@njit(cache=True)
-def inner_boom_samples(q2: Array, j1: float, j2: float, angle_0: float) -> Array:
-    """`inner_boom` at each of n angles: (n, 3)."""
-    out = np.empty((len(q2), 3))
-    for i in range(len(q2)):
-        out[i] = inner_boom(q2[i], j1, j2, angle_0)
-    return out
+PROPORTIONAL, TRIANGLE, FOUR_BAR, TABLE = range(4)
+
+
+class Linkage(NamedTuple):
+    """x(q) of any actuator for compiled code: which kind, and its constants."""
+
+    kind: int
+    constants: Array
+
+
+def tabulated(low: float, high: float, values: Array) -> Linkage:
+    """Of x, dx/dq and d2x/dq2 (k, 3) at k places from `low` to `high`, evenly apart."""
+    return Linkage(TABLE, np.concatenate([[low, high], values.ravel()]))
+
+
+@njit(cache=True, error_model="numpy")
+def motion(kind: int, constants: Array, q: float) -> tuple[float, float, float]:
+    """x, dx/dq, d2x/dq2 of a `Linkage` at q."""
+    c = constants
+    if kind == PROPORTIONAL:
+        return c[0] * q, c[0], 0.0
+    if kind == TRIANGLE:
+        return inner_boom(q, c[0], c[1], c[2])
+    if kind == FOUR_BAR:
+        x, first, second = outer_boom(c[7] * q, c[0], c[1], c[2], c[3], c[4], c[5], c[6])
+        return x, c[7] * first, second
+    return _between(c, q)
 
 
 @njit(cache=True)
-def outer_boom_samples(
-    q3: Array,
-    gamma_21_0: float,
-    gamma_32: float,
-    s22: float,
-    s23: float,
-    c1: float,
-    c2: float,
-    s31: float,
-) -> Array:
-    """`outer_boom` at each of n angles: (n, 3)."""
-    out = np.empty((len(q3), 3))
-    for i in range(len(q3)):
-        out[i] = outer_boom(q3[i], gamma_21_0, gamma_32, s22, s23, c1, c2, s31)
+def _between(table: Array, q: float) -> tuple[float, float, float]:
+    """Quintic Hermite interpolation: x with both derivatives, as the table has them."""
+    low, high, rows = table[0], table[1], table[2:].reshape(-1, 3)
+    step = (high - low) / (len(rows) - 1)
+    k = min(max(int((q - low) / step), 0), len(rows) - 2)
+    s = (q - low) / step - k
+    x0, v0, a0 = rows[k, 0], rows[k, 1] * step, rows[k, 2] * step**2
+    x1, v1, a1 = rows[k + 1, 0], rows[k + 1, 1] * step, rows[k + 1, 2] * step**2
+    dx, dv, da = x1 - x0 - v0 - a0 / 2.0, v1 - v0 - a0, a1 - a0
+    c3 = 10.0 * dx - 4.0 * dv + da / 2.0
+    c4 = -15.0 * dx + 7.0 * dv - da
+    c5 = 6.0 * dx - 3.0 * dv + da / 2.0
+    x = x0 + s * (v0 + s * (a0 / 2.0 + s * (c3 + s * (c4 + s * c5))))
+    v = v0 + s * (a0 + s * (3.0 * c3 + s * (4.0 * c4 + s * 5.0 * c5)))
+    a = a0 + s * (6.0 * c3 + s * (12.0 * c4 + s * 20.0 * c5))
+    return x, v / step, a / step**2
+
+
+@njit(cache=True)
+def samples(kind: int, constants: Array, q: Array) -> Array:
+    """`motion` at each of n places: (n, 3)."""
+    out = np.empty((len(q), 3))
+    for i in range(len(q)):
+        out[i] = motion(kind, constants, q[i])
     return out

@@ -10,11 +10,12 @@ from typing import Annotated, Any, Literal, Self
 import numpy as np
 from pydantic import BeforeValidator, Field, SerializeAsAny
 
+import crane_machines
 from crane_model.array import Array
 from crane_model.configuration import Schema, load, save, validate
 from crane_model.errors import ConfigurationError
 from crane_model.hydraulics.values import HydraulicValues
-from crane_model.machine import JOINT_UNITS, Machine, load_machine
+from crane_model.machine import Machine, load_machine
 from crane_model.record import Record
 from crane_model.terms import Parameter, Term, term_from_mapping
 from crane_model.terms.term import Setting
@@ -178,11 +179,11 @@ class _ModelFile(Schema):
 def load_model(path: Path | str) -> Model:
     """Read a model file; `ConfigurationError` names file, key and what is wrong.
 
-    `machine` is a machine file beside the model file, the machine itself, `laboratory_crane` for
-    the one that ships with the suite, or absent for a machine without linkages.
+    `machine` is a machine file beside the model file, the machine itself, the name of one that
+    ships with the suite, or absent for a machine without linkages.
 
-    >>> from crane_model.configuration import packaged
-    >>> model = load_model(packaged("crane_model", "crane_model.yaml"))
+    >>> from crane_model.machine_files import machine_file
+    >>> model = load_model(machine_file("model.yaml"))
     >>> model.joints
     ('inner_boom', 'outer_boom', 'telescope')
     >>> len(model.parameters), model.parameters[6].name
@@ -192,10 +193,11 @@ def load_model(path: Path | str) -> Model:
     content = load(path, _ModelFile)
     setting = Setting(content.joints, _machine(content.machine, path))
     model = Model(content.name, setting, content.terms, hydraulics=content.hydraulics)
-    if setting.machine is not None and not content.joints.items() <= JOINT_UNITS.items():
+    machine = setting.machine
+    if machine is not None and not content.joints.items() <= machine.units.items():
         raise ConfigurationError(
-            f"{path}: key 'joints': a machine has the joints {_units(JOINT_UNITS)}, of which a "
-            f"model takes any in any order; got {_units(content.joints)}"
+            f"{path}: key 'joints': {machine.name} has the joints {_units(machine.units)}, of "
+            f"which a model takes any in any order; got {_units(content.joints)}"
         )
     _check_hydraulics(model, path)
     try:
@@ -255,8 +257,8 @@ def _machine(given: dict[str, Any] | str | None, model_path: Path) -> Machine | 
         return None
     if isinstance(given, dict):
         return validate(given, Machine, f"{model_path}: machine")
-    if given == "laboratory_crane":
-        return load_machine()
+    if given in crane_machines.shipped():
+        return load_machine(given)
     return load_machine(model_path.parent / given)
 
 

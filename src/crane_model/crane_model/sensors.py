@@ -1,5 +1,6 @@
 """The sensor chain: what encoders and pressure transducers make of the true signals."""
 
+from collections.abc import Sequence
 from typing import Annotated
 
 import numpy as np
@@ -7,13 +8,13 @@ from pydantic import Field
 
 from crane_model.array import Array
 from crane_model.configuration import NonNegative, Positive, Schema
-from crane_model.machine import JOINTS, Machine, PerJoint
+from crane_model.machine import Machine
 
 
 class SensorChain(Schema):
     """Encoders, pressure transducers with their converter, and the clock that samples them."""
 
-    encoder_resolution: PerJoint[Positive]  # one count [rad; telescope m]
+    encoder_resolution: dict[str, Positive]  # of each joint, one count [rad or m]
     pressure_noise: NonNegative  # Pa, rms before the converter
     pressure_range: Positive  # Pa, full scale; readings saturate at 0 and here
     pressure_bits: Annotated[int, Field(ge=8, le=24)]
@@ -37,9 +38,9 @@ class SensorChain(Schema):
         shown: Array = step * np.round(np.asarray(q) / step)
         return shown
 
-    def measure_positions(self, q: Array) -> Array:
-        """Encoder readings of all joints: (..., 4) to (..., 4) [rad, m]."""
-        steps = np.array([self.encoder_resolution[joint] for joint in JOINTS])
+    def measure_positions(self, joints: Sequence[str], q: Array) -> Array:
+        """Encoder readings of j joints: (..., j) to (..., j) [rad, m]."""
+        steps = np.array([self.encoder_resolution[joint] for joint in joints])
         shown: Array = steps * np.round(np.asarray(q) / steps)
         return shown
 

@@ -1,4 +1,18 @@
-"""What the nodes of the suite share."""
+"""What the nodes of the suite share.
+
+A parameter is declared with its unit and range, and says what is wrong with a value:
+
+>>> from crane_nodes import Number, Switch, Text
+>>> speed = Number("speed", 0.3, "m/s", 0.0, 1.0, "of the tip")
+>>> speed.check(1)
+1.0
+>>> speed.check(2.0)
+Traceback (most recent call last):
+...
+crane_model.errors.ConfigurationError: parameter 'speed': must be from 0 to 1 m/s, got 2.0
+>>> Switch("loud", False, "whether it is heard").check(True), Text("name", "", "of it").check("a")
+(True, 'a')
+"""
 
 from typing import TYPE_CHECKING
 

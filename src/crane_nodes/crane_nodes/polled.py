@@ -13,15 +13,13 @@ class _Alone(CallbackGroup):
     """What the executor leaves alone."""
 
     def can_execute(self, entity: object) -> bool:
-        """Never."""
         return False
 
     def beginning_execution(self, entity: object) -> bool:
-        """Never."""
         return False
 
     def ending_execution(self, entity: object) -> None:
-        """Nothing to do."""
+        pass
 
 
 class Polled:

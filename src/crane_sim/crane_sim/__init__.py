@@ -1,5 +1,24 @@
 """The stand-in machine: its plant, what it may hide, its bus, and its picture.
 
+Half a second with one valve open:
+
+>>> import numpy as np
+>>> from crane_model.machine import load_machine
+>>> from crane_sim import Plant, load_stand_in
+>>> stand_in = load_stand_in()
+>>> plant = Plant(stand_in, load_machine(), stand_in.start)
+>>> before = plant.q.copy()
+>>> plant.advance(np.array([0.0, 0.0, 0.0, 0.4]), 0.5)
+>>> moved = plant.q - before
+>>> bool(moved[3] > 0.01)
+True
+
+An effect to hide in it:
+
+>>> from crane_sim import HiddenEffect, Spec
+>>> Spec(effects=(HiddenEffect(effect="stribeck", joint="telescope", strength=0.02),)).seed
+0
+
 The names of `__all__` are the public API; each is imported from its module when it is first asked
 for, so that `import crane_sim` alone compiles nothing.
 """

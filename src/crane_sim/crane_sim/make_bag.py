@@ -1,4 +1,15 @@
-"""`make_bag`: a recording of the stand-in machine on an excitation trajectory, as an mcap bag."""
+"""`make_bag`: a recording of the stand-in machine on an excitation trajectory, as an mcap bag.
+
+>>> from crane_bags.reader import read_topics
+>>> from crane_bags.types import JOINT_STATES
+>>> from crane_model.machine_files import machine_file
+>>> words = ["--trajectory", str(machine_file("excitation_20s.yaml")), "--periods", "1"]
+>>> main([*words, "--out", "bag"])
+written: bag, 33.1 s
+0
+>>> read_topics("bag", [JOINT_STATES])[JOINT_STATES.name].names
+('slew', 'inner_boom', 'outer_boom', 'telescope')
+"""
 
 from collections.abc import Iterable, Sequence
 from datetime import UTC, datetime
@@ -19,6 +30,7 @@ from crane_model import cli
 from crane_model.arguments import between, whole
 from crane_model.cylinders import generalized_forces
 from crane_model.machine import JOINTS, Machine, load_machine
+from crane_model.machine_files import machine_file
 from crane_model.progress_bar import progress_bar
 from crane_model.urdf import urdf
 from crane_sim.effects.form import Planted
@@ -173,12 +185,14 @@ def main(argv: Sequence[str] | None = None) -> int:
         machine, parameters = load_machine(arguments.machine), load_stand_in(arguments.plant)
         motion = plan(
             machine,
-            load_trajectory(arguments.trajectory),
+            load_trajectory(machine_file("", arguments.machine, arguments.trajectory)),
             parameters.start,
             arguments.periods,
-            load_clearance(),
+            load_clearance(machine_file("clearance.yaml", arguments.machine)),
         )
-        gains = load_gains(arguments.gains)
+        gains = load_gains(
+            machine_file("controller.yaml", arguments.machine, arguments.gains), machine
+        )
         planted: tuple[Planted, ...] = ()
         if arguments.hide is not None:
             check_place(arguments.label, arguments.out)

@@ -9,7 +9,7 @@ CRANE = {
     "bus_channel": "Channel of the interface, for example vcan0",
     "bus_bitrate": "Bit rate [bit/s], for interfaces that set it",
     "bus_options": "Further options as KEY=VALUE, separated by blanks: port=43113",
-    "machine": "Machine YAML",
+    "machine": "Machine by its name, or its folder or machine file",
     "record": "New folder to record to; empty: nothing is recorded",
 }
 MODEL = {
@@ -26,6 +26,6 @@ def generate_launch_description() -> LaunchDescription:
             *declared(ARGUMENTS),
             included("crane_sim", "simulated_crane.launch.py", *CRANE),
             included("crane_trajectory", "trajectory.launch.py", "machine"),
-            included("crane_identification", "identification.launch.py", *MODEL),
+            included("crane_identification", "identification.launch.py", "machine", *MODEL),
         ]
     )

@@ -3,13 +3,14 @@
 import numpy as np
 
 from crane_benchmark.scores.score_cases import carrying
-from crane_model.configuration import packaged
+from crane_model.machine_files import machine_file
 from crane_model.model_file import load_model
-from crane_model.terms.gravity_and_load import Load, Payload
+from crane_model.terms.gravity_and_load import Payload
+from crane_model.terms.load import Load
 
 
 def test_loads_are_those_of_the_held_out_recordings():
-    trained = load_model(packaged("crane_model", "crane_model.yaml")).with_term(
+    trained = load_model(machine_file("model.yaml")).with_term(
         Payload(loads=(Load(runs=(0, 2)), Load(runs=(1,))))
     )
     count = len(trained.parameters)
@@ -19,4 +20,4 @@ def test_loads_are_those_of_the_held_out_recordings():
     assert term.loads == (Load(runs=(1,)), Load(runs=(0,)))
     assert other.theta[other.part(term)].tolist() == [30.0, 20.0]
     assert other.theta[: count - 2].tolist() == list(range(count - 2))
-    assert carrying(load_model(packaged("crane_model", "crane_model.yaml")), {}).terms
+    assert carrying(load_model(machine_file("model.yaml")), {}).terms

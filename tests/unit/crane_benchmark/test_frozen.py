@@ -10,7 +10,7 @@ import pytest
 from crane_benchmark import benchmark
 from crane_benchmark.folders import Folders, new, read_json, write_json
 from crane_benchmark.scores import carry_over, freeze, frozen
-from crane_identification.diagnosis.thresholds import load_thresholds
+from crane_identification.thresholds import load_thresholds
 from crane_model.errors import ConfigurationError, DataError
 
 ANSWER = {
@@ -37,21 +37,21 @@ def test_all_code_between_a_bag_and_its_verdict_counts(sources) -> None:
     ("module", "old", "new"),
     [
         ("learner", "FEWEST_ROWS = 60", "FEWEST_ROWS = 61"),
-        ("projection", "VISIBLE_SHARE = 0.02", "VISIBLE_SHARE = 0.03"),
+        ("visibility", "VISIBLE_SHARE = 0.02", "VISIBLE_SHARE = 0.03"),
         ("decision", "if one.score <= one.threshold:", "if one.score < one.threshold:"),
         ("pulsation", "one.clearness > least", "one.clearness > 0.6 * least"),
-        ("projection", "size > 1e-6", "size > 1e-5"),
+        ("chance", "size > 1e-6", "size > 1e-5"),
     ],
 )
 def test_a_number_or_a_sign_that_decides_is_noticed(sources, module, old, new) -> None:
     assert old in sources[module]
-    beside, changed = sources["scaling"], sources[module].replace(old, new)
+    beside, changed = sources["loads"], sources[module].replace(old, new)
     before, after = (frozen.digest_of_code((beside, one)) for one in (sources[module], changed))
     assert before != after
 
 
 def test_comments_docstrings_imports_and_places_do_not_count(sources) -> None:
-    beside, own = sources["scaling"], sources["pulsation"]
+    beside, own = sources["chance"], sources["pulsation"]
     text = "import json\n# a remark\n" + own.replace(
         '"""The lines that', '"""Of all lines those that'
     )
@@ -62,7 +62,7 @@ def test_comments_docstrings_imports_and_places_do_not_count(sources) -> None:
 @pytest.fixture
 def record(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Iterator[Path]:
     """A record of what the package holds, and of two of its modules, in place of the project's."""
-    few = tuple(path for path in frozen.modules() if path.stem in ("loads", "scaling"))
+    few = tuple(path for path in frozen.modules() if path.stem in ("loads", "chance"))
     monkeypatch.setattr(frozen, "modules", lambda: few)
     path = tmp_path / "frozen.json"
     state = frozen.state()

@@ -9,9 +9,9 @@ from crane_benchmark.cases.case import Case, CaseKind, EffectToHide
 from crane_benchmark.cases.clean import load_seen, save_clean
 from crane_benchmark.scores.truth import CaseTruth
 from crane_benchmark.scores.unusual import beyond_usual
-from crane_identification.diagnosis.hydraulics import load_usual
-from crane_model.configuration import packaged
+from crane_identification.diagnosis.flow.usual import load_usual
 from crane_model.machine import JOINTS, PLANAR_JOINTS
+from crane_model.machine_files import machine_file
 from crane_model.model_file import load_model
 from crane_model.record import Record
 from crane_sim.hiding.clean import Clean
@@ -19,7 +19,7 @@ from crane_sim.parts.parameters import Edges, load_stand_in
 
 JOINT = "outer_boom"
 FORCE = 4000.0  # N m
-MODEL = load_model(packaged("crane_model", "crane_model.yaml"))
+MODEL = load_model(machine_file("model.yaml"))
 STAND_IN = load_stand_in()
 COUNT = STAND_IN.sensors.encoder_resolution[JOINT]
 

@@ -11,6 +11,7 @@ from crane_benchmark.cases.session import SessionRecording, recordings
 from crane_identification.preparation.periodicity import detect_periodicity
 from crane_model.errors import DataError
 from crane_model.machine import load_machine
+from crane_model.machine_files import machine_file
 from crane_sim.effects.form import Planted
 from crane_sim.effects.forms import FORMS
 from crane_sim.parts.parameters import load_stand_in
@@ -92,7 +93,12 @@ def test_effects_are_in_the_recordings_that_the_case_says(carried, count):
 
 
 def test_motions_of_the_field_fit_and_every_other_one_repeats():
-    maker = Maker(np.random.default_rng(2), load_machine(), load_stand_in().start, load_clearance())
+    maker = Maker(
+        np.random.default_rng(2),
+        load_machine(),
+        load_stand_in().start,
+        load_clearance(machine_file("clearance.yaml")),
+    )
     train, validate = maker.of_the_field(1)
     assert (len(train), len(validate)) == (3, 2)
     repeats = []

@@ -13,8 +13,9 @@ from crane_driver.can.protection import frame_crc
 from crane_driver.driver_loop import DriverLoop, JointSample, PressureSample
 from crane_driver.safety.settings import load_safety
 from crane_model.machine import load_machine
+from crane_model.machine_files import machine_file
 
-MACHINE, SAFETY = load_machine(), load_safety()
+MACHINE, SAFETY = load_machine(), load_safety(machine_file("safety.yaml"), load_machine())
 MESSAGES = ("EncoderBase", "EncoderBoom", "PressureBooms", "PressureTelescope")
 DENSITY = {"slew": 0.01, "inner_boom": 0.01, "outer_boom": 0.02, "telescope": 0.05}
 POSE = {"slew": 0.0, "inner_boom": 0.35, "outer_boom": -1.5, "telescope": 0.4}  # rad, m

@@ -16,6 +16,7 @@ from crane_driver.safety.settings import load_safety
 from crane_driver.safety.states import SafetyState
 from crane_model.cylinders import generalized_forces
 from crane_model.machine import JOINTS, PLANAR_JOINTS, load_machine
+from crane_model.machine_files import machine_file
 
 CYCLE = 0.005  # s
 START = 20.0  # s, steady
@@ -34,7 +35,13 @@ MACHINE = load_machine()
 class Bench:
     def __init__(self, layout: Layout) -> None:
         density = {"slew": 0.01, "inner_boom": 0.01, "outer_boom": 0.02, "telescope": 0.05}
-        self.loop = DriverLoop(layout, MACHINE, load_safety(), density, START)
+        self.loop = DriverLoop(
+            layout,
+            MACHINE,
+            load_safety(machine_file("safety.yaml"), load_machine()),
+            density,
+            START,
+        )
         self.machine = MachineCodec(layout)
         self.now, self.count = START, 0
 
@@ -71,7 +78,7 @@ class Bench:
 
 @pytest.fixture(scope="module")
 def layout() -> Layout:
-    return load_layout()
+    return load_layout(load_machine(), machine_file("can.yaml"), machine_file("can.dbc"))
 
 
 @pytest.fixture

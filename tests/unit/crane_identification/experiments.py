@@ -8,8 +8,9 @@ import numpy as np
 from unit.crane_identification.synthetic import AREAS, crane_model
 
 from crane_identification.data.log import Log, Signal
-from crane_model.configuration import load, packaged
+from crane_model.configuration import load
 from crane_model.cylinders import cylinder_forces_from_generalized
+from crane_model.machine_files import machine_file
 from crane_model.model_file import Model
 from crane_model.record import Record
 from crane_model.sensors import SensorChain
@@ -19,7 +20,7 @@ LOWEST_PRESSURE = 1e6  # Pa, in the chamber that pushes less
 
 
 def sensors() -> SensorChain:
-    return load(packaged("crane_model", "sensors.yaml"), SensorChain)
+    return load(machine_file("sensors.yaml"), SensorChain)
 
 
 def experiment(
@@ -34,7 +35,7 @@ def experiment(
     chain = chain.model_copy(update={"pressure_noise": noise * chain.pressure_noise})
     assert model.machine is not None
     rng = np.random.default_rng(seed)
-    reference = load_trajectory(packaged("crane_trajectory", trajectory))
+    reference = load_trajectory(machine_file(trajectory))
     count = round(periods * reference.period / chain.period) + 1
     # A seed begins anywhere in the period, so that no two experiments round alike.
     time = chain.sample_times(rng, 0.0, count)

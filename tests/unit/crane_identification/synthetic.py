@@ -6,8 +6,8 @@ import numpy as np
 from scipy.integrate import cumulative_simpson
 
 from crane_identification.data.log import Log, Signal
-from crane_model.configuration import packaged
 from crane_model.cylinders import cylinder_forces_from_generalized
+from crane_model.machine_files import machine_file
 from crane_model.model_file import Model, load_model
 from crane_model.record import Record
 
@@ -38,7 +38,7 @@ def axis_model(folder: Path) -> Model:
 
 def crane_model() -> Model:
     """The model of the suite with parameters of a plausible crane."""
-    model = load_model(packaged("crane_model", "crane_model.yaml"))
+    model = load_model(machine_file("model.yaml"))
     inertial = [480.0, 370.0, 18.0, 450.0, 260.0, 20.0, 150.0, 220.0]
     friction = [800.0, 180.0, 9000.0, -1600.0, 520.0, -110.0, 3200.0, 620.0]
     theta = np.array([*inertial, *friction, 720.0, 120.0, 1500.0, 330.0])

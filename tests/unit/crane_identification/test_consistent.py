@@ -13,8 +13,8 @@ from crane_identification.estimation.estimate import Estimate
 from crane_identification.estimation.least_squares import least_squares
 from crane_identification.estimation.physics import physics
 from crane_identification.estimation.rows import Rows
+from crane_identification.fitting import FitResult, fit
 from crane_identification.options import Estimator, Options
-from crane_identification.pipeline import FitResult, fit
 from crane_model.dynamics import Geometry, mass_matrix
 from crane_model.machine import PLANAR_JOINTS, Machine
 from crane_model.model_file import Model
@@ -137,7 +137,7 @@ def test_friction_brakes_in_both_directions(tmp_path: Path) -> None:
     assert {"J_FL >= 0", "J_SL >= 0", "m_TL >= 0"} <= set(names)
 
 
-def test_the_estimator_of_the_pipeline_is_the_physical_one(good: FitResult) -> None:
+def test_the_estimator_of_a_fit_is_the_physical_one(good: FitResult) -> None:
     found = fit(crane_model(), [experiment(1)])
     assert found.estimate.method.startswith("physically consistent")
     np.testing.assert_allclose(found.estimate.values, good.estimate.values, rtol=1e-5)

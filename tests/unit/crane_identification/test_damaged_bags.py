@@ -14,8 +14,8 @@ from crane_bags.writer import BagWriter
 from crane_identification.data.bad_samples import usable
 from crane_identification.data.bag_log import read_bag
 from crane_identification.data.log import Log
+from crane_identification.fitting import FitResult, fit
 from crane_identification.options import Options
-from crane_identification.pipeline import FitResult, fit
 from crane_identification.report.findings import findings
 from crane_model.errors import DataError
 

@@ -138,10 +138,13 @@ def test_instruments_remove_the_bias_that_feedback_brings(measured) -> None:
     biased, unbiased = (error.mean(axis=0) for error in errors)
     of_mean = [error.std(axis=0, ddof=1) / np.sqrt(runs) for error in errors]
     measured(
-        "bias of inertia under feedback, least squares; instrumental variables",
+        "bias of inertia under feedback, in standard errors, too: least squares; instruments",
         "shown; removed",
-        f"{biased[0] / INERTIA:.0%}, {abs(biased[0]) / of_mean[0][0]:.0f} standard errors; "
-        f"{unbiased[0] / INERTIA:.1%}, {abs(unbiased[0]) / of_mean[1][0]:.1f}",
+        "{biased:.0%}, {biased_sigmas:.0f}; {freed:.1%}, {freed_sigmas:.1f}",
+        biased=biased[0] / INERTIA,
+        biased_sigmas=abs(biased[0]) / of_mean[0][0],
+        freed=unbiased[0] / INERTIA,
+        freed_sigmas=abs(unbiased[0]) / of_mean[1][0],
     )
     assert biased[0] < -0.15 * INERTIA
     assert np.abs(biased[0]) > 15 * of_mean[0][0]

@@ -1,18 +1,18 @@
 import numpy as np
 
 from crane_identification.signals.gate import SETTLING, moving, velocity_resolution
-from crane_identification.signals.motion import Motion
+from crane_identification.signals.motion import SmoothedMotion
 
 STEP = 0.01
 BANDWIDTH = 5.0
 GUARD = 20 + round(SETTLING / STEP)  # samples: one cycle of 5 Hz at 100 Hz, and the settling
 
 
-def motion(velocity: np.ndarray, noise: float = 0.01) -> Motion:
+def motion(velocity: np.ndarray, noise: float = 0.01) -> SmoothedMotion:
     columns = velocity.reshape(len(velocity), -1)
     joints = columns.shape[1]
     zero = np.zeros_like(columns)
-    return Motion(
+    return SmoothedMotion(
         zero, columns, zero, np.full(joints, BANDWIDTH), np.zeros(joints), np.full(joints, noise)
     )
 

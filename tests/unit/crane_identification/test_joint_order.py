@@ -9,8 +9,8 @@ from unit.crane_identification.online.online_crane import record_log
 from unit.crane_identification.synthetic import crane_log, crane_model
 
 from crane_identification.data.log import Log, Signal
+from crane_identification.fitting import fit, validate
 from crane_identification.online.replay import replay
-from crane_identification.pipeline import fit, validate
 from crane_identification.validation.motion_validation import validate_motion
 from crane_model.machine import JOINT_UNITS
 from crane_model.model_file import Model

@@ -6,9 +6,9 @@ from pathlib import Path
 import pytest
 
 from crane_identification import diagnose, identify
-from crane_model.configuration import packaged
+from crane_model.machine_files import machine_file
 
-MODEL = str(packaged("crane_model", "crane_model.yaml"))
+MODEL = str(machine_file("model.yaml"))
 COMMANDS = pytest.mark.parametrize("main", [identify.main, diagnose.main])
 Main = Callable[[list[str]], int]
 

@@ -1,8 +1,8 @@
 import pytest
 
-from crane_model.configuration import packaged
 from crane_model.dynamics import Geometry
 from crane_model.machine import Machine, load_machine
+from crane_model.machine_files import machine_file
 from crane_model.model_file import Model, load_model
 
 
@@ -19,4 +19,4 @@ def geometry(machine: Machine) -> Geometry:
 @pytest.fixture(scope="session")
 def crane() -> Model:
     """The model (16) of 20 parameters that ships with the suite, not yet estimated."""
-    return load_model(packaged("crane_model", "crane_model.yaml"))
+    return load_model(machine_file("model.yaml"))

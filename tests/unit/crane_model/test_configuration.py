@@ -9,8 +9,9 @@ from pydantic import Field, ValidationError
 from pydantic_core import core_schema
 
 from crane_model.cli import run
-from crane_model.configuration import Schema, load, packaged, read_yaml, save
+from crane_model.configuration import Schema, load, read_yaml, save
 from crane_model.errors import ConfigurationError, CraneError, DataError, RangeError
+from crane_model.machine_files import machine_file
 from crane_model.wording import wording
 
 LIMITS = (
@@ -174,7 +175,7 @@ def test_schemas_are_immutable() -> None:
 
 
 def test_packaged_file_is_found() -> None:
-    assert packaged("crane_model", "laboratory_crane.yaml").is_file()
+    assert machine_file("machine.yaml").is_file()
 
 
 @pytest.mark.parametrize("kind", [CraneError, ConfigurationError, DataError, RangeError])

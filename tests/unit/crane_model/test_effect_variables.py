@@ -4,7 +4,7 @@ from typing import get_args
 
 import numpy as np
 import pytest
-from unit.crane_model.test_term_registry import CANDIDATES, SETTING, example
+from unit.crane_model.test_term_registry import CANDIDATES, example, setting_of
 
 from crane_model.machine import PLANAR_JOINTS
 from crane_model.record import Record
@@ -58,7 +58,7 @@ def spread(name: str, changing: str = "") -> float:
     term = example(name)
     if name == "end_cushioning":  # acts near the ends only
         term = type(term).model_validate({**term.model_dump(), "zone": 1.2})
-    columns = term.columns(record(changing), SETTING)
+    columns = term.columns(record(changing), setting_of(name))
     return float(np.ptp(columns, axis=0).max() / max(np.abs(columns).max(), 1e-12))
 
 

@@ -7,7 +7,6 @@ import numpy as np
 import pytest
 from scipy.integrate import solve_ivp
 
-from crane_model.configuration import packaged
 from crane_model.cylinders import cylinder_forces_from_generalized
 from crane_model.errors import ConfigurationError
 from crane_model.hydraulics.spool import openings, spool_course, trailing
@@ -18,6 +17,7 @@ from crane_model.hydraulics.values import (
     Measured,
     ValveValues,
 )
+from crane_model.machine_files import machine_file
 from crane_model.model_file import Model, load_model, save_model
 from crane_model.record import Record
 from crane_model.whole_crane import CraneState, circuit_of, simulate_openings, substeps
@@ -64,7 +64,7 @@ def hydraulics(**changed: float) -> HydraulicValues:
 
 
 def crane(**changed: float) -> Model:
-    model = load_model(packaged("crane_model", "crane_model.yaml"))
+    model = load_model(machine_file("model.yaml"))
     estimated = model.with_estimate(THETA, np.ones_like(THETA), "by hand")
     return replace(estimated, hydraulics=hydraulics(**changed))
 

@@ -6,12 +6,12 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from unit.crane_model.test_term_registry import SETTING, each_type, example, random_record
+from unit.crane_model.test_term_registry import each_type, example, random_record, setting_of
 
-from crane_model.configuration import packaged
 from crane_model.cylinders import cylinder_forces_from_generalized, generalized_forces, lever_arms
 from crane_model.errors import ConfigurationError
 from crane_model.machine import JOINT_UNITS, JOINTS, PLANAR_JOINTS, Machine
+from crane_model.machine_files import machine_file
 from crane_model.model_file import Model, load_model
 from crane_model.record import PER_SAMPLE, Record
 from crane_model.simulation import simulate
@@ -39,10 +39,12 @@ def in_order(record: Record, joints: tuple[str, ...]) -> Record:
 @each_type
 @pytest.mark.parametrize("joints", [ORDERS[-1], WITH_SLEW], ids=["turned round", "with the slew"])
 def test_columns_follow_their_joints(name: str, joints: tuple[str, ...]) -> None:
-    record, term = random_record(), example(name)
-    setting = Setting({joint: JOINT_UNITS[joint] for joint in joints}, SETTING.machine)
+    if name == "serial_rigid_body" and joints == WITH_SLEW:
+        pytest.skip("the slew loads the other joints, and has parameters of its own")
+    record, term, without = random_record(), example(name), setting_of(name)
+    setting = Setting({joint: JOINT_UNITS[joint] for joint in joints}, without.machine)
     got = term.columns(in_order(record, joints), setting)
-    expected = term.columns(record, SETTING)[:, _places(joints)]
+    expected = term.columns(record, without)[:, _places(joints)]
     expected[:, [joint not in PLANAR_JOINTS for joint in joints]] = 0.0
     np.testing.assert_allclose(got, expected, rtol=1e-12, atol=1e-12)
 
@@ -65,7 +67,7 @@ def test_forces_of_cylinders_follow_their_joints(machine: Machine, count: int) -
 
 def test_simulated_motion_follows_its_joints() -> None:
     """The packaged crane falls alike, whatever the order of its joints."""
-    model = load_model(packaged("crane_model", "crane_model.yaml"))
+    model = load_model(machine_file("model.yaml"))
     inertial = [480.0, 370.0, 18.0, 450.0, 260.0, 20.0, 150.0, 220.0]
     values = np.array([*inertial, *[500.0, 20.0, 900.0, 30.0] * 3])
     model = model.with_estimate(values, np.zeros(20), "made up")

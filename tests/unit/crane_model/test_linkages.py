@@ -4,6 +4,7 @@ import math
 
 import numpy as np
 import pytest
+from unit.crane_model.changed_machine import with_actuator
 
 from crane_model.cylinders import (
     cylinder_force,
@@ -28,7 +29,7 @@ def pin_k(machine: Machine, q3: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
     Of the two intersections the one on the far side of the line P-R from the elbow, along which
     the linkage moves without a jump.
     """
-    k = machine.outer_boom_linkage
+    k = machine.actuators["outer_boom"]
     gamma_21 = math.pi / 2 - k.beta_1 - q3 + k.gamma_25  # (21)
     p_x, p_y = k.s22, 0.0
     r_x, r_y = k.s23 * np.cos(gamma_21), k.s23 * np.sin(gamma_21)
@@ -46,10 +47,10 @@ def x_of_q(machine: Machine, joint: str, q: np.ndarray) -> np.ndarray:
     if joint == "telescope":
         return q
     if joint == "inner_boom":
-        i = machine.inner_boom_linkage
+        i = machine.actuators["inner_boom"]
         angle = math.pi / 2 - i.phi_4 + i.phi_3 + q
         return np.sqrt(i.j1**2 + i.j2**2 - 2 * i.j1 * i.j2 * np.cos(angle))  # (20)
-    k = machine.outer_boom_linkage
+    k = machine.actuators["outer_boom"]
     k_x, k_y = pin_k(machine, q)
     s33 = np.sqrt(k_x**2 + k_y**2)
     gamma_21 = math.pi / 2 - k.beta_1 - q + k.gamma_25  # (21)
@@ -110,7 +111,7 @@ def test_stroke_suffices_over_table_2(machine: Machine, joint: str) -> None:
 
 def test_four_bar_loop_closes(machine: Machine) -> None:
     """K is at the ends of both links, they meet at gamma_24 of (23), and x runs from K to B."""
-    k, q = machine.outer_boom_linkage, grid(machine, "outer_boom")
+    k, q = machine.actuators["outer_boom"], grid(machine, "outer_boom")
     gamma_21 = k.gamma_21_0 - q
     k_x, k_y = pin_k(machine, q)
     to_p = np.stack([k.s22 - k_x, -k_y])
@@ -129,7 +130,7 @@ def test_four_bar_loop_closes(machine: Machine) -> None:
 
 def test_gamma_32_is_the_angle_between_s31_and_s23(machine: Machine) -> None:
     """Correction of (26): the side opposite the angle at the elbow is s32."""
-    k = machine.outer_boom_linkage
+    k = machine.actuators["outer_boom"]
     b = k.s31 * np.array([np.cos(k.gamma_32), np.sin(k.gamma_32)])
     assert np.linalg.norm(b - [k.s23, 0.0]) == pytest.approx(k.s32, rel=1e-14)
 
@@ -187,8 +188,7 @@ def test_any_shape_of_coordinates_is_kept(machine: Machine) -> None:
 @pytest.fixture
 def short_links(machine: Machine) -> Machine:
     """A crane whose outer boom linkage comes apart beyond q3 = 0.35 or so."""
-    linkage = machine.outer_boom_linkage.model_copy(update={"c2": 0.36})
-    return machine.model_copy(update={"outer_boom_linkage": linkage})
+    return with_actuator(machine, "outer_boom", c2=0.36)
 
 
 def test_linkage_that_cannot_be_assembled_is_out_of_range(short_links: Machine) -> None:
@@ -200,8 +200,7 @@ def test_linkage_that_cannot_be_assembled_is_out_of_range(short_links: Machine) 
 
 def test_cylinder_of_no_length_is_out_of_range(machine: Machine) -> None:
     update = {"j1": 0.5, "j2": 0.5, "phi_3": 0.0, "phi_4": math.pi / 2}
-    linkage = machine.inner_boom_linkage.model_copy(update=update)
-    degenerate = machine.model_copy(update={"inner_boom_linkage": linkage})
+    degenerate = with_actuator(machine, "inner_boom", **update)
     with pytest.raises(RangeError, match="inner_boom: .* q = 0 rad"):
         lever_arm(degenerate, "inner_boom", np.array([0.5, 0.0]))
 

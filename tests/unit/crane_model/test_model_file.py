@@ -85,7 +85,7 @@ def test_round_trip(crane: Model, file: Path, estimated: bool) -> None:
 
 
 def test_machine_in_a_file_beside_the_model(machine: Machine, crane: Model, file: Path) -> None:
-    heavier = machine.model_copy(update={"gravity": 9.83})
+    heavier = machine.model_copy(update={"gravity_given": 9.83})
     save(file.parent / "crane.yaml", heavier)
     telescope = SLIDE.replace("axis", "telescope")
     model = written(file, telescope + "machine: crane.yaml\n")
@@ -96,7 +96,7 @@ def test_machine_in_a_file_beside_the_model(machine: Machine, crane: Model, file
 
 def test_values_that_are_not_finite_cannot_be_saved(file: Path) -> None:
     model = written(file, SLIDE).with_estimate(np.array([1.0, 2.0]), np.array([0.1, np.inf]), "")
-    with pytest.raises(ConfigurationError, match=r"parameters\.1\.std_dev.*finite.*inf"):
+    with pytest.raises(ConfigurationError, match=r"parameters\.f_c\.axis\.std_dev.*finite.*inf"):
         save_model(file, model)
     assert load_model(file).values is None  # the file that was there is not touched
 
@@ -191,11 +191,11 @@ WRONG = {
     "key twice": (SLIDE + "name: other\n", ["'name'", "twice"]),
     "rigid bodies without a machine": (
         SLIDE + "  - {type: planar_rigid_body}\n",
-        ["'planar_rigid_body'", "needs a machine", "telescope [m]", "got axis [m]"],
+        ["'planar_rigid_body'", "needs a machine", "the model has none"],
     ),
     "wrong machine inside": (
         SLIDE + "machine: {name: half a crane, gravity: -1}\n",
-        ["machine", "'gravity'", "greater than 0", "-1", "'limits'", "required"],
+        ["machine", "'gravity'", "greater than 0", "-1", "'joints'", "required"],
     ),
     "machine that is no machine": (SLIDE + "machine: 3\n", ["'machine", "3"]),
     "estimate of too few parameters": (
@@ -208,11 +208,11 @@ WRONG = {
     ),
     "negative standard deviation": (
         SLIDE + ESTIMATE.replace("0.5", "-0.5"),
-        ["'estimate.parameters.0.std_dev'", "at least 0", "-0.5"],
+        ["'estimate.parameters.inertia.axis.std_dev'", "at least 0", "-0.5"],
     ),
     "value that is not finite": (
         SLIDE + ESTIMATE.replace("30.0", ".nan"),
-        ["'estimate.parameters.1.value'", "finite", "nan"],
+        ["'estimate.parameters.f_c.axis.value'", "finite", "nan"],
     ),
 }
 
@@ -226,7 +226,7 @@ def test_wrong_file_is_told_what_is_wrong(file: Path, text: str, parts: list[str
 
 
 def test_absent_machine_file_is_named(file: Path) -> None:
-    with pytest.raises(ConfigurationError, match=r"grader\.yaml: no such file"):
+    with pytest.raises(ConfigurationError, match=r"grader\.yaml: no such machine"):
         written(file, SLIDE + "machine: grader.yaml\n")
 
 

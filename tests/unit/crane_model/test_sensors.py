@@ -4,8 +4,9 @@ import numpy as np
 import pytest
 from scipy.stats import chi2
 
-from crane_model.configuration import load, packaged
+from crane_model.configuration import load
 from crane_model.machine import JOINTS, Machine
+from crane_model.machine_files import machine_file
 from crane_model.sensors import SensorChain
 
 SAMPLES = 20_000
@@ -13,7 +14,7 @@ SAMPLES = 20_000
 
 @pytest.fixture(scope="module")
 def sensors() -> SensorChain:
-    return load(packaged("crane_model", "sensors.yaml"), SensorChain)
+    return load(machine_file("sensors.yaml"), SensorChain)
 
 
 @pytest.fixture
@@ -49,7 +50,7 @@ def test_all_encoders_at_once_read_like_each_alone(
     sensors: SensorChain, rng: np.random.Generator
 ) -> None:
     q = rng.uniform(-2.0, 2.0, (50, 4))
-    together = sensors.measure_positions(q)
+    together = sensors.measure_positions(JOINTS, q)
     for i, joint in enumerate(JOINTS):
         np.testing.assert_array_equal(together[:, i], sensors.measure_position(joint, q[:, i]))
 

@@ -6,6 +6,7 @@ import numpy as np
 import pinocchio as pin
 import pytest
 from scipy.integrate import solve_ivp
+from unit.crane_model.changed_machine import with_actuator
 from unit.crane_model.pinocchio_crane import (
     dynamic_parameters,
     planar_crane,
@@ -249,8 +250,7 @@ def test_drive_that_is_not_finite_is_refused(rough: Model) -> None:
 
 def test_motion_out_of_the_range_of_a_linkage_is_refused(rough: Model) -> None:
     """With a longer link the four-bar linkage comes apart when the outer boom folds out."""
-    linkage = rough.machine.outer_boom_linkage.model_copy(update={"c2": 0.36})
-    machine = rough.machine.model_copy(update={"outer_boom_linkage": linkage})
+    machine = with_actuator(rough.machine, "outer_boom", c2=0.36)
     short = Model("short", rough.setting._replace(machine=machine), rough.terms, rough.theta)
     q, v = np.array([[0.5, 0.0, 0.4]]), np.array([[0.0, 4.0, 0.0]])
     with pytest.raises(RangeError, match="outer_boom: the linkage cannot be assembled"):

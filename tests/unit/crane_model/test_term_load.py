@@ -12,7 +12,8 @@ from crane_model.dynamics import Geometry, lagrangian_regressor
 from crane_model.kinematics import tip_jacobian, tip_position
 from crane_model.machine import PLANAR_JOINTS, Machine
 from crane_model.record import Record
-from crane_model.terms.gravity_and_load import BaseTilt, HoseMass, Load, Payload, SlewCoupling
+from crane_model.terms.gravity_and_load import BaseTilt, HoseMass, Payload, SlewCoupling
+from crane_model.terms.load import Load
 from crane_model.terms.planar import AxisReach, BoomDirections
 
 RECORD = random_record()

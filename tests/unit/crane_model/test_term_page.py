@@ -10,7 +10,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 from unit.crane_model import test_term_registry
-from unit.crane_model.test_term_registry import SETTING, random_record
+from unit.crane_model.test_term_registry import SETTING, random_record, setting_of
 
 import crane_model
 from crane_model.flow import FLOW_EFFECTS
@@ -29,8 +29,9 @@ def page() -> str:
 
 def parameters(cls: type[Term]) -> list[tuple[str, str]]:
     """Names and units of the parameters on the first joint that has them, then of the shapes."""
-    joint = next(iter(joints_of(cls, SETTING)), None)
-    found = typical(cls, joint).parameters(SETTING)
+    setting = setting_of(cls.model_fields["type"].default)
+    joint = next(iter(joints_of(cls, setting)), None)
+    found = typical(cls, joint).parameters(setting)
     linear = [(p.name.split(".")[0], p.unit) for p in found]
     return linear + [(name, shape.unit.split(" or ")[0]) for name, shape in cls.shapes.items()]
 
@@ -96,7 +97,7 @@ def test_the_example_in_a_new_file_of_the_package(example: str, tmp_path: Path) 
     )
     done = subprocess.run(
         [sys.executable, "-c", read, model_with("cubic_loss", tmp_path)],
-        env=os.environ | {"PYTHONPATH": str(tmp_path)},
+        env=os.environ | {"PYTHONPATH": f"{tmp_path}:{os.environ.get('PYTHONPATH', '')}"},
         capture_output=True,
         text=True,
         check=False,

@@ -2,8 +2,8 @@
 
 import pytest
 
-from crane_model.configuration import packaged
 from crane_model.machine import Machine, load_machine
+from crane_model.machine_files import machine_file
 from crane_sim.parts.parameters import StandIn, load_stand_in
 from crane_trajectory.motion.periodic import PeriodicTrajectory, load_trajectory
 
@@ -23,4 +23,4 @@ def stand_in() -> StandIn:
 @pytest.fixture(scope="session")
 def trajectory() -> PeriodicTrajectory:
     """The packaged excitation of 20 s."""
-    return load_trajectory(packaged("crane_trajectory", "excitation_20s.yaml"))
+    return load_trajectory(machine_file("excitation_20s.yaml"))

@@ -7,7 +7,7 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from crane_model.configuration import packaged
+from crane_model.machine_files import machine_file
 from crane_sim.parts.constants import pack_friction
 from crane_sim.parts.friction import lugre_force, step_lugre, step_set_valued
 from crane_sim.parts.parameters import StandIn, load_stand_in
@@ -66,7 +66,7 @@ def test_breakaway_is_asymmetric_and_standing_is_exact(
 @pytest.mark.parametrize("v", [-0.3, -0.02, -0.004, 0.004, 0.02, 0.3])
 def test_lugre_settles_at_its_steady_state_law(v: float) -> None:
     """At constant speed: Stribeck curve between breakaway and Coulomb, plus viscous friction."""
-    path = packaged("crane_sim", "stand_in_dynamic_friction.yaml")
+    path = machine_file("stand_in_dynamic_friction.yaml")
     for law in pack_friction(load_stand_in(path)):
         z = 0.0
         for _ in range(20_000):
@@ -81,7 +81,7 @@ def test_lugre_settles_at_its_steady_state_law(v: float) -> None:
 
 def test_lugre_springs_back_before_it_slides() -> None:
     """A push below breakaway only bends the bristles: the joint comes to rest nearby."""
-    path = packaged("crane_sim", "stand_in_dynamic_friction.yaml")
+    path = machine_file("stand_in_dynamic_friction.yaml")
     law = pack_friction(load_stand_in(path))
     push = 0.5 * law["coulomb_up"]
     mass, v, z, travel = 300.0 * np.eye(4), np.zeros(4), np.zeros(4), np.zeros(4)

@@ -59,7 +59,7 @@ def test_friction_over_load_and_pressure(machine: Machine, stand_in: StandIn) ->
 
     seal = rig(stand_in, machine, planted("seal_friction", JOINT, 0.05, 0.8))
     p_a, p_b = (seal.state.actuators[name][COLUMN] for name in ("p_a", "p_b"))
-    cylinder = machine.cylinders.outer_boom
+    cylinder = machine.cylinders["outer_boom"]
     pressed = sum(
         area * 5e6 * (p / 5e6) ** 0.8
         for area, p in ((cylinder.area_a, p_a), (cylinder.area_b, p_b))

@@ -10,6 +10,7 @@ from crane_model.cylinders import cylinder_length
 from crane_model.dynamics import Geometry, lagrangian_regressor
 from crane_model.kinematics import tip_jacobian
 from crane_model.machine import Machine
+from crane_model.machine_files import machine_file
 from crane_model.terms.gravity_and_load import tip_mass
 from crane_sim.hiding.slewing import Slewing, slewing
 from crane_sim.parts.parameters import Body, StandIn
@@ -189,7 +190,9 @@ def test_slewing_begins_and_ends_at_rest(
     machine: Machine, stand_in: StandIn, trajectory: PeriodicTrajectory
 ) -> None:
     """Whole swings within the limits; the booms go as they would."""
-    motion = plan(machine, trajectory, stand_in.start, 1, load_clearance())
+    motion = plan(
+        machine, trajectory, stand_in.start, 1, load_clearance(machine_file("clearance.yaml"))
+    )
     assert slewing(motion, ()) is motion
     led = slewing(motion, (planted("slew_coupling", None, 0.3, 0.6),))
     assert isinstance(led, Slewing)
@@ -198,7 +201,7 @@ def test_slewing_begins_and_ends_at_rest(
     np.testing.assert_allclose(reference.position[[0, -1]], motion.reference(time[[0, -1]])[0])
     np.testing.assert_allclose(reference.velocity[[0, -1]], 0.0, atol=1e-9)
     assert np.abs(reference.velocity[:, 0]).max() == pytest.approx(0.3, rel=1e-3)
-    assert reference.position[:, 0].max() < machine.limits.slew.position_max
+    assert reference.position[:, 0].max() < machine.limits["slew"].position_max
     np.testing.assert_allclose(
         np.gradient(reference.position[:, 0], time)[1:-1], reference.velocity[1:-1, 0], atol=1e-3
     )

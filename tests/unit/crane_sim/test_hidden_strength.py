@@ -9,7 +9,8 @@ import pytest
 from unit.crane_sim.hidden_machine import planted
 
 from crane_model.errors import ConfigurationError, RangeError
-from crane_model.machine import JOINTS, PLANAR_JOINTS, Machine
+from crane_model.machine import JOINTS, PLANAR_JOINTS, Machine, load_machine
+from crane_model.machine_files import machine_file
 from crane_sim.effects.form import Planted
 from crane_sim.effects.forms import FORMS
 from crane_sim.effects.memory import STILL
@@ -39,7 +40,7 @@ CATALOGUE = {
 @pytest.fixture(scope="module")
 def gains() -> Gains:
     """The packaged ones."""
-    return load_gains()
+    return load_gains(machine_file("controller.yaml"), load_machine())
 
 
 @dataclass(frozen=True)
@@ -157,14 +158,14 @@ def test_strength_comes_as_wanted(
     clean = moved(effects, machine, stand_in, motion, gains)
     np.testing.assert_allclose(clean.strength(effects), [0.02, 0.04], rtol=0.15)
     first, second = label(effects, clean)
-    assert (first["effect"], second["effect"], second["name"]) == (
+    assert (first.effect, second.effect, second.name) == (
         "presliding", "outside", "crosstalk",
     )  # fmt: skip
-    assert first["joint"] == "inner_boom"
-    assert first["strength_requested"] == 0.02
+    assert first.joint == "inner_boom"
+    assert first.strength_requested == 0.02
     rms = np.sqrt(np.mean(clean.force[1, :, 3] ** 2) / np.mean(clean.drive[:, 3] ** 2))
-    assert second["strength"] == pytest.approx(rms)
-    assert [entry["unit"] for entry in first["parameters"]] == ["rad", "1", "s"]
+    assert second.strength == pytest.approx(rms)
+    assert [entry.unit for entry in first.parameters] == ["rad", "1", "s"]
 
 
 def test_what_cannot_be_reached_is_refused_by_name(

@@ -6,8 +6,9 @@ from typing import Any
 import numpy as np
 from scipy.signal import butter, sosfiltfilt
 
-from crane_model.configuration import packaged
 from crane_model.machine import JOINTS, load_machine
+from crane_model.machine_files import machine_file
+from crane_nodes.joint_notes import load_joint_notes
 from crane_sim.parts.parameters import load_stand_in
 from crane_sim.plant.closed_loop import record
 from crane_sim.plant.plant import Plant
@@ -16,7 +17,6 @@ from crane_trajectory.control.controller import load_gains
 from crane_trajectory.motion.check import load_clearance
 from crane_trajectory.motion.motion import plan
 from crane_trajectory.motion.periodic import load_trajectory
-from crane_trajectory.trajectory_parameters import TOLERANCE
 
 LATE = 10  # cycles of 5 ms
 SWINGING = 0.05  # rad/s, m/s: rms over a second of what is faster than 2 Hz
@@ -40,15 +40,18 @@ class Late:
 
 def test_commands_that_are_50_ms_late_set_nothing_swinging() -> None:
     machine, parameters = load_machine(), load_stand_in()
-    trajectory = load_trajectory(packaged("crane_trajectory", "excitation_20s.yaml"))
-    motion = plan(machine, trajectory, parameters.start, 1, load_clearance())
+    trajectory = load_trajectory(machine_file("excitation_20s.yaml"))
+    motion = plan(
+        machine, trajectory, parameters.start, 1, load_clearance(machine_file("clearance.yaml"))
+    )
     plant = Late(Plant(parameters, machine, motion.start), LATE)
     sensors = Sensors(parameters.sensors, machine, 1)
-    recording = record(motion, plant, sensors, load_gains())  # type: ignore[arg-type]
+    recording = record(motion, plant, sensors, load_gains(machine_file("controller.yaml"), machine))  # type: ignore[arg-type]
 
     band = butter(4, [2.0, 20.0], "bandpass", fs=200.0, output="sos")
     fast = sosfiltfilt(band, recording.truth.velocity, axis=0)
+    notes = load_joint_notes(machine_file("joints.yaml"), machine.units)
     error = np.abs(recording.position - recording.reference.position).max(axis=0)
     for i, joint in enumerate(JOINTS):
         assert np.sqrt(np.convolve(fast[:, i] ** 2, MEAN, "valid").max()) < SWINGING, joint
-        assert error[i] < TOLERANCE[joint], joint
+        assert error[i] < notes[joint].tracking_tolerance, joint

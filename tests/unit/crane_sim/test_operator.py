@@ -6,9 +6,9 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from crane_model.configuration import packaged
 from crane_model.errors import ConfigurationError, RangeError
 from crane_model.machine import JOINTS, Machine
+from crane_model.machine_files import machine_file
 from crane_sim.bus.operator_at_machine import Operator
 from crane_sim.parts.parameters import StandIn, load_stand_in
 from crane_sim.plant.plant import Plant
@@ -64,8 +64,7 @@ def test_a_null_bias_that_opens_a_centred_valve_is_refused(tmp_path: Path) -> No
     path = tmp_path / "plant.yaml"
     base = load_stand_in().valves.slew.dead_zone
     path.write_text(
-        f"base: {packaged('crane_sim', 'stand_in.yaml')}\n"
-        f"valves: {{slew: {{null_bias: {base + 0.01}}}}}\n"
+        f"base: {machine_file('stand_in.yaml')}\nvalves: {{slew: {{null_bias: {base + 0.01}}}}}\n"
     )
     with pytest.raises(ConfigurationError, match="the valve of a centred spool would be open"):
         load_stand_in(path)

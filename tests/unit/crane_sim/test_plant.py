@@ -53,7 +53,7 @@ def test_end_stop_holds_against_a_full_command(
 ) -> None:
     """The telescope runs out and stays, pressed into the stop by what the supply can push."""
     command = np.array([0.0, 0.0, 0.0, 1.0])
-    cylinder, stop = machine.cylinders.telescope, stand_in.cylinders.telescope
+    cylinder, stop = machine.cylinders["telescope"], stand_in.cylinders.telescope
     pressed = machine.hydraulics.supply_pressure * cylinder.area_a / stop.stop_stiffness
     plant.advance(command, 8.0)
     for _ in range(2):

@@ -13,6 +13,7 @@ from crane_driver.can.frame import Frame
 from crane_driver.can.health import Monitor
 from crane_driver.can.layout import Layout
 from crane_model.machine import JOINTS, load_machine
+from crane_model.machine_files import machine_file
 from crane_sim.bus.machine_on_bus import LONGEST_STEP, MachineOnBus
 from crane_sim.bus.pace import BACKLOG, PlantPace
 from crane_sim.bus.simulated_crane import main
@@ -53,7 +54,7 @@ class Bench:
 
 @pytest.fixture(scope="module")
 def layout() -> Layout:
-    return load_layout()
+    return load_layout(load_machine(), machine_file("can.yaml"), machine_file("can.dbc"))
 
 
 @pytest.fixture

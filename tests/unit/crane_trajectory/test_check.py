@@ -6,23 +6,25 @@ import numpy as np
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
+from unit.crane_model.changed_machine import with_actuator
 
 from crane_model.cylinders import cylinder_length
 from crane_model.errors import RangeError
 from crane_model.machine import PLANAR_JOINTS, load_machine
+from crane_model.machine_files import machine_file
 from crane_trajectory.motion.check import (
     Clearance,
     load_clearance,
     pump_flow,
     refuse,
-    tip_room,
     trajectory_violations,
 )
 from crane_trajectory.motion.extremes import maxima
 from crane_trajectory.motion.fourier import FourierTrajectory, JointSeries
+from crane_trajectory.motion.room import tip_room
 
 MACHINE = load_machine()
-CLEARANCE = load_clearance()
+CLEARANCE = load_clearance(machine_file("clearance.yaml"))
 
 
 def sine(joint, offset, amplitude, period=20.0, harmonic=1):
@@ -121,9 +123,7 @@ def test_stroke_of_a_shorter_cylinder():
     lengths = cylinder_length(MACHINE, "outer_boom", np.array([-1.7, -1.1]))
     longest, at = lengths.max(), (-1.7, -1.1)[lengths.argmax()]
     assert limits.position_min < at < limits.position_max
-    short = MACHINE.cylinders.outer_boom.model_copy(update={"length_max": longest - 1e-3})
-    cylinders = MACHINE.cylinders.model_copy(update={"outer_boom": short})
-    machine = MACHINE.model_copy(update={"cylinders": cylinders})
+    machine = with_actuator(MACHINE, "outer_boom", length_max=longest - 1e-3)
     (violation,) = trajectory_violations(machine, trajectory, CLEARANCE)
     assert (violation.joint, violation.quantity) == ("outer_boom", "cylinder length")
     assert violation.limit == longest - 1e-3
@@ -132,8 +132,7 @@ def test_stroke_of_a_shorter_cylinder():
 
 
 def test_a_linkage_that_cannot_be_assembled_is_named():
-    short = MACHINE.outer_boom_linkage.model_copy(update={"c1": 0.14, "c2": 0.14})
-    machine = MACHINE.model_copy(update={"outer_boom_linkage": short})
+    machine = with_actuator(MACHINE, "outer_boom", c1=0.14, c2=0.14)
     found = trajectory_violations(machine, sine("outer_boom", -1.4, 2.0, period=60.0), CLEARANCE)
     text = "\n".join(map(str, found))
     assert "outer_boom: the linkage cannot be assembled" in text
@@ -145,7 +144,7 @@ def test_pump_flow_is_area_of_the_filling_chamber_times_speed():
     time = np.linspace(0.0, 10.0, 1001)
     position, velocity, _ = trajectory.evaluate(time)
     flow = pump_flow(MACHINE, ("telescope",), position, velocity)
-    telescope = MACHINE.cylinders.telescope
+    telescope = MACHINE.cylinders["telescope"]
     area = np.where(velocity[:, 0] > 0, telescope.area_a, telescope.area_b)
     np.testing.assert_allclose(flow, area * np.abs(velocity[:, 0]))
 
@@ -170,7 +169,7 @@ def test_pump_flow_adds_up_over_cylinders_by_numeric_differentiation():
 def test_pump_flow_violation_is_the_largest_of_a_dense_sampling():
     trajectory = planar(amplitude=0.2, inner_boom=0.3)
     weak = MACHINE.hydraulics.model_copy(update={"pump_flow": 1e-5})
-    machine = MACHINE.model_copy(update={"hydraulics": weak})
+    machine = MACHINE.model_copy(update={"supply": weak})
     no_room = Clearance(gripper_length=0.0, ground_clearance=0.0, pillar_clearance=0.0)
     (violation,) = trajectory_violations(machine, trajectory, no_room)
     position, velocity, _ = trajectory.evaluate(np.linspace(0, 20, 200_001))

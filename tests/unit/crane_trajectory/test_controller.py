@@ -8,7 +8,8 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from crane_model.errors import ConfigurationError, RangeError
-from crane_model.machine import JOINTS
+from crane_model.machine import JOINTS, load_machine
+from crane_model.machine_files import machine_file
 from crane_trajectory.control.controller import (
     GainFields,
     JointGains,
@@ -17,7 +18,8 @@ from crane_trajectory.control.controller import (
     load_gains,
 )
 
-GAINS = load_gains().arrays
+GAINS = load_gains(machine_file("controller.yaml"), load_machine()).arrays
+UNITS = load_machine().units
 ROWS = [GainFields(*row) for row in zip(*GAINS, strict=True)]
 number = st.floats(-10.0, 10.0)
 slow = st.floats(-0.03, 0.03)
@@ -34,7 +36,7 @@ def uniform(gains, q, velocity, q_ref, velocity_ref):
 @settings(deadline=None)
 @given(st.lists(st.tuples(number, number, number, number), min_size=4, max_size=4))
 def test_bounded(samples):
-    u = command(GAINS, *np.array(samples).T)
+    u = command(GAINS, *np.array(samples).T, UNITS)
     assert u.shape == (4,)
     assert np.abs(u).max() <= 1.0
 
@@ -114,7 +116,7 @@ def test_without_compensation_it_is_pd():
         q, velocity, q_ref, velocity_ref = rng.normal(0.0, 0.1, (4, 4))
         plain = -gains.kp * (q - q_ref) - gains.kd * (velocity - velocity_ref)
         np.testing.assert_allclose(
-            command(gains, q, velocity, q_ref, velocity_ref), np.clip(plain, -1, 1)
+            command(gains, q, velocity, q_ref, velocity_ref, UNITS), np.clip(plain, -1, 1)
         )
 
 
@@ -125,7 +127,7 @@ def test_a_command_is_never_made_of_inputs_that_are_not_finite(bad, kind, joint)
     inputs = np.zeros((4, 4))
     inputs[kind, joint] = bad
     with pytest.raises(RangeError, match=f"{JOINTS[joint]}: .*{bad}"):
-        command(GAINS, *inputs)
+        command(GAINS, *inputs, UNITS)
     assert np.isnan(joint_command(ROWS[joint], *inputs[:, joint]))
 
 
@@ -135,7 +137,7 @@ def test_gains_that_open_the_valve_at_rest_are_refused(tmp_path):
     path = tmp_path / "gains.yaml"
     path.write_text("".join(f"{joint}: {text}\n" for joint in JOINTS))
     with pytest.raises(ConfigurationError, match="kp times position_tolerance is 0.04"):
-        load_gains(path)
+        load_gains(path, load_machine())
 
 
 def test_every_gain_is_found_by_its_name(tmp_path):
@@ -148,7 +150,7 @@ def test_every_gain_is_found_by_its_name(tmp_path):
     }
     path = tmp_path / "gains.yaml"
     path.write_text(json.dumps(written))
-    gains = load_gains(path).arrays
+    gains = load_gains(path, load_machine()).arrays
     for i, joint in enumerate(JOINTS):
         found = {name: values[i] for name, values in gains._asdict().items()}
         assert found == written[joint]

@@ -4,9 +4,9 @@ import numpy as np
 import pytest
 
 from crane_model.base_parameters import report_from_base
-from crane_model.configuration import packaged
 from crane_model.dynamics import Geometry
 from crane_model.errors import ConfigurationError
+from crane_model.machine_files import machine_file
 from crane_model.model_file import Model, load_model
 from crane_trajectory.excitation.columns import ColumnSet, column_map
 from crane_trajectory.excitation.criterion import (
@@ -21,11 +21,9 @@ from crane_trajectory.excitation.merit import information, one_period, relative_
 from crane_trajectory.excitation.settings import load_design_settings
 from crane_trajectory.motion.periodic import load_trajectory
 
-MODEL = load_model(packaged("crane_model", "crane_model.yaml"))
-SETTINGS = load_design_settings()
-PHI = one_period(
-    MODEL, load_trajectory(packaged("crane_trajectory", "excitation_20s.yaml")), samples=100
-)
+MODEL = load_model(machine_file("model.yaml"))
+SETTINGS = load_design_settings(machine_file("design.yaml"))
+PHI = one_period(MODEL, load_trajectory(machine_file("excitation_20s.yaml")), samples=100)
 STACKED = PHI.reshape(-1, 20)
 JUDGED = SETTINGS.experiment, SETTINGS.plausible
 NOISE = np.array([SETTINGS.experiment.noise[joint] for joint in MODEL.joints])

@@ -5,16 +5,16 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from crane_model.configuration import packaged
 from crane_model.errors import ConfigurationError
 from crane_model.machine import PLANAR_JOINTS
+from crane_model.machine_files import machine_file
 from crane_model.model_file import load_model
 from crane_model.record import Record
 from crane_model.terms import JointTerm, Parameter, Term
 from crane_trajectory.excitation.derivatives import pull_back, smooth_record, smooth_regressor
 from crane_trajectory.motion.fourier import MotionSamples
 
-MODEL = load_model(packaged("crane_model", "crane_model.yaml"))
+MODEL = load_model(machine_file("model.yaml"))
 WIDTH = np.array([0.02, 0.05, 0.1])
 STEP = 1e-6
 
@@ -32,8 +32,24 @@ class Bent(JointTerm):
         return Parameter("bent", force, None, "for this test")
 
 
+class Across(Term):
+    """A term of two parameters between joints, with no closed form in the designer."""
+
+    family = "friction"
+    of_one_instant = True
+
+    def parameters(self, setting):
+        return tuple(Parameter(name, "N", None, "for this test") for name in ("one", "other"))
+
+    def fill(self, record, setting, columns):
+        q, v, a = (part.T for part in (record.position, record.velocity, record.acceleration))
+        columns[:, 0, 0] = np.sin(q[1]) * a[2] + record.direction[:, 1]
+        columns[:, 1, 0] = v[0] * v[2] * np.cos(q[0])
+        columns[:, 2, 1] = q[2] * a[0]
+
+
 class Whole(Term):
-    """A term that is not of one joint at one instant."""
+    """A term that is not of one instant."""
 
     family = "friction"
 
@@ -45,6 +61,7 @@ class Whole(Term):
 
 
 BENT = MODEL.with_term(Bent.model_construct(type="bent", joint="outer_boom"))
+ACROSS = MODEL.with_term(Across.model_construct(type="across"))
 
 
 def random_motion(rng):
@@ -53,7 +70,9 @@ def random_motion(rng):
     return MotionSamples(rng.uniform(low, high, (40, 3)), velocity, acceleration)
 
 
-@pytest.mark.parametrize("model", [MODEL, BENT], ids=["report", "another term"])
+@pytest.mark.parametrize(
+    "model", [MODEL, BENT, ACROSS], ids=["report", "another term", "between joints"]
+)
 @pytest.mark.parametrize("quantity", range(3))
 @pytest.mark.parametrize("joint", range(3))
 def test_pull_back_is_the_derivative(model, quantity, joint):

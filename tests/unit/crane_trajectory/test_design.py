@@ -4,8 +4,8 @@ import numpy as np
 import pytest
 from PIL import Image
 
-from crane_model.configuration import packaged
 from crane_model.machine import JOINTS, PLANAR_JOINTS, load_machine
+from crane_model.machine_files import machine_file
 from crane_model.model_file import load_model
 from crane_trajectory.excitation.design import main
 from crane_trajectory.excitation.merit import figures_of_merit
@@ -15,24 +15,33 @@ from crane_trajectory.motion.motion import plan
 from crane_trajectory.motion.periodic import load_trajectory
 
 MACHINE = load_machine()
-MODEL = load_model(packaged("crane_model", "crane_model.yaml"))
-SETTINGS = load_design_settings()
+MODEL = load_model(machine_file("model.yaml"))
+SETTINGS = load_design_settings(machine_file("design.yaml"))
 SHIPPED = {"excitation_20s": 20.0, "excitation_66s": 66.0, "validation_20s": 20.0}
 
 
 @pytest.fixture(params=SHIPPED)
 def shipped(request):
-    return load_trajectory(packaged("crane_trajectory", f"{request.param}.yaml"))
+    return load_trajectory(machine_file(f"{request.param}.yaml"))
 
 
 def test_shipped_trajectory_is_within_all_limits(shipped):
     assert shipped.joint_names == PLANAR_JOINTS
     assert shipped.period == SHIPPED[shipped.name]
-    assert trajectory_violations(MACHINE, shipped, load_clearance()) == []
+    assert (
+        trajectory_violations(MACHINE, shipped, load_clearance(machine_file("clearance.yaml")))
+        == []
+    )
 
 
 def test_shipped_trajectory_can_be_run_from_a_usual_pose(shipped):
-    motion = plan(MACHINE, shipped, np.array([0.0, 0.35, -1.5, 0.4]), 5, load_clearance())
+    motion = plan(
+        MACHINE,
+        shipped,
+        np.array([0.0, 0.35, -1.5, 0.4]),
+        5,
+        load_clearance(machine_file("clearance.yaml")),
+    )
     assert motion.duration < 5 * shipped.period + 30.0
 
 
@@ -61,9 +70,7 @@ def test_shipped_provenance_names_the_command_and_the_columns(shipped):
 
 def test_training_and_validation_differ():
     first, second = (
-        load_trajectory(packaged("crane_trajectory", f"{name}.yaml"))
-        .evaluate(np.linspace(0.0, 20.0, 400))
-        .position
+        load_trajectory(machine_file(f"{name}.yaml")).evaluate(np.linspace(0.0, 20.0, 400)).position
         for name in ("excitation_20s", "validation_20s")
     )
     distance = np.linalg.norm(first[:, None] - second[None], axis=2).min(axis=0)
@@ -78,7 +85,7 @@ def drawn(path):
 
 def test_campaign_writes_trajectories_with_figures_of_merit_and_pictures(tmp_path, capsys):
     out = tmp_path / "two"
-    earlier = packaged("crane_trajectory", "excitation_20s.yaml")
+    earlier = machine_file("excitation_20s.yaml")
     command = ["--period", "30", "--harmonics", "2", "--starts", "2", "--count", "2"]
     command += ["--criterion", "d-optimality", "--acceleration", "telescope=0.2"]
     command += ["--after", str(earlier), "--out", str(out)]
@@ -89,7 +96,12 @@ def test_campaign_writes_trajectories_with_figures_of_merit_and_pictures(tmp_pat
     for trajectory in found:
         file = out / f"{trajectory.name}.yaml"
         assert (trajectory.period, trajectory.harmonics) == (30.0, 2)
-        assert trajectory_violations(MACHINE, trajectory, load_clearance()) == []
+        assert (
+            trajectory_violations(
+                MACHINE, trajectory, load_clearance(machine_file("clearance.yaml"))
+            )
+            == []
+        )
         assert trajectory.figures_of_merit["peak_acceleration.telescope"] <= 0.2
         assert trajectory.figures_of_merit["condition_number_report_normalised"] > 1.0
         assert "--count 2 --criterion d-optimality" in trajectory.provenance
@@ -108,7 +120,9 @@ def test_sweeps_are_written_with_a_picture(tmp_path, capsys):
     out = tmp_path / "sweeps.yaml"
     assert main(["--sweeps", "0.3", "0.9", "--dwell", "1", "--out", str(out)]) == 0
     sweeps = load_trajectory(out)
-    assert trajectory_violations(MACHINE, sweeps, load_clearance()) == []
+    assert (
+        trajectory_violations(MACHINE, sweeps, load_clearance(machine_file("clearance.yaml"))) == []
+    )
     assert "design --sweeps 0.3 0.9 --dwell 1 --out sweeps.yaml" in sweeps.provenance
     told = capsys.readouterr().out
     minutes = (sweeps.period + 8.0) / 60.0
@@ -130,7 +144,6 @@ def test_sweeps_are_written_with_a_picture(tmp_path, capsys):
         ["--starts", "-1"],
         ["--criterion", "best"],
         ["--columns", "all"],
-        ["--acceleration", "elbow=1"],
         ["--acceleration", "slew"],
         ["--sweeps", "1.5"],
     ],
@@ -143,6 +156,14 @@ def test_wrong_arguments_are_refused(wrong, tmp_path, capsys):
     assert wrong[0] in capsys.readouterr().err
 
 
+def test_a_bound_of_no_joint_of_the_model_is_refused(tmp_path, capsys):
+    out = tmp_path / "t.yaml"
+    assert main(["--period", "20", "--out", str(out), "--acceleration", "elbow=1"]) == 1
+    told = capsys.readouterr().err
+    assert "no joint elbow; model" in told
+    assert "has inner_boom, outer_boom, telescope" in told
+
+
 def test_a_model_file_that_is_not_there_is_one_line(tmp_path, capsys):
     model = tmp_path / "absent.yaml"
     command = ["--period", "20", "--model", str(model), "--out", str(tmp_path / "t.yaml")]
@@ -152,6 +173,6 @@ def test_a_model_file_that_is_not_there_is_one_line(tmp_path, capsys):
 
 def test_the_slew_is_held_by_every_shipped_trajectory(shipped):
     start = np.array([0.3, 0.35, -1.5, 0.4])
-    motion = plan(MACHINE, shipped, start, 1, load_clearance())
+    motion = plan(MACHINE, shipped, start, 1, load_clearance(machine_file("clearance.yaml")))
     reference = motion.reference(np.linspace(0.0, motion.duration, 300))
     assert (reference.position[:, JOINTS.index("slew")] == 0.3).all()

@@ -6,9 +6,9 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from crane_model.configuration import packaged
 from crane_model.errors import ConfigurationError, RangeError
 from crane_model.machine import PLANAR_JOINTS
+from crane_model.machine_files import machine_file
 from crane_model.model_file import Model, load_model
 from crane_model.terms.term import Setting
 from crane_trajectory.excitation.campaign import campaign
@@ -16,16 +16,17 @@ from crane_trajectory.excitation.columns import ColumnSet
 from crane_trajectory.excitation.criterion import Criterion, CriterionKind
 from crane_trajectory.excitation.limits import Limit
 from crane_trajectory.excitation.merit import one_period
-from crane_trajectory.excitation.problem import ExcitationProblem, planar_machine
+from crane_trajectory.excitation.problem import ExcitationProblem, machine_of
 from crane_trajectory.excitation.search import search, steps
 from crane_trajectory.excitation.settings import load_design_settings
-from crane_trajectory.motion.check import Clearance, load_clearance, pump_flow, tip_room
+from crane_trajectory.motion.check import Clearance, load_clearance, pump_flow
 from crane_trajectory.motion.fourier import FourierTrajectory
 from crane_trajectory.motion.periodic import load_trajectory
+from crane_trajectory.motion.room import tip_room
 
-MODEL = load_model(packaged("crane_model", "crane_model.yaml"))
-SETTINGS = load_design_settings()
-CLEARANCE = load_clearance()
+MODEL = load_model(machine_file("model.yaml"))
+SETTINGS = load_design_settings(machine_file("design.yaml"))
+CLEARANCE = load_clearance(machine_file("clearance.yaml"))
 STAGE = SETTINGS.search.explore.model_copy(update={"iterations": 10})
 QUICK = SETTINGS.search.model_copy(
     update={"samples": 60, "survivors": 2, "explore": STAGE, "polish": STAGE}
@@ -54,9 +55,7 @@ def wild_point(seed):
 @pytest.mark.parametrize("columns", list(ColumnSet))
 def test_gradient_is_that_of_the_smoothed_criterion(kind, columns):
     given = problem(kind, columns, harmonics=5)  # at a point that is conditioned well enough
-    point = load_trajectory(
-        packaged("crane_trajectory", "excitation_20s.yaml")
-    ).coefficients.ravel()
+    point = load_trajectory(machine_file("excitation_20s.yaml")).coefficients.ravel()
     value, gradient = given.smooth(point, STAGE)
     numeric = np.empty_like(gradient)
     for i, unit in enumerate(np.eye(len(point))):
@@ -132,7 +131,7 @@ def test_a_limit_can_be_left_out(limit):
 
 def test_the_weak_pump_limits_all_cylinders_together():
     weak = MODEL.machine.model_copy(
-        update={"hydraulics": MODEL.machine.hydraulics.model_copy(update={"pump_flow": 2e-4})}
+        update={"supply": MODEL.machine.hydraulics.model_copy(update={"pump_flow": 2e-4})}
     )
     model = replace(MODEL, setting=Setting(MODEL.setting.units, weak))
     found = found_from(problem(model=model), 1)
@@ -186,7 +185,7 @@ def test_no_room_for_the_tip_is_refused():
 def test_another_model_is_refused():
     model = Model("one axis", Setting({"motor": "rad"}, None), MODEL.terms[1:2])
     with pytest.raises(ConfigurationError, match="'one axis'.*got the joints motor and no machine"):
-        planar_machine(model)
+        machine_of(model)
 
 
 def test_coefficients_and_points_are_the_same_numbers():

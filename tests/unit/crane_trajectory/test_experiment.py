@@ -9,6 +9,7 @@ from hypothesis import strategies as st
 
 from crane_interfaces.action import RunExcitation
 from crane_model.machine import JOINTS, load_machine
+from crane_model.machine_files import machine_file
 from crane_trajectory.control.controller import load_gains
 from crane_trajectory.control.tracking import PeriodicError
 from crane_trajectory.control.tuning import BLEND, Tuning
@@ -30,8 +31,12 @@ TRAJECTORY = FourierTrajectory(
         "telescope": JointSeries(offset=0.4, sine=(0.1,), cosine=(0.05,)),
     },
 )
-MOTION = plan(load_machine(None), TRAJECTORY, START, 1, load_clearance())
-TUNING = Tuning(load_gains().arrays, 1.0, np.full(4, 0.2))
+MOTION = plan(
+    load_machine(None), TRAJECTORY, START, 1, load_clearance(machine_file("clearance.yaml"))
+)
+TUNING = Tuning(
+    load_gains(machine_file("controller.yaml"), load_machine()).arrays, 1.0, np.full(4, 0.2)
+)
 
 
 class Crane:
@@ -214,7 +219,7 @@ def test_new_gains_come_without_a_jump() -> None:
 
 
 def test_the_error_counts_over_whole_periods_alone() -> None:
-    error = PeriodicError(start=1.0, period=2.0, periods=2)
+    error = PeriodicError(4, start=1.0, period=2.0, periods=2)
     assert np.isnan(error.rms).all()
     for time in np.arange(0.0, 4.0, 0.01):
         error.add(time, np.full(4, 100.0 if time < 1.0 or time >= 3.0 else 2.0))

@@ -101,7 +101,7 @@ def test_file_round_trip(tmp_path):
     path = tmp_path / "trajectory.yaml"
     save(path, trajectory)
     assert load(path, FourierTrajectory) == trajectory
-    assert load_trajectory(path).joint_names == ("inner_boom", "telescope")
+    assert load_trajectory(path).joint_names == ("telescope", "inner_boom")
 
 
 @pytest.mark.parametrize(
@@ -115,7 +115,6 @@ def test_file_round_trip(tmp_path):
             f"joints: {{slew: {{offset: 0, sine: {[0] * 51}, cosine: {[0] * 51}}}}}",
             "joints.slew.sine': must have at most 50 entries",
         ),
-        ("joints: {elbow: {offset: 0, sine: [1], cosine: [0]}}", "no joint 'elbow'"),
         ("joints: {slew: {offset: 0, sine: [1, 2], cosine: [0]}}", "2 coefficients and cosine 1"),
         ("joints: {slew: {offset: 0, sine: [], cosine: []}}", "joints.slew.sine"),
         ("joints: {}", "joints"),

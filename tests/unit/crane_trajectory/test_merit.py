@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from crane_model.configuration import packaged
+from crane_model.machine_files import machine_file
 from crane_model.model_file import Model, load_model
 from crane_trajectory.excitation.columns import ColumnSet, column_map, inertial_columns
 from crane_trajectory.excitation.merit import (
@@ -16,9 +16,9 @@ from crane_trajectory.excitation.merit import (
 from crane_trajectory.excitation.settings import load_design_settings
 from crane_trajectory.motion.periodic import load_trajectory
 
-MODEL = load_model(packaged("crane_model", "crane_model.yaml"))
-TRAJECTORY = load_trajectory(packaged("crane_trajectory", "excitation_20s.yaml"))
-SETTINGS = load_design_settings()
+MODEL = load_model(machine_file("model.yaml"))
+TRAJECTORY = load_trajectory(machine_file("excitation_20s.yaml"))
+SETTINGS = load_design_settings(machine_file("design.yaml"))
 
 
 def test_condition_numbers_are_those_of_the_singular_values():

@@ -7,12 +7,13 @@ from hypothesis import strategies as st
 
 from crane_model.errors import RangeError
 from crane_model.machine import JOINTS, load_machine
+from crane_model.machine_files import machine_file
 from crane_trajectory.motion.check import load_clearance
 from crane_trajectory.motion.fourier import FourierTrajectory, JointSeries
 from crane_trajectory.motion.motion import APPROACH_SHARE, RUN_UP, Motion, Phase, plan
 
 MACHINE = load_machine()
-CLEARANCE = load_clearance()
+CLEARANCE = load_clearance(machine_file("clearance.yaml"))
 TRAJECTORY = FourierTrajectory(
     name="two harmonics",
     period=20.0,
@@ -100,7 +101,7 @@ def test_the_approach_uses_its_share_of_the_tightest_limit():
     time = np.linspace(0.0, motion.approach_time, 2001)[:-1]
     velocity = motion.reference(time).velocity
     assert velocity[:, 1].min() == pytest.approx(
-        APPROACH_SHARE * MACHINE.limits.inner_boom.velocity_min, rel=1e-3
+        APPROACH_SHARE * MACHINE.limits["inner_boom"].velocity_min, rel=1e-3
     )
 
 
@@ -155,5 +156,5 @@ def test_an_experiment_without_end_is_refused():
 
 
 def test_a_motion_of_many_periods_is_checked_as_fast_as_one():
-    motion = Motion(TRAJECTORY, START, 10_000, approach_time=5.0)
-    assert motion.violations(MACHINE, CLEARANCE) == []
+    motion = Motion(MACHINE, TRAJECTORY, START, 10_000, approach_time=5.0)
+    assert motion.violations(CLEARANCE) == []

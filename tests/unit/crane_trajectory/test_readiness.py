@@ -3,12 +3,13 @@
 import numpy as np
 import pytest
 
-from crane_model.machine import JOINTS
+from crane_model.machine import JOINTS, load_machine
+from crane_model.machine_files import machine_file
 from crane_trajectory.control.controller import load_gains
 from crane_trajectory.control.tuning import Tuning
 from crane_trajectory.readiness import REST_TIME_S, Readiness
 
-TUNING = Tuning(load_gains().arrays, 1.0, np.ones(4))
+TUNING = Tuning(load_gains(machine_file("controller.yaml"), load_machine()).arrays, 1.0, np.ones(4))
 TIMEOUT = 0.1  # s
 PLACE, REST = np.zeros(len(JOINTS)), np.zeros(len(JOINTS))
 MOVING = np.array([0.0, 0.0, 0.0, 1.0])
@@ -42,3 +43,10 @@ def test_a_crane_must_have_rested(velocity: np.ndarray, ready: Readiness) -> Non
     assert ready.lacking(TIMEOUT, NOW + 0.1).startswith("the crane is not at rest")
     ready.sample(PLACE, REST, TUNING, NOW + 0.1 + REST_TIME_S)
     assert ready.lacking(TIMEOUT, NOW + 0.1 + REST_TIME_S) == ""
+
+
+def test_a_crane_that_was_moved_is_not_where_its_motion_starts(ready: Readiness) -> None:
+    ready.sample(PLACE + 0.4 * TUNING.tolerance, REST, TUNING, NOW)
+    assert not ready.moved_from(PLACE, TUNING)
+    ready.sample(PLACE - 0.6 * TUNING.tolerance, REST, TUNING, NOW)
+    assert ready.moved_from(PLACE, TUNING)

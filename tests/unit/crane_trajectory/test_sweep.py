@@ -8,6 +8,7 @@ import pytest
 from crane_model.configuration import save
 from crane_model.errors import ConfigurationError, RangeError
 from crane_model.machine import PLANAR_JOINTS, load_machine
+from crane_model.machine_files import machine_file
 from crane_trajectory.excitation.settings import load_design_settings
 from crane_trajectory.excitation.sweeps import CORNER, design_sweeps
 from crane_trajectory.motion.check import Clearance, load_clearance, trajectory_violations
@@ -16,8 +17,8 @@ from crane_trajectory.motion.periodic import load_trajectory
 from crane_trajectory.motion.sweep import JointCourse, SweepTrajectory
 
 MACHINE = load_machine()
-CLEARANCE = load_clearance()
-MARGINS = load_design_settings().margins
+CLEARANCE = load_clearance(machine_file("clearance.yaml"))
+MARGINS = load_design_settings(machine_file("design.yaml")).margins
 COURSE = JointCourse(time=(0.0, 3.0, 4.0, 5.0, 20.0), position=(0.2, 0.9, 0.9, 0.3, 0.2))
 SWEEP = SweepTrajectory(
     kind="sweep", name="one joint", period=20.0, corner=0.5, joints={"telescope": COURSE}
@@ -26,7 +27,7 @@ SWEEP = SweepTrajectory(
 
 @pytest.fixture(scope="module")
 def designed():
-    return design_sweeps(MACHINE, CLEARANCE, MARGINS, [0.2, 0.8], 2.0, "designed")
+    return design_sweeps(MACHINE, PLANAR_JOINTS, CLEARANCE, MARGINS, [0.2, 0.8], 2.0, "designed")
 
 
 def test_is_continuous_in_acceleration_and_consistent():
@@ -113,4 +114,4 @@ def test_designed_sweeps_can_be_run(designed):
 def test_no_room_is_refused():
     high = Clearance(gripper_length=9.0, ground_clearance=0.0, pillar_clearance=0.0)
     with pytest.raises(RangeError, match="no pose within Table 2"):
-        design_sweeps(MACHINE, high, MARGINS, [0.5], 1.0, "none")
+        design_sweeps(MACHINE, PLANAR_JOINTS, high, MARGINS, [0.5], 1.0, "none")

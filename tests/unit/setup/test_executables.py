@@ -34,5 +34,8 @@ def test_help_is_there_and_names_what_can_be_replaced(
         import_module(module).main(["--help"])
     assert ended.value.code == 0
     told = capsys.readouterr().out
-    results = {"decode", "design", "diagnose", "identify", "picture", "run_excitation_node"}
+    results = {
+        *("decode", "design", "diagnose", "identify", "machine_command", "picture"),
+        "run_excitation_node",
+    }
     assert ("--replace" in told) == (module.rpartition(".")[2] in results)

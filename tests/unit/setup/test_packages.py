@@ -25,6 +25,7 @@ def test_all_packages_are_found() -> None:
         "crane_trajectory",
         "crane_bags",
         "crane_benchmark",
+        "crane_machines",
         "crane_model",
         "crane_nodes",
         "crane_sim",

@@ -234,7 +234,7 @@ def test_include_folders_of_the_wheels_are_mended(tmp_path: Path) -> None:
     ("change", "built"),
     [
         ("crane_thing/crane_thing/node.py", True),  # linked into the installed tree
-        ("crane_thing/crane_thing/data/new.yaml", True),
+        ("crane_thing/crane_thing/data/new.yaml", False),  # has no link yet
         ("crane_thing/setup.py", False),
         ("src/crane_other/msg/New.msg", False),
         (".venv/crane-packages", False),

@@ -122,8 +122,12 @@ def named(folder: Path) -> set[str]:
 def test_data_are_where_people_look_for_them(path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     package = path.parent.name
     shared = dict(declared(path, "develop", monkeypatch)["data_files"])
-    for kind, suffix in (("config", ".yaml"), ("dbc", ".dbc")):
-        files = sorted(path.parent.glob(f"{package}/data/*{suffix}"))
+    of_machines = path.parent.glob("crane_machines/*/machine.yaml")
+    folders = {"config": f"{package}/data/*.yaml"} | {
+        file.parent.name: f"{package}/{file.parent.name}/*.*" for file in of_machines
+    }
+    for kind, pattern in folders.items():
+        files = sorted(path.parent.glob(pattern))
         given = sorted(path.parent / one for one in shared.get(f"share/{package}/{kind}", []))
         assert given == files
         for file in given:

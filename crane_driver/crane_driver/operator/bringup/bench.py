@@ -17,7 +17,7 @@ from crane_driver.operator.bringup.restart import Parameters, driver_command
 from crane_driver.operator.bringup.samples import ROTARY, Rest, at_rest
 from crane_driver.operator.bringup.series import MAPPING, Series, copy_changed
 from crane_driver.operator.bringup.terminal import BringupTerminal
-from crane_model.machine import JOINT_UNITS
+from crane_nodes.joint_notes import JointNote
 
 REPEATS = 5  # of one ramp
 Done = TypeVar("Done")
@@ -47,6 +47,8 @@ class Bench:
     driver: Parameters  # with which the driver runs
     positions: Mapping[str, PositionSignal]  # of that mapping
     layout: Layout
+    units: Mapping[str, str]  # of all joints of the machine
+    notes: Mapping[str, JointNote]  # of them as well
     joints: tuple[str, ...]  # to be measured
     protocol: Protocol
 
@@ -60,7 +62,7 @@ class Bench:
                 time,
                 positions[:, i],
                 self.layout.resolution(joint),
-                ROTARY if JOINT_UNITS[joint] == "rad" else None,
+                ROTARY if self.units[joint] == "rad" else None,
             )
             for i, joint in enumerate(self.crane.joints)
         ]

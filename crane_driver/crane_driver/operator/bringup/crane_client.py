@@ -63,7 +63,7 @@ class CraneClient(Node):
         self._until(
             lambda: self.samples and self._driver.ready,
             f"no {self._states} and no driver/state come; start the driver, with the bus and the "
-            "files of this crane (-p bus.interface, bus.channel, dbc, mapping, machine, safety)",
+            "files of this crane (-p bus.interface, bus.channel, machine, dbc, mapping, safety)",
         )
         say_ready(self)
 

@@ -14,6 +14,7 @@ from scipy.optimize import least_squares
 
 from crane_driver.operator.bringup.samples import Trace
 from crane_model.errors import DataError
+from crane_model.result_file import ResultPart
 
 LEFT_OUT = 0.25  # of the way, at its beginning
 LONGEST_LAG = 0.5  # s
@@ -31,16 +32,21 @@ class DeadBandFit:
     fitted: np.ndarray  # (n,) rad, m: position by the fit; NaN where samples were left out
 
 
-@dataclass(frozen=True)
-class DeadBandResult:
-    """All repeats of one direction: mean and standard deviation."""
+class DeadBandResult(ResultPart):
+    """All repeats of one direction."""
 
     dead_band: float
+    """Mean command at which the joint begins to move, positive [-]."""
     dead_band_std: float
+    """Standard deviation between repeats; with one repeat, of its fit [-]."""
     gain: float
+    """Mean speed per command beyond the dead band [rad/s, m/s]."""
     lag: float
+    """Mean lag of the speed behind the command [s]."""
     repeats: int
-    gain_std: float | None = None  # with one repeat
+    """How many [-]."""
+    gain_std: float | None = None
+    """Standard deviation of the gain between repeats; absent with one repeat [rad/s, m/s]."""
 
 
 def fit_dead_band(name: str, trace: Trace, direction: int) -> DeadBandFit:

@@ -1,26 +1,32 @@
 """Zero and sign of an encoder, from a known pose and a movement in the positive direction."""
 
-from dataclasses import dataclass
 from typing import Literal
 
 from crane_driver.operator.bringup.samples import SINKING, Rest
 from crane_model.errors import DataError
+from crane_model.result_file import ResultPart
 
 SMALLEST = 10.0  # movements that surely are none of noise: what a sign is told from
 SCALE_TOLERANCE = 0.05  # by which a second known pose may contradict the first
 
 
-@dataclass(frozen=True)
-class EncoderResult:
-    """joint = sign * (reading - zero)."""
+class EncoderResult(ResultPart):
+    """Of an encoder: joint = sign * (reading - zero)."""
 
     sign: Literal[-1, 1]
-    zero: float  # rad, m: reading where the joint stands at 0
-    noise: float  # rad, m: standard deviation of one reading
-    resolution: float  # rad, m
-    moved: float  # rad, m: by the readings, in the positive direction
-    scale: float | None  # by the readings over by the second known pose; None without one
-    sinking: float  # rad/s, m/s, in the positive direction, at the known pose
+    """Of the encoder [-]."""
+    zero: float
+    """Reading where the joint stands at 0 [rad, m]."""
+    noise: float
+    """Standard deviation of one reading [rad, m]."""
+    resolution: float
+    """Of the readings [rad, m]."""
+    moved: float
+    """Way by the readings, in the positive direction [rad, m]."""
+    scale: float | None = None
+    """Way by the readings over way by the second known pose; absent without one [-]."""
+    sinking: float
+    """In the positive direction, at the known pose [rad/s, m/s]."""
 
 
 def find_encoder(
@@ -68,11 +74,11 @@ def find_encoder(
                 "two values"
             )
     return EncoderResult(
-        sign,
-        rest.position - sign * known,
-        rest.noise,
-        rest.resolution,
-        sign * way,
-        scale,
-        sign * rest.sinking,
+        sign=sign,
+        zero=rest.position - sign * known,
+        noise=rest.noise,
+        resolution=rest.resolution,
+        moved=sign * way,
+        scale=scale,
+        sinking=sign * rest.sinking,
     )

@@ -7,25 +7,29 @@ from pathlib import Path
 
 from crane_driver.can.binding import load_layout
 from crane_driver.can.mapping import Mapping
-from crane_driver.driver_parameters import PARAMETERS
+from crane_driver.driver_parameters import DBC, MAPPING, driver_parameters
 from crane_driver.operator.bringup import measuring, moving
 from crane_driver.operator.bringup.bench import Bench, Protocol
 from crane_driver.operator.bringup.crane_client import CraneClient
 from crane_driver.operator.bringup.restart import (
-    CONTROLLER,
     Parameters,
     driver_command,
     next_command,
 )
-from crane_driver.operator.bringup.series import MAPPING, RESULT, STEPS, Series
+from crane_driver.operator.bringup.series import CONTROLLER, RESULT, STEPS, Series
+from crane_driver.operator.bringup.series import MAPPING as MAPPING_FILE
 from crane_driver.operator.bringup.terminal import BringupTerminal
 from crane_model.arguments import between
 from crane_model.cli import command_line, run
-from crane_model.configuration import load, packaged
+from crane_model.configuration import load
 from crane_model.errors import ConfigurationError
-from crane_model.machine import JOINTS
+from crane_model.machine import load_machine
+from crane_model.machine_files import machine_file
 from crane_nodes.command_line import own_arguments, ros_arguments
 from crane_nodes.context import ros
+from crane_nodes.joint_notes import load_joint_notes
+from crane_nodes.machine_parameter import MACHINE
+from crane_nodes.parameters import NodeParameter
 
 ORDER = """\
 The steps, in this order, each with the driver running:
@@ -36,7 +40,7 @@ The steps, in this order, each with the driver running:
   dead_band  dead band of each valve in both directions
   gains      first gains of the controller (36)
 The last three move the crane, and give up only where a joint has moved by --travel: 0.2 rad are 1 m
-at the tip of a crane that reaches 5 m. Begin with --travel 0.05 --speed 0.02, telescope in.
+at the tip of a crane that reaches 5 m. Begin with --travel 0.05 --speed 0.02, drawn in.
 Each asks before anything moves, and writes a picture and YAML files into a new folder of --out.
 Questions are answered on the terminal; in a rehearsal on the simulated crane, but never on a real
 one, they may be answered by a file: bringup STEP --out FOLDER < answers.
@@ -53,23 +57,14 @@ def main(argv: Sequence[str] | None = None) -> int:
 
 
 def _measure(argv: Sequence[str], options: argparse.Namespace) -> None:
-    step: Callable[[Bench], None] = {
-        "encoders": measuring.encoders,
-        "pressures": measuring.pressures,
-        "valves": moving.valves,
-        "dead_band": moving.dead_band,
-        "gains": lambda bench: moving.gains(bench, options.controller),
-    }[options.step]
-    if options.step == "gains" and options.controller is None:
-        raise ConfigurationError(
-            f"--controller: name the controller file to begin from, for example {CONTROLLER}"
-        )
     with ros(argv) as stop:
         crane = CraneClient(stop)
         crane.connect()
         series = Series(options.out)
-        driver = crane.parameters([one.name for one in PARAMETERS])
-        mapping = _mapping(options.mapping or series.newest(MAPPING), driver)
+        name = crane.parameters([MACHINE.name])[MACHINE.name]
+        machine = load_machine(name)
+        driver = _parameters(crane, driver_parameters(machine, name))
+        mapping = _mapping(options.mapping or series.newest(MAPPING_FILE), driver)
         bench = Bench(
             crane=crane,
             terminal=BringupTerminal(stop, crane.spin),
@@ -77,7 +72,9 @@ def _measure(argv: Sequence[str], options: argparse.Namespace) -> None:
             mapping=mapping,
             driver=driver,
             positions=load(mapping, Mapping).positions,
-            layout=load_layout(mapping, driver["dbc"] or None),
+            layout=load_layout(machine, mapping, machine_file("can.dbc", name, str(driver[DBC]))),
+            units=machine.units,
+            notes=load_joint_notes(machine_file("joints.yaml", name), machine.units),
             joints=_joints(options.joints, crane.joints),
             protocol=Protocol(
                 options.seconds,
@@ -89,15 +86,28 @@ def _measure(argv: Sequence[str], options: argparse.Namespace) -> None:
                 options.time_constant,
             ),
         )
-        step(bench)
+        steps: dict[str, Callable[[Bench], None]] = {
+            "encoders": measuring.encoders,
+            "pressures": measuring.pressures,
+            "valves": moving.valves,
+            "dead_band": moving.dead_band,
+            "gains": lambda bench: moving.gains(
+                bench, machine_file(CONTROLLER, name, options.controller)
+            ),
+        }
+        steps[options.step](bench)
         if command := next_command(command_parser(), options, ros_arguments(argv)):
             bench.terminal.say(f"the next step, in the order of the manual:\n  {command}")
 
 
+def _parameters(crane: CraneClient, parameters: Sequence[NodeParameter]) -> Parameters:
+    values = crane.parameters([one.name for one in parameters])
+    return {one: values[one.name] for one in parameters}
+
+
 def _mapping(expected: Path | None, driver: Parameters) -> Path:
     """The mapping of the driver; what is measured corrects that one and no other."""
-    running = str(driver["mapping"])
-    used = Path(running) if running else packaged("crane_driver", "laboratory_crane_can.yaml")
+    used = machine_file("can.yaml", str(driver[MACHINE]), str(driver[MAPPING]))
     if expected and expected.resolve() != used.resolve():
         raise ConfigurationError(
             f"the driver runs with the mapping {used}, but the one to go on from is {expected}; "
@@ -121,7 +131,7 @@ def _status(series: Series) -> None:
     done = [one for one in STEPS if series.newest(RESULT, one)]
     missing = [one for one in STEPS if one not in done]
     print(f"done: {', '.join(done) or 'nothing'}; to be done: {', '.join(missing) or 'nothing'}")
-    if mapping := series.newest(MAPPING):
+    if mapping := series.newest(MAPPING_FILE):
         print(f"newest mapping, for the driver: {mapping}")
 
 
@@ -144,9 +154,13 @@ def command_parser() -> argparse.ArgumentParser:
         "FOLDER, at first that of the driver)",
     )
     parser.add_argument(
-        "--joints", nargs="+", default=[], choices=JOINTS, help="(default: all of the driver)"
+        "--joints", nargs="+", default=[], metavar="JOINT", help="(default: all of the driver)"
     )
-    parser.add_argument("--controller", type=Path, help="gains: controller file to begin from")
+    parser.add_argument(
+        "--controller",
+        type=Path,
+        help="gains: controller file to begin from (default: that of the driver's machine)",
+    )
     for name, default, low, high, text in (
         ("seconds", 2.0, 0.2, 60.0, "length of a record at rest [s]"),
         ("rate", 0.05, 0.001, 0.5, "of the command in valves and dead_band [1/s]"),

@@ -14,7 +14,6 @@ from crane_driver.operator.bringup.pressure import find_offset
 from crane_driver.operator.bringup.samples import ROTARY, Rest, moved
 from crane_driver.operator.bringup.series import significant
 from crane_model.errors import DataError
-from crane_model.machine import JOINT_UNITS
 
 BAR = 1e5  # Pa
 Trace = tuple[np.ndarray, np.ndarray]  # time [s] and readings [rad, m], (n,)
@@ -25,11 +24,12 @@ def encoders(bench: Bench) -> None:
     terminal = bench.terminal
     terminal.say(
         "Encoder zero and sign. You move each joint by the levers of the crane itself; the driver\n"
-        "stays disabled. Nobody within reach of the crane but who moves it. Have an inclinometer\n"
-        "at hand, and a tape measure for the telescope. The angle of the outer boom is that to\n"
-        "the inner boom: the difference of their inclinations.\n"
-        "Positive: slew to the left seen from above, booms up, telescope out."
+        "stays disabled. Nobody within reach of the crane but who moves it. Have at hand by what\n"
+        "the position of each joint is measured:"
     )
+    for joint in bench.joints:
+        note = bench.notes[joint]
+        terminal.say(f"  {joint}: by {note.ruler}; positive: {note.positive}")
     measured: dict[str, tuple[Trace, EncoderResult]] = {}
     for joint in bench.joints:
         while joint not in measured:
@@ -42,7 +42,10 @@ def encoders(bench: Bench) -> None:
     results = {joint: one for joint, (_, one) in measured.items()}
     traces = {joint: trace for joint, (trace, _) in measured.items()}
     run = bench.finish(
-        "encoders", results, pictures.encoders(traces, results), seconds=bench.protocol.seconds
+        "encoders",
+        results,
+        pictures.encoders(traces, results, bench.units),
+        seconds=bench.protocol.seconds,
     )
 
     def change(content: Any) -> None:
@@ -87,10 +90,12 @@ def _encoder(bench: Bench, joint: str) -> tuple[Trace, EncoderResult]:
     that nothing depends on how long the operator takes from one to the next.
     """
     terminal, crane = bench.terminal, bench.crane
-    unit, size, word = _asked_unit(joint)
+    unit, size = ("m", 1.0) if bench.units[joint] == "m" else ("deg", np.pi / 180.0)
     index = crane.joints.index(joint)
     known = terminal.number(
-        f"{joint}: let it stand still. Where is it, {word} [{unit}]?", -360.0, 360.0
+        f"{joint}: let it stand still. Where is it, by {bench.notes[joint].ruler} [{unit}]?",
+        -360.0,
+        360.0,
     )
     before = bench.rests()
     answer = terminal.number_or_none(
@@ -102,7 +107,11 @@ def _encoder(bench: Bench, joint: str) -> tuple[Trace, EncoderResult]:
     samples = list(crane.samples)  # from the first answer to the second
     after = bench.rests()
     time = np.array([one.time for one in samples])
-    trail = _unwrapped(crane.joints, np.array([one.position for one in samples]), after)
+    trail = _unwrapped(
+        [bench.units[one] for one in crane.joints],
+        np.array([one.position for one in samples]),
+        after,
+    )
     moves = [moved(time, trail[:-1, i], rest) for i, rest in enumerate(before)]
     ways = trail[-1] - [rest.position for rest in before]
     _only_moved(joint, crane.joints, moves, before)
@@ -123,32 +132,25 @@ def _encoder(bench: Bench, joint: str) -> tuple[Trace, EncoderResult]:
     )
     scale = "" if one.scale is None else f", scale {one.scale:.4f}"
     terminal.say(
-        f"  sign {one.sign:+d}, zero {one.zero:.5f} {JOINT_UNITS[joint]}, noise "
+        f"  sign {one.sign:+d}, zero {one.zero:.5f} {bench.units[joint]}, noise "
         f"{one.noise:.2g}, resolution {one.resolution:.2g}, moved {one.moved:.4g}{scale}"
     )
     for other, way, move, was in zip(crane.joints, ways, moves, before, strict=True):
         if abs(sunk := way - move) > was.movement:
             terminal.say(
-                f"  {other} has sunk by {sunk:+.2g} {JOINT_UNITS[other]} meanwhile, at first "
-                f"{was.sinking * 60.0:+.2g} {JOINT_UNITS[other]}/min; this is allowed for, if you "
+                f"  {other} has sunk by {sunk:+.2g} {bench.units[other]} meanwhile, at first "
+                f"{was.sinking * 60.0:+.2g} {bench.units[other]}/min; this is allowed for, if you "
                 "enter each value as soon as it is read"
             )
     trace = time - time[0], entry.sign * trail[:-1, index] + entry.zero
     return trace, one
 
 
-def _asked_unit(joint: str) -> tuple[str, float, str]:
-    """Unit in which the operator answers, its size in SI units, and what is asked for."""
-    if JOINT_UNITS[joint] == "m":
-        return "m", 1.0, "by the tape measure"
-    return "deg", np.pi / 180.0, "by the inclinometer" if joint != "slew" else "by its scale"
-
-
-def _unwrapped(joints: Sequence[str], positions: np.ndarray, after: Sequence[Rest]) -> np.ndarray:
+def _unwrapped(units: Sequence[str], positions: np.ndarray, after: Sequence[Rest]) -> np.ndarray:
     """Positions (n, j) and behind them the rest after them, without the wraps of encoders."""
     trail = np.vstack([positions, [rest.position for rest in after]])
-    for i, joint in enumerate(joints):
-        if JOINT_UNITS[joint] == "rad":
+    for i, unit in enumerate(units):
+        if unit == "rad":
             trail[:, i] = np.unwrap(trail[:, i], period=ROTARY)
     return trail
 

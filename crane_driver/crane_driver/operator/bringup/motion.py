@@ -156,7 +156,7 @@ def nudge(mover: Mover, direction: int, rate: float, limit: float) -> Nudge:
         start = float(_followed(start, mover.position, sinking))
     moved = mover.position - start
     mover.settle()
-    return Nudge(direction * command, moved, mover.position - start)
+    return Nudge(command=direction * command, moved=moved, way=mover.position - start)
 
 
 def triangle(mover: Mover, direction: int, rate: float, speed: float, limit: float) -> Trace:

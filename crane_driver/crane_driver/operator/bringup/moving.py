@@ -17,10 +17,9 @@ from crane_driver.operator.bringup.motion import Mover
 from crane_driver.operator.bringup.polarity import find_polarity
 from crane_driver.operator.bringup.response import StepFit, first_gains, fit_step
 from crane_driver.operator.bringup.samples import Trace
-from crane_driver.operator.bringup.series import CONTROLLER, copy_changed, significant
+from crane_driver.operator.bringup.series import CONTROLLER, DeadBands, copy_changed, significant
 from crane_model.configuration import read_yaml
 from crane_model.errors import ConfigurationError, DataError
-from crane_model.machine import JOINT_UNITS
 
 DIRECTIONS = {1: "positive", -1: "negative"}
 RISING = 0.15  # of the travel, that a step response may take; at most `LONGEST`
@@ -52,7 +51,7 @@ def valves(bench: Bench) -> None:
             f"polarity {one.polarity:+d}, sign in the mapping "
             f"{'stays' if one.polarity > 0 else 'changes'}"
         )
-    figure = pictures.valves(traces, results)
+    figure = pictures.valves(traces, results, bench.units)
     run = bench.finish("valves", results, figure, rate=protocol.rate, limit=protocol.limit)
 
     def change(content: Any) -> None:
@@ -92,13 +91,12 @@ def dead_band(bench: Bench) -> None:
         for direction, one in averages.items():
             bench.terminal.say(
                 f"  {DIRECTIONS[direction]}: {one.dead_band:.4f} ± {one.dead_band_std:.4f}, then "
-                f"{one.gain:.3g} {JOINT_UNITS[joint]}/s per command, lag {one.lag * 1e3:.0f} ms"
+                f"{one.gain:.3g} {bench.units[joint]}/s per command, lag {one.lag * 1e3:.0f} ms"
             )
     named = {
-        joint: {DIRECTIONS[direction]: one for direction, one in both.items()}
-        for joint, both in results.items()
+        joint: DeadBands(positive=both[1], negative=both[-1]) for joint, both in results.items()
     }
-    figure = pictures.dead_bands(fits, results)
+    figure = pictures.dead_bands(fits, results, bench.units)
     bench.finish(
         "dead_band",
         named,
@@ -154,7 +152,7 @@ def gains(bench: Bench, controller: Path) -> None:
     run = bench.finish(
         "gains",
         results,
-        pictures.gains(fits, results),
+        pictures.gains(fits, results, bench.units),
         speed=protocol.speed,
         time_constant=protocol.time_constant,
     )
@@ -193,6 +191,6 @@ def _controller_entry(base: Any, joint: str, path: Path) -> dict[str, float]:
     if not isinstance(entry, dict) or "position_tolerance" not in entry:
         raise ConfigurationError(
             f"{path}: key '{joint}.position_tolerance' is missing; name a controller file of "
-            "crane_trajectory, such as its data/controller.yaml"
+            "crane_trajectory, such as the machine's controller.yaml"
         )
     return entry

@@ -15,7 +15,6 @@ from crane_driver.operator.bringup.polarity import PolarityResult
 from crane_driver.operator.bringup.pressure import PressureResult
 from crane_driver.operator.bringup.response import FirstGains, StepFit
 from crane_driver.operator.bringup.samples import Trace
-from crane_model.machine import JOINT_UNITS
 
 MEASURED, FITTED, COMMAND, SOFT = "#1f5fa8", "#d1495b", "#7a8691", "#c9d1d9"
 STYLE: Any = {
@@ -35,12 +34,14 @@ BAR = 1e5  # Pa
 
 @rc_context(STYLE)
 def encoders(
-    traces: Mapping[str, tuple[np.ndarray, np.ndarray]], results: Mapping[str, EncoderResult]
+    traces: Mapping[str, tuple[np.ndarray, np.ndarray]],
+    results: Mapping[str, EncoderResult],
+    units: Mapping[str, str],
 ) -> Figure:
     """traces: time and readings (n,) of each joint from the known pose on."""
     figure, panels = _figure(len(traces))
     for axes, (joint, (time, readings)) in zip(panels, traces.items(), strict=True):
-        unit, size = _shown_unit(joint)
+        unit, size = _shown_unit(units[joint])
         one = results[joint]
         axes.plot(time - time[0], readings * size, color=MEASURED)
         axes.axhline(readings[0] * size, color=SOFT, zorder=0)
@@ -80,11 +81,13 @@ def pressures(readings: Mapping[str, np.ndarray], results: Mapping[str, Pressure
 
 
 @rc_context(STYLE)
-def valves(traces: Mapping[str, Trace], results: Mapping[str, PolarityResult]) -> Figure:
+def valves(
+    traces: Mapping[str, Trace], results: Mapping[str, PolarityResult], units: Mapping[str, str]
+) -> Figure:
     """traces: both nudges of each joint."""
     figure, panels = _figure(len(traces))
     for axes, (joint, trace) in zip(panels, traces.items(), strict=True):
-        unit, size = _small_unit(joint)
+        unit, size = _small_unit(units[joint])
         time = trace.time - trace.time[0]
         axes.plot(time, (trace.position - trace.position[0]) * size, color=MEASURED)
         axes.set_ylabel(f"displacement [{unit}]", color=MEASURED)
@@ -106,11 +109,12 @@ def valves(traces: Mapping[str, Trace], results: Mapping[str, PolarityResult]) -
 def dead_bands(
     fits: Mapping[str, Mapping[int, Sequence[tuple[Trace, DeadBandFit]]]],
     results: Mapping[str, Mapping[int, DeadBandResult]],
+    units: Mapping[str, str],
 ) -> Figure:
     """fits: the triangles of each joint and direction."""
     figure, panels = _figure(len(fits))
     for axes, (joint, directions) in zip(panels, fits.items(), strict=True):
-        unit = JOINT_UNITS[joint]
+        unit = units[joint]
         for direction, runs in directions.items():
             for trace, fit in runs:
                 command, speed, used = _speed(trace, fit)
@@ -138,12 +142,14 @@ def dead_bands(
 
 @rc_context(STYLE)
 def gains(
-    fits: Mapping[str, Sequence[tuple[Trace, StepFit]]], results: Mapping[str, FirstGains]
+    fits: Mapping[str, Sequence[tuple[Trace, StepFit]]],
+    results: Mapping[str, FirstGains],
+    units: Mapping[str, str],
 ) -> Figure:
     """fits: the steps of each joint."""
     figure, panels = _figure(len(fits))
     for axes, (joint, runs) in zip(panels, fits.items(), strict=True):
-        unit, size = _small_unit(joint)
+        unit, size = _small_unit(units[joint])
         for trace, fit in runs:
             time = trace.time - trace.time[0]
             origin = trace.position[0]
@@ -153,7 +159,7 @@ def gains(
         one = results[joint]
         axes.set_title(
             f"{joint}: kp {one.kp:.3g}, kd {one.kd:.3g}, closed loop {one.time_constant:.2f} s\n"
-            f"K = {worst.gain:.3g} {JOINT_UNITS[joint]}/s, L = {1e3 * worst.dead_time:.0f} ms, "
+            f"K = {worst.gain:.3g} {units[joint]}/s, L = {1e3 * worst.dead_time:.0f} ms, "
             f"T = {1e3 * worst.lag:.0f} ms"
         )
         axes.set_xlabel("t [s] since the step")
@@ -189,9 +195,9 @@ def _same_zero(left: Axes, right: Axes) -> None:
         axes.set_ylim(-most, most)
 
 
-def _shown_unit(joint: str) -> tuple[str, float]:
-    return ("m", 1.0) if JOINT_UNITS[joint] == "m" else ("°", 180.0 / np.pi)
+def _shown_unit(unit: str) -> tuple[str, float]:
+    return ("m", 1.0) if unit == "m" else ("°", 180.0 / np.pi)
 
 
-def _small_unit(joint: str) -> tuple[str, float]:
-    return ("mm" if JOINT_UNITS[joint] == "m" else "mrad"), 1e3
+def _small_unit(unit: str) -> tuple[str, float]:
+    return f"m{unit}", 1e3

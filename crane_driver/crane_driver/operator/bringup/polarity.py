@@ -1,27 +1,31 @@
 """Polarity of a valve: which way a joint moves at the smallest opening that moves it."""
 
-from dataclasses import dataclass
 from typing import Literal
 
 from crane_model.errors import DataError
+from crane_model.result_file import ResultPart
 
 
-@dataclass(frozen=True)
-class Nudge:
+class Nudge(ResultPart):
     """The first movement of a joint under a command that rose slowly from 0."""
 
-    command: float  # -1..1, at which the movement was seen
-    moved: float  # rad, m, until it was seen
-    way: float  # rad, m, until the joint stood again
+    command: float
+    """At which the movement was seen, -1 to 1 [-]."""
+    moved: float
+    """Way until it was seen [rad, m]."""
+    way: float
+    """Way until the joint stood again [rad, m]."""
 
 
-@dataclass(frozen=True)
-class PolarityResult:
-    """What the sign of the command has to be multiplied by, and both nudges."""
+class PolarityResult(ResultPart):
+    """Of a valve."""
 
     polarity: Literal[-1, 1]
-    up: Nudge  # by a positive command
+    """What the sign of its command has to be multiplied by [-]."""
+    up: Nudge
+    """By a positive command."""
     down: Nudge
+    """By a negative command."""
 
 
 def find_polarity(joint: str, up: Nudge, down: Nudge) -> PolarityResult:
@@ -32,4 +36,4 @@ def find_polarity(joint: str, up: Nudge, down: Nudge) -> PolarityResult:
             f"{down.moved:+.3g} at {down.command:+.3f}, both in one direction; it sinks by itself, "
             "or one side of its valve does not work"
         )
-    return PolarityResult(1 if up.moved > 0.0 else -1, up, down)
+    return PolarityResult(polarity=1 if up.moved > 0.0 else -1, up=up, down=down)

@@ -1,24 +1,26 @@
 """The offset of a pressure transducer whose chamber is open to the air."""
 
-from dataclasses import dataclass
-
 import numpy as np
 
 from crane_model.errors import DataError
+from crane_model.result_file import ResultPart
 
 LARGEST_OFFSET = 1.0e6  # Pa; more is a pressure, or a transducer that is broken
 LARGEST_SPREAD = 5.0e4  # Pa, standard deviation of readings at rest
 LARGEST_DRIFT = 2.0e4  # Pa between the halves of the record
 
 
-@dataclass(frozen=True)
-class PressureResult:
-    """Readings of a vented transducer [Pa]."""
+class PressureResult(ResultPart):
+    """Of a transducer that is vented."""
 
     offset: float
-    spread: float  # standard deviation of one reading
-    std: float  # of the offset
-    stuck: bool  # all readings are the same: at the end of the range, or not alive
+    """Mean reading [Pa]."""
+    spread: float
+    """Standard deviation of one reading [Pa]."""
+    std: float
+    """Standard deviation of the offset [Pa]."""
+    stuck: bool
+    """Whether all readings are the same: at the end of the range, or not alive."""
 
 
 def find_offset(name: str, readings: np.ndarray) -> PressureResult:
@@ -44,4 +46,6 @@ def find_offset(name: str, readings: np.ndarray) -> PressureResult:
             f"{LARGEST_DRIFT / 1e5:g}; wait, and measure again"
         )
     stuck = bool(np.ptp(readings) == 0.0)
-    return PressureResult(offset, spread, spread / np.sqrt(len(readings)), stuck)
+    return PressureResult(
+        offset=offset, spread=spread, std=spread / np.sqrt(len(readings)), stuck=stuck
+    )

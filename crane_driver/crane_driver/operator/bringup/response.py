@@ -19,6 +19,7 @@ from scipy.optimize import least_squares
 
 from crane_driver.operator.bringup.samples import Trace
 from crane_model.errors import DataError
+from crane_model.result_file import ResultPart
 
 SLOWER = 2.0
 LONGEST = 0.5  # s, lag and dead time
@@ -36,14 +37,17 @@ class StepFit:
     fitted: np.ndarray  # (n,) rad, m
 
 
-@dataclass(frozen=True)
-class FirstGains:
+class FirstGains(ResultPart):
     """Gains of (36) for one joint."""
 
-    kp: float  # 1/rad, 1/m
-    kd: float  # s/rad, s/m
-    time_constant: float  # s, tc
-    position_tolerance: float  # rad, m
+    kp: float
+    """Of the position error [1/rad, 1/m]."""
+    kd: float
+    """Of the velocity error [s/rad, s/m]."""
+    time_constant: float
+    """Of the closed loop [s]."""
+    position_tolerance: float
+    """Error that is left alone [rad, m]."""
 
 
 def fit_step(name: str, trace: Trace, beyond: float) -> StepFit:
@@ -93,4 +97,9 @@ def first_gains(
     lag = max(one.lag for one in fits)
     time_constant = max(fastest, SLOWER * (dead_time + lag))
     kp = 1.0 / (gain * (time_constant + dead_time))
-    return FirstGains(kp, kp * lag, time_constant, min(tolerance, CLOSED * smallest_dead_band / kp))
+    return FirstGains(
+        kp=kp,
+        kd=kp * lag,
+        time_constant=time_constant,
+        position_tolerance=min(tolerance, CLOSED * smallest_dead_band / kp),
+    )

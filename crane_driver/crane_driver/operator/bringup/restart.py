@@ -8,21 +8,19 @@ from pathlib import Path
 
 import yaml
 
-from crane_driver.driver_parameters import MAPPING, PARAMETERS
+from crane_driver.driver_parameters import MAPPING
 from crane_driver.operator.bringup.series import STEPS
+from crane_nodes.parameters import NodeParameter
 
-CONTROLLER = Path("crane_trajectory/crane_trajectory/data/controller.yaml")
-"""The controller file to begin from, in the repository."""
-
-Parameters = Mapping[str, str | bool | float]
-"""Values of all `PARAMETERS` of the driver, by name."""
+Parameters = Mapping[NodeParameter, str | bool | float]
+"""All parameters of the driver and their values."""
 
 LONE_WORDS = re.compile(r"[yYnN~]")  # which ROS takes for a truth value, or for none
 
 
 def driver_command(now: Parameters, mapping: Path) -> str:
     """The driver with the parameters that it has now, but another mapping."""
-    given = {one.name: now[one.name] for one in PARAMETERS if now[one.name] != one.default}
+    given = {one.name: value for one, value in now.items() if value != one.default}
     given[MAPPING.name] = str(mapping.resolve())
     words = ["ros2", "run", "crane_driver", "driver", "--ros-args"]
     for name, value in given.items():
@@ -44,8 +42,6 @@ def next_command(
     given = {
         name: value for name, value in vars(options).items() if name not in ("step", "mapping")
     }
-    if following[0] == STEPS[-1]:
-        given["controller"] = options.controller or CONTROLLER
     words = ["ros2", "run", "crane_driver", "bringup", following[0]]
     for name, value in given.items():
         if value != parser.get_default(name):

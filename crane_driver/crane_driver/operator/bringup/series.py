@@ -2,7 +2,6 @@
 
 import re
 from collections.abc import Callable, Mapping
-from dataclasses import asdict
 from datetime import UTC, datetime
 from pathlib import Path
 from typing import Any, Generic, TypeVar
@@ -12,31 +11,53 @@ from matplotlib.figure import Figure
 from ruamel.yaml import YAML
 
 from crane_driver.operator.bringup.dead_band import DeadBandResult
-from crane_model.configuration import Schema, load
+from crane_driver.operator.bringup.encoder import EncoderResult
+from crane_driver.operator.bringup.polarity import PolarityResult
+from crane_driver.operator.bringup.pressure import PressureResult
+from crane_driver.operator.bringup.response import FirstGains
+from crane_model.configuration import load
 from crane_model.errors import DataError
+from crane_model.result_file import ResultPart
 
-STEPS = ("encoders", "pressures", "valves", "dead_band", "gains")
 DIGITS = 6  # significant, of what is written
 
 RESULT, MAPPING, CONTROLLER = "result.yaml", "mapping.yaml", "controller.yaml"
 Entry = TypeVar("Entry")
 
 
-class Result(Schema, Generic[Entry]):
-    """`result.yaml`: what a step has measured, when, and on which mapping."""
-
-    step: str
-    date: str  # UTC
-    mapping: str
-    protocol: dict[str, float]  # options by which it was measured
-    results: dict[str, Entry]
-
-
-class DeadBands(Schema):
+class DeadBands(ResultPart):
     """The dead bands of a valve."""
 
     positive: DeadBandResult
+    """Of positive commands."""
     negative: DeadBandResult
+    """Of negative commands."""
+
+
+class Result(ResultPart, Generic[Entry]):
+    """`result.yaml`: what a step has measured."""
+
+    step: str
+    """Its name."""
+    date: str
+    """When, UTC."""
+    mapping: str
+    """File of the mapping that the driver ran with."""
+    protocol: dict[str, float]
+    """Options by which it was measured, in the units of these [unit]."""
+    results: dict[str, Entry]
+    """By joint; of `pressures`, by transducer."""
+
+
+RESULTS: dict[str, type[Result[Any]]] = {
+    "encoders": Result[EncoderResult],
+    "pressures": Result[PressureResult],
+    "valves": Result[PolarityResult],
+    "dead_band": Result[DeadBands],
+    "gains": Result[FirstGains],
+}
+"""What each step writes, in the order of the steps."""
+STEPS = tuple(RESULTS)
 
 
 class Series:
@@ -78,14 +99,14 @@ class Series:
         number = max((_number(path) for path in self.runs), default=0) + 1
         run = self.folder / f"{number:02d}_{step}"
         run.mkdir(parents=True)
-        content = {
-            "step": step,
-            "date": datetime.now(UTC).isoformat(timespec="seconds"),
-            "mapping": str(mapping),
-            "protocol": dict(protocol),
-            "results": {name: _plain(one) for name, one in results.items()},
-        }
-        (run / RESULT).write_text(yaml.safe_dump(_short(content), sort_keys=False), "utf-8")
+        content = RESULTS[step](
+            step=step,
+            date=datetime.now(UTC).isoformat(timespec="seconds"),
+            mapping=str(mapping),
+            protocol=dict(protocol),
+            results=dict(results),
+        )
+        (run / RESULT).write_text(yaml.safe_dump(_short(content.plain()), sort_keys=False), "utf-8")
         figure.savefig(run / f"{step}.png", dpi=110)
         return run
 
@@ -109,12 +130,6 @@ def significant(value: float) -> float:
 def _number(path: Path) -> int:
     match = re.match(r"\d+", path.name)
     return int(match[0]) if match else 0
-
-
-def _plain(one: Any) -> Any:
-    if isinstance(one, Mapping):
-        return {key: _plain(value) for key, value in one.items()}
-    return asdict(one)
 
 
 def _short(value: Any) -> Any:

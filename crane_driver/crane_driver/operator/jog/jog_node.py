@@ -16,7 +16,7 @@ from rclpy.qos import QoSProfile
 from rclpy.task import Future
 from sensor_msgs.msg import JointState, Joy
 
-from crane_driver.operator.jog.jog_parameters import HOLD, PARAMETERS, joystick, shape
+from crane_driver.operator.jog.jog_parameters import HOLD, JogParameters
 from crane_driver.operator.jog.keyboard import Keyboard, Request
 from crane_driver.operator.jog.motion import Demand, JogMotion
 from crane_driver.operator.jog.screen import Screen, StatusLine
@@ -25,10 +25,12 @@ from crane_driver.operator.rhythm import COMMAND_PERIOD_S
 from crane_interfaces.msg import DriverState, ValveCommand
 from crane_model.cli import command_line, run
 from crane_model.errors import CraneError
-from crane_model.machine import JOINTS
+from crane_model.machine_files import machine_file
 from crane_nodes.command_line import own_arguments
 from crane_nodes.context import Stop, ros
 from crane_nodes.driver_client import DriverClient, NoDriverError
+from crane_nodes.joint_notes import load_joint_notes
+from crane_nodes.machine_parameter import MACHINE, declare_machine
 from crane_nodes.parameters import declare
 from crane_nodes.publishers import publishers
 from crane_nodes.ready import say_ready
@@ -52,15 +54,18 @@ class Jog(Node):
 
     def __init__(self, by_joystick: bool):
         super().__init__("jog")
-        declare(self, PARAMETERS, read_only=PARAMETERS)
-        self._shape = shape(self)
+        self._units = declare_machine(self).units
+        notes = load_joint_notes(machine_file("joints.yaml", MACHINE.read(self)), self._units)
+        parameters = JogParameters.of(notes)
+        declare(self, parameters.all, read_only=parameters.all)
+        self._shape = parameters.shape(self)
         self.motion = JogMotion(self._shape)
-        self.keyboard = Keyboard(HOLD.read(self))
-        self.joystick = joystick(self) if by_joystick else None
+        self.keyboard = Keyboard(HOLD.read(self), tuple(self._units))
+        self.joystick = parameters.joystick(self) if by_joystick else None
         self.news: list[str] = []
         self._positions: dict[str, float] = {}
-        self._commands = dict.fromkeys(JOINTS, 0.0)
-        self._moved = JOINTS[0]
+        self._commands = dict.fromkeys(self._units, 0.0)
+        self._moved = next(iter(self._units))
         self._publisher: Publisher | None = None
         self._driver = DriverClient(self, self._told)
         self._faulty = False
@@ -90,7 +95,7 @@ class Jog(Node):
     def command(self, demand: Demand | None) -> None:
         """Publish the commands of this period."""
         self._commands = self.motion.step(demand, time.monotonic())
-        self._moved = next((one for one in JOINTS if self._commands[one]), self._moved)
+        self._moved = next((one for one in self._units if self._commands[one]), self._moved)
         message = ValveCommand(name=list(self._commands), command=list(self._commands.values()))
         message.header.stamp = self.get_clock().now().to_msg()
         if self._publisher:
@@ -127,7 +132,8 @@ class Jog(Node):
         command = self._commands[self._moved]
         share = command / self._shape.maximum
         state, position = self._driver.state.text, self._positions.get(self._moved)
-        return StatusLine(state, self._moved, command, share, position, note)
+        unit = self._units[self._moved]
+        return StatusLine(state, self._moved, command, share, position, unit, note)
 
     def _asked(self, request: Request) -> list[Future]:
         match request:
@@ -182,7 +188,7 @@ def _run(argv: Sequence[str], by_joystick: bool) -> None:
         jog = Jog(by_joystick)
         try:
             jog.begin(stop)
-            with terminal, Screen(by_joystick) as screen:
+            with terminal, Screen({} if by_joystick else jog.keyboard.pairs) as screen:
                 _jog(jog, terminal, screen, stop)
         finally:
             jog.end()
@@ -216,7 +222,7 @@ def _parser() -> argparse.ArgumentParser:
         prog="jog",
         description="Moves one joint of the crane while a key is held: each character that the "
         "terminal repeats holds the joint for 0.12 s. The keys are shown when it runs.",
-        epilog="Parameters, after --ros-args -p: maximum, hold, rise_time, fall_time, "
+        epilog="Parameters, after --ros-args -p: machine, maximum, hold, rise_time, fall_time, "
         "dead_band.JOINT, joy.deadman, joy.axis.JOINT, joy.sign.JOINT; `ros2 param describe /jog "
         "NAME` explains them. Software is no safety stop.",
     )

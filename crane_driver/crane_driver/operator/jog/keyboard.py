@@ -3,21 +3,16 @@ joint moves only while characters of its key keep coming.
 """
 
 import math
+from collections.abc import Sequence
 from enum import StrEnum
 
 from crane_driver.operator.jog.motion import Demand
 
-KEYS = {
-    "h": ("slew", -1),
-    "l": ("slew", 1),
-    "j": ("inner_boom", -1),
-    "k": ("inner_boom", 1),
-    "u": ("outer_boom", -1),
-    "i": ("outer_boom", 1),
-    "n": ("telescope", -1),
-    "m": ("telescope", 1),
-}
-"""Key: joint and direction."""
+PAIRS = (
+    *(("h", "l"), ("j", "k"), ("u", "i"), ("n", "m")),
+    *(("f", "g"), ("c", "v"), ("a", "s"), ("t", "y")),
+)
+"""Keys of the joints from the base to the tip: down, up. Further joints have a joystick alone."""
 
 STEPS = "123456789"
 FIRST_STEP = 3
@@ -51,8 +46,14 @@ class Keyboard:
     what comes at once with other characters, such as pasted text, lets the joint go.
     """
 
-    def __init__(self, hold: float):
+    def __init__(self, hold: float, joints: Sequence[str]):
         self._hold = hold
+        self.pairs = dict(zip(joints, PAIRS, strict=False))
+        self._keys = {
+            key: (joint, direction)
+            for joint, pair in self.pairs.items()
+            for key, direction in zip(pair, (-1, 1), strict=True)
+        }
         self._joint, self._direction = "", 0
         self._until = -math.inf
         self.step = FIRST_STEP  # tenths of the fastest
@@ -67,8 +68,8 @@ class Keyboard:
         (key, *others) = set(text)
         if others:
             return None
-        if key in KEYS:
-            self._joint, self._direction = KEYS[key]
+        if key in self._keys:
+            self._joint, self._direction = self._keys[key]
             self._until = now + self._hold
         elif key in STEPS:
             self.step = int(key)

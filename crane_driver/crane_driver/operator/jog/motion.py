@@ -6,7 +6,6 @@ from typing import NamedTuple
 
 from crane_driver.operator.rhythm import LONGEST_PAUSE_S
 from crane_model.errors import ConfigurationError
-from crane_model.machine import JOINTS
 
 
 class Demand(NamedTuple):
@@ -35,14 +34,14 @@ class JogMotion:
 
     def __init__(self, shape: CommandShape):
         """`ConfigurationError` where a dead band leaves no room below the maximum."""
-        for joint in JOINTS:
-            if shape.dead_band[joint] >= shape.maximum:
+        for joint, dead_band in shape.dead_band.items():
+            if dead_band >= shape.maximum:
                 raise ConfigurationError(
                     f"parameter 'dead_band.{joint}': must be less than 'maximum', "
-                    f"{shape.maximum:g}, got {shape.dead_band[joint]:g}"
+                    f"{shape.maximum:g}, got {dead_band:g}"
                 )
         self._shape = shape
-        self._joint, self._level = JOINTS[0], 0.0
+        self._joint, self._level = next(iter(shape.dead_band)), 0.0
         self._stepped = -math.inf
         self._let_go = False
 
@@ -61,7 +60,7 @@ class JogMotion:
         else:
             demand = demand if self._let_go else None
         self._approach(demand, dt)
-        commands = dict.fromkeys(JOINTS, 0.0)
+        commands = dict.fromkeys(self._shape.dead_band, 0.0)
         if self._level:
             shape, dead_band = self._shape, self._shape.dead_band[self._joint]
             size = dead_band + abs(self._level) * (shape.maximum - dead_band)

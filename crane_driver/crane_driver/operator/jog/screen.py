@@ -1,5 +1,6 @@
 """What jog shows: the keys once, and below them one line that is kept up to date."""
 
+from collections.abc import Mapping
 from types import TracebackType
 from typing import NamedTuple, Self
 
@@ -7,9 +8,6 @@ from rich.console import Console
 from rich.live import Live
 from rich.table import Table
 from rich.text import Text
-
-from crane_driver.operator.jog.keyboard import KEYS
-from crane_model.machine import JOINT_UNITS, JOINTS
 
 STYLES = {"enabled": "bold green", "disabled": "yellow", "offline": "yellow"}
 WRONG = "bold red"  # every other state
@@ -31,24 +29,26 @@ class StatusLine(NamedTuple):
     command: float
     share: float  # of the largest command
     position: float | None
+    unit: str  # of the position
     note: str
 
 
 class Screen:
     """The terminal as a display."""
 
-    def __init__(self, joystick: bool):
+    def __init__(self, pairs: Mapping[str, tuple[str, str]]):
+        """`pairs`: the keys of each joint, down and up; none where there is a joystick."""
         self._console = Console(highlight=False)
         self._live = Live(console=self._console, auto_refresh=False, redirect_stdout=False,
                           redirect_stderr=False)  # fmt: skip
-        self._joystick = joystick
+        self._pairs = pairs
 
     def __enter__(self) -> Self:
-        if self._joystick:
-            self._console.print("Hold the deadman button and push one axis; let go and it stops.")
-        else:
+        if self._pairs:
             self._console.print("Hold a key to move a joint; let go and it stops.")
-        self._console.print(_keys(self._joystick))
+        else:
+            self._console.print("Hold the deadman button and push one axis; let go and it stops.")
+        self._console.print(_keys(self._pairs))
         self._live.start()
         return self
 
@@ -69,14 +69,12 @@ class Screen:
         self._live.update(_line(shown), refresh=True)
 
 
-def _keys(joystick: bool) -> Table:
+def _keys(pairs: Mapping[str, tuple[str, str]]) -> Table:
     table = Table.grid(padding=(0, 3))
-    joints = [] if joystick else [("", Text("-  +", style="bold"))]
-    for joint in () if joystick else JOINTS:
-        down, up = (next(key for key, what in KEYS.items() if what == (joint, sign))
-                    for sign in (-1, 1))  # fmt: skip
+    joints = [("", Text("-  +", style="bold"))] if pairs else []
+    for joint, (down, up) in pairs.items():
         joints.append((joint, Text(f"{down}  {up}", style="bold cyan")))
-    others = OTHERS[1:] if joystick else OTHERS
+    others = OTHERS if pairs else OTHERS[1:]
     for row in range(max(len(joints), len(others))):
         name, keys = joints[row] if row < len(joints) else ("", "")
         key, meaning = others[row] if row < len(others) else ("", "")
@@ -96,6 +94,6 @@ def _line(shown: StatusLine) -> Text:
     line.append("│", style="dim")
     line.append("━" * above + " " * (BAR - above), style="cyan")
     if shown.position is not None:
-        line.append(f" {shown.position:+.4f} {JOINT_UNITS[shown.joint]}")
+        line.append(f" {shown.position:+.4f} {shown.unit}")
     line.append(f"  {shown.note}", style="dim")
     return line

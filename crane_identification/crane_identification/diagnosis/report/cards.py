@@ -7,12 +7,11 @@ import numpy as np
 
 from crane_identification.diagnosis import variables, wording
 from crane_identification.diagnosis.diagnosis import Diagnosis
-from crane_identification.diagnosis.gap import residual
+from crane_identification.diagnosis.fit.evidence import normed, residual
+from crane_identification.diagnosis.fit.runs import Zone
+from crane_identification.diagnosis.proof.extension import Finding
 from crane_identification.diagnosis.report import charts
 from crane_identification.diagnosis.report.pictures import Picture
-from crane_identification.diagnosis.runs import Zone
-from crane_identification.diagnosis.scaling import normed
-from crane_identification.diagnosis.trial import Finding
 from crane_identification.notation import human, listed, plain, spoken
 from crane_model.terms.effect import Variable
 
@@ -30,7 +29,7 @@ class Card(NamedTuple):
     evidence: str
     member: str
     settled_by: str
-    parameters: tuple[wording.Estimate, ...]
+    parameters: tuple[wording.PrintedParameter, ...]
     carried: list[str]
     pictures: tuple[Picture, ...]
 

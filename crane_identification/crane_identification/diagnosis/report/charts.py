@@ -120,7 +120,7 @@ def cloud(
 
 
 def points(name: str, colour: str, symbol: str, x: np.ndarray, y: np.ndarray) -> dict[str, Any]:
-    """Small marks."""
+    """A trace of small marks, without a line between them."""
     return {
         "type": "scatter",
         "mode": "markers",

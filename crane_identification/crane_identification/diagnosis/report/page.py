@@ -5,14 +5,14 @@ from pathlib import Path
 
 from crane_identification.diagnosis import findings, wording
 from crane_identification.diagnosis.diagnosis import Diagnosis
+from crane_identification.diagnosis.flow.hydraulics import Quantity
 from crane_identification.diagnosis.flow_and_load_findings import of_quantity
-from crane_identification.diagnosis.hydraulics import Quantity
 from crane_identification.diagnosis.report.cards import cards
 from crane_identification.diagnosis.report.pictures import gap_pictures, where_picture
 from crane_identification.notation import human, percent, plain, short_percent, spoken
 from crane_identification.report import template
 from crane_identification.report.content import Provenance
-from crane_identification.report.links import Link, link, page_of
+from crane_identification.report.links import PageLink, link, page_of
 from crane_model.flow import FLOW_EFFECTS
 
 RESULTS = ("model.yaml", "findings.json")  # beside the page
@@ -64,7 +64,7 @@ def render(
         left=wording.sentence(wording.left(content)),
         where=where,
         disagrees=list(wording.disagrees(content)),
-        estimate=lambda one: wording.estimate(of_quantity(one)),
+        estimate=lambda one: wording.estimate(of_quantity(one).plain()),
         usual=_usual,
         percent=percent,
         detectable=short_percent(diagnosis.detectable),
@@ -80,7 +80,7 @@ def render(
         suspicions=suspicions,
         model_file=link(provenance.model_file, folder),
         model_page=page_of(provenance.model_file, folder),
-        results=[Link(name, name) for name in RESULTS],
+        results=[PageLink(name, name) for name in RESULTS],
         training=[link(bag, folder) for bag in diagnosis.training.sources],
         validation=[link(bag, folder) for bag in diagnosis.held_out.sources],
         style=template.part(SHARED, "page.css") + template.part(__package__, "page.css"),

@@ -18,7 +18,7 @@ class Picture(NamedTuple):
 
     @property
     def height(self) -> int:
-        """px."""
+        """What the page keeps free for it [px]."""
         return int(self.description["layout"]["height"])
 
 

@@ -18,12 +18,12 @@ from crane_benchmark.answers.confinement import confine
 from crane_benchmark.answers.given import given
 from crane_benchmark.folders import Folders, done, new, write_json
 from crane_benchmark.work import in_processes
+from crane_identification.diagnosis.decision.chance import null_gains
 from crane_identification.diagnosis.diagnosis import Diagnosis, diagnose
 from crane_identification.diagnosis.findings import content
-from crane_identification.diagnosis.likeness import strength
-from crane_identification.diagnosis.projection import null_gains
-from crane_identification.diagnosis.thresholds import Thresholds, load_thresholds
+from crane_identification.diagnosis.search.energy import strength
 from crane_identification.options import Options
+from crane_identification.thresholds import Thresholds, load_thresholds
 from crane_model.errors import CraneError
 from crane_model.model_file import save_model
 

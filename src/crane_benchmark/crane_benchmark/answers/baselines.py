@@ -6,7 +6,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from crane_identification.diagnosis.search import Search
+from crane_identification.diagnosis.search.search import Search
 
 MOST = 8  # effects in an answer
 SPARSITIES = 12  # thresholds that are tried

@@ -15,9 +15,9 @@ from crane_benchmark.cases.motions import Maker, Richness
 from crane_benchmark.cases.session import TRAIN, VALIDATE, recordings
 from crane_benchmark.folders import Folders, done, new, write_json
 from crane_benchmark.work import in_processes
-from crane_model.configuration import packaged
 from crane_model.errors import CraneError, RangeError
 from crane_model.machine import load_machine
+from crane_model.machine_files import machine_file
 from crane_model.model_file import Model, load_model, save_model
 from crane_sim.effects.form import Planted
 from crane_sim.hiding.calibrate import calibrate
@@ -74,7 +74,9 @@ def _make(job: MakingJob, attempt: int) -> None:
     of_machine, of_motions, of_effects, of_sensors, of_session = (
         int(one.generate_state(1)[0]) for one in entropy.spawn(5)
     )
-    machine, gains, clearance = load_machine(), load_gains(), load_clearance()
+    machine = load_machine()
+    gains = load_gains(machine_file("controller.yaml"), machine)
+    clearance = load_clearance(machine_file("clearance.yaml"))
     stand_in = vary(load_stand_in(), of_machine, SPREAD)
     if case.spools:
         stand_in = vary_valves(stand_in, machine, of_machine)
@@ -108,7 +110,8 @@ def _make(job: MakingJob, attempt: int) -> None:
             there, name = one.present(found), f"{one.part}-{one.number}"
             bag = bags / one.part / str(one.number)
             clean = make(bag, machine, stand_in, one.motion, gains, seed, there, one.moment)
-            write_json(sealed / f"{name}.json", {"effects": label(there, clean)})
+            hidden = [one.plain() for one in label(there, clean)]
+            write_json(sealed / f"{name}.json", {"effects": hidden})
             save_clean(sealed / f"{name}.npz", clean)
 
 
@@ -132,7 +135,7 @@ def _strongest(
 
 def _model(case: Case) -> Model:
     """The model of the suite without the terms that the case lacks."""
-    model = load_model(packaged("crane_model", "crane_model.yaml"))
+    model = load_model(machine_file("model.yaml"))
     kept = tuple(
         term
         for term in model.terms

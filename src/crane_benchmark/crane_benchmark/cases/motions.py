@@ -8,10 +8,11 @@ import numpy as np
 
 from crane_model.errors import RangeError
 from crane_model.machine import PLANAR_JOINTS, Machine
-from crane_trajectory.motion.check import Clearance, pump_flow, tip_room
+from crane_trajectory.motion.check import Clearance, pump_flow
 from crane_trajectory.motion.fourier import FourierTrajectory, MotionSamples
 from crane_trajectory.motion.motion import Motion, plan
 from crane_trajectory.motion.periodic import PeriodicTrajectory
+from crane_trajectory.motion.room import tip_room
 from crane_trajectory.motion.sweep import JointCourse, SweepTrajectory
 
 HARMONICS = 4
@@ -144,9 +145,8 @@ def _has_room(machine: Machine, clearance: Clearance, trajectory: PeriodicTrajec
     joints = trajectory.joint_names
     samples = trajectory.evaluate(np.linspace(0.0, trajectory.period, LOOKS))
     room = tip_room(machine, joints, samples.position)
-    keep = np.array([clearance.pillar_clearance, clearance.lowest_tip])
     flow = pump_flow(machine, joints, samples.position, samples.velocity)
-    return bool((room > keep).all() and (flow < machine.hydraulics.pump_flow).all())
+    return bool((room > clearance.kept).all() and (flow < machine.hydraulics.pump_flow).all())
 
 
 def _fourier(

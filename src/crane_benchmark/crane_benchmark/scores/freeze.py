@@ -11,7 +11,7 @@ from ruamel.yaml import YAML
 from crane_benchmark.folders import Folders, done, read_json, write_json
 from crane_benchmark.scores import figures, frozen
 from crane_benchmark.scores.calibration import agreement, together
-from crane_identification.diagnosis.thresholds import Gates, load_thresholds
+from crane_identification.thresholds import Gates, load_thresholds
 from crane_model.configuration import packaged
 from crane_model.errors import DataError
 

@@ -13,8 +13,8 @@ from typing import Any
 from crane_benchmark.folders import read_json
 from crane_identification.data import bag_log
 from crane_identification.diagnosis import diagnosis
-from crane_identification.diagnosis.hydraulics import load_usual
-from crane_identification.diagnosis.thresholds import load_thresholds
+from crane_identification.diagnosis.flow.usual import load_usual
+from crane_identification.thresholds import load_thresholds
 from crane_model.errors import ConfigurationError
 
 RECORD = Path(__file__).with_name("frozen.json")

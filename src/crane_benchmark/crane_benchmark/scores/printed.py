@@ -7,6 +7,13 @@ from rich.table import Table
 from crane_benchmark.scores.judgement import OURS, laws
 from crane_identification.report.terminal import plain_table
 
+MEDIANS = {
+    "gap_closed": ("share of the explainable gap closed", "≥ 80 %", "{:.0%}"),
+    "gap_closed_by_learner": ("the same by the flexible learner, all cases", "", "{:.0%}"),
+    "parameter_error": ("relative error of comparable parameters", "", "{:.1%}"),
+    "seconds": ("CPU time of a diagnosis", "", "{:.0f} s"),
+}
+"""Keys of medians in a summary, what they are, what is aimed at, and how they are printed."""
 TARGETS = {
     "false_alarms": ("nothing hidden: false alarms", "≤ 5 %"),
     "right_from_2_percent": ("single, from 2 %, identifiable", "≥ 95 %"),
@@ -47,12 +54,7 @@ def tables(results: dict[str, Any]) -> list[Table]:
     last = plain_table("Named effects: median [95 % interval]")
     for heading in ("", "aim", "median", "cases"):
         last.add_column(heading)
-    for key, words, target, shown in (
-        ("gap_closed", "share of the explainable gap closed", "≥ 80 %", "{:.0%}"),
-        ("gap_closed_by_learner", "the same by the flexible learner, all cases", "", "{:.0%}"),
-        ("parameter_error", "relative error of comparable parameters", "", "{:.1%}"),
-        ("seconds", "CPU time of a diagnosis", "", "{:.0f} s"),
-    ):
+    for key, (words, target, shown) in MEDIANS.items():
         value = summary[key]
         last.add_row(words, target, _interval(value, "median", shown), str(value["of"]))
     return [first, power, last, *_stories(summary["stories"])]

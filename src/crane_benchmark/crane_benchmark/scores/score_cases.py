@@ -13,15 +13,15 @@ import numpy as np
 from rich.console import Console
 
 from crane_benchmark.folders import Folders, done, new, read_json, write_json
-from crane_benchmark.scores import figures, frozen
+from crane_benchmark.scores import figures, frozen, published
 from crane_benchmark.scores.judgement import OURS, BlindAnswer, Judgement, judge
 from crane_benchmark.scores.printed import notes, tables
 from crane_benchmark.scores.summary import summary
 from crane_benchmark.scores.truth import CaseTruth, load_truth
 from crane_benchmark.work import in_processes
-from crane_identification.diagnosis.loads import LOADS
+from crane_identification.diagnosis.search.loads import LOADS
 from crane_model.model_file import Model, load_model
-from crane_model.terms.gravity_and_load import Load
+from crane_model.terms.load import Load
 
 WIDTH = 144  # of the tables; narrower, their columns break
 NAMED = (Judgement.RIGHT, Judgement.TOO_WIDE, Judgement.PARTLY)  # where effects are named
@@ -117,13 +117,14 @@ def main(argv: Sequence[str] | None = None) -> int:
     if waiting:
         in_processes(score_case, waiting, arguments.workers, "scores")
     scored = [read_json(folders.rows / name / "row.json") for name in sorted(done(folders.rows))]
-    results = {
+    results: dict[str, Any] = {
         "thresholds": frozen.digest(frozen.state()),
         "summary": summary(scored),
         "cases": scored,
     }
     write_json(folders.results, results)
     figures.write(folders.scores, scored)
+    published.write(folders.scores / "figures.json", results["summary"])
     console = Console(width=WIDTH)
     console.print(*tables(results))
     console.print(*notes(), sep="\n", highlight=False)

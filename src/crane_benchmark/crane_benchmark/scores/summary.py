@@ -8,7 +8,7 @@ from crane_benchmark.cases.case import CaseKind
 from crane_benchmark.cases.case_sets import PAIR, STRENGTHS
 from crane_benchmark.scores.judgement import AND_MORE, OURS, Judgement
 from crane_benchmark.scores.rates import median, rate
-from crane_identification.diagnosis.thresholds import load_thresholds
+from crane_identification.thresholds import load_thresholds
 
 VISIBLE_SHARE = 0.05  # share of an effect that recordings can show, below which they do not
 

@@ -12,8 +12,8 @@ from crane_benchmark.cases.clean import Seen, load_seen
 from crane_benchmark.folders import read_json
 from crane_benchmark.scores.judgement import Place
 from crane_benchmark.scores.unusual import beyond_usual
-from crane_identification.diagnosis.candidates import WHOLE, Candidate
-from crane_identification.diagnosis.hydraulics import load_usual
+from crane_identification.diagnosis.flow.usual import load_usual
+from crane_identification.diagnosis.search.candidates import WHOLE, Candidate
 from crane_model.errors import CraneError
 from crane_model.model_file import Model
 from crane_model.terms import REGISTRY

@@ -8,7 +8,7 @@ from typing import Any
 
 import numpy as np
 
-from crane_identification.diagnosis.hydraulics import Usual
+from crane_identification.diagnosis.flow.usual import Usual
 from crane_model.flow.valve import EDGES, asymmetry
 from crane_model.record import Record
 from crane_sim.effects.flow import LAMINAR

@@ -11,6 +11,9 @@ from pathlib import Path
 
 from ament_index_python.packages import get_package_prefix
 
+from crane_model.configuration import load
+from crane_trajectory.motion.fourier import FourierTrajectory
+
 Advance = Callable[[], object]
 
 CRITERION = "a-optimality"
@@ -51,6 +54,11 @@ class Campaign:
     def trajectories(self) -> list[Path]:
         """Their files, in the order in which they were designed."""
         return sorted(self.designs.glob("*.yaml"))
+
+    @property
+    def designed(self) -> list[FourierTrajectory]:
+        """The trajectories, in the same order."""
+        return [load(file, FourierTrajectory) for file in self.trajectories]
 
     @property
     def bags(self) -> list[Path]:

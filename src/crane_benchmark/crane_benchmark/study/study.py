@@ -19,12 +19,15 @@ from pathlib import Path
 from rich.console import Console
 from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn, TimeElapsedColumn
 
+from crane_benchmark import measured
+from crane_benchmark.study import figures
+from crane_benchmark.study.figures import Took
 from crane_benchmark.study.outcome import errors_table, parameter_table
 from crane_benchmark.study.recordings import Campaign, StudyError, StudyPlan, design, record, run
 from crane_identification.report import terminal
 from crane_model.cli import command_line
-from crane_model.configuration import load, packaged
-from crane_trajectory.motion.fourier import FourierTrajectory
+from crane_model.configuration import packaged
+from crane_model.machine_files import machine_file
 
 EMPS = packaged("crane_benchmark", "emps/model.yaml").parent  # model and column map
 SEEDS = {"training": 1, "validation": 101}
@@ -32,7 +35,7 @@ WIDTH = 110  # characters, where the output is no terminal
 
 
 @contextmanager
-def phase(console: Console, name: str, total: int = 1) -> Iterator[Progress]:
+def phase(console: Console, took: list[Took], name: str, total: int = 1) -> Iterator[Progress]:
     """Show a phase while it runs, and what it took: wall and CPU time, of its processes too."""
     columns = (
         TextColumn("{task.description}"),
@@ -44,8 +47,8 @@ def phase(console: Console, name: str, total: int = 1) -> Iterator[Progress]:
     with Progress(*columns, console=console, transient=True) as progress:
         progress.add_task(name, total=total)
         yield progress
-    wall = time.monotonic() - start
-    console.print(f"{name}: {wall:.0f} s, CPU {_cpu() - cpu:.0f} s", highlight=False)
+    took.append(Took(name, time.monotonic() - start, _cpu() - cpu))
+    console.print(f"{name}: {took[-1].wall:.0f} s, CPU {took[-1].cpu:.0f} s", highlight=False)
 
 
 def _cpu() -> float:
@@ -56,6 +59,7 @@ def _cpu() -> float:
 def study(arguments: argparse.Namespace, console: Console) -> None:
     """All of it; `StudyError` if one of the executables fails."""
     out: Path = arguments.out
+    fresh, took = not out.exists(), list[Took]()
     experiment = StudyPlan(
         arguments.period, arguments.harmonics, arguments.starts, arguments.periods
     )
@@ -66,28 +70,30 @@ def study(arguments: argparse.Namespace, console: Console) -> None:
             ("validation", arguments.validation),
         )
     )
-    with phase(console, "trajectories designed", 2) as progress:
+    with phase(console, took, "trajectories designed", 2) as progress:
         for campaign in (training, validation):
             design(campaign, experiment)
             progress.advance(progress.task_ids[0])
     for campaign in (training, validation):
-        merits = [load(file, FourierTrajectory).figures_of_merit for file in campaign.trajectories]
+        merits = [one.figures_of_merit for one in campaign.designed]
         conditions = ", ".join(f"{merit['condition_number']:.0f}" for merit in merits)
         console.print(f"  cond Φ of each, {campaign.name}: {conditions}", highlight=False)
-    with phase(console, "bags recorded", training.count + validation.count) as progress:
+    with phase(console, took, "bags recorded", training.count + validation.count) as progress:
         record((training, validation), experiment, lambda: progress.advance(progress.task_ids[0]))
     planted = out / "planted.json"
     planted.write_text(run("crane_sim", "planted", "--json"), encoding="utf-8")
-    with phase(console, "identified and validated"):
+    with phase(console, took, "identified and validated"):
         run(
             *("crane_identification", "identify", "--recursive", "--replace", "--out", out),
-            *("--model", packaged("crane_model", "crane_model.yaml")),
+            *("--model", machine_file("model.yaml")),
             *("--train", *training.bags, "--validate", *validation.bags),
             *("--reference-values", planted),
         )
     summary = json.loads((out / "summary.json").read_text(encoding="utf-8"))
     true = json.loads(planted.read_text(encoding="utf-8"))
     console.print(parameter_table(summary, true), errors_table(summary))
+    found = figures.rows(summary, true, training.designed, took if fresh else ())
+    measured.write(out / "figures.json", figures.COMMAND, list(found))
     console.print(f"Report: {out}/report.html   Model: {out}/model.yaml", highlight=False)
     emps(out / "emps", console)
 

@@ -3,6 +3,7 @@
 from typing import ClassVar, Literal
 
 from crane_model.array import Array
+from crane_model.errors import ConfigurationError
 from crane_model.record import Record
 from crane_model.terms.chambers import lever_and_slope
 from crane_model.terms.effect import Effect
@@ -27,7 +28,11 @@ class ActuatorInertia(OneJointTerm):
     )
 
     def joint_parameters(self, setting: Setting) -> tuple[Parameter, ...]:
-        """m."""
+        """m; `ConfigurationError` for a motor, whose rotor has an inertia and no mass."""
+        if setting.machine is not None and self.joint in setting.machine.rotors:
+            raise ConfigurationError(
+                f"term '{self.type}': a motor drives '{self.joint}': use the term 'rotor_inertia'"
+            )
         rotary = setting.machine is None and setting.units[self.joint] == "rad"
         unit = "kg m2" if rotary else "kg"
         return (Parameter("m_drive", unit, 0.0, "mass that moves with the piston"),)

@@ -13,7 +13,7 @@ import numpy as np
 from numba import njit
 
 from crane_model.array import Array, Flags
-from crane_model.machine import PLANAR_JOINTS, Machine
+from crane_model.machine import Machine
 from crane_model.terms.oscillator import swung_once
 
 PASSES = 20  # in which a mass sags to where its spring holds it; each halves the error at least
@@ -39,14 +39,14 @@ class Bend(NamedTuple):
     @classmethod
     def of(cls, machine: Machine, joint: str, frequency: float, damping: float) -> "Bend":
         """A spring of this `frequency` [Hz] and share of critical `damping` at mid-range."""
-        dh = machine.denavit_hartenberg
-        limits = [machine.limits[name] for name in PLANAR_JOINTS]
+        dh = machine.as_planar()
+        limits = [machine.limits[name] for name in dh.joints]
         middle = np.array([(row.position_min + row.position_max) / 2.0 for row in limits])
         geometry = (
             *(dh.theta_2_0, dh.inner_boom_length, dh.telescope_offset, dh.telescope_length),
             machine.gravity,
         )
-        i = PLANAR_JOINTS.index(joint)
+        i = dh.joints.index(joint)
         out, down = _gradients(cls(*geometry, i, 1.0, 0.0, 0.0), middle)
         inertia, omega = out[i] ** 2 + down[i] ** 2, 2.0 * math.pi * frequency
         return cls(*geometry, i, inertia, inertia * omega**2, 2.0 * damping * omega * inertia)

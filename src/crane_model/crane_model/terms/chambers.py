@@ -5,19 +5,20 @@ import numpy as np
 from crane_model.array import Array
 from crane_model.cylinders import cylinder_geometry
 from crane_model.errors import ConfigurationError
-from crane_model.machine import JOINTS, Machine
+from crane_model.machine import Machine
 from crane_model.record import Record
 from crane_model.terms.term import Setting, Term
 
 
 def cylinder_machine(term: Term, setting: Setting, joint: str) -> Machine:
     """The machine; `ConfigurationError` unless the model has one with a cylinder at `joint`."""
-    if setting.machine is None or joint not in JOINTS:
+    machine = setting.machine
+    if machine is None or joint not in machine.cylinders:
         raise ConfigurationError(
             f"term '{term.type}': needs a machine with a cylinder at joint '{joint}'; "
-            + ("the model has no machine" if setting.machine is None else f"it has {JOINTS}")
+            + ("the model has no machine" if machine is None else f"it has {_listed(machine)}")
         )
-    return setting.machine
+    return machine
 
 
 def lever(setting: Setting, joint: str, record: Record) -> Array:
@@ -42,6 +43,10 @@ def chamber_forces(term: Term, record: Record, setting: Setting, joint: str) -> 
         cylinder = cylinder_machine(term, setting, joint).cylinders[joint]
         areas = cylinder.area_a, cylinder.area_b
     return lever(setting, joint, record)[:, np.newaxis] * np.stack(pressures, axis=1) * areas
+
+
+def _listed(machine: Machine) -> str:
+    return ", ".join(machine.cylinders) or "none"
 
 
 def gain_unit(setting: Setting, joint: str) -> str:

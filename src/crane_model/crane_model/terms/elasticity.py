@@ -6,14 +6,13 @@ import numpy as np
 from pydantic import Field
 
 from crane_model.array import Array
-from crane_model.machine import PLANAR_JOINTS
 from crane_model.record import Record
 from crane_model.terms.bending import Bend, bending_forces, bent, bent_along, sagging
 from crane_model.terms.effect import Effect, Shape
 from crane_model.terms.joint_term import JointTerm, OneJointTerm
 from crane_model.terms.memory_term import MemoryTerm
 from crane_model.terms.oscillator import relative_acceleration, swung, swung_along
-from crane_model.terms.planar import holds_plane, planar_columns, planar_machine
+from crane_model.terms.planar import planar_columns, planar_machine, plane_of
 from crane_model.terms.term import Family, Parameter, Setting
 
 
@@ -79,7 +78,7 @@ class BoomFlexibility(OneJointTerm, MemoryTerm):
         bend = self._bend(setting)
         if bend is None:
             return np.zeros((len(record), 2))
-        return sagging(bend, record.position[:, planar_columns(record)])
+        return sagging(bend, record.position[:, planar_columns(setting, record)])
 
     def advance(self, states: Array, before: Record, after: Record, setting: Setting) -> Array:
         """Over a step of constant acceleration and, but for the oscillator, of constant load."""
@@ -88,7 +87,7 @@ class BoomFlexibility(OneJointTerm, MemoryTerm):
         if bend is None:
             own = push[:, before.column(self.joint)]
             return swung(states, own, step, self.frequency, self.damping)
-        at = planar_columns(before)
+        at = planar_columns(setting, before)
         q, v = (
             (one[:, at] + other[:, at]) / 2.0
             for one, other in (
@@ -104,7 +103,7 @@ class BoomFlexibility(OneJointTerm, MemoryTerm):
         if bend is None:
             v = np.ascontiguousarray(record.velocity[:, record.column(self.joint)])
             return swung_along(v, record.time, first, self.frequency, self.damping)
-        at = planar_columns(record)
+        at = planar_columns(setting, record)
         return bent_along(bend, record.position[:, at], record.velocity[:, at], record.time, first)
 
     def fill(self, record: Record, setting: Setting, columns: Array) -> None:
@@ -113,7 +112,7 @@ class BoomFlexibility(OneJointTerm, MemoryTerm):
         if bend is None:
             super().fill(record, setting, columns)
             return
-        at, states = planar_columns(record), self.states(record, setting)
+        at, states = planar_columns(setting, record), self.states(record, setting)
         motion = record.position[:, at], record.velocity[:, at], record.acceleration[:, at]
         columns[:, at, 0] = bending_forces(bend, states, *motion) / bend.inertia
 
@@ -125,6 +124,6 @@ class BoomFlexibility(OneJointTerm, MemoryTerm):
 
     def _bend(self, setting: Setting) -> Bend | None:
         """How the planar crane bends; None in a model without it, and for the slew."""
-        if not holds_plane(setting) or self.joint not in PLANAR_JOINTS:
+        if self.joint not in plane_of(setting):
             return None
         return Bend.of(planar_machine(self, setting), self.joint, self.frequency, self.damping)

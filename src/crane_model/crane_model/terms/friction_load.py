@@ -88,10 +88,10 @@ class PadFriction(OneJointTerm):
 
     def joint_parameters(self, setting: Setting) -> tuple[Parameter, ...]:
         """m_0, m_1: friction coefficient times the mass that loads the pads."""
-        planar_machine(self, setting)
-        if self.joint != "telescope":
+        telescope = planar_machine(self, setting).as_planar().joints[-1]
+        if self.joint != telescope:
             raise ConfigurationError(
-                f"term '{self.type}': only the telescope slides on pads, got joint '{self.joint}'"
+                f"term '{self.type}': only {telescope} slides on pads, got joint '{self.joint}'"
             )
         return (
             Parameter("pad_0", "kg", 0.0, "friction coefficient times load of the pads at q4 = 0"),

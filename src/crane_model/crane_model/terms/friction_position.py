@@ -7,7 +7,6 @@ from pydantic import Field
 
 from crane_model.array import Array
 from crane_model.errors import ConfigurationError
-from crane_model.machine import JOINTS
 from crane_model.record import Record
 from crane_model.terms.effect import Effect, Shape
 from crane_model.terms.joint_term import JointTerm, OneJointTerm
@@ -96,7 +95,7 @@ class EndCushioning(OneJointTerm):
 
     def joint_parameters(self, setting: Setting) -> tuple[Parameter, ...]:
         """f_e."""
-        if setting.machine is None or self.joint not in JOINTS:
+        if setting.machine is None or self.joint not in setting.machine.limits:
             raise ConfigurationError(
                 f"term '{self.type}': needs a machine with limits of joint '{self.joint}'"
             )

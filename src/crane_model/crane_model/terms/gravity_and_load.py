@@ -6,11 +6,11 @@ import numpy as np
 from pydantic import Field, field_validator
 
 from crane_model.array import Array
-from crane_model.configuration import Schema
 from crane_model.dynamics import Geometry, lagrangian_regressor
 from crane_model.machine import Machine
 from crane_model.record import Record
 from crane_model.terms.effect import Effect, Shape
+from crane_model.terms.load import Load
 from crane_model.terms.planar import AxisReach, BoomDirections, planar_columns, planar_machine
 from crane_model.terms.term import Family, Parameter, Setting, Term
 
@@ -42,7 +42,7 @@ class BaseTilt(Term):
     def fill(self, record: Record, setting: Setting, columns: Array) -> None:
         """On the rows of inner boom, outer boom and telescope."""
         weight = turned_weight(planar_machine(self, setting), record)
-        columns[:, planar_columns(record), 0] = weight
+        columns[:, planar_columns(setting, record), 0] = weight
 
 
 def turned_weight(machine: Machine, record: Record) -> Array:
@@ -50,13 +50,6 @@ def turned_weight(machine: Machine, record: Record) -> Array:
     _, psi, extension = BoomDirections.of(machine, record)
     turning = -machine.gravity * extension * np.sin(psi)
     return np.stack([turning, turning, machine.gravity * np.cos(psi)], axis=1)
-
-
-class Load(Schema):
-    """`runs`, numbers of `Record.run`, that carry one load, and the `recordings` they come from."""
-
-    runs: tuple[int, ...] = Field(min_length=1)
-    recordings: tuple[str, ...] = ()
 
 
 class Payload(Term):
@@ -77,6 +70,7 @@ class Payload(Term):
         "the same motion with an empty gripper and with a known weight",
         follows=("recording",),
     )
+    carries_loads: ClassVar[bool] = True
 
     loads: tuple[Load, ...] | None = None
 
@@ -93,6 +87,11 @@ class Payload(Term):
         """Where recordings differ."""
         return self.loads is not None
 
+    @property
+    def carried(self) -> tuple[Load, ...]:
+        """Its `loads`."""
+        return self.loads or ()
+
     def parameters(self, setting: Setting) -> tuple[Parameter, ...]:
         """m_1, m_2, ..., or m."""
         planar_machine(self, setting)
@@ -105,7 +104,7 @@ class Payload(Term):
 
     def fill(self, record: Record, setting: Setting, columns: Array) -> None:
         """On the rows of inner boom, outer boom and telescope: (n, 3, loads)."""
-        machine, at = planar_machine(self, setting), planar_columns(record)
+        machine, at = planar_machine(self, setting), planar_columns(setting, record)
         motion = record.position[:, at], record.velocity[:, at], record.acceleration[:, at]
         column = lagrangian_regressor(Geometry.of(machine), *motion) @ tip_mass(machine)
         if self.loads is None:
@@ -120,7 +119,7 @@ class Payload(Term):
 
 def tip_mass(machine: Machine) -> Array:
     """(9,): the Lagrangian parameters of a mass of 1 kg at the boom tip."""
-    dh = machine.denavit_hartenberg
+    dh = machine.as_planar()
     a2, a3, length = dh.inner_boom_length, dh.telescope_offset, dh.telescope_length
     return np.array([a2**2, a2, 0.0, length**2 + a3**2, length, a3, 1.0, length, a3])
 
@@ -152,7 +151,7 @@ class HoseMass(Term):
         machine = planar_machine(self, setting)
         _, psi, extension = BoomDirections.of(machine, record)
         turning = machine.gravity * extension**2 / 2.0 * np.cos(psi)
-        inner, outer, telescope = planar_columns(record)
+        inner, outer, telescope = planar_columns(setting, record)
         columns[:, inner, 0] = columns[:, outer, 0] = turning
         columns[:, telescope, 0] = machine.gravity * extension * np.sin(psi)
 
@@ -193,6 +192,6 @@ class SlewCoupling(Term):
         spin = self.needed(record, "slew_velocity") ** 2
         phi, _, _ = BoomDirections.of(machine, record)
         reach = AxisReach.of(machine, self.reach, record)
-        at = planar_columns(record)
+        at = planar_columns(setting, record)
         columns[:, at[0], 0] = spin * np.sin(phi) * np.cos(phi)
         columns[:, at, 1] = -(spin * reach.distance)[:, np.newaxis] * reach.gradient

@@ -1,41 +1,46 @@
 """What terms of the whole planar crane share: the check of the setting, and the tip's motion."""
 
-from collections.abc import Mapping
+from collections.abc import Iterable
 from typing import NamedTuple
 
 import numpy as np
 
 from crane_model.array import Array
 from crane_model.errors import ConfigurationError
-from crane_model.machine import JOINT_UNITS, PLANAR_JOINTS, Machine
+from crane_model.machine import Machine
 from crane_model.record import Record
 from crane_model.terms.term import Setting, Term
 
-_NEEDED = {joint: JOINT_UNITS[joint] for joint in PLANAR_JOINTS}
-
 
 def planar_machine(term: Term, setting: Setting) -> Machine:
-    """The machine; `ConfigurationError` unless the model has one and its planar joints."""
-    if setting.machine is None or not holds_plane(setting):
+    """The machine; `ConfigurationError` unless it is planar and the model has its planar joints."""
+    machine = setting.machine
+    if machine is None:
+        raise ConfigurationError(f"term '{term.type}': needs a machine, but the model has none")
+    needed = machine.as_planar().joints
+    if not plane_of(setting):
         raise ConfigurationError(
-            f"term '{term.type}': needs a machine and the joints {_listed(_NEEDED)}, "
-            f"got {_listed(setting.units)}" + ("" if setting.machine else " and no machine")
+            f"term '{term.type}': needs the joints {_listed(machine, needed)}, "
+            f"got {_listed(machine, setting.units)}"
         )
-    return setting.machine
+    return machine
 
 
-def holds_plane(setting: Setting) -> bool:
-    """Whether a model has a machine and its planar joints."""
-    return setting.machine is not None and _NEEDED.items() <= setting.units.items()
+def plane_of(setting: Setting) -> tuple[str, ...]:
+    """Inner boom, outer boom and telescope, if the model has them all; else nothing."""
+    if setting.machine is None or setting.machine.planar is None:
+        return ()
+    joints = setting.machine.planar.joints
+    return joints if set(joints) <= setting.units.keys() else ()
 
 
-def planar_columns(record: Record) -> list[int]:
+def planar_columns(setting: Setting, record: Record) -> list[int]:
     """Where inner boom, outer boom and telescope stand among the joints of the record."""
-    return [record.column(joint) for joint in PLANAR_JOINTS]
+    return [record.column(joint) for joint in plane_of(setting)]
 
 
-def _listed(units: Mapping[str, str]) -> str:
-    return ", ".join(f"{joint} [{unit}]" for joint, unit in units.items())
+def _listed(machine: Machine, joints: Iterable[str]) -> str:
+    return ", ".join(f"{joint} [{machine.units[joint]}]" for joint in joints)
 
 
 class BoomDirections(NamedTuple):
@@ -48,8 +53,9 @@ class BoomDirections(NamedTuple):
     @classmethod
     def of(cls, machine: Machine, record: Record) -> "BoomDirections":
         """At each sample."""
-        q2, q3, q4 = record.position.T[planar_columns(record)]
-        return cls(q2 + machine.denavit_hartenberg.theta_2_0, q2 + q3, q4)
+        crane = machine.as_planar()
+        q2, q3, q4 = (record.position[:, record.column(joint)] for joint in crane.joints)
+        return cls(q2 + crane.theta_2_0, q2 + q3, q4)
 
 
 class AxisReach(NamedTuple):
@@ -65,13 +71,13 @@ class AxisReach(NamedTuple):
     @classmethod
     def of(cls, machine: Machine, length: float, record: Record) -> "AxisReach":
         """Of the point that lies `length` [m] from the elbow along the axis at q4 = 0."""
-        dh = machine.denavit_hartenberg
+        dh = machine.as_planar()
         phi, psi, extension = BoomDirections.of(machine, record)
         boom, along = dh.inner_boom_length * np.cos(phi), length + extension
         outer = along * np.cos(psi) - dh.telescope_offset * np.sin(psi)
         by_phi = -dh.inner_boom_length * np.sin(phi)
         by_psi = -along * np.sin(psi) - dh.telescope_offset * np.cos(psi)
-        v2, v3, v4 = record.velocity.T[planar_columns(record)]
+        v2, v3, v4 = (record.velocity[:, record.column(joint)] for joint in dh.joints)
         turn = v2 + v3
         return cls(
             boom + outer,

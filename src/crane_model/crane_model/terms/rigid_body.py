@@ -29,7 +29,7 @@ class PlanarRigidBody(Term):
         """On the rows of inner boom, outer boom and telescope."""
         geometry = Geometry.of(planar_machine(self, setting))
         motion = record.position, record.velocity, record.acceleration
-        fill_base_regressor(geometry, *motion, planar_columns(record), columns)
+        fill_base_regressor(geometry, *motion, planar_columns(setting, record), columns)
 
 
 BASE_PARAMETERS = (
@@ -76,3 +76,14 @@ BASE_PARAMETERS = (
         "mass moment of telescope and gripper along the telescope's axis, from the elbow at q4 = 0",
     ),
 )
+
+LAGRANGIAN = (
+    *BASE_PARAMETERS,
+    Parameter(
+        "S_TL_normal",
+        "kg m",
+        None,
+        "mass moment of telescope and gripper about the elbow normal to the telescope's axis",
+    ),
+)
+"""Those of `crane_model.dynamics`: the base set where that moment does not follow from the mass."""

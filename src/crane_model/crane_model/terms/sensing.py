@@ -132,8 +132,7 @@ class EncoderOffset(OneJointTerm):
 
     def joint_parameters(self, setting: Setting) -> tuple[Parameter, ...]:
         """dq."""
-        planar_machine(self, setting)
-        if self.joint == "telescope":
+        if self.joint == planar_machine(self, setting).as_planar().joints[-1]:
             raise ConfigurationError(
                 f"term '{self.type}': the lever arm of the telescope is constant, and its zero is "
                 "part of the mass moments of the model"

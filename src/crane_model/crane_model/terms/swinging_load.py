@@ -61,7 +61,7 @@ class SwingingLoad(MemoryTerm):
 
     def fill(self, record: Record, setting: Setting, columns: Array) -> None:
         """On the rows of inner boom, outer boom and telescope."""
-        tip, at = self._tip(record, setting), planar_columns(record)
+        tip, at = self._tip(record, setting), planar_columns(setting, record)
         carrier = np.einsum("nj,nj->n", tip.gradient, record.acceleration[:, at]) + tip.bias
         states = self.states(record, setting)
         swing = relative_acceleration(states, carrier, self.frequency, self.damping)
@@ -69,9 +69,9 @@ class SwingingLoad(MemoryTerm):
 
     def _tip(self, record: Record, setting: Setting) -> AxisReach:
         machine = planar_machine(self, setting)
-        return AxisReach.of(machine, machine.denavit_hartenberg.telescope_length, record)
+        return AxisReach.of(machine, machine.as_planar().telescope_length, record)
 
     def _tip_velocity(self, record: Record, setting: Setting) -> Array:
-        velocity = record.velocity[:, planar_columns(record)]
+        velocity = record.velocity[:, planar_columns(setting, record)]
         along: Array = np.einsum("nj,nj->n", self._tip(record, setting).gradient, velocity)
         return along

@@ -11,7 +11,9 @@ from crane_model.array import Array
 from crane_model.configuration import Schema
 from crane_model.machine import Machine
 from crane_model.record import Record
+from crane_model.registry import of_type
 from crane_model.terms.effect import Effect, Shape
+from crane_model.terms.load import Load
 
 REGISTRY: dict[str, type["Term"]] = {}
 
@@ -52,8 +54,9 @@ class Term(Schema, ABC):
 
     What else its physics is, the class says as well, so that nobody has to know classes by name:
     `has_base_parameters` if its parameters are those of (8), `asymmetry_of` the type of the term
-    whose difference between two directions of motion it is, `of_one_instant` if its only column
-    follows from the motion of its only joint at the same instant.
+    whose difference between two directions of motion it is, `of_one_instant` if its columns follow
+    from the motion at the same instant, `carries_loads` if recordings may differ in it: a field
+    `loads` then says which ones carry what.
     """
 
     type: str
@@ -65,6 +68,7 @@ class Term(Schema, ABC):
     has_base_parameters: ClassVar[bool] = False
     asymmetry_of: ClassVar[str | None] = None
     of_one_instant: ClassVar[bool] = False
+    carries_loads: ClassVar[bool] = False
 
     @classmethod
     def __pydantic_init_subclass__(cls, **kwargs: Any) -> None:
@@ -106,6 +110,11 @@ class Term(Schema, ABC):
     def of_recordings(self) -> bool:
         """Whether it says what single recordings carried, which is no property of the machine."""
         return False
+
+    @property
+    def carried(self) -> tuple[Load, ...]:
+        """What single recordings carry; nothing where none differs."""
+        return ()
 
     @abstractmethod
     def parameters(self, setting: Setting) -> tuple[Parameter, ...]:
@@ -154,11 +163,5 @@ class Term(Schema, ABC):
 
 def term_from_mapping(content: Mapping[str, Any]) -> Term:
     """The term that an entry of a model file describes; raises ValueError as pydantic wants it."""
-    name = content.get("type") if isinstance(content, Mapping) else None
-    if name not in REGISTRY:
-        known = ", ".join(sorted(REGISTRY))
-        raise ValueError(
-            f"no term of type {name!r}; there are {known}, those of installed packages and of "
-            "--terms FILE"
-        )
-    return REGISTRY[name].model_validate(content)
+    more = "those of installed packages and of --terms FILE"
+    return of_type(content, REGISTRY, "term", more)

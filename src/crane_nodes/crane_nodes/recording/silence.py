@@ -32,7 +32,7 @@ class Span:
 
     @property
     def seconds(self) -> float:
-        """Its length."""
+        """From its begin to its end."""
         return self.end - self.begin
 
 

@@ -24,6 +24,7 @@ from crane_model import cli
 from crane_model.arguments import whole
 from crane_model.errors import ConfigurationError
 from crane_model.machine import JOINTS, load_machine
+from crane_model.machine_files import machine_file
 from crane_sim.bus.machine_on_bus import MachineOnBus
 from crane_sim.bus.operator_at_machine import Operator
 from crane_sim.bus.pace import PlantPace
@@ -52,8 +53,12 @@ def main(argv: Sequence[str] | None = None) -> int:
 
 def _run(options: argparse.Namespace, stop: threading.Event) -> None:
     settings = bus_settings(options.interface, options.channel, options.bitrate, options.bus_option)
-    layout = load_layout(options.mapping, options.dbc)
     machine, parameters = load_machine(options.machine), load_stand_in(options.plant)
+    layout = load_layout(
+        machine,
+        machine_file("can.yaml", options.machine, options.mapping),
+        machine_file("can.dbc", options.machine, options.dbc),
+    )
     plant = Plant(parameters, machine, _pose(parameters.start, options.pose))
     sensors = Sensors(parameters.sensors, machine, options.seed)
     with Link(settings) as link:

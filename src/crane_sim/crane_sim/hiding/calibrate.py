@@ -4,9 +4,9 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from crane_model.configuration import packaged
 from crane_model.errors import RangeError
 from crane_model.machine import Machine
+from crane_model.machine_files import machine_file
 from crane_sim.effects.form import Form, Planted, Scale
 from crane_sim.effects.sensing import faults
 from crane_sim.hiding.clean import Clean, clean
@@ -70,8 +70,10 @@ def hidden_in(spec: Spec, machine: Machine, stand_in: StandIn, gains: Gains) -> 
     """The effects of `spec` on the motion of its own: one machine, whatever is recorded of it."""
     if all(effect.strength is None for effect in spec.effects):
         return draw(spec, stand_in)
-    trajectory = load_trajectory(spec.trajectory or packaged("crane_trajectory", OWN_MOTION))
-    motion = plan(machine, trajectory, stand_in.start, 1, load_clearance())
+    trajectory = load_trajectory(spec.trajectory or machine_file(OWN_MOTION))
+    motion = plan(
+        machine, trajectory, stand_in.start, 1, load_clearance(machine_file("clearance.yaml"))
+    )
     return calibrate(spec, machine, stand_in, motion, gains)
 
 

@@ -1,14 +1,13 @@
 """The label: what a bag hides, kept away from the bag."""
 
 import hashlib
-import json
 from collections.abc import Sequence
 from pathlib import Path
-from typing import Any
 
 from crane_model.configuration import validate
 from crane_model.errors import ConfigurationError, DataError
 from crane_model.machine import JOINTS, PLANAR_JOINTS, Machine
+from crane_model.result_file import Number, ResultFile, ResultPart
 from crane_sim.effects.form import Planted
 from crane_sim.hiding.clean import Clean
 from crane_sim.hiding.spec import Spec, load_spec
@@ -17,7 +16,54 @@ from crane_sim.parts.parameters import StandIn
 OUTSIDE = "outside"  # in the place of the id of an effect that no catalogue has
 
 
-def label(planted: Sequence[Planted], clean: Clean) -> list[dict[str, Any]]:
+class LabelledParameter(ResultPart):
+    """A parameter of a hidden effect."""
+
+    name: str
+    """As in a spec."""
+    value: float
+    """What the machine has [unit]."""
+    unit: str
+    """SI; `1` for a ratio."""
+
+
+class LabelledEffect(ResultPart):
+    """A hidden effect."""
+
+    effect: str
+    """Its type in the catalogue of `diagnose`, or `outside`."""
+    name: str
+    """Its name in a spec."""
+    joint: str
+    """The joint, or `all`."""
+    form: str
+    """The law that it follows in the stand-in machine."""
+    parameters: list[LabelledParameter]
+    """Of that law."""
+    strength_requested: Number
+    """Rms of its force over that of the drive that was asked for [-]; null: none was."""
+    strength: float
+    """The same as reached [-]."""
+    strength_by_joint: dict[str, float]
+    """As reached on each joint [-]."""
+
+
+class Label(ResultFile):
+    """What a bag hides (`make_bag --label`)."""
+
+    bag: str
+    """Name of its folder."""
+    seed: int
+    """Of its noise [-]."""
+    clean: str
+    """File beside the label with the forces of the effects, without noise."""
+    machine: str
+    """Digest of the machine that made it."""
+    effects: list[LabelledEffect]
+    """All of them."""
+
+
+def label(planted: Sequence[Planted], clean: Clean) -> list[LabelledEffect]:
     """One entry an effect: what it is, its parameters, and the strength asked for and reached."""
     entries = []
     reached = clean.strength(planted)
@@ -26,22 +72,22 @@ def label(planted: Sequence[Planted], clean: Clean) -> list[dict[str, Any]]:
         described = [(form.magnitude.name, form.magnitude.unit)]
         described += [(entry.name, entry.unit) for entry in form.draws]
         entries.append(
-            {
-                "effect": OUTSIDE if form.outside else form.effect,
-                "name": form.effect,
-                "joint": effect.joint,
-                "form": form.name,
-                "parameters": [
-                    {"name": name, "value": value, "unit": form.unit(unit, effect.joint)}
+            LabelledEffect(
+                effect=OUTSIDE if form.outside else form.effect,
+                name=form.effect,
+                joint=effect.joint,
+                form=form.name,
+                parameters=[
+                    LabelledParameter(name=name, value=value, unit=form.unit(unit, effect.joint))
                     for (name, unit), value in zip(described, effect.values, strict=True)
                 ],
-                "strength_requested": effect.requested,
-                "strength": float(reached[k]),
-                "strength_by_joint": {
+                strength_requested=effect.requested,
+                strength=float(reached[k]),
+                strength_by_joint={
                     joint: float(clean.strength_by_joint[k, JOINTS.index(joint)])
                     for joint in PLANAR_JOINTS
                 },
-            }
+            )
         )
     return entries
 
@@ -76,15 +122,15 @@ def write_label(
 ) -> None:
     """The label of a bag and, beside it, the arrays of `clean`."""
     check_place(path, bag)
-    content = {
-        "bag": bag.name,
-        "seed": seed,
-        "clean": clean_path(path).name,
-        "machine": _digest(machine, stand_in),
-        "effects": label(planted, clean),
-    }
+    content = Label(
+        bag=bag.name,
+        seed=seed,
+        clean=clean_path(path).name,
+        machine=_digest(machine, stand_in),
+        effects=label(planted, clean),
+    )
     path.parent.mkdir(parents=True, exist_ok=True)
-    path.write_text(json.dumps(content, indent=2) + "\n", encoding="utf-8")
+    content.write(path)
     clean.save(clean_path(path))
 
 
@@ -96,25 +142,21 @@ def load_hidden(path: Path, machine: Machine, stand_in: StandIn) -> Spec:
     if path.suffix != ".json":
         return load_spec(path)
     try:
-        content = json.loads(path.read_text(encoding="utf-8"))
-        effects = [
-            {
-                "effect": entry["name"],
-                "joint": entry["joint"],
-                "form": entry["form"],
-                "parameters": {one["name"]: one["value"] for one in entry["parameters"]},
-            }
-            for entry in content["effects"]
-        ]
-        own = content["machine"]
-    except FileNotFoundError:
-        raise ConfigurationError(f"{path}: no such file; check the path") from None
-    except (OSError, ValueError, KeyError, TypeError) as error:
+        content = Label.read(path)
+    except DataError as error:
         raise ConfigurationError(
-            f"{path}: not the label of a bag ({error!r}); give one that --label has written, or a "
-            "spec (YAML)"
+            f"{error}; give a label that --label has written, or a spec (YAML)"
         ) from None
-    if own != _digest(machine, stand_in):
+    effects = [
+        {
+            "effect": entry.name,
+            "joint": entry.joint,
+            "form": entry.form,
+            "parameters": {one.name: one.value for one in entry.parameters},
+        }
+        for entry in content.effects
+    ]
+    if content.machine != _digest(machine, stand_in):
         raise ConfigurationError(
             f"{path}: the label of another machine than '{stand_in.name}' with the geometry of "
             f"'{machine.name}'; give the files --plant and --machine that its bag was made with"

@@ -70,7 +70,7 @@ def pack_chain(parameters: StandIn, machine: Machine) -> Chain:
         inner_boom_length=dh.inner_boom_length,
         telescope_offset=dh.telescope_offset,
         telescope_length=dh.telescope_length,
-        gravity=machine.gravity,
+        gravity=dh.gravity,
     )
 
 
@@ -93,8 +93,7 @@ def pack_friction(parameters: StandIn) -> np.ndarray:
 
 def _pack_linkages(machine: Machine) -> Linkages:
     inner, outer = machine.inner_boom_linkage, machine.outer_boom_linkage
-    radius = machine.cylinders.slew.rack_radius
-    assert radius is not None  # the schema of the machine requires it
+    radius = lever_arm(machine, JOINTS[0], np.zeros(1))[0]
     return Linkages(
         rack_radius=radius,
         j1=inner.j1,

@@ -7,9 +7,10 @@ import numpy as np
 import yaml
 from pydantic import Field, model_validator
 
-from crane_model.configuration import NonNegative, Positive, Schema, packaged, read_yaml, validate
+from crane_model.configuration import NonNegative, Positive, Schema, read_yaml, validate
 from crane_model.errors import ConfigurationError
 from crane_model.machine import JOINTS, PerJoint
+from crane_model.machine_files import machine_file
 from crane_model.sensors import SensorChain
 
 Fraction = Annotated[float, Field(ge=0, lt=1)]
@@ -156,7 +157,7 @@ def load_stand_in(path: Path | str | None = None) -> StandIn:
     A file with the key `base` (another file, relative to this one) holds only what differs from
     that file; it may not have a base itself.
     """
-    path = Path(path or packaged("crane_sim", "stand_in.yaml"))
+    path = Path(path or machine_file("stand_in.yaml"))
     content = read_yaml(path)
     if isinstance(content, dict) and "base" in content:
         difference = {key: value for key, value in content.items() if key != "base"}

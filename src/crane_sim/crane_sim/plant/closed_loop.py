@@ -99,7 +99,9 @@ def record(
         _, velocity[k], _ = velocity_filter.update(time, position[k])
         if not np.isnan(velocity[k]).any():
             u = command(
-                arrays, position[k], velocity[k], reference.position[k], reference.velocity[k]
+                arrays,
+                *(position[k], velocity[k], reference.position[k], reference.velocity[k]),
+                units=plant.machine.units,
             )
         commands[k] = u
     return SimulatedRecording(

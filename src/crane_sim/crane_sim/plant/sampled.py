@@ -45,7 +45,7 @@ class Sensors:
         """Encoder readings of the coordinates (..., 4) [rad, m]."""
         for fault in self.faults:
             q = fault.positions(q)
-        return self._chain.measure_positions(q)
+        return self._chain.measure_positions(JOINTS, q)
 
     def pressures(
         self,

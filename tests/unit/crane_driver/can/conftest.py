@@ -9,6 +9,8 @@ import yaml
 
 from crane_driver.can.binding import load_layout
 from crane_driver.can.layout import Layout
+from crane_model.machine import load_machine
+from crane_model.machine_files import machine_file
 
 Signal = tuple[str, str, str]  # name, layout and scale as in SG_, unit
 
@@ -16,7 +18,7 @@ Signal = tuple[str, str, str]  # name, layout and scale as in SG_, unit
 @pytest.fixture(scope="session")
 def crane() -> Layout:
     """Layout of the laboratory crane."""
-    return load_layout()
+    return load_layout(load_machine(), machine_file("can.yaml"), machine_file("can.dbc"))
 
 
 @pytest.fixture

@@ -12,6 +12,7 @@ from hypothesis import strategies as st
 from crane_driver.can.binding import load_layout
 from crane_driver.can.codec import DriverCodec, MachineCodec
 from crane_model.errors import ConfigurationError
+from crane_model.machine import load_machine
 
 WriteDbc = Callable[..., Path]
 WriteMapping = Callable[[dict[str, Any]], Path]
@@ -81,7 +82,7 @@ def changed(**changes: Any) -> dict[str, Any]:
 def test_another_machine_s_units_signs_zeros_and_checksums(
     write_dbc: WriteDbc, write_mapping: WriteMapping
 ) -> None:
-    layout = load_layout(write_mapping(MAPPING), write_dbc(MESSAGES, MODES))
+    layout = load_layout(load_machine(), write_mapping(MAPPING), write_dbc(MESSAGES, MODES))
     machine, driver = MachineCodec(layout), DriverCodec(layout)
     frame = machine.reading_frame(
         "Sensors", {"inner_boom": 0.1}, {"inner_boom.a": 30e5}, {"sensors": "Run"}
@@ -103,7 +104,7 @@ def test_another_machine_s_units_signs_zeros_and_checksums(
 def test_the_counter_takes_the_values_that_its_bits_hold(
     write_dbc: WriteDbc, write_mapping: WriteMapping
 ) -> None:
-    layout = load_layout(write_mapping(MAPPING), write_dbc(MESSAGES, MODES))
+    layout = load_layout(load_machine(), write_mapping(MAPPING), write_dbc(MESSAGES, MODES))
     assert layout.readings[0].protection.counter_count == 4
 
 
@@ -188,7 +189,7 @@ def test_a_contradiction_is_named(
     mapping = write_mapping(changed(**changes))
     dbc = write_dbc(MESSAGES, MODES)
     with pytest.raises(ConfigurationError) as caught:
-        load_layout(mapping, dbc)
+        load_layout(load_machine(), mapping, dbc)
     assert all(line.startswith(str(mapping)) for line in str(caught.value).splitlines())
     for message in messages:
         assert message in str(caught.value)
@@ -197,7 +198,7 @@ def test_a_contradiction_is_named(
 @pytest.mark.parametrize(
     ("changes", "message"),
     [
-        ({"positions__gripper": MAPPING["positions"]["inner_boom"]}, "no joint gripper; there are"),
+        ({"positions__gripper": MAPPING["positions"]["inner_boom"]}, "no joint gripper; labor"),
         ({"pressures__inner_boom": {"signal": "A.B", "unit": "bar"}}, "no pressure inner_boom;"),
         ({"positions__inner_boom__signal": "Boom"}, "key 'positions.inner_boom.signal'"),
         ({"positions__inner_boom__sign": 2}, "key 'positions.inner_boom.sign'"),
@@ -216,14 +217,14 @@ def test_a_wrong_mapping_file_is_refused_by_key(
     write_dbc: WriteDbc, write_mapping: WriteMapping, changes: dict[str, Any], message: str
 ) -> None:
     with pytest.raises(ConfigurationError, match=message):
-        load_layout(write_mapping(changed(**changes)), write_dbc(MESSAGES, MODES))
+        load_layout(load_machine(), write_mapping(changed(**changes)), write_dbc(MESSAGES, MODES))
 
 
 def test_a_signal_without_unit_takes_that_of_the_mapping(
     write_dbc: WriteDbc, write_mapping: WriteMapping
 ) -> None:
     mapping = changed(**{"pressures__inner_boom.a__signal": "Sensors.Mode", "states": {}})
-    layout = load_layout(write_mapping(mapping), write_dbc(MESSAGES, MODES))
+    layout = load_layout(load_machine(), write_mapping(mapping), write_dbc(MESSAGES, MODES))
     assert layout.resolution("inner_boom.a") == 1e5
 
 
@@ -234,7 +235,7 @@ def test_all_contradictions_are_listed_at_once(
         positions__inner_boom__unit="rad", states__sensors__signal="Sensors.State", constants={}
     )
     with pytest.raises(ConfigurationError) as caught:
-        load_layout(write_mapping(mapping), write_dbc(MESSAGES, MODES))
+        load_layout(load_machine(), write_mapping(mapping), write_dbc(MESSAGES, MODES))
     assert len(str(caught.value).splitlines()) == 3
 
 
@@ -244,7 +245,7 @@ def test_a_valve_signal_must_carry_the_whole_command(
     messages = deepcopy(MESSAGES)
     messages["Valve"][3][0] = ("Boom", "0|8@1- (1,0) [-50|100]", "%")
     with pytest.raises(ConfigurationError, match=r"Valve.Boom carries -1.0\d* to 0.5"):
-        load_layout(write_mapping(MAPPING), write_dbc(messages, MODES))
+        load_layout(load_machine(), write_mapping(MAPPING), write_dbc(messages, MODES))
 
 
 @settings(
@@ -280,7 +281,7 @@ def test_any_signal_comes_back_within_half_a_step(
             "outer_boom": {"signal": "Angle.Boom", "unit": "rad", "sign": sign, "zero": zero}
         }
     )
-    layout = load_layout(write_mapping(mapping), write_dbc(messages, MODES))
+    layout = load_layout(load_machine(), write_mapping(mapping), write_dbc(messages, MODES))
     (channel,) = next(one for one in layout.readings if one.name == "Angle").positions
     value = min(channel.low + share * (channel.high - channel.low), channel.high)
     frame = MachineCodec(layout).reading_frame("Angle", {"outer_boom": value}, {}, {})

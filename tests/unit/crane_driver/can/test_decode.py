@@ -13,10 +13,10 @@ from crane_driver.can.codec import DriverCodec, MachineCodec
 from crane_driver.can.frame import Frame, show_id
 from crane_driver.can.layout import Layout
 from crane_driver.decode import main
-from crane_model.configuration import packaged
+from crane_model.machine_files import machine_file
 
-DBC = packaged("crane_driver", "laboratory_crane.dbc")
-MAPPING = packaged("crane_driver", "laboratory_crane_can.yaml")
+DBC = machine_file("can.dbc")
+MAPPING = machine_file("can.yaml")
 START = 1_700_000_000
 CYCLES = 40
 

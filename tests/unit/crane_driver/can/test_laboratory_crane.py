@@ -7,19 +7,20 @@ from crane_driver.can.codec import DriverCodec, MachineCodec
 from crane_driver.can.dbc import Dbc, load_dbc
 from crane_driver.can.layout import Layout
 from crane_driver.can.mapping import LINES
-from crane_model.configuration import load, packaged
+from crane_model.configuration import load
 from crane_model.machine import JOINTS, load_machine
+from crane_model.machine_files import machine_file
 from crane_model.sensors import SensorChain
 
 
 @pytest.fixture(scope="module")
 def dbc() -> Dbc:
-    return load_dbc(packaged("crane_driver", "laboratory_crane.dbc"))
+    return load_dbc(machine_file("can.dbc"))
 
 
 @pytest.fixture(scope="module")
 def sensors() -> SensorChain:
-    return load(packaged("crane_model", "sensors.yaml"), SensorChain)
+    return load(machine_file("sensors.yaml"), SensorChain)
 
 
 def test_all_joints_cylinders_and_valves_are_mapped(crane: Layout) -> None:

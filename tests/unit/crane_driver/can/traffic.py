@@ -9,8 +9,10 @@ import numpy as np
 from crane_driver.can.assembly import Assembly
 from crane_driver.can.binding import load_layout
 from crane_driver.can.decoder import Readings
+from crane_model.machine import load_machine
+from crane_model.machine_files import machine_file
 
-CRANE = load_layout()
+CRANE = load_layout(load_machine(), machine_file("can.yaml"), machine_file("can.dbc"))
 CYCLE = 0.005  # s
 COUNT = 15  # values of a counter
 BEGIN = 100.0  # s

@@ -12,8 +12,9 @@ from crane_driver.can.frame import Frame
 from crane_driver.canopen.devices import RETRY, Devices
 from crane_driver.canopen.watch import NodeState
 from crane_driver.faults import Fault, FaultKind
-from crane_model.configuration import packaged
 from crane_model.errors import ConfigurationError
+from crane_model.machine import load_machine
+from crane_model.machine_files import machine_file
 
 BOOTED, STOPPED, OPERATIONAL, PRE_OPERATIONAL = 0x00, 0x04, 0x05, 0x7F
 START_5 = Frame(0x000, bytes([0x01, 5]))
@@ -152,11 +153,11 @@ def test_other_frames_are_left_to_others() -> None:
 def load(folder: Path, canopen: dict[str, object], encoder: int = 0x120) -> None:
     """The laboratory's mapping with devices, and its DBC with another id of EncoderBase."""
     mapping, dbc = folder / "mapping.yaml", folder / "crane.dbc"
-    text = packaged("crane_driver", "laboratory_crane_can.yaml").read_text()
+    text = machine_file("can.yaml").read_text()
     mapping.write_text(yaml.safe_dump({**yaml.safe_load(text), "canopen": canopen}))
-    text = packaged("crane_driver", "laboratory_crane.dbc").read_text()
+    text = machine_file("can.dbc").read_text()
     dbc.write_text(text.replace("BO_ 288 EncoderBase", f"BO_ {encoder} EncoderBase"))
-    load_layout(mapping, dbc)
+    load_layout(load_machine(), mapping, dbc)
 
 
 @pytest.mark.parametrize(

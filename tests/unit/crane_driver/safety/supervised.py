@@ -6,8 +6,9 @@ from crane_driver.faults import Fault, FaultKind
 from crane_driver.safety.settings import load_safety
 from crane_driver.safety.supervisor import Output, Supervisor
 from crane_model.machine import JOINTS, load_machine
+from crane_model.machine_files import machine_file
 
-MACHINE, SAFETY = load_machine(), load_safety()
+MACHINE, SAFETY = load_machine(), load_safety(machine_file("safety.yaml"), load_machine())
 CYCLE = 0.005  # s
 MIDDLE = {
     joint: (MACHINE.limits[joint].position_min + MACHINE.limits[joint].position_max) / 2

@@ -11,10 +11,11 @@ from crane_driver.safety.limits import JointLimiter
 from crane_driver.safety.settings import load_safety
 from crane_driver.velocity_filter import VelocityFilter
 from crane_model.machine import JOINTS, load_machine
+from crane_model.machine_files import machine_file
 from crane_sim.parts.parameters import load_stand_in
 from crane_sim.plant.plant import Plant
 
-MACHINE, SAFETY = load_machine(), load_safety()
+MACHINE, SAFETY = load_machine(), load_safety(machine_file("safety.yaml"), load_machine())
 CYCLE = 0.005  # s
 ROUNDING = 1e-6  # rad, m
 SWING = 0.005  # rad, m, by which the load swings on the oil when it is stopped
@@ -110,7 +111,9 @@ def test_the_simulated_crane_at_full_spool_stays_within_table_2(
     one, u, fastest_seen = limiter(joint), np.zeros(4), 0.0
     for _ in range(600):
         plant.advance(u, CYCLE)
-        position, velocity, _ = velocity_filter.update(plant.time, chain.measure_positions(plant.q))
+        position, velocity, _ = velocity_filter.update(
+            plant.time, chain.measure_positions(JOINTS, plant.q)
+        )
         if np.isfinite(velocity[i]):
             u[i] = one.limit(direction, position[i], velocity[i], CYCLE)
         beyond = direction * (plant.q[i] - end)

@@ -4,12 +4,12 @@ from collections.abc import Collection, Mapping, Sequence
 
 import numpy as np
 
-from crane_identification.diagnosis.candidates import Candidate, ShapedCandidate
-from crane_identification.diagnosis.evidence import Evidence
-from crane_identification.diagnosis.projection import project, whitened_base
-from crane_identification.diagnosis.runs import Run
-from crane_identification.diagnosis.search import Search
-from crane_identification.diagnosis.whitening import whitener
+from crane_identification.diagnosis.fit.evidence import Evidence
+from crane_identification.diagnosis.fit.runs import Run
+from crane_identification.diagnosis.search.candidates import Candidate, ShapedCandidate
+from crane_identification.diagnosis.search.projection import project
+from crane_identification.diagnosis.search.search import Search
+from crane_identification.diagnosis.search.whitening import whitened_base, whitener
 from crane_model.model_file import Model
 from crane_model.terms import REGISTRY, Setting, single_axis
 
@@ -57,7 +57,7 @@ def shaped(kind: str, columns: np.ndarray, positive: bool = False) -> ShapedCand
 def search(given: Evidence, candidates: Sequence[ShapedCandidate]) -> Search:
     white = whitener(given, np.concatenate([one.columns for one in candidates], axis=2))
     base = whitened_base(given, white)
-    made = project(given, white, list(candidates), base)
+    made = project(white, base, candidates)
     return Search(given, white, base, made, {}, {})
 
 

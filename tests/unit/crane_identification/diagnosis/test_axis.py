@@ -11,13 +11,14 @@ from unit.crane_identification.synthetic import axis_log
 
 from crane_identification.data.log import Log, Signal
 from crane_identification.diagnosis import explain, findings
+from crane_identification.diagnosis.answer.verdict import Verdict
 from crane_identification.diagnosis.diagnosis import Diagnosis, diagnose
 from crane_identification.diagnosis.region import regions
 from crane_identification.diagnosis.report import charts, page
-from crane_identification.diagnosis.thresholds import load_thresholds
-from crane_identification.diagnosis.verdict import Verdict
+from crane_identification.diagnosis.search.energy import left_share
 from crane_identification.options import Options
 from crane_identification.report.content import Provenance
+from crane_identification.thresholds import load_thresholds
 from crane_model.errors import ConfigurationError
 from crane_model.model_file import Model, load_model, save_model
 
@@ -156,9 +157,9 @@ def test_what_effects_leave_where_they_act_is_known(without_coulomb: Diagnosis) 
     """All of them leave noise; the weakest alone leaves most of what the others explain."""
     search = without_coulomb.search
     options = [finding.judged.shaped for finding in without_coulomb.findings]
-    assert abs(search.left_share(options)) < 0.1
-    assert search.left_share(options[-1:]) > 0.5
-    assert search.left_share([]) == 0.0
+    assert abs(left_share(search, options)) < 0.1
+    assert left_share(search, options[-1:]) > 0.5
+    assert left_share(search, []) == 0.0
 
 
 def test_the_extended_model_loads_and_lacks_nothing_more(

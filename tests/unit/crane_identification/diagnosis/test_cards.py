@@ -6,7 +6,7 @@ import pytest
 from crane_identification.diagnosis.report.cards import folds
 from crane_identification.diagnosis.report.charts import fold_bars, grouped_bars, span
 from crane_identification.diagnosis.variables import feature_unit, unit_of
-from crane_model.configuration import packaged
+from crane_model.machine_files import machine_file
 from crane_model.model_file import load_model
 
 FIVE_GOOD = np.array([310.0, 290.0, 305.0, 280.0, 315.0, -1.5e10])
@@ -60,7 +60,7 @@ def test_hovering_a_hundred_percent_shows_no_power_of_ten() -> None:
     ],
 )
 def test_every_quantity_of_a_learner_has_a_unit(feature: str, unit: str) -> None:
-    setting = load_model(packaged("crane_model", "crane_model.yaml")).setting
+    setting = load_model(machine_file("model.yaml")).setting
     assert feature_unit(feature, setting) == unit
     counted = feature_unit(feature, setting, counts=True)
     assert counted == (unit if unit in ("1", "s", "°C") else "counts")

@@ -10,26 +10,28 @@ from unit.crane_identification.experiments import experiment
 from unit.crane_identification.synthetic import AXIS_THETA, axis_log, crane_model
 
 from crane_identification.data.log import Log
-from crane_identification.diagnosis import changes, explain, findings
-from crane_identification.diagnosis.candidates import candidates_of
-from crane_identification.diagnosis.decision import decide
+from crane_identification.diagnosis import explain, findings
+from crane_identification.diagnosis.answer.verdict import Verdict
+from crane_identification.diagnosis.decision.decision import decide
 from crane_identification.diagnosis.diagnosis import Diagnosis, diagnose
-from crane_identification.diagnosis.evidence import Evidence
-from crane_identification.diagnosis.fit import Training, decimation
-from crane_identification.diagnosis.projection import whitened_base
+from crane_identification.diagnosis.fit.evidence import Evidence
+from crane_identification.diagnosis.fit.fit import Training, decimation, kept
+from crane_identification.diagnosis.proof.extension import extended
 from crane_identification.diagnosis.report import page
-from crane_identification.diagnosis.search import Race, search
-from crane_identification.diagnosis.thresholds import load_thresholds
-from crane_identification.diagnosis.trial import extended
-from crane_identification.diagnosis.verdict import Verdict
-from crane_identification.diagnosis.whitening import whitener
+from crane_identification.diagnosis.search.candidates import candidates_of
+from crane_identification.diagnosis.search.race import Race
+from crane_identification.diagnosis.search.search import search
+from crane_identification.diagnosis.search.wanted import changes_of
+from crane_identification.diagnosis.search.whitening import whitened_base, whitener
+from crane_identification.fitting import fit
 from crane_identification.options import Options
-from crane_identification.pipeline import fit
 from crane_identification.preparation.prepare import prepare
 from crane_identification.report.content import Provenance
+from crane_identification.thresholds import load_thresholds
 from crane_model.errors import ConfigurationError
 from crane_model.model_file import Model, load_model, save_model
-from crane_model.terms.gravity_and_load import Load, Payload
+from crane_model.terms.gravity_and_load import Payload
+from crane_model.terms.load import Load
 
 F_C = 2  # index of Coulomb friction
 
@@ -102,11 +104,11 @@ def test_changes_of_one_joint_are_told_apart(tmp_path: Path) -> None:
     known = before(tmp_path)
     options = Options(average=False)
     runs = [p for log in recorded(known, 1.0, 1.1, 1.1, 1.2) for p in prepare(known, log, options)]
-    evidence = changes.kept(known, runs, decimation(runs, None))
-    wanted = [*candidates_of(known, evidence), *changes.changes_of(known)]
+    evidence = kept(known, runs, decimation(runs, None))
+    wanted = [*candidates_of(known, evidence), *changes_of(known)]
     found = search(evidence, wanted)
     judged = decide(Race(found), load_thresholds()).passed
-    assert {one.shaped.candidate for one in judged} <= set(changes.changes_of(known))
+    assert {one.shaped.candidate for one in judged} <= set(changes_of(known))
     assert not any(one.indistinct for one in judged)
     _, values = extended(found, known, judged, Training(runs, 1, "all"))
     changed = {one.name: one.change for (one,) in values}
@@ -137,7 +139,7 @@ def test_values_that_are_kept_are_as_uncertain_as_they_say(tmp_path: Path) -> No
     force = rng.standard_normal((n, 2))
     evidence = Evidence(axis, (), np.arange(n) * 0.1, zeros, zeros, force, base, used, std_devs)
     white = whitener(evidence, base)
-    found = whitened_base(evidence, white)
+    found = whitened_base(evidence, white).basis
     beside = np.eye(len(found)) - found @ found.T
     uncertain, nuisance = white(evidence.uncertain), white(evidence.free)
     covariance = beside @ (np.eye(len(found)) + uncertain @ uncertain.T) @ beside
@@ -155,7 +157,7 @@ def test_a_load_in_all_recordings_is_weighed() -> None:
     runs = [
         p for seed in (1, 2) for p in prepare(known, experiment(seed, 1, model=loaded), options)
     ]
-    found = search(changes.kept(known, runs, 20), changes.changes_of(known))
+    found = search(kept(known, runs, 20), changes_of(known))
     judged = decide(Race(found), load_thresholds()).passed
     assert [one.shaped.candidate.type for one in judged] == ["payload"]
     after, ((load,),) = extended(found, known, judged, Training(runs, 20, "both"))

@@ -6,9 +6,10 @@ import numpy as np
 import pytest
 from unit.crane_identification.diagnosis.made import ROWS, normal, searched
 
-from crane_identification.diagnosis.decision import Decision, decide
-from crane_identification.diagnosis.search import Race, Search
-from crane_identification.diagnosis.thresholds import load_thresholds
+from crane_identification.diagnosis.decision.decision import Decision, decide
+from crane_identification.diagnosis.search.race import Race
+from crane_identification.diagnosis.search.search import Search
+from crane_identification.thresholds import load_thresholds
 
 A, B, C, D = np.linalg.qr(normal(1, ROWS, 4))[0].T * np.sqrt(ROWS)
 """Columns that have nothing in common; of 1 in the force, each gains as many as there are rows."""

@@ -7,14 +7,17 @@ import numpy as np
 import pytest
 from unit.crane_model.test_flow import BANDS, BETA, GAINS, JOINT, LEAK, PLAY, moved
 
-from crane_identification.diagnosis.evidence import Evidence
-from crane_identification.diagnosis.flow import examine
-from crane_identification.diagnosis.hydraulics import Flow, Usual
-from crane_identification.diagnosis.runs import Run
-from crane_identification.diagnosis.thresholds import load_thresholds
-from crane_model.configuration import packaged
+from crane_identification.diagnosis.fit.evidence import Evidence
+from crane_identification.diagnosis.fit.runs import Run
+from crane_identification.diagnosis.flow.flow import examine
+from crane_identification.diagnosis.flow.hydraulics import Flow
+from crane_identification.diagnosis.flow.usual import Usual
+from crane_identification.diagnosis.search.candidates import Candidate
+from crane_identification.thresholds import load_thresholds
+from crane_model.machine_files import machine_file
 from crane_model.model_file import load_model
 from crane_model.record import Record
+from crane_model.terms.sensing import EncoderOffset
 
 USUAL = Usual(
     dead_zone={JOINT: 0.09},
@@ -30,7 +33,7 @@ THRESHOLDS = PACKAGED.model_copy(update={"gates": PACKAGED.gates.model_copy(upda
 
 @pytest.fixture(scope="module")
 def evidence() -> Evidence:
-    model = load_model(packaged("crane_model", "crane_model.yaml"))
+    model = load_model(machine_file("model.yaml"))
     assert model.machine is not None
     record = moved(model.machine)
     run = Run("cylinder", 0, record, np.ones((len(record), 1)), 10)
@@ -213,7 +216,8 @@ def test_a_law_of_no_valve_and_no_oil_is_unknown(evidence: Evidence, flow: Flow)
 
 
 def test_joints_with_wrong_sensors_are_not_asked(evidence: Evidence) -> None:
-    found, absent = examined(evidence, evidence, USUAL, THRESHOLDS, {JOINT})
+    named = [Candidate(EncoderOffset, JOINT)]
+    found, absent = examined(evidence, evidence, USUAL, THRESHOLDS, named)
     assert not found
     assert "sensors" in absent["internal_leakage", JOINT]
 

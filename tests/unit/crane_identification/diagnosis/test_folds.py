@@ -7,14 +7,14 @@ import numpy as np
 import pytest
 from unit.crane_identification.diagnosis import made
 
-from crane_identification.diagnosis.cross_validation import (
+from crane_identification.diagnosis.decision.cross_validation import (
     TIME_BLOCKS,
     folds,
     gain,
     held_out_gains,
     helps,
 )
-from crane_identification.diagnosis.thresholds import load_thresholds
+from crane_identification.thresholds import load_thresholds
 
 FOLDS, ROWS = 6, 200
 FOLD = np.repeat(np.arange(FOLDS), ROWS)

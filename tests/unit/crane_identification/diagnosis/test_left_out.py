@@ -5,15 +5,10 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from crane_identification.diagnosis.candidates import (
-    SEEN_SHARE,
-    Candidate,
-    ShapedCandidate,
-    left_out,
-    seen,
-)
-from crane_identification.diagnosis.evidence import Evidence
-from crane_identification.diagnosis.runs import Run
+from crane_identification.diagnosis.fit.evidence import Evidence
+from crane_identification.diagnosis.fit.runs import Run
+from crane_identification.diagnosis.search.candidates import Candidate, ShapedCandidate
+from crane_identification.diagnosis.search.visibility import SEEN_SHARE, left_out, seen
 from crane_model.model_file import Model
 from crane_model.record import Record
 from crane_model.terms import single_axis

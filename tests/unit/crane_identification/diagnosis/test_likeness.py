@@ -6,10 +6,11 @@ from typing import Any
 import numpy as np
 import pytest
 
-from crane_identification.diagnosis.candidates import Candidate, ShapedCandidate
-from crane_identification.diagnosis.likeness import likeness, mends, slight
-from crane_identification.diagnosis.projection import Projection
-from crane_identification.diagnosis.thresholds import load_thresholds
+from crane_identification.diagnosis.decision.form import mends, slight
+from crane_identification.diagnosis.decision.likeness import likeness
+from crane_identification.diagnosis.search.candidates import Candidate, ShapedCandidate
+from crane_identification.diagnosis.search.projection import Projection
+from crane_identification.thresholds import load_thresholds
 from crane_model.model_file import load_model
 from crane_model.record import Record
 from crane_model.terms import REGISTRY, Term

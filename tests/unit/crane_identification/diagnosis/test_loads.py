@@ -9,18 +9,18 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from unit.crane_identification.synthetic import crane_log, crane_model
 
-from crane_identification.diagnosis.candidates import candidates_of
-from crane_identification.diagnosis.evidence import Evidence, gather
-from crane_identification.diagnosis.gap import residual
-from crane_identification.diagnosis.loads import agreeing, one_each
-from crane_identification.diagnosis.refit import refit
-from crane_identification.diagnosis.search import Race, search
-from crane_identification.diagnosis.weighing import weighed
+from crane_identification.diagnosis.fit.evidence import Evidence, gather, residual
+from crane_identification.diagnosis.fit.refit import refit
+from crane_identification.diagnosis.search.candidates import candidates_of
+from crane_identification.diagnosis.search.loads import agreeing, one_each, weighed
+from crane_identification.diagnosis.search.race import Race
+from crane_identification.diagnosis.search.search import search
 from crane_identification.options import Options
 from crane_identification.preparation.prepare import prepare
 from crane_identification.preparation.run import Preparation
 from crane_model.model_file import Model
-from crane_model.terms.gravity_and_load import Load, Payload
+from crane_model.terms.gravity_and_load import Payload
+from crane_model.terms.load import Load
 
 MASSES = (0.0, 6.5, 0.0, 6.5, 12.0)  # kg, of the recordings to train on
 HELD_OUT = 4.0

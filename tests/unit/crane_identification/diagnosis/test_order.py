@@ -8,10 +8,10 @@ from unit.crane_identification.synthetic import AXIS_THETA, axis_log, axis_model
 
 from crane_identification.data.log import Log, Signal
 from crane_identification.diagnosis import findings
+from crane_identification.diagnosis.answer.verdict import Verdict
 from crane_identification.diagnosis.diagnosis import Diagnosis, diagnose
-from crane_identification.diagnosis.thresholds import load_thresholds
-from crane_identification.diagnosis.verdict import Verdict
 from crane_identification.options import Options
+from crane_identification.thresholds import load_thresholds
 from crane_model.model_file import Model
 from crane_model.terms import REGISTRY
 

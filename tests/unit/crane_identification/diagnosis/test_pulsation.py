@@ -5,14 +5,14 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from crane_identification.diagnosis.pulsation import (
+from crane_identification.diagnosis.fit.runs import Run
+from crane_identification.diagnosis.proof.pulsation import (
     SPACING,
     Pulsation,
     clearest_lines,
     pulsations,
 )
-from crane_identification.diagnosis.runs import Run
-from crane_identification.diagnosis.thresholds import load_thresholds
+from crane_identification.thresholds import load_thresholds
 from crane_model.model_file import Model, load_model
 from crane_model.record import Record
 

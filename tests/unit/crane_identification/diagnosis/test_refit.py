@@ -14,13 +14,15 @@ from unit.crane_identification.diagnosis.made import (
     shaped,
 )
 
-from crane_identification.diagnosis.candidates import Candidate
-from crane_identification.diagnosis.candidates import at_shape as observed
-from crane_identification.diagnosis.evidence import Evidence
-from crane_identification.diagnosis.refit import UndeterminedError, refit, shape_std_devs
-from crane_identification.diagnosis.runs import Run
-from crane_identification.diagnosis.search import Race, Search
-from crane_identification.diagnosis.selection import solve
+from crane_identification.diagnosis.fit.evidence import Evidence
+from crane_identification.diagnosis.fit.refit import UndeterminedError, refit
+from crane_identification.diagnosis.fit.runs import Run
+from crane_identification.diagnosis.proof.extension import shape_std_devs
+from crane_identification.diagnosis.search.candidates import Candidate
+from crane_identification.diagnosis.search.candidates import at_shape as observed
+from crane_identification.diagnosis.search.race import Race
+from crane_identification.diagnosis.search.search import Search
+from crane_identification.diagnosis.search.selection import solve
 from crane_model.model_file import Model
 from crane_model.record import Record
 from crane_model.terms import REGISTRY

@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 from unit.crane_identification.diagnosis.made import normal
 
-from crane_identification.diagnosis.learner import Features
+from crane_identification.diagnosis.fit.features import Features
 from crane_identification.diagnosis.region import region
 
 ROWS = 2000

@@ -6,9 +6,10 @@ import numpy as np
 import pytest
 from scipy.stats import chi2
 
-from crane_identification.diagnosis.candidates import Candidate, ShapedCandidate
-from crane_identification.diagnosis.projection import Projection, null_gains
-from crane_identification.diagnosis.selection import NOTHING, Subset, larger_sets, solve
+from crane_identification.diagnosis.decision.chance import null_gains
+from crane_identification.diagnosis.search.candidates import Candidate, ShapedCandidate
+from crane_identification.diagnosis.search.projection import Projection
+from crane_identification.diagnosis.search.selection import NOTHING, Subset, larger_sets, solve
 from crane_model.terms import REGISTRY
 
 ROWS = 400

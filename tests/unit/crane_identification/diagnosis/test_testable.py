@@ -4,10 +4,11 @@ from pathlib import Path
 
 import numpy as np
 
-from crane_identification.diagnosis import projection
-from crane_identification.diagnosis.candidates import Candidate, ShapedCandidate
-from crane_identification.diagnosis.evidence import Evidence
-from crane_identification.diagnosis.whitening import whitener
+from crane_identification.diagnosis.fit.evidence import Evidence
+from crane_identification.diagnosis.search.candidates import Candidate, ShapedCandidate
+from crane_identification.diagnosis.search.projection import project
+from crane_identification.diagnosis.search.visibility import VISIBLE_SHARE, visible
+from crane_identification.diagnosis.search.whitening import whitened_base, whitener
 from crane_model.model_file import load_model
 from crane_model.terms.friction_speed import QuadraticViscous
 from crane_model.terms.sensing import PressureGain
@@ -42,9 +43,8 @@ def test_a_gain_of_the_measured_force_is_not_tested(tmp_path: Path) -> None:
     gain, loss = Candidate(PressureGain, "one"), Candidate(QuadraticViscous, "one")
     candidates = [shaped(gain, force[:, 0]), shaped(loss, law[:, 0] + rng.standard_normal(N))]
     white = whitener(evidence, np.concatenate([one.columns for one in candidates], axis=2))
-    wanted, reasons = projection.testable(
-        projection.project(evidence, white, candidates), evidence, white
-    )
+    made = project(white, whitened_base(evidence, white), candidates)
+    wanted, reasons = visible(made, evidence, white)
     assert wanted.tolist() == [False, True]
     assert reasons == {gain: "its column is the measured force itself"}
 
@@ -67,7 +67,7 @@ def test_friction_with_memory_is_as_visible_as_close_to_reversals(tmp_path: Path
     candidate = Candidate(QuadraticViscous, "one")
     shaped = ShapedCandidate(candidate, {}, candidate.at({}), memory, np.array([False]))
     white = whitener(evidence, memory)
-    found = projection.project(evidence, white, [shaped])
+    found = project(white, whitened_base(evidence, white), [shaped])
     overall = float(found.scale[0] / np.linalg.norm(white(memory)))
-    assert overall < projection.VISIBLE_SHARE
+    assert overall < VISIBLE_SHARE
     assert found.visibility[0] > 0.2

@@ -7,24 +7,25 @@ from types import MappingProxyType
 import numpy as np
 import pytest
 
-from crane_identification.diagnosis.answer import with_loads, with_pulsation
-from crane_identification.diagnosis.candidates import Candidate, ShapedCandidate
-from crane_identification.diagnosis.decision import Judged
-from crane_identification.diagnosis.gap import Gap
-from crane_identification.diagnosis.learner import Learnt
-from crane_identification.diagnosis.proof import Proof, Short, objection
-from crane_identification.diagnosis.pulsation import Pulsation
-from crane_identification.diagnosis.thresholds import load_thresholds
-from crane_identification.diagnosis.trial import Trial, Value, differs
-from crane_identification.diagnosis.verdict import Answer, Reach, Verdict, judge
-from crane_identification.diagnosis.weighing import Weighed
+from crane_identification.diagnosis.answer.answer import with_loads, with_pulsation
+from crane_identification.diagnosis.answer.verdict import Answer, Reach, Verdict, judge
+from crane_identification.diagnosis.decision.judgement import Judged
+from crane_identification.diagnosis.proof.extension import Value
+from crane_identification.diagnosis.proof.gap import Gap
+from crane_identification.diagnosis.proof.learner import Learnt
+from crane_identification.diagnosis.proof.proof import Proof, Short, objection
+from crane_identification.diagnosis.proof.pulsation import Pulsation
+from crane_identification.diagnosis.proof.trial import Trial, differs
+from crane_identification.diagnosis.search.candidates import Candidate, ShapedCandidate
+from crane_identification.diagnosis.search.loads import Weighed
+from crane_identification.thresholds import load_thresholds
 from crane_identification.validation.motion_validation import MotionValidation
-from crane_model.configuration import packaged
+from crane_model.machine_files import machine_file
 from crane_model.model_file import load_model
 from crane_model.terms import REGISTRY
 
 JOINTS = ("inner_boom", "outer_boom", "telescope")
-MODEL = load_model(packaged("crane_model", "crane_model.yaml"))
+MODEL = load_model(machine_file("model.yaml"))
 THRESHOLDS = load_thresholds()
 MOTION = MotionValidation(JOINTS, 0.5, 1, np.ones(3), np.ones(3))
 ENOUGH = Reach(testable=0.9, least=0.003, undetermined=())
@@ -93,6 +94,7 @@ def trial(*effects: Judged, energy: float = 1000.0, share: float = 0.0, left: fl
         model=MODEL,
         residual=np.zeros((1, 6)),
         learnt=learnt,
+        law=learnt.follows_law(THRESHOLDS),
         energy=np.concatenate([energy * there, none]),
         left_share=left,
     )

@@ -13,11 +13,11 @@ from unit.crane_identification.diagnosis.test_verdict import (
     trial,
 )
 
-from crane_identification.diagnosis.answer import with_flow, with_pulsation
-from crane_identification.diagnosis.hydraulics import Flow, Gain, Quantity
-from crane_identification.diagnosis.proof import Proof, objection
-from crane_identification.diagnosis.pulsation import Line, Pulsation, pulsations
-from crane_identification.diagnosis.verdict import Answer, Verdict, judge
+from crane_identification.diagnosis.answer.answer import with_flow, with_pulsation
+from crane_identification.diagnosis.answer.verdict import Answer, Verdict, judge
+from crane_identification.diagnosis.flow.hydraulics import Flow, Gain, Quantity
+from crane_identification.diagnosis.proof.proof import Proof, objection
+from crane_identification.diagnosis.proof.pulsation import Line, Pulsation, pulsations
 
 CLOSED = gap(0.0113, 0.0006)
 USUAL = 0.005  # share of the flow that is left unexplained

@@ -8,6 +8,7 @@ import pytest
 
 from crane_identification.diagnose import main
 from crane_identification.diagnosis import explain, wording
+from crane_identification.diagnosis.findings_file import Findings
 from crane_identification.notation import NARROW_SPACE
 
 PERCENT = f"{NARROW_SPACE}%"
@@ -16,7 +17,8 @@ PERCENT = f"{NARROW_SPACE}%"
 def parameter(
     name: str, value: float, std_dev: float | None, unit: str, minimum: float | None = None
 ) -> dict[str, Any]:
-    return {"name": name, "value": value, "std_dev": std_dev, "unit": unit, "minimum": minimum}
+    number = {"value": value, "std_dev": std_dev, "minimum": minimum}
+    return {"name": name, "unit": unit, "determined": std_dev is not None, **number}
 
 
 def finding(**more: Any) -> dict[str, Any]:
@@ -26,8 +28,10 @@ def finding(**more: Any) -> dict[str, Any]:
         "joint": "outer_boom",
         "class_members": [],
         "parameters": [parameter("mu_load.outer_boom", 0.039995, 8.8e-5, "1", 0.0)],
+        "carried_in": {},
         "score": 7630.2,
         "threshold": 46.5,
+        "false_alarm_rate": 0.05,
         "runner_up": {"effect": "hose_stiffness", "name": "hose stiffness", "joint": "outer_boom"},
         "margin": 4625.9,
         "margin_needed": 76.1,
@@ -41,6 +45,7 @@ def finding(**more: Any) -> dict[str, Any]:
 
 def side(outer: float) -> dict[str, Any]:
     noise = {"noise_floor": 0.0005, "best_achievable": 0.0012, "motion_error": 0.0004}
+    noise |= {"motion_displacement": 0.3, "motion_reason": ""}
     return {
         "inner_boom": {"force_relative_error": 0.0004, **noise},
         "outer_boom": {"force_relative_error": outer, **noise},
@@ -49,6 +54,10 @@ def side(outer: float) -> dict[str, Any]:
 
 def region(variable: str, low: float, high: float, unit: str) -> dict[str, Any]:
     return {"variable": variable, "range": [low, high], "unit": unit, "share": 0.53}
+
+
+def place(share: float, where: dict[str, Any]) -> dict[str, Any]:
+    return {"energy_share": share, "motion_error": 0.0004, "region": where}
 
 
 PRESSURE = region("pressure sum of outer_boom", 20396674.4, 22380688.8, "Pa")
@@ -60,9 +69,10 @@ def content(verdict: str, *findings: dict[str, Any], **more: Any) -> dict[str, A
     return {
         "verdict": verdict,
         "reason": "the effects explain 100% of what can be explained",
+        "values_kept": False,
         "where": {
-            "inner_boom": {"energy_share": 0.35, "region": region("time", 1.0, 9.0, "s")},
-            "outer_boom": {"energy_share": 0.65, "region": PRESSURE},
+            "inner_boom": place(0.35, region("time", 1.0, 9.0, "s")),
+            "outer_boom": place(0.65, PRESSURE),
         },
         "findings": list(findings),
         "nearest": None,
@@ -70,10 +80,13 @@ def content(verdict: str, *findings: dict[str, Any], **more: Any) -> dict[str, A
             "before": side(0.0113),
             "after": side(0.0005 if findings else 0.0113),
             "closed": {"inner_boom": None, "outer_boom": 1.0 if findings else None},
+            "loads": [],
         },
         "left": dict.fromkeys(("inner_boom", "outer_boom"), noise | {"region": PRESSURE}),
         "undetermined": [],
+        "clock": {"through_session": True, "reason": None},
         "needs_units": [],
+        "warnings": [],
         "without": [],
         "not_testable": [],
         "not_observable": [],
@@ -84,6 +97,7 @@ def content(verdict: str, *findings: dict[str, Any], **more: Any) -> dict[str, A
 
 
 def text(said: dict[str, Any]) -> str:
+    Findings.model_validate(said)  # such a file can be
     return "\n".join(explain.lines(said)).replace(NARROW_SPACE, " ")
 
 
@@ -182,9 +196,8 @@ def test_unknown_says_what_is_nearest_and_why_that_does_not_do() -> None:
 
 def test_what_is_left_beside_names_is_said() -> None:
     left = {"white": False, "correlation": 0.8, "learnable_share": 0.3, "law": True}
-    said = text(
-        content("named_and_more", finding(), left={"outer_boom": left | {"region": PRESSURE}})
-    )
+    left |= {"beyond_noise": True, "region": PRESSURE}
+    said = text(content("named_and_more", finding(), left={"outer_boom": left}))
     assert (
         "What is left: a law on the outer boom (30 % of the energy there, most with pressure sum "
         "of the outer boom in 204 to 224 bar)." in said
@@ -193,11 +206,15 @@ def test_what_is_left_beside_names_is_said() -> None:
 
 def test_nothing_is_left_out_without_a_word() -> None:
     nine = [finding(joint=f"joint_{i}") for i in range(9)]
-    said = text(content("named", *nine, not_testable=[{}, {}], flow={"outer_boom": {}}))
+    hidden = {"effect": "offset", "joint": "outer_boom", "reason": "a parameter does the same"}
+    known = {"unexplained_share": 0.01, "correlation_left": 0.1}
+    known |= {"known_time": 59.0, "recorded_time": 60.0}
+    flow = {"outer_boom": {"edge_gains": {}, "quantities": {}, **known}}
+    said = text(content("named", *nine, not_testable=[hidden, hidden], flow=flow))
     assert "9. load-dependent" in said
     assert (
-        "Not printed: 2 effects that hide behind the parameters of the model, 1 joints with a "
-        "balance of the flow" in said
+        "Not printed: errors of the simulated motion, effects that hide behind the parameters of "
+        "the model (2), joints with a balance of the flow (1); see report.html" in said
     )
 
 

@@ -19,8 +19,8 @@ from crane_identification.hydraulics.identified import identify_hydraulics
 from crane_identification.hydraulics.joint_estimate import identify_joint
 from crane_identification.hydraulics.motion_estimate import identify_motion
 from crane_identification.hydraulics.passage import passages
-from crane_model.configuration import packaged
 from crane_model.errors import DataError
+from crane_model.machine_files import machine_file
 from crane_model.model_file import load_model
 from crane_sim.parts.parameters import StandIn, load_stand_in
 
@@ -50,7 +50,7 @@ def log(stand_in: StandIn) -> Log:
 
 
 def test_a_live_recording_tells_valves_oil_and_supply(log: Log, stand_in: StandIn) -> None:
-    model = load_model(packaged("crane_model", "crane_model.yaml"))
+    model = load_model(machine_file("model.yaml"))
     found = identify_hydraulics(model, [log], PERIOD)
     assert found is not None
     assert "'slew': its cylinder extends for 0 s" in found.unknown["slew"]
@@ -109,7 +109,7 @@ def test_what_is_not_logged_or_too_little_is_said(log: Log) -> None:
         identify_joint(MACHINE, "telescope", [replace(log, command=None)])
     with pytest.raises(DataError, match="8 s each needed; record longer, or move it more"):
         identify_joint(MACHINE, "telescope", [log.during(8.0, 20.0)])
-    model = load_model(packaged("crane_model", "crane_model.yaml"))
+    model = load_model(machine_file("model.yaml"))
     assert identify_hydraulics(model, [replace(log, command=None)]) is None
 
 

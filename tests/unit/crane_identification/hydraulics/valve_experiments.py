@@ -7,9 +7,9 @@ from typing import Any
 import numpy as np
 
 from crane_identification.data.log import Log, Signal
-from crane_model.configuration import packaged
 from crane_model.cylinders import lever_arm
 from crane_model.machine import load_machine
+from crane_model.machine_files import machine_file
 from crane_sim.effects.form import Planted
 from crane_sim.effects.forms import FORMS
 from crane_sim.hiding.slewing import SLEW, Slewing
@@ -69,16 +69,17 @@ def recorded(
     stand_in = stand_in or load_stand_in()
     motion = plan(
         MACHINE,
-        load_trajectory(packaged("crane_trajectory", trajectory)),
+        load_trajectory(machine_file(trajectory)),
         stand_in.start,
         periods,
-        load_clearance(),
+        load_clearance(machine_file("clearance.yaml")),
     )
     course = Slewing(motion, SLEW_SPEED, SLEW_FREQUENCY) if slewed else motion
     plant: Any = Plant(stand_in, MACHINE, motion.start, planted)
     plant = LateValves(plant, seed) if live else plant
     sensors = Sensors(stand_in.sensors, MACHINE, seed)
-    return log_of(record(course, plant, sensors, load_gains()), live)
+    gains = load_gains(machine_file("controller.yaml"), MACHINE)
+    return log_of(record(course, plant, sensors, gains), live)
 
 
 def log_of(recording: SimulatedRecording, live: bool = False) -> Log:

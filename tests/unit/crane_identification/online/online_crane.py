@@ -3,9 +3,9 @@
 import numpy as np
 
 from crane_identification.data.log import Log, Signal
-from crane_model.configuration import packaged
 from crane_model.cylinders import cylinder_forces_from_generalized
 from crane_model.machine import Machine
+from crane_model.machine_files import machine_file
 from crane_model.model_file import Model, load_model
 from crane_model.record import Record
 
@@ -28,7 +28,7 @@ SWING_HARMONICS, SWING_SHARES = np.array([48, 49, 50]), np.array([-0.25, 0.5, -0
 
 
 def crane() -> Model:
-    return load_model(packaged("crane_model", "crane_model.yaml"))
+    return load_model(machine_file("model.yaml"))
 
 
 def motion(

@@ -21,9 +21,9 @@ from crane_identification.estimation.least_squares import least_squares
 from crane_identification.estimation.rows import Rows
 from crane_identification.online.estimator import Forces, OnlineEstimator, OnlineOptions
 from crane_identification.online.replay import recursion, replay
-from crane_model.configuration import packaged
 from crane_model.cylinders import generalized_forces
 from crane_model.errors import ConfigurationError, DataError
+from crane_model.machine_files import machine_file
 from crane_model.model_file import load_model
 
 JOINTS = ("inner_boom", "outer_boom", "telescope")
@@ -230,7 +230,7 @@ def test_impossible_options_are_refused(options: OnlineOptions, message: str) ->
 
 
 def test_a_model_without_a_machine_is_refused() -> None:
-    model = load_model(packaged("crane_model", "crane_model.yaml"))
+    model = load_model(machine_file("model.yaml"))
     bare = replace(model, setting=model.setting._replace(machine=None))
     with pytest.raises(ConfigurationError, match="has no machine"):
         OnlineEstimator(bare)

@@ -5,8 +5,8 @@ from collections.abc import Sequence
 import numpy as np
 
 from crane_identification.data.log import Log, Signal
-from crane_model.configuration import packaged
 from crane_model.machine import JOINTS, PLANAR_JOINTS, Machine, load_machine
+from crane_model.machine_files import machine_file
 from crane_sim.effects.form import Planted
 from crane_sim.effects.sensing import faults
 from crane_sim.hiding.slewing import slewing
@@ -24,8 +24,8 @@ def packaged_motion(
     machine: Machine, start: np.ndarray, name: str = "excitation_20s.yaml"
 ) -> Course:
     """One period of 20 s, its approach and its end."""
-    trajectory = load_trajectory(packaged("crane_trajectory", name))
-    return plan(machine, trajectory, start, 1, load_clearance())
+    trajectory = load_trajectory(machine_file(name))
+    return plan(machine, trajectory, start, 1, load_clearance(machine_file("clearance.yaml")))
 
 
 def seen(
@@ -35,7 +35,12 @@ def seen(
     machine = load_machine()
     plant = Plant(stand_in, machine, course.start, planted)
     sensors = Sensors(stand_in.sensors, machine, seed, faults(planted))
-    return record(slewing(course, planted), plant, sensors, load_gains())
+    return record(
+        slewing(course, planted),
+        plant,
+        sensors,
+        load_gains(machine_file("controller.yaml"), machine),
+    )
 
 
 def recorded(

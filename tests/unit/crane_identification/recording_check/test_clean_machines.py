@@ -9,15 +9,15 @@ from unit.crane_identification.recording_check.recorded import packaged_motion, 
 
 from crane_identification.data.log import Log
 from crane_identification.recording_check.check import check
-from crane_model.configuration import packaged
 from crane_model.machine import load_machine
+from crane_model.machine_files import machine_file
 from crane_sim.hiding.calibrate import calibrate
 from crane_sim.hiding.spec import HiddenEffect, Spec
 from crane_sim.parts.parameters import StandIn, load_stand_in
 from crane_sim.parts.variation import vary
 from crane_trajectory.control.controller import load_gains
 
-DYNAMIC = packaged("crane_sim", "stand_in_dynamic_friction.yaml")
+DYNAMIC = machine_file("stand_in_dynamic_friction.yaml")
 
 
 @pytest.mark.parametrize(
@@ -42,7 +42,13 @@ def with_effect(effect: str, joint: str | None, magnitude: dict[str, float]) -> 
     machine, stand_in = load_machine(), load_stand_in()
     course = packaged_motion(machine, stand_in.start)
     hidden = HiddenEffect(effect=effect, joint=joint, parameters=magnitude)
-    planted = calibrate(Spec(effects=(hidden,)), machine, stand_in, course, load_gains())
+    planted = calibrate(
+        Spec(effects=(hidden,)),
+        machine,
+        stand_in,
+        course,
+        load_gains(machine_file("controller.yaml"), machine),
+    )
     return recorded(stand_in, course, 4, planted)
 
 

@@ -3,16 +3,16 @@
 import numpy as np
 
 from crane_identification.data.log import Log, Signal
-from crane_model.configuration import packaged
 from crane_model.cylinders import cylinder_forces_from_generalized
 from crane_model.machine import load_machine
+from crane_model.machine_files import machine_file
 from crane_model.model_file import Model, load_model
 from crane_model.record import Record
 
 RATE = 100.0  # Hz
 PLANTED = dict(
     zip(
-        [p.name for p in load_model(packaged("crane_model", "crane_model.yaml")).parameters],
+        [p.name for p in load_model(machine_file("model.yaml")).parameters],
         [450, 350, 8, 400, 170, 20, 130, 180]  # inertial, as in crane_model.base_parameters
         + [900, 100, 1500, 200, 500, 50, 700, 80, 500, 60, 700, 90],  # friction of each joint
         strict=True,
@@ -25,7 +25,7 @@ PRESSURE_NOISE = 2e4  # Pa
 
 
 def crane_model() -> Model:
-    return load_model(packaged("crane_model", "crane_model.yaml"))
+    return load_model(machine_file("model.yaml"))
 
 
 def record_crane(

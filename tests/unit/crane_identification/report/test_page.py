@@ -64,19 +64,19 @@ def test_curves_differ_by_more_than_colour(tree):
 
 
 def test_parameters_are_those_of_the_summary(report, tree):
-    for parameter in summary.summarize(report)["parameters"]:
-        (row,) = tree.find("tr", **{"data-name": parameter["name"]})
+    for parameter in summary.summarize(report).parameters:
+        (row,) = tree.find("tr", **{"data-name": parameter.name})
         (value,), (std_dev,) = row.find("td", class_="value"), row.find("td", class_="sigma")
-        assert abs(number(value.text) - parameter["value"]) <= 0.051 * parameter["std_dev"]
-        assert number(std_dev.text) == pytest.approx(parameter["std_dev"], rel=0.051)
+        assert abs(number(value.text) - parameter.value) <= 0.051 * parameter.std_dev
+        assert number(std_dev.text) == pytest.approx(parameter.std_dev, rel=0.051)
         (planted,) = row.find("td", class_="planted")
-        true = report.planted[parameter["name"]]
-        assert abs(number(planted.text) - true) <= 0.051 * parameter["std_dev"]
+        true = report.planted[parameter.name]
+        assert abs(number(planted.text) - true) <= 0.051 * parameter.std_dev
         assert row.find("circle", class_="dot")
 
 
 def test_errors_are_those_of_the_summary(report, tree):
-    result = summary.summarize(report)
+    result = summary.summarize(report).plain()
     (table,) = tree.find("table", class_="errors")
     rows = table.find("tbody")[0].find("tr")
     assert len(rows) == 3

@@ -36,7 +36,7 @@ def test_without_it_there_is_nothing(report):
     assert recursive_groups(report) == []
     assert recursive_errors(report) == []
     assert settling_figures(report) == []
-    assert summary.summarize(report)["recursive"] is None
+    assert summary.summarize(report).recursive is None
     assert "How it settles" not in page.render(report)
 
 

@@ -5,8 +5,8 @@ import pytest
 from unit.crane_identification.report.html_reader import Element, figure_descriptions, read_html
 
 from crane_identification.data.log import Log, Signal
+from crane_identification.fitting import fit
 from crane_identification.options import Options
-from crane_identification.pipeline import fit
 from crane_identification.preparation.prepare import prepare
 from crane_identification.report import page, summary
 from crane_identification.report.content import IdentificationReport, Provenance
@@ -54,10 +54,11 @@ def test_a_model_without_inertia_loses_the_simulated_motion_alone():
     assert not rendered.find("table", class_="stack motion")
     assert len(rendered.find("table", class_="errors")) == 1
     written = summary.summarize(report)
-    motion = written["simulated_motion"]
-    assert motion is not None and "inertia of axis is 0" in motion["reason"]
-    assert motion["position_rms"] == {"axis": None}
-    assert 0.0 < written["heldout_relative_error"]["axis"] < 1.0
+    motion = written.simulated_motion
+    assert motion is not None and "inertia of axis is 0" in motion.reason
+    assert motion.position_rms == {"axis": None}
+    error = written.heldout_relative_error["axis"]
+    assert error is not None and 0.0 < error < 1.0
 
 
 def test_one_column_of_figures_without_reference_and_noise(tree):

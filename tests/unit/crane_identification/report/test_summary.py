@@ -11,15 +11,15 @@ from crane_identification.signals.decimate import PASS_BAND
 
 def test_summary_survives_json(report, tmp_path):
     summary.write(tmp_path / "summary.json", report)
-    assert json.loads((tmp_path / "summary.json").read_text()) == summary.summarize(report)
+    assert summary.Summary.read(tmp_path / "summary.json") == summary.summarize(report)
 
 
 def test_parameters_are_those_of_the_fitted_model(report):
-    listed = summary.summarize(report)["parameters"]
+    listed = summary.summarize(report).parameters
     model = report.fit.model
-    assert [(p["name"], p["unit"]) for p in listed] == [(p.name, p.unit) for p in model.parameters]
-    np.testing.assert_array_equal([p["value"] for p in listed], model.values)
-    np.testing.assert_array_equal([p["std_dev"] for p in listed], model.std_devs)
+    assert [(p.name, p.unit) for p in listed] == [(p.name, p.unit) for p in model.parameters]
+    np.testing.assert_array_equal([p.value for p in listed], model.values)
+    np.testing.assert_array_equal([p.std_dev for p in listed], model.std_devs)
 
 
 def test_errors_are_those_of_all_held_out_samples_together(report):
@@ -29,10 +29,10 @@ def test_errors_are_those_of_all_held_out_samples_together(report):
     gravity = np.concatenate([v.gravity for v in report.validations])
     for j, joint in enumerate(report.fit.model.joints):
         error = np.sqrt(np.sum((measured - predicted)[:, j] ** 2))
-        assert result["heldout_relative_error"][joint] == pytest.approx(
+        assert result.heldout_relative_error[joint] == pytest.approx(
             error / np.sqrt(np.sum(measured[:, j] ** 2))
         )
-        assert result["heldout_relative_error_without_gravity"][joint] == pytest.approx(
+        assert result.heldout_relative_error_without_gravity[joint] == pytest.approx(
             error / np.sqrt(np.sum((measured - gravity)[:, j] ** 2))
         )
 
@@ -46,7 +46,7 @@ def test_one_recording_alone_has_its_own_errors(report):
         ("heldout_relative_error_moving", validation.relative_error_moving),
         ("noise_floor", validation.relative_noise_floor),
     ):
-        np.testing.assert_allclose(list(result[key].values()), expected)
+        np.testing.assert_allclose(list(getattr(result, key).values()), expected)
 
 
 def test_noise_floor_is_the_noise_of_the_pressures(report):
@@ -56,15 +56,15 @@ def test_noise_floor_is_the_noise_of_the_pressures(report):
     periods = report.validations[0].preparation.averaging.used
     expected = force_noise / np.sqrt(periods) * np.sqrt(PASS_BAND / report.fit.decimation)
     force = np.concatenate([v.measured[:, 2] for v in report.validations])
-    floor = summary.summarize(report)["noise_floor"]["telescope"] * np.sqrt(np.mean(force**2))
+    floor = summary.summarize(report).noise_floor["telescope"] * np.sqrt(np.mean(force**2))
     assert floor == pytest.approx(expected, rel=0.25)
 
 
 def test_without_validation_there_are_no_held_out_errors(report):
     result = summary.summarize(replace(report, validations=()))
-    assert result["heldout_relative_error"] == result["noise_floor"] == {}
-    assert result["validation_bags"] == []
-    assert set(result["training_relative_error"]) == set(report.fit.model.joints)
+    assert result.heldout_relative_error == result.noise_floor == {}
+    assert result.validation_bags == []
+    assert set(result.training_relative_error) == set(report.fit.model.joints)
 
 
 def test_what_is_not_a_number_is_null(report):
@@ -72,6 +72,6 @@ def test_what_is_not_a_number_is_null(report):
     values[0] = np.nan
     estimate = replace(report.fit.estimate, values=values, condition_number=np.inf)
     result = summary.summarize(replace(report, fit=replace(report.fit, estimate=estimate)))
-    assert result["parameters"][0]["value"] is None
-    assert result["condition_number"] is None
-    json.dumps(result, allow_nan=False)
+    assert result.parameters[0].value is None
+    assert result.condition_number is None
+    json.dumps(result.plain(), allow_nan=False)

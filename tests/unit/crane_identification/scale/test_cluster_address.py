@@ -5,8 +5,8 @@ from pathlib import Path
 import pytest
 
 from crane_identification.scale.cluster import fit_on_cluster
-from crane_model.configuration import packaged
 from crane_model.errors import ConfigurationError
+from crane_model.machine_files import machine_file
 from crane_model.model_file import load_model
 
 
@@ -15,6 +15,6 @@ from crane_model.model_file import load_model
     ["http://here:8786", "here:8786", "tcp://here", "tcp://here:port", "tcp://", "tcp://a b:1", ""],
 )
 def test_an_address_of_another_kind_is_refused(address: str) -> None:
-    model = load_model(packaged("crane_model", "crane_model.yaml"))
+    model = load_model(machine_file("model.yaml"))
     with pytest.raises(ConfigurationError, match=r"write tcp://HOST:PORT, or tls://, ws://"):
         fit_on_cluster(model, [Path("nowhere")], address)

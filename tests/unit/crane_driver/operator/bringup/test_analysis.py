@@ -110,15 +110,19 @@ def test_a_transducer_that_says_always_the_same_is_named():
     assert find_offset("supply", np.zeros(100)).stuck
 
 
+def nudge(command: float, direction: float) -> Nudge:
+    return Nudge(command=command, moved=direction * 5e-4, way=direction * 1e-3)
+
+
 @pytest.mark.parametrize("sign", [-1, 1])
 def test_polarity_is_the_direction_of_the_first_movement(sign):
-    up, down = Nudge(0.08, sign * 5e-4, sign * 1e-3), Nudge(-0.07, -sign * 5e-4, -sign * 1e-3)
+    up, down = nudge(0.08, sign), nudge(-0.07, -sign)
     assert find_polarity("slew", up, down).polarity == sign
 
 
 def test_a_joint_that_sinks_at_both_commands_has_no_polarity():
     with pytest.raises(DataError, match="both in one direction"):
-        find_polarity("slew", Nudge(0.08, -5e-4, -1e-3), Nudge(-0.07, -5e-4, -1e-3))
+        find_polarity("slew", nudge(0.08, -1.0), nudge(-0.07, -1.0))
 
 
 def ramped(dead_band, gain, lag, direction, seed, rate=0.05, over=0.06):

@@ -8,17 +8,20 @@ import yaml
 
 from crane_driver.can.binding import load_layout
 from crane_driver.can.mapping import Mapping
-from crane_driver.driver_parameters import PARAMETERS
+from crane_driver.driver_parameters import driver_parameters
 from crane_driver.operator.bringup.bench import Bench, Protocol
 from crane_driver.operator.bringup.measuring import encoders
 from crane_driver.operator.bringup.samples import JointInstant
 from crane_driver.operator.bringup.series import Series
 from crane_driver.operator.bringup.terminal import BringupTerminal
-from crane_model.configuration import load, packaged
-from crane_model.machine import JOINTS
+from crane_model.configuration import load
+from crane_model.machine import load_machine
+from crane_model.machine_files import machine_file
 from crane_nodes.context import Stop
+from crane_nodes.joint_notes import load_joint_notes
 
-MAPPING = packaged("crane_driver", "laboratory_crane_can.yaml")
+MAPPING, MACHINE = machine_file("can.yaml"), load_machine()
+JOINTS = MACHINE.joint_names
 START = np.array([3.1, 0.4, -1.2, 0.3])
 SINKING = np.array([0.0, -1.14e-4, -2e-5, 0.0])  # rad/s, m/s: 13.7 mrad in two minutes
 PERIOD, SPEED = 0.02, 0.05
@@ -85,9 +88,11 @@ def measured(tmp_path, crane, operator):
         terminal=operator,
         series=Series(tmp_path),
         mapping=MAPPING,
-        driver={one.name: one.default for one in PARAMETERS},
+        driver={one: one.default for one in driver_parameters(MACHINE, "laboratory_crane")},
         positions=mapping.positions,
-        layout=load_layout(MAPPING),
+        layout=load_layout(MACHINE, MAPPING, machine_file("can.dbc")),
+        units=MACHINE.units,
+        notes=load_joint_notes(machine_file("joints.yaml"), MACHINE.units),
         joints=JOINTS,
         protocol=Protocol(2.0, 0.05, 0.04, 0.25, 0.2, 3, 0.2),
     )

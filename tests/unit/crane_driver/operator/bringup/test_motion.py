@@ -167,7 +167,7 @@ class Answers:
 def test_a_stall_costs_the_ramp_that_it_touched(fault):
     """A fault of the driver is reset when the operator has said so, and not without a fault."""
     crane, operator = Stalls(250, fault), Answers()
-    bench = Bench(crane, operator, *[None] * 7)
+    bench = Bench(crane, operator, *[None] * 9)
     hand = mover(crane)
     found = []
     for direction in (1, -1):
@@ -184,7 +184,7 @@ def test_a_stall_costs_the_ramp_that_it_touched(fault):
 
 def test_a_computer_that_always_stalls_is_given_up():
     crane = Crane()
-    bench = Bench(crane, Answers(), *[None] * 7)
+    bench = Bench(crane, Answers(), *[None] * 9)
     crane.trouble = ""
 
     def ramp(hand):

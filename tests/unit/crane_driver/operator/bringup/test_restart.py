@@ -3,18 +3,22 @@
 import shlex
 import subprocess
 import sys
+from collections.abc import Mapping
 from pathlib import Path
+from typing import Any
 
 import pytest
 import rclpy
 from rclpy.node import Node
 
-from crane_driver.driver_parameters import PARAMETERS
+from crane_driver.driver_parameters import driver_parameters
 from crane_driver.operator.bringup.main import command_parser
-from crane_driver.operator.bringup.restart import CONTROLLER, driver_command, next_command
+from crane_driver.operator.bringup.restart import Parameters, driver_command, next_command
+from crane_model.machine import load_machine
 from crane_nodes.command_line import own_arguments, ros_arguments
 from crane_nodes.parameters import declare
 
+PARAMETERS = driver_parameters(load_machine(), "laboratory_crane")
 DEFAULTS = {one.name: one.default for one in PARAMETERS}
 NAMES = ("it's here", "a: b", "# no remark", "two  blanks $HOME `ls` \\", "é&|;<>*?", '"double"')
 LIKE_OTHERS = ("yes", "y", "1e3", "0x10", "nan", "null", "~", "[1, 2]", "1", ".inf", "- a", "")
@@ -27,6 +31,11 @@ def by_shell(command: str) -> list[str]:
         ["sh", "-c", f"{words} {command}"], capture_output=True, text=True, check=True
     )
     return given.stdout.removesuffix("\n").split("\0")
+
+
+def running(values: Mapping[str, Any]) -> Parameters:
+    """The driver's parameters from their values by name."""
+    return {one: values[one.name] for one in PARAMETERS}
 
 
 def started(command: str, domain: int) -> dict[str, object]:
@@ -58,7 +67,7 @@ def test_the_driver_is_started_again_with_all_that_it_has(ros_domain: int) -> No
         "jerk_density.slew": 0.25,
         "autostart": False,
     }
-    command = driver_command(values, Path("/new/mapping.yaml"))
+    command = driver_command(running(values), Path("/new/mapping.yaml"))
     assert started(command, ros_domain) == values | {"mapping": "/new/mapping.yaml"}
     assert "jerk_density.telescope" not in command
 
@@ -70,7 +79,7 @@ def test_every_name_passes_the_shell_and_ros_as_it_is(
     texts = ("bus.interface", "bus.channel", "bus.options", "dbc", "machine", "safety")
     for first in range(0, len(names), len(texts)):
         values = DEFAULTS | dict(zip(texts, names[first:], strict=False))
-        command = driver_command(values, Path("/m.yaml"))
+        command = driver_command(running(values), Path("/m.yaml"))
         assert started(command, ros_domain) == values | {"mapping": "/m.yaml"}
 
 
@@ -101,11 +110,11 @@ def test_the_next_step_goes_on_from_the_mapping_that_was_measured() -> None:
     assert command == "ros2 run crane_driver bringup pressures --out runs/a"
 
 
-def test_gains_have_their_controller_and_nothing_follows_them() -> None:
+def test_nothing_follows_the_gains() -> None:
     parser = command_parser()
     options = parser.parse_args(["dead_band", "--out", "runs/a"])
     command = next_command(parser, options, [])
     assert command
     following = parser.parse_args(by_shell(command)[4:])
-    assert (following.step, following.controller) == ("gains", CONTROLLER)
+    assert following.step == "gains"
     assert next_command(parser, following, []) is None

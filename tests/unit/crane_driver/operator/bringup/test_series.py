@@ -8,16 +8,19 @@ from crane_driver.can.mapping import Mapping
 from crane_driver.operator.bringup.dead_band import DeadBandResult
 from crane_driver.operator.bringup.encoder import EncoderResult
 from crane_driver.operator.bringup.series import Series, copy_changed
-from crane_model.configuration import load, packaged
+from crane_model.configuration import load
 from crane_model.errors import DataError
+from crane_model.machine_files import machine_file
 
-MAPPING = packaged("crane_driver", "laboratory_crane_can.yaml")
+MAPPING = machine_file("can.yaml")
 
 
 def test_each_step_has_a_folder_of_its_own(tmp_path):
     series = Series(tmp_path / "new")
     assert series.runs == []
-    one = EncoderResult(-1, 0.123456789, 1e-5, 4.8e-5, 0.2, None, 0.0)
+    one = EncoderResult(
+        sign=-1, zero=0.123456789, noise=1e-5, resolution=4.8e-5, moved=0.2, sinking=0.0
+    )
     for number in (1, 2):
         run = series.write("encoders", MAPPING, {"seconds": 2.0}, {"slew": one}, Figure())
         assert run.name == f"{number:02d}_encoders"
@@ -33,7 +36,7 @@ def test_dead_bands_are_the_newest_of_each_joint(tmp_path):
         series.dead_bands()
 
     def band(value):
-        one = DeadBandResult(value, 1e-3, 0.8, 0.05, 1)
+        one = DeadBandResult(dead_band=value, dead_band_std=1e-3, gain=0.8, lag=0.05, repeats=1)
         return {"positive": one, "negative": one}
 
     series.write("dead_band", MAPPING, {}, {"slew": band(0.1), "telescope": band(0.2)}, Figure())

@@ -6,10 +6,16 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from crane_driver.operator.jog.keyboard import FIRST_STEP, KEYS, REQUESTS, STEPS, Keyboard, Request
+from crane_driver.operator.jog.keyboard import FIRST_STEP, PAIRS, REQUESTS, STEPS, Keyboard, Request
 from crane_driver.operator.jog.motion import Demand
 
 HOLD = 0.12
+JOINTS = ("slew", "inner_boom", "outer_boom", "telescope")
+KEYS = {
+    key: (joint, direction)
+    for joint, pair in zip(JOINTS, PAIRS, strict=False)
+    for key, direction in zip(pair, (-1, 1), strict=True)
+}
 RAISED = Demand("inner_boom", FIRST_STEP / 10)
 
 
@@ -20,7 +26,7 @@ def held(keyboard: Keyboard, start: float, end: float) -> float:
 
 
 def test_a_tap_is_a_nudge_of_the_length_of_a_hold() -> None:
-    keyboard = Keyboard(HOLD)
+    keyboard = Keyboard(HOLD, JOINTS)
     keyboard.typed("k", 10.0)
     assert keyboard.demand(10.0) == RAISED
     assert held(keyboard, 10.0, 12.0) == pytest.approx(HOLD, abs=2e-3)
@@ -31,7 +37,7 @@ def test_a_tap_is_a_nudge_of_the_length_of_a_hold() -> None:
 def test_a_held_key_moves_on_while_repeats_come_and_stops_a_hold_after_the_last(
     delay: float, interval: float
 ) -> None:
-    keyboard = Keyboard(HOLD)
+    keyboard = Keyboard(HOLD, JOINTS)
     keyboard.typed("k", 0.0)
     moved = held(keyboard, 0.0, delay)
     for number in range(20):
@@ -45,7 +51,7 @@ def test_a_held_key_moves_on_while_repeats_come_and_stops_a_hold_after_the_last(
 
 @given(st.text(min_size=1, max_size=6), st.floats(0.0, HOLD))
 def test_only_a_joints_key_alone_holds_a_joint(text: str, later: float) -> None:
-    keyboard = Keyboard(HOLD)
+    keyboard = Keyboard(HOLD, JOINTS)
     keyboard.typed("k", 0.0)
     keyboard.typed(text, 0.0)
     demand = keyboard.demand(later)
@@ -60,21 +66,21 @@ def test_only_a_joints_key_alone_holds_a_joint(text: str, later: float) -> None:
 
 @pytest.mark.parametrize("text", [" ", "\x1b[A", "kj", "hello", "å", "e", "5", "K"])
 def test_everything_else_lets_go_at_once(text: str) -> None:
-    keyboard = Keyboard(HOLD)
+    keyboard = Keyboard(HOLD, JOINTS)
     keyboard.typed("k", 0.0)
     keyboard.typed(text, 0.01)
     assert keyboard.demand(0.01) is None
 
 
 def test_speed_is_chosen_in_tenths() -> None:
-    keyboard = Keyboard(HOLD)
+    keyboard = Keyboard(HOLD, JOINTS)
     keyboard.typed("9", 0.0)
     keyboard.typed("j", 0.0)
     assert keyboard.demand(0.0) == Demand("inner_boom", -0.9)
 
 
 def test_requests_and_that_an_emergency_stop_is_heard_among_other_keys() -> None:
-    keyboard = Keyboard(HOLD)
+    keyboard = Keyboard(HOLD, JOINTS)
     assert {key: keyboard.typed(key, 0.0) for key in REQUESTS} == REQUESTS
     assert keyboard.typed("kkxk", 0.0) is Request.EMERGENCY_STOP
     assert keyboard.typed("\x1b[A\x1b[Ax", 0.0) is Request.EMERGENCY_STOP, "an arrow was held"
@@ -83,6 +89,17 @@ def test_requests_and_that_an_emergency_stop_is_heard_among_other_keys() -> None
 
 
 def test_every_key_means_one_thing() -> None:
-    keys = [*KEYS, *REQUESTS, *STEPS]
+    keys = [*(key for pair in PAIRS for key in pair), *REQUESTS, *STEPS]
     assert len(keys) == len(set(keys))
-    assert len(set(KEYS.values())) == len(KEYS) == 8
+
+
+def test_keys_go_to_the_joints_of_any_machine_in_order() -> None:
+    keyboard = Keyboard(HOLD, ("swing", "boom"))
+    keyboard.typed("l", 0.0)
+    assert keyboard.demand(0.0) == Demand("swing", FIRST_STEP / 10)
+    keyboard.typed("j", 0.0)
+    assert keyboard.demand(0.0) == Demand("boom", -FIRST_STEP / 10)
+    keyboard.typed("i", 0.0)
+    assert keyboard.demand(0.0) is None
+    many = Keyboard(HOLD, [f"joint_{i}" for i in range(20)])
+    assert len(many.pairs) == len(PAIRS)  # the others have a joystick

@@ -1,0 +1,181 @@
+"""The driver while it is active: frames become samples, commands become frames, all in the thread
+of the executor; only the receiving of frames is not.
+"""
+
+import time
+from collections.abc import Callable, Sequence
+from contextlib import suppress
+from typing import Any
+
+from rclpy.clock import Clock, ClockType
+from rclpy.node import Node
+from rclpy.publisher import Publisher
+from rclpy.subscription import Subscription
+from rclpy.timer import Timer
+
+from crane_driver.can.bus import BusError
+from crane_driver.can.frame import Frame
+from crane_driver.can.link import Link
+from crane_driver.driver_loop import DriverLoop
+from crane_driver.driver_messages import cylinder_pressures, joint_state
+from crane_driver.faults import Fault, FaultKind
+from crane_driver.realtime import RealTime, RealTimeSettings
+from crane_driver.safety.news import Level
+from crane_driver.safety.supervisor import RefusedError
+from crane_interfaces.msg import ValveCommand
+
+DEPTH = 10  # messages
+FRAMES_AT_ONCE = 200  # a flood must not keep the valves waiting for their frames
+OLDEST_COMMAND_S = 1.0  # a greater age is that of another clock
+WARNING_PERIOD_S = 1.0
+
+
+class ActiveDriver:
+    """From `begin` to `end`, `loop` runs over the open `link` and publishes what it measures.
+
+    `report` is called at every change of the safety state.
+    """
+
+    def __init__(
+        self,
+        node: Node,
+        loop: DriverLoop,
+        link: Link,
+        joints: Publisher,
+        pressures: Publisher,
+        report: Callable[[], None],
+    ):
+        self.loop, self.link = loop, link
+        self._node, self._log = node, node.get_logger()
+        self._joints, self._pressures, self._report = joints, pressures, report
+        self._realtime: RealTime | None = None
+        self._commands: Subscription | None = None
+        self._timer: Timer | None = None
+
+    def begin(self, realtime: RealTimeSettings) -> None:
+        """Listen to commands and serve the bus; the threads that serve it are there."""
+        self._be_punctual(realtime)
+        self._commands = self._node.create_subscription(
+            ValveCommand,
+            "valve_command",
+            self._command,  # type: ignore[arg-type]  # rclpy does not declare the second argument
+            DEPTH,
+        )
+        steady = Clock(clock_type=ClockType.STEADY_TIME)
+        self._timer = self._node.create_timer(self.loop.cycle, self._cycle, clock=steady)
+
+    def end(self) -> None:
+        """Ramp to neutral and close the bus."""
+        if self._timer:
+            self._node.destroy_timer(self._timer)
+        if self._commands:
+            self._node.destroy_subscription(self._commands)
+        self.loop.supervisor.disable()
+        moving = True
+        while moving:
+            output = self.loop.supervisor.output(time.monotonic())
+            moving = output.enabled
+            with suppress(BusError):  # without a bus the valve electronics time out
+                self._write(self.loop.codec.command_frames(output.commands, output.enabled))
+            time.sleep(self.loop.cycle)
+        self.link.close()
+        if self._realtime:
+            self._realtime.end()
+
+    def _be_punctual(self, settings: RealTimeSettings) -> None:
+        self._realtime = realtime = RealTime(settings).begin()
+        if realtime.obtained:
+            self._log.info(f"real time: {', '.join(realtime.obtained)}")
+        if realtime.refused:
+            self._log.warning(
+                f"real time: no {'; no '.join(realtime.refused)}. Beside other work the driver may "
+                "stall: permit it (share/crane_driver/realtime), or do not ask for it (parameters "
+                "realtime.*)"
+            )
+
+    # frames and commands
+
+    def receive(self) -> None:
+        """Frames or faults of the bus wait to be taken."""
+        self._take()
+        self._send(self.loop.valve_frames(time.monotonic()))
+
+    def _take(self) -> None:
+        self.loop.run(time.monotonic(), time.process_time())
+        frames = self.link.take(FRAMES_AT_ONCE)
+        joints, pressures = self.loop.receive(frames, self.link.take_faults(), time.monotonic())
+        for pressure_sample in pressures:
+            self._pressures.publish(cylinder_pressures(pressure_sample, self.loop.cylinders))
+        for joint_sample in joints:
+            self._joints.publish(joint_state(joint_sample, self.loop.joints))
+
+    def _cycle(self) -> None:
+        self._take()  # before it is judged what has not come
+        now = time.monotonic()
+        self.loop.check(self._commanders(), now, self.link.heard(now))
+        self._send(self.loop.valve_frames(now))
+        self._send(self.loop.device_frames(now))
+        self.tell()
+
+    def _command(self, message: ValveCommand, info: dict[str, Any]) -> None:
+        age = (time.time_ns() - info["received_timestamp"]) * 1e-9
+        received = time.monotonic() - (age if 0.0 <= age < OLDEST_COMMAND_S else 0.0)
+        self.loop.run(time.monotonic(), time.process_time())
+        self.loop.supervisor.published_by(self._commanders())
+        try:
+            self.loop.supervisor.command(message.name, message.command, received)
+        except RefusedError as error:
+            self._log.warning(str(error), throttle_duration_sec=WARNING_PERIOD_S)
+            return
+        self._send(self.loop.valve_frames(time.monotonic(), commanded=True))
+
+    def _commanders(self) -> int:
+        return self._commands.get_publisher_count() if self._commands else 0
+
+    def _send(self, frames: Sequence[Frame]) -> None:
+        try:
+            self._write(frames)
+        except BusError as error:
+            fault = Fault(FaultKind.BUS, str(error))
+            self.loop.supervisor.can_faults([fault], time.monotonic())
+
+    def _write(self, frames: Sequence[Frame]) -> None:
+        for frame in frames:
+            self.link.send(frame)
+
+    # what services ask; `RefusedError` where the state does not permit it
+
+    def enable(self) -> None:
+        """Let commands through."""
+        self.loop.supervisor.published_by(self._commanders())
+        self.loop.supervisor.enable(time.monotonic())
+
+    def disable(self) -> None:
+        """Ramp to neutral."""
+        self.loop.supervisor.disable()
+
+    def emergency_stop(self) -> None:
+        """Neutral at once, latched."""
+        self.loop.supervisor.emergency_stop()
+        self._send(self.loop.codec.neutral_frames())
+
+    def reset_fault(self) -> None:
+        """Forget the faults that are latched."""
+        self.loop.supervisor.reset(time.monotonic())
+
+    def tell(self) -> None:
+        """Log what is new, and report it."""
+        news = self.loop.supervisor.news
+        for level, text in news:
+            match level:  # rclpy wants each line of code to keep to one level
+                case Level.DEBUG:
+                    self._log.debug(text)
+                case Level.INFO:
+                    self._log.info(text)
+                case Level.WARNING:
+                    self._log.warning(text)
+                case Level.ERROR:
+                    self._log.error(text)
+        if news:
+            self._report()  # at once: who commands the valves waits for no second
+        news.clear()

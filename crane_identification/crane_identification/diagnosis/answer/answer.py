@@ -1,0 +1,106 @@
+"""The answer of a diagnosis: what the force says, then loads, oil and pulsation beside it."""
+
+from collections.abc import Sequence
+
+from crane_identification.diagnosis.answer.verdict import Answer, Reach, Verdict, judge
+from crane_identification.diagnosis.decision.decision import Decision
+from crane_identification.diagnosis.fit.fit import Fitted
+from crane_identification.diagnosis.flow.hydraulics import Flow, Flows
+from crane_identification.diagnosis.proof.proof import Nearest, Proof, nearest
+from crane_identification.diagnosis.proof.pulsation import Pulsation
+from crane_identification.diagnosis.search.energy import detectable, testable_share
+from crane_identification.diagnosis.search.loads import Weighed
+from crane_identification.diagnosis.search.search import Search
+from crane_identification.thresholds import Thresholds
+
+
+def answered(
+    fit: Fitted,
+    search: Search,
+    decision: Decision,
+    proof: Proof,
+    flow: Flows,
+    thresholds: Thresholds,
+) -> Answer:
+    """What these results come to."""
+    least = detectable(search, decision.threshold)
+    answer = judge(proof, Reach(testable_share(search), least, fit.undetermined), thresholds)
+    if answer.verdict is Verdict.UNKNOWN:
+        answer = answer._replace(nearest=_nearest(fit, search, decision, proof, answer))
+    answer = with_flow(with_loads(answer, proof.gap.loads), flow.found)
+    return with_pulsation(answer, proof.pulsations)
+
+
+def _nearest(
+    fit: Fitted, search: Search, decision: Decision, proof: Proof, answer: Answer
+) -> Nearest | None:
+    """Of effects that do not do, those that came furthest."""
+    short = tuple(one.effect for one in proof.short)
+    effects = short or proof.trial.zero or decision.nearest
+    objection = answer.objection or decision.objection
+    return nearest(fit, search, effects, objection) if effects else None
+
+
+def with_flow(answer: Answer, flows: Sequence[Flow]) -> Answer:
+    """The answer where the flow of oil, which the torque cannot show, tells something more."""
+    strange = [
+        f"{flow.unexplained:.1%} of the flow of {flow.joint} follow a law, but none of the "
+        "catalogue"
+        for flow in flows
+        if flow.unknown
+    ]
+    missing = [
+        f"{one.effect.name} of {flow.joint} is beyond what is usual"
+        for flow in flows
+        for one in flow.missing
+    ]
+    return _named_beside(_unknown_beside(answer, strange), missing)
+
+
+def with_pulsation(answer: Answer, pulsations: Sequence[Pulsation]) -> Answer:
+    """The answer where a line is in the force that no motion makes."""
+    return _unknown_beside(
+        answer,
+        [
+            f"the force of {one.joint} pulsates at {one.frequency:.2f} Hz in all recordings "
+            f"({one.strength:.1%} of it), which no effect of the catalogue does"
+            for one in pulsations
+        ],
+    )
+
+
+def _unknown_beside(answer: Answer, said: Sequence[str]) -> Answer:
+    """The answer, and something that the catalogue does not hold."""
+    if not said:
+        return answer
+    text = "; ".join(said)
+    if answer.verdict is Verdict.NONE:
+        return Answer(Verdict.UNKNOWN, text)
+    if answer.verdict is Verdict.INSUFFICIENT:  # what shows, shows
+        return Answer(Verdict.UNKNOWN, f"{text}; {answer.reason}")
+    more = answer.verdict in (Verdict.NAMED, Verdict.CLASS)
+    verdict = Verdict.AND_MORE if more else answer.verdict
+    return answer._replace(verdict=verdict, reason=f"{answer.reason}; {text}")
+
+
+def _named_beside(answer: Answer, said: Sequence[str]) -> Answer:
+    """The answer, and effects that are named for another reason."""
+    if not said:
+        return answer
+    text = "; ".join(said)
+    if answer.verdict in (Verdict.NONE, Verdict.INSUFFICIENT):
+        return Answer(Verdict.NAMED, text)
+    unknown = answer.verdict is Verdict.UNKNOWN
+    verdict = Verdict.AND_MORE if unknown else answer.verdict
+    return answer._replace(verdict=verdict, reason=f"{answer.reason}; {text}")
+
+
+def with_loads(answer: Answer, loads: Sequence[Weighed]) -> Answer:
+    """The answer where a held-out recording carries another load than all those trained on."""
+    said = [
+        f"{one.recording} carries {abs(one.mass):.3g} kg {'more' if one.mass > 0.0 else 'less'} "
+        "than the recordings trained on"
+        for one in loads
+        if one.found
+    ]
+    return _named_beside(answer, said)

@@ -1,0 +1,190 @@
+"""The verdict: from what was found, what is left of it, and what the recordings could show."""
+
+from collections.abc import Sequence
+from enum import StrEnum
+from typing import NamedTuple
+
+import numpy as np
+
+from crane_identification.diagnosis.decision.judgement import Judged
+from crane_identification.diagnosis.proof.gap import Gap
+from crane_identification.diagnosis.proof.proof import Nearest, Proof
+from crane_identification.thresholds import Thresholds
+
+SPOKEN = 4  # members of a class that the reason lists
+NOT_HELD = "something is left that no effect of the catalogue explains"
+
+
+class Verdict(StrEnum):
+    """What a diagnosis answers."""
+
+    NAMED = "named"
+    AND_MORE = "named_and_more"
+    CLASS = "class"
+    NONE = "none"
+    UNKNOWN = "unknown"
+    INSUFFICIENT = "insufficient_data"
+
+
+class Answer(NamedTuple):
+    """A verdict and its reason; `objection`: why effects that passed all tests are no names.
+    `nearest`: what comes closest where nothing is named.
+    """
+
+    verdict: Verdict
+    reason: str
+    objection: str = ""
+    nearest: Nearest | None = None
+
+
+class Reach(NamedTuple):
+    """What recordings can show: the share of effects that is `testable`, the `least` strength that
+    would show, and the parameters of the model that are `undetermined`.
+    """
+
+    testable: float
+    least: float
+    undetermined: Sequence[str]
+
+
+def judge(proof: Proof, reach: Reach, thresholds: Thresholds) -> Answer:
+    """The answer of the force."""
+    gap, method = proof.gap, thresholds.method
+    if proof.trial.effects:
+        return _of_effects(proof, thresholds)
+    if proof.short:
+        return Answer(Verdict.UNKNOWN, NOT_HELD, proof.short[-1].objection)
+    if proof.trial.zero:
+        return Answer(
+            Verdict.UNKNOWN,
+            NOT_HELD,
+            f"its parameters are zero within {method.parameter_sigmas:.0f} standard deviations",
+        )
+    law = proof.before.law
+    if law.any():
+        return Answer(
+            Verdict.UNKNOWN,
+            f"what is left on {_listed(gap, law)} follows a law, but none of the catalogue",
+        )
+    beyond = _beyond_noise(gap, gap.after, gap.training_before, thresholds.gates.floor_factor)
+    if beyond:
+        return Answer(Verdict.UNKNOWN, "; ".join(beyond))
+    if reach.undetermined:
+        return Answer(
+            Verdict.INSUFFICIENT,
+            f"they do not even determine {', '.join(reach.undetermined)} of the model; excite the "
+            "joints more: both directions, several speeds, the whole range",
+        )
+    if reach.testable < method.testable_share:
+        return Answer(
+            Verdict.INSUFFICIENT,
+            f"only {reach.testable:.0%} of the effects would show in these recordings; excite the "
+            "joints more: both directions, several speeds, the whole range",
+        )
+    if reach.least > method.detectable_strength:
+        return Answer(
+            Verdict.INSUFFICIENT,
+            f"of ten effects, one would not show at {reach.least:.1%} of the drive force; record "
+            f"more{_better_known(gap)}",
+        )
+    said = f"nine in ten effects above {reach.least:.2%} of the drive force would have shown"
+    return Answer(Verdict.NONE, f"{said}; {_of_noise(gap)}")
+
+
+def _better_known(gap: Gap) -> str:
+    """What else helps where values are kept."""
+    worst = float(np.max(gap.uncertain))
+    if not worst:
+        return ""
+    return (
+        f", or keep values that are better known: their standard deviations make {worst:.1%} of "
+        "the force uncertain"
+    )
+
+
+def _of_noise(gap: Gap) -> str:
+    """How the held-out error of the model compares with noise, in words."""
+    known = np.isfinite(gap.floor)
+    if not known.any():
+        j = int(np.argmax(np.nan_to_num(gap.after)))
+        return (
+            "no held-out recording repeats its motion, so that only a learner tells from noise "
+            f"what the model leaves of their force, up to {gap.after[j]:.2%} ({gap.joints[j]})"
+        )
+    largest = float(np.nan_to_num(gap.over_floor(np.maximum(gap.after, gap.training_before))).max())
+    return f"the force errs by {largest:.1f} times the scatter between periods at most" + (
+        "" if known.all() else f"; not known of {_listed(gap, ~known)}"
+    )
+
+
+def _beyond_noise(gap: Gap, held_out: np.ndarray, training: np.ndarray, factor: float) -> list[str]:
+    """Where relative errors (j,) are more than the noise of recordings that repeat a motion.
+
+    And more than values that are kept may err.
+    """
+    errors = np.maximum(held_out, training)
+    times = gap.over_floor(errors)
+    return [
+        f"the force of {gap.joints[j]} errs by {held_out[j]:.2%} on held-out recordings and by "
+        f"{training[j]:.2%} on the others, up to {times[j]:.0f} times the scatter between periods"
+        for j in np.flatnonzero((times > factor) & (errors > factor * gap.uncertain))
+    ]
+
+
+def _of_effects(proof: Proof, thresholds: Thresholds) -> Answer:
+    """Effects that passed every test: are they all?"""
+    share = proof.trial.explained(proof.before)
+    said = [f"the effects explain {share:.0%} of what can be explained", *_moved(proof)]
+    classes = [_alternatives(one) for one in proof.trial.effects if one.indistinct]
+    apart = [f"these recordings do not tell apart: {'; '.join(classes)}"] if classes else []
+    more = _more(proof, share, thresholds)
+    if more:
+        return Answer(Verdict.AND_MORE, "; ".join(said + apart + more))
+    if classes:
+        return Answer(Verdict.CLASS, "; ".join(apart + said))
+    return Answer(Verdict.NAMED, "; ".join(said))
+
+
+def _moved(proof: Proof) -> list[str]:
+    """What the effects do to the held-out errors where they act, in words."""
+    gap, acting = proof.gap, _acting(proof)
+    return [gap.moved(j) for j in np.flatnonzero(acting & (gap.after < gap.before))]
+
+
+def _acting(proof: Proof) -> np.ndarray:
+    """Whether any of the effects acts on a joint (j,)."""
+    joints = {one.shaped.candidate.joint for one in proof.trial.effects}
+    return np.array([bool(joints & {joint, None}) for joint in proof.gap.joints])
+
+
+def _more(proof: Proof, share: float, thresholds: Thresholds) -> list[str]:
+    """What is missing beside the effects, in words; empty if nothing is."""
+    trial, gap, method = proof.trial, proof.gap, thresholds.method
+    said = []
+    if share < method.explained_share:
+        said.append(f"something more is missing, a law that is left on {_listed(gap, trial.law)}")
+    if trial.left_share > method.left_share:
+        said.append(f"they leave {trial.left_share:.0%} of the energy beyond noise where they act")
+    said += _beyond_noise(gap, gap.after, gap.training_after, thresholds.gates.floor_factor)
+    worse = gap.after > method.worse_factor * np.fmax(gap.before, method.clean_factor * gap.floor)
+    acting = _acting(proof)
+    said += [
+        ("" if acting[j] else "where none of the effects acts, ") + gap.moved(j)
+        for j in np.flatnonzero(worse)
+    ]
+    said += [
+        f"{one.effect.shaped.candidate.label} would go with them, but {one.objection}"
+        for one in proof.short
+    ]
+    return said
+
+
+def _alternatives(one: Judged) -> str:
+    """The class of an effect in words."""
+    others = [member.label for member in one.indistinct]
+    more = f", and {len(others) - SPOKEN} more" if len(others) > SPOKEN else ""
+    return ", ".join([one.shaped.candidate.label, *others[:SPOKEN]]) + more
+
+
+def _listed(gap: Gap, which: np.ndarray) -> str:
+    return ", ".join(joint for joint, one in zip(gap.joints, which, strict=True) if one)

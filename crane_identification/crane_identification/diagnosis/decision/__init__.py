@@ -1,0 +1,1 @@
+"""Which of the effects that were found are findings."""

@@ -1,0 +1,88 @@
+"""Does an effect improve the prediction of recordings that its parameters were not fitted to?"""
+
+import numpy as np
+
+from crane_identification.diagnosis.fit.evidence import Evidence, beside, leading
+from crane_identification.diagnosis.search.whitening import Whitener
+from crane_identification.thresholds import Thresholds
+
+FEWEST_BAGS = 4  # with fewer, blocks of time take their place
+TIME_BLOCKS = 6
+HELD_SHARE = 0.2
+"""Share of a direction's norm that the other folds must hold to determine its coefficient: the
+noise that the fold is predicted with because of it is then five times that of a row at most."""
+ROUNDING_SHARE = 1e-6  # share of a column's norm beside the others, below which it is one of them
+
+
+def folds(evidence: Evidence) -> tuple[np.ndarray, tuple[str, ...]]:
+    """The fold (n,) of each row, and the names of the folds: recordings, or blocks of time."""
+    names = list(dict.fromkeys(run.source for run in evidence.runs))
+    if len(names) >= FEWEST_BAGS:
+        return evidence.bag, tuple(names)
+    order = np.arange(len(evidence.time))
+    block = order * TIME_BLOCKS // len(order)
+    return block, tuple(f"block {i + 1} of {TIME_BLOCKS}" for i in range(TIME_BLOCKS))
+
+
+def held_out_gains(
+    evidence: Evidence, whitener: Whitener, before: np.ndarray, added: np.ndarray
+) -> tuple[np.ndarray, tuple[str, ...]]:
+    """2 dlogL of each held-out fold that the columns `added` (n, j, k) gain beside `before`.
+
+    NaN for a fold without which the others do not tell the columns from those before.
+    """
+    fold, names = folds(evidence)
+    label = fold[whitener.row]
+    old, new, force = whitener(before), whitener(added), whitener(evidence.left)
+    return np.array([gain(old, new, force, label == i) for i in range(len(names))]), names
+
+
+def gain(before: np.ndarray, added: np.ndarray, force: np.ndarray, out: np.ndarray) -> float:
+    """What the whitened columns `added` (N, k) gain on the rows `out` (N,), fitted to the others.
+
+    NaN where the others do not determine them. Directions of `before` (N, d) that the others do not
+    determine, as a nuisance of one recording, are taken out of both sides, with and without the
+    columns: nothing predicts them. So are columns that are in those rows alone, as a load which no
+    other recording carries: the rest is predicted better where the others have theirs.
+    """
+    alone = ~added[~out].any(axis=0) & added[out].any(axis=0)
+    private, added = added[:, alone], added[:, ~alone]
+    known = leading(before, before.shape[1])
+    rest = beside(known, added)
+    own = np.linalg.norm(rest, axis=0) > ROUNDING_SHARE * np.linalg.norm(added, axis=0)
+    new = leading(rest[:, own], added.shape[1])
+    # Orthonormal columns keep their principal directions on any rows and on the others.
+    power, directions = np.linalg.eigh(known[~out].T @ known[~out])
+    turned = known @ directions
+    held = turned[:, power >= HELD_SHARE**2]
+    lost = np.concatenate([turned[:, power < HELD_SHARE**2], private], axis=1)
+    both = np.concatenate([held, new, force[:, np.newaxis]], axis=1)
+    inside, outside = (
+        beside(leading(lost[rows], lost.shape[1]), both[rows]) for rows in (~out, out)
+    )
+    k = held.shape[1]
+    left = beside(leading(inside[:, :k], k), inside[:, k:-1])
+    if np.linalg.svd(left, compute_uv=False).min(initial=1.0) < HELD_SHARE or not own.any():
+        return np.nan
+    costs = [_left(inside, outside, count) for count in (k, k + new.shape[1])]
+    return costs[0] - costs[1]
+
+
+def _left(inside: np.ndarray, outside: np.ndarray, count: int) -> float:
+    """Sum of squares of the last column outside that its fit by the first `count` inside leaves."""
+    values = np.linalg.lstsq(inside[:, :count], inside[:, -1])[0]
+    return float(((outside[:, -1] - outside[:, :count] @ values) ** 2).sum())
+
+
+def helps(gains: np.ndarray, thresholds: Thresholds) -> bool:
+    """Whether an effect improves the prediction of recordings that it was not fitted to.
+
+    In all folds (NaN: not asked) but a few; of four and more, one may differ in something else.
+    Folds are counted: how much one of them gains or loses decides nothing.
+    """
+    asked, method = gains[np.isfinite(gains)], thresholds.method
+    failed = int((asked <= 0.0).sum())
+    allowed = max(
+        (1.0 - method.folds_share) * len(asked), float(len(asked) >= method.folds_to_fail)
+    )
+    return 2 * len(asked) > len(gains) and failed <= allowed

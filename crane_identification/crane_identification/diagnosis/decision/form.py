@@ -1,0 +1,68 @@
+"""Whether a further effect is but the form of another one, which its law leaves over."""
+
+from collections.abc import Sequence
+from dataclasses import replace
+
+import numpy as np
+
+from crane_identification.diagnosis.decision.judgement import marginal
+from crane_identification.diagnosis.search.candidates import ShapedCandidate
+from crane_identification.diagnosis.search.energy import channels
+from crane_identification.diagnosis.search.search import Search
+from crane_identification.diagnosis.search.selection import Subset
+from crane_identification.thresholds import Thresholds
+
+
+def slight(channels: Sequence[np.ndarray], gains: Sequence[float], thresholds: Thresholds) -> bool:
+    """Whether one of several effects gains too little beside another to be told from its form.
+
+    `channels` are those where each acts. What a law leaves because it is not quite that of the
+    machine is on its own joint, most of it.
+    """
+    where, method = [set(one.tolist()) for one in channels], thresholds.method
+    for own, gain in zip(where, gains, strict=True):
+        there = max(g for other, g in zip(where, gains, strict=True) if own & other)
+        least = max(method.further_share * there, method.elsewhere_share * max(gains))
+        if gain < least:
+            return True
+    return False
+
+
+def mends(
+    search: Search, numbers: Sequence[int], gains: Sequence[float], thresholds: Thresholds
+) -> bool:
+    """Whether one of several laws that resist the motion gains too little beside another of these
+    on its joint to be more than what that one's form leaves.
+    """
+    candidates = search.projection.candidates
+    resisting: dict[str, list[float]] = {}
+    for number, gain in zip(numbers, gains, strict=True):
+        joint = candidates[number].candidate.joint
+        if joint is not None and reverses(search, candidates[number]):
+            resisting.setdefault(joint, []).append(gain)
+    return any(min(one) < thresholds.method.form_share * max(one) for one in resisting.values())
+
+
+def reverses(search: Search, shaped: ShapedCandidate) -> bool:
+    """Whether the force of a candidate changes its sign with the velocity, and nothing else."""
+    setting = search.evidence.model.setting
+    for run in search.evidence.runs:
+        record = replace(run.record, direction_known=None)
+        there = shaped.term.columns(record, setting)
+        back = shaped.term.columns(replace(record, velocity=-record.velocity), setting)
+        if there.any():
+            return bool(np.allclose(back, -there))
+    return False
+
+
+def of_one_form(search: Search, subset: Subset, thresholds: Thresholds) -> bool:
+    """Whether an effect of a set is but the form of another one of them.
+
+    Changes of terms that the model has are of the model's own form.
+    """
+    if all(search.projection.candidates[number].candidate.changes for number in subset.numbers):
+        return False
+    gains = marginal(search, subset)
+    if slight([channels(search, number) for number in subset.numbers], gains, thresholds):
+        return True
+    return mends(search, subset.numbers, gains, thresholds)

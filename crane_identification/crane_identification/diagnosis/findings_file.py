@@ -1,0 +1,304 @@
+"""What findings.json holds. Shares are of one; a number that is not known is null."""
+
+from crane_identification.diagnosis.answer.verdict import Verdict
+from crane_model.result_file import Number, NumberByJoint, ResultFile, ResultPart
+
+
+class FoundEffect(ResultPart):
+    """An effect and its place."""
+
+    effect: str
+    """Its type, as in the catalogue and in model files."""
+    name: str
+    """What people call it."""
+    joint: str
+    """The joint, or `all` where it is of the whole crane."""
+
+
+class NearEffect(FoundEffect):
+    """An effect that comes near."""
+
+    score: Number
+    """2 Δ log L of the training recordings [-]."""
+    threshold: Number
+    """What a finding has to score [-]."""
+
+
+class FoundParameter(ResultPart):
+    """A parameter of a finding, or a value of the hydraulics."""
+
+    name: str
+    """As in model files."""
+    value: Number
+    """Estimate [unit]."""
+    std_dev: Number
+    """Its standard deviation [unit]."""
+    unit: str
+    """SI; `1` for a ratio, `counts` where readings have no unit."""
+    minimum: Number
+    """What physics keeps it above [unit]."""
+    determined: bool
+    """Whether the recordings determine it."""
+
+
+class ChangedParameter(FoundParameter):
+    """A parameter that the model had with another value."""
+
+    before: Number
+    """What it has changed from [unit]."""
+    before_std_dev: Number
+    """Standard deviation of that [unit]."""
+    change: Number
+    """By how much it has changed [unit]."""
+    change_std_dev: Number
+    """Standard deviation of that [unit]."""
+
+
+class FoundRegion(ResultPart):
+    """Where most of a residual sits."""
+
+    variable: str
+    """The quantity that the residual follows most."""
+    range: tuple[Number, Number]
+    """Lowest and highest value of it [unit]."""
+    unit: str
+    """Of the quantity."""
+    share: Number
+    """Of the energy of the residual that sits there [-]."""
+
+
+class FoundPlace(ResultPart):
+    """What the model leaves of a joint before anything is added."""
+
+    energy_share: Number
+    """Of all that the model leaves, in units of the noise [-]."""
+    motion_error: Number
+    """Rms error of the simulated motion of the held-out recordings [rad, m]."""
+    region: FoundRegion | None
+    """Where the residual sits."""
+
+
+class FindingEntry(FoundEffect):
+    """An effect that the model lacks, or of flows and loads that is found beside those."""
+
+    changed: bool = False
+    """Whether a value of the model has changed, rather than that a term is missing."""
+    class_members: list[FoundEffect]
+    """Effects that these recordings cannot tell from this one."""
+    parameters: list[ChangedParameter | FoundParameter]
+    """Of this effect, in the model with all findings."""
+    carried_in: dict[str, list[str]]
+    """Recordings that carry a load, by the parameter of the load, and by `none` those without."""
+    score: Number
+    """2 Δ log L of the training recordings [-]."""
+    threshold: Number
+    """What a finding has to score [-]."""
+    false_alarm_rate: Number
+    """Promised of the threshold [-]."""
+    runner_up: FoundEffect | None
+    """The effect that explains most in its place."""
+    margin: Number
+    """Score beyond the runner-up's [-]."""
+    margin_needed: Number
+    """Margin with which the runner-up is ruled out [-]."""
+    visibility: Number
+    """Share of its energy that the other parameters do not take up [-]."""
+    strength: Number
+    """Rms of its force over that of the drive force; null for flows and loads [-]."""
+    visible_strength: Number
+    """The same of the part that other parameters do not take up; for a flow, over the flow [-]."""
+    held_out_gains: NumberByJoint
+    """What it gains on each recording when fitted to the others, by their names [-]."""
+    settled_by: str
+    """The experiment that tells it from what looks alike."""
+
+
+class NearestGap(ResultPart):
+    """Held-out error of the force of a joint."""
+
+    before: Number
+    """Without the effects, over the rms of the force [-]."""
+    after: Number
+    """With them [-]."""
+
+
+class NearestEffects(ResultPart):
+    """What comes closest where nothing is named."""
+
+    effects: list[NearEffect]
+    """Strongest first."""
+    explained_share: Number
+    """Of what the training recordings leave where they act [-]."""
+    gap: dict[str, NearestGap]
+    """By joint."""
+    objection: str
+    """Why they are no answer."""
+
+
+class GapSide(ResultPart):
+    """Errors of a joint on the held-out recordings."""
+
+    force_relative_error: Number
+    """Rms error of the force over that of the force [-]."""
+    noise_floor: Number
+    """Scatter between periods over the same; null where none was repeated [-]."""
+    best_achievable: Number
+    """Error that a flexible learner reaches over the same [-]."""
+    motion_error: Number
+    """Rms error of the simulated motion [rad, m]."""
+    motion_displacement: Number
+    """How far the joint itself moved in that time [rad, m]."""
+    motion_reason: str
+    """Why no motion was simulated; empty if it was."""
+
+
+class CarriedLoad(ResultPart):
+    """A load estimated from a held-out recording."""
+
+    recording: str
+    """Its name."""
+    value: Number
+    """Mass beyond that of the lightest recording [kg]."""
+    std_dev: Number
+    """Its standard deviation [kg]."""
+
+
+class GapOfModels(ResultPart):
+    """The proof: errors on recordings that took no part."""
+
+    before: dict[str, GapSide]
+    """Of the model as it came, by joint."""
+    after: dict[str, GapSide]
+    """Of the model with the findings, by joint."""
+    closed: NumberByJoint
+    """Share of the explainable energy that the findings explain; null where there is none [-]."""
+    loads: list[CarriedLoad]
+    """What single held-out recordings carry."""
+
+
+class LeftResidual(ResultPart):
+    """What is left of a joint after the findings."""
+
+    white: bool
+    """Whether neighbouring rows of it hardly correlate."""
+    correlation: Number
+    """Of neighbouring rows [-]."""
+    learnable_share: Number
+    """Of its energy that a flexible learner predicts [-]."""
+    law: bool
+    """Whether that is more than chance gives."""
+    beyond_noise: bool
+    """Whether the error is clearly larger than the noise floor."""
+    region: FoundRegion | None
+    """Where it sits."""
+
+
+class SessionClock(ResultPart):
+    """Whether the recordings have a time in common."""
+
+    through_session: bool
+    """Whether time runs through all recordings, as warming up does."""
+    reason: str | None
+    """Why not."""
+
+
+class Untried(ResultPart):
+    """An effect that was not tried."""
+
+    effect: str
+    """Its type."""
+    joint: str
+    """The joint, or `all`."""
+    reason: str
+    """Why not."""
+
+
+class FoundPulsation(ResultPart):
+    """A line in the spectrum of what the model leaves."""
+
+    joint: str
+    """On which."""
+    frequency: Number
+    """Of the line [Hz]."""
+    strength: Number
+    """Its rms over that of the force [-]."""
+
+
+class EdgeGain(ResultPart):
+    """The gain of a metering edge of a valve."""
+
+    value: Number
+    """Estimate [m3/(s Pa^0.5)]."""
+    std_dev: Number
+    """Its standard deviation [m3/(s Pa^0.5)]."""
+    determined: bool
+    """Whether the recordings tell."""
+
+
+class HydraulicQuantity(FoundParameter):
+    """A value of the hydraulics, beside what is usual."""
+
+    usual_limit: Number
+    """Limit of what is usual [unit]."""
+    share_beyond_usual: Number
+    """Rms of the flow that is beyond usual over that of the piston's flow [-]."""
+
+
+class FlowBalance(ResultPart):
+    """The balance of the oil of a cylinder."""
+
+    unexplained_share: Number
+    """Rms of what is unexplained over that of the piston's flow [-]."""
+    correlation_left: Number
+    """Of neighbouring rows of what is unexplained [-]."""
+    known_time: Number
+    """For which everything is known that the balance needs [s]."""
+    recorded_time: Number
+    """Of the recordings [s]."""
+    edge_gains: dict[str, EdgeGain]
+    """By metering edge."""
+    quantities: dict[str, HydraulicQuantity]
+    """By name in the catalogue; empty where too much is left for any to be good."""
+
+
+class Findings(ResultFile):
+    """The answer of `diagnose`, and all that it rests on."""
+
+    verdict: Verdict
+    """The answer."""
+    reason: str
+    """Why, in a sentence."""
+    values_kept: bool
+    """Whether the values of the model were kept (`--fixed`)."""
+    where: dict[str, FoundPlace]
+    """By joint: where the model as it came disagrees."""
+    findings: list[FindingEntry]
+    """Effects of the force, strongest first; then of the flow; then loads."""
+    nearest: NearestEffects | None
+    """Where nothing is named."""
+    gap: GapOfModels
+    """Errors before and after."""
+    left: dict[str, LeftResidual]
+    """By joint."""
+    undetermined: list[str]
+    """Parameters of the model that the recordings do not determine, and which were left out."""
+    clock: SessionClock
+    """Of the session."""
+    needs_units: list[str]
+    """Quantities that came in counts, and without whose unit no value has one."""
+    warnings: list[str]
+    """About the recordings, and about results that do not carry over."""
+    without: list[str]
+    """Effects that were not asked for (`--without`)."""
+    not_testable: list[Untried]
+    """Effects that hide behind the parameters of the model."""
+    not_observable: list[Untried]
+    """Effects of which these recordings show nothing."""
+    pulsations: list[FoundPulsation]
+    """Lines that are the same in all recordings."""
+    flow: dict[str, FlowBalance]
+    """By joint whose flow was recorded."""
+    detectable_strength: Number
+    """Strength above which nine in ten effects would have shown [-]."""
+    suspicions: list[str] = []
+    """What is suspicious of the recordings themselves."""

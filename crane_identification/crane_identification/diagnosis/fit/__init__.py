@@ -1,0 +1,1 @@
+"""The model fitted to the recordings, and the rows that they give."""

@@ -1,0 +1,217 @@
+"""The second residual: what the flow of oil tells of valves and oil, joint by joint.
+
+Measured pressures are the input of the torque model, so that valves, leakage and compressibility
+cannot show in its residual. They do in the balance of flow, which is fitted as a whole: every
+machine has some of each, and an effect is missing where a value is not the usual one.
+"""
+
+from collections.abc import Callable, Sequence
+
+import numpy as np
+
+from crane_identification.diagnosis.fit.evidence import Evidence
+from crane_identification.diagnosis.flow.flow_balance import (
+    COLUMNS,
+    LEAK,
+    PLAY,
+    SOFT,
+    ZONES,
+    FlowRows,
+    Spool,
+    power,
+    searched,
+    solved,
+)
+from crane_identification.diagnosis.flow.hydraulics import Flow, Flows, Gain, Quantity
+from crane_identification.diagnosis.flow.usual import Usual
+from crane_identification.diagnosis.search.candidates import Candidate
+from crane_identification.thresholds import Thresholds
+from crane_model.errors import DataError
+from crane_model.flow import FLOW_EFFECTS
+from crane_model.flow.valve import EDGES, asymmetry, by_chamber
+
+
+def examine(
+    evidence: Evidence,
+    held_out: Evidence,
+    usual: Usual,
+    thresholds: Thresholds,
+    named: Sequence[Candidate] = (),
+) -> Flows:
+    """Each joint whose flow was recorded, and why effects are not observable on the others.
+
+    An effect is missing where its value lies beyond what is usual, and where the usual value
+    predicts the flow of the `held_out` recordings clearly worse. Where effects
+    that are `named` are of sensors, what these measure tells nothing of the flow.
+    """
+    distrusted = {one.where for one in named if one.term.is_of_sensors()}
+    found: list[Flow] = []
+    absent: dict[tuple[str, str], str] = {}
+    for joint in evidence.joints:
+        try:
+            here, there = FlowRows(evidence, joint), FlowRows(held_out, joint)
+            if joint in distrusted:
+                raise DataError(f"flow of '{joint}': its sensors may be wrong; settle that first")
+            if joint not in usual.dead_zone:
+                raise DataError(
+                    f"flow of '{joint}': what is usual of its valve is not known; add its dead_zone"
+                )
+            found.append(_Examination(here, there, searched(here), usual, thresholds).flow())
+        except DataError as error:
+            absent |= {(effect, joint): str(error) for effect in sorted(FLOW_EFFECTS)}
+    return Flows(tuple(found), absent)
+
+
+Tied = Callable[[FlowRows, np.ndarray], tuple[np.ndarray, np.ndarray | float]]
+"""From rows and their columns to those of a balance with one quantity as it usually is, and the
+part of the flow that is then known."""
+
+
+class _Examination:
+    """All quantities of a joint, from its balance `here`, proved `there`."""
+
+    def __init__(
+        self, here: FlowRows, there: FlowRows, spool: Spool, usual: Usual, thresholds: Thresholds
+    ) -> None:
+        self._here, self._there, self._spool, self._usual = here, there, spool, usual
+        self._gates, self._method = thresholds.gates, thresholds.method
+        self._columns, self._proof = spool.columns(here), spool.columns(there)
+        self._free = solved(self._columns, here.flow)
+        self._correlation = _correlation(self._free.left)
+        self._least = power(there.flow - self._proof @ self._free.values)
+        self._flow_power = power(here.flow)
+
+    def flow(self) -> Flow:
+        """What the balance says; `DataError` if it says nothing."""
+        here, free, method = self._here, self._free, self._method
+        unexplained = float(np.sqrt(free.rest / self._flow_power))
+        noise = unexplained > method.flow_noise_share
+        if noise and self._correlation < method.flow_law_correlation:
+            raise DataError(
+                f"flow of '{here.joint}': {unexplained:.0%} of it is noise, at most "
+                f"{method.flow_noise_share:.0%} allowed; move faster"
+            )
+        gains = tuple(self._gain(k, edge) for k, edge in enumerate(EDGES))
+        self._require_gains(gains)
+        return Flow(
+            joint=here.joint,
+            quantities=() if noise else self._quantities(),
+            gains=gains,
+            unexplained=unexplained,
+            usual=self._gates.unexplained_flow,
+            correlation=self._correlation,
+            known=here.known,
+            recorded=here.recorded,
+            method=method,
+        )
+
+    def _gain(self, column: int, edge: str) -> Gain:
+        value = float(self._free.values[column])
+        std_dev = self._std_dev(np.eye(COLUMNS)[column])
+        return Gain(edge, value, std_dev, abs(value) >= self._method.flow_sigmas * std_dev)
+
+    def _require_gains(self, gains: Sequence[Gain]) -> None:
+        known = [gain for gain in gains if gain.determined]
+        wrong = [gain.edge for gain in known if gain.value < 0.0]
+        if wrong or not known:
+            raise DataError(
+                f"flow of '{self._here.joint}': it does not follow the valve"
+                + (f", and runs against it at the edge {', '.join(wrong)}" if wrong else "")
+                + "; check sign and log of its command, and that its chambers are not exchanged"
+            )
+
+    def _std_dev(self, gradient: np.ndarray) -> float:
+        """Of a function of the parameters with this gradient (COLUMNS,); infinite if it is not
+        determined. Neighbouring rows of what is left are not independent, as of an autoregression
+        of first order.
+        """
+        if not self._free.determined[gradient != 0.0].all():
+            return float("inf")
+        alike = max(self._correlation, 0.0)
+        independent = float(np.sqrt(gradient @ self._free.covariance @ gradient))
+        return float(np.sqrt((1.0 + alike) / (1.0 - alike))) * independent
+
+    def _quantities(self) -> tuple[Quantity, ...]:
+        usual = self._usual
+        return (
+            self._dead_zone(),
+            self._of_column("valve_hysteresis", PLAY, self._spool.play, usual.hysteresis),
+            self._asymmetry(),
+            self._of_column("internal_leakage", LEAK, 1.0, usual.leakage),
+            self._of_column("oil_compressibility", SOFT, 1.0, 1.0 / usual.bulk_modulus),
+        )
+
+    def _dead_zone(self) -> Quantity:
+        """Of the direction in which it is wider."""
+        limit, zones = self._usual.dead_zone[self._here.joint], self._spool.dead_zones
+        a, b = (min(zone, limit) for zone in zones)
+        usual = self._spool._replace(dead_zones=(a, b))
+        fixed = [part for part, zone in zip(ZONES, zones, strict=True) if zone > limit]
+
+        def tied(rows: FlowRows, _: np.ndarray) -> tuple[np.ndarray, float]:
+            return np.delete(usual.columns(rows), fixed, axis=1), 0.0
+
+        value = max(zones)
+        std_dev = self._std_dev(np.eye(COLUMNS)[ZONES[zones.index(value)]])
+        return self._judged("valve_dead_zone", value, std_dev, limit, tied)
+
+    def _asymmetry(self) -> Quantity:
+        limit, gains = self._usual.asymmetry, self._free.values[: len(EDGES)]
+        (mean_a, mean_b), shares = by_chamber(gains)
+        value = asymmetry(gains)
+        usual_a, usual_b = shares + (np.copysign(limit, value) - value)
+        gradient = np.zeros(COLUMNS)
+        gradient[:2] = gains[[1, 0]] * (1.0, -1.0) / (2.0 * mean_a) ** 2
+        gradient[2:4] = gains[[3, 2]] * (-1.0, 1.0) / (2.0 * mean_b) ** 2
+
+        def tied(_: FlowRows, columns: np.ndarray) -> tuple[np.ndarray, float]:
+            supply_a, a_tank, supply_b, b_tank = columns[:, : len(EDGES)].T
+            chambers = (
+                (1.0 + usual_a) * supply_a + (1.0 - usual_a) * a_tank,
+                (1.0 - usual_b) * supply_b + (1.0 + usual_b) * b_tank,
+            )
+            return np.column_stack([*chambers, columns[:, len(EDGES) :]]), 0.0
+
+        std_dev = self._std_dev(gradient)
+        return self._judged("valve_asymmetry", value, std_dev, limit, tied, abs(value))
+
+    def _of_column(self, effect: str, part: int, unit: float, limit: float) -> Quantity:
+        """Of a parameter that is the quantity over a `unit`."""
+        value = float(self._free.values[part])
+        fixed = limit / unit
+
+        def tied(_: FlowRows, columns: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+            return np.delete(columns, part, axis=1), fixed * columns[:, part]
+
+        std_dev = unit * self._std_dev(np.eye(COLUMNS)[part])
+        return self._judged(effect, unit * value, std_dev, limit, tied)
+
+    def _judged(
+        self,
+        effect: str,
+        value: float,
+        std_dev: float,
+        limit: float,
+        tied: Tied,
+        size: float | None = None,
+    ) -> Quantity:
+        """Beside the best balance in which the value, or its `size`, is usual."""
+        sigmas = self._method.flow_sigmas * std_dev
+        determined = sigmas <= max(abs(value), limit)
+        if not (value if size is None else size) - limit >= sigmas:
+            return Quantity(effect, value, std_dev, limit, 0.0, 0.0, False, determined)
+        columns, known = tied(self._here, self._columns)
+        fit = solved(columns, self._here.flow - known)
+        columns, known = tied(self._there, self._proof)
+        left = power(self._there.flow - known - columns @ fit.values)
+        share = float(np.sqrt(max(fit.rest - self._free.rest, 0.0) / self._flow_power))
+        score = len(self._here.flow) * float(np.log(fit.rest / self._free.rest))
+        proved = left > self._method.flow_proof_factor * self._least
+        missing = proved and share > self._gates.smallest_flow_share
+        return Quantity(effect, value, std_dev, limit, share, score, missing, determined)
+
+
+def _correlation(left: np.ndarray) -> float:
+    """Of neighbouring rows (N,) of the same chamber, below 1: 0.2 of filtered noise."""
+    chambers = left.reshape(-1, 2)
+    return float((chambers[1:] * chambers[:-1]).sum() / (chambers**2).sum())

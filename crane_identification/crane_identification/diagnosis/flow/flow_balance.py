@@ -1,0 +1,236 @@
+"""The balance of flow of one joint: its rows, filtered like the torque, and their least squares."""
+
+from collections.abc import Callable
+from dataclasses import replace
+from typing import NamedTuple
+
+import numpy as np
+from scipy.optimize import minimize_scalar
+
+from crane_identification.diagnosis.fit.evidence import Evidence, normed
+from crane_identification.diagnosis.fit.runs import Run, thinned
+from crane_identification.estimation.regression import OPEN
+from crane_model.errors import DataError
+from crane_model.flow import flow_regressor, piston_flow
+from crane_model.flow.oil import InternalLeakage, OilCompressibility
+from crane_model.flow.valve import EDGES, Valve
+from crane_model.machine import Machine
+from crane_model.record import Record
+
+LEAST_TIME = 8.0  # s of motion in either direction
+LEAST_RUN = 1.0  # s; of what is shorter, the filter sees nothing but its ends
+LEAST_PRESSURE = 1e5  # Pa above the tank's, below which a chamber is about to be empty
+SIGNALS = ("command", "pressure_a", "pressure_b", "supply_pressure", "tank_pressure")
+WIDEST_DEAD_ZONE = 0.3
+WIDEST_PLAY = 0.2
+STEP = 0.005  # of a dead zone, for its derivative
+STEPS, ACCURACY = 10, 1e-5  # Gauss-Newton to the dead zones
+LEAK, SOFT, PLAY, ZONES, COLUMNS = 4, 5, 8, (9, 10), 11
+"""Columns of the balance: edges (4), leakage, oil (2), delay, play, the two dead zones."""
+SINGULAR_SHARE = 1e-10  # of the largest eigenvalue: what is below is not determined
+
+
+class FlowRows:
+    """Rows (N,) of the balance of one joint, both chambers: while it moves, and all is known.
+
+    `recorded` and `known` are the times [s] of the recordings, and of their parts in which all
+    SIGNALS are known. `DataError` says why nothing can be told.
+    """
+
+    def __init__(self, evidence: Evidence, joint: str) -> None:
+        machine = evidence.model.machine
+        if machine is None:
+            raise DataError(f"flow of '{joint}': the model has no machine with cylinders")
+        self.machine: Machine = machine
+        self.joint = joint
+        logged = [run for run in evidence.runs if _logged(run.record)]
+        # with none of them, the first says what it lacks
+        self._runs = [part for run in logged or evidence.runs[:1] for part in self._known(run)]
+        self.recorded = sum(_duration(run.record) for run in evidence.runs)
+        self.known = sum(_duration(run.record) for run in self._runs)
+        self._require_motion()
+        self.leak_and_oil = self._rows(
+            lambda run: flow_regressor(
+                (InternalLeakage(joint=joint), OilCompressibility(joint=joint)), run.record, machine
+            )
+        )
+        flow = self._rows(lambda run: piston_flow(run.record, machine, joint)[..., np.newaxis])
+        self.flow = flow[:, 0]
+
+    def edges(self, dead_zones: tuple[float, float], play: float = 0.0) -> np.ndarray:
+        """(N, 4) flow through each metering edge for K = 1."""
+        valve = self._valve(dead_zones, play)
+        return self._rows(lambda run: valve.columns(run.record, self.machine))
+
+    def edges_and_rates(self, dead_zones: tuple[float, float]) -> tuple[np.ndarray, np.ndarray]:
+        """The same without play, and its rate, which is what a delay takes away: (N, 4) each."""
+        valve = self._valve(dead_zones, 0.0)
+
+        def columns(run: Run) -> np.ndarray:
+            flow = valve.columns(run.record, self.machine)
+            return np.concatenate([flow, run.record.rate(flow)], axis=2)
+
+        flow, rate = np.split(self._rows(columns), 2, axis=1)
+        return flow, rate
+
+    def _valve(self, dead_zones: tuple[float, float], play: float) -> Valve:
+        a, b = dead_zones
+        return Valve(joint=self.joint, dead_zone_a=a, dead_zone_b=b, play=play)
+
+    def _signal(self, record: Record, name: str) -> np.ndarray:
+        values = record.needed(name, f"flow of '{self.joint}'")
+        return values if values.ndim == 1 else values[:, record.column(self.joint)]
+
+    def _known(self, run: Run) -> list[Run]:
+        """The parts of a run in which all signals are known."""
+        known = np.isfinite([self._signal(run.record, name) for name in SIGNALS]).all(axis=0)
+        ends = np.flatnonzero(np.diff(known, prepend=False, append=False)).reshape(-1, 2)
+        parts = [slice(begin, end) for begin, end in ends.tolist()]
+        parts = [part for part in parts if _duration(run.record.take(part)) >= LEAST_RUN]
+        return [replace(run, record=run.record.take(p), gate=run.gate[p]) for p in parts]
+
+    def _filled(self, record: Record) -> np.ndarray:
+        """(samples,) where no chamber is about to be empty: then it draws oil past the valve."""
+        lowest = np.minimum(self._signal(record, "pressure_a"), self._signal(record, "pressure_b"))
+        return lowest > self._signal(record, "tank_pressure") + LEAST_PRESSURE
+
+    def _gate(self, run: Run) -> np.ndarray:
+        return run.gate[:, run.record.column(self.joint)] * self._filled(run.record)
+
+    def _require_motion(self) -> None:
+        up = down = 0.0
+        for run in self._runs:
+            record = run.record
+            steps = np.diff(record.time, append=record.time[-1:]) * self._gate(run)
+            rising = record.velocity[:, record.column(self.joint)] > 0.0
+            up, down = up + steps[rising].sum(), down + steps[~rising].sum()
+        if min(up, down) < LEAST_TIME:
+            cut = self.known < 0.9 * self.recorded
+            raise DataError(
+                f"flow of '{self.joint}': it moves up for {up:.0f} s and down for {down:.0f} s "
+                f"where all is known, {LEAST_TIME:.0f} s each needed; "
+                + (
+                    f"{', '.join(SIGNALS)} are known together for {self.known:.1f} s of "
+                    f"{self.recorded:.1f} s: log them all along"
+                    if cut
+                    else "record longer, or move it more"
+                )
+            )
+
+    def _rows(self, of: Callable[[Run], np.ndarray]) -> np.ndarray:
+        """(N, k) from (samples, 2, k) of each run, filtered like the torque."""
+        parts = []
+        for run in self._runs:
+            gate, values = self._gate(run), of(run)
+            open_ = thinned(gate, run.factor) > OPEN
+            there = values.any(axis=0)  # columns of zeros cost nothing
+            rows = np.zeros((np.count_nonzero(open_), *there.shape))
+            rows[:, there] = thinned(values[:, there] * gate[:, np.newaxis], run.factor)[open_]
+            parts.append(rows.reshape(-1, rows.shape[2]))
+        return np.concatenate(parts)
+
+
+def _logged(record: Record) -> bool:
+    return all(getattr(record, name) is not None for name in SIGNALS)
+
+
+def _duration(record: Record) -> float:
+    return float(record.time[-1] - record.time[0]) if len(record) else 0.0
+
+
+class FlowSolution(NamedTuple):
+    """Parameters of columns and their covariance, which of them are determined, what is left."""
+
+    values: np.ndarray
+    covariance: np.ndarray
+    determined: np.ndarray
+    left: np.ndarray
+
+    @property
+    def rest(self) -> float:
+        """Variance of what is left."""
+        return power(self.left)
+
+
+class Spool(NamedTuple):
+    """What the balance is not linear in: dead zones of the two directions, play; and the gains of
+    the edges that a delay, play and a change of the dead zones are weighed with.
+    """
+
+    dead_zones: tuple[float, float]
+    play: float
+    gains: np.ndarray
+
+    def columns(self, rows: FlowRows) -> np.ndarray:
+        """The columns (N, COLUMNS) of the balance, linear about these dead zones and play."""
+        a, b = self.dead_zones
+        edges, rates = rows.edges_and_rates((a, b))
+
+        def change(dead_zones: tuple[float, float], play: float = 0.0) -> np.ndarray:
+            return (rows.edges(dead_zones, play) - edges) @ self.gains
+
+        beside = (
+            rates @ self.gains,
+            change((a, b), self.play),
+            change((a + STEP, b)) / STEP,
+            change((a, b + STEP)) / STEP,
+        )
+        return np.column_stack([edges, rows.leak_and_oil, *beside])
+
+
+def searched(rows: FlowRows) -> Spool:
+    """Dead zones and play with which least is left: one dead zone first, then each way its own."""
+
+    def common(x: float) -> FlowSolution:
+        parts = (*rows.edges_and_rates((x, x)), rows.leak_and_oil)
+        return solved(np.concatenate(parts, axis=1), rows.flow)
+
+    x = _lowest(lambda x: common(x).rest, WIDEST_DEAD_ZONE)
+    spool = Spool((x, x), 0.0, common(x).values[: len(EDGES)])
+    spool = _refined(rows, spool)
+    stiff, edges = spool.columns(rows), rows.edges(spool.dead_zones)
+
+    def left(play: float) -> float:
+        stiff[:, PLAY] = (rows.edges(spool.dead_zones, play) - edges) @ spool.gains
+        return solved(stiff, rows.flow).rest
+
+    return _refined(rows, spool._replace(play=_lowest(left, WIDEST_PLAY)))
+
+
+def _refined(rows: FlowRows, spool: Spool) -> Spool:
+    """With the dead zones and gains of least squares, by Gauss-Newton."""
+    for _ in range(STEPS):
+        values = solved(spool.columns(rows), rows.flow).values
+        change = values[list(ZONES)]
+        a, b = np.clip(spool.dead_zones + change, 0.0, WIDEST_DEAD_ZONE).tolist()
+        spool = spool._replace(dead_zones=(a, b), gains=values[: len(EDGES)])
+        if np.abs(change).max() < ACCURACY:
+            break
+    return spool
+
+
+def _lowest(cost: Callable[[float], float], highest: float) -> float:
+    """Where the cost is lowest between 0.001 and `highest`."""
+    bounds, accuracy = (1e-3, highest), {"xatol": 1e-4}
+    found = minimize_scalar(
+        lambda x: cost(float(x)), bounds=bounds, method="bounded", options=accuracy
+    )
+    return float(found.x)
+
+
+def solved(columns: np.ndarray, flow: np.ndarray) -> FlowSolution:
+    """Least squares of flow (N,) on columns (N, k)."""
+    scaled, norms = normed(columns)
+    sizes, directions = np.linalg.eigh(scaled.T @ scaled)
+    kept = sizes > SINGULAR_SHARE * sizes[-1]
+    inverse = directions[:, kept] / sizes[kept] @ directions[:, kept].T
+    values = inverse @ (scaled.T @ flow)
+    left = flow - scaled @ values
+    determined = (directions[:, ~kept] ** 2).sum(axis=1) < SINGULAR_SHARE
+    covariance = power(left) * inverse / np.outer(norms, norms)
+    return FlowSolution(values / norms, covariance, determined, left)
+
+
+def power(values: np.ndarray) -> float:
+    """Mean square, above 0."""
+    return max(float((values**2).mean()), np.finfo(float).tiny)

@@ -1,0 +1,152 @@
+"""The gap between model and measurement on recordings that took no part, before and after."""
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from typing import SupportsIndex
+
+import numpy as np
+
+from crane_identification.diagnosis.fit.evidence import Evidence, over_zones, relative, residual
+from crane_identification.diagnosis.proof.learner import predict_elsewhere
+from crane_identification.diagnosis.search.loads import Weighed, with_own_loads
+from crane_identification.estimation.regression import OPEN
+from crane_identification.preparation.averaging import noise_of_mean
+from crane_identification.preparation.run import Preparation
+from crane_identification.signals.decimate import decimate
+from crane_identification.thresholds import Method
+from crane_identification.validation.motion_validation import MotionValidation, validate_motion
+from crane_model.model_file import Model
+
+RESOLUTION = 1e-6  # relative error, below which numbers are rounding
+
+
+@dataclass(frozen=True)
+class Gap:
+    """Per joint (j,), relative to the rms of the force: error `before` and `after`, the `floor` of
+    noise (NaN where no period was repeated), and the `best` that a flexible learner reaches;
+    `training_before` and `training_after`: errors on the recordings that models were fitted to.
+    `uncertain`: error that the standard deviations of values that are kept allow.
+
+    `motion_before` and `motion_after`: errors of the simulated motion. `loads` of the held-out
+    recordings, which `carried` holds beside what the model after has. The `method`
+    says what is a gap.
+    """
+
+    joints: tuple[str, ...]
+    before: np.ndarray
+    after: np.ndarray
+    floor: np.ndarray
+    best: np.ndarray
+    training_before: np.ndarray
+    training_after: np.ndarray
+    motion_before: MotionValidation
+    motion_after: MotionValidation
+    loads: tuple[Weighed, ...]
+    carried: Model
+    method: Method
+    uncertain: np.ndarray | float = 0.0
+
+    @property
+    def reachable(self) -> np.ndarray:
+        """What some model reaches (j,): noise where it is known, or the learner, or that `after`.
+
+        Periods scatter by what the motion does not repeat as well, which a model may explain.
+        """
+        return np.fmin(np.fmin(self.method.clean_factor * self.floor, self.best), self.after)
+
+    @property
+    def closed(self) -> np.ndarray:
+        """Share (j,) of the explainable gap, in energy, that is closed; NaN where there is none."""
+        return np.array([self.closed_on([j]) for j in range(len(self.joints))])
+
+    def closed_on(self, joints: Sequence[int]) -> float:
+        """The same of several joints together, each in units of what is reachable there."""
+        own = list(joints)
+        unit = np.maximum(self.reachable[own], RESOLUTION) ** 2
+        before, after, least = (
+            float((error[own] ** 2 / unit).sum())
+            for error in (self.before, self.after, self.reachable)
+        )
+        explainable = before - least
+        gap = explainable > self.method.explainable_share * before
+        return (before - after) / explainable if gap else np.nan
+
+    def moved(self, j: SupportsIndex) -> str:
+        """What becomes of the held-out error of a joint, in words; one number where both are one.
+
+        So that a percentage does not fall to itself.
+        """
+        before, after = (f"{error[j]:.2%}" for error in (self.before, self.after))
+        if before == after:
+            return f"the held-out error of {self.joints[j]} stays at {after}"
+        verb = "falls" if self.after[j] < self.before[j] else "rises"
+        return f"the held-out error of {self.joints[j]} {verb} from {before} to {after}"
+
+    @property
+    def largest_before(self) -> np.ndarray:
+        """The larger one of held-out and training error before (j,)."""
+        return np.maximum(self.before, self.training_before)
+
+    def over_floor(self, errors: np.ndarray) -> np.ndarray:
+        """Errors (j,) over the noise floor; NaN where none is known."""
+        return errors / np.maximum(self.floor, RESOLUTION)
+
+
+def measure(
+    before: Model,
+    after: Model,
+    training: Evidence,
+    held_out: Evidence,
+    averaged: Sequence[Preparation],
+    method: Method,
+) -> Gap:
+    """Both models, fitted to the training recordings, on the held-out ones.
+
+    The one after with the load of each of these, which is a property of that recording.
+    """
+    j = len(before.joints)
+    noise = noise_floor(averaged, held_out.runs[0].factor, j)
+    doubt = uncertain(held_out, after) if training.keeps else 0.0
+    after, loads = with_own_loads(after, training, held_out)
+    old, new = residual(held_out, before), residual(held_out, after)
+    learnt = np.minimum(np.abs(old), np.abs(new))  # close to reversals, what the better one leaves
+    seen = training.moving
+    fitted = residual(training, before)
+    learnt[:, :j] = predict_elsewhere(seen, fitted[:, :j], held_out.moving) - old[:, :j]
+    errors = [relative(held_out, values) for values in (old, new, learnt)]
+    records = [run.record for run in held_out.runs]
+    return Gap(
+        joints=before.joints,
+        before=errors[0],
+        after=errors[1],
+        floor=noise / over_zones(held_out, held_out.force),
+        best=np.minimum(errors[2], errors[0]),
+        training_before=relative(training, fitted),
+        training_after=relative(training, residual(training, after)),
+        motion_before=validate_motion(before, records),
+        motion_after=validate_motion(after, records),
+        loads=loads,
+        carried=after,
+        method=method,
+        uncertain=doubt,
+    )
+
+
+def uncertain(evidence: Evidence, model: Model) -> np.ndarray:
+    """Error (j,) of the force, relative to it, that the standard deviations of values make."""
+    assert model.std_devs is not None  # of values that are kept
+    parts = evidence.regressor(model) * model.std_devs
+    return relative(evidence, np.linalg.norm(parts, axis=2))
+
+
+def noise_floor(averaged: Sequence[Preparation], factor: int, joints: int) -> np.ndarray:
+    """Root mean square noise (j,) of the filtered force, from the scatter between periods."""
+    powers = []
+    for preparation in averaged:
+        count = len(preparation.periods)
+        if count < 2:
+            continue
+        periods = np.stack([decimate(one, factor, True) for one in preparation.periods])
+        gate = decimate(preparation.signed.astype(float), factor, True) > OPEN
+        powers.append(noise_of_mean(periods, gate) ** 2 * count)
+    return np.sqrt(np.mean(powers, axis=0)) if powers else np.full(joints, np.nan)

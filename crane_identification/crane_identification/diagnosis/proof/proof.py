@@ -1,0 +1,153 @@
+"""Effects that passed the training recordings, before recordings that took no part."""
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from typing import NamedTuple
+
+import numpy as np
+
+from crane_identification.diagnosis.decision.judgement import Judged
+from crane_identification.diagnosis.fit.evidence import relative, residual
+from crane_identification.diagnosis.fit.fit import Fitted
+from crane_identification.diagnosis.fit.refit import UndeterminedError
+from crane_identification.diagnosis.proof.extension import extended
+from crane_identification.diagnosis.proof.gap import Gap, measure
+from crane_identification.diagnosis.proof.pulsation import (
+    Line,
+    Pulsation,
+    clearest_lines,
+    pulsations,
+)
+from crane_identification.diagnosis.proof.trial import Trial, tried
+from crane_identification.diagnosis.search.energy import left_share
+from crane_identification.diagnosis.search.loads import with_own_loads
+from crane_identification.diagnosis.search.search import Search
+from crane_identification.thresholds import Thresholds
+from crane_model.progress import Progress, silent
+
+
+class Short(NamedTuple):
+    """An effect that does not close the held-out gap, and what it does in words."""
+
+    effect: Judged
+    objection: str
+
+
+@dataclass(frozen=True)
+class Proof:
+    """The effects that close the held-out `gap` where they act, in a `trial`; `short` do not.
+
+    `before` is the trial without any; `lines` are the clearest of each joint in the spectrum of
+    what the `trial` leaves, `pulsations` those that are clear enough.
+    """
+
+    before: Trial
+    trial: Trial
+    gap: Gap
+    short: tuple[Short, ...] = ()
+    lines: tuple[Line, ...] = ()
+    pulsations: tuple[Pulsation, ...] = ()
+
+
+def proved(
+    fit: Fitted,
+    search: Search,
+    wanted: Sequence[Judged],
+    thresholds: Thresholds,
+    progress: Progress = silent,
+) -> Proof:
+    """The `wanted` effects, strongest first, without those that fall short beside the others.
+
+    They are taken out one at a time, the weakest first: it may be what the others fall short by.
+    """
+    before = tried(fit, search, (), thresholds)
+    progress("what is left", 0.5)
+    short: list[Short] = []
+    while True:
+        trial = tried(fit, search, wanted, thresholds)
+        gap = measure(
+            fit.before, trial.model, fit.evidence, fit.held_out, fit.periods, thresholds.method
+        )
+        failing = [
+            Short(one, said) for one in trial.effects if (said := objection(one, gap, thresholds))
+        ]
+        if not failing:
+            break
+        short.insert(0, failing[-1])
+        wanted = [one for one in trial.effects if one is not failing[-1].effect]
+    fewest = thresholds.method.pulsation_recordings
+    lines = clearest_lines(trial.model, (*fit.evidence.runs, *fit.held_out.runs), fewest)
+    progress("what is left", 1.0)
+    progress("gap", 1.0)
+    return Proof(before, trial, gap, tuple(short), lines, pulsations(lines, thresholds))
+
+
+def objection(one: Judged, gap: Gap, thresholds: Thresholds) -> str:
+    """Why an effect does not close the gap where it acts; empty if it does."""
+    joint = one.shaped.candidate.joint
+    own = [j for j, name in enumerate(gap.joints) if joint in (name, None)]
+    closed = gap.closed_on(own)
+    if not np.isfinite(closed):  # there is no gap: it must not open one
+        worse = [j for j in own if gap.after[j] > thresholds.method.worse_factor * gap.before[j]]
+        return _enlarging(gap, worse) if worse else ""
+    method = thresholds.method
+    least = method.simple_share if _simple(one) else method.closed_share
+    if closed >= least:
+        return ""
+    if closed < 0.0:
+        larger = [j for j in own if gap.after[j] > gap.before[j]]
+        return f"{_enlarging(gap, larger)}; it should close {least:.0%} of the gap"
+    return (
+        f"it closes {closed:.0%} of what could be closed of the gap on held-out recordings, and "
+        f"{least:.0%} are asked for"
+    )
+
+
+def _enlarging(gap: Gap, joints: Sequence[int]) -> str:
+    """That an effect makes the errors of these joints larger."""
+    return f"with it, {', '.join(gap.moved(j) for j in joints)}"
+
+
+def _simple(one: Judged) -> bool:
+    """Whether an effect is unlikely to be but like what is missing: no shape bends it towards that,
+    no other effect is as good, and it helps wherever it is asked.
+    """
+    asked = one.held_out[np.isfinite(one.held_out)]
+    return not (one.indistinct or one.shaped.shape) and bool((asked > 0.0).all())
+
+
+@dataclass(frozen=True)
+class Nearest:
+    """Effects that come closest to what is missing, strongest first, and why they are no names.
+
+    `explained`: share of the energy beyond noise where they act. Held-out errors (j,) `before` and
+    `after` they are added; these are NaN where the recordings do not determine them.
+    """
+
+    joints: tuple[str, ...]
+    effects: tuple[Judged, ...]
+    explained: float
+    before: np.ndarray
+    after: np.ndarray
+    objection: str
+
+
+def nearest(fit: Fitted, search: Search, effects: Sequence[Judged], objection: str) -> Nearest:
+    """What `effects` would do to the fitted model."""
+    before, held_out = fit.before, fit.held_out
+    old = relative(held_out, residual(held_out, before))
+    try:
+        after, _ = extended(search, before, effects, fit.training)
+        carried, _ = with_own_loads(after, fit.evidence, held_out)
+        new = relative(held_out, residual(held_out, carried))
+    except UndeterminedError:
+        new = np.full_like(old, np.nan)
+    left = left_share(search, [one.shaped for one in effects])
+    return Nearest(
+        joints=before.joints,
+        effects=tuple(effects),
+        explained=float(np.clip(1.0 - left, 0.0, 1.0)),
+        before=old,
+        after=new,
+        objection=objection,
+    )

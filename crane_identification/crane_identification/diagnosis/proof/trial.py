@@ -1,0 +1,92 @@
+"""A model with effects added: what it is after the fit, refitted jointly, and what it leaves.
+
+Where its values are kept, what changed is estimated alone.
+"""
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+
+from crane_identification.diagnosis.decision.cross_validation import folds
+from crane_identification.diagnosis.decision.judgement import Judged
+from crane_identification.diagnosis.fit.evidence import residual
+from crane_identification.diagnosis.fit.fit import Fitted
+from crane_identification.diagnosis.proof.extension import Value, extended
+from crane_identification.diagnosis.proof.learner import Learnt, learn
+from crane_identification.diagnosis.search.energy import left_share, normalized_energy
+from crane_identification.diagnosis.search.kept_values import within
+from crane_identification.diagnosis.search.search import Search
+from crane_identification.thresholds import Thresholds
+from crane_model.model_file import Model
+
+
+@dataclass(frozen=True)
+class Trial:
+    """`model` is that with the `effects`, fitted; `values` are the parameters of each.
+
+    `zero` are further effects whose parameters may as well be zero.
+
+    On the training recordings: its `residual` (n, c), `energy` (c,) of it in units of the noise,
+    `left_share` of the energy beyond noise where the effects act, and what is `learnt` from the
+    residual, beyond what is uncertain of values that are kept; `law` (j,) says where that is one.
+    """
+
+    effects: tuple[Judged, ...]
+    zero: tuple[Judged, ...]
+    values: tuple[tuple[Value, ...], ...]
+    model: Model
+    residual: np.ndarray
+    learnt: Learnt
+    law: np.ndarray
+    energy: np.ndarray
+    left_share: float
+
+    def explained(self, before: "Trial") -> float:
+        """Share of what can be explained of what is left `before` that the effects do."""
+        learnable = np.where(self.law, self.learnt.share, 0.0)
+        remaining = float((self.energy[: len(learnable)] * learnable).sum())
+        own = max(float((before.energy - self.energy).sum()), 0.0)
+        return own / max(own + remaining, np.finfo(float).tiny)
+
+
+def tried(fit: Fitted, search: Search, effects: Sequence[Judged], thresholds: Thresholds) -> Trial:
+    """The model with effects; those whose parameters may as well be zero are left out.
+
+    `UndeterminedError` where the recordings do not determine all parameters.
+    """
+    chosen = tuple(effects)
+    while True:
+        model, values = extended(search, fit.before, chosen, fit.training)
+        sure = tuple(
+            one
+            for one, own in zip(chosen, values, strict=True)
+            if differs(one, own, thresholds.method.parameter_sigmas)
+        )
+        if sure == chosen:
+            break
+        chosen = sure
+    evidence = fit.evidence
+    left = residual(evidence, model)
+    beyond = residual(evidence, within(search, model)) if evidence.keeps else left
+    seen = evidence.moving
+    learnt = learn(seen, seen.known, beyond[:, : len(evidence.joints)], folds(seen)[0])
+    return Trial(
+        effects=chosen,
+        zero=tuple(one for one in effects if one not in chosen),
+        values=tuple(values),
+        model=model,
+        residual=left,
+        learnt=learnt,
+        law=learnt.follows_law(thresholds),
+        energy=normalized_energy(search, left),
+        left_share=left_share(search, [one.shaped for one in chosen]),
+    )
+
+
+def differs(one: Judged, values: Sequence[Value], sigmas: float) -> bool:
+    """Whether a parameter of an effect is not zero, or has changed, by more than so many standard
+    deviations; shapes alone say nothing.
+    """
+    changes = [value.change for value in values[: len(one.shaped.positive)]]
+    return any(abs(change) > sigmas * std_dev for change, std_dev in changes)

@@ -1,0 +1,1 @@
+"""The search for effects that the model may lack, beside the model."""

@@ -1,0 +1,168 @@
+"""The effects that a model may lack: every candidate term, on every joint, at every shape.
+
+Friction that shows around reversals alone, where the sign of a velocity is unknown and no row is
+used, is not asked for. Breakaway is over once a joint has slid some tenths of a millimetre. If it
+has not been moving by then for as long as the estimate of its velocity needs, no row has seen it.
+"""
+
+from collections.abc import Iterator, Mapping
+from dataclasses import dataclass
+from itertools import product
+from typing import Any
+
+import numpy as np
+
+from crane_identification.diagnosis.fit.evidence import Evidence
+from crane_identification.diagnosis.search.loads import LOADS, Loads, heavier
+from crane_model.errors import CraneError
+from crane_model.model_file import Model
+from crane_model.progress import Progress, silent
+from crane_model.terms import Effect, Shape, Term, candidates, joints_of
+
+WHOLE = "all"  # in place of a joint
+Given = tuple[tuple[str, tuple[float, ...]], ...]
+
+ROUNDS = 6  # in which what a term takes from the model settles
+LARGEST_GRID = 16  # shapes of a candidate; between them, the best is refined
+
+
+@dataclass(frozen=True)
+class Candidate:
+    """An effect on one joint, or on the whole machine (`joint` is None), at any shape.
+
+    `given`: fields that the model gives; `parts`: which recordings may differ from the others, for
+    a term of `loads`.
+    """
+
+    term: type[Term]
+    joint: str | None
+    given: Given = ()
+    parts: tuple[Loads, ...] = ()
+
+    @property
+    def effect(self) -> Effect:
+        """What people call it."""
+        assert self.term.effect is not None  # candidates have one
+        return self.term.effect
+
+    @property
+    def shapes(self) -> Mapping[str, Shape]:
+        """The shape parameters that are sought."""
+        return self.term.shapes
+
+    @property
+    def changes(self) -> bool:
+        """Whether it is a change of what the model has, and not an effect that it lacks."""
+        return False
+
+    @property
+    def type(self) -> str:
+        """Its name in model files."""
+        return str(self.term.model_fields["type"].default)
+
+    @property
+    def where(self) -> str:
+        """The joint, or `all`."""
+        return self.joint or WHOLE
+
+    @property
+    def label(self) -> str:
+        """How a message names it: effect and joint."""
+        return f"{self.effect.name} ({self.where})"
+
+    def at(self, shape: Mapping[str, Any]) -> Term:
+        """The term with these shape parameters."""
+        joint = {} if self.joint is None else {"joint": self.joint}
+        return self.term.model_validate({"type": self.type, **joint, **dict(self.given), **shape})
+
+    def grid(self) -> Iterator[dict[str, Any]]:
+        """The shapes that are tried."""
+        if self.parts:
+            yield from ({LOADS: loads} for loads in self.parts)
+            return
+        shapes = self.shapes
+        points = [shape.points for shape in shapes.values()]
+        while np.prod(points) > LARGEST_GRID:
+            points[int(np.argmax(points))] -= 1
+        pairs = zip(shapes.values(), points, strict=True)
+        axes = [shape.spread(n) for shape, n in pairs]
+        for values in product(*axes):
+            yield dict(zip(shapes, map(float, values), strict=True))
+
+
+@dataclass(frozen=True)
+class ShapedCandidate:
+    """A candidate at one shape: its term, its columns (n, j, k) on the evidence, and their signs.
+
+    `positive` (k,): where the parameter must not be negative.
+    """
+
+    candidate: Candidate
+    shape: dict[str, Any]
+    term: Term
+    columns: np.ndarray
+    positive: np.ndarray
+
+
+def candidates_of(model: Model, evidence: Evidence) -> list[Candidate]:
+    """Every candidate on every joint of the fitted model, without those that the model has."""
+    present = {(term.type, term.only_joint) for term in model.terms}
+    out = []
+    for cls in candidates(model.setting):
+        if cls.carries_loads and len(evidence.bags) < 2:
+            continue
+        parts = heavier(evidence, cls) if cls.carries_loads else ()
+        out += [
+            Candidate(cls, joint, _given(model, evidence, cls, joint), parts)
+            for joint in joints_of(cls, model.setting) or (None,)
+        ]
+    return [candidate for candidate in out if (candidate.type, candidate.joint) not in present]
+
+
+def _given(model: Model, evidence: Evidence, cls: type[Term], joint: str | None) -> Given:
+    """The fields of a term that hold values of parameters of the model.
+
+    These are what they are beside the term: without it, parameters make up for it.
+    """
+    known = [p.name for p in model.parameters]
+    places = {
+        field: [known.index(name) for name in names]
+        for field, names in cls.of_model.items()
+        if set(names) <= set(known)
+    }
+    given: Given = ()
+    values = model.theta
+    for _ in range(ROUNDS if places else 0):
+        given = tuple((field, tuple(values[at].tolist())) for field, at in places.items())
+        try:
+            values = evidence.roughly(evidence.columns(Candidate(cls, joint, given).at({})))
+        except CraneError:
+            break  # not observable, which `observed` says
+        if evidence.keeps:
+            break  # values that are kept do not make up for it
+    return given
+
+
+def at_shape(evidence: Evidence, candidate: Candidate, shape: Mapping[str, Any]) -> ShapedCandidate:
+    """`candidate` at `shape` on the evidence; `CraneError` where that cannot be observed."""
+    term = candidate.at(shape)
+    signs = [
+        p.minimum == 0.0 and not candidate.changes for p in term.parameters(evidence.model.setting)
+    ]
+    return ShapedCandidate(candidate, dict(shape), term, evidence.columns(term), np.array(signs))
+
+
+def observed(
+    evidence: Evidence, wanted: list[Candidate], progress: Progress = silent
+) -> tuple[list[ShapedCandidate], dict[Candidate, str]]:
+    """The candidates at their shapes, and why some are not observable in these recordings."""
+    found: list[ShapedCandidate] = []
+    absent: dict[Candidate, str] = {}
+    for number, candidate in enumerate(wanted):
+        try:
+            found += [at_shape(evidence, candidate, shape) for shape in candidate.grid()]
+        except CraneError as error:
+            found = [one for one in found if one.candidate != candidate]
+            absent[candidate] = str(error)
+        progress("candidates", (number + 1) / len(wanted))
+    return found, absent

@@ -1,0 +1,131 @@
+"""Which effects together explain the residual best: a beam search over sets of candidates."""
+
+from collections.abc import Iterator, Sequence
+from typing import NamedTuple
+
+import numpy as np
+
+from crane_identification.diagnosis.search.projection import Projection
+
+BEAM = 24  # sets that are followed from each size to the next
+SINGULAR_SHARE = 1e-6
+"""Share of a column's norm left beside the chosen ones, below which it is one of them."""
+
+
+class Subset(NamedTuple):
+    """A set of candidates (numbers of the projection), its gain 2 dlogL, and the coefficients."""
+
+    numbers: tuple[int, ...]
+    gain: float
+    values: np.ndarray  # of the columns of the candidates, one after another
+
+
+NOTHING = Subset((), 0.0, np.zeros(0))
+
+
+def larger_sets(projection: Projection, beam: Sequence[Subset]) -> list[Subset]:
+    """The sets with one candidate more than those of `beam` that gain most, best first.
+
+    One set of shapes for each set of candidates. Sets in which a parameter has the wrong sign do
+    not count: without that candidate they are no worse.
+    """
+    found: dict[frozenset, Subset] = {}
+    for start in beam:
+        for subset in extended(projection, start):
+            key = frozenset(projection.candidates[i].candidate for i in subset.numbers)
+            if key not in found or subset.gain > found[key].gain:
+                found[key] = subset
+    return sorted(found.values(), key=lambda subset: -subset.gain)[:BEAM]
+
+
+def extended(projection: Projection, start: Subset) -> Iterator[Subset]:
+    """`start` with each further candidate, at its best shape, where all signs are right."""
+    inside = [c for i in start.numbers for c in projection.columns_of[i]]
+    gram, score = _without(projection, inside)
+    present = {projection.candidates[i].candidate for i in start.numbers}
+    gains = _single_gains(projection, gram, score)
+    for number in _best_of_each(projection, gains):
+        if projection.candidates[number].candidate in present or not gains[number] > 0.0:
+            continue
+        solved = solve(projection, (*start.numbers, int(number)))
+        if solved is not None:
+            yield solved
+
+
+def _best_of_each(projection: Projection, gains: np.ndarray) -> list[int]:
+    """The best shape of each candidate."""
+    best: dict[object, int] = {}
+    for number, shaped in enumerate(projection.candidates):
+        known = best.get(shaped.candidate)
+        if known is None or gains[number] > gains[known]:
+            best[shaped.candidate] = number
+    return list(best.values())
+
+
+def _single_gains(projection: Projection, gram: np.ndarray, score: np.ndarray) -> np.ndarray:
+    """Gain (candidates,) of each candidate by itself, -inf where signs are wrong."""
+    diagonal = np.diag(gram)
+    good = diagonal > SINGULAR_SHARE**2
+    right = good & (~projection.positive | (score > 0.0))
+    single = np.where(right, score**2 / np.where(good, diagonal, 1.0), -np.inf)
+    gains = np.full(len(projection.candidates), -np.inf)
+    for number, columns in enumerate(projection.columns_of):
+        if len(columns) == 1:
+            gains[number] = single[columns[0]]
+            continue
+        gains[number] = _gain(gram, score, columns, projection.positive[columns])
+    return gains
+
+
+def _gain(gram: np.ndarray, score: np.ndarray, columns: np.ndarray, positive: np.ndarray) -> float:
+    """Gain of a candidate's columns with those of wrong sign at zero; -inf if nothing is left."""
+    block = np.ix_(columns, columns)
+    values = constrained(gram[block], score[columns], positive)
+    return -np.inf if values is None or not values.any() else float(values @ score[columns])
+
+
+def constrained(gram: np.ndarray, score: np.ndarray, positive: np.ndarray) -> np.ndarray | None:
+    """Solution of gram values = score with the `positive` values that would be negative at zero.
+
+    None where columns coincide.
+    """
+    free = np.ones(len(score), dtype=bool)
+    values = np.zeros(len(score))
+    while free.any():
+        part = gram[np.ix_(free, free)]
+        if np.linalg.eigvalsh(part)[0] < SINGULAR_SHARE**2:
+            return None
+        values[:] = 0.0
+        values[free] = np.linalg.solve(part, score[free])
+        wrong = free & positive & (values < 0.0)
+        if not wrong.any():
+            break
+        free &= ~wrong
+    values[~free] = 0.0
+    return values
+
+
+def solve(projection: Projection, numbers: tuple[int, ...]) -> Subset | None:
+    """Joint solution of a set of candidates; None where a sign is wrong or columns coincide.
+
+    A constrained parameter of a candidate with several may rest at zero.
+    """
+    columns = np.concatenate([projection.columns_of[i] for i in numbers])
+    gram, score = projection.gram[np.ix_(columns, columns)], projection.score[columns]
+    values = constrained(gram, score, projection.positive[columns])
+    if values is None:
+        return None
+    for number in numbers:
+        if not values[projection.owner[columns] == number].any():
+            return None
+    return Subset(numbers, float(values @ score), values)
+
+
+def _without(projection: Projection, inside: list[int]) -> tuple[np.ndarray, np.ndarray]:
+    """Gram matrix and score beside the columns `inside` (sweep)."""
+    gram, score = projection.gram, projection.score
+    if not inside:
+        return gram, score
+    block = gram[np.ix_(inside, inside)]
+    mixed = np.linalg.solve(block, gram[inside])
+    return gram - gram[:, inside] @ mixed, score - mixed.T @ score[inside]

@@ -1,0 +1,137 @@
+"""What these recordings can show: candidates that are visible beside the model, and in used rows.
+
+Friction that shows around reversals alone, where the sign of a velocity is unknown and no row is
+used, is not asked for. Breakaway is over once a joint has slid some tenths of a millimetre. If it
+has not been moving by then for as long as the estimate of its velocity needs, no row has seen it.
+"""
+
+from collections.abc import Sequence
+
+import numpy as np
+
+from crane_identification.diagnosis.fit.evidence import Evidence, beside, leading
+from crane_identification.diagnosis.search.candidates import Candidate, ShapedCandidate
+from crane_identification.diagnosis.search.projection import Projection
+from crane_identification.diagnosis.search.whitening import FORCE_CORRELATION, Whitener
+from crane_model.terms import Setting, Term
+
+TINY = np.finfo(float).tiny
+ITSELF_TOLERANCE, ITSELF_CORRELATION = 0.05, 0.95
+"""The measured force explains itself with the coefficient one: a column that is within this
+tolerance of that and correlated with the residual by more than this is made of it, as |tau| sgn(v)
+is where friction is all that the force overcomes."""
+VISIBLE_SHARE = 0.02
+"""Share of a column's norm that must be left beside the base for its effect to be testable. Asked
+in the zone that shows it: friction with memory is Coulomb's but for the reversals.
+"""
+ROUNDING_SHARE = 1e-6  # share of a column's norm that is more than rounding
+SEEN_SHARE = 0.1
+"""Share of the norm of a column within the used rows, below which it is not sought there: ten times
+as much friction would have to be where none is seen."""
+
+
+def visible(
+    projection: Projection, evidence: Evidence, whitener: Whitener
+) -> tuple[np.ndarray, dict[Candidate, str]]:
+    """Which (candidates,) can be tested, and why others cannot."""
+    candidates = [shaped.candidate for shaped in projection.candidates]
+    least = np.array([_least(candidate) for candidate in candidates])
+    shows = projection.visibility >= least
+    itself = _force_itself(projection, evidence, whitener)
+    wanted = shows & np.array([candidate not in itself for candidate in candidates], dtype=bool)
+    reasons = {f: "its column is the measured force itself" for f in candidates if f in itself}
+    best: dict[Candidate, float] = {}
+    for candidate, share in zip(candidates, projection.visibility, strict=True):
+        best[candidate] = max(best.get(candidate, 0.0), float(share))
+    for candidate, share in best.items():
+        if share < _least(candidate):
+            reasons[candidate] = (
+                "these recordings do not show all of its parameters"
+                if candidate.changes
+                else f"{share:.1%} of its column is left beside the model, "
+                f"{VISIBLE_SHARE:.0%} needed"
+            )
+    return wanted, reasons
+
+
+def _least(candidate: Candidate) -> float:
+    """The least visibility needed: of a change, which has the form of the model's own term, any."""
+    return ROUNDING_SHARE if candidate.changes else VISIBLE_SHARE
+
+
+def _force_itself(projection: Projection, evidence: Evidence, whitener: Whitener) -> set[Candidate]:
+    """Candidates of one joint with a column that is, beside the model there, the residual there.
+
+    Asked on the rows of that joint alone: what the joints share in the base, and the residual of
+    the others, would hide it.
+    """
+    joints = evidence.model.joints
+    force, base = whitener(evidence.force), whitener(evidence.base)
+    first = {shaped.candidate: shaped for shaped in reversed(projection.candidates)}
+    found = set()
+    for j, joint in enumerate(joints):
+        rows = whitener.channel % len(joints) == j
+        known = leading(base[rows], base.shape[1])
+        rest = beside(known, force[rows])
+        for candidate, shaped in first.items():
+            if candidate.joint != joint:
+                continue
+            columns = beside(known, whitener(shaped.columns)[rows])
+            size, score = np.linalg.norm(columns, axis=0), rest @ columns
+            alike = np.abs(score) / np.maximum(size * np.linalg.norm(rest), TINY)
+            once = np.abs(score / np.maximum(size**2, TINY) - 1.0) < ITSELF_TOLERANCE
+            if ((alike > FORCE_CORRELATION) | (once & (alike > ITSELF_CORRELATION))).any():
+                found.add(candidate)
+    return found
+
+
+def left_out(
+    evidence: Evidence, tried: Sequence[ShapedCandidate]
+) -> tuple[np.ndarray, dict[Candidate, str], dict[Candidate, str]]:
+    """Which of the `tried` (tried,) lie in rows that are left out; candidates of which all do,
+    and of which some do, with the reason.
+    """
+    share = np.array([seen(evidence, one.term) if one.term.is_friction() else 1.0 for one in tried])
+    hidden = share < SEEN_SHARE
+    whole: dict[Candidate, str] = {}
+    part: dict[Candidate, str] = {}
+    for candidate in dict.fromkeys(
+        one.candidate for one, out in zip(tried, hidden, strict=True) if out
+    ):
+        own = np.array([one.candidate == candidate for one in tried])
+        lost = own & hidden
+        reason = (
+            "its peak lies in the rows that are left out around reversals; those that are used see "
+            f"{share[lost].max():.1%} of it, {SEEN_SHARE:.0%} needed"
+        )
+        if lost.sum() == own.sum():
+            whole[candidate] = reason
+        else:
+            shapes = [one.shape for one, out in zip(tried, lost, strict=True) if out]
+            part[candidate] = f"{_where(candidate, shapes, evidence.model.setting)}, {reason}"
+    return hidden, whole, part
+
+
+def seen(evidence: Evidence, term: Term) -> float:
+    """Share of the norm of the columns of a term, wherever it acts, that is in used samples."""
+    inside = total = 0.0
+    for run in evidence.runs:
+        energy = (term.columns(run.record, evidence.model.setting) ** 2).sum(axis=2)
+        used = (run.gate.reshape(len(energy), -1, energy.shape[1]) > 0.0).any(axis=1)
+        inside, total = inside + float((energy * used).sum()), total + float(energy.sum())
+    return float(np.sqrt(inside / total)) if total > 0.0 else 1.0
+
+
+def _where(candidate: Candidate, hidden: Sequence[dict[str, float]], setting: Setting) -> str:
+    """The shapes that are hidden, by the parameters whose other values are sought."""
+    parts, coordinate = [], setting.units.get(candidate.where, "rad")
+    for name, shape in candidate.term.shapes.items():
+        every, some = (
+            sorted({one[name] for one in shapes}) for shapes in (candidate.grid(), hidden)
+        )
+        unit = shape.unit_on(coordinate)
+        if some[-1] < every[-1]:
+            parts.append(f"{name} below {next(x for x in every if x > some[-1]):.2g} {unit}")
+        elif some[0] > every[0]:
+            parts.append(f"{name} above {max(x for x in every if x < some[0]):.2g} {unit}")
+    return f"with {' and '.join(parts)}" if parts else "with some shapes"

@@ -1,0 +1,133 @@
+"""From logs to a fitted model, and from a fitted model and other logs to its validation."""
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+
+from crane_identification.data.log import Log
+from crane_identification.estimation.consistent import consistent
+from crane_identification.estimation.estimate import Estimate
+from crane_identification.estimation.excitation import too_little
+from crane_identification.estimation.instrumental import instrumental
+from crane_identification.estimation.lack_of_fit import LackOfFit, lack_of_fit
+from crane_identification.estimation.least_squares import least_squares
+from crane_identification.estimation.physics import physics
+from crane_identification.estimation.regression import build_rows, common_factor, instruments
+from crane_identification.estimation.robust import robust
+from crane_identification.estimation.rows import Rows
+from crane_identification.estimation.weighted import weighted
+from crane_identification.options import Estimator, Options
+from crane_identification.preparation.run import Preparation
+from crane_identification.preparation.session import Session, prepare_all
+from crane_identification.validation.force_validation import Validation, compare
+from crane_model.errors import DataError
+from crane_model.model_file import Model
+from crane_model.progress import Progress, silent
+
+
+@dataclass(frozen=True)
+class FitResult:
+    """The `model` with its values, the `estimate` behind them, and the data of both.
+
+    `rows` are the equations that were solved, `decimation` the factor of the parallel filter.
+    `lack_of_fit` says whether their residual is more than noise.
+    """
+
+    model: Model
+    estimate: Estimate
+    rows: Rows
+    preparations: tuple[Preparation, ...]
+    decimation: int
+    lack_of_fit: LackOfFit
+
+
+def fit(
+    model: Model,
+    logs: Sequence[Log],
+    options: Options | None = None,
+    progress: Progress = silent,
+    session: Session | None = None,
+) -> FitResult:
+    """Θ of `model` from all recordings together, by the estimator of `options`.
+
+    Time counts through the `session`; None: that of these recordings.
+
+    Raises `DataError` if a recording does not fit the model or is too short, and if parameters
+    are not determined by these recordings: it names them.
+
+    An axis of 3 kg on a damper of 2 N s/m:
+
+    >>> from crane_identification import Log, Signal
+    >>> from crane_model.terms.friction import Viscous
+    >>> from crane_model.terms.single_axis import Inertia
+    >>> from crane_model.terms.term import Setting
+    >>> terms = Inertia(joint="axis"), Viscous(joint="axis")
+    >>> model = Model("axis", Setting({"axis": "m"}, None), terms)
+    >>> time = np.linspace(0.0, 20.0, 2001)
+    >>> place = Signal(time, np.sin(time)[:, np.newaxis], "made")
+    >>> push = 2.0 * np.cos(time) - 3.0 * np.sin(time)
+    >>> force = Signal(time, push[:, np.newaxis], "made")
+    >>> log = Log("made", ("axis",), 0, place, force=force)
+    >>> found = fit(model, [log])
+    >>> found.estimate.values.round(2)
+    array([3., 2.])
+    >>> (held_out,) = validate(found.model, [log])
+    >>> bool(held_out.relative_error < 0.01)
+    True
+    """
+    options = options or Options()
+    preparations = prepare_all(model, logs, options, progress, session)
+    factor = common_factor(preparations, options.decimation)
+    rows = Rows.stack([build_rows(model, p, factor) for p in preparations])
+    estimate = _estimate(model, rows, preparations, factor, options)
+    progress("fit", 1.0)
+    if estimate.undetermined:
+        raise DataError(
+            f"model '{model.name}': {', '.join(estimate.undetermined)}: these recordings show only "
+            f"combinations of these parameters: "
+            f"{'; '.join(too_little(model, rows, preparations, estimate.undetermined))}. Excite "
+            f"the joints more (both directions, several speeds, the whole range) or take terms "
+            f"out of the model"
+        )
+    sources = ", ".join(dict.fromkeys(p.source for p in preparations))
+    provenance = f"{estimate.method}, {estimate.samples} rows of {sources}"
+    fitted = model.with_estimate(estimate.values, estimate.std_devs, provenance)
+    left = lack_of_fit(rows, estimate.values)
+    return FitResult(fitted, estimate, rows, tuple(preparations), factor, left)
+
+
+def _estimate(
+    model: Model, rows: Rows, preparations: Sequence[Preparation], factor: int, options: Options
+) -> Estimate:
+    match options.estimator:
+        case Estimator.LEAST_SQUARES:
+            return least_squares(rows, options.covariance)
+        case Estimator.WEIGHTED:
+            return weighted(rows, options.covariance)
+        case Estimator.ROBUST:
+            return robust(rows, options.covariance)
+        case Estimator.INSTRUMENTAL:
+            along = np.concatenate([instruments(model, p, factor) for p in preparations])
+            return instrumental(rows, along, options.covariance)
+        case Estimator.CONSISTENT:
+            return consistent(rows, physics(model), options.covariance)
+
+
+def validate(
+    model: Model,
+    logs: Sequence[Log],
+    options: Options | None = None,
+    progress: Progress = silent,
+    session: Session | None = None,
+) -> tuple[Validation, ...]:
+    """Predictions of an estimated `model` on each gapless run of the recordings.
+
+    Time counts through the `session`, as in the fit; None: that of these recordings.
+
+    Raises `DataError` as `fit` does, `ConfigurationError` if the model has no values.
+    """
+    options = options or Options()
+    preparations = prepare_all(model, logs, options, progress, session)
+    factor = common_factor(preparations, options.decimation)
+    return tuple(compare(model, preparation, factor) for preparation in preparations)

@@ -1,0 +1,134 @@
+"""`flow_feedforward`: the valve opening that the reference needs, by the inverse of its flow.
+
+Per joint, with the error e = q_ref - q,
+
+    v = v_ref(t + T) + kv e + ki Int(e),    n = dx/dq v + [F' - kp H(F_meas - F)] / (k_A + k_B)
+
+F is the piston force of (16) along the reference, H a high-pass of `DAMPED` seconds. The opening is
+n / g (see `inverse_flow`), crossed over the dead zone in the direction wanted. With chamber
+pressures g follows from them and H damps the oil (dynamic pressure feedback); without, or where a
+transducer fails, g follows from F and kp is zero. Where reference and crane rest, the valve is
+closed.
+"""
+
+from typing import NamedTuple
+
+import numpy as np
+
+from crane_model.machine import Machine
+from crane_model.model_file import Model
+from crane_trajectory.control.adaptation import WINDOW_FIELDS, begin
+from crane_trajectory.control.cycle import HISTORY, STATE, Memory, Setting, cycle
+from crane_trajectory.control.geometry import tables
+from crane_trajectory.control.hydraulics import Hydraulics
+from crane_trajectory.control.interface import Condition, Reading, Wanted
+from crane_trajectory.control.load import Load
+from crane_trajectory.control.watch import WATCH
+
+LARGEST_STEP = 0.05  # s; a longer gap counts as this
+
+
+class FeedbackGains(NamedTuple):
+    """Gains of j joints, (j,) each."""
+
+    kv: np.ndarray  # 1/s
+    ki: np.ndarray  # 1/s2
+    kp: np.ndarray  # 1/s, dynamic pressure feedback
+    kp_alone: np.ndarray  # 1/s, the same without pressures, of the flow that the model expects
+    tolerance: np.ndarray  # rad, m: error that a crane at rest is left with
+    largest_speed: np.ndarray  # rad/s, m/s
+
+    def records(self) -> np.ndarray:
+        """(j,) records with these fields."""
+        records = np.empty(len(self.kv), np.dtype([(name, float) for name in self._fields]))
+        for name, column in zip(self._fields, self, strict=True):
+            records[name] = column
+        return records
+
+
+def feedback_gains(machine: Machine, model: Model, scale: float = 1.0) -> FeedbackGains:
+    """Half of what is stable on the laboratory crane; times `scale`.
+
+    Joints that the model does not have, and whose load is unknown, get less.
+    """
+    limits = [machine.limits[joint] for joint in machine.joint_names]
+    one = scale * np.ones(len(limits))
+    known = np.array([joint in model.joints for joint in machine.joint_names])
+    return FeedbackGains(
+        kv=np.where(known, 4.5, 3.0) * one,
+        ki=np.where(known, 10.0, 2.0) * one,
+        kp=8.0 * one,
+        kp_alone=np.where(known, 0.0, 6.0) * one,
+        tolerance=np.array(
+            [3e-4 if machine.units[joint] == "rad" else 5e-4 for joint in machine.joint_names]
+        ),
+        largest_speed=np.array([max(one.velocity_max, -one.velocity_min) for one in limits]),
+    )
+
+
+class FlowFeedforward:
+    """See the head of this file; `adaptive` learns dead zones and gain while the crane moves."""
+
+    def __init__(
+        self,
+        machine: Machine,
+        model: Model,
+        hydraulics: Hydraulics,
+        gains: FeedbackGains | None = None,
+        pressures: bool = True,
+        adaptive: bool = False,
+        by_force: bool = False,
+    ):
+        """`pressures`: whether to use those of the cylinders that have transducers."""
+        joints = machine.joint_names
+        self.preview = float(np.mean(hydraulics.lag))
+        self._load = Load(model, machine)
+        fitted = [pressures and machine.cylinders[joint].pressure_sensors for joint in joints]
+        self.gains = (gains or feedback_gains(machine, model)).records()
+        self._setting = Setting(
+            hydraulics.records(),
+            self.gains,
+            tables(machine),
+            np.array(fitted),
+            adaptive,
+            by_force,
+            self.preview,
+        )
+        self.memory = Memory(
+            np.zeros(len(joints), np.dtype([(name, float) for name in STATE])),
+            np.zeros(len(joints), np.dtype([(name, float) for name in WATCH])),
+            begin(hydraulics.dead_zone_extend, hydraulics.dead_zone_retract),
+            np.zeros((len(joints), WINDOW_FIELDS)),
+            *np.zeros((2, len(joints), HISTORY)),
+        )
+        self._count = 0
+        self._started = False
+
+    def start(self, command: np.ndarray) -> None:
+        """Take over where `command` (j,) was in force, without a jump; what was learnt stays."""
+        state = self.memory.state
+        for each in self.memory:
+            if each is not self.memory.learnt:
+                each[...] = np.zeros((), each.dtype)
+        state["command"], state["direction"] = command, 1.0
+        state["p_a"] = state["p_b"] = np.nan
+        self._count = 0
+        self._started = True
+
+    def command(self, dt: float, reading: Reading, wanted: Wanted) -> np.ndarray:
+        """As `Controller` has it."""
+        u = np.empty(len(self.memory.state))
+        step = min(max(dt, 0.0), LARGEST_STEP)
+        load = self._load(*wanted.ahead)
+        cycle(
+            self._setting, self.memory, self._started, step, self._count, reading, wanted, load, u
+        )
+        self._count += 1
+        return u
+
+    @property
+    def conditions(self) -> tuple[Condition, ...]:
+        """Of each joint, after the last command."""
+        if not self._started:
+            return (Condition.NOT_INITIALISED,) * len(self.memory.state)
+        return tuple(Condition(int(code)) for code in self.memory.state["condition"])

@@ -1,0 +1,100 @@
+"""What every controller takes and gives: a state in, a command out; no ROS and no clock."""
+
+from enum import IntEnum
+from typing import NamedTuple, Protocol
+
+import numpy as np
+
+
+class Reading(NamedTuple):
+    """What the sensors of j joints show, (j,) each [SI]; NaN where nothing is measured."""
+
+    position: np.ndarray  # rad, m
+    velocity: np.ndarray  # rad/s, m/s
+    pressure_a: np.ndarray  # Pa
+    pressure_b: np.ndarray  # Pa
+    supply: float  # Pa
+
+
+class Point(NamedTuple):
+    """The reference of j joints at one instant, (j,) each [SI]."""
+
+    position: np.ndarray
+    velocity: np.ndarray
+    acceleration: np.ndarray
+
+
+class Wanted(NamedTuple):
+    """The reference now, and `Controller.preview` later, as far as the reference knows."""
+
+    now: Point
+    ahead: Point
+    phase: float = np.nan  # s since the period of a periodic motion began; NaN outside of one
+
+
+class Condition(IntEnum):
+    """How a joint, or a controller as its worst joint, is doing; the graver the larger."""
+
+    AT_REST = 0
+    FOLLOWING = 1
+    ADAPTATION_AT_BOUND = 2
+    PRESSURES_LOST = 3
+    SATURATED = 4
+    NOT_INITIALISED = 5
+    NOT_MEASURED = 6
+    NO_ANSWER = 7
+    WRONG_MODEL = 8
+
+    @property
+    def text(self) -> str:
+        """In words."""
+        return WORDS[self]
+
+    @property
+    def stops(self) -> bool:
+        """Whether the controller leads the command to zero and keeps it there until `start`."""
+        return self >= Condition.NOT_INITIALISED
+
+
+WORDS = {
+    Condition.AT_REST: "at rest",
+    Condition.FOLLOWING: "following",
+    Condition.ADAPTATION_AT_BOUND: "adaptation at its bound: check valve and dead zones",
+    Condition.PRESSURES_LOST: "pressures lost: using the load of the model",
+    Condition.SATURATED: "saturated: lower the speed of the reference",
+    Condition.NOT_INITIALISED: "not initialised: valves closed",
+    Condition.NOT_MEASURED: "position not measured: valves closed",
+    Condition.NO_ANSWER: "valve does not answer: valves closed",
+    Condition.WRONG_MODEL: "wrong model, the joint moves against its command: valves closed",
+}
+
+
+class Controller(Protocol):
+    """Commands the valves of j joints in the machine's order.
+
+    `start` comes first; before it, and where `Condition.stops`, the command goes to zero. A
+    reading that is not finite moves nothing.
+    """
+
+    @property
+    def preview(self) -> float:
+        """How far ahead it wants the reference [s]: the lag of loop and valves."""
+
+    def start(self, command: np.ndarray) -> None:
+        """Take over where `command` (j,) -1..1 was in force, without a jump."""
+
+    def command(self, dt: float, reading: Reading, wanted: Wanted) -> np.ndarray:
+        """Commands (j,) in -1..1 that answer a reading `dt` [s] after the last one."""
+
+    @property
+    def conditions(self) -> tuple[Condition, ...]:
+        """Of each joint, after the last command."""
+
+
+def in_words(conditions: tuple[Condition, ...], joints: tuple[str, ...]) -> str:
+    """The gravest condition and the joints that have it."""
+    worst = max(conditions)
+    if worst <= Condition.FOLLOWING:
+        return worst.text
+    have_it = [joint for joint, one in zip(joints, conditions, strict=True) if one == worst]
+    return f"{', '.join(have_it)}: {worst.text}"

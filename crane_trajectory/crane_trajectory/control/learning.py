@@ -1,0 +1,95 @@
+"""Iterative learning: what a periodic reference needs beside what its controller already does.
+
+From each whole period the errors e give the next one a velocity beside the reference,
+
+    v <- Q [v + gain (e' + kv e + ki Int(e))]
+
+what the feedback did, and what it had yet to do. Q passes frequencies up to `CUT_OFF` without a
+shift of phase, so that what the loop answers too late is never learnt: with a gain below 1 it does
+not diverge where the controller is stable.
+"""
+
+import numpy as np
+
+from crane_trajectory.control.flow_feedforward import FlowFeedforward
+from crane_trajectory.control.interface import Condition, Reading, Wanted
+
+STEP = 0.005  # s, of the learnt course
+GAIN = 0.5
+CUT_OFF = 3.0  # Hz
+FADING = 0.5  # s, in which it is mixed in and out
+LARGEST_SHARE = 0.1  # of the largest speed: what may be learnt
+MOST_MISSING = 0.05  # of a period, from which is still learnt
+
+
+class Learning:
+    """A `FlowFeedforward` that learns a reference of a period [s]."""
+
+    def __init__(self, controller: FlowFeedforward, period: float):
+        self._controller = controller
+        self._gains = controller.gains
+        count = max(round(period / STEP), 2)
+        self._period = period
+        joints = len(self._gains)
+        self.learnt = np.zeros((count, joints))  # rad/s, m/s over the period
+        self._errors = np.full((count, joints), np.nan)
+        self._phase = np.nan
+        self._share = 0.0
+
+    @property
+    def preview(self) -> float:
+        """As the controller has it [s]."""
+        return self._controller.preview
+
+    @property
+    def conditions(self) -> tuple[Condition, ...]:
+        """As the controller has them."""
+        return self._controller.conditions
+
+    def start(self, command: np.ndarray) -> None:
+        """As the controller; what was learnt stays."""
+        self._phase, self._share = np.nan, 0.0
+        self._errors[:] = np.nan
+        self._controller.start(command)
+
+    def command(self, dt: float, reading: Reading, wanted: Wanted) -> np.ndarray:
+        """As the controller, with what was learnt."""
+        phase = wanted.phase
+        periodic = bool(np.isfinite(phase))
+        if periodic and phase < self._phase:
+            self._learn()
+        self._phase = phase
+        if periodic:
+            place = int(phase / self._period * len(self._errors)) % len(self._errors)
+            self._errors[place] = wanted.now.position - reading.position
+        change = dt / FADING if periodic else -dt / FADING
+        self._share = min(max(self._share + change, 0.0), 1.0)
+        if self._share > 0.0 and periodic:
+            course = np.arange(len(self.learnt)) * self._period / len(self.learnt)
+            at = (phase + self.preview) % self._period
+            more = [np.interp(at, course, one, period=self._period) for one in self.learnt.T]
+            ahead = wanted.ahead
+            velocity = ahead.velocity + self._share * np.array(more)
+            wanted = wanted._replace(ahead=ahead._replace(velocity=velocity))
+        return self._controller.command(dt, reading, wanted)
+
+    def _learn(self) -> None:
+        """From the period that has ended."""
+        known = np.isfinite(self._errors).all(axis=1)
+        if known.mean() < 1.0 - MOST_MISSING:
+            self._errors[:] = np.nan
+            return
+        count = len(known)
+        places = np.flatnonzero(known)
+        errors = [np.interp(np.arange(count), places, one[places], period=count)
+                  for one in self._errors.T]  # fmt: skip
+        self._errors[:] = np.nan
+        omega = 2j * np.pi * np.fft.rfftfreq(count, self._period / count)[1:, np.newaxis]
+        kv, ki = self._gains["kv"], self._gains["ki"]
+        spectrum = np.fft.rfft(errors, axis=1).T
+        spectrum[1:] *= omega + kv + ki / omega
+        spectrum[0] = 0.0  # the integral of the controller takes care of it
+        spectrum = np.fft.rfft(self.learnt, axis=0) + GAIN * spectrum
+        spectrum[1:] /= 1.0 + (np.abs(omega) / (2.0 * np.pi * CUT_OFF)) ** 4
+        most = LARGEST_SHARE * self._gains["largest_speed"]
+        self.learnt = np.clip(np.fft.irfft(spectrum, count, axis=0), -most, most)

@@ -1,0 +1,69 @@
+"""The files that the suite writes for programs: keys and units, as their schemas have them."""
+
+from typing import Any, NamedTuple
+
+from pydantic import BaseModel
+
+from crane_driver.operator.bringup.series import RESULTS
+from crane_identification.diagnosis.findings_file import Findings
+from crane_identification.report.summary import ClusterSummary, Summary
+from crane_sim.hiding.label import Label
+from crane_trajectory.run_excitation_node import ExcitationResult
+from from_code.files import value_of
+
+
+class Kind(NamedTuple):
+    """A kind of file."""
+
+    title: str
+    about: str
+    schema: type[BaseModel]
+
+
+KINDS = (
+    Kind("summary.json", "Written by `identify`.", Summary),
+    Kind("summary.json of a cluster", "Written by `identify --cluster`.", ClusterSummary),
+    Kind("findings.json", "Written by `diagnose`; `diagnose --explain` prints it.", Findings),
+    Kind("Result of an excitation", "Written by `run_excitation --result`.", ExcitationResult),
+    Kind("Label", "Written by `make_bag --label`; `make_bag --hide` reads it, too.", Label),
+    *(
+        Kind(f"result.yaml of {step}", f"Written by `bringup {step}`.", schema)
+        for step, schema in RESULTS.items()
+    ),
+)
+INTRODUCTION = """# Result files
+
+What the commands write for programs, in JSON or, with six digits, in YAML. Each file is written
+through the schema shown here. Units are SI and stand in brackets: [-] is a ratio or a count,
+[rad, m] depends on the joint, and [unit] is given by `unit` beside it. A number that is not known
+is `null`. Models and trajectories, which the suite reads again, are [input files](files.md).
+"""
+
+
+def pages() -> dict[str, str]:
+    """All kinds of files on one page."""
+    return {"result_files.md": "\n".join([INTRODUCTION, *map(_entry, KINDS)])}
+
+
+def _entry(kind: Kind) -> str:
+    schema = kind.schema.model_json_schema(mode="serialization")
+    parts = [f"## {kind.title}", f"{_about(schema)} {kind.about}", _table(schema)]
+    for name, part in schema.get("$defs", {}).items():
+        if "properties" in part:
+            parts.append(f"**{name}** {_about(part)}\n\n{_table(part)}")
+        else:
+            words = ", ".join(f"`{one}`" for one in part["enum"])
+            parts.append(f"**{name}** {_about(part)} One of {words}.")
+    return "\n\n".join(parts) + "\n"
+
+
+def _about(schema: dict[str, Any]) -> str:
+    return " ".join(schema.get("description", "").split("\n\n")[0].split())
+
+
+def _table(schema: dict[str, Any]) -> str:
+    lines = ["| key | value | meaning |", "|---|---|---|"]
+    for key, part in schema["properties"].items():
+        meaning = " ".join(part.get("description", "").split()).replace("|", "\\|")
+        lines.append(f"| `{key}` | {value_of(part)} | {meaning} |")
+    return "\n".join(lines)

@@ -1,0 +1,115 @@
+"""Measured figures as data: each command that measures writes a file, the manual's tables show it.
+
+`python -m crane_benchmark.measured OUT COMMAND ...` measures how long any other command takes.
+"""
+
+import argparse
+import re
+import subprocess
+import sys
+import time
+from collections.abc import Mapping, Sequence
+from datetime import UTC, datetime
+from pathlib import Path
+
+from crane_model.result_file import ResultFile, ResultPart
+
+NO_BREAK = "\u00a0"
+COLUMNS = ("what", "target", "measured")
+PERCENT = re.compile(r"(?<=\d)%")
+BEFORE_UNIT = re.compile(r"(?<=\d) (?=[%σ]|(?:µs|ms|s|mrad|mm|rad|bar|times)\b)")
+
+
+class MeasuredRow(ResultPart):
+    r"""A row of a table.
+
+    >>> MeasuredRow(cells=["error", "", "{error:.1%}"], values={"error": 0.0123}).shown
+    ['error', '', '1.2\xa0%']
+    """
+
+    cells: list[str]
+    """One for each column; `{name:.1f}` is a value, in the format that Python has for it."""
+    values: dict[str, float] = {}
+    """What was measured, by name [unit of its cell]."""
+
+    @property
+    def shown(self) -> list[str]:
+        """The cells with their values."""
+        plain = (PERCENT.sub(" %", cell.format(**self.values)) for cell in self.cells)
+        return [BEFORE_UNIT.sub(NO_BREAK, cell) for cell in plain]
+
+
+class MeasuredFigures(ResultFile):
+    """What a command has measured, as a table."""
+
+    command: str
+    """That measured it."""
+    date: str
+    """When, as year-month-day."""
+    commit: str
+    """Of the source that was measured; empty where it was no clone."""
+    columns: list[str]
+    """What the cells of all rows are."""
+    rows: list[MeasuredRow]
+    """In their order."""
+
+    def value(self, name: str) -> float:
+        """The value of that name, which one row has."""
+        (value,) = (row.values[name] for row in self.rows if name in row.values)
+        return value
+
+
+def of_joints(
+    name: str, what: str, values: Mapping[str, float], shown: str, target: str = ""
+) -> MeasuredRow:
+    """A value for each joint, `name`_JOINT, `shown` in that format."""
+    return MeasuredRow(
+        cells=[what, target, ", ".join(f"{{{name}_{joint}:{shown}}}" for joint in values)],
+        values={f"{name}_{joint}": value for joint, value in values.items()},
+    )
+
+
+def write(
+    path: Path, command: str, rows: Sequence[MeasuredRow], columns: Sequence[str] = COLUMNS
+) -> MeasuredFigures:
+    """Write what `command` has measured just now to the file `path`, and return it."""
+    found = MeasuredFigures(
+        command=command,
+        date=datetime.now(UTC).strftime("%Y-%m-%d"),
+        commit=_commit(),
+        columns=list(columns),
+        rows=list(rows),
+    )
+    path.parent.mkdir(parents=True, exist_ok=True)
+    found.write(path)
+    return found
+
+
+def _commit() -> str:
+    """Of the clone that this file is in."""
+    command = ["git", "-C", str(Path(__file__).resolve().parent), "describe", "--always", "--dirty"]
+    try:
+        done = subprocess.run(command, capture_output=True, text=True)
+    except FileNotFoundError:  # no git
+        return ""
+    return done.stdout.strip() if done.returncode == 0 else ""
+
+
+def main(argv: Sequence[str] | None = None) -> int:
+    """Run a command, and write how long it took if it ends well."""
+    parser = argparse.ArgumentParser(prog="measured", description=main.__doc__)
+    parser.add_argument("out", type=Path, help="file for the figures (JSON)")
+    parser.add_argument("command", nargs=argparse.REMAINDER)
+    arguments = parser.parse_args(argv)
+    begin = time.monotonic()
+    status = subprocess.run(arguments.command).returncode
+    if status == 0:
+        words = " ".join(arguments.command)
+        seconds = time.monotonic() - begin
+        write(arguments.out, words, [MeasuredRow(cells=[f"`{words}`", "", "{seconds:.0f} s"],
+                                         values={"seconds": seconds})])  # fmt: skip
+    return status
+
+
+if __name__ == "__main__":
+    sys.exit(main())

@@ -1,0 +1,212 @@
+"""M, C q', G (6) of a serial chain and its motion under forces, with known bodies.
+
+`bodies` (m, 10) holds the parameters of `crane_model.chain.ten_parameters`, a row a body.
+Functions named `set_...` serve one sample, (j,) arrays, and can be called from a compiled
+simulation.
+"""
+
+import math
+
+import numpy as np
+from numba import njit
+
+from crane_model.array import Array
+from crane_model.chain.motion import BodyMotion, set_motion, workspace
+from crane_model.chain.pose import set_frames
+from crane_model.chain.serial_chain import SerialChain
+from crane_model.chain.vectors import ZERO, Vector, add, cross, dot, row, scaled, turned
+
+
+@njit(cache=True)
+def inertia_times(body: Array, a: Vector) -> Vector:
+    """I a, with I_xx, I_xy, I_yy, I_xz, I_yz, I_zz in their places among the ten."""
+    return (
+        body[4] * a[0] + body[5] * a[1] + body[7] * a[2],
+        body[5] * a[0] + body[6] * a[1] + body[8] * a[2],
+        body[7] * a[0] + body[8] * a[1] + body[9] * a[2],
+    )
+
+
+@njit(cache=True)
+def set_forces(
+    chain: SerialChain,
+    bodies: Array,
+    q: Array,
+    v: Array,
+    a: Array,
+    moving: BodyMotion,
+    out: Array,
+) -> None:
+    """tau (6) of one sample into `out` (j,), recursively: Newton and Euler."""
+    set_motion(chain, q, v, a, moving)
+    out[:] = 0.0
+    force, moment = ZERO, ZERO
+    for i in range(len(bodies) - 1, -1, -1):
+        body = bodies[i]
+        h = (body[1], body[2], body[3])
+        w, turning, rise = row(moving.spin, i), row(moving.turning, i), row(moving.rise, i)
+        own = add(add(scaled(body[0], rise), cross(turning, h)), cross(w, cross(w, h)))
+        force = add(force, own)
+        gyroscopic = cross(w, inertia_times(body, w))
+        own = add(cross(h, rise), add(inertia_times(body, turning), gyroscopic))
+        moment = add(moment, own)
+        axis = row(chain.axis, i)
+        asked = dot(axis, force) if chain.slides[i] else dot(axis, moment)
+        out[chain.leader[i]] += chain.ratio[i] * asked
+        force = turned(moving.rotation, i, force)
+        moment = add(turned(moving.rotation, i, moment), cross(row(moving.origin, i), force))
+
+
+@njit(cache=True)
+def _add_carried(body: Array, r: Array, i: int, p: Vector, out: Array) -> None:
+    """Add to `out` (10,) a body whose frame is turned by r[i] and lies at p: Steiner."""
+    m = body[0]
+    h = turned(r, i, (body[1], body[2], body[3]))
+    out[0] += m
+    for c in range(3):
+        out[1 + c] += h[c] + m * p[c]
+    twice = 2.0 * dot(p, h) + m * dot(p, p)
+    place = 4
+    for b in range(3):  # columns of R I R^T, from its upper triangle
+        column = turned(r, i, inertia_times(body, (r[i, b, 0], r[i, b, 1], r[i, b, 2])))
+        for c in range(b + 1):
+            out[place] += column[c] - p[c] * h[b] - h[c] * p[b] - m * p[c] * p[b]
+            if c == b:
+                out[place] += twice
+            place += 1
+
+
+@njit(cache=True)
+def set_mass_matrix(
+    chain: SerialChain, bodies: Array, q: Array, moving: BodyMotion, out: Array
+) -> None:
+    """M(q) of one sample into `out` (j, j): composite rigid bodies, Walker and Orin (1982)."""
+    set_frames(chain, q, moving.rotation, moving.origin)
+    r = moving.rotation
+    out[:] = 0.0
+    composite = np.zeros((2, 10))  # of the bodies from i on, and from i + 1 on
+    for i in range(len(bodies) - 1, -1, -1):
+        here, ahead = composite[i % 2], composite[(i + 1) % 2]
+        here[:] = bodies[i]
+        if i + 1 < len(bodies):
+            _add_carried(ahead, r, i + 1, row(moving.origin, i + 1), here)
+        axis = scaled(chain.ratio[i], row(chain.axis, i))
+        h = (here[1], here[2], here[3])
+        if chain.slides[i]:
+            force, moment = scaled(here[0], axis), cross(h, axis)
+        else:
+            force, moment = cross(axis, h), inertia_times(here, axis)
+        row_i = chain.leader[i]
+        for k in range(i, -1, -1):
+            axis = row(chain.axis, k)
+            asked = dot(axis, force) if chain.slides[k] else dot(axis, moment)
+            column = chain.leader[k]
+            out[row_i, column] += chain.ratio[k] * asked
+            if k != i:
+                out[column, row_i] += chain.ratio[k] * asked
+            force = turned(r, k, force)
+            moment = add(turned(r, k, moment), cross(row(moving.origin, k), force))
+
+
+@njit(cache=True)
+def solve(matrix: Array, load: Array) -> bool:
+    """Solve M x = load (j,) in place by M = L L^T; False if M (j, j) is not positive definite.
+
+    L is left below the diagonal of `matrix`.
+    """
+    n = len(load)
+    for i in range(n):
+        for j in range(i + 1):
+            rest = matrix[i, j]
+            for k in range(j):
+                rest -= matrix[i, k] * matrix[j, k]
+            if i != j:
+                matrix[i, j] = rest / matrix[j, j]
+            elif rest > 0.0:
+                matrix[i, i] = math.sqrt(rest)
+            else:
+                return False
+        for k in range(i):
+            load[i] -= matrix[i, k] * load[k]
+        load[i] /= matrix[i, i]
+    for i in range(n - 1, -1, -1):
+        for k in range(i + 1, n):
+            load[i] -= matrix[k, i] * load[k]
+        load[i] /= matrix[i, i]
+    return True
+
+
+def inverse_dynamics(chain: SerialChain, bodies: Array, q: Array, v: Array, a: Array) -> Array:
+    """tau (6): (n, j) motion to (n, j) [N m, N]."""
+    q, v, a = (np.ascontiguousarray(each, dtype=float) for each in (q, v, a))
+    return _inverse_dynamics(chain, bodies, q, v, a)
+
+
+@njit(cache=True)
+def _inverse_dynamics(chain: SerialChain, bodies: Array, q: Array, v: Array, a: Array) -> Array:
+    out, moving = np.empty_like(q), workspace(len(bodies))
+    for n in range(len(q)):
+        set_forces(chain, bodies, q[n], v[n], a[n], moving, out[n])
+    return out
+
+
+def gravity_forces(chain: SerialChain, bodies: Array, q: Array) -> Array:
+    """G(q) of (6): (n, j) coordinates to (n, j)."""
+    still = np.zeros_like(q, dtype=float)
+    return inverse_dynamics(chain, bodies, q, still, still)
+
+
+def coriolis_forces(chain: SerialChain, bodies: Array, q: Array, v: Array) -> Array:
+    """C(q, q') q' of (6): (n, j) coordinates and velocities to (n, j)."""
+    weightless = chain._replace(gravity=np.zeros(3))
+    return inverse_dynamics(weightless, bodies, q, v, np.zeros_like(q, dtype=float))
+
+
+def mass_matrices(chain: SerialChain, bodies: Array, q: Array) -> Array:
+    """M(q) of (6): (n, j) coordinates to (n, j, j)."""
+    return _mass_matrices(chain, bodies, np.ascontiguousarray(q, dtype=float))
+
+
+@njit(cache=True)
+def _mass_matrices(chain: SerialChain, bodies: Array, q: Array) -> Array:
+    n, j = q.shape
+    out, moving = np.empty((n, j, j)), workspace(len(bodies))
+    for k in range(n):
+        set_mass_matrix(chain, bodies, q[k], moving, out[k])
+    return out
+
+
+@njit(cache=True)
+def set_acceleration(
+    chain: SerialChain,
+    bodies: Array,
+    q: Array,
+    v: Array,
+    moving: BodyMotion,
+    mass: Array,
+    force: Array,
+) -> bool:
+    """q'' of one sample, in the place of the `force` (j,) on the joints that causes it.
+
+    `moving` and `mass` (j, j) are workspaces. False if M is not positive definite.
+    """
+    bias = np.empty_like(force)
+    set_forces(chain, bodies, q, v, np.zeros_like(v), moving, bias)
+    force -= bias
+    set_mass_matrix(chain, bodies, q, moving, mass)
+    return solve(mass, force)
+
+
+def forward_dynamics(chain: SerialChain, bodies: Array, q: Array, v: Array, force: Array) -> Array:
+    """q'' under forces on the joints, (n, j) each; nan where M is not positive definite."""
+    q, v, force = (np.array(each, dtype=float) for each in (q, v, force))
+    _accelerate(chain, bodies, q, v, force)
+    return force
+
+
+@njit(cache=True)
+def _accelerate(chain: SerialChain, bodies: Array, q: Array, v: Array, force: Array) -> None:
+    moving, mass = workspace(len(bodies)), np.empty((q.shape[1], q.shape[1]))
+    for n in range(len(q)):
+        if not set_acceleration(chain, bodies, q[n], v[n], moving, mass, force[n]):
+            force[n] = np.nan

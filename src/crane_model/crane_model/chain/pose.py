@@ -1,0 +1,84 @@
+"""Where the bodies of a chain are, and its tip: compiled, vectorised over samples."""
+
+import numpy as np
+from numba import njit
+
+from crane_model.array import Array
+from crane_model.chain.serial_chain import SerialChain
+from crane_model.chain.vectors import add, cross, row, scaled, set_turn, turned
+
+
+@njit(cache=True)
+def set_frames(chain: SerialChain, q: Array, rotation: Array, origin: Array) -> None:
+    """Of each body in the frame of the body before, at q (j,): into (m, 3, 3) and (m, 3)."""
+    for i in range(len(chain.ratio)):
+        moved = chain.ratio[i] * q[chain.leader[i]]
+        axis = row(chain.axis, i)
+        place = row(chain.translation, i)
+        if chain.slides[i]:
+            rotation[i] = chain.rotation[i]
+            place = add(place, turned(chain.rotation, i, scaled(moved, axis)))
+        else:
+            set_turn(chain.rotation[i], axis, moved, rotation[i])
+        origin[i] = place
+
+
+@njit(cache=True)
+def body_frames(chain: SerialChain, q: Array) -> tuple[Array, Array]:
+    """(n, j) coordinates to rotations (n, m, 3, 3) and origins (n, m, 3) in the base's frame."""
+    n, m = len(q), len(chain.ratio)
+    rotations, origins = np.empty((n, m, 3, 3)), np.empty((n, m, 3))
+    rotation, origin = np.empty((m, 3, 3)), np.empty((m, 3))
+    for k in range(n):
+        set_frames(chain, q[k], rotation, origin)
+        rotations[k, 0], origins[k, 0] = rotation[0], origin[0]
+        for i in range(1, m):
+            for a in range(3):
+                for b in range(3):
+                    rotations[k, i, a, b] = (
+                        rotations[k, i - 1, a, 0] * rotation[i, 0, b]
+                        + rotations[k, i - 1, a, 1] * rotation[i, 1, b]
+                        + rotations[k, i - 1, a, 2] * rotation[i, 2, b]
+                    )
+            place = turned(rotations[k], i - 1, row(origin, i))
+            origins[k, i] = add(row(origins[k], i - 1), place)
+    return rotations, origins
+
+
+def tip_positions(chain: SerialChain, q: Array) -> Array:
+    """(n, j) coordinates to (n, 3) [m]."""
+    rotations, origins = body_frames(chain, np.ascontiguousarray(q, dtype=float))
+    tips: Array = origins[:, -1] + rotations[:, -1] @ chain.tip_translation
+    return tips
+
+
+def tip_jacobians(chain: SerialChain, q: Array) -> Array:
+    """(n, j) coordinates to (n, 6, j): velocity of the tip, then its turning, in the base's frame
+    for a unit velocity of each joint.
+    """
+    q = np.ascontiguousarray(q, dtype=float)
+    rotations, origins = body_frames(chain, q)
+    tips = origins[:, -1] + rotations[:, -1] @ chain.tip_translation
+    jacobians = np.zeros((len(q), 6, q.shape[1]))
+    _add_twists(chain, rotations, origins, tips, jacobians)
+    return jacobians
+
+
+@njit(cache=True)
+def _add_twists(
+    chain: SerialChain, rotations: Array, origins: Array, tips: Array, out: Array
+) -> None:
+    for k in range(len(tips)):
+        tip = row(tips, k)
+        for i in range(len(chain.ratio)):
+            j, ratio = chain.leader[i], chain.ratio[i]
+            axis = scaled(ratio, turned(rotations[k], i, row(chain.axis, i)))
+            if chain.slides[i]:
+                for c in range(3):
+                    out[k, c, j] += axis[c]
+            else:
+                arm = add(tip, scaled(-1.0, row(origins[k], i)))
+                along = cross(axis, arm)
+                for c in range(3):
+                    out[k, c, j] += along[c]
+                    out[k, 3 + c, j] += axis[c]

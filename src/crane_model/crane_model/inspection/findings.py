@@ -1,0 +1,118 @@
+"""What is inconsistent in a machine file, though each of its values is possible by itself."""
+
+import math
+from collections.abc import Iterator
+
+import numpy as np
+
+from crane_model.actuators import CylinderActuator, HydraulicActuator
+from crane_model.inspection.travel import POINTS
+from crane_model.kinematics import tip_position
+from crane_model.machine import Machine
+
+SMALLEST_REACH, LARGEST_REACH = 0.3, 60.0  # m
+SMALLEST_AREA, LARGEST_AREA = 2e-5, 0.15  # m2, pistons of 5 and 440 mm
+LOWEST_SUPPLY, HIGHEST_SUPPLY = 2e6, 5e7  # Pa
+WIDEST_TURN = 6.0 * math.pi  # rad
+FASTEST_JOINT = 12.0  # rad/s or m/s
+PORT = 0.05  # m, of a cylinder that its ends take from the stroke, at least
+SPARE_STROKE = 0.5  # share of the stroke that limits may leave unused
+
+
+def findings(machine: Machine) -> list[str]:
+    """One line each, with what to check; empty where nothing is inconsistent."""
+    return [
+        *_of_units(machine),
+        *_of_supply(machine),
+        *(line for joint in machine.cylinders for line in _of_cylinder(machine, joint)),
+        *_of_joints(machine),
+    ]
+
+
+def poses(machine: Machine) -> np.ndarray:
+    """(3, j): all joints at their lower limits, in the middle, and at their upper limits."""
+    limits = [machine.limits[joint] for joint in machine.joint_names]
+    low = np.array([one.position_min for one in limits])
+    high = np.array([one.position_max for one in limits])
+    return np.stack([low, (low + high) / 2.0, high])
+
+
+def reached(machine: Machine, count: int = 20_000) -> np.ndarray:
+    """(count, 3) places of the tip at random within the limits [m]."""
+    low, _, high = poses(machine)
+    q = np.random.default_rng(0).uniform(low, high, (count, len(low)))
+    return tip_position(machine, q)
+
+
+def _of_units(machine: Machine) -> Iterator[str]:
+    reach = float(np.linalg.norm(reached(machine, 2000), axis=1).max())
+    if not SMALLEST_REACH < reach < LARGEST_REACH:
+        yield f"reach: {reach:.3g} m from the base; are lengths in m?"
+    for joint, limits in machine.limits.items():
+        turns, span = machine.units[joint] == "rad", limits.position_max - limits.position_min
+        if turns and span > WIDEST_TURN:
+            yield f"joint '{joint}': limits span {span:.3g} rad; are they in degrees?"
+        if max(-limits.velocity_min, limits.velocity_max) > FASTEST_JOINT:
+            unit = machine.units[joint]
+            yield (
+                f"joint '{joint}': velocity up to {limits.velocity_max:.3g} {unit}/s; is it in "
+                f"{'degrees' if turns else 'mm'}/s?"
+            )
+    for joint, one in machine.cylinders.items():
+        if isinstance(one, CylinderActuator):
+            for key, area in (("area_a", one.area_a_of_one), ("area_b", one.area_b_of_one)):
+                if not SMALLEST_AREA < area < LARGEST_AREA:
+                    yield f"joint '{joint}': {key} is {area:.3g} m2; is it in m2?"
+
+
+def _of_supply(machine: Machine) -> Iterator[str]:
+    if (supply := machine.supply) is None:
+        return
+    if not LOWEST_SUPPLY < supply.supply_pressure < HIGHEST_SUPPLY:
+        yield f"hydraulics: supply_pressure is {supply.supply_pressure:.3g} Pa; is it in Pa?"
+    if not supply.tank_pressure < supply.supply_pressure <= supply.relief_pressure:
+        yield (
+            "hydraulics: tank_pressure < supply_pressure <= relief_pressure must hold, got "
+            f"{supply.tank_pressure:.3g}, {supply.supply_pressure:.3g}, "
+            f"{supply.relief_pressure:.3g} Pa"
+        )
+
+
+def _of_cylinder(machine: Machine, joint: str) -> Iterator[str]:
+    one, limits = machine.cylinders[joint], machine.limits[joint]
+    grid = np.linspace(limits.position_min, limits.position_max, POINTS)
+    x, lever, _ = machine.cylinder(joint, grid).T
+    speed = np.outer([limits.velocity_min, limits.velocity_max], lever)
+    flow = float(np.where(speed > 0.0, speed * one.area_a, -speed * one.area_b).max())
+    if flow > machine.hydraulics.pump_flow:
+        yield (
+            f"joint '{joint}': its velocities need {_litres(flow)} l/min, the pump delivers "
+            f"{_litres(machine.hydraulics.pump_flow)}; check velocities, areas and pump_flow"
+        )
+    if not isinstance(one, CylinderActuator):
+        return
+    if one.area_b > one.area_a:
+        yield f"joint '{joint}': area_b, of the rod's side, is larger than area_a; exchanged?"
+    stroke, used = one.length_max - one.length_min, float(np.ptp(x))
+    if one.bounded_by_pins and stroke > one.length_min - PORT:
+        yield (
+            f"joint '{joint}': a cylinder of {one.length_min:.3g} m from pin to pin cannot have a "
+            f"stroke of {stroke:.3g} m; check length_min, length_max and the linkage"
+        )
+    if used < SPARE_STROKE * stroke:
+        yield (
+            f"joint '{joint}': its limits use {used:.3g} m of a stroke of {stroke:.3g} m; check "
+            "the linkage, length_min and length_max"
+        )
+
+
+def _of_joints(machine: Machine) -> Iterator[str]:
+    for joint, one in machine.actuators.items():
+        if not one.drives:
+            yield f"joint '{joint}': nothing drives it; is its actuator not entered yet?"
+        if isinstance(one, HydraulicActuator) and not one.pressure_sensors:
+            yield f"joint '{joint}': no pressure sensors, so that its force is not measured"
+
+
+def _litres(flow: float) -> str:
+    return f"{flow * 6e4:.3g}"

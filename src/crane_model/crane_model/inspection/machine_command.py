@@ -1,0 +1,68 @@
+"""The command `machine`: check a machine file, or write one from a URDF."""
+
+from collections.abc import Sequence
+from pathlib import Path
+
+from crane_model import cli
+from crane_model.inspection.findings import findings, reached
+from crane_model.inspection.picture import picture
+from crane_model.inspection.travel import table
+from crane_model.machine import Machine, load_machine
+from crane_model.urdf_reading import machine_file_from_urdf
+
+
+def main(argv: Sequence[str] | None = None) -> int:
+    """Look at a machine before it matters, or write its file from a URDF."""
+    parser = cli.command_line(description=main.__doc__)
+    what = parser.add_mutually_exclusive_group(required=True)
+    what.add_argument(
+        "--check",
+        metavar="MACHINE",
+        help="draw and check a machine: a shipped one's name, a folder or a machine file",
+    )
+    what.add_argument(
+        "--urdf", type=Path, help="write the machine file of a URDF, with what is missing marked"
+    )
+    parser.add_argument("--tip", help="of --urdf: the link at which the arm ends")
+    parser.add_argument("--out", type=Path, help="PNG or machine file (default: after the machine)")
+    cli.add_replace(parser)
+    arguments = parser.parse_args(argv)
+
+    def body() -> None:
+        if arguments.urdf is not None:
+            out = arguments.out or arguments.urdf.with_suffix(".yaml")
+            cli.check_out(out, replace=arguments.replace)
+            text, missing = machine_file_from_urdf(arguments.urdf, arguments.tip)
+            out.write_text(text, encoding="utf-8")
+            print(f"{out}: written; enter what is marked MISSING ({missing} places), then --check")
+            return
+        machine = load_machine(arguments.check)
+        out = arguments.out or Path(f"{machine.name.replace(' ', '_')}.png")
+        cli.check_out(out, replace=arguments.replace)
+        print(told(machine))
+        picture(machine).savefig(out, dpi=110)
+        print(f"\n{out}: the arm in three poses, with cylinders and reach")
+
+    return cli.run(body)
+
+
+def told(machine: Machine) -> str:
+    """What the machine can do, and what is inconsistent in its file."""
+    places = reached(machine)
+    up = -machine.gravity_vector / machine.gravity
+    height = places @ up
+    ahead = ((places - height[:, None] * up) ** 2).sum(axis=1) ** 0.5
+    found = findings(machine)
+    return "\n".join(
+        [
+            f"{machine.name}: {len(machine.joint_names)} joints",
+            "",
+            table(machine),
+            "",
+            f"The tip gets {ahead.max():.2f} m away from the base's axis, and from "
+            f"{height.min():.2f} m to {height.max():.2f} m high.",
+            "",
+            *(found and ["Check:", *(f"  - {line}" for line in found)]),
+            *([] if found else ["Nothing is inconsistent."]),
+        ]
+    )

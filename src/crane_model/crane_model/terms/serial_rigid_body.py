@@ -1,0 +1,125 @@
+"""The rigid bodies of any serial machine."""
+
+from functools import lru_cache
+from typing import ClassVar, Literal, NamedTuple
+
+import numpy as np
+
+from crane_model.array import Array
+from crane_model.base_parameters import lagrangian_from_standard, standard_from_chain
+from crane_model.base_set import BaseSet, base_set
+from crane_model.chain import PER_BODY, fill_regressor
+from crane_model.dynamics import Geometry
+from crane_model.errors import ConfigurationError
+from crane_model.machine import Machine
+from crane_model.record import Record
+from crane_model.terms.rigid_body import LAGRANGIAN
+from crane_model.terms.term import Family, Parameter, Setting, Term
+
+_UNITS = {"m": "kg", "mx": "kg m", "my": "kg m", "mz": "kg m"}  # else kg m2
+_SAME = 1e-6  # of the norm of a combination, that two sets span the same
+
+
+class SerialRigidBody(Term):
+    """M(q) q'' + C(q, q') q' + G(q) (6) of a serial chain in space, linear in its base parameters.
+
+    Each is a combination of the ten parameters of the bodies (`crane_model.chain`), named after the
+    first: Izz.boom, or Izz_r.boom where others are regrouped with it, which its meaning lists.
+    Bodies that are symmetric may have parameters that are `zero`, as mx.telescope. Joints of the
+    machine that the model lacks stand still. A crane as of the report has its parameters (8) under
+    their names, and S_TL_normal unless that is excluded by mx of its telescope being zero.
+    """
+
+    type: Literal["serial_rigid_body"] = "serial_rigid_body"
+    family: ClassVar[Family] = "rigid body"
+    of_one_instant: ClassVar[bool] = True
+
+    zero: tuple[str, ...] = ()
+
+    def parameters(self, setting: Setting) -> tuple[Parameter, ...]:
+        """One a combination."""
+        return self._bodies(setting).parameters
+
+    def fill(self, record: Record, setting: Setting, columns: Array) -> None:
+        """On the rows of all joints that the machine and the model have."""
+        bodies = self._bodies(setting)
+        machine = setting.machine
+        assert machine is not None  # _bodies() refuses such a model
+        names = [joint for joint in machine.joint_names if joint in setting.units]
+        places = {joint: record.column(joint) for joint in names}
+        still = record.position.shape[1]  # a column of zeros beside those of the record
+        motion = [record.position, record.velocity, record.acceleration]
+        if len(names) < len(machine.joint_names):
+            motion = [np.pad(each, ((0, 0), (0, 1))) for each in motion]
+        at = np.array([places.get(joint, still) for joint in machine.joint_names])
+        leader = at[machine.chain.leader]
+        rows = np.where(leader == still, -1, leader)
+        chain = machine.chain._replace(leader=leader)
+        if bodies.turned is None:
+            fill_regressor(chain, rows, bodies.base.leading, *motion, columns)
+            return
+        own = np.zeros(columns.shape)
+        fill_regressor(chain, rows, bodies.base.leading, *motion, own)
+        columns[:] = own @ bodies.turned
+
+    def _bodies(self, setting: Setting) -> "_Bodies":
+        machine = setting.machine
+        if machine is None:
+            raise ConfigurationError(f"term '{self.type}': needs a machine; the model has none")
+        joints = tuple(joint for joint in machine.joint_names if joint in setting.units)
+        try:
+            return _bodies(machine, joints, self.zero)
+        except ConfigurationError as error:
+            raise ConfigurationError(f"term '{self.type}': {error}") from None
+
+
+class _Bodies(NamedTuple):
+    """What a term knows of the bodies of its model."""
+
+    base: BaseSet
+    parameters: tuple[Parameter, ...]
+    turned: Array | None  # (r, r): columns of other combinations from those of the base set
+
+
+@lru_cache(maxsize=64)
+def _bodies(machine: Machine, joints: tuple[str, ...], zero: tuple[str, ...]) -> _Bodies:
+    if not joints:
+        raise ConfigurationError(
+            f"the model has no joint of {machine.name}, which has {', '.join(machine.joint_names)}"
+        )
+    base = base_set(machine, joints, zero)
+    if unknown := set(zero) - set(base.names):
+        raise ConfigurationError(
+            f"zero: no parameter '{min(unknown)}'; there are {', '.join(PER_BODY)} of each of "
+            f"{', '.join(joint.name for joint in machine.joints)}"
+        )
+    if (turned := _in_the_plane(machine, joints, base)) is not None:
+        return _Bodies(base, LAGRANGIAN[: len(base.leading)], turned)
+    return _Bodies(base, tuple(_parameter(base, k) for k in range(len(base.leading))), None)
+
+
+def _parameter(base: BaseSet, k: int) -> Parameter:
+    kind, _, joint = base.names[base.leading[k]].partition(".")
+    parts = base.combination[k]
+    positive = (parts >= 0.0).all() and kind in ("m", "Ixx", "Iyy", "Izz")
+    positive = positive and all(
+        base.names[i].startswith(("m.", "Ixx", "Iyy", "Izz")) for i in np.flatnonzero(parts)
+    )
+    symbol = kind if np.count_nonzero(parts) == 1 else f"{kind}_r"
+    unit = _UNITS.get(kind, "kg m2")
+    return Parameter(f"{symbol}.{joint}", unit, 0.0 if positive else None, base.told(k))
+
+
+def _in_the_plane(machine: Machine, joints: tuple[str, ...], base: BaseSet) -> Array | None:
+    """(r, r) from columns of the base set to those of (8), where they span the same; else None."""
+    crane = machine.planar
+    if crane is None or joints != crane.joints:
+        return None
+    known = lagrangian_from_standard(Geometry.of(machine)) @ standard_from_chain(machine)
+    kept = np.any(base.combination != 0.0, axis=0)
+    planar = (known * kept)[: len(base.leading)]
+    turned: Array = np.linalg.lstsq(planar.T, base.combination.T, rcond=None)[0].T
+    rest = base.combination - turned @ planar
+    if np.linalg.norm(rest) > _SAME * np.linalg.norm(base.combination):
+        return None
+    return turned

@@ -1,0 +1,77 @@
+"""What candidates explain and leave, on columns made up for the purpose with known answers."""
+
+import numpy as np
+import pytest
+from unit.crane_identification.diagnosis.made import MASS, ROWS, searched
+
+from crane_identification.diagnosis.search.candidates import Candidate
+from crane_identification.diagnosis.search.energy import (
+    acting,
+    detectable,
+    left_share,
+    normalized_energy,
+    strength,
+    unexplained,
+    unexplained_beside,
+)
+from crane_identification.diagnosis.search.energy import (
+    testable_share as share_that_shows,
+)
+from crane_identification.diagnosis.search.selection import NOTHING, solve
+from crane_model.terms import REGISTRY
+
+A, B = np.linalg.qr(np.random.default_rng(1).standard_normal((ROWS, 2)))[0].T * np.sqrt(ROWS)
+SIZE = 2.0  # of the effect, in units of the noise
+BOTH = {"offset": A, "hose_stiffness": B}
+
+
+def test_what_is_missing_is_left_until_a_set_explains_it() -> None:
+    found = searched(BOTH, SIZE * A)
+    energy = SIZE**2 * ROWS
+    right, wrong = solve(found.projection, (0,)), solve(found.projection, (1,))
+    assert right is not None and wrong is not None
+    tolerance = 0.05 * energy
+    assert unexplained(found, NOTHING) == pytest.approx([energy, 0.0], abs=tolerance)
+    assert unexplained(found, right) == pytest.approx([0.0, 0.0], abs=tolerance)
+    assert unexplained_beside(found, wrong, 0) == pytest.approx(energy, abs=tolerance)
+    assert unexplained_beside(found, right, 0) >= 0.0  # less than noise is nothing
+
+
+@pytest.mark.parametrize(
+    ("kinds", "expected"), [((0,), 0.8), ((1,), 0.2), ((0, 1), 0.0), ((), 0.0)]
+)
+def test_the_share_that_is_left_is_what_the_others_have(kinds, expected: float) -> None:
+    found = searched(BOTH, SIZE * (0.5 * A + B))
+    wanted = [found.projection.candidates[kind] for kind in kinds]
+    assert left_share(found, wanted) == pytest.approx(expected, abs=0.05)
+
+
+def test_strength_is_the_rms_of_an_effect_over_that_of_the_force() -> None:
+    found = searched({"offset": A}, SIZE * A)
+    solved = solve(found.projection, (0,))
+    assert solved is not None
+    force = np.sqrt(MASS**2 + SIZE**2 + 1.0)
+    assert strength(found, 0, solved.gain) == pytest.approx(SIZE / force, rel=0.1)
+    columns = found.projection.candidates[0].columns
+    assert acting(found.evidence, columns, np.array([SIZE])) == pytest.approx(SIZE / force, rel=0.1)
+
+
+def test_detectable_is_the_strength_that_reaches_the_threshold() -> None:
+    """A score of a tenth of the rows is that of an effect with a tenth of the power of noise."""
+    found = searched(BOTH, np.zeros(ROWS))
+    expected = np.sqrt(0.1) / np.sqrt(MASS**2 + 1.0)
+    assert detectable(found, 0.1 * ROWS) == pytest.approx(expected, rel=0.1)
+    assert detectable(found, 0.4 * ROWS) == pytest.approx(2.0 * detectable(found, 0.1 * ROWS))
+
+
+def test_a_residual_counts_in_units_of_its_noise() -> None:
+    found = searched({"offset": A}, np.zeros(ROWS))
+    left = np.stack([3.0 * B, B], axis=1)  # of the second channel, no row is used
+    assert normalized_energy(found, left) == pytest.approx([9.0 * ROWS, 0.0], rel=0.1)
+
+
+def test_what_hides_behind_the_model_does_not_show() -> None:
+    found = searched(BOTH, np.zeros(ROWS))
+    assert share_that_shows(found) == 1.0
+    found.untestable[Candidate(REGISTRY["load_friction"], "axis")] = "it hides"
+    assert share_that_shows(found) == pytest.approx(2 / 3)

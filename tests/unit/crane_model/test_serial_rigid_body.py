@@ -1,0 +1,187 @@
+"""Rigid bodies of any machine as a term: base parameters and their names, rotors, couplings."""
+
+from pathlib import Path
+
+import numpy as np
+import pytest
+from unit.crane_model.pinocchio_chain import random_bodies
+
+from crane_model import chain as chains
+from crane_model.base_parameters import reveal_rank
+from crane_model.base_set import base_set
+from crane_model.cylinders import (
+    cylinder_forces_from_generalized,
+    generalized_from_actuators,
+    lever_arms,
+)
+from crane_model.errors import ConfigurationError
+from crane_model.machine import Machine, load_machine
+from crane_model.model_file import Model
+from crane_model.record import Record
+from crane_model.terms import Setting
+from crane_model.terms.rigid_body import BASE_PARAMETERS, PlanarRigidBody
+from crane_model.terms.rotor_inertia import RotorInertia
+from crane_model.terms.serial_rigid_body import SerialRigidBody
+
+SAMPLES = 60
+KUKA = Path(__file__).parents[2] / "machines" / "kuka_kr300.yaml"
+BASE_COUNTS = {  # the robot's from the literature, the others by the rank of the whole regressor
+    "laboratory_crane": 19,
+    "double_telescope_crane": 20,
+    "excavator": 22,
+    "single_axis": 3,
+    str(KUKA): 36,
+}
+
+
+def setting(machine: Machine, joints: tuple[str, ...] | None = None) -> Setting:
+    units = {joint: machine.units[joint] for joint in joints or machine.joint_names}
+    return Setting(units, machine)
+
+
+def motion(joints: tuple[str, ...], seed: int = 3) -> Record:
+    states = np.random.default_rng(seed).standard_normal((3, SAMPLES, len(joints)))
+    return Record(joints, np.arange(SAMPLES) * 0.01, *states)
+
+
+@pytest.mark.parametrize("name", BASE_COUNTS)
+def test_base_parameters_are_all_that_the_motion_determines(name: str) -> None:
+    machine = load_machine(name)
+    record, of = motion(machine.joint_names), setting(machine)
+    term = SerialRigidBody()
+    bodies = random_bodies(len(machine.joints), np.random.default_rng(1))
+    states = record.position, record.velocity, record.acceleration
+    whole = chains.regressor(machine.chain, *states)
+    columns = term.columns(record, of)
+    base = base_set(machine, machine.joint_names)
+    expected = whole @ bodies.ravel()
+    found = columns @ (base.combination @ bodies.ravel())
+    np.testing.assert_allclose(found, expected, atol=1e-8 * np.abs(expected).max())
+    count = len(term.parameters(of))
+    assert reveal_rank(whole.reshape(-1, whole.shape[-1])).rank == count == BASE_COUNTS[name]
+    assert reveal_rank(columns.reshape(-1, count)).rank == count
+
+
+def test_each_is_named_as_the_combination_that_it_is() -> None:
+    machine = load_machine("excavator")
+    by_name = {one.name: one for one in SerialRigidBody().parameters(setting(machine))}
+    assert by_name["mx.bucket"].meaning == "mx.bucket"
+    assert by_name["my.bucket"].unit == "kg m"
+    assert by_name["mx_r.boom"].meaning == "mx.boom + 1.85 m.stick + 1.85 m.bucket"
+    regrouped = by_name["Izz_r.stick"]
+    assert regrouped.meaning == "Izz.stick + 1.1025 m.bucket"
+    assert (regrouped.unit, regrouped.minimum) == ("kg m2", 0.0)
+    assert by_name["Ixx_r.bucket"].meaning == "Ixx.bucket - Iyy.bucket"
+    assert by_name["Ixx_r.bucket"].minimum is None
+
+
+def test_the_swing_has_parameters_of_its_own_where_it_is_measured() -> None:
+    machine = load_machine("excavator")
+    of_arm = SerialRigidBody().parameters(setting(machine, machine.joint_names[1:]))
+    assert [one.name for one in of_arm] == [
+        *("mx_r.boom", "my.boom", "Izz_r.boom"),
+        *("mx_r.stick", "my.stick", "Izz_r.stick"),
+        *("mx.bucket", "my.bucket", "Izz.bucket"),
+    ]
+    names = {one.name for one in SerialRigidBody().parameters(setting(machine))}
+    assert names >= {one.name for one in of_arm} | {"Izz_r.swing"}
+
+
+@pytest.mark.parametrize("zero", [(), ("mx.telescope",)])
+def test_the_planar_crane_has_its_own_parameters(machine: Machine, zero: tuple[str, ...]) -> None:
+    """Those of the report where the telescope's centre of mass lies on its axis, and a ninth."""
+    joints = machine.planar.joints
+    of, term = setting(machine, joints), SerialRigidBody(zero=zero)
+    parameters = term.parameters(of)
+    assert parameters[:8] == BASE_PARAMETERS
+    assert [one.name for one in parameters[8:]] == ([] if zero else ["S_TL_normal"])
+    shuffled = (joints[2], joints[0], joints[1])
+    record = motion(shuffled)
+    ours, planar = term.columns(record, of), PlanarRigidBody().columns(record, of)
+    if zero:
+        np.testing.assert_allclose(ours, planar, atol=1e-10)
+    else:
+        a3 = machine.planar.telescope_offset
+        axis = ours[:, :, :8].copy()
+        axis[:, :, 6] += a3 * ours[:, :, 8]
+        np.testing.assert_allclose(axis, planar, atol=1e-10)
+
+
+def test_joints_that_the_model_lacks_stand_still(machine: Machine) -> None:
+    joints = ("outer_boom", "telescope")
+    record, of, term = motion(joints), setting(machine, joints), SerialRigidBody()
+    q, v, a = np.zeros((3, SAMPLES, 4))
+    q[:, 2:], v[:, 2:], a[:, 2:] = record.position, record.velocity, record.acceleration
+    bodies = random_bodies(4, np.random.default_rng(4))
+    expected = chains.inverse_dynamics(machine.chain, bodies, q, v, a)[:, 2:]
+    theta = base_set(machine, joints).combination @ bodies.ravel()
+    np.testing.assert_allclose(term.columns(record, of) @ theta, expected, atol=1e-8)
+
+
+@pytest.mark.parametrize(
+    ("zero", "told"),
+    [(("mx.arm",), "no parameter 'mx.arm'; there are m, mx, "), (("telescope",), "'telescope'")],
+)
+def test_a_parameter_that_is_none(machine: Machine, zero: tuple[str, ...], told: str) -> None:
+    with pytest.raises(ConfigurationError, match=told):
+        SerialRigidBody(zero=zero).parameters(setting(machine))
+
+
+def test_without_a_machine_there_are_no_bodies() -> None:
+    with pytest.raises(ConfigurationError, match="serial_rigid_body': needs a machine"):
+        SerialRigidBody().parameters(Setting({"axis": "rad"}, None))
+
+
+def test_a_rotor_counts_with_the_square_of_its_gear() -> None:
+    machine = load_machine(KUKA)
+    record, of = motion(machine.joint_names), setting(machine)
+    term = RotorInertia(joint="axis_4")
+    (parameter,) = term.parameters(of)
+    assert (parameter.name, parameter.unit) == ("I_rotor.axis_4", "kg m2")
+    expected = np.zeros((SAMPLES, 6))
+    expected[:, 3] = 221.0**2 * record.acceleration[:, 3]
+    np.testing.assert_allclose(term.columns(record, of)[:, :, 0], expected)
+    crane = setting(load_machine())
+    with pytest.raises(ConfigurationError, match="with a motor at joint 'slew'; it has no motor"):
+        RotorInertia(joint="slew").parameters(crane)
+
+
+MATRIX = ((1.0, 0.0, 0.0), (-0.1, 1.0, 0.0), (0.2, -0.3, 1.0))
+
+
+@pytest.fixture
+def coupled() -> Machine:
+    content = load_machine(KUKA).model_dump(exclude_none=True)
+    wrist = ("axis_4", "axis_5", "axis_6")
+    return Machine.model_validate(content | {"couplings": [{"joints": wrist, "matrix": MATRIX}]})
+
+
+def test_coupled_drives_share_their_power_between_the_joints(coupled: Machine) -> None:
+    """Virtual work: what the motors do is what the joints get, at any speed."""
+    joints = coupled.joint_names
+    q, v, torque = np.random.default_rng(2).standard_normal((3, SAMPLES, 6))
+    tau = generalized_from_actuators(coupled, q, torque, joints)
+    seen = v.copy()
+    seen[:, 3:] = v[:, 3:] @ np.array(MATRIX).T
+    speeds = seen * lever_arms(coupled, q, joints)
+    np.testing.assert_allclose((tau * v).sum(axis=1), (torque * speeds).sum(axis=1))
+    back = cylinder_forces_from_generalized(coupled, q, tau, joints)
+    np.testing.assert_allclose(back, torque, atol=1e-12)
+
+
+def test_a_coupled_rotor_has_the_kinetic_energy_of_what_turns_it(coupled: Machine) -> None:
+    """The column of 1 kg m2 is M q'' with q'^T M q' the square of the rotor's speed."""
+    record, of = motion(coupled.joint_names), setting(coupled)
+    column = RotorInertia(joint="axis_6").columns(record, of)[:, :, 0]
+    gear = coupled.actuators["axis_6"].gear_ratio
+    row = gear * np.array([0.0, 0.0, 0.0, *MATRIX[2]])
+    np.testing.assert_allclose(column, record.acceleration @ np.outer(row, row), atol=1e-6)
+    wrist = setting(coupled, ("axis_6",))
+    with pytest.raises(ConfigurationError, match="also turns with axis_4, axis_5, which the model"):
+        RotorInertia(joint="axis_6").parameters(wrist)
+
+
+def test_a_model_of_bodies_and_a_rotor() -> None:
+    machine = load_machine("excavator")
+    model = Model("arm", setting(machine), (SerialRigidBody(), RotorInertia(joint="swing")))
+    assert model.regressor(motion(machine.joint_names)).shape == (SAMPLES, 4, 23)

@@ -1,0 +1,105 @@
+"""(36) behind the interface, iterative learning, and what the controllers know of a machine."""
+
+import numpy as np
+import pytest
+from unit.crane_trajectory.one_joint import (
+    DT,
+    JOINT,
+    MACHINE,
+    PERIOD,
+    Boom,
+    hydraulics,
+    model,
+    swing,
+)
+
+from crane_model.errors import ConfigurationError
+from crane_model.machine import load_machine
+from crane_model.machine_files import machine_file
+from crane_model.model_file import load_model
+from crane_model.record import Record
+from crane_trajectory.control.controller import GainFields, command
+from crane_trajectory.control.flow_feedforward import FlowFeedforward
+from crane_trajectory.control.geometry import length_and_lever, tables
+from crane_trajectory.control.interface import Condition, Reading, Wanted
+from crane_trajectory.control.learning import Learning
+from crane_trajectory.control.load import Load
+from crane_trajectory.control.pd_dead_zone import PdDeadZone
+
+GAINS = GainFields(*(np.array([each]) for each in (6.0, 0.1, 0.06, 0.05, 0.02, 0.003)))
+ZERO = np.zeros(1)
+
+
+def reading(position: float, velocity: float) -> Reading:
+    nothing = np.array([np.nan])
+    return Reading(np.array([position]), np.array([velocity]), nothing, nothing, np.nan)
+
+
+def test_36_is_itself_when_its_start_is_over() -> None:
+    made, at = PdDeadZone(GAINS, MACHINE.units), swing(0.7)
+    made.start(np.array([0.3]))
+    first = made.command(DT, reading(0.0, 0.01), Wanted(at, at))
+    assert first[0] == pytest.approx(0.3)
+    for _ in range(1000):
+        last = made.command(DT, reading(0.0, 0.01), Wanted(at, at))
+    expected = command(GAINS, ZERO, np.array([0.01]), at.position, at.velocity, MACHINE.units)
+    assert last == pytest.approx(expected)
+
+
+def test_36_waits_for_a_velocity_and_stops_where_it_is_lost() -> None:
+    made, at = PdDeadZone(GAINS, MACHINE.units), swing(0.7)
+    assert not made.command(DT, reading(0.0, 0.0), Wanted(at, at)).any()
+    assert made.conditions == (Condition.NOT_INITIALISED,)
+    made.start(ZERO)
+    assert not made.command(DT, reading(0.0, np.nan), Wanted(at, at)).any()
+    moving = [made.command(DT, reading(0.0, 0.0), Wanted(at, at))[0] for _ in range(300)]
+    assert moving[-1] > 0.1
+    stopped = [made.command(DT, reading(0.0, np.nan), Wanted(at, at))[0] for _ in range(300)]
+    assert made.conditions == (Condition.NOT_MEASURED,)
+    assert np.abs(np.diff([moving[-1], *stopped])).max() < 0.03
+    assert stopped[-1] == 0.0
+
+
+def test_learning_does_not_diverge_in_20_periods() -> None:
+    wrong = hydraulics(
+        supply_a=0.8e-7, b_tank=0.8e-7, dead_zone_extend=0.05, dead_zone_retract=0.06
+    )
+    made = Learning(FlowFeedforward(MACHINE, model(), wrong), PERIOD)
+    made.start(ZERO)
+    course = Boom(made).run(20 * PERIOD + 0.2)
+    each = [course.rms(k * PERIOD, (k + 1) * PERIOD) for k in range(20)]
+    assert max(each[1:]) <= each[0]
+    assert max(each[10:]) < 0.4 * each[0]
+
+
+def test_the_load_is_what_the_model_predicts() -> None:
+    load, point = Load(model(), MACHINE), swing(0.9)
+    record = Record((JOINT,), np.zeros(1), *(each[None] for each in point))
+    assert load(*point) == pytest.approx(model().predict(record)[0], rel=1e-9)
+
+
+def test_a_joint_that_the_model_lacks_has_no_load() -> None:
+    planar = load_model(machine_file("model.yaml"))
+    count = len(planar.parameters)
+    known = planar.with_estimate(np.ones(count), np.ones(count), "by hand")
+    crane = load_machine()
+    load = Load(known, crane)(*np.full((3, len(crane.joint_names)), 0.3))
+    lacking = [joint not in known.joints for joint in crane.joint_names]
+    np.testing.assert_array_equal(load == 0.0, lacking)
+
+
+@pytest.mark.parametrize("machine", [MACHINE, load_machine()])
+def test_tables_hold_the_linkages(machine) -> None:
+    for joint, table in zip(machine.joint_names, tables(machine), strict=True):
+        limits = machine.limits[joint]
+        q = np.linspace(limits.position_min, limits.position_max, 700)
+        read = np.array([length_and_lever(table, one) for one in q])
+        np.testing.assert_allclose(read, machine.cylinder(joint, q)[:, :2], atol=1e-8)
+
+
+@pytest.mark.parametrize(
+    ("field", "value"), [("bulk_modulus", 0.0), ("supply_a", -1e-7), ("leakage", np.nan)]
+)
+def test_hydraulics_that_cannot_be_are_refused(field: str, value: float) -> None:
+    with pytest.raises(ConfigurationError, match=field):
+        hydraulics(**{field: value}).records()
