@@ -1,10 +1,12 @@
 """What the controllers know of valves and oil: one record a joint, for compiled loops."""
 
+from collections.abc import Mapping, Sequence
 from typing import NamedTuple
 
 import numpy as np
 
 from crane_model.errors import ConfigurationError
+from crane_model.machine import Machine
 
 
 class Hydraulics(NamedTuple):
@@ -52,6 +54,48 @@ class Hydraulics(NamedTuple):
                     "identify the hydraulics of this machine again"
                 )
         return records
+
+
+def identified(
+    machine: Machine, values: Mapping[str, Mapping[str, float]], joints: Sequence[str]
+) -> Hydraulics:
+    """Of some joints, from what was identified of each: its `values` by name [SI].
+
+    Oil that was identified of other joints alone is taken from these; where there is none,
+    `ConfigurationError`. Dead volumes without a value are a twentieth of the chamber.
+    """
+    supply = machine.hydraulics
+    oil = [one["bulk_modulus"] for one in values.values() if "bulk_modulus" in one]
+    if not oil:
+        raise ConfigurationError(
+            f"{machine.name}: the bulk modulus of the oil is unknown; identify the hydraulics "
+            "from a recording with chamber pressures"
+        )
+    rows = []
+    for joint in joints:
+        known, actuator, limits = values[joint], machine.cylinders[joint], machine.limits[joint]
+        middle = np.array([(limits.position_min + limits.position_max) / 2.0])
+        stroke = actuator.length_max - actuator.length_min
+        row = {
+            "sense": float(np.sign(machine.cylinder(joint, middle)[0, 1])),
+            "area_a": actuator.area_a,
+            "area_b": actuator.area_b,
+            "length_min": actuator.length_min,
+            "length_max": actuator.length_max,
+            "dead_volume_a": known.get("dead_volume_a", actuator.area_a * stroke / 20.0),
+            "dead_volume_b": known.get("dead_volume_b", actuator.area_b * stroke / 20.0),
+            "bulk_modulus": known.get("bulk_modulus", float(np.mean(oil))),
+            "leakage": known.get("leakage", 0.0),
+            **{edge: known[edge] for edge in ("supply_a", "a_tank", "supply_b", "b_tank")},
+            "dead_zone_extend": known["dead_zone_a"],
+            "dead_zone_retract": known["dead_zone_b"],
+            "play": known["hysteresis"],
+            "lag": known["lag"],
+            "supply_pressure": supply.supply_pressure,
+            "tank_pressure": supply.tank_pressure,
+        }
+        rows.append([row[name] for name in Hydraulics._fields])
+    return Hydraulics(*np.array(rows).T)
 
 
 SIGNED = {"sense", "length_min", "length_max"}

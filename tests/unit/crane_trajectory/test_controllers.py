@@ -18,10 +18,11 @@ from crane_model.machine import load_machine
 from crane_model.machine_files import machine_file
 from crane_model.model_file import load_model
 from crane_model.record import Record
-from crane_trajectory.control.controller import GainFields, command
+from crane_trajectory.control.choice import NAMES, PD_DEAD_ZONE, controller
+from crane_trajectory.control.controller import GainFields, command, load_gains
 from crane_trajectory.control.flow_feedforward import FlowFeedforward
 from crane_trajectory.control.geometry import length_and_lever, tables
-from crane_trajectory.control.interface import Condition, Reading, Wanted
+from crane_trajectory.control.interface import Condition, Point, Reading, Wanted
 from crane_trajectory.control.learning import Learning
 from crane_trajectory.control.load import Load
 from crane_trajectory.control.pd_dead_zone import PdDeadZone
@@ -103,3 +104,54 @@ def test_tables_hold_the_linkages(machine) -> None:
 def test_hydraulics_that_cannot_be_are_refused(field: str, value: float) -> None:
     with pytest.raises(ConfigurationError, match=field):
         hydraulics(**{field: value}).records()
+
+
+VALUES = {
+    "dead_zone_a": 0.06, "dead_zone_b": 0.05, "hysteresis": 0.0, "lag": 0.015,
+    "supply_a": 1e-7, "a_tank": 1e-7, "supply_b": 1e-7, "b_tank": 1e-7, "bulk_modulus": 1.2e9,
+    "dead_volume_a": 1e-4, "dead_volume_b": 1e-4, "leakage": 0.0,
+}  # fmt: skip
+
+
+@pytest.mark.parametrize("name", NAMES)
+def test_every_controller_by_name_follows(name: str) -> None:
+    made = controller(name, MACHINE, GAINS, model(), {JOINT: VALUES})
+    made.start(ZERO)
+    assert Boom(made).run(PERIOD).rms() < (0.05 if name == PD_DEAD_ZONE else 1e-3)
+
+
+def test_what_a_controller_lacks_is_said() -> None:
+    with pytest.raises(ConfigurationError, match="no controller 'pid'; there are pd_dead_zone"):
+        controller("pid", MACHINE, GAINS)
+    with pytest.raises(ConfigurationError, match="needs a model with identified hydraulics"):
+        controller("flow_feedforward", MACHINE, GAINS, model())
+    blind = {name: value for name, value in VALUES.items() if name != "bulk_modulus"}
+    with pytest.raises(ConfigurationError, match="bulk modulus of the oil is unknown"):
+        controller("flow_feedforward", MACHINE, GAINS, model(), {JOINT: blind})
+
+
+def test_joints_without_hydraulics_are_led_by_36_and_both_stop_together() -> None:
+    crane = load_machine()
+    gains = load_gains(machine_file("controller.yaml"), crane).arrays
+    planar = load_model(machine_file("model.yaml"))
+    known = planar.with_estimate(*np.ones((2, len(planar.parameters))), "by hand")
+    there = [joint for joint in crane.joint_names if joint in known.joints]
+    made = controller("flow_feedforward", crane, gains, known, dict.fromkeys(there, VALUES))
+    still = np.array([crane.limits[joint].position_max / 2 for joint in crane.joint_names])
+    zero, nothing = np.zeros_like(still), np.full_like(still, np.nan)
+    at = Point(still + 0.02, zero, zero)
+    made.start(zero)
+    shown = Reading(still, zero, nothing, nothing, 17.5e6)
+    for _ in range(50):
+        u = made.command(DT, shown, Wanted(at, at))
+    led = [crane.joint_names.index(joint) for joint in there]
+    lone = [k for k in range(len(still)) if k not in led]
+    pd = PdDeadZone(gains, crane.units)
+    pd.start(zero)
+    for _ in range(50):
+        expected = pd.command(DT, shown, Wanted(at, at))
+    np.testing.assert_allclose(u[lone], expected[lone])
+    lost = shown._replace(position=np.where(np.isin(np.arange(len(still)), lone), np.nan, still))
+    ends = [made.command(DT, lost, Wanted(at, at)) for _ in range(300)]
+    assert not ends[-1].any()
+    assert np.abs(np.diff([u, *ends], axis=0)).max() < 0.03
