@@ -9,6 +9,7 @@ TOOLS = {  # they run without ROS
     "check_recording": "crane_identification.check_recording:main",
     "diagnose": "crane_identification.diagnose:main",
     "identify": "crane_identification.identify:main",
+    "simulate": "crane_identification.simulate:main",
 }
 NODES = {
     "identification": "crane_identification.online.identification_node:main",

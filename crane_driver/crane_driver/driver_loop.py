@@ -245,6 +245,9 @@ class DriverLoop:
             return [math.nan] * len(self.joints)
         effort = []
         for joint in self.joints:
+            if joint not in self._machine.cylinders:
+                effort.append(math.nan)
+                continue
             pressure_a, pressure_b = (
                 np.array(newest.values.get(f"{joint}.{chamber}", math.nan)) for chamber in "ab"
             )

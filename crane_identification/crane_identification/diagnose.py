@@ -12,6 +12,7 @@ from crane_identification.data.arguments import (
     Sources,
     add_part,
     add_period,
+    add_recordings,
     add_trust,
     refuse_overlap,
 )
@@ -112,8 +113,8 @@ def parser() -> argparse.ArgumentParser:
     )
     add = result.add_argument
     add("--model", type=Path, help="model file (YAML) that lists the terms")
-    add("--train", type=Path, nargs="+", default=[], help="recordings to look into")
-    add("--validate", type=Path, nargs="+", default=[], help="recordings to prove the answer on")
+    add_recordings(result, "--train", "recordings to look into")
+    add_recordings(result, "--validate", "recordings to prove the answer on")
     add("--out", type=Path, help="folder for the results")
     cli.add_replace(result)
     add(
@@ -125,7 +126,7 @@ def parser() -> argparse.ArgumentParser:
     add("--columns", type=Path, help="column map (YAML) of tables, or of your topics")
     add_part(result)
     add_period(result)
-    add("--without", nargs="+", default=[], metavar="EFFECT", help=WITHOUT)
+    add("--without", nargs="+", action="extend", default=[], metavar="EFFECT", help=WITHOUT)
     add("--fixed", action="store_true", help=FIXED)
     add("--thresholds", type=Path, help="thresholds (YAML; default: the packaged ones)")
     add("--hydraulics", type=Path, help="what is usual of valves and oil (YAML)")

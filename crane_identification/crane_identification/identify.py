@@ -4,6 +4,7 @@ import argparse
 import sys
 from collections.abc import Sequence
 from contextlib import ExitStack
+from dataclasses import replace
 from datetime import UTC, datetime
 from pathlib import Path
 
@@ -13,12 +14,14 @@ from crane_identification.data.arguments import (
     Sources,
     add_part,
     add_period,
+    add_recordings,
     add_trust,
     refuse_overlap,
 )
 from crane_identification.data.column_map import ColumnMap
 from crane_identification.data.columns import TABLES
 from crane_identification.fitting import fit, validate
+from crane_identification.hydraulics.identified import identify_hydraulics
 from crane_identification.online.replay import recursion
 from crane_identification.options import Estimator, Options
 from crane_identification.preparation.session import Session
@@ -82,6 +85,8 @@ def identify(arguments: argparse.Namespace) -> None:
         session = Session.of((*training, *held_out))
         with blaming(suspicions):
             result = fit(model, training, options, progress, session)
+        hydraulics = identify_hydraulics(model, training, options.period, progress)
+        result = replace(result, model=replace(result.model, hydraulics=hydraulics))
         validations = (
             validate(result.model, held_out, options, progress, session) if held_out else ()
         )
@@ -98,6 +103,7 @@ def identify(arguments: argparse.Namespace) -> None:
             ),
             planted=known,
             recursive=replayed.result(progress) if replayed else None,
+            seen_by_none=held_out,
         )
         arguments.out.mkdir(parents=True, exist_ok=True)
         save_model(arguments.out / "model.yaml", result.model)
@@ -182,8 +188,8 @@ def parser() -> argparse.ArgumentParser:
     )
     add = result.add_argument
     add("--model", type=Path, required=True, help="model file (YAML) that lists the terms")
-    add("--train", type=Path, nargs="+", required=True, help="recordings to fit the model to")
-    add("--validate", type=Path, nargs="+", default=[], help="recordings to validate it on")
+    add_recordings(result, "--train", "recordings to fit the model to", required=True)
+    add_recordings(result, "--validate", "recordings to validate it on")
     add("--out", type=Path, required=True, help="folder for the results")
     cli.add_replace(result)
     add("--terms", type=Path, metavar="FILE", help="Python file with terms of your own")

@@ -88,7 +88,7 @@ class _Binder:
 
     def _bind(self) -> None:
         mapping, joints = self.mapping, self.machine.joint_names
-        chambers = [f"{joint}.{chamber}" for joint in joints for chamber in "ab"]
+        chambers = [f"{joint}.{chamber}" for joint in self.machine.cylinders for chamber in "ab"]
         for name, position in self._known("positions", "joint", mapping.positions, joints):
             quantity = QUANTITY[self.machine.units[name]]
             self._bind_reading(f"positions.{name}", name, position, quantity)

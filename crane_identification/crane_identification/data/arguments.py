@@ -44,6 +44,15 @@ def refuse_overlap(train: Sequence[Path], validate: Sequence[Path], why: str) ->
         )
 
 
+def add_recordings(
+    parser: argparse.ArgumentParser, option: str, what: str, required: bool = False
+) -> None:
+    """Adds an option that names recordings; given several times, it names them all."""
+    parser.add_argument(
+        option, type=Path, nargs="+", action="extend", default=[], required=required, help=what
+    )
+
+
 def add_part(parser: argparse.ArgumentParser) -> None:
     """Adds the options that say which part of a recording is used, and whose topics of a bag."""
     parser.add_argument(

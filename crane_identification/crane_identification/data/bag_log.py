@@ -54,6 +54,7 @@ def read_bag(
     command = _selected(topics, valve_command, joints)
     reference = _selected(topics, joint_reference, joints)
     slew = None if SLEW in joints else _selected(topics, joint_states, [SLEW])
+    slewed = None if SLEW in joints else _selected(topics, valve_command, [SLEW])
     start = int(states.stamp[0])
 
     def signal(data: TopicData, field: str) -> Signal:
@@ -80,6 +81,7 @@ def read_bag(
         supply_pressure=signal_if_any(pressures, "supply"),
         tank_pressure=signal_if_any(pressures, "tank"),
         slew_position=_first_column(signal_if_any(slew, "position")),
+        slew_command=_first_column(signal_if_any(slewed, "command")),
         command=signal_if_any(command, "command"),
         reference_position=signal_if_any(reference, "position"),
         reference_velocity=signal_if_any(reference, "velocity"),

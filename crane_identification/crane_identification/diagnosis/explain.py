@@ -73,10 +73,11 @@ def _block(title: str, said: list[str]) -> list[str]:
 
 def _elsewhere(content: dict[str, Any]) -> list[str]:
     """What is not printed."""
-    numbers = (
-        (len(content["not_testable"]), "effects that hide behind the parameters of the model"),
-        (len(content["not_observable"]), "that are not observable in these recordings"),
-        (len(content["flow"]), "joints with a balance of the flow"),
+    counted = (
+        ("effects that hide behind the parameters of the model", content["not_testable"]),
+        ("effects that are not observable in these recordings", content["not_observable"]),
+        ("joints with a balance of the flow", content["flow"]),
     )
-    said = [f"{number} {what}" for number, what in numbers if number > 0]
-    return [f"Not printed: {', '.join(said)}; see report.html or findings.json."] if said else []
+    said = [f"{what} ({len(found)})" for what, found in counted if found]
+    said.insert(0, "errors of the simulated motion")
+    return [f"Not printed: {', '.join(said)}; see report.html or findings.json."]

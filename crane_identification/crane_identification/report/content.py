@@ -14,6 +14,10 @@ from crane_identification.fitting import FitResult
 from crane_identification.online.replay import Recursive
 from crane_identification.options import Options
 from crane_identification.report.errors import JointErrors, pooled
+from crane_identification.validation.command_validation import (
+    CommandValidation,
+    commands_validated,
+)
 from crane_identification.validation.force_validation import Validation, compare
 from crane_identification.validation.motion_validation import MotionValidation, validate_motion
 
@@ -59,6 +63,7 @@ class IdentificationReport:
 
     `training` holds the recordings of `fit`, `validations` the predictions on recordings that it
     has not seen (none: not validated). `recursive` is the recursion over the same recordings.
+    `seen_by_none` holds the recordings of `validations`.
     `planted` gives the true value of parameters where a stand-in machine makes them known.
     """
 
@@ -70,6 +75,7 @@ class IdentificationReport:
     provenance: Provenance
     planted: Mapping[str, float] | None = None
     recursive: Recursive | None = None
+    seen_by_none: tuple[Log, ...] = ()
 
     @cached_property
     def held_out(self) -> JointErrors | None:
@@ -110,6 +116,14 @@ class IdentificationReport:
         if not self.validations:
             return None
         return validate_motion(self.fit.model, [v.preparation.record for v in self.validations])
+
+    @cached_property
+    def commanded(self) -> tuple[CommandValidation, ...]:
+        """The same from valve commands alone; none where the hydraulics are not known."""
+        model = self.fit.model
+        if model.hydraulics is None or not self.seen_by_none:
+            return ()
+        return commands_validated(model, self.seen_by_none, self.options)
 
     @property
     def training_bags(self) -> list[str]:

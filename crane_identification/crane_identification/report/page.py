@@ -13,6 +13,7 @@ from crane_identification.report.figures import (
     reference_figures,
     validation_figures,
 )
+from crane_identification.report.hydraulics import hydraulic_groups
 from crane_identification.report.links import PageLink, link, page_of
 from crane_identification.report.processing import processing
 from crane_identification.report.recording import recorded
@@ -61,6 +62,7 @@ def render(report: IdentificationReport, progress: Progress = silent, folder: Pa
         motions=tables.motion_rows(report),
         groups=tables.parameter_groups(report),
         entries=tables.report_entries(report),
+        hydraulics=hydraulic_groups(report.fit.model.hydraulics),
         conditioning=tables.conditioning(report),
         excitation=tables.excitation(report),
         processing=processing(report),

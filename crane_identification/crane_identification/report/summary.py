@@ -95,6 +95,8 @@ class Summary(ResultFile):
     """Of the validation recordings; null without them."""
     recursive: RecursiveSummary | None
     """Null unless it was asked for (`--recursive`)."""
+    hydraulics: list[ParameterSummary]
+    """Of valves and oil, as `dead_zone_a.boom`; empty where no command or pressure was logged."""
     condition_number: Number
     """Of all columns in SI units [-]; null: the columns are dependent."""
     condition_number_normalized: Number
@@ -132,6 +134,7 @@ def summarize(report: IdentificationReport) -> Summary:
     """The summary of a report."""
     estimate, held_out, simulated = report.fit.estimate, report.held_out, report.simulated
     recursive, recursive_held_out = report.recursive, report.recursive_held_out
+    hydraulics = report.fit.model.hydraulics
 
     def per_joint(values: np.ndarray) -> dict[str, float | None]:
         return dict(zip(estimate.joints, values, strict=True))
@@ -175,6 +178,13 @@ def summarize(report: IdentificationReport) -> Summary:
         )
         if recursive
         else None,
+        hydraulics=[
+            ParameterSummary(
+                name=f"{name}.{joint}", unit=one.unit, value=one.value, std_dev=one.std_dev
+            )
+            for joint, of_joint in (hydraulics.joints if hydraulics else {}).items()
+            for name, one in of_joint.values.items()
+        ],
         condition_number=estimate.condition_number,
         condition_number_normalized=estimate.condition_number_normalized,
         training_bags=report.training_bags,

@@ -9,8 +9,13 @@ from rich import box
 from rich.console import Console
 from rich.table import Table
 
-from crane_identification.notation import percent, shown
+from crane_identification.notation import percent, plain, shown
 from crane_identification.report.content import IdentificationReport
+from crane_identification.report.hydraulics import hydraulic_groups
+from crane_identification.validation.command_validation import CommandValidation
+from crane_identification.validation.motion_validation import MotionValidation
+from crane_model.hydraulics.values import HydraulicValues
+from crane_model.model_file import Model
 
 
 def console(width: int) -> Console:
@@ -53,6 +58,42 @@ def parameters(report: IdentificationReport) -> Table:
     return result
 
 
+def hydraulics(values: HydraulicValues | None) -> Table:
+    """Valves, oil and supply, joint by joint."""
+    result = plain_table()
+    for heading in ("hydraulics", "value"):
+        result.add_column(heading, no_wrap=True)
+    for heading in ("estimate", "± σ", "σ relative"):
+        result.add_column(heading, justify="right", no_wrap=True)
+    result.add_column("unit", no_wrap=True)
+    for group in hydraulic_groups(values):
+        for row in group.rows:
+            numbers = (row.value, row.std_dev, row.relative)
+            result.add_row(group.heading, row.name, *numbers, row.unit)
+    return result
+
+
+def ahead(model: Model, found: CommandValidation | MotionValidation) -> Table:
+    """Error of a simulation at the end of its windows, joint by joint."""
+    way = found.way if isinstance(found, CommandValidation) else found.displacement_rms
+    result = plain_table()
+    headings = (
+        f"{plain(found.horizon)} s ahead, {found.windows} windows",
+        "error (rms)",
+        "way",
+        "unit",
+        "error / way",
+    )
+    for heading in headings:
+        result.add_column(heading, justify="left" if heading == headings[0] else "right")
+    for joint, error, gone, share in zip(
+        found.joints, found.position_rms, way, found.relative, strict=True
+    ):
+        unit = model.setting.units[joint]
+        result.add_row(joint, plain(float(error)), plain(float(gone)), unit, percent(float(share)))
+    return result
+
+
 def tell(report: IdentificationReport, out: Path) -> None:
     """Prints what was found, and where in `out` the rest is."""
     for warning in report.warnings:
@@ -60,6 +101,10 @@ def tell(report: IdentificationReport, out: Path) -> None:
     estimate, held_out = report.fit.estimate, report.held_out
     print(f"{len(estimate.names)} parameters from {estimate.samples} equations")
     console(100).print(parameters(report))
+    if (found := report.fit.model.hydraulics) is not None:
+        console(100).print(hydraulics(found))
+        for why in found.unknown.values():
+            print(f"not identified: {why}")
     if held_out is not None:
         print("force unexplained on held-out recordings (noise floor):")
         for joint, error, floor in zip(
@@ -67,6 +112,8 @@ def tell(report: IdentificationReport, out: Path) -> None:
         ):
             noise = percent(floor) if np.isfinite(floor) else "not known: no period repeated"
             print(f"  {joint}: {percent(error)} ({noise})")
+    for one in report.commanded:
+        console(100).print(ahead(report.fit.model, one))
     if report.simulated is not None and report.simulated.reason:
         print(f"the motion cannot be simulated: {report.simulated.reason}")
     print(f"written: {out}/model.yaml, {out}/summary.json, {out}/report.html")

@@ -16,6 +16,19 @@ class Reading(NamedTuple):
     supply: float  # Pa
 
 
+class Pressures(NamedTuple):
+    """What transducers show of j joints [Pa]; NaN where nothing is measured."""
+
+    a: np.ndarray  # (j,)
+    b: np.ndarray
+    supply: float
+
+    @classmethod
+    def none(cls, count: int) -> "Pressures":
+        """Nothing is measured of `count` joints."""
+        return cls(*np.full((2, count), np.nan), np.nan)
+
+
 class Point(NamedTuple):
     """The reference of j joints at one instant, (j,) each [SI]."""
 

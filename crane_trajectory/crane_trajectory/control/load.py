@@ -10,9 +10,7 @@ from crane_model.terms import Term
 from crane_model.terms.friction import Coulomb, CoulombAsymmetry, Viscous, ViscousAsymmetry
 from crane_model.terms.term import Setting
 
-REVERSAL_SPEED = (
-    0.008  # rad/s or m/s; sgn(q') of (13) becomes tanh(q' / this), so that slow valves follow
-)
+REVERSAL_SPEED = 0.008  # rad/s or m/s; for slow valves sgn(q') of (13) is tanh(q' / this)
 
 FRICTION = (Coulomb, CoulombAsymmetry, Viscous, ViscousAsymmetry)
 

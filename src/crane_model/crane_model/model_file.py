@@ -14,6 +14,7 @@ import crane_machines
 from crane_model.array import Array
 from crane_model.configuration import Schema, load, save, validate
 from crane_model.errors import ConfigurationError
+from crane_model.hydraulics.values import HydraulicValues
 from crane_model.machine import Machine, load_machine
 from crane_model.record import Record
 from crane_model.terms import Parameter, Term, term_from_mapping
@@ -30,6 +31,7 @@ class Model:
     values: Array | None = None  # (p,) Theta
     std_devs: Array | None = None  # (p,)
     provenance: str = ""
+    hydraulics: HydraulicValues | None = None  # of the machine, where they were identified
 
     @property
     def joints(self) -> tuple[str, ...]:
@@ -171,6 +173,7 @@ class _ModelFile(Schema):
         min_length=1
     )
     estimate: _Estimate | None = None
+    hydraulics: HydraulicValues | None = None
 
 
 def load_model(path: Path | str) -> Model:
@@ -189,13 +192,14 @@ def load_model(path: Path | str) -> Model:
     path = Path(path)
     content = load(path, _ModelFile)
     setting = Setting(content.joints, _machine(content.machine, path))
-    model = Model(content.name, setting, content.terms)
+    model = Model(content.name, setting, content.terms, hydraulics=content.hydraulics)
     machine = setting.machine
     if machine is not None and not content.joints.items() <= machine.units.items():
         raise ConfigurationError(
             f"{path}: key 'joints': {machine.name} has the joints {_units(machine.units)}, of "
             f"which a model takes any in any order; got {_units(content.joints)}"
         )
+    _check_hydraulics(model, path)
     try:
         names = [(p.name, p.unit) for p in model.parameters]
     except ConfigurationError as error:
@@ -243,6 +247,7 @@ def save_model(path: Path | str, model: Model) -> None:
         "joints": dict(model.setting.units),
         "terms": tuple(term.model_dump() for term in model.terms),
         "estimate": estimate,
+        "hydraulics": None if model.hydraulics is None else model.hydraulics.model_dump(),
     }
     save(path, validate(content, _ModelFile, path))
 
@@ -255,6 +260,19 @@ def _machine(given: dict[str, Any] | str | None, model_path: Path) -> Machine | 
     if given in crane_machines.shipped():
         return load_machine(given)
     return load_machine(model_path.parent / given)
+
+
+def _check_hydraulics(model: Model, path: Path) -> None:
+    if model.hydraulics is None:
+        return
+    if model.machine is None:
+        raise ConfigurationError(f"{path}: key 'hydraulics': needs a machine with cylinders")
+    there = model.machine.joint_names
+    if unknown := sorted(model.hydraulics.joints.keys() - set(there)):
+        raise ConfigurationError(
+            f"{path}: key 'hydraulics.joints': {', '.join(unknown)}: no joint of the machine; "
+            f"it has {', '.join(there)}"
+        )
 
 
 def _units(joints: Mapping[str, str]) -> str:

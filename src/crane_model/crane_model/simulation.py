@@ -13,13 +13,11 @@ from numba import njit
 
 from crane_model.array import Array
 from crane_model.cylinders import lever_arms
+from crane_model.dry_friction import with_dry_friction
 from crane_model.errors import RangeError
 from crane_model.model_file import Model
 from crane_model.record import Record
 from crane_model.terms import Term
-
-_SWEEPS = 1000  # a handful suffices unless two joints move almost as one
-_TOLERANCE = 1e-12
 
 
 @dataclass(frozen=True)
@@ -169,7 +167,7 @@ def _next_velocity(
     mass, load, dry = _split(at, memory, q, v)
     inverse = _inverse(at.model, mass)
     free = v_start + step * np.einsum("nij,nj->ni", inverse, load)
-    return _with_dry_friction(free, step * inverse, np.maximum(dry, 0.0))
+    return with_dry_friction(free, step * inverse, np.maximum(dry, 0.0))
 
 
 def _inverse(model: Model, mass: Array) -> Array:
@@ -248,35 +246,3 @@ def _inverses(mass: Array) -> tuple[Array, bool]:
                     for j in range(joints):
                         m[i, j] -= factor * m[k, j]
     return inverse, True
-
-
-@njit(cache=True)
-def _with_dry_friction(free: Array, compliance: Array, dry: Array) -> Array:
-    """v = free - compliance (dry s), s in Sgn(v): Gauss-Seidel on the friction force of each joint.
-
-    (N, j), (N, j, j), (N, j). Converges for positive definite compliance.
-    """
-    velocity = free.copy()
-    runs, joints = free.shape
-    for n in range(runs):
-        force = np.zeros(joints)
-        for _ in range(_SWEEPS):
-            largest = 0.0
-            for j in range(joints):
-                if dry[n, j] == 0.0:
-                    continue
-                stopping = force[j] + velocity[n, j] / compliance[n, j, j]
-                new = min(dry[n, j], max(-dry[n, j], stopping))
-                change = new - force[j]
-                if change == 0.0:
-                    continue
-                force[j] = new
-                largest = max(largest, abs(change) / dry[n, j])
-                for i in range(joints):
-                    velocity[n, i] -= compliance[n, i, j] * change
-            if largest < _TOLERANCE:
-                break
-        for j in range(joints):
-            if abs(force[j]) < dry[n, j]:
-                velocity[n, j] = 0.0  # held: remove what rounding left
-    return velocity

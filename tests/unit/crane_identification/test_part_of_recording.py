@@ -35,6 +35,16 @@ def test_both_commands_take_the_part(command: object, capsys: pytest.CaptureFixt
         assert f"argument {wrong[0]}: must be a" in capsys.readouterr().err
 
 
+@pytest.mark.parametrize("command", [identify, diagnose], ids=["identify", "diagnose"])
+def test_recordings_may_be_named_one_by_one(command: object) -> None:
+    """None that was named is left out without a word."""
+    parser = command.parser()  # type: ignore[attr-defined]
+    named = parser.parse_args([*GIVEN, "--train", "d", "e", "--validate", "f"])
+    assert [str(path) for path in named.train] == ["a", "d", "e"]
+    assert [str(path) for path in named.validate] == ["b", "f"]
+    assert [str(path) for path in parser.parse_args(GIVEN).train] == ["a"]
+
+
 def test_what_lies_outside_is_not_read_and_what_is_bad_inside_is_named(tmp_path: Path) -> None:
     model = axis_model(tmp_path)
     log = axis_log(1, model, periods=1)

@@ -9,10 +9,11 @@ from hypothesis import given
 from hypothesis import strategies as st
 from scipy.integrate import solve_ivp
 
+from crane_model.dry_friction import with_dry_friction
 from crane_model.errors import RangeError
 from crane_model.model_file import Model
 from crane_model.record import Record
-from crane_model.simulation import _with_dry_friction, simulate
+from crane_model.simulation import simulate
 from crane_model.terms import REGISTRY, JointTerm, Parameter, friction, presliding, single_axis
 from crane_model.terms.term import Family, Setting
 
@@ -174,7 +175,7 @@ def test_dry_friction_opposes_motion_and_holds_within_its_limit(joints: int, see
     compliance = root @ root.transpose(0, 2, 1) + 0.1 * np.eye(joints)
     free = 3.0 * rng.standard_normal((20, joints))
     dry = rng.uniform(0.0, 3.0, (20, joints)) * (rng.random((20, joints)) < 0.8)
-    v = _with_dry_friction(free, compliance, dry)
+    v = with_dry_friction(free, compliance, dry)
     force = np.linalg.solve(compliance, (free - v)[:, :, None])[:, :, 0]
     moving = v != 0.0
     np.testing.assert_allclose(force[moving], (dry * np.sign(v))[moving], atol=1e-7)

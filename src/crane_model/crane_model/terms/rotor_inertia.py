@@ -22,6 +22,7 @@ class RotorInertia(OneJointTerm):
 
     type: Literal["rotor_inertia"] = "rotor_inertia"
     family: ClassVar[Family] = "rigid body"
+    of_one_instant: ClassVar[bool] = True
     effect: ClassVar[Effect] = Effect(
         "inertia of a rotor",
         "force with the acceleration of its own joint only",

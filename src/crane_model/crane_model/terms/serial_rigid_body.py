@@ -32,6 +32,7 @@ class SerialRigidBody(Term):
 
     type: Literal["serial_rigid_body"] = "serial_rigid_body"
     family: ClassVar[Family] = "rigid body"
+    of_one_instant: ClassVar[bool] = True
 
     zero: tuple[str, ...] = ()
 

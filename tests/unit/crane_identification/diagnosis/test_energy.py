@@ -57,7 +57,7 @@ def test_strength_is_the_rms_of_an_effect_over_that_of_the_force() -> None:
 
 
 def test_detectable_is_the_strength_that_reaches_the_threshold() -> None:
-    """A score of a tenth of the rows is that of an effect of a tenth of the noise."""
+    """A score of a tenth of the rows is that of an effect with a tenth of the power of noise."""
     found = searched(BOTH, np.zeros(ROWS))
     expected = np.sqrt(0.1) / np.sqrt(MASS**2 + 1.0)
     assert detectable(found, 0.1 * ROWS) == pytest.approx(expected, rel=0.1)

@@ -213,8 +213,8 @@ def test_nothing_is_left_out_without_a_word() -> None:
     said = text(content("named", *nine, not_testable=[hidden, hidden], flow=flow))
     assert "9. load-dependent" in said
     assert (
-        "Not printed: 2 effects that hide behind the parameters of the model, 1 joints with a "
-        "balance of the flow" in said
+        "Not printed: errors of the simulated motion, effects that hide behind the parameters of "
+        "the model (2), joints with a balance of the flow (1); see report.html" in said
     )
 
 

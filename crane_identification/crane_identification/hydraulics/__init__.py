@@ -1,0 +1,1 @@
+"""The hydraulics identified: valves, oil and supply from valve commands and pressures."""

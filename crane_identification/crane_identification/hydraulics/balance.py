@@ -1,0 +1,254 @@
+"""The balance of flow of a joint as rows: what its piston sweeps, and what its parts supply.
+
+    A_A x' =  Q_A - C (p_A - p_B) - (V_0A + A_A (x - x_min))/beta p_A'
+   -A_B x' =  Q_B + C (p_A - p_B) - (V_0B + A_B (x_max - x))/beta p_B'
+
+with the parts of `crane_model.hydraulics`. Every column is the central difference of its integral
+over time, so that none is differentiated by itself, and passes the same low-pass as the left side;
+a second one of first order makes the noise white again, most of which is that of differences.
+Reversals are rows like others. It is linear in the gains of the four metering edges, C,
+1/beta, V_0A/beta and V_0B/beta.
+"""
+
+from collections.abc import Sequence
+from functools import cached_property
+from typing import Generic, NamedTuple, TypeVar
+
+import numpy as np
+from numba import njit
+from scipy import signal
+
+from crane_identification.hydraulics.passage import Passage
+from crane_model.actuators import HydraulicActuator
+from crane_model.hydraulics.chambers import roots
+from crane_model.hydraulics.spool import openings, spool_course, trailing
+
+CUT_OFF = 4.0  # Hz: what the machine moves at lies below, most of the noise above
+ORDER = 4
+WHITENED = 0.5  # Hz, above which differences of white noise are made white again
+ROW_RATE = 16.0  # Hz of rows, where the filter has left next to nothing above half of that
+SPOILT = 0.5  # s at both ends of a passage that the filter's memory spoils
+FINE = 5  # steps of the spool a sample
+LEAST_PRESSURE = 1e5  # Pa above the tank's; a chamber below is about to be empty and draws oil
+DAMPING_RATIO = 0.8  # of the spool; from slow motion only (2 D^2 - 1)/w^2 can be told
+FASTEST = 1e-4  # s, 1/w of a spool that cannot be told from an immediate one
+EDGES = ("supply_a", "a_tank", "supply_b", "b_tank")
+LINEAR = (*EDGES, "leakage", "compliance", "softness_a", "softness_b")
+"""Names of the columns: compliance 1/beta, softness V_0/beta of each chamber."""
+
+
+class SpoolValues(NamedTuple):
+    """What the balance is not linear in; `share` is that part of the lag which is not delay."""
+
+    lag: float  # s
+    share: float
+    dead_zone_a: float
+    dead_zone_b: float
+    play: float
+
+    @property
+    def frequency(self) -> float:
+        """w [rad/s]."""
+        return 1.0 / max(self.share * self.lag / (2.0 * DAMPING_RATIO), FASTEST)
+
+    @property
+    def delay(self) -> float:
+        """From a command's stamp until the spool is told [s]."""
+        return (1.0 - self.share) * self.lag
+
+
+class PassageRows:
+    """What the rows of one passage have in common: the opening of the valve, and the filter."""
+
+    def __init__(self, passage: Passage, gate: np.ndarray | None = None) -> None:
+        """`gate` (n,) is 1 where the samples count, 0 where not."""
+        self.passage = passage
+        step = passage.step
+        self._sections = signal.butter(ORDER, CUT_OFF, fs=1.0 / step, output="sos")
+        self._integrating = signal.butter(1, WHITENED, fs=1.0 / step, output="sos")
+        cut = int(SPOILT / step)
+        self._kept = slice(cut, len(passage) - 2 - cut)
+        self._every = max(int(1.0 / (ROW_RATE * step)), 1)
+        open_ = np.ones(len(passage)) if gate is None else gate
+        self._gate = signal.sosfiltfilt(self._sections, open_).clip(0.0, 1.0)[1:-1] * open_[1:-1]
+        fine = FINE * (len(passage) - 1) + 1
+        self._fine = passage.time[0] + step / FINE * np.arange(fine)
+
+    def opening(self, spool: SpoolValues) -> np.ndarray:
+        """(FINE (n - 1) + 1,) o of `crane_model.hydraulics.spool`, FINE a sample."""
+        stamps, commands = self.passage.stamps + spool.delay, self.passage.commands
+        y = spool_course(stamps, commands, self._fine, spool.frequency, DAMPING_RATIO)
+        return openings(trailing(y, spool.play), spool.dead_zone_a, spool.dead_zone_b)
+
+    def flows(self, spool: SpoolValues, drops: np.ndarray) -> np.ndarray:
+        """(n, 4) filtered flow through EDGES for a gain of 1, from roots of their drops."""
+        return self._filtered(_mean_flows(self.opening(spool), drops))
+
+    @property
+    def speed(self) -> np.ndarray:
+        """(n,) m/s of the piston, filtered."""
+        return self._filtered(self._slope(self.passage.length))
+
+    @property
+    def speed_rounding(self) -> float:
+        """What the rounding of the encoder adds to the speed: one standard deviation [m/s]."""
+        gain = _slope_gain(self._sections, self._integrating, self.passage.step)
+        return self.passage.resolution / float(np.sqrt(12.0)) * gain
+
+    def _slope(self, values: np.ndarray) -> np.ndarray:
+        slope: np.ndarray = (values[2:] - values[:-2]) / (2.0 * self.passage.step)
+        return slope
+
+    def thinned(self, values: np.ndarray) -> np.ndarray:
+        """As many of n samples as the filter left independent."""
+        return values[:: self._every]
+
+    @property
+    def time(self) -> np.ndarray:
+        """(n,) s of the samples, before they are thinned."""
+        return self.passage.time[1:-1][self._kept]
+
+    def _filtered(self, values: np.ndarray) -> np.ndarray:
+        gate = self._gate.reshape(-1, *[1] * (values.ndim - 1))
+        low = signal.sosfiltfilt(self._sections, values * gate, axis=0)[self._kept]
+        return np.asarray(signal.sosfilt(self._integrating, low, axis=0))
+
+
+class ChamberRows(PassageRows):
+    """Rows of both chambers.
+
+    `rounding` (2,) [m3/s] is what the rounding of the encoder adds to them: one standard deviation,
+    with the sign in which the two chambers share it.
+    """
+
+    def __init__(self, passage: Passage, cylinder: HydraulicActuator) -> None:
+        p_a, p_b, supply, tank = (
+            passage.pressures[name]
+            for name in ("pressure_a", "pressure_b", "supply_pressure", "tank_pressure")
+        )
+        filled = np.minimum(p_a, p_b) > tank + LEAST_PRESSURE
+        super().__init__(passage, filled.astype(float))
+        areas = np.array([cylinder.area_a, -cylinder.area_b])
+        self.flow = np.outer(self.speed, areas)  # (n, 2)
+        self.rounding = areas * self.speed_rounding
+        x, inner = passage.length, slice(1, -1)
+        swept_a = cylinder.area_a * (x[inner] - cylinder.length_min)
+        swept_b = cylinder.area_b * (cylinder.length_max - x[inner])
+        rate_a, rate_b, drop = self._slope(p_a), self._slope(p_b), _mean(p_a - p_b)
+        none = np.zeros_like(drop)
+        oil = (
+            (-drop, drop),
+            (-swept_a * rate_a, -swept_b * rate_b),
+            (-rate_a, none),
+            (none, -rate_b),
+        )
+        self.oil = self._filtered(np.stack([np.stack(pair, axis=1) for pair in oil], axis=2))
+        drops = (supply - p_a, p_a - tank, supply - p_b, p_b - tank)
+        self._roots = np.stack([roots(one) for one in drops], axis=1)
+
+    def columns(self, spool: SpoolValues) -> np.ndarray:
+        """(n, 2, 8) of LINEAR for 1 of each, before rows are thinned."""
+        edges = self.flows(spool, self._roots)
+        out = np.zeros((len(edges), 2, len(LINEAR)))
+        out[:, 0, :2], out[:, 1, 2:4] = edges[:, :2], edges[:, 2:]
+        out[:, :, 4:] = self.oil
+        return out
+
+    def supply(self) -> np.ndarray:
+        """(n, 2) 1 and the supply pressure [Pa], filtered like the flow."""
+        mean = _mean(self.passage.pressures["supply_pressure"])
+        return self._filtered(np.stack([np.ones_like(mean), mean], axis=1))
+
+    def drawn(self, spool: SpoolValues, linear: np.ndarray) -> np.ndarray:
+        """(n,) flow out of the supply [m3/s], filtered like the flow."""
+        edges = self.flows(spool, self._roots)
+        drawn: np.ndarray = edges[:, 0] * linear[0] + edges[:, 2] * linear[2]
+        return drawn
+
+
+class MotionRows(PassageRows):
+    """Rows of a joint without transducers: its speed, from the flow at no load.
+
+        x' = K+ o sqrt((A_A p_S - A_B p_T) / (A_A^3 + A_B^3))   where o > 0,
+        x' = K- o sqrt((A_B p_S - A_A p_T) / (A_A^3 + A_B^3))   where o < 0
+
+    of two equal edges in series, each passing what its chamber takes.
+    """
+
+    def __init__(self, passage: Passage, cylinder: HydraulicActuator) -> None:
+        super().__init__(passage)
+        self.flow = self.speed[:, np.newaxis]
+        supply, tank = (passage.pressures[name] for name in ("supply_pressure", "tank_pressure"))
+        a, b = cylinder.area_a, cylinder.area_b
+        out, back = (
+            roots(drop / (a**3 + b**3)) for drop in (a * supply - b * tank, b * supply - a * tank)
+        )
+        self._roots = np.stack([out, back, back, out], axis=1)
+
+    def columns(self, spool: SpoolValues) -> np.ndarray:
+        """(n, 1, 2) of K+ and K- for 1 of each."""
+        return self.flows(spool, self._roots)[:, np.newaxis, :2]
+
+
+AnyRows = TypeVar("AnyRows", ChamberRows, MotionRows)
+
+
+class Balance(Generic[AnyRows]):
+    """Rows (N,) of all passages of a joint, its c flows (both chambers, or the speed) beside."""
+
+    def __init__(self, rows: Sequence[AnyRows]) -> None:
+        self.rows: Sequence[AnyRows] = rows
+
+    @cached_property
+    def flow(self) -> np.ndarray:
+        """(N, c)."""
+        return np.concatenate([rows.thinned(rows.flow) for rows in self.rows])
+
+    def columns(self, spool: SpoolValues) -> np.ndarray:
+        """(N, c, k) of the linear parameters."""
+        return np.concatenate([rows.thinned(rows.columns(spool)) for rows in self.rows])
+
+    def blocks(self, duration: float) -> np.ndarray:
+        """(N,) number of the block, `duration` [s] long, that a row belongs to."""
+        numbers: list[np.ndarray] = []
+        for rows in self.rows:
+            time = rows.thinned(rows.time)
+            first = numbers[-1][-1] + 1 if numbers else 0
+            numbers.append(first + ((time - time[0]) / duration).astype(int))
+        return np.concatenate(numbers)
+
+
+def _mean(values: np.ndarray) -> np.ndarray:
+    """(n - 2,) over the samples before and behind, of (n,)."""
+    mean: np.ndarray = (values[:-2] + 2.0 * values[1:-1] + values[2:]) / 4.0
+    return mean
+
+
+@njit(cache=True, error_model="numpy")
+def _mean_flows(o: np.ndarray, roots: np.ndarray) -> np.ndarray:
+    """(n - 2, 4) flow through EDGES for a gain of 1, mean of the samples before and behind.
+
+    From openings (FINE (n - 1) + 1,) and roots of the drops (n, 4), linear between samples.
+    """
+    count = len(roots) - 1
+    mean = np.zeros((count, 4))
+    for k in range(count):
+        for i in range(FINE + 1):
+            share = i / FINE
+            weight = (0.5 if i in (0, FINE) else 1.0) / FINE
+            opened = o[FINE * k + i]
+            for first, second, sign in ((0, 3, 1.0), (2, 1, -1.0)):
+                if sign * opened > 0.0:
+                    used = weight * sign * opened
+                    for edge, into in ((first, 1.0), (second, -1.0)):
+                        root = roots[k, edge] * (1.0 - share) + roots[k + 1, edge] * share
+                        mean[k, edge] += into * used * root
+    return 0.5 * (mean[1:] + mean[:-1])
+
+
+def _slope_gain(low: np.ndarray, integrating: np.ndarray, step: float) -> float:
+    """Standard deviation of the filtered slope per unit standard deviation of white noise [1/s]."""
+    angle, response = signal.sosfreqz(low, worN=4096)
+    _, once = signal.sosfreqz(integrating, worN=4096)
+    gain = np.abs(response) ** 2 * np.abs(once) * np.sin(angle) / step
+    return float(np.sqrt(np.mean(gain**2)))

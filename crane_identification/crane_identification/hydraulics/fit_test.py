@@ -1,0 +1,66 @@
+"""Is more left of the flow than noise? The F-test of lack of fit between periods.
+
+As `crane_identification.estimation.lack_of_fit`, on the residual of the balance: what repeats from
+period to period beyond chance is no noise. Only the rounding of the encoder is, which may repeat
+where the motion does.
+"""
+
+from collections.abc import Sequence
+
+import numpy as np
+from scipy.stats import f as fisher
+
+from crane_identification.data.log import Log
+from crane_identification.estimation.lack_of_fit import independent_samples
+from crane_identification.hydraulics.balance import ROW_RATE, Balance, ChamberRows
+from crane_identification.hydraulics.projection import BalanceFit
+from crane_identification.preparation.periodicity import Periodicity, periodic_part
+from crane_model.errors import DataError
+
+
+def lack_of_fit(
+    balance: Balance[ChamberRows], found: BalanceFit, logs: Sequence[Log], period: float | None
+) -> float | None:
+    """How likely noise alone repeats as much; None where no period was repeated."""
+    power = noise = variance = of_noise = 0.0
+    parts = {log.source: _periodic(log, period) for log in logs}
+    for rows in balance.rows:
+        part = parts[rows.passage.source]
+        if part is None:
+            continue
+        left = rows.flow - rows.columns(found.spool) @ found.linear
+        periods = _folded(rows.time, left @ found.whitening.T, part)
+        if len(periods) < 2:
+            continue
+        mean = periods.mean(axis=0)
+        deviation, others = periods - mean, len(periods) - 1
+        independent = independent_samples(deviation, np.ones(mean.shape, dtype=bool))
+        mean_noise = (deviation**2).sum(axis=(0, 1)) / others / len(periods)
+        repeated = (found.whitening @ rows.rounding) ** 2 * len(mean)
+        mean_noise += repeated * others / len(periods)
+        power += float((mean**2).sum())
+        noise += float(mean_noise.sum())
+        variance += float((mean_noise**2 / independent).sum())
+        of_noise += float((mean_noise**2 / independent / others).sum())
+    if not noise:
+        return None
+    freedom, noise_freedom = noise**2 / variance, noise**2 / of_noise
+    kept = max(1.0 - len(found.covariance) / freedom, 0.1)
+    return float(fisher.sf(power / noise / kept, kept * freedom, noise_freedom))
+
+
+def _periodic(log: Log, period: float | None) -> Periodicity | None:
+    try:
+        return periodic_part(log, period)
+    except DataError:
+        return None
+
+
+def _folded(time: np.ndarray, values: np.ndarray, part: Periodicity) -> np.ndarray:
+    """(M, n, 2) of the whole periods in it."""
+    begin, end = max(time[0], part.start), min(time[-1], part.end)
+    count = int((end - begin) / part.period + 1e-6)
+    samples = round(part.period * ROW_RATE)
+    at = begin + part.period / samples * np.arange(count * samples)
+    columns = [np.interp(at, time, column) for column in values.T]
+    return np.stack(columns, axis=1).reshape(count, samples, -1)

@@ -1,0 +1,58 @@
+"""The hydraulics of a machine from recordings of its motion, joint by joint."""
+
+from collections.abc import Sequence
+
+from crane_identification.data.log import Log
+from crane_identification.hydraulics.balance import CUT_OFF
+from crane_identification.hydraulics.joint_estimate import JointFit, identify_joint
+from crane_identification.hydraulics.motion_estimate import identify_motion
+from crane_identification.hydraulics.supply import identify_supply
+from crane_model.errors import DataError, RangeError
+from crane_model.hydraulics.values import HydraulicValues
+from crane_model.model_file import Model
+from crane_model.progress import Progress, silent
+
+
+def identify_hydraulics(
+    model: Model, logs: Sequence[Log], period: float | None = None, progress: Progress = silent
+) -> HydraulicValues | None:
+    """What recordings tell of valves, oil and supply; None if they log no command or pressure.
+
+    Joints of which nothing can be told are named with the reason.
+    """
+    machine = model.machine
+    wanted = [log for log in logs if log.command is not None and log.pressure_a is not None]
+    if machine is None or not wanted:
+        return None
+    unknown: dict[str, str] = {}
+    found: dict[str, JointFit] = {}
+    fitted = [joint for joint in model.joints if machine.cylinders[joint].pressure_sensors]
+    blind = [
+        joint for joint in machine.joint_names if not machine.cylinders[joint].pressure_sensors
+    ]
+    for number, joint in enumerate(fitted):
+        try:
+            found[joint] = identify_joint(machine, joint, wanted, period)
+        except (DataError, RangeError) as error:
+            unknown[joint] = str(error)
+        progress("hydraulics", (number + 1) / len(fitted))
+    supply = None
+    if found and len(found) == len(fitted):
+        try:
+            supply = identify_supply(tuple(found.values()), wanted)
+        except DataError as error:
+            unknown["supply"] = str(error)
+    joints = {joint: one.values for joint, one in found.items()}
+    for joint in blind:
+        try:
+            joints[joint] = identify_motion(machine, joint, wanted)
+        except (DataError, RangeError) as error:
+            unknown[joint] = str(error)
+    rows = sum(len(one.balance.flow) for one in found.values())
+    sources = ", ".join(dict.fromkeys(log.source for log in wanted))
+    return HydraulicValues(
+        provenance=f"balance of flow below {CUT_OFF:g} Hz, both chambers, {rows} rows of {sources}",
+        joints=joints,
+        supply=supply,
+        unknown=unknown,
+    )

@@ -1,0 +1,166 @@
+"""The hydraulics of one joint with pressure transducers."""
+
+from collections.abc import Mapping, Sequence
+from typing import NamedTuple
+
+import numpy as np
+
+from crane_identification.data.log import Log
+from crane_identification.hydraulics.balance import (
+    DAMPING_RATIO,
+    EDGES,
+    LINEAR,
+    Balance,
+    ChamberRows,
+)
+from crane_identification.hydraulics.fit_test import lack_of_fit
+from crane_identification.hydraulics.passage import passages
+from crane_identification.hydraulics.projection import BalanceFit, project
+from crane_model.errors import DataError
+from crane_model.hydraulics.values import (
+    ChamberValues,
+    JointHydraulics,
+    Measured,
+    ValveValues,
+)
+from crane_model.machine import Machine
+
+LARGEST_UNEXPLAINED = 0.2  # rms share of the flow, beyond which the values mean nothing
+SIGMAS = 4.0  # standard deviations by which a sign is certain
+TINY = 1e-300
+KNOWN = 0.25  # of a value: a larger standard deviation does not determine it
+KNOWN_PART = 0.005  # of the stroke, for dead zones and hysteresis, which may be 0
+KNOWN_LEAKAGE = 1e-14  # m3/(s Pa), for a piston that may be tight
+SETTLED_BY = {
+    "dead_zone": "slow ramps of the command through zero, both ways",
+    "hysteresis": "slow triangles of the command, to and fro",
+    "lag": "steps of the command both ways",
+    "natural_frequency": "a pseudo-random command of +-0.02, changed every 15 ms, on top of the "
+    "motion for 60 s",
+    "gain": "motion both ways at several speeds",
+    "bulk_modulus": "more reversals under load, over the whole stroke",
+    "dead_volume": "reversals with the piston near the end at which that chamber is smallest",
+    "leakage": "a load held for a minute with the valve closed, and motion at several loads",
+}
+"""By the beginning of a value's name, the experiment that tells it."""
+
+
+class JointFit(NamedTuple):
+    """What is known of a joint, and the fit that it is known from."""
+
+    values: JointHydraulics
+    projection: BalanceFit
+    balance: Balance[ChamberRows]
+
+
+def identify_joint(
+    machine: Machine, joint: str, logs: Sequence[Log], period: float | None = None
+) -> JointFit:
+    """Valve and chambers; `DataError` says why the recordings do not tell them."""
+    cylinder = machine.cylinders[joint]
+    balance = Balance([ChamberRows(part, cylinder) for part in passages(machine, joint, logs)])
+    try:
+        found = project(balance)
+        _require_sense(found)
+    except DataError as error:
+        raise DataError(f"hydraulics of '{joint}': {error}") from None
+    values = _values(found)
+    valve = ValveValues(**{name: values[name] for name in ValveValues.units})
+    chambers = ChamberValues(**{name: values[name] for name in ChamberValues.units})
+    return JointFit(
+        JointHydraulics(
+            valve=valve,
+            chambers=chambers,
+            undetermined=undetermined(values),
+            unexplained=found.unexplained,
+            lack_of_fit=lack_of_fit(balance, found, logs, period),
+        ),
+        found,
+        balance,
+    )
+
+
+def undetermined(values: Mapping[str, Measured]) -> dict[str, str]:
+    """Names of those that are not known well enough, each with the experiment that tells it."""
+    return {name: settled_by(name) for name, one in values.items() if not _known(name, one)}
+
+
+def settled_by(name: str) -> str:
+    """The experiment that tells a value."""
+    if name in EDGES:
+        return SETTLED_BY["gain"]
+    return next(text for key, text in SETTLED_BY.items() if name.startswith(key))
+
+
+def _require_sense(found: BalanceFit) -> None:
+    """`DataError` where the flow runs against the valve, or the oil grows under pressure."""
+    std_devs = np.sqrt(np.diag(found.covariance))[-len(LINEAR) :]
+    sigmas = dict(zip(LINEAR, found.linear / np.maximum(std_devs, TINY), strict=True))
+    remedy = "check sign and log of its command, and that its chambers are not exchanged"
+    if against := [edge for edge in EDGES if sigmas[edge] <= SIGMAS]:
+        raise DataError(f"the flow does not follow the valve at {', '.join(against)}; {remedy}")
+    oil = [name for name in LINEAR[len(EDGES) :] if sigmas[name] < -SIGMAS]
+    if oil or sigmas["compliance"] <= 0.0:
+        raise DataError(
+            f"{', '.join(oil or ['compliance'])} of the oil would be negative; {remedy}, or record "
+            "more reversals under load"
+        )
+    if found.unexplained > LARGEST_UNEXPLAINED:
+        raise DataError(
+            f"valve and oil leave {found.unexplained:.0%} of its flow unexplained, at most "
+            f"{LARGEST_UNEXPLAINED:.0%} allowed; {remedy}"
+        )
+
+
+def measured_spool(found: BalanceFit) -> dict[str, Measured]:
+    """What is known of the spool, by name."""
+    spool = found.spool
+    return {
+        "dead_zone_a": _measured(found, spool.dead_zone_a, "1", dead_zone_a=1.0),
+        "dead_zone_b": _measured(found, spool.dead_zone_b, "1", dead_zone_b=1.0),
+        "hysteresis": _measured(found, spool.play, "1", play=1.0),
+        "lag": _measured(found, spool.lag, "s", lag=1.0),
+        "natural_frequency": _measured(
+            found,
+            spool.frequency,
+            "rad/s",
+            lag=spool.frequency / spool.lag,
+            share=spool.frequency / max(spool.share, 1e-6),
+        ),
+    }
+
+
+def _values(found: BalanceFit) -> dict[str, Measured]:
+    linear = dict(zip(LINEAR, found.linear, strict=True))
+    modulus = 1.0 / linear["compliance"]
+    out = measured_spool(found) | {
+        "damping_ratio": Measured(value=DAMPING_RATIO, unit="1"),
+        "leakage": _measured(found, linear["leakage"], "m3/(s Pa)", leakage=1.0),
+        "bulk_modulus": _measured(found, modulus, "Pa", compliance=modulus**2),
+    }
+    for edge in EDGES:
+        out[edge] = _measured(found, linear[edge], ValveValues.units[edge], **{edge: 1.0})
+    for chamber in "ab":
+        softness = linear[f"softness_{chamber}"]
+        slopes = {f"softness_{chamber}": modulus, "compliance": -softness * modulus**2}
+        out[f"dead_volume_{chamber}"] = _measured(found, softness * modulus, "m3", **slopes)
+    return out
+
+
+def _measured(found: BalanceFit, value: float, unit: str, **slopes: float) -> Measured:
+    """A value, at least 0, whose slopes against parameters of the fit are given by their names."""
+    names = (*found.spool._fields, *LINEAR[: len(found.linear)])
+    gradient = np.array([slopes.get(name, 0.0) for name in names])
+    std_dev = float(np.sqrt(gradient @ found.covariance @ gradient))
+    return Measured(value=max(float(value), 0.0), std_dev=std_dev, unit=unit)
+
+
+def _known(name: str, one: Measured) -> bool:
+    if one.std_dev is None:  # assumed
+        return True
+    enough = KNOWN * abs(one.value)
+    if name.startswith("dead_zone") or name == "hysteresis":
+        enough = max(enough, KNOWN_PART)
+    if name == "leakage":
+        enough = max(enough, KNOWN_LEAKAGE)
+    return one.std_dev <= enough

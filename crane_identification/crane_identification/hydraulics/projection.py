@@ -1,0 +1,153 @@
+"""Least squares of the balance: the spool outside, gains and oil inside (variable projection).
+
+Rows of the two chambers share the noise of the encoder and little else, so that they are whitened
+by its covariance, which is estimated from what is left; the covariance of the estimate is that of
+rows which are correlated over blocks of time, whatever their law.
+
+Sources: Golub and Pereyra, Inverse Problems 19 (2003) R1; Liang and Zeger, Biometrika 73 (1986).
+"""
+
+from dataclasses import dataclass
+from itertools import product
+
+import numpy as np
+from scipy.optimize import least_squares
+
+from crane_identification.hydraulics.balance import AnyRows, Balance, SpoolValues
+
+LOWEST = SpoolValues(1e-3, 0.0, 0.0, 0.0, 0.0)
+HIGHEST = SpoolValues(0.4, 1.5, 0.5, 0.5, 0.3)
+SCALE = np.array([2e-3, 0.1, 1e-2, 1e-2, 1e-2])
+"""Of the parameters of a spool, so that a step of 1 changes the balance visibly."""
+STEP = 1e-3  # of SCALE, for derivatives
+STARTS = tuple(product((0.01, 0.03, 0.08), (0.005, 0.02, 0.04, 0.06, 0.09, 0.13, 0.2)))
+"""Lags [s] and dead zones that are tried before the search."""
+SEARCHED = 30  # steps of the search at most, which takes five where the flow follows the valve
+ROUNDS = 3  # of the whitening
+ROUNDING = 1e-12  # of the flow's power: what is left of data without noise
+BLOCK = 1.0  # s over which rows may be correlated
+
+
+@dataclass(frozen=True)
+class BalanceFit:
+    """Spool and k linear parameters, their joint covariance (5 + k, 5 + k), what is left (N, c).
+
+    `whitening` (c, c) makes the c flows of a row independent and their power 1.
+    """
+
+    spool: SpoolValues
+    linear: np.ndarray
+    covariance: np.ndarray
+    left: np.ndarray
+    whitening: np.ndarray
+    unexplained: float  # rms share of the flow
+
+
+def project(balance: Balance[AnyRows]) -> BalanceFit:
+    """The best spool, gains and oil."""
+    whitening = np.diag(1.0 / np.sqrt((balance.flow**2).mean(axis=0)))
+    spool = _started(balance, whitening)
+    for _ in range(ROUNDS):
+        spool = _searched(balance, whitening, spool)
+        linear = _solved(balance, whitening, spool)[0]
+        left = balance.flow - balance.columns(spool) @ linear
+        noise = left.T @ left / len(left) + ROUNDING * np.diag((balance.flow**2).mean(axis=0))
+        whitening = np.linalg.inv(np.linalg.cholesky(noise))
+    covariance = _covariance(balance, whitening, spool, linear, left)
+    share = float(np.sqrt((left**2).sum() / (balance.flow**2).sum()))
+    return BalanceFit(spool, linear, covariance, left, whitening, share)
+
+
+def _started(balance: Balance[AnyRows], whitening: np.ndarray) -> SpoolValues:
+    tried = [LOWEST._replace(lag=lag, share=0.5, dead_zone_a=d, dead_zone_b=d) for lag, d in STARTS]
+    return min(tried, key=lambda spool: (_rest(balance, whitening, spool) ** 2).sum())
+
+
+def _searched(balance: Balance[AnyRows], whitening: np.ndarray, start: SpoolValues) -> SpoolValues:
+    low, high = np.array(LOWEST) / SCALE, np.array(HIGHEST) / SCALE
+    found = least_squares(
+        lambda x: _rest(balance, whitening, _spool(x)),
+        np.clip(np.array(start) / SCALE, low + STEP, high - STEP),
+        bounds=(low, high),
+        diff_step=STEP,
+        xtol=1e-7,
+        ftol=1e-9,
+        max_nfev=SEARCHED,
+    )
+    return _spool(found.x)
+
+
+def _spool(x: np.ndarray) -> SpoolValues:
+    return SpoolValues(*(SCALE * x).tolist())
+
+
+def _whitened(whitening: np.ndarray, columns: np.ndarray) -> np.ndarray:
+    """(c N, k) from (N, c, k)."""
+    out: np.ndarray = np.einsum("ab,nbk->nak", whitening, columns)
+    return out.reshape(-1, columns.shape[2])
+
+
+def _solved(
+    balance: Balance[AnyRows], whitening: np.ndarray, spool: SpoolValues
+) -> tuple[np.ndarray, np.ndarray]:
+    """Linear parameters (k,), and the whitened columns (c N, k)."""
+    columns = _whitened(whitening, balance.columns(spool))
+    norms = np.linalg.norm(columns, axis=0)
+    norms[norms == 0.0] = 1.0
+    flow = (balance.flow @ whitening.T).ravel()
+    return np.linalg.lstsq(columns / norms, flow, rcond=1e-12)[0] / norms, columns
+
+
+def _rest(balance: Balance[AnyRows], whitening: np.ndarray, spool: SpoolValues) -> np.ndarray:
+    """(c N,) whitened, of the best linear parameters."""
+    linear, columns = _solved(balance, whitening, spool)
+    return (balance.flow @ whitening.T).ravel() - columns @ linear
+
+
+def _covariance(
+    balance: Balance[AnyRows],
+    whitening: np.ndarray,
+    spool: SpoolValues,
+    linear: np.ndarray,
+    left: np.ndarray,
+) -> np.ndarray:
+    """(5 + k, 5 + k) of spool and linear parameters, from the scatter of blocks."""
+    at = np.array(spool)
+    slopes = []
+    for i, scale in enumerate(SCALE):
+        step = STEP * scale
+        low, high = at.copy(), at.copy()
+        low[i], high[i] = max(LOWEST[i], at[i] - step), min(HIGHEST[i], at[i] + step)
+        change = (
+            balance.columns(SpoolValues(*high)) @ linear
+            - balance.columns(SpoolValues(*low)) @ linear
+        )
+        slopes.append(change / (high[i] - low[i]))
+    columns = np.concatenate([np.stack(slopes, axis=2), balance.columns(spool)], axis=2)
+    rows = _whitened(whitening, columns)
+    norms = np.linalg.norm(rows, axis=0)
+    norms[norms == 0.0] = np.inf  # nothing depends on it
+    rows = rows / norms
+    bread = np.linalg.pinv(rows.T @ rows, rcond=1e-12, hermitian=True)
+    residual = (left @ whitening.T).ravel()
+    sums = block_scores(rows, residual, bread, np.repeat(balance.blocks(BLOCK), left.shape[1]))
+    covariance: np.ndarray = bread @ (sums.T @ sums) @ bread / np.outer(norms, norms)
+    return covariance
+
+
+def block_scores(
+    rows: np.ndarray, residual: np.ndarray, bread: np.ndarray, blocks: np.ndarray
+) -> np.ndarray:
+    """Scores (B, k) of rows (n, k) and their residual (n,), summed over numbered blocks (n,).
+
+    Each residual is that which the fit to all other blocks would leave: a block with much leverage
+    pulls the fit to itself and looks better than it is (the jackknife, CR3 of Bell and McCaffrey,
+    Survey Methodology 28 (2002)).
+    """
+    begins = np.flatnonzero(np.diff(blocks, prepend=-1))
+    sums = []
+    for part, left in zip(np.split(rows, begins[1:]), np.split(residual, begins[1:]), strict=True):
+        others = np.eye(len(part)) - part @ bread @ part.T
+        sums.append(part.T @ np.linalg.lstsq(others, left, rcond=1e-10)[0])
+    scores = np.array(sums)
+    return scores * np.sqrt((len(sums) - 1) / len(sums))

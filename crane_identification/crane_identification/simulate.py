@@ -1,0 +1,75 @@
+"""`simulate`: move the model along a recording, from valve commands or pressures, and compare."""
+
+import argparse
+import sys
+import time
+from collections.abc import Sequence
+from pathlib import Path
+
+from crane_identification.data.arguments import Sources, add_part
+from crane_identification.data.column_map import ColumnMap
+from crane_identification.options import Options
+from crane_identification.preparation.session import prepare_all
+from crane_identification.progress_bar import ProgressBar
+from crane_identification.report.terminal import ahead, console
+from crane_identification.validation.command_validation import (
+    CommandValidation,
+    validate_commands,
+)
+from crane_identification.validation.motion_validation import MotionValidation, validate_motion
+from crane_model import cli
+from crane_model.configuration import load
+from crane_model.errors import DataError
+from crane_model.model_file import load_model
+
+
+def run(arguments: argparse.Namespace) -> None:
+    """Everything the command does; raises `CraneError` with what is wrong."""
+    model = load_model(arguments.model).of_machine()
+    columns = load(arguments.columns, ColumnMap) if arguments.columns else None
+    options = Options(begin=arguments.begin, end=arguments.end, namespace=arguments.namespace)
+    with ProgressBar() as progress:
+        logs = Sources(model, columns, options, progress).read(arguments.bag)
+    began = time.perf_counter()
+    found: Sequence[CommandValidation | MotionValidation]
+    if arguments.from_commands:
+        found = validate_commands(model, logs, options)
+    else:
+        records = [one.record for one in prepare_all(model, logs, Options(average=False))]
+        driven = validate_motion(model, records)
+        if driven.reason:
+            raise DataError(driven.reason)
+        found = (driven,)
+    took = time.perf_counter() - began
+    source = "valve commands" if arguments.from_commands else "measured pressures"
+    print(f"simulated from {source}, against measured motion:")
+    for one in found:
+        console(100).print(ahead(model, one))
+    simulated = sum(one.windows * one.horizon for one in found)
+    print(f"{simulated:.0f} s simulated in {took:.1f} s, preparation included")
+
+
+def parser() -> argparse.ArgumentParser:
+    """The command line."""
+    result = cli.command_line(
+        description="Simulate an identified model over windows of recordings that it has not seen, "
+        "each from its measured state, and print how far it is off at their ends."
+    )
+    add = result.add_argument
+    add("--model", type=Path, required=True, help="model file with values, from identify")
+    add("--bag", type=Path, nargs="+", required=True, help="recordings to compare with")
+    add(
+        "--from-commands",
+        action="store_true",
+        help="drive the model by the valve commands alone, through its hydraulics; without, by the "
+        "measured pressures",
+    )
+    add("--columns", type=Path, help="column map (YAML) of tables, or of your topics")
+    add_part(result)
+    return result
+
+
+def main(argv: Sequence[str] | None = None) -> int:
+    """Entry point; exit status 0, 1 for an error that is named, 130 when interrupted."""
+    arguments = parser().parse_args(list(sys.argv[1:] if argv is None else argv))
+    return cli.run(lambda: run(arguments))

@@ -1,0 +1,126 @@
+"""Valves, oil and supply identified from recordings of a machine whose values are known."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from unit.crane_identification.hydraulics.valve_experiments import (
+    FITTED,
+    MACHINE,
+    PERIOD,
+    SILENT,
+    play,
+    recorded,
+    truth,
+)
+
+from crane_identification.data.log import Log
+from crane_identification.hydraulics.identified import identify_hydraulics
+from crane_identification.hydraulics.joint_estimate import identify_joint
+from crane_identification.hydraulics.motion_estimate import identify_motion
+from crane_identification.hydraulics.passage import passages
+from crane_model.errors import DataError
+from crane_model.machine_files import machine_file
+from crane_model.model_file import load_model
+from crane_sim.parts.parameters import StandIn, load_stand_in
+
+WIDTH = 0.01
+TOLERANCE = {"lag": 5e-4, "hysteresis": 3e-4}  # absolute; of the others relative:
+RELATIVE = {"dead_zone": 0.001, "bulk": 0.05, "dead_volume": 0.3, "leakage": 0.2}
+GAINS = 0.001
+
+
+@pytest.fixture(scope="module")
+def stand_in() -> StandIn:
+    """With the two directions of the outer boom's valve unequal by 20 %."""
+    one = load_stand_in()
+    valve = one.valves.outer_boom
+    edges = {"supply_a": 1.1, "b_tank": 1.1, "supply_b": 0.9, "a_tank": 0.9}
+    unequal = valve.model_copy(
+        update={"edges": valve.edges.model_copy(update=edges), "null_bias": 0.01}
+    )
+    valves = one.valves.model_copy(update={"outer_boom": unequal})
+    return one.model_copy(update={"valves": valves})
+
+
+@pytest.fixture(scope="module")
+def log(stand_in: StandIn) -> Log:
+    """Commands are late by 10 ms, and logged from SILENT on."""
+    return recorded(stand_in, seed=1, periods=2, planted=[play("outer_boom", WIDTH)], live=True)
+
+
+def test_a_live_recording_tells_valves_oil_and_supply(log: Log, stand_in: StandIn) -> None:
+    model = load_model(machine_file("model.yaml"))
+    found = identify_hydraulics(model, [log], PERIOD)
+    assert found is not None
+    assert "'slew': its cylinder extends for 0 s" in found.unknown["slew"]
+    for joint in FITTED:
+        one = found.joints[joint]
+        true = truth(stand_in, joint, WIDTH if joint == "outer_boom" else 0.0)
+        true["lag"] += 0.010
+        true.pop("natural_frequency")  # of a loop whose delay varies
+        for name, value in true.items():
+            got = one.values[name]
+            assert got.std_dev is not None
+            share = next((r for key, r in RELATIVE.items() if name.startswith(key)), GAINS)
+            allowed = TOLERANCE.get(name, share * value)
+            assert abs(got.value - value) < allowed, (joint, name, got, value)
+            assert abs(got.value - value) < 5.0 * got.std_dev + 1e-5 * value, (joint, name)
+        assert one.unexplained < 0.01
+    assert found.supply is not None
+    droop = stand_in.supply.pump_droop / MACHINE.hydraulics.pump_flow
+    assert found.supply.pressure.value == pytest.approx(
+        MACHINE.hydraulics.supply_pressure, rel=1e-4
+    )
+    assert found.supply.droop.value == pytest.approx(droop, rel=0.03)
+
+
+def test_a_joint_without_transducers_shows_dead_zones_and_gains() -> None:
+    stand_in = load_stand_in()
+    log = recorded(stand_in, seed=2, periods=1, slewed=True)
+    valve = stand_in.valves.slew
+    found = identify_motion(MACHINE, "slew", [log])
+    assert found.chambers is None
+    assert found.valve.dead_zone_a.value == pytest.approx(valve.dead_zone, abs=0.003)
+    assert found.valve.dead_zone_b.value == pytest.approx(valve.dead_zone, abs=0.003)
+    # less by what friction takes of the pressure
+    gain = truth(stand_in, "slew")["supply_a"]
+    assert 0.8 * gain < found.valve.supply_a.value < gain
+    assert "pressure transducers" in found.undetermined["bulk_modulus"]
+
+
+def test_a_recording_is_cut_to_where_all_is_known(log: Log) -> None:
+    (part,) = passages(MACHINE, "telescope", [log])
+    assert part.time[0] == pytest.approx(SILENT, abs=0.01)
+    silent = (log.position.time > 20.0) & (log.position.time < 20.5)
+    assert log.pressure_a is not None
+    holed = log.pressure_a.value.copy()
+    holed[silent, FITTED.index("telescope")] = np.nan
+    two = passages(
+        MACHINE, "telescope", [replace(log, pressure_a=replace(log.pressure_a, value=holed))]
+    )
+    assert len(two) == 2
+    assert two[0].time[-1] < 20.02
+    assert two[1].time[0] > 20.48
+
+
+def test_what_is_not_logged_or_too_little_is_said(log: Log) -> None:
+    with pytest.raises(DataError, match="'telescope': made holds no command; record valve"):
+        identify_joint(MACHINE, "telescope", [replace(log, command=None)])
+    with pytest.raises(DataError, match="8 s each needed; record longer, or move it more"):
+        identify_joint(MACHINE, "telescope", [log.during(8.0, 20.0)])
+    model = load_model(machine_file("model.yaml"))
+    assert identify_hydraulics(model, [replace(log, command=None)]) is None
+
+
+def test_a_command_with_the_wrong_sign_is_named(log: Log) -> None:
+    assert log.command is not None
+    turned = replace(log.command, value=-log.command.value)
+    with pytest.raises(DataError, match="the flow does not follow the valve at supply_a"):
+        identify_joint(MACHINE, "telescope", [replace(log, command=turned)])
+
+
+def test_exchanged_chambers_are_no_valve(log: Log) -> None:
+    swapped = replace(log, pressure_a=log.pressure_b, pressure_b=log.pressure_a)
+    with pytest.raises(DataError, match="negative; check sign and log of its command"):
+        identify_joint(MACHINE, "inner_boom", [swapped])

@@ -1,0 +1,140 @@
+"""Recordings of the stand-in machine whose valves and oil are known, as logs."""
+
+from collections import deque
+from collections.abc import Sequence
+from typing import Any
+
+import numpy as np
+
+from crane_identification.data.log import Log, Signal
+from crane_model.cylinders import lever_arm
+from crane_model.machine import load_machine
+from crane_model.machine_files import machine_file
+from crane_sim.effects.form import Planted
+from crane_sim.effects.forms import FORMS
+from crane_sim.hiding.slewing import SLEW, Slewing
+from crane_sim.parts.parameters import StandIn, load_stand_in
+from crane_sim.plant.closed_loop import SimulatedRecording, record
+from crane_sim.plant.plant import Plant
+from crane_sim.plant.sampled import Sensors
+from crane_trajectory.control.controller import load_gains
+from crane_trajectory.motion.check import load_clearance
+from crane_trajectory.motion.motion import plan
+from crane_trajectory.motion.periodic import load_trajectory
+
+MACHINE = load_machine()
+FITTED = tuple(j for j in MACHINE.joint_names if MACHINE.cylinders[j].pressure_sensors)
+COLUMNS = [MACHINE.index(joint) for joint in FITTED]
+PERIOD = 20.0  # s of the packaged trajectories
+SLEW_SPEED, SLEW_FREQUENCY = 0.15, 0.6  # rad/s
+SILENT = 1.8  # s at the start of a live recording before the first command is logged
+
+
+class LateValves:
+    """A plant that gets each command 5 ms and up to 10 ms more after it was stamped."""
+
+    def __init__(self, plant: Plant, seed: int):
+        self._plant, self._rng = plant, np.random.default_rng([seed, 7])
+        self._waiting: deque[tuple[float, np.ndarray]] = deque()
+        self._now = np.zeros(len(MACHINE.joint_names))
+
+    def __getattr__(self, name: str) -> Any:
+        return getattr(self._plant, name)
+
+    def advance(self, command: np.ndarray, duration: float) -> None:
+        begin = self._plant.time
+        due = begin + 0.005 + self._rng.uniform(0.0, 0.010)
+        if self._waiting:  # a bus keeps the order
+            due = max(due, self._waiting[-1][0])
+        self._waiting.append((due, command.copy()))
+        while self._waiting and self._waiting[0][0] < begin + duration:
+            due, following = self._waiting.popleft()
+            if due - self._plant.time > 1e-6:
+                self._plant.advance(self._now, due - self._plant.time)
+            self._now = following
+        if begin + duration - self._plant.time > 1e-6:
+            self._plant.advance(self._now, begin + duration - self._plant.time)
+
+
+def recorded(
+    stand_in: StandIn | None = None,
+    seed: int = 0,
+    periods: int = 3,
+    trajectory: str = "excitation_20s.yaml",
+    planted: Sequence[Planted] = (),
+    live: bool = False,
+    slewed: bool = False,
+) -> Log:
+    """Periods of a packaged trajectory under the controller (36), the slew at rest or swinging."""
+    stand_in = stand_in or load_stand_in()
+    motion = plan(
+        MACHINE,
+        load_trajectory(machine_file(trajectory)),
+        stand_in.start,
+        periods,
+        load_clearance(machine_file("clearance.yaml")),
+    )
+    course = Slewing(motion, SLEW_SPEED, SLEW_FREQUENCY) if slewed else motion
+    plant: Any = Plant(stand_in, MACHINE, motion.start, planted)
+    plant = LateValves(plant, seed) if live else plant
+    sensors = Sensors(stand_in.sensors, MACHINE, seed)
+    gains = load_gains(machine_file("controller.yaml"), MACHINE)
+    return log_of(record(course, plant, sensors, gains), live)
+
+
+def log_of(recording: SimulatedRecording, live: bool = False) -> Log:
+    """As a bag's reader gives it."""
+    time = recording.time - recording.time[0]
+
+    def signal(values: np.ndarray, origin: str, rows: slice = slice(None)) -> Signal:
+        return Signal(time[rows], values[rows], origin)
+
+    pressures, reference = recording.pressures, recording.reference
+    logged = slice(int(np.searchsorted(time, SILENT)), None) if live else slice(None)
+    return Log(
+        source="made",
+        joints=FITTED,
+        start=0,
+        position=signal(recording.position[:, COLUMNS], "/joint_states"),
+        pressure_a=signal(pressures.chamber_a, "/cylinder_pressures"),
+        pressure_b=signal(pressures.chamber_b, "/cylinder_pressures"),
+        supply_pressure=signal(pressures.supply, "/cylinder_pressures"),
+        tank_pressure=signal(pressures.tank, "/cylinder_pressures"),
+        command=signal(recording.command[:, COLUMNS], "/valve_command", logged),
+        slew_position=signal(recording.position[:, SLEW], "/joint_states"),
+        slew_command=signal(recording.command[:, SLEW], "/valve_command", logged),
+        reference_position=signal(reference.position[:, COLUMNS], "/joint_reference"),
+    )
+
+
+def play(joint: str, width: float) -> Planted:
+    """Hysteresis of a valve: its edges trail the spool."""
+    form = next(one for one in FORMS["valve_hysteresis"] if one.name == "trailing_edges")
+    return Planted(form, joint, (width,))
+
+
+def truth(stand_in: StandIn, joint: str, width: float = 0.0) -> dict[str, float]:
+    """By name what is to be identified of a joint."""
+    valve, inside = stand_in.valves[joint], stand_in.cylinders[joint]
+    start = stand_in.start[[MACHINE.index(joint)]]
+    null = float(np.sign(lever_arm(MACHINE, joint, start))[0]) * valve.null_bias
+    dead_a, dead_b = valve.dead_zone + null, valve.dead_zone - null
+    gain = valve.rated_flow / np.sqrt(valve.rated_drop)
+    # the gain of a fully open edge, of a stroke that is not the same on both sides of the null
+    by_a, by_b = (gain * (1.0 - d) / (1.0 - valve.dead_zone) for d in (dead_a, dead_b))
+    frequency = 2.0 * np.pi * valve.natural_frequency
+    return {
+        "dead_zone_a": dead_a,
+        "dead_zone_b": dead_b,
+        "hysteresis": width,
+        "lag": 2.0 * valve.damping_ratio / frequency,
+        "natural_frequency": frequency,
+        "supply_a": by_a * valve.edges.supply_a,
+        "b_tank": by_a * valve.edges.b_tank,
+        "supply_b": by_b * valve.edges.supply_b,
+        "a_tank": by_b * valve.edges.a_tank,
+        "bulk_modulus": stand_in.oil.bulk_modulus,
+        "dead_volume_a": inside.dead_volume_a,
+        "dead_volume_b": inside.dead_volume_b,
+        "leakage": inside.leakage,
+    }
