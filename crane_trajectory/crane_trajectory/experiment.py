@@ -210,8 +210,8 @@ class Experiment:
         began, period = self.motion.excitation_start, self.motion.trajectory.period
         leading = self.stage is Stage.LEADING and target.phase is Phase.EXCITATION
         phase = (self._clock.time - began) % period if leading else np.nan
-        points = (Point(*one[:3]) for one in (target, ahead))
-        return controller.command(dt, reading, Wanted(*points, phase))
+        wanted = Wanted(Point(*target[:3]), Point(*ahead[:3]), phase)
+        return controller.command(dt, reading, wanted)
 
     def _proceed(self, tuning: Tuning, now: float) -> None:
         """To the next stage, if this one has done its work."""

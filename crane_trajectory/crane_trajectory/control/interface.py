@@ -26,7 +26,8 @@ class Pressures(NamedTuple):
     @classmethod
     def none(cls, count: int) -> "Pressures":
         """Nothing is measured of `count` joints."""
-        return cls(*np.full((2, count), np.nan), np.nan)
+        nothing = np.full(count, np.nan)
+        return cls(nothing, nothing, np.nan)
 
 
 class Point(NamedTuple):
