@@ -71,7 +71,7 @@ def _searched(balance: Balance[AnyRows], whitening: np.ndarray, start: SpoolValu
         bounds=(low, high),
         diff_step=STEP,
         xtol=1e-7,
-        ftol=1e-9,
+        ftol=1e-6,
         max_nfev=SEARCHED,
     )
     return _spool(found.x)
