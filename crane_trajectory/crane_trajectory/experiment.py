@@ -18,11 +18,11 @@ import numpy as np
 from crane_model.errors import RangeError
 from crane_trajectory.control.controller import command
 from crane_trajectory.control.interface import (
-    Condition,
+    ChamberPressures,
+    ControlCondition,
     Controller,
     Point,
-    Pressures,
-    Reading,
+    SensorReading,
     Wanted,
     in_words,
 )
@@ -113,6 +113,13 @@ class Experiment:
         """Root mean square of the tracking error over whole periods (j,); NaN without one."""
         return self._error.rms
 
+    @property
+    def controlled(self) -> str:
+        """How its controller is doing, in words."""
+        if self._controller is None:
+            return ControlCondition.FOLLOWING.text
+        return in_words(self._controller.conditions, tuple(self._units))
+
     def retune(self, tuning: Tuning) -> None:
         """Change the controller; the command does not jump."""
         self._tuning.to(tuning)
@@ -136,7 +143,7 @@ class Experiment:
         position: np.ndarray,
         velocity: np.ndarray,
         now: float,
-        pressures: Pressures | None = None,
+        pressures: ChamberPressures | None = None,
     ) -> np.ndarray | None:
         """The command (j,) that answers a joint state (j,), (j,) [SI]; None when it is over.
 
@@ -173,7 +180,7 @@ class Experiment:
         dt: float,
         position: np.ndarray,
         velocity: np.ndarray,
-        pressures: Pressures | None,
+        pressures: ChamberPressures | None,
         tuning: Tuning,
         now: float,
     ) -> np.ndarray | None:
@@ -183,11 +190,13 @@ class Experiment:
                 tuning.gains, position, velocity, target.position, target.velocity, self._units
             )
         else:
-            shown = pressures or Pressures.none(len(position))
-            u = self._controlled(self._controller, dt, Reading(position, velocity, *shown), target)
+            shown = pressures or ChamberPressures.none(len(position))
+            u = self._controlled(
+                self._controller, dt, SensorReading(position, velocity, *shown), target
+            )
             conditions = self._controller.conditions
             if any(one.stops for one in conditions):
-                unknown = Condition.NOT_MEASURED in conditions
+                unknown = ControlCondition.NOT_MEASURED in conditions
                 why = Outcome.STATES_LOST if unknown else Outcome.TRACKING_LOST
                 self.release(why, in_words(conditions, tuple(self._units)), now)
                 return self._ramp(now)
@@ -203,7 +212,7 @@ class Experiment:
         return self._command
 
     def _controlled(
-        self, controller: Controller, dt: float, reading: Reading, target: Target
+        self, controller: Controller, dt: float, reading: SensorReading, target: Target
     ) -> np.ndarray:
         """What the controller answers, which is shown the reference ahead, too."""
         ahead = self._clock.later(controller.preview).target(self.motion)

@@ -1,6 +1,5 @@
 """The controllers by name, made from what is known of a machine."""
 
-from collections.abc import Mapping
 from typing import Any
 
 import numpy as np
@@ -11,9 +10,9 @@ from crane_model.model_file import Model
 from crane_trajectory.control.controller import GainArrays
 from crane_trajectory.control.cycle import STOP_RATE
 from crane_trajectory.control.flow_feedforward import FlowFeedforward
-from crane_trajectory.control.hydraulics import identified
-from crane_trajectory.control.interface import Condition, Controller, Reading, Wanted
+from crane_trajectory.control.interface import ControlCondition, Controller, SensorReading, Wanted
 from crane_trajectory.control.pd_dead_zone import PdDeadZone
+from crane_trajectory.control.valves_and_oil import identified
 
 PD_DEAD_ZONE = "pd_dead_zone"
 OF_THE_MODEL: dict[str, dict[str, Any]] = {
@@ -28,31 +27,34 @@ NAMES = (PD_DEAD_ZONE, *OF_THE_MODEL)
 
 
 def controller(
-    name: str,
-    machine: Machine,
-    gains: GainArrays,
-    model: Model | None = None,
-    hydraulics: Mapping[str, Mapping[str, float]] | None = None,
+    name: str, machine: Machine, gains: GainArrays, model: Model | None = None
 ) -> Controller:
     """The controller called `name`; `gains` are those of (36).
 
-    `hydraulics` are the identified values of each joint, by name [SI]; joints that they lack are
-    led by (36). `ConfigurationError` if the name is none of `NAMES` or what it needs is unknown.
+    Joints that the hydraulics of `model` lack are led by (36). `ConfigurationError` if the name is
+    none of `NAMES`, or the model does not have what it needs or is that of another machine.
     """
     rest = PdDeadZone(gains, machine.units)
     if name == PD_DEAD_ZONE:
         return rest
     if name not in OF_THE_MODEL:
         raise ConfigurationError(f"no controller '{name}'; there are {', '.join(NAMES)}")
-    joints = tuple(joint for joint in machine.joint_names if joint in (hydraulics or {}))
-    if model is None or not joints:
+    if model is None or model.values is None or model.hydraulics is None:
         raise ConfigurationError(
-            f"controller '{name}': needs a model with identified hydraulics of {machine.name}; "
-            f"identify them from a recording, or use {PD_DEAD_ZONE}"
+            f"controller '{name}': needs an identified model with the hydraulics of "
+            f"{machine.name}; identify it from a recording with valve commands, or use "
+            f"{PD_DEAD_ZONE}"
         )
-    assert hydraulics is not None
-    known = identified(machine, hydraulics, joints)
-    led = FlowFeedforward(machine, model, known, joints=joints, **OF_THE_MODEL[name])
+    if model.machine is None or model.machine.model_dump() != machine.model_dump():
+        raise ConfigurationError(
+            f"controller '{name}': model '{model.name}' was not identified with the machine "
+            f"{machine.name}, as its file has it now; identify it again"
+        )
+    known = model.hydraulics
+    joints = tuple(joint for joint in machine.joint_names if joint in known.joints)
+    led = FlowFeedforward(
+        machine, model, identified(machine, known, joints), joints=joints, **OF_THE_MODEL[name]
+    )
     return led if len(joints) == len(machine.joint_names) else SideBySide(led, rest)
 
 
@@ -74,7 +76,7 @@ class SideBySide:
         self._led.start(self._last[self._led.columns])
         self._rest.start(self._last)
 
-    def command(self, dt: float, reading: Reading, wanted: Wanted) -> np.ndarray:
+    def command(self, dt: float, reading: SensorReading, wanted: Wanted) -> np.ndarray:
         """As `Controller` has it."""
         u = self._rest.command(dt, reading, wanted).copy()
         u[self._led.columns] = self._led.command(dt, reading, wanted)
@@ -85,7 +87,7 @@ class SideBySide:
         return u.copy()
 
     @property
-    def conditions(self) -> tuple[Condition, ...]:
+    def conditions(self) -> tuple[ControlCondition, ...]:
         """Of each joint, after the last command."""
         found = list(self._rest.conditions)
         for column, one in zip(self._led.columns, self._led.conditions, strict=True):

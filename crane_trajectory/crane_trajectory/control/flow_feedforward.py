@@ -19,11 +19,11 @@ import numpy as np
 from crane_model.machine import Machine
 from crane_model.model_file import Model
 from crane_trajectory.control.adaptation import WINDOW_FIELDS, begin
-from crane_trajectory.control.cycle import HISTORY, STATE, Memory, Setting, cycle
+from crane_trajectory.control.cycle import HISTORY, STATE, CycleSetting, Memory, cycle
 from crane_trajectory.control.geometry import tables
-from crane_trajectory.control.hydraulics import Hydraulics
-from crane_trajectory.control.interface import Condition, Point, Reading, Wanted
-from crane_trajectory.control.load import Load
+from crane_trajectory.control.interface import ControlCondition, Point, SensorReading, Wanted
+from crane_trajectory.control.load import ReferenceLoad
+from crane_trajectory.control.valves_and_oil import ValvesAndOil
 from crane_trajectory.control.watch import WATCH
 
 LARGEST_STEP = 0.05  # s; a longer gap counts as this
@@ -76,7 +76,7 @@ class FlowFeedforward:
         self,
         machine: Machine,
         model: Model,
-        hydraulics: Hydraulics,
+        hydraulics: ValvesAndOil,
         gains: FeedbackGains | None = None,
         pressures: bool = True,
         adaptive: bool = False,
@@ -91,10 +91,10 @@ class FlowFeedforward:
         joints = tuple(joints or machine.joint_names)
         self.columns = np.array([machine.index(joint) for joint in joints])
         self.preview = float(np.mean(hydraulics.lag))
-        self._load = Load(model, machine)
+        self._load = ReferenceLoad(model, machine)
         fitted = [pressures and machine.cylinders[joint].pressure_sensors for joint in joints]
         self.gains = (gains or feedback_gains(machine, model, joints=joints)).records()
-        self._setting = Setting(
+        self._setting = CycleSetting(
             hydraulics.records(),
             self.gains,
             tables(machine)[self.columns],
@@ -124,13 +124,15 @@ class FlowFeedforward:
         self._count = 0
         self._started = True
 
-    def command(self, dt: float, reading: Reading, wanted: Wanted) -> np.ndarray:
+    def command(self, dt: float, reading: SensorReading, wanted: Wanted) -> np.ndarray:
         """As `Controller` has it: of `columns` of the machine's joints, from all of them."""
         u = np.empty(len(self.memory.state))
         step = min(max(dt, 0.0), LARGEST_STEP)
         load = self._load(*wanted.ahead)[self.columns]
-        reading = Reading(*(each[self.columns] for each in reading[:4]), reading.supply)
-        now, ahead = (Point(*(each[self.columns] for each in one)) for one in wanted[:2])
+        q, v, p_a, p_b, supply = reading
+        at = self.columns
+        reading = SensorReading(q[at], v[at], p_a[at], p_b[at], supply)
+        now, ahead = (Point(*(each[at] for each in one)) for one in wanted[:2])
         wanted = Wanted(now, ahead, wanted.phase)
         cycle(
             self._setting, self.memory, self._started, step, self._count, reading, wanted, load, u
@@ -139,8 +141,8 @@ class FlowFeedforward:
         return u
 
     @property
-    def conditions(self) -> tuple[Condition, ...]:
+    def conditions(self) -> tuple[ControlCondition, ...]:
         """Of each joint, after the last command."""
         if not self._started:
-            return (Condition.NOT_INITIALISED,) * len(self.memory.state)
-        return tuple(Condition(int(code)) for code in self.memory.state["condition"])
+            return (ControlCondition.NOT_INITIALISED,) * len(self.memory.state)
+        return tuple(ControlCondition(int(code)) for code in self.memory.state["condition"])

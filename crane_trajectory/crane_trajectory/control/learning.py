@@ -12,7 +12,7 @@ not diverge where the controller is stable.
 import numpy as np
 
 from crane_trajectory.control.flow_feedforward import FlowFeedforward
-from crane_trajectory.control.interface import Condition, Reading, Wanted
+from crane_trajectory.control.interface import ControlCondition, SensorReading, Wanted
 
 STEP = 0.005  # s, of the learnt course
 GAIN = 0.5
@@ -42,7 +42,7 @@ class Learning:
         return self._controller.preview
 
     @property
-    def conditions(self) -> tuple[Condition, ...]:
+    def conditions(self) -> tuple[ControlCondition, ...]:
         """As the controller has them."""
         return self._controller.conditions
 
@@ -52,7 +52,7 @@ class Learning:
         self._errors[:] = np.nan
         self._controller.start(command)
 
-    def command(self, dt: float, reading: Reading, wanted: Wanted) -> np.ndarray:
+    def command(self, dt: float, reading: SensorReading, wanted: Wanted) -> np.ndarray:
         """As the controller, with what was learnt."""
         phase = wanted.phase
         periodic = bool(np.isfinite(phase))

@@ -11,7 +11,7 @@ from crane_interfaces.action import RunExcitation
 from crane_model.machine import JOINTS, load_machine
 from crane_model.machine_files import machine_file
 from crane_trajectory.control.controller import load_gains
-from crane_trajectory.control.interface import Condition, Reading, Wanted
+from crane_trajectory.control.interface import ControlCondition, SensorReading, Wanted
 from crane_trajectory.control.tracking import PeriodicError
 from crane_trajectory.control.tuning import BLEND, Tuning
 from crane_trajectory.experiment import RELEASE_TIME_S, Experiment, Outcome, Stage
@@ -236,14 +236,14 @@ class Echo:
     preview = 0.03
 
     def __init__(self) -> None:
-        self.conditions = (Condition.NOT_INITIALISED,) * 4
+        self.conditions = (ControlCondition.NOT_INITIALISED,) * 4
         self.wanted: list[Wanted] = []
 
     def start(self, command: np.ndarray) -> None:
         assert not command.any()
-        self.conditions = (Condition.AT_REST,) * 4
+        self.conditions = (ControlCondition.AT_REST,) * 4
 
-    def command(self, dt: float, reading: Reading, wanted: Wanted) -> np.ndarray:
+    def command(self, dt: float, reading: SensorReading, wanted: Wanted) -> np.ndarray:
         self.wanted.append(wanted)
         error = wanted.now.position - reading.position
         speed = wanted.ahead.velocity + 4.0 * error
@@ -285,13 +285,13 @@ def test_the_reference_ahead_brakes_with_the_reference() -> None:
 @pytest.mark.parametrize(
     ("condition", "outcome"),
     [
-        (Condition.NO_ANSWER, Outcome.TRACKING_LOST),
-        (Condition.WRONG_MODEL, Outcome.TRACKING_LOST),
-        (Condition.NOT_MEASURED, Outcome.STATES_LOST),
+        (ControlCondition.NO_ANSWER, Outcome.TRACKING_LOST),
+        (ControlCondition.WRONG_MODEL, Outcome.TRACKING_LOST),
+        (ControlCondition.NOT_MEASURED, Outcome.STATES_LOST),
     ],
 )
 def test_a_controller_that_stops_ends_the_experiment(
-    condition: Condition, outcome: Outcome
+    condition: ControlCondition, outcome: Outcome
 ) -> None:
     controller = Echo()
     crane = led_by(controller).until(6.0)

@@ -1,15 +1,16 @@
 """What the controllers know of valves and oil: one record a joint, for compiled loops."""
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Sequence
 from typing import NamedTuple
 
 import numpy as np
 
 from crane_model.errors import ConfigurationError
+from crane_model.hydraulics.values import HydraulicValues
 from crane_model.machine import Machine
 
 
-class Hydraulics(NamedTuple):
+class ValvesAndOil(NamedTuple):
     """Valves and oil of j joints, (j,) each [SI].
 
     The spool y, in the direction of extending, trails its command by `lag` and `play`. It opens
@@ -56,24 +57,27 @@ class Hydraulics(NamedTuple):
         return records
 
 
-def identified(
-    machine: Machine, values: Mapping[str, Mapping[str, float]], joints: Sequence[str]
-) -> Hydraulics:
-    """Of some joints, from what was identified of each: its `values` by name [SI].
+def identified(machine: Machine, values: HydraulicValues, joints: Sequence[str]) -> ValvesAndOil:
+    """Of some joints, from what was identified of the machine.
 
-    Oil that was identified of other joints alone is taken from these; where there is none,
-    `ConfigurationError`. Dead volumes without a value are a twentieth of the chamber.
+    A joint without chamber values has the mean oil of those with some, and dead volumes of a
+    twentieth of its chambers. `ConfigurationError` if no joint has any.
     """
-    supply = machine.hydraulics
-    oil = [one["bulk_modulus"] for one in values.values() if "bulk_modulus" in one]
+    named = {
+        joint: {name: value.value for name, value in values.joints[joint].values.items()}
+        for joint in values.joints
+    }
+    oil = [one["bulk_modulus"] for one in named.values() if "bulk_modulus" in one]
     if not oil:
         raise ConfigurationError(
             f"{machine.name}: the bulk modulus of the oil is unknown; identify the hydraulics "
             "from a recording with chamber pressures"
         )
+    supply = machine.hydraulics
+    pressure = values.supply.pressure.value if values.supply else supply.supply_pressure
     rows = []
     for joint in joints:
-        known, actuator, limits = values[joint], machine.cylinders[joint], machine.limits[joint]
+        known, actuator, limits = named[joint], machine.cylinders[joint], machine.limits[joint]
         middle = np.array([(limits.position_min + limits.position_max) / 2.0])
         stroke = actuator.length_max - actuator.length_min
         row = {
@@ -91,11 +95,11 @@ def identified(
             "dead_zone_retract": known["dead_zone_b"],
             "play": known["hysteresis"],
             "lag": known["lag"],
-            "supply_pressure": supply.supply_pressure,
+            "supply_pressure": pressure,
             "tank_pressure": supply.tank_pressure,
         }
-        rows.append([row[name] for name in Hydraulics._fields])
-    return Hydraulics(*np.array(rows).T)
+        rows.append([row[name] for name in ValvesAndOil._fields])
+    return ValvesAndOil(*np.array(rows).T)
 
 
 SIGNED = {"sense", "length_min", "length_max"}
