@@ -6,11 +6,13 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from crane_model.configuration import bounds, validate
-from crane_model.machine import Machine
-from crane_model.machine_files import machine_file
+from crane_model.machine import Machine, load_machine
+from crane_model.machine_files import DEFAULT_MACHINE, machine_file
 from crane_nodes.joint_notes import load_joint_notes
+from crane_nodes.machine_parameter import MACHINE
 from crane_nodes.managed import AUTOSTART
-from crane_nodes.parameters import Number, Text
+from crane_nodes.parameters import NodeParameter, Number, Text
+from crane_trajectory.control.choice import NAMES, PD_DEAD_ZONE
 from crane_trajectory.control.controller import Gains, JointGains, load_gains
 from crane_trajectory.control.tuning import Tuning
 
@@ -36,6 +38,17 @@ CONTROLLER = Text(
     "File of the gains, for each that is not given by itself; empty: controller.yaml of the "
     "machine. At configure",
 )
+LAW = Text(
+    "law",
+    PD_DEAD_ZONE,
+    f"How the crane is led: {', '.join(NAMES)}. At configure",
+)
+MODEL = Text(
+    "model",
+    "",
+    "Model file with the identified hydraulics of the machine, for every law but "
+    f"{PD_DEAD_ZONE}. At configure",
+)
 STATES_TIMEOUT = Number(
     "states_timeout",
     0.06,
@@ -45,7 +58,7 @@ STATES_TIMEOUT = Number(
     "Silence of joint_states after which the crane is brought to rest. At configure",
 )
 SATURATION = Number("saturation", 1.0, "-", 0.01, 1.0, f"Largest spool command{LIVE}")
-FIXED = (AUTOSTART, CLEARANCE, CONTROLLER, STATES_TIMEOUT)
+FIXED = (AUTOSTART, CLEARANCE, CONTROLLER, LAW, MODEL, STATES_TIMEOUT)
 
 
 def _gain(joint: str, unit: str, field: str, default: float) -> Number:
@@ -120,3 +133,8 @@ class TuningNumbers(NamedTuple):
             SATURATION.check(values[SATURATION.name]),
             np.array([one.check(values[one.name]) for one in self.tolerances.values()]),
         )
+
+
+def parameters_of(machine: str = DEFAULT_MACHINE) -> tuple[NodeParameter, ...]:
+    """All parameters of the node, with what the files of the machine of this name say."""
+    return (MACHINE, *FIXED, *TuningNumbers.of(load_machine(machine), machine).all)
