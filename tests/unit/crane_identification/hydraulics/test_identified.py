@@ -34,12 +34,12 @@ GAINS = 0.001
 def stand_in() -> StandIn:
     """With the two directions of the outer boom's valve unequal by 20 %."""
     one = load_stand_in()
-    valve = one.valves.outer_boom
+    valve = one.valves["outer_boom"]
     edges = {"supply_a": 1.1, "b_tank": 1.1, "supply_b": 0.9, "a_tank": 0.9}
     unequal = valve.model_copy(
         update={"edges": valve.edges.model_copy(update=edges), "null_bias": 0.01}
     )
-    valves = one.valves.model_copy(update={"outer_boom": unequal})
+    valves = one.valves | {"outer_boom": unequal}
     return one.model_copy(update={"valves": valves})
 
 
@@ -78,7 +78,7 @@ def test_a_live_recording_tells_valves_oil_and_supply(log: Log, stand_in: StandI
 def test_a_joint_without_transducers_shows_dead_zones_and_gains() -> None:
     stand_in = load_stand_in()
     log = recorded(stand_in, seed=2, periods=1, slewed=True)
-    valve = stand_in.valves.slew
+    valve = stand_in.valves["slew"]
     found = identify_motion(MACHINE, "slew", [log])
     assert found.chambers is None
     assert found.valve.dead_zone_a.value == pytest.approx(valve.dead_zone, abs=0.003)
