@@ -1,6 +1,6 @@
 """One experiment in real time: leads the crane through a motion and, whatever happens, to rest.
 
-    LEADING   the reference runs; the controller (36) follows it
+    LEADING   the reference runs; a controller, by default (36), follows it
     BRAKING   the reference runs down along its own path
     SETTLING  the reference stands; the controller brings the crane to it
     RELEASING the command ramps to neutral and stays there: the valves hold the crane
@@ -17,9 +17,18 @@ import numpy as np
 
 from crane_model.errors import RangeError
 from crane_trajectory.control.controller import command
+from crane_trajectory.control.interface import (
+    ChamberPressures,
+    ControlCondition,
+    Controller,
+    Point,
+    SensorReading,
+    Wanted,
+    in_words,
+)
 from crane_trajectory.control.tracking import PeriodicError, beyond
 from crane_trajectory.control.tuning import Blend, Tuning
-from crane_trajectory.motion.motion import Motion
+from crane_trajectory.motion.motion import Motion, Phase
 from crane_trajectory.motion.reference_clock import ReferenceClock, Target
 
 NEUTRAL_BEFORE = 0.3  # s, in which driver and publisher find each other and see neutral commands
@@ -57,7 +66,15 @@ class Experiment:
     the valves. `now` is of the steady clock [s], stamps [s] of any clock of the driver's.
     """
 
-    def __init__(self, motion: Motion, tuning: Tuning, states_timeout: float, now: float):
+    def __init__(
+        self,
+        motion: Motion,
+        tuning: Tuning,
+        states_timeout: float,
+        now: float,
+        controller: Controller | None = None,
+    ):
+        """`controller` leads the crane, by default (36) with the gains of the tuning."""
         self.motion = motion
         self.stage = Stage.LEADING
         self.outcome = Outcome.COMPLETED
@@ -77,6 +94,9 @@ class Experiment:
         self._commanded = now
         self._entered = now  # the stage
         self._resting_since: float | None = None
+        self._controller = controller
+        if controller is not None:
+            controller.start(self._command)
 
     @property
     def over(self) -> bool:
@@ -92,6 +112,13 @@ class Experiment:
     def rms(self) -> np.ndarray:
         """Root mean square of the tracking error over whole periods (j,); NaN without one."""
         return self._error.rms
+
+    @property
+    def controlled(self) -> str:
+        """How its controller is doing, in words."""
+        if self._controller is None:
+            return ControlCondition.FOLLOWING.text
+        return in_words(self._controller.conditions, tuple(self._units))
 
     def retune(self, tuning: Tuning) -> None:
         """Change the controller; the command does not jump."""
@@ -111,9 +138,17 @@ class Experiment:
             self._release(now)
 
     def sample(
-        self, stamp: float, position: np.ndarray, velocity: np.ndarray, now: float
+        self,
+        stamp: float,
+        position: np.ndarray,
+        velocity: np.ndarray,
+        now: float,
+        pressures: ChamberPressures | None = None,
     ) -> np.ndarray | None:
-        """The command (j,) that answers a joint state (j,), (j,) [SI]; None when it is over."""
+        """The command (j,) that answers a joint state (j,), (j,) [SI]; None when it is over.
+
+        `pressures` are the newest, None where there are none.
+        """
         dt = stamp - self._stamp if self._stamp is not None else 0.0
         self._stamp, self._heard = stamp, now
         tuning = self._tuning.advance(max(dt, 0.0))
@@ -121,7 +156,7 @@ class Experiment:
         if self.stage in (Stage.LEADING, Stage.BRAKING, Stage.SETTLING):
             self._clock.advance(dt)
             try:
-                return self._follow(position, velocity, tuning, now)
+                return self._follow(dt, position, velocity, pressures, tuning, now)
             except RangeError as error:
                 self.release(Outcome.STATES_LOST, str(error), now)
         return self._ramp(now)
@@ -141,10 +176,30 @@ class Experiment:
         return None
 
     def _follow(
-        self, position: np.ndarray, velocity: np.ndarray, tuning: Tuning, now: float
+        self,
+        dt: float,
+        position: np.ndarray,
+        velocity: np.ndarray,
+        pressures: ChamberPressures | None,
+        tuning: Tuning,
+        now: float,
     ) -> np.ndarray | None:
         target = self.target = self._clock.target(self.motion)
-        u = command(tuning.gains, position, velocity, target.position, target.velocity, self._units)
+        if self._controller is None:
+            u = command(
+                tuning.gains, position, velocity, target.position, target.velocity, self._units
+            )
+        else:
+            shown = pressures or ChamberPressures.none(len(position))
+            u = self._controlled(
+                self._controller, dt, SensorReading(position, velocity, *shown), target
+            )
+            conditions = self._controller.conditions
+            if any(one.stops for one in conditions):
+                unknown = ControlCondition.NOT_MEASURED in conditions
+                why = Outcome.STATES_LOST if unknown else Outcome.TRACKING_LOST
+                self.release(why, in_words(conditions, tuple(self._units)), now)
+                return self._ramp(now)
         self.tracking_error = target.position - position
         self._error.add(self._clock.time, self.tracking_error)
         if lost := beyond(self.tracking_error, tuning.tolerance, self._units):
@@ -155,6 +210,17 @@ class Experiment:
             self._command = np.zeros(len(self._units))
         self._proceed(tuning, now)
         return self._command
+
+    def _controlled(
+        self, controller: Controller, dt: float, reading: SensorReading, target: Target
+    ) -> np.ndarray:
+        """What the controller answers, which is shown the reference ahead, too."""
+        ahead = self._clock.later(controller.preview).target(self.motion)
+        began, period = self.motion.excitation_start, self.motion.trajectory.period
+        leading = self.stage is Stage.LEADING and target.phase is Phase.EXCITATION
+        phase = (self._clock.time - began) % period if leading else np.nan
+        wanted = Wanted(Point(*target[:3]), Point(*ahead[:3]), phase)
+        return controller.command(dt, reading, wanted)
 
     def _proceed(self, tuning: Tuning, now: float) -> None:
         """To the next stage, if this one has done its work."""

@@ -23,6 +23,7 @@ def condition(
         total = experiment.motion.duration
         found.message = f"{phase}, {experiment.elapsed:.1f} of {total:.1f} s"
         values["phase"] = phase
+        values["controller"] = experiment.controlled
         units = experiment.motion.machine.units
         for (joint, unit), error in zip(units.items(), experiment.tracking_error, strict=True):
             values[f"tracking error, {joint} [{unit}]"] = f"{error:.4g}"

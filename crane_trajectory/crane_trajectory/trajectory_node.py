@@ -28,6 +28,7 @@ from crane_nodes.parameters import declare, hold
 from crane_nodes.ready import say_ready
 from crane_trajectory.control.controller import compile_command
 from crane_trajectory.control.tuning import Tuning
+from crane_trajectory.controller_topics import Leading
 from crane_trajectory.experiment import Experiment, Outcome
 from crane_trajectory.motion.check import Clearance, load_clearance
 from crane_trajectory.motion.motion import Motion, plan
@@ -61,6 +62,7 @@ class Trajectory(LifecycleNode):
         self._states: Subscription | None = None
         self._ready = Readiness()
         self._experiment: Experiment | None = None
+        self._leading = Leading(self)
         self._valves = Valves(self, self._machine.joint_names)
         self._next_watch = Future()
         steady = Clock(clock_type=ClockType.STEADY_TIME)
@@ -79,6 +81,7 @@ class Trajectory(LifecycleNode):
             self._machine = read_again(self, self._machine)
             self._tuning_parameters.read_file(self._machine)
             self._tuning = self._tuning_parameters.read()
+            self._leading.configure(self._machine, self._tuning.gains)
             clearance = machine_file("clearance.yaml", MACHINE.read(self), CLEARANCE.read(self))
             self._clearance = load_clearance(clearance)
         except CraneError as error:
@@ -92,6 +95,7 @@ class Trajectory(LifecycleNode):
     def on_activate(self, state: LifecycleState) -> TransitionCallbackReturn:
         """Listen to the joint states; nothing moves before a goal."""
         self._ready.forget_states()
+        self._leading.listen()
         self._states = self.create_subscription(JointState, "joint_states", self._state, NEWEST)
         self._lifecycle = "active"
         say_ready(self, ACTION)
@@ -136,6 +140,7 @@ class Trajectory(LifecycleNode):
         if self._states is not None:
             self.destroy_subscription(self._states)
             self._states = None
+        self._leading.silence()
 
     # control
 
@@ -152,7 +157,8 @@ class Trajectory(LifecycleNode):
         experiment = self._experiment
         if experiment is None:
             return
-        self._valves.send(experiment.sample(measured.seconds, position, velocity, now))
+        pressures = self._leading.pressures
+        self._valves.send(experiment.sample(measured.seconds, position, velocity, now, pressures))
         if experiment.target is not None:
             self._references.publish(
                 reference_message(experiment.target, measured.stamp, self._machine.joint_names)
@@ -216,7 +222,11 @@ class Trajectory(LifecycleNode):
                 "not ready: the crane was moved while its motion was planned; send the goal again"
             )
         self._experiment = Experiment(
-            motion, self._tuning, STATES_TIMEOUT.read(self), time.monotonic()
+            motion,
+            self._tuning,
+            STATES_TIMEOUT.read(self),
+            time.monotonic(),
+            self._leading.controller,
         )
         return self._experiment
 

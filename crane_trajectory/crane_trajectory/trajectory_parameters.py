@@ -12,6 +12,7 @@ from crane_nodes.joint_notes import load_joint_notes
 from crane_nodes.machine_parameter import MACHINE
 from crane_nodes.managed import AUTOSTART
 from crane_nodes.parameters import NodeParameter, Number, Text
+from crane_trajectory.control.choice import NAMES, PD_DEAD_ZONE
 from crane_trajectory.control.controller import Gains, JointGains, load_gains
 from crane_trajectory.control.tuning import Tuning
 
@@ -37,6 +38,17 @@ CONTROLLER = Text(
     "File of the gains, for each that is not given by itself; empty: controller.yaml of the "
     "machine. At configure",
 )
+LAW = Text(
+    "law",
+    PD_DEAD_ZONE,
+    f"How the crane is led: {', '.join(NAMES)}. At configure",
+)
+MODEL = Text(
+    "model",
+    "",
+    "Model file with the identified hydraulics of the machine, for every law but "
+    f"{PD_DEAD_ZONE}. At configure",
+)
 STATES_TIMEOUT = Number(
     "states_timeout",
     0.06,
@@ -46,7 +58,7 @@ STATES_TIMEOUT = Number(
     "Silence of joint_states after which the crane is brought to rest. At configure",
 )
 SATURATION = Number("saturation", 1.0, "-", 0.01, 1.0, f"Largest spool command{LIVE}")
-FIXED = (AUTOSTART, CLEARANCE, CONTROLLER, STATES_TIMEOUT)
+FIXED = (AUTOSTART, CLEARANCE, CONTROLLER, LAW, MODEL, STATES_TIMEOUT)
 
 
 def _gain(joint: str, unit: str, field: str, default: float) -> Number:

@@ -13,7 +13,13 @@ from crane_driver.velocity_filter import VelocityFilter
 from crane_sim.plant.closed_loop import Course
 from crane_sim.plant.plant import Plant
 from crane_sim.plant.sampled import Sensors
-from crane_trajectory.control.interface import Condition, Controller, Point, Reading, Wanted
+from crane_trajectory.control.interface import (
+    ControlCondition,
+    Controller,
+    Point,
+    SensorReading,
+    Wanted,
+)
 
 REST = 1.0  # s before and after the motion
 DELAY, SPREAD = 0.005, 0.010  # s
@@ -28,7 +34,7 @@ class Score(NamedTuple):
     time: np.ndarray  # s, largest error over largest speed
     ripple: np.ndarray  # mrad/s, mm/s, above `SWINGS`
     valve: np.ndarray  # way of the command in a second
-    worst: Condition
+    worst: ControlCondition
 
 
 def drive(
@@ -59,7 +65,7 @@ def drive(
         [chain.encoder_resolution[joint] for joint in JOINTS],
     )
     error, velocity, commands = np.zeros((3, count, len(JOINTS)))
-    u, sent, worst = np.zeros(len(JOINTS)), 0, Condition.AT_REST
+    u, sent, worst = np.zeros(len(JOINTS)), 0, ControlCondition.AT_REST
     controller.start(u)
     for k, time in enumerate(times.tolist()):
         while sent < k and effect[sent] <= time:
@@ -76,7 +82,7 @@ def drive(
         )  # fmt: skip
         p_a, p_b = np.full((2, len(JOINTS)), np.nan)
         p_a[fitted], p_b[fitted] = shown.chamber_a[0], shown.chamber_b[0]
-        reading = Reading(position, slope, p_a, p_b, float(shown.supply[0]))
+        reading = SensorReading(position, slope, p_a, p_b, float(shown.supply[0]))
         points = [Point(*(part[k] for part in reference[:3])) for reference in (now, ahead)]
         dt = time - float(times[k - 1]) if k else chain.period
         commands[k] = controller.command(dt, reading, Wanted(*points))

@@ -12,7 +12,7 @@ from crane_sim.effects.form import Planted
 from crane_sim.effects.forms import FORMS
 from crane_sim.parts.parameters import Edges, StandIn, load_stand_in
 from crane_sim.planted import planted
-from crane_trajectory.control.hydraulics import Hydraulics
+from crane_trajectory.control.valves_and_oil import ValvesAndOil
 
 MACHINE: Machine = load_machine()
 JOINTS = MACHINE.joint_names
@@ -24,7 +24,7 @@ class Known(NamedTuple):
     """What a controller knows."""
 
     model: Model
-    hydraulics: Hydraulics
+    hydraulics: ValvesAndOil
 
     def wrong_by(self, share: float, seed: int) -> "Known":
         """Every value off by up to a share of it, evenly drawn."""
@@ -76,7 +76,7 @@ def truth(stand_in: StandIn, play: float = 0.0) -> Known:
     sense, same = np.sign(arms), np.ones(len(JOINTS))
     null = sense * of(valves, "null_bias")
     spool = 2.0 * of(valves, "damping_ratio") / (2.0 * np.pi * of(valves, "natural_frequency"))
-    hydraulics = Hydraulics(
+    hydraulics = ValvesAndOil(
         sense=sense,
         **{name: of(actuators, name) for name in ("area_a", "area_b", "length_min", "length_max")},
         **{name: of(inside, name) for name in ("dead_volume_a", "dead_volume_b", "leakage")},

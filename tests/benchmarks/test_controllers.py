@@ -29,7 +29,13 @@ from crane_model.machine_files import machine_file
 from crane_sim.plant.plant import Plant
 from crane_trajectory.control.controller import load_gains
 from crane_trajectory.control.flow_feedforward import FlowFeedforward, feedback_gains
-from crane_trajectory.control.interface import Condition, Controller, Point, Reading, Wanted
+from crane_trajectory.control.interface import (
+    ControlCondition,
+    Controller,
+    Point,
+    SensorReading,
+    Wanted,
+)
 from crane_trajectory.control.pd_dead_zone import PdDeadZone
 from crane_trajectory.motion.check import load_clearance
 from crane_trajectory.motion.fourier import FourierTrajectory, JointSeries
@@ -248,14 +254,14 @@ def test_time_of_a_cycle(measured: Measured) -> None:
         for k in range(count):
             there = points[k]
             noise = 1e4 * (k % 7)
-            reading = Reading(
+            reading = SensorReading(
                 there.position, there.velocity, pressure + noise, pressure - noise, 17.5e6
             )
             wanted = Wanted(there, points[k + 4])
             start = time.process_time_ns()
             made.command(0.005, reading, wanted)
             times.append(time.process_time_ns() - start)
-        assert Condition.NOT_INITIALISED not in made.conditions
+        assert ControlCondition.NOT_INITIALISED not in made.conditions
         spent[law] = [np.median(times) / 1e3]
     row(measured, f"a cycle of {len(JOINTS)} joints, processor time [us]", "50", spent)
     assert max(one[0] for one in spent.values()) <= 50.0

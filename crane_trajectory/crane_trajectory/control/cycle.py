@@ -8,7 +8,7 @@ from numba import njit
 
 from crane_trajectory.control.adaptation import adapt, at_bound
 from crane_trajectory.control.geometry import length_and_lever
-from crane_trajectory.control.interface import Condition, Reading, Wanted
+from crane_trajectory.control.interface import ControlCondition, SensorReading, Wanted
 from crane_trajectory.control.inverse_flow import (
     against_play,
     edges,
@@ -31,7 +31,7 @@ HISTORY = 64  # cycles of load and spool that are remembered
 
 STATE = (
     "begun",  # whether the first cycle is over
-    "condition",  # `Condition`
+    "condition",  # `ControlCondition`
     "command",
     "opening",  # last
     "bump",  # opening that is left of a transition
@@ -49,13 +49,13 @@ STATE = (
 )
 """Fields of what a joint remembers from cycle to cycle."""
 
-FOLLOWING, AT_REST = int(Condition.FOLLOWING), int(Condition.AT_REST)
-AT_BOUND, LOST = int(Condition.ADAPTATION_AT_BOUND), int(Condition.PRESSURES_LOST)
-SATURATED, UNMEASURED = int(Condition.SATURATED), int(Condition.NOT_MEASURED)
-STOPS = int(Condition.NOT_INITIALISED)
+FOLLOWING, AT_REST = int(ControlCondition.FOLLOWING), int(ControlCondition.AT_REST)
+AT_BOUND, LOST = int(ControlCondition.ADAPTATION_AT_BOUND), int(ControlCondition.PRESSURES_LOST)
+SATURATED, UNMEASURED = int(ControlCondition.SATURATED), int(ControlCondition.NOT_MEASURED)
+STOPS = int(ControlCondition.NOT_INITIALISED)
 
 
-class Setting(NamedTuple):
+class CycleSetting(NamedTuple):
     """What does not change while the controller runs; j joints."""
 
     hydraulics: np.ndarray  # (j,) records
@@ -91,12 +91,12 @@ class Piston(NamedTuple):
 
 @njit(cache=True, error_model="numpy")
 def cycle(
-    setting: Setting,
+    setting: CycleSetting,
     memory: Memory,
     started: bool,
     dt: float,
     count: int,
-    reading: Reading,
+    reading: SensorReading,
     wanted: Wanted,
     load: np.ndarray,
     u: np.ndarray,
@@ -128,11 +128,11 @@ def _close(s: np.record, dt: float) -> None:
 @njit(cache=True, error_model="numpy")
 def _lead(
     i: int,
-    setting: Setting,
+    setting: CycleSetting,
     memory: Memory,
     dt: float,
     count: int,
-    reading: Reading,
+    reading: SensorReading,
     wanted: Wanted,
     load: float,
 ) -> None:
@@ -241,7 +241,7 @@ def _yield(
 @njit(cache=True, error_model="numpy")
 def _look_back(
     i: int,
-    setting: Setting,
+    setting: CycleSetting,
     memory: Memory,
     piston: Piston,
     q: float,
@@ -272,7 +272,7 @@ def _look_back(
 
 @njit(cache=True, error_model="numpy")
 def _damping(
-    setting: Setting,
+    setting: CycleSetting,
     gain: np.record,
     h: np.record,
     s: np.record,
@@ -302,7 +302,7 @@ def _damping(
 
 
 @njit(cache=True, error_model="numpy")
-def _open(i: int, setting: Setting, memory: Memory, count: int, integrand: float) -> None:
+def _open(i: int, setting: CycleSetting, memory: Memory, count: int, integrand: float) -> None:
     """The command for the opening, across dead zone and play; then the integral."""
     h, gain, s, learnt = setting.hydraulics[i], setting.gains[i], memory.state[i], memory.learnt[i]
     y = spool(s.opening, learnt[0 if s.opening > 0.0 else 1, 0, 0])

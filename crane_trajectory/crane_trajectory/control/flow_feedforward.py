@@ -11,6 +11,7 @@ transducer fails, g follows from F and kp is zero. Where reference and crane res
 closed.
 """
 
+from collections.abc import Sequence
 from typing import NamedTuple
 
 import numpy as np
@@ -18,14 +19,15 @@ import numpy as np
 from crane_model.machine import Machine
 from crane_model.model_file import Model
 from crane_trajectory.control.adaptation import WINDOW_FIELDS, begin
-from crane_trajectory.control.cycle import HISTORY, STATE, Memory, Setting, cycle
+from crane_trajectory.control.cycle import HISTORY, STATE, CycleSetting, Memory, cycle
 from crane_trajectory.control.geometry import tables
-from crane_trajectory.control.hydraulics import Hydraulics
-from crane_trajectory.control.interface import Condition, Reading, Wanted
-from crane_trajectory.control.load import Load
+from crane_trajectory.control.interface import ControlCondition, Point, SensorReading, Wanted
+from crane_trajectory.control.load import ReferenceLoad
+from crane_trajectory.control.valves_and_oil import ValvesAndOil
 from crane_trajectory.control.watch import WATCH
 
 LARGEST_STEP = 0.05  # s; a longer gap counts as this
+TOLERANCES = {"rad": 3e-4, "m": 5e-4}  # of a crane at rest
 
 
 class FeedbackGains(NamedTuple):
@@ -46,22 +48,23 @@ class FeedbackGains(NamedTuple):
         return records
 
 
-def feedback_gains(machine: Machine, model: Model, scale: float = 1.0) -> FeedbackGains:
-    """Half of what is stable on the laboratory crane; times `scale`.
+def feedback_gains(
+    machine: Machine, model: Model, scale: float = 1.0, joints: Sequence[str] | None = None
+) -> FeedbackGains:
+    """Half of what is stable on the laboratory crane; times `scale`. Of all joints, or of `joints`.
 
     Joints that the model does not have, and whose load is unknown, get less.
     """
-    limits = [machine.limits[joint] for joint in machine.joint_names]
+    joints = joints or machine.joint_names
+    limits = [machine.limits[joint] for joint in joints]
     one = scale * np.ones(len(limits))
-    known = np.array([joint in model.joints for joint in machine.joint_names])
+    known = np.array([joint in model.joints for joint in joints])
     return FeedbackGains(
         kv=np.where(known, 4.5, 3.0) * one,
         ki=np.where(known, 10.0, 2.0) * one,
         kp=8.0 * one,
         kp_alone=np.where(known, 0.0, 6.0) * one,
-        tolerance=np.array(
-            [3e-4 if machine.units[joint] == "rad" else 5e-4 for joint in machine.joint_names]
-        ),
+        tolerance=np.array([TOLERANCES[machine.units[joint]] for joint in joints]),
         largest_speed=np.array([max(one.velocity_max, -one.velocity_min) for one in limits]),
     )
 
@@ -73,22 +76,28 @@ class FlowFeedforward:
         self,
         machine: Machine,
         model: Model,
-        hydraulics: Hydraulics,
+        hydraulics: ValvesAndOil,
         gains: FeedbackGains | None = None,
         pressures: bool = True,
         adaptive: bool = False,
         by_force: bool = False,
+        joints: Sequence[str] | None = None,
     ):
-        """`pressures`: whether to use those of the cylinders that have transducers."""
-        joints = machine.joint_names
+        """Of all joints of the machine, or of `joints` alone, as are `hydraulics` and `gains`.
+
+        `pressures`: whether to use those of the cylinders that have transducers; `by_force`: follow
+        a force (computed force) and not the flow.
+        """
+        joints = tuple(joints or machine.joint_names)
+        self.columns = np.array([machine.index(joint) for joint in joints])
         self.preview = float(np.mean(hydraulics.lag))
-        self._load = Load(model, machine)
+        self._load = ReferenceLoad(model, machine)
         fitted = [pressures and machine.cylinders[joint].pressure_sensors for joint in joints]
-        self.gains = (gains or feedback_gains(machine, model)).records()
-        self._setting = Setting(
+        self.gains = (gains or feedback_gains(machine, model, joints=joints)).records()
+        self._setting = CycleSetting(
             hydraulics.records(),
             self.gains,
-            tables(machine),
+            tables(machine)[self.columns],
             np.array(fitted),
             adaptive,
             by_force,
@@ -115,11 +124,16 @@ class FlowFeedforward:
         self._count = 0
         self._started = True
 
-    def command(self, dt: float, reading: Reading, wanted: Wanted) -> np.ndarray:
-        """As `Controller` has it."""
+    def command(self, dt: float, reading: SensorReading, wanted: Wanted) -> np.ndarray:
+        """As `Controller` has it: of `columns` of the machine's joints, from all of them."""
         u = np.empty(len(self.memory.state))
         step = min(max(dt, 0.0), LARGEST_STEP)
-        load = self._load(*wanted.ahead)
+        load = self._load(*wanted.ahead)[self.columns]
+        q, v, p_a, p_b, supply = reading
+        at = self.columns
+        reading = SensorReading(q[at], v[at], p_a[at], p_b[at], supply)
+        now, ahead = (Point(*(each[at] for each in one)) for one in wanted[:2])
+        wanted = Wanted(now, ahead, wanted.phase)
         cycle(
             self._setting, self.memory, self._started, step, self._count, reading, wanted, load, u
         )
@@ -127,8 +141,8 @@ class FlowFeedforward:
         return u
 
     @property
-    def conditions(self) -> tuple[Condition, ...]:
+    def conditions(self) -> tuple[ControlCondition, ...]:
         """Of each joint, after the last command."""
         if not self._started:
-            return (Condition.NOT_INITIALISED,) * len(self.memory.state)
-        return tuple(Condition(int(code)) for code in self.memory.state["condition"])
+            return (ControlCondition.NOT_INITIALISED,) * len(self.memory.state)
+        return tuple(ControlCondition(int(code)) for code in self.memory.state["condition"])

@@ -6,7 +6,7 @@ from typing import NamedTuple, Protocol
 import numpy as np
 
 
-class Reading(NamedTuple):
+class SensorReading(NamedTuple):
     """What the sensors of j joints show, (j,) each [SI]; NaN where nothing is measured."""
 
     position: np.ndarray  # rad, m
@@ -14,6 +14,20 @@ class Reading(NamedTuple):
     pressure_a: np.ndarray  # Pa
     pressure_b: np.ndarray  # Pa
     supply: float  # Pa
+
+
+class ChamberPressures(NamedTuple):
+    """What transducers show of j joints [Pa]; NaN where nothing is measured."""
+
+    a: np.ndarray  # (j,)
+    b: np.ndarray
+    supply: float
+
+    @classmethod
+    def none(cls, count: int) -> "ChamberPressures":
+        """Nothing is measured of `count` joints."""
+        nothing = np.full(count, np.nan)
+        return cls(nothing, nothing, np.nan)
 
 
 class Point(NamedTuple):
@@ -32,7 +46,7 @@ class Wanted(NamedTuple):
     phase: float = np.nan  # s since the period of a periodic motion began; NaN outside of one
 
 
-class Condition(IntEnum):
+class ControlCondition(IntEnum):
     """How a joint, or a controller as its worst joint, is doing; the graver the larger."""
 
     AT_REST = 0
@@ -53,26 +67,26 @@ class Condition(IntEnum):
     @property
     def stops(self) -> bool:
         """Whether the controller leads the command to zero and keeps it there until `start`."""
-        return self >= Condition.NOT_INITIALISED
+        return self >= ControlCondition.NOT_INITIALISED
 
 
 WORDS = {
-    Condition.AT_REST: "at rest",
-    Condition.FOLLOWING: "following",
-    Condition.ADAPTATION_AT_BOUND: "adaptation at its bound: check valve and dead zones",
-    Condition.PRESSURES_LOST: "pressures lost: using the load of the model",
-    Condition.SATURATED: "saturated: lower the speed of the reference",
-    Condition.NOT_INITIALISED: "not initialised: valves closed",
-    Condition.NOT_MEASURED: "position not measured: valves closed",
-    Condition.NO_ANSWER: "valve does not answer: valves closed",
-    Condition.WRONG_MODEL: "wrong model, the joint moves against its command: valves closed",
+    ControlCondition.AT_REST: "at rest",
+    ControlCondition.FOLLOWING: "following",
+    ControlCondition.ADAPTATION_AT_BOUND: "adaptation at its bound: check valve and dead zones",
+    ControlCondition.PRESSURES_LOST: "pressures lost: using the load of the model",
+    ControlCondition.SATURATED: "saturated: lower the speed of the reference",
+    ControlCondition.NOT_INITIALISED: "not initialised: valves closed",
+    ControlCondition.NOT_MEASURED: "position not measured: valves closed",
+    ControlCondition.NO_ANSWER: "valve does not answer: valves closed",
+    ControlCondition.WRONG_MODEL: "wrong model, the joint moves against its command: valves closed",
 }
 
 
 class Controller(Protocol):
     """Commands the valves of j joints in the machine's order.
 
-    `start` comes first; before it, and where `Condition.stops`, the command goes to zero. A
+    `start` comes first; before it, and where `ControlCondition.stops`, the command goes to zero. A
     reading that is not finite moves nothing.
     """
 
@@ -83,18 +97,18 @@ class Controller(Protocol):
     def start(self, command: np.ndarray) -> None:
         """Take over where `command` (j,) -1..1 was in force, without a jump."""
 
-    def command(self, dt: float, reading: Reading, wanted: Wanted) -> np.ndarray:
+    def command(self, dt: float, reading: SensorReading, wanted: Wanted) -> np.ndarray:
         """Commands (j,) in -1..1 that answer a reading `dt` [s] after the last one."""
 
     @property
-    def conditions(self) -> tuple[Condition, ...]:
+    def conditions(self) -> tuple[ControlCondition, ...]:
         """Of each joint, after the last command."""
 
 
-def in_words(conditions: tuple[Condition, ...], joints: tuple[str, ...]) -> str:
+def in_words(conditions: tuple[ControlCondition, ...], joints: tuple[str, ...]) -> str:
     """The gravest condition and the joints that have it."""
     worst = max(conditions)
-    if worst <= Condition.FOLLOWING:
+    if worst <= ControlCondition.FOLLOWING:
         return worst.text
     have_it = [joint for joint, one in zip(joints, conditions, strict=True) if one == worst]
     return f"{', '.join(have_it)}: {worst.text}"

@@ -12,7 +12,7 @@ not diverge where the controller is stable.
 import numpy as np
 
 from crane_trajectory.control.flow_feedforward import FlowFeedforward
-from crane_trajectory.control.interface import Condition, Reading, Wanted
+from crane_trajectory.control.interface import ControlCondition, SensorReading, Wanted
 
 STEP = 0.005  # s, of the learnt course
 GAIN = 0.5
@@ -27,7 +27,7 @@ class Learning:
 
     def __init__(self, controller: FlowFeedforward, period: float):
         self._controller = controller
-        self._gains = controller.gains
+        self._gains, self._columns = controller.gains, controller.columns
         count = max(round(period / STEP), 2)
         self._period = period
         joints = len(self._gains)
@@ -42,7 +42,7 @@ class Learning:
         return self._controller.preview
 
     @property
-    def conditions(self) -> tuple[Condition, ...]:
+    def conditions(self) -> tuple[ControlCondition, ...]:
         """As the controller has them."""
         return self._controller.conditions
 
@@ -52,7 +52,7 @@ class Learning:
         self._errors[:] = np.nan
         self._controller.start(command)
 
-    def command(self, dt: float, reading: Reading, wanted: Wanted) -> np.ndarray:
+    def command(self, dt: float, reading: SensorReading, wanted: Wanted) -> np.ndarray:
         """As the controller, with what was learnt."""
         phase = wanted.phase
         periodic = bool(np.isfinite(phase))
@@ -61,7 +61,8 @@ class Learning:
         self._phase = phase
         if periodic:
             place = int(phase / self._period * len(self._errors)) % len(self._errors)
-            self._errors[place] = wanted.now.position - reading.position
+            error = wanted.now.position - reading.position
+            self._errors[place] = error[self._columns]
         change = dt / FADING if periodic else -dt / FADING
         self._share = min(max(self._share + change, 0.0), 1.0)
         if self._share > 0.0 and periodic:
@@ -69,7 +70,8 @@ class Learning:
             at = (phase + self.preview) % self._period
             more = [np.interp(at, course, one, period=self._period) for one in self.learnt.T]
             ahead = wanted.ahead
-            velocity = ahead.velocity + self._share * np.array(more)
+            velocity = ahead.velocity.copy()
+            velocity[self._columns] += self._share * np.array(more)
             wanted = wanted._replace(ahead=ahead._replace(velocity=velocity))
         return self._controller.command(dt, reading, wanted)
 

@@ -15,7 +15,7 @@ REVERSAL_SPEED = 0.008  # rad/s or m/s; for slow valves sgn(q') of (13) is tanh(
 FRICTION = (Coulomb, CoulombAsymmetry, Viscous, ViscousAsymmetry)
 
 
-class Load:
+class ReferenceLoad:
     """Generalized forces that the reference needs, of all joints of a machine.
 
     Friction (13) and the terms of rigid bodies, gravity and loads count; what else the model has

@@ -7,9 +7,13 @@ import numpy as np
 
 from crane_trajectory.control.controller import GainArrays, command
 from crane_trajectory.control.cycle import BUMP, STOP_RATE
-from crane_trajectory.control.interface import Condition, Reading, Wanted
+from crane_trajectory.control.interface import ControlCondition, SensorReading, Wanted
 
-SATURATED, FOLLOWING, AT_REST = Condition.SATURATED, Condition.FOLLOWING, Condition.AT_REST
+SATURATED, FOLLOWING, AT_REST = (
+    ControlCondition.SATURATED,
+    ControlCondition.FOLLOWING,
+    ControlCondition.AT_REST,
+)
 
 
 class PdDeadZone:
@@ -22,14 +26,14 @@ class PdDeadZone:
         self._gains, self._units = gains, units
         self._bump: np.ndarray | None = None  # None until the first command
         self._last = np.zeros(len(gains.kp))
-        self.conditions = (Condition.NOT_INITIALISED,) * len(gains.kp)
+        self.conditions = (ControlCondition.NOT_INITIALISED,) * len(gains.kp)
 
     def start(self, command: np.ndarray) -> None:
         """Take over where `command` (j,) was in force, without a jump."""
         self._last, self._bump = np.array(command, dtype=float), None
         self.conditions = (AT_REST,) * len(self._last)
 
-    def command(self, dt: float, reading: Reading, wanted: Wanted) -> np.ndarray:
+    def command(self, dt: float, reading: SensorReading, wanted: Wanted) -> np.ndarray:
         """As `Controller` has it."""
         now = wanted.now
         inputs = reading.position, reading.velocity, now.position, now.velocity
@@ -37,7 +41,9 @@ class PdDeadZone:
             return self._last  # the velocity filter has only begun
         known = [bool(np.isfinite(one).all()) for one in np.transpose(inputs)]
         if not all(known) and not any(one.stops for one in self.conditions):
-            self.conditions = tuple(AT_REST if one else Condition.NOT_MEASURED for one in known)
+            self.conditions = tuple(
+                AT_REST if one else ControlCondition.NOT_MEASURED for one in known
+            )
         if any(one.stops for one in self.conditions):
             size = np.maximum(np.abs(self._last) - STOP_RATE * dt, 0.0)
             self._last = np.copysign(size, self._last)

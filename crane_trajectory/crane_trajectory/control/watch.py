@@ -5,7 +5,7 @@ import math
 import numpy as np
 from numba import njit
 
-from crane_trajectory.control.interface import Condition
+from crane_trajectory.control.interface import ControlCondition
 
 WATCH = ("last_a", "last_b", "same_a", "same_b", "bad", "silent", "astray")
 """Last readings [Pa], for how long they have not changed [s], for how long pressures stay unused
@@ -20,8 +20,8 @@ LARGEST_MISFIT = 0.5  # of the largest force: measured against that of the model
 OPEN = 0.05  # opening at which a joint surely moves
 UNANSWERED = 0.5  # s
 ASTRAY = 0.3  # s
-NO_NEWS = int(Condition.FOLLOWING)
-SILENT, WRONG = int(Condition.NO_ANSWER), int(Condition.WRONG_MODEL)
+NO_NEWS = int(ControlCondition.FOLLOWING)
+SILENT, WRONG = int(ControlCondition.NO_ANSWER), int(ControlCondition.WRONG_MODEL)
 
 
 @njit(cache=True, error_model="numpy")

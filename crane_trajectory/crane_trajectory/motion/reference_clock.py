@@ -1,5 +1,7 @@
 """The clock of a reference in real time: it runs with the samples, and brakes to a stop."""
 
+import math
+from copy import copy
 from typing import NamedTuple
 
 import numpy as np
@@ -57,6 +59,14 @@ class ReferenceClock:
         self._braking = min(self._braking + dt, BRAKE_TIME)
         lost = BRAKE_TIME * float(self._run_down()[0])
         self.time = self._braked_at + self._braking - lost
+
+    def later(self, time: float) -> "ReferenceClock":
+        """As it will be in `time` [s], if nobody brakes meanwhile."""
+        clock = copy(self)
+        for _ in range(math.ceil(time / LONGEST_STEP)):
+            clock.advance(min(time, LONGEST_STEP))
+            time -= LONGEST_STEP
+        return clock
 
     def target(self, motion: Motion) -> Target:
         """The reference of `motion` now."""

@@ -12,10 +12,16 @@ from crane_model.terms.friction import Coulomb, Viscous
 from crane_model.terms.single_axis import Gravity, Inertia
 from crane_model.terms.term import Setting
 from crane_trajectory.control.geometry import length_and_lever, tables
-from crane_trajectory.control.hydraulics import Hydraulics
-from crane_trajectory.control.interface import Condition, Controller, Point, Reading, Wanted
+from crane_trajectory.control.interface import (
+    ControlCondition,
+    Controller,
+    Point,
+    SensorReading,
+    Wanted,
+)
 from crane_trajectory.control.inverse_flow import edges, speed_under_load
-from crane_trajectory.control.load import Load
+from crane_trajectory.control.load import ReferenceLoad
+from crane_trajectory.control.valves_and_oil import ValvesAndOil
 
 DT = 0.005  # s
 MACHINE: Machine = load_machine("single_axis")
@@ -33,7 +39,7 @@ def model() -> Model:
     return empty.with_estimate(np.array(theta), np.zeros(len(theta)), "by hand")
 
 
-def hydraulics(**changes: float) -> Hydraulics:
+def hydraulics(**changes: float) -> ValvesAndOil:
     """Of the boom, but for `changes`."""
     actuator = MACHINE.cylinders[JOINT]
     values = {
@@ -44,7 +50,7 @@ def hydraulics(**changes: float) -> Hydraulics:
         "dead_zone_extend": 0.06, "dead_zone_retract": 0.05, "play": 0.0, "lag": 0.015,
         "supply_pressure": 16e6, "tank_pressure": 2e5,
     }  # fmt: skip
-    return Hydraulics(**{name: np.array([v]) for name, v in (values | changes).items()})
+    return ValvesAndOil(**{name: np.array([v]) for name, v in (values | changes).items()})
 
 
 def swing(time: float) -> Point:
@@ -65,14 +71,14 @@ class Course(NamedTuple):
     time: np.ndarray  # (n,) s
     error: np.ndarray  # (n,) rad
     command: np.ndarray  # (n,)
-    condition: list[Condition]
+    condition: list[ControlCondition]
 
     def rms(self, begin: float = 0.0, end: float = np.inf) -> float:
         """Of the error between two times."""
         inside = (self.time >= begin) & (self.time < end)
         return float(np.sqrt(np.mean(self.error[inside] ** 2)))
 
-    def had(self, begin: float, end: float) -> set[Condition]:
+    def had(self, begin: float, end: float) -> set[ControlCondition]:
         """Conditions between two times."""
         pairs = zip(self.time, self.condition, strict=True)
         return {one for time, one in pairs if begin <= time < end}
@@ -83,10 +89,10 @@ class Boom:
     """The boom itself: `true` hydraulics, late by `delay`; it starts at q = 0."""
 
     controller: Controller
-    true: Hydraulics = field(default_factory=hydraulics)
+    true: ValvesAndOil = field(default_factory=hydraulics)
     delay: float = 0.015  # s, from a reading until the spool is there
     answers: Callable[[float], float] = lambda time: 1.0  # what the valve makes of its command
-    tamper: Callable[[float, Reading], Reading] = lambda time, reading: reading
+    tamper: Callable[[float, SensorReading], SensorReading] = lambda time, reading: reading
     reference: Callable[[float], Point] = swing
     resolution: float = 4.8e-5  # rad
     noise: float = 1e4  # Pa
@@ -94,7 +100,7 @@ class Boom:
     def run(self, duration: float, begin: float = -0.2) -> Course:
         """From `begin` [s] on; the reference moves from 0 on."""
         h = self.true.records()[0]
-        table, load = tables(MACHINE)[0], Load(model(), MACHINE)
+        table, load = tables(MACHINE)[0], ReferenceLoad(model(), MACHINE)
         rng = np.random.default_rng(0)
         q, v, edge = 0.0, 0.0, 0.0
         commands = [0.0] * round(self.delay / DT)
@@ -117,7 +123,7 @@ class Boom:
             p_a, p_b = self._pressures(h, extends, gains, opening, piston, force)
             noise = rng.normal(0.0, self.noise, 2)
             measured = round(q / self.resolution) * self.resolution
-            reading = Reading(
+            reading = SensorReading(
                 np.array([measured]), np.array([v]), np.array([p_a + noise[0]]),
                 np.array([p_b + noise[1]]), float(h["supply_pressure"]),
             )  # fmt: skip

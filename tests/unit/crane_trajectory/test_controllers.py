@@ -1,5 +1,7 @@
 """(36) behind the interface, iterative learning, and what the controllers know of a machine."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 from unit.crane_trajectory.one_joint import (
@@ -14,25 +16,33 @@ from unit.crane_trajectory.one_joint import (
 )
 
 from crane_model.errors import ConfigurationError
+from crane_model.hydraulics.values import (
+    ChamberValues,
+    HydraulicValues,
+    JointHydraulics,
+    Measured,
+    ValveValues,
+)
 from crane_model.machine import load_machine
 from crane_model.machine_files import machine_file
-from crane_model.model_file import load_model
+from crane_model.model_file import Model, load_model
 from crane_model.record import Record
-from crane_trajectory.control.controller import GainFields, command
+from crane_trajectory.control.choice import NAMES, PD_DEAD_ZONE, controller
+from crane_trajectory.control.controller import GainFields, command, load_gains
 from crane_trajectory.control.flow_feedforward import FlowFeedforward
 from crane_trajectory.control.geometry import length_and_lever, tables
-from crane_trajectory.control.interface import Condition, Reading, Wanted
+from crane_trajectory.control.interface import ControlCondition, Point, SensorReading, Wanted
 from crane_trajectory.control.learning import Learning
-from crane_trajectory.control.load import Load
+from crane_trajectory.control.load import ReferenceLoad
 from crane_trajectory.control.pd_dead_zone import PdDeadZone
 
 GAINS = GainFields(*(np.array([each]) for each in (6.0, 0.1, 0.06, 0.05, 0.02, 0.003)))
 ZERO = np.zeros(1)
 
 
-def reading(position: float, velocity: float) -> Reading:
+def reading(position: float, velocity: float) -> SensorReading:
     nothing = np.array([np.nan])
-    return Reading(np.array([position]), np.array([velocity]), nothing, nothing, np.nan)
+    return SensorReading(np.array([position]), np.array([velocity]), nothing, nothing, np.nan)
 
 
 def test_36_is_itself_when_its_start_is_over() -> None:
@@ -49,13 +59,13 @@ def test_36_is_itself_when_its_start_is_over() -> None:
 def test_36_waits_for_a_velocity_and_stops_where_it_is_lost() -> None:
     made, at = PdDeadZone(GAINS, MACHINE.units), swing(0.7)
     assert not made.command(DT, reading(0.0, 0.0), Wanted(at, at)).any()
-    assert made.conditions == (Condition.NOT_INITIALISED,)
+    assert made.conditions == (ControlCondition.NOT_INITIALISED,)
     made.start(ZERO)
     assert not made.command(DT, reading(0.0, np.nan), Wanted(at, at)).any()
     moving = [made.command(DT, reading(0.0, 0.0), Wanted(at, at))[0] for _ in range(300)]
     assert moving[-1] > 0.1
     stopped = [made.command(DT, reading(0.0, np.nan), Wanted(at, at))[0] for _ in range(300)]
-    assert made.conditions == (Condition.NOT_MEASURED,)
+    assert made.conditions == (ControlCondition.NOT_MEASURED,)
     assert np.abs(np.diff([moving[-1], *stopped])).max() < 0.03
     assert stopped[-1] == 0.0
 
@@ -73,7 +83,7 @@ def test_learning_does_not_diverge_in_20_periods() -> None:
 
 
 def test_the_load_is_what_the_model_predicts() -> None:
-    load, point = Load(model(), MACHINE), swing(0.9)
+    load, point = ReferenceLoad(model(), MACHINE), swing(0.9)
     record = Record((JOINT,), np.zeros(1), *(each[None] for each in point))
     assert load(*point) == pytest.approx(model().predict(record)[0], rel=1e-9)
 
@@ -81,10 +91,10 @@ def test_the_load_is_what_the_model_predicts() -> None:
 def test_a_joint_that_the_model_lacks_has_no_load() -> None:
     planar = load_model(machine_file("model.yaml"))
     count = len(planar.parameters)
-    known = planar.with_estimate(np.ones(count), np.ones(count), "by hand")
+    planar = planar.with_estimate(np.ones(count), np.ones(count), "by hand")
     crane = load_machine()
-    load = Load(known, crane)(*np.full((3, len(crane.joint_names)), 0.3))
-    lacking = [joint not in known.joints for joint in crane.joint_names]
+    load = ReferenceLoad(planar, crane)(*np.full((3, len(crane.joint_names)), 0.3))
+    lacking = [joint not in planar.joints for joint in crane.joint_names]
     np.testing.assert_array_equal(load == 0.0, lacking)
 
 
@@ -103,3 +113,73 @@ def test_tables_hold_the_linkages(machine) -> None:
 def test_hydraulics_that_cannot_be_are_refused(field: str, value: float) -> None:
     with pytest.raises(ConfigurationError, match=field):
         hydraulics(**{field: value}).records()
+
+
+VALUES = {
+    "dead_zone_a": 0.06, "dead_zone_b": 0.05, "hysteresis": 0.0, "lag": 0.015,
+    "natural_frequency": 150.0, "damping_ratio": 0.8,
+    "supply_a": 1e-7, "a_tank": 1e-7, "supply_b": 1e-7, "b_tank": 1e-7,
+}  # fmt: skip
+CHAMBERS = {
+    "bulk_modulus": 1.2e9, "dead_volume_a": 1e-4, "dead_volume_b": 1e-4, "leakage": 0.0
+}  # fmt: skip
+
+
+def known(of: Model, *joints: str, chambers: bool = True) -> Model:
+    """The model with the same hydraulics of some joints."""
+
+    def measured(kind: type, values: dict[str, float]) -> dict[str, Measured]:
+        return {k: Measured(value=v, unit=kind.units[k]) for k, v in values.items()}
+
+    one = JointHydraulics(
+        valve=ValveValues(**measured(ValveValues, VALUES)),
+        chambers=ChamberValues(**measured(ChamberValues, CHAMBERS)) if chambers else None,
+        unexplained=0.0,
+    )
+    values = HydraulicValues(provenance="by hand", joints=dict.fromkeys(joints, one))
+    return replace(of, hydraulics=values)
+
+
+@pytest.mark.parametrize("name", NAMES)
+def test_every_controller_by_name_follows(name: str) -> None:
+    made = controller(name, MACHINE, GAINS, known(model(), JOINT))
+    made.start(ZERO)
+    assert Boom(made).run(PERIOD).rms() < (0.05 if name == PD_DEAD_ZONE else 1e-3)
+
+
+def test_what_a_controller_lacks_is_said() -> None:
+    with pytest.raises(ConfigurationError, match="no controller 'pid'; there are pd_dead_zone"):
+        controller("pid", MACHINE, GAINS)
+    with pytest.raises(ConfigurationError, match="needs an identified model with the hydraulics"):
+        controller("flow_feedforward", MACHINE, GAINS, model())
+    with pytest.raises(ConfigurationError, match="bulk modulus of the oil is unknown"):
+        controller("flow_feedforward", MACHINE, GAINS, known(model(), JOINT, chambers=False))
+    with pytest.raises(ConfigurationError, match="was not identified with the machine"):
+        controller("flow_feedforward", load_machine(), GAINS, known(model(), JOINT))
+
+
+def test_joints_without_hydraulics_are_led_by_36_and_both_stop_together() -> None:
+    crane = load_machine()
+    gains = load_gains(machine_file("controller.yaml"), crane).arrays
+    planar = load_model(machine_file("model.yaml"))
+    planar = planar.with_estimate(*np.ones((2, len(planar.parameters))), "by hand")
+    there = [joint for joint in crane.joint_names if joint in planar.joints]
+    made = controller("flow_feedforward", crane, gains, known(planar, *there))
+    still = np.array([crane.limits[joint].position_max / 2 for joint in crane.joint_names])
+    zero, nothing = np.zeros_like(still), np.full_like(still, np.nan)
+    at = Point(still + 0.02, zero, zero)
+    made.start(zero)
+    shown = SensorReading(still, zero, nothing, nothing, 17.5e6)
+    for _ in range(50):
+        u = made.command(DT, shown, Wanted(at, at))
+    led = [crane.joint_names.index(joint) for joint in there]
+    lone = [k for k in range(len(still)) if k not in led]
+    pd = PdDeadZone(gains, crane.units)
+    pd.start(zero)
+    for _ in range(50):
+        expected = pd.command(DT, shown, Wanted(at, at))
+    np.testing.assert_allclose(u[lone], expected[lone])
+    lost = shown._replace(position=np.where(np.isin(np.arange(len(still)), lone), np.nan, still))
+    ends = [made.command(DT, lost, Wanted(at, at)) for _ in range(300)]
+    assert not ends[-1].any()
+    assert np.abs(np.diff([u, *ends], axis=0)).max() < 0.03

@@ -11,6 +11,7 @@ from crane_interfaces.action import RunExcitation
 from crane_model.machine import load_machine
 from crane_model.machine_files import machine_file
 from crane_trajectory.control.controller import load_gains
+from crane_trajectory.control.interface import ControlCondition, SensorReading, Wanted
 from crane_trajectory.control.tracking import PeriodicError
 from crane_trajectory.control.tuning import BLEND, Tuning
 from crane_trajectory.experiment import RELEASE_TIME_S, Experiment, Outcome, Stage
@@ -228,3 +229,75 @@ def test_the_error_counts_over_whole_periods_alone() -> None:
     for time in np.arange(4.0, 8.0, 0.01):
         error.add(time, np.full(4, 100.0))
     np.testing.assert_allclose(error.rms, np.sqrt((4.0 + 1e4) / 2), rtol=1e-2)
+
+
+class Echo:
+    """A controller that leads the crane well enough, and notes what it was shown."""
+
+    preview = 0.03
+
+    def __init__(self) -> None:
+        self.conditions = (ControlCondition.NOT_INITIALISED,) * 4
+        self.wanted: list[Wanted] = []
+
+    def start(self, command: np.ndarray) -> None:
+        assert not command.any()
+        self.conditions = (ControlCondition.AT_REST,) * 4
+
+    def command(self, dt: float, reading: SensorReading, wanted: Wanted) -> np.ndarray:
+        self.wanted.append(wanted)
+        error = wanted.now.position - reading.position
+        speed = wanted.ahead.velocity + 4.0 * error
+        return np.clip(speed + 0.05 * np.sign(speed), -1.0, 1.0)
+
+
+def led_by(controller: Echo) -> Crane:
+    crane = Crane()
+    crane.experiment = Experiment(MOTION, TUNING, TIMEOUT, crane.now, controller)
+    return crane
+
+
+def test_a_controller_is_shown_the_reference_ahead_and_its_phase() -> None:
+    controller = Echo()
+    crane = led_by(controller).to_the_end()
+    assert crane.experiment.outcome is Outcome.COMPLETED
+    assert crane.experiment.rms[1:].max() < 0.01
+    steps = round(Echo.preview / PERIOD)
+    shown = controller.wanted
+    for early, late in zip(shown[:-steps], shown[steps:], strict=True):
+        np.testing.assert_allclose(early.ahead.position, late.now.position, atol=1e-9)
+    phases = np.array([one.phase for one in shown])
+    assert np.isnan(phases[0])
+    assert np.nanmax(phases) == pytest.approx(TRAJECTORY.period, abs=2 * PERIOD)
+    ends_well(crane)
+
+
+def test_the_reference_ahead_brakes_with_the_reference() -> None:
+    controller = Echo()
+    crane = led_by(controller).until(6.0)
+    crane.experiment.stop(Outcome.CANCELED, "asked to")
+    begun = len(controller.wanted)
+    crane.to_the_end()
+    steps, shown = round(Echo.preview / PERIOD), controller.wanted[begun:]
+    for early, late in zip(shown[:-steps], shown[steps:], strict=True):
+        np.testing.assert_allclose(early.ahead.position, late.now.position, atol=1e-6)
+
+
+@pytest.mark.parametrize(
+    ("condition", "outcome"),
+    [
+        (ControlCondition.NO_ANSWER, Outcome.TRACKING_LOST),
+        (ControlCondition.WRONG_MODEL, Outcome.TRACKING_LOST),
+        (ControlCondition.NOT_MEASURED, Outcome.STATES_LOST),
+    ],
+)
+def test_a_controller_that_stops_ends_the_experiment(
+    condition: ControlCondition, outcome: Outcome
+) -> None:
+    controller = Echo()
+    crane = led_by(controller).until(6.0)
+    controller.conditions = (*controller.conditions[:3], condition)
+    crane.to_the_end()
+    assert crane.experiment.outcome is outcome
+    assert crane.experiment.message == f"{JOINTS[3]}: {condition.text}"
+    ends_well(crane)

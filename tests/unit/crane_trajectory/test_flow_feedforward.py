@@ -18,8 +18,14 @@ from unit.crane_trajectory.one_joint import (
 
 from crane_trajectory.control.cycle import STOP_RATE
 from crane_trajectory.control.flow_feedforward import FlowFeedforward, feedback_gains
-from crane_trajectory.control.hydraulics import Hydraulics
-from crane_trajectory.control.interface import Condition, Point, Reading, Wanted, in_words
+from crane_trajectory.control.interface import (
+    ControlCondition,
+    Point,
+    SensorReading,
+    Wanted,
+    in_words,
+)
+from crane_trajectory.control.valves_and_oil import ValvesAndOil
 from crane_trajectory.control.watch import USED_AGAIN
 
 GOOD = 2e-4  # rad, an error of a swing of 0.3 rad
@@ -29,7 +35,7 @@ LARGEST_JUMP = 0.02
 
 
 def controller(
-    known: Hydraulics | None = None, scale: float = 1.0, **given: bool
+    known: ValvesAndOil | None = None, scale: float = 1.0, **given: bool
 ) -> FlowFeedforward:
     """Of the boom, begun at rest."""
     gains = feedback_gains(MACHINE, model(), scale)
@@ -50,8 +56,8 @@ def jump(course: Course, begin: float, end: float) -> float:
 def test_follows_with_and_without_pressures(pressures: bool) -> None:
     course = Boom(controller(pressures=pressures)).run(2 * PERIOD)
     assert course.rms() < GOOD
-    assert course.had(0.1, 2 * PERIOD) == {Condition.FOLLOWING}
-    assert course.had(-0.2, -0.1) == {Condition.AT_REST}
+    assert course.had(0.1, 2 * PERIOD) == {ControlCondition.FOLLOWING}
+    assert course.had(-0.2, -0.1) == {ControlCondition.AT_REST}
 
 
 def test_computed_force_follows_too() -> None:
@@ -69,14 +75,14 @@ def test_before_start_the_valves_stay_closed() -> None:
     made = FlowFeedforward(MACHINE, model(), hydraulics())
     course = Boom(made).run(1.0)
     assert not course.command.any()
-    assert course.had(-1.0, 1.0) == {Condition.NOT_INITIALISED}
+    assert course.had(-1.0, 1.0) == {ControlCondition.NOT_INITIALISED}
 
 
 def test_at_rest_the_valve_is_closed() -> None:
     rest = swing(0.0)
     course = Boom(controller(), reference=lambda time: rest).run(2.0)
     assert not course.command.any()
-    assert course.had(-1.0, 2.0) == {Condition.AT_REST}
+    assert course.had(-1.0, 2.0) == {ControlCondition.AT_REST}
 
 
 def test_takes_over_a_moving_joint_without_a_jump() -> None:
@@ -84,7 +90,7 @@ def test_takes_over_a_moving_joint_without_a_jump() -> None:
     made.start(np.array([0.15]))
     rest = swing(0.0)
     zero = np.zeros(1)
-    reading = Reading(zero, zero, np.array([6e6]), np.array([6e6]), 16e6)
+    reading = SensorReading(zero, zero, np.array([6e6]), np.array([6e6]), 16e6)
     moving = Point(rest.position, np.array([0.05]), np.array([0.1]))
     u = made.command(DT, reading, Wanted(moving, moving))
     assert u[0] == pytest.approx(0.15, abs=LARGEST_JUMP)
@@ -103,33 +109,33 @@ FAILURES = {
 def test_a_lost_transducer_leaves_the_law_without_it(failure: str, chamber: str) -> None:
     begin, end = 1.0, 3.0
 
-    def tamper(time: float, reading: Reading) -> Reading:
+    def tamper(time: float, reading: SensorReading) -> SensorReading:
         if not begin <= time < end:
             return reading
         return reading._replace(**{chamber: FAILURES[failure](getattr(reading, chamber))})
 
     course = Boom(controller(), tamper=tamper).run(2 * PERIOD)
     noticed = begin + (0.25 if failure == "stuck" else DT)
-    assert course.had(noticed, end) == {Condition.PRESSURES_LOST}
-    assert course.had(end + USED_AGAIN + 0.1, 2 * PERIOD) == {Condition.FOLLOWING}
+    assert course.had(noticed, end) == {ControlCondition.PRESSURES_LOST}
+    assert course.had(end + USED_AGAIN + 0.1, 2 * PERIOD) == {ControlCondition.FOLLOWING}
     assert jump(course, begin - 0.1, end + USED_AGAIN + 0.2) < LARGEST_JUMP
     assert course.rms() < 3 * GOOD
 
 
 def test_a_lost_supply_reading_leaves_that_of_the_model() -> None:
-    def tamper(time: float, reading: Reading) -> Reading:
+    def tamper(time: float, reading: SensorReading) -> SensorReading:
         return reading._replace(supply=np.nan) if time > 1.0 else reading
 
     assert Boom(controller(), tamper=tamper).run(2 * PERIOD).rms() < GOOD
 
 
 def test_a_position_that_is_not_measured_closes_the_valve_for_good() -> None:
-    def tamper(time: float, reading: Reading) -> Reading:
+    def tamper(time: float, reading: SensorReading) -> SensorReading:
         lost = 1.0 <= time < 1.1
         return reading._replace(position=np.array([np.nan])) if lost else reading
 
     course = Boom(controller(), tamper=tamper).run(3.0)
-    assert course.had(1.0, 3.0) == {Condition.NOT_MEASURED}
+    assert course.had(1.0, 3.0) == {ControlCondition.NOT_MEASURED}
     after = course.time > 1.0 - DT
     assert np.abs(np.diff(course.command[after])).max() <= STOP_RATE * DT + 1e-12
     assert not course.command[course.time > 1.3].any()
@@ -137,13 +143,13 @@ def test_a_position_that_is_not_measured_closes_the_valve_for_good() -> None:
 
 def test_a_valve_that_does_not_answer_is_closed() -> None:
     course = Boom(controller(), answers=lambda time: float(time < 0.7)).run(3.0)
-    assert course.condition[-1] is Condition.NO_ANSWER
+    assert course.condition[-1] is ControlCondition.NO_ANSWER
     assert not course.command[course.time > 2.0].any()
 
 
 def test_a_model_of_the_other_sense_ends_at_rest() -> None:
     course = Boom(controller(hydraulics(sense=-1.0))).run(3.0)
-    assert course.condition[-1] is Condition.WRONG_MODEL
+    assert course.condition[-1] is ControlCondition.WRONG_MODEL
     assert not course.command[-20:].any()
     went = [swing(t).position[0] - e for t, e in zip(course.time, course.error, strict=True)]
     assert min(went) > -0.1  # of a swing of 0.3 rad to the other side
@@ -157,8 +163,8 @@ def test_a_reference_beyond_the_valve_saturates_and_recovers() -> None:
         return at._replace(velocity=at.velocity + 3.0)
 
     course = Boom(controller(), reference=fast).run(3 * PERIOD)
-    assert Condition.SATURATED in course.had(0.4, 1.2)
-    assert course.had(PERIOD, 3 * PERIOD) == {Condition.FOLLOWING}
+    assert ControlCondition.SATURATED in course.had(0.4, 1.2)
+    assert course.had(PERIOD, 3 * PERIOD) == {ControlCondition.FOLLOWING}
     assert course.rms(2 * PERIOD) < 2 * GOOD
 
 
@@ -178,7 +184,7 @@ def test_learns_dead_zones_and_gains() -> None:
 def test_what_is_learnt_is_bounded_and_says_so() -> None:
     wrong = hydraulics(supply_a=5e-7, b_tank=5e-7, supply_b=5e-7, a_tank=5e-7)
     course = Boom(controller(wrong, adaptive=True)).run(3 * PERIOD)
-    assert Condition.ADAPTATION_AT_BOUND in course.had(0.0, 3 * PERIOD)
+    assert ControlCondition.ADAPTATION_AT_BOUND in course.had(0.0, 3 * PERIOD)
     assert np.isfinite(course.command).all()
 
 
@@ -207,7 +213,7 @@ def test_commands_are_finite_and_bounded_whatever_is_read(
 ) -> None:
     made = controller(**given_)
     for q, v, p_a, p_b, supply, *point in samples:
-        reading = Reading(*(np.array([x]) for x in (q, v, p_a, p_b)), supply)
+        reading = SensorReading(*(np.array([x]) for x in (q, v, p_a, p_b)), supply)
         at = Point(*(np.array([x]) for x in point))
         u = made.command(DT, reading, Wanted(at, at))
         assert np.isfinite(u).all()
@@ -215,6 +221,9 @@ def test_commands_are_finite_and_bounded_whatever_is_read(
 
 
 def test_conditions_are_said_by_joint() -> None:
-    said = in_words((Condition.FOLLOWING, Condition.PRESSURES_LOST), ("slew", JOINT))
+    said = in_words((ControlCondition.FOLLOWING, ControlCondition.PRESSURES_LOST), ("slew", JOINT))
     assert said == f"{JOINT}: pressures lost: using the load of the model"
-    assert in_words((Condition.AT_REST, Condition.FOLLOWING), ("slew", JOINT)) == "following"
+    assert (
+        in_words((ControlCondition.AT_REST, ControlCondition.FOLLOWING), ("slew", JOINT))
+        == "following"
+    )

@@ -1,13 +1,16 @@
 """What the controllers know of valves and oil: one record a joint, for compiled loops."""
 
+from collections.abc import Sequence
 from typing import NamedTuple
 
 import numpy as np
 
 from crane_model.errors import ConfigurationError
+from crane_model.hydraulics.values import HydraulicValues
+from crane_model.machine import Machine
 
 
-class Hydraulics(NamedTuple):
+class ValvesAndOil(NamedTuple):
     """Valves and oil of j joints, (j,) each [SI].
 
     The spool y, in the direction of extending, trails its command by `lag` and `play`. It opens
@@ -52,6 +55,51 @@ class Hydraulics(NamedTuple):
                     "identify the hydraulics of this machine again"
                 )
         return records
+
+
+def identified(machine: Machine, values: HydraulicValues, joints: Sequence[str]) -> ValvesAndOil:
+    """Of some joints, from what was identified of the machine.
+
+    A joint without chamber values has the mean oil of those with some, and dead volumes of a
+    twentieth of its chambers. `ConfigurationError` if no joint has any.
+    """
+    named = {
+        joint: {name: value.value for name, value in values.joints[joint].values.items()}
+        for joint in values.joints
+    }
+    oil = [one["bulk_modulus"] for one in named.values() if "bulk_modulus" in one]
+    if not oil:
+        raise ConfigurationError(
+            f"{machine.name}: the bulk modulus of the oil is unknown; identify the hydraulics "
+            "from a recording with chamber pressures"
+        )
+    supply = machine.hydraulics
+    pressure = values.supply.pressure.value if values.supply else supply.supply_pressure
+    rows = []
+    for joint in joints:
+        known, actuator, limits = named[joint], machine.cylinders[joint], machine.limits[joint]
+        middle = np.array([(limits.position_min + limits.position_max) / 2.0])
+        stroke = actuator.length_max - actuator.length_min
+        row = {
+            "sense": float(np.sign(machine.cylinder(joint, middle)[0, 1])),
+            "area_a": actuator.area_a,
+            "area_b": actuator.area_b,
+            "length_min": actuator.length_min,
+            "length_max": actuator.length_max,
+            "dead_volume_a": known.get("dead_volume_a", actuator.area_a * stroke / 20.0),
+            "dead_volume_b": known.get("dead_volume_b", actuator.area_b * stroke / 20.0),
+            "bulk_modulus": known.get("bulk_modulus", float(np.mean(oil))),
+            "leakage": known.get("leakage", 0.0),
+            **{edge: known[edge] for edge in ("supply_a", "a_tank", "supply_b", "b_tank")},
+            "dead_zone_extend": known["dead_zone_a"],
+            "dead_zone_retract": known["dead_zone_b"],
+            "play": known["hysteresis"],
+            "lag": known["lag"],
+            "supply_pressure": pressure,
+            "tank_pressure": supply.tank_pressure,
+        }
+        rows.append([row[name] for name in ValvesAndOil._fields])
+    return ValvesAndOil(*np.array(rows).T)
 
 
 SIGNED = {"sense", "length_min", "length_max"}

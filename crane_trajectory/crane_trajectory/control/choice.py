@@ -1,0 +1,95 @@
+"""The controllers by name, made from what is known of a machine."""
+
+from typing import Any
+
+import numpy as np
+
+from crane_model.errors import ConfigurationError
+from crane_model.machine import Machine
+from crane_model.model_file import Model
+from crane_trajectory.control.controller import GainArrays
+from crane_trajectory.control.cycle import STOP_RATE
+from crane_trajectory.control.flow_feedforward import FlowFeedforward
+from crane_trajectory.control.interface import ControlCondition, Controller, SensorReading, Wanted
+from crane_trajectory.control.pd_dead_zone import PdDeadZone
+from crane_trajectory.control.valves_and_oil import identified
+
+PD_DEAD_ZONE = "pd_dead_zone"
+OF_THE_MODEL: dict[str, dict[str, Any]] = {
+    "flow_feedforward": {"pressures": False},
+    "flow_and_pressures": {},
+    "adaptive_flow": {"adaptive": True},
+    "computed_force": {"by_force": True},
+}
+"""Those that need an identified model, by what makes them."""
+
+NAMES = (PD_DEAD_ZONE, *OF_THE_MODEL)
+
+
+def controller(
+    name: str, machine: Machine, gains: GainArrays, model: Model | None = None
+) -> Controller:
+    """The controller called `name`; `gains` are those of (36).
+
+    Joints that the hydraulics of `model` lack are led by (36). `ConfigurationError` if the name is
+    none of `NAMES`, or the model does not have what it needs or is that of another machine.
+    """
+    rest = PdDeadZone(gains, machine.units)
+    if name == PD_DEAD_ZONE:
+        return rest
+    if name not in OF_THE_MODEL:
+        raise ConfigurationError(f"no controller '{name}'; there are {', '.join(NAMES)}")
+    if model is None or model.values is None or model.hydraulics is None:
+        raise ConfigurationError(
+            f"controller '{name}': needs an identified model with the hydraulics of "
+            f"{machine.name}; identify it from a recording with valve commands, or use "
+            f"{PD_DEAD_ZONE}"
+        )
+    if model.machine is None or model.machine.model_dump() != machine.model_dump():
+        raise ConfigurationError(
+            f"controller '{name}': model '{model.name}' was not identified with the machine "
+            f"{machine.name}, as its file has it now; identify it again"
+        )
+    known = model.hydraulics
+    joints = tuple(joint for joint in machine.joint_names if joint in known.joints)
+    led = FlowFeedforward(
+        machine, model, identified(machine, known, joints), joints=joints, **OF_THE_MODEL[name]
+    )
+    return led if len(joints) == len(machine.joint_names) else SideBySide(led, rest)
+
+
+class SideBySide:
+    """Some joints led by the model, the others by (36); where either stops, both do."""
+
+    def __init__(self, led: FlowFeedforward, rest: PdDeadZone):
+        self._led, self._rest = led, rest
+        self._last: np.ndarray | None = None
+
+    @property
+    def preview(self) -> float:
+        """As the model's has it [s]."""
+        return self._led.preview
+
+    def start(self, command: np.ndarray) -> None:
+        """Take over where `command` (j,) was in force, without a jump."""
+        self._last = np.array(command, dtype=float)
+        self._led.start(self._last[self._led.columns])
+        self._rest.start(self._last)
+
+    def command(self, dt: float, reading: SensorReading, wanted: Wanted) -> np.ndarray:
+        """As `Controller` has it."""
+        u = self._rest.command(dt, reading, wanted).copy()
+        u[self._led.columns] = self._led.command(dt, reading, wanted)
+        if self._last is not None and any(one.stops for one in self.conditions):
+            size = np.maximum(np.abs(self._last) - STOP_RATE * dt, 0.0)
+            u = np.copysign(size, self._last)
+        self._last = u
+        return u.copy()
+
+    @property
+    def conditions(self) -> tuple[ControlCondition, ...]:
+        """Of each joint, after the last command."""
+        found = list(self._rest.conditions)
+        for column, one in zip(self._led.columns, self._led.conditions, strict=True):
+            found[column] = one
+        return tuple(found)
