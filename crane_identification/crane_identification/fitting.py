@@ -13,6 +13,7 @@ from crane_identification.estimation.instrumental import instrumental
 from crane_identification.estimation.lack_of_fit import LackOfFit, lack_of_fit
 from crane_identification.estimation.least_squares import least_squares
 from crane_identification.estimation.physics import physics
+from crane_identification.estimation.prior import Prior
 from crane_identification.estimation.regression import build_rows, common_factor, instruments
 from crane_identification.estimation.robust import robust
 from crane_identification.estimation.rows import Rows
@@ -21,7 +22,7 @@ from crane_identification.options import Estimator, Options
 from crane_identification.preparation.run import Preparation
 from crane_identification.preparation.session import Session, prepare_all
 from crane_identification.validation.force_validation import Validation, compare
-from crane_model.errors import DataError
+from crane_model.errors import ConfigurationError, DataError
 from crane_model.model_file import Model
 from crane_model.progress import Progress, silent
 
@@ -31,7 +32,7 @@ class FitResult:
     """The `model` with its values, the `estimate` behind them, and the data of both.
 
     `rows` are the equations that were solved, `decimation` the factor of the parallel filter.
-    `lack_of_fit` says whether their residual is more than noise.
+    `lack_of_fit` says whether their residual is more than noise. `prior` counted beside them.
     """
 
     model: Model
@@ -40,6 +41,7 @@ class FitResult:
     preparations: tuple[Preparation, ...]
     decimation: int
     lack_of_fit: LackOfFit
+    prior: Prior | None = None
 
 
 def fit(
@@ -48,10 +50,12 @@ def fit(
     options: Options | None = None,
     progress: Progress = silent,
     session: Session | None = None,
+    prior: Prior | None = None,
 ) -> FitResult:
     """Θ of `model` from all recordings together, by the estimator of `options`.
 
-    Time counts through the `session`; None: that of these recordings.
+    Time counts through the `session`; None: that of these recordings. A `prior` is for least
+    squares, consistent or not.
 
     Raises `DataError` if a recording does not fit the model or is too short, and if parameters
     are not determined by these recordings: it names them.
@@ -80,7 +84,7 @@ def fit(
     preparations = prepare_all(model, logs, options, progress, session)
     factor = common_factor(preparations, options.decimation)
     rows = Rows.stack([build_rows(model, p, factor) for p in preparations])
-    estimate = _estimate(model, rows, preparations, factor, options)
+    estimate = _estimate(model, rows, preparations, factor, options, prior)
     progress("fit", 1.0)
     if estimate.undetermined:
         raise DataError(
@@ -94,15 +98,25 @@ def fit(
     provenance = f"{estimate.method}, {estimate.samples} rows of {sources}"
     fitted = model.with_estimate(estimate.values, estimate.std_devs, provenance)
     left = lack_of_fit(rows, estimate.values)
-    return FitResult(fitted, estimate, rows, tuple(preparations), factor, left)
+    return FitResult(fitted, estimate, rows, tuple(preparations), factor, left, prior)
 
 
 def _estimate(
-    model: Model, rows: Rows, preparations: Sequence[Preparation], factor: int, options: Options
+    model: Model,
+    rows: Rows,
+    preparations: Sequence[Preparation],
+    factor: int,
+    options: Options,
+    prior: Prior | None,
 ) -> Estimate:
+    if prior and options.estimator not in (Estimator.LEAST_SQUARES, Estimator.CONSISTENT):
+        raise ConfigurationError(
+            f"estimator {options.estimator}: takes no prior; choose {Estimator.CONSISTENT} or "
+            f"{Estimator.LEAST_SQUARES}"
+        )
     match options.estimator:
         case Estimator.LEAST_SQUARES:
-            return least_squares(rows, options.covariance)
+            return least_squares(rows, options.covariance, prior=prior)
         case Estimator.WEIGHTED:
             return weighted(rows, options.covariance)
         case Estimator.ROBUST:
@@ -111,7 +125,7 @@ def _estimate(
             along = np.concatenate([instruments(model, p, factor) for p in preparations])
             return instrumental(rows, along, options.covariance)
         case Estimator.CONSISTENT:
-            return consistent(rows, physics(model), options.covariance)
+            return consistent(rows, physics(model), options.covariance, prior)
 
 
 def validate(

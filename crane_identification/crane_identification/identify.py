@@ -20,6 +20,7 @@ from crane_identification.data.arguments import (
 )
 from crane_identification.data.column_map import ColumnMap
 from crane_identification.data.columns import TABLES
+from crane_identification.estimation.prior import load_prior
 from crane_identification.fitting import fit, validate
 from crane_identification.hydraulics.identified import identify_hydraulics
 from crane_identification.online.replay import recursion
@@ -59,6 +60,7 @@ def identify(arguments: argparse.Namespace) -> None:
     )
     columns = load(arguments.columns, ColumnMap) if arguments.columns else None
     known = _known_values(arguments.reference_values, model) if arguments.reference_values else None
+    prior = load_prior(arguments.prior, model) if arguments.prior else None
     options = Options(
         begin=arguments.begin,
         end=arguments.end,
@@ -84,7 +86,7 @@ def identify(arguments: argparse.Namespace) -> None:
         suspicions += vetted(model.machine, held_out, arguments.trust_recordings)
         session = Session.of((*training, *held_out))
         with blaming(suspicions):
-            result = fit(model, training, options, progress, session)
+            result = fit(model, training, options, progress, session, prior)
         hydraulics = identify_hydraulics(model, training, options.period, progress)
         result = replace(result, model=replace(result.model, hydraulics=hydraulics))
         validations = (
@@ -149,6 +151,8 @@ def on_cluster(
             "--cluster sums information matrices, which is least squares (31); give "
             "--estimator least_squares, without --recursive"
         )
+    if arguments.prior:
+        raise ConfigurationError("--cluster takes no prior; leave out --prior")
     if arguments.terms:
         raise ConfigurationError(
             "--cluster: its workers do not have the file of --terms; leave it out"
@@ -211,6 +215,12 @@ def parser() -> argparse.ArgumentParser:
         "scatter between periods; robust: outliers do not steer it; instrumental: free of the bias "
         "that feedback brings, from the recorded reference; consistent (default): least squares "
         "among physical parameters, which is (31) wherever that is physical",
+    )
+    add(
+        "--prior",
+        type=Path,
+        help="what is known beforehand (YAML): parameters, or bodies from CAD, with their standard "
+        "deviations; for recordings that do not determine the model alone",
     )
     add(
         "--cluster",

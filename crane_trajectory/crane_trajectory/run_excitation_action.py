@@ -43,10 +43,6 @@ class Leader(Protocol):
         """Whether goals may begin at all."""
 
     @property
-    def units(self) -> Mapping[str, str]:
-        """Of the joints of the machine, from the base to the tip: rad or m."""
-
-    @property
     def next_watch(self) -> Future:
         """Done when the experiment has been looked at again."""
 
@@ -74,9 +70,10 @@ class Leader(Protocol):
 class Goals:
     """Goals come one at a time; `last` tells how the last one has ended."""
 
-    def __init__(self, node: Node, leader: Leader):
+    def __init__(self, node: Node, leader: Leader, units: Mapping[str, str]):
+        """`units` of the joints of the machine, from the base to the tip: rad or m."""
         self.last = "none"
-        self._leader, self._log = leader, node.get_logger()
+        self._leader, self._units, self._log = leader, units, node.get_logger()
         self._busy = False
         self._server = ActionServer(
             node,
@@ -173,4 +170,4 @@ class Goals:
             goal.canceled()
         else:
             goal.abort()
-        return result_message(outcome, message, self._leader.units, rms)
+        return result_message(outcome, message, self._units, rms)

@@ -1,13 +1,14 @@
 """What /diagnostics says of the trajectory node."""
 
-from diagnostic_msgs.msg import DiagnosticStatus, KeyValue
+from builtin_interfaces.msg import Time
+from diagnostic_msgs.msg import DiagnosticArray, DiagnosticStatus, KeyValue
 
 from crane_trajectory.experiment import Experiment
 
 
-def status(
-    name: str, lifecycle: str, experiment: Experiment | None, last: str, driver: str
-) -> DiagnosticStatus:
+def condition(
+    name: str, lifecycle: str, experiment: Experiment | None, last: str, driver: str, stamp: Time
+) -> DiagnosticArray:
     """State, phase and tracking error; `last` is how the last experiment has ended."""
     found = DiagnosticStatus(name=f"{name}: experiment", level=DiagnosticStatus.OK)
     values = {"state": lifecycle, "driver": driver, "last result": last, "phase": "rest"}
@@ -27,4 +28,6 @@ def status(
         for (joint, unit), error in zip(units.items(), experiment.tracking_error, strict=True):
             values[f"tracking error, {joint} [{unit}]"] = f"{error:.4g}"
     found.values = [KeyValue(key=key, value=value) for key, value in values.items()]
-    return found
+    message = DiagnosticArray(status=[found])
+    message.header.stamp = stamp
+    return message

@@ -8,7 +8,7 @@ Software is no safety stop: keep the emergency stop of the machine within reach.
 """
 
 import time
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Sequence
 from functools import partial
 
 from diagnostic_msgs.msg import DiagnosticArray
@@ -20,8 +20,7 @@ from sensor_msgs.msg import JointState
 
 from crane_interfaces.msg import DriverState, JointReference
 from crane_model.errors import CraneError, DataError
-from crane_model.machine import load_machine
-from crane_model.machine_files import DEFAULT_MACHINE, machine_file
+from crane_model.machine_files import machine_file
 from crane_nodes.driver_client import DriverClient
 from crane_nodes.machine_parameter import MACHINE, declare_machine, read_again
 from crane_nodes.managed import AUTOSTART, run_managed
@@ -36,13 +35,8 @@ from crane_trajectory.motion.motion import Motion, plan
 from crane_trajectory.motion.periodic import PeriodicTrajectory, load_trajectory
 from crane_trajectory.readiness import Readiness
 from crane_trajectory.run_excitation_action import ACTION, Goals, NotReadyError
-from crane_trajectory.trajectory_condition import status
-from crane_trajectory.trajectory_parameters import (
-    CLEARANCE,
-    FIXED,
-    STATES_TIMEOUT,
-    TuningNumbers,
-)
+from crane_trajectory.trajectory_condition import condition
+from crane_trajectory.trajectory_parameters import CLEARANCE, FIXED, STATES_TIMEOUT, parameters_of
 from crane_trajectory.trajectory_topics import reference_message, sample, several_sources
 from crane_trajectory.tuning_parameters import TuningParameters
 from crane_trajectory.valve_topics import Valves
@@ -59,14 +53,12 @@ class Trajectory(LifecycleNode):
     def __init__(self) -> None:
         super().__init__("trajectory")
         self._machine = declare_machine(self)
-        self._machine_name = MACHINE.read(self)
         declare(self, FIXED, read_only=(AUTOSTART,))
         self._tuning_parameters = TuningParameters(self, self._machine, changed=self._retune)
         self._lifecycle = "unconfigured"
         hold(self, FIXED, lambda: self._lifecycle)
         self._clearance: Clearance | None = None
         self._tuning: Tuning | None = None
-        self._timeout = STATES_TIMEOUT.default
         self._states: Subscription | None = None
         self._ready = Readiness()
         self._experiment: Experiment | None = None
@@ -79,7 +71,7 @@ class Trajectory(LifecycleNode):
         self._driver = DriverClient(self)
         self.create_timer(WATCH_PERIOD_S, self._watch, clock=steady)
         self.create_timer(REPORT_PERIOD_S, self._report, clock=steady)
-        self._goals = Goals(self, leader=self)
+        self._goals = Goals(self, leader=self, units=self._machine.units)
 
     # life cycle
 
@@ -90,10 +82,8 @@ class Trajectory(LifecycleNode):
             self._tuning_parameters.read_file(self._machine)
             self._tuning = self._tuning_parameters.read()
             self._leading.configure(self._machine, self._tuning.gains)
-            self._timeout = STATES_TIMEOUT.read(self)
-            self._clearance = load_clearance(
-                machine_file("clearance.yaml", self._machine_name, CLEARANCE.read(self))
-            )
+            clearance = machine_file("clearance.yaml", MACHINE.read(self), CLEARANCE.read(self))
+            self._clearance = load_clearance(clearance)
         except CraneError as error:
             for line in str(error).splitlines():
                 self.get_logger().error(line)
@@ -170,8 +160,9 @@ class Trajectory(LifecycleNode):
         pressures = self._leading.pressures
         self._valves.send(experiment.sample(measured.seconds, position, velocity, now, pressures))
         if experiment.target is not None:
-            joints = self._machine.joint_names
-            self._references.publish(reference_message(experiment.target, measured.stamp, joints))
+            self._references.publish(
+                reference_message(experiment.target, measured.stamp, self._machine.joint_names)
+            )
 
     def _watch(self) -> None:
         now = time.monotonic()
@@ -193,11 +184,6 @@ class Trajectory(LifecycleNode):
         return self._lifecycle == "active"
 
     @property
-    def units(self) -> Mapping[str, str]:
-        """Of the joints of the machine, from the base to the tip."""
-        return self._machine.units
-
-    @property
     def next_watch(self) -> Future:
         """Done when the experiment has been looked at again."""
         return self._next_watch
@@ -209,14 +195,14 @@ class Trajectory(LifecycleNode):
         return (
             self._valves.rivals
             or several_sources(self)
-            or self._ready.lacking(self._timeout, time.monotonic())
+            or self._ready.lacking(STATES_TIMEOUT.read(self), time.monotonic())
             or self._driver.problem
             or self._valves.unheard
         )
 
     def read(self, trajectory: str) -> PeriodicTrajectory:
         """The trajectory of a path, or that of the machine which has the name."""
-        return load_trajectory(machine_file("", self._machine_name, trajectory))
+        return load_trajectory(machine_file("", MACHINE.read(self), trajectory))
 
     def planner(self, trajectory: PeriodicTrajectory, periods: int) -> Callable[[], Motion]:
         """What plans the motion from where the crane is now, in any thread."""
@@ -236,7 +222,11 @@ class Trajectory(LifecycleNode):
                 "not ready: the crane was moved while its motion was planned; send the goal again"
             )
         self._experiment = Experiment(
-            motion, self._tuning, self._timeout, time.monotonic(), self._leading.controller
+            motion,
+            self._tuning,
+            STATES_TIMEOUT.read(self),
+            time.monotonic(),
+            self._leading.controller,
         )
         return self._experiment
 
@@ -255,11 +245,10 @@ class Trajectory(LifecycleNode):
             self._experiment.retune(self._tuning)
 
     def _report(self) -> None:
-        driver = self._driver.state.text
-        found = status(self.get_name(), self._lifecycle, self._experiment, self._goals.last, driver)
-        message = DiagnosticArray(status=[found])
-        message.header.stamp = self.get_clock().now().to_msg()
-        self._diagnostics.publish(message)
+        last, driver = self._goals.last, self._driver.state.text
+        now = self.get_clock().now().to_msg()
+        found = condition(self.get_name(), self._lifecycle, self._experiment, last, driver, now)
+        self._diagnostics.publish(found)
 
 
 ABOUT = """Leads the crane through excitation trajectories, as goals of the action
@@ -268,5 +257,4 @@ run_excitation ask. Software is no safety stop."""
 
 def main(argv: Sequence[str] | None = None) -> int:
     """Lead the crane through excitation trajectories, as goals of RunExcitation ask."""
-    changeable = TuningNumbers.of(load_machine(), DEFAULT_MACHINE).all
-    return run_managed("trajectory", Trajectory, ABOUT, (MACHINE, *FIXED, *changeable), argv)
+    return run_managed("trajectory", Trajectory, ABOUT, parameters_of(), argv)

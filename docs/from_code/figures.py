@@ -2,7 +2,7 @@
 
 Takes what commands have measured (runs/) into docs/measured, and writes the tables of the pages
 anew. A table stands between `<!-- measured: NAME ... -->` and `<!-- end -->`; a name is that of a
-file in docs/measured, or of a table made from what the suite ships.
+file in docs/measured, or of a table made from what the suite ships. What no page shows stays out.
 """
 
 import re
@@ -33,9 +33,14 @@ TRAJECTORIES = ("excitation_20s", "excitation_66s", "validation_20s")
 
 def main() -> int:
     """Take over what was measured, and write it into the pages."""
+    texts = [page.read_text("utf-8") for page in pages()]
+    shown = {name for text in texts for name in names_on(text)}
     for name, pattern in SOURCES:
         for source in sorted((ROOT / "runs").glob(pattern), key=lambda path: path.stat().st_mtime):
-            take_over(source, MEASURED / f"{name or source.stem}.json")
+            if (known := name or source.stem) in shown:
+                take_over(source, MEASURED / f"{known}.json")
+            else:
+                print(f"{source}: no page has <!-- measured: {known} -->, not taken over")
     count_imports(MEASURED / "imports.json")
     for page in pages():
         text = page.read_text("utf-8")
@@ -72,13 +77,21 @@ def pages() -> list[Path]:
             *sorted((ROOT / "docs").glob("[!_]*/*.md"))]  # fmt: skip
 
 
+def names_on(text: str) -> list[str]:
+    """The names of the figures that a page shows."""
+    return [name for _, names, _ in TABLE.findall(text) for name in names.split()]
+
+
 def rendered(text: str) -> str:
     """A page with its tables as they are measured."""
     return TABLE.sub(lambda found: f"{found[1]}\n{table(found[2].split())}\n{found[3]}", text)
 
 
 def table(names: Sequence[str]) -> str:
-    """One table of the figures with these names."""
+    """One table of the figures with these names; those that were not measured yet are left out."""
+    names = [one for one in names if one in MADE or (MEASURED / f"{one}.json").exists()]
+    if not names:
+        return "Not measured yet.\n"
     files = [figures(name) for name in names]
     columns = files[0].columns
     lines: list[list[str]] = []
@@ -86,7 +99,7 @@ def table(names: Sequence[str]) -> str:
         if one.columns != columns:
             raise ValueError(f"{name}: has the columns {one.columns}, {names[0]} {columns}")
         command = f"{name}.py" if one.command == BENCH else one.command
-        date = one.date.replace("-", NO_BREAK_HYPHEN)
+        date = one.date.partition(" ")[0].replace("-", NO_BREAK_HYPHEN)
         told = f"`{command}`" + (f", {date}" if date else "")
         for row in one.rows:
             lines.append([*row.shown, told])

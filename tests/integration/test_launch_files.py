@@ -17,8 +17,7 @@ from crane_driver.driver_parameters import driver_parameters
 from crane_identification.online.identification_node import PARAMETERS as IDENTIFICATION
 from crane_model.machine import load_machine
 from crane_model.machine_files import DEFAULT_MACHINE
-from crane_nodes.machine_parameter import MACHINE
-from crane_trajectory.trajectory_parameters import FIXED, TuningNumbers
+from crane_trajectory.trajectory_parameters import parameters_of
 
 ROOT = Path(__file__).resolve().parents[2]
 FILES = sorted([*ROOT.glob("crane_*/launch/*.py"), *ROOT.glob("src/*/launch/*.py")])
@@ -27,10 +26,7 @@ NAMES = [path.name.removesuffix(".launch.py") for path in FILES]
 OF_EVERY_NODE = {"use_sim_time"}
 DECLARED = {
     "driver": {one.name for one in driver_parameters(load_machine(), DEFAULT_MACHINE)},
-    "trajectory": {
-        one.name
-        for one in (MACHINE, *FIXED, *TuningNumbers.of(load_machine(), DEFAULT_MACHINE).all)
-    },
+    "trajectory": {one.name for one in parameters_of()},
     "identification": {one.name for one in IDENTIFICATION},
     "recorder": set(),
     "player": set(),
@@ -132,7 +128,7 @@ def test_launch_files_that_are_included_exist_and_take_what_they_are_given() -> 
                 starred = isinstance(one, ast.Starred)
                 assert (known[ast.unparse(one.value)] if starred else {text(one)}) <= taken
                 handed_on += 1
-    assert handed_on == 5
+    assert handed_on == 6
 
 
 @pytest.mark.realtime

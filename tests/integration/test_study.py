@@ -10,6 +10,7 @@ from typing import Any
 import pytest
 from unit.crane_identification.report.html_reader import figure_descriptions, read_html
 
+from crane_benchmark.measured import MeasuredFigures
 from crane_benchmark.study import recordings
 from crane_benchmark.study.recordings import Campaign, StudyPlan
 
@@ -70,6 +71,18 @@ def test_its_page_has_the_figures_of_the_report(summary, out):
         assert {f"{figure}-{joint}" for joint in joints} <= keys
     (table,) = tree.find("table", class_="recursive")
     assert len(table.find("td", class_="value")) == 20
+
+
+def test_its_figures_are_those_of_its_summary(summary, out):
+    """With the times of all steps: nothing was there before."""
+    found = MeasuredFigures.read(out / "figures.json")
+    for joint, error in summary["heldout_relative_error"].items():
+        assert found.value(f"fit_{joint}") == error
+        ratio = error / summary["training_relative_error"][joint]
+        assert found.value(f"over_training_{joint}") == pytest.approx(ratio)
+    assert found.value("fit_sigmas") < 5.0
+    assert 0.0 < found.value("after_2") < found.value("after_1")
+    assert found.value("wall") > found.value("wall_2") > 0.0
 
 
 def test_tables_and_times_are_printed(printed):

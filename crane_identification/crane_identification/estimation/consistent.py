@@ -18,6 +18,7 @@ import numpy as np
 from crane_identification.estimation.estimate import Estimate, Fit, describe
 from crane_identification.estimation.least_squares import fit
 from crane_identification.estimation.physics import BODIES, Physics
+from crane_identification.estimation.prior import Prior
 from crane_identification.estimation.rows import Rows, balancing, check
 from crane_identification.options import Covariance
 from crane_model.errors import DataError
@@ -33,7 +34,10 @@ FELT = 0.01
 
 
 def consistent(
-    rows: Rows, physics: Physics, covariance: Covariance = Covariance.CORRELATED
+    rows: Rows,
+    physics: Physics,
+    covariance: Covariance = Covariance.CORRELATED,
+    prior: Prior | None = None,
 ) -> Estimate:
     """Θ that minimises the norm of τ - ΦΘ (30) among physical ones, weighted as `least_squares`.
 
@@ -43,11 +47,12 @@ def consistent(
     """
     check(rows)
     weights = balancing(rows)
-    free = fit(rows, weights, covariance)
+    free = fit(rows, weights, covariance, prior)
     values, bounds = free.values, tuple[str, ...]()
     if physics.bodies is not None or physics.violated(free.values):
         values, bounds = _constrained(rows, weights, physics, free)
-    method = f"physically consistent least squares, {covariance} residual"
+    known = " with a prior" if prior else ""
+    method = f"physically consistent least squares{known}, {covariance} residual"
     return describe(rows, free._replace(values=values), method, bounds)
 
 
@@ -66,6 +71,9 @@ def _constrained(
     residual = force - matrix @ free.values
     deviation = np.sqrt(residual @ residual / (len(residual) - matrix.shape[1]))
     deviation = max(float(deviation), np.finfo(float).tiny)
+    if free.beforehand is not None:
+        matrix = np.vstack([matrix, free.beforehand[0]])
+        force = np.concatenate([force, free.beforehand[1]])
     q, triangle = np.linalg.qr(matrix * units / deviation)
     scaled = cvxpy.Variable(matrix.shape[1])
     constraints: dict[str, Any] = {

@@ -39,20 +39,25 @@ class Estimate:
     @property
     def relative_std_devs(self) -> np.ndarray:
         """Standard deviation over magnitude of each parameter (p,)."""
-        return self.std_devs / np.abs(self.values)
+        with np.errstate(divide="ignore"):  # of a value that rests on its bound, 0
+            return self.std_devs / np.abs(self.values)
 
 
 class Fit(NamedTuple):
-    """`values` (p,), their `covariance` (p, p), and which of them are `determined` (p,)."""
+    """`values` (p,), their `covariance` (p, p), and which of them are `determined` (p,).
+
+    `beforehand` are the rows of a prior as they stand under the weighted rows: (k, p), (k,).
+    """
 
     values: np.ndarray
     covariance: np.ndarray
     determined: np.ndarray
+    beforehand: tuple[np.ndarray, np.ndarray] | None = None
 
 
 def describe(rows: Rows, fit: Fit, method: str, bounds: tuple[str, ...] = ()) -> Estimate:
     """The estimate that `fit` makes on `rows` as they were measured."""
-    values, spread, determined = fit
+    values, spread, determined, _ = fit
     residual = rows.residual(values)
     raw, normalized = condition_numbers(rows.stacked)
     spread = np.where(determined[:, None] & determined, spread, np.nan)

@@ -5,7 +5,8 @@ import numpy as np
 from crane_identification.estimation.covariance import correlated, white
 from crane_identification.estimation.estimate import Estimate, Fit, describe
 from crane_identification.estimation.lack_of_fit import lack_of_fit
-from crane_identification.estimation.rows import Rows, balancing, check, solve_weighted
+from crane_identification.estimation.prior import Prior
+from crane_identification.estimation.rows import Rows, balancing, check, solve, solve_weighted
 from crane_identification.options import Covariance
 
 UNSEEN = 1.0
@@ -14,33 +15,56 @@ by as much as the whole measured force."""
 
 
 def least_squares(
-    rows: Rows, covariance: Covariance = Covariance.CORRELATED, weights: np.ndarray | None = None
+    rows: Rows,
+    covariance: Covariance = Covariance.CORRELATED,
+    weights: np.ndarray | None = None,
+    prior: Prior | None = None,
 ) -> Estimate:
     """Θ that minimises the weighted norm of τ - ΦΘ (30).
 
     `weights` multiply the rows: (j,) or (n, j), in 1/N m and 1/N. Without them, one joint is
     fitted as (31) stands; with several, each is weighted by the inverse of its root mean square
-    residual, in passes from equal weights until they stay the same.
+    residual, in passes from equal weights until they stay the same. A `prior` counts beside them.
 
     Raises `DataError` if there are fewer rows than parameters or a row is not finite.
     """
     check(rows)
     weights = balancing(rows) if weights is None else weights
-    return describe(
-        rows, fit(rows, weights, covariance), f"least squares (31), {covariance} residual"
-    )
+    found = fit(rows, weights, covariance, prior)
+    method = f"least squares (31){' with a prior' if prior else ''}, {covariance} residual"
+    return describe(rows, found, method)
 
 
-def fit(rows: Rows, weights: np.ndarray, covariance: Covariance) -> Fit:
-    """Θ and its covariance for given weights, (j,) or (n, j)."""
+def fit(rows: Rows, weights: np.ndarray, covariance: Covariance, prior: Prior | None = None) -> Fit:
+    """Θ and its covariance for given weights, (j,) or (n, j), and a prior."""
     weights = np.broadcast_to(weights, rows.force.shape)
     values, determined, bread, _ = solve_weighted(rows, weights)
+    spread = _spread(rows, weights, values, bread, covariance)
+    if prior is None:
+        return Fit(values, spread, determined & _seen(rows, np.sqrt(np.diag(spread))))
+    scaling = weights[rows.used]
+    matrix, force = rows.stacked * scaling[:, None], rows.force[rows.used] * scaling
+    # Noise that is correlated from row to row makes rows count for fewer than they are.
+    rank = np.count_nonzero(np.diag(bread))
+    excess = float(np.trace(spread @ (matrix.T @ matrix))) / rank
+    beforehand = prior.matrix * np.sqrt(excess), prior.values * np.sqrt(excess)
+    values, determined, bread, _ = solve(
+        np.vstack([matrix, beforehand[0]]), np.concatenate([force, beforehand[1]])
+    )
+    carried = bread @ beforehand[0].T
+    spread = _spread(rows, weights, values, bread, covariance) + excess * carried @ carried.T
+    seen = determined & _seen(rows, np.sqrt(np.diag(spread)))
+    return Fit(values, spread, seen, beforehand)
+
+
+def _spread(
+    rows: Rows, weights: np.ndarray, values: np.ndarray, bread: np.ndarray, covariance: Covariance
+) -> np.ndarray:
+    """(p, p) that the noise of the rows gives to the solution with this `bread`."""
     residual = weights * rows.residual(values)
     if covariance is Covariance.CORRELATED:
-        spread = correlated(rows, weights, residual, bread, lack_of_fit(rows, values))
-    else:
-        spread = white(residual[rows.used], bread, covariance)
-    return Fit(values, spread, determined & _seen(rows, np.sqrt(np.diag(spread))))
+        return correlated(rows, weights, residual, bread, lack_of_fit(rows, values))
+    return white(residual[rows.used], bread, covariance)
 
 
 def _seen(rows: Rows, std_devs: np.ndarray) -> np.ndarray:

@@ -48,7 +48,7 @@ class SpoolValues(NamedTuple):
 
     @property
     def frequency(self) -> float:
-        """w [rad/s]."""
+        """Natural frequency w of the spool [rad/s]."""
         return 1.0 / max(self.share * self.lag / (2.0 * DAMPING_RATIO), FASTEST)
 
     @property
@@ -201,7 +201,7 @@ class Balance(Generic[AnyRows]):
 
     @cached_property
     def flow(self) -> np.ndarray:
-        """(N, c)."""
+        """(N, c) flows into the chambers [m3/s], or the speed of the piston [m/s]."""
         return np.concatenate([rows.thinned(rows.flow) for rows in self.rows])
 
     def columns(self, spool: SpoolValues) -> np.ndarray:

@@ -26,10 +26,9 @@ def identify_hydraulics(
         return None
     unknown: dict[str, str] = {}
     found: dict[str, JointFit] = {}
-    fitted = [joint for joint in model.joints if machine.cylinders[joint].pressure_sensors]
-    blind = [
-        joint for joint in machine.joint_names if not machine.cylinders[joint].pressure_sensors
-    ]
+    sensed = {joint for joint, one in machine.cylinders.items() if one.pressure_sensors}
+    fitted = [joint for joint in model.joints if joint in sensed]
+    blind = [joint for joint in machine.cylinders if joint not in sensed]
     for number, joint in enumerate(fitted):
         try:
             found[joint] = identify_joint(machine, joint, wanted, period)

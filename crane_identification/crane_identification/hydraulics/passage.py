@@ -51,6 +51,11 @@ def passages(machine: Machine, joint: str, logs: Sequence[Log]) -> list[Passage]
     """
     where = f"hydraulics of '{joint}'"
     wanted = SIGNALS if machine.cylinders[joint].pressure_sensors else MOTION
+    if others := sorted(machine.seen_by(joint).keys() - {joint}):
+        raise DataError(
+            f"{where}: its actuator moves with {', '.join(others)} as well; valves are identified "
+            "of actuators that move one joint"
+        )
     lacking = {log.source: _lacking(log, joint, wanted) for log in logs}
     if logs and all(lacking.values()):
         log = logs[0]

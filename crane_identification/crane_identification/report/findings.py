@@ -17,6 +17,7 @@ from crane_identification.notation import (
 from crane_identification.preparation.run import Preparation
 from crane_identification.report.errors import pooled
 from crane_identification.validation.carry_over import elsewhere
+from crane_identification.validation.determination import undetermined
 from crane_identification.validation.force_validation import Validation
 from crane_model.terms import Parameter
 
@@ -38,6 +39,8 @@ def findings(
     """Warnings about a fit, its recordings (`logs`: all of them) and its validation."""
     preparations = (*fit.preparations, *(v.preparation for v in validations))
     setting = fit.model.setting
+    alone = fit.prior is None
+    unsure = undetermined(fit.rows, fit.estimate.relative_error, fit.preparations) if alone else ""
     units = [setting.force_unit(joint) for joint in fit.model.joints]
     return (
         *_parameters(fit),
@@ -47,7 +50,7 @@ def findings(
         *_gaps(preparations),
         *_lack_of_fit(fit),
         *_excitation(fit),
-        *_elsewhere(fit, validations),
+        *([unsure] if unsure else _elsewhere(fit, validations)),
         *([] if validations else ["No recording was held out: the model is not validated."]),
     )
 

@@ -60,6 +60,7 @@ def render(report: IdentificationReport, progress: Progress = silent, folder: Pa
         validation_bags=bags(report.validation_bags),
         errors=tables.error_rows(report),
         motions=tables.motion_rows(report),
+        commanded=tables.commanded_rows(report),
         groups=tables.parameter_groups(report),
         entries=tables.report_entries(report),
         hydraulics=hydraulic_groups(report.fit.model.hydraulics),

@@ -39,6 +39,19 @@ class MotionSummary(ResultPart):
     """Why the model cannot be simulated; empty if it can."""
 
 
+class CommandedSummary(ResultPart):
+    """Error of the motion simulated from valve commands alone."""
+
+    horizon: float
+    """How long each simulation lasts [s]."""
+    windows: int
+    """Simulations, one behind the other [-]."""
+    position_rms: NumberByJoint
+    """Rms error at their end [rad, m]."""
+    way: NumberByJoint
+    """How far the joint itself went in that time, on average [rad, m]."""
+
+
 class RecursiveSummary(ResultPart):
     """The recursion over the training recordings."""
 
@@ -93,6 +106,8 @@ class Summary(ResultFile):
     """Of the training recordings."""
     simulated_motion: MotionSummary | None
     """Of the validation recordings; null without them."""
+    simulated_from_commands: list[CommandedSummary]
+    """The same from valve commands alone; empty where hydraulics or commands are not known."""
     recursive: RecursiveSummary | None
     """Null unless it was asked for (`--recursive`)."""
     hydraulics: list[ParameterSummary]
@@ -167,6 +182,15 @@ def summarize(report: IdentificationReport) -> Summary:
         )
         if simulated
         else None,
+        simulated_from_commands=[
+            CommandedSummary(
+                horizon=one.horizon,
+                windows=one.windows,
+                position_rms=per_joint(one.position_rms),
+                way=per_joint(one.way),
+            )
+            for one in report.commanded
+        ],
         recursive=RecursiveSummary(
             parameters=_parameters(
                 estimate.names, estimate.units, recursive.values[-1], recursive.std_devs[-1]

@@ -73,6 +73,17 @@ class MotionRow(NamedTuple):
     relative: str
 
 
+class CommandedRow(NamedTuple):
+    """Simulated from commands against measured position of one joint."""
+
+    joint: str
+    horizon: str
+    error: str
+    way: str
+    unit: str
+    relative: str
+
+
 class ReportEntry(NamedTuple):
     """One entry of the report's (9)."""
 
@@ -174,6 +185,23 @@ def motion_rows(report: IdentificationReport) -> list[MotionRow]:
             simulated.relative,
             strict=True,
         )
+    ]
+
+
+def commanded_rows(report: IdentificationReport) -> list[CommandedRow]:
+    """By joint, then by how far ahead; none where the hydraulics are not known."""
+    units = report.fit.model.setting.units
+    return [
+        CommandedRow(
+            joint=spoken(joint),
+            horizon=plain(one.horizon),
+            error=plain(float(one.position_rms[j])),
+            way=plain(float(one.way[j])),
+            unit=units[joint],
+            relative=percent(float(one.relative[j])),
+        )
+        for j, joint in enumerate(report.fit.model.joints)
+        for one in report.commanded
     ]
 
 

@@ -112,6 +112,8 @@ def tell(report: IdentificationReport, out: Path) -> None:
         ):
             noise = percent(floor) if np.isfinite(floor) else "not known: no period repeated"
             print(f"  {joint}: {percent(error)} ({noise})")
+    if report.commanded:
+        print("motion simulated from valve commands alone, against held-out recordings:")
     for one in report.commanded:
         console(100).print(ahead(report.fit.model, one))
     if report.simulated is not None and report.simulated.reason:

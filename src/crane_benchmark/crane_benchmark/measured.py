@@ -45,7 +45,7 @@ class MeasuredFigures(ResultFile):
     command: str
     """That measured it."""
     date: str
-    """When, as year-month-day."""
+    """When, UTC: 2026-11-22 14:05."""
     commit: str
     """Of the source that was measured; empty where it was no clone."""
     columns: list[str]
@@ -75,7 +75,7 @@ def write(
     """Write what `command` has measured just now to the file `path`, and return it."""
     found = MeasuredFigures(
         command=command,
-        date=datetime.now(UTC).strftime("%Y-%m-%d"),
+        date=datetime.now(UTC).strftime("%Y-%m-%d %H:%M"),
         commit=_commit(),
         columns=list(columns),
         rows=list(rows),

@@ -29,7 +29,7 @@ from crane_bags.writer import BagWriter
 from crane_model import cli
 from crane_model.arguments import between, whole
 from crane_model.cylinders import generalized_forces
-from crane_model.machine import JOINTS, Machine, load_machine
+from crane_model.machine import Machine
 from crane_model.machine_files import machine_file
 from crane_model.progress_bar import progress_bar
 from crane_model.urdf import urdf
@@ -39,7 +39,8 @@ from crane_sim.hiding.calibrate import hidden_in
 from crane_sim.hiding.clean import Clean, clean
 from crane_sim.hiding.label import check_place, load_hidden, write_label
 from crane_sim.hiding.slewing import slewing
-from crane_sim.parts.parameters import StandIn, load_stand_in
+from crane_sim.options import add_plant, load_both
+from crane_sim.parts.parameters import StandIn
 from crane_sim.plant.closed_loop import Course, SimulatedRecording, Steps, record
 from crane_sim.plant.plant import Plant
 from crane_sim.plant.sampled import Sensors
@@ -64,9 +65,9 @@ COLD = Moment(STARTED, 0.0)
 
 
 def effort(machine: Machine, recording: SimulatedRecording) -> np.ndarray:
-    """(n, 4) generalized forces (27) from readings [N m, N]; NaN where there is no transducer."""
+    """(n, j) generalized forces (27) from readings [N m, N]; NaN where there is no transducer."""
     tau = np.full_like(recording.position, np.nan)
-    columns = [JOINTS.index(joint) for joint in recording.cylinders]
+    columns = [machine.index(joint) for joint in recording.cylinders]
     tau[:, columns] = generalized_forces(
         machine,
         recording.position[:, columns],
@@ -89,10 +90,10 @@ def write_bag(
     stamps = zero + np.round(recording.time * 1e9).astype(np.int64)
     with BagWriter(path) as bag:
         description = bag.add(ROBOT_DESCRIPTION)
-        states = bag.add_arrays(JOINT_STATES, JOINTS)
+        states = bag.add_arrays(JOINT_STATES, machine.joint_names)
         cylinders = bag.add_arrays(CYLINDER_PRESSURES, recording.cylinders)
-        commands = bag.add_arrays(VALVE_COMMAND, JOINTS)
-        references = bag.add_arrays(JOINT_REFERENCE, JOINTS)
+        commands = bag.add_arrays(VALVE_COMMAND, machine.joint_names)
+        references = bag.add_arrays(JOINT_REFERENCE, machine.joint_names)
         text = bag.store.types[ROBOT_DESCRIPTION.msgtype](data=urdf(machine))
         description.write(int(stamps[0]), text)
         for k, stamp in enumerate(stamps.tolist()):
@@ -127,7 +128,7 @@ def make(
     differs.
     """
     plant = Plant(stand_in, machine, motion.start, planted, moment.running)
-    sensors = Sensors(stand_in.sensors, machine, seed, faults(planted))
+    sensors = Sensors(stand_in.sensors, machine, seed, faults(planted, machine))
     recording = record(slewing(motion, planted), plant, sensors, gains, progress)
     write_bag(out, machine, recording, moment.started)
     return clean(machine, planted, sensors.faults, recording.truth)
@@ -148,8 +149,8 @@ def main(argv: Sequence[str] | None = None) -> int:
     parser.add_argument("--periods", type=whole(1), required=True, help="whole periods to record")
     parser.add_argument("--seed", type=whole(0), default=0, help="of sensor noise and jitter")
     parser.add_argument("--out", type=Path, required=True, help="folder of the new bag")
-    parser.add_argument("--plant", type=Path, help="stand-in file (default: the packaged one)")
-    parser.add_argument("--machine", type=Path, help="machine file (default: the packaged one)")
+    add_plant(parser)
+    cli.add_machine(parser)
     parser.add_argument("--gains", type=Path, help="controller gains (default: the packaged ones)")
     parser.add_argument(
         "--started",
@@ -182,7 +183,7 @@ def main(argv: Sequence[str] | None = None) -> int:
 
     def body() -> None:
         cli.check_out(arguments.out)
-        machine, parameters = load_machine(arguments.machine), load_stand_in(arguments.plant)
+        machine, parameters = load_both(arguments.machine, arguments.plant)
         motion = plan(
             machine,
             load_trajectory(machine_file("", arguments.machine, arguments.trajectory)),
@@ -197,7 +198,7 @@ def main(argv: Sequence[str] | None = None) -> int:
         if arguments.hide is not None:
             check_place(arguments.label, arguments.out)
             spec = load_hidden(arguments.hide, machine, parameters)
-            planted = hidden_in(spec, machine, parameters, gains)
+            planted = hidden_in(spec, machine, parameters, gains, arguments.machine)
         seed, moment = arguments.seed, Moment(arguments.started, arguments.running)
         truth = make(
             arguments.out, machine, parameters, motion, gains, seed, planted, moment, progress

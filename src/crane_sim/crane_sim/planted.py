@@ -11,13 +11,21 @@ point named; m, c and I are mass, centre of mass and inertia of a body):
 
 import json
 from collections.abc import Sequence
-from pathlib import Path
 from typing import NamedTuple
 
+import numpy as np
+
 from crane_model import cli
+from crane_model.base_set import base_set
 from crane_model.errors import ConfigurationError
-from crane_model.machine import PLANAR_JOINTS, Machine, load_machine
-from crane_sim.parts.parameters import Body, StandIn, load_stand_in
+from crane_model.kinematics import link_transforms
+from crane_model.machine import Machine
+from crane_model.terms.serial_rigid_body import SerialRigidBody
+from crane_model.terms.term import Setting
+from crane_sim.effects.fault import measured_joints
+from crane_sim.options import add_plant, load_both
+from crane_sim.parts.constants import pack_chain
+from crane_sim.parts.parameters import StandIn
 
 ON_AXIS = 1e-9  # m
 
@@ -31,42 +39,20 @@ class PlantedParameter(NamedTuple):
 
 
 def planted(parameters: StandIn, machine: Machine) -> list[PlantedParameter]:
-    """The 20 base parameters: eight inertial ones, then those of (13) of the planar joints.
+    """The base parameters: inertial ones, then those of (13) of the joints that are measured.
 
-    With dynamic friction, the friction parameters are those of its steady state at speed.
-    `ConfigurationError` if the centre of mass of telescope and gripper is off the telescope's axis:
-    the normal moment is then a ninth inertial parameter that this set cannot hold.
+    Of a crane as of the report they are the 20 of the suite; of any other machine the combinations
+    that `serial_rigid_body` names while joints that are not measured stand still. With dynamic
+    friction, the friction parameters are those of its steady state at speed.
     """
-    dh, bodies = machine.denavit_hartenberg, parameters.bodies
-    sliding = [bodies.telescope, bodies.gripper]
-    off_axis = sum(body.mass * body.centre_of_mass[1] for body in sliding)
-    if abs(off_axis) > ON_AXIS * sum(body.mass for body in sliding):
-        raise ConfigurationError(
-            f"stand-in '{parameters.name}': key 'bodies': the centre of mass of telescope and "
-            f"gripper together must lie on the telescope's axis (normal moment 0), got "
-            f"{off_axis:.6g} kg m; the 20 base parameters hold only then"
-        )
-    boom, outer = _about(bodies.inner_boom, 0.0, 0.0), _about(bodies.outer_boom, 0.0, 0.0)
-    slid = [_about(body, dh.telescope_length, dh.telescope_offset) for body in sliding]
-    slid_mass, slid_along, slid_normal, slid_inertia = (
-        sum(column) for column in zip(*slid, strict=True)
-    )
-    carried = outer[0] + slid_mass
-    length = dh.inner_boom_length
-    inertial = [
-        PlantedParameter("J_FL", "kg m2", boom[3] + length**2 * carried),
-        PlantedParameter("S_FL_along", "kg m", boom[1] + length * carried),
-        PlantedParameter("S_FL_normal", "kg m", boom[2]),
-        PlantedParameter("J_SL", "kg m2", outer[3] + slid_inertia),
-        PlantedParameter("S_SL_along", "kg m", outer[1] + slid_along),
-        PlantedParameter("S_SL_normal", "kg m", outer[2] + slid_normal),
-        PlantedParameter("m_TL", "kg", slid_mass),
-        PlantedParameter("S_TL_along", "kg m", slid_along),
-    ]
+    if machine.planar is None or machine.planar.joints != measured_joints(machine):
+        inertial = _of_any_machine(parameters, machine)
+    else:
+        inertial = _of_the_plane(parameters, machine)
     friction = []
-    for joint in PLANAR_JOINTS:
+    for joint in measured_joints(machine):
         law = parameters.friction[joint]
-        force, rate = ("N", "N s/m") if joint == "telescope" else ("N m", "N m s/rad")
+        force, rate = ("N", "N s/m") if machine.units[joint] == "m" else ("N m", "N m s/rad")
         friction += [
             PlantedParameter(f"f_c.{joint}", force, law.f_c),
             PlantedParameter(f"df_c.{joint}", force, law.df_c),
@@ -76,23 +62,91 @@ def planted(parameters: StandIn, machine: Machine) -> list[PlantedParameter]:
     return inertial + friction
 
 
-def _about(body: Body, along: float, normal: float) -> tuple[float, float, float, float]:
-    """Mass, moments along and normal, and inertia about a point, given the body's frame from it."""
-    x, y = body.centre_of_mass[0] + along, body.centre_of_mass[1] + normal
-    inertia = body.principal_inertia[2] + body.mass * (x * x + y * y)
-    return body.mass, body.mass * x, body.mass * y, inertia
+def _of_any_machine(parameters: StandIn, machine: Machine) -> list[PlantedParameter]:
+    joints = measured_joints(machine)
+    setting = Setting({joint: machine.units[joint] for joint in joints}, machine)
+    values = base_set(machine, joints).combination @ _standard(parameters, machine)
+    return [
+        PlantedParameter(known.name, known.unit, float(value))
+        for known, value in zip(SerialRigidBody().parameters(setting), values, strict=True)
+    ]
+
+
+def _standard(parameters: StandIn, machine: Machine) -> np.ndarray:
+    """(10 m,) the ten parameters of each link about its joint, as `crane_model.chain` has them."""
+    before = [machine.base.matrix, *link_transforms(machine, np.zeros(len(machine.units)))[0]]
+    values = []
+    for link, frame, joint in zip(
+        pack_chain(parameters, machine).links[1:], before, machine.joints, strict=False
+    ):
+        own = np.linalg.inv(frame @ joint.before)
+        mass, c = link["mass"], own[:3, :3] @ link["centre"] + own[:3, 3]
+        about = own[:3, :3] @ link["inertia"] @ own[:3, :3].T
+        about += mass * (c @ c * np.eye(3) - np.outer(c, c))
+        values += [mass, *(mass * c), *about[[0, 0, 1, 0, 1, 2], [0, 1, 1, 2, 2, 2]]]
+    return np.array(values)
+
+
+def _of_the_plane(parameters: StandIn, machine: Machine) -> list[PlantedParameter]:
+    """`ConfigurationError` if the centre of mass of telescope and gripper is off their axis: the
+    normal moment is then a ninth inertial parameter that the set cannot hold.
+    """
+    chain = pack_chain(parameters, machine)
+    length = machine.as_planar().inner_boom_length
+    inner, outer, telescope = chain.links[-3:]
+    line = (outer["point"] - inner["point"]) / length
+    boom = _about(inner, inner["point"], line, inner["axis"])
+    along = telescope["axis"]  # of the outer boom
+    outer, slid = (_about(one, outer["point"], along, inner["axis"]) for one in (outer, telescope))
+    rise = machine.as_planar().telescope_offset
+    off_axis = slid.normal - slid.mass * rise
+    if abs(off_axis) > ON_AXIS * slid.mass:
+        raise ConfigurationError(
+            f"stand-in '{parameters.name}': key 'bodies': the centre of mass of telescope and "
+            f"gripper together must lie on the telescope's axis (normal moment 0), got "
+            f"{off_axis:.6g} kg m; the 20 base parameters hold only then"
+        )
+    carried = outer.mass + slid.mass
+    return [
+        PlantedParameter("J_FL", "kg m2", boom.inertia + length**2 * carried),
+        PlantedParameter("S_FL_along", "kg m", boom.along + length * carried),
+        PlantedParameter("S_FL_normal", "kg m", boom.normal),
+        PlantedParameter("J_SL", "kg m2", outer.inertia + slid.inertia),
+        PlantedParameter("S_SL_along", "kg m", outer.along + slid.along),
+        PlantedParameter("S_SL_normal", "kg m", outer.normal + slid.normal),
+        PlantedParameter("m_TL", "kg", slid.mass),
+        PlantedParameter("S_TL_along", "kg m", slid.along),
+    ]
+
+
+class _Link(NamedTuple):
+    """A link in the plane: kg, kg m along the boom and normal to it, kg m2 about a point."""
+
+    mass: float
+    along: float
+    normal: float
+    inertia: float
+
+
+def _about(link: np.void, point: np.ndarray, along: np.ndarray, axis: np.ndarray) -> _Link:
+    """In the zero pose, about a point (3,), with unit vectors (3,) along it and to the side."""
+    mass, arm = float(link["mass"]), link["centre"] - point
+    normal = np.cross(axis, along)
+    inertia = axis @ link["inertia"] @ axis + mass * ((along @ arm) ** 2 + (normal @ arm) ** 2)
+    return _Link(mass, mass * float(along @ arm), mass * float(normal @ arm), float(inertia))
 
 
 def main(argv: Sequence[str] | None = None) -> int:
     """Print the planted parameters of a stand-in machine."""
     parser = cli.command_line(description=main.__doc__)
-    parser.add_argument("--plant", type=Path, help="stand-in file (default: the packaged one)")
-    parser.add_argument("--machine", type=Path, help="machine file (default: the packaged one)")
+    add_plant(parser)
+    cli.add_machine(parser)
     parser.add_argument("--json", action="store_true", help="print {name: value} in SI as JSON")
     arguments = parser.parse_args(argv)
 
     def body() -> None:
-        entries = planted(load_stand_in(arguments.plant), load_machine(arguments.machine))
+        machine, parameters = load_both(arguments.machine, arguments.plant)
+        entries = planted(parameters, machine)
         if arguments.json:
             print(json.dumps({entry.name: entry.value for entry in entries}, indent=2))
             return

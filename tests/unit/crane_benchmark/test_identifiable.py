@@ -130,7 +130,7 @@ def test_what_is_hidden_in_a_valve_adds_to_what_the_machine_has():
     given = STAND_IN.valves[JOINT]
     uneven = Edges(supply_a=1.05, a_tank=0.95, supply_b=0.57, b_tank=0.63)  # 5 % by themselves
     valve = given.model_copy(update={"edges": uneven, "null_bias": 0.01})
-    valves = STAND_IN.valves.model_copy(update={JOINT: valve})
+    valves = {**STAND_IN.valves, JOINT: valve}
     usual = load_usual().model_copy(update={"asymmetry": 0.05, "dead_zone": {JOINT: 0.05}})
     beyond = {}
     for name, parameter, size in (

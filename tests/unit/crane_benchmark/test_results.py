@@ -9,7 +9,8 @@ from rich.console import Console
 
 from crane_benchmark.cases.case import Case, Story
 from crane_benchmark.cases.case_sets import STRENGTHS, CaseSet, cases
-from crane_benchmark.scores import figures
+from crane_benchmark.measured import MeasuredFigures
+from crane_benchmark.scores import figures, published
 from crane_benchmark.scores.calibration import agreement, together
 from crane_benchmark.scores.judgement import Judgement
 from crane_benchmark.scores.printed import notes, tables
@@ -87,6 +88,12 @@ def test_results_of_all_kinds_are_summed_up_printed_and_drawn(tmp_path):
     console.print(*tables({"summary": found}), *notes())
     assert "cyclic_friction = position_friction" in console.export_text()
     figures.write(tmp_path, rows)
+    published.write(tmp_path / "figures.json", found)
+    shown = MeasuredFigures.read(tmp_path / "figures.json")
+    assert shown.columns == ["60 cases", "target", "diagnose", "always Stribeck"]
+    assert shown.value("false_alarms") == 0.0
+    assert shown.value("gap_closed") == found["gap_closed"]["median"]
+    assert all(len(row.shown) == 4 for row in shown.rows)
     for name in ("power", "threshold", "confusion"):
         assert (tmp_path / f"{name}.png").stat().st_size > 10_000
 

@@ -15,9 +15,12 @@ from crane_driver.faults import Fault, FaultKind
 from crane_driver.safety.settings import load_safety
 from crane_driver.safety.states import SafetyState
 from crane_model.cylinders import generalized_forces
-from crane_model.machine import JOINTS, PLANAR_JOINTS, load_machine
+from crane_model.machine import load_machine
 from crane_model.machine_files import machine_file
 
+MACHINE = load_machine()
+JOINTS = MACHINE.joint_names
+PLANAR_JOINTS = JOINTS[1:]
 CYCLE = 0.005  # s
 START = 20.0  # s, steady
 EPOCH = 1_700_000_000 * 10**9  # ns
@@ -29,7 +32,6 @@ PRESSURES = {
     "supply": 17e6,
     "tank": 2e5,
 }
-MACHINE = load_machine()
 
 
 class Bench:

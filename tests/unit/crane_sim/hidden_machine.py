@@ -4,7 +4,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from crane_model.machine import JOINTS, Machine
+from crane_model.machine import Machine
 from crane_sim.effects.form import Planted
 from crane_sim.effects.forms import FORMS
 from crane_sim.effects.kernel import act, settle
@@ -13,7 +13,7 @@ from crane_sim.parts.constants import Constants, pack
 from crane_sim.parts.cylinders import set_lengths_and_levers
 from crane_sim.parts.parameters import StandIn
 from crane_sim.parts.rigid_bodies import mass_and_bias
-from crane_sim.parts.state import ACTUATOR, Scratch, State
+from crane_sim.parts.state import Scratch, State, at_rest, room
 
 STEP = 2e-4  # s
 
@@ -57,28 +57,10 @@ class Rig(NamedTuple):
 def rig(stand_in: StandIn, machine: Machine, *effects: Planted) -> Rig:
     """At rest in its rest pose."""
     constants = pack(stand_in, machine)
-    actuators = np.zeros(len(JOINTS), np.dtype([(name, float) for name in ACTUATOR]))
-    actuators["p_a"], actuators["p_b"] = [4e6, 6e6, 5e6, 3e6], [3e6, 2e6, 4e6, 5e6]
-    state = State(
-        q=np.zeros(4),
-        v=np.zeros(4),
-        mode=np.zeros(4, dtype=np.int64),
-        bristle=np.zeros(4),
-        actuators=actuators,
-        supply=np.array([17e6]),
-    )
-    scratch = Scratch(
-        mass=np.zeros((4, 4)),
-        bias=np.zeros(4),
-        force=np.zeros(4),
-        impulse=np.zeros(4),
-        friction=np.zeros((5, 4)),
-        growth=np.zeros(4),
-        before=np.zeros(4),
-        law=constants.friction.copy(),
-    )
+    state = at_rest(stand_in.start, 17e6)
+    state.actuators["p_a"], state.actuators["p_b"] = [4e6, 6e6, 5e6, 3e6], [3e6, 2e6, 4e6, 5e6]
     hidden = packed(effects, machine)
     assert hidden is not None
-    made = Rig(constants, hidden, state, scratch)
+    made = Rig(constants, hidden, state, room(constants.friction))
     made.put(stand_in.start, np.zeros(4))
     return made

@@ -4,30 +4,23 @@ import numpy as np
 import pytest
 from unit.crane_sim.hidden_machine import STEP, Rig, planted, rig
 
-from crane_model.machine import JOINTS, PLANAR_JOINTS, Machine
+from crane_model.machine import Machine, load_machine
 from crane_sim.effects.bending import MODES
 from crane_sim.parts.parameters import StandIn
-from crane_sim.parts.rigid_bodies import GRIPPER, INNER_BOOM, OUTER_BOOM, Chain, mass_and_bias
+from crane_sim.parts.rigid_bodies import Chain, beyond, mass_and_bias
+
+JOINTS = load_machine().joint_names
+PLANAR_JOINTS = load_machine().as_planar().joints
 
 POSE = np.array([0.0, 0.3, -1.4, 0.5])
 
 
 def energy(chain: Chain, q: np.ndarray, v: np.ndarray) -> float:
-    """Kinetic and potential energy of the crane [J], the latter from the heights of its bodies."""
+    """Kinetic and potential energy of the crane [J]."""
     mass = np.empty((4, 4))
     mass_and_bias(chain, q, v, mass, np.empty(4))
-    phi, psi = q[1] + chain.theta_20, q[1] + q[2]
-    boom = chain.bodies[INNER_BOOM]
-    weighed = boom["mass"] * (boom["along"] * np.sin(phi) + boom["normal"] * np.cos(phi))
-    for index in range(OUTER_BOOM, GRIPPER + 1):
-        body = chain.bodies[index]
-        along, normal = body["along"], body["normal"]
-        if index != OUTER_BOOM:
-            along += chain.telescope_length + q[3]
-            normal += chain.telescope_offset
-        elbow = chain.inner_boom_length * np.sin(phi)
-        weighed += body["mass"] * (elbow + along * np.sin(psi) + normal * np.cos(psi))
-    return float(0.5 * v @ mass @ v + chain.gravity * weighed)
+    _, moment = beyond(chain, 1)
+    return float(0.5 * v @ mass @ v - chain.gravity @ moment)
 
 
 def led(bent: Rig, q: np.ndarray, v: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
@@ -105,7 +98,7 @@ def test_bending_answers_as_two_oscillators(machine: Machine, stand_in: StandIn)
     forces, _ = led(hidden, np.broadcast_to(POSE, v.shape), v)
     last = times[1:] > 8.0 - 4.0 / forced
     got = 2 * np.abs(np.mean(forces[last, 3] * np.exp(-1j * omega * times[1:][last])))
-    slid = stand_in.bodies.telescope.mass + stand_in.bodies.gripper.mass
+    slid = stand_in.bodies["telescope"].mass + stand_in.bodies["gripper"].mass
     total = 0j
     for ratio, part in MODES:
         r = forced / (frequency * ratio)

@@ -5,9 +5,11 @@ import pytest
 from unit.crane_sim.hidden_machine import Rig, planted, rig
 
 from crane_model.cylinders import lever_arm
-from crane_model.machine import JOINTS, Machine
+from crane_model.machine import Machine, load_machine
 from crane_sim.effects.form import Planted
 from crane_sim.parts.parameters import StandIn
+
+JOINTS = load_machine().joint_names
 
 JOINT, COLUMN = "outer_boom", 2
 Q = np.array([0.1, 0.4, -1.2, 0.7])
@@ -94,7 +96,7 @@ def test_pads_carry_a_beam_on_two_supports(machine: Machine, stand_in: StandIn) 
     hidden.act()
     across = machine.gravity * np.cos(Q[1] + Q[2])
     tip = machine.denavit_hartenberg.telescope_length + Q[3]
-    bodies = (stand_in.bodies.telescope, stand_in.bodies.gripper)
+    bodies = (stand_in.bodies["telescope"], stand_in.bodies["gripper"])
     weight = sum(body.mass * across for body in bodies)
     moment = sum(body.mass * across * (tip + body.centre_of_mass[0]) for body in bodies)
     front, rear = 1.1, 1.1 - (1.95 - Q[3])  # where the pads are, from the elbow

@@ -16,7 +16,8 @@ RANGES = (FRICTION, PUSHES, MEMORY, LOADS, FLOW, LEAKS, SOFTNESS)
 
 def work(machine: Machine, stand_in: StandIn, form: Form) -> None:
     """A step of all that acts on forces and flow."""
-    joint = "outer_boom" if "outer_boom" in form.joints else (*form.joints, None)[0]
+    joints = form.where.joints(machine)
+    joint = "outer_boom" if "outer_boom" in joints else (*joints, None)[0]
     values = (form.magnitude.start, *(draw.lowest for draw in form.draws))
     made = rig(stand_in, machine, Planted(form, joint, values))
     made.act()

@@ -6,13 +6,15 @@ import numpy as np
 import pytest
 from unit.crane_sim.hidden_machine import Rig, planted, rig
 
-from crane_model.machine import JOINTS, Machine
+from crane_model.machine import Machine, load_machine
 from crane_sim.effects.fault import SensorFault
 from crane_sim.effects.flow import leak, meter, note_softness, softness
 from crane_sim.effects.form import Planted
 from crane_sim.effects.sensing import faults
 from crane_sim.parts.hydraulics import opening
 from crane_sim.parts.parameters import StandIn
+
+JOINTS = load_machine().joint_names
 
 JOINT, COLUMN = "outer_boom", 2
 TIME = np.sort(0.005 * np.arange(400) + np.random.default_rng(1).uniform(-1e-4, 1e-4, 400))
@@ -23,7 +25,7 @@ A, B = (
 
 
 def fault(effect: Planted) -> SensorFault:
-    (made,) = faults([effect])
+    (made,) = faults([effect], load_machine())
     return made
 
 
@@ -94,7 +96,7 @@ def spool(hidden: Rig, position: float) -> float:
 
 def test_valves(machine: Machine, stand_in: StandIn) -> None:
     """More overlap, two gains, edges that trail; what they change in the flow is noted."""
-    zone = stand_in.valves.outer_boom.dead_zone
+    zone = stand_in.valves["outer_boom"].dead_zone
     overlap = rig(stand_in, machine, planted("valve_dead_zone", JOINT, 0.1, 0.004))
     gains = rig(stand_in, machine, planted("valve_asymmetry", JOINT, 0.2, 0.004))
     for position in (-0.8, -0.3, 0.3, 0.8):
@@ -121,7 +123,7 @@ def test_leakage_and_softness(machine: Machine, stand_in: StandIn) -> None:
     actuator = hidden.state.actuators[COLUMN]
     drop = float(actuator["p_a"] - actuator["p_b"])
     conductance = leak(hidden.hidden, hidden.constants, hidden.state, COLUMN)
-    flow = (conductance - stand_in.cylinders.outer_boom.leakage) * drop
+    flow = (conductance - stand_in.cylinders["outer_boom"].leakage) * drop
     assert flow == pytest.approx(1e-9 * np.sqrt(drop), rel=0.06)  # laminar below 5 bar
     assert hidden.hidden.flow[0, COLUMN] == pytest.approx(-flow)
 

@@ -9,23 +9,26 @@ import pytest
 from unit.crane_sim.hidden_machine import planted
 
 from crane_model.errors import ConfigurationError, RangeError
-from crane_model.machine import JOINTS, PLANAR_JOINTS, Machine, load_machine
+from crane_model.machine import Machine, load_machine
 from crane_model.machine_files import machine_file
 from crane_sim.effects.form import Planted
 from crane_sim.effects.forms import FORMS
 from crane_sim.effects.memory import STILL
 from crane_sim.effects.sensing import faults
 from crane_sim.hiding.calibrate import calibrate, draw, moved
-from crane_sim.hiding.label import check_place, clean_path, label
-from crane_sim.hiding.spec import HiddenEffect, Spec, load_spec
+from crane_sim.hiding.label import check_place, clean_path, label, load_hidden
+from crane_sim.hiding.spec import HiddenEffect, Spec
 from crane_sim.parts.constants import pack_chain
-from crane_sim.parts.parameters import StandIn
+from crane_sim.parts.parameters import StandIn, column
 from crane_sim.parts.rigid_bodies import inverse_dynamics
 from crane_sim.plant.closed_loop import record
 from crane_sim.plant.plant import Plant
 from crane_sim.plant.sampled import Sensors
 from crane_trajectory.control.controller import Gains, load_gains
 from crane_trajectory.motion.motion import Reference
+
+JOINTS = load_machine().joint_names
+PLANAR_JOINTS = load_machine().as_planar().joints
 
 CATALOGUE = {
     "stribeck", "stiction", "presliding", "maxwell_slip", "load_friction", "seal_friction",
@@ -69,7 +72,7 @@ def motion(stand_in: StandIn) -> Strokes:
     return Strokes(stand_in.start)
 
 
-def test_every_effect_of_the_catalogue_can_be_hidden_and_some_outside() -> None:
+def test_every_effect_of_the_catalogue_can_be_hidden_and_some_outside(machine: Machine) -> None:
     """Rows 1 to 29; at least five that no catalogue has."""
     inside = {name for name, forms in FORMS.items() if not forms[0].outside}
     assert inside == CATALOGUE
@@ -78,9 +81,9 @@ def test_every_effect_of_the_catalogue_can_be_hidden_and_some_outside() -> None:
     assert len(set(numbers)) == len(numbers)
     for forms in FORMS.values():
         for form in forms:
-            assert set(form.joints) <= set(PLANAR_JOINTS)
+            assert set(form.where.joints(machine)) <= set(PLANAR_JOINTS)
             assert form.outside == forms[0].outside
-            assert "{" not in form.unit(form.magnitude.unit, "telescope")
+            assert "{" not in form.unit(form.magnitude.unit, machine, "telescope")
 
 
 def test_nothing_hidden_changes_nothing(machine: Machine, stand_in: StandIn) -> None:
@@ -126,8 +129,8 @@ def test_forces_of_all_effects_close_the_balance(
     clean = moved(effects, machine, stand_in, motion, gains)
     chain, law = pack_chain(stand_in, machine), stand_in.friction
     up = np.where(clean.velocity > 0.0, 1.0, -1.0)
-    coulomb = law.array("f_c") * up + law.array("df_c")
-    viscous = law.array("f_v") * clean.velocity + law.array("df_v") * np.abs(clean.velocity)
+    coulomb = column(law, "f_c") * up + column(law, "df_c")
+    viscous = column(law, "f_v") * clean.velocity + column(law, "df_v") * np.abs(clean.velocity)
     bodies = [
         inverse_dynamics(chain, *motion)
         for motion in zip(clean.position, clean.velocity, clean.acceleration, strict=True)
@@ -140,7 +143,7 @@ def test_forces_of_all_effects_close_the_balance(
         assert len(rest) > 500
         assert np.sqrt(np.mean(rest**2)) < 2e-3 * drive[i], joint
     assert clean.force.shape == (len(effects), len(clean.time), len(JOINTS))
-    assert (clean.strength(effects) > 1e-4).all()
+    assert (clean.strength(effects, machine) > 1e-4).all()
 
 
 def test_strength_comes_as_wanted(
@@ -156,8 +159,8 @@ def test_strength_comes_as_wanted(
     )
     effects = calibrate(spec, machine, stand_in, motion, gains)
     clean = moved(effects, machine, stand_in, motion, gains)
-    np.testing.assert_allclose(clean.strength(effects), [0.02, 0.04], rtol=0.15)
-    first, second = label(effects, clean)
+    np.testing.assert_allclose(clean.strength(effects, machine), [0.02, 0.04], rtol=0.15)
+    first, second = label(effects, clean, machine)
     assert (first.effect, second.effect, second.name) == (
         "presliding", "outside", "crosstalk",
     )  # fmt: skip
@@ -177,30 +180,30 @@ def test_what_cannot_be_reached_is_refused_by_name(
         calibrate(spec, machine, stand_in, motion, gains)
 
 
-def test_parameters_are_drawn_from_the_seed_or_given(stand_in: StandIn) -> None:
+def test_parameters_are_drawn_from_the_seed_or_given(machine: Machine, stand_in: StandIn) -> None:
     """The same seed gives the same; what is given stays."""
 
     def drawn(seed: int, **parameters: float) -> Planted:
         effect = HiddenEffect(
             effect="stribeck", joint="telescope", strength=0.02, parameters=parameters
         )
-        return draw(Spec(seed=seed, effects=(effect,)), stand_in)[0]
+        return draw(Spec(seed=seed, effects=(effect,)), machine, stand_in)[0]
 
     assert drawn(1) == drawn(1)
     assert drawn(1).values[1] != drawn(2).values[1]
     assert drawn(1, speed=0.03).values[1] == 0.03
     given = HiddenEffect(effect="payload", parameters={"mass": 12.5, "gyration": 0.2})
-    values = draw(Spec(effects=(given,)), stand_in)[0].values
+    values = draw(Spec(effects=(given,)), machine, stand_in)[0].values
     assert (values[0], values[2]) == (12.5, 0.2)
 
 
-def test_the_sign_is_drawn_where_either_is_possible(stand_in: StandIn) -> None:
+def test_the_sign_is_drawn_where_either_is_possible(machine: Machine, stand_in: StandIn) -> None:
     """Zeros of transducers read too much or too little; friction is friction."""
 
     def signs(effect: str) -> set[float]:
         entry = HiddenEffect(effect=effect, joint="telescope", strength=0.02)
         return {
-            float(np.sign(draw(Spec(seed=seed, effects=(entry,)), stand_in)[0].values[0]))
+            float(np.sign(draw(Spec(seed=seed, effects=(entry,)), machine, stand_in)[0].values[0]))
             for seed in range(20)
         }
 
@@ -208,7 +211,7 @@ def test_the_sign_is_drawn_where_either_is_possible(stand_in: StandIn) -> None:
     assert signs("stribeck") == {1.0}
 
 
-def test_the_page_of_effects_lists_every_effect_with_its_forms() -> None:
+def test_the_page_of_effects_lists_every_effect_with_its_forms(machine: Machine) -> None:
     """In the table of what can be hidden, and each form with its parameters and their units."""
     page = Path(__file__).resolve().parents[3] / "docs" / "effects.md"
     section = page.read_text(encoding="utf-8").split("## What the stand-in machine can hide\n")[1]
@@ -222,7 +225,7 @@ def test_the_page_of_effects_lists_every_effect_with_its_forms() -> None:
     }
     assert parameters == {
         (form.effect, form.name): [
-            (entry.name, form.unit(entry.unit, form.joints[0] if form.joints else None))
+            (entry.name, form.unit(entry.unit, machine, (*form.where.joints(machine), None)[0]))
             for entry in (form.magnitude, *form.draws)
         ]
         for forms in FORMS.values()
@@ -235,9 +238,18 @@ def test_the_page_of_effects_lists_every_effect_with_its_forms() -> None:
     [
         ("effect: ghost, strength: 0.1", "no effect 'ghost'"),
         ("effect: stribeck, joint: telescope, strength: 0.1, form: exp", "no form 'exp'"),
-        ("effect: stribeck, strength: 0.1", "acts on a joint of inner_boom"),
-        ("effect: stribeck, joint: slew, strength: 0.1", "acts on a joint of inner_boom"),
-        ("effect: encoder_offset, joint: telescope, strength: 0.1", "acts on a joint of"),
+        (
+            "effect: stribeck, strength: 0.1",
+            r"spec\.yaml: 'stribeck' acts on a joint, whose pres.* joint of inner_boom",
+        ),
+        (
+            "effect: stribeck, joint: slew, strength: 0.1",
+            r"spec\.yaml: 'stribeck' acts on a joint, whose pres.* joint of inner_boom",
+        ),
+        (
+            "effect: encoder_offset, joint: telescope, strength: 0.1",
+            r"acts on a joint that turns, .* joint of inner_boom, outer_boom; got 'tel",
+        ),
         ("effect: payload, joint: telescope, strength: 0.1", "give no joint"),
         ("effect: payload", "either its strength or its parameter mass"),
         ("effect: payload, strength: 0.1, parameters: {mass: 3}", "either its strength"),
@@ -245,12 +257,14 @@ def test_the_page_of_effects_lists_every_effect_with_its_forms() -> None:
         ("effect: payload, strength: -0.1", "strength"),
     ],
 )
-def test_wrong_specifications_are_refused_by_name(tmp_path: Path, entry: str, message: str) -> None:
+def test_wrong_specifications_are_refused_by_name(
+    machine: Machine, stand_in: StandIn, tmp_path: Path, entry: str, message: str
+) -> None:
     """File, key and remedy."""
     path = tmp_path / "spec.yaml"
     path.write_text(f"effects:\n  - {{{entry}}}\n", encoding="utf-8")
     with pytest.raises(ConfigurationError, match=message):
-        load_spec(path)
+        load_hidden(path, machine, stand_in)
 
 
 def test_a_label_lies_outside_of_the_bag(tmp_path: Path) -> None:
@@ -276,7 +290,7 @@ def test_what_warms_up_goes_on_where_the_session_is(
     zero = planted("pressure_offset", "inner_boom", 1e5, 0.1, 50.0)
     for running in (0.0, 600.0):
         plant = Plant(stand_in, machine, motion.start, (oil, zero), running)
-        sensors = Sensors(stand_in.sensors, machine, 0, faults((oil, zero)))
+        sensors = Sensors(stand_in.sensors, machine, 0, faults((oil, zero), machine))
         recording = record(motion, plant, sensors, gains)
         truth = recording.truth
         assert truth.time[0] == pytest.approx(running, abs=0.01)

@@ -40,10 +40,9 @@ def test_each_metering_edge_has_a_gain_of_its_own(
     machine: Machine, stand_in: StandIn, x: float, at_a: str, at_b: str
 ) -> None:
     """Over a drop of 3.5 MPa an edge passes its share of the rated flow."""
-    given = stand_in.valves.telescope
-    valves = stand_in.valves.model_copy(
-        update={"telescope": given.model_copy(update={"edges": Edges(**EDGES)})}
-    )
+    given = stand_in.valves["telescope"]
+    edges = given.model_copy(update={"edges": Edges(**EDGES)})
+    valves = {**stand_in.valves, "telescope": edges}
     uneven = pack(stand_in.model_copy(update={"valves": valves}), machine)
     supply, drop = 17.5e6, given.rated_drop
     wanted_a, wanted_b = (share * given.rated_flow * x for share in (EDGES[at_a], -EDGES[at_b]))

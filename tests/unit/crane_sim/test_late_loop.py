@@ -6,7 +6,7 @@ from typing import Any
 import numpy as np
 from scipy.signal import butter, sosfiltfilt
 
-from crane_model.machine import JOINTS, load_machine
+from crane_model.machine import load_machine
 from crane_model.machine_files import machine_file
 from crane_nodes.joint_notes import load_joint_notes
 from crane_sim.parts.parameters import load_stand_in
@@ -17,6 +17,8 @@ from crane_trajectory.control.controller import load_gains
 from crane_trajectory.motion.check import load_clearance
 from crane_trajectory.motion.motion import plan
 from crane_trajectory.motion.periodic import load_trajectory
+
+JOINTS = load_machine().joint_names
 
 LATE = 10  # cycles of 5 ms
 SWINGING = 0.05  # rad/s, m/s: rms over a second of what is faster than 2 Hz

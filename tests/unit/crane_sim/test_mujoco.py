@@ -8,15 +8,16 @@ import pytest
 
 from crane_model.dynamics import Geometry, fill_base_regressor
 from crane_model.kinematics import link_transforms
-from crane_model.machine import JOINTS, PLANAR_JOINTS, Machine
+from crane_model.machine import Machine, load_machine
 from crane_sim.parts.constants import pack_chain
-from crane_sim.parts.mujoco_model import crane_spec
+from crane_sim.parts.mujoco_model import machine_spec
 from crane_sim.parts.parameters import StandIn
 from crane_sim.parts.rigid_bodies import inverse_dynamics, mass_and_bias
 from crane_sim.planted import planted
 
 STATES = 1000
-PLANAR = [JOINTS.index(joint) for joint in PLANAR_JOINTS]
+JOINTS = load_machine().joint_names
+PLANAR = [1, 2, 3]
 
 
 class States(NamedTuple):
@@ -29,7 +30,7 @@ class States(NamedTuple):
 
 @pytest.fixture(scope="module")
 def model(stand_in: StandIn, machine: Machine) -> mujoco.MjModel:
-    return crane_spec(stand_in, machine).compile()
+    return machine_spec(stand_in, machine).compile()
 
 
 @pytest.fixture(scope="module")
@@ -69,7 +70,7 @@ def test_boom_tip(model: mujoco.MjModel, machine: Machine, states: States) -> No
     for q, tip in zip(states.q, tips, strict=False):
         data.qpos[:] = q
         mujoco.mj_kinematics(model, data)
-        np.testing.assert_allclose(data.body("telescope").xpos, tip, atol=1e-12)
+        np.testing.assert_allclose(data.body("telescope link").xpos, tip, atol=1e-12)
 
 
 def test_mass_matrix_and_bias(

@@ -7,15 +7,17 @@ import numpy as np
 import pytest
 
 from crane_model.errors import ConfigurationError, RangeError
-from crane_model.machine import JOINTS, Machine
+from crane_model.machine import Machine, load_machine
 from crane_model.machine_files import machine_file
 from crane_sim.bus.operator_at_machine import Operator
 from crane_sim.parts.parameters import StandIn, load_stand_in
 from crane_sim.plant.plant import Plant
 
+JOINTS = load_machine().joint_names
+
 
 def test_a_lever_goes_before_the_command_until_it_is_let_go() -> None:
-    operator = Operator()
+    operator = Operator(JOINTS)
     operator.obey("outer_boom=0.2\n")
     assert operator.spools([0.1, 0.1, -0.1, 0.1]) == [0.1, 0.1, 0.2, 0.1]
     operator.obey("outer_boom = 0")
@@ -26,7 +28,7 @@ def test_a_lever_goes_before_the_command_until_it_is_let_go() -> None:
     "line", ["", "elbow=0.1", "slew=2", "slew=nan", "slew", "engine=maybe", "slew=fast"]
 )
 def test_what_cannot_be_done_changes_nothing(line: str) -> None:
-    operator = Operator()
+    operator = Operator(JOINTS)
     with pytest.raises(RangeError, match="write engine=on"):
         operator.obey(line)
     assert operator.engine
@@ -34,7 +36,7 @@ def test_what_cannot_be_done_changes_nothing(line: str) -> None:
 
 
 def test_lines_are_obeyed_and_wrong_ones_named() -> None:
-    operator, complaints = Operator(), io.StringIO()
+    operator, complaints = Operator(JOINTS), io.StringIO()
     operator.follow(io.StringIO("engine=off\nelbow=1\nslew=-0.3\n"), complaints)
     assert not operator.engine
     assert operator.levers["slew"] == -0.3
@@ -48,7 +50,7 @@ def test_a_null_bias_shifts_the_dead_zone_of_the_joint(
 ) -> None:
     """Whatever the sense of the cylinder."""
     valve = stand_in.valves[joint].model_copy(update={"null_bias": 0.02})
-    valves = stand_in.valves.model_copy(update={joint: valve})
+    valves = {**stand_in.valves, joint: valve}
     parameters = stand_in.model_copy(update={"valves": valves})
     edge = sign * valve.dead_zone + 0.02
     index, moved = JOINTS.index(joint), []
@@ -62,7 +64,7 @@ def test_a_null_bias_shifts_the_dead_zone_of_the_joint(
 
 def test_a_null_bias_that_opens_a_centred_valve_is_refused(tmp_path: Path) -> None:
     path = tmp_path / "plant.yaml"
-    base = load_stand_in().valves.slew.dead_zone
+    base = load_stand_in().valves["slew"].dead_zone
     path.write_text(
         f"base: {machine_file('stand_in.yaml')}\nvalves: {{slew: {{null_bias: {base + 0.01}}}}}\n"
     )

@@ -7,13 +7,15 @@ import pytest
 from PIL import Image
 
 from crane_model.errors import ConfigurationError
-from crane_model.machine import JOINTS, Machine
+from crane_model.machine import Machine, load_machine
 from crane_sim.drawing import picture, view
 from crane_sim.drawing.offscreen import FINENESS, draw, gl_context, take_picture
 from crane_sim.drawing.opengl import LIBRARIES, find_backend
 from crane_sim.drawing.scene import Scene
 from crane_sim.parts.parameters import StandIn
 from crane_trajectory.motion.fourier import FourierTrajectory
+
+JOINTS = load_machine().joint_names
 
 SIZE = (320, 200)
 
@@ -125,7 +127,7 @@ def test_viewer_replays_a_trajectory_and_holds_the_other_joints() -> None:
     moved = ("inner_boom", "outer_boom")
     trajectory = FourierTrajectory.from_coefficients("two joints", 8.0, moved, coefficients)
     rest = np.array([0.4, 0.0, -1.0, 0.7])
-    motion = view.replayed(trajectory, rest)
+    motion = view.replayed(trajectory, load_machine(), rest)
     for t in (0.0, 1.7, 8.0, 30.3):
         position = dict(zip(JOINTS, motion(t), strict=True))
         expected = trajectory.evaluate(np.array([t])).position[0]

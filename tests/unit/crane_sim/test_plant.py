@@ -4,9 +4,9 @@ import numpy as np
 import pytest
 
 from crane_model.errors import RangeError
-from crane_model.machine import JOINTS, Machine
+from crane_model.machine import Machine
 from crane_sim.parts.constants import pack
-from crane_sim.parts.parameters import StandIn
+from crane_sim.parts.parameters import StandIn, column
 from crane_sim.parts.rigid_bodies import mass_and_bias
 from crane_sim.plant.plant import Plant
 
@@ -44,7 +44,7 @@ def test_positive_command_moves_the_joint_in_its_positive_direction(
 
 def test_commands_inside_the_dead_zone_do_nothing(plant: Plant, stand_in: StandIn) -> None:
     """0.8 of every dead zone for two seconds."""
-    plant.advance(0.8 * stand_in.valves.array("dead_zone"), 2.0)
+    plant.advance(0.8 * column(stand_in.valves, "dead_zone"), 2.0)
     assert (plant.q == stand_in.start).all()
 
 
@@ -53,7 +53,7 @@ def test_end_stop_holds_against_a_full_command(
 ) -> None:
     """The telescope runs out and stays, pressed into the stop by what the supply can push."""
     command = np.array([0.0, 0.0, 0.0, 1.0])
-    cylinder, stop = machine.cylinders["telescope"], stand_in.cylinders.telescope
+    cylinder, stop = machine.cylinders["telescope"], stand_in.cylinders["telescope"]
     pressed = machine.hydraulics.supply_pressure * cylinder.area_a / stop.stop_stiffness
     plant.advance(command, 8.0)
     for _ in range(2):
@@ -111,6 +111,6 @@ def test_bad_commands_and_poses_are_refused_by_name(
         plant.advance(np.array([0.0, np.nan, 0.0, 0.0]), 0.01)
     assert plant.time == 0.0
     outside = stand_in.start.copy()
-    outside[JOINTS.index("inner_boom")] = 2.0
+    outside[machine.index("inner_boom")] = 2.0
     with pytest.raises(RangeError, match=r"inner_boom.*2 rad.*1\.37"):
         Plant(stand_in, machine, outside)

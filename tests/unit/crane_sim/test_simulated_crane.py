@@ -12,7 +12,7 @@ from crane_driver.can.decoder import Readings
 from crane_driver.can.frame import Frame
 from crane_driver.can.health import Monitor
 from crane_driver.can.layout import Layout
-from crane_model.machine import JOINTS, load_machine
+from crane_model.machine import load_machine
 from crane_model.machine_files import machine_file
 from crane_sim.bus.machine_on_bus import LONGEST_STEP, MachineOnBus
 from crane_sim.bus.pace import BACKLOG, PlantPace
@@ -21,6 +21,8 @@ from crane_sim.bus.valve_unit import TIMEOUT, ValveUnit
 from crane_sim.parts.parameters import load_stand_in
 from crane_sim.plant.plant import Plant
 from crane_sim.plant.sampled import Sensors
+
+JOINTS = load_machine().joint_names
 
 START = 1000.0  # s, steady
 CYCLE = 0.005  # s
@@ -183,7 +185,7 @@ def test_pace_makes_up_for_short_delays_and_reports_long_ones() -> None:
 @pytest.mark.parametrize(
     ("arguments", "message"),
     [
-        (["--pose", "elbow=1"], "--pose elbow=1: write JOINT=VALUE"),
+        (["--pose", "elbow=1"], "pose 'elbow=1': no joint 'elbow'; write JOINT=VALUE"),
         (["--pose", "telescope=5"], "telescope: the plant cannot start at 5 m"),
         (["--bus-option", "port"], "bus option 'port': write KEY=VALUE"),
         (["--interface", "carrier_pigeon"], "carrier_pigeon"),

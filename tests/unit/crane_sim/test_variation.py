@@ -5,8 +5,8 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from crane_model.machine import JOINTS, Machine
-from crane_sim.parts.parameters import Edges, StandIn, load_stand_in, save_stand_in
+from crane_model.machine import Machine
+from crane_sim.parts.parameters import Edges, StandIn, column, load_stand_in, save_stand_in
 from crane_sim.parts.variation import vary, vary_valves
 
 
@@ -14,9 +14,9 @@ def test_other_machines(stand_in: StandIn, machine: Machine, tmp_path: Path) -> 
     """Each seed its machine, within the spread; written and read as a file."""
     one, again, other = (vary(stand_in, seed, 0.1) for seed in (1, 1, 2))
     assert one == again != other
-    ratio = other.bodies.gripper.mass / stand_in.bodies.gripper.mass
+    ratio = other.bodies["gripper"].mass / stand_in.bodies["gripper"].mass
     assert 0.9 <= ratio <= 1.1 and ratio != 1.0
-    ratios = other.friction.array("f_c") / stand_in.friction.array("f_c")
+    ratios = column(other.friction, "f_c") / column(stand_in.friction, "f_c")
     assert ((ratios >= 0.9) & (ratios <= 1.1)).all()
     assert len(np.unique(ratios)) == 4
     save_stand_in(tmp_path / "machine.yaml", other)
@@ -28,7 +28,7 @@ def test_valves_for_differential_cylinders(stand_in: StandIn, machine: Machine) 
     one, again, other = (vary_valves(stand_in, machine, seed, 0.1) for seed in (1, 1, 2))
     assert one == again != other
     exact = vary_valves(stand_in, machine, 1, 0.0)
-    for joint in JOINTS:
+    for joint in machine.joint_names:
         given, valve, cylinder = (
             stand_in.valves[joint],
             other.valves[joint],

@@ -10,7 +10,7 @@ from unit.crane_model.changed_machine import with_actuator
 
 from crane_model.cylinders import cylinder_length
 from crane_model.errors import RangeError
-from crane_model.machine import PLANAR_JOINTS, load_machine
+from crane_model.machine import load_machine
 from crane_model.machine_files import machine_file
 from crane_trajectory.motion.check import (
     Clearance,
@@ -24,6 +24,7 @@ from crane_trajectory.motion.fourier import FourierTrajectory, JointSeries
 from crane_trajectory.motion.room import tip_room
 
 MACHINE = load_machine()
+PLANAR_JOINTS = MACHINE.joint_names[1:]
 CLEARANCE = load_clearance(machine_file("clearance.yaml"))
 
 

@@ -8,7 +8,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from crane_model.errors import ConfigurationError, RangeError
-from crane_model.machine import JOINTS, load_machine
+from crane_model.machine import load_machine
 from crane_model.machine_files import machine_file
 from crane_trajectory.control.controller import (
     GainFields,
@@ -18,6 +18,7 @@ from crane_trajectory.control.controller import (
     load_gains,
 )
 
+JOINTS = load_machine().joint_names
 GAINS = load_gains(machine_file("controller.yaml"), load_machine()).arrays
 UNITS = load_machine().units
 ROWS = [GainFields(*row) for row in zip(*GAINS, strict=True)]

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from crane_model.errors import ConfigurationError
-from crane_model.machine import PLANAR_JOINTS
+from crane_model.machine import load_machine
 from crane_model.machine_files import machine_file
 from crane_model.model_file import load_model
 from crane_model.record import Record
@@ -14,6 +14,7 @@ from crane_model.terms import JointTerm, Parameter, Term
 from crane_trajectory.excitation.derivatives import pull_back, smooth_record, smooth_regressor
 from crane_trajectory.motion.fourier import MotionSamples
 
+PLANAR_JOINTS = load_machine().joint_names[1:]
 MODEL = load_model(machine_file("model.yaml"))
 WIDTH = np.array([0.02, 0.05, 0.1])
 STEP = 1e-6

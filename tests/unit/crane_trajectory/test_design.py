@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 from PIL import Image
 
-from crane_model.machine import JOINTS, PLANAR_JOINTS, load_machine
+from crane_model.machine import load_machine
 from crane_model.machine_files import machine_file
 from crane_model.model_file import load_model
 from crane_trajectory.excitation.design import main
@@ -15,6 +15,8 @@ from crane_trajectory.motion.motion import plan
 from crane_trajectory.motion.periodic import load_trajectory
 
 MACHINE = load_machine()
+JOINTS = MACHINE.joint_names
+PLANAR_JOINTS = JOINTS[1:]
 MODEL = load_model(machine_file("model.yaml"))
 SETTINGS = load_design_settings(machine_file("design.yaml"))
 SHIPPED = {"excitation_20s": 20.0, "excitation_66s": 66.0, "validation_20s": 20.0}

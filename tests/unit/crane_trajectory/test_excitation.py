@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 
 from crane_model.errors import ConfigurationError, RangeError
-from crane_model.machine import PLANAR_JOINTS
+from crane_model.machine import load_machine
 from crane_model.machine_files import machine_file
 from crane_model.model_file import Model, load_model
 from crane_model.terms.term import Setting
@@ -24,6 +24,7 @@ from crane_trajectory.motion.fourier import FourierTrajectory
 from crane_trajectory.motion.periodic import load_trajectory
 from crane_trajectory.motion.room import tip_room
 
+PLANAR_JOINTS = load_machine().joint_names[1:]
 MODEL = load_model(machine_file("model.yaml"))
 SETTINGS = load_design_settings(machine_file("design.yaml"))
 CLEARANCE = load_clearance(machine_file("clearance.yaml"))

@@ -8,7 +8,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from crane_interfaces.action import RunExcitation
-from crane_model.machine import JOINTS, load_machine
+from crane_model.machine import load_machine
 from crane_model.machine_files import machine_file
 from crane_trajectory.control.controller import load_gains
 from crane_trajectory.control.interface import ControlCondition, SensorReading, Wanted
@@ -20,6 +20,7 @@ from crane_trajectory.motion.fourier import FourierTrajectory, JointSeries
 from crane_trajectory.motion.motion import Motion, Phase, plan
 from crane_trajectory.motion.reference_clock import BRAKE_TIME, LONGEST_STEP
 
+JOINTS = load_machine().joint_names
 PERIOD = 0.01  # s
 TIMEOUT = 0.06  # s
 START = np.array([0.2, 0.35, -1.5, 0.4])

@@ -6,13 +6,14 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from crane_model.errors import RangeError
-from crane_model.machine import JOINTS, load_machine
+from crane_model.machine import load_machine
 from crane_model.machine_files import machine_file
 from crane_trajectory.motion.check import load_clearance
 from crane_trajectory.motion.fourier import FourierTrajectory, JointSeries
 from crane_trajectory.motion.motion import APPROACH_SHARE, RUN_UP, Motion, Phase, plan
 
 MACHINE = load_machine()
+JOINTS = MACHINE.joint_names
 CLEARANCE = load_clearance(machine_file("clearance.yaml"))
 TRAJECTORY = FourierTrajectory(
     name="two harmonics",

@@ -7,7 +7,7 @@ import pytest
 
 from crane_model.configuration import save
 from crane_model.errors import ConfigurationError, RangeError
-from crane_model.machine import PLANAR_JOINTS, load_machine
+from crane_model.machine import load_machine
 from crane_model.machine_files import machine_file
 from crane_trajectory.excitation.settings import load_design_settings
 from crane_trajectory.excitation.sweeps import CORNER, design_sweeps
@@ -17,6 +17,7 @@ from crane_trajectory.motion.periodic import load_trajectory
 from crane_trajectory.motion.sweep import JointCourse, SweepTrajectory
 
 MACHINE = load_machine()
+PLANAR_JOINTS = MACHINE.joint_names[1:]
 CLEARANCE = load_clearance(machine_file("clearance.yaml"))
 MARGINS = load_design_settings(machine_file("design.yaml")).margins
 COURSE = JointCourse(time=(0.0, 3.0, 4.0, 5.0, 20.0), position=(0.2, 0.9, 0.9, 0.3, 0.2))

@@ -7,9 +7,9 @@ import numpy as np
 
 from crane_benchmark.cases.case import Case, CaseKind, EffectToHide
 from crane_benchmark.cases.drawn import drawn, in_any_form
+from crane_benchmark.cases.joints import PLANAR_JOINTS
 from crane_benchmark.cases.motions import Richness
 from crane_benchmark.cases.strangers import field, stranger
-from crane_model.machine import PLANAR_JOINTS
 
 STRENGTHS = (0.005, 0.01, 0.02, 0.04, 0.08)  # of single effects: rms over that of the drive force
 UNKNOWN = (0.02, 0.04, 0.08)  # of effects outside the catalogue

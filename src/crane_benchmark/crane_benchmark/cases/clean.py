@@ -6,9 +6,9 @@ from pathlib import Path
 
 import numpy as np
 
-from crane_model.machine import PLANAR_JOINTS
+from crane_benchmark.cases.joints import PLANAR, PLANAR_JOINTS
 from crane_model.record import Record
-from crane_sim.hiding.clean import PLANAR, Clean
+from crane_sim.hiding.clean import Clean
 from crane_sim.hiding.slewing import SLEW
 from crane_sim.parts.parameters import load_stand_in
 

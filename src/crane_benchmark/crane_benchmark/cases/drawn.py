@@ -6,6 +6,7 @@ from itertools import cycle
 import numpy as np
 
 from crane_benchmark.cases.case import Carried, EffectToHide
+from crane_benchmark.cases.joints import LABORATORY_CRANE
 from crane_sim.effects.forms import FORMS
 
 ABSORBED = ("pressure_gain",)  # by the masses: no data without a known weight show it
@@ -22,7 +23,7 @@ def drawn(
             for forms in FORMS.values()
             for form in forms
             if form.outside is outside and form.effect not in ABSORBED
-            for joint in form.joints or (None,)
+            for joint in form.where.joints(LABORATORY_CRANE) or (None,)
         }
     )
     strength = cycle(strengths)
@@ -36,7 +37,11 @@ def in_any_form(
     rng: np.random.Generator, effect: str, joint: str | None, strength: float
 ) -> EffectToHide:
     """The effect in any of its forms that can act there."""
-    forms = [form.name for form in FORMS[effect] if joint is None or joint in form.joints]
+    forms = [
+        form.name
+        for form in FORMS[effect]
+        if joint is None or joint in form.where.joints(LABORATORY_CRANE)
+    ]
     return EffectToHide(
         effect=effect,
         joint=joint,

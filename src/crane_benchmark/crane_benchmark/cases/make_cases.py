@@ -110,7 +110,7 @@ def _make(job: MakingJob, attempt: int) -> None:
             there, name = one.present(found), f"{one.part}-{one.number}"
             bag = bags / one.part / str(one.number)
             clean = make(bag, machine, stand_in, one.motion, gains, seed, there, one.moment)
-            hidden = [one.plain() for one in label(there, clean)]
+            hidden = [one.plain() for one in label(there, clean, machine)]
             write_json(sealed / f"{name}.json", {"effects": hidden})
             save_clean(sealed / f"{name}.npz", clean)
 

@@ -6,8 +6,9 @@ from enum import StrEnum
 
 import numpy as np
 
+from crane_benchmark.cases.joints import PLANAR_JOINTS
 from crane_model.errors import RangeError
-from crane_model.machine import PLANAR_JOINTS, Machine
+from crane_model.machine import Machine
 from crane_trajectory.motion.check import Clearance, pump_flow
 from crane_trajectory.motion.fourier import FourierTrajectory, MotionSamples
 from crane_trajectory.motion.motion import Motion, plan

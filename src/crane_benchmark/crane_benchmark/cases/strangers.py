@@ -7,7 +7,7 @@ import numpy as np
 
 from crane_benchmark.cases.case import Carried, Case, CaseKind, EffectToHide, Story, World
 from crane_benchmark.cases.drawn import LOAD, in_any_form
-from crane_model.machine import PLANAR_JOINTS
+from crane_benchmark.cases.joints import PLANAR_JOINTS
 
 STORIES = (
     *(Story.LOAD,) * 3,

@@ -1,7 +1,7 @@
 """The machine as data: joints, actuators and supply, from one validated YAML file."""
 
 from crane_model.machine.joint import DenavitHartenberg, JointLimits, MachineJoint, Origin
-from crane_model.machine.machine import Hydraulics, Machine, load_machine
+from crane_model.machine.machine import HydraulicSupply, Machine, load_machine
 from crane_model.machine.per_joint import JOINT_UNITS, JOINTS, PLANAR_JOINTS, PerJoint
 from crane_model.machine.planar import WEIGHED, PlanarCrane
 
@@ -11,7 +11,7 @@ __all__ = [
     "PLANAR_JOINTS",
     "WEIGHED",
     "DenavitHartenberg",
-    "Hydraulics",
+    "HydraulicSupply",
     "JointLimits",
     "Machine",
     "MachineJoint",

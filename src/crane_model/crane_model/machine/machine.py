@@ -27,7 +27,7 @@ Gravity = Annotated[
 """Straight down [m/s2], or (3,) in the base's frame where the base is tilted."""
 
 
-class Hydraulics(Schema):
+class HydraulicSupply(Schema):
     """Supply of all hydraulic actuators [Pa gauge, m3/s]."""
 
     supply_pressure: Positive
@@ -49,7 +49,7 @@ class Machine(Schema):
     joints: tuple[MachineJoint, ...] = Field(min_length=1)
     tool: Origin = Origin()
     couplings: tuple[Coupling, ...] = ()
-    supply: Hydraulics | None = Field(None, alias="hydraulics")
+    supply: HydraulicSupply | None = Field(None, alias="hydraulics")
     plausible: dict[str, tuple[float, float]] = {}
     """[least, most] of masses [kg] and moments [kg m] without a load, to check recordings."""
 
@@ -152,7 +152,7 @@ class Machine(Schema):
         return self.joint_names.index(joint)
 
     @property
-    def hydraulics(self) -> Hydraulics:
+    def hydraulics(self) -> HydraulicSupply:
         """The supply; `ConfigurationError` of a machine without one."""
         if self.supply is None:
             raise ConfigurationError(f"{self.name}: has no hydraulics; add the key to its file")

@@ -3,6 +3,7 @@
 from typing import ClassVar, Literal
 
 from crane_model.array import Array
+from crane_model.base_parameters import lagrangian_from_standard, standard_from_chain
 from crane_model.dynamics import Geometry, fill_base_regressor
 from crane_model.record import Record
 from crane_model.terms.planar import planar_columns, planar_machine
@@ -24,6 +25,13 @@ class PlanarRigidBody(Term):
         """The base set of the suite, each named as the combination that it is."""
         planar_machine(self, setting)
         return BASE_PARAMETERS
+
+    def of_bodies(self, setting: Setting) -> Array | None:
+        """The base set from the bodies of the chain."""
+        machine = planar_machine(self, setting)
+        lagrangian = lagrangian_from_standard(Geometry.of(machine))
+        bodies: Array = lagrangian[: len(BASE_PARAMETERS)] @ standard_from_chain(machine)
+        return bodies
 
     def fill(self, record: Record, setting: Setting, columns: Array) -> None:
         """On the rows of inner boom, outer boom and telescope."""

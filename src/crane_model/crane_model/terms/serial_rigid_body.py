@@ -40,6 +40,14 @@ class SerialRigidBody(Term):
         """One a combination."""
         return self._bodies(setting).parameters
 
+    def of_bodies(self, setting: Setting) -> Array | None:
+        """The base set, or its other names, from the bodies of the chain."""
+        bodies = self._bodies(setting)
+        if bodies.turned is None:
+            return bodies.base.combination
+        turned: Array = np.asarray(np.linalg.solve(bodies.turned, bodies.base.combination), float)
+        return turned
+
     def fill(self, record: Record, setting: Setting, columns: Array) -> None:
         """On the rows of all joints that the machine and the model have."""
         bodies = self._bodies(setting)

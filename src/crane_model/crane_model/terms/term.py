@@ -127,6 +127,12 @@ class Term(Schema, ABC):
         `columns` (n, j, parameters) comes as zeros, a part of the regressor of the whole model.
         """
 
+    def of_bodies(self, setting: Setting) -> Array | None:
+        """(parameters, 10 m) from the ten of each body of the machine (`crane_model.chain`) to its
+        parameters; None where they do not follow from the bodies.
+        """
+        return None
+
     def fill_smooth(self, record: Record, setting: Setting, columns: Array) -> None:
         """`fill`, but smooth in q' where `record.direction` is a smooth function of it."""
         self.fill(record, setting, columns)

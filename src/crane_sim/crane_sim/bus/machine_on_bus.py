@@ -9,7 +9,6 @@ from crane_driver.can.frame import Frame
 from crane_driver.can.layout import Layout
 from crane_driver.can.mapping import LINES
 from crane_model.errors import ConfigurationError
-from crane_model.machine import JOINTS
 from crane_sim.bus.operator_at_machine import Operator
 from crane_sim.bus.valve_unit import ValveUnit
 from crane_sim.plant.plant import Plant
@@ -36,8 +35,9 @@ class MachineOnBus:
         """`ConfigurationError` if the layout has pressures that the machine does not measure."""
         self._codec = MachineCodec(layout)
         self._plant, self._sensors = plant, sensors
-        self._operator = operator or Operator()  # one who touches nothing
-        self.valves = ValveUnit(self._codec, start)
+        self._joints = plant.machine.joint_names
+        self._operator = operator or Operator(self._joints)  # one who touches nothing
+        self.valves = ValveUnit(self._codec, self._joints, start)
         self.period = min(self._codec.cycles.values())
         self._every = {
             name: round(cycle / self.period) for name, cycle in self._codec.cycles.items()
@@ -98,4 +98,4 @@ class MachineOnBus:
         for column, joint in enumerate(self._sensors.cylinders):
             pressures[f"{joint}.a"] = float(read.chamber_a[0, column])
             pressures[f"{joint}.b"] = float(read.chamber_b[0, column])
-        return dict(zip(JOINTS, q.tolist(), strict=True)), pressures
+        return dict(zip(self._joints, q.tolist(), strict=True)), pressures

@@ -4,7 +4,6 @@ from collections.abc import Iterable, Sequence
 from typing import TextIO
 
 from crane_model.errors import RangeError
-from crane_model.machine import JOINTS
 
 
 class Operator:
@@ -15,8 +14,8 @@ class Operator:
     are vented: nothing moves, and all pressures are those of the air.
     """
 
-    def __init__(self) -> None:
-        self.levers = dict.fromkeys(JOINTS, 0.0)
+    def __init__(self, joints: Sequence[str]):
+        self.levers = dict.fromkeys(joints, 0.0)
         self.engine = True
 
     def obey(self, line: str) -> None:
@@ -29,10 +28,10 @@ class Operator:
             opening = float(value)
         except ValueError:
             opening = 2.0
-        if name not in JOINTS or not -1.0 <= opening <= 1.0:
+        if name not in self.levers or not -1.0 <= opening <= 1.0:
             raise RangeError(
                 f"'{line.strip()}': write engine=on, engine=off, or JOINT=OPENING with a joint of "
-                f"{', '.join(JOINTS)} and an opening from -1 to 1"
+                f"{', '.join(self.levers)} and an opening from -1 to 1"
             )
         self.levers[name] = opening
 
@@ -45,6 +44,6 @@ class Operator:
                 print(error, file=complaints, flush=True)
 
     def spools(self, commands: Sequence[float]) -> Iterable[float]:
-        """(4,) where the spools are held: by the lever where it is moved, else by the command."""
+        """(j,) where the spools are held: by the lever where it is moved, else by the command."""
         levers = self.levers.values()
         return [lever or command for lever, command in zip(levers, commands, strict=True)]

@@ -14,21 +14,18 @@ from contextlib import suppress
 from pathlib import Path
 from types import FrameType
 
-import numpy as np
-
 from crane_driver.can.binding import load_layout
 from crane_driver.can.bus import BusError
 from crane_driver.can.link import Link
 from crane_driver.can.options import bus_settings
 from crane_model import cli
 from crane_model.arguments import whole
-from crane_model.errors import ConfigurationError
-from crane_model.machine import JOINTS, load_machine
 from crane_model.machine_files import machine_file
 from crane_sim.bus.machine_on_bus import MachineOnBus
 from crane_sim.bus.operator_at_machine import Operator
 from crane_sim.bus.pace import PlantPace
-from crane_sim.parts.parameters import load_stand_in
+from crane_sim.options import add_plant, load_both
+from crane_sim.parts.pose import parse_pose
 from crane_sim.plant.plant import Plant
 from crane_sim.plant.sampled import Sensors
 
@@ -53,13 +50,13 @@ def main(argv: Sequence[str] | None = None) -> int:
 
 def _run(options: argparse.Namespace, stop: threading.Event) -> None:
     settings = bus_settings(options.interface, options.channel, options.bitrate, options.bus_option)
-    machine, parameters = load_machine(options.machine), load_stand_in(options.plant)
+    machine, parameters = load_both(options.machine, options.plant)
     layout = load_layout(
         machine,
         machine_file("can.yaml", options.machine, options.mapping),
         machine_file("can.dbc", options.machine, options.dbc),
     )
-    plant = Plant(parameters, machine, _pose(parameters.start, options.pose))
+    plant = Plant(parameters, machine, parse_pose(options.pose, machine, parameters.start))
     sensors = Sensors(parameters.sensors, machine, options.seed)
     with Link(settings) as link:
         # Compiled here, not while the clock runs: the first steps may take seconds.
@@ -67,7 +64,7 @@ def _run(options: argparse.Namespace, stop: threading.Event) -> None:
         warm.run(parameters.step)
         warm.exchange([])
         link.take()
-        operator = Operator()
+        operator = Operator(machine.joint_names)
         if options.operator:
             threading.Thread(
                 target=operator.follow, args=(sys.stdin, sys.stderr), daemon=True
@@ -93,21 +90,6 @@ def _run(options: argparse.Namespace, stop: threading.Event) -> None:
         print(pace.summary(crane.lost), flush=True)
 
 
-def _pose(rest: np.ndarray, entries: Sequence[str]) -> np.ndarray:
-    """`rest` (4,) with the joints that are given as JOINT=VALUE."""
-    pose = rest.copy()
-    for entry in entries:
-        joint, _, text = entry.partition("=")
-        try:
-            pose[JOINTS.index(joint)] = float(text)
-        except ValueError:
-            raise ConfigurationError(
-                f"--pose {entry}: write JOINT=VALUE with a joint of {', '.join(JOINTS)} and its "
-                "position in rad or m"
-            ) from None
-    return pose
-
-
 def _parser() -> argparse.ArgumentParser:
     parser = cli.command_line(description=main.__doc__)
     parser.add_argument(
@@ -124,8 +106,8 @@ def _parser() -> argparse.ArgumentParser:
     )
     parser.add_argument("--mapping", type=Path, help="mapping YAML (default: the packaged one)")
     parser.add_argument("--dbc", type=Path, help="DBC file (default: the packaged one)")
-    parser.add_argument("--machine", type=Path, help="machine file (default: the packaged one)")
-    parser.add_argument("--plant", type=Path, help="stand-in file (default: the packaged one)")
+    cli.add_machine(parser)
+    add_plant(parser)
     parser.add_argument(
         "--pose",
         nargs="+",

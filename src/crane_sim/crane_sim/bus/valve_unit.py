@@ -1,10 +1,11 @@
 """The electronics of the valves: what they do with the frames that command them."""
 
+from collections.abc import Sequence
+
 from crane_driver.can.codec import MachineCodec
 from crane_driver.can.frame import Frame
 from crane_driver.can.health import Monitor
 from crane_driver.faults import UNUSABLE
-from crane_model.machine import JOINTS
 
 TIMEOUT = 0.1  # s without a valid command, as the DBC file says of the valve unit
 NEUTRAL, ENABLED, COMMAND_TIMEOUT = "Neutral", "Enabled", "CommandTimeout"
@@ -18,10 +19,10 @@ class ValveUnit:
     that does not enable them.
     """
 
-    def __init__(self, codec: MachineCodec, now: float):
+    def __init__(self, codec: MachineCodec, joints: Sequence[str], now: float):
         self._codec = codec
         self._monitor = Monitor(codec.layout.commands, codec.layout.timing, now)
-        self._commands = dict.fromkeys(JOINTS, 0.0)
+        self._commands = dict.fromkeys(joints, 0.0)
         self._last = now
         self.state = NEUTRAL
         self.refused = 0  # frames
@@ -48,11 +49,11 @@ class ValveUnit:
             self.state = ENABLED
 
     def commands(self, now: float) -> list[float]:
-        """(4,) spool commands -1 to 1 at `now` [s, steady], in the order of JOINTS."""
+        """(j,) spool commands -1 to 1 at `now` [s, steady], in the order of the joints."""
         self._expire(now)
         if self.state is not ENABLED:
-            return [0.0] * len(JOINTS)
-        return [self._commands[joint] for joint in JOINTS]
+            return [0.0] * len(self._commands)
+        return list(self._commands.values())
 
     def _expire(self, now: float) -> None:
         if self.state is ENABLED and now - self._last > TIMEOUT:

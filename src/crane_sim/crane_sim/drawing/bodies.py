@@ -11,9 +11,11 @@ from itertools import pairwise
 import mujoco
 import numpy as np
 
+from crane_model.kinematics import link_transforms
 from crane_model.machine import Machine
-from crane_sim.drawing.pins import direction, lever_pin, outer_boom_pins
+from crane_sim.drawing.pins import direction, lever_pin, outer_boom_pins, triangle
 from crane_sim.drawing.shapes import Disc, Material, bar, box, pin, plate, plates
+from crane_sim.parts.mujoco_model import add_body, link_name
 
 PIN = 0.022  # m, radius
 BOOM = (0.062, 0.077)  # m from the middle: sides of the inner boom
@@ -24,12 +26,30 @@ FLUSH = 0.0008  # m; overlapping surfaces in one plane would flicker
 
 
 def dress(spec: mujoco.MjSpec, machine: Machine) -> None:
-    """Draw the bodies of `mujoco_model.crane_spec`; the gripper is drawn hanging."""
+    """Draw the links of a `forwarder`; the gripper is drawn hanging."""
+    planar = machine.as_planar()
+    inner, outer, telescope = planar.joints
+    slew = machine.joint_names[0]
+    joint_2 = np.array([0.0, planar.base_height])
+    elbow = joint_2 + planar.inner_boom_length * direction(planar.theta_2_0)
+    tip = elbow + (planar.telescope_length, planar.telescope_offset)
     _base(spec.worldbody)
-    _pillar(spec, spec.body("pillar"), machine)
-    _inner_boom(spec, spec.body("inner_boom"), machine)
-    _outer_boom(spec, spec.body("outer_boom"), machine)
-    _telescope(spec, spec.body("telescope"), machine)
+    _pillar(spec, _drawn(spec, machine, slew, joint_2, 0.0), machine)
+    _inner_boom(spec, _drawn(spec, machine, inner, joint_2, planar.theta_2_0), machine)
+    _outer_boom(spec, _drawn(spec, machine, outer, elbow, 0.0), machine)
+    _telescope(spec, _drawn(spec, machine, telescope, tip, 0.0), machine)
+
+
+def _drawn(
+    spec: mujoco.MjSpec, machine: Machine, joint: str, at: np.ndarray, angle: float
+) -> mujoco.MjsBody:
+    """A frame to draw a link in: `at` (x, z) in the zero pose, its x axis raised by `angle`."""
+    link = link_transforms(machine, np.zeros(len(machine.joint_names)))[0, machine.index(joint)]
+    cos, sin = direction(angle)
+    placed = np.eye(4)
+    placed[:3, :3] = [[cos, 0.0, -sin], [0.0, 1.0, 0.0], [sin, 0.0, cos]]
+    placed[[0, 2], 3] = at
+    return add_body(spec.body(link_name(joint)), f"{joint} drawn", np.linalg.inv(link) @ placed)
 
 
 def _base(world: mujoco.MjsBody) -> None:
@@ -47,8 +67,8 @@ def _base(world: mujoco.MjsBody) -> None:
 
 
 def _pillar(spec: mujoco.MjSpec, body: mujoco.MjsBody, machine: Machine) -> None:
-    linkage = machine.inner_boom_linkage
-    floor = -machine.denavit_hartenberg.base_height
+    linkage = triangle(machine)
+    floor = -machine.as_planar().base_height
     base = linkage.j1 * direction(linkage.phi_4 - math.pi / 2)
     bar(body, (0.0, 0.0, floor + 0.36), (0.0, 0.0, floor + 0.42), 0.24, Material.PAINT)
     column = [(x, z, 0.02) for x, z in _box(-0.17, 0.17, floor + 0.42, floor + 0.5)]
@@ -62,8 +82,8 @@ def _pillar(spec: mujoco.MjSpec, body: mujoco.MjsBody, machine: Machine) -> None
 
 def _inner_boom(spec: mujoco.MjSpec, body: mujoco.MjsBody, machine: Machine) -> None:
     """An open-bottomed girder: its cylinder's eye is between the sides, the other above them."""
-    length, linkage = machine.denavit_hartenberg.inner_boom_length, machine.inner_boom_linkage
-    eye = linkage.j2 * direction(linkage.phi_3 - machine.denavit_hartenberg.theta_2_0)
+    length, linkage = machine.as_planar().inner_boom_length, triangle(machine)
+    eye = linkage.j2 * direction(linkage.phi_3 - machine.as_planar().theta_2_0)
     base, rocker = (np.array([length, 0.0]) + point for point in outer_boom_pins(machine))
     plates(spec, body, [(0.0, 0.0, 0.07), (*eye, 0.055), (length, 0.0, 0.066)], *BOOM)
     box(body, (0.06, -BOOM[0], 0.045), (length - 0.03, BOOM[0], 0.062), Material.PAINT)
@@ -76,7 +96,7 @@ def _inner_boom(spec: mujoco.MjSpec, body: mujoco.MjsBody, machine: Machine) -> 
 
 def _outer_boom(spec: mujoco.MjSpec, body: mujoco.MjsBody, machine: Machine) -> None:
     """A square tube along the telescope's axis, on cheeks that straddle the inner boom."""
-    dh = machine.denavit_hartenberg
+    dh = machine.as_planar()
     rise, end, lever = dh.telescope_offset, dh.telescope_length - 0.17, lever_pin(machine)
     tube = [(x, z, 0.008) for x, z in _box(0.10, end, rise - 0.08, rise + 0.08)]
     plate(spec, body, tube, -0.066, 0.066)
@@ -87,7 +107,7 @@ def _outer_boom(spec: mujoco.MjSpec, body: mujoco.MjsBody, machine: Machine) -> 
     plate(spec, body, [(0.17, rise, 0.05), (0.36, rise, 0.04)], -CHEEK[0], CHEEK[0])
     pin(body, (0.0, 0.0), CHEEK[1] + 0.02, 0.04)
     pin(body, lever, CHEEK[1] + 0.012, PIN)
-    radius, _ = radii(machine, "telescope")
+    radius, _ = radii(machine, machine.as_planar().joints[2])
     height = rise + _above_tube(machine)
     bar(body, (-0.02, 0.0, height), (end + 0.015, 0.0, height), radius, Material.BARREL)
     for x in (0.14, end - 0.03):
@@ -96,12 +116,12 @@ def _outer_boom(spec: mujoco.MjSpec, body: mujoco.MjsBody, machine: Machine) -> 
 
 def _telescope(spec: mujoco.MjSpec, body: mujoco.MjsBody, machine: Machine) -> None:
     """A tube within the outer boom's, with the fork that carries the gripper, and the rod."""
-    length = machine.denavit_hartenberg.telescope_length
+    length = machine.as_planar().telescope_length
     tube = [(x, z, 0.006) for x, z in _box(0.14 - length, -0.07, -0.06, 0.06)]
     plate(spec, body, tube, -0.048, 0.048, Material.STEEL)
     plates(spec, body, [(-0.12, 0.0, 0.05), (0.0, 0.0, 0.04)], 0.032, 0.05, Material.STEEL)
     pin(body, (0.0, 0.0), 0.06, PIN)
-    _, radius = radii(machine, "telescope")
+    _, radius = radii(machine, machine.as_planar().joints[2])
     height = _above_tube(machine)
     plate(spec, body, [(-0.10, 0.0, 0.05), (-0.10, height, 0.03)], -0.03, 0.03, Material.STEEL)
     bar(body, (0.14 - length, 0.0, height), (-0.10, 0.0, height), radius, Material.CHROME)
@@ -148,7 +168,7 @@ def radii(machine: Machine, joint: str) -> tuple[float, float]:
 
 def _above_tube(machine: Machine) -> float:
     """Height of the telescope's cylinder over the telescope's axis."""
-    return 0.092 + 0.008 + radii(machine, "telescope")[0]
+    return 0.092 + 0.008 + radii(machine, machine.as_planar().joints[2])[0]
 
 
 def _box(low_x: float, high_x: float, low_z: float, high_z: float) -> list[tuple[float, float]]:

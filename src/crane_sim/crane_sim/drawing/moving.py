@@ -12,10 +12,9 @@ import numpy as np
 
 from crane_model.machine import Machine
 from crane_sim.drawing.bodies import LINK_1, LINK_2, PIN, gripper, radii
-from crane_sim.drawing.pins import Pins
+from crane_sim.drawing.pins import Pins, four_bar
 from crane_sim.drawing.shapes import Material, bar, pin, plate, plates
 
-CYLINDERS = ("inner_boom", "outer_boom")
 EYE = 0.034  # m, radius
 CAP = 0.08  # m from a cylinder's end to its piston or gland
 
@@ -30,9 +29,10 @@ class Placement(NamedTuple):
 
 def add_moving_parts(spec: mujoco.MjSpec, machine: Machine) -> None:
     """Bodies to be placed by `placements`."""
-    for joint in CYLINDERS:
-        _cylinder(spec, machine, joint)
-    linkage = machine.outer_boom_linkage
+    inner, outer, _ = machine.as_planar().joints
+    _cylinder(spec, machine, inner, "inner_boom")
+    _cylinder(spec, machine, outer, "outer_boom")
+    linkage = four_bar(machine)
     for name, length, sides in (("link_1", linkage.c1, LINK_1), ("link_2", linkage.c2, LINK_2)):
         body = _free(spec, name)
         discs = [(0.0, 0.0, 0.034), (length, 0.0, 0.034)]
@@ -58,19 +58,19 @@ def _between(name: str, start: np.ndarray, end: np.ndarray) -> Placement:
     return Placement(name, start, math.atan2(z, x))
 
 
-def _cylinder(spec: mujoco.MjSpec, machine: Machine, joint: str) -> None:
+def _cylinder(spec: mujoco.MjSpec, machine: Machine, joint: str, name: str) -> None:
     """Barrel from its pin, rod from the other; neither runs out of its stroke."""
     stroke = machine.cylinders[joint]
     outer, inner = radii(machine, joint)
     barrel_end = stroke.length_min - CAP
     rod_end = stroke.length_max - barrel_end + CAP / 2  # still in the barrel when fully extended
 
-    barrel = _free(spec, f"{joint}_barrel")
+    barrel = _free(spec, f"{name}_barrel")
     _eye(spec, barrel)
     bar(barrel, (EYE, 0.0, 0.0), (barrel_end, 0.0, 0.0), outer, Material.BARREL)
     gland = (barrel_end - 0.05, 0.0, 0.0)
     bar(barrel, gland, (barrel_end, 0.0, 0.0), outer + 0.005, Material.STEEL)
-    rod = _free(spec, f"{joint}_rod")
+    rod = _free(spec, f"{name}_rod")
     _eye(spec, rod)
     bar(rod, (EYE / 2, 0.0, 0.0), (rod_end, 0.0, 0.0), inner, Material.CHROME)
 

@@ -5,11 +5,10 @@ from pathlib import Path
 
 from crane_model import cli
 from crane_model.errors import DataError
-from crane_model.machine import load_machine
 from crane_model.progress_bar import progress_bar
 from crane_sim.drawing.opengl import find_backend
-from crane_sim.drawing.pose import parse_pose
-from crane_sim.parts.parameters import load_stand_in
+from crane_sim.options import add_plant, load_both
+from crane_sim.parts.pose import parse_pose
 
 SIZE = (1600, 1000)
 LARGEST = 4000  # pixels
@@ -24,8 +23,8 @@ def main(argv: Sequence[str] | None = None) -> int:
         "--pose", nargs="+", default=[], metavar="JOINT=VALUE", help="rad, m; else at rest"
     )
     parser.add_argument("--size", type=int, nargs=2, default=SIZE, metavar=("WIDTH", "HEIGHT"))
-    parser.add_argument("--plant", type=Path, help="stand-in file (default: the packaged one)")
-    parser.add_argument("--machine", type=Path, help="machine file (default: the packaged one)")
+    add_plant(parser)
+    cli.add_machine(parser)
     cli.add_replace(parser)
     arguments = parser.parse_args(argv)
 
@@ -38,8 +37,8 @@ def main(argv: Sequence[str] | None = None) -> int:
         width, height = arguments.size
         if not all(1 <= side <= LARGEST for side in (width, height)):
             raise DataError(f"--size {width} {height}: each from 1 to {LARGEST} pixels")
-        parameters, machine = load_stand_in(arguments.plant), load_machine(arguments.machine)
-        pose = parse_pose(arguments.pose, parameters.start)
+        machine, parameters = load_both(arguments.machine, arguments.plant)
+        pose = parse_pose(arguments.pose, machine, parameters.start)
         find_backend()
         # only now: without OpenGL the import of mujoco may fail, and less clearly
         from PIL import Image

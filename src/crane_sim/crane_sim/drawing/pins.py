@@ -10,6 +10,9 @@ from typing import NamedTuple
 
 import numpy as np
 
+from crane_model.actuators.direct_cylinder import DirectCylinder
+from crane_model.actuators.four_bar_cylinder import FourBarCylinder
+from crane_model.actuators.triangle_cylinder import TriangleCylinder
 from crane_model.machine import Machine
 
 
@@ -32,9 +35,37 @@ def direction(angle: float) -> np.ndarray:
     return np.array([math.cos(angle), math.sin(angle)])
 
 
+def forwarder(machine: Machine) -> bool:
+    """Whether it is a crane as of the report: a slew, two booms with its linkages, a telescope."""
+    planar = machine.planar
+    if planar is None or len(machine.joints) != 1 + len(planar.joints):
+        return False
+    inner, outer, telescope = (machine.actuators[joint] for joint in planar.joints)
+    return (
+        isinstance(inner, TriangleCylinder)
+        and isinstance(outer, FourBarCylinder)
+        and not outer.mirrored
+        and isinstance(telescope, DirectCylinder)
+    )
+
+
+def triangle(machine: Machine) -> TriangleCylinder:
+    """What raises the inner boom of a `forwarder`."""
+    actuator = machine.actuators[machine.as_planar().joints[0]]
+    assert isinstance(actuator, TriangleCylinder)
+    return actuator
+
+
+def four_bar(machine: Machine) -> FourBarCylinder:
+    """What moves the outer boom of a `forwarder`."""
+    actuator = machine.actuators[machine.as_planar().joints[1]]
+    assert isinstance(actuator, FourBarCylinder)
+    return actuator
+
+
 def outer_boom_pins(machine: Machine, angle: float = 0.0) -> tuple[np.ndarray, np.ndarray]:
     """Pins B and R seen from the elbow, in axes in which the inner boom's line is at `angle`."""
-    linkage = machine.outer_boom_linkage
+    linkage = four_bar(machine)
     to_base = angle + math.pi - linkage.pin_rise
     to_rocker = to_base + linkage.gamma_32
     return linkage.s31 * direction(to_base), linkage.s23 * direction(to_rocker)
@@ -42,19 +73,15 @@ def outer_boom_pins(machine: Machine, angle: float = 0.0) -> tuple[np.ndarray, n
 
 def lever_pin(machine: Machine, angle: float = 0.0) -> np.ndarray:
     """Pin P seen from the elbow, in axes in which the telescope's direction psi is at `angle`."""
-    linkage = machine.outer_boom_linkage
+    linkage = four_bar(machine)
     # from P to R the angle at the elbow is gamma_21 (21), and R is fixed to the inner boom
-    to_rocker = machine.denavit_hartenberg.theta_2_0 + math.pi - linkage.pin_rise + linkage.gamma_32
+    to_rocker = machine.as_planar().theta_2_0 + math.pi - linkage.pin_rise + linkage.gamma_32
     return linkage.s22 * direction(angle + to_rocker - linkage.gamma_21_0)
 
 
 def pins(machine: Machine, q: np.ndarray) -> Pins:
-    """The pins at q (4,), in the order of JOINTS; not finite where the links do not reach."""
-    dh, inner, outer = (
-        machine.denavit_hartenberg,
-        machine.inner_boom_linkage,
-        machine.outer_boom_linkage,
-    )
+    """The pins at q (4,) of a `forwarder`; not finite where the links do not reach."""
+    dh, inner, outer = machine.as_planar(), triangle(machine), four_bar(machine)
     phi, psi = q[1] + dh.theta_2_0, q[1] + q[2]
     joint_2 = np.array([0.0, dh.base_height])
     elbow = joint_2 + dh.inner_boom_length * direction(phi)

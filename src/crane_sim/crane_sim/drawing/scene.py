@@ -1,4 +1,4 @@
-"""The crane with its surroundings, in any pose: what pictures and the viewer show."""
+"""The machine with its surroundings, in any pose: what pictures and the viewer show."""
 
 import math
 
@@ -6,15 +6,18 @@ import mujoco
 import numpy as np
 
 from crane_model.errors import RangeError
-from crane_model.machine import JOINT_UNITS, JOINTS, Machine
+from crane_model.kinematics import tip_position
+from crane_model.machine import Machine
 from crane_sim.drawing.bodies import dress
 from crane_sim.drawing.moving import add_moving_parts, placements
-from crane_sim.drawing.pins import pins
+from crane_sim.drawing.pins import forwarder, pins
 from crane_sim.drawing.shapes import add_materials
-from crane_sim.parts.mujoco_model import crane_spec, raised
+from crane_sim.drawing.sketch import sketch
+from crane_sim.parts.mujoco_model import chain_positions, machine_spec
 from crane_sim.parts.parameters import StandIn
 
 GRIPPER_REACH = 0.92  # m, of the hanging gripper below the boom tip
+BASE = (-0.8, 0.0, 0.0)  # m, the edge of the foundation
 PADDING = np.array([0.35, 0.35, 0.12])  # m, of links and jaws around the pins
 MARGIN = 1.22  # of the picture over the crane in it
 
@@ -24,11 +27,14 @@ class Scene:
 
     def __init__(self, parameters: StandIn, machine: Machine, width: int = 0, height: int = 0):
         """`width` and `height` [pixels]: of the largest picture to be taken of it."""
-        self._machine = machine
-        spec = crane_spec(parameters, machine)
+        self._machine, self._detailed = machine, forwarder(machine)
+        spec = machine_spec(parameters, machine)
         add_materials(spec)
-        dress(spec, machine)
-        add_moving_parts(spec, machine)
+        if self._detailed:
+            dress(spec, machine)
+            add_moving_parts(spec, machine)
+        else:
+            sketch(spec, machine)
         _surround(spec)
         view = spec.visual.global_
         view.offwidth, view.offheight = max(width, view.offwidth), max(height, view.offheight)
@@ -37,19 +43,25 @@ class Scene:
         self.set_pose(parameters.start)
 
     def set_pose(self, q: np.ndarray) -> None:
-        """Show the crane at q (4,), in the order of JOINTS.
+        """Show the machine at q (j,), from the base to the tip.
 
         `RangeError` where q leaves Table 2: beyond it the linkages may not reach.
         """
-        for joint, value in zip(JOINTS, q, strict=True):
-            limits = self._machine.limits[joint]
+        machine = self._machine
+        for joint, value in zip(machine.joint_names, q, strict=True):
+            limits = machine.limits[joint]
             if not limits.position_min <= value <= limits.position_max:
                 raise RangeError(
-                    f"{joint}: {value:.6g} {JOINT_UNITS[joint]} is outside "
+                    f"{joint}: {value:.6g} {machine.units[joint]} is outside "
                     f"[{limits.position_min}, {limits.position_max}] of Table 2; "
                     "the linkages are drawn within it"
                 )
-        self.data.qpos[:] = q
+        self.data.qpos[:] = chain_positions(machine, q)
+        if self._detailed:
+            self._place_moving_parts(q)
+        mujoco.mj_forward(self.model, self.data)
+
+    def _place_moving_parts(self, q: np.ndarray) -> None:
         turn = np.array([math.cos(q[0] / 2), 0.0, 0.0, math.sin(q[0] / 2)])
         for part in placements(pins(self._machine, q)):
             slot = self.model.body(part.name).mocapid[0]
@@ -60,13 +72,14 @@ class Scene:
                 height,
             )
             mujoco.mju_mulQuat(self.data.mocap_quat[slot], turn, np.array(raised(part.angle)))
-        mujoco.mj_forward(self.model, self.data)
 
     def camera(self, aspect: float) -> mujoco.MjvCamera:
-        """A camera that has all of the crane, as it stands, in a picture of this aspect ratio."""
-        elbow, tip = (self.data.body(name).xpos for name in ("outer_boom", "telescope"))
-        joint_2 = self.data.body("pillar").xpos
-        seen = np.array([(-0.8, 0.0, 0.0), joint_2, elbow, tip, tip - (0.0, 0.0, GRIPPER_REACH)])
+        """A camera that has all of the machine, as it stands, in a picture of this aspect ratio."""
+        q = self.data.qpos[[self.model.joint(name).id for name in self._machine.joint_names]]
+        tip = tip_position(self._machine, q)[0]
+        seen = np.array([BASE, *self.data.xanchor, tip])
+        if self._detailed:
+            seen = np.vstack([seen, tip - (0.0, 0.0, GRIPPER_REACH)])
         low, high = seen.min(axis=0) - PADDING, seen.max(axis=0) + PADDING
         half = math.radians(self.model.vis.global_.fovy) / 2
         height = max(high[2] - low[2], np.hypot(*(high - low)[:2]) / aspect)
@@ -75,6 +88,11 @@ class Scene:
         camera.distance = MARGIN * height / 2 / math.tan(half)
         camera.azimuth, camera.elevation = 110.0, -10.0
         return camera
+
+
+def raised(angle: float) -> tuple[float, float, float, float]:
+    """Quaternion that raises the x axis by `angle` [rad]: a turn about minus y."""
+    return math.cos(angle / 2), 0.0, -math.sin(angle / 2), 0.0
 
 
 def _surround(spec: mujoco.MjSpec) -> None:

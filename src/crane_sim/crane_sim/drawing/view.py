@@ -10,10 +10,10 @@ import numpy as np
 
 from crane_model import cli
 from crane_model.errors import ConfigurationError
-from crane_model.machine import JOINTS, load_machine
-from crane_sim.drawing.pose import parse_pose
+from crane_model.machine import Machine
 from crane_sim.drawing.scene import Scene
-from crane_sim.parts.parameters import load_stand_in
+from crane_sim.options import add_plant, load_both
+from crane_sim.parts.pose import parse_pose
 from crane_trajectory.motion.periodic import PeriodicTrajectory, load_trajectory
 
 FRAME = 1 / 60  # s
@@ -21,9 +21,9 @@ FRAME = 1 / 60  # s
 Motion = Callable[[float], np.ndarray]
 
 
-def replayed(trajectory: PeriodicTrajectory, rest: np.ndarray) -> Motion:
-    """Coordinates (4,) at a time [s]: those of (32), period after period, the others at `rest`."""
-    columns = [JOINTS.index(joint) for joint in trajectory.joint_names]
+def replayed(trajectory: PeriodicTrajectory, machine: Machine, rest: np.ndarray) -> Motion:
+    """Coordinates (j,) at a time [s]: those of (32), period after period, the others at `rest`."""
+    columns = [machine.index(joint) for joint in trajectory.joint_names]
 
     def motion(t: float) -> np.ndarray:
         q = rest.copy()
@@ -74,17 +74,17 @@ def main(argv: Sequence[str] | None = None) -> int:
         help="rad, m; joints not named are at rest",
     )
     parser.add_argument("--trajectory", type=Path, help="coefficients of (32), YAML, to replay")
-    parser.add_argument("--plant", type=Path, help="stand-in file (default: the packaged one)")
-    parser.add_argument("--machine", type=Path, help="machine file (default: the packaged one)")
+    add_plant(parser)
+    cli.add_machine(parser)
     arguments = parser.parse_args(argv)
 
     def body() -> None:
-        parameters = load_stand_in(arguments.plant)
-        pose = parse_pose(arguments.pose, parameters.start)
-        scene = Scene(parameters, load_machine(arguments.machine))
+        machine, parameters = load_both(arguments.machine, arguments.plant)
+        pose = parse_pose(arguments.pose, machine, parameters.start)
+        scene = Scene(parameters, machine)
         scene.set_pose(pose)
         if arguments.trajectory:
-            motion = replayed(load_trajectory(arguments.trajectory), pose)
+            motion = replayed(load_trajectory(arguments.trajectory), machine, pose)
         else:
             motion = partial(_held, pose)
         require_display()

@@ -36,15 +36,15 @@ def carry(hidden: Hidden, k: int, chain: Chain, q: np.ndarray, v: np.ndarray) ->
     riding = value[0] * (MODES[0][1] + MODES[1][1])
     mass *= -riding
     bias *= -riding
-    bent_mass, bent_bias = np.empty((4, 4)), np.empty(4)
+    bent_mass, bent_bias = np.empty_like(mass), np.empty_like(bias)
     for mode in range(2):
         share = value[0] * MODES[mode][1]
         _bent(hidden, k, mode, chain, q, v, bent_mass, bent_bias)
         spring = _spring(hidden, k, mode)
-        for a in range(4):
+        for a in range(len(q)):
             lever = bent_mass[a, i] / bent_mass[i, i]
             bias[a] += share * (bent_bias[a] - lever * (bent_bias[i] + spring))
-            for b in range(4):
+            for b in range(len(q)):
                 mass[a, b] += share * (bent_mass[a, b] - lever * bent_mass[i, b])
 
 
@@ -53,13 +53,13 @@ def bend(
     hidden: Hidden, k: int, chain: Chain, q: np.ndarray, v: np.ndarray,
     change: np.ndarray, step: float,
 ) -> None:  # fmt: skip
-    """Modes after a step from q, v that changed the velocities by `change` (4,); symplectic."""
+    """Modes after a step from q, v that changed the velocities by `change` (j,); symplectic."""
     memory, i = hidden.memory[k], hidden.joint[k]
-    mass, bias = np.empty((4, 4)), np.empty(4)
+    mass, bias = np.empty((len(q), len(q))), np.empty(len(q))
     for mode in range(2):
         _bent(hidden, k, mode, chain, q, v, mass, bias)
         push = bias[i] + _spring(hidden, k, mode)
-        for a in range(4):
+        for a in range(len(q)):
             push += mass[i, a] * change[a] / step
         memory[2 + mode] -= step * push / mass[i, i]
         memory[mode] += step * memory[2 + mode]
@@ -91,7 +91,7 @@ def _spring(hidden: Hidden, k: int, mode: int) -> float:
 def _sag(hidden: Hidden, k: int, chain: Chain, q: np.ndarray) -> None:
     """The inertia that sets the springs, and where they hold the crane at rest."""
     memory, i = hidden.memory[k], hidden.joint[k]
-    still, mass, bias = np.zeros(4), np.empty((4, 4)), np.empty(4)
+    still, mass, bias = np.zeros(len(q)), np.empty((len(q), len(q))), np.empty(len(q))
     mass_and_bias(chain, q, still, mass, bias)
     memory[INERTIA] = mass[i, i]
     for mode in range(2):

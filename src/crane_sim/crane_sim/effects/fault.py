@@ -4,7 +4,12 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from crane_model.machine import JOINTS
+from crane_model.machine import Machine
+
+
+def measured_joints(machine: Machine) -> tuple[str, ...]:
+    """The joints whose chamber pressures are measured, from the base to the tip."""
+    return tuple(joint for joint, one in machine.cylinders.items() if one.pressure_sensors)
 
 
 class SensorFault:
@@ -13,16 +18,17 @@ class SensorFault:
     `values` are the parameters in the order of the form; `joint` is that of the faulty sensor.
     """
 
-    def __init__(self, joint: str, values: Sequence[float]):
-        self.column = JOINTS.index(joint)
+    def __init__(self, machine: Machine, joint: str, values: Sequence[float]):
+        self.column = machine.index(joint)
+        self.measured = [machine.index(one) for one in measured_joints(machine)]
         self.values = tuple(values)
 
     def positions(self, q: np.ndarray) -> np.ndarray:
-        """Coordinates (..., 4) [rad, m] as the encoders see them."""
+        """Coordinates (..., j) [rad, m] as the encoders see them."""
         return q
 
     def pressures(
         self, time: np.ndarray, chamber_a: np.ndarray, chamber_b: np.ndarray
     ) -> tuple[np.ndarray, np.ndarray]:
-        """Pressures of the chambers (n, 4) [Pa] as the transducers see them at `time` (n,) [s]."""
+        """Pressures of the chambers (n, j) [Pa] as the transducers see them at `time` (n,) [s]."""
         return chamber_a, chamber_b

@@ -1,12 +1,14 @@
 """What describes a law of a hidden effect, and such a law with its parameters in a machine."""
 
 from collections.abc import Callable
+from enum import Enum
+from itertools import pairwise
 from typing import NamedTuple
 
 import numpy as np
 
-from crane_model.machine import JOINT_UNITS, PLANAR_JOINTS
-from crane_sim.effects.fault import SensorFault
+from crane_model.machine import Machine
+from crane_sim.effects.fault import SensorFault, measured_joints
 from crane_sim.parts.parameters import StandIn
 
 Scale = Callable[[StandIn, str], float]
@@ -31,7 +33,7 @@ class Magnitude(NamedTuple):
     """The parameter that is set so that the effect has the wanted strength.
 
     Calibration begins at `start` and refuses to go beyond `highest`, both in units of `of`. In
-    `unit`, {force} and {coordinate} stand for N m and rad, on the telescope for N and m.
+    `unit`, {force} and {coordinate} stand for N m and rad, on a joint that slides for N and m.
     """
 
     name: str
@@ -58,6 +60,55 @@ class Draw(NamedTuple):
         return float(rng.uniform(self.lowest, self.highest))
 
 
+class Where(Enum):
+    """On which joints an effect can act, of those whose pressures are measured; or on none of
+    them by itself, but on the whole of certain machines.
+    """
+
+    ANY = "a joint"
+    TURNING = "a joint that turns"
+    SLIDING = "a joint that slides"
+    FOLLOWING = "a joint that follows another such"
+    WHOLE = "the whole machine"
+    SLEWING = "the whole of a machine whose first joint turns and is not measured"
+    TELESCOPIC = "the whole of a machine that has a joint which slides"
+
+    def joints(self, machine: Machine) -> tuple[str, ...]:
+        """Those of a machine, from the base to the tip."""
+        measured, units = measured_joints(machine), machine.units
+        match self:
+            case Where.ANY:
+                return measured
+            case Where.TURNING:
+                return tuple(joint for joint in measured if units[joint] == "rad")
+            case Where.SLIDING:
+                return tuple(joint for joint in measured if units[joint] == "m")
+            case Where.FOLLOWING:
+                names = machine.joint_names
+                pairs = pairwise(names)
+                return tuple(joint for last, joint in pairs if {last, joint} <= set(measured))
+            case _:
+                return ()
+
+    @property
+    def whole(self) -> bool:
+        """Whether no joint is to be named."""
+        return self in (Where.WHOLE, Where.SLEWING, Where.TELESCOPIC)
+
+    def fits(self, machine: Machine) -> bool:
+        """Whether there is such a joint, or it is such a machine."""
+        first = machine.joint_names[0]
+        match self:
+            case Where.WHOLE:
+                return True
+            case Where.SLEWING:
+                return machine.units[first] == "rad" and first not in measured_joints(machine)
+            case Where.TELESCOPIC:
+                return "m" in machine.units.values()
+            case _:
+                return bool(self.joints(machine))
+
+
 class Form(NamedTuple):
     """A law of an effect. `law` is its number in compiled code, or the fault of sensors it is."""
 
@@ -66,13 +117,13 @@ class Form(NamedTuple):
     law: int | type[SensorFault]
     magnitude: Magnitude
     draws: tuple[Draw, ...] = ()
-    joints: tuple[str, ...] = PLANAR_JOINTS  # on which it can act; empty: the whole machine
+    where: Where = Where.ANY
     outside: bool = False  # of the catalogue that a diagnosis knows
     signed: bool = False  # its magnitude may as well be negative, which is drawn too
 
-    def unit(self, text: str, joint: str | None) -> str:
+    def unit(self, text: str, machine: Machine, joint: str | None) -> str:
         """The unit of a parameter on a joint."""
-        coordinate = JOINT_UNITS[joint] if joint else "rad"
+        coordinate = machine.units[joint] if joint else "rad"
         return text.format(force="N" if coordinate == "m" else "N m", coordinate=coordinate)
 
 

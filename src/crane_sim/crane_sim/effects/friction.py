@@ -9,11 +9,12 @@ import math
 import numpy as np
 from numba import njit
 
-from crane_sim.effects.form import Draw, Form, Magnitude, coulomb
+from crane_sim.effects.form import Draw, Form, Magnitude, Where, coulomb
 from crane_sim.effects.working import FRICTION, Hidden
 from crane_sim.parts.constants import Constants
-from crane_sim.parts.rigid_bodies import GRIPPER, TELESCOPE, Chain
+from crane_sim.parts.rigid_bodies import Chain, beyond, carried, place
 from crane_sim.parts.state import Scratch, State
+from crane_sim.parts.vectors import dot, vector
 
 (
     LORENTZ, SECH, ROUNDED_LOAD, WEIGHT, LIP, OVERHANG, WORN_ZONE, TWO_ZONES, TRIANGLE, RECTIFIED,
@@ -21,8 +22,8 @@ from crane_sim.parts.state import Scratch, State
 ) = range(FRICTION, FRICTION + 13)  # fmt: skip
 
 LIP_PRESSURE = 5e6  # Pa, where the lip seal rubs as much as one of constant friction coefficient
-FRONT_PAD = 1.1  # m from the elbow
-OVERLAP = 1.95  # m between the pads at q4 = 0
+FRONT_PAD = 1.1  # m from the joint before
+OVERLAP = 0.4  # m between the pads of a telescope that is all out
 
 
 @njit(cache=True, error_model="numpy")
@@ -53,7 +54,7 @@ def level(
         pressed += cylinder.area_b * _lip(actuator.p_b, value[1])
         return size * abs(actuator.lever) * pressed
     if law == OVERHANG:
-        return size * _pad_force(constants.chain, state.q)
+        return size * _pad_force(constants.chain, state.q, i, hidden.middle[k] + hidden.half[k])
     place = (q - hidden.middle[k]) / hidden.half[k]
     if law == WORN_ZONE:
         return size * math.exp(-(((place - value[1]) / value[2]) ** 2))
@@ -78,15 +79,19 @@ def _lip(pressure: float, exponent: float) -> float:
 
 
 @njit(cache=True, error_model="numpy")
-def _pad_force(chain: Chain, q: np.ndarray) -> float:
-    """Sum of the forces on the two pads of the telescope, a beam on two supports [N]."""
-    weight = moment = 0.0
-    across = chain.gravity * math.cos(q[1] + q[2])
-    for index in (TELESCOPE, GRIPPER):
-        body = chain.bodies[index]
-        weight += body.mass * across
-        moment += body.mass * across * (chain.telescope_length + q[3] + body.along - FRONT_PAD)
-    rear = moment / (OVERLAP - q[3])
+def _pad_force(chain: Chain, q: np.ndarray, i: int, longest: float) -> float:
+    """Sum of the forces on the two pads of a telescope, a beam on two supports [N]."""
+    place(chain, q)
+    k = 1
+    while chain.links[k].leader != i:
+        k += 1
+    mass, moment = beyond(chain, k)
+    along, pull = vector(chain.links[k].slide), vector(chain.gravity)
+    across = math.sqrt(max(dot(pull, pull) - dot(pull, along) ** 2, 0.0))
+    before = carried(chain.links[k - 1], vector(chain.links[k - 1].point))
+    weight = mass * across
+    reach = dot(moment, along) - mass * dot(before, along)
+    rear = across * (reach - mass * FRONT_PAD) / (longest + OVERLAP - q[i])
     return abs(weight + rear) + abs(rear)
 
 
@@ -124,7 +129,7 @@ FORMS = (
          (Draw("corner", "{force}", 0.1, 0.4, coulomb),)),
     Form("load_friction", "weight", WEIGHT, _MU),
     Form("seal_friction", "lip", LIP, _MU, (Draw("exponent", "1", 0.75, 1.0),)),
-    Form("pad_friction", "overhang", OVERHANG, _MU, joints=("telescope",)),
+    Form("pad_friction", "overhang", OVERHANG, _MU, where=Where.SLIDING),
     Form("position_friction", "two_zones", TWO_ZONES, _SIZE, (_PLACE, _WIDTH), signed=True),
     Form("position_friction", "worn_zone", WORN_ZONE, _SIZE, (_PLACE, _WIDTH), signed=True),
     Form("cyclic_friction", "triangle", TRIANGLE, _SIZE, (_WAVE, _PHASE)),
@@ -132,5 +137,5 @@ FORMS = (
     Form("wear_jump", "step", JUMP, _SIZE, (Draw("when", "s", 14.0, 24.0),), outside=True),
     Form("coupled_friction", "neighbour_speed", NEIGHBOUR, _SIZE,
          (Draw("speed", "rad/s", 0.05, 0.15),),  # of the boom before
-         ("outer_boom", "telescope"), outside=True),
+         Where.FOLLOWING, outside=True),
 )  # fmt: skip

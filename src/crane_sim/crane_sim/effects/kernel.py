@@ -15,7 +15,7 @@ from crane_sim.parts.state import Scratch, State
 @njit(cache=True, error_model="numpy")
 def act(hidden: Hidden, constants: Constants, state: State, scratch: Scratch, step: float) -> None:
     """Add to mass, bias, forces and friction of `scratch`; its friction is that of the machine."""
-    for i in range(4):
+    for i in range(len(state.q)):
         scratch.law[i] = constants.friction[i]
     count = len(hidden.law)
     for k in range(count):
@@ -23,12 +23,12 @@ def act(hidden: Hidden, constants: Constants, state: State, scratch: Scratch, st
             if hidden.law[k] == bending.TWO_MODES:
                 bending.carry(hidden, k, constants.chain, state.q, state.v)
             else:
-                loads.carry(hidden, k, constants, state)
+                loads.carry(hidden, k, constants.chain, state)
             if hidden.law[k] == loads.CENTRIFUGAL:
                 continue
-            for i in range(4):
+            for i in range(len(state.q)):
                 scratch.bias[i] += hidden.bias[k, i]
-                for j in range(4):
+                for j in range(len(state.q)):
                     scratch.mass[i, j] += hidden.mass[k, i, j]
     for k in range(count):  # friction follows the forces of the cylinders, so it comes first
         if FRICTION <= hidden.law[k] < PUSHES:
@@ -78,7 +78,7 @@ def settle(
 ) -> None:
     """Note what each effect asked of the drives in this step, and advance what follows from it."""
     change = scratch.impulse  # it has done its work in this step
-    for i in range(4):
+    for i in range(len(state.q)):
         change[i] = state.v[i] - scratch.before[i]
     for k in range(len(hidden.law)):
         i, law = hidden.joint[k], hidden.law[k]
@@ -87,9 +87,9 @@ def settle(
         elif law < LOADS:
             hidden.force[k, i] = hidden.part[k]
         elif law < FLOW:
-            for a in range(4):
+            for a in range(len(state.q)):
                 total = hidden.bias[k, a]
-                for b in range(4):
+                for b in range(len(state.q)):
                     total += hidden.mass[k, a, b] * change[b] / step
                 hidden.force[k, a] = total
             if law == loads.PENDULUM:

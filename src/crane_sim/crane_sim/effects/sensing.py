@@ -6,17 +6,17 @@ from collections.abc import Sequence
 import numpy as np
 from numba import njit
 
-from crane_model.machine import JOINTS, PLANAR_JOINTS
+from crane_model.machine import Machine
 from crane_sim.effects.fault import SensorFault
-from crane_sim.effects.form import Draw, Form, Magnitude, Planted
+from crane_sim.effects.form import Draw, Form, Magnitude, Planted, Where
 
 BOTH = tuple[np.ndarray, np.ndarray]
 
 
-def faults(planted: Sequence[Planted]) -> tuple[SensorFault, ...]:
+def faults(planted: Sequence[Planted], machine: Machine) -> tuple[SensorFault, ...]:
     """The faults among hidden effects, in their order."""
     return tuple(
-        effect.form.law(effect.joint, effect.values)
+        effect.form.law(machine, effect.joint, effect.values)
         for effect in planted
         if not isinstance(effect.form.law, int) and effect.joint is not None
     )
@@ -91,8 +91,8 @@ class Crosstalk(SensorFault):
     def pressures(self, time: np.ndarray, chamber_a: np.ndarray, chamber_b: np.ndarray) -> BOTH:
         """Chamber B of the neighbour reaches the channel of chamber A."""
         (share,) = self.values
-        following = PLANAR_JOINTS.index(JOINTS[self.column]) + 1
-        source = JOINTS.index(PLANAR_JOINTS[following % len(PLANAR_JOINTS)])
+        following = self.measured.index(self.column) + 1
+        source = self.measured[following % len(self.measured)]
         shown = chamber_a.copy()
         shown[:, self.column] += share * chamber_b[:, source]
         return shown, chamber_b
@@ -172,7 +172,6 @@ class Eccentric(SensorFault):
 
 
 _OFFSET = Magnitude("offset", "Pa", 5e4, 3e6)
-_BOOMS = ("inner_boom", "outer_boom")
 
 FORMS = (
     Form("pressure_offset", "warming", Zero, _OFFSET,
@@ -180,7 +179,7 @@ FORMS = (
     Form("pressure_gain", "both", BothGains, Magnitude("gain", "1", 0.02, 0.5), signed=True),
     Form("chamber_gain", "chamber_b", GainOfB, Magnitude("gain", "1", 0.02, 0.8), signed=True),
     Form("encoder_offset", "turned", Turned, Magnitude("offset", "{coordinate}", 0.01, 0.2),
-         (), _BOOMS, signed=True),
+         (), Where.TURNING, signed=True),
     Form("time_skew", "delay", DelayedReadings, Magnitude("delay", "s", 0.01, 0.2)),
     Form("time_skew", "lag", LaggingReadings, Magnitude("lag", "s", 0.01, 0.2)),
     Form("crosstalk", "next_joint", Crosstalk, Magnitude("share", "1", 0.02, 0.5),
@@ -188,7 +187,7 @@ FORMS = (
     Form("encoder_eccentricity", "disk", Eccentric,
          Magnitude("error", "{coordinate}", 0.01, 0.1),
          (Draw("turns", "rad/{coordinate}", 6.0, 16.0), Draw("phase", "rad", 0.0, 2 * np.pi)),
-         _BOOMS, outside=True),
+         Where.TURNING, outside=True),
     Form("transducer_bow", "parabola", Bow, Magnitude("bow", "Pa", 5e4, 3e6),
          (Draw("span", "Pa", 1.2e7, 2.0e7),), outside=True, signed=True),
     Form("pressure_ripple", "pump", Ripple, Magnitude("ripple", "Pa", 5e4, 3e6),

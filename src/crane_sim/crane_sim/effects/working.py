@@ -5,7 +5,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from crane_model.machine import JOINTS, Machine
+from crane_model.machine import Machine
 from crane_sim.effects.form import Planted
 
 # Numbers of laws, by where they act in a step. Whoever acts on a range refuses what it has no
@@ -15,7 +15,7 @@ VALUES = MEMORIES = 8
 
 
 class Hidden(NamedTuple):
-    """k effects; arrays begin with k, an axis of 4 follows JOINTS."""
+    """k effects; arrays begin with k, an axis of j follows the joints."""
 
     law: np.ndarray  # int
     joint: np.ndarray  # int, -1: the whole machine
@@ -24,10 +24,10 @@ class Hidden(NamedTuple):
     half: np.ndarray  # (k,) of the width of that range
     memory: np.ndarray  # (k, MEMORIES) states, all zero at the start
     part: np.ndarray  # (k,) Coulomb friction, or force, that is added in this step
-    mass: np.ndarray  # (k, 4, 4) inertia added in this step
-    bias: np.ndarray  # (k, 4) and forces that come with it
-    force: np.ndarray  # (k, 4) what the drives must give more, after the last step
-    flow: np.ndarray  # (k, 4) what flows more into chamber A, m3/s
+    mass: np.ndarray  # (k, j, j) inertia added in this step
+    bias: np.ndarray  # (k, j) and forces that come with it
+    force: np.ndarray  # (k, j) what the drives must give more, after the last step
+    flow: np.ndarray  # (k, j) what flows more into chamber A, m3/s
     clock: np.ndarray  # (1,) s since the machine was started
     flows: bool  # whether any of them acts in the flow
 
@@ -45,7 +45,7 @@ def packed(planted: Sequence[Planted], machine: Machine, running: float = 0.0) -
                 f"law '{effect.form.name}' of '{effect.form.effect}' has the number {law}, which "
                 f"must be from {FRICTION} to {END - 1}: take one of the range where it acts"
             )
-    count = len(inside)
+    count, joints = len(inside), len(machine.joint_names)
     if count == 0:
         return None
     value = np.zeros((count, VALUES))
@@ -59,7 +59,7 @@ def packed(planted: Sequence[Planted], machine: Machine, running: float = 0.0) -
     return Hidden(
         law=np.array(laws, dtype=np.int64),
         joint=np.array(
-            [-1 if effect.joint is None else JOINTS.index(effect.joint) for effect in inside],
+            [-1 if effect.joint is None else machine.index(effect.joint) for effect in inside],
             dtype=np.int64,
         ),
         value=value,
@@ -67,10 +67,10 @@ def packed(planted: Sequence[Planted], machine: Machine, running: float = 0.0) -
         half=half,
         memory=np.zeros((count, MEMORIES)),
         part=np.zeros(count),
-        mass=np.zeros((count, 4, 4)),
-        bias=np.zeros((count, 4)),
-        force=np.zeros((count, 4)),
-        flow=np.zeros((count, 4)),
+        mass=np.zeros((count, joints, joints)),
+        bias=np.zeros((count, joints)),
+        force=np.zeros((count, joints)),
+        flow=np.zeros((count, joints)),
         clock=np.array([running]),
         flows=any(law >= FLOW for law in laws),
     )

@@ -1,6 +1,7 @@
 """Hidden effects of a wanted strength: their magnitudes, found by moving the machine with them."""
 
 from collections.abc import Sequence
+from pathlib import Path
 
 import numpy as np
 
@@ -11,7 +12,7 @@ from crane_sim.effects.form import Form, Planted, Scale
 from crane_sim.effects.sensing import faults
 from crane_sim.hiding.clean import Clean, clean
 from crane_sim.hiding.slewing import slewing
-from crane_sim.hiding.spec import Spec
+from crane_sim.hiding.spec import Spec, check_joints
 from crane_sim.parts.parameters import StandIn
 from crane_sim.plant.closed_loop import Course, record
 from crane_sim.plant.plant import Plant
@@ -36,12 +37,12 @@ def calibrate(
     within 5 % of it, for all effects at once. `RangeError` if one cannot: its magnitude would be
     beyond what is plausible, or the force does not follow it.
     """
-    planted = draw(spec, stand_in)
+    planted = draw(spec, machine, stand_in)
     open_ended = [k for k, effect in enumerate(planted) if effect.requested is not None]
     exponent = dict.fromkeys(open_ended, 1.0)  # of the strength as a power of the magnitude
     last: dict[int, tuple[float, float]] = {}
     for _ in range(PASSES if open_ended else 0):
-        reached = moved(planted, machine, stand_in, motion, gains).strength(planted)
+        reached = moved(planted, machine, stand_in, motion, gains).strength(planted, machine)
         ratio = {k: (planted[k].requested or 0.0) / max(reached[k], 1e-12) for k in open_ended}
         if all(abs(np.log(r)) < TOLERANCE for r in ratio.values()):
             return planted
@@ -53,7 +54,7 @@ def calibrate(
             last[k] = magnitude, reached[k]
             factor = wanted ** (1.0 / exponent[k])
             factor = float(np.clip(factor, 1.0 / LARGEST_STEP, LARGEST_STEP))
-            planted = _scaled(planted, k, factor, reached[k], stand_in)
+            planted = _scaled(planted, k, factor, reached[k], machine, stand_in)
     if not open_ended:
         return planted
     names = ", ".join(
@@ -66,19 +67,24 @@ def calibrate(
     )
 
 
-def hidden_in(spec: Spec, machine: Machine, stand_in: StandIn, gains: Gains) -> tuple[Planted, ...]:
-    """The effects of `spec` on the motion of its own: one machine, whatever is recorded of it."""
+def hidden_in(
+    spec: Spec, machine: Machine, stand_in: StandIn, gains: Gains, folder: Path | str | None = None
+) -> tuple[Planted, ...]:
+    """The effects of `spec` on the motion of its own: one machine, whatever is recorded of it.
+
+    `folder` is that of the machine, or its name, as `machine_file` takes it.
+    """
     if all(effect.strength is None for effect in spec.effects):
-        return draw(spec, stand_in)
-    trajectory = load_trajectory(spec.trajectory or machine_file(OWN_MOTION))
-    motion = plan(
-        machine, trajectory, stand_in.start, 1, load_clearance(machine_file("clearance.yaml"))
-    )
+        return draw(spec, machine, stand_in)
+    trajectory = load_trajectory(spec.trajectory or machine_file(OWN_MOTION, folder))
+    clearance = load_clearance(machine_file("clearance.yaml", folder))
+    motion = plan(machine, trajectory, stand_in.start, 1, clearance)
     return calibrate(spec, machine, stand_in, motion, gains)
 
 
-def draw(spec: Spec, stand_in: StandIn) -> tuple[Planted, ...]:
+def draw(spec: Spec, machine: Machine, stand_in: StandIn) -> tuple[Planted, ...]:
     """The effects with the parameters that are given or drawn, each magnitude at its start."""
+    check_joints(spec, machine, "hidden effects")
     planted = []
     for index, effect in enumerate(spec.effects):
         form, rng = effect.law, np.random.default_rng([spec.seed, index])
@@ -99,7 +105,7 @@ def moved(
 ) -> Clean:
     """What the machine does with these effects on the motion."""
     plant = Plant(stand_in, machine, motion.start, planted)
-    sensors = Sensors(stand_in.sensors, machine, 0, faults(planted))
+    sensors = Sensors(stand_in.sensors, machine, 0, faults(planted, machine))
     recording = record(slewing(motion, planted), plant, sensors, gains)
     return clean(machine, planted, sensors.faults, recording.truth)
 
@@ -109,20 +115,25 @@ def _scale(of: Scale, stand_in: StandIn, joint: str | None) -> float:
 
 
 def _scaled(
-    planted: tuple[Planted, ...], k: int, factor: float, reached: float, stand_in: StandIn
+    planted: tuple[Planted, ...],
+    k: int,
+    factor: float,
+    reached: float,
+    machine: Machine,
+    stand_in: StandIn,
 ) -> tuple[Planted, ...]:
     """With the magnitude of effect k times `factor`; `RangeError` if that is too much."""
     effect = planted[k]
     value, form = effect.values[0] * factor, effect.form
     highest = form.magnitude.highest * _scale(form.magnitude.of, stand_in, effect.joint)
     if abs(value) > highest and abs(effect.values[0]) >= highest:
-        raise RangeError(_beyond(form, effect, highest, reached))
+        raise RangeError(_beyond(form, effect, machine, highest, reached))
     values = (float(np.clip(value, -highest, highest)), *effect.values[1:])
     return (*planted[:k], effect._replace(values=values), *planted[k + 1 :])
 
 
-def _beyond(form: Form, effect: Planted, highest: float, reached: float) -> str:
-    unit = form.unit(form.magnitude.unit, effect.joint)
+def _beyond(form: Form, effect: Planted, machine: Machine, highest: float, reached: float) -> str:
+    unit = form.unit(form.magnitude.unit, machine, effect.joint)
     return (
         f"hidden effect '{form.effect}' ({form.name}) on {effect.joint or 'the machine'} has a "
         f"strength of {reached:.4f} on this motion with {form.magnitude.name} = {highest:.6g} "

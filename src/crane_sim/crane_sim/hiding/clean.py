@@ -7,30 +7,29 @@ from pathlib import Path
 import numpy as np
 
 from crane_model.cylinders import generalized_forces, lever_arms
-from crane_model.machine import JOINTS, PLANAR_JOINTS, Machine
-from crane_sim.effects.fault import SensorFault
+from crane_model.machine import Machine
+from crane_sim.effects.fault import SensorFault, measured_joints
 from crane_sim.effects.form import Planted
 from crane_sim.plant.closed_loop import States, TrueStates
-
-PLANAR = [JOINTS.index(joint) for joint in PLANAR_JOINTS]
 
 
 @dataclass(frozen=True)
 class Clean(States):
     """n samples without noise and quantisation, k effects."""
 
-    drive: np.ndarray  # (n, 4) generalized forces of the cylinders (27), N m, N
-    seen_position: np.ndarray  # (n, 4) with the faults of the sensors
-    seen_drive: np.ndarray  # (n, 4) generalized forces from pressures and positions as seen
-    force: np.ndarray  # (k, n, 4) part of each effect in `seen_drive`
-    flow: np.ndarray  # (k, n, 4) part of each effect in the flow into chamber A, m3/s
-    strength_by_joint: np.ndarray  # (k, 4) rms of the part over rms of the whole
+    drive: np.ndarray  # (n, j) generalized forces of the cylinders (27), N m, N
+    seen_position: np.ndarray  # (n, j) with the faults of the sensors
+    seen_drive: np.ndarray  # (n, j) generalized forces from pressures and positions as seen
+    force: np.ndarray  # (k, n, j) part of each effect in `seen_drive`
+    flow: np.ndarray  # (k, n, j) part of each effect in the flow into chamber A, m3/s
+    strength_by_joint: np.ndarray  # (k, j) rms of the part over rms of the whole
 
-    def strength(self, planted: Sequence[Planted]) -> np.ndarray:
+    def strength(self, planted: Sequence[Planted], machine: Machine) -> np.ndarray:
         """(k,) on the joint of each effect; of the whole machine where it is strongest."""
+        measured = [machine.index(joint) for joint in measured_joints(machine)]
         return np.array(
             [
-                row[PLANAR].max() if effect.joint is None else row[JOINTS.index(effect.joint)]
+                row[measured].max() if effect.joint is None else row[machine.index(effect.joint)]
                 for effect, row in zip(planted, self.strength_by_joint, strict=True)
             ]
         )
@@ -47,8 +46,9 @@ def clean(
 
     A fault's part is what it changes in the force that is computed from the readings.
     """
+    joints = machine.joint_names
     q, p_a, p_b = truth.position, truth.pressure_a, truth.pressure_b
-    drive = seen = generalized_forces(machine, q, p_a, p_b, JOINTS)
+    drive = seen = generalized_forces(machine, q, p_a, p_b, joints)
     force = np.zeros((len(planted), *drive.shape))
     flow = np.zeros_like(force)
     inside = [k for k, effect in enumerate(planted) if isinstance(effect.form.law, int)]
@@ -58,10 +58,10 @@ def clean(
     for k, fault in zip(outside, faults, strict=True):
         q = fault.positions(q)
         p_a, p_b = fault.pressures(truth.time, p_a, p_b)
-        before, seen = seen, generalized_forces(machine, q, p_a, p_b, JOINTS)
+        before, seen = seen, generalized_forces(machine, q, p_a, p_b, joints)
         force[k] = seen - before
-    areas = np.array([machine.cylinders[joint].area_a for joint in JOINTS])
-    swept = areas * lever_arms(machine, truth.position, JOINTS) * truth.velocity
+    areas = np.array([machine.cylinders[joint].area_a for joint in joints])
+    swept = areas * lever_arms(machine, truth.position, joints) * truth.velocity
     return Clean(
         time=truth.time,
         position=truth.position,
@@ -79,6 +79,6 @@ def clean(
 
 
 def _share(part: np.ndarray, whole: np.ndarray) -> np.ndarray:
-    """(k, 4): rms of (k, n, 4) over rms of (n, 4); 0 where the whole is nil."""
+    """(k, j): rms of (k, n, j) over rms of (n, j); 0 where the whole is nil."""
     rms = np.sqrt(np.mean(whole**2, axis=0))
     return np.sqrt(np.mean(part**2, axis=1)) / np.where(rms > 0.0, rms, np.inf)

@@ -6,11 +6,12 @@ from pathlib import Path
 
 from crane_model.configuration import validate
 from crane_model.errors import ConfigurationError, DataError
-from crane_model.machine import JOINTS, PLANAR_JOINTS, Machine
+from crane_model.machine import Machine
 from crane_model.result_file import Number, ResultFile, ResultPart
+from crane_sim.effects.fault import measured_joints
 from crane_sim.effects.form import Planted
 from crane_sim.hiding.clean import Clean
-from crane_sim.hiding.spec import Spec, load_spec
+from crane_sim.hiding.spec import Spec, check_joints, load_spec
 from crane_sim.parts.parameters import StandIn
 
 OUTSIDE = "outside"  # in the place of the id of an effect that no catalogue has
@@ -63,10 +64,10 @@ class Label(ResultFile):
     """All of them."""
 
 
-def label(planted: Sequence[Planted], clean: Clean) -> list[LabelledEffect]:
+def label(planted: Sequence[Planted], clean: Clean, machine: Machine) -> list[LabelledEffect]:
     """One entry an effect: what it is, its parameters, and the strength asked for and reached."""
     entries = []
-    reached = clean.strength(planted)
+    reached = clean.strength(planted, machine)
     for k, effect in enumerate(planted):
         form = effect.form
         described = [(form.magnitude.name, form.magnitude.unit)]
@@ -78,14 +79,16 @@ def label(planted: Sequence[Planted], clean: Clean) -> list[LabelledEffect]:
                 joint=effect.joint,
                 form=form.name,
                 parameters=[
-                    LabelledParameter(name=name, value=value, unit=form.unit(unit, effect.joint))
+                    LabelledParameter(
+                        name=name, value=value, unit=form.unit(unit, machine, effect.joint)
+                    )
                     for (name, unit), value in zip(described, effect.values, strict=True)
                 ],
                 strength_requested=effect.requested,
                 strength=float(reached[k]),
                 strength_by_joint={
-                    joint: float(clean.strength_by_joint[k, JOINTS.index(joint)])
-                    for joint in PLANAR_JOINTS
+                    joint: float(clean.strength_by_joint[k, machine.index(joint)])
+                    for joint in measured_joints(machine)
                 },
             )
         )
@@ -127,7 +130,7 @@ def write_label(
         seed=seed,
         clean=clean_path(path).name,
         machine=_digest(machine, stand_in),
-        effects=label(planted, clean),
+        effects=label(planted, clean, machine),
     )
     path.parent.mkdir(parents=True, exist_ok=True)
     content.write(path)
@@ -140,7 +143,7 @@ def load_hidden(path: Path, machine: Machine, stand_in: StandIn) -> Spec:
     `ConfigurationError` if the file is wrong, or the label that of another machine.
     """
     if path.suffix != ".json":
-        return load_spec(path)
+        return check_joints(load_spec(path), machine, path)
     try:
         content = Label.read(path)
     except DataError as error:
@@ -161,7 +164,7 @@ def load_hidden(path: Path, machine: Machine, stand_in: StandIn) -> Spec:
             f"{path}: the label of another machine than '{stand_in.name}' with the geometry of "
             f"'{machine.name}'; give the files --plant and --machine that its bag was made with"
         )
-    return validate({"effects": effects}, Spec, path)
+    return check_joints(validate({"effects": effects}, Spec, path), machine, path)
 
 
 def _digest(machine: Machine, stand_in: StandIn) -> str:

@@ -5,13 +5,12 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from crane_model.machine import JOINTS
 from crane_sim.effects.form import Planted
 from crane_sim.effects.loads import CENTRIFUGAL
 from crane_sim.plant.closed_loop import Course
 from crane_trajectory.motion.motion import Reference
 
-SLEW = JOINTS.index("slew")
+SLEW = 0  # the first joint: all others move with it
 
 
 @dataclass(frozen=True)
@@ -24,7 +23,7 @@ class Slewing:
 
     @property
     def start(self) -> np.ndarray:
-        """(4,) as that of the motion [rad, m]."""
+        """(j,) as that of the motion [rad, m]."""
         return self.motion.start
 
     @property

@@ -6,6 +6,8 @@ from typing import Annotated, Self
 from pydantic import Field, model_validator
 
 from crane_model.configuration import Schema, load
+from crane_model.errors import ConfigurationError
+from crane_model.machine import Machine
 from crane_sim.effects.form import Form
 from crane_sim.effects.forms import FORMS
 
@@ -32,11 +34,7 @@ class HiddenEffect(Schema):
         if self.form is not None and self.form not in names:
             raise ValueError(f"'{self.effect}' has no form '{self.form}', but {', '.join(names)}")
         form = self.law
-        if form.joints and self.joint not in form.joints:
-            raise ValueError(
-                f"'{self.effect}' acts on a joint of {', '.join(form.joints)}, got {self.joint!r}"
-            )
-        if not form.joints and self.joint is not None:
+        if form.where.whole and self.joint is not None:
             raise ValueError(f"'{self.effect}' acts on the whole machine: give no joint")
         known = [form.magnitude.name, *(draw.name for draw in form.draws)]
         if unknown := sorted(self.parameters.keys() - set(known)):
@@ -73,3 +71,19 @@ def load_spec(path: Path | str) -> Spec:
     if spec.trajectory is None:
         return spec
     return spec.model_copy(update={"trajectory": Path(path).parent / spec.trajectory})
+
+
+def check_joints(spec: Spec, machine: Machine, source: Path | str) -> Spec:
+    """The spec; `ConfigurationError` where an effect cannot act on its joint of the machine."""
+    for effect in spec.effects:
+        where = effect.law.where
+        joints = where.joints(machine)
+        if where.fits(machine) and (where.whole or effect.joint in joints):
+            continue
+        there = f"a joint of {', '.join(joints)}; got {effect.joint!r}" if joints else "no such"
+        raise ConfigurationError(
+            f"{source}: '{effect.effect}' acts on {where.value}"
+            f"{'' if where.whole else ', whose pressures are measured'}: "
+            f"of {machine.name}, {there}"
+        )
+    return spec

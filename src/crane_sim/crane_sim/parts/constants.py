@@ -6,16 +6,21 @@ from typing import NamedTuple
 import numpy as np
 
 from crane_model.cylinders import lever_arm
-from crane_model.machine import JOINTS, Machine
+from crane_model.errors import ConfigurationError
+from crane_model.kinematics import link_transforms
+from crane_model.machine import Machine
 from crane_sim.parts.cylinders import CYLINDER, Linkages
 from crane_sim.parts.friction import BRISTLES, LAW
 from crane_sim.parts.hydraulics import EDGES, VALVE, Oil
-from crane_sim.parts.parameters import StandIn
-from crane_sim.parts.rigid_bodies import BODY, Chain
+from crane_sim.parts.parameters import StandIn, column
+from crane_sim.parts.rigid_bodies import LINK, Chain
+
+MARGIN = 0.1  # of its range, by which a joint may leave it against the end stops
+ENDLESS = 1e30  # m, rad
 
 
 class Constants(NamedTuple):
-    """Everything that does not change while the plant runs; records (4,) follow JOINTS."""
+    """Everything that stays as it is while the plant runs; records (j,), from base to tip."""
 
     chain: Chain
     linkages: Linkages
@@ -50,35 +55,64 @@ def pack(parameters: StandIn, machine: Machine) -> Constants:
 
 
 def pack_chain(parameters: StandIn, machine: Machine) -> Chain:
-    """Bodies with the geometry of Table 1."""
-    dh, bodies = machine.denavit_hartenberg, parameters.bodies
-    rows = np.array(
-        [
-            [body.mass, *body.centre_of_mass, *body.principal_inertia]
-            for body in (
-                bodies.pillar,
-                bodies.inner_boom,
-                bodies.outer_boom,
-                bodies.telescope,
-                bodies.gripper,
-            )
-        ]
-    )
+    """The bodies of each link as one, in the zero pose."""
+    names = [joint.name for joint in machine.joints]
+    frames = link_transforms(machine, np.zeros(len(machine.joint_names)))[0]
+    links = np.zeros(len(names) + 1, LINK)
+    links["rotation"] = np.eye(3)
+    for link, joint, before in zip(
+        links[1:], machine.joints, [machine.base.matrix, *frames[:-1]], strict=True
+    ):
+        placed = before @ joint.before
+        link["axis"], link["point"] = placed[:3, :3] @ joint.direction, placed[:3, 3]
+        link["slides"] = joint.kind == "prismatic"
+        link["leader"], link["ratio"] = machine.led_by(joint)
+    for body in parameters.bodies.values():
+        i = names.index(body.link)
+        turned = frames[i, :3, :3] @ body.rotation
+        place = frames[i, :3, :3] @ body.origin + frames[i, :3, 3] + turned @ body.centre_of_mass
+        link = links[i + 1]
+        link["mass"] += body.mass
+        link["centre"] += body.mass * place  # first the moment and the inertia about the origin
+        link["inertia"] += turned @ body.tensor @ turned.T + body.mass * _steiner(place)
+    if bare := [name for name, m in zip(names, links["mass"][1:], strict=True) if m == 0.0]:
+        raise ConfigurationError(
+            f"stand-in '{parameters.name}': key 'bodies': no body has the link {', '.join(bare)}; "
+            "every link of the machine needs one"
+        )
+    for link in links[1:]:
+        link["centre"] /= link["mass"]
+        link["inertia"] -= link["mass"] * _steiner(link["centre"])
+    tip = (frames[-1] @ machine.tool.matrix)[:3, 3]
     return Chain(
-        bodies=records(BODY, dict(zip(BODY, rows.T, strict=True))),
-        theta_20=dh.theta_2_0,
-        inner_boom_length=dh.inner_boom_length,
-        telescope_offset=dh.telescope_offset,
-        telescope_length=dh.telescope_length,
-        gravity=dh.gravity,
+        links=links,
+        tip=np.ascontiguousarray(tip),
+        outward=_outward(links[-1], tip),
+        gravity=machine.gravity_vector,
     )
+
+
+def _steiner(place: np.ndarray) -> np.ndarray:
+    """(3, 3) inertia of a mass of 1 kg at a place (3,), about the origin [m2]."""
+    square: np.ndarray = place @ place * np.eye(3) - np.outer(place, place)
+    return square
+
+
+def _outward(link: np.void, tip: np.ndarray) -> np.ndarray:
+    """Along the axis of a last joint that slides, away from that of one that turns."""
+    axis, reach = link["axis"], tip - link["point"]
+    across = reach - axis * (axis @ reach)
+    if link["slides"] or np.linalg.norm(across) < 1e-9:
+        return np.array(axis)
+    outward: np.ndarray = across / np.linalg.norm(across)
+    return outward
 
 
 def pack_friction(parameters: StandIn) -> np.ndarray:
     """(13) for the two directions; the fields of LuGre are zero where friction is not dynamic."""
     law, bristles = parameters.friction, parameters.dynamic_friction
-    f_c, df_c, f_v, df_v = (law.array(key) for key in ("f_c", "df_c", "f_v", "df_v"))
-    unused = np.zeros(len(JOINTS))
+    f_c, df_c, f_v, df_v = (column(law, key) for key in ("f_c", "df_c", "f_v", "df_v"))
+    unused = np.zeros(len(law))
     return records(
         (*LAW, *BRISTLES),
         {
@@ -86,55 +120,56 @@ def pack_friction(parameters: StandIn) -> np.ndarray:
             "coulomb_down": f_c - df_c,
             "viscous_up": f_v + df_v,
             "viscous_down": f_v - df_v,
-            **{key: unused if bristles is None else bristles.array(key) for key in BRISTLES},
+            **{key: unused if bristles is None else column(bristles, key) for key in BRISTLES},
         },
     )
 
 
 def _pack_linkages(machine: Machine) -> Linkages:
-    inner, outer = machine.inner_boom_linkage, machine.outer_boom_linkage
-    radius = lever_arm(machine, JOINTS[0], np.zeros(1))[0]
+    packed = []
+    for joint, actuator in machine.actuators.items():
+        limits = machine.limits[joint]
+        beyond = MARGIN * (limits.position_max - limits.position_min)
+        packed.append(actuator.linkage(limits.position_min - beyond, limits.position_max + beyond))
+    ends = np.cumsum([len(linkage.constants) for linkage in packed])
     return Linkages(
-        rack_radius=radius,
-        j1=inner.j1,
-        j2=inner.j2,
-        angle_0=inner.angle_0,
-        gamma_21_0=outer.gamma_21_0,
-        gamma_32=outer.gamma_32,
-        s22=outer.s22,
-        s23=outer.s23,
-        c1=outer.c1,
-        c2=outer.c2,
-        s31=outer.s31,
+        kind=np.array([linkage.kind for linkage in packed]),
+        begin=np.array([0, *ends[:-1]]),
+        end=ends,
+        constants=np.concatenate([linkage.constants for linkage in packed]),
     )
 
 
 def _pack_cylinders(parameters: StandIn, machine: Machine) -> np.ndarray:
     inside = parameters.cylinders
-    known = ("area_a", "area_b", "length_min", "length_max")
-    columns = {
-        key: np.array([getattr(machine.cylinders[joint], key) for joint in JOINTS]) for key in known
+    known = {
+        key: np.array([getattr(machine.cylinders[joint], key) for joint in machine.joint_names])
+        for key in ("area_a", "area_b", "length_min", "length_max")
     }
-    return records(CYLINDER, columns | {k: inside.array(k) for k in CYLINDER if k not in known})
+    endless = np.isinf(known["length_min"])  # a motor: its chambers stay as large as they are
+    filled = {f"filled_{ab}": np.where(endless, 0.0, known[f"area_{ab}"]) for ab in ("a", "b")}
+    known |= {end: np.clip(known[end], -ENDLESS, ENDLESS) for end in ("length_min", "length_max")}
+    known |= filled
+    return records(CYLINDER, known | {k: column(inside, k) for k in CYLINDER if k not in known})
 
 
 def _pack_valves(parameters: StandIn, machine: Machine) -> np.ndarray:
     valves, rest = parameters.valves, parameters.start[:, None]
-    levers = [lever_arm(machine, joint, rest[i])[0] for i, joint in enumerate(JOINTS)]
+    levers = [lever_arm(machine, joint, rest[i])[0] for i, joint in enumerate(machine.joint_names)]
     sense = np.sign(levers)
-    gain = valves.array("rated_flow") / np.sqrt(valves.array("rated_drop"))
+    gain = column(valves, "rated_flow") / np.sqrt(column(valves, "rated_drop"))
     shares = {
-        edge: np.array([getattr(valves[joint].edges, edge) for joint in JOINTS]) for edge in EDGES
+        edge: np.array([getattr(valve.edges, edge) for valve in valves.values()]) for edge in EDGES
     }
     return records(
         VALVE,
         {
             "sense": sense,
-            "frequency": 2.0 * np.pi * valves.array("natural_frequency"),
-            "damping_ratio": valves.array("damping_ratio"),
-            "rate_limit": valves.array("rate_limit"),
-            "dead_zone": valves.array("dead_zone"),
-            "null": sense * valves.array("null_bias"),
+            "frequency": 2.0 * np.pi * column(valves, "natural_frequency"),
+            "damping_ratio": column(valves, "damping_ratio"),
+            "rate_limit": column(valves, "rate_limit"),
+            "dead_zone": column(valves, "dead_zone"),
+            "null": sense * column(valves, "null_bias"),
             **{edge: gain * share for edge, share in shares.items()},
         },
     )

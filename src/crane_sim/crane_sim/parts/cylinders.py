@@ -1,4 +1,4 @@
-"""The four cylinders in the crane: lengths and lever arms at a pose, and the ends of their strokes.
+"""The actuators in the machine: lengths and lever arms at a pose, and the ends of their strokes.
 
 The linkages are those of `crane_model.linkages`: geometry is known to both sides.
 """
@@ -8,28 +8,23 @@ from typing import NamedTuple
 import numpy as np
 from numba import njit
 
-from crane_model.linkages import inner_boom, outer_boom
+from crane_model.linkages import motion
 
 
 class Linkages(NamedTuple):
-    """The constants of (20)-(26) and of the slew rack [m, rad]."""
+    """x(q) of the actuators of j joints, as `crane_model.linkages.motion` takes it."""
 
-    rack_radius: float
-    j1: float
-    j2: float
-    angle_0: float
-    gamma_21_0: float
-    gamma_32: float
-    s22: float
-    s23: float
-    c1: float
-    c2: float
-    s31: float
+    kind: np.ndarray  # (j,) int
+    begin: np.ndarray  # (j,) int: where in `constants` its own begin,
+    end: np.ndarray  # (j,) int: and end
+    constants: np.ndarray
 
 
 CYLINDER = (
     "area_a",
     "area_b",
+    "filled_a",
+    "filled_b",
     "length_min",
     "length_max",
     "dead_volume_a",
@@ -38,26 +33,17 @@ CYLINDER = (
     "stop_stiffness",
     "stop_damping",
 )
-"""Fields of a cylinder's record: m2, m, m3 with hose, m3/s/Pa past the piston, N/m, s/m."""
+"""Fields of a cylinder's record: m2, also of what its stroke fills (0 of a motor); m; m3 with hose;
+m3/s/Pa past the piston; N/m; s/m. Of a motor m3/rad in the place of m2, rad in the place of m."""
 
 
 @njit(cache=True, error_model="numpy")
 def set_lengths_and_levers(linkages: Linkages, q: np.ndarray, actuators: np.ndarray) -> None:
-    """Cylinder lengths x(q) [m] and lever arms dx/dq at the pose q (4,), into records (4,)."""
-    slew, inner, outer, telescope = actuators[0], actuators[1], actuators[2], actuators[3]
-    slew.length, slew.lever = linkages.rack_radius * q[0], linkages.rack_radius
-    inner.length, inner.lever, _ = inner_boom(q[1], linkages.j1, linkages.j2, linkages.angle_0)
-    outer.length, outer.lever, _ = outer_boom(
-        q[2],
-        linkages.gamma_21_0,
-        linkages.gamma_32,
-        linkages.s22,
-        linkages.s23,
-        linkages.c1,
-        linkages.c2,
-        linkages.s31,
-    )
-    telescope.length, telescope.lever = q[3], 1.0
+    """Lengths x(q) [m], lever arms dx/dq and their slopes at the pose q (j,), into records (j,)."""
+    for i in range(len(q)):
+        actuator = actuators[i]
+        constants = linkages.constants[linkages.begin[i] : linkages.end[i]]
+        actuator.length, actuator.lever, actuator.slope = motion(linkages.kind[i], constants, q[i])
 
 
 @njit(cache=True, error_model="numpy")

@@ -1,6 +1,6 @@
 """Joint friction by the report's law (13), set-valued at standstill, or by a dynamic law (LuGre).
 
-`law` is an array (4,) of records, one a joint, with the fields of LAW: Coulomb friction [N m, N]
+`law` is an array (j,) of records, one a joint, with the fields of LAW: Coulomb friction [N m, N]
 while the joint moves up (f_c + df_c) and down (f_c - df_c), viscous friction [N m s/rad, N s/m] up
 (f_v + df_v) and down (f_v - df_v); for LuGre also those of BRISTLES.
 """
@@ -13,21 +13,22 @@ from numba import njit
 LAW = ("coulomb_up", "coulomb_down", "viscous_up", "viscous_down")
 BRISTLES = ("stiffness", "damping", "breakaway_ratio", "stribeck_velocity")
 STICK, UP, DOWN = 0, 1, -1
-SWEEPS = 200  # far above need: the modes of four joints settle in a few
+SWEEPS = 200  # far above need: the modes settle in a few
 
 
 @njit(cache=True, error_model="numpy")
 def solve_symmetric(matrix: np.ndarray, x: np.ndarray) -> None:
-    """Solve matrix (4, 4) x = rhs by LDL^T; x holds rhs, the lower triangle is overwritten."""
-    for j in range(4):
+    """Solve matrix (j, j) x = rhs by LDL^T; x holds rhs, the lower triangle is overwritten."""
+    n = len(x)
+    for j in range(n):
         reciprocal = 1.0 / matrix[j, j]
-        for i in range(j + 1, 4):
+        for i in range(j + 1, n):
             factor = matrix[i, j] * reciprocal
-            for k in range(i, 4):
+            for k in range(i, n):
                 matrix[k, i] -= factor * matrix[k, j]
             x[i] -= factor * x[j]
-    for i in range(3, -1, -1):
-        for k in range(i + 1, 4):
+    for i in range(n - 1, -1, -1):
+        for k in range(i + 1, n):
             x[i] -= matrix[k, i] * x[k]
         x[i] /= matrix[i, i]
 
@@ -46,10 +47,10 @@ def _velocity_for_modes(
 
     Sticking joints leave the equations; their friction must then lie within the breakaway limits.
     """
-    for i in range(4):
+    for i in range(len(v)):
         if mode[i] == STICK:
             v[i] = 0.0
-            for j in range(4):
+            for j in range(len(v)):
                 scratch[i, j] = 0.0
                 scratch[j, i] = 0.0
             scratch[i, i] = 1.0
@@ -63,10 +64,10 @@ def _velocity_for_modes(
             scratch[i, i] += step * law[i].viscous_down
             v[i] = impulse[i] + step * law[i].coulomb_down
     solve_symmetric(scratch, v)
-    for i in range(4):
+    for i in range(len(v)):
         if mode[i] == STICK:
             rest = impulse[i]
-            for j in range(4):
+            for j in range(len(v)):
                 rest -= mass[i, j] * v[j]
             if rest > step * law[i].coulomb_up or rest < -step * law[i].coulomb_down:
                 return False
@@ -85,9 +86,9 @@ def _sweep(
     v: np.ndarray,
 ) -> None:
     """One projected Gauss-Seidel sweep: each joint in turn takes the mode that fits the others."""
-    for i in range(4):
+    for i in range(len(v)):
         rest = impulse[i] + mass[i, i] * v[i]
-        for j in range(4):
+        for j in range(len(v)):
             rest -= mass[i, j] * v[j]
         up, down = step * law[i].coulomb_up, step * law[i].coulomb_down
         if rest > up:
@@ -115,14 +116,14 @@ def step_set_valued(
 
     friction(v) is set-valued: at v = 0 any value from -coulomb_down to coulomb_up. The solution
     minimises a strictly convex function, so it is unique: the modes of the last step (`mode`,
-    updated) are tried first, and sweeps find them anew when they no longer hold. `impulse` (4,) is
-    M v_old + step * (all other forces); `v` is warm start and result; `scratch` (5, 4) is
+    updated) are tried first, and sweeps find them anew when they no longer hold. `impulse` (j,) is
+    M v_old + step * (all other forces); `v` is warm start and result; `scratch` (j + 1, j) is
     overwritten.
     """
-    factor, trial = scratch[:4], scratch[4]
+    factor, trial = scratch[: len(v)], scratch[len(v)]
     for _ in range(SWEEPS):
         if _velocity_for_modes(law, mass, impulse, step, mode, factor, trial):
-            for i in range(4):
+            for i in range(len(v)):
                 v[i] = trial[i]
             return
         _sweep(law, mass, impulse, step, mode, v)
@@ -154,10 +155,10 @@ def step_lugre(
     scratch: np.ndarray,
     v: np.ndarray,
 ) -> None:
-    """Velocity after one step with LuGre friction: deflections z (4,) and v (4,) are updated."""
-    for i in range(4):
+    """Velocity after one step with LuGre friction: deflections z (j,) and v (j,) are updated."""
+    for i in range(len(v)):
         force, z[i] = lugre_force(law[i], v[i], z[i], step)
-        for j in range(4):
+        for j in range(len(v)):
             scratch[i, j] = mass[i, j]
         v[i] = impulse[i] - step * force
-    solve_symmetric(scratch[:4], v)
+    solve_symmetric(scratch[: len(v)], v)

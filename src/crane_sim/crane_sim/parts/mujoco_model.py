@@ -1,71 +1,69 @@
 """The stand-in's rigid bodies for MuJoCo: a second opinion on `rigid_bodies`, and for pictures.
 
-The same body parameters and Table 1, but MuJoCo derives the dynamics by its own spatial algebra.
-Axes of every body: x along it, z up or along its normal, y to the side; all joints of the plane
-turn about -y, so that positive coordinates raise the booms as in Table 1. Joint limits, friction
-and actuators are left out: the plant has them.
+The same bodies and the same machine, but MuJoCo derives the dynamics by its own spatial algebra, in
+frames of the links. Joint limits, friction and actuators are left out: the plant has them.
 """
 
-import math
-
 import mujoco
+import numpy as np
 
-from crane_model.machine import JOINTS, Machine
+from crane_model.kinematics import link_transforms
+from crane_model.machine import Machine
 from crane_sim.parts.parameters import Body, StandIn
 
-SIDE = (0.0, -1.0, 0.0)  # axis of the inner and outer boom
+
+def link_name(joint: str) -> str:
+    """Of the body that a joint moves first."""
+    return f"{joint} link"
 
 
-def crane_spec(parameters: StandIn, machine: Machine) -> mujoco.MjSpec:
-    """Editable MuJoCo model: bodies `pillar`, `inner_boom`, ... with joints named as in JOINTS.
+def machine_spec(parameters: StandIn, machine: Machine) -> mujoco.MjSpec:
+    """Editable MuJoCo model: a link for each joint, and on it the bodies of the stand-in file.
 
-    The pillar's frame is at joint 2, that of the inner boom too with x along phi, that of the outer
-    boom at the elbow with x along psi, those of telescope and gripper at the boom tip. Bodies carry
-    their inertia and no geometry.
+    Links have the frames of the machine's links, and joints its names; those that follow another
+    joint are there too, and are put where they belong by `chain_positions`. Bodies carry their
+    inertia and no geometry.
     """
-    dh, bodies = machine.denavit_hartenberg, parameters.bodies
     spec = mujoco.MjSpec()
-    spec.modelname = "forwarder_crane"
-    spec.option.gravity = (0.0, 0.0, -machine.gravity)
+    spec.modelname = machine.name
+    spec.option.gravity = machine.gravity_vector
     hinge, slide = mujoco.mjtJoint.mjJNT_HINGE, mujoco.mjtJoint.mjJNT_SLIDE
-
-    pillar = _body(spec.worldbody, "pillar", bodies.pillar, (0.0, 0.0, dh.base_height), 0.0)
-    inner = _body(pillar, "inner_boom", bodies.inner_boom, (0.0, 0.0, 0.0), dh.theta_2_0)
-    elbow = (dh.inner_boom_length, 0.0, 0.0)
-    outer = _body(inner, "outer_boom", bodies.outer_boom, elbow, -dh.theta_2_0)
-    tip = (dh.telescope_length, 0.0, dh.telescope_offset)
-    telescope = _body(outer, "telescope", bodies.telescope, tip, 0.0)
-    _body(telescope, "gripper", bodies.gripper, (0.0, 0.0, 0.0), 0.0)
-
-    moved = (pillar, inner, outer, telescope)
-    kinds = (hinge, hinge, hinge, slide)
-    axes = ((0.0, 0.0, 1.0), SIDE, SIDE, (1.0, 0.0, 0.0))
-    for body, joint, kind, axis in zip(moved, JOINTS, kinds, axes, strict=True):
-        body.add_joint(name=joint, type=kind, axis=axis)
+    parent, before = spec.worldbody, machine.base.matrix
+    frames = link_transforms(machine, np.zeros(len(machine.joint_names)))[0]
+    world = np.eye(4)
+    for joint, frame in zip(machine.joints, frames, strict=True):
+        link = add_body(parent, link_name(joint.name), np.linalg.inv(world) @ frame)
+        moving = np.linalg.inv(frame) @ before @ joint.before  # its joint, seen from the link
+        link.add_joint(
+            name=joint.name,
+            type=slide if joint.kind == "prismatic" else hinge,
+            axis=moving[:3, :3] @ joint.direction,
+            pos=moving[:3, 3],
+        )
+        for name, body in parameters.bodies.items():
+            if body.link == joint.name:
+                _add_inertia(link, name, body)
+        parent, world, before = link, frame, frame
     return spec
 
 
-def raised(angle: float) -> tuple[float, float, float, float]:
-    """Quaternion that raises the x axis by `angle` [rad]: a turn about SIDE."""
-    return math.cos(angle / 2), 0.0, -math.sin(angle / 2), 0.0
+def chain_positions(machine: Machine, q: np.ndarray) -> np.ndarray:
+    """(m,) positions of all joints of the chain from coordinates (j,)."""
+    led = [machine.led_by(joint) for joint in machine.joints]
+    return np.array([ratio * q[leader] for leader, ratio in led])
 
 
-def _body(
-    parent: mujoco.MjsBody,
-    name: str,
-    body: Body,
-    position: tuple[float, float, float],
-    angle: float,
-) -> mujoco.MjsBody:
-    """A body in the frame of its parent; its principal axes are along, to the side, normal."""
-    along, normal = body.centre_of_mass
-    inertia_along, inertia_normal, inertia_plane = body.principal_inertia
-    return parent.add_body(
-        name=name,
-        pos=position,
-        quat=raised(angle),
-        mass=body.mass,
-        ipos=(along, 0.0, normal),
-        inertia=(inertia_along, inertia_plane, inertia_normal),
-        explicitinertial=True,
-    )
+def add_body(parent: mujoco.MjsBody, name: str, placed: np.ndarray) -> mujoco.MjsBody:
+    """A body without mass, fixed at a place (4, 4) in the frame of its parent."""
+    quat = np.empty(4)
+    mujoco.mju_mat2Quat(quat, np.ascontiguousarray(placed[:3, :3]).ravel())
+    return parent.add_body(name=name, pos=placed[:3, 3], quat=quat)
+
+
+def _add_inertia(link: mujoco.MjsBody, name: str, body: Body) -> None:
+    placed = np.eye(4)
+    placed[:3, :3], placed[:3, 3] = body.rotation, body.origin
+    added = add_body(link, name, placed)
+    added.mass, added.ipos = body.mass, body.centre_of_mass
+    added.fullinertia = (*body.inertia, *body.products)
+    added.explicitinertial = True

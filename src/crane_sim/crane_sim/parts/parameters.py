@@ -1,7 +1,8 @@
 """Everything that the stand-in machine hides from the identification, from one YAML file."""
 
+from collections.abc import Mapping
 from pathlib import Path
-from typing import Annotated, Any, Self
+from typing import Annotated, Any, Literal, Self
 
 import numpy as np
 import yaml
@@ -9,7 +10,8 @@ from pydantic import Field, model_validator
 
 from crane_model.configuration import NonNegative, Positive, Schema, read_yaml, validate
 from crane_model.errors import ConfigurationError
-from crane_model.machine import JOINTS, PerJoint
+from crane_model.joint_tables import of_every_joint
+from crane_model.machine import Machine, load_machine
 from crane_model.machine_files import machine_file
 from crane_model.sensors import SensorChain
 
@@ -17,31 +19,41 @@ Fraction = Annotated[float, Field(ge=0, lt=1)]
 
 
 class Body(Schema):
-    """A rigid body symmetric to the sagittal plane; axes as in `crane_sim.parts.rigid_bodies`."""
+    """A rigid body, fixed to a link, in axes of its own.
 
+    They are at `origin` in the frame of the link [m], and point along its axes as `axes` says:
+    zxy has x along that of z, y along x and z along y.
+    """
+
+    link: str  # the joint that moves it first
+    origin: tuple[float, float, float] = (0.0, 0.0, 0.0)
+    axes: Literal["xyz", "yzx", "zxy"] = "xyz"
     mass: Positive  # kg
-    centre_of_mass: tuple[float, float]  # m, along and normal
-    principal_inertia: tuple[Positive, Positive, Positive]  # kg m2, along, normal, out of plane
+    centre_of_mass: tuple[float, float, float]  # m
+    inertia: tuple[Positive, Positive, Positive]  # kg m2 about it: xx, yy, zz
+    products: tuple[float, float, float] = (0.0, 0.0, 0.0)  # xy, xz, yz of the same tensor
+
+    @property
+    def tensor(self) -> np.ndarray:
+        """(3, 3) inertia about the centre of mass [kg m2]."""
+        (xx, yy, zz), (xy, xz, yz) = self.inertia, self.products
+        return np.array([[xx, xy, xz], [xy, yy, yz], [xz, yz, zz]])
+
+    @property
+    def rotation(self) -> np.ndarray:
+        """(3, 3) whose columns are the axes in the frame of the link."""
+        return np.eye(3)[:, ["xyz".index(axis) for axis in self.axes]]
 
     @model_validator(mode="after")
     def _realizable(self) -> Self:
-        smallest, middle, largest = sorted(self.principal_inertia)
-        if largest > smallest + middle:
+        smallest, middle, largest = np.linalg.eigvalsh(self.tensor)
+        if smallest <= 0.0 or largest > (smallest + middle) * (1.0 + 1e-12):
             raise ValueError(
-                f"principal_inertia {self.principal_inertia}: the largest may not exceed the sum "
-                "of the other two; no mass distribution has these values"
+                f"inertia {self.inertia}: the largest principal moment, {largest:.6g}, may not "
+                f"exceed the sum of the other two, {smallest:.6g} and {middle:.6g}, all positive; "
+                "no mass distribution has these values"
             )
         return self
-
-
-class CraneBodies(Schema):
-    """The five bodies; the gripper is fixed to the telescope."""
-
-    pillar: Body
-    inner_boom: Body
-    outer_boom: Body
-    telescope: Body
-    gripper: Body
 
 
 class CoulombViscous(Schema):
@@ -133,29 +145,67 @@ class StandIn(Schema):
     """The stand-in machine; geometry, linkages, areas and pump are in the machine file."""
 
     name: str
-    rest_pose: PerJoint[float]  # rad, m
-    bodies: CraneBodies
-    friction: PerJoint[CoulombViscous]
-    dynamic_friction: PerJoint[Bristles] | None = None
-    valves: PerJoint[StandInValve]
-    cylinders: PerJoint[CylinderInside]
+    rest_pose: Mapping[str, float]  # rad, m
+    bodies: Mapping[str, Body]
+    friction: Mapping[str, CoulombViscous]
+    dynamic_friction: Mapping[str, Bristles] | None = None
+    valves: Mapping[str, StandInValve]
+    cylinders: Mapping[str, CylinderInside]
     oil: StandInOil
     supply: Supply
     sensors: SensorChain
-    jerk_density: PerJoint[Positive]  # (rad or m)^2/s^5, of the driver's velocity filter
+    jerk_density: Mapping[str, Positive]  # (rad or m)^2/s^5, of the driver's velocity filter
     step: Annotated[float, Field(gt=0, le=5e-4)]  # s
 
     @property
     def start(self) -> np.ndarray:
-        """(4,) the pose in which the crane rests before an experiment [rad, m]."""
-        return np.array([self.rest_pose[joint] for joint in JOINTS])
+        """(j,) the pose in which the machine rests before an experiment [rad, m]."""
+        return np.array(list(self.rest_pose.values()))
+
+    def of(self, machine: Machine, source: Path | str) -> Self:
+        """Itself, with all that is said of joints in the order of the machine.
+
+        `ConfigurationError` names the keys of `source` where joints are missing or unknown, and
+        the joints that it cannot move.
+        """
+        for joint, actuator in machine.actuators.items():
+            if not actuator.has_chambers:
+                raise ConfigurationError(
+                    f"{source}: a stand-in moves hydraulic actuators only, but {joint} of "
+                    f"{machine.name} has one of type {actuator.type}"
+                )
+        links = [joint.name for joint in machine.joints]
+        for name, body in self.bodies.items():
+            if body.link not in links:
+                raise ConfigurationError(
+                    f"{source}: key 'bodies.{name}.link': no joint '{body.link}'; "
+                    f"{machine.name} has {', '.join(links)}"
+                )
+        joints, resolution = machine.joint_names, self.sensors.encoder_resolution
+        of_every_joint(resolution, joints, f"{source}: key 'sensors.encoder_resolution'")
+        tables = {key: getattr(self, key) for key in OF_JOINTS}
+        ordered = {
+            key: of_every_joint(table, joints, f"{source}: key '{key}'")
+            for key, table in tables.items()
+            if table is not None
+        }
+        return self.model_copy(update=ordered)
 
 
-def load_stand_in(path: Path | str | None = None) -> StandIn:
-    """The stand-in in `path`, by default with friction (13); `ConfigurationError` if wrong.
+OF_JOINTS = ("rest_pose", "friction", "dynamic_friction", "valves", "cylinders", "jerk_density")
 
-    A file with the key `base` (another file, relative to this one) holds only what differs from
-    that file; it may not have a base itself.
+
+def column(table: Mapping[str, Schema], key: str) -> np.ndarray:
+    """(j,) the value `key` of every entry of a table with one for each joint."""
+    return np.array([getattr(entry, key) for entry in table.values()], dtype=float)
+
+
+def load_stand_in(path: Path | str | None = None, machine: Machine | None = None) -> StandIn:
+    """The stand-in in `path` for a machine, by default that of the laboratory crane.
+
+    `ConfigurationError` if it is wrong, or that of another machine. A file with the key `base`
+    (another file, relative to this one) holds only what differs from that file; it may not have a
+    base itself.
     """
     path = Path(path or machine_file("stand_in.yaml"))
     content = read_yaml(path)
@@ -168,7 +218,7 @@ def load_stand_in(path: Path | str | None = None) -> StandIn:
                 f"got {content['base']!r}"
             )
         content = _merged(base, difference)
-    return validate(content, StandIn, path)
+    return validate(content, StandIn, path).of(machine or load_machine(), path)
 
 
 def save_stand_in(path: Path | str, stand_in: StandIn) -> None:

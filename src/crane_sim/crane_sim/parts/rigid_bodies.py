@@ -1,11 +1,11 @@
-"""Rigid-body dynamics of slew, inner boom, outer boom and telescope from full body parameters.
+"""Rigid-body dynamics of any serial chain, from the full parameters of its bodies.
 
-Derived body by body from the kinetic and potential energy (3)-(6), with no regressor and no base
-parameters: the identification is judged against this code, so it shares none with it.
+Everything is kept in the axes of the base and about its origin: where a pose has carried the axes
+of the joints, what a link weighs there, how it moves. So inertias simply add up, what a link needs
+follows from its momentum, and no frame of a link is ever needed. There is no regressor and there
+are no base parameters: the identification is judged against this code, so it shares none with it.
 
-Every body is symmetric to the sagittal plane: its centre of mass lies in that plane and one
-principal axis of inertia is normal to it. Points of the plane are (radius from the slew axis,
-height). phi = q2 + theta20 is the direction of the inner boom, psi = q2 + q3 that of the telescope.
+A twist is (turning rate, velocity of the point that passes the origin of the base).
 """
 
 import math
@@ -14,104 +14,189 @@ from typing import NamedTuple
 import numpy as np
 from numba import njit
 
-PILLAR, INNER_BOOM, OUTER_BOOM, TELESCOPE, GRIPPER = range(5)
-BODY = ("mass", "along", "normal", "inertia_along", "inertia_normal", "inertia_plane")
-"""Fields of a body's record: kg; centre of mass, m; principal inertia about it, kg m2."""
+from crane_sim.parts.vectors import (
+    Vector,
+    add_cross,
+    cross,
+    dot,
+    product,
+    put,
+    scaled,
+    summed,
+    vector,
+)
+
+LINK = np.dtype(
+    [
+        # in the zero pose
+        ("axis", float, 3),  # unit vector, about or along which its joint moves it
+        ("point", float, 3),  # on that axis, m
+        ("slides", bool),
+        ("leader", int),  # the coordinate q that moves the joint,
+        ("ratio", float),  # by so much of it
+        ("mass", float),  # kg
+        ("centre", float, 3),  # of mass, m
+        ("inertia", float, (3, 3)),  # about the centre of mass, kg m2
+        # as `place` has carried it
+        ("rotation", float, (3, 3)),  # out of the zero pose
+        ("shift", float, 3),  # with it, m
+        ("turn", float, 3),  # twist at a unit rate of the coordinate: turning,
+        ("slide", float, 3),  # and velocity at the origin
+        # by `mass_and_bias`: of it and all links beyond, about the origin
+        ("carried", float),  # kg
+        ("moment", float, 3),  # kg m
+        ("about_origin", float, (3, 3)),  # inertia, kg m2
+        ("torque", float, 3),  # N m, without acceleration of the joints
+        ("force", float, 3),  # N
+    ]
+)
 
 
 class Chain(NamedTuple):
-    """The crane's geometry and bodies, packed for compiled code.
+    """A serial chain of m links that j coordinates move."""
 
-    `bodies` (5,) are records with the fields of BODY. Their axes "along" and "normal": pillar
-    radial and up, at joint 2; inner boom along phi, at joint 2; outer boom along psi, at the elbow;
-    telescope and gripper along psi, at the boom tip.
-    """
+    links: np.ndarray  # (m + 1,) records, fields LINK; the first is the base
+    tip: np.ndarray  # (3,) in the zero pose, m
+    outward: np.ndarray  # (3,) unit vector, along which the last link reaches out at its tip
+    gravity: np.ndarray  # (3,) m/s2
 
-    bodies: np.ndarray
-    theta_20: float
-    inner_boom_length: float
-    telescope_offset: float
-    telescope_length: float
-    gravity: float
+
+@njit(cache=True, error_model="numpy")
+def place(chain: Chain, q: np.ndarray) -> None:
+    """Carry axes and links to the pose q (j,): the product of exponentials."""
+    for i in range(1, len(chain.links)):
+        before, link = chain.links[i - 1], chain.links[i]
+        moved, ratio = link.ratio * q[link.leader], link.ratio
+        direction = product(before.rotation, vector(link.axis))
+        if link.slides:
+            for a in range(3):
+                for b in range(3):
+                    link.rotation[a, b] = before.rotation[a, b]
+            put(link.shift, summed(vector(before.shift), scaled(moved, direction)))
+            put(link.turn, (0.0, 0.0, 0.0))
+            put(link.slide, scaled(ratio, direction))
+        else:
+            point = vector(link.point)
+            at = carried(before, point)
+            _turn_about(direction, moved, before.rotation, link.rotation)
+            put(link.shift, summed(at, scaled(-1.0, product(link.rotation, point))))
+            put(link.turn, scaled(ratio, direction))
+            put(link.slide, scaled(ratio, cross(at, direction)))
 
 
 @njit(cache=True, error_model="numpy")
 def mass_and_bias(
     chain: Chain, q: np.ndarray, v: np.ndarray, mass: np.ndarray, bias: np.ndarray
 ) -> None:
-    """Fill M(q) (4, 4) and the bias C(q, v) v + G(q) (4,) of (6); q, v in the order of JOINTS."""
-    phi, psi = q[1] + chain.theta_20, q[1] + q[2]
-    cos_phi, sin_phi, cos_psi, sin_psi = math.cos(phi), math.sin(phi), math.cos(psi), math.sin(psi)
-    phi_rate, psi_rate = v[1], v[1] + v[2]
-    elbow_r, elbow_z = chain.inner_boom_length * cos_phi, chain.inner_boom_length * sin_phi
-
+    """Fill M(q) (j, j) and the bias C(q, v) v + G(q) (j,) of (6)."""
+    place(chain, q)
+    links = chain.links
+    omega, velocity, alpha = (0.0, 0.0, 0.0), (0.0, 0.0, 0.0), (0.0, 0.0, 0.0)
+    acceleration = scaled(-1.0, vector(chain.gravity))  # of a base held against gravity
+    for i in range(1, len(links)):
+        link = links[i]
+        rate, turn, slide = v[link.leader], vector(link.turn), vector(link.slide)
+        # the axis moves with the link before: what its rate adds to the acceleration
+        alpha = add_cross(alpha, scaled(rate, omega), turn)
+        acceleration = add_cross(acceleration, scaled(rate, omega), slide)
+        acceleration = add_cross(acceleration, scaled(rate, velocity), turn)
+        omega = summed(omega, scaled(rate, turn))
+        velocity = summed(velocity, scaled(rate, slide))
+        m, centre = link.mass, carried(link, vector(link.centre))
+        moment = scaled(m, centre)
+        _place_inertia(link, moment, centre)
+        link.carried = m
+        put(link.moment, moment)
+        momentum = add_cross(scaled(m, velocity), omega, moment)
+        spin = add_cross(product(link.about_origin, omega), moment, velocity)
+        force = add_cross(scaled(m, acceleration), alpha, moment)
+        put(link.force, add_cross(force, omega, momentum))
+        torque = add_cross(product(link.about_origin, alpha), moment, acceleration)
+        torque = add_cross(torque, omega, spin)
+        put(link.torque, add_cross(torque, velocity, momentum))
     mass[:] = 0.0
     bias[:] = 0.0
-    pillar = chain.bodies[PILLAR]
-    mass[0, 0] = pillar.mass * pillar.along**2 + pillar.inertia_normal
-    # half of dM11/dq2, dM11/dq3, dM11/dq4: what slewing does to the booms, and they to the slew
-    half_2 = half_3 = half_4 = 0.0
+    for i in range(len(links) - 1, 0, -1):
+        link = links[i]
+        turn, slide, moment = vector(link.turn), vector(link.slide), vector(link.moment)
+        torque, force = vector(link.torque), vector(link.force)
+        bias[link.leader] += dot(turn, torque) + dot(slide, force)
+        # all from this link on moves with its joint: the momentum at a unit rate
+        momentum = add_cross(scaled(link.carried, slide), turn, moment)
+        spin = add_cross(product(link.about_origin, turn), moment, slide)
+        for k in range(1, i + 1):
+            other = links[k]
+            held = dot(vector(other.turn), spin) + dot(vector(other.slide), momentum)
+            mass[other.leader, link.leader] += held
+            if k < i:
+                mass[link.leader, other.leader] += held
+        if i > 1:
+            before = links[i - 1]
+            before.carried += link.carried
+            put(before.moment, summed(vector(before.moment), moment))
+            put(before.torque, summed(vector(before.torque), torque))
+            put(before.force, summed(vector(before.force), force))
+            for a in range(3):
+                for b in range(3):
+                    before.about_origin[a, b] += link.about_origin[a, b]
 
-    # Inner boom: turns about joint 2.
-    body = chain.bodies[INNER_BOOM]
-    m, along, normal = body.mass, body.along, body.normal
-    r = along * cos_phi - normal * sin_phi
-    z = along * sin_phi + normal * cos_phi
-    mass[0, 0] += m * r * r
-    mass[0, 0] += body.inertia_along * sin_phi**2 + body.inertia_normal * cos_phi**2
-    half_2 -= m * r * z
-    half_2 += (body.inertia_along - body.inertia_normal) * sin_phi * cos_phi
-    mass[1, 1] += m * (along * along + normal * normal) + body.inertia_plane
-    bias[1] += m * chain.gravity * r
 
-    # Outer boom, telescope and gripper: turn about the elbow, the last two also slide.
-    for index in range(OUTER_BOOM, GRIPPER + 1):
-        body = chain.bodies[index]
-        m, along, normal = body.mass, body.along, body.normal
-        slide = 0.0
-        if index != OUTER_BOOM:
-            slide = 1.0
-            along += chain.telescope_length + q[3]
-            normal += chain.telescope_offset
-        # position from the elbow; turning by 90 degrees is the derivative to psi
-        x = along * cos_psi - normal * sin_psi
-        y = along * sin_psi + normal * cos_psi
-        r = elbow_r + x
-        # Jacobian of (radius, height): columns q2, q3, q4
-        r_2, z_2 = -elbow_z - y, elbow_r + x
-        r_3, z_3 = -y, x
-        r_4, z_4 = slide * cos_psi, slide * sin_psi
-        # acceleration of the centre of mass at zero joint acceleration, with gravity
-        coriolis = 2.0 * slide * v[3] * psi_rate
-        a_r = -elbow_r * phi_rate**2 - x * psi_rate**2 - coriolis * sin_psi
-        a_z = -elbow_z * phi_rate**2 - y * psi_rate**2 + coriolis * cos_psi + chain.gravity
+@njit(cache=True, error_model="numpy")
+def carried(link: np.record, point: Vector) -> Vector:
+    """Where a placed link has a point of it that is at `point` in the zero pose [m]."""
+    return summed(product(link.rotation, point), vector(link.shift))
 
-        twist = (body.inertia_along - body.inertia_normal) * sin_psi * cos_psi
-        mass[0, 0] += m * r * r
-        mass[0, 0] += body.inertia_along * sin_psi**2 + body.inertia_normal * cos_psi**2
-        half_2 += m * r * r_2 + twist
-        half_3 += m * r * r_3 + twist
-        half_4 += m * r * r_4
-        inertia = body.inertia_plane
-        mass[1, 1] += m * (r_2 * r_2 + z_2 * z_2) + inertia
-        mass[1, 2] += m * (r_2 * r_3 + z_2 * z_3) + inertia
-        mass[1, 3] += m * (r_2 * r_4 + z_2 * z_4)
-        mass[2, 2] += m * (r_3 * r_3 + z_3 * z_3) + inertia
-        mass[2, 3] += m * (r_3 * r_4 + z_3 * z_4)
-        mass[3, 3] += m * slide
-        bias[1] += m * (r_2 * a_r + z_2 * a_z)
-        bias[2] += m * (r_3 * a_r + z_3 * a_z)
-        bias[3] += m * (r_4 * a_r + z_4 * a_z)
 
-    mass[2, 1], mass[3, 1], mass[3, 2] = mass[1, 2], mass[1, 3], mass[2, 3]
-    bias[0] = 2.0 * v[0] * (half_2 * v[1] + half_3 * v[2] + half_4 * v[3])
-    bias[1] -= half_2 * v[0] ** 2
-    bias[2] -= half_3 * v[0] ** 2
-    bias[3] -= half_4 * v[0] ** 2
+@njit(cache=True, error_model="numpy")
+def tip_of(chain: Chain) -> Vector:
+    """Where the tip has been placed [m]."""
+    return carried(chain.links[-1], vector(chain.tip))
+
+
+@njit(cache=True, error_model="numpy")
+def add_push(chain: Chain, at: Vector, force: Vector, into: np.ndarray) -> None:
+    """Add to `into` (j,) the generalized forces of a force [N] on a point of the last link [m]."""
+    torque = cross(at, force)
+    for i in range(1, len(chain.links)):
+        link = chain.links[i]
+        into[link.leader] += dot(vector(link.turn), torque) + dot(vector(link.slide), force)
+
+
+@njit(cache=True, error_model="numpy")
+def beyond(chain: Chain, i: int) -> tuple[float, Vector]:
+    """Mass [kg] of all links from record i on, and their moment about the origin as placed."""
+    mass, moment = 0.0, (0.0, 0.0, 0.0)
+    for k in range(i, len(chain.links)):
+        link = chain.links[k]
+        mass += link.mass
+        moment = summed(moment, scaled(link.mass, carried(link, vector(link.centre))))
+    return mass, moment
+
+
+@njit(cache=True, error_model="numpy")
+def _place_inertia(link: np.record, moment: Vector, centre: Vector) -> None:
+    """Inertia of a link as placed, about the origin."""
+    square = dot(moment, centre)
+    for a in range(3):
+        half = product(link.inertia, vector(link.rotation[a]))
+        turned = product(link.rotation, half)
+        put(link.about_origin[a], summed(turned, scaled(-moment[a], centre)))
+        link.about_origin[a, a] += square
+
+
+@njit(cache=True, error_model="numpy")
+def _turn_about(axis: Vector, angle: float, before: np.ndarray, after: np.ndarray) -> None:
+    """`before` (3, 3), turned by `angle` [rad] about a unit vector (Rodrigues), into `after`."""
+    c, s = math.cos(angle), math.sin(angle)
+    for b in range(3):
+        column = (before[0, b], before[1, b], before[2, b])
+        turned = add_cross(scaled(c, column), scaled(s, axis), column)
+        turned = summed(turned, scaled((1.0 - c) * dot(axis, column), axis))
+        after[0, b], after[1, b], after[2, b] = turned
 
 
 def inverse_dynamics(chain: Chain, q: np.ndarray, v: np.ndarray, a: np.ndarray) -> np.ndarray:
-    """Generalized forces (4,) of (6) that give the acceleration a (4,) at q, v (4,)."""
-    mass, bias = np.empty((4, 4)), np.empty(4)
+    """Generalized forces (j,) of (6) that give the acceleration a (j,) at q, v (j,)."""
+    mass, bias = np.empty((len(q), len(q))), np.empty(len(q))
     mass_and_bias(chain, q, v, mass, bias)
     return mass @ a + bias

@@ -2,8 +2,8 @@
 
 import numpy as np
 
-from crane_model.machine import JOINTS, Machine
-from crane_sim.parts.parameters import Body, CraneBodies, Edges, StandIn, StandInValve
+from crane_model.machine import Machine
+from crane_sim.parts.parameters import Body, Edges, StandIn, StandInValve
 
 LESS_OVERLAP = 0.15
 """Of a dead zone, at most: how far a drawn one falls short of it. None is larger, so that what a
@@ -13,8 +13,8 @@ controller compensates, and a data sheet calls usual, holds for every drawn mach
 def vary(stand_in: StandIn, seed: int, spread: float = 0.15) -> StandIn:
     """Bodies, friction, leakage and oil each within +-spread of those of `stand_in`, evenly drawn.
 
-    Inertia follows the mass of its body; centres of mass move along their axes only, so that the
-    base parameters of `planted` stay defined. Friction keeps dissipating; valves (see
+    Inertia follows the mass of its body; centres of mass move along the x axis of the body only, so
+    that the base parameters of `planted` stay defined. Friction keeps dissipating; valves (see
     `vary_valves`), sensors and geometry stay. The same seed gives the same machine.
     """
     rng = np.random.default_rng(seed)
@@ -22,19 +22,14 @@ def vary(stand_in: StandIn, seed: int, spread: float = 0.15) -> StandIn:
     def factor() -> float:
         return float(rng.uniform(1.0 - spread, 1.0 + spread))
 
-    def body(name: str) -> Body:
-        given: Body = getattr(stand_in.bodies, name)
-        heavier, (along, normal) = factor(), given.centre_of_mass
-        along_inertia, normal_inertia, plane = given.principal_inertia
+    def body(given: Body) -> Body:
+        heavier, (along, *across) = factor(), given.centre_of_mass
         return given.model_copy(
             update={
                 "mass": given.mass * heavier,
-                "centre_of_mass": (along * factor(), normal),
-                "principal_inertia": (
-                    along_inertia * heavier,
-                    normal_inertia * heavier,
-                    plane * heavier,
-                ),
+                "centre_of_mass": (along * factor(), *across),
+                "inertia": tuple(moment * heavier for moment in given.inertia),
+                "products": tuple(product * heavier for product in given.products),
             }
         )
 
@@ -47,19 +42,19 @@ def vary(stand_in: StandIn, seed: int, spread: float = 0.15) -> StandIn:
                 "df_v": given.df_v * wet * factor(),
             }
         )
-        for joint, given in ((joint, stand_in.friction[joint]) for joint in JOINTS)
+        for joint, given in stand_in.friction.items()
     }
     cylinders = {
         joint: given.model_copy(update={"leakage": given.leakage * factor()})
-        for joint, given in ((joint, stand_in.cylinders[joint]) for joint in JOINTS)
+        for joint, given in stand_in.cylinders.items()
     }
     oil = stand_in.oil
     return stand_in.model_copy(
         update={
             "name": f"{stand_in.name}, drawn with seed {seed}",
-            "bodies": CraneBodies(**{name: body(name) for name in CraneBodies.model_fields}),
-            "friction": type(stand_in.friction)(**friction),
-            "cylinders": type(stand_in.cylinders)(**cylinders),
+            "bodies": {name: body(given) for name, given in stand_in.bodies.items()},
+            "friction": friction,
+            "cylinders": cylinders,
             "oil": oil.model_copy(update={"bulk_modulus": oil.bulk_modulus * factor()}),
         }
     )
@@ -98,5 +93,6 @@ def vary_valves(stand_in: StandIn, machine: Machine, seed: int, scatter: float =
             }
         )
 
-    valves = type(stand_in.valves)(**{joint: valve(joint) for joint in JOINTS})
-    return stand_in.model_copy(update={"valves": valves})
+    return stand_in.model_copy(
+        update={"valves": {joint: valve(joint) for joint in stand_in.valves}}
+    )

@@ -7,7 +7,6 @@ from typing import Protocol
 import numpy as np
 
 from crane_driver.velocity_filter import VelocityFilter
-from crane_model.machine import JOINTS
 from crane_sim.plant.plant import Plant
 from crane_sim.plant.sampled import Pressures, Sensors
 from crane_trajectory.control.controller import Gains, command
@@ -23,7 +22,7 @@ class Course(Protocol):
 
     @property
     def start(self) -> np.ndarray:
-        """(4,) where it rests at time 0 [rad, m]."""
+        """(j,) where it rests at time 0 [rad, m]."""
 
     @property
     def duration(self) -> float:
@@ -35,34 +34,34 @@ class Course(Protocol):
 
 @dataclass(frozen=True)
 class States:
-    """What truly happened, at n instants; an axis of 4 follows JOINTS."""
+    """What truly happened, at n instants; an axis of j follows the joints."""
 
     time: np.ndarray  # (n,) s since the machine was started
-    position: np.ndarray  # (n, 4) rad, m
-    velocity: np.ndarray  # (n, 4)
-    acceleration: np.ndarray  # (n, 4)
-    pressure_a: np.ndarray  # (n, 4) Pa
-    pressure_b: np.ndarray  # (n, 4)
+    position: np.ndarray  # (n, j) rad, m
+    velocity: np.ndarray  # (n, j)
+    acceleration: np.ndarray  # (n, j)
+    pressure_a: np.ndarray  # (n, j) Pa
+    pressure_b: np.ndarray  # (n, j)
 
 
 @dataclass(frozen=True)
 class TrueStates(States):
     """What no real machine shows, at the n instants of a recording; k effects are hidden."""
 
-    hidden_force: np.ndarray  # (k, n, 4) N m, N
-    hidden_flow: np.ndarray  # (k, n, 4) m3/s
+    hidden_force: np.ndarray  # (k, n, j) N m, N
+    hidden_flow: np.ndarray  # (k, n, j) m3/s
 
 
 @dataclass(frozen=True)
 class SimulatedRecording:
-    """n cycles of the controller; (n, 4) in the order of JOINTS."""
+    """n cycles of the controller; (n, j) from the base to the tip."""
 
     time: np.ndarray  # (n,) s since the machine was started, when the sensors were read
-    position: np.ndarray  # (n, 4) rad, m: encoder readings
-    velocity: np.ndarray  # (n, 4) rad/s, m/s: the driver's filter; NaN in the first sample
+    position: np.ndarray  # (n, j) rad, m: encoder readings
+    velocity: np.ndarray  # (n, j) rad/s, m/s: the driver's filter; NaN in the first sample
     pressures: Pressures
     cylinders: tuple[str, ...]  # the columns of `pressures`
-    command: np.ndarray  # (n, 4) -1..1
+    command: np.ndarray  # (n, j) -1..1
     reference: Reference
     truth: TrueStates
 
@@ -76,17 +75,18 @@ def record(
     closed until a velocity is known. `progress` wraps the cycles, as tqdm does.
     """
     chain, density = plant.parameters.sensors, plant.parameters.jerk_density
+    joints = plant.machine.joint_names
     count = round((motion.duration + 2.0 * REST) / chain.period)
     begin = plant.time
     times = sensors.instants(begin + chain.period, count)
     reference = motion.reference(times - begin - REST)
     velocity_filter = VelocityFilter(
-        [density[joint] for joint in JOINTS], [chain.encoder_resolution[joint] for joint in JOINTS]
+        [density[joint] for joint in joints], [chain.encoder_resolution[joint] for joint in joints]
     )
-    position, velocity, commands, q, v, a, p_a, p_b = np.zeros((8, count, len(JOINTS)))
-    force, flow = np.zeros((2, plant.hidden_count, count, len(JOINTS)))
+    position, velocity, commands, q, v, a, p_a, p_b = np.zeros((8, count, len(joints)))
+    force, flow = np.zeros((2, plant.hidden_count, count, len(joints)))
     supply = np.empty(count)
-    arrays, u = gains.arrays, np.zeros(len(JOINTS))
+    arrays, u = gains.arrays, np.zeros(len(joints))
     for k in progress(range(count)):
         time = float(times[k])
         plant.advance(u, time - plant.time)

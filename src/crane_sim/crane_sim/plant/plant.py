@@ -6,7 +6,7 @@ from collections.abc import Sequence
 import numpy as np
 
 from crane_model.errors import RangeError
-from crane_model.machine import JOINT_UNITS, JOINTS, Machine
+from crane_model.machine import Machine
 from crane_sim.effects.form import Planted
 from crane_sim.effects.kernel import act
 from crane_sim.effects.working import packed
@@ -14,14 +14,14 @@ from crane_sim.parts.constants import pack
 from crane_sim.parts.cylinders import set_lengths_and_levers
 from crane_sim.parts.parameters import StandIn
 from crane_sim.parts.rigid_bodies import mass_and_bias
-from crane_sim.parts.state import ACTUATOR, Scratch, State
+from crane_sim.parts.state import State, at_rest, room
 from crane_sim.plant.stepping import advance
 
 
 class Plant:
     """The stand-in machine in motion.
 
-    It starts at rest at `q0` (4,) with centred spools and chamber pressures that carry gravity; the
+    It starts at rest at `q0` (j,) with centred spools and chamber pressures that carry gravity; the
     two pressures of a cylinder then add up to the supply pressure where that is possible, as a
     valve with equal metering edges leaves them. Nothing in it is random: noise is in the sensors.
     Of `planted`, faults of sensors have no part in it.
@@ -45,21 +45,12 @@ class Plant:
         self._constants = pack(parameters, machine)
         # None is compiled apart: no cost where none hides
         self._hidden = packed(planted, machine, running)
-        self._scratch = Scratch(
-            mass=np.empty((4, 4)),
-            bias=np.empty(4),
-            force=np.zeros(4),
-            impulse=np.empty(4),
-            friction=np.empty((5, 4)),
-            growth=np.empty(4),
-            before=np.zeros(4),
-            law=self._constants.friction.copy(),
-        )
+        self._scratch = room(self._constants.friction)
         self._step = parameters.step
         self._state = self._at_rest(np.array(q0, dtype=float))
 
     def advance(self, command: np.ndarray, duration: float) -> None:
-        """Run for `duration` [s] with spool commands (4,) in -1..1; positive moves a joint up.
+        """Run for `duration` [s] with spool commands (j,) in -1..1; positive moves a joint up.
 
         Steps are equal and at most `parameters.step`. `RangeError` if a command is not finite, or
         the crane was driven out of the range in which its linkages can be assembled.
@@ -81,17 +72,17 @@ class Plant:
 
     @property
     def q(self) -> np.ndarray:
-        """(4,) coordinates [rad, m]; this and the others in the order of JOINTS."""
+        """(j,) coordinates [rad, m]; this and the others from the base to the tip."""
         return self._state.q.copy()
 
     @property
     def v(self) -> np.ndarray:
-        """(4,) velocities [rad/s, m/s]; exactly 0 where a joint sticks by (13)."""
+        """(j,) velocities [rad/s, m/s]; exactly 0 where a joint sticks by (13)."""
         return self._state.v.copy()
 
     @property
     def acceleration(self) -> np.ndarray:
-        """(4,) mean over the last step [rad/s2, m/s2]; 0 before the first."""
+        """(j,) mean over the last step [rad/s2, m/s2]; 0 before the first."""
         return (self._state.v - self._scratch.before) / self._step
 
     @property
@@ -101,27 +92,31 @@ class Plant:
 
     @property
     def hidden_flow(self) -> np.ndarray:
-        """(k, 4) what flows more into chamber A for each hidden effect [m3/s]."""
-        return np.zeros((0, 4)) if self._hidden is None else self._hidden.flow.copy()
+        """(k, j) what flows more into chamber A for each hidden effect [m3/s]."""
+        return (
+            np.zeros((0, len(self._state.q))) if self._hidden is None else self._hidden.flow.copy()
+        )
 
     @property
     def hidden_force(self) -> np.ndarray:
-        """(k, 4) what each hidden effect asked of the drives in the last step [N m, N]."""
-        return np.zeros((0, 4)) if self._hidden is None else self._hidden.force.copy()
+        """(k, j) what each hidden effect asked of the drives in the last step [N m, N]."""
+        return (
+            np.zeros((0, len(self._state.q))) if self._hidden is None else self._hidden.force.copy()
+        )
 
     @property
     def pressure_a(self) -> np.ndarray:
-        """(4,) pressures of chambers A [Pa]."""
+        """(j,) pressures of chambers A [Pa]."""
         return self._state.actuators["p_a"].copy()
 
     @property
     def pressure_b(self) -> np.ndarray:
-        """(4,) pressures of chambers B [Pa]."""
+        """(j,) pressures of chambers B [Pa]."""
         return self._state.actuators["p_b"].copy()
 
     @property
     def spool(self) -> np.ndarray:
-        """(4,) spool positions in -1..1; positive extends the cylinder."""
+        """(j,) spool positions in -1..1; positive extends the cylinder."""
         return self._state.actuators["spool"].copy()
 
     @property
@@ -131,16 +126,9 @@ class Plant:
 
     def _at_rest(self, q: np.ndarray) -> State:
         constants, scratch = self._constants, self._scratch
-        actuators = np.zeros(len(JOINTS), np.dtype([(name, float) for name in ACTUATOR]))
+        state = at_rest(q, self.machine.hydraulics.supply_pressure)
+        actuators = state.actuators
         set_lengths_and_levers(constants.linkages, q, actuators)
-        state = State(
-            q=q,
-            v=np.zeros(4),
-            mode=np.zeros(4, dtype=np.int64),
-            bristle=np.zeros(4),
-            actuators=actuators,
-            supply=np.array([self.machine.hydraulics.supply_pressure]),
-        )
         mass_and_bias(constants.chain, q, state.v, scratch.mass, scratch.bias)
         if self._hidden is not None:
             act(self._hidden, constants, state, scratch, self._step)
@@ -154,19 +142,19 @@ class Plant:
         if not held.all():
             i = int(np.argmin(held))
             raise RangeError(
-                f"{JOINTS[i]}: at the pose {np.round(q, 4).tolist()} gravity needs a cylinder "
-                f"force of {piston[i]:.0f} N, more than the supply pressure of {supply:.4g} Pa can "
-                "hold; start from another pose"
+                f"{self.machine.joint_names[i]}: at {np.round(q, 4).tolist()} gravity needs "
+                f"{piston[i]:.0f} N (N m of a motor), more than the supply pressure of "
+                f"{supply:.4g} Pa can hold; start from another pose"
             )
         actuators["p_a"], actuators["p_b"] = p_a, p_b
         return state
 
 
 def _check_pose(machine: Machine, q0: np.ndarray) -> None:
-    for i, joint in enumerate(JOINTS):
+    for i, joint in enumerate(machine.joint_names):
         limits = machine.limits[joint]
         if not limits.position_min <= q0[i] <= limits.position_max:
             raise RangeError(
-                f"{joint}: the plant cannot start at {q0[i]:.6g} {JOINT_UNITS[joint]}, outside "
+                f"{joint}: the plant cannot start at {q0[i]:.6g} {machine.units[joint]}, outside "
                 f"[{limits.position_min}, {limits.position_max}] of Table 2"
             )

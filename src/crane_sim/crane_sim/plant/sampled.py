@@ -5,9 +5,9 @@ from typing import NamedTuple
 
 import numpy as np
 
-from crane_model.machine import JOINTS, Machine
+from crane_model.machine import Machine
 from crane_model.sensors import SensorChain
-from crane_sim.effects.fault import SensorFault
+from crane_sim.effects.fault import SensorFault, measured_joints
 
 
 class Pressures(NamedTuple):
@@ -32,20 +32,19 @@ class Sensors:
         self._chain = chain
         self.faults = tuple(faults)
         self._rng = np.random.default_rng(seed)
-        self.cylinders = tuple(
-            joint for joint in JOINTS if machine.cylinders[joint].pressure_sensors
-        )
-        self._fitted = [JOINTS.index(joint) for joint in self.cylinders]
+        self._joints = machine.joint_names
+        self.cylinders = measured_joints(machine)
+        self._fitted = [machine.index(joint) for joint in self.cylinders]
 
     def instants(self, start: float, count: int) -> np.ndarray:
         """(count,) sampling instants [s], one period apart but for jitter."""
         return self._chain.sample_times(self._rng, start, count)
 
     def positions(self, q: np.ndarray) -> np.ndarray:
-        """Encoder readings of the coordinates (..., 4) [rad, m]."""
+        """Encoder readings of the coordinates (..., j) [rad, m]."""
         for fault in self.faults:
             q = fault.positions(q)
-        return self._chain.measure_positions(JOINTS, q)
+        return self._chain.measure_positions(self._joints, q)
 
     def pressures(
         self,
@@ -55,7 +54,7 @@ class Sensors:
         tank: float,
         time: np.ndarray | None = None,
     ) -> Pressures:
-        """Transducer readings of true pressures (n, 4), (n, 4), (n,) and the tank's [Pa].
+        """Transducer readings of true pressures (n, j), (n, j), (n,) and the tank's [Pa].
 
         `time` (n,) [s] is when they are read, by default all at once.
         """

@@ -24,11 +24,11 @@ from crane_sim.parts.state import Scratch, State
 
 @njit(cache=True, error_model="numpy")
 def _generalized_forces(constants: Constants, state: State, force: np.ndarray) -> None:
-    """What drives the joints, friction and inertia apart: (4,) N m, N.
+    """What drives the joints, friction and inertia apart: (j,) N m, N.
 
     What hidden effects add to it, and to the bodies and the friction, is in `hidden.kernel`.
     """
-    for i in range(4):
+    for i in range(len(state.q)):
         cylinder, actuator = constants.cylinders[i], state.actuators[i]
         piston = cylinder.area_a * actuator.p_a - cylinder.area_b * actuator.p_b  # (19)
         piston += stop_force(cylinder, actuator.length, actuator.lever * state.v[i])
@@ -43,14 +43,14 @@ def _move(
     mass_and_bias(constants.chain, state.q, state.v, scratch.mass, scratch.bias)
     _generalized_forces(constants, state, scratch.force)
     law = constants.friction
-    for i in range(4):
+    for i in range(len(state.q)):
         scratch.before[i] = state.v[i]
     if hidden is not None:
         act(hidden, constants, state, scratch, step)
         law = scratch.law
-    for i in range(4):
+    for i in range(len(state.q)):
         impulse = step * (scratch.force[i] - scratch.bias[i])
-        for j in range(4):
+        for j in range(len(state.q)):
             impulse += scratch.mass[i, j] * state.v[j]
         scratch.impulse[i] = impulse
     if constants.dynamic_friction:
@@ -65,11 +65,12 @@ def _move(
         )  # fmt: skip
     if hidden is not None:
         settle(hidden, constants, state, scratch, step)
-    for i in range(4):
+    for i in range(len(state.q)):
         state.q[i] += step * state.v[i]
         scratch.growth[i] = -state.actuators[i].length
     set_lengths_and_levers(constants.linkages, state.q, state.actuators)
-    for i in range(4):  # by what the length really changed, so that no oil is made or lost
+    # by what the length really changed, so that no oil is made or lost
+    for i in range(len(state.q)):
         scratch.growth[i] = (scratch.growth[i] + state.actuators[i].length) / step
 
 
@@ -77,10 +78,10 @@ def _move(
 def _fill(
     constants: Constants, hidden: Hidden | None, state: State, growth: np.ndarray, step: float
 ) -> None:
-    """Chamber and supply pressures from valve openings and piston speeds `growth` (4,)."""
+    """Chamber and supply pressures from valve openings and piston speeds `growth` (j,)."""
     oil, supply = constants.oil, state.supply[0]
     drawn = 0.0
-    for i in range(4):
+    for i in range(len(state.q)):
         cylinder, valve = constants.cylinders[i], constants.valves[i]
         actuator = state.actuators[i]
         p_a, p_b = actuator.p_a, actuator.p_b
@@ -92,7 +93,9 @@ def _fill(
             softer_a = softness(hidden, constants, i, p_a)
             softer_b = softness(hidden, constants, i, p_b)
         open_a, open_b = conductances(valve, x)
-        volume = cylinder.dead_volume_a + cylinder.area_a * (actuator.length - cylinder.length_min)
+        volume = cylinder.dead_volume_a + cylinder.filled_a * (
+            actuator.length - cylinder.length_min
+        )
         flow, slope = port_flow(oil, open_a, supply, p_a)
         actuator.p_a, flow_a = chamber_step(
             oil, p_a, p_b, flow, slope, leakage, softer_a * volume,
@@ -100,7 +103,9 @@ def _fill(
         )  # fmt: skip
         if hidden is not None and hidden.flows:
             note_softness(hidden, constants, i, p_a, volume, (actuator.p_a - p_a) / step)
-        volume = cylinder.dead_volume_b + cylinder.area_b * (cylinder.length_max - actuator.length)
+        volume = cylinder.dead_volume_b + cylinder.filled_b * (
+            cylinder.length_max - actuator.length
+        )
         flow, slope = port_flow(oil, open_b, supply, p_b)
         actuator.p_b, flow_b = chamber_step(
             oil, p_b, p_a, flow, slope, leakage, softer_b * volume,
@@ -124,9 +129,9 @@ def advance(
     step: float,
     count: int,
 ) -> None:
-    """`count` steps of `step` [s] with spool commands (4,) in -1..1."""
+    """`count` steps of `step` [s] with spool commands (j,) in -1..1."""
     for _ in range(count):
-        for i in range(4):
+        for i in range(len(state.q)):
             actuator = state.actuators[i]
             actuator.spool, actuator.spool_rate = spool_step(
                 constants.valves[i], command[i], actuator.spool, actuator.spool_rate, step

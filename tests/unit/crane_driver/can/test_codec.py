@@ -14,9 +14,10 @@ from crane_driver.can.layout import Layout
 from crane_driver.can.protection import frame_crc
 from crane_driver.faults import FaultKind
 from crane_model.errors import RangeError
-from crane_model.machine import JOINTS, load_machine
+from crane_model.machine import load_machine
 from crane_model.machine_files import machine_file
 
+JOINTS = load_machine().joint_names
 CRANE = load_layout(load_machine(), machine_file("can.yaml"), machine_file("can.dbc"))
 PRESSURE = 5e6
 AT_REST = {"slew": 0.0, "inner_boom": 0.3, "outer_boom": -1.2, "telescope": 0.4}

@@ -8,9 +8,11 @@ from crane_driver.can.dbc import Dbc, load_dbc
 from crane_driver.can.layout import Layout
 from crane_driver.can.mapping import LINES
 from crane_model.configuration import load
-from crane_model.machine import JOINTS, load_machine
+from crane_model.machine import load_machine
 from crane_model.machine_files import machine_file
 from crane_model.sensors import SensorChain
+
+JOINTS = load_machine().joint_names
 
 
 @pytest.fixture(scope="module")

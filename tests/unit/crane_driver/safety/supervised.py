@@ -5,9 +5,10 @@ import math
 from crane_driver.faults import Fault, FaultKind
 from crane_driver.safety.settings import load_safety
 from crane_driver.safety.supervisor import Output, Supervisor
-from crane_model.machine import JOINTS, load_machine
+from crane_model.machine import load_machine
 from crane_model.machine_files import machine_file
 
+JOINTS = load_machine().joint_names
 MACHINE, SAFETY = load_machine(), load_safety(machine_file("safety.yaml"), load_machine())
 CYCLE = 0.005  # s
 MIDDLE = {

@@ -10,11 +10,12 @@ from hypothesis import strategies as st
 from crane_driver.safety.limits import JointLimiter
 from crane_driver.safety.settings import load_safety
 from crane_driver.velocity_filter import VelocityFilter
-from crane_model.machine import JOINTS, load_machine
+from crane_model.machine import load_machine
 from crane_model.machine_files import machine_file
 from crane_sim.parts.parameters import load_stand_in
 from crane_sim.plant.plant import Plant
 
+JOINTS = load_machine().joint_names
 MACHINE, SAFETY = load_machine(), load_safety(machine_file("safety.yaml"), load_machine())
 CYCLE = 0.005  # s
 ROUNDING = 1e-6  # rad, m

@@ -20,7 +20,9 @@ from crane_driver.safety.news import Level, News
 from crane_driver.safety.states import TRANSITIONS, Event, SafetyState
 from crane_driver.safety.supervisor import Output, RefusedError, check_valves
 from crane_model.errors import ConfigurationError
-from crane_model.machine import JOINTS
+from crane_model.machine import load_machine
+
+JOINTS = load_machine().joint_names
 
 
 def fell(outputs: list[Output]) -> None:

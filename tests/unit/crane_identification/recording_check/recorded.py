@@ -34,7 +34,7 @@ def seen(
     """What the sensors of a machine show on a motion."""
     machine = load_machine()
     plant = Plant(stand_in, machine, course.start, planted)
-    sensors = Sensors(stand_in.sensors, machine, seed, faults(planted))
+    sensors = Sensors(stand_in.sensors, machine, seed, faults(planted, machine))
     return record(
         slewing(course, planted),
         plant,

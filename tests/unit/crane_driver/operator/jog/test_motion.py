@@ -7,8 +7,9 @@ from hypothesis import strategies as st
 from crane_driver.operator.jog.motion import CommandShape, Demand, JogMotion
 from crane_driver.operator.rhythm import LONGEST_PAUSE_S
 from crane_model.errors import ConfigurationError
-from crane_model.machine import JOINTS
+from crane_model.machine import load_machine
 
+JOINTS = load_machine().joint_names
 SHAPE = CommandShape(
     maximum=0.3, dead_band=dict.fromkeys(JOINTS, 0.05), rise_time=0.3, fall_time=0.03
 )

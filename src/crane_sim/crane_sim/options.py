@@ -1,0 +1,19 @@
+"""What the commands of the stand-in machine have in common."""
+
+import argparse
+from pathlib import Path
+
+from crane_model.machine import Machine, load_machine
+from crane_model.machine_files import machine_file
+from crane_sim.parts.parameters import StandIn, load_stand_in
+
+
+def add_plant(parser: argparse.ArgumentParser) -> None:
+    """`--plant`, the stand-in file."""
+    parser.add_argument("--plant", type=Path, help="stand-in file (default: that of the machine)")
+
+
+def load_both(machine: str | None, plant: Path | None) -> tuple[Machine, StandIn]:
+    """What `--machine` and `--plant` name; `ConfigurationError` if either is wrong."""
+    known = load_machine(machine)
+    return known, load_stand_in(machine_file("stand_in.yaml", machine, plant), known)

@@ -1,0 +1,101 @@
+"""A real robot with six axes, identified by a machine file and a column map, with no line of code.
+
+KUKA KR300 R2500, three recordings A, B, C of 10 s by J. Weigand (MIT). The figures to compare with
+are those of an independent fit with Pinocchio, both sides through a low-pass of 10 Hz.
+"""
+
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from crane_identification.data.bad_samples import usable
+from crane_identification.data.column_map import ColumnMap
+from crane_identification.data.log import Log
+from crane_identification.data.table_log import read_table
+from crane_identification.estimation.prior import load_prior
+from crane_identification.fitting import FitResult, fit, validate
+from crane_identification.options import Estimator, Options
+from crane_identification.report.findings import findings
+from crane_identification.signals.butterworth import ButterworthDifferentiator
+from crane_model.configuration import load
+from crane_model.errors import DataError
+from crane_model.model_file import Model, load_model
+
+HERE = Path(__file__).parents[2] / "machines"
+USABLE = 1.8, 8.2  # s of each recording
+OPTIONS = Options(average=False)
+AT_10_HZ = Options(
+    average=False, motion=ButterworthDifferentiator(10.0), trim=(30, 30), decimation=10
+)
+INDEPENDENT = np.array([4.9, 3.2, 2.4, 19.8, 3.8, 8.3])  # % of the axes, fitted on A and B
+
+
+@pytest.fixture(scope="module")
+def model() -> Model:
+    return load_model(HERE / "kuka_kr300_model.yaml")
+
+
+@pytest.fixture(scope="module")
+def logs(real_data: Path, model: Model) -> dict[str, Log]:
+    columns = load(HERE / "kuka_kr300_columns.yaml", ColumnMap)
+    tables = {name: real_data / "kuka_kr300" / f"kuka_{name}.parquet" for name in "ABC"}
+    return {
+        name: usable(read_table(path, columns, model.joints), *USABLE)
+        for name, path in tables.items()
+    }
+
+
+def errors_on_c(result: FitResult, logs: dict[str, Log]) -> tuple[float, np.ndarray]:
+    """Of all axes together, and of each, in percent of the torque at 10 Hz."""
+    (one,) = validate(result.model, [logs["C"]], AT_10_HZ)
+    left = np.linalg.norm(one.measured - one.predicted)
+    return 100.0 * left / np.linalg.norm(one.measured), 100.0 * one.relative_error
+
+
+def test_two_recordings_foretell_the_third(model: Model, logs: dict[str, Log]) -> None:
+    result = fit(model, [logs["A"], logs["B"]], OPTIONS)
+    assert len(result.estimate.names) == 58
+    together, axes = errors_on_c(result, logs)
+    assert together < 3.1
+    assert (axes < INDEPENDENT + 0.2).all()
+    told = findings(result, list(logs.values()))
+    assert not [one for one in told if "do not determine" in one]
+
+
+@pytest.fixture(scope="module")
+def alone(model: Model, logs: dict[str, Log]) -> FitResult:
+    return fit(model, [logs["A"]], OPTIONS)
+
+
+def test_one_alone_does_not_determine_the_robot(alone: FitResult, logs: dict[str, Log]) -> None:
+    together, axes = errors_on_c(alone, logs)
+    assert together > 20.0
+    assert axes[0] > 80.0
+    assert (alone.estimate.relative_error < 0.05).all(), "though the fit looks good"
+    (told,) = [one for one in findings(alone, list(logs.values())) if "do not determine" in one]
+    assert "their motion spans 4 of 6 dimensions" in told
+    assert "--prior" in told
+
+
+def test_a_prior_makes_up_for_it(logs: dict[str, Log]) -> None:
+    """Even one that is guessed."""
+    model = load_model(HERE / "kuka_kr300_with_prior.yaml")
+    prior = load_prior(HERE / "kuka_kr300_prior.yaml", model)
+    result = fit(model, [logs["A"]], OPTIONS, prior=prior)
+    assert errors_on_c(result, logs)[0] < 3.6
+    (one,) = validate(result.model, [logs["C"]], OPTIONS)  # at the cut-off of the fit itself
+    assert np.linalg.norm(one.measured - one.predicted) < 0.035 * np.linalg.norm(one.measured)
+    assert not [one for one in findings(result, [logs["A"]]) if "do not determine" in one]
+
+
+def test_the_counterbalance_is_not_told_from_weight(logs: dict[str, Log]) -> None:
+    """Its column is nearly one of gravity's: the estimate says that it is not known."""
+    model = load_model(HERE / "kuka_kr300_with_prior.yaml")
+    rotors = [one for one in model.terms if one.type == "rotor_inertia"]
+    for one in rotors:
+        if one.only_joint in ("axis_1", "axis_2"):
+            model = model.without_term(one)
+    options = Options(average=False, estimator=Estimator.LEAST_SQUARES)
+    with pytest.raises(DataError, match=r"gas_spring.axis_2: these recordings show only combin"):
+        fit(model, [logs["A"], logs["B"]], options)

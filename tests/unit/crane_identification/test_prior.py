@@ -1,0 +1,120 @@
+"""What is known beforehand counts as much as its standard deviation says, and no more."""
+
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from crane_identification.data.log import Log, Signal
+from crane_identification.estimation.prior import KnownBody, load_prior
+from crane_identification.fitting import fit
+from crane_identification.options import Estimator, Options
+from crane_model.errors import ConfigurationError
+from crane_model.machine import load_machine
+from crane_model.model_file import Model
+from crane_model.terms import Setting
+from crane_model.terms.friction import Viscous
+from crane_model.terms.planar import planar_machine
+from crane_model.terms.rigid_body import PlanarRigidBody
+from crane_model.terms.serial_rigid_body import SerialRigidBody
+from crane_model.terms.single_axis import Inertia
+
+AXIS = Model("axis", Setting({"axis": "m"}, None), (Inertia(joint="axis"), Viscous(joint="axis")))
+PLAIN = Options(average=False, estimator=Estimator.LEAST_SQUARES)
+
+
+def log(noise: float, seed: int = 0) -> Log:
+    """3 kg on 2 N s/m, whose force is noisy [N]."""
+    time = np.linspace(0.0, 20.0, 2001)
+    force = 2.0 * np.cos(time) - 3.0 * np.sin(time)
+    force = force + noise * np.random.default_rng(seed).standard_normal(len(time))
+    place = Signal(time, np.sin(time)[:, np.newaxis], "made")
+    return Log("made", ("axis",), 0, place, force=Signal(time, force[:, np.newaxis], "made"))
+
+
+def prior(tmp_path: Path, text: str, model: Model = AXIS):
+    path = tmp_path / "prior.yaml"
+    path.write_text(text)
+    return load_prior(path, model)
+
+
+def test_between_data_and_prior_by_their_variances(tmp_path: Path) -> None:
+    data = fit(AXIS, [log(1.0)], PLAIN).estimate
+    std_dev = data.std_devs[0]
+    mean = data.values[0] + 2.0 * std_dev
+    known = prior(tmp_path, f"parameters: {{inertia.axis: {{value: {mean}, std_dev: {std_dev}}}}}")
+    both = fit(AXIS, [log(1.0)], PLAIN, prior=known).estimate
+    assert both.values[0] == pytest.approx(data.values[0] + std_dev, abs=0.1 * std_dev)
+    assert both.std_devs[0] == pytest.approx(std_dev / np.sqrt(2.0), rel=0.1)
+    assert both.values[1] == pytest.approx(data.values[1], abs=data.std_devs[1])
+
+
+@pytest.mark.parametrize(("std_dev", "value"), [(1e-6, 4.0), (1e6, 3.0)])
+def test_sure_or_vague(tmp_path: Path, std_dev: float, value: float) -> None:
+    known = prior(tmp_path, f"parameters: {{inertia.axis: {{value: 4, std_dev: {std_dev}}}}}")
+    for estimator in (Estimator.LEAST_SQUARES, Estimator.CONSISTENT):
+        options = Options(average=False, estimator=estimator)
+        found = fit(AXIS, [log(0.01)], options, prior=known).estimate
+        assert found.values[0] == pytest.approx(value, abs=0.01)
+        assert "with a prior" in found.method
+
+
+def test_bodies_in_space_and_in_the_plane_agree() -> None:
+    """Of a crane with random bodies, by both terms: the same force, at any motion."""
+    machine = load_machine()
+    joints = machine.as_planar().joints
+    setting = Setting({joint: machine.units[joint] for joint in joints}, machine)
+    plane, space = PlanarRigidBody(), SerialRigidBody(zero=(f"mx.{joints[-1]}",))
+    bodies = plane.of_bodies(setting)
+    assert bodies is not None
+    assert planar_machine(plane, setting) is machine
+    np.testing.assert_allclose(
+        space.of_bodies(setting) * (np.abs(space.of_bodies(setting)) > 1e-9),
+        np.where(np.abs(space.of_bodies(setting)) > 1e-9, bodies, 0.0),
+        atol=1e-6,
+    )
+
+
+def test_a_body_is_brought_into_its_joint() -> None:
+    """By the parallel axes: a ball of 2 kg, 3 m out along x of its link, which is 1 m up."""
+    body = KnownBody(
+        mass=2.0, centre_of_mass=(3.0, 0.0, 0.0), inertia=(0.8, 0.8, 0.8), relative_std_dev=0.1
+    )
+    frame = np.eye(4)
+    frame[2, 3] = 1.0
+    values, spread = body.ten(frame)
+    np.testing.assert_allclose(values, [2, 6, 0, 2, 2.8, 0, 20.8, -6, 0, 18.8])
+    assert spread[0] == pytest.approx(0.2)
+    assert spread[4] == pytest.approx(0.1 * 0.5 * (2.8 + 20.8 + 18.8))
+
+
+@pytest.mark.parametrize(
+    ("text", "reason"),
+    [
+        (
+            "parameters: {mass: {value: 1, std_dev: 1}}",
+            "has no 'mass'; it has inertia.axis",
+        ),
+        ("parameters: {inertia.axis: {value: 1, std_dev: 0}}", "std_dev"),
+        ("{}", "neither parameters nor bodies are known"),
+        (
+            "bodies: {axis: {mass: 1, centre_of_mass: [0, 0, 0], inertia: [1, 1, 3], "
+            "relative_std_dev: 1}}",
+            "no distribution of mass has these",
+        ),
+        (
+            "bodies: {axis: {mass: 1, centre_of_mass: [0, 0, 0], inertia: [1, 1, 1], "
+            "relative_std_dev: 1}}",
+            "model 'axis' has no machine",
+        ),
+    ],
+)
+def test_what_is_wrong_is_named(tmp_path: Path, text: str, reason: str) -> None:
+    with pytest.raises(ConfigurationError, match=reason):
+        prior(tmp_path, text)
+
+
+def test_estimators_that_take_none(tmp_path: Path) -> None:
+    known = prior(tmp_path, "parameters: {inertia.axis: {value: 4, std_dev: 1}}")
+    with pytest.raises(ConfigurationError, match="takes no prior; choose consistent or"):
+        fit(AXIS, [log(0.1)], Options(average=False, estimator=Estimator.ROBUST), prior=known)
