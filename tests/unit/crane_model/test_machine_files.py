@@ -65,9 +65,7 @@ def test_a_file_that_is_named_goes_before_that_of_the_machine(
     assert machine_file("safety.yaml", own, "lazy.yaml") == own / "lazy.yaml"
     Path("lazy.yaml").write_text("")
     assert machine_file("safety.yaml", own, "lazy.yaml") == Path("lazy.yaml")
-    with pytest.raises(
-        ConfigurationError, match=r"fast\.yaml: no such file of the machine"
-    ):
+    with pytest.raises(ConfigurationError, match=r"fast\.yaml: no such file of the machine"):
         machine_file("safety.yaml", own, "fast")
 
 
