@@ -124,7 +124,7 @@ class Outcome(NamedTuple):
 
 
 def outcome(seed: int) -> Outcome:
-    """Of a drawn machine with drawn valves, whose plant steps finely enough to be its own truth."""
+    """Of a drawn machine with drawn valves."""
     stand_in = vary_valves(vary(load_stand_in(), seed), MACHINE, seed)
     log = recorded(stand_in, seed=seed)
     errors, p_values = [], []
