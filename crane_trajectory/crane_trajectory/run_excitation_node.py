@@ -81,9 +81,7 @@ class RunExcitationClient(Node):
         """The result of the goal; a signal cancels it, and it is waited for all the same."""
         self._await(self._action.server_is_ready, "no trajectory node answers; start one")
         say_ready(self)
-        of_machine = not trajectory.exists() and trajectory.name == str(trajectory)
-        named = str(trajectory if of_machine else trajectory.absolute())
-        goal = RunExcitation.Goal(trajectory=named, periods=periods)
+        goal = RunExcitation.Goal(trajectory=name_for_node(trajectory), periods=periods)
         with progress_bar("", 0.0, form=ELAPSED, patience=0.0) as bar:
             self._bar = bar
             handle = self._answer(self._action.send_goal_async(goal, self._show))
@@ -134,6 +132,14 @@ class RunExcitationClient(Node):
             if self.get_clock().now().nanoseconds > until:
                 raise ExcitationError(f"{otherwise} (waited {DISCOVERY_TIMEOUT_S:g} s)")
             self._worker.spin_once(timeout_sec=WAKE)
+
+
+def name_for_node(trajectory: Path) -> str:
+    """What the trajectory node, in whatever folder it runs, knows a file by: its absolute path, or
+    the bare name of a trajectory of its machine, where there is no such file.
+    """
+    bare = trajectory.name == str(trajectory) and not trajectory.exists()
+    return str(trajectory if bare else trajectory.absolute())
 
 
 def main(argv: Sequence[str] | None = None) -> int:

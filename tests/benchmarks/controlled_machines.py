@@ -17,6 +17,7 @@ from crane_trajectory.control.valves_and_oil import ValvesAndOil
 MACHINE: Machine = load_machine()
 JOINTS = MACHINE.joint_names
 STAND_IN = load_stand_in()
+MEASURED = tuple(joint for joint in JOINTS if MACHINE.cylinders[joint].pressure_sensors)
 LAG = 0.010  # s, from a reading until its command is in force, on average
 
 
@@ -84,7 +85,7 @@ def truth(stand_in: StandIn, play: float = 0.0) -> Known:
         **{name: gain * of(edges, name) for name in Edges.model_fields},
         dead_zone_extend=of(valves, "dead_zone") + null,
         dead_zone_retract=of(valves, "dead_zone") - null,
-        play=play * np.array([MACHINE.cylinders[joint].pressure_sensors for joint in JOINTS]),
+        play=play * np.array([joint in MEASURED for joint in JOINTS]),
         lag=spool + LAG,
         supply_pressure=MACHINE.hydraulics.supply_pressure * same,
         tank_pressure=MACHINE.hydraulics.tank_pressure * same,
@@ -99,9 +100,9 @@ def stock() -> Controlled:
 
 def loaded(mass: float) -> Controlled:
     """With a mass [kg] in the gripper, of which its controller is not told."""
-    gripper = STAND_IN.bodies.gripper
+    gripper = STAND_IN.bodies["gripper"]
     heavy = gripper.model_copy(update={"mass": gripper.mass + mass})
-    bodies = STAND_IN.bodies.model_copy(update={"gripper": heavy})
+    bodies = {**STAND_IN.bodies, "gripper": heavy}
     return Controlled(STAND_IN.model_copy(update={"bodies": bodies}), truth(STAND_IN))
 
 
@@ -119,9 +120,9 @@ def hard(frequency: float, play: float, spread: float, seed: int = 3) -> Control
         )
         for joint in JOINTS
     }
-    stand_in = stand_in.model_copy(update={"valves": type(stand_in.valves)(**valves)})
+    stand_in = stand_in.model_copy(update={"valves": valves})
     form = FORMS["valve_hysteresis"][0]
-    hidden = tuple(Planted(form, joint, (play,)) for joint in form.joints)
+    hidden = tuple(Planted(form, joint, (play,)) for joint in MEASURED)
     return Controlled(stand_in, truth(stand_in, play), hidden)
 
 

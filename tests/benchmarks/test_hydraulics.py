@@ -19,10 +19,10 @@ from unit.crane_identification.hydraulics.valve_experiments import (
 )
 
 from crane_identification.data.log import Log
+from crane_identification.fitting import fit
 from crane_identification.hydraulics.identified import identify_hydraulics
 from crane_identification.hydraulics.joint_estimate import identify_joint
 from crane_identification.options import Options
-from crane_identification.pipeline import fit
 from crane_identification.validation.command_validation import validate_commands
 from crane_model.machine_files import machine_file
 from crane_model.model_file import Model, load_model
@@ -124,7 +124,7 @@ class Outcome(NamedTuple):
 
 
 def outcome(seed: int) -> Outcome:
-    """Of a drawn machine with drawn valves, whose plant steps finely enough to be its own truth."""
+    """Of a drawn machine with drawn valves."""
     stand_in = vary_valves(vary(load_stand_in(), seed), MACHINE, seed)
     log = recorded(stand_in, seed=seed)
     errors, p_values = [], []

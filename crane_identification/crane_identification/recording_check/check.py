@@ -16,7 +16,7 @@ from crane_identification.recording_check.suspicion import Checked, Suspicion
 from crane_identification.recording_check.transducers import transducers
 from crane_identification.recording_check.wiring import wiring
 from crane_model.errors import DataError, RangeError
-from crane_model.machine import PLANAR_JOINTS, Machine
+from crane_model.machine import Machine
 
 
 def check(machine: Machine | None, log: Log) -> Checked:
@@ -37,12 +37,15 @@ def check(machine: Machine | None, log: Log) -> Checked:
     found += [*positions(machine, log), *pressures(machine, log)]
     if any(one.decisive for one in found):
         return _result(log, found, "forces: what is wrong above would show there again")
-    if missing := [joint for joint in PLANAR_JOINTS if joint not in log.joints]:
+    if machine.planar is None:
+        return _result(log, found, "forces: what is plausible is known of cranes as of the report")
+    joints = machine.planar.joints
+    if missing := [joint for joint in joints if joint not in log.joints]:
         return _result(log, found, f"forces: the model lacks {', '.join(missing)}")
     if log.force is None and (log.pressure_a is None or log.pressure_b is None):
         return _result(log, found, "forces: neither pressures nor forces were recorded")
     try:
-        found += wiring(grid(machine, log, PLANAR_JOINTS))
+        found += wiring(grid(machine, log, joints))
     except (DataError, RangeError) as error:
         return _result(log, found, f"forces: {error}")
     return _result(log, found)

@@ -1,8 +1,8 @@
 """The machines that ship with the suite. Each is one folder of files, named after it:
 
 machine.yaml, and what the suite needs to know of the machine beside its geometry: model.yaml,
-sensors.yaml, can.yaml and can.dbc, safety.yaml, controller.yaml, clearance.yaml, design.yaml, its
-trajectories, hydraulics.yaml, and stand_in.yaml of the simulated one.
+joints.yaml, sensors.yaml, can.yaml and can.dbc, safety.yaml, controller.yaml, clearance.yaml,
+design.yaml, its trajectories, hydraulics.yaml, and stand_in.yaml of the simulated one.
 """
 
 from importlib.resources import files

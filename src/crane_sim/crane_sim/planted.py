@@ -74,11 +74,11 @@ def _of_any_machine(parameters: StandIn, machine: Machine) -> list[PlantedParame
 
 def _standard(parameters: StandIn, machine: Machine) -> np.ndarray:
     """(10 m,) the ten parameters of each link about its joint, as `crane_model.chain` has them."""
-    before = [machine.base.matrix, *link_transforms(machine, np.zeros(len(machine.units)))[0]]
+    frames = link_transforms(machine, np.zeros(len(machine.units)))[0]
+    before = [machine.base.matrix, *frames[:-1]]
+    links = pack_chain(parameters, machine).links[1:]
     values = []
-    for link, frame, joint in zip(
-        pack_chain(parameters, machine).links[1:], before, machine.joints, strict=False
-    ):
+    for link, frame, joint in zip(links, before, machine.joints, strict=True):
         own = np.linalg.inv(frame @ joint.before)
         mass, c = link["mass"], own[:3, :3] @ link["centre"] + own[:3, 3]
         about = own[:3, :3] @ link["inertia"] @ own[:3, :3].T

@@ -52,6 +52,23 @@ def test_a_shipped_machine_comes_before_a_folder_of_its_name(
     assert load_machine("./laboratory_crane").gravity == 9.80
 
 
+def test_a_file_that_is_named_goes_before_that_of_the_machine(
+    own: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """A path is a path, there or not; a bare name is one of the machine's, unless it is there."""
+    (own / "lazy.yaml").write_text("")
+    (own / "elsewhere").mkdir()
+    monkeypatch.chdir(own / "elsewhere")
+    assert machine_file("safety.yaml", own, "") == own / "safety.yaml"
+    assert machine_file("safety.yaml", own, "nowhere/mine.yaml") == Path("nowhere/mine.yaml")
+    assert machine_file("safety.yaml", own, "lazy") == own / "lazy.yaml"
+    assert machine_file("safety.yaml", own, "lazy.yaml") == own / "lazy.yaml"
+    Path("lazy.yaml").write_text("")
+    assert machine_file("safety.yaml", own, "lazy.yaml") == Path("lazy.yaml")
+    with pytest.raises(ConfigurationError, match=r"fast\.yaml: no such file of the machine"):
+        machine_file("safety.yaml", own, "fast")
+
+
 @pytest.mark.parametrize("given", ["excavater", "nowhere/machine.yaml", "/", "."])
 def test_no_machine_is_answered_with_those_that_ship(
     given: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch

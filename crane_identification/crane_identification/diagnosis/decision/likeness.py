@@ -1,4 +1,4 @@
-"""What an effect is weighed by: its strength, and others in its place."""
+"""Others in the place of an effect: which explain as much, and how alike they are."""
 
 from collections.abc import Sequence
 

@@ -1,9 +1,4 @@
-"""The effects that a model may lack: every candidate term, on every joint, at every shape.
-
-Friction that shows around reversals alone, where the sign of a velocity is unknown and no row is
-used, is not asked for. Breakaway is over once a joint has slid some tenths of a millimetre. If it
-has not been moving by then for as long as the estimate of its velocity needs, no row has seen it.
-"""
+"""The effects that a model may lack: every candidate term, on every joint, at every shape."""
 
 from collections.abc import Iterator, Mapping
 from dataclasses import dataclass

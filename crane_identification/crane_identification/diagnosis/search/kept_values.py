@@ -1,4 +1,10 @@
-"""Values that are kept: within what is uncertain of them, and beside those that have changed."""
+"""What has changed since a model was made, whose other values are kept.
+
+The given values count as known as well as their standard deviations say: the covariance that these
+give the predicted force, as if the values were independent, is noise beside that of the recordings.
+So a change within what the values leave uncertain is no finding. A model file holds no
+correlations; where values have some, more counts as uncertain than is.
+"""
 
 from collections.abc import Sequence
 from dataclasses import replace

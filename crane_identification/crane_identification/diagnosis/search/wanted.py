@@ -1,11 +1,5 @@
-"""What is asked of the recordings: effects that a model may lack, or changes of what it has.
-
-What has changed since a model was made: its values are kept, and its terms are candidates.
-
-The given values count as known as well as their standard deviations say: the covariance that these
-give the predicted force, as if the values were independent, is noise beside that of the recordings.
-So a change within what the values leave uncertain is no finding. A model file holds no
-correlations; where values have some, more counts as uncertain than is.
+"""What is asked of the recordings: effects that a model lacks, and where its values are kept, also
+changes of the terms that it has.
 """
 
 from collections.abc import Collection, Mapping

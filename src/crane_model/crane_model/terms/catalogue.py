@@ -26,11 +26,15 @@ def joints_of(cls: type[Term], setting: Setting) -> tuple[str, ...]:
 
 
 def typical(cls: type[Term], joint: str | None = None) -> Term:
-    """The term with each shape parameter in the middle of its range, on `joint` if it has one."""
+    """The term with each shape parameter in the middle of its range, on `joint` if it has one.
+
+    Constants that a model must give are those of their examples.
+    """
+    given = {name: one.examples[0] for name, one in cls.model_fields.items() if one.examples}
     shapes: dict[str, Any] = {
         field: float(shape.grid[shape.points // 2]) for field, shape in cls.shapes.items()
     }
-    return cls(**shapes, **({} if joint is None else {"joint": joint}))
+    return cls(**given, **shapes, **({} if joint is None else {"joint": joint}))
 
 
 def _sorted() -> list[type[Term]]:

@@ -1,8 +1,9 @@
 """Gas springs, which carry a part of the weight of an arm."""
 
-from typing import ClassVar, Literal
+from typing import Annotated, ClassVar, Literal
 
 import numpy as np
+from pydantic import Field
 
 from crane_model.angle import Angle
 from crane_model.array import Array
@@ -25,12 +26,12 @@ class GasSpring(JointTerm):
     type: Literal["gas_spring"] = "gas_spring"
     family: ClassVar[Family] = "gravity and load"
 
-    distance: Positive  # m
-    crank: Positive  # m
-    angle: Angle  # of the crank to the far pin where q = 0
-    area: Positive  # m2 that the gas acts on
-    pressure: Positive  # Pa at the shortest length
-    volume: Positive  # m3 there
+    distance: Annotated[Positive, Field(examples=[0.8])]  # m
+    crank: Annotated[Positive, Field(examples=[0.2])]  # m
+    angle: Annotated[Angle, Field(examples=[0.1])]  # of the crank to the far pin where q = 0
+    area: Annotated[Positive, Field(examples=[1.7e-3])]  # m2 that the gas acts on
+    pressure: Annotated[Positive, Field(examples=[16e6])]  # Pa at the shortest length
+    volume: Annotated[Positive, Field(examples=[1e-3])]  # m3 there
 
     def joint_parameters(self, setting: Setting) -> tuple[Parameter, ...]:
         """s; `ConfigurationError` for a joint that does not turn."""

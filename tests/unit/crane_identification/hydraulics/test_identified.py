@@ -22,6 +22,8 @@ from crane_identification.hydraulics.passage import passages
 from crane_model.errors import DataError
 from crane_model.machine_files import machine_file
 from crane_model.model_file import load_model
+from crane_sim.effects.form import Planted
+from crane_sim.effects.forms import FORMS
 from crane_sim.parts.parameters import StandIn, load_stand_in
 
 WIDTH = 0.01
@@ -34,12 +36,12 @@ GAINS = 0.001
 def stand_in() -> StandIn:
     """With the two directions of the outer boom's valve unequal by 20 %."""
     one = load_stand_in()
-    valve = one.valves.outer_boom
+    valve = one.valves["outer_boom"]
     edges = {"supply_a": 1.1, "b_tank": 1.1, "supply_b": 0.9, "a_tank": 0.9}
     unequal = valve.model_copy(
         update={"edges": valve.edges.model_copy(update=edges), "null_bias": 0.01}
     )
-    valves = one.valves.model_copy(update={"outer_boom": unequal})
+    valves = one.valves | {"outer_boom": unequal}
     return one.model_copy(update={"valves": valves})
 
 
@@ -67,6 +69,8 @@ def test_a_live_recording_tells_valves_oil_and_supply(log: Log, stand_in: StandI
             assert abs(got.value - value) < allowed, (joint, name, got, value)
             assert abs(got.value - value) < 5.0 * got.std_dev + 1e-5 * value, (joint, name)
         assert one.unexplained < 0.01
+        assert one.lack_of_fit is not None
+        assert one.lack_of_fit > 1e-3
     assert found.supply is not None
     droop = stand_in.supply.pump_droop / MACHINE.hydraulics.pump_flow
     assert found.supply.pressure.value == pytest.approx(
@@ -75,10 +79,20 @@ def test_a_live_recording_tells_valves_oil_and_supply(log: Log, stand_in: StandI
     assert found.supply.droop.value == pytest.approx(droop, rel=0.03)
 
 
+def test_a_law_that_is_none_of_these_does_not_fit() -> None:
+    """Oil that air softens at low pressure: little is unexplained, but noise does not repeat."""
+    (form,) = FORMS["air_in_oil"]
+    log = recorded(seed=21, periods=2, planted=[Planted(form, "outer_boom", (0.1,))])
+    found = identify_joint(MACHINE, "outer_boom", [log], PERIOD).values
+    assert found.unexplained < 0.01
+    assert found.lack_of_fit is not None
+    assert found.lack_of_fit < 1e-3
+
+
 def test_a_joint_without_transducers_shows_dead_zones_and_gains() -> None:
     stand_in = load_stand_in()
     log = recorded(stand_in, seed=2, periods=1, slewed=True)
-    valve = stand_in.valves.slew
+    valve = stand_in.valves["slew"]
     found = identify_motion(MACHINE, "slew", [log])
     assert found.chambers is None
     assert found.valve.dead_zone_a.value == pytest.approx(valve.dead_zone, abs=0.003)

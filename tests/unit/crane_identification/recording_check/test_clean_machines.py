@@ -37,6 +37,12 @@ def test_clean_machines_are_not_suspected(stand_in: StandIn, trajectory: str) ->
     assert not found.suspicions and not found.unchecked
 
 
+def test_a_machine_of_another_kind_is_not_judged_as_a_crane_of_the_report() -> None:
+    """Though its joints have the same names: it has a section of the telescope more."""
+    found = check(load_machine("double_telescope_crane"), recorded())
+    assert found.unchecked[-1].startswith("forces: what is plausible is known of cranes as of")
+
+
 def with_effect(effect: str, joint: str | None, magnitude: dict[str, float]) -> Log:
     """A recording of a machine that hides it."""
     machine, stand_in = load_machine(), load_stand_in()
