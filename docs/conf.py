@@ -60,7 +60,7 @@ def escape(app: Sphinx, what: str, name: str, obj: object, opts: object, lines: 
 def leave_out(
     app: Sphinx, what: str, name: str, obj: object, skip: bool, opts: object
 ) -> bool | None:
-    """Leave out what a generic class was made for, as `PerJoint[float]`: pydantic names it, too."""
+    """Leave out what a generic class was made for, as `Table[float]`: pydantic names it, too."""
     return True if "[" in name else None
 
 

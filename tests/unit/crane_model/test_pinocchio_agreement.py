@@ -131,7 +131,7 @@ def test_energy(cases: list[Case], geometry: Geometry) -> None:
 
 def test_base_regressor_of_the_model_file(cases: list[Case], crane: Model) -> None:
     """The eight columns with the telescope's centre of mass on its axis: N_TL = a3 m_TL."""
-    offset = crane.machine.denavit_hartenberg.telescope_offset
+    offset = crane.machine.as_planar().telescope_offset
     for seed, case in enumerate(cases):
         bodies = random_bodies(seed)
         body = bodies["TG"]  # put its centre of mass on the axis, z of the telescope's frame

@@ -119,7 +119,7 @@ def test_hose_mass_is_the_slope_of_its_potential_energy(machine: Machine) -> Non
 
 def test_reach_and_its_acceleration_are_those_of_the_boom_tip(machine: Machine) -> None:
     """x of (2) at slew 0, its Jacobian, and its second difference along a smooth motion."""
-    length = machine.denavit_hartenberg.telescope_length
+    length = machine.as_planar().telescope_length
     h, time = 1e-4, np.linspace(0.0, 3.0, 50)
 
     def place(t: np.ndarray) -> np.ndarray:

@@ -59,7 +59,7 @@ def test_pins_are_a_cylinder_length_apart(
 
 
 def test_links_keep_their_lengths(machine: Machine) -> None:
-    linkage = machine.outer_boom_linkage
+    linkage = machine.actuators["outer_boom"]
     for p in swept_pins(machine, "outer_boom"):
         lengths = [
             distance(p.lever, p.outer_eye),

@@ -95,7 +95,7 @@ def test_pads_carry_a_beam_on_two_supports(machine: Machine, stand_in: StandIn) 
     hidden.put(Q, np.array([0.0, 0.0, 0.0, 0.1]))
     hidden.act()
     across = machine.gravity * np.cos(Q[1] + Q[2])
-    tip = machine.denavit_hartenberg.telescope_length + Q[3]
+    tip = machine.as_planar().telescope_length + Q[3]
     bodies = (stand_in.bodies["telescope"], stand_in.bodies["gripper"])
     weight = sum(body.mass * across for body in bodies)
     moment = sum(body.mass * across * (tip + body.centre_of_mass[0]) for body in bodies)

@@ -75,7 +75,7 @@ def test_payload_is_a_body_at_the_tip(
 @pytest.mark.parametrize("q", POSES)
 def test_tilt_turns_gravity(machine: Machine, stand_in: StandIn, q: np.ndarray) -> None:
     """Change of the potential energy of all bodies when the vertical is turned by the angle."""
-    dh, bodies, angle = machine.denavit_hartenberg, stand_in.bodies, 0.05
+    dh, bodies, angle = machine.as_planar(), stand_in.bodies, 0.05
 
     def place(body: Body, q: np.ndarray, carried: bool, slides: bool) -> tuple[float, float]:
         phi, psi = q[1] + dh.theta_2_0, q[1] + q[2]

@@ -189,7 +189,7 @@ def test_tip_keeps_off_ground_and_pillar():
 
 def test_tip_room_in_a_stretched_pose():
     # psi = 0: the telescope is level, at the elbow's height plus its offset
-    dh = MACHINE.denavit_hartenberg
+    dh = MACHINE.as_planar()
     q = np.array([[0.5, -0.5, 0.3]])
     phi = 0.5 + dh.theta_2_0
     expected = [

@@ -2,7 +2,7 @@
 
 from crane_model.machine.joint import DenavitHartenberg, JointLimits, MachineJoint, Origin
 from crane_model.machine.machine import HydraulicSupply, Machine, load_machine
-from crane_model.machine.per_joint import JOINT_UNITS, JOINTS, PLANAR_JOINTS, PerJoint
+from crane_model.machine.per_joint import JOINT_UNITS, JOINTS, PLANAR_JOINTS
 from crane_model.machine.planar import WEIGHED, PlanarCrane
 
 __all__ = [
@@ -16,7 +16,6 @@ __all__ = [
     "Machine",
     "MachineJoint",
     "Origin",
-    "PerJoint",
     "PlanarCrane",
     "load_machine",
 ]

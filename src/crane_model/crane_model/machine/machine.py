@@ -212,21 +212,6 @@ class Machine(Schema):
             )
         return self.planar
 
-    @property
-    def denavit_hartenberg(self) -> PlanarCrane:
-        """Deprecated: ask `as_planar()`, or `joints` of a machine of any kind."""
-        return self.as_planar()
-
-    @property
-    def inner_boom_linkage(self) -> Any:
-        """Deprecated: ask `actuators`."""
-        return self.actuators[self.as_planar().joints[0]]
-
-    @property
-    def outer_boom_linkage(self) -> Any:
-        """Deprecated: ask `actuators`."""
-        return self.actuators[self.as_planar().joints[1]]
-
 
 def load_machine(machine: Path | str | None = None) -> Machine:
     """A shipped machine by its name, or that of a folder or file; `ConfigurationError` if wrong.

@@ -17,7 +17,7 @@ def with_estimate(report: IdentificationReport, **changes) -> IdentificationRepo
 def test_entries_of_9_follow_from_the_base_parameters(report):
     estimate, machine = report.fit.estimate, report.fit.model.machine
     j_fl, s_fl, n_fl, j_sl, s_sl, n_sl, m_tl, s_tl = estimate.values[:8]
-    dh = machine.denavit_hartenberg
+    dh = machine.as_planar()
     m_sl = n_sl / dh.telescope_offset - m_tl
     carried = m_sl + m_tl
     expected = [
@@ -36,7 +36,7 @@ def test_entries_of_9_follow_from_the_base_parameters(report):
 
 
 def test_standard_deviations_of_9_are_those_of_draws_from_the_estimate(report):
-    estimate, dh = report.fit.estimate, report.fit.model.machine.denavit_hartenberg
+    estimate, dh = report.fit.estimate, report.fit.model.machine.as_planar()
     draws = np.random.default_rng(0).multivariate_normal(
         np.zeros(8), estimate.covariance[:8, :8], 20000
     )
