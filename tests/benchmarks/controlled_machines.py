@@ -126,7 +126,7 @@ def hard(frequency: float, play: float, spread: float, seed: int = 3) -> Control
     return Controlled(stand_in, truth(stand_in, play), hidden)
 
 
-def bending(share: float = 0.5, frequency: float = 1.5, damping: float = 0.05) -> Controlled:
+def bending(share: float = 0.3, frequency: float = 3.0, damping: float = 0.05) -> Controlled:
     """Booms of which a share rides on springs."""
     form = FORMS["boom_flexibility"][0]
     values = (share, frequency, damping)
