@@ -2,9 +2,9 @@
 # Runs the tests named by its arguments, folders or files, within the environment of env.sh.
 #
 # First those that start processes, three at a time on two cores: many of them wait. Then those of a
-# machine in real time, one at a time, and again where they fail: other work on the same cores makes
-# true faults. In their pauses the unit tests run, in the idle class of the scheduler, which gives
-# way at once.
+# machine in real time, one at a time. In their pauses the unit tests run, in the idle class of the
+# scheduler, which gives way at once. Other work on the same cores makes true faults: what failed in
+# real time is tried again in the end, alone, with processes of its own.
 set -euo pipefail
 
 units=() others=()
@@ -29,10 +29,17 @@ if [ ${#units[@]} -gt 0 ]; then
 fi
 # To import the other files takes seconds.
 mapfile -t without < <(grep -rL --include="test_*.py" "pytest.mark.realtime" tests/integration)
-some python -m pytest -m realtime --reruns 2 "${without[@]/#/--ignore=}" "${others[@]}"
+in_real_time=(python -m pytest -m realtime -o cache_dir=.pytest_cache/realtime "${without[@]/#/--ignore=}" "${others[@]}")
+failed=0
+"${in_real_time[@]}" || failed=$?
 if [ ${#units[@]} -gt 0 ]; then
     status=0
     wait "$running" || status=$?
     cat "$log"
     [ "$status" -eq 0 ] || [ "$status" -eq 5 ]
+fi
+if [ "$failed" -eq 1 ]; then # tests have failed
+    "${in_real_time[@]}" --last-failed || "${in_real_time[@]}" --last-failed
+elif [ "$failed" -ne 5 ]; then
+    exit "$failed"
 fi
