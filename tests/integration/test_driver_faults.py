@@ -298,10 +298,14 @@ def test_disable_ramps_to_neutral(stage: Stage, hand: Commander) -> None:
 
 def test_enable_is_refused_while_a_command_is_not_neutral(stage: Stage, hand: Commander) -> None:
     hand.send(slew=0.5)
-    stage.disabled()
-    success, text = stage.call("enable")
-    assert not success
-    assert "the command is slew 0.5; command neutral first" in text
+
+    def refused() -> bool:
+        """By this command; before it has arrived, the one before holds."""
+        stage.disabled()
+        success, text = stage.call("enable")
+        return not success and "the command is slew 0.5; command neutral first" in text
+
+    stage.until(refused)
 
 
 def test_a_speed_beyond_table_2_is_held_back(stage: Stage, hand: Commander) -> None:
