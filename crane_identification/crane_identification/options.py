@@ -34,9 +34,9 @@ class Covariance(StrEnum):
 class Options:
     """Choices of identification.
 
-    Of each recording, what lies between `begin` and `end` [s from its start] is used; of a bag, the
-    topics in `namespace` (None: the one that it holds). `motion`
-    estimates velocity and acceleration (None: the best route for the kind of data). With
+    Commands read of each recording what lies between `begin` and `end` [s from its start], and of a
+    bag the topics in `namespace` (None: the one that it holds); `fit` takes logs as they were read.
+    `motion` estimates velocity and acceleration (None: the best route for the kind of data). With
     `average`, whole periods are averaged (37)-(38): `period` [s] (None: found in the reference),
     the last `periods` of them (None: all behind the transient). Without, `trim` samples are cut
     from both ends (None: those that the smoother's memory spoils). `mask_reversals` leaves out what

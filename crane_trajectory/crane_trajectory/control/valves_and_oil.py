@@ -45,7 +45,7 @@ class ValvesAndOil(NamedTuple):
             records[name] = column
             bad = ~np.isfinite(records[name])
             if name not in MAY_BE_ZERO:
-                bad |= (records[name] <= 0.0) if name not in SIGNED else False
+                bad |= records[name] <= 0.0
             elif name not in SIGNED:
                 bad |= records[name] < 0.0
             if bad.any():
