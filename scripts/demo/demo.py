@@ -19,9 +19,9 @@ from contextlib import contextmanager
 import live
 import missing
 from figures import write_figures
-from laws import OUT, Law, dynamic_law, identify, make_bags, note_planted, report_law
+from laws import OUT, Law, dynamic_law, identify, make_bags, report_law
+from outcome import FILE, recorded
 from processes import DemoError, Processes
-from results import complete_summary, write_summary
 from rich.console import Console
 from rich.progress import Progress, SpinnerColumn, TextColumn, TimeElapsedColumn
 from tables import bags_table, errors_table, table
@@ -98,7 +98,7 @@ def _demo(
     law, dynamic = laws
     for one in laws:
         (one.folder / "bags").mkdir(parents=True)
-        note_planted(suite, one)
+        one.note_planted(suite)
     start = time.monotonic()
     live.record(suite, domain, law, seed, console.print)
     phases.seconds["live"] = round(time.monotonic() - start, 2)
@@ -106,19 +106,24 @@ def _demo(
         make_bags(suite, dynamic)
     with phases.phase("identify", "identification: fit, validation on the other bag, report"):
         identify(suite, *laws)
-    write_summary(law, dynamic)
-    console.print(table(law), errors_table(law, dynamic), bags_table(law))
+    outcome = recorded(law)
+    console.print(
+        table(law, outcome),
+        errors_table(law.summary(), dynamic.summary()),
+        bags_table(law, outcome),
+    )
     with phases.phase("missing_bags", "last act: bags of a machine with an effect the model lacks"):
         missing.make_bags(suite, law, seed)
     with phases.phase("diagnose", "which effect is it? asked of the bags alone"):
         missing.diagnose(suite, law)
     console.print(missing.answer(suite), highlight=False)
     console.print(missing.table())
-    complete_summary(law, missing.summary(), phases.seconds)
-    write_figures(law, dynamic)
-    console.print(
-        f"Reports: {OUT}/report.html, {missing.ANSWER}/report.html   All: {OUT}/summary.json"
+    outcome = outcome.model_copy(
+        update={"hidden": missing.hidden(), "wall_seconds": phases.seconds}
     )
+    outcome.write(FILE)
+    write_figures(law, dynamic, outcome)
+    console.print(f"Reports: {OUT}/report.html, {missing.ANSWER}/report.html   Measured: {FILE}")
 
 
 if __name__ == "__main__":
