@@ -45,9 +45,14 @@ def write_summary(law: Law, dynamic_law: Law) -> None:
     _write(summary)
 
 
-def complete_summary(law: Law, missing_effect: dict[str, Any], seconds: dict[str, float]) -> None:
-    """Add what the last act hid and found, and wall times."""
-    rest = {"missing_effect": missing_effect, "wall_seconds": seconds}
+def complete_summary(
+    law: Law,
+    followed: dict[str, Any] | None,
+    missing_effect: dict[str, Any],
+    seconds: dict[str, float],
+) -> None:
+    """Add how well the model led the crane, what the last act hid and found, and wall times."""
+    rest = {"following": followed, "missing_effect": missing_effect, "wall_seconds": seconds}
     _write(law.read("summary.json") | rest)
 
 

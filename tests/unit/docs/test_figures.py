@@ -151,6 +151,10 @@ def test_figures_of_the_demo_are_those_of_its_summary() -> None:
         "noise_floor": errors,
         "friction_share": way,
         "tracking_rms": {"slew": 0.001, "telescope": 0.009},
+        "following": {
+            "controller": "flow_and_pressures",
+            "tracking_rms": {"slew": 0.0, "telescope": 0.00012},
+        },
         "wall_seconds": {"live": 100.0, "bags": 23.0},
     }
     rows = rows_of_demo(summary, summary, {"slew": "rad", "telescope": "m"})
@@ -159,6 +163,8 @@ def test_figures_of_the_demo_are_those_of_its_summary() -> None:
     assert told["2 planted parameters, live: farthest off, online and offline"] == "1.5 σ, 1.0 σ"
     assert told["friction in τ"] == "50 %, 50 %"
     assert told["simulated motion 0.5 s ahead, error relative to the way"] == "0.20 %, 0.50 %"
-    assert told["RMS tracking error (slew, telescope)"] == "1 mrad, 9 mm"
+    assert told["RMS tracking error by (36) (slew, telescope)"] == "1 mrad, 9 mm"
+    led = "the same by `flow_and_pressures` with the fitted model (slew, telescope)"
+    assert told[led] == "0.00 mrad, 0.12 mm"
     assert told["`make demo`, after the set-up"] == "123 s"
     assert "0.10 %, 0.25 %" in told.values()
