@@ -16,15 +16,14 @@ import sys
 import time
 from collections.abc import Iterator
 from contextlib import contextmanager
-from typing import Any
 
 import following
 import live
 import missing
 from figures import write_figures
-from laws import OUT, Law, dynamic_law, identify, make_bags, note_planted, report_law
+from laws import OUT, Law, dynamic_law, identify, make_bags, report_law
+from outcome import FILE, Following, recorded
 from processes import DemoError, Processes
-from results import complete_summary, write_summary
 from rich.console import Console
 from rich.progress import Progress, SpinnerColumn, TextColumn, TimeElapsedColumn
 from tables import bags_table, errors_table, table
@@ -101,7 +100,7 @@ def _demo(
     law, dynamic = laws
     for one in laws:
         (one.folder / "bags").mkdir(parents=True)
-        note_planted(suite, one)
+        one.note_planted(suite)
     start = time.monotonic()
     live.record(suite, domain, law, seed, console.print)
     phases.seconds["live"] = round(time.monotonic() - start, 2)
@@ -109,8 +108,12 @@ def _demo(
         make_bags(suite, dynamic)
     with phases.phase("identify", "identification: fit, validation on the other bag, report"):
         identify(suite, *laws)
-    write_summary(law, dynamic)
-    console.print(table(law), errors_table(law, dynamic), bags_table(law))
+    outcome = recorded(law)
+    console.print(
+        table(law, outcome),
+        errors_table(law.summary(), dynamic.summary()),
+        bags_table(law, outcome),
+    )
     followed = _follow(console, phases, suite, domain, law, seed)
     with phases.phase("missing_bags", "last act: bags of a machine with an effect the model lacks"):
         missing.make_bags(suite, law, seed)
@@ -118,27 +121,31 @@ def _demo(
         missing.diagnose(suite, law)
     console.print(missing.answer(suite), highlight=False)
     console.print(missing.table())
-    complete_summary(law, followed, missing.summary(), phases.seconds)
-    write_figures(law, dynamic)
-    console.print(
-        f"Reports: {OUT}/report.html, {missing.ANSWER}/report.html   All: {OUT}/summary.json"
+    outcome = outcome.model_copy(
+        update={
+            "following": followed,
+            "hidden": missing.hidden(),
+            "wall_seconds": phases.seconds,
+        }
     )
+    outcome.write(FILE)
+    write_figures(law, dynamic, outcome)
+    console.print(f"Reports: {OUT}/report.html, {missing.ANSWER}/report.html   Measured: {FILE}")
 
 
 def _follow(
     console: Console, phases: Phases, suite: Processes, domain: int, law: Law, seed: int
-) -> dict[str, Any] | None:
+) -> Following | None:
     """The fitted model leads the crane: how well, or None where it cannot."""
     if refusal := following.refusal(law):
         console.print(f"not led by its model: {refusal}", highlight=False)
         return None
     start = time.monotonic()
     live.follow(suite, domain, law, seed, following.CONTROLLER, console.print)
-    followed = following.summary(law)
+    followed = following.measured(law)
     following.draw(law)
     phases.seconds["follow"] = round(time.monotonic() - start, 2)
-    console.print(following.table(law, followed))
-    console.print(f"Picture: {following.PICTURE}")
+    console.print(following.table(law, followed), f"Picture: {following.PICTURE}")
     return followed
 
 

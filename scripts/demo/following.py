@@ -1,11 +1,12 @@
 """The fitted model leads the crane through the motion of the fit: how well, beside (36)."""
 
-from typing import Any, NamedTuple
+from typing import NamedTuple
 
 import numpy as np
 from laws import OUT, Law
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
+from outcome import Following
 from rich.table import Table
 
 from crane_bags.reader import read_topics
@@ -14,8 +15,10 @@ from crane_identification.report.terminal import plain_table
 from crane_model.errors import ConfigurationError
 from crane_model.machine import load_machine
 from crane_model.model_file import load_model
+from crane_model.result_file import NumberByJoint
 from crane_trajectory.control.choice import controller
 from crane_trajectory.control.controller import load_gains
+from crane_trajectory.run_excitation_node import ExcitationResult
 
 CONTROLLER = "flow_and_pressures"
 PICTURE = OUT / "following.png"
@@ -42,34 +45,31 @@ def refusal(law: Law) -> str:
     return ""
 
 
-def summary(law: Law) -> dict[str, Any]:
-    """RMS tracking error of both runs [rad, m]; None where a joint was held."""
-    before, after = (
-        law.read(law.result(use).name)["rms_tracking_error"] for use in ("train", "follow")
-    )
+def measured(law: Law) -> Following:
+    """How well, once both runs have been recorded."""
+    before, after = _errors(law, "train"), _errors(law, "follow")
     held = np.ptp(_followed(law, "train").reference, axis=0) < MOVED
-    return {
-        "controller": CONTROLLER,
-        "tracking_rms": after,
-        "times_better": {
-            joint: None if still else before[joint] / after[joint]
-            for joint, still in zip(before, held, strict=True)
-        },
-        "tracking_rms_before": before,
-    }
+    ratios = {}
+    for (joint, was), still in zip(before.items(), held, strict=True):
+        now = after[joint]
+        ratios[joint] = None if still or not was or not now else was / now
+    return Following(controller=CONTROLLER, tracking_rms=after, times_better=ratios)
 
 
-def table(law: Law, followed: dict[str, Any]) -> Table:
-    """Tracking error before and after."""
+def table(law: Law, after: Following) -> Table:
+    """Tracking error before, by (36), and after."""
     result = plain_table("RMS tracking error on the motion of the fit, live: before and after")
     result.add_column("joint", no_wrap=True)
-    for heading in ("(36)", CONTROLLER, "times better"):
+    for heading in ("(36)", after.controller, "times better"):
         result.add_column(heading, justify="right")
+    before = _errors(law, "train")
     for joint, unit in load_machine(law.machine).units.items():
-        before, after = followed["tracking_rms_before"][joint], followed["tracking_rms"][joint]
-        better = followed["times_better"][joint]
-        shown = "held" if better is None else f"{better:.0f}"
-        result.add_row(joint, f"{1e3 * before:.1f} m{unit}", f"{1e3 * after:.2f} m{unit}", shown)
+        better = after.times_better[joint]
+        result.add_row(
+            joint,
+            *(f"{1e3 * (one[joint] or 0.0):.2f} m{unit}" for one in (before, after.tracking_rms)),
+            "held" if better is None else f"{better:.0f}",
+        )
     return result
 
 
@@ -101,6 +101,10 @@ def _curve(panel: Axes, time: np.ndarray, error: np.ndarray, colour: str, name: 
     panel.plot(time, 1e3 * error, color=colour, lw=1.0, label=name)
     panel.axhline(0.0, color="0.8", lw=0.6, zorder=0)
     panel.spines[["top", "right"]].set_visible(False)
+
+
+def _errors(law: Law, use: str) -> NumberByJoint:
+    return ExcitationResult.read(law.result(use)).rms_tracking_error
 
 
 def _followed(law: Law, use: str) -> Followed:

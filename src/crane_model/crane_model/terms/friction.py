@@ -3,6 +3,7 @@
 from typing import ClassVar, Literal
 
 import numpy as np
+from typing_extensions import override
 
 from crane_model.array import Array
 from crane_model.record import Record
@@ -32,8 +33,8 @@ class Coulomb(JointTerm):
         """Of sgn(q') that has been made smooth."""
         return _by_velocity(steepness)
 
+    @override
     def parameter(self, coordinate: str, force: str) -> Parameter:
-        """f_c."""
         return Parameter("f_c", force, 0.0, "Coulomb friction, mean of both directions")
 
 
@@ -59,8 +60,8 @@ class CoulombAsymmetry(JointTerm):
         """0: it does not follow the motion."""
         return _by_velocity(np.zeros(len(record)))
 
+    @override
     def parameter(self, coordinate: str, force: str) -> Parameter:
-        """delta f_c."""
         return Parameter("df_c", force, None, "asymmetry of Coulomb friction")
 
 
@@ -85,8 +86,8 @@ class Viscous(JointTerm):
         """1 along q'."""
         return _by_velocity(np.ones(len(record)))
 
+    @override
     def parameter(self, coordinate: str, force: str) -> Parameter:
-        """f_v."""
         unit = f"{force} s/{coordinate}"
         return Parameter("f_v", unit, 0.0, "viscous friction, mean of both directions")
 
@@ -119,8 +120,8 @@ class ViscousAsymmetry(JointTerm):
         """Of q' sgn(q')."""
         return _by_velocity(record.direction[:, j] + record.velocity[:, j] * steepness)
 
+    @override
     def parameter(self, coordinate: str, force: str) -> Parameter:
-        """delta f_v."""
         return Parameter("df_v", f"{force} s/{coordinate}", None, "asymmetry of viscous friction")
 
 
