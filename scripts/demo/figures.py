@@ -52,18 +52,29 @@ def rows(
     ):  # fmt: skip
         yield of_joints(name, what, _known(errors), ".2%")
     yield of_joints("friction_share", "friction in τ", _known(summary.friction_share), ".0%")
-    tracked = _known(outcome.tracking_rms)
-    yield MeasuredRow(
-        cells=[
-            f"RMS tracking error ({', '.join(tracked)})",
-            "",
-            ", ".join(f"{{tracking_{joint}:.0f}} m{units[joint]}" for joint in tracked),
-        ],
-        values={f"tracking_{joint}": 1e3 * error for joint, error in tracked.items()},
-    )
+    yield _tracked("tracking", "RMS tracking error by (36)", outcome.tracking_rms, units)
+    if followed := outcome.following:
+        what = f"the same by `{followed.controller}` with the fitted model"
+        yield _tracked("following", what, followed.tracking_rms, units, digits=2)
     yield MeasuredRow(
         cells=[f"`{COMMAND}`, after the set-up", "", "{seconds:.0f} s"],
         values={"seconds": sum(outcome.wall_seconds.values())},
+    )
+
+
+def _tracked(
+    name: str,
+    what: str,
+    errors: Mapping[str, float | None],
+    units: Mapping[str, str],
+    digits: int = 0,
+) -> MeasuredRow:
+    """Errors of joints [rad, m]."""
+    known = _known(errors)
+    shown = (f"{{{name}_{joint}:.{digits}f}} m{units[joint]}" for joint in known)
+    return MeasuredRow(
+        cells=[f"{what} ({', '.join(known)})", "", ", ".join(shown)],
+        values={f"{name}_{joint}": 1e3 * error for joint, error in known.items()},
     )
 
 

@@ -27,8 +27,13 @@ class Law:
         """A file of the machine."""
         return machine_file(name, self.machine)
 
+    @property
+    def fitted(self) -> Path:
+        """The model file that `identify` writes."""
+        return self.folder / "model.yaml"
+
     def bag(self, use: str) -> Path:
-        """Folder of the bag recorded for `use`, "train" or "validate"."""
+        """Folder of the bag recorded for `use`, "train", "validate" or "follow"."""
         return self.folder / "bags" / use
 
     def result(self, use: str) -> Path:
