@@ -1,5 +1,6 @@
 """Rotors that turn fast behind a gear."""
 
+from collections.abc import Mapping
 from functools import lru_cache
 from typing import ClassVar, Literal
 
@@ -66,7 +67,7 @@ class RotorInertia(OneJointTerm):
 
 
 @lru_cache(maxsize=64)
-def _gear(machine: Machine, joint: str) -> tuple[dict[str, float], float]:
+def _gear(machine: Machine, joint: str) -> tuple[Mapping[str, float], float]:
     """Share of each joint that turns the rotor, and the ratio of the gear."""
     ratio: float = machine.cylinder(joint, np.zeros(1))[0, 1]
     return machine.seen_by(joint), ratio
