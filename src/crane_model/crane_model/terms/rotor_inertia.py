@@ -1,5 +1,7 @@
 """Rotors that turn fast behind a gear."""
 
+from collections.abc import Mapping
+from functools import lru_cache
 from typing import ClassVar, Literal
 
 import numpy as np
@@ -43,11 +45,12 @@ class RotorInertia(OneJointTerm):
 
     def fill(self, record: Record, setting: Setting, columns: Array) -> None:
         """On the rows of all joints that turn the rotor."""
-        seen = self._machine(setting).seen_by(self.joint)
-        ratio = self._machine(setting).cylinder(self.joint, np.zeros(1))[0, 1]
-        at, shares = [record.column(joint) for joint in seen], np.array(list(seen.values()))
-        turning = record.acceleration[:, at] @ shares
-        columns[:, at, 0] = ratio**2 * turning[:, np.newaxis] * shares
+        seen, ratio = _gear(self._machine(setting), self.joint)
+        turning = sum(
+            share * record.acceleration[:, record.column(joint)] for joint, share in seen.items()
+        )
+        for joint, share in seen.items():
+            columns[:, record.column(joint), 0] = ratio**2 * share * turning
 
     def joint_columns(self, record: Record, setting: Setting, j: int) -> Array:
         """Those of its own joint."""
@@ -61,6 +64,13 @@ class RotorInertia(OneJointTerm):
                 f"term '{self.type}': needs a machine with a motor at joint '{self.joint}'; {known}"
             )
         return machine
+
+
+@lru_cache(maxsize=64)
+def _gear(machine: Machine, joint: str) -> tuple[Mapping[str, float], float]:
+    """Share of each joint that turns the rotor, and the ratio of the gear."""
+    ratio: float = machine.cylinder(joint, np.zeros(1))[0, 1]
+    return machine.seen_by(joint), ratio
 
 
 def _listed(machine: Machine) -> str:
