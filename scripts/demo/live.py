@@ -145,7 +145,7 @@ def _experiment(
         status = suite.attend(
             *("excitation", "crane_trajectory", "run_excitation", "--enable"),
             *("--trajectory", law.file(trajectory), "--periods", periods),
-            *("--result", law.result(use)),
+            *("--result", law.result(use), "--replace"),
         )
         suite.stop("recorder")
         if status == 0:
