@@ -71,7 +71,7 @@ def table() -> Table:
         result.add_column(heading, justify="right")
     found = Findings.read(ANSWER / "findings.json")
     for one in hidden():
-        result.add_row("hidden", one.effect, one.joint, f"{one.strength:.1%}", "", "")
+        result.add_row("hidden", one.effect, one.joint or "all", f"{one.strength:.1%}", "", "")
     for finding in found.findings:
         errors = (
             f"{error.force_relative_error:.2%}" if error else ""
