@@ -4,10 +4,10 @@ from pathlib import Path
 
 import numpy as np
 
-from crane_identification.diagnosis.fit.evidence import Evidence
+from crane_identification.diagnosis.fit.evidence import VISIBLE_SHARE, Evidence
 from crane_identification.diagnosis.search.candidates import Candidate, ShapedCandidate
 from crane_identification.diagnosis.search.projection import project
-from crane_identification.diagnosis.search.visibility import VISIBLE_SHARE, visible
+from crane_identification.diagnosis.search.visibility import visible
 from crane_identification.diagnosis.search.whitening import whitened_base, whitener
 from crane_model.model_file import load_model
 from crane_model.terms.friction_speed import QuadraticViscous
