@@ -38,7 +38,7 @@ def visible(
     least = np.array([_least(candidate) for candidate in candidates])
     shows = projection.visibility >= least
     itself = _force_itself(projection, evidence, whitener)
-    itself |= _made_of_the_residual(projection, evidence, whitener)
+    itself |= _made_of_the_residual(projection, evidence, whitener, itself)
     wanted = shows & np.array([candidate not in itself for candidate in candidates], dtype=bool)
     reasons = {f: "its column is the measured force itself" for f in candidates if f in itself}
     best: dict[Candidate, float] = {}
@@ -89,9 +89,10 @@ def _force_itself(projection: Projection, evidence: Evidence, whitener: Whitener
 
 
 def _made_of_the_residual(
-    projection: Projection, evidence: Evidence, whitener: Whitener
+    projection: Projection, evidence: Evidence, whitener: Whitener, found: set[Candidate]
 ) -> set[Candidate]:
-    """Candidates that follow the measured force and, beside the model, what it does not predict.
+    """Further candidates that follow the measured force and, beside the model, what it does not
+    predict.
 
     Friction that follows a load, where most of the force is friction: |tau| sgn(v) is tau again.
     """
@@ -100,6 +101,7 @@ def _made_of_the_residual(
         for shaped in projection.candidates
         if "force" in shaped.candidate.effect.follows
         and not (shaped.candidate.shapes or shaped.candidate.changes)
+        and shaped.candidate not in found
     }
     if not wanted:
         return set()
@@ -112,7 +114,7 @@ def _made_of_the_residual(
     predicted = replace(evidence, runs=tuple(runs))
     known = whitener(evidence.base)
     known = leading(known, known.shape[1])
-    found = set()
+    more = set()
     for candidate, shaped in wanted.items():
         own, other = (
             beside(known, whitener(columns))
@@ -122,8 +124,8 @@ def _made_of_the_residual(
             np.linalg.norm(own, axis=0) * np.linalg.norm(other, axis=0), TINY
         )
         if (1.0 - alike**2 > OWN_SHARE).any():
-            found.add(candidate)
-    return found
+            more.add(candidate)
+    return more
 
 
 def left_out(
