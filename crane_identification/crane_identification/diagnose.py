@@ -119,7 +119,7 @@ def parser() -> argparse.ArgumentParser:
     )
     add("--columns", type=Path, help="column map (YAML) of tables, or of your topics")
     add_processing(result)
-    add("--without", nargs="+", action="extend", default=[], metavar="EFFECT", help=WITHOUT)
+    add("--without", nargs="+", default=[], metavar="EFFECT", help=WITHOUT)
     add("--fixed", action="store_true", help=FIXED)
     add("--thresholds", type=Path, help="thresholds (YAML; default: the packaged ones)")
     add("--hydraulics", type=Path, help="what is usual of valves and oil (YAML)")

@@ -48,9 +48,7 @@ def add_recordings(
     parser: argparse.ArgumentParser, option: str, what: str, required: bool = False
 ) -> None:
     """Adds an option that names recordings; given several times, it names them all."""
-    parser.add_argument(
-        option, type=Path, nargs="+", action="extend", default=[], required=required, help=what
-    )
+    parser.add_argument(option, type=Path, nargs="+", default=[], required=required, help=what)
 
 
 def add_part(parser: argparse.ArgumentParser) -> None:
