@@ -38,7 +38,7 @@ def test_all_code_between_a_bag_and_its_verdict_counts(sources) -> None:
     ("module", "old", "new"),
     [
         ("learner", "FEWEST_ROWS = 60", "FEWEST_ROWS = 61"),
-        ("visibility", "VISIBLE_SHARE = 0.02", "VISIBLE_SHARE = 0.03"),
+        ("evidence", "VISIBLE_SHARE = 0.02", "VISIBLE_SHARE = 0.03"),
         ("decision", "if one.score <= one.threshold:", "if one.score < one.threshold:"),
         ("pulsation", "one.clearness > least", "one.clearness > 0.6 * least"),
         ("chance", "size > 1e-6", "size > 1e-5"),
