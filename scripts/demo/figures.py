@@ -1,24 +1,31 @@
 """The figures that the demo measures, for the manual."""
 
 from collections.abc import Iterator, Mapping
+from pathlib import Path
 from typing import Any
 
 from laws import OUT, Law
 
 from crane_benchmark.measured import MeasuredRow, of_joints, write
 from crane_model.machine import load_machine
-
-COMMAND = "make demo"
+from crane_model.machine_files import DEFAULT_MACHINE
 
 
 def write_figures(law: Law, dynamic: Law) -> None:
-    """Next to the demo's summary."""
+    """Next to the demo's summary; those of another machine than the default by its name."""
     summaries = law.read("summary.json"), dynamic.read("summary.json")
-    write(OUT / "figures.json", COMMAND, list(rows(*summaries, load_machine(law.machine).units)))
+    command, name = "make demo", "figures.json"
+    if law.machine != DEFAULT_MACHINE:
+        command, name = f"make demo MACHINE={law.machine}", f"figures_{Path(law.machine).stem}.json"
+    units = load_machine(law.machine).units
+    write(OUT / name, command, list(rows(command, *summaries, units)))
 
 
 def rows(
-    summary: Mapping[str, Any], dynamic: Mapping[str, Any], units: Mapping[str, str]
+    command: str,
+    summary: Mapping[str, Any],
+    dynamic: Mapping[str, Any],
+    units: Mapping[str, str],
 ) -> Iterator[MeasuredRow]:
     """From the demo's summary, that of the machine with dynamic friction, and units of joints."""
     parameters = summary["parameters"]
@@ -59,7 +66,7 @@ def rows(
         values={f"tracking_{joint}": 1e3 * error for joint, error in tracked.items()},
     )
     yield MeasuredRow(
-        cells=[f"`{COMMAND}`, after the set-up", "", "{seconds:.0f} s"],
+        cells=[f"`{command}`, after the set-up", "", "{seconds:.0f} s"],
         values={"seconds": sum(summary["wall_seconds"].values())},
     )
 

@@ -95,7 +95,7 @@ def record(suite: Processes, domain: int, law: Law, seed: int, say: Say) -> None
         )
         suite.start(
             *("identification", "crane_identification", "identification", "--ros-args"),
-            *("-p", f"model:={law.file('model.yaml')}"),
+            *("-p", f"machine:={law.machine}"),
         )
         _experiment(
             suite, onlooker, law, "train", EXCITATION, FIT_PERIODS, (*LEADING, "identification")
@@ -124,7 +124,7 @@ def _experiment(
         status = suite.attend(
             *("excitation", "crane_trajectory", "run_excitation", "--enable"),
             *("--trajectory", law.file(trajectory), "--periods", periods),
-            *("--result", law.result(use)),
+            *("--result", law.result(use), "--replace"),
         )
         suite.stop("recorder")
         if status == 0:

@@ -153,7 +153,7 @@ def test_figures_of_the_demo_are_those_of_its_summary() -> None:
         "tracking_rms": {"slew": 0.001, "telescope": 0.009},
         "wall_seconds": {"live": 100.0, "bags": 23.0},
     }
-    rows = rows_of_demo(summary, summary, {"slew": "rad", "telescope": "m"})
+    rows = rows_of_demo("make demo", summary, summary, {"slew": "rad", "telescope": "m"})
     shown = [[cell.replace(NO_BREAK, " ") for cell in row.shown] for row in rows]
     told = {what: said for what, _, said in shown}
     assert told["2 planted parameters, live: farthest off, online and offline"] == "1.5 σ, 1.0 σ"
