@@ -2,6 +2,8 @@
 
 from typing import ClassVar, Literal
 
+from typing_extensions import override
+
 from crane_model.motion_columns import MotionQuantity
 from crane_model.terms.effect import Effect
 from crane_model.terms.joint_term import ProportionalTerm
@@ -22,8 +24,8 @@ class Coulomb(ProportionalTerm):
     )
     quantity: ClassVar[MotionQuantity] = MotionQuantity.DIRECTION
 
+    @override
     def parameter(self, coordinate: str, force: str) -> Parameter:
-        """f_c."""
         return Parameter("f_c", force, 0.0, "Coulomb friction, mean of both directions")
 
 
@@ -42,8 +44,8 @@ class CoulombAsymmetry(ProportionalTerm):
     asymmetry_of: ClassVar[str | None] = "coulomb"
     quantity: ClassVar[MotionQuantity] = MotionQuantity.ONE
 
+    @override
     def parameter(self, coordinate: str, force: str) -> Parameter:
-        """delta f_c."""
         return Parameter("df_c", force, None, "asymmetry of Coulomb friction")
 
 
@@ -61,8 +63,8 @@ class Viscous(ProportionalTerm):
     )
     quantity: ClassVar[MotionQuantity] = MotionQuantity.VELOCITY
 
+    @override
     def parameter(self, coordinate: str, force: str) -> Parameter:
-        """f_v."""
         unit = f"{force} s/{coordinate}"
         return Parameter("f_v", unit, 0.0, "viscous friction, mean of both directions")
 
@@ -83,6 +85,6 @@ class ViscousAsymmetry(ProportionalTerm):
     asymmetry_of: ClassVar[str | None] = "viscous"
     quantity: ClassVar[MotionQuantity] = MotionQuantity.SPEED
 
+    @override
     def parameter(self, coordinate: str, force: str) -> Parameter:
-        """delta f_v."""
         return Parameter("df_v", f"{force} s/{coordinate}", None, "asymmetry of viscous friction")
