@@ -25,15 +25,14 @@ OPTIONS = Options(estimator=Estimator.LEAST_SQUARES)
 
 @pytest.fixture
 def tables(tmp_path: Path) -> list[Path]:
-    """Two at the same speed; the third at half of it, which a filter may thin out more."""
+    """The third at half the rate, so that a filter thins it out half as much."""
     model, paths = axis_model(tmp_path), []
-    for seed, stretch in enumerate((1.0, 1.0, 2.0)):
-        slowed = AXIS_THETA / np.array([stretch**2, stretch, 1.0, 1.0])
-        log = axis_log(seed, model, theta=slowed)
+    for seed, step in enumerate((1, 1, 2)):
+        log = axis_log(seed, model)
         assert log.force is not None
-        values = [stretch * log.position.time, log.position.value[:, 0], log.force.value[:, 0]]
+        values = [log.position.time, log.position.value[:, 0], log.force.value[:, 0]]
         paths.append(tmp_path / f"{seed}.csv")
-        table = np.column_stack(values)
+        table = np.column_stack(values)[::step]
         np.savetxt(paths[-1], table, delimiter=",", header="t,q,f", comments="", fmt="%.10g")
     (tmp_path / "map.yaml").write_text(MAP)
     return paths
