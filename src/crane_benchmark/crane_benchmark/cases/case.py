@@ -2,6 +2,8 @@
 
 from enum import StrEnum
 
+from pydantic import ConfigDict
+
 from crane_benchmark.cases.motions import Richness
 from crane_model.configuration import Schema
 from crane_model.result_file import ResultFile
@@ -48,6 +50,8 @@ class Carried(StrEnum):
 
 class EffectToHide(Schema):
     """An effect to hide in a form of the stand-in machine."""
+
+    model_config = ConfigDict(use_attribute_docstrings=True)
 
     effect: str
     """Its type in the catalogue, or in that of the stand-in machine."""
