@@ -79,13 +79,16 @@ def identified(machine: Machine, values: HydraulicValues, joints: Sequence[str])
     for joint in joints:
         known, actuator, limits = named[joint], machine.cylinders[joint], machine.limits[joint]
         middle = np.array([(limits.position_min + limits.position_max) / 2.0])
-        stroke = actuator.length_max - actuator.length_min
+        ends = actuator.length_min, actuator.length_max
+        if not np.isfinite(ends).all():  # a motor: its chambers stay as large as they are
+            ends = 0.0, 0.0
+        stroke = (ends[1] - ends[0]) or 2.0 * np.pi
         row = {
             "sense": float(np.sign(machine.cylinder(joint, middle)[0, 1])),
             "area_a": actuator.area_a,
             "area_b": actuator.area_b,
-            "length_min": actuator.length_min,
-            "length_max": actuator.length_max,
+            "length_min": ends[0],
+            "length_max": ends[1],
             "dead_volume_a": known.get("dead_volume_a", actuator.area_a * stroke / 20.0),
             "dead_volume_b": known.get("dead_volume_b", actuator.area_b * stroke / 20.0),
             "bulk_modulus": known.get("bulk_modulus", float(np.mean(oil))),

@@ -122,6 +122,12 @@ def _driven(
 
 
 @njit(cache=True, error_model="numpy")
+def _swept(area: float, way: float) -> float:
+    """What a chamber holds beside its dead volume; a motor has no end, and nothing beside it."""
+    return area * max(way, 0.0) if way < np.inf else 0.0
+
+
+@njit(cache=True, error_model="numpy")
 def _fill(
     circuit: Circuit, mechanics: Mechanics, k: int, opened: Array, step: float, course: CraneCourse
 ) -> None:
@@ -145,17 +151,17 @@ def _fill(
             p_a, p_b = course.chamber_a[k + 1, n, j], course.chamber_b[k + 1, n, j]
             q_a, slope_a, q_b, slope_b = _chamber_flows(circuit, j, o, p_a, p_b, supply)
             leak = circuit.leakage[j]
-            swept = circuit.area_a[j] * (x - circuit.length_min[j])
+            swept = _swept(circuit.area_a[j], x - circuit.length_min[j])
             stiffness = step * circuit.bulk_modulus[j]
-            stiffness /= circuit.dead_volume_a[j] + max(swept, 0.0)
+            stiffness /= circuit.dead_volume_a[j] + swept
             change = stiffness * (q_a - circuit.area_a[j] * growth - leak * (p_a - p_b))
             change /= 1.0 - stiffness * (slope_a - leak)
             course.chamber_a[k + 1, n, j] = max(p_a + change, 0.0)
             if o > 0.0:
                 drawn += q_a + slope_a * change
-            swept = circuit.area_b[j] * (circuit.length_max[j] - x)
+            swept = _swept(circuit.area_b[j], circuit.length_max[j] - x)
             stiffness = step * circuit.bulk_modulus[j]
-            stiffness /= circuit.dead_volume_b[j] + max(swept, 0.0)
+            stiffness /= circuit.dead_volume_b[j] + swept
             change = stiffness * (q_b + circuit.area_b[j] * growth + leak * (p_a - p_b))
             change /= 1.0 - stiffness * (slope_b - leak)
             course.chamber_b[k + 1, n, j] = max(p_b + change, 0.0)
