@@ -26,7 +26,7 @@ from crane_trajectory.control.learning import Learning
 from crane_trajectory.control.learnt import in_words, learnt_hydraulics
 from crane_trajectory.control.tuning import Tuning
 from crane_trajectory.motion.periodic import PeriodicTrajectory
-from crane_trajectory.trajectory_parameters import LAW, LEARNING, MODEL
+from crane_trajectory.trajectory_parameters import FEEDBACK_SCALE, LAW, LEARNING, MODEL
 
 OLDEST = 0.05  # s, of pressures that are shown; older ones are lost
 NEWEST = QoSProfile(depth=1)
@@ -52,7 +52,8 @@ class Leading:
         self._joints, self.law = machine.joint_names, LAW.read(self._node)
         path = MODEL.read(self._node)
         self._model = load_model(path) if path else None
-        made = controller(self.law, machine, gains, self._model)
+        scale = FEEDBACK_SCALE.read(self._node)
+        made = controller(self.law, machine, gains, self._model, scale)
         if LEARNING.read(self._node):
             learning(self.law, made, period=1.0)  # refused here, not while a goal begins
         self.controller = None if self.law == PD_DEAD_ZONE else made

@@ -49,6 +49,14 @@ MODEL = Text(
     "Model file with the identified hydraulics of the machine, for every law but "
     f"{PD_DEAD_ZONE}. At configure",
 )
+FEEDBACK_SCALE = Number(
+    "feedback_scale",
+    1.0,
+    "-",
+    0.05,
+    2.0,
+    f"Of the gains of every law but {PD_DEAD_ZONE}; tune says what the crane stands. At configure",
+)
 LEARNING = Switch(
     "learning",
     False,
@@ -67,7 +75,7 @@ STATES_TIMEOUT = Number(
     "Silence of joint_states after which the crane is brought to rest. At configure",
 )
 SATURATION = Number("saturation", 1.0, "-", 0.01, 1.0, f"Largest spool command{LIVE}")
-FIXED = (AUTOSTART, CLEARANCE, CONTROLLER, LAW, MODEL, LEARNING, STATES_TIMEOUT)
+FIXED = (AUTOSTART, CLEARANCE, CONTROLLER, LAW, MODEL, FEEDBACK_SCALE, LEARNING, STATES_TIMEOUT)
 
 
 def _gain(joint: str, unit: str, field: str, default: float) -> Number:

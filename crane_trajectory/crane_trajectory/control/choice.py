@@ -9,7 +9,7 @@ from crane_model.machine import Machine
 from crane_model.model_file import Model
 from crane_trajectory.control.controller import GainArrays
 from crane_trajectory.control.cycle import STOP_RATE
-from crane_trajectory.control.flow_feedforward import FlowFeedforward
+from crane_trajectory.control.flow_feedforward import FlowFeedforward, feedback_gains
 from crane_trajectory.control.interface import ControlCondition, Controller, SensorReading, Wanted
 from crane_trajectory.control.learning import Learning
 from crane_trajectory.control.pd_dead_zone import PdDeadZone
@@ -29,9 +29,13 @@ MAY_LEARN = ("flow_feedforward", "flow_and_pressures")
 
 
 def controller(
-    name: str, machine: Machine, gains: GainArrays, model: Model | None = None
+    name: str,
+    machine: Machine,
+    gains: GainArrays,
+    model: Model | None = None,
+    scale: float = 1.0,
 ) -> Controller:
-    """The controller called `name`; `gains` are those of (36).
+    """The controller called `name`; `gains` are those of (36), `scale` that of all others.
 
     Joints that the hydraulics of `model` lack are led by (36). `ConfigurationError` if the name is
     none of `NAMES`, or the model does not have what it needs or is that of another machine.
@@ -54,8 +58,14 @@ def controller(
         )
     known = model.hydraulics
     joints = tuple(joint for joint in machine.joint_names if joint in known.joints)
+    feedback = feedback_gains(machine, model, scale, joints)
     led = FlowFeedforward(
-        machine, model, identified(machine, known, joints), joints=joints, **OF_THE_MODEL[name]
+        machine,
+        model,
+        identified(machine, known, joints),
+        feedback,
+        joints=joints,
+        **OF_THE_MODEL[name],
     )
     return led if len(joints) == len(machine.joint_names) else SideBySide(led, rest)
 
