@@ -5,16 +5,16 @@ from typing import NamedTuple
 
 import numpy as np
 
-from crane_trajectory.rehearsal.trials import Trial, Tried
+from crane_trajectory.rehearsal.trials import GainTrial, Tried
 
 SCALES = (1.0, 1.5, 2.0, 3.0, 4.0, 6.0)
 DELAYS = (0.02, 0.05, 0.1, 0.15)  # s
 WANTED_SCALE, WANTED_DELAY = 2.0, 0.05
 SWINGING = 0.1  # ripple over speed, from which a joint swings
 TRIALS = (
-    *(Trial(scale, 0.0) for scale in SCALES),
-    *(Trial(1.0, late) for late in DELAYS),
-    Trial(WANTED_SCALE, WANTED_DELAY),
+    *(GainTrial(scale, 0.0) for scale in SCALES),
+    *(GainTrial(1.0, late) for late in DELAYS),
+    GainTrial(WANTED_SCALE, WANTED_DELAY),
 )
 
 
@@ -38,7 +38,7 @@ class JointMargins(NamedTuple):
         return min(1.0, by_gain, by_delay)
 
 
-def margins(tried: Tried, trials: Sequence[Trial] = TRIALS) -> tuple[JointMargins, ...]:
+def margins(tried: Tried, trials: Sequence[GainTrial] = TRIALS) -> tuple[JointMargins, ...]:
     """Of each joint, from trials that contain those of `TRIALS`."""
     stopped = np.array([one.stops for one in tried.worst])
     steady = (tried.ripple < SWINGING) & ~stopped[:, np.newaxis]
@@ -47,7 +47,7 @@ def margins(tried: Tried, trials: Sequence[Trial] = TRIALS) -> tuple[JointMargin
         of = dict(zip(trials, column.tolist(), strict=True))
         gain = _largest([(one.scale, of[one]) for one in trials if one.late == 0.0])
         delay = _largest([(one.late, of[one]) for one in trials if one.scale == 1.0])
-        found.append(JointMargins(gain, delay, of[Trial(WANTED_SCALE, WANTED_DELAY)]))
+        found.append(JointMargins(gain, delay, of[GainTrial(WANTED_SCALE, WANTED_DELAY)]))
     return tuple(found)
 
 

@@ -22,8 +22,8 @@ SWINGS = 3.0  # Hz, above which speed beside the reference is ripple
 Steps = Callable[[Iterable[int]], Iterable[int]]
 
 
-class Trial(NamedTuple):
-    """A run, beside others."""
+class GainTrial(NamedTuple):
+    """A run beside others."""
 
     scale: float  # of the gains
     late: float  # s, more than the loop is
@@ -40,7 +40,7 @@ class Tried(NamedTuple):
 def run_trials(
     model: Model,
     motion: Motion,
-    trials: Sequence[Trial],
+    trials: Sequence[GainTrial],
     controller: Callable[[float], Controller],
     progress: Steps = iter,
 ) -> Tried:

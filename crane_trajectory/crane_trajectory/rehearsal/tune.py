@@ -98,7 +98,7 @@ def _tune(options: argparse.Namespace) -> None:
         )
     swinging = [joint for joint, one in found.items() if not one.both]
     print(
-        f"each margin suffices; both at once make {', '.join(swinging)} swing"
+        f"each margin suffices; both at once make {', '.join(swinging)} oscillate"
         if swinging
         else "margins suffice, also both at once"
     )
