@@ -1,73 +1,93 @@
 """The figures that the demo measures, for the manual."""
 
-from collections.abc import Iterator, Mapping
-from typing import Any
+from collections.abc import Iterator, Mapping, Sequence
 
 from laws import OUT, Law
+from outcome import DemoOutcome, OnlineEstimate, motion_errors
 
 from crane_benchmark.measured import MeasuredRow, of_joints, write
+from crane_identification.report.summary import ParameterSummary, Summary
 from crane_model.machine import load_machine
 
 COMMAND = "make demo"
 
 
-def write_figures(law: Law, dynamic: Law) -> None:
-    """Next to the demo's summary."""
-    summaries = law.read("summary.json"), dynamic.read("summary.json")
-    write(OUT / "figures.json", COMMAND, list(rows(*summaries, load_machine(law.machine).units)))
+def write_figures(law: Law, dynamic: Law, outcome: DemoOutcome) -> None:
+    """Next to the demo's outcome."""
+    units = load_machine(law.machine).units
+    found = rows(law.summary(), dynamic.summary(), outcome, law.planted(), units)
+    write(OUT / "figures.json", COMMAND, list(found))
 
 
 def rows(
-    summary: Mapping[str, Any], dynamic: Mapping[str, Any], units: Mapping[str, str]
+    summary: Summary,
+    dynamic: Summary,
+    outcome: DemoOutcome,
+    planted: Mapping[str, float],
+    units: Mapping[str, str],
 ) -> Iterator[MeasuredRow]:
-    """From the demo's summary, that of the machine with dynamic friction, and units of joints."""
-    parameters = summary["parameters"]
-    motion = summary["simulated_motion"]
-    joints = ", ".join(summary["heldout_relative_error"])
+    """From summaries of the machine and of that with dynamic friction; units by joint."""
+    joints = ", ".join(summary.heldout_relative_error)
+    motion, ahead = motion_errors(summary)
     yield MeasuredRow(
         cells=[
-            f"{len(parameters)} planted parameters, live: farthest off, online and offline",
+            f"{len(summary.parameters)} planted parameters, live: farthest off, online and offline",
             "",
             "{online_sigmas:.1f} σ, {offline_sigmas:.1f} σ",
         ],
         values={
-            "online_sigmas": _farthest(parameters, "rls"),
-            "offline_sigmas": _farthest(parameters, "batch"),
+            "online_sigmas": _farthest(outcome.online, planted),
+            "offline_sigmas": _farthest(summary.parameters, planted),
         },
     )
     for name, what, errors in (
         ("held_out", f"force on the held-out live bag, relative to τ ({joints})",
-         summary["heldout_relative_error"]),
+         summary.heldout_relative_error),
         ("without_gravity", "the same relative to τ without gravity",
-         summary["heldout_relative_error_without_gravity"]),
-        ("noise_floor", "noise floor, relative to τ", summary["noise_floor"]),
-        ("motion", f"simulated motion {motion['horizon']:g} s ahead, error relative to the way",
-         {joint: error / motion["displacement_rms"][joint]
-          for joint, error in motion["position_rms"].items()}),
+         summary.heldout_relative_error_without_gravity),
+        ("noise_floor", "noise floor, relative to τ", summary.noise_floor),
+        ("motion", f"simulated {motion}, error relative to the way", ahead),
         ("lugre", "the same machine with LuGre friction: held-out force, relative to τ",
-         dynamic["heldout_relative_error"]),
+         dynamic.heldout_relative_error),
     ):  # fmt: skip
-        yield of_joints(name, what, errors, ".2%")
-    yield of_joints("friction_share", "friction in τ", summary["friction_share"], ".0%")
-    tracked = summary["tracking_rms"]
-    yield MeasuredRow(
-        cells=[
-            f"RMS tracking error ({', '.join(tracked)})",
-            "",
-            ", ".join(f"{{tracking_{joint}:.0f}} m{units[joint]}" for joint in tracked),
-        ],
-        values={f"tracking_{joint}": 1e3 * error for joint, error in tracked.items()},
-    )
+        yield of_joints(name, what, _known(errors), ".2%")
+    yield of_joints("friction_share", "friction in τ", _known(summary.friction_share), ".0%")
+    yield _tracked("tracking", "RMS tracking error by (36)", outcome.tracking_rms, units)
+    if followed := outcome.following:
+        what = f"the same by `{followed.controller}` with the fitted model"
+        yield _tracked("following", what, followed.tracking_rms, units, digits=2)
     yield MeasuredRow(
         cells=[f"`{COMMAND}`, after the set-up", "", "{seconds:.0f} s"],
-        values={"seconds": sum(summary["wall_seconds"].values())},
+        values={"seconds": sum(outcome.wall_seconds.values())},
     )
 
 
-def _farthest(parameters: list[dict[str, Any]], kind: str) -> float:
+def _tracked(
+    name: str,
+    what: str,
+    errors: Mapping[str, float | None],
+    units: Mapping[str, str],
+    digits: int = 0,
+) -> MeasuredRow:
+    """Errors of joints [rad, m]."""
+    known = _known(errors)
+    shown = (f"{{{name}_{joint}:.{digits}f}} m{units[joint]}" for joint in known)
+    return MeasuredRow(
+        cells=[f"{what} ({', '.join(known)})", "", ", ".join(shown)],
+        values={f"{name}_{joint}": 1e3 * error for joint, error in known.items()},
+    )
+
+
+def _known(values: Mapping[str, float | None]) -> dict[str, float]:
+    return {joint: value for joint, value in values.items() if value is not None}
+
+
+def _farthest(
+    found: Sequence[ParameterSummary | OnlineEstimate], planted: Mapping[str, float]
+) -> float:
     """Of the estimates from what is planted, in standard deviations."""
     return max(
-        abs(one[kind] - one["planted"]) / one[f"{kind}_std"]
-        for one in parameters
-        if one[kind] is not None
+        abs(one.value - planted[one.name]) / one.std_dev
+        for one in found
+        if one.value is not None and one.std_dev
     )

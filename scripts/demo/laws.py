@@ -3,10 +3,10 @@
 import json
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Any
 
 from processes import Processes
 
+from crane_identification.report.summary import Summary
 from crane_model.machine_files import machine_file
 
 OUT = Path("runs/demo")
@@ -27,17 +27,40 @@ class Law:
         """A file of the machine."""
         return machine_file(name, self.machine)
 
+    @property
+    def fitted(self) -> Path:
+        """The model file that `identify` writes."""
+        return self.folder / "model.yaml"
+
     def bag(self, use: str) -> Path:
-        """Folder of the bag recorded for `use`, "train" or "validate"."""
+        """Folder of the bag recorded for `use`, "train", "validate" or "follow"."""
         return self.folder / "bags" / use
 
     def result(self, use: str) -> Path:
         """File of the result of the live experiment of `use`."""
         return self.folder / f"excitation_{use}.json"
 
-    def read(self, name: str) -> dict[str, Any]:
-        """One of the JSON files of this law."""
-        return json.loads((self.folder / name).read_text(encoding="utf-8"))
+    def planted(self) -> dict[str, float]:
+        """True value of each parameter [SI]."""
+        values: dict[str, float] = json.loads(self.planted_file.read_text(encoding="utf-8"))
+        return values
+
+    def summary(self) -> Summary:
+        """What `identify` found."""
+        return Summary.read(self.folder / "summary.json")
+
+    @property
+    def planted_file(self) -> Path:
+        """Where the true values stand."""
+        return self.folder / "planted.json"
+
+    def note_planted(self, suite: Processes) -> None:
+        """Write what is planted in the machine to a file beside its bags."""
+        text = suite.output(
+            *("planted", "crane_sim", "planted", "--machine", self.machine),
+            *("--plant", self.plant, "--json"),
+        )
+        self.planted_file.write_text(text, encoding="utf-8")
 
 
 def report_law(machine: str) -> Law:
@@ -50,15 +73,6 @@ def dynamic_law(machine: str) -> Law:
     """That which it cannot."""
     plant = machine_file("stand_in_dynamic_friction.yaml", machine)
     return Law("dynamic friction (LuGre)", machine, plant, OUT / "dynamic_friction")
-
-
-def note_planted(suite: Processes, law: Law) -> None:
-    """Write what is planted in the machine to a file beside its bags."""
-    text = suite.output(
-        *("planted", "crane_sim", "planted", "--machine", law.machine),
-        *("--plant", law.plant, "--json"),
-    )
-    (law.folder / "planted.json").write_text(text, encoding="utf-8")
 
 
 def make_bags(suite: Processes, law: Law) -> None:
@@ -80,6 +94,6 @@ def identify(suite: Processes, *laws: Law) -> None:
             *(f"identify_{law.folder.name}", "crane_identification", "identify"),
             *("--model", law.file("model.yaml"), "--out", law.folder),
             *("--train", law.bag("train"), "--validate", law.bag("validate")),
-            *("--reference-values", law.folder / "planted.json"),
+            *("--reference-values", law.planted_file),
         )
     suite.finish(*(f"identify_{law.folder.name}" for law in laws))

@@ -3,18 +3,16 @@
 What is hidden is drawn from the seed, and is opened only after the answer.
 """
 
-import json
-from pathlib import Path
-from typing import Any
-
 import numpy as np
 import yaml
 from laws import EXCITATION, OUT, VALIDATION, Law
 from processes import Processes
 from rich.table import Table
 
+from crane_identification.diagnosis.findings_file import Findings
 from crane_identification.report.terminal import plain_table
 from crane_model.model_file import load_model
+from crane_sim.hiding.label import Label, LabelledEffect
 
 # What these motions show; `make discrepancy-benchmark` hides everything.
 EFFECTS = ("stribeck", "viscous_quadratic", "load_friction", "position_friction", "hose_stiffness")
@@ -71,31 +69,20 @@ def table() -> Table:
         result.add_column(heading, no_wrap=True)
     for heading in ("strength", "force unexplained before", "after"):
         result.add_column(heading, justify="right")
-    found = _findings()
-    (hidden,) = _label()["effects"]
-    result.add_row("hidden", hidden["effect"], hidden["joint"], f"{hidden['strength']:.1%}", "", "")
-    gap = found["gap"]
-    for one in found["findings"]:
-        error = (
-            f"{gap[when][one['joint']]['force_relative_error']:.2%}" if one["joint"] in gap[when]
-            else ""
-            for when in ("before", "after")
-        )  # fmt: skip
-        result.add_row("found", one["effect"], one["joint"], "", *error)
-    if not found["findings"]:
-        result.add_row(str(found["verdict"]), "", "", "", "", "")
+    found = Findings.read(ANSWER / "findings.json")
+    for one in hidden():
+        result.add_row("hidden", one.effect, one.joint, f"{one.strength:.1%}", "", "")
+    for finding in found.findings:
+        errors = (
+            f"{error.force_relative_error:.2%}" if error else ""
+            for error in (gap.get(finding.joint) for gap in (found.gap.before, found.gap.after))
+        )
+        result.add_row("found", finding.effect, finding.joint, "", *errors)
+    if not found.findings:
+        result.add_row(found.verdict, "", "", "", "", "")
     return result
 
 
-def summary() -> dict[str, Any]:
-    """For summary.json."""
-    return {"hidden": _label()["effects"], "answer": _findings()}
-
-
-def _findings() -> dict[str, Any]:
-    return json.loads((ANSWER / "findings.json").read_text(encoding="utf-8"))
-
-
-def _label() -> dict[str, Any]:
-    path: Path = LABELS / "held_out.json"
-    return json.loads(path.read_text(encoding="utf-8"))
+def hidden() -> list[LabelledEffect]:
+    """What the label says; opened after the answer."""
+    return Label.read(LABELS / "held_out.json").effects

@@ -19,10 +19,11 @@ import numpy as np
 from crane_model.machine import Machine
 from crane_model.model_file import Model
 from crane_trajectory.control.adaptation import WINDOW_FIELDS, begin
-from crane_trajectory.control.cycle import HISTORY, STATE, CycleSetting, Memory, cycle
+from crane_trajectory.control.cycle import cycle
 from crane_trajectory.control.geometry import tables
 from crane_trajectory.control.interface import ControlCondition, Point, SensorReading, Wanted
 from crane_trajectory.control.load import ReferenceLoad
+from crane_trajectory.control.memory import HISTORY, STATE, CycleSetting, Memory
 from crane_trajectory.control.valves_and_oil import ValvesAndOil
 from crane_trajectory.control.watch import WATCH
 

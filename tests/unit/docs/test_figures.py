@@ -1,5 +1,6 @@
 """Numbers on pages are those that commands have measured, and no page contradicts them."""
 
+import math
 import re
 from collections.abc import Callable
 from pathlib import Path
@@ -9,10 +10,12 @@ from figures import rows as rows_of_demo
 from from_code import figures
 from from_code.figures import MEASURED, names_on, pages, rendered, take_over
 from manual import ROOT, text
+from outcome import DemoOutcome, Following, OnlineEstimate
 
 from crane_benchmark.folders import read_json
 from crane_benchmark.measured import NO_BREAK, MeasuredFigures, MeasuredRow, write
 from crane_benchmark.scores.frozen import RECORD
+from crane_identification.report.summary import MotionSummary, ParameterSummary, Summary
 
 NAMES = sorted(path.stem for path in MEASURED.glob("*.json"))
 
@@ -136,29 +139,48 @@ def test_part_of_a_measurement_and_an_older_one_are_not(files: tuple[Path, Path]
     assert MeasuredFigures.read(target) == kept
 
 
-def test_figures_of_the_demo_are_those_of_its_summary() -> None:
+def test_figures_of_the_demo_are_those_of_its_outcome() -> None:
     joints = ("inner_boom", "telescope")
     errors = dict(zip(joints, (0.001, 0.0025), strict=True))
     way = dict.fromkeys(joints, 0.5)
-    summary = {
-        "parameters": [
-            {"planted": 1.0, "rls": 1.3, "rls_std": 0.2, "batch": 0.9, "batch_std": 0.1},
-            {"planted": 1.0, "rls": None, "rls_std": None, "batch": 1.0, "batch_std": 0.1},
+    names, values = ("one", "two"), ((0.9, 0.1), (1.0, 0.1))
+    motion = MotionSummary(
+        horizon=0.5, windows=9, position_rms=errors, displacement_rms=way, reason=""
+    )
+    summary = Summary.model_construct(
+        parameters=[
+            ParameterSummary(name=name, unit="kg", value=value, std_dev=std_dev)
+            for name, (value, std_dev) in zip(names, values, strict=True)
         ],
-        "simulated_motion": {"horizon": 0.5, "position_rms": errors, "displacement_rms": way},
-        "heldout_relative_error": errors,
-        "heldout_relative_error_without_gravity": errors,
-        "noise_floor": errors,
-        "friction_share": way,
-        "tracking_rms": {"slew": 0.001, "telescope": 0.009},
-        "wall_seconds": {"live": 100.0, "bags": 23.0},
-    }
-    rows = rows_of_demo(summary, summary, {"slew": "rad", "telescope": "m"})
+        simulated_motion=motion,
+        heldout_relative_error=errors,
+        heldout_relative_error_without_gravity=errors,
+        noise_floor=errors,
+        friction_share=way,
+    )
+    outcome = DemoOutcome(
+        online=[
+            OnlineEstimate(name="one", planted=1.0, value=1.3, std_dev=0.2),
+            OnlineEstimate(name="two", planted=1.0, value=math.inf, std_dev=math.inf),
+        ],
+        tracking_rms={"slew": 0.001, "telescope": 0.009},
+        following=Following(
+            controller="flow_and_pressures",
+            tracking_rms={"slew": 0.0, "telescope": 0.00012},
+            times_better={"slew": None, "telescope": 75.0},
+        ),
+        recorded={},
+        wall_seconds={"live": 100.0, "bags": 23.0},
+    )
+    units = {"slew": "rad", "telescope": "m"}
+    rows = rows_of_demo(summary, summary, outcome, dict.fromkeys(names, 1.0), units)
     shown = [[cell.replace(NO_BREAK, " ") for cell in row.shown] for row in rows]
     told = {what: said for what, _, said in shown}
     assert told["2 planted parameters, live: farthest off, online and offline"] == "1.5 σ, 1.0 σ"
     assert told["friction in τ"] == "50 %, 50 %"
     assert told["simulated motion 0.5 s ahead, error relative to the way"] == "0.20 %, 0.50 %"
-    assert told["RMS tracking error (slew, telescope)"] == "1 mrad, 9 mm"
+    assert told["RMS tracking error by (36) (slew, telescope)"] == "1 mrad, 9 mm"
+    led = "the same by `flow_and_pressures` with the fitted model (slew, telescope)"
+    assert told[led] == "0.00 mrad, 0.12 mm"
     assert told["`make demo`, after the set-up"] == "123 s"
     assert "0.10 %, 0.25 %" in told.values()

@@ -22,6 +22,7 @@ DISTRIBUTIONS = {
     "pydantic_core": "pydantic-core",
     "ruamel": "ruamel.yaml",
     "sklearn": "scikit-learn",
+    "typing_extensions": "typing-extensions",
     "yaml": "pyyaml",
 }  # where another name is imported
 NOT_IMPORTED = {"clarabel"}  # cvxpy is asked to solve with it
@@ -36,6 +37,7 @@ ROSDEP = {
     "rosbags": "python3-rosbags-pip",
     "ruamel": "python3-ruamel.yaml",
     "sklearn": "python3-sklearn",
+    "typing_extensions": "python3-typing-extensions",
     "yaml": "python3-yaml",
 } | {
     name: f"python3-{name}"

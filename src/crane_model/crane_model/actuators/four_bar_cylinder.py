@@ -6,6 +6,7 @@ from typing import ClassVar, Literal, Self
 
 import numpy as np
 from pydantic import model_validator
+from typing_extensions import override
 
 from crane_model import linkages
 from crane_model.actuators.actuator import BuiltIn
@@ -56,8 +57,8 @@ class FourBarCylinder(BuiltIn, CylinderActuator):
         return linkages.gamma_32(self.s31, self.s23, self.s32)
 
     @property
+    @override
     def compiled(self) -> Linkage:
-        """(24)."""
         lengths = self.s22, self.s23, self.c1, self.c2, self.s31
         sense = -1.0 if self.mirrored else 1.0
         return Linkage(FOUR_BAR, np.array([self.gamma_21_0, self.gamma_32, *lengths, sense]))

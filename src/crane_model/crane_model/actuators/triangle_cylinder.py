@@ -4,6 +4,7 @@ import math
 from typing import ClassVar, Literal
 
 import numpy as np
+from typing_extensions import override
 
 from crane_model.actuators.actuator import BuiltIn
 from crane_model.actuators.drawn import Bar, direction
@@ -29,8 +30,8 @@ class TriangleCylinder(BuiltIn, CylinderActuator):
     phi_4: Angle
 
     @property
+    @override
     def compiled(self) -> Linkage:
-        """(20)."""
         return Linkage(TRIANGLE, np.array([self.j1, self.j2, self.angle_0]))
 
     @property
@@ -38,7 +39,7 @@ class TriangleCylinder(BuiltIn, CylinderActuator):
         """The constant part of the angle in (20)."""
         return math.pi / 2 - self.phi_4 + self.phi_3
 
+    @override
     def bars(self, q: float) -> tuple[Bar, ...]:
-        """The cylinder."""
         base = self.j1 * direction(self.phi_4 - math.pi / 2)
         return (Bar(base, self.j2 * direction(self.phi_3 + q), True),)

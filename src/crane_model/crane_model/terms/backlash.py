@@ -5,6 +5,7 @@ from typing import ClassVar, Literal
 import numpy as np
 from numba import njit
 from pydantic import Field
+from typing_extensions import override
 
 from crane_model.array import Array, Flags
 from crane_model.record import Record
@@ -36,8 +37,8 @@ class Backlash(JointMemoryTerm):
 
     clearance: float = Field(gt=0)
 
+    @override
     def parameter(self, coordinate: str, force: str) -> Parameter:
-        """f_g."""
         return Parameter("f_g", force, 0.0, "force that is missing until the clearance is crossed")
 
     def start(self, record: Record, setting: Setting) -> Array:

@@ -4,6 +4,7 @@ from typing import ClassVar, Literal
 
 import numpy as np
 from pydantic import Field
+from typing_extensions import override
 
 from crane_model.array import Array
 from crane_model.record import Record
@@ -36,8 +37,8 @@ class HoseStiffness(JointTerm):
         """q."""
         return record.position[:, j]
 
+    @override
     def parameter(self, coordinate: str, force: str) -> Parameter:
-        """k."""
         return Parameter("k_hose", f"{force}/{coordinate}", 0.0, "stiffness of hoses and cables")
 
 
@@ -68,8 +69,8 @@ class BoomFlexibility(OneJointTerm, MemoryTerm):
     frequency: float = Field(gt=0)
     damping: float = Field(gt=0, lt=1)
 
+    @override
     def joint_parameters(self, setting: Setting) -> tuple[Parameter, ...]:
-        """J."""
         unit = "kg m2" if setting.units[self.joint] == "rad" else "kg"
         return (Parameter("J_flexible", unit, 0.0, "inertia that takes part in the bending"),)
 

@@ -3,6 +3,7 @@
 from typing import ClassVar, Literal
 
 import numpy as np
+from typing_extensions import override
 
 from crane_model.array import Array
 from crane_model.errors import ConfigurationError
@@ -34,8 +35,8 @@ class LoadFriction(JointTerm):
         """|tau| sgn(q')."""
         return record.direction[:, j] * np.abs(self.needed(record, "force")[:, j])
 
+    @override
     def parameter(self, coordinate: str, force: str) -> Parameter:
-        """mu."""
         return Parameter("mu_load", "1", 0.0, "friction per load")
 
 
@@ -55,8 +56,8 @@ class SealFriction(OneJointTerm):
         follows=("pressure sum",),
     )
 
+    @override
     def joint_parameters(self, setting: Setting) -> tuple[Parameter, ...]:
-        """mu_A, mu_B."""
         unit = gain_unit(setting, self.joint)
         return (
             Parameter("mu_A", unit, 0.0, "seal friction per pressure force of chamber A"),

@@ -4,6 +4,7 @@ from typing import ClassVar, Literal
 
 import numpy as np
 from pydantic import Field
+from typing_extensions import override
 
 from crane_model.array import Array
 from crane_model.errors import ConfigurationError
@@ -30,8 +31,8 @@ class PositionFriction(JointTerm):
         """q sgn(q')."""
         return record.position[:, j] * record.direction[:, j]
 
+    @override
     def parameter(self, coordinate: str, force: str) -> Parameter:
-        """f_p."""
         return Parameter("f_p", f"{force}/{coordinate}", None, "change of Coulomb friction with q")
 
 
@@ -56,8 +57,8 @@ class CyclicFriction(OneJointTerm):
 
     wave: float = Field(gt=0)
 
+    @override
     def joint_parameters(self, setting: Setting) -> tuple[Parameter, ...]:
-        """f_1, f_2."""
         force = setting.force_unit(self.joint)
         return (
             Parameter("f_sin", force, None, "sine part of the wave of Coulomb friction"),
@@ -93,8 +94,8 @@ class EndCushioning(OneJointTerm):
 
     zone: float = Field(gt=0)
 
+    @override
     def joint_parameters(self, setting: Setting) -> tuple[Parameter, ...]:
-        """f_e."""
         if setting.machine is None or self.joint not in setting.machine.limits:
             raise ConfigurationError(
                 f"term '{self.type}': needs a machine with limits of joint '{self.joint}'"

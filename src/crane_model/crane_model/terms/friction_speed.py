@@ -4,6 +4,7 @@ from typing import ClassVar, Literal
 
 import numpy as np
 from pydantic import Field
+from typing_extensions import override
 
 from crane_model.array import Array
 from crane_model.record import Record
@@ -41,8 +42,8 @@ class Stribeck(JointTerm):
         ratio = np.abs(record.velocity[:, j]) / self.speed
         return record.direction[:, j] * np.exp(-(ratio**self.exponent))
 
+    @override
     def parameter(self, coordinate: str, force: str) -> Parameter:
-        """f_s."""
         return Parameter("f_s", force, 0.0, "friction at zero speed beyond Coulomb friction")
 
 
@@ -64,6 +65,6 @@ class QuadraticViscous(JointTerm):
         v = record.velocity[:, j]
         return v * np.abs(v)
 
+    @override
     def parameter(self, coordinate: str, force: str) -> Parameter:
-        """f_q."""
         return Parameter("f_q", f"{force} s2/{coordinate}2", 0.0, "loss with the speed squared")

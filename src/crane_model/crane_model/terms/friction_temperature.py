@@ -4,6 +4,7 @@ from typing import ClassVar, Literal
 
 import numpy as np
 from pydantic import Field
+from typing_extensions import override
 
 from crane_model.array import Array
 from crane_model.record import Record
@@ -31,8 +32,8 @@ class TemperatureViscosity(JointTerm):
         """-(T - 40 deg C) q'."""
         return (WORKING_TEMPERATURE - self.needed(record, "temperature")) * record.velocity[:, j]
 
+    @override
     def parameter(self, coordinate: str, force: str) -> Parameter:
-        """f_T."""
         unit = f"{force} s/({coordinate} degC)"
         return Parameter("f_T", unit, 0.0, "viscous friction lost with each degree")
 
@@ -65,6 +66,6 @@ class WarmUp(JointTerm):
         """q' exp(-(t - since)/warming)."""
         return record.velocity[:, j] * np.exp((self.since - record.time) / self.warming)
 
+    @override
     def parameter(self, coordinate: str, force: str) -> Parameter:
-        """f_w."""
         return Parameter("f_w", f"{force} s/{coordinate}", 0.0, "viscous friction lost on warming")

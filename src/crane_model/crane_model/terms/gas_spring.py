@@ -4,6 +4,7 @@ from typing import Annotated, ClassVar, Literal
 
 import numpy as np
 from pydantic import Field
+from typing_extensions import override
 
 from crane_model.angle import Angle
 from crane_model.array import Array
@@ -51,6 +52,6 @@ class GasSpring(JointTerm):
         torque: Array = pressure * self.area * both * np.sin(angle) / length
         return torque
 
+    @override
     def parameter(self, coordinate: str, force: str) -> Parameter:
-        """s."""
         return Parameter("gas_spring", "1", 0.0, "force of the gas spring over its data sheet's")

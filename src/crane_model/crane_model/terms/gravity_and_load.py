@@ -4,6 +4,7 @@ from typing import ClassVar, Literal
 
 import numpy as np
 from pydantic import Field, field_validator
+from typing_extensions import override
 
 from crane_model.array import Array
 from crane_model.dynamics import Geometry, lagrangian_regressor
@@ -33,8 +34,8 @@ class BaseTilt(Term):
         follows=("inclination of the telescope",),
     )
 
+    @override
     def parameters(self, setting: Setting) -> tuple[Parameter, ...]:
-        """m alpha."""
         planar_machine(self, setting)
         meaning = "mass of telescope and gripper times the angle by which the base is tilted"
         return (Parameter("m_tilt", "kg rad", None, meaning),)
@@ -88,8 +89,8 @@ class Payload(Term):
         return self.loads is not None
 
     @property
+    @override
     def carried(self) -> tuple[Load, ...]:
-        """Its `loads`."""
         return self.loads or ()
 
     def parameters(self, setting: Setting) -> tuple[Parameter, ...]:
@@ -141,8 +142,8 @@ class HoseMass(Term):
         follows=("extension of the telescope", "inclination of the telescope"),
     )
 
+    @override
     def parameters(self, setting: Setting) -> tuple[Parameter, ...]:
-        """rho."""
         planar_machine(self, setting)
         return (Parameter("rho_hose", "kg/m", None, "mass of hoses that comes out per metre"),)
 
@@ -178,8 +179,8 @@ class SlewCoupling(Term):
 
     reach: float = Field(gt=0)
 
+    @override
     def parameters(self, setting: Setting) -> tuple[Parameter, ...]:
-        """J, m."""
         planar_machine(self, setting)
         return (
             Parameter("J_slew", "kg m2", 0.0, "inertia of the inner boom that slews"),

@@ -4,6 +4,7 @@ from typing import ClassVar, Literal
 
 import numpy as np
 from pydantic import Field
+from typing_extensions import override
 
 from crane_model.array import Array
 from crane_model.record import Record
@@ -29,8 +30,8 @@ class VelocityLag(OneJointTerm):
 
     speed: float = Field(gt=0)
 
+    @override
     def joint_parameters(self, setting: Setting) -> tuple[Parameter, ...]:
-        """c_1, c_2."""
         force, unit = setting.force_unit(self.joint), setting.units[self.joint]
         return (
             Parameter("flat", force, None, "friction misplaced by an error along the velocity"),

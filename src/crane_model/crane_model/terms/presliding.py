@@ -6,6 +6,7 @@ from typing import ClassVar, Literal
 import numpy as np
 from numba import njit
 from pydantic import Field
+from typing_extensions import override
 
 from crane_model.array import Array, Flags
 from crane_model.record import Record
@@ -37,8 +38,8 @@ class Presliding(JointMemoryTerm):
 
     travel: float = Field(gt=0)
 
+    @override
     def parameter(self, coordinate: str, force: str) -> Parameter:
-        """f_h."""
         return Parameter("f_h", force, 0.0, "friction that builds up over a displacement")
 
     def start(self, record: Record, setting: Setting) -> Array:

@@ -5,6 +5,7 @@ from typing import ClassVar, Literal
 
 import numpy as np
 from pydantic import Field
+from typing_extensions import override
 
 from crane_model.array import Array
 from crane_model.errors import ConfigurationError
@@ -41,8 +42,8 @@ class PressureOffset(OneJointTerm):
         follows=("position",),
     )
 
+    @override
     def joint_parameters(self, setting: Setting) -> tuple[Parameter, ...]:
-        """dp."""
         cylinder_machine(self, setting, self.joint)
         return (Parameter("dp", "Pa", None, "reading of the transducer of chamber A at 0 Pa"),)
 
@@ -73,8 +74,8 @@ class PressureGain(JointTerm):
         """tau as it was measured: (n,)."""
         return self.needed(record, "force")[:, j]
 
+    @override
     def parameter(self, coordinate: str, force: str) -> Parameter:
-        """gain."""
         return Parameter("gain", "1", None, "share by which the force is measured too large")
 
 
@@ -91,8 +92,8 @@ class ChamberGain(OneJointTerm):
         follows=("pressure of chamber B",),
     )
 
+    @override
     def joint_parameters(self, setting: Setting) -> tuple[Parameter, ...]:
-        """gain."""
         unit = gain_unit(setting, self.joint)
         meaning = "share by which the pressure of chamber B is measured too large"
         return (Parameter("gain_B", unit, None, meaning),)
@@ -130,8 +131,8 @@ class EncoderOffset(OneJointTerm):
         max_length=len(BASE_PARAMETERS),
     )
 
+    @override
     def joint_parameters(self, setting: Setting) -> tuple[Parameter, ...]:
-        """dq."""
         if self.joint == planar_machine(self, setting).as_planar().joints[-1]:
             raise ConfigurationError(
                 f"term '{self.type}': the lever arm of the telescope is constant, and its zero is "
@@ -177,8 +178,8 @@ class TimeSkew(OneJointTerm):
         follows=("rate of the force",),
     )
 
+    @override
     def joint_parameters(self, setting: Setting) -> tuple[Parameter, ...]:
-        """delay."""
         return (Parameter("delay", "s", None, "time by which pressures lag behind positions"),)
 
     def joint_columns(self, record: Record, setting: Setting, j: int) -> Array:

@@ -6,6 +6,7 @@ from typing import ClassVar, Literal
 import numpy as np
 from numba import njit
 from pydantic import Field
+from typing_extensions import override
 
 from crane_model.array import Array, Flags
 from crane_model.record import Record
@@ -38,8 +39,8 @@ class Stiction(JointMemoryTerm):
     travel: float = Field(gt=0)
     dwell: float = Field(gt=0)
 
+    @override
     def parameter(self, coordinate: str, force: str) -> Parameter:
-        """f_b."""
         return Parameter("f_b", force, 0.0, "friction at breakaway beyond Coulomb friction")
 
     def start(self, record: Record, setting: Setting) -> Array:

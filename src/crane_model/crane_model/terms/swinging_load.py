@@ -4,6 +4,7 @@ from typing import ClassVar, Literal
 
 import numpy as np
 from pydantic import Field
+from typing_extensions import override
 
 from crane_model.array import Array
 from crane_model.record import Record
@@ -39,8 +40,8 @@ class SwingingLoad(MemoryTerm):
     frequency: float = Field(gt=0)
     damping: float = Field(gt=0, lt=1)
 
+    @override
     def parameters(self, setting: Setting) -> tuple[Parameter, ...]:
-        """m."""
         planar_machine(self, setting)
         return (Parameter("m_swinging", "kg", 0.0, "mass that swings under the boom tip"),)
 
