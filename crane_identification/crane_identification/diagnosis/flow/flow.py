@@ -133,7 +133,7 @@ class _Examination:
 
     def _quantities(self) -> tuple[Quantity, ...]:
         usual = self._usual
-        leakage = usual.leakage_of(self._here.joint)
+        leakage = usual.leakage[self._here.joint]
         return (
             self._dead_zone(),
             self._of_column("valve_hysteresis", PLAY, self._spool.play, usual.hysteresis),
