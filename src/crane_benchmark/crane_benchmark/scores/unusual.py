@@ -42,7 +42,7 @@ def beyond_usual(
         case "internal_leakage":
             orifice = given["conductance"] / np.sqrt(np.hypot(p_a - p_b, LAMINAR))
             value = stand_in.cylinders[joint].leakage + float(orifice.mean())
-            limit = usual.leakage[joint]
+            limit = usual.leakage_of(joint)
         case "oil_compressibility":
             ratio = np.maximum(np.stack([p_a, p_b]), 0.0) / given["stiffening"]
             softer = 1.0 + float((given["softness"] / (1.0 + ratio)).mean())
