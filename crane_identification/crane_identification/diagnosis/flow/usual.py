@@ -32,7 +32,7 @@ class Usual(Schema):
     @model_validator(mode="after")
     def _of_the_same_joints(self) -> Self:
         match self.leakage:
-            case {**each} if each.keys() != self.dead_zone.keys():
+            case dict() as each if each.keys() != self.dead_zone.keys():
                 raise ValueError(
                     f"leakage is given of {', '.join(each)}, dead_zone of "
                     f"{', '.join(self.dead_zone)}; give both of the same joints, or one leakage "
@@ -43,7 +43,7 @@ class Usual(Schema):
     def leakage_of(self, joint: str) -> float:
         """Of a joint [m3/(s Pa)]; infinite where the file has none."""
         match self.leakage:
-            case {**each}:
+            case dict() as each:
                 return each.get(joint, np.inf)
             case float() as same:
                 return same
