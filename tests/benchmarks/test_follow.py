@@ -10,9 +10,9 @@ from pathlib import Path
 
 import pytest
 from integration.processes import PATIENCE
+from laboratory_crane import PLANAR_JOINTS
 from manual import ROOT, text
 
-from crane_model.machine import PLANAR_JOINTS
 from crane_trajectory.run_excitation_node import ExcitationResult
 
 BLOCK = re.compile(r"```bash\n(.*?)```", re.DOTALL)
