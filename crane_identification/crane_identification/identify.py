@@ -13,10 +13,10 @@ from pydantic import RootModel
 from crane_identification.by_sums import identify_by_sums
 from crane_identification.data.arguments import (
     Sources,
-    add_part,
-    add_period,
+    add_processing,
     add_recordings,
     add_trust,
+    options_of,
     refuse_overlap,
 )
 from crane_identification.data.column_map import ColumnMap
@@ -62,14 +62,7 @@ def identify(arguments: argparse.Namespace) -> None:
     columns = load(arguments.columns, ColumnMap) if arguments.columns else None
     known = _known_values(arguments.reference_values, model) if arguments.reference_values else None
     prior = load_prior(arguments.prior, model) if arguments.prior else None
-    options = Options(
-        begin=arguments.begin,
-        end=arguments.end,
-        namespace=arguments.namespace,
-        average=arguments.average,
-        period=arguments.period,
-        estimator=arguments.estimator,
-    )
+    options = replace(options_of(arguments), estimator=arguments.estimator)
     if by_sums:
         identify_by_sums(model, arguments, columns, options, alike)
         return
@@ -155,14 +148,7 @@ def parser() -> argparse.ArgumentParser:
     cli.add_replace(result)
     add("--terms", type=Path, metavar="FILE", help="Python file with terms of your own")
     add("--columns", type=Path, help="column map (YAML) of tables, or of your topics")
-    add_part(result)
-    add_period(result)
-    add(
-        "--no-average",
-        dest="average",
-        action="store_false",
-        help="use every sample: the motion is not periodic",
-    )
+    add_processing(result)
     add(
         "--estimator",
         type=one_of(Estimator),

@@ -25,7 +25,7 @@ def lines(content: dict[str, Any]) -> list[str]:
     out += _block("Where the model disagrees:", where)
     out.append(f"What is left: {wording.left(content)}.")
     for name, key in (
-        ("Not determined, and left out", "undetermined"),
+        ("Not determined by these recordings", "undetermined"),
         ("In counts, and need units", "needs_units"),
         ("Not asked for", "without"),
     ):

@@ -281,7 +281,8 @@ class Findings(ResultFile):
     left: dict[str, LeftResidual]
     """By joint."""
     undetermined: list[str]
-    """Parameters of the model that the recordings do not determine, and which were left out."""
+    """Parameters of the model that the recordings do not determine: terms of theirs alone were left
+    out, of combinations with others counts what is determined."""
     clock: SessionClock
     """Of the session."""
     needs_units: list[str]

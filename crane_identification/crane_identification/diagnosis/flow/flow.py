@@ -133,11 +133,12 @@ class _Examination:
 
     def _quantities(self) -> tuple[Quantity, ...]:
         usual = self._usual
+        leakage = usual.leakage_of(self._here.joint)
         return (
             self._dead_zone(),
             self._of_column("valve_hysteresis", PLAY, self._spool.play, usual.hysteresis),
             self._asymmetry(),
-            self._of_column("internal_leakage", LEAK, 1.0, usual.leakage),
+            self._of_column("internal_leakage", LEAK, 1.0, leakage),
             self._of_column("oil_compressibility", SOFT, 1.0, 1.0 / usual.bulk_modulus),
         )
 
