@@ -8,6 +8,7 @@ from scipy.interpolate import CubicSpline
 
 from crane_identification.data.log import Log, Signal
 from crane_identification.data.resample import LARGEST_GAP, sampling_rate
+from crane_identification.hydraulics.counts import between_counts
 from crane_identification.signals.motion import encoder_resolution
 from crane_model.cylinders import cylinder_length, lever_arm
 from crane_model.errors import DataError
@@ -25,16 +26,17 @@ SIGNALS = (*MOTION, "pressure_a", "pressure_b")
 class Passage:
     """n samples, `step` [s] apart and without a gap; commands (m,) with stamps of their own.
 
-    `length` of the cylinder [m], which the encoder rounds to `resolution`; pressures [Pa]; commands
-    are those of the spool, positive where they let oil into chamber A, and reach back to the start
-    of the recording.
+    `length` of the cylinder [m], as `counts` of the encoder tell it, each of which is `resolution`;
+    pressures [Pa]; commands are those of the spool, positive where they let oil into chamber A, and
+    reach back to the start of the recording.
     """
 
     source: str
     step: float
-    resolution: float  # m
     time: np.ndarray  # (n,) s
     length: np.ndarray  # (n,) m
+    counts: np.ndarray  # (n,)
+    resolution: np.ndarray  # (n,) m
     pressures: Mapping[str, np.ndarray]  # (n,) Pa each, by their names in a log
     stamps: np.ndarray  # (m,) s
     commands: np.ndarray  # (m,) -1..1
@@ -102,20 +104,21 @@ def _parts(machine: Machine, joint: str, log: Log, wanted: Sequence[str]) -> lis
         known &= _between_samples(signal.time, time)
     edges = np.flatnonzero(np.diff(known, prepend=False, append=False)).reshape(-1, 2)
     position, command = given["position"], given["command"]
-    arm = float(lever_arm(machine, joint, position.value).mean())
-    resolution = abs(arm) * float(encoder_resolution(position.value[:, np.newaxis])[0])
+    sense = float(np.sign(lever_arm(machine, joint, position.value).mean()))
+    count = float(encoder_resolution(position.value[:, np.newaxis])[0]) or 1.0  # where it rests
     length = Signal(position.time, cylinder_length(machine, joint, position.value), position.origin)
     times = [time[first:last] for first, last in edges if (last - first) * step >= LEAST_RUN]
     return [
         Passage(
             source=log.source,
             step=step,
-            resolution=resolution,
             time=inside,
             length=_smooth(length, inside),
+            counts=between_counts(position.time, position.value / count, inside),
+            resolution=count * np.abs(lever_arm(machine, joint, _smooth(position, inside))),
             pressures={name: _smooth(given[name], inside) for name in given if name in PRESSURES},
             stamps=command.time,
-            commands=np.sign(arm) * command.value,
+            commands=sense * command.value,
         )
         for inside in times
     ]

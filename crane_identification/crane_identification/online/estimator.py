@@ -15,7 +15,6 @@ from crane_identification.online.window import Row, Window
 from crane_model.configuration import load
 from crane_model.cylinders import generalized_forces
 from crane_model.errors import ConfigurationError, DataError, RangeError
-from crane_model.machine import JOINTS
 from crane_model.machine_files import DEFAULT_MACHINE, machine_file
 from crane_model.model_file import Model
 from crane_model.record import Record
@@ -35,7 +34,8 @@ class OnlineOptions:
     row to row (more of them tell nothing new: their windows overlap), `largest_gap` what may be
     missing before a new run begins, at most an eighth of the lag. `forgetting` is the factor λ per
     row: the memory is period/(1 - λ). `encoder_resolution` (j,) [rad or m] is one count of the
-    encoder of each joint of the model; None: those of the laboratory crane.
+    encoder of each joint of the model; None: those in `sensors.yaml` of the
+    `machine`.
     """
 
     lag: float = 0.2
@@ -240,13 +240,15 @@ def _check(options: OnlineOptions) -> None:
 def _resolution(model: Model, options: OnlineOptions) -> np.ndarray:
     given = options.encoder_resolution
     if given is None:
-        chain = load(machine_file("sensors.yaml", options.machine), SensorChain)
-        if unknown := set(model.joints) - set(JOINTS):
+        file = machine_file("sensors.yaml", options.machine)
+        known = load(file, SensorChain).encoder_resolution
+        if unknown := set(model.joints) - set(known):
             raise ConfigurationError(
-                f"encoder resolution of {', '.join(sorted(unknown))} is not known; give one count "
-                f"of each encoder of {', '.join(model.joints)} [rad or m]"
+                f"encoder resolution of {', '.join(sorted(unknown))} is not known, {file} has that "
+                f"of {', '.join(known)}; name the machine, or give one count of each encoder of "
+                f"{', '.join(model.joints)} [rad or m]"
             )
-        return np.array([chain.encoder_resolution[joint] for joint in model.joints])
+        return np.array([known[joint] for joint in model.joints])
     if len(given) != len(model.joints) or not all(np.isfinite(r) and r > 0 for r in given):
         raise ConfigurationError(
             f"encoder resolution: one positive value each for {', '.join(model.joints)} needed, "

@@ -11,6 +11,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
+from crane_model.actuators.hydraulic import Chambers
 from crane_model.array import Array
 from crane_model.errors import ConfigurationError, RangeError
 from crane_model.hydraulics.spool import openings, spool_course, trailing
@@ -134,7 +135,8 @@ def circuit_of(model: Model) -> Circuit:
             if name in group[0].units:
                 parts[name] = np.array([getattr(one, name).value for one in group])
         if name not in parts:
-            parts[name] = np.array([getattr(one, name) for one in cylinders])
+            where = [one.chambers if name in Chambers._fields else one for one in cylinders]
+            parts[name] = np.array([getattr(one, name) for one in where])
     pressure, droop = machine.hydraulics.supply_pressure, 0.0
     if known.supply is not None:
         pressure, droop = known.supply.pressure.value, known.supply.droop.value

@@ -93,7 +93,7 @@ def test_a_term_says_what_it_is() -> None:
     assert [one.has_base_parameters for one in terms] == [True, False, False, False, False]
     assert [one.only_joint for one in terms] == [None, *["telescope"] * 3, None]
     assert [one.asymmetry_of for one in terms] == [None, None, "viscous", None, None]
-    assert [one.of_one_instant for one in terms] == [False, True, True, False, False]
+    assert [one.of_one_instant for one in terms] == [True, True, True, False, False]
     assert [one.has_inertia() for one in terms] == [True, False, False, False, False]
     assert [one.has_weight() for one in terms] == [True, False, False, False, True]
     assert [one.is_friction() for one in terms] == [False, True, True, True, False]

@@ -25,8 +25,10 @@ class Circuit(NamedTuple):
     leakage: Array  # m3/s/Pa
     area_a: Array  # m2
     area_b: Array
-    length_min: Array  # m
-    length_max: Array
+    growth_a: Array  # m2, as of `Chambers`
+    growth_b: Array
+    empty_a: Array  # m
+    empty_b: Array
     supply_pressure: float  # Pa, where nothing is drawn
     droop: float  # Pa s/m3
     tank_pressure: float  # Pa
@@ -122,12 +124,6 @@ def _driven(
 
 
 @njit(cache=True, error_model="numpy")
-def _swept(area: float, way: float) -> float:
-    """What a chamber holds beside its dead volume; a motor has no end, and nothing beside it."""
-    return area * max(way, 0.0) if way < np.inf else 0.0
-
-
-@njit(cache=True, error_model="numpy")
 def _fill(
     circuit: Circuit, mechanics: Mechanics, k: int, opened: Array, step: float, course: CraneCourse
 ) -> None:
@@ -151,17 +147,17 @@ def _fill(
             p_a, p_b = course.chamber_a[k + 1, n, j], course.chamber_b[k + 1, n, j]
             q_a, slope_a, q_b, slope_b = _chamber_flows(circuit, j, o, p_a, p_b, supply)
             leak = circuit.leakage[j]
-            swept = _swept(circuit.area_a[j], x - circuit.length_min[j])
+            swept = circuit.growth_a[j] * (x - circuit.empty_a[j])
             stiffness = step * circuit.bulk_modulus[j]
-            stiffness /= circuit.dead_volume_a[j] + swept
+            stiffness /= circuit.dead_volume_a[j] + max(swept, 0.0)
             change = stiffness * (q_a - circuit.area_a[j] * growth - leak * (p_a - p_b))
             change /= 1.0 - stiffness * (slope_a - leak)
             course.chamber_a[k + 1, n, j] = max(p_a + change, 0.0)
             if o > 0.0:
                 drawn += q_a + slope_a * change
-            swept = _swept(circuit.area_b[j], circuit.length_max[j] - x)
+            swept = circuit.growth_b[j] * (circuit.empty_b[j] - x)
             stiffness = step * circuit.bulk_modulus[j]
-            stiffness /= circuit.dead_volume_b[j] + swept
+            stiffness /= circuit.dead_volume_b[j] + max(swept, 0.0)
             change = stiffness * (q_b + circuit.area_b[j] * growth + leak * (p_a - p_b))
             change /= 1.0 - stiffness * (slope_b - leak)
             course.chamber_b[k + 1, n, j] = max(p_b + change, 0.0)
