@@ -94,6 +94,7 @@ class Experiment:
         self._commanded = now
         self._entered = now  # the stage
         self._resting_since: float | None = None
+        self._noted: dict[ControlCondition, str] = {}
         self._controller = controller
         if controller is not None:
             controller.start(self._command)
@@ -119,6 +120,11 @@ class Experiment:
         if self._controller is None:
             return ControlCondition.FOLLOWING.text
         return in_words(self._controller.conditions, tuple(self._units))
+
+    @property
+    def account(self) -> str:
+        """The message, and what befell the controller on the way, with the first time of each."""
+        return "; ".join((self.message, *self._noted.values()))
 
     def retune(self, tuning: Tuning) -> None:
         """Change the controller; the command does not jump."""
@@ -200,6 +206,7 @@ class Experiment:
                 why = Outcome.STATES_LOST if unknown else Outcome.TRACKING_LOST
                 self.release(why, in_words(conditions, tuple(self._units)), now)
                 return self._ramp(now)
+            self._note(conditions)
         self.tracking_error = target.position - position
         self._error.add(self._clock.time, self.tracking_error)
         if lost := beyond(self.tracking_error, tuning.tolerance, self._units):
@@ -212,6 +219,12 @@ class Experiment:
             self._command = np.zeros(len(self._units))
         self._proceed(tuning, now)
         return self._command
+
+    def _note(self, conditions: tuple[ControlCondition, ...]) -> None:
+        for one in set(conditions) - self._noted.keys():
+            if one > ControlCondition.FOLLOWING:
+                joint = tuple(self._units)[conditions.index(one)]
+                self._noted[one] = f"{joint} at {self.elapsed:.1f} s: {one.text}"
 
     def _controlled(
         self, controller: Controller, dt: float, reading: SensorReading, target: Target

@@ -127,9 +127,7 @@ class ChamberRows(PassageRows):
         super().__init__(passage, filled.astype(float))
         self._areas = np.array([cylinder.area_a, -cylinder.area_b])
         self.flow = np.outer(self.speed, self._areas)  # (n, 2)
-        x, inner = passage.length, slice(1, -1)
-        swept_a = cylinder.area_a * (x[inner] - cylinder.length_min)
-        swept_b = cylinder.area_b * (cylinder.length_max - x[inner])
+        swept_a, swept_b = cylinder.chambers.swept(passage.length[1:-1])
         rate_a, rate_b, drop = self._slope(p_a), self._slope(p_b), _mean(p_a - p_b)
         none = np.zeros_like(drop)
         oil = (

@@ -91,6 +91,8 @@ class FlowFeedforward:
         """
         joints = tuple(joints or machine.joint_names)
         self.columns = np.array([machine.index(joint) for joint in joints])
+        self.joints, self.adaptive = joints, adaptive
+        self.by_model = np.isin(np.arange(len(machine.joint_names)), self.columns)
         self.preview = float(np.mean(hydraulics.lag))
         self._load = ReferenceLoad(model, machine)
         fitted = [pressures and machine.cylinders[joint].pressure_sensors for joint in joints]

@@ -94,6 +94,10 @@ class Controller(Protocol):
     def preview(self) -> float:
         """How far ahead it wants the reference [s]: the lag of loop and valves."""
 
+    @property
+    def by_model(self) -> np.ndarray:
+        """(j,) whether a joint is led by the model: it is kept nearer to the reference."""
+
     def start(self, command: np.ndarray) -> None:
         """Take over where `command` (j,) -1..1 was in force, without a jump."""
 

@@ -26,6 +26,7 @@ class PdDeadZone:
         self._gains, self._units = gains, units
         self._bump: np.ndarray | None = None  # None until the first command
         self._last = np.zeros(len(gains.kp))
+        self.by_model = np.zeros(len(gains.kp), dtype=bool)
         self.conditions = (ControlCondition.NOT_INITIALISED,) * len(gains.kp)
 
     def start(self, command: np.ndarray) -> None:

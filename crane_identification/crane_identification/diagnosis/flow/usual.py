@@ -2,9 +2,10 @@
 
 from dataclasses import dataclass, replace
 from pathlib import Path
-from typing import Any
+from typing import Any, Self
 
 import numpy as np
+from pydantic import model_validator
 
 from crane_model.configuration import Positive, Schema, load
 from crane_model.errors import DataError
@@ -25,8 +26,27 @@ class Usual(Schema):
     dead_zone: dict[str, Positive]
     hysteresis: Positive
     asymmetry: Positive
-    leakage: Positive
+    leakage: Positive | dict[str, Positive]
     bulk_modulus: Positive
+
+    @model_validator(mode="after")
+    def _of_the_same_joints(self) -> Self:
+        match self.leakage:
+            case dict() as each if each.keys() != self.dead_zone.keys():
+                raise ValueError(
+                    f"leakage is given of {', '.join(each)}, dead_zone of "
+                    f"{', '.join(self.dead_zone)}; give both of the same joints, or one leakage "
+                    "for all"
+                )
+        return self
+
+    def leakage_of(self, joint: str) -> float:
+        """Of a joint [m3/(s Pa)]; infinite where the file has none."""
+        match self.leakage:
+            case dict() as each:
+                return each.get(joint, np.inf)
+            case float() as same:
+                return same
 
 
 @dataclass(frozen=True)
@@ -58,7 +78,7 @@ def usual_of(joint: str, usual: Usual, hydraulics: HydraulicValues | None) -> Jo
         dead_zones=(dead_zone, dead_zone),
         hysteresis=usual.hysteresis,
         asymmetry=(-usual.asymmetry, usual.asymmetry),
-        leakage=usual.leakage,
+        leakage=usual.leakage_of(joint),
         bulk_modulus=usual.bulk_modulus,
     )
     return replace(sheet, **own, own=frozenset(own))
