@@ -216,6 +216,8 @@ class Experiment:
         if lost := beyond(self.tracking_error, tuning.tolerance, self._units):
             self.release(Outcome.TRACKING_LOST, lost, now)
             return self._ramp(now)
+        if self.stage is Stage.LEADING:
+            u = u + self.motion.probe(np.array([self._clock.time]))[0]
         self._command, self._commanded = np.clip(u, -tuning.saturation, tuning.saturation), now
         if self._clock.time < 0.0:
             self._command = np.zeros(len(self._units))
