@@ -65,6 +65,7 @@ def main() -> int:
     try:
         name = options.machine or DEFAULT_MACHINE
         laws = report_law(name), dynamic_law(name)
+        laws[0].check()
     except ConfigurationError as error:
         parser.error(str(error))
     console = terminal.console(WIDTH)

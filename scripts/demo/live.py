@@ -83,7 +83,7 @@ def record(suite: Processes, domain: int, law: Law, seed: int, say: Say) -> None
         _start(suite, law, seed)
         suite.start(
             *("identification", "crane_identification", "identification", "--ros-args"),
-            *("-p", f"model:={law.file('model.yaml')}"),
+            *("-p", f"machine:={law.machine}"),
         )
         _experiment(
             suite, onlooker, law, "train", EXCITATION, FIT_PERIODS, (*LEADING, "identification")

@@ -8,6 +8,7 @@ from typing import Any
 
 from crane_identification.diagnosis import finding_wording, wording
 from crane_identification.diagnosis.findings_file import Findings
+from crane_identification.notation import spoken
 
 
 def read(folder: Path) -> dict[str, Any]:
@@ -51,7 +52,18 @@ def _gap(content: dict[str, Any]) -> list[str]:
         closed = f", {one.closed} of what could be closed" if one.closed != wording.NONE else ""
         out.append(f"  {one.joint}: {one.before}{change} ({one.floor}, {one.learner}){closed}")
     loads = ", ".join(map(str, wording.loads(content)))
-    return out + ([f"  each with its own load, estimated from it: {loads}"] if loads else [])
+    out += [f"  each with its own load, estimated from it: {loads}"] if loads else []
+    return out + _from_commands(content)
+
+
+def _from_commands(content: dict[str, Any]) -> list[str]:
+    """The motion that valve commands alone bring about, where it was simulated."""
+    joints = [spoken(joint) for joint in content["gap"]["before"]]
+    return [
+        f"Motion from valve commands alone, {ahead} ahead, error over the way: "
+        + ", ".join(f"{joint} {share}" for joint, share in zip(joints, shares, strict=True))
+        for ahead, shares in wording.commanded(content)
+    ]
 
 
 def _finding(number: int, finding: dict[str, Any]) -> list[str]:

@@ -16,6 +16,7 @@ from crane_identification.diagnosis.finding_entry import (
 )
 from crane_identification.diagnosis.findings_file import (
     CarriedLoad,
+    CommandedGap,
     Findings,
     FoundPlace,
     FoundPulsation,
@@ -76,6 +77,8 @@ def answer(diagnosis: Diagnosis, suspicions: Sequence[str] = ()) -> Findings:
                 CarriedLoad(recording=one.recording, value=one.mass, std_dev=one.std_dev)
                 for one in gap.loads
             ],
+            from_commands=_from_commands(diagnosis),
+            from_commands_reason=diagnosis.commanded.reason,
         ),
         left=_left(diagnosis),
         undetermined=list(fit.undetermined),
@@ -112,6 +115,22 @@ def _where(diagnosis: Diagnosis) -> dict[str, FoundPlace]:
         )
         for j, joint in enumerate(diagnosis.joints)
     }
+
+
+def _from_commands(diagnosis: Diagnosis) -> list[CommandedGap]:
+    def by_joint(values: np.ndarray) -> dict[str, float]:
+        return dict(zip(diagnosis.joints, values, strict=True))
+
+    return [
+        CommandedGap(
+            horizon=before.horizon,
+            windows=before.windows,
+            way=by_joint(before.way),
+            before=by_joint(before.position_rms),
+            after=by_joint(after.position_rms),
+        )
+        for before, after in diagnosis.commanded.pairs
+    ]
 
 
 def _left(diagnosis: Diagnosis) -> dict[str, LeftResidual]:

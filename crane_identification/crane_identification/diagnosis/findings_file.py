@@ -83,6 +83,21 @@ class CarriedLoad(ResultPart):
     """Its standard deviation [kg]."""
 
 
+class CommandedGap(ResultPart):
+    """Errors of the motion from valve commands alone, simulated from measured states."""
+
+    horizon: Number
+    """How long each simulation lasts [s]."""
+    windows: int
+    """Simulations, one behind the other [-]."""
+    way: NumberByJoint
+    """How far the joint itself went in that time, on average [rad, m]."""
+    before: NumberByJoint
+    """Rms error at the end with the model as it came [rad, m]."""
+    after: NumberByJoint
+    """The same with the findings [rad, m]."""
+
+
 class GapOfModels(ResultPart):
     """The proof: errors on recordings that took no part."""
 
@@ -94,6 +109,10 @@ class GapOfModels(ResultPart):
     """Share of the explainable energy that the findings explain; null where there is none [-]."""
     loads: list[CarriedLoad]
     """What single held-out recordings carry."""
+    from_commands: list[CommandedGap] = []
+    """By how far ahead; empty where that cannot be simulated."""
+    from_commands_reason: str = ""
+    """Why no motion was simulated from commands; empty if it was."""
 
 
 class LeftResidual(ResultPart):
@@ -160,6 +179,8 @@ class HydraulicQuantity(FoundParameter):
 
     usual_limit: Number
     """Limit of what is usual [unit]."""
+    own: bool = False
+    """Whether that is of the machine's own identified value, not of the data sheet."""
     share_beyond_usual: Number
     """Rms of the flow that is beyond usual over that of the piston's flow [-]."""
 

@@ -93,7 +93,10 @@ def balance(flow: Flow) -> FlowBalance:
         },
         quantities={
             one.type: HydraulicQuantity(
-                **dict(of_quantity(one)), usual_limit=one.usual, share_beyond_usual=one.share
+                **dict(of_quantity(one)),
+                usual_limit=one.usual,
+                own=one.own,
+                share_beyond_usual=one.share,
             )
             for one in flow.quantities
         },

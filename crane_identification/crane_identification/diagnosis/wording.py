@@ -145,6 +145,20 @@ def motion(content: Content, units: Mapping[str, str]) -> Iterator[tuple[str, st
         )
 
 
+def commanded(content: Content) -> Iterator[tuple[str, list[str]]]:
+    """How far ahead, and of each joint the error of the motion from commands over its way."""
+    for one in content["gap"].get("from_commands", ()):
+        shares = [
+            _step(*(_over(one[side][joint], way) for side in ("before", "after")))
+            for joint, way in one["way"].items()
+        ]
+        yield f"{plain(one['horizon'])}{NARROW_SPACE}s", shares
+
+
+def _over(error: float | None, way: float | None) -> float | None:
+    return error / way if error is not None and way else None
+
+
 def left(content: Content) -> str:
     """Of what kind what is left is, and where a law in it sits."""
     laws, errors, colours = [], [], []

@@ -59,7 +59,7 @@ def pull_back(model: Model, record: Record, weight: np.ndarray, width: np.ndarra
             slopes = _by_differences(term, model.setting, record, width, given)
         total += slopes
     steepness = (1.0 - record.direction**2) / width
-    total[1:] += motion_columns.pull_back(model.motion_columns, record, steepness, weight)
+    motion_columns.pull_back(model.motion_columns, record, steepness, weight, total)
     return MotionSamples(*total)
 
 

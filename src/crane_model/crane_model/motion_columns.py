@@ -102,13 +102,16 @@ def _fill(
 
 
 def pull_back(
-    columns: Sequence[MotionColumn], record: Record, steepness: Array, weight: Array
-) -> tuple[Array, Array]:
-    """Derivatives (n, j) of their smooth sum with weights (n, j, p), with respect to q' and q''.
-
-    `steepness` (n, j) is that of the record's direction over q'.
+    columns: Sequence[MotionColumn],
+    record: Record,
+    steepness: Array,
+    weight: Array,
+    slopes: Array,
+) -> None:
+    """Add to `slopes` (3, n, j) the derivatives with respect to q, q', q'' of their smooth sum
+    with weights (n, j, p); `steepness` (n, j) is that of the record's direction over q'.
     """
-    by_velocity, by_acceleration = np.zeros((2, *record.velocity.shape))
+    _, by_velocity, by_acceleration = slopes
     for one in columns:
         j = record.column(one.joint)
         given = weight[:, record.column(one.row), one.parameter] * one.factor
@@ -122,7 +125,6 @@ def pull_back(
                 by_velocity[:, j] += given * slope
             case MotionQuantity.ACCELERATION:
                 by_acceleration[:, j] += given
-    return by_velocity, by_acceleration
 
 
 @njit(cache=True)

@@ -173,7 +173,7 @@ def test_figures_of_the_demo_are_those_of_its_outcome() -> None:
         wall_seconds={"live": 100.0, "bags": 23.0},
     )
     units = {"slew": "rad", "telescope": "m"}
-    rows = rows_of_demo(summary, summary, outcome, dict.fromkeys(names, 1.0), units)
+    rows = rows_of_demo("make demo", summary, summary, outcome, dict.fromkeys(names, 1.0), units)
     shown = [[cell.replace(NO_BREAK, " ") for cell in row.shown] for row in rows]
     told = {what: said for what, _, said in shown}
     assert told["2 planted parameters, live: farthest off, online and offline"] == "1.5 σ, 1.0 σ"

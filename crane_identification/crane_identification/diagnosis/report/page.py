@@ -60,6 +60,7 @@ def render(
             )
             if motion.reason
         ],
+        commanded=list(wording.commanded(content)),
         nearest=wording.nearest(content),
         left=wording.sentence(wording.left(content)),
         where=where,
