@@ -17,6 +17,7 @@ from crane_identification.data.table_log import read_table
 from crane_identification.diagnosis.diagnosis import diagnose
 from crane_identification.fitting import fit
 from crane_identification.options import Options
+from crane_identification.preparation.prepare import prepare
 from crane_identification.thresholds import load_thresholds
 from crane_model.configuration import load
 from crane_model.model_file import Model, load_model
@@ -46,14 +47,13 @@ def robot(real_data: Path, model: Model) -> Callable[[Law], list[Log]]:
         )
         for name in "ABC"
     ]
-    fits = [fit(model, [log], OPTIONS) for log in logs]  # for their motion
+    motions = [prepare(model, log, OPTIONS) for log in logs]
     known = fit(model, logs[:2], OPTIONS).model
 
     def made(law: Law) -> list[Log]:
         noise = np.random.default_rng(1)
         out = []
-        for log, fitted in zip(logs, fits, strict=True):
-            (one,) = fitted.preparations
+        for log, (one,) in zip(logs, motions, strict=True):
             force = known.regressor(one.record) @ known.theta + law(one.record)
             random = noise.standard_normal(force.shape)
             for i in range(1, len(random)):

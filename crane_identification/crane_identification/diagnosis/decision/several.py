@@ -132,7 +132,8 @@ def as_kinds(
         )
         added = np.concatenate([one.shaped.columns for one in own], axis=2)
         gains, _ = held_out_gains(search.evidence, search.whitener, before, added)
-        null, threshold = chance_of_kind(search, members[kind], thresholds)
+        numbers = members.get(kind) or [search.number(one.shaped) for one in own]
+        null, threshold = chance_of_kind(search, numbers, thresholds)
         others = _other_kinds(own)
         for place in np.flatnonzero(alike):
             one = replace(out[place], held_out=gains, null=null, threshold=threshold)
