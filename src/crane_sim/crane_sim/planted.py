@@ -28,7 +28,7 @@ from crane_sim.parts.constants import pack_chain
 from crane_sim.parts.parameters import StandIn
 
 ON_AXIS = 1e-9  # m
-ROUNDING = 1e-12  # of what a value is summed from
+ROUNDING = 1e-12  # of the largest value
 
 
 class PlantedParameter(NamedTuple):
@@ -66,9 +66,8 @@ def planted(parameters: StandIn, machine: Machine) -> list[PlantedParameter]:
 def _of_any_machine(parameters: StandIn, machine: Machine) -> list[PlantedParameter]:
     joints = measured_joints(machine)
     setting = Setting({joint: machine.units[joint] for joint in joints}, machine)
-    standard, combination = _standard(parameters, machine), base_set(machine, joints).combination
-    values = combination @ standard
-    values[np.abs(values) < ROUNDING * (np.abs(combination) @ np.abs(standard))] = 0.0
+    values = base_set(machine, joints).combination @ _standard(parameters, machine)
+    values[np.abs(values) < ROUNDING * np.abs(values).max()] = 0.0
     return [
         PlantedParameter(known.name, known.unit, float(value))
         for known, value in zip(SerialRigidBody().parameters(setting), values, strict=True)
