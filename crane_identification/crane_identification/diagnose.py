@@ -122,7 +122,11 @@ def parser() -> argparse.ArgumentParser:
     add("--without", nargs="+", default=[], metavar="EFFECT", help=WITHOUT)
     add("--fixed", action="store_true", help=FIXED)
     add("--thresholds", type=Path, help="thresholds (YAML; default: the packaged ones)")
-    add("--hydraulics", type=Path, help="what is usual of valves and oil (YAML)")
+    add(
+        "--hydraulics",
+        type=Path,
+        help="what is usual of valves and oil the model does not hold (YAML)",
+    )
     add_trust(result)
     add("--explain", type=Path, metavar="DIR", help="print the answer in DIR")
     return result

@@ -23,7 +23,7 @@ from crane_model.whole_crane import (
 )
 
 HORIZONS = (1.0, 5.0)  # s ahead
-BESIDE = ("slew_position", "slew_velocity", "slew_acceleration", "temperature")
+BESIDE = ("run", "slew_position", "slew_velocity", "slew_acceleration", "temperature")
 NEEDED = ("command", "pressure_a", "pressure_b")
 HISTORY = 0.5  # s of commands before a window, after which the spool has forgotten what was before
 
@@ -58,11 +58,20 @@ def validate_commands(
     circuit_of(model)  # says what is not identified, before any recording is prepared
     options = options or Options()
     whole = Options(begin=options.begin, end=options.end, average=False)
-    runs = [
-        _Run(log, preparation.record, preparation.step)
-        for log in logs
-        for preparation in prepare(model, _complete(log), whole)
-    ]
+    return validate_runs(
+        model,
+        [
+            CommandedRun(log, preparation.record, preparation.step)
+            for log in logs
+            for preparation in prepare(model, _complete(log), whole)
+        ],
+    )
+
+
+def validate_runs(model: Model, runs: Sequence["CommandedRun"]) -> tuple[CommandValidation, ...]:
+    """The same over runs that are prepared."""
+    for run in runs:
+        _complete(run.log)
     found = [one for one in (_ahead(model, runs, horizon) for horizon in HORIZONS) if one]
     if not found:
         raise DataError(
@@ -82,8 +91,8 @@ def commands_validated(
         return ()
 
 
-class _Run(NamedTuple):
-    """A gapless run of a recording."""
+class CommandedRun(NamedTuple):
+    """A gapless run of a recording, sampled every `step` [s], and the log with its commands."""
 
     log: Log
     record: Record
@@ -100,7 +109,7 @@ def _complete(log: Log) -> Log:
     return log
 
 
-def _ahead(model: Model, runs: Sequence[_Run], horizon: float) -> CommandValidation | None:
+def _ahead(model: Model, runs: Sequence[CommandedRun], horizon: float) -> CommandValidation | None:
     errors, ways = [], []
     for run in runs:
         record, samples = run.record, round(horizon / run.step)
@@ -129,7 +138,7 @@ def _ahead(model: Model, runs: Sequence[_Run], horizon: float) -> CommandValidat
     return CommandValidation(model.joints, horizon, len(error), rms, way.mean(axis=0))
 
 
-def _starts(run: _Run, samples: int) -> np.ndarray:
+def _starts(run: CommandedRun, samples: int) -> np.ndarray:
     """Where consecutive windows begin, in which the commands of all joints are known."""
     starts = np.arange(0, len(run.record) - samples, samples)
     command = run.record.command
@@ -142,7 +151,7 @@ def _starts(run: _Run, samples: int) -> np.ndarray:
     return starts[np.array(sound, dtype=bool)]
 
 
-def _openings(model: Model, run: _Run) -> np.ndarray:
+def _openings(model: Model, run: CommandedRun) -> np.ndarray:
     """(n - 1, S, j) from each sample of the record to the next."""
     machine, hydraulics = identified(model)
     record, command = run.record, run.log.command
