@@ -20,7 +20,7 @@ from benchmarks.controlled_rows import (
     scores,
 )
 
-from crane_trajectory.control.choice import OF_THE_MODEL, PD_DEAD_ZONE
+from crane_trajectory.control.choice import PD_DEAD_ZONE
 
 HARD = {
     "dynamic friction, valves of 12 Hz, 1 % hysteresis, gains unequal by 10 %": lambda: hard(
@@ -39,7 +39,7 @@ EXCAVATOR = "excavator"
 def test_hard_machines(name: str, measured: Measured) -> None:
     machine = HARD[name]()
     known = identify_from_bags(machine, motion(periods=3))
-    found = scores((PD_DEAD_ZONE, *OF_THE_MODEL), machine, known)
+    found = scores((PD_DEAD_ZONE, *RECOMMENDED), machine, known)
     row(measured, f"{name}, RMS", "0.5/0.7/0.5, with transducers 20 times better than (36)",
         rms(found))  # fmt: skip
     before = found[PD_DEAD_ZONE].rms[BOOMS]
