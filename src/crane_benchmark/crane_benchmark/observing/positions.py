@@ -39,7 +39,7 @@ class Kind(NamedTuple):
         if self is FLOW:
             return replace(full, noise=NO_FORCE)
         if self is NO_LOAD:
-            return replace(full, load=0.0, load_drift=0.0, load_at_rest=0.0)
+            return replace(full, load=0.0, load_drift=0.0)
         return full
 
 

@@ -136,6 +136,7 @@ class Filter:
         self.rows = np.zeros((0, layout.size))  # of the last force balance, of unit variance
         self._stood = np.zeros(layout.joints, dtype=np.int64)
         self._surprise = np.zeros(2)
+        self._hidden_load = 0.0  # kg that may have come where all joints stand, by dry friction
         self._spread, self._stay = trust.spread(layout), trust.stay(layout)
 
     @property
@@ -164,11 +165,13 @@ class Filter:
         self._hold_within_the_ends()
         layout = self.known.layout
         kept = np.append(np.arange(layout.joints), layout.load)
+        covariance = self.P[np.ix_(kept, kept)]
+        covariance[-1, -1] += self._hidden_load**2
         return PoseEstimate(
             window.time,
             self.position.copy(),
             self.velocity,
-            self.P[np.ix_(kept, kept)],
+            covariance,
             float(self.x[layout.load]),
             surprised,
         )
@@ -258,6 +261,8 @@ class Filter:
         stands = direction == 0.0
         self._stood = np.where(stands, STARTING, np.maximum(self._stood - 1, -1))
         settled = self._stood < 0
+        hiding = one.dry / np.maximum(np.abs(one.load), SMALLEST)
+        self._hidden_load = float(hiding.min()) if stands.all() else 0.0
         load = self.x[layout.load]
         by_pressure = lever * known.circuit.area_a
         asked = one.smooth + load * one.load
@@ -282,8 +287,6 @@ class Filter:
         surprised = self._surprised(H, innovation, noise, bool(settled.any()))
         if surprised:
             self.P[layout.load, layout.load] += trust.load**2
-        elif stands.all() and self.P[layout.load, layout.load] < trust.load**2:
-            self.P[layout.load, layout.load] += trust.load_at_rest**2 * duration
         often = np.sqrt(np.where(settled, 1.0, CORRELATED))
         white = np.linalg.inv(np.linalg.cholesky(noise * np.outer(often, often)))
         H, innovation = white @ H, white @ innovation

@@ -16,8 +16,8 @@ from crane_observer.position.state import Trust
 
 WINDOW = 0.05  # s
 EARLY = 0.002  # s, before its time, that a window may end
-GAP = 0.05  # s without pressures, which are then lost
-STALE = 0.05  # s, of a reading of an encoder that still counts
+GAP = 0.1  # s without pressures, which are then lost
+STALE = 0.1  # s, of a reading of an encoder that still counts
 SILENT = 0.5  # s without a command, after which the valves count as closed
 NEUTRAL = 1e-6  # of the stroke
 ENCODER = 1e-4  # rad or m, standard deviation of a reading

@@ -59,8 +59,7 @@ class Trust:
     viscous: float = 0.05  # of viscous friction
     friction_stays: float = 60.0  # s
     load: float = 60.0  # kg, of a load that has just come or gone
-    load_drift: float = 0.05  # kg/sqrt(s), in motion
-    load_at_rest: float = 6.0  # kg/sqrt(s), where dry friction may hide that it came or went
+    load_drift: float = 0.05  # kg/sqrt(s)
     stroke: float = 0.005  # of the stroke of a window, beside gains
     noise: float = 0.5e5  # Pa, of a window's force balance, beside what stays
     inertia: float = 0.05  # of the force that accelerates
