@@ -104,8 +104,8 @@ def test_a_law_of_no_catalogue_on_three_axes_gets_no_name(
 ) -> None:
     def law(record: Record) -> np.ndarray:
         size = np.array([0.0, 400.0, 300.0, 0.0, 40.0, 0.0])
-        shape: np.ndarray = np.sin(3.0 * record.position) * np.cos(2.0 * record.velocity)
-        return size * shape
+        detents: np.ndarray = np.sin(25.0 * record.position + 1.0)
+        return size * detents
 
     verdict, effects = found(model, robot(law))
     assert not effects
