@@ -36,6 +36,7 @@ setup(
         "crane_trajectory",
         "matplotlib",
         "numpy",
+        "pydantic>=2",
         "pysindy",
         "rich",
         "ruamel.yaml",

@@ -29,6 +29,8 @@ from crane_trajectory.control.watch import WATCH
 
 LARGEST_STEP = 0.05  # s; a longer gap counts as this
 TOLERANCES = {"rad": 3e-4, "m": 5e-4}  # of a crane at rest
+KV = {"rad": 4.5, "m": 5.5}  # 1/s; a telescope rides on its oil at 140 rad/s, the booms at 18 to 36
+KI = {"rad": 10.0, "m": 15.0}  # 1/s2
 
 
 class FeedbackGains(NamedTuple):
@@ -61,8 +63,8 @@ def feedback_gains(
     one = scale * np.ones(len(limits))
     known = np.array([joint in model.joints for joint in joints])
     return FeedbackGains(
-        kv=np.where(known, 4.5, 3.0) * one,
-        ki=np.where(known, 10.0, 2.0) * one,
+        kv=np.where(known, [KV[machine.units[joint]] for joint in joints], 3.0) * one,
+        ki=np.where(known, [KI[machine.units[joint]] for joint in joints], 2.0) * one,
         kp=8.0 * one,
         kp_alone=np.where(known, 0.0, 6.0) * one,
         tolerance=np.array([TOLERANCES[machine.units[joint]] for joint in joints]),
@@ -136,7 +138,7 @@ class FlowFeedforward:
         at = self.columns
         reading = SensorReading(q[at], v[at], p_a[at], p_b[at], supply)
         now, ahead = (Point(*(each[at] for each in one)) for one in wanted[:2])
-        wanted = Wanted(now, ahead, wanted.phase)
+        wanted = wanted._replace(now=now, ahead=ahead)
         cycle(
             self._setting, self.memory, self._started, step, self._count, reading, wanted, load, u
         )
