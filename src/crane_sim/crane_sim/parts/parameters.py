@@ -156,7 +156,7 @@ class StandIn(Schema):
     oil: StandInOil
     supply: Supply
     sensors: SensorChain
-    jerk_density: Mapping[str, Positive]  # (rad or m)^2/s^5, of the driver; as in joints.yaml
+    jerk_density: Mapping[str, Positive] = {}  # (rad or m)^2/s^5; of joints.yaml where absent
     step: Annotated[float, Field(gt=0, le=5e-4)]  # s
 
     @property
