@@ -31,7 +31,7 @@ MAY_IMPORT: Mapping[str, frozenset[str]] = {
         "crane_nodes": "crane_model crane_bags",
         "crane_driver": "crane_model crane_bags crane_nodes",
         "crane_trajectory": "crane_model crane_nodes",
-        "crane_sim": "crane_model crane_bags crane_driver crane_trajectory",
+        "crane_sim": "crane_model crane_bags crane_nodes crane_driver crane_trajectory",
         "crane_identification": "crane_model crane_bags crane_nodes",
         "crane_observer": "crane_model crane_bags crane_nodes",
         "crane_benchmark": (

@@ -36,6 +36,7 @@ setup(
         "crane_bags",
         "crane_driver[can]",
         "crane_model",
+        "crane_nodes",
         "crane_trajectory",
         "mujoco",
         "numba",

@@ -5,7 +5,7 @@ from pathlib import Path
 
 from crane_model.machine import Machine, load_machine
 from crane_model.machine_files import machine_file
-from crane_sim.parts.parameters import StandIn, load_stand_in
+from crane_sim.parts.parameters import JOINTS_FILE, StandIn, load_stand_in
 
 
 def add_plant(parser: argparse.ArgumentParser) -> None:
@@ -16,4 +16,5 @@ def add_plant(parser: argparse.ArgumentParser) -> None:
 def load_both(machine: str | None, plant: Path | None) -> tuple[Machine, StandIn]:
     """What `--machine` and `--plant` name; `ConfigurationError` if either is wrong."""
     known = load_machine(machine)
-    return known, load_stand_in(machine_file("stand_in.yaml", machine, plant), known)
+    joints = machine_file("machine.yaml", machine).with_name(JOINTS_FILE)
+    return known, load_stand_in(machine_file("stand_in.yaml", machine, plant), known, joints)

@@ -165,6 +165,12 @@ def test_a_machine_is_read_and_commanded_on_its_bus(made: Made) -> None:
     assert positions[joint] > stand_in.rest_pose[joint] + 0.02
 
 
+def test_the_velocity_filter_is_as_the_driver_has_it(made: Made) -> None:
+    """From the one place that says so."""
+    notes = load_joint_notes(machine_file("joints.yaml", made.name), made.machine.units)
+    assert made.stand_in.jerk_density == {joint: note.jerk_density for joint, note in notes.items()}
+
+
 def without_joint(content: dict[str, Any]) -> None:
     del content["friction"]["stick"]
 
@@ -202,7 +208,7 @@ def test_a_stand_in_of_another_machine_is_refused_in_its_words(
     path = tmp_path / "plant.yaml"
     path.write_text(yaml.safe_dump(content))
     with pytest.raises(ConfigurationError, match=message):
-        load_stand_in(path, load_machine("excavator"))
+        load_stand_in(path, load_machine("excavator"), machine_file("joints.yaml", "excavator"))
 
 
 def test_every_link_needs_a_body() -> None:

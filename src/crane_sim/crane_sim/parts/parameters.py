@@ -8,13 +8,15 @@ import numpy as np
 import yaml
 from pydantic import Field, model_validator
 
-from crane_model.configuration import NonNegative, Positive, Schema, read_yaml, validate
+from crane_model.configuration import NonNegative, Positive, Schema, load, read_yaml, validate
 from crane_model.errors import ConfigurationError
 from crane_model.joint_tables import of_every_joint
 from crane_model.machine import Machine, load_machine
 from crane_model.machine_files import machine_file
 from crane_model.sensors import SensorChain
+from crane_nodes.joint_notes import JointNotes
 
+JOINTS_FILE = "joints.yaml"
 Fraction = Annotated[float, Field(ge=0, lt=1)]
 
 
@@ -154,7 +156,7 @@ class StandIn(Schema):
     oil: StandInOil
     supply: Supply
     sensors: SensorChain
-    jerk_density: Mapping[str, Positive]  # (rad or m)^2/s^5, of the driver's velocity filter
+    jerk_density: Mapping[str, Positive] = {}  # (rad or m)^2/s^5; of joints.yaml where absent
     step: Annotated[float, Field(gt=0, le=5e-4)]  # s
 
     @property
@@ -200,24 +202,34 @@ def column(table: Mapping[str, Schema], key: str) -> np.ndarray:
     return np.array([getattr(entry, key) for entry in table.values()], dtype=float)
 
 
-def load_stand_in(path: Path | str | None = None, machine: Machine | None = None) -> StandIn:
+def load_stand_in(
+    path: Path | str | None = None,
+    machine: Machine | None = None,
+    joints: Path | None = None,
+) -> StandIn:
     """The stand-in in `path` for a machine, by default that of the laboratory crane.
 
     `ConfigurationError` if it is wrong, or that of another machine. A file with the key `base`
     (another file, relative to this one) holds only what differs from that file; it may not have a
-    base itself.
+    base itself. The density of the jerk, if it is not in there, is that of the machine's notes on
+    its `joints`, by default those beside the complete file.
     """
     path = Path(path or machine_file("stand_in.yaml"))
-    content = read_yaml(path)
+    content, complete = read_yaml(path), path
     if isinstance(content, dict) and "base" in content:
         difference = {key: value for key, value in content.items() if key != "base"}
-        base = read_yaml(path.parent / str(content["base"]))
+        complete = path.parent / str(content["base"])
+        base = read_yaml(complete)
         if not isinstance(base, dict) or "base" in base:
             raise ConfigurationError(
                 f"{path}: key 'base': must name a complete stand-in file, one without a base; "
                 f"got {content['base']!r}"
             )
         content = _merged(base, difference)
+    if isinstance(content, dict) and "jerk_density" not in content:
+        notes = load(joints or complete.with_name(JOINTS_FILE), JointNotes).root
+        densities = {joint: note.jerk_density for joint, note in notes.items()}
+        content = content | {"jerk_density": densities}
     return validate(content, StandIn, path).of(machine or load_machine(), path)
 
 
