@@ -14,7 +14,6 @@ from crane_model.model_file import Model, load_model
 from crane_sim.parts.parameters import load_stand_in
 from crane_sim.planted import planted
 
-ROUNDING = 1e-12  # SI: what is smaller is 0
 SALT = "crane"  # the same picture of the same machine
 
 
@@ -66,7 +65,7 @@ def known(name: str, machine: Machine, model: Model) -> str:
     plant = load_stand_in(machine_file("stand_in.yaml", name), machine)
     values = {one.name: one.value for one in planted(plant, machine)}
     rows = [
-        (f"`{one.name}`", one.meaning, f"{_rounded(values[one.name]):.6g}", one.unit)
+        (f"`{one.name}`", one.meaning, f"{values[one.name]:.6g}", one.unit)
         for one in model.parameters
     ]
     friction = sum(len(one.parameters(model.setting)) for one in model.terms if one.is_friction())
@@ -86,10 +85,6 @@ def known(name: str, machine: Machine, model: Model) -> str:
 
 def _bodies(count: int) -> str:
     return f"{count} bod{'y' if count == 1 else 'ies'}"
-
-
-def _rounded(value: float) -> float:
-    return 0.0 if abs(value) < ROUNDING else value
 
 
 def _measured(machine: Machine, model: Model) -> str:

@@ -9,7 +9,6 @@ import numpy as np
 from crane_identification.diagnosis.diagnosis import Diagnosis
 from crane_identification.diagnosis.finding_entry import (
     ChangedParameter,
-    CommandedGap,
     FindingEntry,
     FoundEffect,
     FoundParameter,
@@ -17,6 +16,7 @@ from crane_identification.diagnosis.finding_entry import (
 )
 from crane_identification.diagnosis.findings_file import (
     CarriedLoad,
+    CommandedGap,
     Findings,
     FoundPlace,
     FoundPulsation,
