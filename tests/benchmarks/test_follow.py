@@ -20,7 +20,7 @@ BLOCK = re.compile(r"```bash\n(.*?)```", re.DOTALL)
 READY = {"simulated_crane": "ready:", "driver": "-> disabled", "trajectory": "ready:",
          "recorder": "recording /cylinder_pressures"}  # fmt: skip
 TARGET, BETTER = 1e-3, 10.0  # rad or m; times
-TRIES = 3  # of an experiment, on a computer that is busy
+TRIES = 8  # of an experiment, on a computer that is busy
 
 
 class Shells:
