@@ -198,7 +198,11 @@ class Experiment:
         else:
             shown = pressures or ChamberPressures.none(len(position))
             u = self._controlled(
-                self._controller, dt, SensorReading(position, velocity, *shown), target
+                self._controller,
+                dt,
+                SensorReading(position, velocity, *shown),
+                target,
+                tuning.saturation,
             )
             conditions = self._controller.conditions
             if any(one.stops for one in conditions):
@@ -212,6 +216,8 @@ class Experiment:
         if lost := beyond(self.tracking_error, tuning.tolerance, self._units):
             self.release(Outcome.TRACKING_LOST, lost, now)
             return self._ramp(now)
+        if self.stage is Stage.LEADING:
+            u = u + self.motion.probe(np.array([self._clock.time]))[0]
         self._command, self._commanded = np.clip(u, -tuning.saturation, tuning.saturation), now
         if self._clock.time < 0.0:
             self._command = np.zeros(len(self._units))
@@ -225,14 +231,19 @@ class Experiment:
                 self._noted[one] = f"{joint} at {self.elapsed:.1f} s: {one.text}"
 
     def _controlled(
-        self, controller: Controller, dt: float, reading: SensorReading, target: Target
+        self,
+        controller: Controller,
+        dt: float,
+        reading: SensorReading,
+        target: Target,
+        largest: float,
     ) -> np.ndarray:
         """What the controller answers, which is shown the reference ahead, too."""
         ahead = self._clock.later(controller.preview).target(self.motion)
         began, period = self.motion.excitation_start, self.motion.trajectory.period
         leading = self.stage is Stage.LEADING and target.phase is Phase.EXCITATION
         phase = (self._clock.time - began) % period if leading else np.nan
-        wanted = Wanted(Point(*target[:3]), Point(*ahead[:3]), phase)
+        wanted = Wanted(Point(*target[:3]), Point(*ahead[:3]), phase, largest)
         return controller.command(dt, reading, wanted)
 
     def _proceed(self, tuning: Tuning, now: float) -> None:

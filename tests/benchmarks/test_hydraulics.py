@@ -3,8 +3,10 @@
 import time
 from collections.abc import Callable, Sequence
 from dataclasses import replace
+from pathlib import Path
 from typing import NamedTuple
 
+import numpy as np
 import pytest
 from unit.crane_identification.hydraulics.valve_experiments import (
     FITTED,
@@ -15,6 +17,7 @@ from unit.crane_identification.hydraulics.valve_experiments import (
     truth,
 )
 
+from crane_identification.data.arguments import Sources
 from crane_identification.data.log import Log
 from crane_identification.fitting import fit
 from crane_identification.hydraulics.identified import identify_hydraulics
@@ -23,10 +26,14 @@ from crane_identification.options import Options
 from crane_identification.validation.command_validation import validate_commands
 from crane_model.machine_files import machine_file
 from crane_model.model_file import Model, load_model
+from crane_model.progress import silent
 from crane_sim.parts.parameters import StandIn, load_stand_in
+from crane_trajectory.motion.probe import Probe
 
 Measured = Callable[[str, str, str], None]
 
+ROOT = Path(__file__).resolve().parents[2]
+DEMO = ROOT / "runs" / "demo" / "bags" / "train"
 LATE = 0.010  # s, mean delay of the commands of a live recording
 
 
@@ -104,6 +111,53 @@ def test_one_bag_tells_the_hydraulics(plant: str, live: bool, measured: Measured
         if max(errors) > allowed:
             missed.append(f"{what}: {aim.told(max(errors))}, at most {aim.told(allowed)}")
     assert not missed
+
+
+def test_the_bag_of_the_demo_tells_the_hydraulics(measured: Measured) -> None:
+    """Recorded live, from before the first command on; what its lag is nobody planted."""
+    if not DEMO.is_dir():
+        pytest.skip(f"no {DEMO.relative_to(ROOT)}; first: make demo")
+    (log,) = Sources(load_model(machine_file("model.yaml")), None, Options(), silent).read([DEMO])
+    found = {joint: identify_joint(MACHINE, joint, [log], PERIOD).values for joint in FITTED}
+    lags = [found[joint].values["lag"].value for joint in FITTED]
+    measured("lag, bag of the demo, between joints", "0.0005 s", f"{np.ptp(lags):.2g} s")
+    missed = []
+    for what, aim in AIMS.items():
+        errors = []
+        for joint in FITTED:
+            true = truth(load_stand_in(), joint)
+            for name in aim.names if what != "lag" else ():
+                error = abs(found[joint].values[name].value - true[name])
+                errors.append(error if aim.unit else error / true[name])
+        if errors:
+            each = ", ".join(aim.told(error) for error in errors)
+            measured(f"{what}, bag of the demo, of each joint", aim.told(aim.live), each)
+            if max(errors) > aim.live:
+                missed.append(f"{what}: {aim.told(max(errors))}, at most {aim.told(aim.live)}")
+    assert np.ptp(lags) < AIMS["lag"].live
+    assert not missed
+
+
+@pytest.mark.parametrize("frequency", [25.0, 12.0, 6.0])
+def test_a_probe_tells_how_fast_the_valves_are(frequency: float, measured: Measured) -> None:
+    """Where commands arrive without jitter."""
+    stand_in = changed(load_stand_in(), frequency)
+    errors, shares = [], []
+    logs = [recorded(stand_in, seed=14, probe=probe) for probe in (Probe(amplitude=0.02), None)]
+    for joint in FITTED:
+        probed, plain = (
+            identify_joint(MACHINE, joint, [log], PERIOD).values.valve.natural_frequency
+            for log in logs
+        )
+        assert probed.std_dev is not None and plain.std_dev is not None
+        errors.append(abs(probed.value / truth(stand_in, joint)["natural_frequency"] - 1.0))
+        shares.append(probed.std_dev / plain.std_dev)
+    measured(
+        f"natural frequency of a valve of {frequency:g} Hz, from 60 s with a probe",
+        "8 %",
+        f"{max(errors):.1%}; its deviation {max(shares):.2g} of that without",
+    )
+    assert max(errors) < 0.08
 
 
 @pytest.fixture(scope="module")

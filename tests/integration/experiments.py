@@ -35,11 +35,13 @@ MOVING = 0.03  # rad/s, m/s
 class Experiments:
     """The node under test, and what it says."""
 
-    def __init__(self, stage: Stage, folder: Path, *arguments: str):
+    def __init__(
+        self, stage: Stage, folder: Path, *arguments: str, trajectory: dict[str, Any] = SHORT
+    ):
         """`arguments` are ROS arguments of the node."""
         self.stage, self.folder, self.arguments = stage, folder, arguments
         self.file = folder / "short.yaml"
-        self.file.write_text(yaml.safe_dump(SHORT))
+        self.file.write_text(yaml.safe_dump(trajectory))
         self.references: list[JointReference] = []
         self.commands: list[ValveCommand] = []
         self.feedback: list[Any] = []

@@ -11,6 +11,7 @@ from integration.experiments import TIMEOUT, Experiments
 from integration.processes import end
 from known_crane import write_known_model
 from lifecycle_msgs.msg import Transition
+from rclpy.task import Future
 from std_srvs.srv import Trigger
 
 from crane_interfaces.msg import CylinderPressures
@@ -20,6 +21,7 @@ from crane_trajectory.experiment import Outcome
 
 SHOWN = "/shown_pressures"
 FALLEN_BACK = "pressures lost: using the load of the model"
+BEGUN = 6.0  # s of the goal
 LARGEST_STEP = 0.25  # of the command from cycle to cycle: across both dead zones, and a busy cycle
 pytestmark = pytest.mark.realtime
 
@@ -51,6 +53,22 @@ def crane(stage: Stage, tmp_path_factory: pytest.TempPathFactory) -> Iterator[Ex
     end(one.process)
 
 
+def under_way(crane: Experiments) -> Future:
+    """The end of a goal whose period has begun."""
+    for _ in range(5):  # a test machine that is too busy makes true faults
+        crane.stage.enabled()
+        crane.feedback.clear()
+        ending = crane.send().get_result_async()
+
+        def begun(ending: Future = ending) -> bool:
+            return ending.done() or any(one.elapsed > BEGUN for one in crane.feedback)
+
+        crane.stage.until(begun)
+        if not ending.done():
+            return ending
+    raise AssertionError(f"no goal gets under way: {ending.result().result.message}")
+
+
 def test_without_pressures_it_goes_on_by_the_simpler_law(crane: Experiments) -> None:
     stage, lost = crane.stage, [False]
     shown = stage.node.create_publisher(CylinderPressures, SHOWN, 10)
@@ -60,10 +78,7 @@ def test_without_pressures_it_goes_on_by_the_simpler_law(crane: Experiments) -> 
         lambda message: None if lost[0] else shown.publish(message),
         10,
     )
-    stage.enabled()
-    handle = crane.send()
-    ending = handle.get_result_async()
-    stage.until(lambda: (crane.feedback and crane.feedback[-1].elapsed > 6.0) or ending.done())
+    ending = under_way(crane)
     lost[0] = True
     told: list[str] = []
 

@@ -8,6 +8,7 @@ import numpy as np
 import pytest
 from ament_index_python.packages import get_package_prefix
 from known_crane import write_known_model
+from laboratory_crane import JOINTS, PLANAR_JOINTS
 
 from crane_bags.reader import TopicData, read_topics
 from crane_bags.types import (
@@ -17,7 +18,7 @@ from crane_bags.types import (
     VALVE_COMMAND,
 )
 from crane_model.cylinders import generalized_forces
-from crane_model.machine import JOINTS, PLANAR_JOINTS, load_machine
+from crane_model.machine import load_machine
 from crane_model.machine_files import machine_file
 from crane_sim.make_bag import main as make_bag
 from crane_trajectory.motion.periodic import load_trajectory

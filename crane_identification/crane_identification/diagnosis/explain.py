@@ -6,7 +6,7 @@ Whatever is not printed is said to be elsewhere.
 from pathlib import Path
 from typing import Any
 
-from crane_identification.diagnosis import wording
+from crane_identification.diagnosis import finding_wording, wording
 from crane_identification.diagnosis.findings_file import Findings
 from crane_identification.notation import spoken
 
@@ -39,7 +39,7 @@ def lines(content: dict[str, Any]) -> list[str]:
 
 def _answer(content: dict[str, Any]) -> str:
     """The verdict, and what it names."""
-    names = "; ".join(wording.called(finding) for finding in content["findings"])
+    names = "; ".join(finding_wording.called(finding) for finding in content["findings"])
     return wording.answer(content) + (f": {names}." if names else ".")
 
 
@@ -67,15 +67,19 @@ def _from_commands(content: dict[str, Any]) -> list[str]:
 
 
 def _finding(number: int, finding: dict[str, Any]) -> list[str]:
-    out = [f"{number}. {wording.called(finding)}: {wording.strength(finding)}".rstrip(": ")]
-    values = ", ".join(str(wording.estimate(one)) for one in finding["parameters"])
+    out = [
+        f"{number}. {finding_wording.called(finding)}: {finding_wording.strength(finding)}".rstrip(
+            ": "
+        )
+    ]
+    values = ", ".join(str(finding_wording.estimate(one)) for one in finding["parameters"])
     if finding["class_members"]:
-        out.append(f"   as {finding['name']} ({wording.place(finding['joint'])}): {values}")
+        out.append(f"   as {finding['name']} ({finding_wording.place(finding['joint'])}): {values}")
         out.append(f"   told apart by {finding['settled_by']}")
     else:
         out.append(f"   {values}")
-    out += [f"   {line}" for line in wording.carried(finding)]
-    return [*out, f"   {wording.evidence(finding)}"]
+    out += [f"   {line}" for line in finding_wording.carried(finding)]
+    return [*out, f"   {finding_wording.evidence(finding)}"]
 
 
 def _block(title: str, said: list[str]) -> list[str]:

@@ -7,21 +7,23 @@ from typing import Any
 import numpy as np
 
 from crane_identification.diagnosis.diagnosis import Diagnosis
-from crane_identification.diagnosis.findings_file import (
-    CarriedLoad,
+from crane_identification.diagnosis.finding_entry import (
     ChangedParameter,
-    CommandedGap,
     FindingEntry,
-    Findings,
     FoundEffect,
     FoundParameter,
+    NearEffect,
+)
+from crane_identification.diagnosis.findings_file import (
+    CarriedLoad,
+    CommandedGap,
+    Findings,
     FoundPlace,
     FoundPulsation,
     FoundRegion,
     GapOfModels,
     GapSide,
     LeftResidual,
-    NearEffect,
     NearestEffects,
     NearestGap,
     SessionClock,

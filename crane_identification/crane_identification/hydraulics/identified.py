@@ -21,12 +21,12 @@ from crane_model.progress import Progress, silent
 def identify_hydraulics(
     model: Model, logs: Sequence[Log], period: float | None = None, progress: Progress = silent
 ) -> HydraulicValues | None:
-    """What recordings tell of valves, oil and supply; None if they log no command or pressure.
+    """What recordings tell of valves, oil and supply; None if no command shows anything of them.
 
     Joints of which nothing can be told are named with the reason.
     """
     machine = model.machine
-    wanted = [log for log in logs if log.command is not None and log.pressure_a is not None]
+    wanted = [log for log in logs if log.command is not None]
     if machine is None or not wanted:
         return None
     unknown: dict[str, str] = {}
@@ -55,6 +55,8 @@ def identify_hydraulics(
             joints[joint] = identify_motion(machine, joint, wanted)
         except (DataError, RangeError) as error:
             unknown[joint] = str(error)
+    if not joints and not any(log.pressure_a is not None for log in wanted):
+        return None
     rows = sum(len(one.balance.flow) for one in found.values())
     sources = ", ".join(dict.fromkeys(log.source for log in wanted))
     return HydraulicValues(

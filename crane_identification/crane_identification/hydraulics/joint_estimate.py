@@ -35,8 +35,8 @@ SETTLED_BY = {
     "dead_zone": "slow ramps of the command through zero, both ways",
     "hysteresis": "slow triangles of the command, to and fro",
     "lag": "steps of the command both ways",
-    "natural_frequency": "a pseudo-random command of +-0.02, changed every 15 ms, on top of the "
-    "motion for 60 s",
+    "natural_frequency": "a pseudo-random command of +-0.02 on top of the motion for 60 s "
+    "(crane_trajectory design --probe 0.02)",
     "gain": "motion both ways at several speeds",
     "bulk_modulus": "more reversals under load, over the whole stroke",
     "dead_volume": "reversals with the piston near the end at which that chamber is smallest",

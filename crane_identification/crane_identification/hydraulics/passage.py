@@ -18,8 +18,9 @@ LEAST_RUN = 3.0  # s; of what is shorter, the filter sees little but its ends
 LEAST_TIME = 8.0  # s of motion in either direction
 STILL = 0.02  # of the fastest piston speed; below it a joint counts as at rest
 PRESSURES = ("pressure_a", "pressure_b", "supply_pressure", "tank_pressure")
-MOTION = ("position", "command", "supply_pressure", "tank_pressure")
-SIGNALS = (*MOTION, "pressure_a", "pressure_b")
+COMMON = ("supply_pressure", "tank_pressure")  # of all joints; nominal where they are not logged
+MOTION = ("position", "command")
+SIGNALS = (*MOTION, *PRESSURES)
 
 
 @dataclass(frozen=True)
@@ -47,7 +48,7 @@ class Passage:
 
 def passages(machine: Machine, joint: str, logs: Sequence[Log]) -> list[Passage]:
     """All parts of the recordings in which everything is known; of a joint without transducers,
-    everything but the pressures of its chambers.
+    position and command, and supply and tank pressure where they are logged.
 
     `DataError` says what was not logged, or that the joint moves too little where all is known.
     """
@@ -93,7 +94,7 @@ def _column(log: Log, joint: str, name: str) -> Signal | None:
 
 
 def _parts(machine: Machine, joint: str, log: Log, wanted: Sequence[str]) -> list[Passage]:
-    signals = {name: _column(log, joint, name) for name in wanted}
+    signals = {name: _column(log, joint, name) for name in (*wanted, *COMMON)}
     given = {name: signal for name, signal in signals.items() if signal is not None}
     step = 1.0 / sampling_rate(given["position"].time)
     begin = max(signal.time[0] for signal in given.values())
@@ -107,6 +108,7 @@ def _parts(machine: Machine, joint: str, log: Log, wanted: Sequence[str]) -> lis
     sense = float(np.sign(lever_arm(machine, joint, position.value).mean()))
     count = float(encoder_resolution(position.value[:, np.newaxis])[0]) or 1.0  # where it rests
     length = Signal(position.time, cylinder_length(machine, joint, position.value), position.origin)
+    nominal = machine.hydraulics.model_dump(include=set(COMMON))
     times = [time[first:last] for first, last in edges if (last - first) * step >= LEAST_RUN]
     return [
         Passage(
@@ -116,7 +118,8 @@ def _parts(machine: Machine, joint: str, log: Log, wanted: Sequence[str]) -> lis
             length=_smooth(length, inside),
             counts=between_counts(position.time, position.value / count, inside),
             resolution=count * np.abs(lever_arm(machine, joint, _smooth(position, inside))),
-            pressures={name: _smooth(given[name], inside) for name in given if name in PRESSURES},
+            pressures={name: np.full(len(inside), value) for name, value in nominal.items()}
+            | {name: _smooth(given[name], inside) for name in given if name in PRESSURES},
             stamps=command.time,
             commands=sense * command.value,
         )

@@ -12,8 +12,8 @@ from crane_identification.online.matching import Matched, Matcher
 from crane_identification.online.recursion import Recursion, Solution
 from crane_identification.online.smoother import FixedLagSmoother, Smoothed
 from crane_identification.online.window import Row, Window
+from crane_model.chamber_forces import ChamberForces
 from crane_model.configuration import load
-from crane_model.cylinders import generalized_forces
 from crane_model.errors import ConfigurationError, DataError, RangeError
 from crane_model.machine_files import DEFAULT_MACHINE, machine_file
 from crane_model.model_file import Model
@@ -81,6 +81,9 @@ class OnlineEstimator:
                 f"model '{model.name}': has no machine, so that forces cannot be computed from "
                 f"pressures (27); name one in the model file"
             )
+        self._force = (
+            ChamberForces(model.machine, model.joints) if from_pressures and model.machine else None
+        )
         _check(self.options)
         self._noise = _resolution(model, self.options) / np.sqrt(12)
         self.reset()
@@ -173,15 +176,9 @@ class OnlineEstimator:
 
     def _carried(self, position: np.ndarray, driving: np.ndarray) -> np.ndarray:
         """Forces (j,), and behind them the pressures (2j,) where `driving` is those."""
-        joints = len(self.model.joints)
-        if len(driving) == joints:
+        if self._force is None or len(driving) == len(position):
             return driving
-        assert self.model.machine is not None  # __init__ asks for it
-        chambers = driving[np.newaxis, :joints], driving[np.newaxis, joints:]
-        force = generalized_forces(
-            self.model.machine, position[np.newaxis], *chambers, self.model.joints
-        )[0]
-        return np.concatenate([force, driving])
+        return np.concatenate([self._force(position, driving), driving])
 
     def _learn(self, row: Row, used: np.ndarray) -> Forces:
         """Predict the row with what is known, then learn from it."""

@@ -28,6 +28,17 @@ NEEDED = ("command", "pressure_a", "pressure_b")
 HISTORY = 0.5  # s of commands before a window, after which the spool has forgotten what was before
 
 
+class CommandedCourse(NamedTuple):
+    """Measured and simulated position (n, j) [rad, m] at time (n,) [s] of all windows of a run, one
+    behind the other; NaN where one ends and the next begins at the measured state.
+    """
+
+    source: str
+    time: np.ndarray
+    measured: np.ndarray
+    simulated: np.ndarray
+
+
 @dataclass(frozen=True)
 class CommandValidation:
     """Rms position error after `horizon` [s] of simulation from a measured state, over all
@@ -39,6 +50,7 @@ class CommandValidation:
     windows: int
     position_rms: np.ndarray
     way: np.ndarray
+    courses: tuple[CommandedCourse, ...]  # one of each run
 
     @property
     def relative(self) -> np.ndarray:
@@ -110,7 +122,7 @@ def _complete(log: Log) -> Log:
 
 
 def _ahead(model: Model, runs: Sequence[CommandedRun], horizon: float) -> CommandValidation | None:
-    errors, ways = [], []
+    errors, ways, courses = [], [], []
     for run in runs:
         record, samples = run.record, round(horizon / run.step)
         starts = _starts(run, samples)
@@ -131,11 +143,27 @@ def _ahead(model: Model, runs: Sequence[CommandedRun], horizon: float) -> Comman
         position, _ = simulate_openings(model, state, opened, run.step, beside)
         errors.append(position[-1] - record.position[at[-1]])
         ways.append(np.abs(np.diff(record.position[at], axis=0)).sum(axis=0))
+        courses.append(_course(run, at, position))
     if not errors:
         return None
     error, way = np.concatenate(errors), np.concatenate(ways)
     rms = np.sqrt((error**2).mean(axis=0))
-    return CommandValidation(model.joints, horizon, len(error), rms, way.mean(axis=0))
+    return CommandValidation(
+        model.joints, horizon, len(error), rms, way.mean(axis=0), tuple(courses)
+    )
+
+
+def _course(run: CommandedRun, at: np.ndarray, position: np.ndarray) -> CommandedCourse:
+    """Of positions (T, N, j) at the samples (T, N) of the run."""
+    order, joints = at.T.ravel(), position.shape[2]
+    simulated = position.copy()
+    simulated[-1] = np.nan
+    return CommandedCourse(
+        source=run.log.source,
+        time=run.record.time[order],
+        measured=run.record.position[order],
+        simulated=simulated.transpose(1, 0, 2).reshape(-1, joints),
+    )
 
 
 def _starts(run: CommandedRun, samples: int) -> np.ndarray:

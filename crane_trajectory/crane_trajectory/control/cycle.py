@@ -130,21 +130,23 @@ def _lead(
         memory.spools[i, count % HISTORY] = 0.0
         return
     s.opening = opening + s.bump
-    _open(i, setting, memory, count, gain.ki * s.error * dt)
+    _open(i, setting, memory, count, gain.ki * s.error * dt, wanted.largest)
     if s.condition == FOLLOWING and setting.fitted[i] and not used:
         s.condition = LOST
 
 
 @njit(cache=True, error_model="numpy")
-def _open(i: int, setting: CycleSetting, memory: Memory, count: int, integrand: float) -> None:
+def _open(
+    i: int, setting: CycleSetting, memory: Memory, count: int, integrand: float, largest: float
+) -> None:
     """The command for the opening, across dead zone and play; then the integral."""
     h, gain, s, learnt = setting.hydraulics[i], setting.gains[i], memory.state[i], memory.learnt[i]
     y = spool(s.opening, learnt[0 if s.opening > 0.0 else 1, 0, 0])
-    memory.spools[i, count % HISTORY] = min(max(y, -1.0), 1.0)
+    memory.spools[i, count % HISTORY] = min(max(y, -largest), largest)
     if h.play > 0.0:
         y, s.turned, s.direction = against_play(y, s.turned, s.direction, h.play)
-    s.command = h.sense * min(max(y, -1.0), 1.0)
-    if abs(y) >= 1.0:
+    s.command = h.sense * min(max(y, -largest), largest)
+    if abs(y) >= largest:
         s.condition = SATURATED
         return
     most = LARGEST_INTEGRAL * gain.largest_speed

@@ -138,7 +138,7 @@ class FlowFeedforward:
         at = self.columns
         reading = SensorReading(q[at], v[at], p_a[at], p_b[at], supply)
         now, ahead = (Point(*(each[at] for each in one)) for one in wanted[:2])
-        wanted = Wanted(now, ahead, wanted.phase)
+        wanted = wanted._replace(now=now, ahead=ahead)
         cycle(
             self._setting, self.memory, self._started, step, self._count, reading, wanted, load, u
         )

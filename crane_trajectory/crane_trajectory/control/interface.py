@@ -44,6 +44,7 @@ class Wanted(NamedTuple):
     now: Point
     ahead: Point
     phase: float = np.nan  # s since the period of a periodic motion began; NaN outside of one
+    largest: float = 1.0  # command that is allowed: beyond it a controller is saturated
 
 
 class ControlCondition(IntEnum):

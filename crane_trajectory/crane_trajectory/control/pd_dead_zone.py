@@ -54,10 +54,11 @@ class PdDeadZone:
             self._bump = self._last - asked
         else:
             self._bump *= math.exp(-dt / BUMP)
-        self._last = np.clip(asked + self._bump, -1.0, 1.0)
+        largest = wanted.largest
+        self._last = np.clip(asked + self._bump, -largest, largest)
         moves = (now.velocity != 0.0) | (np.abs(asked) > self._gains.position_tolerance)
         self.conditions = tuple(
-            SATURATED if abs(u) >= 1.0 else FOLLOWING if moving else AT_REST
+            SATURATED if abs(u) >= largest else FOLLOWING if moving else AT_REST
             for u, moving in zip(self._last, moves, strict=True)
         )
         return self._last

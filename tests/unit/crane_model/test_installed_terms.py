@@ -8,10 +8,11 @@ from collections.abc import Iterator
 from pathlib import Path
 
 import pytest
+from laboratory_crane import PLANAR_JOINTS
 from unit.crane_model.test_architecture import FOLDERS
 from unit.crane_model.test_own_terms import CODE
 
-from crane_model.machine import PLANAR_JOINTS, load_machine
+from crane_model.machine import load_machine
 from crane_model.model_file import Model
 from crane_model.terms import REGISTRY, Setting, Term
 from crane_model.terms.friction import Coulomb, ViscousAsymmetry

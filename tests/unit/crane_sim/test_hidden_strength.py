@@ -65,6 +65,10 @@ class Strokes:
             np.zeros(len(phase)),
         )
 
+    def probe(self, time: np.ndarray) -> np.ndarray:
+        """Nothing."""
+        return np.zeros((len(time), len(self.start)))
+
 
 @pytest.fixture(scope="module")
 def motion(stand_in: StandIn) -> Strokes:

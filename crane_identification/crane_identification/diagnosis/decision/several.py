@@ -25,8 +25,8 @@ Kinds = tuple[str, ...]
 
 def on_several_joints(search: Search, threshold: float, thresholds: Thresholds) -> Subset:
     """The effects that at least three joints lack each, strongest kind first; none if there is no
-    such kind. Three of a kind lose more than the `threshold` without theirs; the others more than
-    chance gives to the best of that kind.
+    such kind. Three of a kind lose more than the `threshold` without theirs, and a share of what
+    the strongest effect does; the others more than chance gives to the best of that kind.
     """
     members, share = _kinds(search.projection), thresholds.method.elsewhere_share
     least = {
@@ -44,8 +44,9 @@ def on_several_joints(search: Search, threshold: float, thresholds: Thresholds) 
         for kind in members.keys() - set(rest):
             kinds = (*rest, kind)
             numbers = [number for one in kinds for number in members[one]]
-            kept, losses = _telling(search, numbers, least, share)
-            clear = {n for n, loss in zip(kept.numbers, losses, strict=True) if loss > threshold}
+            kept, losses = _telling(search, numbers, least)
+            asked = max(threshold, share * max(losses, default=0.0))
+            clear = {n for n, loss in zip(kept.numbers, losses, strict=True) if loss > asked}
             if all(len(clear & set(members[one])) >= FEWEST_JOINTS for one in kinds):
                 tried.append((kept, kinds))
         return max(tried, key=lambda one: (one[0].gain, one[1]), default=(NOTHING, ()))
@@ -84,10 +85,10 @@ def _kinds(projection: Projection) -> dict[str, list[int]]:
 
 
 def _telling(
-    search: Search, numbers: Sequence[int], least: Mapping[int, float], share: float
+    search: Search, numbers: Sequence[int], least: Mapping[int, float]
 ) -> tuple[Subset, list[float]]:
-    """Those of the effects without each of which the others lose at least so much, and a `share` of
-    what the strongest of them loses; with the losses. The others are taken out one by one.
+    """Those of the effects without each of which the others lose more than is asked for at `least`,
+    with the losses. The others are taken out one by one.
     """
     left = list(numbers)
     while left:
@@ -96,8 +97,7 @@ def _telling(
             left.remove(_wrong(search.projection, left))
             continue
         losses = marginal(search, subset)
-        asked = [max(least[number], share * max(losses)) for number in left]
-        over = [loss / needed for loss, needed in zip(losses, asked, strict=True)]
+        over = [loss / least[number] for loss, number in zip(losses, left, strict=True)]
         if min(over) > 1.0:
             return subset, losses
         del left[over.index(min(over))]
@@ -132,7 +132,8 @@ def as_kinds(
         )
         added = np.concatenate([one.shaped.columns for one in own], axis=2)
         gains, _ = held_out_gains(search.evidence, search.whitener, before, added)
-        null, threshold = chance_of_kind(search, members[kind], thresholds)
+        numbers = members.get(kind) or [search.number(one.shaped) for one in own]
+        null, threshold = chance_of_kind(search, numbers, thresholds)
         others = _other_kinds(own)
         for place in np.flatnonzero(alike):
             one = replace(out[place], held_out=gains, null=null, threshold=threshold)

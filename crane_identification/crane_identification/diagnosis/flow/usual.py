@@ -31,18 +31,22 @@ class Usual(Schema):
 
     @model_validator(mode="after")
     def _of_the_same_joints(self) -> Self:
-        if isinstance(self.leakage, dict) and self.leakage.keys() != self.dead_zone.keys():
-            raise ValueError(
-                f"leakage is given of {', '.join(self.leakage)}, dead_zone of "
-                f"{', '.join(self.dead_zone)}; give both of the same joints, or one leakage for all"
-            )
+        match self.leakage:
+            case dict() as each if each.keys() != self.dead_zone.keys():
+                raise ValueError(
+                    f"leakage is given of {', '.join(each)}, dead_zone of "
+                    f"{', '.join(self.dead_zone)}; give both of the same joints, or one leakage "
+                    "for all"
+                )
         return self
 
     def leakage_of(self, joint: str) -> float:
         """Of a joint [m3/(s Pa)]; infinite where the file has none."""
-        if isinstance(self.leakage, dict):
-            return self.leakage.get(joint, np.inf)
-        return self.leakage
+        match self.leakage:
+            case dict() as each:
+                return each.get(joint, np.inf)
+            case float() as same:
+                return same
 
 
 @dataclass(frozen=True)

@@ -62,7 +62,7 @@ class EffectToHide(Schema):
     strength: float
     """Rms of its force over that of the drive, that is asked for [-]."""
     parameters: dict[str, float] = {}
-    """Of that law; those that are not given are drawn."""
+    """Of that law [SI]; those that are not given are drawn."""
     carried: Carried = Carried.ALL
     """Which recordings carry it."""
 

@@ -46,7 +46,7 @@ def tails(ordered: np.ndarray, share: float) -> np.ndarray:
     return np.where(fall > 0.0, start + fall * np.log(count / (share * len(ordered))), 0.0)
 
 
-class Agreement(ResultPart):
+class BootstrapAgreement(ResultPart):
     """Scores of null cases through the whole sensor chain, and what the bootstrap promises, in
     units of the quantile that is the threshold.
     """
@@ -61,12 +61,12 @@ class Agreement(ResultPart):
     """Those at the same ranks by the bootstrap [-]."""
 
 
-def agreement(known: Sequence[AnswerStatistics]) -> Agreement:
+def agreement(known: Sequence[AnswerStatistics]) -> BootstrapAgreement:
     """How far both agree."""
     score = np.array([one.best for one in known])
     promised = np.array([one.promised for one in known])  # (n, 101)
     levels = 100.0 * (np.arange(len(score)) + 0.5) / len(score)
-    return Agreement(
+    return BootstrapAgreement(
         level=LEVEL / 100.0,
         above=rate((score > promised[:, LEVEL]).tolist()),
         found=np.sort(score).tolist(),

@@ -11,7 +11,7 @@ from matplotlib.ticker import FuncFormatter, LogLocator, NullFormatter, PercentF
 
 from crane_benchmark.cases.case import CaseKind
 from crane_benchmark.cases.case_sets import STRENGTHS
-from crane_benchmark.scores.calibration import Agreement
+from crane_benchmark.scores.calibration import BootstrapAgreement
 from crane_benchmark.scores.judgement import OURS, Judgement
 from crane_benchmark.scores.row import CaseRow
 from crane_benchmark.scores.summary import identifiable, learnt, of_kind, power, share
@@ -35,7 +35,7 @@ def write(folder: Path, rows: Sequence[CaseRow]) -> None:
             figure.savefig(folder / f"{name}.png", dpi=DPI)
 
 
-def write_agreement(folder: Path, agreement: Agreement) -> None:
+def write_agreement(folder: Path, agreement: BootstrapAgreement) -> None:
     """bootstrap.png: sorted scores of null cases over what the bootstrap promises."""
     figure = Figure(figsize=(5.0, 5.2), layout="constrained")
     axes = figure.add_subplot()

@@ -11,7 +11,7 @@ from ruamel.yaml import YAML
 from crane_benchmark.answers.answer_file import AnswerStatistics, CaseAnswer
 from crane_benchmark.folders import ANSWER, Folders, done, write_json
 from crane_benchmark.scores import figures, frozen
-from crane_benchmark.scores.calibration import Agreement, agreement, together
+from crane_benchmark.scores.calibration import BootstrapAgreement, agreement, together
 from crane_identification.thresholds import Gates, load_thresholds
 from crane_model.configuration import packaged
 from crane_model.errors import DataError
@@ -36,7 +36,7 @@ would have been an alarm is then known for any threshold.
 class Calibration(ResultFile):
     """What thresholds were set by."""
 
-    agreement: Agreement
+    agreement: BootstrapAgreement
     """Of the bootstrap."""
     statistics: list[AnswerStatistics]
     """Of the cases."""

@@ -33,9 +33,9 @@ class Median(ResultPart):
     of: int
     """Values [-]."""
     median: Number
-    """In the unit of the values; null of nothing."""
+    """Of the values [of the values]; null of nothing."""
     interval: Interval | None
-    """By the bootstrap, 95 %; null of few values."""
+    """By the bootstrap, 95 % [of the values]; null of few values."""
 
 
 def rate(hits: Sequence[bool]) -> Rate:

@@ -79,7 +79,7 @@ class BenchmarkSummary(ResultPart):
     seconds: Median
     """CPU time of a diagnosis [s]."""
     stories: dict[str, dict[str, int]]
-    """Outcomes of `diagnose`, by what goes on in a case."""
+    """By what goes on in a case: how often `diagnose` had which outcome [-]."""
     not_identifiable: int
     """Single effects that recordings of their kind do not show [-]."""
 

@@ -18,6 +18,7 @@ from crane_model.chain.vectors import (
     add,
     cross,
     dot,
+    put,
     row,
     scaled,
     turned,
@@ -84,12 +85,13 @@ def _set_twists(chain: SerialChain, moving: BodyMotion, along: Array, about: Arr
     """Unit twist of each joint k at each body i from its own on, into (i, k, 3)."""
     for i in range(len(chain.ratio)):
         unit = scaled(chain.ratio[i], row(chain.axis, i))
-        along[i, i], about[i, i] = (unit, ZERO) if chain.slides[i] else (ZERO, unit)
+        put(along[i], i, unit if chain.slides[i] else ZERO)
+        put(about[i], i, ZERO if chain.slides[i] else unit)
         for k in range(i):
             turn = row(about[i - 1], k)
             shift = add(row(along[i - 1], k), cross(turn, row(moving.origin, i)))
-            along[i, k] = turned_back(moving.rotation, i, shift)
-            about[i, k] = turned_back(moving.rotation, i, turn)
+            put(along[i], k, turned_back(moving.rotation, i, shift))
+            put(about[i], k, turned_back(moving.rotation, i, turn))
 
 
 @njit(cache=True)
@@ -120,8 +122,8 @@ def _come_back(
             by_spin = add(by_spin, own.spin)
             by_turning = add(by_turning, own.turning)
             by_rise = add(by_rise, own.rise)
-            by_along[k] = add(row(by_along, k), at_along)
-            by_about[k] = add(row(by_about, k), at_about)
+            put(by_along, k, add(row(by_along, k), at_along))
+            put(by_about, k, add(row(by_about, k), at_about))
 
         # the joint's own speed and push; w, turning and rise become those before it moved
         j, ratio, axis = chain.leader[i], chain.ratio[i], row(chain.axis, i)
@@ -158,7 +160,8 @@ def _come_back(
         by_spin = add(by_spin, add(outward, scaled(-2.0 * dot(by_rise, p), w)))
         for k in range(i):
             shift, turn = turned(r, i, row(by_along, k)), turned(r, i, row(by_about, k))
-            by_along[k], by_about[k] = shift, add(turn, cross(p, shift))
+            put(by_along, k, shift)
+            put(by_about, k, add(turn, cross(p, shift)))
             by_origin = add(by_origin, cross(shift, row(about[i - 1], k)))
         if chain.slides[i]:
             out[0, n, j] += ratio * dot(turned(r, i, axis), by_origin)

@@ -33,6 +33,9 @@ class Course(Protocol):
     def reference(self, time: np.ndarray) -> Reference:
         """At time (n,) [s]."""
 
+    def probe(self, time: np.ndarray) -> np.ndarray:
+        """What is added to the commands at time (n,) [s]: (n, j)."""
+
 
 @dataclass(frozen=True)
 class States:
@@ -88,6 +91,7 @@ def record(
     begin = plant.time
     times = sensors.instants(begin + chain.period, count)
     reference = motion.reference(times - begin - REST)
+    added = motion.probe(times - begin - REST)
     led = None
     if controller is not None:
         ahead = motion.reference(times - begin - REST + controller.preview)
@@ -101,7 +105,7 @@ def record(
     arrays, u = gains.arrays, np.zeros(len(joints))
     for k in progress(range(count)):
         time = float(times[k])
-        plant.advance(u, time - plant.time)
+        plant.advance(commands[k - 1], time - plant.time)  # zero before the first
         q[k], v[k] = plant.q, plant.v
         a[k] = plant.acceleration
         if plant.hidden_count:
@@ -117,7 +121,7 @@ def record(
                 *(position[k], velocity[k], reference.position[k], reference.velocity[k]),
                 units=plant.machine.units,
             )
-        commands[k] = u
+        commands[k] = np.clip(u + added[k], -1.0, 1.0)
     shown = (
         sensors.pressures(p_a, p_b, supply, plant.tank_pressure, times)
         if led is None

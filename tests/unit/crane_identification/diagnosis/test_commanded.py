@@ -3,6 +3,7 @@
 from collections.abc import Sequence
 from dataclasses import replace
 
+import numpy as np
 import pytest
 from known_crane import TOLD_LATE, known_model
 from unit.crane_identification.hydraulics.valve_experiments import MACHINE, play, recorded
@@ -13,6 +14,7 @@ from crane_identification.diagnosis.flow.flow import examine
 from crane_identification.diagnosis.flow.usual import load_usual
 from crane_identification.diagnosis.proof.commanded import Commanded, commanded
 from crane_identification.options import Options
+from crane_identification.report.figures import commanded_figures
 from crane_identification.thresholds import load_thresholds
 from crane_model.hydraulics.values import HydraulicValues
 from crane_model.model_file import Model
@@ -71,6 +73,17 @@ def test_commands_alone_move_a_model_of_the_machine(sound: tuple[Fitted, Log]) -
     assert (second[0].relative < 0.002).all()
     assert (five[0].relative < 0.001).all()
     assert second[0] is second[1]  # nothing was added
+
+
+def test_every_window_is_drawn_beside_what_was_measured(sound: tuple[Fitted, Log]) -> None:
+    (five, _) = of(sound).pairs[1]
+    (course,) = five.courses
+    ends = np.isnan(course.simulated).any(axis=1)
+    assert np.count_nonzero(ends) == five.windows
+    assert np.abs(course.simulated - course.measured)[~ends].max() < 0.005
+    figures = commanded_figures(sound[0].before, course, "commanded-0")
+    assert [figure.key for figure in figures] == [f"commanded-0-{joint}" for joint in five.joints]
+    assert [curve.name for curve in figures[0].panels[0].curves] == ["measured", "model"]
 
 
 def test_a_valve_that_has_worn_shows_on_its_joint(

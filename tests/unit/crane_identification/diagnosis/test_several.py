@@ -61,6 +61,12 @@ def test_a_kind_that_all_joints_lack_is_found_on_all() -> None:
     assert lacking(asked(columns, missing)) == {f"Coulomb friction ({joint})" for joint in JOINTS}
 
 
+def test_a_joint_that_lacks_little_is_found_beside_others_that_lack_much() -> None:
+    """The weakest explains less than a thousandth of what the strongest does."""
+    missing = total(COULOMB, sizes("coulomb", 30.0, 20.0, 10.0, 0.6))
+    assert set(named(asked(COULOMB, missing))) == {f"Coulomb friction ({one})" for one in JOINTS}
+
+
 def test_two_kinds_at_once_are_both_found_where_they_are() -> None:
     """More effects than any race of single ones would go through; one joint lacks one of them."""
     columns = {**COULOMB, **VISCOUS}
