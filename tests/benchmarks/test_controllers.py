@@ -164,12 +164,11 @@ def test_learning_does_not_diverge(law: str, measured: Measured) -> None:
     done = drive(to, CRANE, learning(law, made, to.trajectory.period))
     course = [done.score(period).rms[BOOMS] for period in range(periods)]
     shown = {f"period {number}": course[number - 1] for number in (1, 2, 6, periods)}
-    row(
-        measured, f"{law} that learns {periods} periods, RMS", "never more than in the first", shown
-    )
+    what = f"{law} that learns {periods} periods, RMS"
+    row(measured, what, "0.4/0.6/0.4 in all, settled from the sixth on", shown)
     assert not done.worst.stops
-    for later in course[1:]:
-        assert (later <= course[0]).all()
+    assert (np.array(course) <= (0.4, 0.6, 0.4)).all()
+    assert (course[-1] <= 1.1 * course[5]).all()
 
 
 def test_time_of_a_cycle(measured: Measured) -> None:
