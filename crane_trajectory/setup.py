@@ -7,6 +7,7 @@ from setuptools import find_packages, setup
 PACKAGE = "crane_trajectory"
 TOOLS = {  # they run without ROS
     "design": "crane_trajectory.excitation.design:main",
+    "tune": "crane_trajectory.rehearsal.tune:main",
 }
 NODES = {
     "run_excitation": "crane_trajectory.run_excitation_node:main",

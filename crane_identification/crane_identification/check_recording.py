@@ -17,14 +17,13 @@ from crane_model import cli
 from crane_model.configuration import load
 from crane_model.errors import DataError
 from crane_model.machine import load_machine
-from crane_model.model_file import load_model
+from crane_model.machine_files import machine_file
+from crane_model.model_file import Model, load_model
 
 
 def run(arguments: argparse.Namespace) -> None:
     """Everything the command does; raises `CraneError` with what is wrong."""
-    model = (
-        load_model(arguments.model) if arguments.model else crane(load_machine(arguments.machine))
-    )
+    model = load_model(arguments.model) if arguments.model else _usual(arguments.machine)
     columns = load(arguments.columns, ColumnMap) if arguments.columns else None
     with ProgressBar() as progress:
         options = Options(begin=arguments.begin, end=arguments.end, namespace=arguments.namespace)
@@ -36,6 +35,12 @@ def run(arguments: argparse.Namespace) -> None:
             f"{', '.join(refused)}: whatever is fitted to this is wrong; record again, or mend the "
             "column map or the machine file"
         )
+
+
+def _usual(name: Path | None) -> Model:
+    """That of the report where the machine is such a crane, or else the machine's own."""
+    machine = load_machine(name)
+    return crane(machine) if machine.planar else load_model(machine_file("model.yaml", name))
 
 
 def _lines(checked: Checked) -> list[str]:
@@ -59,7 +64,9 @@ def parser() -> argparse.ArgumentParser:
     add = result.add_argument
     machine = result.add_mutually_exclusive_group()
     machine.add_argument(
-        "--machine", type=Path, help="machine file (default: that of the laboratory crane)"
+        "--machine",
+        type=Path,
+        help="machine: name, folder or file (default: the laboratory crane)",
     )
     machine.add_argument("--model", type=Path, help="model file; its machine and its joints")
     add("--columns", type=Path, help="column map (YAML) of the tables")

@@ -10,10 +10,10 @@ from typing import Any
 
 from crane_identification.data.arguments import (
     Sources,
-    add_part,
-    add_period,
+    add_processing,
     add_recordings,
     add_trust,
+    options_of,
     refuse_overlap,
 )
 from crane_identification.data.column_map import ColumnMap
@@ -22,7 +22,6 @@ from crane_identification.diagnosis import explain, findings
 from crane_identification.diagnosis.diagnosis import check_known, diagnose
 from crane_identification.diagnosis.flow.usual import load_usual
 from crane_identification.diagnosis.report import page
-from crane_identification.options import Options
 from crane_identification.progress_bar import ProgressBar
 from crane_identification.recording_check.check import blaming, vetted
 from crane_identification.report.content import Provenance
@@ -59,12 +58,7 @@ def run(arguments: argparse.Namespace) -> None:
     thresholds = load_thresholds(arguments.thresholds)
     usual = load_usual(arguments.hydraulics)
     with ProgressBar() as progress:
-        options = Options(
-            begin=arguments.begin,
-            end=arguments.end,
-            namespace=arguments.namespace,
-            period=arguments.period,
-        )
+        options = options_of(arguments)
         sources = Sources(model, columns, options, progress)
         training, held_out = sources.read(arguments.train), sources.read(arguments.validate)
         suspicions = vetted(model.machine, (*training, *held_out), arguments.trust_recordings)
@@ -124,12 +118,15 @@ def parser() -> argparse.ArgumentParser:
         help="Python file with terms of your own; those with an effect are sought, too",
     )
     add("--columns", type=Path, help="column map (YAML) of tables, or of your topics")
-    add_part(result)
-    add_period(result)
-    add("--without", nargs="+", action="extend", default=[], metavar="EFFECT", help=WITHOUT)
+    add_processing(result)
+    add("--without", nargs="+", default=[], metavar="EFFECT", help=WITHOUT)
     add("--fixed", action="store_true", help=FIXED)
     add("--thresholds", type=Path, help="thresholds (YAML; default: the packaged ones)")
-    add("--hydraulics", type=Path, help="what is usual of valves and oil (YAML)")
+    add(
+        "--hydraulics",
+        type=Path,
+        help="what is usual of valves and oil the model does not hold (YAML)",
+    )
     add_trust(result)
     add("--explain", type=Path, metavar="DIR", help="print the answer in DIR")
     return result

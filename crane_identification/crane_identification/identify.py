@@ -10,12 +10,13 @@ from pathlib import Path
 
 from pydantic import RootModel
 
+from crane_identification.by_sums import identify_by_sums
 from crane_identification.data.arguments import (
     Sources,
-    add_part,
-    add_period,
+    add_processing,
     add_recordings,
     add_trust,
+    options_of,
     refuse_overlap,
 )
 from crane_identification.data.column_map import ColumnMap
@@ -30,7 +31,6 @@ from crane_identification.progress_bar import ProgressBar
 from crane_identification.recording_check.check import blaming, vetted
 from crane_identification.report import page, summary
 from crane_identification.report.content import IdentificationReport, Provenance
-from crane_identification.report.errors import pooled
 from crane_identification.report.findings import findings
 from crane_identification.report.terminal import tell
 from crane_identification.scale.beside import Beside
@@ -48,7 +48,8 @@ class ReferenceValues(RootModel[dict[str, float]]):
 
 def identify(arguments: argparse.Namespace) -> None:
     """Everything the command does; raises `CraneError` with what is wrong."""
-    names = ("model.yaml", "summary.json", *(() if arguments.cluster else ("report.html",)))
+    by_sums = arguments.cluster or arguments.stream
+    names = ("model.yaml", "summary.json", *(() if by_sums else ("report.html",)))
     cli.check_out(*(arguments.out / name for name in names), replace=arguments.replace)
     if arguments.terms:
         load_terms(arguments.terms)
@@ -61,16 +62,9 @@ def identify(arguments: argparse.Namespace) -> None:
     columns = load(arguments.columns, ColumnMap) if arguments.columns else None
     known = _known_values(arguments.reference_values, model) if arguments.reference_values else None
     prior = load_prior(arguments.prior, model) if arguments.prior else None
-    options = Options(
-        begin=arguments.begin,
-        end=arguments.end,
-        namespace=arguments.namespace,
-        average=arguments.average,
-        period=arguments.period,
-        estimator=arguments.estimator,
-    )
-    if arguments.cluster:
-        on_cluster(model, arguments, columns, options, alike)
+    options = replace(options_of(arguments), estimator=arguments.estimator)
+    if by_sums:
+        identify_by_sums(model, arguments, columns, options, alike)
         return
     with ProgressBar() as progress, ExitStack() as processes:
         sources = Sources(model, columns, options, progress)
@@ -138,50 +132,6 @@ def _loads_left_out(given: Model, model: Model) -> tuple[str, ...]:
     )
 
 
-def on_cluster(
-    model: Model,
-    arguments: argparse.Namespace,
-    columns: ColumnMap | None,
-    options: Options,
-    warnings: Sequence[str],
-) -> None:
-    """Fit on a Dask cluster, validate here; the figures of a report would need all rows here."""
-    if options.estimator is not Estimator.LEAST_SQUARES or arguments.recursive:
-        raise ConfigurationError(
-            "--cluster sums information matrices, which is least squares (31); give "
-            "--estimator least_squares, without --recursive"
-        )
-    if arguments.prior:
-        raise ConfigurationError("--cluster takes no prior; leave out --prior")
-    if arguments.terms:
-        raise ConfigurationError(
-            "--cluster: its workers do not have the file of --terms; leave it out"
-        )
-    try:
-        from crane_identification.scale.cluster import fit_on_cluster
-    except ImportError as error:
-        raise ConfigurationError(f"--cluster needs Dask: {error}; install distributed") from None
-    with ProgressBar() as progress:
-        trusted = arguments.trust_recordings
-        result = fit_on_cluster(
-            model, arguments.train, arguments.cluster, options, progress, columns, trusted
-        )
-        sources = Sources(model, columns, options, progress)
-        held_out = sources.read(arguments.validate)
-        for warning in (*warnings, *result.suspicions, *vetted(model.machine, held_out, trusted)):
-            print(f"warning: {warning}", file=sys.stderr)
-        validations = validate(result.model, held_out, options, progress) if held_out else ()
-    errors = pooled(result.model, validations) if validations else None
-    arguments.out.mkdir(parents=True, exist_ok=True)
-    save_model(arguments.out / "model.yaml", result.model)
-    summary.write_of_cluster(arguments.out / "summary.json", result, errors)
-    print(
-        f"{len(model.parameters)} parameters from {result.information.rows.sum()} equations of "
-        f"{len(arguments.train)} recordings, by {result.workers} workers"
-    )
-    print(f"written: {arguments.out}/model.yaml, {arguments.out}/summary.json")
-
-
 def parser() -> argparse.ArgumentParser:
     """The command line."""
     result = cli.command_line(
@@ -198,14 +148,7 @@ def parser() -> argparse.ArgumentParser:
     cli.add_replace(result)
     add("--terms", type=Path, metavar="FILE", help="Python file with terms of your own")
     add("--columns", type=Path, help="column map (YAML) of tables, or of your topics")
-    add_part(result)
-    add_period(result)
-    add(
-        "--no-average",
-        dest="average",
-        action="store_false",
-        help="use every sample: the motion is not periodic",
-    )
+    add_processing(result)
     add(
         "--estimator",
         type=one_of(Estimator),
@@ -222,7 +165,14 @@ def parser() -> argparse.ArgumentParser:
         help="what is known beforehand (YAML): parameters, or bodies from CAD, with their standard "
         "deviations; for recordings that do not determine the model alone",
     )
-    add(
+    apart = result.add_mutually_exclusive_group()
+    apart.add_argument(
+        "--stream",
+        action="store_true",
+        help="one training recording after the other, so that memory does not grow with their "
+        "number; least squares, and no report",
+    )
+    apart.add_argument(
         "--cluster",
         metavar="ADDRESS",
         help="scheduler of a Dask cluster (tcp://HOST:PORT) whose workers read the training bags; "

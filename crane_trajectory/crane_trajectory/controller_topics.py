@@ -1,6 +1,8 @@
 """Which controller leads the crane, and the chamber pressures that it is shown."""
 
 import time
+from dataclasses import replace
+from pathlib import Path
 
 import numpy as np
 from rclpy.node import Node
@@ -8,9 +10,10 @@ from rclpy.qos import QoSProfile
 from rclpy.subscription import Subscription
 
 from crane_interfaces.msg import CylinderPressures
+from crane_model.errors import ConfigurationError
 from crane_model.machine import Machine
-from crane_model.model_file import load_model
-from crane_trajectory.control.choice import PD_DEAD_ZONE, controller
+from crane_model.model_file import Model, load_model, save_model
+from crane_trajectory.control.choice import PD_DEAD_ZONE, controller, learning, led_by_model
 from crane_trajectory.control.controller import GainArrays
 from crane_trajectory.control.interface import (
     ChamberPressures,
@@ -19,7 +22,11 @@ from crane_trajectory.control.interface import (
     SensorReading,
     Wanted,
 )
-from crane_trajectory.trajectory_parameters import LAW, MODEL
+from crane_trajectory.control.learning import Learning
+from crane_trajectory.control.learnt import in_words, learnt_hydraulics
+from crane_trajectory.control.tuning import Tuning
+from crane_trajectory.motion.periodic import PeriodicTrajectory
+from crane_trajectory.trajectory_parameters import FEEDBACK_SCALE, LAW, LEARNING, MODEL
 
 OLDEST = 0.05  # s, of pressures that are shown; older ones are lost
 NEWEST = QoSProfile(depth=1)
@@ -34,6 +41,9 @@ class Leading:
         self._subscription: Subscription | None = None
         self._newest: ChamberPressures | None = None
         self._heard = -np.inf
+        self._model: Model | None = None
+        self._learnt: Learning | None = None
+        self._of: PeriodicTrajectory | None = None  # which `_learnt` has learnt
         self.law = PD_DEAD_ZONE
         self.controller: Controller | None = None  # (36) with gains that may change
 
@@ -41,9 +51,13 @@ class Leading:
         """Make the controller, compiled; `ConfigurationError` if what it needs is unknown."""
         self._joints, self.law = machine.joint_names, LAW.read(self._node)
         path = MODEL.read(self._node)
-        model = load_model(path) if path else None
-        made = controller(self.law, machine, gains, model)
+        self._model = load_model(path) if path else None
+        scale = FEEDBACK_SCALE.read(self._node)
+        made = controller(self.law, machine, gains, self._model, scale)
+        if LEARNING.read(self._node):
+            learning(self.law, made, period=1.0)  # refused here, not while a goal begins
         self.controller = None if self.law == PD_DEAD_ZONE else made
+        self._of = self._learnt = None
         limits = [machine.limits[joint] for joint in self._joints]
         middle = np.array([(one.position_min + one.position_max) / 2.0 for one in limits])
         rest = Point(middle, np.zeros_like(middle), np.zeros_like(middle))
@@ -52,6 +66,37 @@ class Leading:
         made.command(
             0.0, SensorReading(middle, np.zeros_like(middle), *nothing), Wanted(rest, rest)
         )
+
+    def tightened(self, tuning: Tuning) -> Tuning:
+        """The tuning with the tolerances that the controller allows."""
+        return tuning if self.controller is None else tuning.tightened(self.controller.by_model)
+
+    def leader(self, trajectory: PeriodicTrajectory) -> Controller | None:
+        """The controller, which learns the trajectory from goal to goal where it is to."""
+        if self.controller is None or not LEARNING.read(self._node):
+            return self.controller
+        if self._learnt is None or self._of != trajectory:
+            self._learnt = learning(self.law, self.controller, trajectory.period)
+            self._of = trajectory
+        return self._learnt
+
+    @property
+    def learnt(self) -> dict[str, str]:
+        """What an adaptive controller has learnt, in words; empty for others."""
+        led = led_by_model(self.controller) if self.controller else None
+        return dict(in_words(led)) if led is not None and led.adaptive else {}
+
+    def save_learnt(self, file: Path) -> None:
+        """Write the model with what was learnt; `ConfigurationError` if nothing is."""
+        led = led_by_model(self.controller) if self.controller else None
+        if led is None or not led.adaptive or self._model is None:
+            raise ConfigurationError(
+                f"nothing to save: law {self.law} learns no dead zones and gains, adaptive_flow "
+                "does"
+            )
+        assert self._model.hydraulics is not None  # `controller` saw to it
+        values = learnt_hydraulics(self._model.hydraulics, led)
+        save_model(file, replace(self._model, hydraulics=values))
 
     def listen(self) -> None:
         """To the pressures, where a controller may use them."""

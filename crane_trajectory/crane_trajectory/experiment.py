@@ -94,6 +94,7 @@ class Experiment:
         self._commanded = now
         self._entered = now  # the stage
         self._resting_since: float | None = None
+        self._noted: dict[ControlCondition, str] = {}
         self._controller = controller
         if controller is not None:
             controller.start(self._command)
@@ -119,6 +120,11 @@ class Experiment:
         if self._controller is None:
             return ControlCondition.FOLLOWING.text
         return in_words(self._controller.conditions, tuple(self._units))
+
+    @property
+    def account(self) -> str:
+        """The message, and what befell the controller on the way, with the first time of each."""
+        return "; ".join((self.message, *self._noted.values()))
 
     def retune(self, tuning: Tuning) -> None:
         """Change the controller; the command does not jump."""
@@ -192,7 +198,11 @@ class Experiment:
         else:
             shown = pressures or ChamberPressures.none(len(position))
             u = self._controlled(
-                self._controller, dt, SensorReading(position, velocity, *shown), target
+                self._controller,
+                dt,
+                SensorReading(position, velocity, *shown),
+                target,
+                tuning.saturation,
             )
             conditions = self._controller.conditions
             if any(one.stops for one in conditions):
@@ -200,26 +210,40 @@ class Experiment:
                 why = Outcome.STATES_LOST if unknown else Outcome.TRACKING_LOST
                 self.release(why, in_words(conditions, tuple(self._units)), now)
                 return self._ramp(now)
+            self._note(conditions)
         self.tracking_error = target.position - position
         self._error.add(self._clock.time, self.tracking_error)
         if lost := beyond(self.tracking_error, tuning.tolerance, self._units):
             self.release(Outcome.TRACKING_LOST, lost, now)
             return self._ramp(now)
+        if self.stage is Stage.LEADING:
+            u = u + self.motion.probe(np.array([self._clock.time]))[0]
         self._command, self._commanded = np.clip(u, -tuning.saturation, tuning.saturation), now
         if self._clock.time < 0.0:
             self._command = np.zeros(len(self._units))
         self._proceed(tuning, now)
         return self._command
 
+    def _note(self, conditions: tuple[ControlCondition, ...]) -> None:
+        for one in set(conditions) - self._noted.keys():
+            if one > ControlCondition.FOLLOWING:
+                joint = tuple(self._units)[conditions.index(one)]
+                self._noted[one] = f"{joint} at {self.elapsed:.1f} s: {one.text}"
+
     def _controlled(
-        self, controller: Controller, dt: float, reading: SensorReading, target: Target
+        self,
+        controller: Controller,
+        dt: float,
+        reading: SensorReading,
+        target: Target,
+        largest: float,
     ) -> np.ndarray:
         """What the controller answers, which is shown the reference ahead, too."""
         ahead = self._clock.later(controller.preview).target(self.motion)
         began, period = self.motion.excitation_start, self.motion.trajectory.period
         leading = self.stage is Stage.LEADING and target.phase is Phase.EXCITATION
         phase = (self._clock.time - began) % period if leading else np.nan
-        wanted = Wanted(Point(*target[:3]), Point(*ahead[:3]), phase)
+        wanted = Wanted(Point(*target[:3]), Point(*ahead[:3]), phase, largest)
         return controller.command(dt, reading, wanted)
 
     def _proceed(self, tuning: Tuning, now: float) -> None:

@@ -121,7 +121,7 @@ class Goals:
             if (now := time.monotonic()) - told >= FEEDBACK:
                 told = now
                 goal.publish_feedback(feedback_message(experiment))
-        return self._ended(goal, experiment.outcome, experiment.message, experiment.rms)
+        return self._ended(goal, experiment.outcome, experiment.account, experiment.rms)
 
     async def _aside(self, goal: ServerGoalHandle, work: Callable[[], Made]) -> Made:
         """What `work` returns, while the executor does all the rest; `CanceledError` if canceled.

@@ -1,5 +1,7 @@
 """What /diagnostics says of the trajectory node."""
 
+from collections.abc import Mapping
+
 from builtin_interfaces.msg import Time
 from diagnostic_msgs.msg import DiagnosticArray, DiagnosticStatus, KeyValue
 
@@ -7,9 +9,18 @@ from crane_trajectory.experiment import Experiment
 
 
 def condition(
-    name: str, lifecycle: str, experiment: Experiment | None, last: str, driver: str, stamp: Time
+    name: str,
+    lifecycle: str,
+    experiment: Experiment | None,
+    last: str,
+    driver: str,
+    learnt: Mapping[str, str],
+    stamp: Time,
 ) -> DiagnosticArray:
-    """State, phase and tracking error; `last` is how the last experiment has ended."""
+    """State, phase and tracking error; `last` is how the last experiment has ended.
+
+    `learnt` is what the controller has learnt, in words.
+    """
     found = DiagnosticStatus(name=f"{name}: experiment", level=DiagnosticStatus.OK)
     values = {"state": lifecycle, "driver": driver, "last result": last, "phase": "rest"}
     if experiment is None:
@@ -27,6 +38,7 @@ def condition(
         units = experiment.motion.machine.units
         for (joint, unit), error in zip(units.items(), experiment.tracking_error, strict=True):
             values[f"tracking error, {joint} [{unit}]"] = f"{error:.4g}"
+    values |= learnt
     found.values = [KeyValue(key=key, value=value) for key, value in values.items()]
     message = DiagnosticArray(status=[found])
     message.header.stamp = stamp

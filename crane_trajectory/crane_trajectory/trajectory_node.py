@@ -10,6 +10,7 @@ Software is no safety stop: keep the emergency stop of the machine within reach.
 import time
 from collections.abc import Callable, Sequence
 from functools import partial
+from pathlib import Path
 
 from diagnostic_msgs.msg import DiagnosticArray
 from rclpy.clock import Clock, ClockType
@@ -17,6 +18,7 @@ from rclpy.lifecycle import LifecycleNode, LifecycleState, TransitionCallbackRet
 from rclpy.subscription import Subscription
 from rclpy.task import Future
 from sensor_msgs.msg import JointState
+from std_srvs.srv import Trigger
 
 from crane_interfaces.msg import DriverState, JointReference
 from crane_model.errors import CraneError, DataError
@@ -36,7 +38,13 @@ from crane_trajectory.motion.periodic import PeriodicTrajectory, load_trajectory
 from crane_trajectory.readiness import Readiness
 from crane_trajectory.run_excitation_action import ACTION, Goals, NotReadyError
 from crane_trajectory.trajectory_condition import condition
-from crane_trajectory.trajectory_parameters import CLEARANCE, FIXED, STATES_TIMEOUT, parameters_of
+from crane_trajectory.trajectory_parameters import (
+    CLEARANCE,
+    FIXED,
+    LEARNT_OUTPUT,
+    STATES_TIMEOUT,
+    parameters_of,
+)
 from crane_trajectory.trajectory_topics import reference_message, sample, several_sources
 from crane_trajectory.tuning_parameters import TuningParameters
 from crane_trajectory.valve_topics import Valves
@@ -53,7 +61,7 @@ class Trajectory(LifecycleNode):
     def __init__(self) -> None:
         super().__init__("trajectory")
         self._machine = declare_machine(self)
-        declare(self, FIXED, read_only=(AUTOSTART,))
+        declare(self, (*FIXED, LEARNT_OUTPUT), read_only=(AUTOSTART,))
         self._tuning_parameters = TuningParameters(self, self._machine, changed=self._retune)
         self._lifecycle = "unconfigured"
         hold(self, FIXED, lambda: self._lifecycle)
@@ -69,6 +77,7 @@ class Trajectory(LifecycleNode):
         self._references = self.create_publisher(JointReference, "joint_reference", DEPTH)
         self._diagnostics = self.create_publisher(DiagnosticArray, "/diagnostics", DEPTH)
         self._driver = DriverClient(self)
+        self.create_service(Trigger, "~/save_learnt", self._save_learnt)
         self.create_timer(WATCH_PERIOD_S, self._watch, clock=steady)
         self.create_timer(REPORT_PERIOD_S, self._report, clock=steady)
         self._goals = Goals(self, leader=self, units=self._machine.units)
@@ -82,6 +91,7 @@ class Trajectory(LifecycleNode):
             self._tuning_parameters.read_file(self._machine)
             self._tuning = self._tuning_parameters.read()
             self._leading.configure(self._machine, self._tuning.gains)
+            self._tuning = self._leading.tightened(self._tuning)
             clearance = machine_file("clearance.yaml", MACHINE.read(self), CLEARANCE.read(self))
             self._clearance = load_clearance(clearance)
         except CraneError as error:
@@ -226,7 +236,7 @@ class Trajectory(LifecycleNode):
             self._tuning,
             STATES_TIMEOUT.read(self),
             time.monotonic(),
-            self._leading.controller,
+            self._leading.leader(motion.trajectory),
         )
         return self._experiment
 
@@ -240,15 +250,28 @@ class Trajectory(LifecycleNode):
     def _retune(self) -> None:
         if self._lifecycle == "unconfigured":
             return
-        self._tuning = self._tuning_parameters.read()
+        self._tuning = self._leading.tightened(self._tuning_parameters.read())
         if self._experiment is not None:
             self._experiment.retune(self._tuning)
 
     def _report(self) -> None:
         last, driver = self._goals.last, self._driver.state.text
         now = self.get_clock().now().to_msg()
-        found = condition(self.get_name(), self._lifecycle, self._experiment, last, driver, now)
+        learnt = self._leading.learnt
+        found = condition(
+            self.get_name(), self._lifecycle, self._experiment, last, driver, learnt, now
+        )
         self._diagnostics.publish(found)
+
+    def _save_learnt(self, _: Trigger.Request, response: Trigger.Response) -> Trigger.Response:
+        file = Path(LEARNT_OUTPUT.read(self)).absolute()
+        try:
+            self._leading.save_learnt(file)
+        except (CraneError, OSError) as error:
+            response.message = str(error)
+            return response
+        response.success, response.message = True, f"wrote {file}; give it as model to go on"
+        return response
 
 
 ABOUT = """Leads the crane through excitation trajectories, as goals of the action

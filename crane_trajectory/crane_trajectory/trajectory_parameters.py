@@ -11,8 +11,8 @@ from crane_model.machine_files import DEFAULT_MACHINE, machine_file
 from crane_nodes.joint_notes import load_joint_notes
 from crane_nodes.machine_parameter import MACHINE
 from crane_nodes.managed import AUTOSTART
-from crane_nodes.parameters import NodeParameter, Number, Text
-from crane_trajectory.control.choice import NAMES, PD_DEAD_ZONE
+from crane_nodes.parameters import NodeParameter, Number, Switch, Text
+from crane_trajectory.control.choice import MAY_LEARN, NAMES, PD_DEAD_ZONE
 from crane_trajectory.control.controller import Gains, JointGains, load_gains
 from crane_trajectory.control.tuning import Tuning
 
@@ -49,6 +49,23 @@ MODEL = Text(
     "Model file with the identified hydraulics of the machine, for every law but "
     f"{PD_DEAD_ZONE}. At configure",
 )
+FEEDBACK_SCALE = Number(
+    "feedback_scale",
+    1.0,
+    "-",
+    0.05,
+    2.0,
+    f"Of the gains of every law but {PD_DEAD_ZONE}; tune says what the crane stands. At configure",
+)
+LEARNING = Switch(
+    "learning",
+    False,
+    f"Learn a periodic motion from period to period, where law is {' or '.join(MAY_LEARN)}. "
+    "At configure",
+)
+LEARNT_OUTPUT = Text(
+    "learnt_output", "learnt_model.yaml", "Model file that ~/save_learnt writes, replacing it"
+)
 STATES_TIMEOUT = Number(
     "states_timeout",
     0.06,
@@ -58,7 +75,7 @@ STATES_TIMEOUT = Number(
     "Silence of joint_states after which the crane is brought to rest. At configure",
 )
 SATURATION = Number("saturation", 1.0, "-", 0.01, 1.0, f"Largest spool command{LIVE}")
-FIXED = (AUTOSTART, CLEARANCE, CONTROLLER, LAW, MODEL, STATES_TIMEOUT)
+FIXED = (AUTOSTART, CLEARANCE, CONTROLLER, LAW, MODEL, FEEDBACK_SCALE, LEARNING, STATES_TIMEOUT)
 
 
 def _gain(joint: str, unit: str, field: str, default: float) -> Number:
@@ -98,7 +115,8 @@ class TuningNumbers(NamedTuple):
                     units[joint],
                     1e-4,
                     2.0,
-                    f"Distance from the reference at which the crane is brought to rest{LIVE}",
+                    "Distance from the reference at which the crane is brought to rest; a tenth "
+                    f"of it where the joint is led by the model{LIVE}",
                 )
                 for joint, note in notes.items()
             },
@@ -137,4 +155,4 @@ class TuningNumbers(NamedTuple):
 
 def parameters_of(machine: str = DEFAULT_MACHINE) -> tuple[NodeParameter, ...]:
     """All parameters of the node, with what the files of the machine of this name say."""
-    return (MACHINE, *FIXED, *TuningNumbers.of(load_machine(machine), machine).all)
+    return (MACHINE, *FIXED, LEARNT_OUTPUT, *TuningNumbers.of(load_machine(machine), machine).all)

@@ -8,6 +8,8 @@ ARGUMENTS = COMMON | {
     "machine": "Machine by its name, or its folder or machine file",
     "clearance": "File of the room that the boom tip keeps",
     "controller": "File of the gains, as bring-up writes it",
+    "law": "How the crane is led, for example flow_and_pressures",
+    "law_model": "Model file with hydraulics for that law",
 }
 
 
@@ -23,6 +25,8 @@ def generate_launch_description() -> LaunchDescription:
                     "machine": ("machine", str),
                     "clearance": ("clearance", str),
                     "controller": ("controller", str),
+                    "law": ("law", str),
+                    "model": ("law_model", str),
                 },
             ),
         ]

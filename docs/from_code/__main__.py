@@ -8,16 +8,22 @@ from from_code import (
     command_line,
     files,
     imports_picture,
+    machines,
     messages,
     nodes,
     result_files,
+)
+
+MODULES = (
+    *(command_line, nodes, messages, files, result_files, api, imports_picture),
+    machines,
 )
 
 
 def main(folder: Path) -> None:
     """Write what has changed, remove what is no longer made."""
     made: dict[str, str] = {}
-    for module in (command_line, nodes, messages, files, result_files, api, imports_picture):
+    for module in MODULES:
         made |= module.pages()
     folder.mkdir(exist_ok=True)
     for path in folder.iterdir():

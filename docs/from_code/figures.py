@@ -11,6 +11,7 @@ from collections.abc import Callable, Sequence
 from pathlib import Path
 
 from crane_benchmark.measured import MeasuredFigures, MeasuredRow, write
+from crane_machines import shipped
 from crane_model.configuration import load
 from crane_model.machine_files import machine_file
 from crane_trajectory.motion.fourier import FourierTrajectory
@@ -20,6 +21,7 @@ ROOT = Path(__file__).resolve().parents[2]
 MEASURED = ROOT / "docs" / "measured"
 SOURCES = (
     ("demo", "demo/figures.json"),
+    *((f"demo_{name}", f"demo/figures_{name}.json") for name in shipped()),
     ("study", "study/figures.json"),
     ("discrepancy", "discrepancy_benchmark/scoring/*/figures.json"),
     ("", "bench/*.json"),  # by their own names

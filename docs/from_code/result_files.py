@@ -4,6 +4,7 @@ from typing import Any, NamedTuple
 
 from pydantic import BaseModel
 
+from crane_benchmark.scores.summary import BenchmarkResults
 from crane_driver.operator.bringup.series import RESULTS
 from crane_identification.diagnosis.findings_file import Findings
 from crane_identification.report.summary import ClusterSummary, Summary
@@ -26,6 +27,7 @@ KINDS = (
     Kind("findings.json", "Written by `diagnose`; `diagnose --explain` prints it.", Findings),
     Kind("Result of an excitation", "Written by `run_excitation --result`.", ExcitationResult),
     Kind("Label", "Written by `make_bag --label`; `make_bag --hide` reads it, too.", Label),
+    Kind("results.json", "Written by `discrepancy`, once every case is scored.", BenchmarkResults),
     *(
         Kind(f"result.yaml of {step}", f"Written by `bringup {step}`.", schema)
         for step, schema in RESULTS.items()

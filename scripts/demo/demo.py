@@ -1,10 +1,11 @@
 """make demo: the whole suite live around the stand-in machine, then a fitted and validated model.
 
 Simulated crane, driver, trajectory, identification and recorder run as processes; two experiments
-are recorded, the model is fitted to one bag and validated on the other. Then the same from bags of
-a machine with dynamic friction (LuGre), made faster than real time: the model cannot represent that
-law, and the bias this brings is seen. Last, the machine gets an effect that the model lacks, and
-its bags alone must tell which. Everything is done by the executables that a user would call;
+are recorded, the model is fitted to one bag and validated on the other. The same from bags of a
+machine with dynamic friction (LuGre), made faster than real time: the model cannot represent that
+law, and the bias this brings is seen. Then the fitted model leads the crane through the first
+motion again. Last, the machine gets an effect that the model lacks, and its bags alone must tell
+which. Everything is done by the executables that a user would call;
 results are left in runs/demo.
 """
 
@@ -16,11 +17,12 @@ import time
 from collections.abc import Iterator
 from contextlib import contextmanager
 
+import following
 import live
 import missing
 from figures import write_figures
 from laws import OUT, Law, dynamic_law, identify, make_bags, report_law
-from outcome import FILE, recorded
+from outcome import FILE, Following, recorded
 from processes import DemoError, Processes
 from rich.console import Console
 from rich.progress import Progress, SpinnerColumn, TextColumn, TimeElapsedColumn
@@ -63,6 +65,7 @@ def main() -> int:
     try:
         name = options.machine or DEFAULT_MACHINE
         laws = report_law(name), dynamic_law(name)
+        laws[0].check()
     except ConfigurationError as error:
         parser.error(str(error))
     console = terminal.console(WIDTH)
@@ -112,6 +115,7 @@ def _demo(
         errors_table(law.summary(), dynamic.summary()),
         bags_table(law, outcome),
     )
+    followed = _follow(console, phases, suite, domain, law, seed)
     with phases.phase("missing_bags", "last act: bags of a machine with an effect the model lacks"):
         missing.make_bags(suite, law, seed)
     with phases.phase("diagnose", "which effect is it? asked of the bags alone"):
@@ -119,11 +123,31 @@ def _demo(
     console.print(missing.answer(suite), highlight=False)
     console.print(missing.table())
     outcome = outcome.model_copy(
-        update={"hidden": missing.hidden(), "wall_seconds": phases.seconds}
+        update={
+            "following": followed,
+            "hidden": missing.hidden(),
+            "wall_seconds": phases.seconds,
+        }
     )
     outcome.write(FILE)
     write_figures(law, dynamic, outcome)
     console.print(f"Reports: {OUT}/report.html, {missing.ANSWER}/report.html   Measured: {FILE}")
+
+
+def _follow(
+    console: Console, phases: Phases, suite: Processes, domain: int, law: Law, seed: int
+) -> Following | None:
+    """The fitted model leads the crane: how well, or None where it cannot."""
+    if refusal := following.refusal(law):
+        console.print(f"not led by its model: {refusal}", highlight=False)
+        return None
+    start = time.monotonic()
+    live.follow(suite, domain, law, seed, following.CONTROLLER, console.print)
+    followed = following.measured(law)
+    following.draw(law)
+    phases.seconds["follow"] = round(time.monotonic() - start, 2)
+    console.print(following.table(law, followed), f"Picture: {following.PICTURE}")
+    return followed
 
 
 if __name__ == "__main__":

@@ -1,6 +1,7 @@
 """The figures that the demo measures, for the manual."""
 
 from collections.abc import Iterator, Mapping, Sequence
+from pathlib import Path
 
 from laws import OUT, Law
 from outcome import DemoOutcome, OnlineEstimate, motion_errors
@@ -8,18 +9,21 @@ from outcome import DemoOutcome, OnlineEstimate, motion_errors
 from crane_benchmark.measured import MeasuredRow, of_joints, write
 from crane_identification.report.summary import ParameterSummary, Summary
 from crane_model.machine import load_machine
-
-COMMAND = "make demo"
+from crane_model.machine_files import DEFAULT_MACHINE
 
 
 def write_figures(law: Law, dynamic: Law, outcome: DemoOutcome) -> None:
-    """Next to the demo's outcome."""
+    """Next to the demo's outcome; those of another machine than the default by its name."""
+    command, name = "make demo", "figures.json"
+    if law.machine != DEFAULT_MACHINE:
+        command, name = f"make demo MACHINE={law.machine}", f"figures_{Path(law.machine).stem}.json"
     units = load_machine(law.machine).units
-    found = rows(law.summary(), dynamic.summary(), outcome, law.planted(), units)
-    write(OUT / "figures.json", COMMAND, list(found))
+    found = rows(command, law.summary(), dynamic.summary(), outcome, law.planted(), units)
+    write(OUT / name, command, list(found))
 
 
 def rows(
+    command: str,
     summary: Summary,
     dynamic: Summary,
     outcome: DemoOutcome,
@@ -52,18 +56,29 @@ def rows(
     ):  # fmt: skip
         yield of_joints(name, what, _known(errors), ".2%")
     yield of_joints("friction_share", "friction in τ", _known(summary.friction_share), ".0%")
-    tracked = _known(outcome.tracking_rms)
+    yield _tracked("tracking", "RMS tracking error by (36)", outcome.tracking_rms, units)
+    if followed := outcome.following:
+        what = f"the same by `{followed.controller}` with the fitted model"
+        yield _tracked("following", what, followed.tracking_rms, units, digits=2)
     yield MeasuredRow(
-        cells=[
-            f"RMS tracking error ({', '.join(tracked)})",
-            "",
-            ", ".join(f"{{tracking_{joint}:.0f}} m{units[joint]}" for joint in tracked),
-        ],
-        values={f"tracking_{joint}": 1e3 * error for joint, error in tracked.items()},
-    )
-    yield MeasuredRow(
-        cells=[f"`{COMMAND}`, after the set-up", "", "{seconds:.0f} s"],
+        cells=[f"`{command}`, after the set-up", "", "{seconds:.0f} s"],
         values={"seconds": sum(outcome.wall_seconds.values())},
+    )
+
+
+def _tracked(
+    name: str,
+    what: str,
+    errors: Mapping[str, float | None],
+    units: Mapping[str, str],
+    digits: int = 0,
+) -> MeasuredRow:
+    """Errors of joints [rad, m]."""
+    known = _known(errors)
+    shown = (f"{{{name}_{joint}:.{digits}f}} m{units[joint]}" for joint in known)
+    return MeasuredRow(
+        cells=[f"{what} ({', '.join(known)})", "", ", ".join(shown)],
+        values={f"{name}_{joint}": 1e3 * error for joint, error in known.items()},
     )
 
 

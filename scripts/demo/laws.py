@@ -11,6 +11,10 @@ from crane_model.machine_files import machine_file
 
 OUT = Path("runs/demo")
 EXCITATION, VALIDATION = "excitation_20s.yaml", "validation_20s.yaml"
+NEEDED = (  # by the acts to come: better missed at once than in the middle
+    *("model.yaml", EXCITATION, VALIDATION, "joints.yaml", "sensors.yaml", "can.yaml", "can.dbc"),
+    *("safety.yaml", "controller.yaml", "clearance.yaml", "hydraulics.yaml"),
+)
 PERIODS = 5  # of the bags that are made faster than real time
 
 
@@ -23,12 +27,22 @@ class Law:
     plant: Path
     folder: Path
 
+    def check(self) -> None:
+        """`ConfigurationError` if the machine lacks a file."""
+        for name in NEEDED:
+            self.file(name)
+
     def file(self, name: str) -> Path:
         """A file of the machine."""
         return machine_file(name, self.machine)
 
+    @property
+    def fitted(self) -> Path:
+        """The model file that `identify` writes."""
+        return self.folder / "model.yaml"
+
     def bag(self, use: str) -> Path:
-        """Folder of the bag recorded for `use`, "train" or "validate"."""
+        """Folder of the bag recorded for `use`, "train", "validate" or "follow"."""
         return self.folder / "bags" / use
 
     def result(self, use: str) -> Path:

@@ -19,7 +19,7 @@ from crane_interfaces.msg import DriverState
 from crane_nodes.driver_client import DriverClient
 
 DOMAINS = 101  # ROS_DOMAIN_ID 1 to this can be used on every Linux
-FIT_PERIODS, VALIDATION_PERIODS = 3, 2
+FIT_PERIODS, VALIDATION_PERIODS, FOLLOW_PERIODS = 3, 2, 2
 TRIES = 2
 NAME = "demo"
 LEADING = ("trajectory", "recorder")  # nodes without which no experiment is worth its time
@@ -78,24 +78,12 @@ def record(suite: Processes, domain: int, law: Law, seed: int, say: Say) -> None
 
     `DemoError` if a process fails or an experiment ends early, twice.
     """
-    port = _free_port()
     with Onlooker(domain) as onlooker:
         say("starting: simulated crane, driver, trajectory, identification, recorder")
-        suite.start(
-            *("crane", "crane_sim", "simulated_crane", "--bus-option", f"port={port}"),
-            *("--machine", law.machine, "--plant", law.plant, "--seed", seed),
-        )
-        suite.start(
-            *("driver", "crane_driver", "driver", "--ros-args"),
-            *("-p", f"machine:={law.machine}", "-p", f"bus.options:=port={port}"),
-        )
-        suite.start(
-            *("trajectory", "crane_trajectory", "trajectory", "--ros-args"),
-            *("-p", f"machine:={law.machine}"),
-        )
+        _start(suite, law, seed)
         suite.start(
             *("identification", "crane_identification", "identification", "--ros-args"),
-            *("-p", f"model:={law.file('model.yaml')}"),
+            *("-p", f"machine:={law.machine}"),
         )
         _experiment(
             suite, onlooker, law, "train", EXCITATION, FIT_PERIODS, (*LEADING, "identification")
@@ -103,8 +91,41 @@ def record(suite: Processes, domain: int, law: Law, seed: int, say: Say) -> None
         suite.stop("identification")
         say("a second, other motion, for validation")
         _experiment(suite, onlooker, law, "validate", VALIDATION, VALIDATION_PERIODS, LEADING)
-        for name in ("trajectory", "driver", "crane"):
-            suite.stop(name)
+        _stop(suite)
+
+
+def follow(suite: Processes, domain: int, law: Law, seed: int, controller: str, say: Say) -> None:
+    """The motion that the model was fitted to once more, led by a controller that uses the model.
+
+    Recorded as the bag "follow". `DemoError` as `record`.
+    """
+    with Onlooker(domain) as onlooker:
+        say(f"the motion of the fit again, led by the fitted model: {controller}")
+        _start(suite, law, seed, "-p", f"law:={controller}", "-p", f"model:={law.fitted}")
+        _experiment(suite, onlooker, law, "follow", EXCITATION, FOLLOW_PERIODS, LEADING)
+        _stop(suite)
+
+
+def _start(suite: Processes, law: Law, seed: int, *leading: str) -> None:
+    """Simulated crane, driver, and the trajectory node, `leading` its further arguments."""
+    port = _free_port()
+    suite.start(
+        *("crane", "crane_sim", "simulated_crane", "--bus-option", f"port={port}"),
+        *("--machine", law.machine, "--plant", law.plant, "--seed", seed),
+    )
+    suite.start(
+        *("driver", "crane_driver", "driver", "--ros-args"),
+        *("-p", f"machine:={law.machine}", "-p", f"bus.options:=port={port}"),
+    )
+    suite.start(
+        *("trajectory", "crane_trajectory", "trajectory", "--ros-args"),
+        *("-p", f"machine:={law.machine}", *leading),
+    )
+
+
+def _stop(suite: Processes) -> None:
+    for name in ("trajectory", "driver", "crane"):
+        suite.stop(name)
 
 
 def _experiment(
@@ -124,7 +145,7 @@ def _experiment(
         status = suite.attend(
             *("excitation", "crane_trajectory", "run_excitation", "--enable"),
             *("--trajectory", law.file(trajectory), "--periods", periods),
-            *("--result", law.result(use)),
+            *("--result", law.result(use), "--replace"),
         )
         suite.stop("recorder")
         if status == 0:

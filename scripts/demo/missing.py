@@ -11,10 +11,12 @@ from rich.table import Table
 
 from crane_identification.diagnosis.findings_file import Findings
 from crane_identification.report.terminal import plain_table
+from crane_model.machine import load_machine
 from crane_model.model_file import load_model
+from crane_sim.effects.forms import FORMS
 from crane_sim.hiding.label import Label, LabelledEffect
 
-# What these motions show; `make discrepancy-benchmark` hides everything.
+# What such motions show on any machine; `make discrepancy-benchmark` hides everything.
 EFFECTS = ("stribeck", "viscous_quadratic", "load_friction", "position_friction", "hose_stiffness")
 PERIODS = 3
 STRENGTH = 0.04  # rms of the force of the effect over that of the drive
@@ -27,9 +29,7 @@ HELD_OUT = {"held_out": VALIDATION}
 
 def make_bags(suite: Processes, law: Law, seed: int) -> None:
     """Record the machine with the effect, faster than real time."""
-    rng = np.random.default_rng(seed)
-    joints = load_model(law.file("model.yaml")).joints
-    effect, joint = str(rng.choice(EFFECTS)), str(rng.choice(joints))
+    effect, joint = drawn(law, np.random.default_rng(seed))
     hidden = {"effect": effect, "joint": joint, "strength": STRENGTH}
     LABELS.mkdir(parents=True)
     spec = LABELS / "hidden.yaml"
@@ -45,12 +45,23 @@ def make_bags(suite: Processes, law: Law, seed: int) -> None:
     suite.finish(*bags)
 
 
+def drawn(law: Law, rng: np.random.Generator) -> tuple[str, str]:
+    """One of EFFECTS that the machine can have, and one of the joints that can have it."""
+    machine, known = load_machine(law.machine), load_model(law.file("model.yaml")).joints
+    joints = {
+        effect: [one for one in FORMS[effect][0].where.joints(machine) if one in known]
+        for effect in EFFECTS
+    }
+    effect = str(rng.choice([one for one in EFFECTS if joints[one]]))
+    return effect, str(rng.choice(joints[effect]))
+
+
 def diagnose(suite: Processes, law: Law) -> None:
     """Answer from the bags alone."""
     bags = FOLDER / "bags"
     suite.start(
         *("diagnose", "crane_identification", "diagnose", "--out", ANSWER),
-        *("--model", law.file("model.yaml")),
+        *("--model", law.file("model.yaml"), "--hydraulics", law.file("hydraulics.yaml")),
         *("--train", *(bags / name for name in TRAIN)),
         *("--validate", *(bags / name for name in HELD_OUT)),
     )
@@ -71,7 +82,7 @@ def table() -> Table:
         result.add_column(heading, justify="right")
     found = Findings.read(ANSWER / "findings.json")
     for one in hidden():
-        result.add_row("hidden", one.effect, one.joint, f"{one.strength:.1%}", "", "")
+        result.add_row("hidden", one.effect, one.joint or "all", f"{one.strength:.1%}", "", "")
     for finding in found.findings:
         errors = (
             f"{error.force_relative_error:.2%}" if error else ""

@@ -35,13 +35,26 @@ class Recording(ResultPart):
     """Pauses of more than 1.5 cycles in the topics of the control loop [-]."""
 
 
+class Following(ResultPart):
+    """How well the fitted model led the crane through the first experiment again."""
+
+    controller: str
+    """By its name."""
+    tracking_rms: NumberByJoint
+    """Rms of reference minus position [rad, m]."""
+    times_better: NumberByJoint
+    """Than (36) in the first experiment [-]; null where the joint was held."""
+
+
 class DemoOutcome(ResultFile):
     """What the demo measured itself."""
 
     online: list[OnlineEstimate]
     """Of all parameters that were planted and fitted."""
     tracking_rms: NumberByJoint
-    """Rms of reference minus position in the first experiment [rad, m]."""
+    """Rms of reference minus position in the first experiment, led by (36) [rad, m]."""
+    following: Following | None = None
+    """The same led by the fitted model; null where it cannot lead."""
     recorded: dict[str, Recording]
     """By use, `train` and `validate`."""
     hidden: list[LabelledEffect] = []

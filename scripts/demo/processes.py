@@ -13,6 +13,7 @@ from typing import Any, Self
 from ament_index_python.packages import get_package_prefix
 
 END_TIMEOUT_S = 20.0  # for a process to end by itself, once it was asked to
+READY_TIMEOUT_S = 120.0  # in which nodes compile, where they run for the first time
 LAST_LINES = 15  # of a log, in an error
 SIGNALS = (signal.SIGINT, signal.SIGTERM, signal.SIGHUP)
 
@@ -142,11 +143,11 @@ class Processes:
 
     def until(self, condition: Callable[[], bool], otherwise: str) -> None:
         """Wait for a condition; `DemoError` if a process ends or it takes too long."""
-        end = time.monotonic() + 2 * END_TIMEOUT_S
+        end = time.monotonic() + READY_TIMEOUT_S
         while not condition():
             self.check()
             if time.monotonic() > end:
-                raise DemoError(f"{otherwise} (waited {2 * END_TIMEOUT_S:g} s); see {self._logs}")
+                raise DemoError(f"{otherwise} (waited {READY_TIMEOUT_S:g} s); see {self._logs}")
 
     def _log(self, name: str) -> Path:
         return self._logs / f"{name}.log"

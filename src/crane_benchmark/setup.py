@@ -38,6 +38,7 @@ setup(
         "crane_trajectory",
         "matplotlib",
         "numpy",
+        "pydantic>=2",
         "pysindy",
         "rich",
         "ruamel.yaml",

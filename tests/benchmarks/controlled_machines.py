@@ -1,134 +1,94 @@
-"""Stand-in machines to be controlled, each with what its controller knows of it."""
+"""Stand-in machines to be controlled."""
 
+from collections.abc import Sequence
 from typing import NamedTuple
 
 import numpy as np
 
-from crane_model.cylinders import lever_arm
 from crane_model.machine import Machine, load_machine
-from crane_model.machine_files import machine_file
-from crane_model.model_file import Model, load_model
+from crane_model.machine_files import DEFAULT_MACHINE, machine_file
 from crane_sim.effects.form import Planted
 from crane_sim.effects.forms import FORMS
 from crane_sim.parts.parameters import Edges, StandIn, load_stand_in
-from crane_sim.planted import planted
-from crane_trajectory.control.valves_and_oil import ValvesAndOil
-
-MACHINE: Machine = load_machine()
-JOINTS = MACHINE.joint_names
-STAND_IN = load_stand_in()
-MEASURED = tuple(joint for joint in JOINTS if MACHINE.cylinders[joint].pressure_sensors)
-LAG = 0.010  # s, from a reading until its command is in force, on average
-
-
-class Known(NamedTuple):
-    """What a controller knows."""
-
-    model: Model
-    hydraulics: ValvesAndOil
-
-    def wrong_by(self, share: float, seed: int) -> "Known":
-        """Every value off by up to a share of it, evenly drawn."""
-        rng = np.random.default_rng(seed)
-        fixed = {"sense", "area_a", "area_b", "length_min", "length_max", "play"}
-        fixed |= {"supply_pressure", "tank_pressure"}
-
-        def off(values: np.ndarray) -> np.ndarray:
-            return values * rng.uniform(1.0 - share, 1.0 + share, len(values))
-
-        changed = {
-            name: off(values)
-            for name, values in self.hydraulics._asdict().items()
-            if name not in fixed
-        }
-        model = self.model
-        return Known(
-            model.with_estimate(off(model.theta), np.zeros(len(model.theta)), "drawn"),
-            self.hydraulics._replace(**changed),
-        )
 
 
 class Controlled(NamedTuple):
-    """A machine and what is known of it."""
+    """A machine, and the stand-in for it with what it hides; its files are in the folder `name`."""
 
+    machine: Machine
     stand_in: StandIn
-    known: Known
     hidden: tuple[Planted, ...] = ()
+    name: str = DEFAULT_MACHINE
+
+    @property
+    def joints(self) -> tuple[str, ...]:
+        """From the base to the tip."""
+        return self.machine.joint_names
+
+    @property
+    def measured(self) -> tuple[str, ...]:
+        """The joints whose cylinders have pressure transducers."""
+        actuators = self.machine.cylinders
+        return tuple(joint for joint in self.joints if actuators[joint].pressure_sensors)
+
+    def hiding(
+        self, effect: str, values: Sequence[float], joints: Sequence[str] | None = None
+    ) -> "Controlled":
+        """With an effect more, on all joints with transducers or on `joints`."""
+        form = FORMS[effect][0]
+        more = tuple(Planted(form, one, tuple(values)) for one in joints or self.measured)
+        return self._replace(hidden=(*self.hidden, *more))
 
 
-def truth(stand_in: StandIn, play: float = 0.0) -> Known:
-    """What the file of a stand-in machine says of it."""
-    model = load_model(machine_file("model.yaml"))
-    theta = np.array([one.value for one in planted(stand_in, MACHINE)])
-    model = model.with_estimate(theta, np.zeros(len(theta)), "the file of the stand-in machine")
-    valves = [stand_in.valves[joint] for joint in JOINTS]
-    actuators = [MACHINE.cylinders[joint] for joint in JOINTS]
-    inside = [stand_in.cylinders[joint] for joint in JOINTS]
-    arms = [
-        lever_arm(MACHINE, joint, np.array([q]))[0]
-        for joint, q in zip(JOINTS, stand_in.start, strict=True)
-    ]
-
-    def of(rows: list, name: str) -> np.ndarray:
-        return np.array([getattr(row, name) for row in rows])
-
-    gain = of(valves, "rated_flow") / np.sqrt(of(valves, "rated_drop"))
-    edges = [valve.edges for valve in valves]
-    sense, same = np.sign(arms), np.ones(len(JOINTS))
-    null = sense * of(valves, "null_bias")
-    spool = 2.0 * of(valves, "damping_ratio") / (2.0 * np.pi * of(valves, "natural_frequency"))
-    hydraulics = ValvesAndOil(
-        sense=sense,
-        **{name: of(actuators, name) for name in ("area_a", "area_b", "length_min", "length_max")},
-        **{name: of(inside, name) for name in ("dead_volume_a", "dead_volume_b", "leakage")},
-        bulk_modulus=stand_in.oil.bulk_modulus * same,
-        **{name: gain * of(edges, name) for name in Edges.model_fields},
-        dead_zone_extend=of(valves, "dead_zone") + null,
-        dead_zone_retract=of(valves, "dead_zone") - null,
-        play=play * np.array([joint in MEASURED for joint in JOINTS]),
-        lag=spool + LAG,
-        supply_pressure=MACHINE.hydraulics.supply_pressure * same,
-        tank_pressure=MACHINE.hydraulics.tank_pressure * same,
-    )
-    return Known(model, hydraulics)
-
-
-def stock() -> Controlled:
-    """As its file has it."""
-    return Controlled(STAND_IN, truth(STAND_IN))
+def stock(name: str = DEFAULT_MACHINE, stand_in: str = "stand_in.yaml") -> Controlled:
+    """As its files have it."""
+    machine = load_machine(name)
+    return Controlled(machine, load_stand_in(machine_file(stand_in, name), machine), name=name)
 
 
 def loaded(mass: float) -> Controlled:
-    """With a mass [kg] in the gripper, of which its controller is not told."""
-    gripper = STAND_IN.bodies["gripper"]
+    """With a mass [kg] in the gripper."""
+    machine = stock()
+    gripper = machine.stand_in.bodies["gripper"]
     heavy = gripper.model_copy(update={"mass": gripper.mass + mass})
-    bodies = {**STAND_IN.bodies, "gripper": heavy}
-    return Controlled(STAND_IN.model_copy(update={"bodies": bodies}), truth(STAND_IN))
+    bodies = {**machine.stand_in.bodies, "gripper": heavy}
+    return machine._replace(stand_in=machine.stand_in.model_copy(update={"bodies": bodies}))
 
 
 def hard(frequency: float, play: float, spread: float, seed: int = 3) -> Controlled:
     """Dynamic friction, slow valves [Hz] with play, the gains of their edges unequal by a share."""
-    stand_in = load_stand_in(machine_file("stand_in_dynamic_friction.yaml"))
+    machine = stock(stand_in="stand_in_dynamic_friction.yaml")
     rng = np.random.default_rng(seed)
 
     def edges() -> Edges:
         return Edges(**{name: rng.uniform(1 - spread, 1 + spread) for name in Edges.model_fields})
 
     valves = {
-        joint: stand_in.valves[joint].model_copy(
-            update={"natural_frequency": frequency, "edges": edges()}
-        )
-        for joint in JOINTS
+        joint: valve.model_copy(update={"natural_frequency": frequency, "edges": edges()})
+        for joint, valve in machine.stand_in.valves.items()
     }
-    stand_in = stand_in.model_copy(update={"valves": valves})
-    form = FORMS["valve_hysteresis"][0]
-    hidden = tuple(Planted(form, joint, (play,)) for joint in MEASURED)
-    return Controlled(stand_in, truth(stand_in, play), hidden)
+    stand_in = machine.stand_in.model_copy(update={"valves": valves})
+    return machine._replace(stand_in=stand_in).hiding("valve_hysteresis", [play])
 
 
 def bending(share: float = 0.3, frequency: float = 3.0, damping: float = 0.05) -> Controlled:
     """Booms of which a share rides on springs."""
-    form = FORMS["boom_flexibility"][0]
     values = (share, frequency, damping)
-    hidden = tuple(Planted(form, joint, values) for joint in ("inner_boom", "outer_boom"))
-    return Controlled(STAND_IN, truth(STAND_IN), hidden)
+    return stock().hiding("boom_flexibility", values, ["inner_boom", "outer_boom"])
+
+
+def other_laws(
+    laminar: float = 3.0e6, band: float = 0.01, leak: float = 4.0e-9, air: float = 0.01
+) -> Controlled:
+    """Valves and oil whose laws are not those of the controllers.
+
+    Flow that is in proportion to drops well below `laminar` [Pa] and to their root only well above
+    it, edges that open gradually over a `band` of the stroke, leaks past the pistons that grow with
+    the root of the drop [m3/s/sqrt(Pa)], and a share of air that makes the oil softer at low
+    pressure.
+    """
+    machine = stock()
+    oil = machine.stand_in.oil.model_copy(update={"laminar_drop": laminar})
+    machine = machine._replace(stand_in=machine.stand_in.model_copy(update={"oil": oil}))
+    machine = machine.hiding("valve_dead_zone", [band, 0.5 * band])
+    return machine.hiding("internal_leakage", [leak]).hiding("air_in_oil", [air])

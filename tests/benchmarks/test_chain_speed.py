@@ -19,11 +19,11 @@ from crane_model.terms.serial_rigid_body import SerialRigidBody
 from crane_model.terms.single_axis import Offset
 
 KUKA = Path(__file__).parents[1] / "machines" / "kuka_kr300.yaml"
-SAMPLES, REPEATS = 1000, 30
-AT_LEAST = 3.0  # times as fast
+SAMPLES, REPEATS = 1000, 200
+AT_LEAST = 5.0  # times as fast
 
 
-def test_sixty_columns_are_at_least_three_times_as_fast(measured) -> None:
+def test_sixty_columns_are_at_least_five_times_as_fast(measured) -> None:
     """Ten of each body, as Pinocchio has them; and the model of 36 base parameters found by rank
     with rotor, viscous and Coulomb friction and offset of each axis.
     """

@@ -4,6 +4,7 @@ import time
 from pathlib import Path
 
 import numpy as np
+from laboratory_crane import JOINTS
 from rosbags.rosbag2 import Reader
 
 from crane_bags.reader import read_topics
@@ -16,7 +17,6 @@ from crane_bags.types import (
 )
 from crane_bags.writer import BagWriter
 from crane_driver.velocity_filter import VelocityFilter
-from crane_model.machine import JOINTS
 
 STEP = 5_000_000  # ns
 TOPICS = (JOINT_STATES, CYLINDER_PRESSURES, VALVE_COMMAND, JOINT_REFERENCE)

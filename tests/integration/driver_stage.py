@@ -26,7 +26,7 @@ from crane_driver.can.frame import Frame
 from crane_driver.can.link import Link
 from crane_interfaces.msg import CylinderPressures
 from crane_model.machine import load_machine
-from crane_model.machine_files import machine_file
+from crane_model.machine_files import DEFAULT_MACHINE, machine_file
 
 LATCHED = QoSProfile(depth=1, durability=DurabilityPolicy.TRANSIENT_LOCAL)
 SERVICES = ("enable", "disable", "emergency_stop", "reset_fault")
@@ -41,9 +41,11 @@ class Valves(NamedTuple):
     enabled: bool
 
 
-def patient_mapping(folder: Path, canopen: Mapping[str, object] = {}) -> Path:
-    """The laboratory crane's mapping with the patience that a busy test machine needs."""
-    mapping = yaml.safe_load(machine_file("can.yaml").read_text())
+def patient_mapping(
+    folder: Path, canopen: Mapping[str, object] = {}, machine: str = DEFAULT_MACHINE
+) -> Path:
+    """The machine's mapping with the patience that a busy test machine needs."""
+    mapping = yaml.safe_load(machine_file("can.yaml", machine).read_text())
     path = folder / "mapping.yaml"
     path.write_text(yaml.safe_dump({**mapping, "timing": TIMING, "canopen": dict(canopen)}))
     return path
@@ -60,16 +62,18 @@ class Stage:
         safety: str = "",
         driver: str = DRIVER,
         namespace: str = "",
+        machine: str = DEFAULT_MACHINE,
     ):
-        path = patient_mapping(folder, canopen)
+        path = patient_mapping(folder, canopen, machine)
         port = self.port = free_port()
-        self.layout = load_layout(load_machine(), path, machine_file("can.dbc"))
+        self.layout = load_layout(load_machine(machine), path, machine_file("can.dbc", machine))
         self.codec = MachineCodec(self.layout)
         self._reader = DriverCodec(self.layout)
         self.link = Link(BusSettings(extra={"port": port})).open()
         posed = ["--pose", *pose] if pose else []
-        self.machine = start(MACHINE, "--bus-option", f"port={port}", *posed)
+        self.machine = start(MACHINE, "--machine", machine, "--bus-option", f"port={port}", *posed)
         options = {"bus.options": f"port={port}", "mapping": str(path), "safety": f"'{safety}'"}
+        options["machine"] = machine
         parameters = [one for name, value in options.items() for one in ("-p", f"{name}:={value}")]
         self.remapping = ["-r", f"__ns:=/{namespace}"] if namespace else []
         self.arguments = ["--ros-args", *self.remapping, *parameters]

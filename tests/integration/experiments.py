@@ -35,10 +35,13 @@ MOVING = 0.03  # rad/s, m/s
 class Experiments:
     """The node under test, and what it says."""
 
-    def __init__(self, stage: Stage, folder: Path):
-        self.stage, self.folder = stage, folder
+    def __init__(
+        self, stage: Stage, folder: Path, *arguments: str, trajectory: dict[str, Any] = SHORT
+    ):
+        """`arguments` are ROS arguments of the node."""
+        self.stage, self.folder, self.arguments = stage, folder, arguments
         self.file = folder / "short.yaml"
-        self.file.write_text(yaml.safe_dump(SHORT))
+        self.file.write_text(yaml.safe_dump(trajectory))
         self.references: list[JointReference] = []
         self.commands: list[ValveCommand] = []
         self.feedback: list[Any] = []
@@ -52,7 +55,8 @@ class Experiments:
         self.begin()
 
     def begin(self) -> None:
-        self.process = start(TRAJECTORY, "--ros-args", "-p", f"states_timeout:={TIMEOUT}")
+        own = "--ros-args", "-p", f"states_timeout:={TIMEOUT}"
+        self.process = start(TRAJECTORY, *own, *self.arguments)
         for ready in (self.action.server_is_ready, self._set.service_is_ready):
             self.stage.until(ready)
         self.stage.until(self._change.service_is_ready)
@@ -119,7 +123,10 @@ class Experiments:
         return answer.successful, answer.reason
 
     def change(self, transition: int) -> None:
+        assert self.tries(transition)
+
+    def tries(self, transition: int) -> bool:
         request = ChangeState.Request(transition=Transition(id=transition))
         future = self._change.call_async(request)
         self.stage.until(future.done)
-        assert future.result().success
+        return future.result().success

@@ -11,6 +11,7 @@ from typing import Any
 
 import rclpy
 from ament_index_python.packages import get_package_prefix
+from laboratory_crane import JOINTS, PLANAR_JOINTS
 from rclpy.duration import Duration
 from rclpy.executors import SingleThreadedExecutor
 from rclpy.node import Node
@@ -20,7 +21,6 @@ from sensor_msgs.msg import JointState
 from std_msgs.msg import String
 
 from crane_interfaces.msg import CylinderPressures, JointReference, ValveCommand
-from crane_model.machine import JOINTS, PLANAR_JOINTS
 
 PATIENCE = 60.0  # s that bound a failing test; a passing one ends with its condition
 LATCHED = QoSProfile(depth=1, durability=DurabilityPolicy.TRANSIENT_LOCAL)

@@ -5,13 +5,13 @@ from contextlib import closing
 from pathlib import Path
 
 import pytest
+from laboratory_crane import PLANAR_JOINTS
 
 from crane_bags.reader import read_topics
 from crane_bags.storage import open_bag
 from crane_bags.types import Topic
 from crane_identification.data.bag_log import read_bag
 from crane_model.errors import DataError
-from crane_model.machine import PLANAR_JOINTS
 
 SINGLE, SPLIT = "sqlite3/convert_a", "sqlite3/wbag"
 

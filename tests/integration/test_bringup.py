@@ -10,12 +10,13 @@ import numpy as np
 import pytest
 import yaml
 from integration.workshop import OFFSETS, VALVES, WIRING, Tool, Workshop
+from laboratory_crane import JOINTS
 
 from crane_driver.can.mapping import Mapping
 from crane_driver.operator.bringup.series import DeadBands, Result
 from crane_driver.velocity_filter import VelocityFilter
 from crane_model.configuration import load
-from crane_model.machine import JOINTS, load_machine
+from crane_model.machine import load_machine
 from crane_model.machine_files import machine_file
 from crane_sim.parts.parameters import load_stand_in
 from crane_sim.plant.plant import Plant

@@ -10,11 +10,11 @@ import numpy as np
 import pytest
 from integration.driver_stage import Stage
 from integration.processes import DRIVER, PATIENCE, free_port, start
+from laboratory_crane import JOINTS, PLANAR_JOINTS
 from lifecycle_msgs.msg import State, Transition
 from lifecycle_msgs.srv import ChangeState, GetState
 
 from crane_interfaces.msg import ValveCommand
-from crane_model.machine import JOINTS, PLANAR_JOINTS
 
 pytestmark = pytest.mark.realtime
 

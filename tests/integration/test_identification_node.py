@@ -14,6 +14,7 @@ import rclpy
 import yaml
 from ament_index_python.packages import get_package_prefix
 from diagnostic_msgs.msg import DiagnosticArray, DiagnosticStatus
+from laboratory_crane import PLANAR_JOINTS
 from rclpy.executors import SingleThreadedExecutor
 from rclpy.node import Node
 from rclpy.qos import DurabilityPolicy, QoSProfile
@@ -26,7 +27,6 @@ from crane_identification.online.estimator import OnlineOptions
 from crane_identification.online.identification_node import main
 from crane_identification.online.replay import replay
 from crane_interfaces.msg import CylinderPressures, GeneralizedForces, ParameterEstimate
-from crane_model.machine import PLANAR_JOINTS
 from crane_model.model_file import load_model
 from crane_model.record import Record
 

@@ -7,6 +7,8 @@ from pathlib import Path
 import numpy as np
 import pytest
 from ament_index_python.packages import get_package_prefix
+from known_crane import write_known_model
+from laboratory_crane import JOINTS, PLANAR_JOINTS
 
 from crane_bags.reader import TopicData, read_topics
 from crane_bags.types import (
@@ -16,8 +18,9 @@ from crane_bags.types import (
     VALVE_COMMAND,
 )
 from crane_model.cylinders import generalized_forces
-from crane_model.machine import JOINTS, PLANAR_JOINTS, load_machine
+from crane_model.machine import load_machine
 from crane_model.machine_files import machine_file
+from crane_sim.make_bag import main as make_bag
 from crane_trajectory.motion.periodic import load_trajectory
 
 TOPICS = (JOINT_STATES, CYLINDER_PRESSURES, VALVE_COMMAND, JOINT_REFERENCE)
@@ -116,3 +119,28 @@ def test_an_existing_folder_is_not_overwritten(bag: Path) -> None:
     assert done.returncode == 1
     assert str(bag) in done.stderr
     assert sorted(path.stat().st_mtime_ns for path in bag.iterdir()) == before
+
+
+def test_a_law_of_the_model_leads_it_ten_times_better(bag: Path, tmp_path: Path) -> None:
+    model = write_known_model(tmp_path / "model.yaml")
+    led = tmp_path / "led"
+    law = "--law", "flow_and_pressures", "--model", model
+    done = _run("make_bag", "--trajectory", TRAJECTORY, "--periods", 1, "--out", led, *law)
+    assert done.returncode == 0, done.stderr
+    before, after = (_errors(dict(read_topics(one, TOPICS))) for one in (bag, led))
+    assert (after[1:] < 0.02 * before[1:]).all(), (before, after)
+
+
+@pytest.mark.parametrize("words", [["--law", "adaptive_flow"], ["--model", "model.yaml"]])
+def test_a_law_and_its_model_belong_together(
+    words: list[str], tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    with pytest.raises(SystemExit):
+        make_bag(["--trajectory", "a", "--periods", "1", "--out", str(tmp_path / "b"), *words])
+    assert "every law but pd_dead_zone needs a model" in capsys.readouterr().err
+
+
+def _errors(topics: dict[str, TopicData]) -> np.ndarray:
+    reference = topics[JOINT_REFERENCE.name].select(JOINTS).fields["position"]
+    position = topics[JOINT_STATES.name].select(JOINTS).fields["position"]
+    return np.sqrt(np.mean((reference - position) ** 2, axis=0))

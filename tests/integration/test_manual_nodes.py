@@ -9,10 +9,9 @@ import rclpy
 from ament_index_python.packages import get_package_prefix, get_package_share_directory
 from from_code.nodes import NODES, parameters, services
 from integration.test_launch_files import declared
+from laboratory_crane import JOINTS
 from manual import text
 from rclpy.node import Node
-
-from crane_model.machine import JOINTS
 
 REFERENCE = text("docs/reference/nodes.md") + text("docs/reference/topics.md")
 COMMANDS = text("docs/reference/command_line.md")

@@ -8,6 +8,7 @@ from typing import Any
 import numpy as np
 import pytest
 from integration.recording_graph import LATCHED, Graph, graph
+from laboratory_crane import JOINTS, PLANAR_JOINTS
 from rclpy.qos import QoSProfile
 from rosbags.rosbag2 import StoragePlugin, Writer
 from rosgraph_msgs.msg import Clock
@@ -25,7 +26,6 @@ from crane_bags.types import (
 )
 from crane_bags.writer import BagWriter, offered_qos
 from crane_interfaces.msg import CylinderPressures, ValveCommand
-from crane_model.machine import JOINTS, PLANAR_JOINTS
 
 STEP = 5_000_000  # ns
 START = 1_700_000_000_000_000_000  # ns, of the bag

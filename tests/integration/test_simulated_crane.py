@@ -6,9 +6,11 @@ import subprocess
 import time
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
+from pathlib import Path
 
 import pytest
 from integration.processes import MACHINE, PATIENCE, end, free_port, start
+from known_crane import write_known_model
 
 from crane_driver.can.binding import load_layout
 from crane_driver.can.bus import BusSettings
@@ -25,13 +27,13 @@ CYCLE = 0.005  # s
 
 
 class Bench:
-    def __init__(self) -> None:
+    def __init__(self, *options: object) -> None:
         port = free_port()
         self.codec = DriverCodec(
             load_layout(load_machine(), machine_file("can.yaml"), machine_file("can.dbc"))
         )
         self.link = Link(BusSettings(extra={"port": port})).open()
-        self.process = start(MACHINE, "--bus-option", f"port={port}")
+        self.process = start(MACHINE, "--bus-option", f"port={port}", *map(str, options))
         self.readings: list[Readings] = []
         self.state = ""
 
@@ -55,8 +57,8 @@ class Bench:
 
 
 @contextmanager
-def at_work() -> Iterator[Bench]:
-    one = Bench()
+def at_work(*options: object) -> Iterator[Bench]:
+    one = Bench(*options)
     try:
         yield one
     finally:
@@ -99,6 +101,16 @@ def test_it_runs_in_real_time_and_says_how_well(bench: Bench) -> None:
     sent, due = len(cycles), elapsed / CYCLE
     assert sent <= due + 10  # never faster than the clock
     assert sent >= due - left_out - 10  # and what is missing is owned up to
+
+
+def test_the_twin_of_a_model_moves_in_its_place(tmp_path: Path) -> None:
+    with at_work("--model", write_known_model(tmp_path / "model.yaml")) as bench:
+        bench.until(lambda: bench.state == "Neutral")
+        before = bench.position("telescope")
+        bench.until(lambda: bench.position("telescope") > before + 0.02, telescope=0.5)
+        bench.process.send_signal(signal.SIGTERM)
+        output, _ = bench.process.communicate(timeout=PATIENCE)
+    assert "model.yaml; its model lacks slew, which will not move" in output
 
 
 def test_a_bus_that_cannot_be_opened_ends_it_with_a_message() -> None:

@@ -12,10 +12,10 @@ import yaml
 from integration.driver_stage import Stage
 from integration.experiments import MOVING, SHORT, TIMEOUT, Experiments
 from integration.processes import end
+from laboratory_crane import JOINTS
 from lifecycle_msgs.msg import Transition
 from sensor_msgs.msg import JointState
 
-from crane_model.machine import JOINTS
 from crane_model.machine_files import machine_file
 from crane_trajectory.experiment import Outcome
 

@@ -48,9 +48,7 @@ def add_recordings(
     parser: argparse.ArgumentParser, option: str, what: str, required: bool = False
 ) -> None:
     """Adds an option that names recordings; given several times, it names them all."""
-    parser.add_argument(
-        option, type=Path, nargs="+", action="extend", default=[], required=required, help=what
-    )
+    parser.add_argument(option, type=Path, nargs="+", default=[], required=required, help=what)
 
 
 def add_part(parser: argparse.ArgumentParser) -> None:
@@ -78,13 +76,31 @@ def add_part(parser: argparse.ArgumentParser) -> None:
     )
 
 
-def add_period(parser: argparse.ArgumentParser) -> None:
-    """Adds the option that says when the motion repeats."""
+def add_processing(parser: argparse.ArgumentParser) -> None:
+    """Adds the options that say how recordings are used, of which `options_of` makes `Options`."""
+    add_part(parser)
     parser.add_argument(
         "--period",
         type=above(0.0),
         metavar="SECONDS",
         help="period over which to average; found in the recordings where it is not given",
+    )
+    parser.add_argument(
+        "--no-average",
+        dest="average",
+        action="store_false",
+        help="use every sample: the motion is not periodic",
+    )
+
+
+def options_of(arguments: argparse.Namespace) -> Options:
+    """What the options of `add_processing` choose."""
+    return Options(
+        begin=arguments.begin,
+        end=arguments.end,
+        namespace=arguments.namespace,
+        average=arguments.average,
+        period=arguments.period,
     )
 
 

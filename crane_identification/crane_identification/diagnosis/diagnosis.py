@@ -14,6 +14,7 @@ from crane_identification.diagnosis.fit.fit import Fitted, fitted
 from crane_identification.diagnosis.flow.flow import examine
 from crane_identification.diagnosis.flow.hydraulics import Flows
 from crane_identification.diagnosis.flow.usual import Usual, load_usual
+from crane_identification.diagnosis.proof.commanded import Commanded, commanded
 from crane_identification.diagnosis.proof.extension import Finding, in_counts
 from crane_identification.diagnosis.proof.gap import Gap
 from crane_identification.diagnosis.proof.proof import Proof, proved
@@ -42,6 +43,7 @@ class Diagnosis:
     decision: Decision
     flow: Flows
     proof: Proof
+    commanded: Commanded
     answer: Answer
     thresholds: Thresholds
     without: frozenset[str]
@@ -139,7 +141,11 @@ def diagnose(
     effects = [one.shaped.candidate for one in proof.trial.effects]
     flow = examine(fit.evidence, fit.held_out, usual or load_usual(), thresholds, effects)
     answer = answered(fit, found, decision, proof, flow, thresholds)
-    return Diagnosis(fit, found, decision, flow, proof, answer, thresholds, frozenset(without))
+    after = proof.gap.carried if proof.trial.effects else fit.before
+    moved = commanded(fit, after, validation)
+    return Diagnosis(
+        fit, found, decision, flow, proof, moved, answer, thresholds, frozenset(without)
+    )
 
 
 def _check(training: Sequence[Log], validation: Sequence[Log], without: Collection[str]) -> None:

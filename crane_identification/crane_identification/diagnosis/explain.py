@@ -6,8 +6,9 @@ Whatever is not printed is said to be elsewhere.
 from pathlib import Path
 from typing import Any
 
-from crane_identification.diagnosis import wording
+from crane_identification.diagnosis import finding_wording, wording
 from crane_identification.diagnosis.findings_file import Findings
+from crane_identification.notation import spoken
 
 
 def read(folder: Path) -> dict[str, Any]:
@@ -25,7 +26,7 @@ def lines(content: dict[str, Any]) -> list[str]:
     out += _block("Where the model disagrees:", where)
     out.append(f"What is left: {wording.left(content)}.")
     for name, key in (
-        ("Not determined, and left out", "undetermined"),
+        ("Not determined by these recordings", "undetermined"),
         ("In counts, and need units", "needs_units"),
         ("Not asked for", "without"),
     ):
@@ -38,7 +39,7 @@ def lines(content: dict[str, Any]) -> list[str]:
 
 def _answer(content: dict[str, Any]) -> str:
     """The verdict, and what it names."""
-    names = "; ".join(wording.called(finding) for finding in content["findings"])
+    names = "; ".join(finding_wording.called(finding) for finding in content["findings"])
     return wording.answer(content) + (f": {names}." if names else ".")
 
 
@@ -51,19 +52,34 @@ def _gap(content: dict[str, Any]) -> list[str]:
         closed = f", {one.closed} of what could be closed" if one.closed != wording.NONE else ""
         out.append(f"  {one.joint}: {one.before}{change} ({one.floor}, {one.learner}){closed}")
     loads = ", ".join(map(str, wording.loads(content)))
-    return out + ([f"  each with its own load, estimated from it: {loads}"] if loads else [])
+    out += [f"  each with its own load, estimated from it: {loads}"] if loads else []
+    return out + _from_commands(content)
+
+
+def _from_commands(content: dict[str, Any]) -> list[str]:
+    """The motion that valve commands alone bring about, where it was simulated."""
+    joints = [spoken(joint) for joint in content["gap"]["before"]]
+    return [
+        f"Motion from valve commands alone, {ahead} ahead, error over the way: "
+        + ", ".join(f"{joint} {share}" for joint, share in zip(joints, shares, strict=True))
+        for ahead, shares in wording.commanded(content)
+    ]
 
 
 def _finding(number: int, finding: dict[str, Any]) -> list[str]:
-    out = [f"{number}. {wording.called(finding)}: {wording.strength(finding)}".rstrip(": ")]
-    values = ", ".join(str(wording.estimate(one)) for one in finding["parameters"])
+    out = [
+        f"{number}. {finding_wording.called(finding)}: {finding_wording.strength(finding)}".rstrip(
+            ": "
+        )
+    ]
+    values = ", ".join(str(finding_wording.estimate(one)) for one in finding["parameters"])
     if finding["class_members"]:
-        out.append(f"   as {finding['name']} ({wording.place(finding['joint'])}): {values}")
+        out.append(f"   as {finding['name']} ({finding_wording.place(finding['joint'])}): {values}")
         out.append(f"   told apart by {finding['settled_by']}")
     else:
         out.append(f"   {values}")
-    out += [f"   {line}" for line in wording.carried(finding)]
-    return [*out, f"   {wording.evidence(finding)}"]
+    out += [f"   {line}" for line in finding_wording.carried(finding)]
+    return [*out, f"   {finding_wording.evidence(finding)}"]
 
 
 def _block(title: str, said: list[str]) -> list[str]:

@@ -7,20 +7,23 @@ from typing import Any
 import numpy as np
 
 from crane_identification.diagnosis.diagnosis import Diagnosis
-from crane_identification.diagnosis.findings_file import (
-    CarriedLoad,
+from crane_identification.diagnosis.finding_entry import (
     ChangedParameter,
     FindingEntry,
-    Findings,
     FoundEffect,
     FoundParameter,
+    NearEffect,
+)
+from crane_identification.diagnosis.findings_file import (
+    CarriedLoad,
+    CommandedGap,
+    Findings,
     FoundPlace,
     FoundPulsation,
     FoundRegion,
     GapOfModels,
     GapSide,
     LeftResidual,
-    NearEffect,
     NearestEffects,
     NearestGap,
     SessionClock,
@@ -74,6 +77,8 @@ def answer(diagnosis: Diagnosis, suspicions: Sequence[str] = ()) -> Findings:
                 CarriedLoad(recording=one.recording, value=one.mass, std_dev=one.std_dev)
                 for one in gap.loads
             ],
+            from_commands=_from_commands(diagnosis),
+            from_commands_reason=diagnosis.commanded.reason,
         ),
         left=_left(diagnosis),
         undetermined=list(fit.undetermined),
@@ -110,6 +115,22 @@ def _where(diagnosis: Diagnosis) -> dict[str, FoundPlace]:
         )
         for j, joint in enumerate(diagnosis.joints)
     }
+
+
+def _from_commands(diagnosis: Diagnosis) -> list[CommandedGap]:
+    def by_joint(values: np.ndarray) -> dict[str, float]:
+        return dict(zip(diagnosis.joints, values, strict=True))
+
+    return [
+        CommandedGap(
+            horizon=before.horizon,
+            windows=before.windows,
+            way=by_joint(before.way),
+            before=by_joint(before.position_rms),
+            after=by_joint(after.position_rms),
+        )
+        for before, after in diagnosis.commanded.pairs
+    ]
 
 
 def _left(diagnosis: Diagnosis) -> dict[str, LeftResidual]:

@@ -1,57 +1,12 @@
 """What findings.json holds. Shares are of one; a number that is not known is null."""
 
 from crane_identification.diagnosis.answer.verdict import Verdict
+from crane_identification.diagnosis.finding_entry import (
+    FindingEntry,
+    FoundParameter,
+    NearEffect,
+)
 from crane_model.result_file import Number, NumberByJoint, ResultFile, ResultPart
-
-
-class FoundEffect(ResultPart):
-    """An effect and its place."""
-
-    effect: str
-    """Its type, as in the catalogue and in model files."""
-    name: str
-    """What people call it."""
-    joint: str
-    """The joint, or `all` where it is of the whole crane."""
-
-
-class NearEffect(FoundEffect):
-    """An effect that comes near."""
-
-    score: Number
-    """2 Δ log L of the training recordings [-]."""
-    threshold: Number
-    """What a finding has to score [-]."""
-
-
-class FoundParameter(ResultPart):
-    """A parameter of a finding, or a value of the hydraulics."""
-
-    name: str
-    """As in model files."""
-    value: Number
-    """Estimate [unit]."""
-    std_dev: Number
-    """Its standard deviation [unit]."""
-    unit: str
-    """SI; `1` for a ratio, `counts` where readings have no unit."""
-    minimum: Number
-    """What physics keeps it above [unit]."""
-    determined: bool
-    """Whether the recordings determine it."""
-
-
-class ChangedParameter(FoundParameter):
-    """A parameter that the model had with another value."""
-
-    before: Number
-    """What it has changed from [unit]."""
-    before_std_dev: Number
-    """Standard deviation of that [unit]."""
-    change: Number
-    """By how much it has changed [unit]."""
-    change_std_dev: Number
-    """Standard deviation of that [unit]."""
 
 
 class FoundRegion(ResultPart):
@@ -76,41 +31,6 @@ class FoundPlace(ResultPart):
     """Rms error of the simulated motion of the held-out recordings [rad, m]."""
     region: FoundRegion | None
     """Where the residual sits."""
-
-
-class FindingEntry(FoundEffect):
-    """An effect that the model lacks, or of flows and loads that is found beside those."""
-
-    changed: bool = False
-    """Whether a value of the model has changed, rather than that a term is missing."""
-    class_members: list[FoundEffect]
-    """Effects that these recordings cannot tell from this one."""
-    parameters: list[ChangedParameter | FoundParameter]
-    """Of this effect, in the model with all findings."""
-    carried_in: dict[str, list[str]]
-    """Recordings that carry a load, by the parameter of the load, and by `none` those without."""
-    score: Number
-    """2 Δ log L of the training recordings [-]."""
-    threshold: Number
-    """What a finding has to score [-]."""
-    false_alarm_rate: Number
-    """Promised of the threshold [-]."""
-    runner_up: FoundEffect | None
-    """The effect that explains most in its place."""
-    margin: Number
-    """Score beyond the runner-up's [-]."""
-    margin_needed: Number
-    """Margin with which the runner-up is ruled out [-]."""
-    visibility: Number
-    """Share of its energy that the other parameters do not take up [-]."""
-    strength: Number
-    """Rms of its force over that of the drive force; null for flows and loads [-]."""
-    visible_strength: Number
-    """The same of the part that other parameters do not take up; for a flow, over the flow [-]."""
-    held_out_gains: NumberByJoint
-    """What it gains on each recording when fitted to the others, by their names [-]."""
-    settled_by: str
-    """The experiment that tells it from what looks alike."""
 
 
 class NearestGap(ResultPart):
@@ -163,6 +83,21 @@ class CarriedLoad(ResultPart):
     """Its standard deviation [kg]."""
 
 
+class CommandedGap(ResultPart):
+    """Errors of the motion from valve commands alone, simulated from measured states."""
+
+    horizon: Number
+    """How long each simulation lasts [s]."""
+    windows: int
+    """Simulations, one behind the other [-]."""
+    way: NumberByJoint
+    """How far the joint itself went in that time, on average [rad, m]."""
+    before: NumberByJoint
+    """Rms error at the end with the model as it came [rad, m]."""
+    after: NumberByJoint
+    """The same with the findings [rad, m]."""
+
+
 class GapOfModels(ResultPart):
     """The proof: errors on recordings that took no part."""
 
@@ -174,6 +109,10 @@ class GapOfModels(ResultPart):
     """Share of the explainable energy that the findings explain; null where there is none [-]."""
     loads: list[CarriedLoad]
     """What single held-out recordings carry."""
+    from_commands: list[CommandedGap] = []
+    """By how far ahead; empty where that cannot be simulated."""
+    from_commands_reason: str = ""
+    """Why no motion was simulated from commands; empty if it was."""
 
 
 class LeftResidual(ResultPart):
@@ -240,6 +179,8 @@ class HydraulicQuantity(FoundParameter):
 
     usual_limit: Number
     """Limit of what is usual [unit]."""
+    own: bool = False
+    """Whether that is of the machine's own identified value, not of the data sheet."""
     share_beyond_usual: Number
     """Rms of the flow that is beyond usual over that of the piston's flow [-]."""
 
@@ -281,7 +222,8 @@ class Findings(ResultFile):
     left: dict[str, LeftResidual]
     """By joint."""
     undetermined: list[str]
-    """Parameters of the model that the recordings do not determine, and which were left out."""
+    """Parameters of the model that the recordings do not determine: terms of theirs alone were left
+    out, of combinations with others counts what is determined."""
     clock: SessionClock
     """Of the session."""
     needs_units: list[str]

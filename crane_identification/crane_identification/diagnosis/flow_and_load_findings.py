@@ -4,11 +4,10 @@ They are found beside the effects of the force, with which they do not compete.
 """
 
 from crane_identification.diagnosis.diagnosis import Diagnosis
+from crane_identification.diagnosis.finding_entry import FindingEntry, FoundParameter
 from crane_identification.diagnosis.findings_file import (
     EdgeGain,
-    FindingEntry,
     FlowBalance,
-    FoundParameter,
     HydraulicQuantity,
 )
 from crane_identification.diagnosis.flow.hydraulics import Flow, Quantity
@@ -94,7 +93,10 @@ def balance(flow: Flow) -> FlowBalance:
         },
         quantities={
             one.type: HydraulicQuantity(
-                **dict(of_quantity(one)), usual_limit=one.usual, share_beyond_usual=one.share
+                **dict(of_quantity(one)),
+                usual_limit=one.usual,
+                own=one.own,
+                share_beyond_usual=one.share,
             )
             for one in flow.quantities
         },

@@ -11,13 +11,15 @@ linear combinations of the bodies, so that the fit is a convex program with one 
 though not for bodies of which the forces show only combinations.
 """
 
+from collections.abc import Sequence
 from typing import Any
 
 import numpy as np
+from scipy.optimize import lsq_linear
 
 from crane_identification.estimation.estimate import Estimate, Fit, describe
 from crane_identification.estimation.least_squares import fit
-from crane_identification.estimation.physics import BODIES, Physics
+from crane_identification.estimation.physics import BODIES, Inequality, Physics
 from crane_identification.estimation.prior import Prior
 from crane_identification.estimation.rows import Rows, balancing, check
 from crane_identification.options import Covariance
@@ -60,8 +62,6 @@ def _constrained(
     rows: Rows, weights: np.ndarray, physics: Physics, free: Fit
 ) -> tuple[np.ndarray, tuple[str, ...]]:
     """Θ (p,) and the names of the constraints that hold it back."""
-    import cvxpy  # two seconds, for those who need them
-
     # Distances from the free solution in standard deviations of the force; Θ in units in which each
     # parameter alone would make the whole force, bodies in hundreds of kilograms.
     scaling = np.broadcast_to(weights, rows.force.shape)[rows.used]
@@ -75,6 +75,13 @@ def _constrained(
         matrix = np.vstack([matrix, free.beforehand[0]])
         force = np.concatenate([force, free.beforehand[1]])
     q, triangle = np.linalg.qr(matrix * units / deviation)
+    target = q.T @ force / deviation
+    if physics.bodies is None and all(
+        np.count_nonzero(x.weights) == 1 for x in physics.inequalities
+    ):
+        return _bounded(triangle, target, physics.inequalities, units)
+    import cvxpy  # two seconds, for those who need them
+
     scaled = cvxpy.Variable(matrix.shape[1])
     constraints: dict[str, Any] = {
         one.name: share @ scaled >= one.least / size
@@ -102,9 +109,12 @@ def _constrained(
         ours = cvxpy.multiply(base, scaled[physics.bodies.part])
         constraints["base"] = physics.bodies.base @ standard / HUNDREDS == ours / HUNDREDS
         constraints["axis"] = physics.bodies.none @ standard / HUNDREDS == 0.0
-    distance = triangle @ scaled - q.T @ force / deviation
+    distance = triangle @ scaled - target
     problem = cvxpy.Problem(cvxpy.Minimize(cvxpy.sum_squares(distance)), list(constraints.values()))
-    problem.solve(solver=cvxpy.CLARABEL)
+    try:
+        problem.solve(solver=cvxpy.CLARABEL)
+    except cvxpy.error.SolverError as error:
+        raise DataError(f"physically consistent fit: {error}; see by plain least squares") from None
     if problem.status not in (cvxpy.OPTIMAL, cvxpy.OPTIMAL_INACCURATE):
         raise DataError(
             f"physically consistent fit: the solver ends with '{problem.status}'; check the units "
@@ -123,3 +133,29 @@ def _constrained(
         if one.name in held and len(which) == 1:  # the solver rests near the bound, not on it
             values[which] = one.least / one.weights[which]
     return values, held
+
+
+def _bounded(
+    triangle: np.ndarray, target: np.ndarray, bounds: Sequence[Inequality], units: np.ndarray
+) -> tuple[np.ndarray, tuple[str, ...]]:
+    """The same where single parameters alone are bounded, exactly, however alike columns are."""
+    least, most = np.full((2, len(units)), [[-np.inf], [np.inf]])
+    names: dict[tuple[int, int], str] = {}
+    for one in bounds:
+        (k,) = np.flatnonzero(one.weights)
+        limit, side = one.least / one.weights[k] / units[k], -int(np.sign(one.weights[k]))
+        if side < 0:
+            least[k] = max(least[k], limit)
+        else:
+            most[k] = min(most[k], limit)
+        names[int(k), side] = one.name
+    found = lsq_linear(triangle, target, (least, most), method="bvls")
+    rest = triangle @ found.x - target
+    if rest @ rest <= FELT**2:
+        return found.x * units, ()
+    pressing = np.abs(2.0 * triangle.T @ rest) > FELT
+    held = [
+        names[int(k), int(found.active_mask[k])]
+        for k in np.flatnonzero(found.active_mask * pressing)
+    ]
+    return found.x * units, tuple(held)

@@ -89,11 +89,12 @@ class PassageRows:
         """(n,) m/s of the piston, filtered."""
         return self._filtered(self._slope(self.passage.length))
 
-    @property
-    def speed_rounding(self) -> float:
-        """What the rounding of the encoder adds to the speed: one standard deviation [m/s]."""
-        gain = _slope_gain(self._sections, self._integrating, self.passage.step)
-        return self.passage.resolution / float(np.sqrt(12.0)) * gain
+    def speed_rounding(self, shift: float) -> np.ndarray:
+        """(n,) m/s, filtered: what the encoder would round of this motion were it to stand by a
+        `shift` of its counts elsewhere. Where the joint creeps or rests, that is no white noise.
+        """
+        smooth = signal.sosfiltfilt(self._sections, self.passage.counts) + shift
+        return self._filtered(self._slope(self.passage.resolution * (np.round(smooth) - smooth)))
 
     def _slope(self, values: np.ndarray) -> np.ndarray:
         slope: np.ndarray = (values[2:] - values[:-2]) / (2.0 * self.passage.step)
@@ -115,11 +116,7 @@ class PassageRows:
 
 
 class ChamberRows(PassageRows):
-    """Rows of both chambers.
-
-    `rounding` (2,) [m3/s] is what the rounding of the encoder adds to them: one standard deviation,
-    with the sign in which the two chambers share it.
-    """
+    """Rows of both chambers."""
 
     def __init__(self, passage: Passage, cylinder: HydraulicActuator) -> None:
         p_a, p_b, supply, tank = (
@@ -128,12 +125,9 @@ class ChamberRows(PassageRows):
         )
         filled = np.minimum(p_a, p_b) > tank + LEAST_PRESSURE
         super().__init__(passage, filled.astype(float))
-        areas = np.array([cylinder.area_a, -cylinder.area_b])
-        self.flow = np.outer(self.speed, areas)  # (n, 2)
-        self.rounding = areas * self.speed_rounding
-        x, inner = passage.length, slice(1, -1)
-        swept_a = cylinder.area_a * (x[inner] - cylinder.length_min)
-        swept_b = cylinder.area_b * (cylinder.length_max - x[inner])
+        self._areas = np.array([cylinder.area_a, -cylinder.area_b])
+        self.flow = np.outer(self.speed, self._areas)  # (n, 2)
+        swept_a, swept_b = cylinder.chambers.swept(passage.length[1:-1])
         rate_a, rate_b, drop = self._slope(p_a), self._slope(p_b), _mean(p_a - p_b)
         none = np.zeros_like(drop)
         oil = (
@@ -153,6 +147,10 @@ class ChamberRows(PassageRows):
         out[:, 0, :2], out[:, 1, 2:4] = edges[:, :2], edges[:, 2:]
         out[:, :, 4:] = self.oil
         return out
+
+    def rounding(self, shift: float) -> np.ndarray:
+        """(n, 2) m3/s: what rounding adds to the flow, as `speed_rounding`."""
+        return np.outer(self.speed_rounding(shift), self._areas)
 
     def supply(self) -> np.ndarray:
         """(n, 2) 1 and the supply pressure [Pa], filtered like the flow."""
@@ -244,11 +242,3 @@ def _mean_flows(o: np.ndarray, roots: np.ndarray) -> np.ndarray:
                         root = roots[k, edge] * (1.0 - share) + roots[k + 1, edge] * share
                         mean[k, edge] += into * used * root
     return 0.5 * (mean[1:] + mean[:-1])
-
-
-def _slope_gain(low: np.ndarray, integrating: np.ndarray, step: float) -> float:
-    """Standard deviation of the filtered slope per unit standard deviation of white noise [1/s]."""
-    angle, response = signal.sosfreqz(low, worN=4096)
-    _, once = signal.sosfreqz(integrating, worN=4096)
-    gain = np.abs(response) ** 2 * np.abs(once) * np.sin(angle) / step
-    return float(np.sqrt(np.mean(gain**2)))

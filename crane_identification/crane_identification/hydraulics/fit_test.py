@@ -1,8 +1,8 @@
 """Is more left of the flow than noise? The F-test of lack of fit between periods.
 
 As `crane_identification.estimation.lack_of_fit`, on the residual of the balance: what repeats from
-period to period beyond chance is no noise. Only the rounding of the encoder is, which may repeat
-where the motion does.
+period to period beyond chance is no noise. Only the rounding of the encoder is, which repeats where
+the motion does: how much of it shows by rounding the motion again, the encoder shifted.
 """
 
 from collections.abc import Sequence
@@ -16,6 +16,8 @@ from crane_identification.hydraulics.balance import ROW_RATE, Balance, ChamberRo
 from crane_identification.hydraulics.projection import BalanceFit
 from crane_identification.preparation.periodicity import Periodicity, periodic_part
 from crane_model.errors import DataError
+
+SHIFTS = 16  # of the encoder, within a count
 
 
 def lack_of_fit(
@@ -35,18 +37,28 @@ def lack_of_fit(
         mean = periods.mean(axis=0)
         deviation, others = periods - mean, len(periods) - 1
         independent = independent_samples(deviation, np.ones(mean.shape, dtype=bool))
-        mean_noise = (deviation**2).sum(axis=(0, 1)) / others / len(periods)
-        repeated = (found.whitening @ rows.rounding) ** 2 * len(mean)
-        mean_noise += repeated * others / len(periods)
+        scattered = (deviation**2).sum(axis=(0, 1)) / others / len(periods)
+        rounded = _repeated_rounding(rows, found.whitening, part)
         power += float((mean**2).sum())
-        noise += float(mean_noise.sum())
-        variance += float((mean_noise**2 / independent).sum())
-        of_noise += float((mean_noise**2 / independent / others).sum())
+        noise += float(scattered.sum() + rounded.mean())
+        variance += float((scattered**2 / independent).sum() + rounded.var() / 2.0)
+        of_noise += float((scattered**2 / independent / others).sum())
     if not noise:
         return None
     freedom, noise_freedom = noise**2 / variance, noise**2 / of_noise
     kept = max(1.0 - len(found.covariance) / freedom, 0.1)
     return float(fisher.sf(power / noise / kept, kept * freedom, noise_freedom))
+
+
+def _repeated_rounding(rows: ChamberRows, whitening: np.ndarray, part: Periodicity) -> np.ndarray:
+    """(SHIFTS,) power of rounding in the mean of all periods, beyond what its scatter tells."""
+    found = []
+    for shift in np.arange(SHIFTS) / SHIFTS:
+        periods = _folded(rows.time, rows.rounding(shift) @ whitening.T, part)
+        mean = periods.mean(axis=0)
+        scattered = ((periods - mean) ** 2).sum() / (len(periods) - 1) / len(periods)
+        found.append((mean**2).sum() - scattered)
+    return np.maximum(found, 0.0)
 
 
 def _periodic(log: Log, period: float | None) -> Periodicity | None:

@@ -35,14 +35,17 @@ SETTLED_BY = {
     "dead_zone": "slow ramps of the command through zero, both ways",
     "hysteresis": "slow triangles of the command, to and fro",
     "lag": "steps of the command both ways",
-    "natural_frequency": "a pseudo-random command of +-0.02, changed every 15 ms, on top of the "
-    "motion for 60 s",
+    "natural_frequency": "a pseudo-random command of +-0.02 on top of the motion for 60 s "
+    "(crane_trajectory design --probe 0.02)",
     "gain": "motion both ways at several speeds",
     "bulk_modulus": "more reversals under load, over the whole stroke",
     "dead_volume": "reversals with the piston near the end at which that chamber is smallest",
     "leakage": "a load held for a minute with the valve closed, and motion at several loads",
 }
 """By the beginning of a value's name, the experiment that tells it."""
+
+
+ASSUMED_MODULUS = 1.3e9  # Pa, mineral oil with hoses: where no cylinder of the machine tells
 
 
 class JointFit(NamedTuple):
@@ -54,17 +57,26 @@ class JointFit(NamedTuple):
 
 
 def identify_joint(
-    machine: Machine, joint: str, logs: Sequence[Log], period: float | None = None
+    machine: Machine,
+    joint: str,
+    logs: Sequence[Log],
+    period: float | None = None,
+    modulus: float = ASSUMED_MODULUS,
 ) -> JointFit:
-    """Valve and chambers; `DataError` says why the recordings do not tell them."""
+    """Valve and chambers; `DataError` says why the recordings do not tell them.
+
+    A motor's chambers stay as large as they are, so that it tells only what they hold over the bulk
+    modulus of the oil: for it, the `modulus` [Pa] is assumed.
+    """
     cylinder = machine.cylinders[joint]
+    known = None if cylinder.chambers.grow else modulus
     balance = Balance([ChamberRows(part, cylinder) for part in passages(machine, joint, logs)])
     try:
         found = project(balance)
-        _require_sense(found)
+        _require_sense(found, known)
     except DataError as error:
         raise DataError(f"hydraulics of '{joint}': {error}") from None
-    values = _values(found)
+    values = _values(found, known)
     valve = ValveValues(**{name: values[name] for name in ValveValues.units})
     chambers = ChamberValues(**{name: values[name] for name in ChamberValues.units})
     return JointFit(
@@ -92,15 +104,17 @@ def settled_by(name: str) -> str:
     return next(text for key, text in SETTLED_BY.items() if name.startswith(key))
 
 
-def _require_sense(found: BalanceFit) -> None:
+def _require_sense(found: BalanceFit, modulus: float | None) -> None:
     """`DataError` where the flow runs against the valve, or the oil grows under pressure."""
     std_devs = np.sqrt(np.diag(found.covariance))[-len(LINEAR) :]
     sigmas = dict(zip(LINEAR, found.linear / np.maximum(std_devs, TINY), strict=True))
     remedy = "check sign and log of its command, and that its chambers are not exchanged"
     if against := [edge for edge in EDGES if sigmas[edge] <= SIGMAS]:
         raise DataError(f"the flow does not follow the valve at {', '.join(against)}; {remedy}")
-    oil = [name for name in LINEAR[len(EDGES) :] if sigmas[name] < -SIGMAS]
-    if oil or sigmas["compliance"] <= 0.0:
+    if modulus is not None:
+        del sigmas["compliance"]  # nothing but rounding
+    oil = [name for name in LINEAR[len(EDGES) :] if sigmas.get(name, 0.0) < -SIGMAS]
+    if oil or sigmas.get("compliance", 1.0) <= 0.0:
         raise DataError(
             f"{', '.join(oil or ['compliance'])} of the oil would be negative; {remedy}, or record "
             "more reversals under load"
@@ -130,19 +144,24 @@ def measured_spool(found: BalanceFit) -> dict[str, Measured]:
     }
 
 
-def _values(found: BalanceFit) -> dict[str, Measured]:
+def _values(found: BalanceFit, known: float | None) -> dict[str, Measured]:
+    """All by name; of the bulk modulus that is `known` [Pa], if it is."""
     linear = dict(zip(LINEAR, found.linear, strict=True))
-    modulus = 1.0 / linear["compliance"]
+    modulus = known or 1.0 / linear["compliance"]
     out = measured_spool(found) | {
         "damping_ratio": Measured(value=DAMPING_RATIO, unit="1"),
         "leakage": _measured(found, linear["leakage"], "m3/(s Pa)", leakage=1.0),
-        "bulk_modulus": _measured(found, modulus, "Pa", compliance=modulus**2),
+        "bulk_modulus": Measured(value=modulus, unit="Pa")
+        if known
+        else _measured(found, modulus, "Pa", compliance=modulus**2),
     }
     for edge in EDGES:
         out[edge] = _measured(found, linear[edge], ValveValues.units[edge], **{edge: 1.0})
     for chamber in "ab":
         softness = linear[f"softness_{chamber}"]
-        slopes = {f"softness_{chamber}": modulus, "compliance": -softness * modulus**2}
+        slopes = {f"softness_{chamber}": modulus}
+        if not known:
+            slopes["compliance"] = -softness * modulus**2
         out[f"dead_volume_{chamber}"] = _measured(found, softness * modulus, "m3", **slopes)
     return out
 

@@ -8,6 +8,7 @@ from scipy.interpolate import CubicSpline
 
 from crane_identification.data.log import Log, Signal
 from crane_identification.data.resample import LARGEST_GAP, sampling_rate
+from crane_identification.hydraulics.counts import between_counts
 from crane_identification.signals.motion import encoder_resolution
 from crane_model.cylinders import cylinder_length, lever_arm
 from crane_model.errors import DataError
@@ -17,24 +18,26 @@ LEAST_RUN = 3.0  # s; of what is shorter, the filter sees little but its ends
 LEAST_TIME = 8.0  # s of motion in either direction
 STILL = 0.02  # of the fastest piston speed; below it a joint counts as at rest
 PRESSURES = ("pressure_a", "pressure_b", "supply_pressure", "tank_pressure")
-MOTION = ("position", "command", "supply_pressure", "tank_pressure")
-SIGNALS = (*MOTION, "pressure_a", "pressure_b")
+COMMON = ("supply_pressure", "tank_pressure")  # of all joints; nominal where they are not logged
+MOTION = ("position", "command")
+SIGNALS = (*MOTION, *PRESSURES)
 
 
 @dataclass(frozen=True)
 class Passage:
     """n samples, `step` [s] apart and without a gap; commands (m,) with stamps of their own.
 
-    `length` of the cylinder [m], which the encoder rounds to `resolution`; pressures [Pa]; commands
-    are those of the spool, positive where they let oil into chamber A, and reach back to the start
-    of the recording.
+    `length` of the cylinder [m], as `counts` of the encoder tell it, each of which is `resolution`;
+    pressures [Pa]; commands are those of the spool, positive where they let oil into chamber A, and
+    reach back to the start of the recording.
     """
 
     source: str
     step: float
-    resolution: float  # m
     time: np.ndarray  # (n,) s
     length: np.ndarray  # (n,) m
+    counts: np.ndarray  # (n,)
+    resolution: np.ndarray  # (n,) m
     pressures: Mapping[str, np.ndarray]  # (n,) Pa each, by their names in a log
     stamps: np.ndarray  # (m,) s
     commands: np.ndarray  # (m,) -1..1
@@ -45,7 +48,7 @@ class Passage:
 
 def passages(machine: Machine, joint: str, logs: Sequence[Log]) -> list[Passage]:
     """All parts of the recordings in which everything is known; of a joint without transducers,
-    everything but the pressures of its chambers.
+    position and command, and supply and tank pressure where they are logged.
 
     `DataError` says what was not logged, or that the joint moves too little where all is known.
     """
@@ -91,7 +94,7 @@ def _column(log: Log, joint: str, name: str) -> Signal | None:
 
 
 def _parts(machine: Machine, joint: str, log: Log, wanted: Sequence[str]) -> list[Passage]:
-    signals = {name: _column(log, joint, name) for name in wanted}
+    signals = {name: _column(log, joint, name) for name in (*wanted, *COMMON)}
     given = {name: signal for name, signal in signals.items() if signal is not None}
     step = 1.0 / sampling_rate(given["position"].time)
     begin = max(signal.time[0] for signal in given.values())
@@ -102,20 +105,23 @@ def _parts(machine: Machine, joint: str, log: Log, wanted: Sequence[str]) -> lis
         known &= _between_samples(signal.time, time)
     edges = np.flatnonzero(np.diff(known, prepend=False, append=False)).reshape(-1, 2)
     position, command = given["position"], given["command"]
-    arm = float(lever_arm(machine, joint, position.value).mean())
-    resolution = abs(arm) * float(encoder_resolution(position.value[:, np.newaxis])[0])
+    sense = float(np.sign(lever_arm(machine, joint, position.value).mean()))
+    count = float(encoder_resolution(position.value[:, np.newaxis])[0]) or 1.0  # where it rests
     length = Signal(position.time, cylinder_length(machine, joint, position.value), position.origin)
+    nominal = machine.hydraulics.model_dump(include=set(COMMON))
     times = [time[first:last] for first, last in edges if (last - first) * step >= LEAST_RUN]
     return [
         Passage(
             source=log.source,
             step=step,
-            resolution=resolution,
             time=inside,
             length=_smooth(length, inside),
-            pressures={name: _smooth(given[name], inside) for name in given if name in PRESSURES},
+            counts=between_counts(position.time, position.value / count, inside),
+            resolution=count * np.abs(lever_arm(machine, joint, _smooth(position, inside))),
+            pressures={name: np.full(len(inside), value) for name, value in nominal.items()}
+            | {name: _smooth(given[name], inside) for name in given if name in PRESSURES},
             stamps=command.time,
-            commands=np.sign(arm) * command.value,
+            commands=sense * command.value,
         )
         for inside in times
     ]

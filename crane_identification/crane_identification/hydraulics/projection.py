@@ -4,7 +4,8 @@ Rows of the two chambers share the noise of the encoder and little else, so that
 by its covariance, which is estimated from what is left; the covariance of the estimate is that of
 rows which are correlated over blocks of time, whatever their law.
 
-Sources: Golub and Pereyra, Inverse Problems 19 (2003) R1; Liang and Zeger, Biometrika 73 (1986).
+Sources: Golub and Pereyra, Inverse Problems 19 (2003) R1; Liang and Zeger, Biometrika 73 (1986);
+Bell and McCaffrey, Survey Methodology 28 (2002).
 """
 
 from dataclasses import dataclass
@@ -12,6 +13,8 @@ from itertools import product
 
 import numpy as np
 from scipy.optimize import least_squares
+from scipy.stats import norm as normal
+from scipy.stats import t as student
 
 from crane_identification.hydraulics.balance import AnyRows, Balance, SpoolValues
 
@@ -25,7 +28,9 @@ STARTS = tuple(product((0.01, 0.03, 0.08), (0.005, 0.02, 0.04, 0.06, 0.09, 0.13,
 SEARCHED = 30  # steps of the search at most, which takes five where the flow follows the valve
 ROUNDS = 3  # of the whitening
 ROUNDING = 1e-12  # of the flow's power: what is left of data without noise
-BLOCK = 1.0  # s over which rows may be correlated
+BLOCK = 2.0  # s over which rows may be correlated
+INTERVAL = 0.95  # what a normal interval of a standard deviation is to cover
+LEAST_FREEDOM = 3.0  # of blocks: fewer tell no standard deviation
 
 
 @dataclass(frozen=True)
@@ -130,24 +135,43 @@ def _covariance(
     rows = rows / norms
     bread = np.linalg.pinv(rows.T @ rows, rcond=1e-12, hermitian=True)
     residual = (left @ whitening.T).ravel()
-    sums = block_scores(rows, residual, bread, np.repeat(balance.blocks(BLOCK), left.shape[1]))
-    covariance: np.ndarray = bread @ (sums.T @ sums) @ bread / np.outer(norms, norms)
+    blocks = np.repeat(balance.blocks(BLOCK), left.shape[1])
+    covariance: np.ndarray = block_covariance(rows, residual, bread, blocks)
+    return covariance / np.outer(norms, norms)
+
+
+def block_covariance(
+    rows: np.ndarray, residual: np.ndarray, bread: np.ndarray, blocks: np.ndarray
+) -> np.ndarray:
+    """(k, k) of the least squares `bread` rows' y of rows (n, k), whose residual (n,) is correlated
+    within numbered blocks (n,) only.
+
+    Each residual is that which the fit to all other blocks would leave: a block with much leverage
+    pulls the fit to itself and looks better than it is (the jackknife, CR3 of Bell and McCaffrey).
+    A scatter of few blocks is not known well, and Student's t allows for that: standard deviations
+    are widened so that INTERVAL of a normal distribution covers as much.
+    """
+    begins = np.flatnonzero(np.diff(blocks, prepend=-1))
+    pulls = []
+    for part, left in zip(np.split(rows, begins[1:]), np.split(residual, begins[1:]), strict=True):
+        others = np.eye(len(part)) - part @ bread @ part.T
+        pulls.append(bread @ part.T @ np.linalg.lstsq(others, left, rcond=1e-10)[0])
+    scatter = np.array(pulls) * np.sqrt((len(pulls) - 1) / len(pulls))
+    wider = _widening(scatter)
+    covariance: np.ndarray = scatter.T @ scatter * np.outer(wider, wider)
     return covariance
 
 
-def block_scores(
-    rows: np.ndarray, residual: np.ndarray, bread: np.ndarray, blocks: np.ndarray
-) -> np.ndarray:
-    """Scores (B, k) of rows (n, k) and their residual (n,), summed over numbered blocks (n,).
+def _widening(scatter: np.ndarray) -> np.ndarray:
+    """(k,) of standard deviations from what each of B blocks adds to the estimate, (B, k).
 
-    Each residual is that which the fit to all other blocks would leave: a block with much leverage
-    pulls the fit to itself and looks better than it is (the jackknife, CR3 of Bell and McCaffrey,
-    Survey Methodology 28 (2002)).
+    As many blocks count as there are degrees of freedom in the sum of their squares (Satterthwaite,
+    Biometrics Bulletin 2 (1946)), of which normal scatter has the fourth power 3.
     """
-    begins = np.flatnonzero(np.diff(blocks, prepend=-1))
-    sums = []
-    for part, left in zip(np.split(rows, begins[1:]), np.split(residual, begins[1:]), strict=True):
-        others = np.eye(len(part)) - part @ bread @ part.T
-        sums.append(part.T @ np.linalg.lstsq(others, left, rcond=1e-10)[0])
-    scores = np.array(sums)
-    return scores * np.sqrt((len(sums) - 1) / len(sums))
+    square = scatter**2
+    fourth = np.maximum((square**2).sum(axis=0), np.finfo(float).tiny)
+    most = max(len(scatter) - 1.0, LEAST_FREEDOM)
+    freedom = (3.0 * square.sum(axis=0) ** 2 / fourth).clip(LEAST_FREEDOM, most)
+    quantile = 0.5 * (1.0 + INTERVAL)
+    wider: np.ndarray = student.ppf(quantile, freedom) / normal.ppf(quantile)
+    return wider

@@ -13,7 +13,7 @@ import numpy as np
 from crane_identification.data.log import Log
 from crane_identification.hydraulics.balance import ChamberRows
 from crane_identification.hydraulics.joint_estimate import JointFit
-from crane_identification.hydraulics.projection import BLOCK, BalanceFit, block_scores
+from crane_identification.hydraulics.projection import BLOCK, BalanceFit, block_covariance
 from crane_model.errors import DataError
 from crane_model.hydraulics.values import Measured, SupplyValues
 
@@ -48,8 +48,8 @@ def identify_supply(found: Sequence[JointFit], logs: Sequence[Log]) -> SupplyVal
     scaled = matrix / norms
     bread = np.linalg.pinv(scaled.T @ scaled)
     values = bread @ scaled.T @ pressure
-    sums = block_scores(scaled, pressure - scaled @ values, bread, block)
-    std_devs = np.sqrt(np.diag(bread @ (sums.T @ sums) @ bread)) / norms
+    covariance = block_covariance(scaled, pressure - scaled @ values, bread, block)
+    std_devs = np.sqrt(np.diag(covariance)) / norms
     level, droop = values / norms
     return SupplyValues(
         pressure=Measured(value=float(level), std_dev=float(std_devs[0]), unit="Pa"),

@@ -12,10 +12,9 @@ from crane_identification.online.matching import Matched, Matcher
 from crane_identification.online.recursion import Recursion, Solution
 from crane_identification.online.smoother import FixedLagSmoother, Smoothed
 from crane_identification.online.window import Row, Window
+from crane_model.chamber_forces import ChamberForces
 from crane_model.configuration import load
-from crane_model.cylinders import generalized_forces
 from crane_model.errors import ConfigurationError, DataError, RangeError
-from crane_model.machine import JOINTS
 from crane_model.machine_files import DEFAULT_MACHINE, machine_file
 from crane_model.model_file import Model
 from crane_model.record import Record
@@ -35,7 +34,8 @@ class OnlineOptions:
     row to row (more of them tell nothing new: their windows overlap), `largest_gap` what may be
     missing before a new run begins, at most an eighth of the lag. `forgetting` is the factor λ per
     row: the memory is period/(1 - λ). `encoder_resolution` (j,) [rad or m] is one count of the
-    encoder of each joint of the model; None: those of the laboratory crane.
+    encoder of each joint of the model; None: those in `sensors.yaml` of the
+    `machine`.
     """
 
     lag: float = 0.2
@@ -81,6 +81,9 @@ class OnlineEstimator:
                 f"model '{model.name}': has no machine, so that forces cannot be computed from "
                 f"pressures (27); name one in the model file"
             )
+        self._force = (
+            ChamberForces(model.machine, model.joints) if from_pressures and model.machine else None
+        )
         _check(self.options)
         self._noise = _resolution(model, self.options) / np.sqrt(12)
         self.reset()
@@ -173,15 +176,9 @@ class OnlineEstimator:
 
     def _carried(self, position: np.ndarray, driving: np.ndarray) -> np.ndarray:
         """Forces (j,), and behind them the pressures (2j,) where `driving` is those."""
-        joints = len(self.model.joints)
-        if len(driving) == joints:
+        if self._force is None or len(driving) == len(position):
             return driving
-        assert self.model.machine is not None  # __init__ asks for it
-        chambers = driving[np.newaxis, :joints], driving[np.newaxis, joints:]
-        force = generalized_forces(
-            self.model.machine, position[np.newaxis], *chambers, self.model.joints
-        )[0]
-        return np.concatenate([force, driving])
+        return np.concatenate([self._force(position, driving), driving])
 
     def _learn(self, row: Row, used: np.ndarray) -> Forces:
         """Predict the row with what is known, then learn from it."""
@@ -240,13 +237,15 @@ def _check(options: OnlineOptions) -> None:
 def _resolution(model: Model, options: OnlineOptions) -> np.ndarray:
     given = options.encoder_resolution
     if given is None:
-        chain = load(machine_file("sensors.yaml", options.machine), SensorChain)
-        if unknown := set(model.joints) - set(JOINTS):
+        file = machine_file("sensors.yaml", options.machine)
+        known = load(file, SensorChain).encoder_resolution
+        if unknown := set(model.joints) - set(known):
             raise ConfigurationError(
-                f"encoder resolution of {', '.join(sorted(unknown))} is not known; give one count "
-                f"of each encoder of {', '.join(model.joints)} [rad or m]"
+                f"encoder resolution of {', '.join(sorted(unknown))} is not known, {file} has that "
+                f"of {', '.join(known)}; name the machine, or give one count of each encoder of "
+                f"{', '.join(model.joints)} [rad or m]"
             )
-        return np.array([chain.encoder_resolution[joint] for joint in model.joints])
+        return np.array([known[joint] for joint in model.joints])
     if len(given) != len(model.joints) or not all(np.isfinite(r) and r > 0 for r in given):
         raise ConfigurationError(
             f"encoder resolution: one positive value each for {', '.join(model.joints)} needed, "

@@ -10,10 +10,12 @@ from crane_identification.data.log import Log, Signal
 from crane_identification.data.resample import sampling_rate
 from crane_identification.online.estimator import Forces, OnlineEstimator, OnlineOptions
 from crane_identification.signals.motion import reading_resolution
+from crane_model.configuration import load
 from crane_model.errors import DataError
-from crane_model.machine import JOINTS
+from crane_model.machine_files import machine_file
 from crane_model.model_file import Model
 from crane_model.progress import Progress, silent
+from crane_model.sensors import SensorChain
 
 READINGS = 1.25  # intervals between readings that may pass before a new run begins
 PARTS = 20  # of a recording, after each of which the estimate is read
@@ -80,13 +82,15 @@ def recursion(
 
 def _estimator(model: Model, logs: Sequence[Log], options: OnlineOptions | None) -> OnlineEstimator:
     """For readings of pressures, or of forces where all of `logs` hold them."""
-    if options is None and not set(model.joints) <= set(JOINTS):
-        options = _fitting(logs)
+    if options is None:
+        sensors = load(machine_file("sensors.yaml"), SensorChain)
+        if not set(model.joints) <= set(sensors.encoder_resolution):
+            options = _fitting(logs)
     return OnlineEstimator(model, options, from_pressures=any(log.force is None for log in logs))
 
 
 def _fitting(logs: Sequence[Log]) -> OnlineOptions:
-    """For a machine that is not the laboratory crane: its encoders and rate as recorded."""
+    """For another machine than the default one: its encoders and rate as recorded."""
     resolution = np.max([reading_resolution(log.position.value) for log in logs], axis=0)
     interval = max(1.0 / sampling_rate(log.position.time) for log in logs)
     usual = OnlineOptions()

@@ -11,17 +11,26 @@ from crane_identification.recording_check.grid import Grid
 from crane_model.machine import Machine
 from crane_model.machine_files import machine_file
 from crane_model.model_file import Model, load_model
+from crane_model.terms.joint_term import OneJointTerm
 from crane_model.terms.term import Setting
 
 NEGLIGIBLE = 1e-9  # relative size of a direction that the data do not determine
 
 
 def crane(machine: Machine) -> Model:
-    """The model (16) of the report on this machine; what is checked must not depend on terms that
-    a user tries.
+    """The model (16) of the report on the joints of this machine; what is checked must not depend
+    on terms that a user tries. `ConfigurationError` if it is no crane as of the report.
     """
     model = _standard()
-    return replace(model, setting=Setting(model.setting.units, machine))
+    names = dict(zip(model.joints, machine.as_planar().joints, strict=True))
+    units = {names[joint]: unit for joint, unit in model.setting.units.items()}
+    terms = tuple(
+        term.model_copy(update={"joint": names[term.joint]})
+        if isinstance(term, OneJointTerm)
+        else term
+        for term in model.terms
+    )
+    return replace(model, setting=Setting(units, machine), terms=terms)
 
 
 @cache

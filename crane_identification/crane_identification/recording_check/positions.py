@@ -19,7 +19,7 @@ from crane_identification.recording_check.constants import (
 )
 from crane_identification.recording_check.suspicion import Suspicion
 from crane_identification.signals.motion import encoder_resolution
-from crane_model.machine import JOINT_UNITS, JOINTS, Machine
+from crane_model.machine import Machine
 
 LARGEST_TURN = 3  # turns that an encoder may be off
 
@@ -28,11 +28,11 @@ def positions(machine: Machine, log: Log) -> Iterator[Suspicion]:
     """What is suspicious of the encoders of the machine's joints."""
     ranges = {}
     for joint, column in zip(log.joints, log.position.value.T, strict=True):
-        if joint in JOINTS:
+        if joint in machine.limits:
             time, value = log.position.time, column
             known = np.isfinite(value)
             ranges[joint] = _range(value[known])
-            yield from _steps(joint, value[known])
+            yield from _steps(machine, joint, value[known])
             if _fits(machine, joint, ranges[joint]):
                 yield from _speed(machine, joint, time[known], value[known])
     for joint in ranges:
@@ -54,12 +54,12 @@ def _fits(machine: Machine, joint: str, values: np.ndarray) -> bool:
 
 
 def _outside(machine: Machine, joint: str, ranges: dict[str, np.ndarray]) -> Iterator[Suspicion]:
-    seen, unit = ranges[joint], JOINT_UNITS[joint]
+    seen, unit = ranges[joint], machine.units[joint]
     if _fits(machine, joint, seen):
         return
     limits = machine.limits[joint]
     evidence = (
-        f"from {seen[0]:.4g} to {seen[1]:.4g} {unit}, but Table 2 allows "
+        f"from {seen[0]:.4g} to {seen[1]:.4g} {unit}, but the machine file allows "
         f"{limits.position_min:g} to {limits.position_max:g} {unit}"
     )
     causes = list(_explanations(machine, joint, ranges))
@@ -69,7 +69,7 @@ def _outside(machine: Machine, joint: str, ranges: dict[str, np.ndarray]) -> Ite
 
 def _explanations(machine: Machine, joint: str, ranges: dict[str, np.ndarray]) -> Iterator[str]:
     """Which simple mistakes put the positions where they are."""
-    seen, angle = ranges[joint], JOINT_UNITS[joint] == "rad"
+    seen, angle = ranges[joint], machine.units[joint] == "rad"
     for other, there in ranges.items():
         mutual = _fits(machine, other, seen) and _fits(machine, joint, there)
         if other != joint and mutual:
@@ -90,7 +90,7 @@ def _explanations(machine: Machine, joint: str, ranges: dict[str, np.ndarray]) -
 def _speed(
     machine: Machine, joint: str, time: np.ndarray, value: np.ndarray
 ) -> Iterator[Suspicion]:
-    limits, unit = machine.limits[joint], JOINT_UNITS[joint]
+    limits, unit = machine.limits[joint], machine.units[joint]
     begin = np.searchsorted(time, time - SPEED_OVER)
     passed = time - time[begin]
     speed = (value - value[begin])[passed > 0.5 * SPEED_OVER] / passed[passed > 0.5 * SPEED_OVER]
@@ -101,21 +101,21 @@ def _speed(
     if over > TOO_FAST:
         yield Suspicion(
             spoken(joint),
-            f"speeds from {down:.3g} to {up:.3g} {unit}/s, but Table 2 allows "
+            f"speeds from {down:.3g} to {up:.3g} {unit}/s, but the machine file allows "
             f"{limits.velocity_min:g} to {limits.velocity_max:g} {unit}/s",
             "positions or times have another unit, or the machine file is of another machine",
             decisive=False,
         )
 
 
-def _steps(joint: str, value: np.ndarray) -> Iterator[Suspicion]:
+def _steps(machine: Machine, joint: str, value: np.ndarray) -> Iterator[Suspicion]:
     step = float(encoder_resolution(value[:, np.newaxis])[0])
     width = float(np.ptp(value))
     if 0.0 < width < COARSE * step:
         yield Suspicion(
             spoken(joint),
-            f"its whole motion of {width:.3g} {JOINT_UNITS[joint]} is {width / step:.0f} steps of "
-            f"the encoder",
+            f"its whole motion of {width:.3g} {machine.units[joint]} is {width / step:.0f} steps "
+            "of the encoder",
             "the encoder is too coarse for this motion, or positions were rounded",
             decisive=False,
         )

@@ -18,7 +18,7 @@ from crane_identification.recording_check.constants import (
     VACUUM,
 )
 from crane_identification.recording_check.suspicion import Suspicion
-from crane_model.machine import JOINTS, Machine
+from crane_model.machine import Machine
 
 MEGA = 1e6
 
@@ -27,7 +27,7 @@ def pressures(machine: Machine, log: Log) -> Iterator[Suspicion]:
     """What is suspicious of the transducers of the machine's cylinders, supply and tank."""
     if log.pressure_a is not None and log.pressure_b is not None:
         for j, joint in enumerate(log.joints):
-            if joint in JOINTS:
+            if joint in machine.cylinders:
                 both = [log.pressure_a.value[:, j], log.pressure_b.value[:, j]]
                 yield from _cylinder(machine, joint, *(one[np.isfinite(one)] for one in both))
     if log.supply_pressure is not None:

@@ -1,4 +1,5 @@
-"""The figures of the report: its Figs. 8 to 13, one per joint of each recording."""
+"""The figures of the report: its Figs. 8 to 13, and motion from commands, one per joint of each
+recording."""
 
 from collections.abc import Sequence
 
@@ -18,6 +19,7 @@ from crane_identification.report.figure import (
     Panel,
 )
 from crane_identification.report.recording import Recording
+from crane_identification.validation.command_validation import CommandedCourse
 from crane_identification.validation.force_validation import Validation
 from crane_model.model_file import Model
 
@@ -112,6 +114,25 @@ def validation_figures(model: Model, validation: Validation, key: str) -> list[F
         figures.append(
             Figure(f"{key}-{joint}", spoken(joint), panels, left_out(validation.preparation, j))
         )
+    return figures
+
+
+def commanded_figures(model: Model, course: CommandedCourse, key: str) -> list[Figure]:
+    """Position of each joint, measured and simulated from commands, and what is left below."""
+    figures = []
+    for j, joint in enumerate(model.joints):
+        coordinate, time = model.setting.units[joint], course.time
+        measured, simulated = course.measured[:, j], course.simulated[:, j]
+        curves = [
+            Curve("measured", MEASURED, time, measured, 1.8),
+            Curve("model", MODEL, time, simulated, 1.2),
+        ]
+        left = [Curve("measured − model", MEASURED, time, measured - simulated)]
+        panels = [
+            Panel(POSITION, coordinate, curves, height=190),
+            Panel("q − q<sub>model</sub>", coordinate, left, height=100),
+        ]
+        figures.append(Figure(f"{key}-{joint}", spoken(joint), panels))
     return figures
 
 

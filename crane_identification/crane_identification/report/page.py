@@ -9,6 +9,7 @@ from crane_identification.report.content import IdentificationReport
 from crane_identification.report.figure import Figure
 from crane_identification.report.figures import (
     averaged_figures,
+    commanded_figures,
     recording_figures,
     reference_figures,
     validation_figures,
@@ -48,8 +49,8 @@ def render(report: IdentificationReport, progress: Progress = silent, folder: Pa
     model_file = report.provenance.model_file
     references = _reference_rows(report)
     recordings, averages, validations = _figure_rows(report, progress)
-    settling = settling_figures(report)
-    rows = (*references, *recordings, *averages, *validations)
+    settling, driven = settling_figures(report), _commanded_rows(report)
+    rows = (*references, *recordings, *averages, *validations, *driven)
     shown = [*settling, *(figure for row in rows for figure in row.figures)]
     return template.rendered(
         __package__,
@@ -83,6 +84,7 @@ def render(report: IdentificationReport, progress: Progress = silent, folder: Pa
         recordings=recordings,
         averages=averages,
         validations=validations,
+        driven=driven,
         style=template.part(__package__, "page.css"),
         script=template.part(__package__, "page.js"),
     )
@@ -97,6 +99,15 @@ def _reference_rows(report: IdentificationReport) -> list[RowOfFigures]:
         if p.averaging is not None
     ]
     return [row for row in rows if row.figures]
+
+
+def _commanded_rows(report: IdentificationReport) -> list[RowOfFigures]:
+    """Rows of motion from commands, as far ahead as it was simulated; none where it was not."""
+    furthest = report.commanded[-1].courses if report.commanded else ()
+    return [
+        RowOfFigures(one.source, commanded_figures(report.fit.model, one, f"commanded-{number}"))
+        for number, one in enumerate(furthest)
+    ]
 
 
 def _figure_rows(

@@ -7,7 +7,7 @@ import numpy as np
 
 from crane_identification.report.content import IdentificationReport
 from crane_identification.report.errors import JointErrors
-from crane_identification.scale.information import ClusterFit
+from crane_identification.scale.summed import SummedFit
 from crane_model.result_file import Number, NumberByJoint, ResultFile, ResultPart
 
 
@@ -127,7 +127,7 @@ class Summary(ResultFile):
 
 
 class ClusterSummary(ResultFile):
-    """What `identify --cluster` found: what is known without the rows of the recordings."""
+    """What `identify --stream` or `--cluster` found: what is known without all rows."""
 
     model: str
     """Name of the model."""
@@ -223,8 +223,8 @@ def write(path: Path | str, report: IdentificationReport) -> None:
     summarize(report).write(path)
 
 
-def write_of_cluster(path: Path | str, fit: ClusterFit, held_out: JointErrors | None) -> None:
-    """Write what a fit on a cluster found, and its errors on validation recordings, as JSON."""
+def write_summed(path: Path | str, fit: SummedFit, held_out: JointErrors | None) -> None:
+    """Write what a fit by sums found, and its errors on validation recordings, as JSON."""
     information, model = fit.information, fit.model
     assert model.std_devs is not None  # of a fitted model
 

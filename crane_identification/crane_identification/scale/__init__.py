@@ -1,4 +1,4 @@
-"""Fits of more recordings than one machine holds."""
+"""Fits of more recordings than memory, or one machine, holds."""
 
 from typing import TYPE_CHECKING
 
@@ -6,13 +6,16 @@ from crane_model.lazily import lazily
 
 if TYPE_CHECKING:
     from crane_identification.scale.cluster import fit_on_cluster as fit_on_cluster
-    from crane_identification.scale.information import ClusterFit as ClusterFit
     from crane_identification.scale.information import Information as Information
+    from crane_identification.scale.streamed import fit_streamed as fit_streamed
+    from crane_identification.scale.summed import SummedFit as SummedFit
 
 __getattr__, __dir__, __all__ = lazily(
     __name__,
     {
         "cluster": ("fit_on_cluster",),
-        "information": ("ClusterFit", "Information"),
+        "information": ("Information",),
+        "streamed": ("fit_streamed",),
+        "summed": ("SummedFit",),
     },
 )

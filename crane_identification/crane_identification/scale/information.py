@@ -129,15 +129,3 @@ def _root(matrix: np.ndarray) -> np.ndarray:
         return cholesky(matrix)
     except LinAlgError:  # singular: what is missing is within rounding
         return cholesky(matrix + RESOLVED * len(matrix) * np.eye(len(matrix)))
-
-
-@dataclass(frozen=True)
-class ClusterFit:
-    """The `model` with its values, from the `information` of all recordings, and the `suspicions`
-    about them.
-    """
-
-    model: Model
-    information: Information
-    workers: int
-    suspicions: tuple[str, ...]

@@ -23,9 +23,20 @@ from crane_model.whole_crane import (
 )
 
 HORIZONS = (1.0, 5.0)  # s ahead
-BESIDE = ("slew_position", "slew_velocity", "slew_acceleration", "temperature")
+BESIDE = ("run", "slew_position", "slew_velocity", "slew_acceleration", "temperature")
 NEEDED = ("command", "pressure_a", "pressure_b")
 HISTORY = 0.5  # s of commands before a window, after which the spool has forgotten what was before
+
+
+class CommandedCourse(NamedTuple):
+    """Measured and simulated position (n, j) [rad, m] at time (n,) [s] of all windows of a run, one
+    behind the other; NaN where one ends and the next begins at the measured state.
+    """
+
+    source: str
+    time: np.ndarray
+    measured: np.ndarray
+    simulated: np.ndarray
 
 
 @dataclass(frozen=True)
@@ -39,6 +50,7 @@ class CommandValidation:
     windows: int
     position_rms: np.ndarray
     way: np.ndarray
+    courses: tuple[CommandedCourse, ...]  # one of each run
 
     @property
     def relative(self) -> np.ndarray:
@@ -58,11 +70,20 @@ def validate_commands(
     circuit_of(model)  # says what is not identified, before any recording is prepared
     options = options or Options()
     whole = Options(begin=options.begin, end=options.end, average=False)
-    runs = [
-        _Run(log, preparation.record, preparation.step)
-        for log in logs
-        for preparation in prepare(model, _complete(log), whole)
-    ]
+    return validate_runs(
+        model,
+        [
+            CommandedRun(log, preparation.record, preparation.step)
+            for log in logs
+            for preparation in prepare(model, _complete(log), whole)
+        ],
+    )
+
+
+def validate_runs(model: Model, runs: Sequence["CommandedRun"]) -> tuple[CommandValidation, ...]:
+    """The same over runs that are prepared."""
+    for run in runs:
+        _complete(run.log)
     found = [one for one in (_ahead(model, runs, horizon) for horizon in HORIZONS) if one]
     if not found:
         raise DataError(
@@ -82,8 +103,8 @@ def commands_validated(
         return ()
 
 
-class _Run(NamedTuple):
-    """A gapless run of a recording."""
+class CommandedRun(NamedTuple):
+    """A gapless run of a recording, sampled every `step` [s], and the log with its commands."""
 
     log: Log
     record: Record
@@ -100,8 +121,8 @@ def _complete(log: Log) -> Log:
     return log
 
 
-def _ahead(model: Model, runs: Sequence[_Run], horizon: float) -> CommandValidation | None:
-    errors, ways = [], []
+def _ahead(model: Model, runs: Sequence[CommandedRun], horizon: float) -> CommandValidation | None:
+    errors, ways, courses = [], [], []
     for run in runs:
         record, samples = run.record, round(horizon / run.step)
         starts = _starts(run, samples)
@@ -122,14 +143,30 @@ def _ahead(model: Model, runs: Sequence[_Run], horizon: float) -> CommandValidat
         position, _ = simulate_openings(model, state, opened, run.step, beside)
         errors.append(position[-1] - record.position[at[-1]])
         ways.append(np.abs(np.diff(record.position[at], axis=0)).sum(axis=0))
+        courses.append(_course(run, at, position))
     if not errors:
         return None
     error, way = np.concatenate(errors), np.concatenate(ways)
     rms = np.sqrt((error**2).mean(axis=0))
-    return CommandValidation(model.joints, horizon, len(error), rms, way.mean(axis=0))
+    return CommandValidation(
+        model.joints, horizon, len(error), rms, way.mean(axis=0), tuple(courses)
+    )
 
 
-def _starts(run: _Run, samples: int) -> np.ndarray:
+def _course(run: CommandedRun, at: np.ndarray, position: np.ndarray) -> CommandedCourse:
+    """Of positions (T, N, j) at the samples (T, N) of the run."""
+    order, joints = at.T.ravel(), position.shape[2]
+    simulated = position.copy()
+    simulated[-1] = np.nan
+    return CommandedCourse(
+        source=run.log.source,
+        time=run.record.time[order],
+        measured=run.record.position[order],
+        simulated=simulated.transpose(1, 0, 2).reshape(-1, joints),
+    )
+
+
+def _starts(run: CommandedRun, samples: int) -> np.ndarray:
     """Where consecutive windows begin, in which the commands of all joints are known."""
     starts = np.arange(0, len(run.record) - samples, samples)
     command = run.record.command
@@ -142,7 +179,7 @@ def _starts(run: _Run, samples: int) -> np.ndarray:
     return starts[np.array(sound, dtype=bool)]
 
 
-def _openings(model: Model, run: _Run) -> np.ndarray:
+def _openings(model: Model, run: CommandedRun) -> np.ndarray:
     """(n - 1, S, j) from each sample of the record to the next."""
     machine, hydraulics = identified(model)
     record, command = run.record, run.log.command

@@ -44,6 +44,7 @@ class Wanted(NamedTuple):
     now: Point
     ahead: Point
     phase: float = np.nan  # s since the period of a periodic motion began; NaN outside of one
+    largest: float = 1.0  # command that is allowed: beyond it a controller is saturated
 
 
 class ControlCondition(IntEnum):
@@ -93,6 +94,10 @@ class Controller(Protocol):
     @property
     def preview(self) -> float:
         """How far ahead it wants the reference [s]: the lag of loop and valves."""
+
+    @property
+    def by_model(self) -> np.ndarray:
+        """(j,) whether a joint is led by the model: it is kept nearer to the reference."""
 
     def start(self, command: np.ndarray) -> None:
         """Take over where `command` (j,) -1..1 was in force, without a jump."""

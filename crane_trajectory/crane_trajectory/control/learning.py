@@ -12,7 +12,7 @@ not diverge where the controller is stable.
 import numpy as np
 
 from crane_trajectory.control.flow_feedforward import FlowFeedforward
-from crane_trajectory.control.interface import ControlCondition, SensorReading, Wanted
+from crane_trajectory.control.interface import ControlCondition, Controller, SensorReading, Wanted
 
 STEP = 0.005  # s, of the learnt course
 GAIN = 0.5
@@ -23,11 +23,12 @@ MOST_MISSING = 0.05  # of a period, from which is still learnt
 
 
 class Learning:
-    """A `FlowFeedforward` that learns a reference of a period [s]."""
+    """A controller that uses the model and learns a reference of a period [s]."""
 
-    def __init__(self, controller: FlowFeedforward, period: float):
-        self._controller = controller
-        self._gains, self._columns = controller.gains, controller.columns
+    def __init__(self, controller: Controller, led: FlowFeedforward, period: float):
+        """`led` is the controller, or the part of it that uses the model."""
+        self._controller, self.led = controller, led
+        self._gains, self._columns = led.gains, led.columns
         count = max(round(period / STEP), 2)
         self._period = period
         joints = len(self._gains)
@@ -40,6 +41,11 @@ class Learning:
     def preview(self) -> float:
         """As the controller has it [s]."""
         return self._controller.preview
+
+    @property
+    def by_model(self) -> np.ndarray:
+        """As the controller has it (j,)."""
+        return self._controller.by_model
 
     @property
     def conditions(self) -> tuple[ControlCondition, ...]:

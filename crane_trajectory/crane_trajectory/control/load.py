@@ -5,39 +5,38 @@ import numpy as np
 from crane_model.errors import DataError
 from crane_model.machine import Machine
 from crane_model.model_file import Model
+from crane_model.motion_columns import smooth_forces, table
 from crane_model.record import Record
 from crane_model.terms import Term
-from crane_model.terms.friction import Coulomb, CoulombAsymmetry, Viscous, ViscousAsymmetry
 from crane_model.terms.term import Setting
 
 REVERSAL_SPEED = 0.008  # rad/s or m/s; for slow valves sgn(q') of (13) is tanh(q' / this)
-
-FRICTION = (Coulomb, CoulombAsymmetry, Viscous, ViscousAsymmetry)
 
 
 class ReferenceLoad:
     """Generalized forces that the reference needs, of all joints of a machine.
 
-    Friction (13) and the terms of rigid bodies, gravity and loads count; what else the model has
-    follows no reference. A joint that the model lacks has no load.
+    Friction, as far as it follows the motion of the instant, and the terms of rigid bodies, gravity
+    and loads count; what else the model has follows no reference. A joint that the model lacks has
+    no load.
     """
 
     def __init__(self, model: Model, machine: Machine):
         self._columns = [machine.joint_names.index(joint) for joint in model.joints]
         self._model, self._count = model, len(machine.joint_names)
-        self._law = np.zeros((len(FRICTION), len(model.joints)))
         self._bodies: list[tuple[Term, np.ndarray, np.ndarray]] = []
-        theta, one = model.theta, np.zeros((1, len(model.joints)))
-        self._time = np.zeros(1)
+        self._theta, self._time = np.zeros(len(model.theta)), np.zeros(1)
+        one = np.zeros((1, len(model.joints)))
         rest = Record(model.joints, self._time, one, one, one)
         for term in model.terms:
-            values = theta[model.part(term)]
-            if type(term) in FRICTION:
-                row = FRICTION.index(type(term))
-                self._law[row, model.joints.index(term.only_joint)] += values[0]
+            part = model.part(term)
+            if term.motion_columns(model.setting):
+                if term.is_friction() or term.has_weight():
+                    self._theta[part] = model.theta[part]
             elif term.has_weight() and _follows(term, rest, model.setting):
-                columns = np.zeros((1, len(model.joints), len(values)))
-                self._bodies.append((term, columns, values))
+                values = model.theta[part]
+                self._bodies.append((term, np.zeros((*one.shape, len(values))), values))
+        self._table = table(model.motion_columns, model.joints)
 
     def __call__(
         self, position: np.ndarray, velocity: np.ndarray, acceleration: np.ndarray
@@ -46,10 +45,9 @@ class ReferenceLoad:
         q, v, a = (
             np.take(each, self._columns)[None] for each in (position, velocity, acceleration)
         )
-        direction = np.tanh(v / REVERSAL_SPEED)
-        f_c, df_c, f_v, df_v = self._law
-        tau = (f_c + df_v * v) * direction + df_c + f_v * v
-        record = Record(self._model.joints, self._time, q, v, a, direction_known=direction)
+        tau = np.empty_like(v)
+        smooth_forces(self._table, self._theta, v, a, REVERSAL_SPEED, tau)
+        record = Record(self._model.joints, self._time, q, v, a)
         for term, columns, values in self._bodies:
             columns[:] = 0.0
             term.fill(record, self._model.setting, columns)

@@ -26,6 +26,7 @@ class PdDeadZone:
         self._gains, self._units = gains, units
         self._bump: np.ndarray | None = None  # None until the first command
         self._last = np.zeros(len(gains.kp))
+        self.by_model = np.zeros(len(gains.kp), dtype=bool)
         self.conditions = (ControlCondition.NOT_INITIALISED,) * len(gains.kp)
 
     def start(self, command: np.ndarray) -> None:
@@ -53,10 +54,11 @@ class PdDeadZone:
             self._bump = self._last - asked
         else:
             self._bump *= math.exp(-dt / BUMP)
-        self._last = np.clip(asked + self._bump, -1.0, 1.0)
+        largest = wanted.largest
+        self._last = np.clip(asked + self._bump, -largest, largest)
         moves = (now.velocity != 0.0) | (np.abs(asked) > self._gains.position_tolerance)
         self.conditions = tuple(
-            SATURATED if abs(u) >= 1.0 else FOLLOWING if moving else AT_REST
+            SATURATED if abs(u) >= largest else FOLLOWING if moving else AT_REST
             for u, moving in zip(self._last, moves, strict=True)
         )
         return self._last

@@ -1,12 +1,13 @@
 """What of the controller may be changed while the crane moves, without a jump."""
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
 from crane_trajectory.control.controller import GainArrays, GainFields
 
 BLEND = 1.0  # s, in which new gains take the place of the old
+OF_TOLERANCE = 0.1  # of the tracking tolerance: for joints that the model keeps that much nearer
 
 
 @dataclass(frozen=True, eq=False)
@@ -16,6 +17,11 @@ class Tuning:
     gains: GainArrays
     saturation: float
     tolerance: np.ndarray
+
+    def tightened(self, by_model: np.ndarray) -> "Tuning":
+        """With the tolerances of joints (j,) that the model leads at `OF_TOLERANCE`."""
+        share = np.where(by_model, OF_TOLERANCE, 1.0)
+        return replace(self, tolerance=share * self.tolerance)
 
 
 class Blend:

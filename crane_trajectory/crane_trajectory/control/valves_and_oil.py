@@ -9,6 +9,8 @@ from crane_model.errors import ConfigurationError
 from crane_model.hydraulics.values import HydraulicValues
 from crane_model.machine import Machine
 
+TURN = 2.0 * np.pi  # rad, of the shaft of a motor
+
 
 class ValvesAndOil(NamedTuple):
     """Valves and oil of j joints, (j,) each [SI].
@@ -61,7 +63,8 @@ def identified(machine: Machine, values: HydraulicValues, joints: Sequence[str])
     """Of some joints, from what was identified of the machine.
 
     A joint without chamber values has the mean oil of those with some, and dead volumes of a
-    twentieth of its chambers. `ConfigurationError` if no joint has any.
+    twentieth of its chambers, or of what a turn of a motor takes in. `ConfigurationError` if no
+    joint has any.
     """
     named = {
         joint: {name: value.value for name, value in values.joints[joint].values.items()}
@@ -79,15 +82,16 @@ def identified(machine: Machine, values: HydraulicValues, joints: Sequence[str])
     for joint in joints:
         known, actuator, limits = named[joint], machine.cylinders[joint], machine.limits[joint]
         middle = np.array([(limits.position_min + limits.position_max) / 2.0])
-        stroke = actuator.length_max - actuator.length_min
+        chambers = actuator.chambers
+        way = chambers.empty_b - chambers.empty_a or TURN
         row = {
             "sense": float(np.sign(machine.cylinder(joint, middle)[0, 1])),
             "area_a": actuator.area_a,
             "area_b": actuator.area_b,
-            "length_min": actuator.length_min,
-            "length_max": actuator.length_max,
-            "dead_volume_a": known.get("dead_volume_a", actuator.area_a * stroke / 20.0),
-            "dead_volume_b": known.get("dead_volume_b", actuator.area_b * stroke / 20.0),
+            "length_min": chambers.empty_a,
+            "length_max": chambers.empty_b,
+            "dead_volume_a": known.get("dead_volume_a", actuator.area_a * way / 20.0),
+            "dead_volume_b": known.get("dead_volume_b", actuator.area_b * way / 20.0),
             "bulk_modulus": known.get("bulk_modulus", float(np.mean(oil))),
             "leakage": known.get("leakage", 0.0),
             **{edge: known[edge] for edge in ("supply_a", "a_tank", "supply_b", "b_tank")},

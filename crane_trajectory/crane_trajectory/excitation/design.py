@@ -40,6 +40,7 @@ from crane_trajectory.motion.fourier import (
 )
 from crane_trajectory.motion.motion import RUN_UP
 from crane_trajectory.motion.periodic import load_trajectory
+from crane_trajectory.motion.probe import LARGEST, Probe
 
 
 def main(argv: Sequence[str] | None = None) -> int:
@@ -101,6 +102,13 @@ def _parser() -> argparse.ArgumentParser:
     )
     parser.add_argument("--seed", type=whole(0), default=1, help="of the random starts")
     parser.add_argument("--starts", type=whole(1), default=16, help="local searches to run")
+    parser.add_argument(
+        "--probe",
+        type=above(0.0, LARGEST),
+        metavar="COMMAND",
+        help="add a pseudo-random command of this size, such as 0.02, on top of the motion: it "
+        "tells how fast the valves are, in a recording of its own",
+    )
     add_machine(parser)
     parser.add_argument("--model", type=Path, help="model file; default: the machine's")
     parser.add_argument("--settings", type=Path, help="of the search; default: the machine's")
@@ -151,7 +159,8 @@ def _sweeps(
         arguments.dwell,
         arguments.out.stem,
     )
-    trajectory = trajectory.model_copy(update={"provenance": f"Found by {_command(argv)}."})
+    update = {"provenance": f"Found by {_command(argv)}.", "probe": _probe(arguments)}
+    trajectory = trajectory.model_copy(update=update)
     save(arguments.out, trajectory)
     draw(arguments.out.with_suffix(".png"), machine, trajectory, clearance)
     print(f"period {trajectory.period:.1f} s, in which {_moves(trajectory.period)}")
@@ -214,6 +223,7 @@ def _search(
                     update={
                         "figures_of_merit": {k: float(f"{v:.4g}") for k, v in merit.items()},
                         "provenance": _provenance(argv, model, settings),
+                        "probe": _probe(arguments),
                     }
                 ),
             )
@@ -224,6 +234,10 @@ def _search(
         periods, of_each = settings.experiment.periods, " of each" if len(files) > 1 else ""
         recorded = f"{periods} periods{of_each}, {arguments.period:g} s long"
         bar.write(f"in {recorded}, {_moves(periods * arguments.period)}")
+
+
+def _probe(arguments: argparse.Namespace) -> Probe | None:
+    return None if arguments.probe is None else Probe(amplitude=arguments.probe)
 
 
 def _files(arguments: argparse.Namespace) -> list[Path]:

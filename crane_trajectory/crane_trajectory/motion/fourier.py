@@ -7,6 +7,7 @@ import numpy as np
 from pydantic import Field, model_validator
 
 from crane_model.configuration import Schema
+from crane_trajectory.motion.probe import Probe
 
 MOST_HARMONICS = 50
 SHORTEST_PERIOD, LONGEST_PERIOD = 1.0, 3600.0  # s: what a crane can follow, and one waits for
@@ -61,6 +62,7 @@ class FourierTrajectory(Schema):
     name: str
     period: Period
     joints: Annotated[dict[str, JointSeries], Field(min_length=1)]
+    probe: Probe | None = None
     figures_of_merit: dict[str, float] = {}
     provenance: str = ""
 

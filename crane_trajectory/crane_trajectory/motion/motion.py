@@ -105,6 +105,16 @@ class Motion:
         )
         return Reference(position, velocity, acceleration, phase)
 
+    def probe(self, time: np.ndarray) -> np.ndarray:
+        """What the trajectory adds to the commands at time (n,) [s]: (n, j), in whole periods."""
+        added = np.zeros((len(time), len(self.start)))
+        probe, since = self.trajectory.probe, time - self.excitation_start
+        if probe is not None:
+            leading = (since >= 0.0) & (time < self.excitation_end)
+            moved = probe.course(since, self.trajectory.period, len(self._columns))
+            added[:, self._columns] = np.where(leading[:, np.newaxis], moved, 0.0)
+        return added
+
     def violations(self, clearance: Clearance) -> list[Violation]:
         """Every limit that the motion passes from start to rest, all joints."""
         first_period = replace(self, periods=1)  # as all others

@@ -7,6 +7,7 @@ import numpy as np
 
 from crane_model.configuration import read_document
 from crane_trajectory.motion.fourier import FourierTrajectory, MotionSamples
+from crane_trajectory.motion.probe import Probe
 from crane_trajectory.motion.sweep import SweepTrajectory
 
 
@@ -28,6 +29,10 @@ class PeriodicTrajectory(Protocol):
     @property
     def joint_names(self) -> tuple[str, ...]:
         """The joints that move, in the order of the columns of `evaluate`."""
+
+    @property
+    def probe(self) -> Probe | None:
+        """What is added to the commands, if anything."""
 
     def evaluate(self, time: np.ndarray) -> MotionSamples:
         """Position, velocity and acceleration at any time (n,) [s]."""

@@ -13,6 +13,7 @@ from pydantic import Field, model_validator
 
 from crane_model.configuration import Schema
 from crane_trajectory.motion.fourier import MotionSamples, Period
+from crane_trajectory.motion.probe import Probe
 
 Knots = Annotated[tuple[float, ...], Field(min_length=2, max_length=500)]
 
@@ -48,6 +49,7 @@ class SweepTrajectory(Schema):
     period: Period
     corner: Annotated[float, Field(ge=0.1)]  # s, over which corners are rounded
     joints: Annotated[dict[str, JointCourse], Field(min_length=1)]
+    probe: Probe | None = None
     provenance: str = ""
 
     @model_validator(mode="after")

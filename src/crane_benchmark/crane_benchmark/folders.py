@@ -12,6 +12,8 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
+ANSWER, ROW = "answer.json", "row.json"  # in the folder of a case
+
 
 @dataclass(frozen=True)
 class Folders:

@@ -14,20 +14,23 @@ from rich import box
 from rich.console import Console
 from rich.table import Table
 
+from crane_benchmark.answers.answer_cases import refused
+from crane_benchmark.answers.answer_file import CaseAnswer
 from crane_benchmark.answers.given import given
 from crane_benchmark.cases.case import Case, CaseKind
 from crane_benchmark.cases.case_sets import CaseSet
-from crane_benchmark.folders import Folders, done, new, read_json, write_json
+from crane_benchmark.folders import ANSWER, Folders, done, new, read_json
 from crane_benchmark.scores.judgement import NAMING, BlindAnswer, Place
-from crane_benchmark.scores.rates import rate
+from crane_benchmark.scores.rates import Rate, rate
 from crane_benchmark.work import in_processes
 from crane_identification.diagnosis.diagnosis import diagnose
-from crane_identification.diagnosis.findings import content
+from crane_identification.diagnosis.findings import answer
 from crane_identification.diagnosis.search.candidates import WHOLE
 from crane_identification.options import Options
 from crane_identification.thresholds import load_thresholds
 from crane_model.cli import command_line
 from crane_model.errors import CraneError
+from crane_model.result_file import ResultFile, ResultPart
 from crane_model.terms import REGISTRY
 
 
@@ -39,6 +42,30 @@ class Left(StrEnum):
     DECLARED = "a declared confusable alone"
     SILENT = "nothing, or insufficient data"
     WRONG = "wrong name"
+
+
+class LeftOutRow(ResultPart):
+    """A case, answered without the entry of what it hides."""
+
+    case: str
+    """Its name."""
+    hidden: Place
+    """Effect and joint."""
+    strength: float
+    """That was asked for [-]."""
+    outcome: Left
+    """What became of it."""
+    answer: BlindAnswer
+    """What was said."""
+
+
+class LeftOutResults(ResultFile):
+    """All cases of a set, without the entries of what they hide."""
+
+    summary: dict[Left, Rate]
+    """By outcome."""
+    cases: list[LeftOutRow]
+    """Of single effects of the force."""
 
 
 @dataclass(frozen=True)
@@ -84,12 +111,14 @@ def answer_case(job: LeavingOutJob) -> None:
     recordings = given(folder)
     with new(_answers(job.folders) / job.name) as out:
         try:
-            found = content(
+            found = answer(
                 diagnose(*recordings, Options(), load_thresholds(), without=[job.effect])
             )
         except CraneError as error:
-            found = {"verdict": "insufficient_data", "reason": str(error), "findings": []}
-        write_json(out / "answer.json", found)
+            said = refused(error)
+        else:
+            said = CaseAnswer(verdict=found.verdict, reason=found.reason, findings=found)
+        said.write(out / ANSWER)
 
 
 def _answers(folders: Folders) -> Path:
@@ -129,24 +158,24 @@ def main(argv: Sequence[str] | None = None) -> int:
         if job.name not in done(_answers(folders)):
             continue  # reported to have failed
         hidden = _case(folders, job.name).effects[0]
-        answer = BlindAnswer.of_diagnosis(read_json(_answers(folders) / job.name / "answer.json"))
+        blind = BlindAnswer.of_diagnosis(CaseAnswer.read(_answers(folders) / job.name / ANSWER))
         place = (hidden.effect, hidden.joint or WHOLE)
         rows.append(
-            {
-                "case": job.name,
-                "hidden": [*place, hidden.strength],
-                "outcome": became(place, answer).value,
-                "answer": [answer.verdict, answer.findings],
-            }
+            LeftOutRow(
+                case=job.name,
+                hidden=place,
+                strength=hidden.strength,
+                outcome=became(place, blind),
+                answer=blind,
+            )
         )
-    summary = {left.value: rate([row["outcome"] == left for row in rows]) for left in Left}
+    summary = {left: rate([row.outcome is left for row in rows]) for left in Left}
     path = folders.scores / "without_own_entry.json"
-    write_json(path, {"summary": summary, "cases": rows})
+    LeftOutResults(summary=summary, cases=rows).write(path)
     table = Table("without the entry of what is hidden", "cases", "share", box=box.SIMPLE_HEAD)
     for name, one in summary.items():
-        low, high = one["interval"] or (0.0, 1.0)
-        share = f"{one['rate'] or 0.0:.0%} [{low:.0%}, {high:.0%}]"
-        table.add_row(name, str(one["count"]), share)
+        low, high = one.interval or (0.0, 1.0)
+        table.add_row(name, str(one.count), f"{one.rate or 0.0:.0%} [{low:.0%}, {high:.0%}]")
     Console(width=100).print(table)
     print(f"written: {path}")
     return 0

@@ -15,9 +15,28 @@ from crane_model.machine_files import DEFAULT_MACHINE
 INTERRUPTED = 130  # the shell's convention: 128 + SIGINT
 
 
+class _Store(argparse.Action):
+    """As argparse stores; given again, an option of several values adds to those before."""
+
+    def __call__(
+        self,
+        parser: argparse.ArgumentParser,
+        namespace: argparse.Namespace,
+        values: Any,
+        option_string: str | None = None,
+    ) -> None:
+        before = getattr(namespace, self.dest)
+        again = self.nargs == "+" and self.option_strings and before is not self.default
+        setattr(namespace, self.dest, [*before, *values] if again else values)
+
+
 def command_line(**options: Any) -> argparse.ArgumentParser:
-    """A parser with --version, made with the `options` of an `ArgumentParser`."""
+    """A parser with --version, made with the `options` of an `ArgumentParser`.
+
+    What an option of several values is given in one place adds to what it is given in another.
+    """
     parser = argparse.ArgumentParser(**options)
+    parser.register("action", None, _Store)
     told = f"%(prog)s of the crane suite {version('crane_model')}"
     parser.add_argument("--version", action="version", version=told)
     return parser

@@ -61,7 +61,7 @@ def lever_arms(machine: Machine, q: Array, joints: Sequence[str]) -> Array:
 
     Of an actuator that several joints move, q is what it sees of them.
     """
-    shares = _shares(machine, joints)
+    shares = actuator_shares(machine, joints)
     columns = zip(joints, (q if shares is None else q @ shares.T).T, strict=True)
     return np.stack([lever_arm(machine, joint, column) for joint, column in columns], axis=1)
 
@@ -74,7 +74,7 @@ def generalized_from_actuators(
     The forces are those of cylinders [N], or the torques of motors on their own side of the gear.
     """
     tau = lever_arms(machine, q, joints) * force
-    shares = _shares(machine, joints)
+    shares = actuator_shares(machine, joints)
     return tau if shares is None else tau @ shares
 
 
@@ -95,12 +95,12 @@ def cylinder_forces_from_generalized(
     machine: Machine, q: Array, tau: Array, joints: Sequence[str]
 ) -> Array:
     """Inverse of (27): (n, k) generalized forces of k joints to (n, k) cylinder forces [N]."""
-    shares = _shares(machine, joints)
+    shares = actuator_shares(machine, joints)
     own = np.asarray(tau) if shares is None else np.asarray(tau) @ np.linalg.inv(shares)
     return own / lever_arms(machine, q, joints)
 
 
-def _shares(machine: Machine, joints: Sequence[str]) -> Array | None:
+def actuator_shares(machine: Machine, joints: Sequence[str]) -> Array | None:
     """(k, k) what the actuators of k joints see of each; None where each sees its own alone."""
     if not machine.couplings:
         return None

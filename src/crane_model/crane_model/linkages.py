@@ -154,5 +154,5 @@ def samples(kind: int, constants: Array, q: Array) -> Array:
     """`motion` at each of n places: (n, 3)."""
     out = np.empty((len(q), 3))
     for i in range(len(q)):
-        out[i] = motion(kind, constants, q[i])
+        out[i, 0], out[i, 1], out[i, 2] = motion(kind, constants, q[i])
     return out

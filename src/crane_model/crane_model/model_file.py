@@ -16,6 +16,7 @@ from crane_model.configuration import Schema, load, save, validate
 from crane_model.errors import ConfigurationError
 from crane_model.hydraulics.values import HydraulicValues
 from crane_model.machine import Machine, load_machine
+from crane_model.motion_columns import MotionColumn, fill
 from crane_model.record import Record
 from crane_model.terms import Parameter, Term, term_from_mapping
 from crane_model.terms.term import Setting
@@ -62,10 +63,29 @@ class Model:
         self.fill(record, columns)
         return columns
 
-    def fill(self, record: Record, columns: Array) -> None:
-        """Write Phi of (28) into `columns` (n, j, p), which comes as zeros."""
-        for term, part in zip(self.terms, self._parts, strict=True):
+    def fill(self, record: Record, columns: Array, smooth: bool = False) -> None:
+        """Write Phi of (28) into `columns` (n, j, p), which comes as zeros.
+
+        `smooth`: q' sgn(q') in place of |q'|, smooth in q' where the record's direction is.
+        """
+        for term, part in self.whole_terms:
             term.fill(record, self.setting, columns[:, :, part])
+        fill(self.motion_columns, record, columns, smooth)
+
+    @cached_property
+    def whole_terms(self) -> tuple[tuple[Term, slice], ...]:
+        """The terms that have no `motion_columns`, with their columns of Phi."""
+        every = zip(self.terms, self._parts, strict=True)
+        return tuple(each for each in every if not each[0].motion_columns(self.setting))
+
+    @cached_property
+    def motion_columns(self) -> tuple[MotionColumn, ...]:
+        """Those of all terms, in the columns of Phi."""
+        return tuple(
+            column._replace(parameter=part.start + column.parameter)
+            for term, part in zip(self.terms, self._parts, strict=True)
+            for column in term.motion_columns(self.setting)
+        )
 
     def part(self, term: Term) -> slice:
         """Which parameters, columns of Phi, belong to one of the model's terms."""

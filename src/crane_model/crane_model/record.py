@@ -123,17 +123,20 @@ class Record:
 
     def column(self, joint: str) -> int:
         """Index of `joint`; `DataError` if the record does not have it."""
-        try:
-            return self.joints.index(joint)
-        except ValueError:
-            raise DataError(
-                f"record: no joint '{joint}'; it has {', '.join(self.joints)}"
-            ) from None
+        return column_of(self.joints, joint)
 
     def at_rest(self) -> Self:
         """The same positions without motion: what is left of the force is gravity."""
         still = np.zeros_like(self.position)
         return replace(self, velocity=still, acceleration=still, direction_known=still)
+
+
+def column_of(joints: tuple[str, ...], joint: str) -> int:
+    """Index of `joint` in a record of `joints`; `DataError` if it does not have it."""
+    try:
+        return joints.index(joint)
+    except ValueError:
+        raise DataError(f"record: no joint '{joint}'; it has {', '.join(joints)}") from None
 
 
 PER_SAMPLE = frozenset(

@@ -11,6 +11,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
+from crane_model.actuators.hydraulic import Chambers
 from crane_model.array import Array
 from crane_model.errors import ConfigurationError, RangeError
 from crane_model.hydraulics.spool import openings, spool_course, trailing
@@ -25,6 +26,7 @@ SUBSTEP = 2.5e-4  # s, at most: a fiftieth of the fastest oscillation of oil and
 STRETCH = 50  # instants whose mechanics is asked for at once
 PASSES = 8  # at most
 SETTLED = 1e-7  # rad or m, by which the last pass may still change a position
+STOP = 1e9  # N m, N: what a stop can hold
 NUDGE = 1e-4  # of velocity, rad/s or m/s, for the slope of the forces
 
 
@@ -77,7 +79,7 @@ def simulate_openings(
     `ConfigurationError` if the model has no values, or no hydraulics of a joint; `RangeError` if
     the motion leaves the range in which a linkage can be assembled.
     """
-    asking = _Asking(model, beside or {}, period, circuit_of(model))
+    asking = ModelMechanics(model, beside or {}, period, circuit_of(model))
     runs, joints = start.position.shape
     states = asking.memory(start)
     stretch = 1 if states else STRETCH  # a memory is advanced from instant to instant
@@ -91,13 +93,13 @@ def simulate_openings(
     for k in range(0, len(opened), stretch):
         between = np.ascontiguousarray(opened[k : k + stretch])
         course = CraneCourse(*(values[k : k + len(between) + 1] for values in whole))
-        _settle(asking, k, course, between, states)
+        settle(asking, k, course, between, states)
         states = asking.advanced(states, k, course)
     return whole.position, whole.velocity
 
 
-def _settle(
-    asking: "_Asking",
+def settle(
+    asking: "ModelMechanics",
     k: int,
     course: CraneCourse,
     between: Array,
@@ -133,7 +135,8 @@ def circuit_of(model: Model) -> Circuit:
             if name in group[0].units:
                 parts[name] = np.array([getattr(one, name).value for one in group])
         if name not in parts:
-            parts[name] = np.array([getattr(one, name) for one in cylinders])
+            where = [one.chambers if name in Chambers._fields else one for one in cylinders]
+            parts[name] = np.array([getattr(one, name) for one in where])
     pressure, droop = machine.hydraulics.supply_pressure, 0.0
     if known.supply is not None:
         pressure, droop = known.supply.pressure.value, known.supply.droop.value
@@ -166,13 +169,14 @@ def _parts(model: Model, known: HydraulicValues, joint: str) -> tuple[ValveValue
 
 
 @dataclass(frozen=True)
-class _Asking:
+class ModelMechanics:
     """What the terms of the model say of the mechanics at an instant."""
 
     model: Model
     beside: Mapping[str, Array]
     period: float
     circuit: Circuit
+    held: Array | None = None  # (N, j): joints that a stop holds
 
     def memory(self, start: CraneState) -> dict[Term, Array]:
         """The states in which terms that have some begin."""
@@ -184,7 +188,7 @@ class _Asking:
             start.pressure_b[np.newaxis],
             np.full((1, runs), self.circuit.supply_pressure),
         )
-        record = self._record(0, still, self._cylinder(still.position))
+        record = self._record(0, still, self.cylinder(still.position))
         begun = {term: term.start(record, self.model.setting) for term in self.model.terms}
         return {term: state for term, state in begun.items() if state.shape[1]}
 
@@ -196,7 +200,7 @@ class _Asking:
             return {}
         ends = [CraneCourse(*(values[i : i + 1] for values in course)) for i in (0, 1)]
         before, after = (
-            self._record(k + i, end, self._cylinder(end.position)) for i, end in enumerate(ends)
+            self._record(k + i, end, self.cylinder(end.position)) for i, end in enumerate(ends)
         )
         setting = self.model.setting
         return {term: term.advance(state, before, after, setting) for term, state in states.items()}
@@ -208,7 +212,7 @@ class _Asking:
         """
         asked = CraneCourse(*(values[:-1] for values in course))
         instants, runs, joints = asked.position.shape
-        cylinder = self._cylinder(asked.position)
+        cylinder = self.cylinder(asked.position)
         cases = 2 * joints + 2
         velocity = np.tile(asked.velocity.reshape(-1, joints), (cases, 1, 1))
         acceleration, direction = np.zeros((2, *velocity.shape))
@@ -230,13 +234,16 @@ class _Asking:
         mass = (force[:joints] - rest).transpose(1, 2, 0)
         damping = (force[joints + 2 :] - rest).transpose(1, 2, 0) / NUDGE
         shape = (instants, runs, joints)
+        dry = np.maximum(force[joints + 1] - rest, 0.0).reshape(shape)
+        if self.held is not None:
+            dry[:, self.held] = STOP
         return Mechanics(
             position=asked.position.copy(),
             velocity=asked.velocity.copy(),
             inverse=self._inverse(mass).reshape(*shape, joints),
             load=-rest.reshape(shape),
             damping=np.ascontiguousarray(damping).reshape(*shape, joints),
-            dry=np.maximum(force[joints + 1] - rest, 0.0).reshape(shape),
+            dry=dry,
             cylinder=cylinder,
         )
 
@@ -250,7 +257,7 @@ class _Asking:
             "bounds"
         )
 
-    def _cylinder(self, q: Array) -> Array:
+    def cylinder(self, q: Array) -> Array:
         """(..., j, 3) length, lever arm and its derivative; `RangeError` outside the linkages."""
         machine, joints = self.model.machine, self.model.joints
         assert machine is not None  # checked by `circuit_of`

@@ -31,6 +31,7 @@ from crane_model.arguments import between, whole
 from crane_model.cylinders import generalized_forces
 from crane_model.machine import Machine
 from crane_model.machine_files import machine_file
+from crane_model.model_file import load_model
 from crane_model.progress_bar import progress_bar
 from crane_model.urdf import urdf
 from crane_sim.effects.form import Planted
@@ -44,7 +45,9 @@ from crane_sim.parts.parameters import StandIn
 from crane_sim.plant.closed_loop import Course, SimulatedRecording, Steps, record
 from crane_sim.plant.plant import Plant
 from crane_sim.plant.sampled import Sensors
+from crane_trajectory.control.choice import NAMES, PD_DEAD_ZONE, controller
 from crane_trajectory.control.controller import Gains, load_gains
+from crane_trajectory.control.interface import Controller
 from crane_trajectory.motion.check import load_clearance
 from crane_trajectory.motion.motion import plan
 from crane_trajectory.motion.periodic import load_trajectory
@@ -120,16 +123,17 @@ def make(
     planted: Sequence[Planted] = (),
     moment: Moment = COLD,
     progress: Steps = iter,
+    controller: Controller | None = None,
 ) -> Clean:
     """Write the bag `out` of a machine that hides effects; what truly happened is returned.
 
-    `motion` is that of `plan`; `seed` is that of noise and jitter; at its `moment` the recording
-    begins. The bag holds what a machine without hidden effects would write: nothing but readings
-    differs.
+    `motion` is that of `plan`, led by (36) with `gains` or by the `controller`; `seed` is that of
+    noise and jitter; at its `moment` the recording begins. The bag holds what a machine without
+    hidden effects would write: nothing but readings differs.
     """
     plant = Plant(stand_in, machine, motion.start, planted, moment.running)
     sensors = Sensors(stand_in.sensors, machine, seed, faults(planted, machine))
-    recording = record(slewing(motion, planted), plant, sensors, gains, progress)
+    recording = record(slewing(motion, planted), plant, sensors, gains, progress, controller)
     write_bag(out, machine, recording, moment.started)
     return clean(machine, planted, sensors.faults, recording.truth)
 
@@ -151,7 +155,16 @@ def main(argv: Sequence[str] | None = None) -> int:
     parser.add_argument("--out", type=Path, required=True, help="folder of the new bag")
     add_plant(parser)
     cli.add_machine(parser)
-    parser.add_argument("--gains", type=Path, help="controller gains (default: the packaged ones)")
+    parser.add_argument("--gains", type=Path, help="gains of (36) (default: the packaged ones)")
+    parser.add_argument(
+        "--law",
+        choices=NAMES,
+        default=PD_DEAD_ZONE,
+        help="how the machine is led, as by the trajectory node (default: %(default)s, (36))",
+    )
+    parser.add_argument(
+        "--model", type=Path, help="model file with identified hydraulics, for every other law"
+    )
     parser.add_argument(
         "--started",
         type=date,
@@ -178,6 +191,9 @@ def main(argv: Sequence[str] | None = None) -> int:
     if (arguments.hide is None) != (arguments.label is None):
         parser.error("--hide and --label: give both or none")
 
+    if (arguments.model is None) != (arguments.law == PD_DEAD_ZONE):
+        parser.error(f"--law and --model: every law but {PD_DEAD_ZONE} needs a model")
+
     def progress(cycles: Iterable[int]) -> Iterable[int]:
         return progress_bar(arguments.out.name, over=cycles)
 
@@ -194,6 +210,8 @@ def main(argv: Sequence[str] | None = None) -> int:
         gains = load_gains(
             machine_file("controller.yaml", arguments.machine, arguments.gains), machine
         )
+        model = load_model(arguments.model) if arguments.model else None
+        led = controller(arguments.law, machine, gains.arrays, model) if model else None
         planted: tuple[Planted, ...] = ()
         if arguments.hide is not None:
             check_place(arguments.label, arguments.out)
@@ -201,7 +219,7 @@ def main(argv: Sequence[str] | None = None) -> int:
             planted = hidden_in(spec, machine, parameters, gains, arguments.machine)
         seed, moment = arguments.seed, Moment(arguments.started, arguments.running)
         truth = make(
-            arguments.out, machine, parameters, motion, gains, seed, planted, moment, progress
+            arguments.out, machine, parameters, motion, gains, seed, planted, moment, progress, led
         )
         if arguments.label is not None:
             write_label(arguments.label, arguments.out, seed, machine, parameters, planted, truth)

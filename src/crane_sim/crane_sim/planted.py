@@ -28,6 +28,7 @@ from crane_sim.parts.constants import pack_chain
 from crane_sim.parts.parameters import StandIn
 
 ON_AXIS = 1e-9  # m
+ROUNDING = 1e-12  # of the largest value
 
 
 class PlantedParameter(NamedTuple):
@@ -66,6 +67,7 @@ def _of_any_machine(parameters: StandIn, machine: Machine) -> list[PlantedParame
     joints = measured_joints(machine)
     setting = Setting({joint: machine.units[joint] for joint in joints}, machine)
     values = base_set(machine, joints).combination @ _standard(parameters, machine)
+    values[np.abs(values) < ROUNDING * np.abs(values).max()] = 0.0
     return [
         PlantedParameter(known.name, known.unit, float(value))
         for known, value in zip(SerialRigidBody().parameters(setting), values, strict=True)

@@ -7,6 +7,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 import yaml
+from laboratory_crane import JOINTS
 from mcap.writer import CompressionType, Writer
 from rosbags.rosbag2 import StoragePlugin
 
@@ -23,7 +24,6 @@ from crane_bags.types import (
 )
 from crane_bags.writer import BagWriter, offered_qos
 from crane_model.errors import DataError
-from crane_model.machine import JOINTS
 
 START = 1_700_000_000_000_000_000
 STEP = 5_000_000

@@ -4,12 +4,12 @@ from pathlib import Path
 
 import pytest
 import yaml
+from laboratory_crane import JOINTS
 from mcap.reader import make_reader
 
 from crane_bags.types import JOINT_STATES, ROBOT_DESCRIPTION, VALVE_COMMAND, typestore
 from crane_bags.writer import BagWriter
 from crane_model.errors import DataError
-from crane_model.machine import JOINTS
 
 START = 1_700_000_000_123_456_789
 

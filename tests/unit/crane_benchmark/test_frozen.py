@@ -8,6 +8,7 @@ from typing import Any
 import pytest
 
 from crane_benchmark import benchmark
+from crane_benchmark.answers.answer_file import AnswerStatistics, CaseAnswer
 from crane_benchmark.folders import Folders, new, read_json, write_json
 from crane_benchmark.scores import carry_over, freeze, frozen
 from crane_identification.thresholds import load_thresholds
@@ -37,7 +38,7 @@ def test_all_code_between_a_bag_and_its_verdict_counts(sources) -> None:
     ("module", "old", "new"),
     [
         ("learner", "FEWEST_ROWS = 60", "FEWEST_ROWS = 61"),
-        ("visibility", "VISIBLE_SHARE = 0.02", "VISIBLE_SHARE = 0.03"),
+        ("evidence", "VISIBLE_SHARE = 0.02", "VISIBLE_SHARE = 0.03"),
         ("decision", "if one.score <= one.threshold:", "if one.score < one.threshold:"),
         ("pulsation", "one.clearness > least", "one.clearness > 0.6 * least"),
         ("chance", "size > 1e-6", "size > 1e-5"),
@@ -203,9 +204,12 @@ def test_every_gate_is_calibrated_the_pulsation_with_the_others(tmp_path: Path) 
     none = dict.fromkeys((gate.statistic for gate in freeze.GATES), 0.0)
     for number in range(freeze.FEWEST):
         line = 8.0 + 0.1 * number if number % 2 else 2.0
-        statistics = none | {"best": 0.5, "pulsation": line, "promised": [1.0] * 101}
+        own = none | {"pulsation": line}
+        known = AnswerStatistics(best=0.5, accepted=0.0, learner=0.0, promised=[1.0] * 101, **own)
         with new(folders.answers / str(number)) as folder:
-            write_json(folder / "answer.json", {"statistics": statistics})
+            CaseAnswer(verdict="none", reason="made up", statistics=known).write(
+                folder / "answer.json"
+            )
     found = freeze.calibrated(folders)
     assert set(found["thresholds"]) == set(load_thresholds().gates.model_dump())
     assert found["alarms"] == 0

@@ -4,17 +4,20 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
+from laboratory_crane import JOINTS, PLANAR_JOINTS
 
-from crane_benchmark.cases.case import Case, CaseKind, EffectToHide
+from crane_benchmark.cases.case import Case, CaseKind, EffectToHide, HiddenInRecording
 from crane_benchmark.cases.clean import load_seen, save_clean
 from crane_benchmark.scores.truth import CaseTruth
 from crane_benchmark.scores.unusual import beyond_usual
+from crane_identification.diagnosis.finding_entry import FindingEntry, FoundParameter
+from crane_identification.diagnosis.findings_file import Findings
 from crane_identification.diagnosis.flow.usual import load_usual
-from crane_model.machine import JOINTS, PLANAR_JOINTS
 from crane_model.machine_files import machine_file
 from crane_model.model_file import load_model
 from crane_model.record import Record
 from crane_sim.hiding.clean import Clean
+from crane_sim.hiding.label import LabelledEffect, LabelledParameter
 from crane_sim.parts.parameters import Edges, load_stand_in
 
 JOINT = "outer_boom"
@@ -22,6 +25,22 @@ FORCE = 4000.0  # N m
 MODEL = load_model(machine_file("model.yaml"))
 STAND_IN = load_stand_in()
 COUNT = STAND_IN.sensors.encoder_resolution[JOINT]
+
+
+def labelled(name: str, joint: str | None, **values: float) -> LabelledEffect:
+    """An entry of a label."""
+    return LabelledEffect(
+        effect=name,
+        name=name,
+        joint=joint,
+        form="any",
+        parameters=[
+            LabelledParameter(name=one, value=value, unit="1") for one, value in values.items()
+        ],
+        strength_requested=None,
+        strength=0.0,
+        strength_by_joint={},
+    )
 
 
 def presliding(travel: float, tmp_path) -> CaseTruth:
@@ -115,13 +134,7 @@ def still() -> Record:
     ],
 )
 def test_valves_and_oil_count_beyond_what_is_usual(effect, form, values, beyond):
-    label = {
-        "name": effect,
-        "joint": JOINT,
-        "form": form,
-        "parameters": [{"name": name, "value": value} for name, value in values.items()],
-    }
-    found = beyond_usual(label, STAND_IN, still(), load_usual())
+    found = beyond_usual(labelled(effect, JOINT, **values), STAND_IN, still(), load_usual())
     assert found == (None if beyond is None else pytest.approx(beyond, abs=0.02))
 
 
@@ -138,11 +151,7 @@ def test_what_is_hidden_in_a_valve_adds_to_what_the_machine_has():
         ("valve_asymmetry", "share", -0.05),
         ("valve_dead_zone", "band", 0.0),
     ):
-        label = {
-            "name": name,
-            "joint": JOINT,
-            "parameters": [{"name": parameter, "value": size}],
-        }
+        label = labelled(name, JOINT, **{parameter: size})
         stand_in = STAND_IN.model_copy(update={"valves": valves})
         beyond[name, size] = beyond_usual(label, stand_in, still(), usual)
     assert beyond["valve_asymmetry", 0.05] == pytest.approx(0.5, abs=0.01)
@@ -153,17 +162,17 @@ def test_what_is_hidden_in_a_valve_adds_to_what_the_machine_has():
 def test_loads_that_differ_are_each_compared_with_the_nearest(tmp_path):
     truth = presliding(0.1, tmp_path)
     labels = tuple(
-        {"effects": [{"name": "payload", "joint": None, "parameters": [given]}] if mass else []}
+        HiddenInRecording(effects=[labelled("payload", None, mass=mass)] if mass else [])
         for mass in (10.0, 0.0, 6.0)
-        for given in [{"name": "mass", "value": mass}]
     )
-    finding = {
-        "effect": "payload",
-        "joint": "all",
-        "parameters": [
-            {"name": "m_payload.0", "value": 10.1},
-            {"name": "m_payload.1", "value": 5.7},
+    masses = {"m_payload.0": 10.1, "m_payload.1": 5.7}
+    finding = FindingEntry.model_construct(
+        effect="payload",
+        joint="all",
+        parameters=[
+            FoundParameter.model_construct(name=name, value=value) for name, value in masses.items()
         ],
-    }
-    errors = replace(truth, labels=labels).parameter_errors({"findings": [finding]})
+    )
+    found = Findings.model_construct(findings=[finding])
+    errors = replace(truth, labels=labels).parameter_errors(found)
     assert errors == pytest.approx([0.01, 0.05])

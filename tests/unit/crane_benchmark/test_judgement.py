@@ -2,9 +2,12 @@
 
 import pytest
 
+from crane_benchmark.answers.answer_file import CaseAnswer
 from crane_benchmark.cases.case import CaseKind
 from crane_benchmark.leave_one_out import Left, became
 from crane_benchmark.scores.judgement import BlindAnswer, Judgement, judge
+from crane_identification.diagnosis.finding_entry import FindingEntry, FoundEffect
+from crane_identification.diagnosis.findings_file import Findings
 
 STRIBECK, LOAD = ("stribeck", "telescope"), ("load_friction", "telescope")
 """Two effects."""
@@ -13,7 +16,7 @@ CYCLIC, LINEAR = ("cyclic_friction", "telescope"), ("position_friction", "telesc
 
 
 def answer(verdict: str, *findings: tuple[tuple[str, str], ...]) -> BlindAnswer:
-    return BlindAnswer(verdict, findings)
+    return BlindAnswer(verdict=verdict, findings=findings)
 
 
 @pytest.mark.parametrize(
@@ -94,8 +97,11 @@ def test_a_class_of_effects_that_explain_as_well_is_right():
 
 
 def test_findings_are_read_with_their_classes():
-    finding = {"effect": "a", "joint": "j", "class_members": [{"effect": "b", "joint": "all"}]}
-    given = BlindAnswer.of_diagnosis({"verdict": "class", "findings": [finding]})
+    other = FoundEffect.model_construct(effect="b", joint="all")
+    finding = FindingEntry.model_construct(effect="a", joint="j", class_members=[other])
+    found = Findings.model_construct(findings=[finding])
+    said = CaseAnswer.model_construct(verdict="class", reason="made up", findings=found)
+    given = BlindAnswer.of_diagnosis(said)
     assert given == answer("class", (("a", "j"), ("b", "all")))
     assert given.headline == "a"
 

@@ -1,21 +1,23 @@
 """Rates, thresholds, and results of all kinds, on rows made up for the purpose."""
 
+from collections.abc import Sequence
 from io import StringIO
-from typing import Any
 
 import numpy as np
 import pytest
 from rich.console import Console
 
+from crane_benchmark.answers.answer_file import AnswerStatistics
 from crane_benchmark.cases.case import Case, Story
 from crane_benchmark.cases.case_sets import STRENGTHS, CaseSet, cases
 from crane_benchmark.measured import MeasuredFigures
 from crane_benchmark.scores import figures, published
 from crane_benchmark.scores.calibration import agreement, together
-from crane_benchmark.scores.judgement import Judgement
+from crane_benchmark.scores.judgement import AND_MORE, BlindAnswer, Judgement
 from crane_benchmark.scores.printed import notes, tables
 from crane_benchmark.scores.rates import median, rate
-from crane_benchmark.scores.summary import summary
+from crane_benchmark.scores.row import CaseRow, ScoredEffect
+from crane_benchmark.scores.summary import BenchmarkResults, summary
 
 
 def test_rates_have_the_interval_of_wilson():
@@ -24,15 +26,15 @@ def test_rates_have_the_interval_of_wilson():
     z = 1.959964
     half = z * np.sqrt(0.016 + z**2 / 400)
     ends = [(0.8 + z**2 / 20 + sign * half) / (1 + z**2 / 10) for sign in (-1, 1)]
-    assert found["rate"] == 0.8
-    assert found["interval"] == pytest.approx(ends, rel=1e-6)
-    assert rate([])["rate"] is None
+    assert found.rate == 0.8
+    assert found.interval == pytest.approx(ends, rel=1e-6)
+    assert rate([]).rate is None
 
 
 def test_medians_leave_out_what_is_not_finite():
     found = median([1.0, 2.0, 3.0, np.nan])
-    assert found["of"] == 3 and found["median"] == 2.0
-    assert 1.0 <= found["interval"][0] <= 2.0 <= found["interval"][1] <= 3.0
+    assert found.of == 3 and found.median == 2.0
+    assert 1.0 <= found.interval[0] <= 2.0 <= found.interval[1] <= 3.0
 
 
 def test_gates_share_the_alarms_that_are_allowed():
@@ -46,53 +48,75 @@ def test_gates_share_the_alarms_that_are_allowed():
     assert (values > limits).any(axis=1).sum() == alarms
 
 
-def made_up(case: Case) -> dict[str, Any]:
+def made_up(case: Case) -> CaseRow:
     """A row of the results: whatever is hidden is found from 2 % on."""
     found = [e for e in case.effects if e.strength >= 0.02]
     right = not case.effects or bool(found)
-    return {
-        "case": case.name,
-        "kind": case.kind.value,
-        "world": case.world.value,
-        "story": case.story,
-        "hidden": [e.model_dump() | {"visibility": 0.5} for e in case.effects],
-        "outcomes": {
-            "diagnose": Judgement.RIGHT.value if right else Judgement.MISSED.value,
-            "always Stribeck": (
-                Judgement.WRONG_NAME if case.effects else Judgement.FALSE_ALARM
-            ).value,
+    named = tuple(((e.effect, e.joint or "all"),) for e in found)
+    return CaseRow(
+        case=case.name,
+        kind=case.kind,
+        world=case.world,
+        story=case.story,
+        excitation=case.excitation,
+        hidden=[ScoredEffect(wanted=e, visibility=0.5) for e in case.effects],
+        gap={},
+        outcomes={
+            "diagnose": Judgement.RIGHT if right else Judgement.MISSED,
+            "always Stribeck": Judgement.WRONG_NAME if case.effects else Judgement.FALSE_ALARM,
         },
-        "answers": {
-            "diagnose": ["named_and_more" if found else "none", []],
-            "always Stribeck": ["named", []],
+        answers={
+            "diagnose": BlindAnswer(verdict=AND_MORE if found else "none", findings=named),
+            "always Stribeck": BlindAnswer.of_names([("stribeck", "telescope")]),
         },
-        "headlines": {"diagnose": found[0].effect if found else "none"},
-        "statistics": {"best": 100.0 if found else 0.5, "learner": 0.01 if found else 0.0},
-        "seconds": 30.0,
-        "parameter_errors": [],
-        "closed": 0.9 if found else None,
-        "closed_by_learner": 0.4 if case.effects else None,
-    }
+        reason="made up",
+        statistics=statistics(best=100.0, learner=0.01) if found else statistics(0.5, 0.0),
+        seconds=30.0,
+        parameter_errors=[],
+        closed=0.9 if found else None,
+        closed_by_learner=0.4 if case.effects else None,
+    )
+
+
+def statistics(
+    best: float, learner: float = 0.0, promised: Sequence[float] = ()
+) -> AnswerStatistics:
+    """Of which only some matter."""
+    return AnswerStatistics(
+        best=best,
+        score=best,
+        accepted=0.0,
+        learner=learner,
+        strength=0.0,
+        floor=0.0,
+        pulsation=0.0,
+        flow=0.0,
+        flow_left=0.0,
+        promised=list(promised),
+    )
 
 
 def test_results_of_all_kinds_are_summed_up_printed_and_drawn(tmp_path):
     rows = [made_up(case) for case in cases(CaseSet.TUNING, 60)]
     found = summary(rows)
-    ours, other = found["methods"]["diagnose"], found["methods"]["always Stribeck"]
-    assert (ours["false_alarms"]["rate"], other["false_alarms"]["rate"]) == (0.0, 1.0)
-    assert [ours["power"][f"{s:g}"]["rate"] for s in STRENGTHS] == [0.0, 0.0, 1.0, 1.0, 1.0]
-    assert [found["learner"]["power"][f"{s:g}"]["rate"] for s in STRENGTHS] == [0, 0, 1, 1, 1]
-    assert (ours["hedged"]["rate"], other["hedged"]["rate"]) == (1.0, None)
-    assert found["gap_closed"]["median"] == 0.9
+    ours, other = found.methods["diagnose"], found.methods["always Stribeck"]
+    assert (ours.false_alarms.rate, other.false_alarms.rate) == (0.0, 1.0)
+    assert [ours.power[s].rate for s in STRENGTHS] == [0.0, 0.0, 1.0, 1.0, 1.0]
+    assert [found.learner.power[s].rate for s in STRENGTHS] == [0, 0, 1, 1, 1]
+    assert (ours.hedged.rate, other.hedged.rate) == (1.0, None)
+    assert found.gap_closed.median == 0.9
     console = Console(width=144, record=True, file=StringIO())
-    console.print(*tables({"summary": found}), *notes())
+    console.print(*tables(found), *notes())
     assert "cyclic_friction = position_friction" in console.export_text()
+    results = BenchmarkResults(thresholds="made up", summary=found, cases=rows)
+    results.write(tmp_path / "results.json")
+    assert BenchmarkResults.read(tmp_path / "results.json") == results
     figures.write(tmp_path, rows)
     published.write(tmp_path / "figures.json", found)
     shown = MeasuredFigures.read(tmp_path / "figures.json")
     assert shown.columns == ["60 cases", "target", "diagnose", "always Stribeck"]
     assert shown.value("false_alarms") == 0.0
-    assert shown.value("gap_closed") == found["gap_closed"]["median"]
+    assert shown.value("gap_closed") == found.gap_closed.median
     assert all(len(row.shown) == 4 for row in shown.rows)
     for name in ("power", "threshold", "confusion"):
         assert (tmp_path / f"{name}.png").stat().st_size > 10_000
@@ -103,9 +127,9 @@ def test_scores_are_compared_with_what_the_bootstrap_promises(factor, above):
     """Of exponential scores, 3 % lie above their quantile of 97 %, of twice these sqrt(3 %)."""
     promised = -np.log(1.0 - np.linspace(0.0, 0.9999, 101))
     scores = -factor * np.log(1.0 - (np.arange(400) + 0.5) / 400)
-    found = agreement([{"best": one, "promised": promised.tolist()} for one in scores])
-    assert found["above"]["rate"] == pytest.approx(above, abs=0.005)
-    assert np.polyfit(found["promised"][:380], found["found"][:380], 1)[0] == pytest.approx(
+    found = agreement([statistics(one, promised=promised.tolist()) for one in scores])
+    assert found.above.rate == pytest.approx(above, abs=0.005)
+    assert np.polyfit(found.promised[:380], found.found[:380], 1)[0] == pytest.approx(
         factor, rel=0.05
     )
 
@@ -113,8 +137,8 @@ def test_scores_are_compared_with_what_the_bootstrap_promises(factor, above):
 def test_what_became_of_each_story_is_told():
     rows = [made_up(case) for case in cases(CaseSet.STRANGERS, 12)]
     found = summary(rows)
-    assert found["stories"][Story.LOAD] == {Judgement.RIGHT: 3}
-    assert sum(n for told in found["stories"].values() for n in told.values()) == 12
+    assert found.stories[Story.LOAD] == {Judgement.RIGHT: 3}
+    assert sum(n for told in found.stories.values() for n in told.values()) == 12
     console = Console(width=144, record=True, file=StringIO())
-    console.print(*tables({"summary": found}))
+    console.print(*tables(found))
     assert "a load, on and off" in console.export_text()

@@ -5,6 +5,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from laboratory_crane import PLANAR_JOINTS
 from unit.crane_identification.experiments import experiment
 from unit.crane_identification.synthetic import AXIS_THETA, axis_log, axis_model, crane_model
 
@@ -16,7 +17,7 @@ from crane_identification.estimation.rows import Rows
 from crane_identification.fitting import FitResult, fit
 from crane_identification.options import Estimator, Options
 from crane_model.dynamics import Geometry, mass_matrix
-from crane_model.machine import PLANAR_JOINTS, Machine
+from crane_model.machine import Machine
 from crane_model.model_file import Model
 
 POSES = 1000

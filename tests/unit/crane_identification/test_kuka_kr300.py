@@ -13,11 +13,17 @@ from crane_identification.data.bad_samples import usable
 from crane_identification.data.column_map import ColumnMap
 from crane_identification.data.log import Log
 from crane_identification.data.table_log import read_table
+from crane_identification.diagnosis.decision.decision import decide
+from crane_identification.diagnosis.fit.fit import fitted
+from crane_identification.diagnosis.search.race import Race
+from crane_identification.diagnosis.search.search import search
+from crane_identification.diagnosis.search.wanted import wanted
 from crane_identification.estimation.prior import load_prior
 from crane_identification.fitting import FitResult, fit, validate
 from crane_identification.options import Estimator, Options
 from crane_identification.report.findings import findings
 from crane_identification.signals.butterworth import ButterworthDifferentiator
+from crane_identification.thresholds import load_thresholds
 from crane_model.configuration import load
 from crane_model.errors import DataError
 from crane_model.model_file import Model, load_model
@@ -99,3 +105,26 @@ def test_the_counterbalance_is_not_told_from_weight(logs: dict[str, Log]) -> Non
     options = Options(average=False, estimator=Estimator.LEAST_SQUARES)
     with pytest.raises(DataError, match=r"gas_spring.axis_2: these recordings show only combin"):
         fit(model, [logs["A"], logs["B"]], options)
+
+
+def lacking(model: Model, *types: str) -> Model:
+    """The model without terms of these types."""
+    for term in model.terms:
+        if term.type in types:
+            model = model.without_term(term)
+    return model
+
+
+def test_friction_left_out_of_the_model_is_named_on_every_axis(
+    model: Model, logs: dict[str, Log]
+) -> None:
+    """Twelve effects at once, and no other in their place."""
+    bare, thresholds = lacking(model, "coulomb", "viscous"), load_thresholds()
+    fit = fitted(bare, [logs["A"], logs["B"]], [logs["C"]], OPTIONS)
+    assert not fit.undetermined
+    assert not fit.periods
+    found = decide(Race(search(fit.evidence, wanted(fit, ()))), thresholds).passed
+    assert {(one.shaped.candidate.type, one.shaped.candidate.joint) for one in found} == {
+        (kind, axis) for kind in ("coulomb", "viscous") for axis in model.joints
+    }
+    assert not any(one.indistinct for one in found)

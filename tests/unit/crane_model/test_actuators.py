@@ -7,7 +7,13 @@ import numpy as np
 import pytest
 
 from crane_model import linkages
-from crane_model.actuators import REGISTRY, Actuator, CylinderActuator, actuator_from_mapping
+from crane_model.actuators import (
+    REGISTRY,
+    Actuator,
+    CylinderActuator,
+    HydraulicActuator,
+    actuator_from_mapping,
+)
 from crane_model.array import Array
 from crane_model.machine import Machine
 
@@ -80,6 +86,18 @@ def test_a_motor_turns_by_its_displacement() -> None:
     motor = actuator_from_mapping(TYPES["motor"][0])
     torque = motor.area_a * 100e5 - motor.area_b * 20e5
     assert torque * motor.motion(np.zeros(1))[0, 1] == pytest.approx(1e-5 * 80e5 * 30)
+
+
+def test_the_chambers_of_a_cylinder_fill_and_those_of_a_motor_do_not() -> None:
+    cylinder, motor = (actuator_from_mapping(TYPES[one][0]) for one in ("triangle", "motor"))
+    assert isinstance(cylinder, HydraulicActuator) and isinstance(motor, HydraulicActuator)
+    x = np.array([cylinder.length_min, 0.9])
+    filled_a, filled_b = cylinder.chambers.swept(x)
+    stroke = cylinder.length_max - cylinder.length_min
+    np.testing.assert_allclose(filled_a, [0.0, 2e-3 * (0.9 - cylinder.length_min)])
+    np.testing.assert_allclose(filled_b, [1e-3 * stroke, 1e-3 * (cylinder.length_max - 0.9)])
+    assert cylinder.chambers.grow and not motor.chambers.grow
+    np.testing.assert_array_equal(motor.chambers.swept(x), np.zeros((2, 2)))
 
 
 @pytest.fixture

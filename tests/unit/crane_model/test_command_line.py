@@ -10,7 +10,7 @@ import pytest
 
 from crane_model import progress_bar as shown
 from crane_model.arguments import above, between, one_of, whole
-from crane_model.cli import check_out
+from crane_model.cli import check_out, command_line
 from crane_model.errors import ConfigurationError
 from crane_model.progress_bar import progress_bar
 
@@ -75,3 +75,29 @@ def test_a_log_gets_a_line_every_ten_seconds(
     assert 3 <= len(lines) <= next(clock) / 10.0
     assert lines[0].startswith("first:  ")
     assert lines[-1].startswith("second:  ")
+
+
+@pytest.mark.parametrize(
+    ("given", "expected"),
+    [
+        ([], ["all"]),
+        (["--names", "a", "b"], ["a", "b"]),
+        (["--names", "a", "--more", "c", "--names", "b"], ["a", "b"]),
+    ],
+)
+def test_values_given_in_several_places_add_up(given: list[str], expected: list[str]) -> None:
+    """What is given takes the place of the default, which stays what it is."""
+    parser, default = command_line(), ["all"]
+    parser.add_argument("--names", nargs="+", default=default)
+    parser.add_mutually_exclusive_group().add_argument("--more", nargs="+")
+    for _ in range(2):
+        assert parser.parse_args(given).names == expected
+    assert default == ["all"]
+
+
+def test_of_an_option_of_one_value_the_last_one_counts() -> None:
+    parser = command_line()
+    parser.add_argument("--name")
+    parser.add_argument("place", nargs="+")
+    told = parser.parse_args(["here", "there", "--name", "a", "--name", "b"])
+    assert (told.name, told.place) == ("b", ["here", "there"])

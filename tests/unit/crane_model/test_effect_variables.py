@@ -4,9 +4,9 @@ from typing import get_args
 
 import numpy as np
 import pytest
+from laboratory_crane import PLANAR_JOINTS
 from unit.crane_model.test_term_registry import CANDIDATES, example, setting_of
 
-from crane_model.machine import PLANAR_JOINTS
 from crane_model.record import Record
 from crane_model.terms import REGISTRY, MemoryTerm
 from crane_model.terms.effect import Variable

@@ -2,9 +2,9 @@
 
 import numpy as np
 import pytest
+from laboratory_crane import PLANAR_JOINTS
 
 from crane_model.errors import DataError
-from crane_model.machine import PLANAR_JOINTS
 from crane_model.model_file import Model
 from crane_model.record import Record
 

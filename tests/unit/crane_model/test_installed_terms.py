@@ -8,10 +8,11 @@ from collections.abc import Iterator
 from pathlib import Path
 
 import pytest
+from laboratory_crane import PLANAR_JOINTS
 from unit.crane_model.test_architecture import FOLDERS
 from unit.crane_model.test_own_terms import CODE
 
-from crane_model.machine import PLANAR_JOINTS, load_machine
+from crane_model.machine import load_machine
 from crane_model.model_file import Model
 from crane_model.terms import REGISTRY, Setting, Term
 from crane_model.terms.friction import Coulomb, ViscousAsymmetry
@@ -93,7 +94,7 @@ def test_a_term_says_what_it_is() -> None:
     assert [one.has_base_parameters for one in terms] == [True, False, False, False, False]
     assert [one.only_joint for one in terms] == [None, *["telescope"] * 3, None]
     assert [one.asymmetry_of for one in terms] == [None, None, "viscous", None, None]
-    assert [one.of_one_instant for one in terms] == [False, True, True, False, False]
+    assert [one.of_one_instant for one in terms] == [True, True, True, False, False]
     assert [one.has_inertia() for one in terms] == [True, False, False, False, False]
     assert [one.has_weight() for one in terms] == [True, False, False, False, True]
     assert [one.is_friction() for one in terms] == [False, True, True, True, False]

@@ -5,6 +5,7 @@ import math
 import numpy as np
 import pinocchio as pin
 import pytest
+from laboratory_crane import JOINTS
 from unit.crane_model.pinocchio_crane import A_2, A_3, D_1, D_40, THETA_20, spatial_crane
 
 from crane_model.kinematics import (
@@ -13,7 +14,7 @@ from crane_model.kinematics import (
     tip_jacobian,
     tip_position,
 )
-from crane_model.machine import JOINTS, Machine
+from crane_model.machine import Machine
 
 
 def random_coordinates(machine: Machine, count: int) -> np.ndarray:

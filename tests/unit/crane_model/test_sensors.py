@@ -2,10 +2,11 @@
 
 import numpy as np
 import pytest
+from laboratory_crane import JOINTS
 from scipy.stats import chi2
 
 from crane_model.configuration import load
-from crane_model.machine import JOINTS, Machine
+from crane_model.machine import Machine
 from crane_model.machine_files import machine_file
 from crane_model.sensors import SensorChain
 

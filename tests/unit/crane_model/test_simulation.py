@@ -5,6 +5,7 @@ from itertools import product
 import numpy as np
 import pinocchio as pin
 import pytest
+from laboratory_crane import PLANAR_JOINTS
 from scipy.integrate import solve_ivp
 from unit.crane_model.changed_machine import with_actuator
 from unit.crane_model.pinocchio_crane import (
@@ -18,7 +19,6 @@ from crane_model.base_parameters import lagrangian_from_standard
 from crane_model.cylinders import cylinder_forces_from_generalized, lever_arms
 from crane_model.dynamics import Geometry, energy
 from crane_model.errors import RangeError
-from crane_model.machine import PLANAR_JOINTS
 from crane_model.model_file import Model
 from crane_model.record import Record
 from crane_model.simulation import Simulation, simulate

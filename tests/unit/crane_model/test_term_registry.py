@@ -8,11 +8,12 @@ from typing import get_args
 
 import numpy as np
 import pytest
+from laboratory_crane import JOINT_UNITS, PLANAR_JOINTS
 
 from crane_model.actuators import actuator_from_mapping
 from crane_model.configuration import read_yaml
 from crane_model.errors import DataError
-from crane_model.machine import JOINT_UNITS, PLANAR_JOINTS, load_machine
+from crane_model.machine import load_machine
 from crane_model.machine_files import machine_file
 from crane_model.record import Record
 from crane_model.terms import (

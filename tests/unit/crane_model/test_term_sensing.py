@@ -4,10 +4,11 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
+from laboratory_crane import PLANAR_JOINTS
 from unit.crane_model.test_term_registry import SETTING, random_record
 
 from crane_model.cylinders import generalized_forces, lever_arm
-from crane_model.machine import PLANAR_JOINTS, Machine
+from crane_model.machine import Machine
 from crane_model.record import Record
 from crane_model.terms.actuator import ActuatorInertia
 from crane_model.terms.gravity_and_load import BaseTilt

@@ -2,10 +2,11 @@
 
 import numpy as np
 import pytest
+from laboratory_crane import PLANAR_JOINTS
 from unit.crane_model.test_term_registry import CANDIDATES, OF_MOTORS, SETTING, example
 
 from crane_model.cylinders import cylinder_forces_from_generalized, generalized_forces
-from crane_model.machine import PLANAR_JOINTS, Machine
+from crane_model.machine import Machine
 from crane_model.machine_files import machine_file
 from crane_model.model_file import Model, load_model
 from crane_model.record import Record

@@ -6,11 +6,12 @@ from xml.etree import ElementTree as ET
 import numpy as np
 import pinocchio as pin
 import pytest
+from laboratory_crane import JOINTS
 
 from crane_model.errors import ConfigurationError
 from crane_model.inspection.findings import poses
 from crane_model.kinematics import tip_position
-from crane_model.machine import JOINTS, Machine, load_machine
+from crane_model.machine import Machine, load_machine
 from crane_model.urdf import urdf
 from crane_model.urdf_reading import MISSING, machine_file_from_urdf
 

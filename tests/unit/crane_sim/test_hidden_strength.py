@@ -16,7 +16,7 @@ from crane_sim.effects.forms import FORMS
 from crane_sim.effects.memory import STILL
 from crane_sim.effects.sensing import faults
 from crane_sim.hiding.calibrate import calibrate, draw, moved
-from crane_sim.hiding.label import check_place, clean_path, label, load_hidden
+from crane_sim.hiding.label import check_place, clean_path, label, load_hidden, write_label
 from crane_sim.hiding.spec import HiddenEffect, Spec
 from crane_sim.parts.constants import pack_chain
 from crane_sim.parts.parameters import StandIn, column
@@ -64,6 +64,10 @@ class Strokes:
             reach * omega**2 * np.cos(phase),
             np.zeros(len(phase)),
         )
+
+    def probe(self, time: np.ndarray) -> np.ndarray:
+        """Nothing."""
+        return np.zeros((len(time), len(self.start)))
 
 
 @pytest.fixture(scope="module")
@@ -169,6 +173,18 @@ def test_strength_comes_as_wanted(
     rms = np.sqrt(np.mean(clean.force[1, :, 3] ** 2) / np.mean(clean.drive[:, 3] ** 2))
     assert second.strength == pytest.approx(rms)
     assert [entry.unit for entry in first.parameters] == ["rad", "1", "s"]
+
+
+def test_a_label_brings_the_whole_machine_back(
+    machine: Machine, stand_in: StandIn, motion: Strokes, gains: Gains, tmp_path: Path
+) -> None:
+    """What is hidden on no joint of its own is hidden again by the label."""
+    effects = (planted("base_tilt", None, 0.02),)
+    clean = moved(effects, machine, stand_in, motion, gains)
+    write_label(tmp_path / "a.json", tmp_path / "bag", 1, machine, stand_in, effects, clean)
+    (again,) = load_hidden(tmp_path / "a.json", machine, stand_in).effects
+    assert (again.effect, again.joint) == ("base_tilt", None)
+    assert tuple(again.parameters.values()) == effects[0].values
 
 
 def test_what_cannot_be_reached_is_refused_by_name(

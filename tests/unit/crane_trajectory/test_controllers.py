@@ -1,6 +1,7 @@
 """(36) behind the interface, iterative learning, and what the controllers know of a machine."""
 
 from dataclasses import replace
+from pathlib import Path
 
 import numpy as np
 import pytest
@@ -25,16 +26,25 @@ from crane_model.hydraulics.values import (
 )
 from crane_model.machine import load_machine
 from crane_model.machine_files import machine_file
-from crane_model.model_file import Model, load_model
+from crane_model.model_file import Model, load_model, save_model
 from crane_model.record import Record
-from crane_trajectory.control.choice import NAMES, PD_DEAD_ZONE, controller
+from crane_trajectory.control.choice import (
+    MAY_LEARN,
+    NAMES,
+    PD_DEAD_ZONE,
+    controller,
+    learning,
+    led_by_model,
+)
 from crane_trajectory.control.controller import GainFields, command, load_gains
 from crane_trajectory.control.flow_feedforward import FlowFeedforward
 from crane_trajectory.control.geometry import length_and_lever, tables
 from crane_trajectory.control.interface import ControlCondition, Point, SensorReading, Wanted
 from crane_trajectory.control.learning import Learning
+from crane_trajectory.control.learnt import in_words, learnt_hydraulics
 from crane_trajectory.control.load import ReferenceLoad
 from crane_trajectory.control.pd_dead_zone import PdDeadZone
+from crane_trajectory.control.tuning import Tuning
 
 GAINS = GainFields(*(np.array([each]) for each in (6.0, 0.1, 0.06, 0.05, 0.02, 0.003)))
 ZERO = np.zeros(1)
@@ -74,7 +84,8 @@ def test_learning_does_not_diverge_in_20_periods() -> None:
     wrong = hydraulics(
         supply_a=0.8e-7, b_tank=0.8e-7, dead_zone_extend=0.05, dead_zone_retract=0.06
     )
-    made = Learning(FlowFeedforward(MACHINE, model(), wrong), PERIOD)
+    led = FlowFeedforward(MACHINE, model(), wrong)
+    made = Learning(led, led, PERIOD)
     made.start(ZERO)
     course = Boom(made).run(20 * PERIOD + 0.2)
     each = [course.rms(k * PERIOD, (k + 1) * PERIOD) for k in range(20)]
@@ -183,3 +194,44 @@ def test_joints_without_hydraulics_are_led_by_36_and_both_stop_together() -> Non
     ends = [made.command(DT, lost, Wanted(at, at)) for _ in range(300)]
     assert not ends[-1].any()
     assert np.abs(np.diff([u, *ends], axis=0)).max() < 0.03
+
+
+def test_what_was_learnt_is_saved_in_the_model_and_loaded_again(tmp_path: Path) -> None:
+    wrong = known(model(), JOINT)
+    made = controller("adaptive_flow", MACHINE, GAINS, wrong)
+    led = led_by_model(made)
+    assert led is not None
+    made.start(ZERO)
+    true = hydraulics(dead_zone_extend=0.08, dead_zone_retract=0.03, supply_a=0.8e-7)
+    course = Boom(made, true).run(4 * PERIOD)
+    told = dict(in_words(led))
+    assert any("extending" in what and value.startswith("0.08") for what, value in told.items())
+
+    values = learnt_hydraulics(wrong.hydraulics, led)
+    save_model(tmp_path / "learnt.yaml", replace(wrong, hydraulics=values))
+    again = controller("flow_and_pressures", MACHINE, GAINS, load_model(tmp_path / "learnt.yaml"))
+    again.start(ZERO)
+    assert Boom(again, true).run(PERIOD).rms() < 2.0 * course.rms(3 * PERIOD)
+    naive = controller("flow_and_pressures", MACHINE, GAINS, wrong)
+    naive.start(ZERO)
+    assert Boom(again, true).run(PERIOD).rms() < 0.2 * Boom(naive, true).run(PERIOD).rms()
+    twice = learnt_hydraulics(values, led)
+    assert twice.provenance == values.provenance
+
+
+def test_only_laws_that_do_not_adapt_learn_a_motion() -> None:
+    for name in NAMES:
+        made = controller(name, MACHINE, GAINS, known(model(), JOINT))
+        if name in MAY_LEARN:
+            assert isinstance(learning(name, made, PERIOD), Learning)
+        else:
+            with pytest.raises(ConfigurationError, match=f"'{name}': does not learn"):
+                learning(name, made, PERIOD)
+
+
+def test_joints_led_by_the_model_are_kept_within_a_tenth() -> None:
+    tuning = Tuning(GAINS, 1.0, np.array([0.2, 0.1]))
+    tight = tuning.tightened(np.array([True, False]))
+    np.testing.assert_allclose(tight.tolerance, [0.02, 0.1])
+    assert controller("flow_feedforward", MACHINE, GAINS, known(model(), JOINT)).by_model.all()
+    assert not controller(PD_DEAD_ZONE, MACHINE, GAINS).by_model.any()

@@ -1,6 +1,7 @@
 """Regressor columns pulled back by weights, against numeric differentiation."""
 
 from dataclasses import replace
+from pathlib import Path
 
 import numpy as np
 import pytest
@@ -8,9 +9,13 @@ import pytest
 from crane_model.errors import ConfigurationError
 from crane_model.machine import load_machine
 from crane_model.machine_files import machine_file
-from crane_model.model_file import load_model
+from crane_model.model_file import Model, load_model
 from crane_model.record import Record
-from crane_model.terms import JointTerm, Parameter, Term
+from crane_model.terms import JointTerm, Parameter, Setting, Term
+from crane_model.terms.friction import Coulomb, CoulombAsymmetry, Viscous, ViscousAsymmetry
+from crane_model.terms.rotor_inertia import RotorInertia
+from crane_model.terms.serial_rigid_body import SerialRigidBody
+from crane_model.terms.single_axis import Offset
 from crane_trajectory.excitation.derivatives import pull_back, smooth_record, smooth_regressor
 from crane_trajectory.motion.fourier import MotionSamples
 
@@ -69,6 +74,52 @@ def random_motion(rng):
     low, high = [-0.45, -2.7, 0.0], [1.37, -0.1, 1.55]
     velocity, acceleration = 0.3 * rng.standard_normal((2, 40, 3))
     return MotionSamples(rng.uniform(low, high, (40, 3)), velocity, acceleration)
+
+
+def in_space(machine, *without):
+    """Rigid bodies, rotors and friction of the joints of a machine."""
+    units = {joint: unit for joint, unit in machine.units.items() if joint not in without}
+    kinds = (Coulomb, CoulombAsymmetry, Viscous, ViscousAsymmetry, Offset)
+    friction = [kind(joint=joint) for joint in units for kind in kinds]
+    rotors = [RotorInertia(joint=joint) for joint in machine.rotors]
+    return Model("in space", Setting(units, machine), (SerialRigidBody(), *rotors, *friction))
+
+
+KUKA = load_machine(Path(__file__).parents[2] / "machines" / "kuka_kr300.yaml")
+DOUBLE = load_machine("double_telescope_crane")  # two bodies follow one coordinate
+IN_SPACE = {
+    "six axes": in_space(KUKA),
+    "excavator": in_space(load_machine("excavator")),
+    "double telescope": in_space(DOUBLE),
+    "without slew": in_space(DOUBLE, DOUBLE.joint_names[0]),
+    "the parameters (8)": in_space(load_machine(), load_machine().joint_names[0]),
+}
+
+
+@pytest.mark.parametrize("machine", IN_SPACE)
+def test_slopes_of_bodies_in_space_are_derivatives(machine):
+    """Of a whole motion along random ways, for every machine at once."""
+    model, rng = IN_SPACE[machine], np.random.default_rng(6)
+    assert all(term.pull_back.__func__ is not Term.pull_back for term, _ in model.whole_terms), (
+        "differences would be compared with differences"
+    )
+    j, width = len(model.joints), rng.uniform(0.02, 0.2, len(model.joints))
+    motion = MotionSamples(*rng.standard_normal((3, 30, j)))
+    weight = rng.standard_normal((30, j, len(model.parameters)))
+    slopes = pull_back(model, smooth_record(model, motion, width), weight, width)
+
+    def weighted(moved):
+        record = smooth_record(model, MotionSamples(*moved), width)
+        return (weight * smooth_regressor(model, record)).sum(axis=(1, 2))
+
+    for quantity in range(3):
+        way = np.zeros((3, 30, j))
+        way[quantity] = rng.standard_normal((30, j))
+        ends = [weighted(np.array(motion) + sign * STEP * way) for sign in (1, -1)]
+        numeric = (ends[0] - ends[1]) / (2 * STEP)
+        found = (slopes[quantity] * way[quantity]).sum(axis=1)
+        scale = np.abs(numeric).max()
+        np.testing.assert_allclose(found, numeric, rtol=1e-6, atol=1e-6 * scale)
 
 
 @pytest.mark.parametrize(

@@ -235,6 +235,7 @@ class Echo:
     """A controller that leads the crane well enough, and notes what it was shown."""
 
     preview = 0.03
+    by_model = np.ones(4, dtype=bool)
 
     def __init__(self) -> None:
         self.conditions = (ControlCondition.NOT_INITIALISED,) * 4
@@ -301,3 +302,17 @@ def test_a_controller_that_stops_ends_the_experiment(
     assert crane.experiment.outcome is outcome
     assert crane.experiment.message == f"{JOINTS[3]}: {condition.text}"
     ends_well(crane)
+
+
+def test_what_befell_the_controller_on_the_way_is_told_at_the_end() -> None:
+    controller = Echo()
+    crane = led_by(controller).until(6.0)
+    lost = ControlCondition.PRESSURES_LOST
+    controller.conditions = (*controller.conditions[:2], lost, controller.conditions[3])
+    crane.until(7.0)
+    controller.conditions = (ControlCondition.FOLLOWING,) * 4
+    crane.to_the_end()
+    assert crane.experiment.outcome is Outcome.COMPLETED
+    assert (
+        crane.experiment.account == f"{crane.experiment.message}; {JOINTS[2]} at 6.0 s: {lost.text}"
+    )

@@ -168,6 +168,21 @@ def test_a_reference_beyond_the_valve_saturates_and_recovers() -> None:
     assert course.rms(2 * PERIOD) < 2 * GOOD
 
 
+def test_at_the_largest_command_that_is_allowed_it_is_saturated_and_nothing_worse() -> None:
+    allowed = 0.12
+
+    class Held(FlowFeedforward):
+        def command(self, dt: float, reading: SensorReading, wanted: Wanted) -> np.ndarray:
+            return super().command(dt, reading, wanted._replace(largest=allowed))
+
+    made = Held(MACHINE, model(), hydraulics())
+    made.start(np.zeros(1))
+    course = Boom(made).run(2 * PERIOD)
+    assert np.abs(course.command).max() == pytest.approx(allowed)
+    assert course.had(0.5, 2 * PERIOD) <= {ControlCondition.FOLLOWING, ControlCondition.SATURATED}
+    assert ControlCondition.SATURATED in course.had(0.5, 2 * PERIOD)
+
+
 def test_learns_dead_zones_and_gains() -> None:
     wrong = hydraulics(
         dead_zone_extend=0.072, dead_zone_retract=0.04, supply_a=1.2e-7, a_tank=0.8e-7

@@ -10,7 +10,7 @@ from figures import rows as rows_of_demo
 from from_code import figures
 from from_code.figures import MEASURED, names_on, pages, rendered, take_over
 from manual import ROOT, text
-from outcome import DemoOutcome, OnlineEstimate
+from outcome import DemoOutcome, Following, OnlineEstimate
 
 from crane_benchmark.folders import read_json
 from crane_benchmark.measured import NO_BREAK, MeasuredFigures, MeasuredRow, write
@@ -164,16 +164,23 @@ def test_figures_of_the_demo_are_those_of_its_outcome() -> None:
             OnlineEstimate(name="two", planted=1.0, value=math.inf, std_dev=math.inf),
         ],
         tracking_rms={"slew": 0.001, "telescope": 0.009},
+        following=Following(
+            controller="flow_and_pressures",
+            tracking_rms={"slew": 0.0, "telescope": 0.00012},
+            times_better={"slew": None, "telescope": 75.0},
+        ),
         recorded={},
         wall_seconds={"live": 100.0, "bags": 23.0},
     )
     units = {"slew": "rad", "telescope": "m"}
-    rows = rows_of_demo(summary, summary, outcome, dict.fromkeys(names, 1.0), units)
+    rows = rows_of_demo("make demo", summary, summary, outcome, dict.fromkeys(names, 1.0), units)
     shown = [[cell.replace(NO_BREAK, " ") for cell in row.shown] for row in rows]
     told = {what: said for what, _, said in shown}
     assert told["2 planted parameters, live: farthest off, online and offline"] == "1.5 σ, 1.0 σ"
     assert told["friction in τ"] == "50 %, 50 %"
     assert told["simulated motion 0.5 s ahead, error relative to the way"] == "0.20 %, 0.50 %"
-    assert told["RMS tracking error (slew, telescope)"] == "1 mrad, 9 mm"
+    assert told["RMS tracking error by (36) (slew, telescope)"] == "1 mrad, 9 mm"
+    led = "the same by `flow_and_pressures` with the fitted model (slew, telescope)"
+    assert told[led] == "0.00 mrad, 0.12 mm"
     assert told["`make demo`, after the set-up"] == "123 s"
     assert "0.10 %, 0.25 %" in told.values()

@@ -19,20 +19,36 @@ TABLES = {"JOINTS", "PLANAR_JOINTS", "JOINT_UNITS", "PerJoint"}
 SHAPED = {"arange", "empty", "full", "ones", "range", "zeros"}
 COUNT = 4  # joints of the laboratory crane
 
-NO_JOINTS = ("src/crane_bags/crane_bags/chunks.py",)  # the 4 columns of an index
-# Files and folders where it is still so: strike out what is mended, add nothing.
-STILL = (
-    *("crane_identification/", "src/crane_benchmark/", "src/crane_sim/"),
-    *(
-        f"src/crane_model/crane_model/{name}.py"
-        for name in (
-            *("base_parameters", "linkages", "machine/machine", "machine/old_format"),
-            *("machine/per_joint", "machine/planar", "record", "terms/effect"),
-            *("terms/friction_load", "terms/gravity_and_load", "terms/rigid_body"),
-            *("terms/sensing", "urdf"),
-        )
-    ),
+ID, MODEL, SIM = (
+    "crane_identification/crane_identification",
+    "src/crane_model/crane_model",
+    "src/crane_sim/crane_sim",
 )
+NO_JOINTS = (  # other fours, and other things of these names
+    "src/crane_bags/crane_bags/chunks.py",  # columns of an index
+    f"{ID}/estimation/lack_of_fit.py",  # results of a test
+    f"{ID}/hydraulics/balance.py",  # metering edges
+    f"{MODEL}/linkages.py",  # bars
+    f"{SIM}/effects/kernel.py",  # what a load that hangs does
+    f"{SIM}/parts/mujoco_model.py",  # a quaternion
+)
+OF_THE_REPORT = (  # what is its crane: base parameters by name, the drawing, the old file format
+    *(f"{MODEL}/{name}.py" for name in ("base_parameters", "machine/machine", "machine/planar")),
+    *(f"{MODEL}/{name}.py" for name in ("machine/old_format", "terms/rigid_body")),
+    f"{ID}/estimation/physics.py",
+    *(f"{SIM}/{name}.py" for name in ("drawing/moving", "planted")),
+    "src/crane_benchmark/",  # measured on it
+)
+OF_SOME_MACHINES = (  # effects of what slews or telescopes, and the signals that they follow
+    *(f"{MODEL}/terms/{name}.py" for name in ("effect", "friction_load", "gravity_and_load")),
+    *(f"{MODEL}/{name}.py" for name in ("record", "terms/sensing")),
+    *(f"{ID}/data/{name}.py" for name in ("bag_log", "column_map", "resample")),
+    *(f"{ID}/diagnosis/{name}.py" for name in ("fit/features", "variables")),
+    *(f"{ID}/validation/{name}_validation.py" for name in ("command", "motion")),
+    f"{ID}/preparation/run.py",
+    f"{SIM}/effects/loads.py",
+)
+LET_BE = (*NO_JOINTS, *OF_THE_REPORT, *OF_SOME_MACHINES)
 
 
 def named(tree: ast.Module) -> Iterator[str]:
@@ -72,12 +88,10 @@ def test_no_joint_is_named_or_counted() -> None:
         str(file.relative_to(ROOT)): list(named(ast.parse(file.read_text(encoding="utf-8"))))
         for file in CODE
     }
-    wrong = {
-        file: lines
-        for file, lines in found.items()
-        if lines and not file.startswith((*NO_JOINTS, *STILL))
-    }
+    wrong = {file: lines for file, lines in found.items() if lines and not file.startswith(LET_BE)}
     assert not wrong
+    idle = [name for name in LET_BE if not any(found[f] for f in found if f.startswith(name))]
+    assert not idle, "strike it out"
 
 
 @pytest.mark.parametrize(

@@ -50,7 +50,7 @@ def with_flow(answer: Answer, flows: Sequence[Flow]) -> Answer:
         if flow.unknown
     ]
     missing = [
-        f"{one.effect.name} of {flow.joint} is beyond what is usual"
+        f"{one.effect.name} of {flow.joint} is beyond {one.limit}"
         for flow in flows
         for one in flow.missing
     ]

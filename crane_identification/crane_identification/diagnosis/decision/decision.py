@@ -8,11 +8,10 @@ from crane_identification.diagnosis.decision.chance import by_chance
 from crane_identification.diagnosis.decision.cross_validation import helps
 from crane_identification.diagnosis.decision.form import of_one_form
 from crane_identification.diagnosis.decision.judgement import Judged, all_judged
-from crane_identification.diagnosis.decision.likeness import (
-    simplest,
-)
+from crane_identification.diagnosis.decision.likeness import simplest
+from crane_identification.diagnosis.decision.several import as_kinds, on_several_joints
 from crane_identification.diagnosis.search.race import LARGEST_SET, Race
-from crane_identification.diagnosis.search.selection import NOTHING
+from crane_identification.diagnosis.search.selection import NOTHING, extended, solve
 from crane_identification.thresholds import Thresholds
 
 
@@ -31,25 +30,51 @@ class Decision:
 
 
 def decide(race: Race, thresholds: Thresholds) -> Decision:
-    """The largest set all of whose effects pass."""
-    passed: tuple[Judged, ...] = ()
-    nearest, objection = passed, ""
+    """The largest set all of whose effects pass, beside those that several joints lack at once."""
     _, first_threshold = by_chance(race.search, NOTHING, thresholds)
-    for size in range(1, LARGEST_SET + 1):
+    settled = _together(race, first_threshold, thresholds)
+    passed, known = settled, len(settled)
+    nearest, objection = tuple[Judged, ...](), ""
+    for size in range(known + 1, known + LARGEST_SET + 1):
         best, search = race.best(size), race.search
         if best is None:
             break
         subset = simplest(search, best, thresholds, first_threshold)
-        if size > 1 and of_one_form(search, subset, thresholds):
+        if size > 1 and of_one_form(search, subset, thresholds, known):
             break
-        found = all_judged(search, subset, thresholds)
+        found = as_kinds(search, all_judged(search, subset, thresholds), known, thresholds)
         wrong = [said for one in found if (said := _objection(one, thresholds))]
         if size == 1:
             nearest, objection = tuple(found), "".join(wrong)
-        if wrong or (size > 1 and _vague(min(found, key=lambda one: one.score), thresholds)):
+        weakest = min(found[known:], key=lambda one: one.score)
+        if wrong or (size > 1 and _vague(weakest, thresholds)):
             break
-        passed = tuple(sorted(found, key=lambda one: -one.score))
+        passed = tuple(found)
+    passed = tuple(sorted(passed, key=lambda one: -one.score))
     return Decision(passed, first_threshold, nearest, objection)
+
+
+def _together(race: Race, threshold: float, thresholds: Thresholds) -> tuple[Judged, ...]:
+    """What several joints lack at once, each of it judged beside the rest; the race goes on there.
+
+    None where one effect explains about as much: what it leaves is for the race.
+    """
+    search = race.search
+    subset = on_several_joints(search, threshold, thresholds)
+    alone = max((one.gain for one in extended(search.projection, NOTHING)), default=0.0)
+    if subset.gain - alone <= thresholds.method.further_share * subset.gain:
+        return ()
+    while subset.numbers:
+        race.go_on_from(subset)
+        found = all_judged(race.search, subset, thresholds)
+        found = as_kinds(race.search, found, len(found), thresholds)
+        left = [one for one in found if not _objection(one, thresholds)]
+        if len(left) == len(found):
+            return tuple(found)
+        numbers = tuple(search.number(one.shaped) for one in left)
+        subset = (solve(search.projection, numbers) or NOTHING) if numbers else NOTHING
+    race.go_on_from(NOTHING)
+    return ()
 
 
 def _objection(one: Judged, thresholds: Thresholds) -> str:

@@ -13,14 +13,19 @@ from crane_identification.diagnosis.search.selection import Subset
 from crane_identification.thresholds import Thresholds
 
 
-def slight(channels: Sequence[np.ndarray], gains: Sequence[float], thresholds: Thresholds) -> bool:
+def slight(
+    channels: Sequence[np.ndarray],
+    gains: Sequence[float],
+    thresholds: Thresholds,
+    settled: int = 0,
+) -> bool:
     """Whether one of several effects gains too little beside another to be told from its form.
 
     `channels` are those where each acts. What a law leaves because it is not quite that of the
-    machine is on its own joint, most of it.
+    machine is on its own joint, most of it. The first ones, that are `settled`, are not asked.
     """
     where, method = [set(one.tolist()) for one in channels], thresholds.method
-    for own, gain in zip(where, gains, strict=True):
+    for own, gain in list(zip(where, gains, strict=True))[settled:]:
         there = max(g for other, g in zip(where, gains, strict=True) if own & other)
         least = max(method.further_share * there, method.elsewhere_share * max(gains))
         if gain < least:
@@ -29,18 +34,26 @@ def slight(channels: Sequence[np.ndarray], gains: Sequence[float], thresholds: T
 
 
 def mends(
-    search: Search, numbers: Sequence[int], gains: Sequence[float], thresholds: Thresholds
+    search: Search,
+    numbers: Sequence[int],
+    gains: Sequence[float],
+    thresholds: Thresholds,
+    settled: int = 0,
 ) -> bool:
     """Whether one of several laws that resist the motion gains too little beside another of these
-    on its joint to be more than what that one's form leaves.
+    on its joint to be more than what that one's form leaves. The first, `settled`, are not asked.
     """
-    candidates = search.projection.candidates
-    resisting: dict[str, list[float]] = {}
-    for number, gain in zip(numbers, gains, strict=True):
+    candidates, share = search.projection.candidates, thresholds.method.form_share
+    resisting: dict[str, list[tuple[int, float]]] = {}
+    for place, (number, gain) in enumerate(zip(numbers, gains, strict=True)):
         joint = candidates[number].candidate.joint
         if joint is not None and reverses(search, candidates[number]):
-            resisting.setdefault(joint, []).append(gain)
-    return any(min(one) < thresholds.method.form_share * max(one) for one in resisting.values())
+            resisting.setdefault(joint, []).append((place, gain))
+    return any(
+        place >= settled and gain < share * max(other for _, other in one)
+        for one in resisting.values()
+        for place, gain in one
+    )
 
 
 def reverses(search: Search, shaped: ShapedCandidate) -> bool:
@@ -55,14 +68,15 @@ def reverses(search: Search, shaped: ShapedCandidate) -> bool:
     return False
 
 
-def of_one_form(search: Search, subset: Subset, thresholds: Thresholds) -> bool:
-    """Whether an effect of a set is but the form of another one of them.
+def of_one_form(search: Search, subset: Subset, thresholds: Thresholds, settled: int = 0) -> bool:
+    """Whether an effect of a set is but the form of another one of them; not of those `settled`.
 
     Changes of terms that the model has are of the model's own form.
     """
     if all(search.projection.candidates[number].candidate.changes for number in subset.numbers):
         return False
     gains = marginal(search, subset)
-    if slight([channels(search, number) for number in subset.numbers], gains, thresholds):
+    where = [channels(search, number) for number in subset.numbers]
+    if slight(where, gains, thresholds, settled):
         return True
-    return mends(search, subset.numbers, gains, thresholds)
+    return mends(search, subset.numbers, gains, thresholds, settled)

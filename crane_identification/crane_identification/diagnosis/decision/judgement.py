@@ -1,6 +1,7 @@
 """An effect weighed against chance, held-out recordings and others in its place."""
 
 from dataclasses import dataclass
+from typing import NamedTuple
 
 import numpy as np
 
@@ -24,6 +25,14 @@ IDENTICAL_CORRELATION = 1.0 - 1e-6
 """Above it, beside the model, an effect is the other one by another name."""
 
 
+class Rival(NamedTuple):
+    """Another effect in the place of one that has so much `lead`, where `needed` is asked for."""
+
+    candidate: Candidate
+    lead: float
+    needed: float
+
+
 @dataclass(frozen=True)
 class Judged:
     """An effect that was weighed against chance, held-out recordings and others in its place.
@@ -31,8 +40,9 @@ class Judged:
     `score`: 2 dlogL that the set loses without it; `threshold` and `null` (replicates,) of the best
     score when nothing is missing; `held_out` gains of the folds `fold_names`. `runner_up`: the best
     candidate in its place, `margin` behind by, where `needed` is asked for; `indistinct`: all that
-    cannot be told from it. `strength`: rms of what it explains over that of its joint's force;
-    `correlation` of the runner-up's columns with its own, beside the model.
+    cannot be told from it; `rivals`: all that are not but the same with more freedom. `strength`:
+    rms of what it explains over that of its joint's force; `correlation` of the runner-up's columns
+    with its own, beside the model.
     """
 
     shaped: ShapedCandidate
@@ -48,6 +58,7 @@ class Judged:
     indistinct: tuple[Candidate, ...]
     visibility: float
     strength: float
+    rivals: tuple[Rival, ...] = ()
 
 
 def all_judged(search: Search, subset: Subset, thresholds: Thresholds) -> list[Judged]:
@@ -88,7 +99,7 @@ def _judged(
     # Beyond noise, what is left unexplained, and columns that are not quite those of the machine.
     needed = max(threshold, method.lead_share * left, (1.0 - method.alike_correlation**2) * score)
     needed_of_same = max(needed, method.kin_lead_share * left)
-    indistinct: list[Candidate] = []
+    rivals: list[Rival] = []
     for swapped, alike in swaps:
         other = projection.candidates[swapped.numbers[-1]]
         lead = subset.gain - swapped.gain
@@ -100,8 +111,8 @@ def _judged(
         more = freedom(search, swapped.numbers[-1]) > freedom(search, number)
         if more and alike > form and not related:
             continue  # the same with more freedom, which it does not need
-        if lead <= (needed_of_same if related else needed):
-            indistinct.append(other.candidate)
+        rivals.append(Rival(other.candidate, lead, needed_of_same if related else needed))
+    indistinct = [one.candidate for one in rivals if one.lead <= one.needed]
     indistinct += same_as(
         search, [swapped for swapped, _ in swaps], indistinct, needed, method.alike_correlation
     )
@@ -125,4 +136,5 @@ def _judged(
         indistinct=tuple(indistinct),
         visibility=float(projection.visibility[number]),
         strength=strength(search, number, score),
+        rivals=tuple(rivals),
     )

@@ -19,6 +19,11 @@ from crane_model.model_file import Model
 from crane_model.terms import Term, joints_of, nuisances, typical
 
 ROUNDING_SHARE = 1e-8  # of the largest eigenvalue: directions below are rounding
+VISIBLE_SHARE = 0.02
+"""Share of a column's norm that must be left beside the others for what it stands for to show: for
+an effect to be testable, and for a parameter of the model to be determined."""
+ROWS_PER_UNKNOWN = 1.5  # of the base; a channel with fewer says nothing about what it lacks
+FEWEST_ROWS = 8
 
 
 @dataclass(frozen=True)
@@ -206,6 +211,13 @@ def leading(columns: np.ndarray, most: int) -> np.ndarray:
 def beside(known: np.ndarray, values: np.ndarray) -> np.ndarray:
     """Values (n, ...) without what the orthonormal columns `known` (n, d) explain."""
     return values - known @ (known.T @ values)
+
+
+def says_nothing(used: np.ndarray, known: np.ndarray) -> bool:
+    """Whether a channel has too few of its rows `used` (n,) for the d unknown directions that are
+    `known` (rows, d) of its base: what these leave of it is no measure of its noise.
+    """
+    return bool(used.sum() < max(ROWS_PER_UNKNOWN * known.shape[1], FEWEST_ROWS))
 
 
 def over_zones(evidence: Evidence, values: np.ndarray) -> np.ndarray:

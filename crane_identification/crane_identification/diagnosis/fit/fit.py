@@ -8,7 +8,7 @@ import numpy as np
 
 from crane_identification.data.log import Log
 from crane_identification.diagnosis.fit.evidence import Evidence, gather, normed
-from crane_identification.diagnosis.fit.refit import UndeterminedError, refit
+from crane_identification.diagnosis.fit.refit import UndeterminedError, refit, refit_anyway
 from crane_identification.estimation.regression import common_factor
 from crane_identification.options import Options
 from crane_identification.preparation.periodicity import periodic_part
@@ -23,6 +23,7 @@ from crane_model.terms import Term
 
 ENOUGH_ROWS = 60
 """Rows of the joint that moves most. No score exceeds the number of rows, whatever is missing."""
+ROWS_PER_PARAMETER = 3  # of the model, which leaves nothing to look into of fewer
 
 
 @dataclass(frozen=True)
@@ -38,10 +39,10 @@ class Training:
 class Fitted:
     """The model `before` anything is added, and the evidence of the recordings about it.
 
-    Terms with `undetermined` parameters are `left_out` of it. With `fixed`, its values were kept.
-    `periods`: held-out recordings averaged, whose scatter is the noise. `session` says whether time
-    runs through all recordings; `uncalibrated` quantities are in counts; `warnings` are about the
-    recordings.
+    Terms all of whose parameters are `undetermined` are `left_out` of it. With `fixed`, its values
+    were kept. `periods`: held-out recordings averaged, whose scatter is the noise. `session` says
+    whether time runs through all recordings; `uncalibrated` quantities are in counts; `warnings`
+    are about the recordings.
     """
 
     before: Model
@@ -79,18 +80,20 @@ def fitted(
     sources = {log.source for log in training}
     train = [p for p in prepared if p.source in sources]
     hold = [p for p in prepared if p.source not in sources]
-    given = Training(train, decimation(train, options.decimation), ", ".join(sorted(sources)))
-    evidence, before, left_out = (
-        (kept(model, train, given.factor), model, ())
+    given = Training(
+        train, decimation(model, train, options.decimation), ", ".join(sorted(sources))
+    )
+    evidence, before, left_out, held = (
+        (kept(model, train, given.factor), model, (), ())
         if fixed
         else determined(model, train, given.factor, given.sources)
     )
-    undetermined = tuple(p.name for term in left_out for p in term.parameters(model.setting))
-    periods, not_periodic = _averaged(model, validation, options)
+    absent = (p.name for term in left_out for p in term.parameters(model.setting))
+    periods, not_periodic = _averaged(model, validation, options) if options.average else ((), [])
     return Fitted(
         before=before,
         left_out=left_out,
-        undetermined=undetermined,
+        undetermined=(*absent, *held),
         training=given,
         evidence=evidence,
         held_out=gather(before, hold, given.factor, first_run=len(train)),
@@ -125,7 +128,7 @@ def _averaged(
     return tuple(out), wrong
 
 
-def decimation(training: Sequence[Preparation], given: int | None) -> int:
+def decimation(model: Model, training: Sequence[Preparation], given: int | None) -> int:
     """The factor of the rows: the `given` one, or that of the motion.
 
     Of short recordings more rows are kept, up to the whole bandwidth of the motion. Their noise is
@@ -135,37 +138,41 @@ def decimation(training: Sequence[Preparation], given: int | None) -> int:
     if given is not None:
         return factor
     samples = int(sum(one.moving.sum(axis=0) for one in training).max())
-    return max(min(factor, samples // ENOUGH_ROWS), ceil(KEPT_SHARE * factor))
+    enough = max(ENOUGH_ROWS, ROWS_PER_PARAMETER * len(model.parameters))
+    return max(min(factor, samples // enough), ceil(KEPT_SHARE * factor))
 
 
 def determined(
     model: Model, training: Sequence[Preparation], factor: int, sources: str
-) -> tuple[Evidence, Model, tuple[Term, ...]]:
-    """The evidence, the model with values, and the terms that had to be left out for them.
+) -> tuple[Evidence, Model, tuple[Term, ...], tuple[str, ...]]:
+    """The evidence, the model with values, the terms that had to be left out for them, and further
+    parameters that are not determined.
 
     Friction at a single speed is Coulomb or viscous: the recordings show their sum, which one of
-    them carries as well. `UndeterminedError` where no such term is the cause.
+    them carries as well. Where no term is the cause, as of the bodies of an arm that moved along
+    few ways, what is determined of their combinations is kept.
     """
     left_out: tuple[Term, ...] = ()
     while True:
         evidence = gather(model, training, factor)
         try:
-            return evidence, refit(evidence, sources), left_out
+            return evidence, refit(evidence, sources), left_out, ()
         except UndeterminedError as error:
             term = _dispensable(evidence, error)
+            if term is None:
+                before, held = refit_anyway(evidence, sources)
+                return evidence, before, left_out, held
             model, left_out = model.without_term(term), (*left_out, term)
 
 
-def _dispensable(evidence: Evidence, error: UndeterminedError) -> Term:
+def _dispensable(evidence: Evidence, error: UndeterminedError) -> Term | None:
     """Of the terms that are not determined, the one without which least is left unexplained."""
     model, costs = evidence.model, dict[Term, float]()
     for term in model.terms:
         names = {p.name for p in term.parameters(model.setting)}
         if names <= set(error.names) and len(model.terms) > 1:
             costs[term] = _left(evidence, model.part(term))
-    if not costs:
-        raise error
-    return min(costs, key=lambda term: costs[term])
+    return min(costs, key=lambda term: costs[term]) if costs else None
 
 
 def _left(evidence: Evidence, without: slice) -> float:

@@ -6,6 +6,7 @@ machine has some of each, and an effect is missing where a value is not the usua
 """
 
 from collections.abc import Callable, Sequence
+from dataclasses import replace
 
 import numpy as np
 
@@ -23,7 +24,7 @@ from crane_identification.diagnosis.flow.flow_balance import (
     solved,
 )
 from crane_identification.diagnosis.flow.hydraulics import Flow, Flows, Gain, Quantity
-from crane_identification.diagnosis.flow.usual import Usual
+from crane_identification.diagnosis.flow.usual import JointUsual, Usual, usual_of
 from crane_identification.diagnosis.search.candidates import Candidate
 from crane_identification.thresholds import Thresholds
 from crane_model.errors import DataError
@@ -52,15 +53,21 @@ def examine(
             here, there = FlowRows(evidence, joint), FlowRows(held_out, joint)
             if joint in distrusted:
                 raise DataError(f"flow of '{joint}': its sensors may be wrong; settle that first")
-            if joint not in usual.dead_zone:
-                raise DataError(
-                    f"flow of '{joint}': what is usual of its valve is not known; add its dead_zone"
-                )
-            found.append(_Examination(here, there, searched(here), usual, thresholds).flow())
+            own = usual_of(joint, usual, evidence.model.hydraulics)
+            found.append(_Examination(here, there, searched(here), own, thresholds).flow())
         except DataError as error:
             absent |= {(effect, joint): str(error) for effect in sorted(FLOW_EFFECTS)}
     return Flows(tuple(found), absent)
 
+
+EFFECTS = {
+    "dead_zones": "valve_dead_zone",
+    "hysteresis": "valve_hysteresis",
+    "asymmetry": "valve_asymmetry",
+    "leakage": "internal_leakage",
+    "bulk_modulus": "oil_compressibility",
+}
+"""What is called missing where a limit in `JointUsual` is passed, as in FLOW_EFFECTS."""
 
 Tied = Callable[[FlowRows, np.ndarray], tuple[np.ndarray, np.ndarray | float]]
 """From rows and their columns to those of a balance with one quantity as it usually is, and the
@@ -71,7 +78,12 @@ class _Examination:
     """All quantities of a joint, from its balance `here`, proved `there`."""
 
     def __init__(
-        self, here: FlowRows, there: FlowRows, spool: Spool, usual: Usual, thresholds: Thresholds
+        self,
+        here: FlowRows,
+        there: FlowRows,
+        spool: Spool,
+        usual: JointUsual,
+        thresholds: Thresholds,
     ) -> None:
         self._here, self._there, self._spool, self._usual = here, there, spool, usual
         self._gates, self._method = thresholds.gates, thresholds.method
@@ -135,31 +147,33 @@ class _Examination:
         usual = self._usual
         return (
             self._dead_zone(),
-            self._of_column("valve_hysteresis", PLAY, self._spool.play, usual.hysteresis),
+            self._of_column("hysteresis", PLAY, self._spool.play, usual.hysteresis),
             self._asymmetry(),
-            self._of_column("internal_leakage", LEAK, 1.0, usual.leakage),
-            self._of_column("oil_compressibility", SOFT, 1.0, 1.0 / usual.bulk_modulus),
+            self._of_column("leakage", LEAK, 1.0, usual.leakage),
+            self._of_column("bulk_modulus", SOFT, 1.0, 1.0 / usual.bulk_modulus),
         )
 
     def _dead_zone(self) -> Quantity:
-        """Of the direction in which it is wider."""
-        limit, zones = self._usual.dead_zone[self._here.joint], self._spool.dead_zones
-        a, b = (min(zone, limit) for zone in zones)
+        """Of the direction in which it is wider than usual, or nearer to that."""
+        limits, zones = self._usual.dead_zones, self._spool.dead_zones
+        a, b = (min(zone, limit) for zone, limit in zip(zones, limits, strict=True))
         usual = self._spool._replace(dead_zones=(a, b))
-        fixed = [part for part, zone in zip(ZONES, zones, strict=True) if zone > limit]
+        beyond = [zone - limit for zone, limit in zip(zones, limits, strict=True)]
+        fixed = [part for part, excess in zip(ZONES, beyond, strict=True) if excess > 0.0]
 
         def tied(rows: FlowRows, _: np.ndarray) -> tuple[np.ndarray, float]:
             return np.delete(usual.columns(rows), fixed, axis=1), 0.0
 
-        value = max(zones)
-        std_dev = self._std_dev(np.eye(COLUMNS)[ZONES[zones.index(value)]])
-        return self._judged("valve_dead_zone", value, std_dev, limit, tied)
+        k = int(np.argmax(beyond))
+        std_dev = self._std_dev(np.eye(COLUMNS)[ZONES[k]])
+        return self._judged("dead_zones", zones[k], std_dev, limits[k], tied)
 
     def _asymmetry(self) -> Quantity:
-        limit, gains = self._usual.asymmetry, self._free.values[: len(EDGES)]
+        (lowest, highest), gains = self._usual.asymmetry, self._free.values[: len(EDGES)]
         (mean_a, mean_b), shares = by_chamber(gains)
         value = asymmetry(gains)
-        usual_a, usual_b = shares + (np.copysign(limit, value) - value)
+        limit = highest if value > (lowest + highest) / 2.0 else lowest
+        usual_a, usual_b = shares + (limit - value)
         gradient = np.zeros(COLUMNS)
         gradient[:2] = gains[[1, 0]] * (1.0, -1.0) / (2.0 * mean_a) ** 2
         gradient[2:4] = gains[[3, 2]] * (-1.0, 1.0) / (2.0 * mean_b) ** 2
@@ -173,9 +187,10 @@ class _Examination:
             return np.column_stack([*chambers, columns[:, len(EDGES) :]]), 0.0
 
         std_dev = self._std_dev(gradient)
-        return self._judged("valve_asymmetry", value, std_dev, limit, tied, abs(value))
+        beyond = value - limit if limit == highest else limit - value
+        return self._judged("asymmetry", value, std_dev, limit, tied, beyond)
 
-    def _of_column(self, effect: str, part: int, unit: float, limit: float) -> Quantity:
+    def _of_column(self, name: str, part: int, unit: float, limit: float) -> Quantity:
         """Of a parameter that is the quantity over a `unit`."""
         value = float(self._free.values[part])
         fixed = limit / unit
@@ -184,22 +199,29 @@ class _Examination:
             return np.delete(columns, part, axis=1), fixed * columns[:, part]
 
         std_dev = unit * self._std_dev(np.eye(COLUMNS)[part])
-        return self._judged(effect, unit * value, std_dev, limit, tied)
+        return self._judged(name, unit * value, std_dev, limit, tied)
 
     def _judged(
         self,
-        effect: str,
+        name: str,
         value: float,
         std_dev: float,
         limit: float,
         tied: Tied,
-        size: float | None = None,
+        beyond: float | None = None,
     ) -> Quantity:
-        """Beside the best balance in which the value, or its `size`, is usual."""
+        """Beside the best balance in which the value, which lies `beyond` the limit, is usual."""
         sigmas = self._method.flow_sigmas * std_dev
-        determined = sigmas <= max(abs(value), limit)
-        if not (value if size is None else size) - limit >= sigmas:
-            return Quantity(effect, value, std_dev, limit, 0.0, 0.0, False, determined)
+        judged = Quantity(
+            type=EFFECTS[name],
+            value=value,
+            std_dev=std_dev,
+            usual=limit,
+            own=name in self._usual.own,
+            determined=sigmas <= max(abs(value), abs(limit)),
+        )
+        if not (value - limit if beyond is None else beyond) >= sigmas:
+            return judged
         columns, known = tied(self._here, self._columns)
         fit = solved(columns, self._here.flow - known)
         columns, known = tied(self._there, self._proof)
@@ -208,7 +230,7 @@ class _Examination:
         score = len(self._here.flow) * float(np.log(fit.rest / self._free.rest))
         proved = left > self._method.flow_proof_factor * self._least
         missing = proved and share > self._gates.smallest_flow_share
-        return Quantity(effect, value, std_dev, limit, share, score, missing, determined)
+        return replace(judged, share=share, score=score, missing=missing)
 
 
 def _correlation(left: np.ndarray) -> float:

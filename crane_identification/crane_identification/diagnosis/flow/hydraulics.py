@@ -10,8 +10,8 @@ from crane_model.terms import Effect
 
 @dataclass(frozen=True)
 class Quantity:
-    """A value of the hydraulics with one standard deviation, and the limit of what is usual; `type`
-    is its name in FLOW_EFFECTS.
+    """A value of the hydraulics with one standard deviation, and the limit of what is usual, which
+    is the machine's `own` where it was identified; `type` is its name in FLOW_EFFECTS.
 
     With that limit in its place, `share` of the piston's flow (rms) more is unexplained, and the
     balance loses the `score` 2 dlogL; both are 0 where the value is usual. It is `determined` where
@@ -22,10 +22,16 @@ class Quantity:
     value: float
     std_dev: float
     usual: float
-    share: float
-    score: float
-    missing: bool
+    own: bool
     determined: bool
+    share: float = 0.0
+    score: float = 0.0
+    missing: bool = False
+
+    @property
+    def limit(self) -> str:
+        """What the limit is of, in words."""
+        return "what was identified of it" if self.own else "what is usual"
 
     @property
     def effect(self) -> Effect:

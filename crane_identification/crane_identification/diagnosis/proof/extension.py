@@ -9,7 +9,7 @@ from crane_identification.data.units import COUNTS
 from crane_identification.diagnosis.decision.judgement import Judged
 from crane_identification.diagnosis.fit.evidence import beside, gather
 from crane_identification.diagnosis.fit.fit import Training
-from crane_identification.diagnosis.fit.refit import refit
+from crane_identification.diagnosis.fit.refit import refit_anyway
 from crane_identification.diagnosis.search.candidates import Candidate, ShapedCandidate, at_shape
 from crane_identification.diagnosis.search.kept_values import estimated
 from crane_identification.diagnosis.search.loads import NO_LOAD
@@ -77,7 +77,8 @@ def extended(
         model = before
         for one in judged:
             model = model.with_term(one.shaped.term)
-        after = refit(gather(model, training.recordings, training.factor), training.sources)
+        evidence = gather(model, training.recordings, training.factor)
+        after, _ = refit_anyway(evidence, training.sources)
     own = [after.part(one.shaped.term) for one in judged]
     assert after.std_devs is not None  # just fitted
     shapes = shape_std_devs(

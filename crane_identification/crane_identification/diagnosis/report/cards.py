@@ -5,7 +5,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from crane_identification.diagnosis import variables, wording
+from crane_identification.diagnosis import finding_wording, variables
 from crane_identification.diagnosis.diagnosis import Diagnosis
 from crane_identification.diagnosis.fit.evidence import normed, residual
 from crane_identification.diagnosis.fit.runs import Zone
@@ -29,28 +29,30 @@ class Card(NamedTuple):
     evidence: str
     member: str
     settled_by: str
-    parameters: tuple[wording.PrintedParameter, ...]
+    parameters: tuple[finding_wording.PrintedParameter, ...]
     carried: list[str]
     pictures: tuple[Picture, ...]
 
 
-def cards(diagnosis: Diagnosis, content: wording.Content) -> list[Card]:
+def cards(diagnosis: Diagnosis, content: finding_wording.Content) -> list[Card]:
     """Strongest first; `content` is that of findings.json, which begins with the same findings."""
     pairs = zip(diagnosis.findings, content["findings"], strict=False)
     return [_card(diagnosis, n, *pair) for n, pair in enumerate(pairs, start=1)]
 
 
-def _card(diagnosis: Diagnosis, number: int, finding: Finding, said: wording.Content) -> Card:
+def _card(
+    diagnosis: Diagnosis, number: int, finding: Finding, said: finding_wording.Content
+) -> Card:
     return Card(
         number=number,
-        title=wording.called(said),
+        title=finding_wording.called(said),
         signature=finding.candidate.effect.signature,
-        strength=wording.strength(said),
-        evidence=wording.evidence(said),
+        strength=finding_wording.strength(said),
+        evidence=finding_wording.evidence(said),
         member=said["name"] if said["class_members"] else "",
         settled_by=said["settled_by"],
-        parameters=tuple(wording.estimate(one) for one in said["parameters"]),
-        carried=wording.carried(said),
+        parameters=tuple(finding_wording.estimate(one) for one in said["parameters"]),
+        carried=finding_wording.carried(said),
         pictures=_pictures(diagnosis, number, finding),
     )
 

@@ -3,7 +3,7 @@
 from collections.abc import Sequence
 from pathlib import Path
 
-from crane_identification.diagnosis import findings, wording
+from crane_identification.diagnosis import finding_wording, findings, wording
 from crane_identification.diagnosis.diagnosis import Diagnosis
 from crane_identification.diagnosis.flow.hydraulics import Quantity
 from crane_identification.diagnosis.flow_and_load_findings import of_quantity
@@ -45,7 +45,7 @@ def render(
         diagnosis=diagnosis,
         answer=wording.answer(content),
         reason=wording.reason(content),
-        called=[wording.called(one) for one in content["findings"]],
+        called=[finding_wording.called(one) for one in content["findings"]],
         cards=found,
         gap=gap,
         added=wording.added(content),
@@ -60,11 +60,12 @@ def render(
             )
             if motion.reason
         ],
+        commanded=list(wording.commanded(content)),
         nearest=wording.nearest(content),
         left=wording.sentence(wording.left(content)),
         where=where,
         disagrees=list(wording.disagrees(content)),
-        estimate=lambda one: wording.estimate(of_quantity(one).plain()),
+        estimate=lambda one: finding_wording.estimate(of_quantity(one).plain()),
         usual=_usual,
         percent=percent,
         detectable=short_percent(diagnosis.detectable),
@@ -96,6 +97,9 @@ def _usual(one: Quantity) -> str:
 
 def _listed(candidates: dict, diagnosis: Diagnosis) -> list[tuple[str, str]]:
     return [
-        (f"{f.effect.name} ({wording.place(f.where)})", wording.said(reason, diagnosis.joints))
+        (
+            f"{f.effect.name} ({finding_wording.place(f.where)})",
+            wording.said(reason, diagnosis.joints),
+        )
         for f, reason in candidates.items()
     ]

@@ -12,7 +12,13 @@ from crane_identification.diagnosis.search.candidates import Candidate, at_shape
 from crane_identification.diagnosis.search.loads import LOADS, agreeing, load_of, one_each
 from crane_identification.diagnosis.search.projection import Projection, project
 from crane_identification.diagnosis.search.search import Search
-from crane_identification.diagnosis.search.selection import Subset, constrained, larger_sets, solve
+from crane_identification.diagnosis.search.selection import (
+    NOTHING,
+    Subset,
+    constrained,
+    larger_sets,
+    solve,
+)
 from crane_model.progress import Progress, silent
 
 EVALUATIONS = 8  # of each shape parameter when it is refined
@@ -43,6 +49,13 @@ class Race:
             self.search = replace(self.search, sets=(*self.search.sets, larger))
             self.progress("search", (len(self.search.sets) - 1) / (LARGEST_SET + 1))
         return self.search.sets[size]
+
+    def go_on_from(self, start: Subset) -> None:
+        """Sets grow from this one alone from now on; smaller ones are what it begins with."""
+        parts = [start.numbers[:count] for count in range(1, len(start.numbers))]
+        known = [solve(self.search.projection, part) or NOTHING for part in parts]
+        sets = [NOTHING, *known, start] if start.numbers else [NOTHING]
+        self.search = replace(self.search, sets=tuple((one,) for one in sets))
 
     def best(self, size: int) -> Subset | None:
         """The best set of so many effects; None if there is none."""

@@ -6,10 +6,11 @@ has not been moving by then for as long as the estimate of its velocity needs, n
 """
 
 from collections.abc import Sequence
+from dataclasses import replace
 
 import numpy as np
 
-from crane_identification.diagnosis.fit.evidence import Evidence, beside, leading
+from crane_identification.diagnosis.fit.evidence import VISIBLE_SHARE, Evidence, beside, leading
 from crane_identification.diagnosis.search.candidates import Candidate, ShapedCandidate
 from crane_identification.diagnosis.search.projection import Projection
 from crane_identification.diagnosis.search.whitening import FORCE_CORRELATION, Whitener
@@ -20,10 +21,9 @@ ITSELF_TOLERANCE, ITSELF_CORRELATION = 0.05, 0.95
 """The measured force explains itself with the coefficient one: a column that is within this
 tolerance of that and correlated with the residual by more than this is made of it, as |tau| sgn(v)
 is where friction is all that the force overcomes."""
-VISIBLE_SHARE = 0.02
-"""Share of a column's norm that must be left beside the base for its effect to be testable. Asked
-in the zone that shows it: friction with memory is Coulomb's but for the reversals.
-"""
+OWN_SHARE = 0.1
+"""Share of what a column of measured force shows beside the model, in energy, that is not there in
+one of the force that the model predicts: it is the residual itself, which explains itself."""
 ROUNDING_SHARE = 1e-6  # share of a column's norm that is more than rounding
 SEEN_SHARE = 0.1
 """Share of the norm of a column within the used rows, below which it is not sought there: ten times
@@ -38,6 +38,7 @@ def visible(
     least = np.array([_least(candidate) for candidate in candidates])
     shows = projection.visibility >= least
     itself = _force_itself(projection, evidence, whitener)
+    itself |= _made_of_the_residual(projection, evidence, whitener, itself)
     wanted = shows & np.array([candidate not in itself for candidate in candidates], dtype=bool)
     reasons = {f: "its column is the measured force itself" for f in candidates if f in itself}
     best: dict[Candidate, float] = {}
@@ -55,7 +56,9 @@ def visible(
 
 
 def _least(candidate: Candidate) -> float:
-    """The least visibility needed: of a change, which has the form of the model's own term, any."""
+    """The least visibility needed, in the zone that shows an effect: friction with memory is
+    Coulomb's but for the reversals. Of a change, which has the form of the model's own term, any.
+    """
     return ROUNDING_SHARE if candidate.changes else VISIBLE_SHARE
 
 
@@ -83,6 +86,46 @@ def _force_itself(projection: Projection, evidence: Evidence, whitener: Whitener
             if ((alike > FORCE_CORRELATION) | (once & (alike > ITSELF_CORRELATION))).any():
                 found.add(candidate)
     return found
+
+
+def _made_of_the_residual(
+    projection: Projection, evidence: Evidence, whitener: Whitener, found: set[Candidate]
+) -> set[Candidate]:
+    """Further candidates that follow the measured force and, beside the model, what it does not
+    predict.
+
+    Friction that follows a load, where most of the force is friction: |tau| sgn(v) is tau again.
+    """
+    wanted = {
+        shaped.candidate: shaped
+        for shaped in projection.candidates
+        if "force" in shaped.candidate.effect.follows
+        and not (shaped.candidate.shapes or shaped.candidate.changes)
+        and shaped.candidate not in found
+    }
+    if not wanted:
+        return set()
+    model = evidence.model
+    values = evidence.roughly(evidence.base[:, :, :0])[: len(model.parameters)]
+    runs = (
+        replace(run, record=replace(run.record, force=model.regressor(run.record) @ values))
+        for run in evidence.runs
+    )
+    predicted = replace(evidence, runs=tuple(runs))
+    known = whitener(evidence.base)
+    known = leading(known, known.shape[1])
+    more = set()
+    for candidate, shaped in wanted.items():
+        own, other = (
+            beside(known, whitener(columns))
+            for columns in (shaped.columns, predicted.columns(shaped.term))
+        )
+        alike = np.einsum("nk,nk->k", own, other) / np.maximum(
+            np.linalg.norm(own, axis=0) * np.linalg.norm(other, axis=0), TINY
+        )
+        if (1.0 - alike**2 > OWN_SHARE).any():
+            more.add(candidate)
+    return more
 
 
 def left_out(

@@ -5,7 +5,13 @@ from typing import NamedTuple
 
 import numpy as np
 
-from crane_identification.diagnosis.fit.evidence import ROUNDING_SHARE, Evidence, beside, leading
+from crane_identification.diagnosis.fit.evidence import (
+    ROUNDING_SHARE,
+    Evidence,
+    beside,
+    leading,
+    says_nothing,
+)
 from crane_identification.estimation.autoregression import (
     Autoregression,
     predictors_of,
@@ -13,8 +19,6 @@ from crane_identification.estimation.autoregression import (
 )
 
 DIRECTIONS = 60  # of the candidates that the largest model takes, the commonest ones
-ROWS_PER_UNKNOWN = 1.5  # of the base; a channel with fewer says nothing about what it lacks
-FEWEST_ROWS = 8
 ROWS_PER_DIRECTION = 12  # a channel with fewer rows does not carry another direction
 FORCE_CORRELATION = 0.999
 """A column whose part beyond the base is correlated like this with the residual is the measured
@@ -68,7 +72,7 @@ def whitener(evidence: Evidence, largest: np.ndarray) -> Whitener:
     first = np.diff(evidence.run, prepend=-1) != 0
     for c, used in enumerate(evidence.used.T):
         known = leading(evidence.base[used, c], evidence.base.shape[2])
-        if used.sum() < max(ROWS_PER_UNKNOWN * known.shape[1], FEWEST_ROWS):
+        if says_nothing(used, known):
             noise.append(None)
             continue
         found = _noise(known, largest[:, c], evidence.force[:, c], used, evidence.run)

@@ -9,18 +9,19 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 from functools import partial
 from pathlib import Path
-from typing import Any
 
 import numpy as np
 
 from crane_benchmark.answers import baselines
+from crane_benchmark.answers.answer_file import CRASH, AnswerStatistics, CaseAnswer
 from crane_benchmark.answers.confinement import confine
 from crane_benchmark.answers.given import given
-from crane_benchmark.folders import Folders, done, new, write_json
+from crane_benchmark.folders import ANSWER, Folders, done, new
 from crane_benchmark.work import in_processes
+from crane_identification.diagnosis.answer.verdict import Verdict
 from crane_identification.diagnosis.decision.chance import null_gains
 from crane_identification.diagnosis.diagnosis import Diagnosis, diagnose
-from crane_identification.diagnosis.findings import content
+from crane_identification.diagnosis.findings import answer
 from crane_identification.diagnosis.search.energy import strength
 from crane_identification.options import Options
 from crane_identification.thresholds import Thresholds, load_thresholds
@@ -48,42 +49,40 @@ def blindfold(folders: Folders) -> None:
     confine(folders.top, own, KNOWING)
 
 
+def refused(error: CraneError) -> CaseAnswer:
+    """What is said of recordings that a diagnosis does not take."""
+    return CaseAnswer(verdict=Verdict.INSUFFICIENT, reason=str(error))
+
+
 def answer_case(job: AnsweringJob) -> None:
     """The diagnosis of one case, the answers of the other methods, and the time it took."""
     folder = job.folders.bags / job.name
     with new(job.folders.answers / job.name) as out:
         start = time.process_time()
-        answer: dict[str, Any]
         try:
             diagnosis = diagnose(*given(folder), Options(), job.thresholds)
         except CraneError as error:  # recordings are refused: that is an answer
-            answer = {"verdict": "insufficient_data", "reason": str(error), "findings": []}
-            others: dict[str, baselines.Names] = {}
+            said = refused(error)
         except Exception:  # the other cases go on; this one counts as wrong
-            answer = {"verdict": "crash", "reason": traceback.format_exc(), "findings": []}
-            others = {}
+            said = CaseAnswer(verdict=CRASH, reason=traceback.format_exc())
         else:
-            answer = content(diagnosis) | {"statistics": statistics(diagnosis)}
+            found = answer(diagnosis)
+            said = CaseAnswer(
+                verdict=found.verdict,
+                reason=found.reason,
+                findings=found,
+                statistics=statistics(diagnosis),
+                seconds=time.process_time() - start,
+                others=baselines.answers(diagnosis.search),
+            )
             save_model(out / "model.yaml", diagnosis.after)
-            answer["seconds"] = time.process_time() - start
-            others = baselines.answers(diagnosis.search)
-        write_json(out / "answer.json", answer)
-        write_json(out / "baselines.json", others)
+        said.write(out / ANSWER)
     if not job.keep:
         shutil.rmtree(folder)
 
 
-def statistics(diagnosis: Diagnosis) -> dict[str, Any]:
-    """What thresholds are compared with.
-
-    `best`: score of the best effect in units of its bootstrap quantile, whether it is a finding or
-    not; `score`: the same of those that are as strong as is asked for; `accepted`: of findings;
-    `learner`: strength of a law that it is sure of; `strength`: of that or the best; `floor`: the
-    largest error over the scatter between periods, 0 where none was repeated; `pulsation`:
-    clearness of the clearest line, 0 where none was asked for; `flow`: share of it that the
-    strongest effect makes up; `flow_left`: share that none explains. `promised`: 0 to 100 %
-    quantiles of the best score by the bootstrap, in the same unit.
-    """
+def statistics(diagnosis: Diagnosis) -> AnswerStatistics:
+    """What thresholds are compared with."""
     thresholds, learnt, gap = diagnosis.thresholds, diagnosis.proof.before.learnt, diagnosis.gap
     quantities = [one for flow in diagnosis.flow.found for one in flow.quantities]
     null = null_gains(diagnosis.search.projection, [])
@@ -96,18 +95,18 @@ def statistics(diagnosis: Diagnosis) -> dict[str, Any]:
     accepted = max((finding.judged.score for finding in diagnosis.findings), default=0.0)
     sure = learnt.p_value < thresholds.method.false_alarm_rate / 2.0 / len(learnt.p_value)
     law = float(learnt.strength[sure].max(initial=0.0))
-    return {
-        "best": single[0][0] if single else 0.0,
-        "score": max(strong, default=0.0),
-        "accepted": accepted / quantile,
-        "learner": law,
-        "strength": max([law, *(one for _, one in single[:1])]),
-        "floor": float(np.nan_to_num(gap.over_floor(gap.largest_before)).max()),
-        "pulsation": max((line.clearness for line in diagnosis.proof.lines), default=0.0),
-        "flow": max((one.share for one in quantities if one.missing), default=0.0),
-        "flow_left": max((flow.unexplained for flow in diagnosis.flow.found), default=0.0),
-        "promised": np.round(np.quantile(null, LEVELS) / quantile, DIGITS).tolist(),
-    }
+    return AnswerStatistics(
+        best=single[0][0] if single else 0.0,
+        score=max(strong, default=0.0),
+        accepted=accepted / quantile,
+        learner=law,
+        strength=max([law, *(one for _, one in single[:1])]),
+        floor=float(np.nan_to_num(gap.over_floor(gap.largest_before)).max()),
+        pulsation=max((line.clearness for line in diagnosis.proof.lines), default=0.0),
+        flow=max((one.share for one in quantities if one.missing), default=0.0),
+        flow_left=max((flow.unexplained for flow in diagnosis.flow.found), default=0.0),
+        promised=np.round(np.quantile(null, LEVELS) / quantile, DIGITS).tolist(),
+    )
 
 
 def main(argv: Sequence[str] | None = None) -> int:

@@ -2,8 +2,12 @@
 
 from enum import StrEnum
 
+from pydantic import ConfigDict
+
 from crane_benchmark.cases.motions import Richness
 from crane_model.configuration import Schema
+from crane_model.result_file import ResultFile
+from crane_sim.hiding.label import LabelledEffect
 
 
 class CaseKind(StrEnum):
@@ -45,17 +49,29 @@ class Carried(StrEnum):
 
 
 class EffectToHide(Schema):
-    """An effect to hide in a form of the stand-in machine; `joint` None is the whole machine.
+    """An effect to hide in a form of the stand-in machine."""
 
-    Of its `parameters`, those that are not given are drawn.
-    """
+    model_config = ConfigDict(use_attribute_docstrings=True)
 
     effect: str
+    """Its type in the catalogue, or in that of the stand-in machine."""
     joint: str | None
+    """The joint; null: the whole machine."""
     form: str
+    """Law that it follows in the stand-in machine."""
     strength: float
+    """Rms of its force over that of the drive, that is asked for [-]."""
     parameters: dict[str, float] = {}
+    """Of that law [SI]; those that are not given are drawn."""
     carried: Carried = Carried.ALL
+    """Which recordings carry it."""
+
+
+class HiddenInRecording(ResultFile):
+    """What one recording of a case hides."""
+
+    effects: list[LabelledEffect]
+    """As in a label."""
 
 
 class Case(Schema):

@@ -8,7 +8,7 @@ from pathlib import Path
 
 import numpy as np
 
-from crane_benchmark.cases.case import Case, EffectToHide, World
+from crane_benchmark.cases.case import Case, EffectToHide, HiddenInRecording, World
 from crane_benchmark.cases.case_sets import CaseSet, cases, with_others
 from crane_benchmark.cases.clean import save_clean
 from crane_benchmark.cases.motions import Maker, Richness
@@ -110,8 +110,8 @@ def _make(job: MakingJob, attempt: int) -> None:
             there, name = one.present(found), f"{one.part}-{one.number}"
             bag = bags / one.part / str(one.number)
             clean = make(bag, machine, stand_in, one.motion, gains, seed, there, one.moment)
-            hidden = [one.plain() for one in label(there, clean, machine)]
-            write_json(sealed / f"{name}.json", {"effects": hidden})
+            hidden = HiddenInRecording(effects=label(there, clean, machine))
+            hidden.write(sealed / f"{name}.json")
             save_clean(sealed / f"{name}.npz", clean)
 
 

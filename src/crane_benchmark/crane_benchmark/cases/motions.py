@@ -13,6 +13,7 @@ from crane_trajectory.motion.check import Clearance, pump_flow
 from crane_trajectory.motion.fourier import FourierTrajectory, MotionSamples
 from crane_trajectory.motion.motion import Motion, plan
 from crane_trajectory.motion.periodic import PeriodicTrajectory
+from crane_trajectory.motion.probe import Probe
 from crane_trajectory.motion.room import tip_room
 from crane_trajectory.motion.sweep import JointCourse, SweepTrajectory
 
@@ -57,6 +58,11 @@ class Stretch:
     def joint_names(self) -> tuple[str, ...]:
         """The joints that move."""
         return self.whole.joint_names
+
+    @property
+    def probe(self) -> Probe | None:
+        """Of the whole motion."""
+        return self.whole.probe
 
     def evaluate(self, time: np.ndarray) -> MotionSamples:
         """Of the whole motion, at any time (n,) [s]."""

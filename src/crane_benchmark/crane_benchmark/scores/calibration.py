@@ -1,11 +1,12 @@
 """What cases that hide nothing say of thresholds, and of the bootstrap inside a diagnosis."""
 
 from collections.abc import Sequence
-from typing import Any
 
 import numpy as np
 
-from crane_benchmark.scores.rates import rate
+from crane_benchmark.answers.answer_file import AnswerStatistics
+from crane_benchmark.scores.rates import Rate, rate
+from crane_model.result_file import ResultPart
 
 TAIL = 4  # the largest values, one in so many, say how a tail falls off
 LEVEL = 97  # %, of the bootstrap quantile that null cases are compared with
@@ -45,18 +46,29 @@ def tails(ordered: np.ndarray, share: float) -> np.ndarray:
     return np.where(fall > 0.0, start + fall * np.log(count / (share * len(ordered))), 0.0)
 
 
-def agreement(known: Sequence[dict[str, Any]]) -> dict[str, Any]:
-    """Scores of null cases through the whole sensor chain against what the bootstrap promises.
-
-    `above`: share of cases above its quantile of 97 %, which is 3 % if both agree. Sorted scores
-    `found`, and `promised` ones at the same ranks, in units of the quantile that is the threshold.
+class BootstrapAgreement(ResultPart):
+    """Scores of null cases through the whole sensor chain, and what the bootstrap promises, in
+    units of the quantile that is the threshold.
     """
-    score = np.array([one["best"] for one in known])
-    promised = np.array([one["promised"] for one in known])  # (n, 101)
+
+    level: float
+    """Quantile of the bootstrap that cases are compared with [-]."""
+    above: Rate
+    """Of cases above it; the share that it leaves, if both agree."""
+    found: list[float]
+    """Scores, sorted [-]."""
+    promised: list[float]
+    """Those at the same ranks by the bootstrap [-]."""
+
+
+def agreement(known: Sequence[AnswerStatistics]) -> BootstrapAgreement:
+    """How far both agree."""
+    score = np.array([one.best for one in known])
+    promised = np.array([one.promised for one in known])  # (n, 101)
     levels = 100.0 * (np.arange(len(score)) + 0.5) / len(score)
-    return {
-        "level": LEVEL / 100.0,
-        "above": rate((score > promised[:, LEVEL]).tolist()),
-        "found": np.sort(score).tolist(),
-        "promised": np.interp(levels, np.arange(101), promised.mean(axis=0)).tolist(),
-    }
+    return BootstrapAgreement(
+        level=LEVEL / 100.0,
+        above=rate((score > promised[:, LEVEL]).tolist()),
+        found=np.sort(score).tolist(),
+        promised=np.interp(levels, np.arange(101), promised.mean(axis=0)).tolist(),
+    )

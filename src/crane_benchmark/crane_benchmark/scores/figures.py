@@ -2,7 +2,6 @@
 
 from collections.abc import Sequence
 from pathlib import Path
-from typing import Any
 
 import matplotlib as mpl
 import numpy as np
@@ -12,8 +11,10 @@ from matplotlib.ticker import FuncFormatter, LogLocator, NullFormatter, PercentF
 
 from crane_benchmark.cases.case import CaseKind
 from crane_benchmark.cases.case_sets import STRENGTHS
+from crane_benchmark.scores.calibration import BootstrapAgreement
 from crane_benchmark.scores.judgement import OURS, Judgement
-from crane_benchmark.scores.summary import Row, identifiable, learnt, of_kind, power, share
+from crane_benchmark.scores.row import CaseRow
+from crane_benchmark.scores.summary import identifiable, learnt, of_kind, power, share
 
 COLOURS = ("#1f5fa8", "#c4552d", "#3a8f5c", "#7a7a7a", "#8a5fa8")
 VERDICTS = ("unknown", "none", "insufficient_data", "crash")
@@ -22,7 +23,7 @@ LEARNER = "flexible learner, no name"
 NARROW = 0.06  # of a step, by which curves stand apart so that their intervals can be read
 
 
-def write(folder: Path, rows: Sequence[Row]) -> None:
+def write(folder: Path, rows: Sequence[CaseRow]) -> None:
     """power.png, threshold.png and confusion.png."""
     mpl.rcParams.update({"font.size": 9, "axes.spines.top": False, "axes.spines.right": False})
     for name, figure in (
@@ -34,11 +35,11 @@ def write(folder: Path, rows: Sequence[Row]) -> None:
             figure.savefig(folder / f"{name}.png", dpi=DPI)
 
 
-def write_agreement(folder: Path, agreement: dict[str, Any]) -> None:
+def write_agreement(folder: Path, agreement: BootstrapAgreement) -> None:
     """bootstrap.png: sorted scores of null cases over what the bootstrap promises."""
     figure = Figure(figsize=(5.0, 5.2), layout="constrained")
     axes = figure.add_subplot()
-    found, promised = np.array(agreement["found"]), np.array(agreement["promised"])
+    found, promised = np.array(agreement.found), np.array(agreement.promised)
     ends = 0.8 * min(found.min(), promised.min()), 1.25 * max(found.max(), promised.max(), 1.0)
     axes.plot(ends, ends, color="0.6", linewidth=1, label="agreement")
     axes.axhline(1.0, color=COLOURS[1], linewidth=1, linestyle="--", label="threshold, factor 1")
@@ -61,22 +62,22 @@ def write_agreement(folder: Path, agreement: dict[str, Any]) -> None:
     figure.savefig(folder / "bootstrap.png", dpi=DPI)
 
 
-def _power(rows: Sequence[Row]) -> Figure:
+def _power(rows: Sequence[CaseRow]) -> Figure:
     """Right name and joint over the strength, ours and others, and what a learner is sure of."""
     figure = Figure(figsize=(7.2, 4.4), layout="constrained")
     axes = figure.add_subplot()
-    methods = list(dict.fromkeys(name for row in rows for name in row["outcomes"]))
+    methods = list(dict.fromkeys(name for row in rows for name in row.outcomes))
     nothing, sees = of_kind(rows, CaseKind.NOTHING), learnt(rows)
     curves = {
         name: (power(rows, name), share(nothing, name, Judgement.FALSE_ALARM)) for name in methods
     }
-    curves[LEARNER] = sees["power"], sees["false_alarms"]
+    curves[LEARNER] = sees.power, sees.false_alarms
     for number, (method, (curve, alarms)) in enumerate(curves.items()):
-        known = [s for s in STRENGTHS if curve[s]["of"]]
+        known = [s for s in STRENGTHS if curve[s].of]
         shift = 2.0 ** (NARROW * (number - (len(curves) - 1) / 2))
-        middle = np.array([curve[s]["rate"] for s in known])
-        ends = np.array([curve[s]["interval"] for s in known]).reshape(-1, 2)
-        told = "" if alarms["rate"] is None else f" ({alarms['rate']:.0%} false alarms)"
+        middle = np.array([curve[s].rate for s in known])
+        ends = np.array([curve[s].interval for s in known]).reshape(-1, 2)
+        told = "" if alarms.rate is None else f" ({alarms.rate:.0%} false alarms)"
         axes.errorbar(
             np.array(known) * 100 * shift,
             100 * middle,
@@ -92,7 +93,7 @@ def _power(rows: Sequence[Row]) -> Figure:
     counts = power(rows, OURS)
     axes.set_xscale("log")
     axes.set_xticks(
-        [100 * s for s in STRENGTHS], [f"{100 * s:g} %\nn = {counts[s]['of']}" for s in STRENGTHS]
+        [100 * s for s in STRENGTHS], [f"{100 * s:g} %\nn = {counts[s].of}" for s in STRENGTHS]
     )
     axes.minorticks_off()
     axes.set(
@@ -105,7 +106,7 @@ def _power(rows: Sequence[Row]) -> Figure:
     return figure
 
 
-def _threshold(rows: Sequence[Row]) -> Figure | None:
+def _threshold(rows: Sequence[CaseRow]) -> Figure | None:
     """How far the best score is above what noise gives, with nothing hidden and with something."""
     groups = (
         ("nothing hidden", of_kind(rows, CaseKind.NOTHING)),
@@ -134,11 +135,11 @@ def _threshold(rows: Sequence[Row]) -> Figure | None:
 
 
 def _survival(
-    axes: Axes, groups: Sequence[tuple[str, Sequence[Row]]], key: str, words: str
+    axes: Axes, groups: Sequence[tuple[str, Sequence[CaseRow]]], key: str, words: str
 ) -> bool:
     there = False
     for number, (name, rows) in enumerate(groups):
-        values = sorted(row["statistics"][key] for row in rows if row["statistics"])
+        values = sorted(getattr(row.statistics, key) for row in rows if row.statistics)
         if values:
             there = True
             above = 1.0 - np.arange(len(values) + 1) / len(values)
@@ -148,18 +149,18 @@ def _survival(
     return there
 
 
-def _confusion(rows: Sequence[Row]) -> Figure:
+def _confusion(rows: Sequence[CaseRow]) -> Figure:
     """What is hidden (rows) against the headline of the answer (columns), counts."""
 
-    def truth(row: Row) -> str:
-        if row["kind"] == CaseKind.SINGLE:
-            return row["hidden"][0]["effect"]
-        return f"({row['kind']})"
+    def truth(row: CaseRow) -> str:
+        if row.kind == CaseKind.SINGLE:
+            return row.hidden[0].wanted.effect
+        return f"({row.kind})"
 
     table: dict[tuple[str, str], int] = {}
     for row in rows:
-        if row["kind"] != CaseKind.PAIR:
-            place = truth(row), row["headlines"][OURS]
+        if row.kind != CaseKind.PAIR:
+            place = truth(row), row.answers[OURS].headline
             table[place] = table.get(place, 0) + 1
     down = sorted({t for t, _ in table}, key=lambda name: (name.startswith("("), name))
     said = {a for _, a in table}

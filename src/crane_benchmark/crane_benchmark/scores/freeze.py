@@ -8,12 +8,14 @@ from typing import Any, NamedTuple
 import numpy as np
 from ruamel.yaml import YAML
 
-from crane_benchmark.folders import Folders, done, read_json, write_json
+from crane_benchmark.answers.answer_file import AnswerStatistics, CaseAnswer
+from crane_benchmark.folders import ANSWER, Folders, done, write_json
 from crane_benchmark.scores import figures, frozen
-from crane_benchmark.scores.calibration import agreement, together
+from crane_benchmark.scores.calibration import BootstrapAgreement, agreement, together
 from crane_identification.thresholds import Gates, load_thresholds
 from crane_model.configuration import packaged
 from crane_model.errors import DataError
+from crane_model.result_file import ResultFile
 
 PACKAGED = packaged("crane_identification", "discrepancy.yaml")
 OPEN = {
@@ -29,6 +31,15 @@ OPEN = {
 """Values at which the best single effect is a finding if it passes all other gates: whether it
 would have been an alarm is then known for any threshold.
 """
+
+
+class Calibration(ResultFile):
+    """What thresholds were set by."""
+
+    agreement: BootstrapAgreement
+    """Of the bootstrap."""
+    statistics: list[AnswerStatistics]
+    """Of the cases."""
 
 
 class GateStatistic(NamedTuple):
@@ -77,8 +88,8 @@ def calibrated(folders: Folders) -> dict[str, Any]:
     """Thresholds such that together they let through the share of null cases that the file allows,
     and how far the bootstrap of a diagnosis agrees; `DataError` where there are too few cases.
     """
-    answers = [read_json(folders.answers / name / "answer.json") for name in done(folders.answers)]
-    known = [answer["statistics"] for answer in answers if "statistics" in answer]
+    answers = [CaseAnswer.read(folders.answers / name / ANSWER) for name in done(folders.answers)]
+    known = [answer.statistics for answer in answers if answer.statistics]
     if len(known) < FEWEST:
         raise DataError(
             f"{folders.answers}: {len(known)} answers with statistics; {FEWEST} are needed to set "
@@ -86,20 +97,20 @@ def calibrated(folders: Folders) -> dict[str, Any]:
         )
     thresholds = load_thresholds()
     now, allowed = thresholds.gates.model_dump(), thresholds.method.false_alarm_rate
-    values = np.array([[one[gate.statistic] for gate in GATES] for one in known])
+    values = np.array([[getattr(one, gate.statistic) for gate in GATES] for one in known])
     least = [now[gate.threshold] if gate.least is None else gate.least for gate in GATES]
     limits, alarms = together(values, allowed, least)
     rounded = (float(f"{limit:.{DIGITS}g}") for limit in limits)
     agrees = agreement(known)
     figures.write_agreement(folders.scores, agrees)
-    write_json(folders.scores / "calibration.json", {"agreement": agrees, "statistics": known})
+    Calibration(agreement=agrees, statistics=known).write(folders.scores / "calibration.json")
     return {
         "cases": len(known),
         "allowed": allowed,
         "alarms": alarms,
         "largest": dict(zip((g.threshold for g in GATES), values.max(axis=0), strict=True)),
         "thresholds": dict(zip((g.threshold for g in GATES), rounded, strict=True)),
-        "bootstrap": {"level": agrees["level"], "above": agrees["above"]},
+        "bootstrap": {"level": agrees.level, "above": agrees.above.plain()},
     }
 
 

@@ -5,12 +5,12 @@ effect (`Effect.law_of`, `Effect.kin`), and naming either on the joint of the ot
 """
 
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass
 from enum import StrEnum
-from typing import Any
 
+from crane_benchmark.answers.answer_file import CRASH, CaseAnswer
 from crane_benchmark.cases.case import CaseKind
 from crane_benchmark.cases.case_sets import TWINS
+from crane_model.result_file import ResultPart
 from crane_model.terms import REGISTRY
 
 Place = tuple[str, str]
@@ -35,25 +35,26 @@ class Judgement(StrEnum):
     CRASH = "crash"
 
 
-@dataclass(frozen=True)
-class BlindAnswer:
-    """A verdict and its findings: the effect named first, then the other members of its class."""
+class BlindAnswer(ResultPart):
+    """A verdict and what it names."""
 
     verdict: str
-    findings: tuple[tuple[Place, ...], ...]
+    """As in `answer.json`."""
+    findings: tuple[tuple[Place, ...], ...] = ()
+    """Of each, effect and joint of what is named first, then of the other members of its class."""
 
     @classmethod
-    def of_diagnosis(cls, content: dict[str, Any]) -> "BlindAnswer":
-        """What `findings.json` says."""
-        findings = ((finding, *finding.get("class_members", ())) for finding in content["findings"])
-        places = tuple(tuple((one["effect"], one["joint"]) for one in found) for found in findings)
-        return cls(content["verdict"], places)
+    def of_diagnosis(cls, said: CaseAnswer) -> "BlindAnswer":
+        """What a diagnosis said."""
+        found = said.findings.findings if said.findings else []
+        members = ((finding, *finding.class_members) for finding in found)
+        places = tuple(tuple((one.effect, one.joint) for one in several) for several in members)
+        return cls(verdict=said.verdict, findings=places)
 
     @classmethod
-    def of_names(cls, names: Sequence[Sequence[str]]) -> "BlindAnswer":
+    def of_names(cls, names: Sequence[Place]) -> "BlindAnswer":
         """Of a method that only names effects."""
-        findings = tuple(((str(effect), str(joint)),) for effect, joint in names)
-        return cls("named" if findings else "none", findings)
+        return cls(verdict="named" if names else "none", findings=tuple((one,) for one in names))
 
     @property
     def headline(self) -> str:
@@ -90,7 +91,7 @@ def judge(
     a class counts as right where all its members do.
     """
     verdict = answer.verdict
-    if verdict == "crash":
+    if verdict == CRASH:
         return Judgement.CRASH
     if kind is CaseKind.NOTHING:
         silent = {"none": Judgement.RIGHT, "insufficient_data": Judgement.REFUSED}

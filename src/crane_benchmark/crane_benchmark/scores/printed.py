@@ -1,10 +1,10 @@
 """What the benchmark prints."""
 
-from typing import Any
-
 from rich.table import Table
 
 from crane_benchmark.scores.judgement import OURS, laws
+from crane_benchmark.scores.rates import Interval, Median, Rate
+from crane_benchmark.scores.summary import BenchmarkSummary
 from crane_identification.report.terminal import plain_table
 
 MEDIANS = {
@@ -32,11 +32,10 @@ TARGETS = {
 """Keys of the summary of a method, what they are, and what is aimed at."""
 
 
-def tables(results: dict[str, Any]) -> list[Table]:
+def tables(summary: BenchmarkSummary) -> list[Table]:
     """Rates of all methods, the power curve, and what only a diagnosis gives."""
-    summary = results["summary"]
-    methods = summary["methods"]
-    first = plain_table(f"{summary['cases']} cases: share [95 % interval] of answers")
+    methods = summary.methods
+    first = plain_table(f"{summary.cases} cases: share [95 % interval] of answers")
     power = plain_table("Right name and joint of single, identifiable effects, by strength")
     first.add_column("", no_wrap=True)
     first.add_column("aim", justify="right")
@@ -45,19 +44,18 @@ def tables(results: dict[str, Any]) -> list[Table]:
         first.add_column(name, justify="right")
         power.add_column(name, justify="right")
     for key, (words, target) in TARGETS.items():
-        first.add_row(words, target, *(_rate(method[key]) for method in methods.values()))
+        first.add_row(words, target, *(_rate(getattr(method, key)) for method in methods.values()))
     power.add_column("flexible learner:\nsure of some law", justify="right")
-    for strength in methods[OURS]["power"]:
-        curves = (*methods.values(), summary["learner"])
-        cells = (_rate(curve["power"][strength]) for curve in curves)
-        power.add_row(f"{float(strength):.1%}", *cells)
+    for strength in methods[OURS].power:
+        curves = [*(method.power for method in methods.values()), summary.learner.power]
+        power.add_row(f"{strength:.1%}", *(_rate(curve[strength]) for curve in curves))
     last = plain_table("Named effects: median [95 % interval]")
     for heading in ("", "aim", "median", "cases"):
         last.add_column(heading)
     for key, (words, target, shown) in MEDIANS.items():
-        value = summary[key]
-        last.add_row(words, target, _interval(value, "median", shown), str(value["of"]))
-    return [first, power, last, *_stories(summary["stories"])]
+        value: Median = getattr(summary, key)
+        last.add_row(words, target, _interval(value.median, value.interval, shown), str(value.of))
+    return [first, power, last, *_stories(summary.stories)]
 
 
 def _stories(stories: dict[str, dict[str, int]]) -> list[Table]:
@@ -83,15 +81,15 @@ def notes() -> list[str]:
     ]
 
 
-def _rate(value: dict[str, Any]) -> str:
-    return f"{_interval(value, 'rate', '{:.0%}')} of {value['of']}" if value["of"] else "-"
+def _rate(value: Rate) -> str:
+    return f"{_interval(value.rate, value.interval, '{:.0%}')} of {value.of}" if value.of else "-"
 
 
-def _interval(value: dict[str, Any], key: str, shown: str) -> str:
-    if value[key] is None:
+def _interval(value: float | None, interval: Interval | None, shown: str) -> str:
+    if value is None:
         return "-"
-    middle = shown.format(value[key])
-    if value["interval"] is None:
+    middle = shown.format(value)
+    if interval is None:
         return middle
-    low, high = (shown.format(end) for end in value["interval"])
+    low, high = (shown.format(end) for end in interval)
     return f"{middle} [{low}, {high}]"

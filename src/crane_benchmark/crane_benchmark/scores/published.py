@@ -2,72 +2,78 @@
 
 from collections.abc import Iterator, Mapping
 from pathlib import Path
-from typing import Any
 
 from crane_benchmark import measured
 from crane_benchmark.measured import MeasuredRow
 from crane_benchmark.scores.judgement import OURS
 from crane_benchmark.scores.printed import MEDIANS, TARGETS
+from crane_benchmark.scores.rates import Interval, Median, Rate
+from crane_benchmark.scores.summary import BenchmarkSummary, MethodRates
 
 COMMAND = "make discrepancy-benchmark"
 NO_CASE = "–"
 
 
-def write(path: Path, summary: Mapping[str, Any]) -> None:
+def write(path: Path, summary: BenchmarkSummary) -> None:
     """Write the figures of a set to `path`, by the summary of its results."""
-    others = [name for name in summary["methods"] if name != OURS]
-    columns = (f"{summary['cases']} cases", "target", OURS, *others)
+    others = [name for name in summary.methods if name != OURS]
+    columns = (f"{summary.cases} cases", "target", OURS, *others)
     measured.write(path, COMMAND, list(rows(summary)), columns)
 
 
-def rows(summary: Mapping[str, Any]) -> Iterator[MeasuredRow]:
+def rows(summary: BenchmarkSummary) -> Iterator[MeasuredRow]:
     """Each rate, with that of other methods beside it; then medians."""
-    methods = {OURS: summary["methods"][OURS], **summary["methods"]}
+    methods = {OURS: summary.methods[OURS], **summary.methods}
     for key, (words, target) in TARGETS.items():
         values: dict[str, float] = {}
         cells = [words, target]
-        for place, found in enumerate(method[key] for method in methods.values()):
+        for place, method in enumerate(methods.values()):
+            found: Rate = getattr(method, key)
             name = key if place == 0 else f"{key}_{place}"
-            if not found["of"]:
+            if found.rate is None or found.interval is None:
                 cells.append(NO_CASE)
                 continue
-            values[name] = found["rate"]
+            values[name] = found.rate
             cells.append(f"{{{name}:.0%}}")
             if place == 0:
-                values |= _ends(key, found["interval"]) | {f"{key}_of": found["of"]}
+                values |= _ends(key, found.interval) | {f"{key}_of": found.of}
                 cells[-1] += f" [{{{key}_low:.0%}}, {{{key}_high:.0%}}] of {{{key}_of:.0f}}"
         yield MeasuredRow(cells=cells, values=values)
     yield _power(methods)
     empty = [""] * (len(methods) - 1)
     for key, (words, target, shown) in MEDIANS.items():
-        found = summary[key]
-        if found["median"] is None:
+        middle: Median = getattr(summary, key)
+        if middle.median is None:
             continue
-        values = {key: found["median"], f"{key}_of": found["of"]}
+        values = {key: middle.median, f"{key}_of": middle.of}
         cell = _named(shown, key)
-        if found["interval"] is not None:
-            values |= _ends(key, found["interval"])
+        if middle.interval is not None:
+            values |= _ends(key, middle.interval)
             cell += f" [{_named(shown, f'{key}_low')}, {_named(shown, f'{key}_high')}]"
         yield MeasuredRow(
             cells=[words, target, f"{cell} of {{{key}_of:.0f}}", *empty], values=values
         )
 
 
-def _power(methods: Mapping[str, Any]) -> MeasuredRow:
+def _power(methods: Mapping[str, MethodRates]) -> MeasuredRow:
     """Of single effects that can be identified, by strength."""
-    strengths = list(methods[OURS]["power"])
+    strengths = list(methods[OURS].power)
     values: dict[str, float] = {}
     cells = []
     for place, method in enumerate(methods.values()):
-        rates = {s: method["power"][s]["rate"] for s in strengths if method["power"][s]["of"]}
-        named = {f"power_{place}_{s.replace('.', '_')}": rate for s, rate in rates.items()}
+        rates = {s: method.power[s].rate for s in strengths}
+        named = {
+            f"power_{place}_{s:g}".replace(".", "_"): rate
+            for s, rate in rates.items()
+            if rate is not None
+        }
         values |= named
         cells.append(", ".join(f"{{{name}:.0%}}" for name in named) or NO_CASE)
-    listed = ", ".join(f"{float(s):g}" for s in (100.0 * float(s) for s in strengths))
+    listed = ", ".join(f"{100.0 * s:g}" for s in strengths)
     return MeasuredRow(cells=[f"single, identifiable, of {listed} %", "", *cells], values=values)
 
 
-def _ends(key: str, interval: list[float]) -> dict[str, float]:
+def _ends(key: str, interval: Interval) -> dict[str, float]:
     return {f"{key}_low": interval[0], f"{key}_high": interval[1]}
 
 

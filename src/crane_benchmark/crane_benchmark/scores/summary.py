@@ -1,132 +1,198 @@
-"""What the rows of all cases say together, with 95 % intervals."""
+"""results.json: what the rows of all cases say together, with 95 % intervals."""
 
 from collections import Counter
 from collections.abc import Callable, Sequence
-from typing import Any
 
 from crane_benchmark.cases.case import CaseKind
-from crane_benchmark.cases.case_sets import PAIR, STRENGTHS
+from crane_benchmark.cases.case_sets import STRENGTHS
 from crane_benchmark.scores.judgement import AND_MORE, OURS, Judgement
-from crane_benchmark.scores.rates import median, rate
+from crane_benchmark.scores.rates import Median, Rate, median, rate
+from crane_benchmark.scores.row import CaseRow
 from crane_identification.thresholds import load_thresholds
+from crane_model.result_file import ResultFile, ResultPart
 
 VISIBLE_SHARE = 0.05  # share of an effect that recordings can show, below which they do not
 
-Row = dict[str, Any]
+Power = dict[float, Rate]
+"""By the strength that was asked for."""
 
 
-def summary(rows: Sequence[Row]) -> dict[str, Any]:
+class MethodRates(ResultPart):
+    """How often a method was right, or how wrong."""
+
+    false_alarms: Rate
+    """Of cases that hide nothing."""
+    right_from_2_percent: Rate
+    """Of single effects that can be identified."""
+    right_from_2_percent_all: Rate
+    """Of all single effects."""
+    hedged: Rate
+    """Of right answers to these: those that say there is more."""
+    right_at_1_percent: Rate
+    """Of single effects that can be identified."""
+    power: Power
+    """Right, of single effects that can be identified."""
+    pairs_at_4_percent: Rate
+    """Both right, of pairs that can be identified."""
+    one_of_two: Rate
+    """One right, of the same."""
+    unknown_recognised: Rate
+    """Of effects outside the catalogue."""
+    twins: Rate
+    """Right, of effects that no data tell apart."""
+    too_little_data: Rate
+    """Right, of such cases."""
+    wrong_names: Rate
+    """Of all cases."""
+    too_wide: Rate
+    """Of all cases: a class with members that the data do tell apart."""
+    crashes: Rate
+    """Of all cases."""
+
+
+class LearnerRates(ResultPart):
+    """How often the flexible learner is sure of a law."""
+
+    false_alarms: Rate
+    """Of cases that hide nothing."""
+    outside: Rate
+    """Of effects outside the catalogue."""
+    power: Power
+    """Of single effects that can be identified."""
+
+
+class BenchmarkSummary(ResultPart):
+    """What all cases say together."""
+
+    cases: int
+    """How many [-]."""
+    methods: dict[str, MethodRates]
+    """By name."""
+    gap_closed: Median
+    """Share of the explainable gap, where effects are named [-]."""
+    gap_closed_by_learner: Median
+    """The same by the flexible learner, of all cases that hide something [-]."""
+    learner: LearnerRates
+    """Of the flexible learner."""
+    parameter_error: Median
+    """Relative, of those that mean the same in the hidden law [-]."""
+    seconds: Median
+    """CPU time of a diagnosis [s]."""
+    stories: dict[str, dict[str, int]]
+    """By what goes on in a case: how often `diagnose` had which outcome [-]."""
+    not_identifiable: int
+    """Single effects that recordings of their kind do not show [-]."""
+
+
+class BenchmarkResults(ResultFile):
+    """What a set of cases gave."""
+
+    thresholds: str
+    """Digest of everything that decides."""
+    summary: BenchmarkSummary
+    """Of all."""
+    cases: list[CaseRow]
+    """One by one."""
+
+
+def summary(rows: Sequence[CaseRow]) -> BenchmarkSummary:
     """Rates of every method, and what only a diagnosis gives."""
-    methods = list(dict.fromkeys(name for row in rows for name in row["outcomes"]))
-    ours = [row for row in rows if OURS in row["outcomes"]]
-    hidden, sees = [row for row in ours if row["hidden"]], learnt(ours)
-    return {
-        "cases": len(rows),
-        "methods": {name: _of_method(rows, name) for name in methods},
-        "gap_closed": median([row["closed"] for row in ours if row["closed"] is not None]),
-        "gap_closed_by_learner": median(
-            [row["closed_by_learner"] for row in hidden if row["closed_by_learner"] is not None]
+    methods = list(dict.fromkeys(name for row in rows for name in row.outcomes))
+    ours = [row for row in rows if OURS in row.outcomes]
+    return BenchmarkSummary(
+        cases=len(rows),
+        methods={name: _of_method(rows, name) for name in methods},
+        gap_closed=median([row.closed for row in ours if row.closed is not None]),
+        gap_closed_by_learner=median(
+            [
+                row.closed_by_learner
+                for row in ours
+                if row.hidden and row.closed_by_learner is not None
+            ]
         ),
-        "learner": {
-            **{name: value for name, value in sees.items() if name != "power"},
-            "power": {f"{s:g}": value for s, value in sees["power"].items()},
-        },
-        "parameter_error": median([e for row in ours for e in row["parameter_errors"]]),
-        "seconds": median([row["seconds"] for row in ours if row["seconds"]]),
-        "stories": _told(ours),
-        "not_identifiable": sum(not identifiable(row) for row in of_kind(rows, CaseKind.SINGLE)),
-    }
+        learner=learnt(ours),
+        parameter_error=median([error for row in ours for error in row.parameter_errors]),
+        seconds=median([row.seconds for row in ours if row.seconds]),
+        stories=_told(ours),
+        not_identifiable=sum(not identifiable(row) for row in of_kind(rows, CaseKind.SINGLE)),
+    )
 
 
-def learnt(rows: Sequence[Row]) -> dict[str, Any]:
-    """How often the flexible learner is sure of a law: alarms, and by strength like `power`."""
+def learnt(rows: Sequence[CaseRow]) -> LearnerRates:
+    """How often the flexible learner is sure of a law."""
     least = load_thresholds().gates.smallest_strength
 
-    def sees(some: Sequence[Row]) -> dict[str, Any]:
-        return rate([bool(r["statistics"]) and r["statistics"]["learner"] > least for r in some])
+    def sees(some: Sequence[CaseRow]) -> Rate:
+        return rate([bool(row.statistics and row.statistics.learner > least) for row in some])
 
-    return {
-        "false_alarms": sees(of_kind(rows, CaseKind.NOTHING)),
-        "outside": sees(of_kind(rows, CaseKind.OUTSIDE)),
-        "power": {s: sees(of) for s, of in by_strength(rows).items()},
-    }
+    return LearnerRates(
+        false_alarms=sees(of_kind(rows, CaseKind.NOTHING)),
+        outside=sees(of_kind(rows, CaseKind.OUTSIDE)),
+        power={strength: sees(some) for strength, some in by_strength(rows).items()},
+    )
 
 
-def by_strength(rows: Sequence[Row]) -> dict[float, list[Row]]:
+def by_strength(rows: Sequence[CaseRow]) -> dict[float, list[CaseRow]]:
     """Cases of single effects that can be identified, by the strength that was asked for."""
     seen = [row for row in of_kind(rows, CaseKind.SINGLE) if identifiable(row)]
-    return {s: [row for row in seen if row["hidden"][0]["strength"] == s] for s in STRENGTHS}
+    return {s: [row for row in seen if row.hidden[0].wanted.strength == s] for s in STRENGTHS}
 
 
-def of_kind(rows: Sequence[Row], kind: CaseKind) -> list[Row]:
+def of_kind(rows: Sequence[CaseRow], kind: CaseKind) -> list[CaseRow]:
     """The rows of one kind of case."""
-    return [row for row in rows if row["kind"] == kind]
+    return [row for row in rows if row.kind is kind]
 
 
-def identifiable(row: Row) -> bool:
+def identifiable(row: CaseRow) -> bool:
     """Whether the clean recordings show every effect of the case, by its visibility."""
-    shown = [one["visibility"] for one in row["hidden"]]
-    return all(part is None or part >= VISIBLE_SHARE for part in shown)
+    return all(one.visibility is None or one.visibility >= VISIBLE_SHARE for one in row.hidden)
 
 
 def share(
-    rows: Sequence[Row], method: str, wanted: Callable[[Judgement], bool] | Judgement
-) -> dict[str, Any]:
+    rows: Sequence[CaseRow], method: str, wanted: Callable[[Judgement], bool] | Judgement
+) -> Rate:
     """How often the outcome of a method is the wanted one."""
-    outcomes = [Judgement(row["outcomes"][method]) for row in rows if method in row["outcomes"]]
+    outcomes = [row.outcomes[method] for row in rows if method in row.outcomes]
     return rate([wanted(o) if callable(wanted) else o is wanted for o in outcomes])
 
 
-def power(rows: Sequence[Row], method: str) -> dict[float, dict[str, Any]]:
-    """Share of right answers to single effects that can be identified, by strength."""
+def power(rows: Sequence[CaseRow], method: str) -> Power:
+    """Share of right answers to single effects that can be identified."""
     return {s: share(of, method, Judgement.RIGHT) for s, of in by_strength(rows).items()}
 
 
-def _told(rows: Sequence[Row]) -> dict[str, dict[str, int]]:
+def _told(rows: Sequence[CaseRow]) -> dict[str, dict[str, int]]:
     """How often which outcome, by the story of the case, where it has one."""
     outcomes: dict[str, Counter[str]] = {}
     for row in rows:
-        if row["story"] is not None:
-            outcomes.setdefault(row["story"], Counter())[row["outcomes"][OURS]] += 1
+        if row.story is not None:
+            outcomes.setdefault(row.story, Counter())[row.outcomes[OURS]] += 1
     return {story: dict(several.most_common()) for story, several in outcomes.items()}
 
 
-def _of_method(rows: Sequence[Row], method: str) -> dict[str, Any]:
+def _of_method(rows: Sequence[CaseRow], method: str) -> MethodRates:
     singles = of_kind(rows, CaseKind.SINGLE)
-    seen = [row for row in singles if identifiable(row)]
-
-    def at(strength: float) -> list[Row]:
-        return [row for row in seen if row["hidden"][0]["strength"] >= strength]
-
-    nothing = of_kind(rows, CaseKind.NOTHING)
+    strong = [row for row in singles if row.hidden[0].wanted.strength >= 0.02]
+    weak = [row for row in singles if row.hidden[0].wanted.strength == 0.01]
     pairs = [row for row in of_kind(rows, CaseKind.PAIR) if identifiable(row)]
-    return {
-        "false_alarms": share(nothing, method, Judgement.FALSE_ALARM),
-        "right_from_2_percent": share(at(0.02), method, Judgement.RIGHT),
-        "right_from_2_percent_all": share(
-            [row for row in singles if row["hidden"][0]["strength"] >= 0.02],
-            method,
-            Judgement.RIGHT,
+    right = [row for row in strong if row.outcomes.get(method) is Judgement.RIGHT]
+    return MethodRates(
+        false_alarms=share(of_kind(rows, CaseKind.NOTHING), method, Judgement.FALSE_ALARM),
+        right_from_2_percent=share(
+            [row for row in strong if identifiable(row)], method, Judgement.RIGHT
         ),
-        "hedged": rate(
-            [
-                row["answers"][method][0] == AND_MORE
-                for row in singles
-                if method in row["outcomes"]
-                and row["hidden"][0]["strength"] >= 0.02
-                and row["outcomes"][method] == Judgement.RIGHT
-            ]
+        right_from_2_percent_all=share(strong, method, Judgement.RIGHT),
+        hedged=rate([row.answers[method].verdict == AND_MORE for row in right]),
+        right_at_1_percent=share(
+            [row for row in weak if identifiable(row)], method, Judgement.RIGHT
         ),
-        "right_at_1_percent": share(
-            [row for row in seen if row["hidden"][0]["strength"] == 0.01], method, Judgement.RIGHT
-        ),
-        "power": {f"{s:g}": value for s, value in power(rows, method).items()},
-        f"pairs_at_{PAIR:.0%}".replace("%", "_percent"): share(pairs, method, Judgement.RIGHT),
-        "one_of_two": share(pairs, method, Judgement.PARTLY),
-        "unknown_recognised": share(of_kind(rows, CaseKind.OUTSIDE), method, Judgement.RIGHT),
-        "twins": share(of_kind(rows, CaseKind.CLASS), method, Judgement.RIGHT),
-        "too_little_data": share(of_kind(rows, CaseKind.INSUFFICIENT), method, Judgement.RIGHT),
-        "wrong_names": share(rows, method, Judgement.WRONG_NAME),
-        "too_wide": share(rows, method, Judgement.TOO_WIDE),
-        "crashes": share(rows, method, Judgement.CRASH),
-    }
+        power=power(rows, method),
+        pairs_at_4_percent=share(pairs, method, Judgement.RIGHT),
+        one_of_two=share(pairs, method, Judgement.PARTLY),
+        unknown_recognised=share(of_kind(rows, CaseKind.OUTSIDE), method, Judgement.RIGHT),
+        twins=share(of_kind(rows, CaseKind.CLASS), method, Judgement.RIGHT),
+        too_little_data=share(of_kind(rows, CaseKind.INSUFFICIENT), method, Judgement.RIGHT),
+        wrong_names=share(rows, method, Judgement.WRONG_NAME),
+        too_wide=share(rows, method, Judgement.TOO_WIDE),
+        crashes=share(rows, method, Judgement.CRASH),
+    )

@@ -3,20 +3,21 @@
 from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Any
 
 import numpy as np
 
-from crane_benchmark.cases.case import Case
+from crane_benchmark.cases.case import Case, HiddenInRecording
 from crane_benchmark.cases.clean import Seen, load_seen
 from crane_benchmark.folders import read_json
 from crane_benchmark.scores.judgement import Place
 from crane_benchmark.scores.unusual import beyond_usual
+from crane_identification.diagnosis.findings_file import Findings
 from crane_identification.diagnosis.flow.usual import load_usual
 from crane_identification.diagnosis.search.candidates import WHOLE, Candidate
 from crane_model.errors import CraneError
 from crane_model.model_file import Model
 from crane_model.terms import REGISTRY
+from crane_sim.hiding.label import LabelledEffect
 from crane_sim.parts.parameters import StandIn
 
 TWIN_TOLERANCE = 0.01  # of the energy of what is hidden: a law that explains it so nearly is a twin
@@ -43,7 +44,7 @@ class CaseTruth:
 
     case: Case
     stand_in: StandIn
-    labels: tuple[dict[str, Any], ...]
+    labels: tuple[HiddenInRecording, ...]
     train: Seen
     validate: Seen
 
@@ -56,8 +57,7 @@ class CaseTruth:
     def strength(self) -> list[float]:
         """(k,) largest strength reached in any recording to train on, by its label."""
         reached = [
-            {(one["name"], one["joint"]): float(one["strength"]) for one in label["effects"]}
-            for label in self.labels
+            {(one.name, one.joint): one.strength for one in label.effects} for label in self.labels
         ]
         return [
             max(label.get((one.effect, one.joint), 0.0) for label in reached)
@@ -82,29 +82,29 @@ class CaseTruth:
                 shares.append(beyond_usual(effect, self.stand_in, self.train.record, usual))
         return shares
 
-    def _labelled(self, place: Place) -> list[dict[str, Any]]:
+    def _labelled(self, place: Place) -> list[LabelledEffect]:
         """What the labels say of an effect, one entry for each recording that carries it."""
-        every = (one for label in self.labels for one in label["effects"])
-        return [one for one in every if (one["name"], one["joint"] or WHOLE) == place]
+        every = (one for label in self.labels for one in label.effects)
+        return [one for one in every if (one.name, one.joint or WHOLE) == place]
 
-    def parameter_errors(self, content: dict[str, Any]) -> list[float]:
+    def parameter_errors(self, found: Findings) -> list[float]:
         """Relative errors of the parameters that mean the same in the hidden law as in the answer.
 
         By magnitude: either side has its own convention of signs. Where recordings differ, as in
         their loads, each value that is found is compared with the nearest hidden one.
         """
         errors = []
-        for finding in content["findings"]:
-            own, theirs = COMPARABLE.get(finding["effect"], ("", ()))
+        for finding in found.findings:
+            own, theirs = COMPARABLE.get(finding.effect, ("", ()))
             hidden = [
-                abs(given["value"])
-                for effect in self._labelled((finding["effect"], finding["joint"]))
-                for given in effect["parameters"]
-                if given["name"] in theirs
+                abs(given.value)
+                for effect in self._labelled((finding.effect, finding.joint))
+                for given in effect.parameters
+                if given.name in theirs
             ]
             if hidden:
-                found = (p["value"] for p in finding["parameters"] if p["name"].startswith(own))
-                errors += [min(abs(abs(one) / true - 1.0) for true in hidden) for one in found]
+                values = (p.value or 0.0 for p in finding.parameters if p.name.startswith(own))
+                errors += [min(abs(abs(one) / true - 1.0) for true in hidden) for one in values]
         return errors
 
     def twin(self, model: Model, number: int, other: Place) -> bool:
@@ -198,13 +198,13 @@ def load_truth(folder: Path) -> CaseTruth:
     return CaseTruth(case, stand_in, (*train[0], *validate[0]), train[1], validate[1])
 
 
-def _part(folder: Path, case: Case, part: str) -> tuple[list[dict[str, Any]], Seen]:
+def _part(folder: Path, case: Case, part: str) -> tuple[list[HiddenInRecording], Seen]:
     files = sorted(folder.glob(f"{part}-*.npz"))
-    labels = [read_json(file.with_suffix(".json")) for file in files]
+    labels = [HiddenInRecording.read(file.with_suffix(".json")) for file in files]
     return labels, load_seen(files, [_present(case, one) for one in labels], len(case.effects))
 
 
-def _present(case: Case, label: dict[str, Any]) -> Sequence[int]:
+def _present(case: Case, label: HiddenInRecording) -> Sequence[int]:
     """Which effects of the case a recording carries."""
-    own = {(one["name"], one["joint"]) for one in label["effects"]}
+    own = {(one.name, one.joint) for one in label.effects}
     return [i for i, one in enumerate(case.effects) if (one.effect, one.joint) in own]

@@ -4,29 +4,30 @@ Such effects do not show in the force. Every machine has leakage and soft oil, s
 of them is no discrepancy: no recording tells it from another machine of the same make.
 """
 
-from typing import Any
-
 import numpy as np
 
 from crane_identification.diagnosis.flow.usual import Usual
 from crane_model.flow.valve import EDGES, asymmetry
 from crane_model.record import Record
 from crane_sim.effects.flow import LAMINAR
+from crane_sim.hiding.label import LabelledEffect
 from crane_sim.parts.parameters import StandIn
 
 
 def beyond_usual(
-    effect: dict[str, Any], stand_in: StandIn, record: Record, usual: Usual
+    effect: LabelledEffect, stand_in: StandIn, record: Record, usual: Usual
 ) -> float | None:
     """Share of the quantity's value that lies beyond the limit; 0 of a usual one.
 
-    `effect` is an entry of a label, `record` what was recorded without noise. None where the data
+    `record` is what was recorded without noise. None where the data
     sheet has no such quantity.
     """
-    joint, given = effect["joint"], {one["name"]: one["value"] for one in effect["parameters"]}
+    joint, given = effect.joint, {one.name: one.value for one in effect.parameters}
+    if joint is None:
+        return None
     p_a, p_b = _pressures(joint, record)
     valve = stand_in.valves[joint]
-    match effect["name"]:
+    match effect.name:
         case "valve_dead_zone":
             own = valve.dead_zone
             value = own + abs(valve.null_bias) + (1.0 - own) * given["band"]
@@ -41,7 +42,7 @@ def beyond_usual(
         case "internal_leakage":
             orifice = given["conductance"] / np.sqrt(np.hypot(p_a - p_b, LAMINAR))
             value = stand_in.cylinders[joint].leakage + float(orifice.mean())
-            limit = usual.leakage
+            limit = usual.leakage_of(joint)
         case "oil_compressibility":
             ratio = np.maximum(np.stack([p_a, p_b]), 0.0) / given["stiffening"]
             softer = 1.0 + float((given["softness"] / (1.0 + ratio)).mean())

@@ -1,15 +1,34 @@
 """What hydraulic actuators share: two chambers, their areas, and the range of x."""
 
 from abc import abstractmethod
-from typing import TYPE_CHECKING, Annotated, ClassVar, Self
+from typing import TYPE_CHECKING, Annotated, ClassVar, NamedTuple, Self
 
 import numpy as np
 from pydantic import Field, model_validator
 
 from crane_model.actuators.actuator import Actuator
+from crane_model.array import Array
 from crane_model.configuration import Positive
 
 SMALLEST_LEVER_ARM = 0.02  # m/rad, or 1; below it a cylinder cannot move its joint
+
+
+class Chambers(NamedTuple):
+    """How the volumes of both chambers grow with x, beyond the dead ones."""
+
+    growth_a: float  # m2
+    growth_b: float
+    empty_a: float  # m, x at which nothing but the dead volume is left
+    empty_b: float
+
+    @property
+    def grow(self) -> bool:
+        """Whether they do at all."""
+        return self.growth_a > 0.0
+
+    def swept(self, x: Array) -> tuple[Array, Array]:
+        """Volumes (n,) [m3] of A and B at x (n,)."""
+        return self.growth_a * (x - self.empty_a), self.growth_b * (self.empty_b - x)
 
 
 class HydraulicActuator(Actuator):
@@ -30,6 +49,11 @@ class HydraulicActuator(Actuator):
     @abstractmethod
     def area_b(self) -> float:
         """-dV_B/dx [m2; m3/rad where it turns]."""
+
+    @property
+    def chambers(self) -> Chambers:
+        """How they grow as the piston goes."""
+        return Chambers(self.area_a, self.area_b, self.length_min, self.length_max)
 
     if TYPE_CHECKING:  # fields of cylinders
 

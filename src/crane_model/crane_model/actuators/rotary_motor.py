@@ -4,7 +4,7 @@ import math
 from typing import ClassVar, Literal
 
 from crane_model.actuators.actuator import BuiltIn, proportional
-from crane_model.actuators.hydraulic import HydraulicActuator
+from crane_model.actuators.hydraulic import Chambers, HydraulicActuator
 from crane_model.configuration import Positive
 from crane_model.linkages import Linkage
 
@@ -31,6 +31,11 @@ class RotaryMotor(BuiltIn, HydraulicActuator):
     def area_b(self) -> float:
         """As large as that of A."""
         return self.displacement
+
+    @property
+    def chambers(self) -> Chambers:
+        """They stay as large as they are while it turns."""
+        return Chambers(0.0, 0.0, 0.0, 0.0)
 
     @property
     def length_min(self) -> float:

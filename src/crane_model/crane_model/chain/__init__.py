@@ -12,6 +12,7 @@ __getattr__, __dir__, __all__ = lazily(
         "serial_chain": ["SerialChain"],
         "pose": ["body_frames", "tip_jacobians", "tip_positions"],
         "ten_parameters": ["PER_BODY", "fill_regressor", "regressor"],
+        "slopes": ["pull_back"],
         "dynamics": [
             "coriolis_forces",
             "forward_dynamics",

@@ -87,7 +87,8 @@ def set_mass_matrix(
     composite = np.zeros((2, 10))  # of the bodies from i on, and from i + 1 on
     for i in range(len(bodies) - 1, -1, -1):
         here, ahead = composite[i % 2], composite[(i + 1) % 2]
-        here[:] = bodies[i]
+        for c in range(10):
+            here[c] = bodies[i, c]
         if i + 1 < len(bodies):
             _add_carried(ahead, r, i + 1, row(moving.origin, i + 1), here)
         axis = scaled(chain.ratio[i], row(chain.axis, i))

@@ -49,6 +49,12 @@ def turns(chain: SerialChain) -> Turns:
     )
 
 
+def places_of(which: NDArray[np.int64]) -> NDArray[np.uint64]:
+    """Where some of the ten parameters of the body at hand stand in the workspace."""
+    places: NDArray[np.uint64] = ((_TEN + which) * LANES).astype(np.uint64)
+    return places
+
+
 @njit(cache=True)
 def _at(s: Array, row: int, lane: int) -> Vector:
     """Three rows from `row` on."""
@@ -162,14 +168,16 @@ def fill(
     chain: SerialChain,
     turns: Turns,
     rows: NDArray[np.int64],
-    which: NDArray[np.int64],
-    begins: NDArray[np.int64],
+    places: NDArray[np.uint64],
+    begins: NDArray[np.uint64],
     q: Array,
     v: Array,
     a: Array,
     out: Array,
 ) -> None:
-    """Add the columns to `out` (n, rows, columns): of body i, `which` of its ten, from `begins`."""
+    """Add the columns to `out` (n, rows, columns): of body i, those of its ten at `places` (of
+    `places_of`), from `begins` (m + 1,). Whole numbers without a sign are no indices from the end.
+    """
     m = len(chain.ratio)
     s, twists = np.empty(_ROWS * LANES), np.empty((m, 6 * LANES))
     twist, size = _ALONG * LANES, 6 * LANES  # where that of the joint at hand stands
@@ -201,5 +209,6 @@ def fill(
                 _set_power(s)
                 row = rows[k]
                 for lane in range(lanes):
+                    of_sample, here = out[n + lane, row], np.uint64(lane)
                     for c in range(begins[i], begins[i + 1]):
-                        out[n + lane, row, c] += s[(_TEN + which[c]) * LANES + lane]
+                        of_sample[c] += s[places[c] + here]

@@ -8,7 +8,7 @@ from numba import njit
 from crane_model.array import Array
 from crane_model.chain.pose import set_frames
 from crane_model.chain.serial_chain import SerialChain
-from crane_model.chain.vectors import ZERO, add, cross, row, scaled, turned_back
+from crane_model.chain.vectors import ZERO, add, cross, put, row, scaled, turned_back
 
 
 class BodyMotion(NamedTuple):
@@ -55,4 +55,6 @@ def set_motion(chain: SerialChain, q: Array, v: Array, a: Array, out: BodyMotion
         else:
             turning = add(turning, add(push, cross(w, speed)))
             w = add(w, speed)
-        out.spin[i], out.turning[i], out.rise[i] = w, turning, rise
+        put(out.spin, i, w)
+        put(out.turning, i, turning)
+        put(out.rise, i, rise)

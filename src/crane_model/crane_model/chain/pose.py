@@ -5,7 +5,7 @@ from numba import njit
 
 from crane_model.array import Array
 from crane_model.chain.serial_chain import SerialChain
-from crane_model.chain.vectors import add, cross, row, scaled, set_turn, turned
+from crane_model.chain.vectors import add, cross, put, row, scaled, set_turn, turned
 
 
 @njit(cache=True)
@@ -16,11 +16,12 @@ def set_frames(chain: SerialChain, q: Array, rotation: Array, origin: Array) -> 
         axis = row(chain.axis, i)
         place = row(chain.translation, i)
         if chain.slides[i]:
-            rotation[i] = chain.rotation[i]
+            for c in range(3):
+                put(rotation[i], c, row(chain.rotation[i], c))
             place = add(place, turned(chain.rotation, i, scaled(moved, axis)))
         else:
             set_turn(chain.rotation[i], axis, moved, rotation[i])
-        origin[i] = place
+        put(origin, i, place)
 
 
 @njit(cache=True)
@@ -31,7 +32,9 @@ def body_frames(chain: SerialChain, q: Array) -> tuple[Array, Array]:
     rotation, origin = np.empty((m, 3, 3)), np.empty((m, 3))
     for k in range(n):
         set_frames(chain, q[k], rotation, origin)
-        rotations[k, 0], origins[k, 0] = rotation[0], origin[0]
+        put(origins[k], 0, row(origin, 0))
+        for c in range(3):
+            put(rotations[k, 0], c, row(rotation[0], c))
         for i in range(1, m):
             for a in range(3):
                 for b in range(3):
@@ -41,7 +44,7 @@ def body_frames(chain: SerialChain, q: Array) -> tuple[Array, Array]:
                         + rotations[k, i - 1, a, 2] * rotation[i, 2, b]
                     )
             place = turned(rotations[k], i - 1, row(origin, i))
-            origins[k, i] = add(row(origins[k], i - 1), place)
+            put(origins[k], i, add(row(origins[k], i - 1), place))
     return rotations, origins
 
 

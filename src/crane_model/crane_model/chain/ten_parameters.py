@@ -9,7 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from crane_model.array import Array
-from crane_model.chain.lanes import fill, turns
+from crane_model.chain.lanes import fill, places_of, turns
 from crane_model.chain.serial_chain import SerialChain
 
 PER_BODY = ("m", "mx", "my", "mz", "Ixx", "Ixy", "Iyy", "Ixz", "Iyz", "Izz")
@@ -36,13 +36,5 @@ def fill_regressor(
     is left out.
     """
     q, v, a = (np.ascontiguousarray(each, dtype=float) for each in (q, v, acceleration))
-    which, begins = _by_body(len(chain.ratio), parameters)
-    fill(chain, turns(chain), rows, which, begins, q, v, a, out)
-
-
-def _by_body(
-    bodies: int, parameters: NDArray[np.int64]
-) -> tuple[NDArray[np.int64], NDArray[np.int64]]:
-    """Which of its ten each parameter is, and where (bodies + 1,) those of each body begin."""
-    begins = np.searchsorted(parameters, 10 * np.arange(bodies + 1))
-    return parameters % 10, begins
+    begins = np.searchsorted(parameters, 10 * np.arange(len(chain.ratio) + 1)).astype(np.uint64)
+    fill(chain, turns(chain), rows, places_of(parameters % 10), begins, q, v, a, out)

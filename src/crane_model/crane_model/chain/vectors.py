@@ -17,6 +17,14 @@ def row(matrix: Array, i: int) -> Vector:
 
 
 @njit(cache=True)
+def put(matrix: Array, i: int, a: Vector) -> None:
+    """Fill row i of an (n, 3) array, number by number: where a row is assigned as a whole, numba
+    first compiles for seconds what raises an error for a wrong shape.
+    """
+    matrix[i, 0], matrix[i, 1], matrix[i, 2] = a
+
+
+@njit(cache=True)
 def add(a: Vector, b: Vector) -> Vector:
     """a + b."""
     return a[0] + b[0], a[1] + b[1], a[2] + b[2]

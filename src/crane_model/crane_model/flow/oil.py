@@ -38,7 +38,6 @@ class OilCompressibility(FlowTerm):
         pressures = [self.needed(record, name) for name in ("pressure_a", "pressure_b")]
         rates = record.rate(np.stack(pressures, axis=1))
         columns = np.zeros((len(record), 2, 2))
-        columns[:, 0, 0] = cylinder.area_a * (length - cylinder.length_min)
-        columns[:, 1, 0] = cylinder.area_b * (cylinder.length_max - length)
+        columns[:, 0, 0], columns[:, 1, 0] = cylinder.chambers.swept(length)
         columns[:, :, 1] = 1.0
         return -rates[:, :, np.newaxis] * columns

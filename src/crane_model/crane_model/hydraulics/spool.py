@@ -70,6 +70,33 @@ def spool_course(
 
 
 @njit(cache=True, error_model="numpy")
+def move_spools(
+    spools: Array, commands: Array, step: float, frequency: Array, damping: Array, play: Array
+) -> Array:
+    """z (S, N, j) in the middle of S steps [s] with commands (S, N, j), of N runs of j joints.
+
+    `spools` (3, N, j) is y, y' and z, and is left as it is at the end; the others are (j,).
+    """
+    steps, runs, joints = commands.shape
+    out = np.empty(commands.shape)
+    y, rate, edge = spools[0], spools[1], spools[2]
+    for j in range(joints):
+        half = 0.5 * play[j]
+        a, b, c, d = transition(frequency[j], damping[j], 0.5 * step)
+        for n in range(runs):
+            for s in range(steps):
+                target = commands[s, n, j]
+                for middle in (True, False):
+                    off = y[n, j] - target
+                    y[n, j] = target + a * off + b * rate[n, j]
+                    rate[n, j] = c * off + d * rate[n, j]
+                    edge[n, j] = min(y[n, j] + half, max(y[n, j] - half, edge[n, j]))
+                    if middle:
+                        out[s, n, j] = edge[n, j]
+    return out
+
+
+@njit(cache=True, error_model="numpy")
 def trailing(y: Array, play: float) -> Array:
     """z (n,) of edges that trail a spool y (n,) by half the `play`, from where it begins."""
     out = y.copy()

@@ -25,8 +25,10 @@ class Circuit(NamedTuple):
     leakage: Array  # m3/s/Pa
     area_a: Array  # m2
     area_b: Array
-    length_min: Array  # m
-    length_max: Array
+    growth_a: Array  # m2, as of `Chambers`
+    growth_b: Array
+    empty_a: Array  # m
+    empty_b: Array
     supply_pressure: float  # Pa, where nothing is drawn
     droop: float  # Pa s/m3
     tank_pressure: float  # Pa
@@ -145,7 +147,7 @@ def _fill(
             p_a, p_b = course.chamber_a[k + 1, n, j], course.chamber_b[k + 1, n, j]
             q_a, slope_a, q_b, slope_b = chamber_flows(circuit, j, o, p_a, p_b, supply)
             leak = circuit.leakage[j]
-            swept = circuit.area_a[j] * (x - circuit.length_min[j])
+            swept = circuit.growth_a[j] * (x - circuit.empty_a[j])
             stiffness = step * circuit.bulk_modulus[j]
             stiffness /= circuit.dead_volume_a[j] + max(swept, 0.0)
             change = stiffness * (q_a - circuit.area_a[j] * growth - leak * (p_a - p_b))
@@ -153,7 +155,7 @@ def _fill(
             course.chamber_a[k + 1, n, j] = max(p_a + change, 0.0)
             if o > 0.0:
                 drawn += q_a + slope_a * change
-            swept = circuit.area_b[j] * (circuit.length_max[j] - x)
+            swept = circuit.growth_b[j] * (circuit.empty_b[j] - x)
             stiffness = step * circuit.bulk_modulus[j]
             stiffness /= circuit.dead_volume_b[j] + max(swept, 0.0)
             change = stiffness * (q_b + circuit.area_b[j] * growth + leak * (p_a - p_b))

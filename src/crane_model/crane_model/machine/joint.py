@@ -110,9 +110,7 @@ class MachineJoint(Schema):
             try:
                 self.actuator.check(self.limits.position_min, self.limits.position_max)
             except ValueError as error:
-                raise ValueError(
-                    f"linkage of {self.name} over its range of Table 2: {error}"
-                ) from None
+                raise ValueError(f"linkage of {self.name} over its limits: {error}") from None
         return self
 
     @property

@@ -2,17 +2,15 @@
 
 from typing import ClassVar, Literal
 
-import numpy as np
 from typing_extensions import override
 
-from crane_model.array import Array
-from crane_model.record import Record
+from crane_model.motion_columns import MotionQuantity
 from crane_model.terms.effect import Effect
-from crane_model.terms.joint_term import JointTerm
-from crane_model.terms.term import Family, Parameter, Setting
+from crane_model.terms.joint_term import ProportionalTerm
+from crane_model.terms.term import Family, Parameter
 
 
-class Coulomb(JointTerm):
+class Coulomb(ProportionalTerm):
     """f_c sgn(q'): first term of (13)."""
 
     type: Literal["coulomb"] = "coulomb"
@@ -24,21 +22,14 @@ class Coulomb(JointTerm):
         "slow sweeps at constant speed both ways",
         follows=("velocity",),
     )
-
-    def column(self, record: Record, j: int) -> Array:
-        """sgn(q'), 0 where the speed is below the resolution."""
-        return record.direction[:, j]
-
-    def slopes(self, record: Record, j: int, steepness: Array) -> Array:
-        """Of sgn(q') that has been made smooth."""
-        return _by_velocity(steepness)
+    quantity: ClassVar[MotionQuantity] = MotionQuantity.DIRECTION
 
     @override
     def parameter(self, coordinate: str, force: str) -> Parameter:
         return Parameter("f_c", force, 0.0, "Coulomb friction, mean of both directions")
 
 
-class CoulombAsymmetry(JointTerm):
+class CoulombAsymmetry(ProportionalTerm):
     """delta f_c: second term of (13), half the difference of Coulomb friction up and down."""
 
     type: Literal["coulomb_asymmetry"] = "coulomb_asymmetry"
@@ -51,21 +42,14 @@ class CoulombAsymmetry(JointTerm):
         ("viscous_asymmetry",),
     )
     asymmetry_of: ClassVar[str | None] = "coulomb"
-
-    def column(self, record: Record, j: int) -> Array:
-        """1, whatever the motion: (n,)."""
-        return np.ones(len(record))
-
-    def slopes(self, record: Record, j: int, steepness: Array) -> Array:
-        """0: it does not follow the motion."""
-        return _by_velocity(np.zeros(len(record)))
+    quantity: ClassVar[MotionQuantity] = MotionQuantity.ONE
 
     @override
     def parameter(self, coordinate: str, force: str) -> Parameter:
         return Parameter("df_c", force, None, "asymmetry of Coulomb friction")
 
 
-class Viscous(JointTerm):
+class Viscous(ProportionalTerm):
     """f_v q': third term of (13)."""
 
     type: Literal["viscous"] = "viscous"
@@ -77,14 +61,7 @@ class Viscous(JointTerm):
         "sweeps at several constant speeds both ways",
         follows=("velocity",),
     )
-
-    def column(self, record: Record, j: int) -> Array:
-        """q'."""
-        return record.velocity[:, j]
-
-    def slopes(self, record: Record, j: int, steepness: Array) -> Array:
-        """1 along q'."""
-        return _by_velocity(np.ones(len(record)))
+    quantity: ClassVar[MotionQuantity] = MotionQuantity.VELOCITY
 
     @override
     def parameter(self, coordinate: str, force: str) -> Parameter:
@@ -92,7 +69,7 @@ class Viscous(JointTerm):
         return Parameter("f_v", unit, 0.0, "viscous friction, mean of both directions")
 
 
-class ViscousAsymmetry(JointTerm):
+class ViscousAsymmetry(ProportionalTerm):
     """delta f_v |q'|: fourth term of (13)."""
 
     type: Literal["viscous_asymmetry"] = "viscous_asymmetry"
@@ -106,27 +83,8 @@ class ViscousAsymmetry(JointTerm):
         follows=("velocity",),
     )
     asymmetry_of: ClassVar[str | None] = "viscous"
-
-    def column(self, record: Record, j: int) -> Array:
-        """|q'|."""
-        return np.abs(record.velocity[:, j])
-
-    def fill_smooth(self, record: Record, setting: Setting, columns: Array) -> None:
-        """q' sgn(q') in place of |q'|."""
-        j = record.column(self.joint)
-        columns[:, j, 0] = record.velocity[:, j] * record.direction[:, j]
-
-    def slopes(self, record: Record, j: int, steepness: Array) -> Array:
-        """Of q' sgn(q')."""
-        return _by_velocity(record.direction[:, j] + record.velocity[:, j] * steepness)
+    quantity: ClassVar[MotionQuantity] = MotionQuantity.SPEED
 
     @override
     def parameter(self, coordinate: str, force: str) -> Parameter:
         return Parameter("df_v", f"{force} s/{coordinate}", None, "asymmetry of viscous friction")
-
-
-def _by_velocity(slope: Array) -> Array:
-    """(3, n) of a column that depends on q' alone."""
-    slopes = np.zeros((3, len(slope)))
-    slopes[1] = slope
-    return slopes

@@ -5,6 +5,7 @@ from typing import ClassVar
 
 from crane_model.array import Array
 from crane_model.errors import ConfigurationError
+from crane_model.motion_columns import MotionColumn, MotionQuantity, fill
 from crane_model.record import Record
 from crane_model.terms.term import Parameter, Setting, Term
 
@@ -70,3 +71,39 @@ class JointTerm(OneJointTerm):
     def joint_columns(self, record: Record, setting: Setting, j: int) -> Array:
         """The single column."""
         return self.column(record, j)
+
+
+class MotionTerm(OneJointTerm):
+    """A term whose columns are all proportional to what single joints do at the same instant."""
+
+    of_one_instant: ClassVar[bool] = True
+
+    @abstractmethod
+    def motion_columns(self, setting: Setting) -> tuple[MotionColumn, ...]:
+        """The columns."""
+
+    def fill(self, record: Record, setting: Setting, columns: Array) -> None:
+        """The same, compiled."""
+        fill(self.motion_columns(setting), record, columns)
+
+    def joint_columns(self, record: Record, setting: Setting, j: int) -> Array:
+        """Those of its own joint."""
+        return self.columns(record, setting)[:, j]
+
+
+class ProportionalTerm(MotionTerm):
+    """A term with one parameter, times a quantity of its joint's motion."""
+
+    quantity: ClassVar[MotionQuantity]
+
+    @abstractmethod
+    def parameter(self, coordinate: str, force: str) -> Parameter:
+        """The single parameter, given the units of the joint's coordinate and force."""
+
+    def joint_parameters(self, setting: Setting) -> tuple[Parameter, ...]:
+        """The single parameter."""
+        return (self.parameter(setting.units[self.joint], setting.force_unit(self.joint)),)
+
+    def motion_columns(self, setting: Setting) -> tuple[MotionColumn, ...]:
+        """The single column."""
+        return (MotionColumn(self.joint, 0, self.quantity, self.joint),)

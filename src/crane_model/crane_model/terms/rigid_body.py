@@ -2,9 +2,12 @@
 
 from typing import ClassVar, Literal
 
+import numpy as np
+
 from crane_model.array import Array
 from crane_model.base_parameters import lagrangian_from_standard, standard_from_chain
 from crane_model.dynamics import Geometry, fill_base_regressor
+from crane_model.dynamics_slopes import pull_back
 from crane_model.record import Record
 from crane_model.terms.planar import planar_columns, planar_machine
 from crane_model.terms.term import Family, Parameter, Setting, Term
@@ -20,6 +23,7 @@ class PlanarRigidBody(Term):
     type: Literal["planar_rigid_body"] = "planar_rigid_body"
     family: ClassVar[Family] = "rigid body"
     has_base_parameters: ClassVar[bool] = True
+    of_one_instant: ClassVar[bool] = True
 
     def parameters(self, setting: Setting) -> tuple[Parameter, ...]:
         """The base set of the suite, each named as the combination that it is."""
@@ -38,6 +42,16 @@ class PlanarRigidBody(Term):
         geometry = Geometry.of(planar_machine(self, setting))
         motion = record.position, record.velocity, record.acceleration
         fill_base_regressor(geometry, *motion, planar_columns(setting, record), columns)
+
+    def pull_back(self, record: Record, setting: Setting, weight: Array) -> Array:
+        """In closed form."""
+        geometry = Geometry.of(planar_machine(self, setting))
+        at = planar_columns(setting, record)
+        motion = record.position, record.velocity, record.acceleration
+        q, v, acceleration = (each[:, at] for each in motion)
+        slopes = np.zeros((3, *record.position.shape))
+        slopes[:, :, at] = pull_back(geometry, q, v, acceleration, weight[:, at])
+        return slopes
 
 
 BASE_PARAMETERS = (

@@ -1,19 +1,19 @@
 """Rotors that turn fast behind a gear."""
 
+from functools import lru_cache
 from typing import ClassVar, Literal
 
 import numpy as np
 
-from crane_model.array import Array
 from crane_model.errors import ConfigurationError
 from crane_model.machine import Machine
-from crane_model.record import Record
+from crane_model.motion_columns import MotionColumn, MotionQuantity
 from crane_model.terms.effect import Effect
-from crane_model.terms.joint_term import OneJointTerm
+from crane_model.terms.joint_term import MotionTerm
 from crane_model.terms.term import Family, Parameter, Setting
 
 
-class RotorInertia(OneJointTerm):
+class RotorInertia(MotionTerm):
     """I n a'': the rotor of a drive turns by a = n q, with n its gear ratio.
 
     Where a coupling makes several joints turn the rotor, it acts on all of them. That the rotor is
@@ -22,7 +22,6 @@ class RotorInertia(OneJointTerm):
 
     type: Literal["rotor_inertia"] = "rotor_inertia"
     family: ClassVar[Family] = "rigid body"
-    of_one_instant: ClassVar[bool] = True
     effect: ClassVar[Effect] = Effect(
         "inertia of a rotor",
         "force with the acceleration of its own joint only",
@@ -41,17 +40,9 @@ class RotorInertia(OneJointTerm):
             )
         return (Parameter("I_rotor", "kg m2", 0.0, "inertia of the rotor of the drive"),)
 
-    def fill(self, record: Record, setting: Setting, columns: Array) -> None:
+    def motion_columns(self, setting: Setting) -> tuple[MotionColumn, ...]:
         """On the rows of all joints that turn the rotor."""
-        seen = self._machine(setting).seen_by(self.joint)
-        ratio = self._machine(setting).cylinder(self.joint, np.zeros(1))[0, 1]
-        at, shares = [record.column(joint) for joint in seen], np.array(list(seen.values()))
-        turning = record.acceleration[:, at] @ shares
-        columns[:, at, 0] = ratio**2 * turning[:, np.newaxis] * shares
-
-    def joint_columns(self, record: Record, setting: Setting, j: int) -> Array:
-        """Those of its own joint."""
-        return self.columns(record, setting)[:, j]
+        return _columns(self._machine(setting), self.joint)
 
     def _machine(self, setting: Setting) -> Machine:
         machine = setting.machine
@@ -61,6 +52,17 @@ class RotorInertia(OneJointTerm):
                 f"term '{self.type}': needs a machine with a motor at joint '{self.joint}'; {known}"
             )
         return machine
+
+
+@lru_cache(maxsize=64)
+def _columns(machine: Machine, joint: str) -> tuple[MotionColumn, ...]:
+    seen = machine.seen_by(joint)
+    gear: float = machine.cylinder(joint, np.zeros(1))[0, 1]
+    return tuple(
+        MotionColumn(row, 0, MotionQuantity.ACCELERATION, turning, gear**2 * own * share)
+        for row, own in seen.items()
+        for turning, share in seen.items()
+    )
 
 
 def _listed(machine: Machine) -> str:

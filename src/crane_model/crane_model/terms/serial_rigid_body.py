@@ -1,14 +1,17 @@
 """The rigid bodies of any serial machine."""
 
+from collections.abc import Sequence
 from functools import lru_cache
 from typing import ClassVar, Literal, NamedTuple
 
 import numpy as np
+from numpy.typing import NDArray
 
 from crane_model.array import Array
 from crane_model.base_parameters import lagrangian_from_standard, standard_from_chain
 from crane_model.base_set import BaseSet, base_set
-from crane_model.chain import PER_BODY, fill_regressor
+from crane_model.chain import PER_BODY, fill_regressor, pull_back
+from crane_model.chain.serial_chain import SerialChain
 from crane_model.dynamics import Geometry
 from crane_model.errors import ConfigurationError
 from crane_model.machine import Machine
@@ -51,24 +54,36 @@ class SerialRigidBody(Term):
     def fill(self, record: Record, setting: Setting, columns: Array) -> None:
         """On the rows of all joints that the machine and the model have."""
         bodies = self._bodies(setting)
+        motion = self._motion(record, setting)
+        if bodies.turned is None:
+            fill_regressor(*motion.chain, bodies.base.leading, *motion.samples, columns)
+            return
+        own = np.zeros(columns.shape)
+        fill_regressor(*motion.chain, bodies.base.leading, *motion.samples, own)
+        columns[:] = own @ bodies.turned
+
+    def pull_back(self, record: Record, setting: Setting, weight: Array) -> Array:
+        """In closed form, recursively."""
+        bodies = self._bodies(setting)
+        motion = self._motion(record, setting)
+        if bodies.turned is not None:
+            weight = weight @ bodies.turned.T
+        slopes: Array = pull_back(*motion.chain, bodies.base.leading, *motion.samples, weight)
+        return slopes[:, :, : record.position.shape[1]]
+
+    def _motion(self, record: Record, setting: Setting) -> "_Motion":
         machine = setting.machine
         assert machine is not None  # _bodies() refuses such a model
         names = [joint for joint in machine.joint_names if joint in setting.units]
         places = {joint: record.column(joint) for joint in names}
         still = record.position.shape[1]  # a column of zeros beside those of the record
-        motion = [record.position, record.velocity, record.acceleration]
+        samples = [record.position, record.velocity, record.acceleration]
         if len(names) < len(machine.joint_names):
-            motion = [np.pad(each, ((0, 0), (0, 1))) for each in motion]
+            samples = [np.pad(each, ((0, 0), (0, 1))) for each in samples]
         at = np.array([places.get(joint, still) for joint in machine.joint_names])
         leader = at[machine.chain.leader]
         rows = np.where(leader == still, -1, leader)
-        chain = machine.chain._replace(leader=leader)
-        if bodies.turned is None:
-            fill_regressor(chain, rows, bodies.base.leading, *motion, columns)
-            return
-        own = np.zeros(columns.shape)
-        fill_regressor(chain, rows, bodies.base.leading, *motion, own)
-        columns[:] = own @ bodies.turned
+        return _Motion((machine.chain._replace(leader=leader), rows), samples)
 
     def _bodies(self, setting: Setting) -> "_Bodies":
         machine = setting.machine
@@ -79,6 +94,13 @@ class SerialRigidBody(Term):
             return _bodies(machine, joints, self.zero)
         except ConfigurationError as error:
             raise ConfigurationError(f"term '{self.type}': {error}") from None
+
+
+class _Motion(NamedTuple):
+    """A record as the chain takes it."""
+
+    chain: tuple[SerialChain, NDArray[np.int64]]  # its joints lead from the record's columns, rows
+    samples: Sequence[Array]  # q, q', q''
 
 
 class _Bodies(NamedTuple):

@@ -6,21 +6,19 @@ import numpy as np
 
 from crane_model.array import Array
 from crane_model.errors import ConfigurationError
+from crane_model.motion_columns import MotionQuantity
 from crane_model.record import Record
 from crane_model.terms.effect import Effect
-from crane_model.terms.joint_term import JointTerm, OneJointTerm
+from crane_model.terms.joint_term import OneJointTerm, ProportionalTerm
 from crane_model.terms.term import Family, Parameter, Setting
 
 
-class Inertia(JointTerm):
+class Inertia(ProportionalTerm):
     """J q'': the inertia that one axis moves."""
 
     type: Literal["inertia"] = "inertia"
     family: ClassVar[Family] = "rigid body"
-
-    def column(self, record: Record, j: int) -> Array:
-        """q''."""
-        return record.acceleration[:, j]
+    quantity: ClassVar[MotionQuantity] = MotionQuantity.ACCELERATION
 
     def parameter(self, coordinate: str, force: str) -> Parameter:
         """Moment of inertia of a revolute joint, mass of a prismatic one."""
@@ -56,7 +54,7 @@ class Gravity(OneJointTerm):
         return np.stack([np.sin(q), np.cos(q)], axis=1)
 
 
-class Offset(JointTerm):
+class Offset(ProportionalTerm):
     """tau = f_0, a constant force: the drive's or the sensor's zero."""
 
     type: Literal["offset"] = "offset"
@@ -67,10 +65,7 @@ class Offset(JointTerm):
         ("coulomb_asymmetry", "pressure_offset"),
         "readings of the force sensors without load",
     )
-
-    def column(self, record: Record, j: int) -> Array:
-        """1, whatever the motion: (n,)."""
-        return np.ones(len(record))
+    quantity: ClassVar[MotionQuantity] = MotionQuantity.ONE
 
     def parameter(self, coordinate: str, force: str) -> Parameter:
         """f_0, of either sign."""

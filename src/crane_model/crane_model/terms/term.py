@@ -10,6 +10,7 @@ import numpy as np
 from crane_model.array import Array
 from crane_model.configuration import Schema
 from crane_model.machine import Machine
+from crane_model.motion_columns import MotionColumn
 from crane_model.record import Record
 from crane_model.registry import of_type
 from crane_model.terms.effect import Effect, Shape
@@ -133,14 +134,13 @@ class Term(Schema, ABC):
         """
         return None
 
-    def fill_smooth(self, record: Record, setting: Setting, columns: Array) -> None:
-        """`fill`, but smooth in q' where `record.direction` is a smooth function of it."""
-        self.fill(record, setting, columns)
+    def motion_columns(self, setting: Setting) -> tuple[MotionColumn, ...]:
+        """Its columns, where all are proportional to what single joints do; else none."""
+        return ()
 
-    def slopes(self, record: Record, j: int, steepness: Array) -> Array | None:
-        """(3, n): derivatives of the smooth column of joint j with respect to q, q', q''.
-
-        `steepness` (n,) is that of `record.direction` over q'. None if there is no closed form.
+    def pull_back(self, record: Record, setting: Setting, weight: Array) -> Array | None:
+        """(3, n, j): derivatives of its columns, summed with weights (n, j, parameters), with
+        respect to q, q' and q''. None if there is no closed form; not asked for `motion_columns`.
         """
         return None
 

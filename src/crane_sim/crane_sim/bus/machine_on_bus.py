@@ -11,7 +11,7 @@ from crane_driver.can.mapping import LINES
 from crane_model.errors import ConfigurationError
 from crane_sim.bus.operator_at_machine import Operator
 from crane_sim.bus.valve_unit import ValveUnit
-from crane_sim.plant.plant import Plant
+from crane_sim.plant.machine_in_motion import MachineInMotion
 from crane_sim.plant.sampled import Sensors
 
 LONGEST_STEP = 0.1  # s; a machine that was kept from running for longer loses the rest
@@ -27,7 +27,7 @@ class MachineOnBus:
     def __init__(
         self,
         layout: Layout,
-        plant: Plant,
+        plant: MachineInMotion,
         sensors: Sensors,
         start: float,
         operator: Operator | None = None,

@@ -21,13 +21,16 @@ from crane_driver.can.options import bus_settings
 from crane_model import cli
 from crane_model.arguments import whole
 from crane_model.machine_files import machine_file
+from crane_model.model_file import load_model
 from crane_sim.bus.machine_on_bus import MachineOnBus
 from crane_sim.bus.operator_at_machine import Operator
 from crane_sim.bus.pace import PlantPace
 from crane_sim.options import add_plant, load_both
 from crane_sim.parts.pose import parse_pose
+from crane_sim.plant.machine_in_motion import MachineInMotion
 from crane_sim.plant.plant import Plant
 from crane_sim.plant.sampled import Sensors
+from crane_sim.plant.twin_plant import TwinPlant
 
 SIGNALS = (signal.SIGINT, signal.SIGTERM, signal.SIGHUP)
 
@@ -56,7 +59,13 @@ def _run(options: argparse.Namespace, stop: threading.Event) -> None:
         machine_file("can.yaml", options.machine, options.mapping),
         machine_file("can.dbc", options.machine, options.dbc),
     )
-    plant = Plant(parameters, machine, parse_pose(options.pose, machine, parameters.start))
+    pose = parse_pose(options.pose, machine, parameters.start)
+    plant: MachineInMotion
+    if options.model:
+        plant = twin = TwinPlant(load_model(options.model), machine, pose)
+        print(f"the twin of {options.model}" + _standing(twin), flush=True)
+    else:
+        plant = Plant(parameters, machine, pose)
     sensors = Sensors(parameters.sensors, machine, options.seed)
     with Link(settings) as link:
         # Compiled here, not while the clock runs: the first steps may take seconds.
@@ -90,6 +99,12 @@ def _run(options: argparse.Namespace, stop: threading.Event) -> None:
         print(pace.summary(crane.lost), flush=True)
 
 
+def _standing(twin: TwinPlant) -> str:
+    if not twin.standing:
+        return ""
+    return f"; its model lacks {', '.join(twin.standing)}, which will not move"
+
+
 def _parser() -> argparse.ArgumentParser:
     parser = cli.command_line(description=main.__doc__)
     parser.add_argument(
@@ -108,6 +123,13 @@ def _parser() -> argparse.ArgumentParser:
     parser.add_argument("--dbc", type=Path, help="DBC file (default: the packaged one)")
     cli.add_machine(parser)
     add_plant(parser)
+    parser.add_argument(
+        "--model",
+        type=Path,
+        metavar="FILE",
+        help="model file with identified hydraulics: the twin of that crane moves, in place of the "
+        "stand-in's plant; sensors and rest pose stay those of the stand-in",
+    )
     parser.add_argument(
         "--pose",
         nargs="+",

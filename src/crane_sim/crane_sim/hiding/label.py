@@ -35,8 +35,8 @@ class LabelledEffect(ResultPart):
     """Its type in the catalogue of `diagnose`, or `outside`."""
     name: str
     """Its name in a spec."""
-    joint: str
-    """The joint, or `all`."""
+    joint: str | None
+    """The joint; null: the whole machine."""
     form: str
     """The law that it follows in the stand-in machine."""
     parameters: list[LabelledParameter]

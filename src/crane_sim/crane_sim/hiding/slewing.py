@@ -45,6 +45,10 @@ class Slewing:
             planar.phase,
         )
 
+    def probe(self, time: np.ndarray) -> np.ndarray:
+        """As that of the motion."""
+        return self.motion.probe(time)
+
 
 def _with_slew(values: np.ndarray, slewed: np.ndarray) -> np.ndarray:
     values = values.copy()

@@ -146,8 +146,9 @@ def _pack_cylinders(parameters: StandIn, machine: Machine) -> np.ndarray:
         key: np.array([getattr(machine.cylinders[joint], key) for joint in machine.joint_names])
         for key in ("area_a", "area_b", "length_min", "length_max")
     }
-    endless = np.isinf(known["length_min"])  # a motor: its chambers stay as large as they are
-    filled = {f"filled_{ab}": np.where(endless, 0.0, known[f"area_{ab}"]) for ab in ("a", "b")}
+    chambers = [machine.cylinders[joint].chambers for joint in machine.joint_names]
+    growths = np.array([(one.growth_a, one.growth_b) for one in chambers]).T
+    filled = dict(zip(("filled_a", "filled_b"), growths, strict=True))
     known |= {end: np.clip(known[end], -ENDLESS, ENDLESS) for end in ("length_min", "length_max")}
     known |= filled
     return records(CYLINDER, known | {k: column(inside, k) for k in CYLINDER if k not in known})

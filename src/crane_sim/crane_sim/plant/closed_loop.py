@@ -1,4 +1,4 @@
-"""The stand-in machine under the controller (36), as a recording of its sensors would show it."""
+"""The stand-in machine under a controller, as a recording of its sensors would show it."""
 
 from collections.abc import Callable, Iterable
 from dataclasses import dataclass
@@ -7,9 +7,11 @@ from typing import Protocol
 import numpy as np
 
 from crane_driver.velocity_filter import VelocityFilter
+from crane_sim.plant.led import Led
 from crane_sim.plant.plant import Plant
 from crane_sim.plant.sampled import Pressures, Sensors
 from crane_trajectory.control.controller import Gains, command
+from crane_trajectory.control.interface import Controller
 from crane_trajectory.motion.motion import Reference
 
 REST = 1.0  # s, recorded at rest before and after the motion
@@ -30,6 +32,9 @@ class Course(Protocol):
 
     def reference(self, time: np.ndarray) -> Reference:
         """At time (n,) [s]."""
+
+    def probe(self, time: np.ndarray) -> np.ndarray:
+        """What is added to the commands at time (n,) [s]: (n, j)."""
 
 
 @dataclass(frozen=True)
@@ -67,12 +72,18 @@ class SimulatedRecording:
 
 
 def record(
-    motion: Course, plant: Plant, sensors: Sensors, gains: Gains, progress: Steps = iter
+    motion: Course,
+    plant: Plant,
+    sensors: Sensors,
+    gains: Gains,
+    progress: Steps = iter,
+    controller: Controller | None = None,
 ) -> SimulatedRecording:
     """Lead the plant, which rests where the motion starts, through the motion and to rest again.
 
-    Each cycle reads the sensors, filters the velocity and commands the valves (36); the valves stay
-    closed until a velocity is known. `progress` wraps the cycles, as tqdm does.
+    Each cycle reads the sensors, filters the velocity and commands the valves, by (36) with `gains`
+    or by the `controller`; the valves stay closed until a velocity is known. `progress` wraps the
+    cycles, as tqdm does.
     """
     chain, density = plant.parameters.sensors, plant.parameters.jerk_density
     joints = plant.machine.joint_names
@@ -80,6 +91,11 @@ def record(
     begin = plant.time
     times = sensors.instants(begin + chain.period, count)
     reference = motion.reference(times - begin - REST)
+    added = motion.probe(times - begin - REST)
+    led = None
+    if controller is not None:
+        ahead = motion.reference(times - begin - REST + controller.preview)
+        led = Led(controller, plant, sensors, reference, ahead)
     velocity_filter = VelocityFilter(
         [density[joint] for joint in joints], [chain.encoder_resolution[joint] for joint in joints]
     )
@@ -89,7 +105,7 @@ def record(
     arrays, u = gains.arrays, np.zeros(len(joints))
     for k in progress(range(count)):
         time = float(times[k])
-        plant.advance(u, time - plant.time)
+        plant.advance(commands[k - 1], time - plant.time)  # zero before the first
         q[k], v[k] = plant.q, plant.v
         a[k] = plant.acceleration
         if plant.hidden_count:
@@ -97,18 +113,25 @@ def record(
         p_a[k], p_b[k], supply[k] = plant.pressure_a, plant.pressure_b, plant.supply_pressure
         position[k] = sensors.positions(q[k])
         _, velocity[k], _ = velocity_filter.update(time, position[k])
-        if not np.isnan(velocity[k]).any():
+        if led is not None:
+            u = led.command(k, time, position[k], velocity[k])
+        elif not np.isnan(velocity[k]).any():
             u = command(
                 arrays,
                 *(position[k], velocity[k], reference.position[k], reference.velocity[k]),
                 units=plant.machine.units,
             )
-        commands[k] = u
+        commands[k] = np.clip(u + added[k], -1.0, 1.0)
+    shown = (
+        sensors.pressures(p_a, p_b, supply, plant.tank_pressure, times)
+        if led is None
+        else led.pressures
+    )
     return SimulatedRecording(
         time=times,
         position=position,
         velocity=velocity,
-        pressures=sensors.pressures(p_a, p_b, supply, plant.tank_pressure, times),
+        pressures=shown,
         cylinders=sensors.cylinders,
         command=commands,
         reference=reference,

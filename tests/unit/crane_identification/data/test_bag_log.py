@@ -2,6 +2,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from laboratory_crane import JOINTS, PLANAR_JOINTS
 
 from crane_bags.types import (
     CYLINDER_PRESSURES,
@@ -12,7 +13,6 @@ from crane_bags.types import (
 from crane_bags.writer import BagWriter
 from crane_identification.data.bag_log import read_bag
 from crane_model.errors import DataError
-from crane_model.machine import JOINTS, PLANAR_JOINTS
 
 START = 1_700_000_000_000_000_000
 STEP = 5_000_000

@@ -104,7 +104,7 @@ def test_changes_of_one_joint_are_told_apart(tmp_path: Path) -> None:
     known = before(tmp_path)
     options = Options(average=False)
     runs = [p for log in recorded(known, 1.0, 1.1, 1.1, 1.2) for p in prepare(known, log, options)]
-    evidence = kept(known, runs, decimation(runs, None))
+    evidence = kept(known, runs, decimation(known, runs, None))
     wanted = [*candidates_of(known, evidence), *changes_of(known)]
     found = search(evidence, wanted)
     judged = decide(Race(found), load_thresholds()).passed

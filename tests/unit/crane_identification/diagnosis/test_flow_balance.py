@@ -14,6 +14,14 @@ from crane_identification.diagnosis.flow.hydraulics import Flow
 from crane_identification.diagnosis.flow.usual import Usual
 from crane_identification.diagnosis.search.candidates import Candidate
 from crane_identification.thresholds import load_thresholds
+from crane_model.flow.valve import EDGES
+from crane_model.hydraulics.values import (
+    ChamberValues,
+    HydraulicValues,
+    JointHydraulics,
+    Measured,
+    ValveValues,
+)
 from crane_model.machine_files import machine_file
 from crane_model.model_file import load_model
 from crane_model.record import Record
@@ -193,6 +201,77 @@ def test_a_chamber_that_draws_oil_past_the_valve_is_not_asked(
     found, _ = examined(replace(evidence, runs=4 * (torn,)), evidence, USUAL, THRESHOLDS)
     names, torn_names = ({one.type for one in one.missing} for one in (flow, found[0]))
     assert {"valve_asymmetry", "internal_leakage"} <= torn_names <= names
+
+
+def identified(undetermined: tuple[str, ...] = (), **changed: float) -> HydraulicValues:
+    """What was identified of the cylinder, but for what has `changed` since."""
+    zone_a, zone_b = BANDS
+    strokes = 1.0 - np.array([zone_a, zone_b, zone_b, zone_a])
+    values = {
+        "dead_zone_a": zone_a,
+        "dead_zone_b": zone_b,
+        "hysteresis": PLAY,
+        "leakage": LEAK,
+        "lag": 0.01,
+        "natural_frequency": 200.0,
+        "damping_ratio": 0.8,
+        "bulk_modulus": BETA,
+        "dead_volume_a": 1e-4,
+        "dead_volume_b": 1e-4,
+        **dict(zip(EDGES, (GAINS * strokes).tolist(), strict=True)),
+    } | changed
+    parts = [
+        part(**{name: Measured(value=values[name], unit=unit) for name, unit in part.units.items()})
+        for part in (ValveValues, ChamberValues)
+    ]
+    one = JointHydraulics(
+        valve=parts[0],
+        chambers=parts[1],
+        undetermined=dict.fromkeys(undetermined, "another experiment"),
+        unexplained=0.0,
+    )
+    return HydraulicValues(provenance="made", joints={JOINT: one})
+
+
+def judged_by(evidence: Evidence, own: HydraulicValues, usual: Usual = USUAL) -> Flow:
+    model = replace(evidence.model, hydraulics=own)
+    found, _ = examined(replace(evidence, model=model), evidence, usual, THRESHOLDS)
+    return found[0]
+
+
+def test_own_values_are_usual_whatever_the_data_sheet_says(evidence: Evidence) -> None:
+    found = judged_by(evidence, identified(), USUAL.model_copy(update={"dead_zone": {}}))
+    assert all(one.own for one in found.quantities)
+    assert not found.missing
+
+
+@pytest.mark.parametrize(
+    ("changed", "effect"),
+    [
+        ({"dead_zone_b": BANDS[1] - 0.01}, "valve_dead_zone"),  # still below that of the other way
+        ({"hysteresis": 0.5 * PLAY}, "valve_hysteresis"),
+        ({"leakage": 0.5 * LEAK}, "internal_leakage"),
+        ({"bulk_modulus": 1.4 * BETA}, "oil_compressibility"),
+        ({"supply_a": 0.9 * GAINS[0] * (1.0 - BANDS[0])}, "valve_asymmetry"),
+    ],
+)
+def test_what_has_changed_since_is_missing(
+    evidence: Evidence, changed: dict[str, float], effect: str
+) -> None:
+    """Though the data sheet allows it."""
+    sheet = Usual(
+        dead_zone={JOINT: 0.2}, hysteresis=0.1, asymmetry=0.5, leakage=1e-11, bulk_modulus=1e8
+    )
+    assert not judged_by(evidence, HydraulicValues(provenance="none", joints={}), sheet).missing
+    first = judged_by(evidence, identified(**changed), sheet).missing[0]
+    assert first.type == effect
+    assert first.limit == "what was identified of it"
+
+
+def test_an_own_value_that_is_not_determined_is_no_measure(evidence: Evidence) -> None:
+    found = judged_by(evidence, identified(("leakage",)))
+    assert [one.type for one in found.missing] == ["internal_leakage"]
+    assert found.missing[0].limit == "what is usual"
 
 
 def test_without_a_usual_dead_zone_nothing_is_said(evidence: Evidence) -> None:

@@ -15,7 +15,7 @@ from unit.crane_identification.diagnosis.made import (
 )
 
 from crane_identification.diagnosis.fit.evidence import Evidence
-from crane_identification.diagnosis.fit.refit import UndeterminedError, refit
+from crane_identification.diagnosis.fit.refit import UndeterminedError, refit, refit_anyway
 from crane_identification.diagnosis.fit.runs import Run
 from crane_identification.diagnosis.proof.extension import shape_std_devs
 from crane_identification.diagnosis.search.candidates import Candidate
@@ -64,6 +64,39 @@ def test_what_recordings_do_not_determine_is_named() -> None:
     with pytest.raises(UndeterminedError, match="show only combinations") as error:
         refit(given, "made")
     assert set(error.value.names) == {p.name for p in two.parameters}
+
+
+def test_what_the_model_lacks_does_not_hide_its_parameters() -> None:
+    """Columns that differ by a thirtieth, beside ten times their force that is not in the model."""
+    two = Model("axis", MODEL.setting, (*MODEL.terms, Viscous(joint="axis")))
+    base = np.stack([ACCELERATION, ACCELERATION + 0.03 * normal(3)], axis=1)
+    given = replace(evidence(base @ [MASS, 2.0] + 70.0 * normal(4), base), model=two)
+    found = refit(given, "made")
+    assert found.std_devs is not None
+    assert (np.abs(found.theta - [MASS, 2.0]) < 4.0 * found.std_devs).all()
+
+
+def test_of_combinations_what_is_determined_is_kept() -> None:
+    two = Model("axis", MODEL.setting, (*MODEL.terms, Viscous(joint="axis")))
+    base = np.stack([ACCELERATION, 2.0 * ACCELERATION], axis=1)
+    given = replace(evidence(MASS * ACCELERATION + NOISE * normal(2), base), model=two)
+    found, held = refit_anyway(given, "made")
+    assert held == tuple(p.name for p in two.parameters)
+    assert found.std_devs is not None
+    assert found.theta @ [1.0, 2.0] == pytest.approx(MASS, abs=0.1)
+    assert (found.std_devs > 0.5 * np.abs(found.theta)).all(), "and how it is shared out is unknown"
+
+
+def test_rows_that_their_unknowns_explain_do_not_outweigh_all_others() -> None:
+    """Nine rows close to reversals, of eight nuisances beside the mass, say nothing."""
+    near = np.arange(ROWS) < 9
+    given = evidence(MASS * ACCELERATION + NOISE * normal(2), normal(5, ROWS, 9))
+    base, force, used = given.base.copy(), given.force.copy(), given.used.copy()
+    base[:, 0, 0], base[:, 0, 1:] = ACCELERATION, 0.0
+    base[:, 1, 0], base[:, 1, 1:] = 30.0 * ACCELERATION, normal(5, ROWS, 8)
+    force[:, 1], used[:, 1] = 20.0 * MASS * ACCELERATION, near
+    found = refit(replace(given, base=base, force=force, used=used), "made")
+    assert found.theta[0] == pytest.approx(MASS, abs=0.1)
 
 
 @pytest.fixture(scope="module")

@@ -3,15 +3,21 @@
 from pathlib import Path
 
 import numpy as np
+import pytest
 
-from crane_identification.diagnosis.fit.evidence import Evidence
-from crane_identification.diagnosis.search.candidates import Candidate, ShapedCandidate
+from crane_identification.diagnosis.fit.evidence import VISIBLE_SHARE, Evidence
+from crane_identification.diagnosis.fit.runs import Run
+from crane_identification.diagnosis.search.candidates import Candidate, ShapedCandidate, at_shape
 from crane_identification.diagnosis.search.projection import project
-from crane_identification.diagnosis.search.visibility import VISIBLE_SHARE, visible
+from crane_identification.diagnosis.search.visibility import visible
 from crane_identification.diagnosis.search.whitening import whitened_base, whitener
-from crane_model.model_file import load_model
+from crane_model.model_file import Model, load_model
+from crane_model.record import Record
+from crane_model.terms import REGISTRY
 from crane_model.terms.friction_speed import QuadraticViscous
 from crane_model.terms.sensing import PressureGain
+from crane_model.terms.single_axis import Inertia
+from crane_model.terms.term import Setting
 
 N = 400
 
@@ -47,6 +53,40 @@ def test_a_gain_of_the_measured_force_is_not_tested(tmp_path: Path) -> None:
     wanted, reasons = visible(made, evidence, white)
     assert wanted.tolist() == [False, True]
     assert reasons == {gain: "its column is the measured force itself"}
+
+
+@pytest.mark.parametrize(("friction", "tested"), [(0.2, True), (8.0, False)])
+def test_friction_of_a_load_that_is_friction_itself_is_not_tested(
+    friction: float, tested: bool
+) -> None:
+    """|tau| sgn(v) of a force that is mostly friction, which the model lacks, is that force."""
+    rng = np.random.default_rng(4)
+    time, setting = 0.1 * np.arange(N), Setting({"one": "m"}, None)
+    velocity = np.sin(time) + 0.5 * np.sin(2.3 * time)
+    acceleration = 5.0 * rng.standard_normal(N)
+    force = 2.0 * acceleration + friction * np.sign(velocity) * (1.0 + 0.3 * rng.random(N))
+    force += 0.1 * rng.standard_normal(N)
+    motion = [values[:, np.newaxis] for values in (np.zeros(N), velocity, acceleration)]
+    record = Record(("one",), time, *motion, force=force[:, np.newaxis])
+    run = Run("bag", 0, record, np.repeat([[1.0, 0.0]], N, axis=0), 1)
+    zeros, nothing = np.zeros(N, dtype=int), np.zeros(N)
+    evidence = Evidence(
+        model=Model("axis", setting, (Inertia(joint="one"),)),
+        runs=(run,),
+        time=time,
+        run=zeros,
+        bag=zeros,
+        force=np.stack([force, nothing], axis=1),
+        base=np.stack([acceleration, nothing], axis=1)[:, :, np.newaxis],
+        used=np.repeat([[True, False]], N, axis=0),
+    )
+    (one,) = [at_shape(evidence, Candidate(REGISTRY["load_friction"], "one"), {})]
+    white = whitener(evidence, one.columns)
+    wanted, reasons = visible(
+        project(white, whitened_base(evidence, white), [one]), evidence, white
+    )
+    assert wanted.tolist() == [tested]
+    assert tested or "force itself" in reasons[one.candidate]
 
 
 def test_friction_with_memory_is_as_visible_as_close_to_reversals(tmp_path: Path) -> None:

@@ -25,7 +25,7 @@ USUAL = 0.005  # share of the flow that is left unexplained
 
 def quantity(kind: str, share: float) -> Quantity:
     """Beyond the usual, by so much of the flow."""
-    return Quantity(kind, 2.0, 0.1, 1.0, share, 1e4 * share, missing=True, determined=True)
+    return Quantity(kind, 2.0, 0.1, 1.0, False, True, share, 1e4 * share, missing=True)
 
 
 def flow(*found: Quantity, left: float = 0.8 * USUAL, correlation: float = 0.2) -> Flow:

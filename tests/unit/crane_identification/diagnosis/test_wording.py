@@ -7,7 +7,7 @@ from typing import Any
 import pytest
 
 from crane_identification.diagnose import main
-from crane_identification.diagnosis import explain, wording
+from crane_identification.diagnosis import explain, finding_wording, wording
 from crane_identification.diagnosis.findings_file import Findings
 from crane_identification.notation import NARROW_SPACE
 
@@ -133,10 +133,14 @@ def test_a_class_is_named_by_all_of_its_members() -> None:
 
 def test_a_lead_that_was_not_asked_for_is_not_printed_as_one() -> None:
     """A rival of more freedom needs no lead; a member of the class has none."""
-    assert wording.evidence(finding(margin=50.0)).endswith("which is the same with more freedom")
+    assert finding_wording.evidence(finding(margin=50.0)).endswith(
+        "which is the same with more freedom"
+    )
     rival = finding()["runner_up"]
     member = finding(margin=0.0, class_members=[rival])
-    assert wording.evidence(member).endswith("0 ahead of hose stiffness (outer boom), 76 asked")
+    assert finding_wording.evidence(member).endswith(
+        "0 ahead of hose stiffness (outer boom), 76 asked"
+    )
 
 
 @pytest.mark.parametrize("verdict", ["none", "insufficient_data"])
@@ -165,7 +169,7 @@ def test_regions_have_units_that_people_read() -> None:
     ],
 )
 def test_parameters_that_are_not_determined_are_no_numbers(one: dict, expected: str) -> None:
-    assert str(wording.estimate(one)) == expected
+    assert str(finding_wording.estimate(one)) == expected
 
 
 NEAREST = {

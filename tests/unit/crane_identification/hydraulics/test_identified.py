@@ -89,11 +89,13 @@ def test_a_law_that_is_none_of_these_does_not_fit() -> None:
     assert found.lack_of_fit < 1e-3
 
 
-def test_a_joint_without_transducers_shows_dead_zones_and_gains() -> None:
+@pytest.mark.parametrize("supply", [True, False], ids=["with supply", "position and command"])
+def test_a_joint_without_transducers_shows_dead_zones_and_gains(supply: bool) -> None:
     stand_in = load_stand_in()
     log = recorded(stand_in, seed=2, periods=1, slewed=True)
+    bare = replace(log, supply_pressure=None, tank_pressure=None, pressure_a=None, pressure_b=None)
     valve = stand_in.valves["slew"]
-    found = identify_motion(MACHINE, "slew", [log])
+    found = identify_motion(MACHINE, "slew", [log if supply else bare])
     assert found.chambers is None
     assert found.valve.dead_zone_a.value == pytest.approx(valve.dead_zone, abs=0.003)
     assert found.valve.dead_zone_b.value == pytest.approx(valve.dead_zone, abs=0.003)

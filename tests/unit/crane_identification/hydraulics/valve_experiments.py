@@ -21,6 +21,7 @@ from crane_trajectory.control.controller import load_gains
 from crane_trajectory.motion.check import load_clearance
 from crane_trajectory.motion.motion import plan
 from crane_trajectory.motion.periodic import load_trajectory
+from crane_trajectory.motion.probe import Probe
 
 MACHINE = load_machine()
 FITTED = tuple(j for j in MACHINE.joint_names if MACHINE.cylinders[j].pressure_sensors)
@@ -64,12 +65,13 @@ def recorded(
     planted: Sequence[Planted] = (),
     live: bool = False,
     slewed: bool = False,
+    probe: Probe | None = None,
 ) -> Log:
     """Periods of a packaged trajectory under the controller (36), the slew at rest or swinging."""
     stand_in = stand_in or load_stand_in()
     motion = plan(
         MACHINE,
-        load_trajectory(machine_file(trajectory)),
+        load_trajectory(machine_file(trajectory)).model_copy(update={"probe": probe}),
         stand_in.start,
         periods,
         load_clearance(machine_file("clearance.yaml")),

@@ -2,6 +2,7 @@
 
 import numpy as np
 import pytest
+from laboratory_crane import PLANAR_JOINTS
 from sensor_msgs.msg import FluidPressure, JointState
 from std_msgs.msg import Float64MultiArray
 from unit.crane_identification.online.online_crane import START, crane, record_log
@@ -12,7 +13,6 @@ from crane_identification.online.estimator import OnlineEstimator
 from crane_identification.online.mapped_topics import mapped_listeners
 from crane_identification.online.topics import Listener
 from crane_model.errors import CraneError
-from crane_model.machine import PLANAR_JOINTS
 
 STATES, ARRAY, PRESSURE = (
     "sensor_msgs/msg/JointState",

@@ -2,12 +2,13 @@
 
 import numpy as np
 import pytest
+from laboratory_crane import PLANAR_JOINTS
 from unit.crane_identification.recording_check.corruption import chambers
 from unit.crane_identification.recording_check.recorded import recorded
 
 from crane_identification.data.log import Log
 from crane_identification.online.recent import EVERY, LEAST, WINDOW, Recent
-from crane_model.machine import PLANAR_JOINTS, load_machine
+from crane_model.machine import load_machine
 
 TELESCOPE = 2
 

@@ -3,9 +3,10 @@
 from collections.abc import Sequence
 
 import numpy as np
+from laboratory_crane import JOINTS, PLANAR_JOINTS
 
 from crane_identification.data.log import Log, Signal
-from crane_model.machine import JOINTS, PLANAR_JOINTS, Machine, load_machine
+from crane_model.machine import Machine, load_machine
 from crane_model.machine_files import machine_file
 from crane_sim.effects.form import Planted
 from crane_sim.effects.sensing import faults

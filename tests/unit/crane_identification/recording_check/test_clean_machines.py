@@ -7,9 +7,10 @@ import numpy as np
 import pytest
 from unit.crane_identification.recording_check.recorded import packaged_motion, recorded
 
-from crane_identification.data.log import Log
+from crane_identification.data.log import Log, Signal
 from crane_identification.recording_check.check import check
-from crane_model.machine import load_machine
+from crane_identification.recording_check.forces import crane
+from crane_model.machine import Machine, load_machine
 from crane_model.machine_files import machine_file
 from crane_sim.hiding.calibrate import calibrate
 from crane_sim.hiding.spec import HiddenEffect, Spec
@@ -41,6 +42,36 @@ def test_a_machine_of_another_kind_is_not_judged_as_a_crane_of_the_report() -> N
     """Though its joints have the same names: it has a section of the telescope more."""
     found = check(load_machine("double_telescope_crane"), recorded())
     assert found.unchecked[-1].startswith("forces: what is plausible is known of cranes as of")
+
+
+def test_positions_and_pressures_of_any_machine_are_looked_at() -> None:
+    """Degrees for radians, and bar for pascal, of joints that no other machine has."""
+    excavator = load_machine("excavator")
+    time = np.arange(0.0, 20.0, 0.005)
+    swings = 0.4 * np.sin(time[:, np.newaxis] + np.arange(4.0))
+    position = np.degrees(swings + (0.0, 0.3, -1.5, -0.9))
+    pressure = Signal(time, 90.0 + 10.0 * swings, "made")
+    joints = excavator.joint_names
+    log = Log(
+        *("made", joints, 0, Signal(time, position, "made")),
+        pressure_a=pressure,
+        pressure_b=pressure,
+    )
+    told = [str(one) for one in check(excavator, log).decisive]
+    assert any("stick" in one and "positions look like degrees" in one for one in told)
+    assert any("pressures of the bucket" in one and "look like bar" in one for one in told)
+
+
+def test_a_crane_of_the_report_may_name_its_joints_otherwise() -> None:
+    names = ("column", "main", "jib", "extension")
+    content = load_machine().model_dump(mode="json", exclude_none=True)
+    for joint, name in zip(content["joints"], names, strict=True):
+        joint["name"] = name
+    model = crane(Machine.model_validate(content))
+    assert model.joints == names[1:]
+    assert [one.name for one in model.parameters][-4:] == [
+        f"{what}.extension" for what in ("f_c", "df_c", "f_v", "df_v")
+    ]
 
 
 def with_effect(effect: str, joint: str | None, magnitude: dict[str, float]) -> Log:

@@ -1,4 +1,4 @@
-"""The joints of the laboratory crane, until everything that names them asks its machine."""
+"""The joints of the laboratory crane, for tests of it."""
 
 JOINTS = ("slew", "inner_boom", "outer_boom", "telescope")
 PLANAR_JOINTS = JOINTS[1:]

@@ -1,0 +1,195 @@
+"""Physics that several joints lack at once, as friction that was left out of a whole model.
+
+Looked for one by one, each joint is asked while the others still lack theirs, and bodies that they
+share make up for it. So an effect without a shape to bend is asked of all joints together, and
+kept on those where it explains what it does not explain on the others.
+"""
+
+from collections.abc import Mapping, Sequence
+from dataclasses import replace
+from typing import NamedTuple
+
+import numpy as np
+
+from crane_identification.diagnosis.decision.chance import by_chance
+from crane_identification.diagnosis.decision.cross_validation import held_out_gains
+from crane_identification.diagnosis.decision.judgement import Judged, Rival, marginal
+from crane_identification.diagnosis.search.projection import Projection
+from crane_identification.diagnosis.search.search import Search
+from crane_identification.diagnosis.search.selection import NOTHING, Subset, solve
+from crane_identification.thresholds import Thresholds
+
+FEWEST_JOINTS = 3
+Kinds = tuple[str, ...]
+
+
+def on_several_joints(search: Search, threshold: float, thresholds: Thresholds) -> Subset:
+    """The effects that at least three joints lack each, strongest kind first; none if there is no
+    such kind. Three of a kind lose more than the `threshold` without theirs, and a share of what
+    the strongest effect does; the others more than chance gives to the best of that kind.
+    """
+    members, share = _kinds(search.projection), thresholds.method.elsewhere_share
+    least = {
+        number: limit
+        for numbers in members.values()
+        for limit in [chance_of_kind(search, numbers, thresholds)[1]]
+        for number in numbers
+    }
+    chosen: Kinds = ()
+    found, first = NOTHING, 0.0
+
+    def best(rest: Kinds) -> tuple[Subset, Kinds]:
+        """With one more kind, that which explains most beside the `rest`."""
+        tried = []
+        for kind in members.keys() - set(rest):
+            kinds = (*rest, kind)
+            numbers = [number for one in kinds for number in members[one]]
+            kept, losses = _telling(search, numbers, least)
+            asked = max(threshold, share * max(losses, default=0.0))
+            clear = {n for n, loss in zip(kept.numbers, losses, strict=True) if loss > asked}
+            if all(len(clear & set(members[one])) >= FEWEST_JOINTS for one in kinds):
+                tried.append((kept, kinds))
+        return max(tried, key=lambda one: (one[0].gain, one[1]), default=(NOTHING, ()))
+
+    while True:
+        more, kinds = best(chosen)
+        for kind in kinds[:-1]:  # one that stood for what is now beside it
+            other, swapped = best(tuple(one for one in kinds if one != kind))
+            if other.gain > more.gain:
+                more, kinds = other, swapped
+        if more.gain - found.gain <= max(thresholds.method.further_share * first, threshold):
+            return found
+        first = first or more.gain
+        found, chosen = more, kinds
+
+
+def chance_of_kind(
+    search: Search, numbers: Sequence[int], thresholds: Thresholds
+) -> tuple[np.ndarray, float]:
+    """As `by_chance`, of the candidates with these numbers alone."""
+    wanted = np.zeros(len(search.projection.candidates), dtype=bool)
+    wanted[list(numbers)] = True
+    return by_chance(
+        replace(search, projection=search.projection.kept(wanted)), NOTHING, thresholds
+    )
+
+
+def _kinds(projection: Projection) -> dict[str, list[int]]:
+    """The numbers of the effects without a shape on single joints, by their type."""
+    out: dict[str, list[int]] = {}
+    for number, shaped in enumerate(projection.candidates):
+        one = shaped.candidate
+        if one.joint is not None and not (one.shapes or one.changes or one.parts):
+            out.setdefault(one.type, []).append(number)
+    return {kind: numbers for kind, numbers in out.items() if len(numbers) >= FEWEST_JOINTS}
+
+
+def _telling(
+    search: Search, numbers: Sequence[int], least: Mapping[int, float]
+) -> tuple[Subset, list[float]]:
+    """Those of the effects without each of which the others lose more than is asked for at `least`,
+    with the losses. The others are taken out one by one.
+    """
+    left = list(numbers)
+    while left:
+        subset = solve(search.projection, tuple(left))
+        if subset is None:
+            left.remove(_wrong(search.projection, left))
+            continue
+        losses = marginal(search, subset)
+        over = [loss / least[number] for loss, number in zip(losses, left, strict=True)]
+        if min(over) > 1.0:
+            return subset, losses
+        del left[over.index(min(over))]
+    return NOTHING, []
+
+
+def _wrong(projection: Projection, numbers: Sequence[int]) -> int:
+    """Of effects that have no solution together, the one that explains least by itself."""
+    alone = {number: solve(projection, (number,)) or NOTHING for number in numbers}
+    return min(alone, key=lambda number: alone[number].gain)
+
+
+def as_kinds(
+    search: Search, found: Sequence[Judged], known: int, thresholds: Thresholds
+) -> list[Judged]:
+    """The effects, the first `known` of them with what is asked of their kind: against chance, on
+    held-out rows of all of them together, and beside other kinds on all of their joints.
+
+    What one joint gains elsewhere is lost among what the bodies that it shares make of it.
+    """
+    members, out = _kinds(search.projection), list(found)
+    for kind in {one.shaped.candidate.type for one in found[:known]}:
+        alike = [
+            place < known and one.shaped.candidate.type == kind for place, one in enumerate(out)
+        ]
+        own, rest = (
+            [one for one, here in zip(out, alike, strict=True) if here is which]
+            for which in (True, False)
+        )
+        before = np.concatenate(
+            [search.evidence.free, *(one.shaped.columns for one in rest)], axis=2
+        )
+        added = np.concatenate([one.shaped.columns for one in own], axis=2)
+        gains, _ = held_out_gains(search.evidence, search.whitener, before, added)
+        numbers = members.get(kind) or [search.number(one.shaped) for one in own]
+        null, threshold = chance_of_kind(search, numbers, thresholds)
+        others = _other_kinds(own)
+        for place in np.flatnonzero(alike):
+            one = replace(out[place], held_out=gains, null=null, threshold=threshold)
+            out[place] = _beside_kinds(one, others)
+    return out
+
+
+class _Kind(NamedTuple):
+    """Another kind on the joints of one: what it explains less on all of them, and is `asked`."""
+
+    lead: float
+    asked: float
+
+
+def _other_kinds(effects: Sequence[Judged]) -> dict[str, _Kind]:
+    """The kinds that come in the place of one or more of the `effects` of a kind, by type.
+
+    Where it does not come in its place, an effect is lost.
+    """
+    by_joint = [
+        {one.candidate.type: one for one in reversed(effect.rivals) if _same_joint(effect, one)}
+        for effect in effects
+    ]
+    out = {}
+    for kind in {kind for rivals in by_joint for kind in rivals}:
+        leads = [
+            rivals[kind].lead if kind in rivals else effect.score
+            for effect, rivals in zip(effects, by_joint, strict=True)
+        ]
+        asked = max(rivals[kind].needed for rivals in by_joint if kind in rivals)
+        out[kind] = _Kind(sum(leads), asked)
+    return out
+
+
+def _beside_kinds(one: Judged, others: Mapping[str, _Kind]) -> Judged:
+    """An effect whose rivals are the kinds that come in the place of all of its own."""
+    rivals = sorted(
+        (rival for rival in one.rivals if _same_joint(one, rival)),
+        key=lambda rival: others[rival.candidate.type].lead,
+    )
+    alike = [
+        rival.candidate
+        for rival in rivals
+        if others[rival.candidate.type].lead <= others[rival.candidate.type].asked
+    ]
+    if not rivals:
+        return replace(one, indistinct=(), runner_up=None, margin=one.score)
+    first = others[rivals[0].candidate.type]
+    return replace(
+        one,
+        indistinct=tuple(alike),
+        runner_up=rivals[0].candidate,
+        margin=first.lead,
+        needed=first.asked,
+    )
+
+
+def _same_joint(one: Judged, rival: Rival) -> bool:
+    return rival.candidate.joint == one.shaped.candidate.joint

@@ -1,0 +1,69 @@
+"""The excavator live: its stand-in on its bus, its driver, and a trajectory of its joints."""
+
+from collections.abc import Iterator
+
+import numpy as np
+import pytest
+import yaml
+from integration.driver_stage import Stage
+from integration.experiments import PERIOD, TIMEOUT, Experiments
+from integration.processes import end
+
+from crane_model.machine import load_machine
+from crane_model.machine_files import machine_file
+from crane_trajectory.experiment import Outcome
+
+NAME = "excavator"
+DIG = {
+    "name": "dig",
+    "period": PERIOD,
+    "joints": {
+        "swing": {"offset": 0.0, "sine": [0.15], "cosine": [0.05]},
+        "boom": {"offset": 0.8, "sine": [0.06], "cosine": [0.02]},
+        "stick": {"offset": -1.5, "sine": [0.0, 0.06], "cosine": [0.1, 0.0]},
+        "bucket": {"offset": -0.6, "sine": [0.12], "cosine": [-0.05]},
+    },
+}
+pytestmark = pytest.mark.realtime
+
+
+@pytest.fixture(scope="module")
+def excavator(ros_domain: int, tmp_path_factory: pytest.TempPathFactory) -> Iterator[Experiments]:
+    folder = tmp_path_factory.mktemp("excavator")
+    settings = yaml.safe_load(machine_file("safety.yaml", NAME).read_text())
+    safety = folder / "safety.yaml"
+    safety.write_text(yaml.safe_dump(settings | {"command_timeout": 2 * TIMEOUT}))
+    stage = Stage(folder, [], safety=str(safety), machine=NAME)
+    one = Experiments(stage, folder, "-p", f"machine:={NAME}", trajectory=DIG)
+    yield one
+    end(one.process)
+    stage.close()
+
+
+def test_it_follows_a_trajectory_of_its_joints(excavator: Experiments) -> None:
+    machine, stage = load_machine(NAME), excavator.stage
+    assert tuple(stage.states[-1].name) == machine.joint_names
+    assert tuple(stage.pressures[-1].name) == machine.joint_names  # the motor's, too
+    for _ in range(3):  # a test machine that is too busy makes true faults
+        stage.enabled()
+        stage.states.clear()
+        result = excavator.result(excavator.send())
+        if result.outcome == Outcome.COMPLETED:
+            break
+    assert result.outcome == Outcome.COMPLETED, result.message
+    assert tuple(result.name) == machine.joint_names
+    assert (np.array(result.rms_tracking_error) < 0.1).all()
+    positions = np.array([one.position for one in stage.states])
+    assert (np.ptp(positions, axis=0) > 0.1).all(), "every joint has moved"
+    forces = np.array([one.effort for one in stage.states])
+    assert np.isfinite(forces).all() and (np.ptp(forces, axis=0) > 50.0).all()
+
+
+def test_a_trajectory_of_another_machine_is_refused_by_its_joints(excavator: Experiments) -> None:
+    foreign = excavator.folder / "foreign.yaml"
+    joints = {"telescope": {"offset": 0.4, "sine": [0.1], "cosine": [0.05]}}
+    foreign.write_text(yaml.safe_dump(DIG | {"joints": joints}))
+    excavator.stage.enabled()
+    result = excavator.refused(foreign)
+    assert result.outcome == Outcome.TRAJECTORY_REFUSED
+    assert "telescope" in result.message and "swing, boom, stick, bucket" in result.message

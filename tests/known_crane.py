@@ -1,0 +1,73 @@
+"""The model file that would be identified of a stand-in machine if nothing were uncertain."""
+
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+
+from crane_model.hydraulics.values import (
+    ChamberValues,
+    HydraulicValues,
+    JointHydraulics,
+    Measured,
+    SupplyValues,
+    ValveValues,
+)
+from crane_model.machine import Machine, load_machine
+from crane_model.machine_files import machine_file
+from crane_model.model_file import Model, load_model, save_model
+from crane_sim.parts.parameters import Edges, StandIn, load_stand_in
+from crane_sim.planted import planted
+
+TOLD_LATE = 0.002  # s, from the stamp of a command until the spool is told
+
+
+def known_model(name: str = "laboratory_crane") -> Model:
+    """Mechanics and hydraulics, as the files of the stand-in machine say."""
+    machine = load_machine(name)
+    stand_in = load_stand_in(machine_file("stand_in.yaml", name), machine)
+    model = load_model(machine_file("model.yaml", name)).of_machine()
+    theta = np.array([one.value for one in planted(stand_in, machine)])
+    model = model.with_estimate(theta, np.zeros(len(theta)), "the file of the stand-in machine")
+    joints = {joint: _joint(machine, stand_in, joint) for joint in model.joints}
+    pressure, droop = machine.hydraulics.supply_pressure, 0.0
+    supply = SupplyValues(
+        pressure=Measured(value=pressure, unit="Pa"), droop=Measured(value=droop, unit="Pa s/m3")
+    )
+    values = HydraulicValues(provenance="the same", joints=joints, supply=supply)
+    return replace(model, hydraulics=values)
+
+
+def write_known_model(path: Path, name: str = "laboratory_crane") -> Path:
+    """The same as a file."""
+    save_model(path, known_model(name))
+    return path
+
+
+def _joint(machine: Machine, stand_in: StandIn, joint: str) -> JointHydraulics:
+    valve, inside = stand_in.valves[joint], stand_in.cylinders[joint]
+    frequency = 2.0 * np.pi * valve.natural_frequency
+    gain = valve.rated_flow / np.sqrt(valve.rated_drop)
+    of_valve = {
+        "dead_zone_a": valve.dead_zone,
+        "dead_zone_b": valve.dead_zone,
+        "hysteresis": 0.0,
+        "lag": TOLD_LATE + 2.0 * valve.damping_ratio / frequency,
+        "natural_frequency": frequency,
+        "damping_ratio": valve.damping_ratio,
+        **{edge: gain * getattr(valve.edges, edge) for edge in Edges.model_fields},
+    }
+    of_chambers = {
+        "bulk_modulus": stand_in.oil.bulk_modulus,
+        **{name: getattr(inside, name) for name in ("dead_volume_a", "dead_volume_b", "leakage")},
+    }
+    sensed = machine.cylinders[joint].pressure_sensors
+    return JointHydraulics(
+        valve=ValveValues(**_measured(ValveValues.units, of_valve)),
+        chambers=ChamberValues(**_measured(ChamberValues.units, of_chambers)) if sensed else None,
+        unexplained=0.0,
+    )
+
+
+def _measured(units: dict[str, str], values: dict[str, float]) -> dict[str, Measured]:
+    return {name: Measured(value=value, unit=units[name]) for name, value in values.items()}
