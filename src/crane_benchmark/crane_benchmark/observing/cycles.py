@@ -86,6 +86,10 @@ class WorkCycles:
             phase=np.full(len(time), np.nan),
         )
 
+    def probe(self, time: np.ndarray) -> np.ndarray:
+        """(n, j) nothing is added to the commands."""
+        return np.zeros((len(time), len(self.start)))
+
     def load(self, time: np.ndarray) -> np.ndarray:
         """What hangs at the tip at time (n,) [s] since the beginning of the motion, (n,) [kg]."""
         rest_before = np.concatenate([[0.0], self.ends[:-1]])

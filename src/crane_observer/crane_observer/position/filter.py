@@ -188,8 +188,8 @@ class Filter:
         circuit, trust, sums, j = known.circuit, known.trust, window.sums, layout.joints
         q = self.position
         length, lever, bend = known.mechanics.cylinders(q[np.newaxis])[0].T
-        volume_a = circuit.dead_volume_a + circuit.area_a * (length - circuit.length_min)
-        volume_b = circuit.dead_volume_b + circuit.area_b * (circuit.length_max - length)
+        volume_a = circuit.dead_volume_a + circuit.growth_a * (length - circuit.empty_a)
+        volume_b = circuit.dead_volume_b + circuit.growth_b * (circuit.empty_b - length)
         rise_a, rise_b = window.after - window.before
         swept_a = sums[:, FLOW_A] - volume_a / circuit.bulk_modulus * rise_a
         swept_b = -sums[:, FLOW_B] + volume_b / circuit.bulk_modulus * rise_b
