@@ -7,11 +7,11 @@ import numpy as np
 from diagnostic_msgs.msg import DiagnosticArray, DiagnosticStatus, KeyValue
 from rclpy.clock import Clock, ClockType
 from rclpy.lifecycle import LifecycleNode, LifecycleState, TransitionCallbackReturn
-from rclpy.qos import QoSProfile, ReliabilityPolicy
+from rclpy.qos import DurabilityPolicy, QoSProfile, ReliabilityPolicy
 from sensor_msgs.msg import JointState
 
 from crane_bags.clocks import NANOSECONDS
-from crane_interfaces.msg import CylinderPressures, PositionEstimate, ValveCommand
+from crane_interfaces.msg import CylinderPressures, DriverState, PositionEstimate, ValveCommand
 from crane_model.errors import ConfigurationError, CraneError
 from crane_model.machine_files import machine_file
 from crane_model.model_file import Model, load_model
@@ -25,7 +25,13 @@ from crane_observer.node.topics import estimate_message, nanoseconds, picked, st
 from crane_observer.position.sensor import START, PositionSensor, SensorCondition, Told
 
 JOINT_STATES, PRESSURES, COMMANDS = "joint_states", "cylinder_pressures", "valve_command"
+DRIVER_STATE = "driver/state"
 DEEP = QoSProfile(depth=1000, reliability=ReliabilityPolicy.RELIABLE)
+LATCHED = QoSProfile(
+    depth=100,
+    reliability=ReliabilityPolicy.RELIABLE,
+    durability=DurabilityPolicy.TRANSIENT_LOCAL,
+)
 PUBLISH = 1.0  # s, of diagnostics
 VISIT = 0.01  # s between two visits to the queues
 SILENCE = 0.5  # s without pressures, after which they are reported as lost
@@ -62,6 +68,8 @@ class PositionSensorNode(LifecycleNode):
         hold(self, PARAMETERS, lambda: "configured" if self._model else "unconfigured")
         self._hidden = np.zeros(0, dtype=bool)
         self._queues: list[tuple[int, Polled]] = []
+        self._commanded = np.zeros(0)
+        self._closed = False  # the driver says that commands do not reach the valves
         self._zero, self._heard = 0, 0.0
         self._told: Told | None = None
         self._states = self.create_lifecycle_publisher(JointState, "joint_states_estimated", DEEP)
@@ -99,12 +107,18 @@ class PositionSensorNode(LifecycleNode):
 
     def on_activate(self, state: LifecycleState) -> TransitionCallbackReturn:
         """Listen, from where the crane is said to be."""
-        types = {JOINT_STATES: JointState, COMMANDS: ValveCommand, PRESSURES: CylinderPressures}
+        heard = (
+            (DRIVER_STATE, DriverState, LATCHED),
+            (JOINT_STATES, JointState, DEEP),
+            (PRESSURES, CylinderPressures, DEEP),
+            (COMMANDS, ValveCommand, DEEP),
+        )
         self._queues = [
-            (order, Polled(self, msgtype, topic, DEEP))
-            for order, (topic, msgtype) in enumerate(types.items())
+            (order, Polled(self, msgtype, topic, qos))
+            for order, (topic, msgtype, qos) in enumerate(heard)
         ]
         self._sensor = self._told = None
+        self._commanded, self._closed = np.zeros(len(self._hidden)), False
         self._heard = time.monotonic()
         say_ready(self)
         return super().on_activate(state)
@@ -132,7 +146,9 @@ class PositionSensorNode(LifecycleNode):
         for stamp, _, message in sorted(came, key=lambda one: one[:2]):
             self._take(stamp, message)
 
-    def _take(self, stamp: int, message: JointState | CylinderPressures | ValveCommand) -> None:
+    def _take(
+        self, stamp: int, message: JointState | CylinderPressures | ValveCommand | DriverState
+    ) -> None:
         assert self._model is not None
         joints = self._model.joints
         match message:
@@ -143,16 +159,26 @@ class PositionSensorNode(LifecycleNode):
                 if self._sensor is not None:
                     self._sensor.add_encoders((stamp - self._zero) / NANOSECONDS, encoders)
             case ValveCommand():
-                if self._sensor is not None:
-                    command = picked(joints, message.name, message.command)
-                    # a joint that is not named stays at neutral
-                    command[~np.isin(joints, message.name)] = 0.0
-                    self._sensor.add_command((stamp - self._zero) / NANOSECONDS, command)
+                # a joint that is not named stays at neutral
+                self._commanded = picked(joints, message.name, message.command)
+                self._commanded[~np.isin(joints, message.name)] = 0.0
+                self._command(stamp)
+            case DriverState():
+                closed = message.state != DriverState.STATE_ENABLED
+                if closed is not self._closed:
+                    self._closed = closed
+                    self._command(stamp)
             case CylinderPressures():
                 self._heard = time.monotonic()
                 self._start(stamp, None)
                 if self._sensor is not None:
                     self._weigh(stamp, message)
+
+    def _command(self, stamp: int) -> None:
+        """What reaches the valves from now on."""
+        if self._sensor is not None:
+            reaching = np.zeros_like(self._commanded) if self._closed else self._commanded
+            self._sensor.add_command((stamp - self._zero) / NANOSECONDS, reaching)
 
     def _start(self, stamp: int, encoders: np.ndarray | None) -> None:
         """Once, with the first encoders, or where `start` says it without them."""
@@ -220,7 +246,8 @@ class PositionSensorNode(LifecycleNode):
 
 
 ABOUT = """Estimates positions, velocities and the load at the tip from cylinder_pressures,
-valve_command and the encoders in joint_states that are left, by a model with hydraulics. Publishes
+valve_command (while driver/state says that it reaches the valves, where that is heard) and the
+encoders in joint_states that are left, by a model with hydraulics. Publishes
 joint_states_estimated and position_estimate."""
 
 
