@@ -1,6 +1,7 @@
 # make demo    the whole suite at work, results in runs/demo; MACHINE=... names another machine
 # make test    all tests
 # make discrepancy-benchmark   how often `diagnose` is right about hidden effects, in runs/
+# make observer-benchmark   how well positions are known without encoders, in runs/observer
 # make study   the report's experiment with 20 + 2 trajectories, results in runs/study
 # make bench   measurements of speed
 # make figures put what was measured (demo, study, discrepancy-benchmark, bench) into the manual
@@ -22,7 +23,7 @@ export ROS_AUTOMATIC_DISCOVERY_RANGE := LOCALHOST
 
 in_env := source scripts/env.sh &&
 
-.PHONY: help demo study discrepancy-benchmark test bench figures lint docs setup clean
+.PHONY: help demo study discrepancy-benchmark observer-benchmark test bench figures lint docs setup clean
 
 help:
 	@sed -n '/^$$/q; s/^# //p' Makefile
@@ -42,6 +43,9 @@ discrepancy-benchmark: setup
 
 test: setup
 	@$(in_env) scripts/test.sh $(TESTS)
+
+observer-benchmark: setup
+	@$(in_env) ros2 run crane_benchmark observer --out runs/observer/observer.json
 
 bench: setup
 	@$(in_env) python -m pytest -s $(BENCH)

@@ -33,7 +33,10 @@ MAY_IMPORT: Mapping[str, frozenset[str]] = {
         "crane_trajectory": "crane_model crane_nodes",
         "crane_sim": "crane_model crane_bags crane_driver crane_trajectory",
         "crane_identification": "crane_model crane_bags crane_nodes",
-        "crane_benchmark": "crane_model crane_sim crane_trajectory crane_identification",
+        "crane_observer": "crane_model crane_bags crane_nodes",
+        "crane_benchmark": (
+            "crane_model crane_sim crane_trajectory crane_identification crane_observer"
+        ),
     }.items()
 }
 COLUMNS = (

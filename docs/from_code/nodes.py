@@ -12,12 +12,14 @@ from crane_driver.driver_node import Driver
 from crane_driver.operator.jog.jog_node import Jog
 from crane_identification.online.identification_node import Identification
 from crane_model.machine import load_machine
+from crane_observer.node.position_sensor_node import PositionSensorNode
 from crane_trajectory.trajectory_node import Trajectory
 
 NODES: dict[str, Callable[[], Node]] = {
     "driver": Driver,
     "trajectory": Trajectory,
     "identification": Identification,
+    "position_sensor": PositionSensorNode,
     "jog": lambda: Jog(by_joystick=True),
 }
 OF_EVERY_NODE = {"use_sim_time", "start_type_description_service"}

@@ -8,6 +8,7 @@ PACKAGE = "crane_benchmark"
 TOOLS = {  # they run without ROS
     "discrepancy": "crane_benchmark.benchmark:main",
     "leave_one_out": "crane_benchmark.leave_one_out:main",
+    "observer": "crane_benchmark.observing.observer:main",
     "study": "crane_benchmark.study.study:main",
 }
 
@@ -32,6 +33,7 @@ setup(
     install_requires=[
         "crane_identification",
         "crane_model",
+        "crane_observer",
         "crane_sim",
         "crane_trajectory",
         "matplotlib",

@@ -24,6 +24,7 @@ from crane_interfaces.msg import (
     GeneralizedForces,
     JointReference,
     ParameterEstimate,
+    PositionEstimate,
     ValveCommand,
 )
 
@@ -72,6 +73,17 @@ MESSAGES = [
         std_dev=[1.5, math.inf],
         unit=["kg", "kg*m"],
         samples=2**63 + 1,
+    ),
+    PositionEstimate(
+        header=HEADER,
+        name=["slew", "telescope"],
+        std_dev=[1e-3, math.inf],
+        measured=[True, False],
+        observable=[True, False],
+        covariance=[1e-6, 0.0, 0.0, 0.0, math.inf, 0.0, 0.0, 0.0, 4.0],
+        load=95.5,
+        load_std_dev=2.0,
+        condition="ENCODER_LOST",
     ),
     ValveCommand(header=HEADER, name=["slew"], command=[-1.0]),
 ]

@@ -28,6 +28,7 @@ def test_all_packages_are_found() -> None:
         "crane_machines",
         "crane_model",
         "crane_nodes",
+        "crane_observer",
         "crane_sim",
     ]
 

@@ -64,7 +64,7 @@ def _edge(gain: float, drop: float) -> tuple[float, float]:
 
 
 @njit(cache=True, error_model="numpy")
-def _chamber_flows(
+def chamber_flows(
     circuit: Circuit, j: int, o: float, p_a: float, p_b: float, supply: float
 ) -> tuple[float, float, float, float]:
     """Q_A, its slope against p_A, Q_B, its slope against p_B."""
@@ -143,7 +143,7 @@ def _fill(
             growth = (after - before) * (arm + 0.5 * bend * (after + before)) / step
             o = opened[n, j]
             p_a, p_b = course.chamber_a[k + 1, n, j], course.chamber_b[k + 1, n, j]
-            q_a, slope_a, q_b, slope_b = _chamber_flows(circuit, j, o, p_a, p_b, supply)
+            q_a, slope_a, q_b, slope_b = chamber_flows(circuit, j, o, p_a, p_b, supply)
             leak = circuit.leakage[j]
             swept = circuit.area_a[j] * (x - circuit.length_min[j])
             stiffness = step * circuit.bulk_modulus[j]

@@ -70,6 +70,12 @@ class Plant:
                 "stops (cylinders.*.stop_stiffness) or shorten the step"
             )
 
+    def set_magnitude(self, k: int, magnitude: float) -> None:
+        """From now on, effect k of those planted that act in the plant has this magnitude."""
+        if not 0 <= k < self.hidden_count or self._hidden is None:
+            raise RangeError(f"plant: no hidden effect {k}; it has {self.hidden_count}")
+        self._hidden.value[k, 0] = magnitude
+
     @property
     def q(self) -> np.ndarray:
         """(j,) coordinates [rad, m]; this and the others from the base to the tip."""

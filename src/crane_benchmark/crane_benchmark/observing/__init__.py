@@ -1,0 +1,1 @@
+"""How well the observers do: machines at work, what they are to reach, and what they reach."""

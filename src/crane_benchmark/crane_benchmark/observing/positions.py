@@ -1,0 +1,99 @@
+"""The position sensor on machines at work, beside flow alone and a filter that knows no load."""
+
+from dataclasses import replace
+from pathlib import Path
+from typing import NamedTuple
+
+import numpy as np
+
+from crane_benchmark.observing.machines import Observed
+from crane_model.kinematics import tip_position
+from crane_model.model_file import Model
+from crane_observer.position.replay import replay
+from crane_observer.position.sensor import START, PositionSensor
+from crane_observer.position.state import Trust
+from crane_observer.recording import HeardRecording
+from crane_sim.plant.closed_loop import SimulatedRecording
+
+NO_FORCE = 1e12  # Pa, noise of a force balance that is not to count
+OFF = 0.3  # rad or m
+CONVERGED = 60.0  # s of motion
+
+
+class Errors(NamedTuple):
+    """RMS over a run."""
+
+    joints: np.ndarray  # (j,) rad, m
+    tip: float  # m
+    nees: float  # normalised error squared of the joints without encoder, over their number
+
+
+class Kind(NamedTuple):
+    """An observer, by what it trusts."""
+
+    name: str
+
+    def trust(self, model: Model) -> Trust:
+        """Of this model."""
+        full = Trust.of(model)
+        if self is FLOW:
+            return replace(full, noise=NO_FORCE)
+        if self is NO_LOAD:
+            return replace(full, load=0.0, load_drift=0.0, load_at_rest=0.0)
+        return full
+
+
+FILTER, FLOW, NO_LOAD = Kind("position sensor"), Kind("flow alone"), Kind("without load")
+
+
+def heard(made: SimulatedRecording, model: Model, observed: Observed) -> HeardRecording:
+    """What the sensors of the joints of the model showed."""
+    time = made.time - made.time[0]
+    columns = [observed.machine.index(joint) for joint in model.joints]
+    rows = [made.cylinders.index(joint) for joint in model.joints]
+    pressures = made.pressures
+    return HeardRecording(
+        Path("made"), 0, time, made.position[:, columns], time, pressures.chamber_a[:, rows],
+        pressures.chamber_b[:, rows], pressures.supply, time, made.command[:, columns],
+    )  # fmt: skip
+
+
+def observe(
+    observed: Observed,
+    made: SimulatedRecording,
+    model: Model,
+    hidden: np.ndarray,
+    kind: Kind = FILTER,
+    off: float = 0.0,
+) -> Errors:
+    """From a start that is known, or `off` by so much and only trusted so far; errors of such a
+    start count when it has had time to converge.
+    """
+    recording = heard(made, model, observed)
+    start = recording.encoders[0] + np.where(hidden, off, 0.0)
+    limits = [observed.machine.limits[joint] for joint in model.joints]
+    start = np.clip(
+        start, [one.position_min for one in limits], [one.position_max for one in limits]
+    )
+    sensor = PositionSensor(model, start, max(off, START), kind.trust(model))
+    course = replay(sensor, recording, hidden)
+    columns = [observed.machine.index(joint) for joint in model.joints]
+    true = np.stack(
+        [np.interp(course.time, recording.encoder_time, q) for q in made.truth.position.T], axis=1
+    )
+    whole = true.copy()
+    whole[:, columns] = course.position
+    counted = course.time > (CONVERGED if off else 0.0)
+    error = (whole - true)[counted][:, columns]
+    tip = np.linalg.norm(
+        tip_position(observed.machine, whole[counted])
+        - tip_position(observed.machine, true[counted]),
+        axis=1,
+    )
+    places = np.flatnonzero(hidden)
+    covariance = course.covariance[counted][:, places][:, :, places]
+    away = error[:, places]
+    nees = np.einsum("ni,nij,nj->n", away, np.linalg.inv(covariance), away) / len(places)
+    return Errors(
+        np.sqrt((error**2).mean(axis=0)), float(np.sqrt((tip**2).mean())), float(nees.mean())
+    )

@@ -1,0 +1,1 @@
+"""The crane that knows itself: positions without encoders, and the load at the tip."""

@@ -1,0 +1,1 @@
+"""The nodes: messages to readings, and estimates to messages."""

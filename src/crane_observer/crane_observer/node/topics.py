@@ -1,0 +1,58 @@
+"""From messages to readings, and back."""
+
+from collections.abc import Sequence
+
+import numpy as np
+from builtin_interfaces.msg import Time
+from sensor_msgs.msg import JointState
+
+from crane_bags.clocks import NANOSECONDS
+from crane_interfaces.msg import PositionEstimate
+from crane_model.array import Array
+from crane_observer.position.sensor import Told
+
+
+def picked(joints: Sequence[str], names: Sequence[str], values: Sequence[float]) -> Array:
+    """(j,) of `values`, one a name; NaN of joints that are not named."""
+    given = dict(zip(names, values, strict=False))
+    return np.array([given.get(joint, np.nan) for joint in joints], dtype=float)
+
+
+def nanoseconds(stamp: Time) -> int:
+    """A stamp as one number."""
+    return int(stamp.sec * NANOSECONDS + stamp.nanosec)
+
+
+def _stamp(stamp: int) -> Time:
+    seconds, nanosec = divmod(stamp, NANOSECONDS)
+    return Time(sec=seconds, nanosec=nanosec)
+
+
+def states_message(joints: Sequence[str], told: Told, stamp: int) -> JointState:
+    """Position and velocity of the joints of the model."""
+    estimate = told.estimate
+    message = JointState(
+        name=list(joints),
+        position=estimate.position.tolist(),
+        velocity=estimate.velocity.tolist(),
+    )
+    message.header.stamp = _stamp(stamp)
+    return message
+
+
+def estimate_message(joints: Sequence[str], told: Told, stamp: int) -> PositionEstimate:
+    """How far they are to be believed."""
+    estimate = told.estimate
+    deviation = estimate.deviation
+    message = PositionEstimate(
+        name=list(joints),
+        std_dev=deviation[:-1].tolist(),
+        measured=told.measured.tolist(),
+        observable=told.observable.tolist(),
+        covariance=estimate.covariance.ravel().tolist(),
+        load=estimate.load,
+        load_std_dev=float(deviation[-1]),
+        condition=told.condition.name,
+    )
+    message.header.stamp = _stamp(stamp)
+    return message

@@ -1,0 +1,159 @@
+"""What flows into the chambers over a window of some samples, compiled.
+
+Commands are followed through the valves as `crane_model.hydraulics.spool` has them, and what passes
+the metering edges is that of `crane_model.hydraulics.chambers` at the measured pressures. Whatever
+depends on the position is left to those who know it: sums of a window hold for every pose.
+"""
+
+import math
+from typing import NamedTuple
+
+import numpy as np
+from numba import njit
+from numpy.typing import NDArray
+
+from crane_model.array import Array
+from crane_model.cylinders import lever_arm
+from crane_model.hydraulics.spool import opening, transition
+from crane_model.hydraulics.stepping import Circuit, chamber_flows
+from crane_model.model_file import Model
+from crane_model.whole_crane import circuit_of, identified
+
+PARTS = 4  # of the interval between two samples of pressure, over which a spool is taken to stand
+HELD_COMMANDS = 64  # as many as there can be within the delay of a valve and one interval
+
+FLOW_A, FLOW_B, NULL_A, NULL_B, DROP_A, DROP_B, FORCE, LATER, OPEN, LOST_A, LOST_B = range(11)
+"""Sums over a window: flow into A and B [m3]; what each grows by for a null of 1 [m3] and for
+pressures off by 1 Pa [m3/Pa]; the piston's impulse [N s], and that
+times the time since the window began [N s2]; time with A fed less with B fed [s];
+time in which what flows into A and B is not known [s]."""
+SUMS = 11
+
+SUCKED = 0.5e5  # Pa above that of the tank, below which a chamber may be filled past its valve
+FULL = 0.999  # of the largest pressure that a transducer shows, which may then be any larger one
+
+
+class Spools(NamedTuple):
+    """Of the valves of j joints; see `crane_model.hydraulics.values`."""
+
+    sense: Array  # (j,) +1 where extending the cylinder moves the joint in its positive direction
+    delay: Array  # (j,) s
+    frequency: Array  # (j,) rad/s
+    damping: Array  # (j,)
+    play: Array  # (j,)
+    dead_zone_a: Array  # (j,)
+    dead_zone_b: Array  # (j,)
+
+
+def spools_of(model: Model) -> Spools:
+    """Those of the joints of a model; `ConfigurationError` names what is not identified."""
+    circuit_of(model)
+    machine, known = identified(model)
+    rows = []
+    for joint in model.joints:
+        limits, valve = machine.limits[joint], known.joints[joint].valve
+        middle = (limits.position_min + limits.position_max) / 2.0
+        rows.append(
+            (
+                np.sign(lever_arm(machine, joint, np.array([middle]))[0]),
+                valve.delay,
+                valve.natural_frequency.value,
+                valve.damping_ratio.value,
+                valve.hysteresis.value,
+                valve.dead_zone_a.value,
+                valve.dead_zone_b.value,
+            )
+        )
+    return Spools(*np.array(rows, dtype=float).T.copy())
+
+
+class Commands(NamedTuple):
+    """The newest commands, as a ring; `came` (1,) is how many there ever were."""
+
+    stamp: Array  # (HELD_COMMANDS,) s
+    value: Array  # (HELD_COMMANDS, j)
+    came: NDArray[np.int64]  # (1,)
+
+    @classmethod
+    def none(cls, joints: int) -> "Commands":
+        """Before the first."""
+        stamp = np.full(HELD_COMMANDS, -np.inf)
+        return cls(stamp, np.zeros((HELD_COMMANDS, joints)), np.zeros(1, dtype=np.int64))
+
+    def add(self, stamp: float, value: Array) -> None:
+        """One more, in force from its stamp [s] until the next."""
+        row = int(self.came[0]) % HELD_COMMANDS
+        self.stamp[row], self.value[row] = stamp, value
+        self.came[0] += 1
+
+
+@njit(cache=True, error_model="numpy")
+def _in_force(commands: Commands, j: int, time: float) -> float:
+    """What joint j was told last before `time` [s]; 0 before the first command."""
+    count = commands.came[0]
+    for back in range(1, min(count, len(commands.stamp)) + 1):
+        row = (count - back) % len(commands.stamp)
+        if commands.stamp[row] <= time:
+            return float(commands.value[row, j])
+    return 0.0
+
+
+@njit(cache=True, error_model="numpy")
+def add_interval(
+    circuit: Circuit,
+    spools: Spools,
+    commands: Commands,
+    spool: Array,
+    since: float,
+    begin: float,
+    end: float,
+    before: Array,
+    after: Array,
+    supply: float,
+    largest: float,
+    sums: Array,
+) -> None:
+    """Add what flowed from `begin` to `end` [s] to `sums` (j, SUMS) of a window that began at
+    `since`, and move the spools on.
+
+    `spool` (j, 3): position, its rate and that of the edges. Pressures `before` and `after`
+    (2, j) [Pa] are of chambers A and B; `supply` [Pa] is that of the interval, and `largest`
+    [Pa] what a transducer can show.
+    """
+    step = (end - begin) / PARTS
+    for j in range(len(spools.sense)):
+        now = transition(spools.frequency[j], spools.damping[j], 0.5 * step)
+        half = 0.5 * spools.play[j]
+        for part in range(PARTS):
+            middle = begin + (part + 0.5) * step
+            target = spools.sense[j] * _in_force(commands, j, middle - spools.delay[j])
+            z = spool[j, 2]
+            for second in range(2):
+                away, rate = spool[j, 0] - target, spool[j, 1]
+                spool[j, 0] = target + now[0] * away + now[1] * rate
+                spool[j, 1] = now[2] * away + now[3] * rate
+                spool[j, 2] = min(spool[j, 0] + half, max(spool[j, 0] - half, spool[j, 2]))
+                if second == 0:
+                    z = spool[j, 2]
+            share = (part + 0.5) / PARTS
+            p_a = before[0, j] + share * (after[0, j] - before[0, j])
+            p_b = before[1, j] + share * (after[1, j] - before[1, j])
+            o = opening(z, spools.dead_zone_a[j], spools.dead_zone_b[j])
+            q_a, slope_a, q_b, slope_b = chamber_flows(circuit, j, o, p_a, p_b, supply)
+            leak = circuit.leakage[j] * (p_a - p_b)
+            sums[j, FLOW_A] += step * (q_a - leak)
+            sums[j, FLOW_B] += step * (q_b + leak)
+            sums[j, DROP_A] += step * math.fabs(slope_a)
+            sums[j, DROP_B] += step * math.fabs(slope_b)
+            piston = circuit.area_a[j] * p_a - circuit.area_b[j] * p_b  # (19)
+            sums[j, FORCE] += step * piston
+            sums[j, LATER] += step * piston * (middle - since)
+            if p_a < circuit.tank_pressure + SUCKED or p_a > FULL * largest:
+                sums[j, LOST_A] += step
+            if p_b < circuit.tank_pressure + SUCKED or p_b > FULL * largest:
+                sums[j, LOST_B] += step
+            if o != 0.0:
+                dead = spools.dead_zone_a[j] if o > 0.0 else spools.dead_zone_b[j]
+                sums[j, NULL_A] += step * q_a / o / (1.0 - dead)
+                sums[j, NULL_B] += step * q_b / o / (1.0 - dead)
+                sums[j, OPEN] += step if o > 0.0 else -step

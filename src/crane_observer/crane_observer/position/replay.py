@@ -1,0 +1,58 @@
+"""The position sensor over a recording: the same numbers as those of the node."""
+
+from typing import NamedTuple
+
+import numpy as np
+
+from crane_model.array import Array, Flags
+from crane_observer.position.sensor import PositionSensor, SensorCondition
+from crane_observer.recording import COMMAND, ENCODERS, HeardRecording
+
+
+class EstimatedCourse(NamedTuple):
+    """What the sensor told at n times, of j joints."""
+
+    time: Array  # (n,) s
+    position: Array  # (n, j)
+    velocity: Array  # (n, j)
+    deviation: Array  # (n, j)
+    load: Array  # (n,) kg
+    load_deviation: Array  # (n,) kg
+    covariance: Array  # (n, j + 1, j + 1)
+    observable: Flags  # (n, j)
+    changed: Flags  # (n,) a load came or went
+    conditions: tuple[SensorCondition, ...]
+
+
+def replay(sensor: PositionSensor, recording: HeardRecording, hidden: Flags) -> EstimatedCourse:
+    """Feed it the recording, without the encoders that are `hidden` (j,)."""
+    told = []
+    for kind, k in recording.events():
+        if kind == ENCODERS:
+            shown = np.where(hidden, np.nan, recording.encoders[k])
+            sensor.add_encoders(recording.encoder_time[k], shown)
+        elif kind == COMMAND:
+            sensor.add_command(recording.command_time[k], recording.commands[k])
+        else:
+            one = sensor.add_pressures(
+                recording.pressure_time[k],
+                recording.chamber_a[k],
+                recording.chamber_b[k],
+                recording.supply[k],
+            )
+            if one is not None:
+                told.append(one)
+    estimates = [one.estimate for one in told]
+    deviation = np.array([one.deviation for one in estimates])
+    return EstimatedCourse(
+        np.array([one.time for one in estimates]),
+        np.array([one.position for one in estimates]),
+        np.array([one.velocity for one in estimates]),
+        deviation[:, :-1],
+        np.array([one.load for one in estimates]),
+        deviation[:, -1],
+        np.array([one.covariance for one in estimates]),
+        np.array([one.observable for one in told]),
+        np.array([one.surprised for one in estimates]),
+        tuple(one.condition for one in told),
+    )

@@ -1,0 +1,166 @@
+"""The position sensor: readings as they come, in any order, to an estimate for each window."""
+
+from enum import Enum
+from typing import NamedTuple
+
+import numpy as np
+
+from crane_model.array import Array, Flags
+from crane_model.machine import Machine
+from crane_model.model_file import Model
+from crane_observer.position.filter import FlowWindow, Known, PoseEstimate
+from crane_observer.position.flow import SUMS, Commands, add_interval, spools_of
+from crane_observer.position.hypotheses import Hypotheses
+from crane_observer.position.observability import Observability
+from crane_observer.position.state import Trust
+
+WINDOW = 0.05  # s
+EARLY = 0.002  # s, before its time, that a window may end
+GAP = 0.05  # s without pressures, which are then lost
+STALE = 0.05  # s, of a reading of an encoder that still counts
+SILENT = 0.5  # s without a command, after which the valves count as closed
+NEUTRAL = 1e-6  # of the stroke
+ENCODER = 1e-4  # rad or m, standard deviation of a reading
+START = 1e-3  # rad or m, standard deviation of a start that is known
+LARGEST = 25e6  # Pa, what transducers show at most where nobody says
+
+
+class SensorCondition(Enum):
+    """What is wrong with what comes in; the estimate goes on as well as it can."""
+
+    WAITING = "waiting for pressures"
+    GOOD = "good"
+    PRESSURES_LOST = "pressures lost: positions drift until they are back"
+    COMMANDS_LOST = "commands lost while a valve was open: it counts as closed"
+    ENCODER_LOST = "an encoder is lost: its joint goes on by flow and force"
+    SEARCHING = "start not known: several poses are possible"
+
+
+class Told(NamedTuple):
+    """What the sensor tells after a window."""
+
+    estimate: PoseEstimate
+    condition: SensorCondition
+    observable: Flags  # (j,) by an encoder, or by the force balance of the last half minute
+    measured: Flags  # (j,) by an encoder
+
+
+class PositionSensor:
+    """Positions and load of the joints of a model; times in seconds, arrays (j,) in its order."""
+
+    def __init__(
+        self,
+        model: Model,
+        position: Array,
+        deviation: float = START,
+        trust: Trust | None = None,
+        largest: float = LARGEST,
+    ):
+        """`position` (j,) [rad, m] is where it starts, known to `deviation`; NaN where nobody
+        knows. `ConfigurationError` names what the model lacks.
+        """
+        self.model, self._largest = model, largest
+        joints = len(model.joints)
+        known = Known.of(model, np.full(joints, ENCODER), trust)
+        self._known, self._spools = known, spools_of(model)
+        self._commands, self._spool = Commands.none(joints), np.zeros((joints, 3))
+        self._hypotheses = Hypotheses(known, position, np.full(joints, deviation))
+        span = known.high - known.low
+        self._observability = Observability(known.layout, span, known.trust.spread(known.layout))
+        self._sums = np.zeros((joints, SUMS))
+        self._begin = self._newest = np.nan
+        self._before = self._last = np.zeros((2, joints))
+        self._supply = known.circuit.supply_pressure
+        self._blind, self._silenced = 0.0, False
+        self._commanded, self._told = -np.inf, np.zeros(joints)
+        self._encoder_time = np.full(joints, -np.inf)
+        self._encoder = np.full(joints, np.nan)
+        self._once_measured = np.zeros(joints, dtype=bool)
+        self._velocity = np.zeros(joints)
+        self.late = 0  # readings that came after newer ones, and were left out
+        self.invalid = 0  # readings that were no numbers
+
+    @property
+    def machine(self) -> Machine:
+        """That of the model."""
+        return self._known.mechanics.machine
+
+    def add_encoders(self, time: float, position: Array) -> None:
+        """Readings [rad, m]; NaN of a joint without one."""
+        newer = np.isfinite(position) & (time > self._encoder_time)
+        self._encoder = np.where(newer, position, self._encoder)
+        self._encoder_time = np.where(newer, time, self._encoder_time)
+        self._once_measured |= newer
+
+    def add_command(self, time: float, command: Array) -> None:
+        """Spool commands, -1..1, in force from now on."""
+        if not np.isfinite(command).all():
+            self.invalid += 1
+        elif time < self._commanded:
+            self.late += 1
+        else:
+            self._commands.add(time, np.clip(command, -1.0, 1.0))
+            self._commanded, self._told, self._silenced = time, command, False
+
+    def add_pressures(
+        self, time: float, chamber_a: Array, chamber_b: Array, supply: float
+    ) -> Told | None:
+        """Readings [Pa], the clock of all; what is known where they complete a window. A supply
+        that is NaN counts as the last one that was measured.
+        """
+        now = np.stack([chamber_a, chamber_b])
+        if not np.isfinite(now).all():
+            self.invalid += 1
+            return None
+        if np.isnan(self._newest):
+            self._begin_window(time, now)
+            self._newest, self._last = time, now
+            return None
+        if time <= self._newest:
+            self.late += 1
+            return None
+        if np.isfinite(supply):
+            self._supply = supply
+        if time - self._newest > GAP:
+            self._blind += time - self._newest
+        if time - self._commanded > SILENT and not self._silenced:
+            self._silenced = True
+            self._commands.add(self._commanded + SILENT, np.zeros_like(chamber_a))
+        add_interval(
+            self._known.circuit, self._spools, self._commands, self._spool, self._begin,
+            self._newest, time, self._last, now, self._supply, self._largest, self._sums,
+        )  # fmt: skip
+        self._newest, self._last = time, now
+        return self._complete() if time - self._begin >= WINDOW - EARLY else None
+
+    def _begin_window(self, time: float, pressures: Array) -> None:
+        self._begin, self._before, self._blind = time, pressures, 0.0
+        self._sums[:] = 0.0
+
+    def _complete(self) -> Told:
+        time = self._newest
+        age = time - self._encoder_time
+        measured = np.abs(age) < STALE
+        encoders = self._encoder + self._velocity * np.where(measured, age, np.nan)
+        cut_off = self._silenced and bool((np.abs(self._told) > NEUTRAL).any())
+        blind = self._blind or ((time - self._begin) if cut_off else 0.0)
+        duration = time - self._begin
+        window = FlowWindow(
+            time, duration, self._sums.copy(), self._before, self._last, encoders, blind
+        )
+        estimate = self._hypotheses.step(window)
+        best = self._hypotheses.filters[0]
+        self._velocity = estimate.velocity
+        self._observability.add(best.rows, duration)
+        self._begin_window(time, self._last)
+        condition = SensorCondition.GOOD
+        if len(self._hypotheses.filters) > 1:
+            condition = SensorCondition.SEARCHING
+        if (self._once_measured & ~measured).any():
+            condition = SensorCondition.ENCODER_LOST
+        if cut_off:
+            condition = SensorCondition.COMMANDS_LOST
+        if window.blind and not cut_off:
+            condition = SensorCondition.PRESSURES_LOST
+        observable = measured | self._observability.observable
+        return Told(estimate, condition, observable, measured)

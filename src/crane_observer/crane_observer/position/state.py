@@ -1,0 +1,109 @@
+"""What is estimated, and how far it is trusted."""
+
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from crane_model.array import Array
+from crane_model.model_file import Model
+
+DOUBTFUL = (
+    0.01  # of friction, its standard deviation in a model that is trusted as little as can be
+)
+LEAST = 0.15  # of the deviations of such a model, those of one without any lack of fit
+
+
+@dataclass(frozen=True)
+class StateLayout:
+    """Where the states of j joints stand: of each joint seven, and the load at the tip last.
+
+    Coordinates [rad, m]; errors of the flow gain where the cylinder extends and where it retracts
+    [1]; null of the valve [of the stroke]; error of the piston's force, as one of pressure in
+    chamber A [Pa]; error of dry and of viscous friction [of what the model has]; load [kg].
+    """
+
+    joints: int
+
+    @property
+    def size(self) -> int:
+        """How many states there are."""
+        return 7 * self.joints + 1
+
+    def of(self, kind: int) -> slice:
+        """The states of one kind, by joint: POSITION, EXTENDING, ..., VISCOUS."""
+        return slice(kind * self.joints, (kind + 1) * self.joints)
+
+    @property
+    def load(self) -> int:
+        """The place of the load."""
+        return 7 * self.joints
+
+
+POSITION, EXTENDING, RETRACTING, NULL, PRESSURE, DRY, VISCOUS = range(7)
+
+
+@dataclass(frozen=True)
+class Trust:
+    """How far an identified model is trusted: standard deviations, and for how long errors stay.
+
+    What `identify` says of its values is what noise did to them; these say how far a machine is
+    from any model, and from itself on another day.
+    """
+
+    gain: float = 0.005  # of the flow, each direction
+    null: float = 0.001  # of the stroke
+    stays: float = 600.0  # s, of gains and nulls
+    pressure: float = 0.3e5  # Pa, of the piston's force
+    pressure_stays: float = 20.0  # s
+    dry: float = 0.1  # of dry friction
+    viscous: float = 0.05  # of viscous friction
+    friction_stays: float = 60.0  # s
+    load: float = 60.0  # kg, of a load that has just come or gone
+    load_drift: float = 0.05  # kg/sqrt(s), in motion
+    load_at_rest: float = 6.0  # kg/sqrt(s), where dry friction may hide that it came or went
+    stroke: float = 0.005  # of the stroke of a window, beside gains
+    noise: float = 0.5e5  # Pa, of a window's force balance, beside what stays
+    inertia: float = 0.05  # of the force that accelerates
+    reading: float = 1.2e4  # Pa, noise of one reading of a pressure
+    transducer: float = 0.3e5  # Pa, off at a metering edge
+
+    @classmethod
+    def of(cls, model: Model) -> "Trust":
+        """As far as the model deserves it: standard deviations of friction tell how far (13) is
+        from the machine, since they hold what the law does not explain.
+        """
+        doubts = [LEAST]
+        for term, part in zip(model.terms, map(model.part, model.terms), strict=True):
+            if not term.is_friction() or model.std_devs is None:
+                continue
+            for k, parameter in enumerate(term.parameters(model.setting), start=part.start):
+                if parameter.minimum == 0.0 and model.theta[k] > 0.0:
+                    doubts.append(float(model.std_devs[k] / model.theta[k]) / DOUBTFUL)
+        return cls().times(min(max(doubts), 1.0))
+
+    def times(self, share: float) -> "Trust":
+        """With a share of each deviation that a model is to blame for."""
+        blamed = ("gain", "null", "pressure", "dry", "viscous", "stroke", "noise", "inertia",
+                  "transducer")  # fmt: skip
+        return replace(self, **{name: share * getattr(self, name) for name in blamed})
+
+    def spread(self, layout: StateLayout) -> Array:
+        """(size,) standard deviations that states have where nothing is known; 0 of positions and
+        of the load, which come with what is known of the start.
+        """
+        found = np.zeros(layout.size)
+        found[layout.of(EXTENDING)] = found[layout.of(RETRACTING)] = self.gain
+        found[layout.of(NULL)] = self.null
+        found[layout.of(PRESSURE)] = self.pressure
+        found[layout.of(DRY)] = self.dry
+        found[layout.of(VISCOUS)] = self.viscous
+        return found
+
+    def stay(self, layout: StateLayout) -> Array:
+        """(size,) s that an error stays, of those that come and go; infinite of the others."""
+        found = np.full(layout.size, np.inf)
+        found[layout.of(EXTENDING)] = found[layout.of(RETRACTING)] = self.stays
+        found[layout.of(NULL)] = self.stays
+        found[layout.of(PRESSURE)] = self.pressure_stays
+        found[layout.of(DRY)] = found[layout.of(VISCOUS)] = self.friction_stays
+        return found

@@ -1,0 +1,75 @@
+"""A bag as the observers hear it: readings in the order in which they would have come."""
+
+from collections.abc import Iterator
+from dataclasses import dataclass
+from pathlib import Path
+
+import numpy as np
+
+from crane_bags.clocks import NANOSECONDS
+from crane_bags.namespaces import namespace_of
+from crane_bags.reader import read_topics
+from crane_bags.types import CYLINDER_PRESSURES, JOINT_STATES, VALVE_COMMAND
+from crane_model.array import Array
+from crane_model.errors import DataError
+
+ENCODERS, PRESSURES, COMMAND = range(3)
+
+
+@dataclass(frozen=True)
+class HeardRecording:
+    """Readings of j joints; times in seconds since the first of the pressures."""
+
+    path: Path
+    start: int  # ns
+    encoder_time: Array  # (n,)
+    encoders: Array  # (n, j) rad, m
+    pressure_time: Array  # (m,)
+    chamber_a: Array  # (m, j) Pa
+    chamber_b: Array  # (m, j) Pa
+    supply: Array  # (m,) Pa
+    command_time: Array  # (k,)
+    commands: Array  # (k, j)
+
+    @classmethod
+    def read(cls, path: Path, joints: tuple[str, ...]) -> "HeardRecording":
+        """`DataError` names the topic that is missing, and what to record."""
+        namespace = namespace_of(path)
+        wanted = [
+            topic.within(namespace) for topic in (JOINT_STATES, CYLINDER_PRESSURES, VALVE_COMMAND)
+        ]
+        found = read_topics(path, wanted)
+        for topic in wanted[1:]:
+            if topic.name not in found:
+                raise DataError(
+                    f"{path}: holds no {topic.name}, without which flow is not known; record it"
+                )
+        pressures = found[wanted[1].name].select(joints)
+        commands = found[wanted[2].name].select(joints)
+        states = found[wanted[0].name].select(joints) if wanted[0].name in found else None
+        start = int(pressures.stamp[0])
+
+        def seconds(stamp: np.ndarray) -> Array:
+            return (stamp - start) / NANOSECONDS
+
+        supply = pressures.fields.get("supply", np.full(len(pressures.stamp), np.nan))
+        return cls(
+            path,
+            start,
+            np.zeros(0) if states is None else seconds(states.stamp),
+            np.zeros((0, len(joints))) if states is None else states.fields["position"],
+            seconds(pressures.stamp),
+            pressures.fields["chamber_a"],
+            pressures.fields["chamber_b"],
+            supply,
+            seconds(commands.stamp),
+            commands.fields["command"],
+        )
+
+    def events(self) -> Iterator[tuple[int, int]]:
+        """ENCODERS, PRESSURES or COMMAND, and its row; of one stamp in this order."""
+        times = (self.encoder_time, self.pressure_time, self.command_time)
+        kinds = np.repeat(np.arange(3), [len(one) for one in times])
+        rows = np.concatenate([np.arange(len(one)) for one in times])
+        for i in np.lexsort((kinds, np.concatenate(times))):
+            yield int(kinds[i]), int(rows[i])
