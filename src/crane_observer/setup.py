@@ -6,10 +6,12 @@ from setuptools import find_packages, setup
 
 PACKAGE = "crane_observer"
 TOOLS = {  # they run without ROS
+    "check_sensors": "crane_observer.check_sensors:main",
     "estimate_positions": "crane_observer.estimate_positions:main",
 }
 NODES = {
     "position_sensor": "crane_observer.node.position_sensor_node:main",
+    "sensor_monitor": "crane_observer.node.sensor_monitor_node:main",
 }
 
 if {"bdist_wheel", "editable_wheel"} & set(sys.argv):

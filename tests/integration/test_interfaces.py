@@ -25,6 +25,7 @@ from crane_interfaces.msg import (
     JointReference,
     ParameterEstimate,
     PositionEstimate,
+    SensorFindings,
     ValveCommand,
 )
 
@@ -84,6 +85,18 @@ MESSAGES = [
         load=95.5,
         load_std_dev=2.0,
         condition="ENCODER_LOST",
+    ),
+    SensorFindings(
+        header=HEADER,
+        sensor=["telescope encoder", "supply pressure"],
+        kind=["stuck", "offset"],
+        unit=["", "Pa"],
+        size=[1.0, -2e5],
+        low=[1.0, -3e5],
+        high=[1.0, -1e5],
+        onset=[1.7e9, 1.7e9],
+        dangerous=[True, False],
+        what_to_do=["stop", "replace it"],
     ),
     ValveCommand(header=HEADER, name=["slew"], command=[-1.0]),
 ]

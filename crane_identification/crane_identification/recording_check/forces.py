@@ -11,7 +11,6 @@ from crane_identification.recording_check.grid import Grid
 from crane_model.machine import Machine
 from crane_model.machine_files import machine_file
 from crane_model.model_file import Model, load_model
-from crane_model.terms.joint_term import OneJointTerm
 from crane_model.terms.term import Setting
 
 NEGLIGIBLE = 1e-9  # relative size of a direction that the data do not determine
@@ -25,9 +24,7 @@ def crane(machine: Machine) -> Model:
     names = dict(zip(model.joints, machine.as_planar().joints, strict=True))
     units = {names[joint]: unit for joint, unit in model.setting.units.items()}
     terms = tuple(
-        term.model_copy(update={"joint": names[term.joint]})
-        if isinstance(term, OneJointTerm)
-        else term
+        term.model_copy(update={"joint": names[term.only_joint]}) if term.only_joint else term
         for term in model.terms
     )
     return replace(model, setting=Setting(units, machine), terms=terms)

@@ -7,8 +7,9 @@ from builtin_interfaces.msg import Time
 from sensor_msgs.msg import JointState
 
 from crane_bags.clocks import NANOSECONDS
-from crane_interfaces.msg import PositionEstimate
+from crane_interfaces.msg import PositionEstimate, SensorFindings
 from crane_model.array import Array
+from crane_observer.monitor.finding import SensorFinding
 from crane_observer.position.sensor import Told
 
 
@@ -55,4 +56,24 @@ def estimate_message(joints: Sequence[str], told: Told, stamp: int) -> PositionE
         condition=told.condition.name,
     )
     message.header.stamp = _stamp(stamp)
+    return message
+
+
+def findings_message(findings: Sequence[SensorFinding], zero: int) -> SensorFindings:
+    """All of them; their times count from `zero` [ns]."""
+
+    message = SensorFindings(
+        sensor=[one.sensor for one in findings],
+        kind=[str(one.kind) for one in findings],
+        unit=[one.unit for one in findings],
+        size=[one.size for one in findings],
+        low=[one.low for one in findings],
+        high=[one.high for one in findings],
+        onset=[zero / NANOSECONDS + one.onset for one in findings],
+        dangerous=[one.dangerous for one in findings],
+        what_to_do=[one.what_to_do for one in findings],
+    )
+    if findings:
+        newest = max(one.found for one in findings)
+        message.header.stamp = _stamp(zero + round(newest * NANOSECONDS))
     return message

@@ -1,0 +1,198 @@
+"""From samples to blocks: what encoders and flow say of every joint, 20 times a second.
+
+In a block from t0 to t1 the piston of a joint moved, by its encoder and by either chamber,
+
+    x_E = x(q(t1)) - x(q(t0)),    x_A = (int Q_A - V_A/beta [p_A]) / A_A,
+    x_B = -(int Q_B - V_B/beta [p_B]) / A_B
+
+with Q less leakage, of `crane_observer.position.flow`, and the supply stands at p_0 - droop Q_S.
+What a sensor does wrong moves some of x_E - x_A, x_E - x_B and p_S - p_0 + droop Q_S, and leaves
+the others: see `signatures`.
+"""
+
+from dataclasses import dataclass
+from typing import NamedTuple
+
+import numpy as np
+
+from crane_model.array import Array, Flags
+from crane_model.cylinders import cylinder_length
+from crane_model.errors import DataError
+from crane_model.hydraulics.stepping import Circuit
+from crane_model.machine import Machine
+from crane_model.model_file import Model
+from crane_model.whole_crane import circuit_of, identified
+from crane_observer.position.flow import (
+    DROP_A,
+    DROP_B,
+    FLOW_A,
+    FLOW_B,
+    LOST_A,
+    LOST_B,
+    SUMS,
+    Commands,
+    Spools,
+    add_interval,
+    spools_of,
+)
+
+BLOCK = 0.05  # s; of sensors read at 200 Hz ten samples
+LEAST_APART = 5e-3  # s, of samples at the highest rate
+SETTLING = 1.0  # s after the first sample or a gap, until it is known where the spools stand
+LONGEST = 0.1  # s between two samples, beyond which nothing is known of what was between
+SHOWN = 2.5e7  # Pa, the largest pressure that is believed
+
+
+class Sample(NamedTuple):
+    """What the sensors of j joints show at one time; SI units."""
+
+    time: float  # s
+    position: Array  # (j,)
+    chamber_a: Array  # (j,) Pa
+    chamber_b: Array  # (j,) Pa
+    supply: float  # Pa
+
+
+class Block(NamedTuple):
+    """What the samples of BLOCK say of j joints, from `begin` to `time` [s].
+
+    An axis of 2 holds what chambers A and B say.
+    """
+
+    begin: float
+    time: float
+    encoder: Array  # (j,) m, x_E
+    flow: Array  # (j, 2) m, x_A and x_B
+    fed: Array  # (j, 2) m/Pa, by how much x_E - x_A, x_E - x_B grow where p_S is 1 Pa too high
+    drop: Array  # (j, 2) m/Pa, the same where p_A, p_B are
+    softness: Array  # (j, 2) m/Pa, by how much they jump where p_A, p_B do
+    leak: Array  # (j, 2) m s-1 Pa m3, by how much for a leak of 1 m3/s/Pa past the piston
+    known: Flags  # (j,) whether the flow is known
+    pressure: Array  # (j, 2) Pa, mean
+    last: Array  # (j, 2) Pa, of the last sample
+    supply: float  # Pa, mean, less what the flow that is drawn leaves of it
+    drawn: Array  # (j,) Pa, by how much each joint lets the supply droop
+    stroke: Array  # (j,) Pa s/m, by how much it would for 1 m/s
+
+
+@dataclass(frozen=True)
+class Physics:
+    """What the model file says."""
+
+    model: Model
+    machine: Machine
+    circuit: Circuit
+    spools: Spools
+
+    @classmethod
+    def of(cls, model: Model) -> "Physics":
+        """`ConfigurationError` names what the model does not hold."""
+        machine, _ = identified(model)
+        return cls(model, machine, circuit_of(model), spools_of(model))
+
+    @property
+    def joints(self) -> tuple[str, ...]:
+        """That are watched, those of the model."""
+        return self.model.joints
+
+    def lengths(self, q: Array) -> Array:
+        """(j,) of the cylinders [m] at coordinates (j,)."""
+        parts = (cylinder_length(self.machine, j, q[i]) for i, j in enumerate(self.joints))
+        return np.array([float(part) for part in parts])
+
+
+class Blocks:
+    """Gathers samples; the sums of flow are compiled."""
+
+    def __init__(self, physics: Physics):
+        self.physics = physics
+        joints = len(physics.joints)
+        self._commands = Commands.none(joints)
+        self._spool = np.zeros((joints, 3))
+        self._gathered: list[Sample] = []
+        self._sums = np.zeros((joints, SUMS))
+        self._length: Array | None = None
+        self._begun: float | None = None
+
+    def command(self, stamp: float, command: Array) -> None:
+        """In force from its stamp [s] until the next; (j,) -1..1."""
+        self._commands.add(stamp, np.nan_to_num(command))
+
+    def add(self, sample: Sample) -> Block | None:
+        """The block that ends with this sample, if one does, and the spools have settled.
+
+        `DataError` if a sample is incomplete, comes out of order, or behind a gap: the sample is
+        not used, and after a gap the next block begins anew.
+        """
+        gathered = self._gathered
+        _check(sample)
+        if gathered and sample.time <= gathered[-1].time:
+            raise DataError(f"sample at {sample.time:.4f} s: out of order or twice")
+        if gathered and sample.time - gathered[-1].time > LONGEST:
+            gap = sample.time - gathered[-1].time
+            self._gathered, self._length, self._begun = [sample], None, sample.time
+            self._sums[:] = 0.0
+            raise DataError(f"no sample for {gap:.3f} s before {sample.time:.3f} s")
+        if gathered:
+            last = gathered[-1]
+            add_interval(
+                self.physics.circuit, self.physics.spools, self._commands, self._spool,
+                gathered[0].time, last.time, sample.time,
+                np.stack([last.chamber_a, last.chamber_b]),
+                np.stack([sample.chamber_a, sample.chamber_b]),
+                0.5 * (last.supply + sample.supply), SHOWN, self._sums,
+            )  # fmt: skip
+        gathered.append(sample)
+        if self._begun is None:
+            self._begun = sample.time
+        if sample.time - gathered[0].time < BLOCK - 0.5 * LEAST_APART:
+            return None
+        block = self._block(gathered)
+        self._gathered = [sample]
+        self._sums[:] = 0.0
+        return None if sample.time < self._begun + SETTLING else block
+
+    def _block(self, samples: list[Sample]) -> Block:
+        circuit, sums = self.physics.circuit, self._sums
+        first, last = samples[0], samples[-1]
+        span = last.time - first.time
+        before = self.physics.lengths(first.position) if self._length is None else self._length
+        x = self._length = self.physics.lengths(last.position)
+        areas = np.stack([circuit.area_a, circuit.area_b], axis=1)
+        dead = np.stack([circuit.dead_volume_a, circuit.dead_volume_b], axis=1)
+        grown = circuit.growth_a * (x - circuit.empty_a), circuit.growth_b * (circuit.empty_b - x)
+        softness = (
+            (dead + np.stack(grown, axis=1)) / circuit.bulk_modulus[:, None] / areas * (1.0, -1.0)
+        )
+        begun = np.stack([first.chamber_a, first.chamber_b], axis=1)
+        ended = np.stack([last.chamber_a, last.chamber_b], axis=1)
+        volumes = sums[:, [FLOW_A, FLOW_B]]
+        drop = sums[:, [DROP_A, DROP_B]] / areas * (1.0, -1.0)
+        inner = samples[1:]
+        p_a = np.mean([one.chamber_a for one in inner], axis=0)
+        p_b = np.mean([one.chamber_b for one in inner], axis=0)
+        entering = np.maximum(volumes, 0.0)
+        drawn = circuit.droop * entering.sum(axis=1) / span
+        supply = float(np.mean([one.supply for one in inner]))
+        return Block(
+            begin=first.time,
+            time=last.time,
+            encoder=x - before,
+            flow=volumes / areas * (1.0, -1.0) - softness * (ended - begun),
+            fed=-drop * (volumes > 0.0),
+            drop=drop,
+            softness=softness,
+            leak=-((p_a - p_b) * span)[:, None] / areas,
+            known=(sums[:, LOST_A] + sums[:, LOST_B]) == 0.0,
+            pressure=np.stack([p_a, p_b], axis=1),
+            last=ended,
+            supply=supply - circuit.supply_pressure + float(drawn.sum()),
+            drawn=drawn,
+            stroke=circuit.droop * areas.mean(axis=1),
+        )
+
+
+def _check(sample: Sample) -> None:
+    shown = (sample.position, sample.chamber_a, sample.chamber_b)
+    if not (np.isfinite(shown).all() and np.isfinite(sample.supply)):
+        raise DataError(f"sample at {sample.time:.3f} s: a reading is missing")

@@ -1,0 +1,137 @@
+"""Whose fault it is: the signature that residuals follow best, from when, and how large.
+
+Sums of residuals are fitted, not the residuals: what encoders round and what jitters comes back in
+the next block, and is not summed up. Every signature is tried from every onset that may have been.
+"""
+
+import math
+from collections.abc import Sequence
+from typing import NamedTuple
+
+import numpy as np
+
+from crane_model.array import Array
+from crane_observer.monitor.history import History
+from crane_observer.monitor.signatures import SUPPLY, Course, Kind, Part, signatures
+
+ONSETS = 16  # that are tried at first, and between the best and its neighbours
+BEFORE = 40  # blocks before the earliest onset that say where residuals were
+CORRELATED = 10  # blocks that err alike
+FLOOR_SHARE = 0.25  # of a tolerance is one standard deviation
+COVERED = 1.96  # standard deviations to either side, of 95 %
+ONE_WAY = {Kind.SLOW, Kind.LEAKING}  # whose size is positive
+RELUCTANCE = {
+    Kind.STUCK: 0.7,
+    Kind.SWAPPED: 0.5,
+    Kind.OFFSET: 0.95,
+    Kind.JUMP: 0.9,
+    Kind.SLOW: 1.2,
+    Kind.LEAKING: 1.2,
+    Kind.OPEN: 1.3,
+}
+"""By which misfits are multiplied: of faults that explain as much, the plain ones come first."""
+QUIET = 1e-5  # m of way in which an encoder that is stuck still flickers
+
+VALVE_RESERVE = 0.5  # square standard deviations: whatever a valve does or not explains any motion
+
+
+class Suspect(NamedTuple):
+    """A fault that explains the residuals: how badly, from when [s], and how large."""
+
+    part: Part
+    joint: str  # or "supply"
+    kind: Kind
+    misfit: float  # mean square in standard deviations
+    onset: float  # s
+    size: float
+    deviation: float
+    unit: str
+
+
+def isolate(
+    history: History, tolerance: Array, joints: Sequence[str], alarmed: Array, span: int, ago: int
+) -> list[Suspect]:
+    """Suspects, the first first, after channels `alarmed` (c,) took all of their tolerance over
+    `span` blocks, `ago` blocks before the newest.
+    """
+    newest = history.newest
+    oldest = max(newest - 2 * span - BEFORE, 0)
+    most = max(newest - oldest - 5, 1)
+    spread = np.round(np.geomspace(1, most, ONSETS)).astype(int)
+    backs = np.unique(np.clip([*spread, *(ago + np.arange(-1, 5))], 1, most))
+    found = {back: _tried(history, tolerance, joints, alarmed, oldest, back) for back in backs}
+    best = min((_badness(one[0]), back) for back, one in found.items() if one)[1]
+    place = int(np.searchsorted(backs, best))
+    low, high = backs[max(place - 1, 0)], backs[min(place + 1, len(backs) - 1)]
+    for back in range(low + 1, high, max((high - low) // ONSETS, 1)):
+        if back not in found:
+            found[back] = _tried(history, tolerance, joints, alarmed, oldest, back)
+    return sorted((one for some in found.values() for one in some), key=_badness)
+
+
+def _badness(suspect: Suspect) -> float:
+    reserve = VALVE_RESERVE if suspect.part is Part.VALVE else 0.0
+    return (suspect.misfit + reserve) * RELUCTANCE.get(suspect.kind, 1.0)
+
+
+def _tried(
+    history: History,
+    tolerance: Array,
+    joints: Sequence[str],
+    alarmed: Array,
+    oldest: int,
+    back: int,
+) -> list[Suspect]:
+    """All that may have begun `back` blocks ago, by their misfit since the row `oldest`."""
+    newest, sums = history.newest, history.sums
+    row = newest - int(back)
+    blocks = history.since(row)
+    course = Course.of(blocks)
+    at = slice(oldest, newest + 1)
+    base = sums.residual[max(row - 4, oldest) : row + 1].mean(axis=0)
+    way, drop = np.abs(sums.way[at] - sums.way[row]), np.abs(sums.drop[at] - sums.drop[row])
+    deviation = FLOOR_SHARE * (tolerance[:, 0] + tolerance[:, 1] * way + tolerance[:, 2] * drop)
+    data = (sums.residual[at] - base) / deviation
+    found = []
+    for part, joint, kind, unit, whole, shape in _shapes(course, joints, alarmed):
+        model = np.zeros_like(data)
+        model[row - oldest + 1 :] = np.cumsum(shape, axis=0)
+        model /= deviation
+        power = float(np.sum(model**2))
+        if power == 0.0:
+            continue
+        times = 1.0 if whole else float(np.sum(model * data)) / power
+        if times < 0.0 and kind in ONE_WAY:
+            continue
+        misfit = float(np.mean((data - times * model) ** 2))
+        spread = 0.0 if whole else math.sqrt(CORRELATED * max(misfit, 1.0) / power)
+        begin = blocks[0].begin
+        found.append(Suspect(part, joint, kind, misfit, begin, whole or times, spread, unit))
+    return sorted(found, key=_badness)
+
+
+def _shapes(
+    course: Course, joints: Sequence[str], alarmed: Array
+) -> list[tuple[Part, str, Kind, str, float | None, Array]]:
+    """(n, c) a block of every fault that can have been."""
+    n, count = len(course.since), 2 * len(joints) + 1
+    shapes = []
+    known = np.repeat(course.known, 2, axis=1)
+    for j in np.flatnonzero(alarmed[:-1].reshape(-1, 2).any(axis=1)).tolist():
+        for one in signatures():
+            quiet = float(np.abs(course.encoder[:, j]).sum()) < QUIET
+            if one.part is Part.ENCODER and quiet != (one.kind is Kind.STUCK):
+                continue
+            shape = np.zeros((n, count))
+            shape[:, 2 * j : 2 * j + 2], shape[:, -1] = one.moves(course, j)
+            shape[:, :-1] *= known
+            shapes.append((one.part, joints[j], one.kind, one.unit, one.whole, shape))
+    for kind, unit, error in (
+        (Kind.OFFSET, "Pa", np.ones(n)),
+        (Kind.DRIFT, "Pa/s", course.since),
+    ):
+        shape = np.zeros((n, count))
+        shape[:, :-1] = (course.fed * error[:, None, None]).reshape(n, -1) * known
+        shape[:, -1] = error
+        shapes.append((Part.SUPPLY, SUPPLY, kind, unit, None, shape))
+    return shapes

@@ -1,0 +1,187 @@
+"""Samples in, findings out; the same on the machine and on bags."""
+
+import numpy as np
+
+from crane_model.array import Array
+from crane_model.errors import DataError
+from crane_observer.monitor.blocks import Block, Blocks, Physics, Sample
+from crane_observer.monitor.finding import SensorFinding
+from crane_observer.monitor.history import History
+from crane_observer.monitor.isolation import COVERED, Suspect, isolate
+from crane_observer.monitor.readings import LOOKED, Readings
+from crane_observer.monitor.signatures import SUPPLY, Kind, Part
+from crane_observer.monitor.tolerance import Tolerance, excess
+
+WAITED = 2  # blocks after an alarm, in which others that have the same cause follow
+LONGEST_WAIT = 16  # blocks, of a fault that grew slowly
+REFINED = 40  # blocks after which kind and size of what was found are looked at again
+SEEN_STUCK = 15  # repeats of a reading that are as good as stuck once residuals say so
+
+
+class Monitor:
+    """Of one machine; the joints of every sample are those of the model, in its order.
+
+    A sensor that was found is not watched any more until `forget`, nor is the rest of its joint:
+    what is compared with a sensor that lies, proves nothing.
+    """
+
+    def __init__(self, physics: Physics, tolerance: Tolerance):
+        """`DataError` if the tolerance is that of other joints."""
+        joints = physics.joints
+        if tuple(tolerance.joints) != joints:
+            raise DataError(
+                f"tolerances are those of {', '.join(tolerance.joints)}, the model has "
+                f"{', '.join(joints)}; learn them with this model"
+            )
+        self.physics = physics
+        self._tolerance = tolerance.rows
+        parts = (Part.ENCODER, Part.PRESSURE_A, Part.PRESSURE_B)
+        self._sensors = [(part, joint) for part in parts for joint in joints]
+        self._sensors.append((Part.SUPPLY, SUPPLY))
+        self.forget()
+
+    def forget(self) -> None:
+        """Begin anew: sensors were mended."""
+        joints = len(self.physics.joints)
+        self._blocks = Blocks(self.physics)
+        self._history = History(joints)
+        self._readings = Readings(3 * joints + 1)
+        self._watched = np.ones(2 * joints + 1, dtype=bool)
+        self._waiting: int | None = None
+        self._span, self._since, self._period, self._last = 1, 0, 0.0, 0.0
+        self._again: tuple[int, SensorFinding, Array] | None = None
+        self._alarmed = np.zeros(2 * joints + 1, dtype=bool)
+        self._block: Block | None = None
+        self.taken = np.zeros(2 * joints + 1)  # share of its tolerance, of each channel
+        self.findings: list[SensorFinding] = []
+
+    def take_block(self) -> Block | None:
+        """The block that was completed since this was asked last, if one was."""
+        block, self._block = self._block, None
+        return block
+
+    def command(self, stamp: float, command: Array) -> None:
+        """Valve commands (j,) in -1..1, in force from `stamp` [s] on."""
+        self._blocks.command(stamp, command)
+
+    def add(self, sample: Sample) -> list[SensorFinding]:
+        """What this sample brought to light; `DataError` names a sample that is not used."""
+        block = self._blocks.add(sample)
+        shown = (sample.position, sample.chamber_a, sample.chamber_b, [sample.supply])
+        self._readings.add(np.concatenate(shown))
+        self._period, self._last = sample.time - self._last, sample.time
+        if block is None:
+            return []
+        self._history.add(block)
+        self._block = block
+        found = self._by_readings(block)
+        found += self._by_residuals(block)
+        self.findings += found
+        return found + self._refined(block)
+
+    def _by_residuals(self, block: Block) -> list[SensorFinding]:
+        self.taken, spans = excess(self._tolerance, self._history)
+        self._since += 1
+        over = (self.taken > 1.0) & self._watched
+        if over.any():
+            self._alarmed |= over
+            if self._waiting is None:
+                self._span, self._since = int(spans[over].max()), 0
+                self._waiting = min(WAITED + self._span // 2, LONGEST_WAIT)
+        if self._waiting is None:
+            return []
+        if self._waiting:
+            self._waiting -= 1
+            return []
+        alarmed, self._waiting = self._alarmed.copy(), None
+        self._alarmed[:] = False
+        if not alarmed.any():
+            return []
+        if noisy := self._noisy(alarmed, block):
+            return [noisy]
+        suspects = self._suspects(alarmed)
+        if not suspects:
+            return []
+        self._leave(suspects[0].part, suspects[0].joint)
+        finding = self._told(suspects[0], block)
+        self._again = REFINED, finding, alarmed
+        return [finding]
+
+    def _suspects(self, alarmed: Array) -> list[Suspect]:
+        joints = self.physics.joints
+        ago = self._since
+        return isolate(self._history, self._tolerance, joints, alarmed, self._span, ago)
+
+    def _refined(self, block: Block) -> list[SensorFinding]:
+        """The finding of a while ago, of the same sensor, with what is known by now."""
+        if self._again is None:
+            return []
+        left, before, alarmed = self._again
+        if left:
+            self._again = left - 1, before, alarmed
+            return []
+        self._again = None
+        self._span = max(self._span, REFINED)
+        place = before.part, before.joint
+        same = [one for one in self._suspects(alarmed) if (one.part, one.joint) == place]
+        if not same:
+            return []
+        finding = self._told(same[0], block)._replace(found=before.found)
+        self.findings = [finding if one is before else one for one in self.findings]
+        return [finding]
+
+    def _noisy(self, alarmed: Array, block: Block) -> SensorFinding | None:
+        """The sensor of an alarmed joint that grew noisy, if one did."""
+        noisy = self._readings.noisy_now
+        for k, (part, joint) in enumerate(self._sensors):
+            if noisy[k] and alarmed[self._channels(part, joint)].any():
+                self._leave(part, joint)
+                return self._noise(k, block)
+        return None
+
+    def _told(self, suspect: Suspect, block: Block) -> SensorFinding:
+        kind, unit = suspect.kind, suspect.unit
+        if suspect.part in (Part.PRESSURE_A, Part.PRESSURE_B, Part.SUPPLY):
+            sensor = self._sensors.index((suspect.part, suspect.joint))
+            if self._readings.repeated[sensor] >= SEEN_STUCK:
+                kind, unit = Kind.STUCK, ""
+        spread = COVERED * suspect.deviation
+        return SensorFinding(
+            suspect.part, suspect.joint, kind, unit, suspect.size, suspect.size - spread,
+            suspect.size + spread, suspect.onset, block.time,
+        )  # fmt: skip
+
+    def _by_readings(self, block: Block) -> list[SensorFinding]:
+        found = []
+        stuck, noisy = self._readings.stuck, self._readings.noisy
+        for k, (part, joint) in enumerate(self._sensors):
+            frozen = stuck[k] and part is not Part.ENCODER  # at rest an encoder is quiet
+            if (frozen or noisy[k]) and self._watched[self._channels(part, joint)].all():
+                self._leave(part, joint)
+                found.append(self._noise(k, block, bool(frozen)))
+        return found
+
+    def _noise(self, sensor: int, block: Block, frozen: bool = False) -> SensorFinding:
+        part, joint = self._sensors[sensor]
+        size = float(self._readings.noise[sensor])
+        unit = self.physics.model.setting.units[joint] if part is Part.ENCODER else "Pa"
+        begun = block.time - LOOKED * self._period
+        kind, unit = (Kind.STUCK, "") if frozen else (Kind.NOISE, unit)
+        return SensorFinding(
+            part, joint, kind, unit, size, 0.7 * size, 1.3 * size, begun, block.time
+        )
+
+    def _channels(self, part: Part, joint: str) -> slice:
+        if part is Part.SUPPLY:
+            return slice(2 * len(self.physics.joints), None)
+        j = self.physics.joints.index(joint)
+        return slice(2 * j, 2 * j + 2)
+
+    def _leave(self, part: Part, joint: str) -> None:
+        """Watch no more what is compared with a sensor that lies."""
+        if part is Part.SUPPLY:
+            self._watched[:] = False
+        else:
+            self._watched[self._channels(part, joint)] = False
+        if part is Part.VALVE or part is Part.ENCODER:
+            self._watched[-1] = False

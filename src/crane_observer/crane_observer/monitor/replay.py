@@ -1,0 +1,69 @@
+"""A bag before the monitor, as it would have come on the machine."""
+
+from pathlib import Path
+from typing import NamedTuple
+
+import numpy as np
+
+from crane_model.array import Array
+from crane_model.errors import DataError
+from crane_model.model_file import Model
+from crane_observer.monitor.finding import SensorFinding
+from crane_observer.monitor.history import Sums, of_block
+from crane_observer.monitor.tolerance import Tolerance
+from crane_observer.monitor.watching import SensorWatch, Watch
+from crane_observer.recording import COMMAND, ENCODERS, HeardRecording
+
+
+class Watched(NamedTuple):
+    """What came out."""
+
+    bag: Path
+    joints: tuple[str, ...]
+    findings: tuple[SensorFinding, ...]
+    sums: Sums  # of the whole bag
+    taken: Array  # (n, c) share of the tolerance, by channel and block
+    refused: int
+    why_not: str
+
+    @property
+    def largest(self) -> float:
+        """Share of the tolerance that was taken at most."""
+        return float(self.taken.max(initial=0.0))
+
+
+def watch(bag: Path, model: Model, tolerance: Tolerance | None) -> Watched:
+    """`DataError` names what the bag lacks."""
+    recording = HeardRecording.read(bag, model.joints)
+    watched = SensorWatch(model, tolerance)
+    monitor, blocks, taken = watched.monitor, [], []
+    for kind, row in recording.events():
+        if kind == COMMAND:
+            watched.add_command(float(recording.command_time[row]), recording.commands[row])
+            continue
+        if kind == ENCODERS:
+            watched.add_encoders(float(recording.encoder_time[row]), recording.encoders[row])
+        else:
+            watched.add_pressures(
+                float(recording.pressure_time[row]),
+                recording.chamber_a[row],
+                recording.chamber_b[row],
+                float(recording.supply[row]),
+            )
+        if (block := monitor.take_block()) is not None:
+            blocks.append(of_block(block))
+            taken.append((block.time, monitor.taken))
+    if not blocks:
+        raise DataError(
+            f"{bag}: nothing could be compared: {watched.last_refusal or Watch.WAITING.value}"
+        )
+    columns = [np.cumsum(part, axis=0) for part in zip(*blocks, strict=True)]
+    return Watched(
+        bag=bag,
+        joints=model.joints,
+        findings=tuple(monitor.findings),
+        sums=Sums(np.array([time for time, _ in taken]), *columns),
+        taken=np.array([shares for _, shares in taken]),
+        refused=watched.refused,
+        why_not=watched.last_refusal,
+    )

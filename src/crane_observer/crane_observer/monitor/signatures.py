@@ -1,0 +1,210 @@
+"""How each fault moves the residuals: the parity signatures that tell sensors apart.
+
+The position is in what either chamber is compared with: an encoder moves both residuals of its
+joint alike, whatever the pressures are. A transducer moves that of its own chamber, by the flow
+that its pressure makes and by the oil that a jump of it seems to compress; that of the supply moves
+the chamber that is fed, of all joints, and what the supply itself should be. A valve does not do
+what it is told: both chambers are fed less, and the supply droops less.
+"""
+
+from collections.abc import Callable, Iterator, Sequence
+from dataclasses import dataclass, fields
+from enum import StrEnum
+from typing import NamedTuple
+
+import numpy as np
+
+from crane_model.array import Array
+from crane_observer.monitor.blocks import Block
+
+SUPPLY = "supply"
+
+
+class Kind(StrEnum):
+    """What is wrong."""
+
+    STUCK = "stuck"
+    JUMP = "jump"
+    DRIFT = "drift"
+    SCALE = "scale"
+    NOISE = "noise"
+    BACKLASH = "backlash"
+    OFFSET = "offset"
+    GAIN = "gain"
+    SWAPPED = "swapped"
+    SLOW = "slow"
+    LEAKING = "leaking"
+    OPEN = "open"
+
+
+class Part(StrEnum):
+    """What a fault is in."""
+
+    ENCODER = "encoder"
+    PRESSURE_A = "pressure A"
+    PRESSURE_B = "pressure B"
+    PRESSURES = "pressures A and B"
+    SUPPLY = "supply pressure"
+    VALVE = "valve"
+
+
+@dataclass(frozen=True)
+class Course:
+    """n blocks of j joints, as arrays, from when a fault may have begun."""
+
+    duration: Array  # (n,) s
+    since: Array  # (n,) s since it began, at the ends of the blocks
+    encoder: Array  # (n, j)
+    flow: Array  # (n, j, 2)
+    fed: Array
+    drop: Array
+    softness: Array
+    leak: Array
+    known: Array  # (n, j)
+    pressure: Array  # (n, j, 2)
+    last: Array
+    stroke: Array  # (n, j)
+
+    @classmethod
+    def of(cls, blocks: Sequence[Block]) -> "Course":
+        """Of blocks in their order."""
+
+        def stacked(name: str) -> Array:
+            return np.array([getattr(block, name) for block in blocks])
+
+        shared = [field.name for field in fields(cls)][2:]
+        begin = stacked("begin")
+        return cls(
+            stacked("time") - begin,
+            stacked("time") - begin[0],
+            **{name: stacked(name) for name in shared},
+        )
+
+
+class Signature(NamedTuple):
+    """What a fault of a part adds to residuals, for a size of 1.
+
+    `moves` gives (n, 2) of the joint, and (n,) of the supply. Of a `whole` fault they are those of
+    the size that it says.
+    """
+
+    part: Part
+    kind: Kind
+    unit: str
+    moves: Callable[[Course, int], tuple[Array, Array]]
+    whole: float | None = None
+
+
+def _nothing(course: Course) -> Array:
+    return np.zeros(len(course.since))
+
+
+def _alike(values: Callable[[Course, int], Array]) -> Callable[[Course, int], tuple[Array, Array]]:
+    """Of an encoder: both chambers are compared with it."""
+
+    def moves(course: Course, j: int) -> tuple[Array, Array]:
+        return np.repeat(values(course, j)[:, None], 2, axis=1), _nothing(course)
+
+    return moves
+
+
+def _first(course: Course) -> Array:
+    begun = _nothing(course)
+    begun[0] = 1.0
+    return begun
+
+
+def _transducer(
+    side: int, error: Callable[[Course, int], Array]
+) -> Callable[..., tuple[Array, Array]]:
+    """Of a chamber, `error` (n,) Pa at the ends of blocks: by its flow, and its compression."""
+
+    def moves(course: Course, j: int) -> tuple[Array, Array]:
+        shown = error(course, j)
+        out = np.zeros((len(shown), 2))
+        out[:, side] = course.drop[:, j, side] * shown
+        out[:, side] += course.softness[:, j, side] * np.diff(shown, prepend=0.0)
+        return out, _nothing(course)
+
+    return moves
+
+
+def _shown(side: int) -> Callable[[Course, int], Array]:
+    """Pa that a transducer showed at the ends of blocks."""
+
+    def values(course: Course, j: int) -> Array:
+        return course.last[:, j, side]
+
+    return values
+
+
+def _exchanged(course: Course, j: int) -> tuple[Array, Array]:
+    """Each chamber shows the pressure of the other."""
+    apart = course.last[:, j, 0] - course.last[:, j, 1]
+    of_a, nothing = _transducer(0, lambda _c, _j: apart)(course, j)
+    of_b, _ = _transducer(1, lambda _c, _j: -apart)(course, j)
+    return of_a + of_b, nothing
+
+
+def _valve(values: Callable[[Course, int], Array]) -> Callable[[Course, int], tuple[Array, Array]]:
+    """Of a valve, (n, 2) m that the chambers are fed less than told."""
+
+    def moves(course: Course, j: int) -> tuple[Array, Array]:
+        less = values(course, j)
+        slower = less.mean(axis=1) * np.sign(course.flow[:, j].mean(axis=1)) / course.duration
+        return -less, course.stroke[:, j] * slower
+
+    return moves
+
+
+def _later(course: Course, j: int) -> Array:
+    """m that a flow which comes 1 s late lacks: its growth over the time between."""
+    flow = course.flow[:, j]
+    return np.diff(flow, axis=0, prepend=flow[:1]) / course.duration[:, None]
+
+
+def _passing(course: Course, j: int) -> tuple[Array, Array]:
+    """A valve that passes oil whatever it is told: the piston goes, and the supply droops."""
+    return np.repeat(course.duration[:, None], 2, axis=1), -course.stroke[:, j]
+
+
+def _lost_motion(play: float) -> Callable[[Course, int], Array]:
+    """m that an encoder behind a play shows less: it trails the motion by half of it."""
+
+    def values(course: Course, j: int) -> Array:
+        true = np.cumsum(course.flow[:, j].mean(axis=1))
+        shown, at = np.empty_like(true), 0.0
+        for k, x in enumerate(true):
+            at = min(x + 0.5 * play, max(x - 0.5 * play, at))
+            shown[k] = at
+        return np.diff(shown - true, prepend=0.0)
+
+    return values
+
+
+PLAYS = 2.5e-4 * 1.5 ** np.arange(9)  # m at the piston
+
+
+def signatures() -> Iterator[Signature]:
+    """Of all faults that residuals tell; of two that tell as much, the first is taken."""
+    encoder, valve = Part.ENCODER, Part.VALVE
+    yield Signature(
+        encoder, Kind.STUCK, "", _alike(lambda c, j: -c.flow[:, j].mean(axis=1)), whole=1.0
+    )
+    yield Signature(encoder, Kind.JUMP, "m", _alike(lambda c, _: _first(c)))
+    yield Signature(encoder, Kind.DRIFT, "m/s", _alike(lambda c, _: c.duration))
+    yield Signature(encoder, Kind.SCALE, "1", _alike(lambda c, j: c.flow[:, j].mean(axis=1)))
+    for play in PLAYS:
+        lost = _alike(_lost_motion(float(play)))
+        yield Signature(encoder, Kind.BACKLASH, "m", lost, whole=float(play))
+    for side, part in enumerate((Part.PRESSURE_A, Part.PRESSURE_B)):
+        yield Signature(
+            part, Kind.OFFSET, "Pa", _transducer(side, lambda c, _: np.ones_like(c.since))
+        )
+        yield Signature(part, Kind.DRIFT, "Pa/s", _transducer(side, lambda c, _: c.since))
+        yield Signature(part, Kind.GAIN, "1", _transducer(side, _shown(side)))
+    yield Signature(Part.PRESSURES, Kind.SWAPPED, "", _exchanged, whole=1.0)
+    yield Signature(valve, Kind.STUCK, "", _valve(lambda c, j: c.flow[:, j]), whole=1.0)
+    yield Signature(valve, Kind.SLOW, "s", _valve(_later))
+    yield Signature(valve, Kind.LEAKING, "m3/(s Pa)", lambda c, j: (c.leak[:, j], _nothing(c)))
+    yield Signature(valve, Kind.OPEN, "m/s", _passing)

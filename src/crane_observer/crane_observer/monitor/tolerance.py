@@ -1,0 +1,153 @@
+"""How far residuals go where no sensor lies, learnt from recordings of which that is known.
+
+Between any two blocks the sum of a residual stays within
+
+    floor + share P + zero S
+
+with P the way of the piston between them, S what a transducer that is 1 Pa off adds on this way;
+for the supply, P is the droop of all flow and S the number of blocks. `floor` is what noise and
+rounding do, however long the way; `share` an error of gains, `zero` one of the zeros.
+"""
+
+import math
+from collections.abc import Sequence
+
+import numpy as np
+
+from crane_model.array import Array
+from crane_model.configuration import NonNegative, Positive, Schema
+from crane_model.errors import DataError
+from crane_observer.monitor.history import History, Sums
+
+SPANS = 2 ** np.arange(11)  # blocks, over which sums are looked at: from 0.05 to 51 s
+ROOM = 1.5  # over the largest that was ever seen
+SHARE, ZERO = (
+    1e-3,
+    1e4,
+)  # of the way and Pa: in this proportion errors of gains and zeros are learnt
+SUPPLY_SHARE, SUPPLY_ZERO = 0.2, 1.5e4  # of the droop, and Pa
+FLOOR, SUPPLY_FLOOR = 4e-5, 1e6  # m and Pa, at least
+FLOORS = 1.25 ** np.arange(16)  # times the least, that are tried
+TINY = 1e-3  # of the floor, what share and zero add where nothing moves
+LEAST = 1.0  # how many times SHARE and ZERO, at least
+UNLEARNT = 4.0  # how many times, of a machine that was never recorded without faults
+UNLEARNT_FLOOR = 1.5e-4  # m
+
+
+class JointTolerance(Schema):
+    """Of both chambers of a joint: A, B."""
+
+    floor: tuple[Positive, Positive]  # m
+    share: tuple[NonNegative, NonNegative]  # of the way
+    zero: tuple[NonNegative, NonNegative]  # Pa
+
+
+class SupplyTolerance(Schema):
+    """Of the supply."""
+
+    floor: Positive  # Pa, summed over blocks
+    share: NonNegative  # of the droop
+    zero: NonNegative  # Pa
+
+
+class Tolerance(Schema):
+    """Of a machine on the day of the recordings that it was learnt from; a file of its own."""
+
+    provenance: str
+    joints: dict[str, JointTolerance]
+    supply: SupplyTolerance
+
+    @property
+    def rows(self) -> Array:
+        """(c, 3) floor, share and zero of the channels of `Sums`."""
+        rows = [
+            (joint.floor[i], joint.share[i], joint.zero[i])
+            for joint in self.joints.values()
+            for i in (0, 1)
+        ]
+        return np.array([*rows, (self.supply.floor, self.supply.share, self.supply.zero)])
+
+
+def unlearnt(joints: Sequence[str]) -> Tolerance:
+    """Wide enough for a machine of which nothing was learnt."""
+    share, zero = UNLEARNT * SHARE, UNLEARNT * ZERO
+    one = JointTolerance(floor=(UNLEARNT_FLOOR,) * 2, share=(share,) * 2, zero=(zero,) * 2)
+    supply = SupplyTolerance(
+        floor=2.0 * SUPPLY_FLOOR, share=2.0 * SUPPLY_SHARE, zero=2.0 * SUPPLY_ZERO
+    )
+    return Tolerance(
+        provenance="assumed: nothing was learnt of this machine",
+        joints=dict.fromkeys(joints, one),
+        supply=supply,
+    )
+
+
+def learn(joints: Sequence[str], recordings: Sequence[Sums], provenance: str) -> Tolerance:
+    """From sums of recordings without a fault; `DataError` if there is less than a minute."""
+    if sum(len(one.residual) for one in recordings) < 1200:
+        raise DataError(
+            "tolerances: less than a minute of recording; learn them from the recordings that the "
+            "model was identified from, and from work"
+        )
+    channels = recordings[0].residual.shape[1]
+    rows = [_row(recordings, c, supply=c == channels - 1) for c in range(channels)]
+    pairs = {
+        joint: JointTolerance(
+            **{
+                name: (rows[2 * j][k], rows[2 * j + 1][k])
+                for k, name in enumerate(("floor", "share", "zero"))
+            }
+        )
+        for j, joint in enumerate(joints)
+    }
+    floor, share, zero = rows[-1]
+    return Tolerance(
+        provenance=provenance,
+        joints=pairs,
+        supply=SupplyTolerance(floor=floor, share=share, zero=zero),
+    )
+
+
+def _row(recordings: Sequence[Sums], c: int, supply: bool) -> tuple[float, float, float]:
+    """Floor, share and zero of a channel: of all that hold what was seen, those that together allow
+    least, in short and long spans alike.
+    """
+    share, zero = (SUPPLY_SHARE, SUPPLY_ZERO) if supply else (SHARE, ZERO)
+    least = SUPPLY_FLOOR if supply else FLOOR
+    spans = [_seen(one, c, share, zero) for one in recordings]
+    joined = [np.concatenate([one[k][1] for one in spans]) for k in range(len(SPANS))]
+    usual = [float(np.median(one)) for one in joined if len(one)]
+    rows = []
+    for floor in least * FLOORS:
+        beyond = [
+            np.max((ROOM * moved - floor) / np.maximum(scale, TINY * floor), initial=LEAST)
+            for one in spans
+            for moved, scale in one
+        ]
+        times = max(beyond)
+        allowed = sum(math.log(floor + times * one) for one in usual)
+        rows.append((allowed, floor, times * share, times * zero))
+    return min(rows)[1:]
+
+
+def _seen(sums: Sums, c: int, share: float, zero: float) -> list[tuple[Array, Array]]:
+    """How far sums went in each of SPANS, and the tolerance beside the floor for LEAST."""
+    seen = []
+    for span in SPANS:
+        moved, way, drop = (one[span:, c] - one[:-span, c] for one in sums[1:])
+        seen.append((np.abs(moved), share * way + zero * drop))
+    return seen
+
+
+def excess(tolerance: Array, history: History) -> tuple[Array, Array]:
+    """(c,) the largest share of its tolerance that a sum of each channel takes up to the newest
+    block, and the number of blocks over which it does.
+    """
+    sums, now = history.sums, history.newest
+    spans = SPANS[now >= SPANS]
+    if not len(spans):
+        return np.zeros(len(tolerance)), np.ones(len(tolerance), dtype=int)
+    moved, way, drop = (one[now] - one[now - spans] for one in sums[1:])
+    taken = np.abs(moved) / (tolerance[:, 0] + tolerance[:, 1] * way + tolerance[:, 2] * drop)
+    worst = taken.argmax(axis=0)
+    return taken[worst, np.arange(len(tolerance))], spans[worst]
