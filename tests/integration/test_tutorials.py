@@ -61,7 +61,7 @@ def test_your_machine_in_an_hour(clone: Path, capsys: pytest.CaptureFixture[str]
     names = run("own_machine.md")
     printed = capsys.readouterr().out
     assert "joints.stick" in printed and "the cylinder's length must stay within" in printed
-    assert "must be one of direct_cylinder, " in printed
+    assert "no actuator of type 'four_bars'; there are direct_cylinder, " in printed
     off = np.abs(list(names["off"].values()))
     assert len(off) == len(names["planted"]) == 38
     assert np.sum(off < 2.0) >= 33
