@@ -10,7 +10,7 @@ from crane_model.configuration import load, save
 from crane_model.errors import ConfigurationError, DataError
 from crane_model.model_file import Model, load_model
 from crane_observer.monitor.picture import draw
-from crane_observer.monitor.replay import Watched, watch
+from crane_observer.monitor.replay import WatchedBag, watch
 from crane_observer.monitor.tolerance import Tolerance, learn
 
 
@@ -70,7 +70,7 @@ def _learn(model: Model, bags: Sequence[Path], file: Path) -> None:
     print(f"written: {file}, from {minutes:.1f} minutes")
 
 
-def _lines(seen: Watched) -> list[str]:
+def _lines(seen: WatchedBag) -> list[str]:
     verdict = "not fit for identification" if seen.findings else "fit for identification"
     lines = [f"{seen.bag}: {verdict}", *(f"  {one}" for one in seen.findings)]
     if not seen.findings:

@@ -53,7 +53,7 @@ class Sample(NamedTuple):
     supply: float  # Pa
 
 
-class Block(NamedTuple):
+class FlowBlock(NamedTuple):
     """What the samples of BLOCK say of j joints, from `begin` to `time` [s].
 
     An axis of 2 holds what chambers A and B say.
@@ -76,7 +76,7 @@ class Block(NamedTuple):
 
 
 @dataclass(frozen=True)
-class Physics:
+class KnownFlow:
     """What the model file says."""
 
     model: Model
@@ -85,7 +85,7 @@ class Physics:
     spools: Spools
 
     @classmethod
-    def of(cls, model: Model) -> "Physics":
+    def of(cls, model: Model) -> "KnownFlow":
         """`ConfigurationError` names what the model does not hold."""
         machine, _ = identified(model)
         return cls(model, machine, circuit_of(model), spools_of(model))
@@ -104,7 +104,7 @@ class Physics:
 class Blocks:
     """Gathers samples; the sums of flow are compiled."""
 
-    def __init__(self, physics: Physics):
+    def __init__(self, physics: KnownFlow):
         self.physics = physics
         joints = len(physics.joints)
         self._commands = Commands.none(joints)
@@ -118,7 +118,7 @@ class Blocks:
         """In force from its stamp [s] until the next; (j,) -1..1."""
         self._commands.add(stamp, np.nan_to_num(command))
 
-    def add(self, sample: Sample) -> Block | None:
+    def add(self, sample: Sample) -> FlowBlock | None:
         """The block that ends with this sample, if one does, and the spools have settled.
 
         `DataError` if a sample is incomplete, comes out of order, or behind a gap: the sample is
@@ -152,7 +152,7 @@ class Blocks:
         self._sums[:] = 0.0
         return None if sample.time < self._begun + SETTLING else block
 
-    def _block(self, samples: list[Sample]) -> Block:
+    def _block(self, samples: list[Sample]) -> FlowBlock:
         circuit, sums = self.physics.circuit, self._sums
         first, last = samples[0], samples[-1]
         span = last.time - first.time
@@ -174,7 +174,7 @@ class Blocks:
         entering = np.maximum(volumes, 0.0)
         drawn = circuit.droop * entering.sum(axis=1) / span
         supply = float(np.mean([one.supply for one in inner]))
-        return Block(
+        return FlowBlock(
             begin=first.time,
             time=last.time,
             encoder=x - before,

@@ -2,30 +2,51 @@
 
 from typing import NamedTuple
 
-from crane_observer.monitor.signatures import Kind, Part
+from crane_observer.monitor.signatures import Part, Wrong
 
 DANGEROUS = {Part.ENCODER}
 """Where the crane cannot be led on: it does not know where it is."""
 
 ADVICE = {
-    (Part.ENCODER, Kind.STUCK): "stop; look at the encoder's shaft, coupling and cable",
-    (Part.ENCODER, Kind.JUMP): "stop; look at coupling and cable, then compare it with its mark",
-    (Part.ENCODER, Kind.DRIFT): "stop; look at the coupling and the screws of its mounting",
-    (Part.ENCODER, Kind.SCALE): "stop; look for counts that are lost, and at its setting",
-    (Part.ENCODER, Kind.NOISE): "look at shield and earth of its cable",
-    (Part.ENCODER, Kind.BACKLASH): "tighten its mounting and coupling",
-    (Part.PRESSURES, Kind.SWAPPED): "change the two plugs over, or their names in the CAN mapping",
-    (Part.VALVE, Kind.STUCK): "stop; look at the valve's plug and its supply, then at its spool",
-    (Part.VALVE, Kind.SLOW): "look at oil temperature and pilot pressure, then at the spool",
-    (Part.VALVE, Kind.LEAKING): "look at the piston's seals; the cylinder passes oil",
-    (Part.VALVE, Kind.OPEN): "stop; look at the valve's null and its spool: oil passes it",
+    (Part.ENCODER, Wrong.STUCK): "stop; look at the encoder's shaft, coupling and cable",
+    (
+        Part.ENCODER,
+        Wrong.JUMP,
+    ): "stop; look at coupling and cable, then compare it with its mark",
+    (
+        Part.ENCODER,
+        Wrong.DRIFT,
+    ): "stop; look at the coupling and the screws of its mounting",
+    (
+        Part.ENCODER,
+        Wrong.SCALE,
+    ): "stop; look for counts that are lost, and at its setting",
+    (Part.ENCODER, Wrong.NOISE): "look at shield and earth of its cable",
+    (Part.ENCODER, Wrong.BACKLASH): "tighten its mounting and coupling",
+    (
+        Part.PRESSURES,
+        Wrong.SWAPPED,
+    ): "change the two plugs over, or their names in the CAN mapping",
+    (
+        Part.VALVE,
+        Wrong.STUCK,
+    ): "stop; look at the valve's plug and its supply, then at its spool",
+    (
+        Part.VALVE,
+        Wrong.SLOW,
+    ): "look at oil temperature and pilot pressure, then at the spool",
+    (Part.VALVE, Wrong.LEAKING): "look at the piston's seals; the cylinder passes oil",
+    (
+        Part.VALVE,
+        Wrong.OPEN,
+    ): "stop; look at the valve's null and its spool: oil passes it",
 }
 TRANSDUCER = {
-    Kind.OFFSET: "depressurise and read its zero; set the zero or replace it",
-    Kind.DRIFT: "depressurise and read its zero; replace it if it goes on",
-    Kind.GAIN: "compare it with a gauge; replace it",
-    Kind.STUCK: "look at its plug and cable; replace it",
-    Kind.NOISE: "look at shield and earth of its cable",
+    Wrong.OFFSET: "depressurise and read its zero; set the zero or replace it",
+    Wrong.DRIFT: "depressurise and read its zero; replace it if it goes on",
+    Wrong.GAIN: "compare it with a gauge; replace it",
+    Wrong.STUCK: "look at its plug and cable; replace it",
+    Wrong.NOISE: "look at shield and earth of its cable",
 }
 AFTERWARDS = "; do not identify from recordings since then"
 
@@ -35,7 +56,7 @@ class SensorFinding(NamedTuple):
 
     part: Part
     joint: str  # or "supply"
-    kind: Kind
+    kind: Wrong
     unit: str  # of the size, "" where it has none
     size: float
     low: float  # 95 % from here
@@ -51,7 +72,7 @@ class SensorFinding(NamedTuple):
     @property
     def dangerous(self) -> bool:
         """Whether the position is not known any more."""
-        return self.part in DANGEROUS and self.kind is not Kind.NOISE
+        return self.part in DANGEROUS and self.kind is not Wrong.NOISE
 
     @property
     def what_to_do(self) -> str:

@@ -6,7 +6,7 @@ from typing import NamedTuple
 import numpy as np
 
 from crane_model.array import Array
-from crane_observer.monitor.blocks import Block
+from crane_observer.monitor.blocks import FlowBlock
 
 KEPT = 1200  # blocks, a minute
 
@@ -24,7 +24,7 @@ class Sums(NamedTuple):
     )
 
 
-def of_block(block: Block) -> tuple[Array, Array, Array]:
+def of_block(block: FlowBlock) -> tuple[Array, Array, Array]:
     """(c,) what a block adds to residual, way and drop; nothing where the flow is not known."""
     known = np.repeat(block.known, 2)
     residual = np.where(known, (block.encoder[:, None] - block.flow).ravel(), 0.0)
@@ -43,7 +43,7 @@ class History:
 
     def __init__(self, joints: int):
         self._sums = Sums(np.zeros(2 * KEPT), *np.zeros((3, 2 * KEPT, 2 * joints + 1)))
-        self._blocks: list[Block] = []
+        self._blocks: list[FlowBlock] = []
         self.newest = -1
 
     @property
@@ -51,7 +51,7 @@ class History:
         """Rows up to `newest` hold."""
         return self._sums
 
-    def add(self, block: Block) -> None:
+    def add(self, block: FlowBlock) -> None:
         """One block more; the oldest are forgotten."""
         if self.newest + 1 == 2 * KEPT:
             for one in self._sums:
@@ -65,6 +65,6 @@ class History:
         for one, added in zip(self._sums[1:], of_block(block), strict=True):
             one[self.newest] = added if before < 0 else one[before] + added
 
-    def since(self, row: int) -> Sequence[Block]:
+    def since(self, row: int) -> Sequence[FlowBlock]:
         """The blocks behind a row."""
         return self._blocks[row + 1 : self.newest + 1]

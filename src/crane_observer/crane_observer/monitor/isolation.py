@@ -12,22 +12,22 @@ import numpy as np
 
 from crane_model.array import Array
 from crane_observer.monitor.history import History
-from crane_observer.monitor.signatures import SUPPLY, Course, Kind, Part, signatures
+from crane_observer.monitor.signatures import SUPPLY, FaultSpan, Part, Wrong, signatures
 
 ONSETS = 16  # that are tried at first, and between the best and its neighbours
 BEFORE = 40  # blocks before the earliest onset that say where residuals were
 CORRELATED = 10  # blocks that err alike
 FLOOR_SHARE = 0.25  # of a tolerance is one standard deviation
 COVERED = 1.96  # standard deviations to either side, of 95 %
-ONE_WAY = {Kind.SLOW, Kind.LEAKING}  # whose size is positive
+ONE_WAY = {Wrong.SLOW, Wrong.LEAKING}  # whose size is positive
 RELUCTANCE = {
-    Kind.STUCK: 0.7,
-    Kind.SWAPPED: 0.5,
-    Kind.OFFSET: 0.95,
-    Kind.JUMP: 0.9,
-    Kind.SLOW: 1.2,
-    Kind.LEAKING: 1.2,
-    Kind.OPEN: 1.3,
+    Wrong.STUCK: 0.7,
+    Wrong.SWAPPED: 0.5,
+    Wrong.OFFSET: 0.95,
+    Wrong.JUMP: 0.9,
+    Wrong.SLOW: 1.2,
+    Wrong.LEAKING: 1.2,
+    Wrong.OPEN: 1.3,
 }
 """By which misfits are multiplied: of faults that explain as much, the plain ones come first."""
 QUIET = 1e-5  # m of way in which an encoder that is stuck still flickers
@@ -40,7 +40,7 @@ class Suspect(NamedTuple):
 
     part: Part
     joint: str  # or "supply"
-    kind: Kind
+    kind: Wrong
     misfit: float  # mean square in standard deviations
     onset: float  # s
     size: float
@@ -49,7 +49,12 @@ class Suspect(NamedTuple):
 
 
 def isolate(
-    history: History, tolerance: Array, joints: Sequence[str], alarmed: Array, span: int, ago: int
+    history: History,
+    tolerance: Array,
+    joints: Sequence[str],
+    alarmed: Array,
+    span: int,
+    ago: int,
 ) -> list[Suspect]:
     """Suspects, the first first, after channels `alarmed` (c,) took all of their tolerance over
     `span` blocks, `ago` blocks before the newest.
@@ -86,7 +91,7 @@ def _tried(
     newest, sums = history.newest, history.sums
     row = newest - int(back)
     blocks = history.since(row)
-    course = Course.of(blocks)
+    course = FaultSpan.of(blocks)
     at = slice(oldest, newest + 1)
     base = sums.residual[max(row - 4, oldest) : row + 1].mean(axis=0)
     way, drop = np.abs(sums.way[at] - sums.way[row]), np.abs(sums.drop[at] - sums.drop[row])
@@ -111,8 +116,8 @@ def _tried(
 
 
 def _shapes(
-    course: Course, joints: Sequence[str], alarmed: Array
-) -> list[tuple[Part, str, Kind, str, float | None, Array]]:
+    course: FaultSpan, joints: Sequence[str], alarmed: Array
+) -> list[tuple[Part, str, Wrong, str, float | None, Array]]:
     """(n, c) a block of every fault that can have been."""
     n, count = len(course.since), 2 * len(joints) + 1
     shapes = []
@@ -120,15 +125,15 @@ def _shapes(
     for j in np.flatnonzero(alarmed[:-1].reshape(-1, 2).any(axis=1)).tolist():
         for one in signatures():
             quiet = float(np.abs(course.encoder[:, j]).sum()) < QUIET
-            if one.part is Part.ENCODER and quiet != (one.kind is Kind.STUCK):
+            if one.part is Part.ENCODER and quiet != (one.kind is Wrong.STUCK):
                 continue
             shape = np.zeros((n, count))
             shape[:, 2 * j : 2 * j + 2], shape[:, -1] = one.moves(course, j)
             shape[:, :-1] *= known
             shapes.append((one.part, joints[j], one.kind, one.unit, one.whole, shape))
     for kind, unit, error in (
-        (Kind.OFFSET, "Pa", np.ones(n)),
-        (Kind.DRIFT, "Pa/s", course.since),
+        (Wrong.OFFSET, "Pa", np.ones(n)),
+        (Wrong.DRIFT, "Pa/s", course.since),
     ):
         shape = np.zeros((n, count))
         shape[:, :-1] = (course.fed * error[:, None, None]).reshape(n, -1) * known

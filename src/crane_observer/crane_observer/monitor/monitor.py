@@ -4,12 +4,12 @@ import numpy as np
 
 from crane_model.array import Array
 from crane_model.errors import DataError
-from crane_observer.monitor.blocks import Block, Blocks, Physics, Sample
+from crane_observer.monitor.blocks import Blocks, FlowBlock, KnownFlow, Sample
 from crane_observer.monitor.finding import SensorFinding
 from crane_observer.monitor.history import History
 from crane_observer.monitor.isolation import COVERED, Suspect, isolate
-from crane_observer.monitor.readings import LOOKED, Readings
-from crane_observer.monitor.signatures import SUPPLY, Kind, Part
+from crane_observer.monitor.readings import LOOKED, ReadingHabits
+from crane_observer.monitor.signatures import SUPPLY, Part, Wrong
 from crane_observer.monitor.tolerance import Tolerance, excess
 
 WAITED = 2  # blocks after an alarm, in which others that have the same cause follow
@@ -18,14 +18,14 @@ REFINED = 40  # blocks after which kind and size of what was found are looked at
 SEEN_STUCK = 15  # repeats of a reading that are as good as stuck once residuals say so
 
 
-class Monitor:
+class SensorComparison:
     """Of one machine; the joints of every sample are those of the model, in its order.
 
     A sensor that was found is not watched any more until `forget`, nor is the rest of its joint:
     what is compared with a sensor that lies, proves nothing.
     """
 
-    def __init__(self, physics: Physics, tolerance: Tolerance):
+    def __init__(self, physics: KnownFlow, tolerance: Tolerance):
         """`DataError` if the tolerance is that of other joints."""
         joints = physics.joints
         if tuple(tolerance.joints) != joints:
@@ -45,17 +45,17 @@ class Monitor:
         joints = len(self.physics.joints)
         self._blocks = Blocks(self.physics)
         self._history = History(joints)
-        self._readings = Readings(3 * joints + 1)
+        self._readings = ReadingHabits(3 * joints + 1)
         self._watched = np.ones(2 * joints + 1, dtype=bool)
         self._waiting: int | None = None
         self._span, self._since, self._period, self._last = 1, 0, 0.0, 0.0
         self._again: tuple[int, SensorFinding, Array] | None = None
         self._alarmed = np.zeros(2 * joints + 1, dtype=bool)
-        self._block: Block | None = None
+        self._block: FlowBlock | None = None
         self.taken = np.zeros(2 * joints + 1)  # share of its tolerance, of each channel
         self.findings: list[SensorFinding] = []
 
-    def take_block(self) -> Block | None:
+    def take_block(self) -> FlowBlock | None:
         """The block that was completed since this was asked last, if one was."""
         block, self._block = self._block, None
         return block
@@ -79,7 +79,7 @@ class Monitor:
         self.findings += found
         return found + self._refined(block)
 
-    def _by_residuals(self, block: Block) -> list[SensorFinding]:
+    def _by_residuals(self, block: FlowBlock) -> list[SensorFinding]:
         self.taken, spans = excess(self._tolerance, self._history)
         self._since += 1
         over = (self.taken > 1.0) & self._watched
@@ -112,7 +112,7 @@ class Monitor:
         ago = self._since
         return isolate(self._history, self._tolerance, joints, alarmed, self._span, ago)
 
-    def _refined(self, block: Block) -> list[SensorFinding]:
+    def _refined(self, block: FlowBlock) -> list[SensorFinding]:
         """The finding of a while ago, of the same sensor, with what is known by now."""
         if self._again is None:
             return []
@@ -130,7 +130,7 @@ class Monitor:
         self.findings = [finding if one is before else one for one in self.findings]
         return [finding]
 
-    def _noisy(self, alarmed: Array, block: Block) -> SensorFinding | None:
+    def _noisy(self, alarmed: Array, block: FlowBlock) -> SensorFinding | None:
         """The sensor of an alarmed joint that grew noisy, if one did."""
         noisy = self._readings.noisy_now
         for k, (part, joint) in enumerate(self._sensors):
@@ -139,19 +139,19 @@ class Monitor:
                 return self._noise(k, block)
         return None
 
-    def _told(self, suspect: Suspect, block: Block) -> SensorFinding:
+    def _told(self, suspect: Suspect, block: FlowBlock) -> SensorFinding:
         kind, unit = suspect.kind, suspect.unit
         if suspect.part in (Part.PRESSURE_A, Part.PRESSURE_B, Part.SUPPLY):
             sensor = self._sensors.index((suspect.part, suspect.joint))
             if self._readings.repeated[sensor] >= SEEN_STUCK:
-                kind, unit = Kind.STUCK, ""
+                kind, unit = Wrong.STUCK, ""
         spread = COVERED * suspect.deviation
         return SensorFinding(
             suspect.part, suspect.joint, kind, unit, suspect.size, suspect.size - spread,
             suspect.size + spread, suspect.onset, block.time,
         )  # fmt: skip
 
-    def _by_readings(self, block: Block) -> list[SensorFinding]:
+    def _by_readings(self, block: FlowBlock) -> list[SensorFinding]:
         found = []
         stuck, noisy = self._readings.stuck, self._readings.noisy
         for k, (part, joint) in enumerate(self._sensors):
@@ -161,12 +161,12 @@ class Monitor:
                 found.append(self._noise(k, block, bool(frozen)))
         return found
 
-    def _noise(self, sensor: int, block: Block, frozen: bool = False) -> SensorFinding:
+    def _noise(self, sensor: int, block: FlowBlock, frozen: bool = False) -> SensorFinding:
         part, joint = self._sensors[sensor]
         size = float(self._readings.noise[sensor])
         unit = self.physics.model.setting.units[joint] if part is Part.ENCODER else "Pa"
         begun = block.time - LOOKED * self._period
-        kind, unit = (Kind.STUCK, "") if frozen else (Kind.NOISE, unit)
+        kind, unit = (Wrong.STUCK, "") if frozen else (Wrong.NOISE, unit)
         return SensorFinding(
             part, joint, kind, unit, size, 0.7 * size, 1.3 * size, begun, block.time
         )

@@ -4,10 +4,10 @@ from pathlib import Path
 
 from matplotlib.figure import Figure
 
-from crane_observer.monitor.replay import Watched
+from crane_observer.monitor.replay import WatchedBag
 
 
-def draw(seen: Watched, file: Path) -> None:
+def draw(seen: WatchedBag, file: Path) -> None:
     """The share of its tolerance that each chamber takes over time, and the findings."""
     figure = Figure(figsize=(9.0, 1.6 * (len(seen.joints) + 1)), layout="constrained")
     panels = figure.subplots(len(seen.joints) + 1, 1, sharex=True)

@@ -15,7 +15,7 @@ MEDIAN = 0.6745  # standard deviations
 NOISIER = 4.0  # times what is usual
 
 
-class Readings:
+class ReadingHabits:
     """Of s sensors: how often a reading repeats the last, and how rough its course is.
 
     Roughness is the fourth difference, which a smooth motion hardly has. What is usual is learnt
@@ -23,7 +23,7 @@ class Readings:
     """
 
     def __init__(self, sensors: int):
-        self._last = np.full((4, sensors), np.nan)
+        self._last = np.full((len(DIFFERENCE), sensors), np.nan)
         self._rough = np.full((LOOKED, sensors), np.nan)
         self._same = np.zeros(sensors, dtype=int)
         self._usual_rough, self._usual_same, self._step = np.zeros((3, sensors))

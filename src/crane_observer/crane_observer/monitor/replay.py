@@ -11,11 +11,11 @@ from crane_model.model_file import Model
 from crane_observer.monitor.finding import SensorFinding
 from crane_observer.monitor.history import Sums, of_block
 from crane_observer.monitor.tolerance import Tolerance
-from crane_observer.monitor.watching import SensorWatch, Watch
+from crane_observer.monitor.watching import Heed, SensorWatch
 from crane_observer.recording import COMMAND, ENCODERS, HeardRecording
 
 
-class Watched(NamedTuple):
+class WatchedBag(NamedTuple):
     """What came out."""
 
     bag: Path
@@ -32,7 +32,7 @@ class Watched(NamedTuple):
         return float(self.taken.max(initial=0.0))
 
 
-def watch(bag: Path, model: Model, tolerance: Tolerance | None) -> Watched:
+def watch(bag: Path, model: Model, tolerance: Tolerance | None) -> WatchedBag:
     """`DataError` names what the bag lacks."""
     recording = HeardRecording.read(bag, model.joints)
     watched = SensorWatch(model, tolerance)
@@ -55,10 +55,10 @@ def watch(bag: Path, model: Model, tolerance: Tolerance | None) -> Watched:
             taken.append((block.time, monitor.taken))
     if not blocks:
         raise DataError(
-            f"{bag}: nothing could be compared: {watched.last_refusal or Watch.WAITING.value}"
+            f"{bag}: nothing could be compared: {watched.last_refusal or Heed.WAITING.value}"
         )
     columns = [np.cumsum(part, axis=0) for part in zip(*blocks, strict=True)]
-    return Watched(
+    return WatchedBag(
         bag=bag,
         joints=model.joints,
         findings=tuple(monitor.findings),

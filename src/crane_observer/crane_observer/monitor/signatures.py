@@ -15,12 +15,12 @@ from typing import NamedTuple
 import numpy as np
 
 from crane_model.array import Array
-from crane_observer.monitor.blocks import Block
+from crane_observer.monitor.blocks import FlowBlock
 
 SUPPLY = "supply"
 
 
-class Kind(StrEnum):
+class Wrong(StrEnum):
     """What is wrong."""
 
     STUCK = "stuck"
@@ -49,7 +49,7 @@ class Part(StrEnum):
 
 
 @dataclass(frozen=True)
-class Course:
+class FaultSpan:
     """n blocks of j joints, as arrays, from when a fault may have begun."""
 
     duration: Array  # (n,) s
@@ -66,7 +66,7 @@ class Course:
     stroke: Array  # (n, j)
 
     @classmethod
-    def of(cls, blocks: Sequence[Block]) -> "Course":
+    def of(cls, blocks: Sequence[FlowBlock]) -> "FaultSpan":
         """Of blocks in their order."""
 
         def stacked(name: str) -> Array:
@@ -89,37 +89,39 @@ class Signature(NamedTuple):
     """
 
     part: Part
-    kind: Kind
+    kind: Wrong
     unit: str
-    moves: Callable[[Course, int], tuple[Array, Array]]
+    moves: Callable[[FaultSpan, int], tuple[Array, Array]]
     whole: float | None = None
 
 
-def _nothing(course: Course) -> Array:
+def _nothing(course: FaultSpan) -> Array:
     return np.zeros(len(course.since))
 
 
-def _alike(values: Callable[[Course, int], Array]) -> Callable[[Course, int], tuple[Array, Array]]:
+def _alike(
+    values: Callable[[FaultSpan, int], Array],
+) -> Callable[[FaultSpan, int], tuple[Array, Array]]:
     """Of an encoder: both chambers are compared with it."""
 
-    def moves(course: Course, j: int) -> tuple[Array, Array]:
+    def moves(course: FaultSpan, j: int) -> tuple[Array, Array]:
         return np.repeat(values(course, j)[:, None], 2, axis=1), _nothing(course)
 
     return moves
 
 
-def _first(course: Course) -> Array:
+def _first(course: FaultSpan) -> Array:
     begun = _nothing(course)
     begun[0] = 1.0
     return begun
 
 
 def _transducer(
-    side: int, error: Callable[[Course, int], Array]
+    side: int, error: Callable[[FaultSpan, int], Array]
 ) -> Callable[..., tuple[Array, Array]]:
     """Of a chamber, `error` (n,) Pa at the ends of blocks: by its flow, and its compression."""
 
-    def moves(course: Course, j: int) -> tuple[Array, Array]:
+    def moves(course: FaultSpan, j: int) -> tuple[Array, Array]:
         shown = error(course, j)
         out = np.zeros((len(shown), 2))
         out[:, side] = course.drop[:, j, side] * shown
@@ -129,16 +131,16 @@ def _transducer(
     return moves
 
 
-def _shown(side: int) -> Callable[[Course, int], Array]:
+def _shown(side: int) -> Callable[[FaultSpan, int], Array]:
     """Pa that a transducer showed at the ends of blocks."""
 
-    def values(course: Course, j: int) -> Array:
+    def values(course: FaultSpan, j: int) -> Array:
         return course.last[:, j, side]
 
     return values
 
 
-def _exchanged(course: Course, j: int) -> tuple[Array, Array]:
+def _exchanged(course: FaultSpan, j: int) -> tuple[Array, Array]:
     """Each chamber shows the pressure of the other."""
     apart = course.last[:, j, 0] - course.last[:, j, 1]
     of_a, nothing = _transducer(0, lambda _c, _j: apart)(course, j)
@@ -146,10 +148,12 @@ def _exchanged(course: Course, j: int) -> tuple[Array, Array]:
     return of_a + of_b, nothing
 
 
-def _valve(values: Callable[[Course, int], Array]) -> Callable[[Course, int], tuple[Array, Array]]:
+def _valve(
+    values: Callable[[FaultSpan, int], Array],
+) -> Callable[[FaultSpan, int], tuple[Array, Array]]:
     """Of a valve, (n, 2) m that the chambers are fed less than told."""
 
-    def moves(course: Course, j: int) -> tuple[Array, Array]:
+    def moves(course: FaultSpan, j: int) -> tuple[Array, Array]:
         less = values(course, j)
         slower = less.mean(axis=1) * np.sign(course.flow[:, j].mean(axis=1)) / course.duration
         return -less, course.stroke[:, j] * slower
@@ -157,21 +161,21 @@ def _valve(values: Callable[[Course, int], Array]) -> Callable[[Course, int], tu
     return moves
 
 
-def _later(course: Course, j: int) -> Array:
+def _later(course: FaultSpan, j: int) -> Array:
     """m that a flow which comes 1 s late lacks: its growth over the time between."""
     flow = course.flow[:, j]
     return np.diff(flow, axis=0, prepend=flow[:1]) / course.duration[:, None]
 
 
-def _passing(course: Course, j: int) -> tuple[Array, Array]:
+def _passing(course: FaultSpan, j: int) -> tuple[Array, Array]:
     """A valve that passes oil whatever it is told: the piston goes, and the supply droops."""
     return np.repeat(course.duration[:, None], 2, axis=1), -course.stroke[:, j]
 
 
-def _lost_motion(play: float) -> Callable[[Course, int], Array]:
+def _lost_motion(play: float) -> Callable[[FaultSpan, int], Array]:
     """m that an encoder behind a play shows less: it trails the motion by half of it."""
 
-    def values(course: Course, j: int) -> Array:
+    def values(course: FaultSpan, j: int) -> Array:
         true = np.cumsum(course.flow[:, j].mean(axis=1))
         shown, at = np.empty_like(true), 0.0
         for k, x in enumerate(true):
@@ -189,22 +193,22 @@ def signatures() -> Iterator[Signature]:
     """Of all faults that residuals tell; of two that tell as much, the first is taken."""
     encoder, valve = Part.ENCODER, Part.VALVE
     yield Signature(
-        encoder, Kind.STUCK, "", _alike(lambda c, j: -c.flow[:, j].mean(axis=1)), whole=1.0
+        encoder, Wrong.STUCK, "", _alike(lambda c, j: -c.flow[:, j].mean(axis=1)), whole=1.0
     )
-    yield Signature(encoder, Kind.JUMP, "m", _alike(lambda c, _: _first(c)))
-    yield Signature(encoder, Kind.DRIFT, "m/s", _alike(lambda c, _: c.duration))
-    yield Signature(encoder, Kind.SCALE, "1", _alike(lambda c, j: c.flow[:, j].mean(axis=1)))
+    yield Signature(encoder, Wrong.JUMP, "m", _alike(lambda c, _: _first(c)))
+    yield Signature(encoder, Wrong.DRIFT, "m/s", _alike(lambda c, _: c.duration))
+    yield Signature(encoder, Wrong.SCALE, "1", _alike(lambda c, j: c.flow[:, j].mean(axis=1)))
     for play in PLAYS:
         lost = _alike(_lost_motion(float(play)))
-        yield Signature(encoder, Kind.BACKLASH, "m", lost, whole=float(play))
+        yield Signature(encoder, Wrong.BACKLASH, "m", lost, whole=float(play))
     for side, part in enumerate((Part.PRESSURE_A, Part.PRESSURE_B)):
         yield Signature(
-            part, Kind.OFFSET, "Pa", _transducer(side, lambda c, _: np.ones_like(c.since))
+            part, Wrong.OFFSET, "Pa", _transducer(side, lambda c, _: np.ones_like(c.since))
         )
-        yield Signature(part, Kind.DRIFT, "Pa/s", _transducer(side, lambda c, _: c.since))
-        yield Signature(part, Kind.GAIN, "1", _transducer(side, _shown(side)))
-    yield Signature(Part.PRESSURES, Kind.SWAPPED, "", _exchanged, whole=1.0)
-    yield Signature(valve, Kind.STUCK, "", _valve(lambda c, j: c.flow[:, j]), whole=1.0)
-    yield Signature(valve, Kind.SLOW, "s", _valve(_later))
-    yield Signature(valve, Kind.LEAKING, "m3/(s Pa)", lambda c, j: (c.leak[:, j], _nothing(c)))
-    yield Signature(valve, Kind.OPEN, "m/s", _passing)
+        yield Signature(part, Wrong.DRIFT, "Pa/s", _transducer(side, lambda c, _: c.since))
+        yield Signature(part, Wrong.GAIN, "1", _transducer(side, _shown(side)))
+    yield Signature(Part.PRESSURES, Wrong.SWAPPED, "", _exchanged, whole=1.0)
+    yield Signature(valve, Wrong.STUCK, "", _valve(lambda c, j: c.flow[:, j]), whole=1.0)
+    yield Signature(valve, Wrong.SLOW, "s", _valve(_later))
+    yield Signature(valve, Wrong.LEAKING, "m3/(s Pa)", lambda c, j: (c.leak[:, j], _nothing(c)))
+    yield Signature(valve, Wrong.OPEN, "m/s", _passing)

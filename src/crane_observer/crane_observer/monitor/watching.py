@@ -7,15 +7,15 @@ import numpy as np
 from crane_model.array import Array
 from crane_model.errors import DataError
 from crane_model.model_file import Model
-from crane_observer.monitor.blocks import LONGEST, Physics, Sample
+from crane_observer.monitor.blocks import LONGEST, KnownFlow, Sample
 from crane_observer.monitor.finding import SensorFinding
-from crane_observer.monitor.monitor import Monitor
+from crane_observer.monitor.monitor import SensorComparison
 from crane_observer.monitor.tolerance import Tolerance, unlearnt
 
 WAITING_ROOM = 100  # readings of pressures that wait for an encoder
 
 
-class Watch(Enum):
+class Heed(Enum):
     """Whether sensors can be compared."""
 
     WAITING = "waits for encoders, pressures and valve commands"
@@ -30,9 +30,9 @@ class SensorWatch:
         """`ConfigurationError` where the model has no hydraulics; without a tolerance a wide one
         is assumed.
         """
-        physics = Physics.of(model)
-        self.monitor = Monitor(physics, tolerance or unlearnt(physics.joints))
-        self.condition = Watch.WAITING
+        physics = KnownFlow.of(model)
+        self.monitor = SensorComparison(physics, tolerance or unlearnt(physics.joints))
+        self.condition = Heed.WAITING
         self.refused = 0  # samples
         self.last_refusal = ""
         self._encoders: list[tuple[float, Array]] = []
@@ -69,10 +69,10 @@ class SensorWatch:
             position = self._encoder_at(time)
             try:
                 found += self.monitor.add(Sample(time, position, chamber_a, chamber_b, supply))
-                self.condition = Watch.WATCHING
+                self.condition = Heed.WATCHING
             except DataError as error:
                 self._refuse(str(error))
-                self.condition = Watch.GAP
+                self.condition = Heed.GAP
         return found
 
     def _encoder_at(self, time: float) -> Array:

@@ -24,7 +24,7 @@ from crane_nodes.polled import Polled
 from crane_nodes.ready import say_ready
 from crane_observer.monitor.finding import SensorFinding
 from crane_observer.monitor.tolerance import Tolerance
-from crane_observer.monitor.watching import SensorWatch, Watch
+from crane_observer.monitor.watching import Heed, SensorWatch
 from crane_observer.node.topics import findings_message, nanoseconds, picked
 
 JOINT_STATES, PRESSURES, COMMANDS = "joint_states", "cylinder_pressures", "valve_command"
@@ -167,7 +167,7 @@ class SensorMonitorNode(LifecycleNode):
             found.message = "; ".join(f"{one.sensor}: {one.kind}" for one in findings)
             found.values = [KeyValue(key=one.sensor, value=str(one)) for one in findings]
         elif time.monotonic() - self._heard > SILENCE:
-            found.level, found.message = DiagnosticStatus.WARN, Watch.WAITING.value
+            found.level, found.message = DiagnosticStatus.WARN, Heed.WAITING.value
         else:
             found.message = self._watch.condition.value
             largest = float(self._watch.monitor.taken.max())

@@ -21,9 +21,9 @@ from crane_model.machine_files import machine_file
 from crane_model.model_file import Model, load_model
 from crane_observer.monitor.finding import SensorFinding
 from crane_observer.monitor.history import Sums, of_block
-from crane_observer.monitor.signatures import Kind, Part
+from crane_observer.monitor.signatures import Part, Wrong
 from crane_observer.monitor.tolerance import Tolerance, learn
-from crane_observer.monitor.watching import SensorWatch, Watch
+from crane_observer.monitor.watching import Heed, SensorWatch
 from crane_sim.parts.parameters import StandIn, load_stand_in
 from crane_sim.plant.closed_loop import record
 from crane_sim.plant.plant import Plant
@@ -163,25 +163,26 @@ def exchanged(true: Heard, column: int) -> Heard:
 
 
 NOISE = np.random.default_rng(4).standard_normal(10_000)
-LIES: dict[str, tuple[Lie, Part, set[Kind], float]] = {
-    "encoder stuck": (changed("q", lambda x, t: 0 * x + x[0]), Part.ENCODER, {Kind.STUCK}, 0.3),
+LIES: dict[str, tuple[Lie, Part, set[Wrong], float]] = {
+    "encoder stuck": (changed("q", lambda x, t: 0 * x + x[0]), Part.ENCODER, {Wrong.STUCK}, 0.3),
     "encoder jumps": (
-        changed("q", lambda x, t: x + 3e-3), Part.ENCODER, {Kind.JUMP, Kind.SCALE}, 0.3),
-    "encoder drifts": (changed("q", lambda x, t: x + 1e-3 * t), Part.ENCODER, {Kind.DRIFT}, 10.0),
+        changed("q", lambda x, t: x + 3e-3), Part.ENCODER, {Wrong.JUMP, Wrong.SCALE}, 0.3),
+    "encoder drifts": (changed("q", lambda x, t: x + 1e-3 * t), Part.ENCODER, {Wrong.DRIFT}, 10.0),
     "encoder scale": (
-        changed("q", lambda x, t: x[0] + 1.03 * (x - x[0])), Part.ENCODER, {Kind.SCALE}, 10.0),
+        changed("q", lambda x, t: x[0] + 1.03 * (x - x[0])), Part.ENCODER, {Wrong.SCALE}, 10.0),
     "encoder noise": (
-        changed("q", lambda x, t: x + 1e-3 * NOISE[: len(x)]), Part.ENCODER, {Kind.NOISE}, 1.0),
+        changed("q", lambda x, t: x + 1e-3 * NOISE[: len(x)]), Part.ENCODER, {Wrong.NOISE}, 1.0),
     "1 bar too much in A": (
-        changed("p_a", lambda x, t: x + 1e5), Part.PRESSURE_A, {Kind.OFFSET, Kind.DRIFT}, 60.0),
+        changed("p_a", lambda x, t: x + 1e5), Part.PRESSURE_A, {Wrong.OFFSET, Wrong.DRIFT}, 60.0),
     "3 bar too little in B": (
-        changed("p_b", lambda x, t: x - 3e5), Part.PRESSURE_B, {Kind.OFFSET, Kind.DRIFT}, 5.0),
-    "A stuck": (changed("p_a", lambda x, t: 0 * x + x[0]), Part.PRESSURE_A, {Kind.STUCK}, 1.0),
+        changed("p_b", lambda x, t: x - 3e5), Part.PRESSURE_B, {Wrong.OFFSET, Wrong.DRIFT}, 5.0),
+    "A stuck": (changed("p_a", lambda x, t: 0 * x + x[0]), Part.PRESSURE_A, {Wrong.STUCK}, 1.0),
     "noise in B": (
-        changed("p_b", lambda x, t: x + 1e5 * NOISE[: len(x)]), Part.PRESSURE_B, {Kind.NOISE}, 1.0),
-    "A and B exchanged": (exchanged, Part.PRESSURES, {Kind.SWAPPED}, 1.0),
+        changed("p_b", lambda x, t: x + 1e5 * NOISE[: len(x)]),
+        Part.PRESSURE_B, {Wrong.NOISE}, 1.0),
+    "A and B exchanged": (exchanged, Part.PRESSURES, {Wrong.SWAPPED}, 1.0),
     "supply 3 bar too much": (
-        changed("supply", lambda x, t: x + 3e5), Part.SUPPLY, {Kind.OFFSET}, 5.0),
+        changed("supply", lambda x, t: x + 3e5), Part.SUPPLY, {Wrong.OFFSET}, 5.0),
 }  # fmt: skip
 
 
@@ -204,7 +205,7 @@ def test_nothing_is_found_where_nothing_lies(
     model: Model, healthy: Heard, tolerance: Tolerance
 ) -> None:
     watched = healthy.to(model, tolerance)
-    assert watched.condition is Watch.WATCHING
+    assert watched.condition is Heed.WATCHING
     assert watched.refused == 0
     assert watched.monitor.findings == []
 
@@ -254,7 +255,7 @@ def test_readings_that_are_lost_are_said_and_recovered_from(
     gap.p_a[3000, 0] = np.nan
     watched = gap.to(model, tolerance)
     assert watched.refused > 0
-    assert watched.condition is Watch.WATCHING
+    assert watched.condition is Heed.WATCHING
     assert watched.monitor.findings == []
 
 
