@@ -1,1 +1,43 @@
-"""The crane that knows itself: positions without encoders, and the load at the tip."""
+"""The crane that knows itself: positions without encoders, and sensors that are watched.
+
+What the sensor monitor finds, in words:
+
+>>> from crane_observer import Part, SensorFinding, Wrong
+>>> found = SensorFinding(Part.ENCODER, "telescope", Wrong.DRIFT, "m/s", 1e-3, 9e-4, 1.1e-3, 60.0, 60.7)
+>>> found.sensor
+'telescope encoder'
+
+Before a tolerance was learnt from recordings of the machine, a wide one is taken:
+
+>>> from crane_observer import unlearnt
+>>> sorted(unlearnt(["boom", "telescope"]).joints)
+['boom', 'telescope']
+"""
+
+from typing import TYPE_CHECKING
+
+from crane_model.lazily import lazily
+
+if TYPE_CHECKING:
+    from crane_observer.monitor.finding import SensorFinding as SensorFinding
+    from crane_observer.monitor.signatures import Part as Part
+    from crane_observer.monitor.signatures import Wrong as Wrong
+    from crane_observer.monitor.tolerance import learn as learn
+    from crane_observer.monitor.tolerance import unlearnt as unlearnt
+    from crane_observer.monitor.watching import SensorWatch as SensorWatch
+    from crane_observer.position.filter import PoseEstimate as PoseEstimate
+    from crane_observer.position.sensor import PositionSensor as PositionSensor
+    from crane_observer.recording import HeardRecording as HeardRecording
+
+__getattr__, __dir__, __all__ = lazily(
+    __name__,
+    {
+        "monitor.finding": ("SensorFinding",),
+        "monitor.signatures": ("Part", "Wrong"),
+        "monitor.tolerance": ("learn", "unlearnt"),
+        "monitor.watching": ("SensorWatch",),
+        "position.filter": ("PoseEstimate",),
+        "position.sensor": ("PositionSensor",),
+        "recording": ("HeardRecording",),
+    },
+)

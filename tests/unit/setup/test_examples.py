@@ -43,6 +43,10 @@ REASONS = {
         "save_stand_in": "as load_stand_in", "Sensors": "part of make_bag", "record": "in make_bag",
         "make": "make_bag is its command line", "calibrate": "takes half a minute",
     },
+    "crane_observer": {
+        "PositionSensor": "texts and tests show it on recordings", "SensorWatch": LIKE,
+        "PoseEstimate": RESULT, "HeardRecording": RESULT, "learn": "needs minutes of recordings",
+    },
     "crane_identification": {
         "FitResult": RESULT, "Estimate": RESULT, "Validation": RESULT, "Covariance": LIKE,
         "Session": "made by fit", "ProgressBar": "draws on a terminal",

@@ -9,7 +9,7 @@ import pytest
 FOLDER = Path(__file__).resolve().parents[3] / "crane_interfaces"
 DEFINITIONS = sorted(p for kind in ("msg", "action", "srv") for p in FOLDER.glob(f"{kind}/*"))
 
-UNIT = re.compile(r"\[(-|unit|(Pa|rad|m|s|N|N\*m)(/s(\^2)?)?)\]")
+UNIT = re.compile(r"\[(-|unit|(Pa|rad|m|s|kg|N|N\*m)(/s(\^2)?)?)\]")
 FIELD = re.compile(r"^(?P<type>[\w/]+)(\[\w*\])?\s+(?P<name>\w+)\s*(?P<constant>=\s*\w+)?\s*(#|$)")
 
 
@@ -43,7 +43,7 @@ def undocumented(text: str) -> list[str]:
     for line in parse(text):
         if line.type == "std_msgs/Header":
             documented = "stamp:" in line.comment and "frame_id:" in line.comment
-        elif line.constant or line.type == "string":
+        elif line.constant or line.type in {"string", "string[]"}:
             documented = bool(line.comment.strip())
         else:
             documented = UNIT.search(line.comment) is not None
@@ -59,6 +59,8 @@ def test_the_suite_has_the_interfaces_of_its_design() -> None:
         "GeneralizedForces.msg",
         "JointReference.msg",
         "ParameterEstimate.msg",
+        "PositionEstimate.msg",
+        "SensorFindings.msg",
         "ValveCommand.msg",
         "RunExcitation.action",
     }

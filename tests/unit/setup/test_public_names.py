@@ -8,7 +8,14 @@ from pathlib import Path
 
 import pytest
 
-PACKAGES = ("crane_bags", "crane_nodes", "crane_driver", "crane_trajectory", "crane_benchmark")
+PACKAGES = (
+    "crane_bags",
+    "crane_nodes",
+    "crane_driver",
+    "crane_trajectory",
+    "crane_benchmark",
+    "crane_observer",
+)
 
 
 @pytest.mark.parametrize("name", PACKAGES)
