@@ -3,7 +3,11 @@
 What the sensor monitor finds, in words:
 
 >>> from crane_observer import Part, SensorFinding, Wrong
->>> found = SensorFinding(Part.ENCODER, "telescope", Wrong.DRIFT, "m/s", 1e-3, 9e-4, 1.1e-3, 60.0, 60.7)
+>>> size, low, high = 1.0e-3, 0.9e-3, 1.1e-3  # m/s
+>>> onset, now = 60.0, 60.7  # s
+>>> found = SensorFinding(
+...     Part.ENCODER, "telescope", Wrong.DRIFT, "m/s", size, low, high, onset, now
+... )
 >>> found.sensor
 'telescope encoder'
 
