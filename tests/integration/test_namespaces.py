@@ -84,8 +84,7 @@ def test_two_cranes_run_side_by_side(
             still.enabled()
             begin, before, frames = newest(moved), newest(still), len(still.valves)
             moved.moving(mover, inner_boom=0.3)
-            while newest(moved)[1] - begin[1] < TRAVEL:
-                pass
+            moved.until(lambda: moved.states[-1].position[1] - begin[1] >= TRAVEL)  # noqa: B023
             mover.send(slew=0.0)
             assert np.abs(newest(still) - before).max() < TRAVEL / 4
             assert not any(any(one.commands.values()) for one in still.valves[frames:])

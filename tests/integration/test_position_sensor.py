@@ -86,6 +86,7 @@ def stage(tmp_path: Path, ros_domain: int) -> Iterator[Stage]:
     made.close()
 
 
+@pytest.mark.realtime
 def test_the_node_tells_what_the_command_tells(tmp_path: Path, ros_domain: int) -> None:
     """Readings of a machine at work, as topics, against the same readings offline."""
     given, rows = recording(), range(1400)
