@@ -25,7 +25,8 @@ from crane_trajectory.control.controller import command, load_gains
 pytestmark = pytest.mark.realtime
 
 MEASURED = ("inner_boom", "outer_boom")
-FAST = ["--joints", *MEASURED, "--seconds", "0.5", "--rate", "0.1", "--repeats", "1"]
+QUICK = ["--seconds", "0.5", "--rate", "0.1", "--repeats", "1"]
+FAST = ["--joints", *MEASURED, *QUICK]
 
 
 @pytest.fixture(scope="module")
@@ -161,7 +162,7 @@ def test_dead_band(shop: Workshop, measured: Callable[..., None]) -> None:
 def test_a_stall_costs_one_ramp(shop: Workshop) -> None:
     """The driver has a fault then, which is reset when the operator has said so."""
     for _ in range(3):
-        tool = Tool(shop, "dead_band", *FAST, "--joints", "inner_boom")
+        tool = Tool(shop, "dead_band", *QUICK, "--joints", "inner_boom")
         tool.answer("yes")
         shop.until(lambda: shop.valves[1] and abs(shop.valves[0]["inner_boom"]) > 0.06)
         tool.process.send_signal(signal.SIGSTOP)

@@ -82,7 +82,7 @@ def test_while_it_starts(demo: subprocess.Popen[bytes], mark: bytes) -> None:
 
 
 def test_while_the_crane_moves(demo: subprocess.Popen[bytes], mark: bytes, tmp_path: Path) -> None:
-    wait_for(demo, b"approach")
+    wait_for(demo, b" of 73 s")
     assert len(alive_with(mark)) == 7  # the demo, five nodes, the client of the action
     status, printed = interrupt(demo)
     assert status == 130

@@ -43,9 +43,14 @@ def crane(stage: Stage, tmp_path_factory: pytest.TempPathFactory) -> Iterator[Ex
 
 def test_a_goal_is_refused_while_the_driver_is_disabled(crane: Experiments) -> None:
     crane.stage.disabled()
-    result = crane.refused()
-    assert result.outcome == Outcome.NOT_READY
-    assert "/driver: the driver is disabled; call enable" in result.message
+
+    def told() -> bool:
+        """What is in the way, once the node has heard the driver."""
+        result = crane.refused()
+        assert result.outcome == Outcome.NOT_READY
+        return "/driver: the driver is disabled; call enable" in result.message
+
+    crane.stage.until(told)
 
 
 def test_a_trajectory_outside_the_limits_is_refused(crane: Experiments) -> None:
