@@ -48,11 +48,11 @@ WRONG = {
     "pressure in bar": ({"supply_pressure": 200.0, "tank_pressure": 3.0}, "is it in Pa"),
     "relief below supply": ({"relief_pressure": 19e6}, "supply_pressure <= relief_pressure must"),
     "chambers exchanged": ({"area_a": 1e-3}, "'boom': area_b, of the rod's side, is larger"),
-    "pump too small": ({"pump_flow": 1e-4}, "'boom': its velocities need 26.9 l/min, the pump"),
-    "stroke too long": ({"length_max": 1.3}, "'boom': a cylinder of 0.62 m from pin to pin cannot"),
+    "pump too small": ({"pump_flow": 1e-4}, "'boom': its velocities need 40.2 l/min, the pump"),
+    "stroke too long": ({"length_max": 1.6}, "'boom': a cylinder of 0.77 m from pin to pin cannot"),
     "stroke not used": (
-        {"length_max": 1.19, "position_max": -0.2},
-        "'boom': its limits use 0.0732 m of a stroke of 0.57 m",
+        {"length_max": 1.35, "position_max": -0.5},
+        "'boom': its limits use 0.123 m of a stroke of 0.58 m",
     ),
     "no actuator yet": ({"actuator": {"type": "passive"}}, "'boom': nothing drives it; is its"),
     "nothing measured": ({"pressure_sensors": False}, "'boom': no pressure sensors, so that"),
@@ -97,7 +97,7 @@ def test_the_command_prints_and_draws(tmp_path: Path, capsys: pytest.CaptureFixt
         "small excavator: 4 joints",
         "four_bar_cylinder",
         "Nothing is inconsistent",
-        "3.9",
+        "4.1",
     ):
         assert part in text
     assert imread(out)[:, :, :3].std() > 0.02

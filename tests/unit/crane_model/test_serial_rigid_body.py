@@ -67,7 +67,7 @@ def test_each_is_named_as_the_combination_that_it_is() -> None:
     by_name = {one.name: one for one in SerialRigidBody().parameters(setting(machine))}
     assert by_name["mx.bucket"].meaning == "mx.bucket"
     assert by_name["my.bucket"].unit == "kg m"
-    assert by_name["mx_r.boom"].meaning == "mx.boom + 1.85 m.stick + 1.85 m.bucket"
+    assert by_name["mx_r.boom"].meaning == "mx.boom + 2.05 m.stick + 2.05 m.bucket"
     regrouped = by_name["Izz_r.stick"]
     assert regrouped.meaning == "Izz.stick + 1.1025 m.bucket"
     assert (regrouped.unit, regrouped.minimum) == ("kg m2", 0.0)
