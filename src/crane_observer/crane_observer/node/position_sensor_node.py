@@ -33,6 +33,7 @@ LATCHED = QoSProfile(
     durability=DurabilityPolicy.TRANSIENT_LOCAL,
 )
 PUBLISH = 1.0  # s, of diagnostics
+LETTING_THROUGH = (DriverState.STATE_ENABLED, DriverState.STATE_DEGRADED)
 VISIT = 0.01  # s between two visits to the queues
 SILENCE = 0.5  # s without pressures, after which they are reported as lost
 
@@ -164,7 +165,7 @@ class PositionSensorNode(LifecycleNode):
                 self._commanded[~np.isin(joints, message.name)] = 0.0
                 self._command(stamp)
             case DriverState():
-                closed = message.state != DriverState.STATE_ENABLED
+                closed = message.state not in LETTING_THROUGH
                 if closed is not self._closed:
                     self._closed = closed
                     self._command(stamp)
