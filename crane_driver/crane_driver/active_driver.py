@@ -23,6 +23,7 @@ from crane_driver.realtime import RealTime, RealTimeSettings
 from crane_driver.safety.commands import RefusedError
 from crane_driver.safety.news import Level
 from crane_interfaces.msg import PositionEstimate, ValveCommand
+from crane_nodes.stamps import nanoseconds
 
 DEPTH = 10  # messages
 FRAMES_AT_ONCE = 200  # a flood must not keep the valves waiting for their frames
@@ -131,7 +132,7 @@ class ActiveDriver:
         self._send(self.loop.valve_frames(time.monotonic(), commanded=True))
 
     def _estimated(self, message: PositionEstimate) -> None:
-        stamp = message.header.stamp.sec * 1_000_000_000 + message.header.stamp.nanosec
+        stamp = nanoseconds(message.header.stamp)
         motions = zip(message.position, message.velocity, message.std_dev, strict=False)
         for joint, motion in zip(message.name, motions, strict=False):
             self.loop.estimate(joint, stamp, motion)

@@ -21,7 +21,7 @@ from crane_driver.safety.plausibility import PositionWatch, believed
 from crane_driver.safety.settings import SafetySettings
 from crane_driver.safety.stalls import StallWatch, behind
 from crane_driver.safety.states import SafetyState
-from crane_driver.safety.substitution import Estimate
+from crane_driver.safety.substitution import JointEstimate
 from crane_driver.safety.supervisor import Supervisor, check_valves
 from crane_driver.velocity_filter import VelocityFilter
 from crane_model.cylinders import cylinder_force
@@ -159,7 +159,7 @@ class DriverLoop:
         """
         if joint == self.supervisor.substituted and self._newest is not None:
             time = self._newest.sampled + (stamp - self._newest.stamp) * 1e-9
-            self.supervisor.estimated(Estimate(time, *motion), self._newest.sampled)
+            self.supervisor.estimated(JointEstimate(time, *motion), self._newest.sampled)
 
     def check(self, publishers: int, now: float, heard: float) -> None:
         """What shows by nothing coming, and how many publishers of commands there are.

@@ -10,7 +10,7 @@ from crane_driver.safety.settings import DegradedSettings
 CAUTION = 3.0  # standard deviations, by which an estimate may be wrong
 
 
-class Estimate(NamedTuple):
+class JointEstimate(NamedTuple):
     """What is told of a joint that turns [rad, rad/s] or slides [m, m/s]."""
 
     time: float  # s, steady, of the readings that it rests on
@@ -25,7 +25,7 @@ class Substitution:
     def __init__(self, joint: str, settings: DegradedSettings):
         self.joint = joint
         self._settings = settings
-        self._newest: Estimate | None = None
+        self._newest: JointEstimate | None = None
 
     @classmethod
     def permitted(
@@ -42,7 +42,7 @@ class Substitution:
             )
         return cls(joint, settings)
 
-    def tell(self, estimate: Estimate, now: float) -> None:
+    def tell(self, estimate: JointEstimate, now: float) -> None:
         """Take a newer estimate; one that is no number, older than the last, or of the future is
         left out, so that it is missed.
         """

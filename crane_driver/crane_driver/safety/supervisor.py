@@ -11,7 +11,7 @@ from crane_driver.safety.limits import JointLimiter
 from crane_driver.safety.news import Level, News
 from crane_driver.safety.settings import SafetySettings
 from crane_driver.safety.states import LETTING_THROUGH, TRANSITIONS, Event, SafetyState
-from crane_driver.safety.substitution import Estimate, Substitution
+from crane_driver.safety.substitution import JointEstimate, Substitution
 from crane_model.errors import ConfigurationError, RangeError
 from crane_model.machine import Machine
 
@@ -146,7 +146,7 @@ class Supervisor:
         self._substitution = Substitution.permitted(joint, self._valves, self._settings.degraded)
         self.news.append(News(Level.WARNING, f"{joint}: its encoder is not believed any more"))
 
-    def estimated(self, estimate: Estimate, now: float) -> None:
+    def estimated(self, estimate: JointEstimate, now: float) -> None:
         """What is told of the joint that is substituted."""
         if self._substitution:
             self._substitution.tell(estimate, now)

@@ -17,7 +17,7 @@ from unit.crane_driver.safety.supervised import (
 from crane_driver.faults import Fault, FaultKind
 from crane_driver.safety.commands import RefusedError
 from crane_driver.safety.states import LETTING_THROUGH, SafetyState
-from crane_driver.safety.substitution import Estimate
+from crane_driver.safety.substitution import JointEstimate
 
 WAITS = (0.005, 0.05, 0.3)  # s
 REPEATED = (None, 0.0, 0.5, -1.0)  # commands in each cycle of a wait
@@ -115,7 +115,7 @@ class Happening:
         """Of a joint in the middle of its range."""
         self.events += 1
         now = self.bench.now
-        self.bench.it.estimated(Estimate(now, MIDDLE[SUBSTITUTED], 0.0, deviation), now)
+        self.bench.it.estimated(JointEstimate(now, MIDDLE[SUBSTITUTED], 0.0, deviation), now)
 
     def ask(self, request: str) -> None:
         self.events += 1

@@ -19,7 +19,7 @@ from crane_driver.safety.commands import RefusedError
 from crane_driver.safety.limits import MARGIN
 from crane_driver.safety.settings import load_safety
 from crane_driver.safety.states import SafetyState
-from crane_driver.safety.substitution import CAUTION, Estimate
+from crane_driver.safety.substitution import CAUTION, JointEstimate
 from crane_model.errors import ConfigurationError
 from crane_model.machine_files import machine_file
 
@@ -41,7 +41,7 @@ def told(
     """Cycles with an estimate in each; what its valve is sent at last."""
     for _ in range(math.ceil(seconds / CYCLE)):
         bench.it.readings(WITHOUT, {**STILL, SUBSTITUTED: math.nan})
-        bench.it.estimated(Estimate(bench.now, position, velocity, deviation), bench.now)
+        bench.it.estimated(JointEstimate(bench.now, position, velocity, deviation), bench.now)
         (output,) = bench.run(CYCLE, command)
     return output.commands[SUBSTITUTED]
 
@@ -161,7 +161,7 @@ def test_estimates_that_come_out_of_order_change_nothing() -> None:
     bench = degraded(Bench())
     told(bench, 0.5, {SUBSTITUTED: 0.0})
     for time in (bench.now - 0.1, bench.now + 10.0):
-        bench.it.estimated(Estimate(time, 99.0, 99.0, 99.0), bench.now)
+        bench.it.estimated(JointEstimate(time, 99.0, 99.0, 99.0), bench.now)
         bench.run(CYCLE, {SUBSTITUTED: 0.0})
         assert state_of(bench) is SafetyState.DEGRADED
 
