@@ -20,9 +20,10 @@ from crane_driver.driver_loop import DriverLoop
 from crane_driver.driver_messages import cylinder_pressures, joint_state
 from crane_driver.faults import Fault, FaultKind
 from crane_driver.realtime import RealTime, RealTimeSettings
+from crane_driver.safety.commands import RefusedError
 from crane_driver.safety.news import Level
-from crane_driver.safety.supervisor import RefusedError
-from crane_interfaces.msg import ValveCommand
+from crane_interfaces.msg import PositionEstimate, ValveCommand
+from crane_nodes.stamps import nanoseconds
 
 DEPTH = 10  # messages
 FRAMES_AT_ONCE = 200  # a flood must not keep the valves waiting for their frames
@@ -50,6 +51,7 @@ class ActiveDriver:
         self._joints, self._pressures, self._report = joints, pressures, report
         self._realtime: RealTime | None = None
         self._commands: Subscription | None = None
+        self._estimates: Subscription | None = None
         self._timer: Timer | None = None
 
     def begin(self, realtime: RealTimeSettings) -> None:
@@ -68,8 +70,8 @@ class ActiveDriver:
         """Ramp to neutral and close the bus."""
         if self._timer:
             self._node.destroy_timer(self._timer)
-        if self._commands:
-            self._node.destroy_subscription(self._commands)
+        for one in filter(None, (self._commands, self._estimates)):
+            self._node.destroy_subscription(one)
         self.loop.supervisor.disable()
         moving = True
         while moving:
@@ -129,6 +131,12 @@ class ActiveDriver:
             return
         self._send(self.loop.valve_frames(time.monotonic(), commanded=True))
 
+    def _estimated(self, message: PositionEstimate) -> None:
+        stamp = nanoseconds(message.header.stamp)
+        motions = zip(message.position, message.velocity, message.std_dev, strict=False)
+        for joint, motion in zip(message.name, motions, strict=False):
+            self.loop.estimate(joint, stamp, motion)
+
     def _commanders(self) -> int:
         return self._commands.get_publisher_count() if self._commands else 0
 
@@ -162,6 +170,19 @@ class ActiveDriver:
     def reset_fault(self) -> None:
         """Forget the faults that are latched."""
         self.loop.supervisor.reset(time.monotonic())
+
+    def substitute(self, joint: str) -> str:
+        """Go on without the encoder of a joint; what holds now."""
+        self.loop.supervisor.substitute(joint)
+        if self._estimates:
+            self._node.destroy_subscription(self._estimates)
+            self._estimates = None
+        if not joint:
+            return "all encoders are believed; call reset_fault and enable"
+        self._estimates = self._node.create_subscription(
+            PositionEstimate, "position_estimate", self._estimated, DEPTH
+        )
+        return f"{joint} goes on by position_estimate; call reset_fault and enable"
 
     def tell(self) -> None:
         """Log what is new, and report it."""

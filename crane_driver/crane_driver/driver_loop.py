@@ -21,6 +21,7 @@ from crane_driver.safety.plausibility import PositionWatch, believed
 from crane_driver.safety.settings import SafetySettings
 from crane_driver.safety.stalls import StallWatch, behind
 from crane_driver.safety.states import SafetyState
+from crane_driver.safety.substitution import JointEstimate
 from crane_driver.safety.supervisor import Supervisor, check_valves
 from crane_driver.velocity_filter import VelocityFilter
 from crane_model.cylinders import cylinder_force
@@ -134,7 +135,9 @@ class DriverLoop:
             if readings is None:
                 continue
             faults = self.monitor.observe(readings)
-            self.supervisor.can_faults(faults, now)
+            substituted = self.supervisor.substituted  # whatever its encoder says is not heard
+            heeded = [one for one in faults if not substituted or one.reading != substituted]
+            self.supervisor.can_faults(heeded, now)
             if any(fault.kind in UNUSABLE for fault in faults):
                 continue
             self.supervisor.can_faults(self._acceptance.observe(readings), now)
@@ -149,6 +152,14 @@ class DriverLoop:
                 joints += self._joint_samples(readings.steady)
         joints += self._joint_samples(now)
         return joints, pressures
+
+    def estimate(self, joint: str, stamp: int, motion: tuple[float, float, float]) -> None:
+        """What is told of a joint: position, velocity and standard deviation of the position, from
+        pressures of `stamp` [ns].
+        """
+        if joint == self.supervisor.substituted and self._newest is not None:
+            time = self._newest.sampled + (stamp - self._newest.stamp) * 1e-9
+            self.supervisor.estimated(JointEstimate(time, *motion), self._newest.sampled)
 
     def check(self, publishers: int, now: float, heard: float) -> None:
         """What shows by nothing coming, and how many publishers of commands there are.
@@ -203,10 +214,13 @@ class DriverLoop:
         """Without the readings that cannot be true, which are faults."""
         if self.supervisor.state is SafetyState.OFFLINE:  # as after every reset
             self._watches = self._new_watches()
+        read = dict(positions.values)
+        if substituted := self.supervisor.substituted:
+            read[substituted] = math.nan
         values, wrong = believed(
             self._watches,
             positions.sampled,
-            positions.values,
+            read,
             self.supervisor.sent,
             self._newest.values if self._newest else {},
         )

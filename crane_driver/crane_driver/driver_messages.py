@@ -22,6 +22,7 @@ STATES = {
     SafetyState.OFFLINE: DriverState.STATE_OFFLINE,
     SafetyState.DISABLED: DriverState.STATE_DISABLED,
     SafetyState.ENABLED: DriverState.STATE_ENABLED,
+    SafetyState.DEGRADED: DriverState.STATE_DEGRADED,
     SafetyState.FAULT: DriverState.STATE_FAULT,
     SafetyState.ESTOP: DriverState.STATE_EMERGENCY_STOP,
 }
@@ -30,6 +31,7 @@ LEVELS = {
     SafetyState.OFFLINE: DiagnosticStatus.WARN,
     SafetyState.DISABLED: DiagnosticStatus.OK,
     SafetyState.ENABLED: DiagnosticStatus.OK,
+    SafetyState.DEGRADED: DiagnosticStatus.WARN,
     SafetyState.FAULT: DiagnosticStatus.ERROR,
     SafetyState.ESTOP: DiagnosticStatus.ERROR,
 }
@@ -74,6 +76,7 @@ def driver_state(supervisor: Supervisor) -> DriverState:
         further_faults=max(0, len(supervisor.faults) - 1),
         cause=supervisor.cause,
         remedy=supervisor.remedy,
+        substituted=supervisor.substituted,
         commands_refused=supervisor.refused,
         last_refusal=supervisor.refusal,
     )
@@ -114,6 +117,7 @@ def _safety(name: str, supervisor: Supervisor) -> DiagnosticStatus:
         text += f"; {', '.join(supervisor.limited)} held back by the limits of Table 2"
     values = {
         "state": supervisor.state,
+        "substituted": supervisor.substituted,
         "commands refused": supervisor.refused,
         "last refusal": supervisor.refusal,
         **faults,

@@ -25,9 +25,10 @@ from crane_driver.driver_messages import (
     inactive_state,
 )
 from crane_driver.driver_parameters import DriverParameters, driver_parameters, read_parameters
+from crane_driver.safety.commands import RefusedError
 from crane_driver.safety.settings import load_safety
-from crane_driver.safety.supervisor import RefusedError
 from crane_interfaces.msg import CylinderPressures, DriverState
+from crane_interfaces.srv import SubstituteEncoder
 from crane_model.errors import CraneError
 from crane_model.machine import load_machine
 from crane_model.machine_files import DEFAULT_MACHINE
@@ -71,6 +72,7 @@ class Driver(LifecycleNode):
             ("reset_fault", ActiveDriver.reset_fault),
         ):
             self.create_service(Trigger, f"~/{name}", self._service(name, action))
+        self.create_service(SubstituteEncoder, "~/substitute", self._substitute)
         self._report()
 
     def stop(self) -> None:
@@ -168,21 +170,35 @@ class Driver(LifecycleNode):
         self, name: str, action: Callable[[ActiveDriver], None]
     ) -> Callable[[Trigger.Request, Trigger.Response], Trigger.Response]:
         def answer(_request: Trigger.Request, response: Trigger.Response) -> Trigger.Response:
-            if self._active is None:
-                response.message = f"{name}: the driver is {self._lifecycle}; activate it first"
-                return response
-            try:
-                action(self._active)
-            except RefusedError as error:
-                response.message = str(error)
-                self.get_logger().warning(str(error))
-            else:
-                response.success = True
-                response.message = str(self._active.loop.supervisor.state)
-            self._active.tell()
+            def asked(active: ActiveDriver) -> str:
+                action(active)
+                return active.loop.supervisor.state
+
+            response.success, response.message = self._ask(name, asked)
             return response
 
         return answer
+
+    def _substitute(
+        self, request: SubstituteEncoder.Request, response: SubstituteEncoder.Response
+    ) -> SubstituteEncoder.Response:
+        response.success, response.message = self._ask(
+            "substitute", lambda active: active.substitute(request.joint)
+        )
+        return response
+
+    def _ask(self, name: str, action: Callable[[ActiveDriver], str]) -> tuple[bool, str]:
+        """Whether it was done, and what the answer to a service says."""
+        if self._active is None:
+            return False, f"{name}: the driver is {self._lifecycle}; activate it first"
+        success = True
+        try:
+            said = action(self._active)
+        except RefusedError as error:
+            success, said = False, str(error)
+            self.get_logger().warning(said)
+        self._active.tell()
+        return success, said
 
     def _failed(self, error: CraneError) -> TransitionCallbackReturn:
         for line in str(error).splitlines():

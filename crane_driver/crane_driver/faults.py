@@ -120,6 +120,10 @@ class FaultKind(StrEnum):
         *("overworked", 24, "the driver's own work took too long"),
         "find what comes all at once, or take a faster processor",
     )
+    ESTIMATE = (
+        *("estimate", 25, "the estimate in the place of an encoder cannot be used any more"),
+        "see what position_sensor says on /diagnostics",
+    )
 
 
 UNUSABLE = frozenset({FaultKind.WRONG_SIZE, FaultKind.CHECKSUM, FaultKind.REPEATED})
@@ -142,6 +146,7 @@ class Fault:
     source: str = ""
     id: str = ""  # of a message, as `show_id` writes it
     measures: str = ""  # what a message measures, for people: "encoder of boom"
+    reading: str = ""  # the one that is no measurement: joint, JOINT.a, ..., supply
 
     @property
     def where(self) -> str:

@@ -24,6 +24,7 @@ SOURCES = (
     *((f"demo_{name}", f"demo/figures_{name}.json") for name in shipped()),
     ("study", "study/figures.json"),
     ("discrepancy", "discrepancy_benchmark/scoring/*/figures.json"),
+    ("observer", "observer/observer.json"),
     ("", "bench/*.json"),  # by their own names
 )
 """Names in docs/measured, and what becomes of them in runs."""

@@ -55,6 +55,7 @@ MESSAGES = [
         remedy="check the plug",
         commands_refused=2**32 - 1,
         last_refusal="größer als 1",
+        substituted="outer_boom",
     ),
     GeneralizedForces(
         header=HEADER, name=JOINTS, measured=[1e4, -2e3, math.nan], predicted=[9.9e3, -1.9e3, 3e3]
@@ -78,6 +79,8 @@ MESSAGES = [
     PositionEstimate(
         header=HEADER,
         name=["slew", "telescope"],
+        position=[0.1, 0.7],
+        velocity=[0.0, -0.2],
         std_dev=[1e-3, math.inf],
         measured=[True, False],
         observable=[True, False],

@@ -104,7 +104,8 @@ def _read(
             continue
         value = channel.gain * count + channel.offset
         if channel.fault and raw.get(channel.fault):
-            faults.append(layout.fault(FaultKind.SENSOR, f"{channel.name}: {channel.fault} is set"))
+            detail = f"{channel.name}: {channel.fault} is set"
+            faults.append(layout.fault(FaultKind.SENSOR, detail, channel.name))
         elif channel.low <= value <= channel.high:
             values[channel.name] = value
         else:
@@ -113,6 +114,7 @@ def _read(
                     FaultKind.OUT_OF_RANGE,
                     f"{channel.name} is {value:g}, {channel.signal} goes from {channel.low:g} "
                     f"to {channel.high:g}",
+                    channel.name,
                 )
             )
 

@@ -98,9 +98,9 @@ class MessageLayout:
         """Identifier as candump writes it."""
         return show_id(self.message.frame_id, self.message.is_extended_frame)
 
-    def fault(self, kind: FaultKind, detail: str) -> Fault:
-        """A fault of this message."""
-        return Fault(kind, detail, self.name, self.id, self._measures())
+    def fault(self, kind: FaultKind, detail: str, reading: str = "") -> Fault:
+        """A fault of this message, or of one of its readings."""
+        return Fault(kind, detail, self.name, self.id, self._measures(), reading)
 
     def _measures(self) -> str:
         joints = [one.name for one in self.positions]

@@ -2,7 +2,15 @@
 
 from collections.abc import Collection, Sequence
 
-from crane_model.errors import RangeError
+from crane_model.errors import CraneError, RangeError
+
+
+class RefusedError(CraneError):
+    """A request to the driver was refused; nothing has changed.
+
+    Examples: enabling while a command is not neutral, resetting while the ramp runs, a command
+    with a value that is not a number.
+    """
 
 
 def check_command(

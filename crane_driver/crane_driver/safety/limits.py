@@ -27,8 +27,9 @@ class JointLimiter:
         self._opening, self._opening_time = settings.opening, settings.opening_time
         self.restart()
 
-    def restart(self) -> None:
-        """Begin at neutral, whatever was sent before."""
+    def restart(self, share: float = 1.0) -> None:
+        """Begin at neutral, whatever was sent before, with a `share` of the speed of Table 2."""
+        self._share = share
         self._start(0.0)
 
     def _start(self, direction: float) -> None:
@@ -63,7 +64,7 @@ class JointLimiter:
         if distance <= max(0.0, speed * self._reaction):
             self._cap = 0.0
             return 0.0
-        allowed = min(fastest, math.sqrt(2.0 * self._deceleration * distance))
+        allowed = min(self._share * fastest, math.sqrt(2.0 * self._deceleration * distance))
         excess = (speed - allowed) / fastest
         self._cap = min(1.0, max(0.0, self._cap - excess * dt / self._correction))
         if excess > 0.0:

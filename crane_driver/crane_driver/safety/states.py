@@ -5,9 +5,9 @@ from typing import Self
 
 
 class SafetyState(StrEnum):
-    """Commands reach the valves in ENABLED alone."""
+    """Commands reach the valves in ENABLED and in DEGRADED alone."""
 
-    cause: str  # why they do not; of a fault, the fault says it
+    cause: str  # why they do not, or only slower; of a fault, the fault says it
     remedy: str
 
     def __new__(cls, word: str, cause: str = "", remedy: str = "") -> Self:
@@ -23,6 +23,10 @@ class SafetyState(StrEnum):
     )
     DISABLED = "disabled", "the driver is disabled", "call enable"
     ENABLED = "enabled"
+    DEGRADED = (
+        *("degraded", "a joint goes on by an estimate: speeds are limited"),
+        "mend its encoder, disable, then call substitute with an empty joint",
+    )
     FAULT = "fault"  # ramped to neutral; latched until reset
     ESTOP = (  # neutral at once; latched until reset
         *("emergency stop", "the emergency stop of the driver was called"),
@@ -35,6 +39,7 @@ class Event(StrEnum):
 
     READY = "ready"
     ENABLE = "enable"
+    ENABLE_DEGRADED = "enable degraded"  # an encoder is substituted
     DISABLE = "disable"
     FAULT = "fault"
     EMERGENCY_STOP = "emergency stop"
@@ -44,13 +49,19 @@ class Event(StrEnum):
 TRANSITIONS: dict[tuple[SafetyState, Event], SafetyState] = {
     (SafetyState.OFFLINE, Event.READY): SafetyState.DISABLED,
     (SafetyState.DISABLED, Event.ENABLE): SafetyState.ENABLED,
+    (SafetyState.DISABLED, Event.ENABLE_DEGRADED): SafetyState.DEGRADED,
     (SafetyState.ENABLED, Event.DISABLE): SafetyState.DISABLED,
+    (SafetyState.DEGRADED, Event.DISABLE): SafetyState.DISABLED,
     (SafetyState.OFFLINE, Event.FAULT): SafetyState.FAULT,  # only what is wrong in every state
     (SafetyState.DISABLED, Event.FAULT): SafetyState.FAULT,
     (SafetyState.ENABLED, Event.FAULT): SafetyState.FAULT,
+    (SafetyState.DEGRADED, Event.FAULT): SafetyState.FAULT,
     # Not to DISABLED: whether the machine is well has to be seen anew.
     (SafetyState.FAULT, Event.RESET): SafetyState.OFFLINE,
     (SafetyState.ESTOP, Event.RESET): SafetyState.OFFLINE,
     **{(state, Event.EMERGENCY_STOP): SafetyState.ESTOP for state in SafetyState},
 }
 """What is not in the table does not happen: in particular nothing but ENABLE leads to ENABLED."""
+
+LETTING_THROUGH = frozenset({SafetyState.ENABLED, SafetyState.DEGRADED})
+"""In these, commands reach the valves."""

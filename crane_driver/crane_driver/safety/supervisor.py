@@ -6,23 +6,16 @@ from dataclasses import dataclass
 from typing import NamedTuple
 
 from crane_driver.faults import IN_EVERY_STATE, Fault, FaultKind
-from crane_driver.safety.commands import check_command, ramped
+from crane_driver.safety.commands import RefusedError, check_command, ramped
 from crane_driver.safety.limits import JointLimiter
 from crane_driver.safety.news import Level, News
 from crane_driver.safety.settings import SafetySettings
-from crane_driver.safety.states import TRANSITIONS, Event, SafetyState
-from crane_model.errors import ConfigurationError, CraneError, RangeError
+from crane_driver.safety.states import LETTING_THROUGH, TRANSITIONS, Event, SafetyState
+from crane_driver.safety.substitution import JointEstimate, Substitution
+from crane_model.errors import ConfigurationError, RangeError
 from crane_model.machine import Machine
 
 LONGEST_STEP = 0.05  # s; after a longer pause ramp and limiters go on as if it had been this one
-
-
-class RefusedError(CraneError):
-    """A request to the driver was refused; nothing has changed.
-
-    Examples: enabling while a command is not neutral, resetting while the ramp runs, a command
-    with a value that is not a number.
-    """
 
 
 @dataclass
@@ -57,6 +50,7 @@ class Supervisor:
         self._from_neutral = False  # whether a neutral command has begun the present series
         self._position: dict[str, float] = {}
         self._velocity: dict[str, float] = {}
+        self._substitution: Substitution | None = None
         self._publishers = 0
         self._stepped = now
         self._troubled = now  # when the last fault of the bus was seen
@@ -75,9 +69,16 @@ class Supervisor:
 
     @property
     def cause(self) -> str:
-        """Why commands do not reach the valves; empty while they do."""
+        """Why commands do not reach the valves, or only slower; empty while nothing is wrong."""
         fault = self.first_fault
-        return str(fault) if fault and self.state is SafetyState.FAULT else self.state.cause
+        if fault and self.state is SafetyState.FAULT:
+            return str(fault)
+        joint, problem = self.substituted, self._estimate_problem(self._stepped)
+        if self.state is SafetyState.DEGRADED:
+            return f"{joint}: {self.state.cause}"
+        if joint and self.state is SafetyState.OFFLINE and problem:
+            return f"{self.state.cause}; {joint}: {problem}"
+        return self.state.cause
 
     @property
     def remedy(self) -> str:
@@ -87,15 +88,15 @@ class Supervisor:
 
     def command(self, names: Sequence[str], values: Sequence[float], received: float) -> None:
         """Take a command that came at `received`; `RefusedError` if it is refused as a whole."""
-        if self.state is SafetyState.ENABLED:
+        if self.letting_through:
             self._judge_age(received)  # first: a command that comes too late mends nothing
         try:
             if self._publishers > 1:
                 raise RangeError(f"{self._publishers} publishers command the valves, one may")
             commands = check_command(names, values, self._valves)
-            continues = self.state is SafetyState.ENABLED and self._from_neutral
+            continues = self.letting_through and self._from_neutral
             self._from_neutral = continues or self._is_neutral(commands)
-            if self.state is SafetyState.ENABLED and not self._from_neutral:
+            if self.letting_through and not self._from_neutral:
                 raise RangeError(
                     f"the first command is {_shown(commands)}; begin with a neutral one, at most "
                     f"{self._settings.neutral}"
@@ -109,13 +110,46 @@ class Supervisor:
     def published_by(self, count: int) -> None:
         """How many publishers of commands there are."""
         self._publishers = count
-        if count > 1 and self.state is SafetyState.ENABLED:
+        if count > 1 and self.letting_through:
             several = f"{count} publishers command the valves"
             self._latch(Fault(FaultKind.SEVERAL_PUBLISHERS, several))
 
     def readings(self, positions: Mapping[str, float], velocities: Mapping[str, float]) -> None:
         """The newest measured state; NaN where there is none."""
         self._position, self._velocity = dict(positions), dict(velocities)
+
+    @property
+    def letting_through(self) -> bool:
+        """Whether commands reach the valves."""
+        return self.state in LETTING_THROUGH
+
+    @property
+    def substituted(self) -> str:
+        """The joint whose encoder is not believed; empty if there is none."""
+        return self._substitution.joint if self._substitution else ""
+
+    def substitute(self, joint: str) -> None:
+        """Go on without the encoder of a joint, or, if it is empty, with all of them;
+        `RefusedError` says what is in the way.
+        """
+        asked = f"no substitute for {joint}" if joint else "the substitute is not taken back"
+        if self.letting_through or any(self._output.values()):
+            raise RefusedError(f"{asked}: the crane is {self.state}; disable first, at rest")
+        if not joint:
+            self._substitution = None
+            return
+        if self.substituted not in ("", joint):
+            raise RefusedError(
+                f"{asked}: {self.substituted} has one already, and one joint at most may; take "
+                "that back with an empty joint first"
+            )
+        self._substitution = Substitution.permitted(joint, self._valves, self._settings.degraded)
+        self.news.append(News(Level.WARNING, f"{joint}: its encoder is not believed any more"))
+
+    def estimated(self, estimate: JointEstimate, now: float) -> None:
+        """What is told of the joint that is substituted."""
+        if self._substitution:
+            self._substitution.tell(estimate, now)
 
     @property
     def sent(self) -> Mapping[str, float]:
@@ -145,7 +179,7 @@ class Supervisor:
     def ready(self, complete: bool, now: float) -> None:
         """Whether all messages of the machine come in time."""
         well = now - self._troubled > self._settings.settling_time
-        if self.state is SafetyState.OFFLINE and complete and well and not self._unknown():
+        if self.state is SafetyState.OFFLINE and complete and well and not self._unknown(now):
             self._happen(Event.READY)
 
     def enable(self, now: float) -> None:
@@ -165,14 +199,17 @@ class Supervisor:
             raise RefusedError(
                 f"not enabled: the command is {_shown(self._target)}; command neutral first"
             )
+        if problem := self._estimate_problem(now):
+            raise RefusedError(f"not enabled: {self.substituted}: {problem}")
         self._from_neutral = fresh
+        degraded = self._settings.degraded if self._substitution else None
         for limiter in self._limiters.values():
-            limiter.restart()
-        self._happen(Event.ENABLE)
+            limiter.restart(degraded.speed if degraded else 1.0)
+        self._happen(Event.ENABLE_DEGRADED if degraded else Event.ENABLE)
 
     def disable(self) -> None:
         """Ramp to neutral and let no more commands through; in other states nothing changes."""
-        if self.state is SafetyState.ENABLED:
+        if self.letting_through:
             self._happen(Event.DISABLE)
 
     def emergency_stop(self) -> None:
@@ -193,19 +230,21 @@ class Supervisor:
         """What to send at `now`; to be called in every cycle."""
         dt = min(now - self._stepped, LONGEST_STEP)
         self._stepped = now
-        if self.state is SafetyState.ENABLED:
+        if self.letting_through:
             self._judge_age(now)
-        if self.state is SafetyState.ENABLED and (unknown := self._unknown()):
+        if self.letting_through and (problem := self._estimate_problem(now)):
+            self._latch(Fault(FaultKind.ESTIMATE, problem, self.substituted))
+        if self.letting_through and (unknown := self._unknown(now)):
             no_state = f"no position and velocity of {', '.join(unknown)}"
             self._latch(Fault(FaultKind.NO_STATE, no_state))
-        if self.state is SafetyState.ENABLED:
-            self._output = self._within_limits(dt)
+        if self.letting_through:
+            self._output = self._within_limits(dt, now)
         else:
             step = dt / self._settings.ramp_time
             self._output = {name: ramped(value, step) for name, value in self._output.items()}
             self.limited = {}
         moving = any(self._output.values())
-        return Output(dict(self._output), self.state is SafetyState.ENABLED or moving)
+        return Output(dict(self._output), self.letting_through or moving)
 
     def _judge_age(self, now: float) -> None:
         """Commands that end at neutral have ended well; others leave a fault."""
@@ -221,10 +260,14 @@ class Supervisor:
         self._from_neutral = False
         self._target = dict.fromkeys(self._valves, 0.0)
 
-    def _within_limits(self, dt: float) -> dict[str, float]:
+    def _within_limits(self, dt: float, now: float) -> dict[str, float]:
+        position, velocity = dict(self._position), dict(self._velocity)
+        if one := self._substitution:
+            position[one.joint] = one.towards(self._target[one.joint], now)
+            velocity[one.joint] = one.motion(now)[1]
         output = {
             joint: self._limiters[joint].limit(
-                self._target[joint], self._position[joint], self._velocity[joint], dt
+                self._target[joint], position[joint], velocity[joint], dt
             )
             for joint in self._valves
         }
@@ -233,14 +276,17 @@ class Supervisor:
         }
         return output
 
-    def _unknown(self) -> list[str]:
-        return [
-            joint
+    def _unknown(self, now: float) -> list[str]:
+        motions = {
+            joint: (self._position.get(joint, math.nan), self._velocity.get(joint, math.nan))
             for joint in self._valves
-            if not math.isfinite(
-                self._position.get(joint, math.nan) + self._velocity.get(joint, math.nan)
-            )
-        ]
+        }
+        if one := self._substitution:
+            motions[one.joint] = one.motion(now)
+        return [joint for joint, motion in motions.items() if not math.isfinite(sum(motion))]
+
+    def _estimate_problem(self, now: float) -> str:
+        return self._substitution.problem(now) if self._substitution else ""
 
     def _is_neutral(self, commands: Mapping[str, float]) -> bool:
         return all(abs(value) <= self._settings.neutral for value in commands.values())
@@ -260,7 +306,7 @@ class Supervisor:
         previous, self.state = self.state, TRANSITIONS[self.state, event]
         if self.state not in (previous, SafetyState.FAULT):  # a fault has been said
             self.news.append(News(Level.INFO, f"{previous} -> {self.state}"))
-        if self.state is not SafetyState.ENABLED:
+        if not self.letting_through:
             self._from_neutral = False
 
 

@@ -7,6 +7,7 @@ from pathlib import Path
 import numpy as np
 
 from crane_bags.clocks import NANOSECONDS
+from crane_bags.driver_states import let_through
 from crane_bags.namespaces import namespace_of
 from crane_bags.reader import read_topics
 from crane_bags.types import CYLINDER_PRESSURES, JOINT_STATES, VALVE_COMMAND
@@ -29,7 +30,7 @@ class HeardRecording:
     chamber_b: Array  # (m, j) Pa
     supply: Array  # (m,) Pa
     command_time: Array  # (k,)
-    commands: Array  # (k, j)
+    commands: Array  # (k, j) that reached the valves
 
     @classmethod
     def read(cls, path: Path, joints: tuple[str, ...]) -> "HeardRecording":
@@ -53,6 +54,10 @@ class HeardRecording:
             return (stamp - start) / NANOSECONDS
 
         supply = pressures.fields.get("supply", np.full(len(pressures.stamp), np.nan))
+        told, through = let_through(path, namespace)
+        command_time, reaching = reached(
+            seconds(commands.stamp), commands.fields["command"], seconds(told), through
+        )
         return cls(
             path,
             start,
@@ -62,8 +67,8 @@ class HeardRecording:
             pressures.fields["chamber_a"],
             pressures.fields["chamber_b"],
             supply,
-            seconds(commands.stamp),
-            commands.fields["command"],
+            command_time,
+            reaching,
         )
 
     def events(self) -> Iterator[tuple[int, int]]:
@@ -73,3 +78,20 @@ class HeardRecording:
         rows = np.concatenate([np.arange(len(one)) for one in times])
         for i in np.lexsort((kinds, np.concatenate(times))):
             yield int(kinds[i]), int(rows[i])
+
+
+def reached(time: Array, commands: Array, told: Array, through: np.ndarray) -> tuple[Array, Array]:
+    """Commands (k, j) at time (k,) [s] as the valves had them, where the driver told (n,) [s]
+    whether it let them through (n,): neutral from where it says no; before it says anything, as
+    they are.
+    """
+    if not len(told):
+        return time, commands
+    every = np.concatenate([time, told])
+    order = np.argsort(every, kind="stable")
+    newest = np.searchsorted(time, every, side="right") - 1
+    values = np.where((newest >= 0)[:, np.newaxis], commands[newest], 0.0)
+    state = np.searchsorted(told, every, side="right") - 1
+    closed = (state >= 0) & ~through[state]
+    values[closed] = 0.0
+    return every[order], values[order]

@@ -4,6 +4,7 @@ import re
 from pathlib import Path
 
 from unit.crane_driver.safety.supervised import CAN_FAULT, Bench
+from unit.crane_driver.safety.test_substitution import SUBSTITUTED, degraded
 
 from crane_driver.driver_messages import STATES, driver_state, inactive_state
 from crane_driver.faults import Fault, FaultKind
@@ -68,6 +69,13 @@ def test_the_message_of_a_fault_tells_the_first_and_counts_the_others() -> None:
         cause=str(CAN_FAULT),
         remedy=CAN_FAULT.remedy,
     )
+
+
+def test_degraded_names_the_joint_and_what_to_do() -> None:
+    message = driver_state(degraded(Bench()).it)
+    assert (message.state, message.substituted) == (DriverState.STATE_DEGRADED, SUBSTITUTED)
+    assert message.cause.startswith(f"{SUBSTITUTED}: a joint goes on by an estimate")
+    assert "mend its encoder" in message.remedy
 
 
 def test_every_state_but_enabled_says_why_and_what_to_do() -> None:

@@ -50,6 +50,34 @@ def test_an_encoder_that_is_lost_in_mid_motion_is_named_and_replaced() -> None:
     assert all(np.array(lost)[half])
 
 
+def test_an_encoder_that_froze_unnoticed_is_not_believed_in_hindsight() -> None:
+    """It froze in motion, and was found out a second later: as if it had been lost at once."""
+    given = recording()
+    speed = np.abs(np.diff(given.encoders[:, 1], prepend=given.encoders[0, 1]))
+    begin = int(np.argmax(speed > 0.5 * speed.max()))
+    end = begin + 200
+    frozen = given.encoders.copy()
+    frozen[begin:, 1] = frozen[begin, 1]
+    moved = abs(given.encoders[end, 1] - frozen[end, 1])
+    assert moved > 0.02
+    sensor = PositionSensor(known(), given.encoders[0])
+    replay(sensor, first(replace(given, encoders=frozen), end), ~ALL)
+    sensor.distrust(1, given.encoder_time[begin])
+    k = end
+    told = None
+    while told is None:
+        sensor.add_encoders(given.encoder_time[k], frozen[k])
+        sensor.add_command(given.command_time[k], given.commands[k])
+        row = given.chamber_a[k], given.chamber_b[k], float(given.supply[k])
+        told = sensor.add_pressures(float(given.pressure_time[k]), *row)
+        k += 1
+    assert not told.measured[1]
+    assert told.condition is SensorCondition.ENCODER_LOST
+    away = abs(told.estimate.position[1] - given.encoders[k - 1, 1])
+    assert away < max(2e-3, 3.0 * told.estimate.deviation[1])
+    assert away < 0.1 * moved
+
+
 def test_a_load_that_comes_unannounced_is_weighed() -> None:
     made, load = at_work()
     course = observed(~ALL)
@@ -70,6 +98,12 @@ def test_a_start_that_nobody_knows_is_found() -> None:
     assert course.conditions[0] is SensorCondition.SEARCHING
     assert course.conditions[-1] is SensorCondition.GOOD
     assert abs(errors(course)[-1, 0]) < 5e-3
+
+
+def first(given: HeardRecording, count: int) -> HeardRecording:
+    """Its first samples."""
+    parts = {name: one[:count] for name, one in vars(given).items() if isinstance(one, np.ndarray)}
+    return replace(given, **parts)
 
 
 def without(given: HeardRecording, rows: np.ndarray) -> HeardRecording:

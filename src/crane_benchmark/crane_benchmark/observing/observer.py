@@ -79,12 +79,24 @@ def _row(what: str, aim: float, values: Sequence[float], nees: float) -> Measure
     names = ("sensor", "flow", "no_load")
     return MeasuredRow(
         cells=[what, f"{aim:g}", *(f"{{{name}:.2f}}" for name in names), "{nees:.2f}"],
-        values=dict(zip(names, values, strict=True)) | {"nees": nees},
+        values=dict(zip(names, values, strict=True)) | {"nees": nees, "aim": aim},
     )
 
 
+def missed(rows: Sequence[MeasuredRow]) -> list[str]:
+    """What the position sensor does not reach, in words."""
+    return [
+        f"{row.cells[0]}: {row.values['sensor']:.2f}, aim {row.values['aim']:g}"
+        for row in rows
+        if row.values["sensor"] > row.values["aim"]
+    ]
+
+
 def main(argv: Sequence[str] | None = None) -> int:
-    """Measure the position sensor on machines at work: root mean square errors, beside its aims."""
+    """Measure the position sensor on machines at work: root mean square errors, beside its aims.
+
+    The exit status is 1 where an aim is missed.
+    """
     parser = cli.command_line(description=main.__doc__)
     parser.add_argument(
         "--seconds", type=between(10.0, 36000.0), default=600.0, help="of work (default: 600)"
@@ -103,5 +115,7 @@ def main(argv: Sequence[str] | None = None) -> int:
         Console().print(table)
         if arguments.out is not None:
             write(arguments.out, "make observer-benchmark", rows, COLUMNS)
+        if misses := missed(rows):
+            raise CraneError(f"aims are missed: {'; '.join(misses)}")
 
     return cli.run(body)

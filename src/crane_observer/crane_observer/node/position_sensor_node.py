@@ -34,7 +34,9 @@ LATCHED = QoSProfile(
     durability=DurabilityPolicy.TRANSIENT_LOCAL,
 )
 PUBLISH = 1.0  # s, of diagnostics
+LETTING_THROUGH = (DriverState.STATE_ENABLED, DriverState.STATE_DEGRADED)
 VISIT = 0.01  # s between two visits to the queues
+UNNOTICED = 1.0  # s, for which an encoder may have been wrong before the driver says so
 SILENCE = 0.5  # s without pressures, after which they are reported as lost
 
 MODEL = Text(
@@ -70,6 +72,7 @@ class PositionSensorNode(LifecycleNode):
         self._hidden = np.zeros(0, dtype=bool)
         self._queues: list[tuple[int, Polled]] = []
         self._commanded = np.zeros(0)
+        self._lost: set[str] = set()  # joints whose encoders the driver does not believe
         self._closed = False  # the driver says that commands do not reach the valves
         self._zero, self._heard = 0, 0.0
         self._told: Told | None = None
@@ -119,6 +122,7 @@ class PositionSensorNode(LifecycleNode):
             for order, (topic, msgtype, qos) in enumerate(heard)
         ]
         self._sensor = self._told = None
+        self._lost = set()
         self._commanded, self._closed = np.zeros(len(self._hidden)), False
         self._heard = time.monotonic()
         say_ready(self)
@@ -165,7 +169,8 @@ class PositionSensorNode(LifecycleNode):
                 self._commanded[~np.isin(joints, message.name)] = 0.0
                 self._command(stamp)
             case DriverState():
-                closed = message.state != DriverState.STATE_ENABLED
+                closed = message.state not in LETTING_THROUGH
+                self._judge(stamp, message)
                 if closed is not self._closed:
                     self._closed = closed
                     self._command(stamp)
@@ -174,6 +179,22 @@ class PositionSensorNode(LifecycleNode):
                 self._start(stamp, None)
                 if self._sensor is not None:
                     self._weigh(stamp, message)
+
+    def _judge(self, stamp: int, message: DriverState) -> None:
+        """Which encoders the driver believes."""
+        assert self._model is not None
+        lost = {message.substituted}
+        if message.fault in (DriverState.FAULT_FROZEN, DriverState.FAULT_JUMPED):
+            lost.add(message.source)
+        if self._sensor is None:
+            return
+        for j, joint in enumerate(self._model.joints):
+            if joint not in lost:
+                self._sensor.believe(j)
+            elif joint not in self._lost:
+                since = (stamp - self._zero) / NANOSECONDS - UNNOTICED
+                self._sensor.distrust(j, since)
+        self._lost = lost
 
     def _command(self, stamp: int) -> None:
         """What reaches the valves from now on."""

@@ -37,6 +37,8 @@ def estimate_message(joints: Sequence[str], told: Told, stamp: int) -> PositionE
     deviation = estimate.deviation
     message = PositionEstimate(
         name=list(joints),
+        position=estimate.position.tolist(),
+        velocity=estimate.velocity.tolist(),
         std_dev=deviation[:-1].tolist(),
         measured=told.measured.tolist(),
         observable=told.observable.tolist(),

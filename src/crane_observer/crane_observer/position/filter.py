@@ -10,8 +10,9 @@ between its branches.
 """
 
 import math
+from copy import copy
 from dataclasses import dataclass
-from typing import NamedTuple
+from typing import NamedTuple, Self
 
 import numpy as np
 
@@ -143,6 +144,12 @@ class Filter:
     def position(self) -> Array:
         """(j,) the coordinates."""
         return self.x[self.known.layout.of(POSITION)]
+
+    def copied(self) -> Self:
+        """As it stands, to go back to."""
+        other = copy(self)
+        other.x, other.P, other._surprise = self.x.copy(), self.P.copy(), self._surprise.copy()
+        return other
 
     def step(self, window: FlowWindow) -> PoseEstimate:
         """After one more window."""

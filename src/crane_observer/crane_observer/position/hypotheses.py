@@ -1,7 +1,9 @@
 """Several starts beside each other, until what follows tells which is true."""
 
 from collections.abc import Sequence
+from copy import copy
 from itertools import product
+from typing import Self
 
 import numpy as np
 
@@ -28,6 +30,12 @@ class Hypotheses:
         ]
         spread = np.where(np.isnan(position), span / POINTS, deviation)
         self.filters = [Filter(known, np.array(start), spread) for start in product(*choices)]
+
+    def copied(self) -> Self:
+        """As they stand, to go back to."""
+        other = copy(self)
+        other.filters = [one.copied() for one in self.filters]
+        return other
 
     def step(self, window: FlowWindow) -> PoseEstimate:
         """After one more window: that of the likeliest, wider by what the others say."""

@@ -1,5 +1,6 @@
 """The position sensor: readings as they come, in any order, to an estimate for each window."""
 
+from collections import deque
 from enum import Enum
 from typing import NamedTuple
 
@@ -21,6 +22,7 @@ STALE = 0.1  # s, of a reading of an encoder that still counts
 SILENT = 0.5  # s without a command, after which the valves count as closed
 NEUTRAL = 1e-6  # of the stroke
 ENCODER = 1e-4  # rad or m, standard deviation of a reading
+LOOK_BACK = 100  # windows, that can be gone through again
 START = 1e-3  # rad or m, standard deviation of a start that is known
 LARGEST = 25e6  # Pa, what transducers show at most where nobody says
 
@@ -76,6 +78,8 @@ class PositionSensor:
         self._encoder_time = np.full(joints, -np.inf)
         self._encoder = np.full(joints, np.nan)
         self._once_measured = np.zeros(joints, dtype=bool)
+        self._distrusted = np.zeros(joints, dtype=bool)
+        self._past: deque[tuple[Hypotheses, FlowWindow]] = deque(maxlen=LOOK_BACK)
         self._velocity = np.zeros(joints)
         self.late = 0  # readings that came after newer ones, and were left out
         self.invalid = 0  # readings that were no numbers
@@ -87,10 +91,36 @@ class PositionSensor:
 
     def add_encoders(self, time: float, position: Array) -> None:
         """Readings [rad, m]; NaN of a joint without one."""
-        newer = np.isfinite(position) & (time > self._encoder_time)
+        newer = np.isfinite(position) & (time > self._encoder_time) & ~self._distrusted
         self._encoder = np.where(newer, position, self._encoder)
         self._encoder_time = np.where(newer, time, self._encoder_time)
         self._once_measured |= newer
+
+    def distrust(self, joint: int, since: float) -> None:
+        """Do not use the encoder of a joint any more, nor what it said after `since` [s]: the last
+        seconds are gone through again without it.
+        """
+        self._distrusted[joint] = True
+        self._encoder_time[joint] = -np.inf
+        again = [window for _, window in self._past if window.time > since]
+        if not again:
+            return
+        while len(self._past) > len(again):
+            self._past.popleft()
+        self._hypotheses = self._past[0][0]
+        self._past.clear()
+        for window in again:
+            encoders = window.encoders.copy()
+            encoders[joint] = np.nan
+            self._step(window._replace(encoders=encoders))
+
+    def believe(self, joint: int) -> None:
+        """Use the encoder of a joint again."""
+        self._distrusted[joint] = False
+
+    def _step(self, window: FlowWindow) -> PoseEstimate:
+        self._past.append((self._hypotheses.copied(), window))
+        return self._hypotheses.step(window)
 
     def add_command(self, time: float, command: Array) -> None:
         """Spool commands, -1..1, in force from now on."""
@@ -148,7 +178,7 @@ class PositionSensor:
         window = FlowWindow(
             time, duration, self._sums.copy(), self._before, self._last, encoders, blind
         )
-        estimate = self._hypotheses.step(window)
+        estimate = self._step(window)
         best = self._hypotheses.filters[0]
         self._velocity = estimate.velocity
         self._observability.add(best.rows, duration)

@@ -4,11 +4,20 @@ import math
 import random
 from collections import Counter
 
-from unit.crane_driver.safety.supervised import CAN_FAULT, CYCLE, MACHINE, NEUTRAL, SAFETY, Bench
+from unit.crane_driver.safety.supervised import (
+    CAN_FAULT,
+    CYCLE,
+    MACHINE,
+    MIDDLE,
+    NEUTRAL,
+    SAFETY,
+    Bench,
+)
 
 from crane_driver.faults import Fault, FaultKind
-from crane_driver.safety.states import SafetyState
-from crane_driver.safety.supervisor import RefusedError
+from crane_driver.safety.commands import RefusedError
+from crane_driver.safety.states import LETTING_THROUGH, SafetyState
+from crane_driver.safety.substitution import JointEstimate
 
 WAITS = (0.005, 0.05, 0.3)  # s
 REPEATED = (None, 0.0, 0.5, -1.0)  # commands in each cycle of a wait
@@ -16,7 +25,9 @@ COMMANDS = (0.0, 0.03, 0.5, 1.0, -1.0, math.nan, 2.0)
 BEYOND = 0.02  # of the range of a joint, at both ends
 SPEEDS = (0.0, 0.1, -0.1, 0.5, -0.5)  # rad/s
 PUBLISHERS = (0, 1, 2)
-REQUESTS = ("enable", "enable", "disable", "stop", "reset")
+REQUESTS = ("enable", "enable", "disable", "stop", "reset", "substitute", "believe")
+DEVIATIONS = (0.005, 0.03, 0.1, math.nan)  # rad, of an estimate
+SUBSTITUTED = "inner_boom"
 # How often each comes in a long run: now and then nothing is wrong for long enough to move.
 OFTEN = {
     "wait": 30,
@@ -26,9 +37,10 @@ OFTEN = {
     "publishers": 0.3,
     "can_fault": 0.3,
     "stall": 0.1,
+    "estimated": 20,
 }
 STALL = Fault(FaultKind.STALLED, "for 60 ms")
-ASKED = {"enable": 10, "reset": 10, "disable": 1, "stop": 0.5}
+ASKED = {"enable": 10, "reset": 10, "disable": 1, "stop": 0.5, "substitute": 2, "believe": 0.5}
 
 
 class Happening:
@@ -61,6 +73,8 @@ class Happening:
                 self.can_fault()
             case "stall":
                 self.stall()
+            case "estimated":
+                self.estimated(rng.choice(DEVIATIONS))
         self.check()
 
     def wait(self, seconds: float, command: float | None) -> None:
@@ -97,6 +111,12 @@ class Happening:
         self.events += 1
         self.bench.it.stalled(STALL, self.bench.now)
 
+    def estimated(self, deviation: float) -> None:
+        """Of a joint in the middle of its range."""
+        self.events += 1
+        now = self.bench.now
+        self.bench.it.estimated(JointEstimate(now, MIDDLE[SUBSTITUTED], 0.0, deviation), now)
+
     def ask(self, request: str) -> None:
         self.events += 1
         it, now = self.bench.it, self.bench.now
@@ -112,13 +132,19 @@ class Happening:
                     self.before = 0.0
                 case "reset":
                     it.reset(now)
+                case "substitute":
+                    it.substitute(SUBSTITUTED)
+                case "believe":
+                    it.substitute("")
         except RefusedError:
             assert it.state is before
 
     def check(self) -> None:
         """Latched faults forbid motion."""
         if self.bench.it.faults:
-            assert self.bench.it.state not in (SafetyState.ENABLED, SafetyState.DISABLED)
+            assert self.bench.it.state not in (*LETTING_THROUGH, SafetyState.DISABLED)
+        assert self.bench.it.state is not SafetyState.ENABLED or not self.bench.it.substituted
+        assert self.bench.it.state is not SafetyState.DEGRADED or self.bench.it.substituted
 
     def _cycle(self) -> None:
         self.events += 1
@@ -126,7 +152,7 @@ class Happening:
         value, state = output.commands["slew"], self.bench.it.state
         self.cycles[state] += 1
         self.moving += value != 0.0
-        if state is not SafetyState.ENABLED:
+        if state not in LETTING_THROUGH:
             assert abs(value) <= max(0.0, abs(self.before) - CYCLE / SAFETY.ramp_time) + 1e-9
             assert output.enabled == (value != 0.0)
         going_on = abs(self.before) if value * self.before > 0.0 else 0.0

@@ -16,9 +16,10 @@ from unit.crane_driver.safety.supervised import (
 )
 
 from crane_driver.faults import Fault, FaultKind
+from crane_driver.safety.commands import RefusedError
 from crane_driver.safety.news import Level, News
 from crane_driver.safety.states import TRANSITIONS, Event, SafetyState
-from crane_driver.safety.supervisor import Output, RefusedError, check_valves
+from crane_driver.safety.supervisor import Output, check_valves
 from crane_model.errors import ConfigurationError
 from crane_model.machine import load_machine
 

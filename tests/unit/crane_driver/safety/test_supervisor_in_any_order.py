@@ -8,6 +8,7 @@ from hypothesis.stateful import RuleBasedStateMachine, initialize, invariant, ru
 from unit.crane_driver.safety.any_order import (
     BEYOND,
     COMMANDS,
+    DEVIATIONS,
     PUBLISHERS,
     REPEATED,
     REQUESTS,
@@ -49,6 +50,10 @@ class AnyOrder(RuleBasedStateMachine):
     @rule()
     def stall(self) -> None:
         self.it.stall()
+
+    @rule(deviation=st.sampled_from(DEVIATIONS))
+    def estimated(self, deviation: float) -> None:
+        self.it.estimated(deviation)
 
     @rule(request=st.sampled_from(REQUESTS))
     def ask(self, request: str) -> None:

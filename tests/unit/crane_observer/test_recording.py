@@ -1,0 +1,45 @@
+"""Commands of a bag, as they reached the valves."""
+
+from pathlib import Path
+
+import numpy as np
+from rosbags.rosbag2 import StoragePlugin, Writer
+
+from crane_bags.driver_states import let_through
+from crane_bags.types import DRIVER_STATE, typestore
+from crane_observer.recording import reached
+
+
+def test_commands_are_neutral_while_the_driver_lets_none_through() -> None:
+    time = np.array([0.0, 1.0, 2.0, 3.0])
+    commands = np.array([[0.1], [0.2], [0.3], [0.4]])
+    told, through = np.array([0.5, 1.5, 2.5]), np.array([True, False, True])
+    when, values = reached(time, commands, told, through)
+    np.testing.assert_array_equal(when, [0.0, 0.5, 1.0, 1.5, 2.0, 2.5, 3.0])
+    np.testing.assert_array_equal(values[:, 0], [0.1, 0.1, 0.2, 0.0, 0.0, 0.3, 0.4])
+
+
+def test_without_driver_states_commands_are_as_they_are() -> None:
+    time, commands = np.arange(3.0), np.ones((3, 2))
+    when, values = reached(time, commands, np.zeros(0), np.zeros(0, dtype=bool))
+    assert when is time and values is commands
+
+
+def test_a_bag_tells_when_commands_reached_the_valves(tmp_path: Path) -> None:
+    store, topic = typestore(), DRIVER_STATE.within("/left")
+    kind = store.types[topic.msgtype]
+    header, stamp = store.types["std_msgs/msg/Header"], store.types["builtin_interfaces/msg/Time"]
+    states = (kind.STATE_DISABLED, kind.STATE_ENABLED, kind.STATE_FAULT, kind.STATE_DEGRADED)
+    with Writer(tmp_path / "bag", version=9, storage_plugin=StoragePlugin.MCAP) as writer:
+        connection = writer.add_connection(topic.name, topic.msgtype, typestore=store)
+        for second, state in enumerate(states):
+            told = kind(
+                header=header(stamp(sec=second, nanosec=5), ""), node="", state=state, text="",
+                fault=0, source="", further_faults=0, cause="", remedy="", substituted="",
+                commands_refused=0, last_refusal="",
+            )  # fmt: skip
+            writer.write(connection, second, store.serialize_cdr(told, topic.msgtype))
+    stamps, through = let_through(tmp_path / "bag", "/left")
+    np.testing.assert_array_equal(stamps, np.arange(4) * 10**9 + 5)
+    assert through.tolist() == [False, True, False, True]
+    assert not len(let_through(tmp_path / "bag", "/")[0])
