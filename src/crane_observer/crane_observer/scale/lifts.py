@@ -4,7 +4,7 @@ from collections.abc import Sequence
 from typing import NamedTuple
 
 from crane_observer.scale.scale import ScaleCondition, Weighing
-from crane_observer.scale.weighing import Load
+from crane_observer.scale.weighing import TipLoad
 
 LIGHTEST = 5.0  # kg, below which nothing was lifted
 SURE = 3.0  # standard deviations, by which a load is more than nothing
@@ -20,7 +20,7 @@ class Lift(NamedTuple):
     picked_up: float  # s; of the first weighing, where it hung there from the beginning
     released: float  # s
     moved: float  # s of motion in which it was weighed
-    load: Load  # as it was known best
+    load: TipLoad  # as it was known best
 
 
 def lifts(weighings: Sequence[Weighing]) -> list[Lift]:

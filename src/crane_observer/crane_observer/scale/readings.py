@@ -7,7 +7,7 @@ from crane_model.array import Array
 HELD = 256  # readings: more than a window of the fastest sensors, at 400 Hz
 
 
-class Readings:
+class HeldReadings:
     """Of `width` sensors that are read together."""
 
     def __init__(self, width: int):

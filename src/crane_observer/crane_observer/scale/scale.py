@@ -13,8 +13,8 @@ from crane_observer.scale.balance import MeanMotion, TipMechanics
 from crane_observer.scale.changes import Changes
 from crane_observer.scale.doubt import ModelDoubt
 from crane_observer.scale.filter import Balanced
-from crane_observer.scale.readings import Readings
-from crane_observer.scale.weighing import Load, attainable, load_of
+from crane_observer.scale.readings import HeldReadings
+from crane_observer.scale.weighing import TipLoad, attainable, load_of
 from crane_observer.scale.window import means, slowest_and_fastest
 
 WINDOW = 0.3  # s
@@ -28,7 +28,7 @@ class ScaleCondition(Enum):
     """What is wrong with what comes in, or with the pose; in the order of gravity."""
 
     WAITING = "waiting for pressures and positions"
-    PRESSURES_LOST = "pressures lost: nothing is weighed until they are back"
+    PRESSURES_LOST = "pressures lost, of a joint or all: nothing is weighed until they are back"
     POSITIONS_LOST = "positions lost: nothing is weighed until they are back, or estimated"
     UNOBSERVABLE = "this pose does not permit weighing: move the load where it pulls at a joint"
     POSITIONS_ESTIMATED = "a position is estimated: weighed with it"
@@ -40,7 +40,7 @@ class Weighing(NamedTuple):
     """After a window."""
 
     time: float  # s, at its end
-    load: Load
+    load: TipLoad
     condition: ScaleCondition
     changed: bool  # a load came or went: it was noticed now
     since: float  # s, when this load came or went; -inf if it was there from the beginning
@@ -61,8 +61,8 @@ class Scale:
         limits = [self.machine.limits[joint] for joint in model.joints]
         fastest = np.array([min(-one.velocity_min, one.velocity_max) for one in limits])
         self._standing = STANDING * fastest
-        self.pressures, self.encoders = Readings(2 * joints), Readings(joints)
-        self.estimates = Readings(3 * joints)
+        self.pressures, self.encoders = HeldReadings(2 * joints), HeldReadings(joints)
+        self.estimates = HeldReadings(3 * joints)
         self._end, self._weighed_until = np.nan, np.nan
         self._moved = 0.0
 

@@ -12,7 +12,7 @@ ELSEWHERE = 3.0  # standard deviations, from which on it does not hang there
 KNOWN_CENTRE = 0.1  # m, standard deviation up to which motion has told the centre
 
 
-class Load(NamedTuple):
+class TipLoad(NamedTuple):
     """What hangs at the tip, beyond what was tared."""
 
     mass: float  # kg
@@ -21,7 +21,7 @@ class Load(NamedTuple):
     centre_deviation: float  # m; NaN where not known
 
 
-def load_of(known: LoadFilter) -> Load:
+def load_of(known: LoadFilter) -> TipLoad:
     """A load hangs at the tip itself unless motion tells that it does not."""
     mean = known.x[[MASS, MOMENT]]
     spread = known.P[np.ix_([MASS, MOMENT], [MASS, MOMENT])]
@@ -38,7 +38,7 @@ def load_of(known: LoadFilter) -> Load:
         m, variance = m - gain * s, spread[0, 0] - gain * spread[0, 1]
     else:
         variance = spread[0, 0]
-    return Load(float(m), math.sqrt(max(variance, 0.0)), float(centre), float(centre_deviation))
+    return TipLoad(float(m), math.sqrt(max(variance, 0.0)), float(centre), float(centre_deviation))
 
 
 def attainable(known: LoadFilter, window: Balanced) -> float:

@@ -17,7 +17,7 @@ from crane_observer.recording import HeardRecording
 from crane_observer.scale.balance import MeanMotion, TipMechanics
 from crane_observer.scale.doubt import ModelDoubt
 from crane_observer.scale.lifts import lifts
-from crane_observer.scale.readings import Readings
+from crane_observer.scale.readings import HeldReadings
 from crane_observer.scale.replay import weigh
 from crane_observer.scale.scale import Scale, ScaleCondition, Weighing
 from crane_observer.scale.window import means
@@ -72,7 +72,7 @@ def test_a_window_with_a_hole_has_no_mean() -> None:
 
 
 def test_late_readings_are_left_out_and_counted() -> None:
-    readings = Readings(1)
+    readings = HeldReadings(1)
     for time in (0.0, 1.0, 0.5, 1.0, 2.0):
         readings.add(time, np.array([np.nan if time == 2.0 else time]))
     assert readings.held[0].tolist() == [0.0, 1.0, 2.0]
