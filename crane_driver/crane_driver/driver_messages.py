@@ -2,7 +2,6 @@
 
 from collections.abc import Sequence
 
-from builtin_interfaces.msg import Time
 from diagnostic_msgs.msg import DiagnosticStatus, KeyValue
 from sensor_msgs.msg import JointState
 from std_msgs.msg import Header
@@ -17,6 +16,7 @@ from crane_driver.driver_loop import DriverLoop, JointSample, PressureSample
 from crane_driver.safety.states import SafetyState
 from crane_driver.safety.supervisor import Supervisor
 from crane_interfaces.msg import CylinderPressures, DriverState
+from crane_nodes.stamps import stamp_of
 
 STATES = {
     SafetyState.OFFLINE: DriverState.STATE_OFFLINE,
@@ -173,5 +173,4 @@ def _status(name: str, level: bytes, message: str, values: dict[str, object]) ->
 
 
 def _header(stamp: int) -> Header:
-    seconds, nanoseconds = divmod(stamp, 1_000_000_000)
-    return Header(stamp=Time(sec=seconds, nanosec=nanoseconds))
+    return Header(stamp=stamp_of(stamp))

@@ -57,18 +57,18 @@ class Workshop:
             naive["commands"][joint]["sign"] = sign
         for name, zero in OFFSETS.items():
             naive["pressures"][name]["zero"] = zero
-        truth = folder / "truth.yaml"
-        truth.write_text(yaml.safe_dump(naive))
+        self.truth = folder / "truth.yaml"
+        self.truth.write_text(yaml.safe_dump(naive))
         plant = folder / "plant.yaml"
         base = str(machine_file("stand_in.yaml"))
         plant.write_text(yaml.safe_dump({"base": base, "valves": VALVES}))
         self.plant = plant
         self.port = f"port={free_port()}"
-        layout = load_layout(load_machine(), truth, machine_file("can.dbc"))
+        layout = load_layout(load_machine(), self.truth, machine_file("can.dbc"))
         self._machine_side, self._driver_side = MachineCodec(layout), DriverCodec(layout)
         self.link = Link(BusSettings(extra={"port": int(self.port[5:])})).open()
         self.machine = start(
-            MACHINE, "--bus-option", self.port, "--mapping", str(truth), "--plant", str(plant),
+            MACHINE, "--bus-option", self.port, "--mapping", str(self.truth), "--plant", str(plant),
             "--operator",
         )  # fmt: skip
         self.driver: subprocess.Popen[str] | None = None

@@ -10,9 +10,10 @@ from crane_identification.data.column_map import ColumnMap
 from crane_identification.online.estimator import Forces, OnlineEstimator
 from crane_identification.online.gathering import Gathering
 from crane_identification.online.recent import Watched
-from crane_identification.online.topics import Listener, nanoseconds
+from crane_identification.online.topics import Listener
 from crane_model.errors import ConfigurationError, DataError
 from crane_nodes.recording.definitions import message_class
+from crane_nodes.stamps import nanoseconds
 
 Feed = tuple[Gathering, Callable[[int, np.ndarray], list[Forces]]]
 

@@ -4,15 +4,14 @@ from collections.abc import Callable, Sequence
 from typing import Any, NamedTuple
 
 import numpy as np
-from builtin_interfaces.msg import Time
 from sensor_msgs.msg import JointState
 
-from crane_bags.clocks import NANOSECONDS
 from crane_identification.online.estimator import Forces, OnlineEstimator
 from crane_identification.online.recent import Watched
 from crane_identification.online.recursion import Solution
 from crane_interfaces.msg import CylinderPressures, GeneralizedForces, ParameterEstimate
 from crane_model.errors import DataError
+from crane_nodes.stamps import nanoseconds, stamp_of
 
 
 class Columns:
@@ -72,17 +71,12 @@ def listeners(
     )
 
 
-def nanoseconds(stamp: Time) -> int:
-    """A stamp as one number."""
-    return stamp.sec * NANOSECONDS + stamp.nanosec
-
-
 def forces_message(joints: Sequence[str], forces: Forces) -> GeneralizedForces:
     """Measured and predicted forces."""
     message = GeneralizedForces(
         name=list(joints), measured=forces.measured.tolist(), predicted=forces.predicted.tolist()
     )
-    message.header.stamp = _stamp(forces.stamp)
+    message.header.stamp = stamp_of(forces.stamp)
     return message
 
 
@@ -97,10 +91,5 @@ def estimate_message(estimator: OnlineEstimator, solution: Solution) -> Paramete
         unit=[parameter.unit for parameter in parameters],
         samples=estimator.samples,
     )
-    message.header.stamp = _stamp(estimator.stamp)
+    message.header.stamp = stamp_of(estimator.stamp)
     return message
-
-
-def _stamp(stamp: int) -> Time:
-    seconds, nanosec = divmod(stamp, NANOSECONDS)
-    return Time(sec=seconds, nanosec=nanosec)

@@ -163,7 +163,8 @@ def triangle(mover: Mover, direction: int, rate: float, speed: float, limit: flo
     """Open the valve slowly until the joint has a speed and has moved far enough to be measured,
     then close it as slowly; from rest to rest.
 
-    rate: of the command [1/s]; speed: [rad/s, m/s]; limit: of the command.
+    rate: of the command [1/s]; speed: [rad/s, m/s]; limit: of the command. `MotionError` if the
+    joint moves the other way.
     """
     mover.settle()
     first, start, begun = len(mover.samples), mover.position, mover.samples[-1].time
@@ -173,6 +174,11 @@ def triangle(mover: Mover, direction: int, rate: float, speed: float, limit: flo
     ):
         command = _within(mover, rate * (mover.samples[-1].time - begun), limit)
         mover.tick(direction * command)
+        if direction * (moved := mover.position - start) < -FAR * mover.rest.movement:
+            raise MotionError(
+                f"{mover.joint} moves against its command: by {moved:+.3g} at "
+                f"{direction * command:+.3g}; find its polarity first: bringup valves"
+            )
     peak, turned = command, mover.samples[-1].time
     while command > 0.0:
         command = max(0.0, peak - rate * (mover.samples[-1].time - turned))

@@ -34,6 +34,14 @@ class Circuit(NamedTuple):
     tank_pressure: float  # Pa
 
 
+def chamber_volumes(circuit: Circuit, length: Array) -> tuple[Array, Array]:
+    """Oil (j,) [m3] in chambers A and B at cylinder lengths (j,) [m]."""
+    return (
+        circuit.dead_volume_a + circuit.growth_a * (length - circuit.empty_a),
+        circuit.dead_volume_b + circuit.growth_b * (circuit.empty_b - length),
+    )
+
+
 class Mechanics(NamedTuple):
     """N runs about T states of j joints: M a = tau + load - damping (v - v0) - dry s, s in Sgn(v).
 

@@ -18,7 +18,7 @@ import numpy as np
 from crane_model.array import Array, Flags
 from crane_model.cylinders import cylinder_length
 from crane_model.errors import DataError
-from crane_model.hydraulics.stepping import Circuit
+from crane_model.hydraulics.stepping import Circuit, chamber_volumes
 from crane_model.machine import Machine
 from crane_model.model_file import Model
 from crane_model.whole_crane import circuit_of, identified
@@ -159,11 +159,8 @@ class Blocks:
         before = self.physics.lengths(first.position) if self._length is None else self._length
         x = self._length = self.physics.lengths(last.position)
         areas = np.stack([circuit.area_a, circuit.area_b], axis=1)
-        dead = np.stack([circuit.dead_volume_a, circuit.dead_volume_b], axis=1)
-        grown = circuit.growth_a * (x - circuit.empty_a), circuit.growth_b * (circuit.empty_b - x)
-        softness = (
-            (dead + np.stack(grown, axis=1)) / circuit.bulk_modulus[:, None] / areas * (1.0, -1.0)
-        )
+        oil = np.stack(chamber_volumes(circuit, x), axis=1)
+        softness = oil / circuit.bulk_modulus[:, None] / areas * (1.0, -1.0)
         begun = np.stack([first.chamber_a, first.chamber_b], axis=1)
         ended = np.stack([last.chamber_a, last.chamber_b], axis=1)
         volumes = sums[:, [FLOW_A, FLOW_B]]

@@ -21,7 +21,8 @@ from crane_nodes.names import full_name
 from crane_nodes.parameters import NodeParameter, Number, Numbers, Text, declare, hold
 from crane_nodes.polled import Polled
 from crane_nodes.ready import say_ready
-from crane_observer.node.topics import estimate_message, nanoseconds, picked, states_message
+from crane_nodes.stamps import nanoseconds
+from crane_observer.node.topics import estimate_message, picked, states_message
 from crane_observer.position.sensor import START, PositionSensor, SensorCondition, Told
 
 JOINT_STATES, PRESSURES, COMMANDS = "joint_states", "cylinder_pressures", "valve_command"

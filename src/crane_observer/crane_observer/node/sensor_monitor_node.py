@@ -22,10 +22,11 @@ from crane_nodes.names import full_name
 from crane_nodes.parameters import NodeParameter, Text, declare, hold
 from crane_nodes.polled import Polled
 from crane_nodes.ready import say_ready
+from crane_nodes.stamps import nanoseconds
 from crane_observer.monitor.finding import SensorFinding
 from crane_observer.monitor.tolerance import Tolerance
 from crane_observer.monitor.watching import Heed, SensorWatch
-from crane_observer.node.topics import findings_message, nanoseconds, picked
+from crane_observer.node.topics import findings_message, picked
 
 JOINT_STATES, PRESSURES, COMMANDS = "joint_states", "cylinder_pressures", "valve_command"
 DEEP = QoSProfile(depth=1000, reliability=ReliabilityPolicy.RELIABLE)

@@ -3,12 +3,12 @@
 from collections.abc import Sequence
 
 import numpy as np
-from builtin_interfaces.msg import Time
 from sensor_msgs.msg import JointState
 
 from crane_bags.clocks import NANOSECONDS
 from crane_interfaces.msg import PositionEstimate, SensorFindings
 from crane_model.array import Array
+from crane_nodes.stamps import stamp_of
 from crane_observer.monitor.finding import SensorFinding
 from crane_observer.position.sensor import Told
 
@@ -19,16 +19,6 @@ def picked(joints: Sequence[str], names: Sequence[str], values: Sequence[float])
     return np.array([given.get(joint, np.nan) for joint in joints], dtype=float)
 
 
-def nanoseconds(stamp: Time) -> int:
-    """A stamp as one number."""
-    return int(stamp.sec * NANOSECONDS + stamp.nanosec)
-
-
-def _stamp(stamp: int) -> Time:
-    seconds, nanosec = divmod(stamp, NANOSECONDS)
-    return Time(sec=seconds, nanosec=nanosec)
-
-
 def states_message(joints: Sequence[str], told: Told, stamp: int) -> JointState:
     """Position and velocity of the joints of the model."""
     estimate = told.estimate
@@ -37,7 +27,7 @@ def states_message(joints: Sequence[str], told: Told, stamp: int) -> JointState:
         position=estimate.position.tolist(),
         velocity=estimate.velocity.tolist(),
     )
-    message.header.stamp = _stamp(stamp)
+    message.header.stamp = stamp_of(stamp)
     return message
 
 
@@ -55,7 +45,7 @@ def estimate_message(joints: Sequence[str], told: Told, stamp: int) -> PositionE
         load_std_dev=float(deviation[-1]),
         condition=told.condition.name,
     )
-    message.header.stamp = _stamp(stamp)
+    message.header.stamp = stamp_of(stamp)
     return message
 
 
@@ -75,5 +65,5 @@ def findings_message(findings: Sequence[SensorFinding], zero: int) -> SensorFind
     )
     if findings:
         newest = max(one.found for one in findings)
-        message.header.stamp = _stamp(zero + round(newest * NANOSECONDS))
+        message.header.stamp = stamp_of(zero + round(newest * NANOSECONDS))
     return message

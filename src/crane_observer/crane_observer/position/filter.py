@@ -16,7 +16,7 @@ from typing import NamedTuple
 import numpy as np
 
 from crane_model.array import Array, Flags
-from crane_model.hydraulics.stepping import Circuit
+from crane_model.hydraulics.stepping import Circuit, chamber_volumes
 from crane_model.model_file import Model
 from crane_model.whole_crane import circuit_of
 from crane_observer.position.balance import ForceBalance, LoadedMechanics
@@ -188,8 +188,7 @@ class Filter:
         circuit, trust, sums, j = known.circuit, known.trust, window.sums, layout.joints
         q = self.position
         length, lever, bend = known.mechanics.cylinders(q[np.newaxis])[0].T
-        volume_a = circuit.dead_volume_a + circuit.growth_a * (length - circuit.empty_a)
-        volume_b = circuit.dead_volume_b + circuit.growth_b * (circuit.empty_b - length)
+        volume_a, volume_b = chamber_volumes(circuit, length)
         rise_a, rise_b = window.after - window.before
         swept_a = sums[:, FLOW_A] - volume_a / circuit.bulk_modulus * rise_a
         swept_b = -sums[:, FLOW_B] + volume_b / circuit.bulk_modulus * rise_b

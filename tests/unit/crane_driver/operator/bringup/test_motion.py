@@ -223,6 +223,13 @@ def test_a_triangle_shows_the_dead_band(direction, true):
     assert fit_dead_band("inner_boom", trace, direction).dead_band == pytest.approx(true, abs=2e-3)
 
 
+def test_a_triangle_ends_when_the_joint_moves_the_other_way():
+    crane = Crane(polarity=-1)
+    with pytest.raises(MotionError, match="inner_boom moves against its command: by -"):
+        motion.triangle(mover(crane), 1, 0.05, 0.04, 0.25)
+    assert max(crane.sent) < 0.12
+
+
 @pytest.mark.parametrize("command", [-0.15, 0.15])
 def test_it_goes_back_to_where_it_was(command):
     crane = Crane()
