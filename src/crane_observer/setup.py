@@ -8,6 +8,7 @@ PACKAGE = "crane_observer"
 TOOLS = {  # they run without ROS
     "check_sensors": "crane_observer.check_sensors:main",
     "estimate_positions": "crane_observer.estimate_positions:main",
+    "weigh": "crane_observer.weigh:main",
 }
 NODES = {
     "position_sensor": "crane_observer.node.position_sensor_node:main",

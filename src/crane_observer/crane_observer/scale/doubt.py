@@ -1,0 +1,47 @@
+"""How far an identified model is trusted when something is weighed with it."""
+
+import math
+from dataclasses import dataclass, replace
+
+from crane_model.model_file import Model
+from crane_observer.position.state import Trust
+from crane_observer.scale.kinds import DRY, SLOW, STICK, VISCOUS, ZERO
+
+SHARPER = 1.3  # power of the share that the position sensor trusts less: no flow is used here
+
+
+@dataclass(frozen=True)
+class ModelDoubt:
+    """Standard deviations, and for how long errors stay; of a model that deserves little trust."""
+
+    zero: float = 0.25e5  # Pa, of the piston's force, for as long as anybody weighs
+    slow: float = 0.35e5  # Pa, the same, for a while
+    slow_stays: float = 5.0  # s
+    dry: float = 0.15  # of dry friction
+    viscous: float = 0.1  # of viscous friction
+    friction_stays: float = 60.0  # s
+    stick: float = 0.6  # of dry friction where a joint stands: anywhere
+    creep: float = 0.2  # of it, by which it changes from window to window
+    noise: float = 0.4e5  # Pa, of a window, of the piston's force
+    inertia: float = 0.05  # of the force that accelerates
+    tool: float = 1.0  # kg, of what the model has at the tip
+    drift: float = 0.3  # kg/sqrt(s), of a load that nobody changes
+
+    @classmethod
+    def of(cls, model: Model) -> "ModelDoubt":
+        """As far as the model deserves it, as the position sensor judges it."""
+        share = (Trust.of(model).dry / Trust().dry) ** SHARPER
+        blamed = ("zero", "slow", "dry", "viscous", "noise", "inertia", "tool", "drift")
+        full = cls()
+        return replace(full, **{name: share * getattr(full, name) for name in blamed})
+
+    @property
+    def kinds(self) -> dict[int, tuple[float, float]]:
+        """Of each kind of state of a joint: standard deviation, and how long it stays [s]."""
+        return {
+            ZERO: (self.zero, math.inf),
+            SLOW: (self.slow, self.slow_stays),
+            DRY: (self.dry, self.friction_stays),
+            VISCOUS: (self.viscous, self.friction_stays),
+            STICK: (self.stick, math.inf),
+        }
