@@ -24,6 +24,7 @@ from crane_identification.data.columns import TABLES
 from crane_identification.estimation.prior import load_prior
 from crane_identification.fitting import fit, validate
 from crane_identification.hydraulics.identified import identify_hydraulics
+from crane_identification.hydraulics.ramps import with_ramps
 from crane_identification.online.replay import recursion
 from crane_identification.options import Estimator, Options
 from crane_identification.preparation.session import Session
@@ -82,6 +83,8 @@ def identify(arguments: argparse.Namespace) -> None:
         with blaming(suspicions):
             result = fit(model, training, options, progress, session, prior)
         hydraulics = identify_hydraulics(model, training, options.period, progress)
+        if arguments.ramps and model.machine:
+            hydraulics = with_ramps(hydraulics, arguments.ramps, model.machine)
         result = replace(result, model=replace(result.model, hydraulics=hydraulics))
         validations = (
             validate(result.model, held_out, options, progress, session) if held_out else ()
@@ -164,6 +167,11 @@ def parser() -> argparse.ArgumentParser:
         type=Path,
         help="what is known beforehand (YAML): parameters, or bodies from CAD, with their standard "
         "deviations; for recordings that do not determine the model alone",
+    )
+    add(
+        "--ramps",
+        type=Path,
+        help="result.yaml of bringup dead_band: valves of joints of which recordings tell nothing",
     )
     apart = result.add_mutually_exclusive_group()
     apart.add_argument(

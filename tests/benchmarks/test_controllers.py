@@ -165,10 +165,12 @@ def test_learning_does_not_diverge(law: str, measured: Measured) -> None:
     course = [done.score(period).rms[BOOMS] for period in range(periods)]
     shown = {f"period {number}": course[number - 1] for number in (1, 2, 6, periods)}
     what = f"{law} that learns {periods} periods, RMS"
-    row(measured, what, "0.4/0.6/0.4 in all, settled from the sixth on", shown)
+    row(measured, what, "0.4/0.6/0.4 in all, ends within 0.1 count of its best", shown)
     assert not done.worst.stops
     assert (np.array(course) <= (0.4, 0.6, 0.4)).all()
-    assert (course[-1] <= 1.1 * course[5]).all()
+    counts = CRANE.stand_in.sensors.encoder_resolution
+    count = np.array([1e3 * counts[joint] for joint in CRANE.joints])[BOOMS]
+    assert (course[-1] <= np.min(course, axis=0) + 0.1 * count).all(), course
 
 
 def test_time_of_a_cycle(measured: Measured) -> None:

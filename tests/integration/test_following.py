@@ -5,9 +5,8 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-import yaml
 from integration.driver_stage import Stage
-from integration.experiments import TIMEOUT, Experiments
+from integration.experiments import Experiments
 from integration.processes import end
 from known_crane import write_known_model
 from lifecycle_msgs.msg import Transition
@@ -15,7 +14,6 @@ from rclpy.task import Future
 from std_srvs.srv import Trigger
 
 from crane_interfaces.msg import CylinderPressures
-from crane_model.machine_files import machine_file
 from crane_model.model_file import load_model
 from crane_trajectory.experiment import Outcome
 
@@ -24,17 +22,6 @@ FALLEN_BACK = "pressures lost: using the load of the model"
 BEGUN = 6.0  # s of the goal
 LARGEST_STEP = 0.25  # of the command from cycle to cycle: across both dead zones, and a busy cycle
 pytestmark = pytest.mark.realtime
-
-
-@pytest.fixture(scope="module")
-def stage(ros_domain: int, tmp_path_factory: pytest.TempPathFactory) -> Iterator[Stage]:
-    folder = tmp_path_factory.mktemp("stage")
-    settings = yaml.safe_load(machine_file("safety.yaml").read_text())
-    safety = folder / "safety.yaml"
-    safety.write_text(yaml.safe_dump(settings | {"command_timeout": 2 * TIMEOUT}))
-    one = Stage(folder, [], safety=str(safety))
-    yield one
-    one.close()
 
 
 @pytest.fixture(scope="module")

@@ -10,28 +10,16 @@ import numpy as np
 import pytest
 import yaml
 from integration.driver_stage import Stage
-from integration.experiments import MOVING, SHORT, TIMEOUT, Experiments
+from integration.experiments import MOVING, SHORT, Experiments
 from integration.processes import end
 from laboratory_crane import JOINTS
 from lifecycle_msgs.msg import Transition
 from sensor_msgs.msg import JointState
 
-from crane_model.machine_files import machine_file
 from crane_trajectory.experiment import Outcome
 
 ALIASES = "\n".join(f"x{i}: &x{i} [*x{i - 1}, *x{i - 1}]" for i in range(1, 20))
 pytestmark = pytest.mark.realtime
-
-
-@pytest.fixture(scope="module")
-def stage(ros_domain: int, tmp_path_factory: pytest.TempPathFactory) -> Iterator[Stage]:
-    folder = tmp_path_factory.mktemp("stage")
-    settings = yaml.safe_load(machine_file("safety.yaml").read_text())
-    safety = folder / "safety.yaml"
-    safety.write_text(yaml.safe_dump(settings | {"command_timeout": 2 * TIMEOUT}))
-    one = Stage(folder, [], safety=str(safety))
-    yield one
-    one.close()
 
 
 @pytest.fixture(scope="module")

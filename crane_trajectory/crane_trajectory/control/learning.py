@@ -5,8 +5,11 @@ From each whole period the errors e give the next one a velocity beside the refe
     v <- Q [v + gain (e' + kv e + ki Int(e))]
 
 what the feedback did, and what it had yet to do. Q passes frequencies up to `CUT_OFF` without a
-shift of phase, so that what the loop answers too late is never learnt: with a gain below 1 it does
-not diverge where the controller is stable.
+shift of phase. Where oil swings below that, the loop answers so late that learning makes the error
+grow; where only noise is left, it wanders. So each harmonic of each joint is judged by itself: one
+whose error has grown goes back to what it had before, is measured anew, and from then on goes
+only half as far. Harmonics of a nearly linear loop do not mix, hence none ends worse than it
+was, but for noise, and learning stops where there is nothing to learn.
 """
 
 import numpy as np
@@ -33,6 +36,10 @@ class Learning:
         self._period = period
         joints = len(self._gains)
         self.learnt = np.zeros((count, joints))  # rad/s, m/s over the period
+        harmonics = (count // 2 + 1, joints)
+        self._pace = np.ones(harmonics)  # share of the way to the next v
+        self._kept = np.zeros(harmonics, dtype=complex)  # spectrum of the best v so far
+        self._least = np.full(harmonics, np.inf)  # error with it; inf: to be measured
         self._errors = np.full((count, joints), np.nan)
         self._phase = np.nan
         self._share = 0.0
@@ -94,10 +101,17 @@ class Learning:
         self._errors[:] = np.nan
         omega = 2j * np.pi * np.fft.rfftfreq(count, self._period / count)[1:, np.newaxis]
         kv, ki = self._gains["kv"], self._gains["ki"]
-        spectrum = np.fft.rfft(errors, axis=1).T
-        spectrum[1:] *= omega + kv + ki / omega
-        spectrum[0] = 0.0  # the integral of the controller takes care of it
-        spectrum = np.fft.rfft(self.learnt, axis=0) + GAIN * spectrum
-        spectrum[1:] /= 1.0 + (np.abs(omega) / (2.0 * np.pi * CUT_OFF)) ** 4
+        step = np.fft.rfft(errors, axis=1).T
+        size = np.abs(step)
+        step[1:] *= omega + kv + ki / omega
+        step[0] = 0.0  # the integral of the controller takes care of it
+        learnt = np.fft.rfft(self.learnt, axis=0)
+        wanted = learnt + GAIN * step
+        wanted[1:] /= 1.0 + (np.abs(omega) / (2.0 * np.pi * CUT_OFF)) ** 4
+        worse = size > self._least
+        self._pace[worse] /= 2.0
+        self._kept = np.where(worse, self._kept, learnt)
+        self._least = np.where(worse, np.inf, size)
+        spectrum = np.where(worse, self._kept, learnt + self._pace * (wanted - learnt))
         most = LARGEST_SHARE * self._gains["largest_speed"]
         self.learnt = np.clip(np.fft.irfft(spectrum, count, axis=0), -most, most)

@@ -93,6 +93,40 @@ def test_learning_does_not_diverge_in_20_periods() -> None:
     assert max(each[10:]) < 0.4 * each[0]
 
 
+class Echo:
+    """A loop that answers what is learnt with more error: the worst phase there is."""
+
+    preview, by_model, conditions = 0.0, np.ones(1, dtype=bool), (ControlCondition.AT_REST,)
+
+    def __init__(self) -> None:
+        self.told = 0.0  # rad/s
+
+    def start(self, command: np.ndarray) -> None:
+        """Nothing to begin with."""
+
+    def command(self, dt: float, reading: SensorReading, wanted: Wanted) -> np.ndarray:
+        """Keeps what it is told."""
+        self.told = float(wanted.ahead.velocity[0])
+        return ZERO
+
+
+def test_learning_goes_back_where_the_loop_makes_it_worse() -> None:
+    echo, still = Echo(), Point(ZERO, ZERO, ZERO)
+    made = Learning(echo, FlowFeedforward(MACHINE, model(), hydraulics()), PERIOD)
+    made.start(ZERO)
+    phases = np.arange(0.0, PERIOD, DT)
+    disturbed = 1e-3 * np.sin(2.0 * np.pi * 3.0 * phases / PERIOD)
+    course = []
+    for _ in range(20):
+        errors = []
+        for phase, one in zip(phases, disturbed, strict=True):
+            errors.append(one + 0.1 * echo.told)
+            made.command(DT, reading(-errors[-1], 0.0), Wanted(still, still, float(phase)))
+        course.append(np.sqrt(np.mean(np.square(errors))))
+    assert max(course[1:4]) > 1.1 * course[0]  # it was tried
+    assert course[-1] <= 1.01 * course[0]
+
+
 def test_the_load_is_what_the_model_predicts() -> None:
     load, point = ReferenceLoad(model(), MACHINE), swing(0.9)
     record = Record((JOINT,), np.zeros(1), *(each[None] for each in point))
