@@ -37,6 +37,8 @@ def identify_by_sums(
         )
     if arguments.prior:
         raise ConfigurationError(f"{option} takes no prior; leave out --prior")
+    if arguments.ramps:
+        raise ConfigurationError(f"{option} finds no valves; leave out --ramps")
     with ProgressBar() as progress:
         trusted = arguments.trust_recordings
         result = (

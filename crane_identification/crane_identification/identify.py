@@ -83,7 +83,12 @@ def identify(arguments: argparse.Namespace) -> None:
         with blaming(suspicions):
             result = fit(model, training, options, progress, session, prior)
         hydraulics = identify_hydraulics(model, training, options.period, progress)
-        if arguments.ramps and model.machine:
+        if arguments.ramps:
+            if not model.machine:
+                raise ConfigurationError(
+                    f"{arguments.model}: names no machine, whose actuators --ramps needs; name it, "
+                    "or leave out --ramps"
+                )
             hydraulics = with_ramps(hydraulics, arguments.ramps, model.machine)
         result = replace(result, model=replace(result.model, hydraulics=hydraulics))
         validations = (

@@ -1,4 +1,4 @@
-"""Every field of every message and action says its unit; every constant what it means."""
+"""Every field of every message, action and service says its unit; every constant what it means."""
 
 import re
 from dataclasses import dataclass
@@ -63,6 +63,7 @@ def test_the_suite_has_the_interfaces_of_its_design() -> None:
         "SensorFindings.msg",
         "ValveCommand.msg",
         "RunExcitation.action",
+        "SubstituteEncoder.srv",
     }
 
 

@@ -20,7 +20,7 @@ class ModelDoubt:
     dry: float = 0.15  # of dry friction
     viscous: float = 0.1  # of viscous friction
     friction_stays: float = 60.0  # s
-    stick: float = 0.6  # of dry friction where a joint stands: anywhere
+    held: float = 0.6  # of dry friction where a joint stands: anywhere
     creep: float = 0.2  # of it, by which it changes from window to window
     noise: float = 0.4e5  # Pa, of a window, of the piston's force
     inertia: float = 0.05  # of the force that accelerates
@@ -43,5 +43,5 @@ class ModelDoubt:
             SLOW: (self.slow, self.slow_stays),
             DRY: (self.dry, self.friction_stays),
             VISCOUS: (self.viscous, self.friction_stays),
-            STICK: (self.stick, math.inf),
+            STICK: (self.held, math.inf),
         }

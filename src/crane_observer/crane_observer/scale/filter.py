@@ -65,7 +65,7 @@ class LoadFilter:
         """A load came or went: nothing is known of it, nor of friction where a joint stands."""
         self._forget([MASS, MOMENT], np.array([HEAVY, HEAVY * FAR]))
         self._forget(
-            range(*self.of(STICK).indices(len(self.x))), np.full(self.joints, self.doubt.stick)
+            range(*self.of(STICK).indices(len(self.x))), np.full(self.joints, self.doubt.held)
         )
 
     def tare(self) -> None:
@@ -113,7 +113,7 @@ class LoadFilter:
         """Time goes by, and joints that come to stand hold by friction of their own."""
         self.drift(window.duration)
         stopped = np.flatnonzero(window.standing & ~self._stood)
-        self._forget(self.of(STICK).start + stopped, np.full(len(stopped), self.doubt.stick))
+        self._forget(self.of(STICK).start + stopped, np.full(len(stopped), self.doubt.held))
         self._stood = window.standing.copy()
 
     def correct(self, H: Array, innovation: Array, variance: Array) -> None:
