@@ -17,7 +17,7 @@ from crane_driver.can.bus import BusError
 from crane_driver.can.frame import Frame
 from crane_driver.can.link import Link
 from crane_driver.driver_loop import DriverLoop
-from crane_driver.driver_messages import cylinder_pressures, joint_state
+from crane_driver.driver_messages import cylinder_pressures, joint_state, valve_output
 from crane_driver.faults import Fault, FaultKind
 from crane_driver.realtime import RealTime, RealTimeSettings
 from crane_driver.safety.commands import RefusedError
@@ -44,11 +44,13 @@ class ActiveDriver:
         link: Link,
         joints: Publisher,
         pressures: Publisher,
+        outputs: Publisher,
         report: Callable[[], None],
     ):
         self.loop, self.link = loop, link
         self._node, self._log = node, node.get_logger()
-        self._joints, self._pressures, self._report = joints, pressures, report
+        self._joints, self._pressures, self._outputs = joints, pressures, outputs
+        self._report = report
         self._realtime: RealTime | None = None
         self._commands: Subscription | None = None
         self._estimates: Subscription | None = None
@@ -100,7 +102,7 @@ class ActiveDriver:
     def receive(self) -> None:
         """Frames or faults of the bus wait to be taken."""
         self._take()
-        self._send(self.loop.valve_frames(time.monotonic()))
+        self._drive(self.loop.valve_frames(time.monotonic()))
 
     def _take(self) -> None:
         self.loop.run(time.monotonic(), time.process_time())
@@ -115,7 +117,7 @@ class ActiveDriver:
         self._take()  # before it is judged what has not come
         now = time.monotonic()
         self.loop.check(self._commanders(), now, self.link.heard(now))
-        self._send(self.loop.valve_frames(now))
+        self._drive(self.loop.valve_frames(now))
         self._send(self.loop.device_frames(now))
         self.tell()
 
@@ -129,7 +131,7 @@ class ActiveDriver:
         except RefusedError as error:
             self._log.warning(str(error), throttle_duration_sec=WARNING_PERIOD_S)
             return
-        self._send(self.loop.valve_frames(time.monotonic(), commanded=True))
+        self._drive(self.loop.valve_frames(time.monotonic(), commanded=True))
 
     def _estimated(self, message: PositionEstimate) -> None:
         stamp = nanoseconds(message.header.stamp)
@@ -139,6 +141,12 @@ class ActiveDriver:
 
     def _commanders(self) -> int:
         return self._commands.get_publisher_count() if self._commands else 0
+
+    def _drive(self, frames: Sequence[Frame]) -> None:
+        """Send valve frames, and tell what they open: limits may leave less than was commanded."""
+        if frames:
+            self._send(frames)
+            self._outputs.publish(valve_output(time.time_ns(), self.loop.supervisor.sent))
 
     def _send(self, frames: Sequence[Frame]) -> None:
         try:

@@ -1,6 +1,6 @@
 """Samples of the driver as ROS messages."""
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 
 from diagnostic_msgs.msg import DiagnosticStatus, KeyValue
 from sensor_msgs.msg import JointState
@@ -15,7 +15,7 @@ from crane_driver.canopen.watch import NodeState
 from crane_driver.driver_loop import DriverLoop, JointSample, PressureSample
 from crane_driver.safety.states import SafetyState
 from crane_driver.safety.supervisor import Supervisor
-from crane_interfaces.msg import CylinderPressures, DriverState
+from crane_interfaces.msg import CylinderPressures, DriverState, ValveCommand
 from crane_nodes.stamps import stamp_of
 
 STATES = {
@@ -51,6 +51,11 @@ def joint_state(sample: JointSample, joints: Sequence[str]) -> JointState:
         velocity=sample.velocity,
         effort=sample.effort,
     )
+
+
+def valve_output(stamp: int, sent: Mapping[str, float]) -> ValveCommand:
+    """A message of valve_output: what the valves were `sent` at `stamp` [ns]."""
+    return ValveCommand(header=_header(stamp), name=list(sent), command=list(sent.values()))
 
 
 def cylinder_pressures(sample: PressureSample, cylinders: Sequence[str]) -> CylinderPressures:

@@ -27,7 +27,7 @@ from crane_driver.driver_messages import (
 from crane_driver.driver_parameters import DriverParameters, driver_parameters, read_parameters
 from crane_driver.safety.commands import RefusedError
 from crane_driver.safety.settings import load_safety
-from crane_interfaces.msg import CylinderPressures, DriverState
+from crane_interfaces.msg import CylinderPressures, DriverState, ValveCommand
 from crane_interfaces.srv import SubstituteEncoder
 from crane_model.errors import CraneError
 from crane_model.machine import load_machine
@@ -59,6 +59,7 @@ class Driver(LifecycleNode):
         hold(self, parameters, lambda: self._lifecycle)
         self._joints = self.create_publisher(JointState, "joint_states", DEPTH)
         self._pressures = self.create_publisher(CylinderPressures, "cylinder_pressures", DEPTH)
+        self._outputs = self.create_publisher(ValveCommand, "valve_output", DEPTH)
         self._diagnostics = self.create_publisher(DiagnosticArray, "/diagnostics", DEPTH)
         self._description = self.create_publisher(String, "robot_description", LATCHED)
         self._state = self.create_publisher(DriverState, STATE_TOPIC, LATCHED)
@@ -102,7 +103,9 @@ class Driver(LifecycleNode):
             link = Link(self._settings.bus, self._received.trigger).open()
         except CraneError as error:
             return self._failed(error)
-        self._active = ActiveDriver(self, loop, link, self._joints, self._pressures, self._report)
+        self._active = ActiveDriver(
+            self, loop, link, self._joints, self._pressures, self._outputs, self._report
+        )
         self._active.begin(self._settings.realtime)
         self.get_logger().info(f"CAN bus {self._settings.bus} is open; joints: {loop.joints}")
         self._lifecycle = "active"

@@ -91,6 +91,7 @@ class Stage:
         self.pressures: list[CylinderPressures] = []
         self.diagnostics: dict[str, tuple[bytes, str, dict[str, str]]] = {}
         self.reported = 0  # ns, when the driver made its last report
+        self.encoders: dict[str, float] = {}  # rad, m: as the machine sends them
         self.frames: list[Frame] = []  # of the machine
         self.machine_state = ""  # what the valve unit says of itself
         self.valves: list[Valves] = []
@@ -139,6 +140,7 @@ class Stage:
             if readings is None:
                 self.frames.append(frame)
                 answer = self._reader.decode(frame)
+                self.encoders |= answer.positions if answer else {}
                 if answer and answer.states:
                     self.machine_state = answer.states["valve_unit"]
             elif readings.commands:

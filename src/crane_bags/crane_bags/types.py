@@ -44,6 +44,7 @@ CYLINDER_PRESSURES = Topic(
     "/cylinder_pressures", f"{INTERFACES}/msg/CylinderPressures", continuous=True
 )
 VALVE_COMMAND = Topic("/valve_command", f"{INTERFACES}/msg/ValveCommand")
+VALVE_OUTPUT = Topic("/valve_output", f"{INTERFACES}/msg/ValveCommand")
 JOINT_REFERENCE = Topic("/joint_reference", f"{INTERFACES}/msg/JointReference")
 PARAMETER_ESTIMATE = Topic(
     "/parameter_estimate", f"{INTERFACES}/msg/ParameterEstimate", latched=True
@@ -54,7 +55,8 @@ DIAGNOSTICS = Topic("/diagnostics", "diagnostic_msgs/msg/DiagnosticArray", conti
 ROBOT_DESCRIPTION = Topic("/robot_description", "std_msgs/msg/String", latched=True)
 TOPICS = (
     *(JOINT_STATES, CYLINDER_PRESSURES, VALVE_COMMAND, JOINT_REFERENCE),
-    *(PARAMETER_ESTIMATE, GENERALIZED_FORCES, DIAGNOSTICS, ROBOT_DESCRIPTION, DRIVER_STATE),
+    *(VALVE_OUTPUT, PARAMETER_ESTIMATE, GENERALIZED_FORCES, DIAGNOSTICS, ROBOT_DESCRIPTION),
+    DRIVER_STATE,
 )
 """All that the nodes of the suite publish; reliably."""
 

@@ -10,7 +10,7 @@ from crane_bags.clocks import NANOSECONDS
 from crane_bags.driver_states import let_through
 from crane_bags.namespaces import namespace_of
 from crane_bags.reader import read_topics
-from crane_bags.types import CYLINDER_PRESSURES, JOINT_STATES, VALVE_COMMAND
+from crane_bags.types import CYLINDER_PRESSURES, JOINT_STATES, VALVE_COMMAND, VALVE_OUTPUT
 from crane_model.array import Array
 from crane_model.errors import DataError
 
@@ -36,28 +36,30 @@ class HeardRecording:
     def read(cls, path: Path, joints: tuple[str, ...]) -> "HeardRecording":
         """`DataError` names the topic that is missing, and what to record."""
         namespace = namespace_of(path)
-        wanted = [
-            topic.within(namespace) for topic in (JOINT_STATES, CYLINDER_PRESSURES, VALVE_COMMAND)
-        ]
-        found = read_topics(path, wanted)
-        for topic in wanted[1:]:
+        states_, pressures_, asked, sent = (
+            topic.within(namespace)
+            for topic in (JOINT_STATES, CYLINDER_PRESSURES, VALVE_COMMAND, VALVE_OUTPUT)
+        )
+        found = read_topics(path, (states_, pressures_, asked, sent))
+        output = sent if sent.name in found else asked  # what the driver did not tell was asked
+        for topic in (pressures_, output):
             if topic.name not in found:
                 raise DataError(
                     f"{path}: holds no {topic.name}, without which flow is not known; record it"
                 )
-        pressures = found[wanted[1].name].select(joints)
-        commands = found[wanted[2].name].select(joints)
-        states = found[wanted[0].name].select(joints) if wanted[0].name in found else None
+        pressures = found[pressures_.name].select(joints)
+        commands = found[output.name].select(joints)
+        states = found[states_.name].select(joints) if states_.name in found else None
         start = int(pressures.stamp[0])
 
         def seconds(stamp: np.ndarray) -> Array:
             return (stamp - start) / NANOSECONDS
 
         supply = pressures.fields.get("supply", np.full(len(pressures.stamp), np.nan))
-        told, through = let_through(path, namespace)
-        command_time, reaching = reached(
-            seconds(commands.stamp), commands.fields["command"], seconds(told), through
-        )
+        command_time, reaching = seconds(commands.stamp), commands.fields["command"]
+        if output is asked:
+            told, through = let_through(path, namespace)
+            command_time, reaching = reached(command_time, reaching, seconds(told), through)
         return cls(
             path,
             start,

@@ -26,6 +26,7 @@ from crane_observer.node.topics import estimate_message, picked, states_message
 from crane_observer.position.sensor import START, PositionSensor, SensorCondition, Told
 
 JOINT_STATES, PRESSURES, COMMANDS = "joint_states", "cylinder_pressures", "valve_command"
+OUTPUTS = "valve_output"
 DRIVER_STATE = "driver/state"
 DEEP = QoSProfile(depth=1000, reliability=ReliabilityPolicy.RELIABLE)
 LATCHED = QoSProfile(
@@ -34,6 +35,14 @@ LATCHED = QoSProfile(
     durability=DurabilityPolicy.TRANSIENT_LOCAL,
 )
 PUBLISH = 1.0  # s, of diagnostics
+HEARD = (
+    (DRIVER_STATE, DriverState, LATCHED),
+    (JOINT_STATES, JointState, DEEP),
+    (PRESSURES, CylinderPressures, DEEP),
+    (COMMANDS, ValveCommand, DEEP),
+    (OUTPUTS, ValveCommand, DEEP),
+)
+SENT = len(HEARD) - 1  # place of what the driver sent to the valves
 LETTING_THROUGH = (DriverState.STATE_ENABLED, DriverState.STATE_DEGRADED)
 VISIT = 0.01  # s between two visits to the queues
 UNNOTICED = 1.0  # s, for which an encoder may have been wrong before the driver says so
@@ -74,6 +83,7 @@ class PositionSensorNode(LifecycleNode):
         self._commanded = np.zeros(0)
         self._lost: set[str] = set()  # joints whose encoders the driver does not believe
         self._closed = False  # the driver says that commands do not reach the valves
+        self._outputs_heard = False  # the driver tells what it sends to the valves
         self._zero, self._heard = 0, 0.0
         self._told: Told | None = None
         self._states = self.create_lifecycle_publisher(JointState, "joint_states_estimated", DEEP)
@@ -111,19 +121,14 @@ class PositionSensorNode(LifecycleNode):
 
     def on_activate(self, state: LifecycleState) -> TransitionCallbackReturn:
         """Listen, from where the crane is said to be."""
-        heard = (
-            (DRIVER_STATE, DriverState, LATCHED),
-            (JOINT_STATES, JointState, DEEP),
-            (PRESSURES, CylinderPressures, DEEP),
-            (COMMANDS, ValveCommand, DEEP),
-        )
         self._queues = [
             (order, Polled(self, msgtype, topic, qos))
-            for order, (topic, msgtype, qos) in enumerate(heard)
+            for order, (topic, msgtype, qos) in enumerate(HEARD)
         ]
         self._sensor = self._told = None
         self._lost = set()
         self._commanded, self._closed = np.zeros(len(self._hidden)), False
+        self._outputs_heard = False
         self._heard = time.monotonic()
         say_ready(self)
         return super().on_activate(state)
@@ -148,12 +153,16 @@ class PositionSensorNode(LifecycleNode):
             for order, queue in self._queues
             for message, _ in queue.take()
         ]
-        for stamp, _, message in sorted(came, key=lambda one: one[:2]):
-            self._take(stamp, message)
+        for stamp, order, message in sorted(came, key=lambda one: one[:2]):
+            self._take(stamp, message, sent=order == SENT)
 
     def _take(
-        self, stamp: int, message: JointState | CylinderPressures | ValveCommand | DriverState
+        self,
+        stamp: int,
+        message: JointState | CylinderPressures | ValveCommand | DriverState,
+        sent: bool,
     ) -> None:
+        """`sent`: by the driver to the valves, which is believed rather than what was asked."""
         assert self._model is not None
         joints = self._model.joints
         match message:
@@ -163,7 +172,8 @@ class PositionSensorNode(LifecycleNode):
                 self._start(stamp, encoders)
                 if self._sensor is not None:
                     self._sensor.add_encoders((stamp - self._zero) / NANOSECONDS, encoders)
-            case ValveCommand():
+            case ValveCommand() if sent or not self._outputs_heard:
+                self._outputs_heard = sent
                 # a joint that is not named stays at neutral
                 self._commanded = picked(joints, message.name, message.command)
                 self._commanded[~np.isin(joints, message.name)] = 0.0
@@ -171,7 +181,7 @@ class PositionSensorNode(LifecycleNode):
             case DriverState():
                 closed = message.state not in LETTING_THROUGH
                 self._judge(stamp, message)
-                if closed is not self._closed:
+                if closed is not self._closed and not self._outputs_heard:
                     self._closed = closed
                     self._command(stamp)
             case CylinderPressures():
@@ -199,7 +209,8 @@ class PositionSensorNode(LifecycleNode):
     def _command(self, stamp: int) -> None:
         """What reaches the valves from now on."""
         if self._sensor is not None:
-            reaching = np.zeros_like(self._commanded) if self._closed else self._commanded
+            through = self._outputs_heard or not self._closed
+            reaching = self._commanded if through else np.zeros_like(self._commanded)
             self._sensor.add_command((stamp - self._zero) / NANOSECONDS, reaching)
 
     def _start(self, stamp: int, encoders: np.ndarray | None) -> None:
@@ -268,8 +279,8 @@ class PositionSensorNode(LifecycleNode):
 
 
 ABOUT = """Estimates positions, velocities and the load at the tip from cylinder_pressures,
-valve_command (while driver/state says that it reaches the valves, where that is heard) and the
-encoders in joint_states that are left, by a model with hydraulics. Publishes
+valve_output (without a driver that tells it valve_command, while driver/state lets it through) and
+the encoders in joint_states that are left, by a model with hydraulics. Publishes
 joint_states_estimated and position_estimate."""
 
 

@@ -29,12 +29,20 @@ from crane_observer.monitor.watching import Heed, SensorWatch
 from crane_observer.node.topics import findings_message, picked
 
 JOINT_STATES, PRESSURES, COMMANDS = "joint_states", "cylinder_pressures", "valve_command"
+OUTPUTS = "valve_output"
 DEEP = QoSProfile(depth=1000, reliability=ReliabilityPolicy.RELIABLE)
 LATCHED = QoSProfile(
     depth=1,
     reliability=ReliabilityPolicy.RELIABLE,
     durability=DurabilityPolicy.TRANSIENT_LOCAL,
 )
+HEARD = (
+    (JOINT_STATES, JointState),
+    (PRESSURES, CylinderPressures),
+    (COMMANDS, ValveCommand),
+    (OUTPUTS, ValveCommand),
+)
+ASKED, SENT = 2, 3  # places of what the driver was asked for, and of what it sent to the valves
 PUBLISH = 1.0  # s, of diagnostics
 VISIT = 0.01  # s between two visits to the queues
 SILENCE = 0.5  # s without a sample that could be compared
@@ -61,6 +69,7 @@ class SensorMonitorNode(LifecycleNode):
         self._watch: SensorWatch | None = None
         hold(self, PARAMETERS, lambda: "configured" if self._model else "unconfigured")
         self._queues: list[tuple[int, Polled]] = []
+        self._outputs_heard = False  # the driver tells what it sends to the valves
         self._zero: int | None = None
         self._heard = 0.0
         self._findings = self.create_lifecycle_publisher(SensorFindings, "sensor_findings", LATCHED)
@@ -85,11 +94,11 @@ class SensorMonitorNode(LifecycleNode):
 
     def on_activate(self, state: LifecycleState) -> TransitionCallbackReturn:
         """Listen; nothing has been found yet."""
-        types = {JOINT_STATES: JointState, PRESSURES: CylinderPressures, COMMANDS: ValveCommand}
         self._queues = [
             (order, Polled(self, msgtype, topic, DEEP))
-            for order, (topic, msgtype) in enumerate(types.items())
+            for order, (topic, msgtype) in enumerate(HEARD)
         ]
+        self._outputs_heard = False
         assert self._model is not None
         self._watch, self._zero = SensorWatch(self._model, self._tolerance), None
         say_ready(self)
@@ -124,7 +133,10 @@ class SensorMonitorNode(LifecycleNode):
             for order, queue in self._queues
             for message, _ in queue.take()
         ]
-        for stamp, _, message in sorted(came, key=lambda one: one[:2]):
+        for stamp, order, message in sorted(came, key=lambda one: one[:2]):
+            self._outputs_heard = self._outputs_heard or order == SENT
+            if self._outputs_heard and order == ASKED:
+                continue  # the driver tells what it made of it
             for finding in self._take(stamp, message):
                 self.get_logger().error(str(finding))
                 self._publish()
@@ -182,8 +194,9 @@ class SensorMonitorNode(LifecycleNode):
         self._diagnostics.publish(message)
 
 
-ABOUT = """Compares encoders in joint_states, cylinder_pressures and valve_command by a model with
-hydraulics. Publishes sensor_findings: which sensor lies, how, how much, since when, what to do."""
+ABOUT = """Compares encoders in joint_states, cylinder_pressures and valve_output (without a driver
+that tells it valve_command) by a model with hydraulics. Publishes sensor_findings: which sensor
+lies, how, how much, since when, what to do."""
 
 
 def main(argv: Sequence[str] | None = None) -> int:
