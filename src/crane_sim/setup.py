@@ -45,6 +45,7 @@ setup(
         "pydantic>=2",
         "pyyaml",
         "scipy",
+        "typing-extensions",
     ],
     entry_points={"console_scripts": scripts},
 )

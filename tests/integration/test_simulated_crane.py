@@ -113,6 +113,29 @@ def test_the_twin_of_a_model_moves_in_its_place(tmp_path: Path) -> None:
     assert "model.yaml; its model lacks slew, which will not move" in output
 
 
+def test_a_plug_is_pulled_in_mid_motion_and_put_back() -> None:
+    with at_work("--operator") as bench:
+        assert bench.process.stdin
+        bench.until(lambda: bench.state == "Neutral")
+        before = bench.position("telescope")
+        bench.until(lambda: bench.position("telescope") > before + 0.02, telescope=0.5)
+        bench.process.stdin.write("fault=telescope.encoder.stuck\n")
+        bench.process.stdin.flush()
+        bench.until(
+            lambda: len({one.positions["telescope"] for one in bench.readings[-200:]
+                         if "telescope" in one.positions}) == 1,
+            telescope=0.5,
+        )  # fmt: skip
+        frozen = bench.position("telescope")
+        bench.process.stdin.write("mended=telescope.encoder\n")
+        bench.process.stdin.flush()
+        bench.until(lambda: bench.position("telescope") > frozen + 0.02, telescope=0.5)
+        bench.process.send_signal(signal.SIGTERM)
+        output, _ = bench.process.communicate(timeout=PATIENCE)
+    assert "fault: telescope.encoder.stuck" in output
+    assert "mended: telescope.encoder" in output
+
+
 def test_a_bus_that_cannot_be_opened_ends_it_with_a_message() -> None:
     assert main(["--interface", "socketcan", "--channel", "nocan0"]) == 1
 

@@ -29,6 +29,7 @@ from crane_bags.writer import BagWriter
 from crane_model import cli
 from crane_model.arguments import between, whole
 from crane_model.cylinders import generalized_forces
+from crane_model.errors import ConfigurationError
 from crane_model.machine import Machine
 from crane_model.machine_files import machine_file
 from crane_model.model_file import load_model
@@ -36,13 +37,15 @@ from crane_model.progress_bar import progress_bar
 from crane_model.urdf import urdf
 from crane_sim.effects.form import Planted
 from crane_sim.effects.sensing import faults
+from crane_sim.faulty.faults import Faults
+from crane_sim.faulty.kinds import parse
 from crane_sim.hiding.calibrate import hidden_in
 from crane_sim.hiding.clean import Clean, clean
 from crane_sim.hiding.label import check_place, load_hidden, write_label
 from crane_sim.hiding.slewing import slewing
-from crane_sim.options import add_plant, load_both
+from crane_sim.options import add_faults, add_plant, load_both
 from crane_sim.parts.parameters import StandIn
-from crane_sim.plant.closed_loop import Course, SimulatedRecording, Steps, record
+from crane_sim.plant.closed_loop import REST, Course, SimulatedRecording, Steps, record
 from crane_sim.plant.plant import Plant
 from crane_sim.plant.sampled import Sensors
 from crane_trajectory.control.choice import NAMES, PD_DEAD_ZONE, controller
@@ -124,15 +127,18 @@ def make(
     moment: Moment = COLD,
     progress: Steps = iter,
     controller: Controller | None = None,
+    failing: Sequence[str] = (),
 ) -> Clean:
     """Write the bag `out` of a machine that hides effects; what truly happened is returned.
 
     `motion` is that of `plan`, led by (36) with `gains` or by the `controller`; `seed` is that of
-    noise and jitter; at its `moment` the recording begins. The bag holds what a machine without
+    noise and jitter; at its `moment` the recording begins; what is `failing` does so as
+    `crane_sim.faulty.kinds.parse` reads it. The bag holds what a machine without
     hidden effects would write: nothing but readings differs.
     """
     plant = Plant(stand_in, machine, motion.start, planted, moment.running)
-    sensors = Sensors(stand_in.sensors, machine, seed, faults(planted, machine))
+    timed = Faults(machine, failing, seed, zero=moment.running)
+    sensors = Sensors(stand_in.sensors, machine, seed, faults(planted, machine), timed)
     recording = record(slewing(motion, planted), plant, sensors, gains, progress, controller)
     write_bag(out, machine, recording, moment.started)
     return clean(machine, planted, sensors.faults, recording.truth)
@@ -154,6 +160,7 @@ def main(argv: Sequence[str] | None = None) -> int:
     parser.add_argument("--seed", type=whole(0), default=0, help="of sensor noise and jitter")
     parser.add_argument("--out", type=Path, required=True, help="folder of the new bag")
     add_plant(parser)
+    add_faults(parser)
     cli.add_machine(parser)
     parser.add_argument("--gains", type=Path, help="gains of (36) (default: the packaged ones)")
     parser.add_argument(
@@ -207,6 +214,13 @@ def main(argv: Sequence[str] | None = None) -> int:
             arguments.periods,
             load_clearance(machine_file("clearance.yaml", arguments.machine)),
         )
+        whole = motion.duration + 2.0 * REST
+        for text in arguments.fault:
+            if (onset := parse(text, machine).onset or 0.0) >= whole:
+                raise ConfigurationError(
+                    f"fault '{text}': begins at {onset:g} s, when the bag of {whole:.1f} s has "
+                    "ended; let it begin earlier, or record more periods"
+                )
         gains = load_gains(
             machine_file("controller.yaml", arguments.machine, arguments.gains), machine
         )
@@ -219,8 +233,9 @@ def main(argv: Sequence[str] | None = None) -> int:
             planted = hidden_in(spec, machine, parameters, gains, arguments.machine)
         seed, moment = arguments.seed, Moment(arguments.started, arguments.running)
         truth = make(
-            arguments.out, machine, parameters, motion, gains, seed, planted, moment, progress, led
-        )
+            arguments.out, machine, parameters, motion, gains, seed, planted, moment, progress, led,
+            arguments.fault,
+        )  # fmt: skip
         if arguments.label is not None:
             write_label(arguments.label, arguments.out, seed, machine, parameters, planted, truth)
         print(f"written: {arguments.out}, {motion.duration:.1f} s")

@@ -13,6 +13,19 @@ def add_plant(parser: argparse.ArgumentParser) -> None:
     parser.add_argument("--plant", type=Path, help="stand-in file (default: that of the machine)")
 
 
+def add_faults(parser: argparse.ArgumentParser) -> None:
+    """`--fault`, once for each."""
+    parser.add_argument(
+        "--fault",
+        action="append",
+        default=[],
+        metavar="TARGET.PART.KIND[=SIZE][@SECONDS]",
+        help="a sensor or valve that fails, as JOINT.encoder.stuck@12.5, seconds after the "
+        "beginning; may be repeated. Of a joint: encoder, pressure_a, pressure_b, pressures, "
+        "valve; of the supply: supply.pressure. A wrong one is answered with what there is",
+    )
+
+
 def load_both(machine: str | None, plant: Path | None) -> tuple[Machine, StandIn]:
     """What `--machine` and `--plant` name; `ConfigurationError` if either is wrong."""
     known = load_machine(machine)

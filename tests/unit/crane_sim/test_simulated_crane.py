@@ -19,6 +19,7 @@ from crane_sim.bus.machine_on_bus import LONGEST_STEP, MachineOnBus
 from crane_sim.bus.pace import BACKLOG, PlantPace
 from crane_sim.bus.simulated_crane import main
 from crane_sim.bus.valve_unit import TIMEOUT, ValveUnit
+from crane_sim.faulty.faults import Faults
 from crane_sim.parts.parameters import load_stand_in
 from crane_sim.plant.machine_in_motion import MachineInMotion
 from crane_sim.plant.plant import Plant
@@ -40,7 +41,9 @@ class Bench:
         plant: MachineInMotion = Plant(parameters, machine, parameters.start)
         if twin:
             plant = TwinPlant(known_model(), machine, np.array(parameters.start))
-        self.machine = MachineOnBus(layout, plant, Sensors(parameters.sensors, machine, 1), START)
+        self.faults = Faults(machine)
+        sensors = Sensors(parameters.sensors, machine, 1, timed=self.faults)
+        self.machine = MachineOnBus(layout, plant, sensors, START)
         self.plant = plant
         self.driver = DriverCodec(layout)
         self.monitor = Monitor(layout.readings, layout.timing, START)
@@ -89,6 +92,26 @@ def test_the_driver_reads_what_the_plant_does(layout: Layout, twin: bool) -> Non
     assert pressures["telescope.b"] == pytest.approx(pressure_b[3], abs=1e5)
     assert pressures["supply"] == pytest.approx(supply, abs=1e5)
     assert np.abs(q - before)[:2].max() < 0.002
+
+
+def test_an_encoder_freezes_in_mid_motion_with_valid_counters(bench: Bench) -> None:
+    shown: list[float] = []
+    for k in range(80):
+        if k == 40:
+            bench.faults.add("telescope.encoder.stuck")
+            moving = bench.plant.q[3]
+        for readings in bench.command(telescope=0.5):
+            assert not bench.monitor.observe(readings)
+            shown += [q for one, q in readings.positions.items() if one == "telescope"]
+    seen = set(shown[-30:])
+    assert len(set(shown[:30])) > 20
+    assert bench.plant.q[3] > moving + 0.01
+    assert len(seen) == 1
+    bench.faults.mend("telescope.encoder")
+    bench.command(telescope=0.5)
+    (now,) = (one.positions["telescope"] for one in bench.command(telescope=0.5)
+              if "telescope" in one.positions)  # fmt: skip
+    assert now > moving + 0.01
 
 
 def test_each_message_comes_with_its_cycle_time(bench: Bench) -> None:

@@ -54,7 +54,8 @@ class MachineOnBus:
             for message in layout.readings
             for state in message.states
         }
-        self._time, self._cycle = start, 0
+        self._start = self._time = start
+        self._cycle = 0
         self.lost = 0.0  # s that the plant did not run
         self._read = self._measure()
 
@@ -75,7 +76,10 @@ class MachineOnBus:
     def run(self, until: float) -> None:
         """Let the plant run with the commands that are there, and take the next readings."""
         elapsed = until - self._time
-        commands = np.array(self._operator.spools(self.valves.commands(self._time)))
+        timed, began = self._sensors.timed, self._time - self._start
+        asked = timed.commands(began, np.array(self.valves.commands(self._time)))
+        commands = np.array(self._operator.spools(asked.tolist()))
+        self._plant.leak(timed.passed(began))
         self._time = until
         if elapsed > LONGEST_STEP:
             self.lost += elapsed - LONGEST_STEP
@@ -86,13 +90,15 @@ class MachineOnBus:
 
     def _measure(self) -> tuple[dict[str, float], dict[str, float]]:
         plant = self._plant
-        q = self._sensors.positions(plant.q)
+        time = self._time - self._start
+        q = self._sensors.positions(plant.q, time)
         on = float(self._operator.engine)
         read = self._sensors.pressures(
             on * plant.pressure_a[np.newaxis],
             on * plant.pressure_b[np.newaxis],
             np.array([on * plant.supply_pressure]),
             on * plant.tank_pressure,
+            np.array([time]),
         )
         pressures = {"supply": float(read.supply[0]), "tank": float(read.tank[0])}
         for column, joint in enumerate(self._sensors.cylinders):

@@ -25,7 +25,8 @@ from crane_model.model_file import load_model
 from crane_sim.bus.machine_on_bus import MachineOnBus
 from crane_sim.bus.operator_at_machine import Operator
 from crane_sim.bus.pace import PlantPace
-from crane_sim.options import add_plant, load_both
+from crane_sim.faulty.faults import Faults
+from crane_sim.options import add_faults, add_plant, load_both
 from crane_sim.parts.pose import parse_pose
 from crane_sim.plant.machine_in_motion import MachineInMotion
 from crane_sim.plant.plant import Plant
@@ -66,14 +67,15 @@ def _run(options: argparse.Namespace, stop: threading.Event) -> None:
         print(f"the twin of {options.model}" + _standing(twin), flush=True)
     else:
         plant = Plant(parameters, machine, pose)
-    sensors = Sensors(parameters.sensors, machine, options.seed)
+    timed = Faults(machine, options.fault, options.seed, leaks=not options.model)
+    sensors = Sensors(parameters.sensors, machine, options.seed, timed=timed)
     with Link(settings) as link:
         # Compiled here, not while the clock runs: the first steps may take seconds.
-        warm = MachineOnBus(layout, plant, sensors, 0.0)
+        warm = MachineOnBus(layout, plant, Sensors(parameters.sensors, machine, 0), 0.0)
         warm.run(parameters.step)
         warm.exchange([])
         link.take()
-        operator = Operator(machine.joint_names)
+        operator = Operator(machine.joint_names, timed)
         if options.operator:
             threading.Thread(
                 target=operator.follow, args=(sys.stdin, sys.stderr), daemon=True
@@ -141,7 +143,9 @@ def _parser() -> argparse.ArgumentParser:
         "--operator",
         action="store_true",
         help="take from standard input what an operator does at the machine: JOINT=OPENING moves "
-        "a lever (positive moves the joint up, 0 lets go), engine=off and engine=on",
+        "a lever (positive moves the joint up, 0 lets go), engine=off and engine=on, "
+        "fault=TARGET.PART.KIND as of --fault, from now on, and mended=TARGET.PART",
     )
+    add_faults(parser)
     parser.add_argument("--seed", type=whole(0), default=0, help="of the sensors' noise")
     return parser

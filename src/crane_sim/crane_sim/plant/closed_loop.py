@@ -105,13 +105,15 @@ def record(
     arrays, u = gains.arrays, np.zeros(len(joints))
     for k in progress(range(count)):
         time = float(times[k])
-        plant.advance(commands[k - 1], time - plant.time)  # zero before the first
+        plant.leak(sensors.timed.passed(plant.time))
+        spools = sensors.timed.commands(plant.time, commands[k - 1])  # zero before the first
+        plant.advance(spools, time - plant.time)
         q[k], v[k] = plant.q, plant.v
         a[k] = plant.acceleration
         if plant.hidden_count:
             force[:, k], flow[:, k] = plant.hidden_force, plant.hidden_flow
         p_a[k], p_b[k], supply[k] = plant.pressure_a, plant.pressure_b, plant.supply_pressure
-        position[k] = sensors.positions(q[k])
+        position[k] = sensors.positions(q[k], time)
         _, velocity[k], _ = velocity_filter.update(time, position[k])
         if led is not None:
             u = led.command(k, time, position[k], velocity[k])

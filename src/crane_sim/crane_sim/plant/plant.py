@@ -43,6 +43,7 @@ class Plant:
         self.time = running  # s since the machine was started
         self.tank_pressure = machine.hydraulics.tank_pressure
         self._constants = pack(parameters, machine)
+        self._leakage = self._constants.cylinders["leakage"].copy()
         # None is compiled apart: no cost where none hides
         self._hidden = packed(planted, machine, running)
         self._scratch = room(self._constants.friction)
@@ -69,6 +70,10 @@ class Plant:
                 f"plant: a linkage was forced open before t = {self.time:.4f} s; stiffen the end "
                 "stops (cylinders.*.stop_stiffness) or shorten the step"
             )
+
+    def leak(self, passed: np.ndarray) -> None:
+        """From now on pistons let `passed` (j,) more oil through than the stand-in's, m3/(s Pa)."""
+        self._constants.cylinders["leakage"] = self._leakage + passed
 
     def set_magnitude(self, k: int, magnitude: float) -> None:
         """From now on, effect k of those planted that act in the plant has this magnitude."""

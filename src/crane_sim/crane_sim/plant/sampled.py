@@ -8,6 +8,7 @@ import numpy as np
 from crane_model.machine import Machine
 from crane_model.sensors import SensorChain
 from crane_sim.effects.fault import SensorFault, measured_joints
+from crane_sim.faulty.faults import Faults
 
 
 class Pressures(NamedTuple):
@@ -23,14 +24,21 @@ class Sensors:
     """The sensors of the stand-in machine; the same seed gives the same noise and jitter.
 
     The one place where true signals become readings: `faults` are what else the sensors do wrong,
-    one after the other, before noise and converters.
+    one after the other, before noise and converters; `timed` are those that begin later, behind
+    both, and those of valves.
     """
 
     def __init__(
-        self, chain: SensorChain, machine: Machine, seed: int, faults: Sequence[SensorFault] = ()
+        self,
+        chain: SensorChain,
+        machine: Machine,
+        seed: int,
+        faults: Sequence[SensorFault] = (),
+        timed: Faults | None = None,
     ):
         self._chain = chain
         self.faults = tuple(faults)
+        self.timed = timed or Faults(machine)
         self._rng = np.random.default_rng(seed)
         self._joints = machine.joint_names
         self.cylinders = measured_joints(machine)
@@ -40,11 +48,13 @@ class Sensors:
         """(count,) sampling instants [s], one period apart but for jitter."""
         return self._chain.sample_times(self._rng, start, count)
 
-    def positions(self, q: np.ndarray) -> np.ndarray:
-        """Encoder readings of the coordinates (..., j) [rad, m]."""
+    def positions(self, q: np.ndarray, time: float = 0.0) -> np.ndarray:
+        """Encoder readings of the coordinates (j,) [rad, m] at a time [s]."""
         for fault in self.faults:
             q = fault.positions(q)
-        return self._chain.measure_positions(self._joints, q)
+        measure = self._chain.measure_positions
+        read = measure(self._joints, q)
+        return measure(self._joints, self.timed.positions(time, read))
 
     def pressures(
         self,
@@ -63,9 +73,15 @@ class Sensors:
         for fault in self.faults:
             chamber_a, chamber_b = fault.pressures(time, chamber_a, chamber_b)
         measure = self._chain.measure_pressure
-        return Pressures(
+        read = (
             measure(self._rng, chamber_a[:, self._fitted]),
             measure(self._rng, chamber_b[:, self._fitted]),
             measure(self._rng, supply),
-            measure(self._rng, np.full_like(supply, tank)),
         )
+        tank_read = measure(self._rng, np.full_like(supply, tank))
+        shown_a, shown_b, shown = map(self._converted, self.timed.pressures(time, *read))
+        return Pressures(shown_a, shown_b, shown, tank_read)
+
+    def _converted(self, pressure: np.ndarray) -> np.ndarray:
+        step, most = self._chain.pressure_step, self._chain.pressure_range
+        return np.round(np.clip(pressure, 0.0, most) / step) * step

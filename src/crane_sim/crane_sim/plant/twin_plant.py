@@ -2,7 +2,7 @@
 
 import numpy as np
 
-from crane_model.errors import ConfigurationError
+from crane_model.errors import ConfigurationError, RangeError
 from crane_model.machine import Machine
 from crane_model.model_file import Model
 from crane_model.twin import Twin
@@ -38,6 +38,11 @@ class TwinPlant:
     def advance(self, command: np.ndarray, duration: float) -> None:
         """As `MachineInMotion` has it."""
         self._twin.advance(np.asarray(command)[np.newaxis, self._columns], duration)
+
+    def leak(self, passed: np.ndarray) -> None:
+        """As `MachineInMotion` has it: none can."""
+        if passed.any():
+            raise RangeError("the pistons of a twin leak as its model says: it cannot be changed")
 
     @property
     def q(self) -> np.ndarray:
