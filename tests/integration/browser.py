@@ -78,9 +78,7 @@ def driven(profile: Path, width: int = 1440, height: int = 1000) -> Iterator[Chr
     """
     browser, driver = installed(), shutil.which("chromedriver")
     if driver is None:
-        pytest.skip(
-            "no chromedriver (chromium-driver of Debian); nothing was clicked"
-        )
+        pytest.skip("no chromedriver (chromium-driver of Debian); nothing was clicked")
     options = ChromeOptions()
     options.binary_location = browser
     for flag in (*FLAGS[:-1], f"--user-data-dir={profile}"):  # in real time
