@@ -2,14 +2,10 @@
 
 import shutil
 import subprocess
-from collections.abc import Iterator
-from contextlib import contextmanager
 from pathlib import Path
 from typing import NamedTuple
 
 import pytest
-from selenium.webdriver import Chrome, ChromeOptions
-from selenium.webdriver.chrome.service import Service
 from unit.crane_identification.report.html_reader import Element, read_html
 
 BROWSERS = ("chromium", "chromium-browser", "google-chrome", "google-chrome-stable")
@@ -23,7 +19,7 @@ FLAGS = (
     "--disable-component-update",
     "--disable-sync",
     "--enable-logging=stderr",
-    "--virtual-time-budget=60000",  # the clock of the page, which stands while it computes; last
+    "--virtual-time-budget=60000",  # the clock of the page, which stands while it computes
 )
 
 
@@ -68,26 +64,3 @@ def run(browser: str, folder: Path, *arguments: str) -> subprocess.CompletedProc
         timeout=300,
         check=True,
     )
-
-
-@contextmanager
-def driven(profile: Path, width: int = 1440, height: int = 1000) -> Iterator[Chrome]:
-    """A browser that the test clicks in, `width` by `height` pixels; skipped where there is none.
-
-    Chromium and its driver are of one system package source, so that they fit each other.
-    """
-    browser, driver = installed(), shutil.which("chromedriver")
-    if driver is None:
-        pytest.skip("no chromedriver (chromium-driver of Debian); nothing was clicked")
-    options = ChromeOptions()
-    options.binary_location = browser
-    for flag in (*FLAGS[:-1], f"--user-data-dir={profile}"):  # in real time
-        options.add_argument(flag)
-    options.set_capability("goog:loggingPrefs", {"browser": "ALL"})
-    page = Chrome(options, Service(driver))
-    try:
-        metrics = {"width": width, "height": height, "deviceScaleFactor": 1, "mobile": False}
-        page.execute_cdp_cmd("Emulation.setDeviceMetricsOverride", metrics)
-        yield page
-    finally:
-        page.quit()
