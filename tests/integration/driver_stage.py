@@ -63,6 +63,7 @@ class Stage:
         driver: str = DRIVER,
         namespace: str = "",
         machine: str = DEFAULT_MACHINE,
+        operator: bool = False,
     ):
         path = patient_mapping(folder, canopen, machine)
         port = self.port = free_port()
@@ -70,7 +71,7 @@ class Stage:
         self.codec = MachineCodec(self.layout)
         self._reader = DriverCodec(self.layout)
         self.link = Link(BusSettings(extra={"port": port})).open()
-        posed = ["--pose", *pose] if pose else []
+        posed = [*(["--operator"] if operator else []), *(["--pose", *pose] if pose else [])]
         self.machine = start(MACHINE, "--machine", machine, "--bus-option", f"port={port}", *posed)
         options = {"bus.options": f"port={port}", "mapping": str(path), "safety": f"'{safety}'"}
         options["machine"] = machine
