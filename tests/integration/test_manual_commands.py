@@ -95,7 +95,8 @@ def test_files_of_the_suite_are_there() -> None:
         for line in lines(page, unknown="*"):
             for word in line:
                 if word.startswith(OF_THE_SUITE) and "/" in word:
-                    assert list(ROOT.glob(word)), f"{page}: {word}"
+                    # a type is named without the suffix of its file
+                    assert [*ROOT.glob(word), *ROOT.glob(f"{word}.srv")], f"{page}: {word}"
 
 
 def test_targets_of_make_are_there() -> None:
