@@ -105,9 +105,13 @@ class Stage:
             String, "robot_description", lambda message: self.description.append(message.data),
             LATCHED,
         )  # fmt: skip
-        self.until(lambda: self.states and self.valves and self.pressures)
-        self.until(lambda: self._safety in self.diagnostics)
-        self.until(lambda: all(one.service_is_ready() for one in self._clients.values()))
+        try:
+            self.until(lambda: self.states and self.valves and self.pressures)
+            self.until(lambda: self._safety in self.diagnostics)
+            self.until(lambda: all(one.service_is_ready() for one in self._clients.values()))
+        except AssertionError:
+            self.close()  # a driver that is left behind talks into the tests to come
+            raise
 
     def start_driver(self, program: str = DRIVER) -> None:
         """Another driver in the place of one that has ended."""
