@@ -23,7 +23,7 @@ from crane_sim.faulty.kinds import (
     TimedFault,
     parse,
 )
-from crane_sim.faulty.law import Law
+from crane_sim.faulty.law import FaultLaw
 
 
 @dataclass
@@ -31,7 +31,7 @@ class _Running:
     """A fault with its memory. Its clock begins when its part is first seen behind the onset."""
 
     fault: TimedFault
-    law: Law | None
+    law: FaultLaw | None
     zero: float
     begun: float | None = None
 

@@ -7,16 +7,16 @@ from crane_model.errors import ConfigurationError
 from crane_model.machine import Machine
 from crane_sim.effects.fault import measured_joints
 from crane_sim.faulty.law import (
-    Backlash,
-    Drift,
-    Gain,
-    Law,
-    LostCounts,
-    Noise,
-    Offset,
-    Scale,
-    Slow,
-    Stuck,
+    BacklashLaw,
+    DriftLaw,
+    FaultLaw,
+    GainLaw,
+    LostCountsLaw,
+    NoiseLaw,
+    OffsetLaw,
+    ScaleLaw,
+    SlowLaw,
+    StuckLaw,
 )
 
 SUPPLY, ENCODER, VALVE, BOTH = "supply", "encoder", "valve", "pressures"
@@ -24,38 +24,38 @@ CHAMBERS = "pressure_a", "pressure_b"
 LEAKING, SWAPPED = "leaking", "swapped"
 
 
-class Kind(NamedTuple):
+class KindOfFault(NamedTuple):
     """How it changes the signal of its part, if by a law, and how much unless a user says."""
 
-    law: type[Law] | None
+    law: type[FaultLaw] | None
     size: float = 0.0  # 0: it has none
     lowest: float = -math.inf  # that makes sense
 
 
 _TRANSDUCER = {
-    "stuck": Kind(Stuck),
-    "offset": Kind(Offset, 3e5),  # Pa
-    "drift": Kind(Drift, 1e4),  # Pa/s
-    "gain": Kind(Gain, 0.1, -1.0),
-    "noise": Kind(Noise, 1e5, 0.0),  # Pa rms
+    "stuck": KindOfFault(StuckLaw),
+    "offset": KindOfFault(OffsetLaw, 3e5),  # Pa
+    "drift": KindOfFault(DriftLaw, 1e4),  # Pa/s
+    "gain": KindOfFault(GainLaw, 0.1, -1.0),
+    "noise": KindOfFault(NoiseLaw, 1e5, 0.0),  # Pa rms
 }
-KINDS: dict[str, dict[str, Kind]] = {
+KINDS: dict[str, dict[str, KindOfFault]] = {
     ENCODER: {
-        "stuck": Kind(Stuck),
-        "jump": Kind(Offset, 0.02),  # rad, m
-        "drift": Kind(Drift, 1e-3),  # rad/s, m/s
-        "lost_counts": Kind(LostCounts, 0.05, 0.0),
-        "scale": Kind(Scale, 0.05, -1.0),
-        "noise": Kind(Noise, 1e-3, 0.0),  # rad, m rms
-        "backlash": Kind(Backlash, 5e-3, 0.0),  # rad, m
+        "stuck": KindOfFault(StuckLaw),
+        "jump": KindOfFault(OffsetLaw, 0.02),  # rad, m
+        "drift": KindOfFault(DriftLaw, 1e-3),  # rad/s, m/s
+        "lost_counts": KindOfFault(LostCountsLaw, 0.05, 0.0),
+        "scale": KindOfFault(ScaleLaw, 0.05, -1.0),
+        "noise": KindOfFault(NoiseLaw, 1e-3, 0.0),  # rad, m rms
+        "backlash": KindOfFault(BacklashLaw, 5e-3, 0.0),  # rad, m
     },
     **dict.fromkeys(CHAMBERS, _TRANSDUCER),
-    BOTH: {SWAPPED: Kind(None)},
+    BOTH: {SWAPPED: KindOfFault(None)},
     "pressure": _TRANSDUCER,
     VALVE: {
-        "stuck": Kind(Stuck),
-        "slow": Kind(Slow, 0.3, 1e-3),  # s
-        LEAKING: Kind(None, 2e-12, 0.0),  # m3/(s Pa) past the piston
+        "stuck": KindOfFault(StuckLaw),
+        "slow": KindOfFault(SlowLaw, 0.3, 1e-3),  # s
+        LEAKING: KindOfFault(None, 2e-12, 0.0),  # m3/(s Pa) past the piston
     },
 }
 """Part, kind."""

@@ -6,7 +6,7 @@ import numpy as np
 from typing_extensions import override
 
 
-class Law(ABC):
+class FaultLaw(ABC):
     """A law with one parameter, `size`; `since` [s] is the time since the fault began."""
 
     def __init__(self, size: float, rng: np.random.Generator):
@@ -17,7 +17,7 @@ class Law(ABC):
         """What comes of `value`; called in the order of time."""
 
 
-class Stuck(Law):
+class StuckLaw(FaultLaw):
     """The first value stays."""
 
     _held: float | None = None
@@ -29,7 +29,7 @@ class Stuck(Law):
         return self._held
 
 
-class Offset(Law):
+class OffsetLaw(FaultLaw):
     """`size` more."""
 
     @override
@@ -37,7 +37,7 @@ class Offset(Law):
         return value + self.size
 
 
-class Drift(Law):
+class DriftLaw(FaultLaw):
     """`size` more with each second."""
 
     @override
@@ -45,7 +45,7 @@ class Drift(Law):
         return value + self.size * since
 
 
-class Gain(Law):
+class GainLaw(FaultLaw):
     """1 + `size` times the value."""
 
     @override
@@ -53,7 +53,7 @@ class Gain(Law):
         return (1.0 + self.size) * value
 
 
-class Scale(Law):
+class ScaleLaw(FaultLaw):
     """1 + `size` times the way from where it stood: an encoder that counts too much."""
 
     _stood: float | None = None
@@ -65,7 +65,7 @@ class Scale(Law):
         return value + self.size * (value - self._stood)
 
 
-class LostCounts(Law):
+class LostCountsLaw(FaultLaw):
     """Of every way up, the share `size` is not counted; what is lost stays lost."""
 
     _last: float | None = None
@@ -79,7 +79,7 @@ class LostCounts(Law):
         return value - self._lost
 
 
-class Noise(Law):
+class NoiseLaw(FaultLaw):
     """Normal noise of standard deviation `size`."""
 
     @override
@@ -87,7 +87,7 @@ class Noise(Law):
         return value + self.size * float(self.rng.standard_normal())
 
 
-class Backlash(Law):
+class BacklashLaw(FaultLaw):
     """What shows it hangs in a play of width `size`, and is taken along at its ends."""
 
     _follower: float | None = None
@@ -101,7 +101,7 @@ class Backlash(Law):
         return self._follower
 
 
-class Slow(Law):
+class SlowLaw(FaultLaw):
     """A first-order lag of time constant `size` [s], settled when it begins."""
 
     _state: float | None = None
