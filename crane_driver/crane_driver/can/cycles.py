@@ -9,7 +9,7 @@ import numpy as np
 from crane_driver.can.decoder import Readings
 from crane_driver.can.layout import MessageLayout
 from crane_driver.can.mapping import Timing
-from crane_driver.can.stream import Beat, FrameStream, find_beat, measured_cycle
+from crane_driver.can.stream import DRIFT, Beat, FrameStream, find_beat, measured_cycle
 
 LEARNT = 60  # frames of each message, after which it is known which counters belong together
 LONGEST_LEARNING = 4  # times as many, after which devices sample at different instants
@@ -48,7 +48,7 @@ class CycleNumbers:
         self._least, self._refusals = (1, 0) if alone else (LEARNT, REFUSED)
         self._streams: dict[str, FrameStream] = {}
         self._offsets: dict[str, int] = {}
-        self._cycles: dict[str, float] = {}  # s, as measured
+        self._cycle = messages[0].cycle  # s, as measured
         self._waiting: deque[Readings] = deque()
         self._heard: dict[str, float] = {}  # while they wait: reception of the newest [s]
         self._held: defaultdict[str, list[Placed]] = defaultdict(list)  # in doubt, by message
@@ -131,26 +131,42 @@ class CycleNumbers:
             return []
         beats: dict[str, Beat] = {}
         most = LONGEST_LEARNING * LEARNT
+        self._cycle = self._common_cycle(received, counters)
         for name, layout in self._layouts.items():
-            count, times = layout.protection.counter_count, np.array(received[name][-most:])
-            counts, newest = np.array(counters[name][-most:]), slice(-LEARNT, None)
-            cycle = measured_cycle(times[newest], counts[newest], layout.cycle, count)
-            beat = find_beat(times, counts, cycle, count)
+            times, counts = np.array(received[name][-most:]), np.array(counters[name][-most:])
+            beat = find_beat(times, counts, self._cycle, layout.protection.counter_count)
             if beat is None:
                 return []
-            beats[name], self._cycles[name] = beat, cycle
+            beats[name] = beat
         first = next(iter(beats.values()))
-        apart = {
-            name: (first.base - beat.base) / self._cycles[name] for name, beat in beats.items()
-        }
+        apart = {name: (first.base - beat.base) / self._cycle for name, beat in beats.items()}
         alike = all(abs(value - round(value)) < ALIKE for value in apart.values())
         if not alike and frames < most:
             return []
         return self._begin(beats, {name: round(value) for name, value in apart.items()})
 
+    def _common_cycle(
+        self, received: dict[str, list[float]], counters: dict[str, list[int]]
+    ) -> float:
+        """By which all send [s]: what are sampled together have one cycle, and only times divided
+        by the same one give numbers that can be compared.
+        """
+        measured = [
+            measured_cycle(
+                np.array(received[name][-LEARNT:]),
+                np.array(counters[name][-LEARNT:]),
+                layout.cycle,
+                layout.protection.counter_count,
+            )
+            for name, layout in self._layouts.items()
+        ]
+        if max(measured) - min(measured) > DRIFT * min(measured):
+            return next(iter(self._layouts.values())).cycle
+        return float(np.mean(measured))
+
     def _begin(self, beats: dict[str, Beat], offsets: dict[str, int]) -> list[Placed]:
         self._streams = {
-            name: FrameStream(self._cycles[name], layout.protection.counter_count, beats[name])
+            name: FrameStream(self._cycle, layout.protection.counter_count, beats[name])
             for name, layout in self._layouts.items()
         }
         self._offsets, self._refused = offsets, 0

@@ -16,6 +16,7 @@ DRIFT = 2e-3  # by which the clock of a device may be slow
 SILENCE = 4.0  # cycles, in which a device may have restarted
 DOUBTED_FRAMES = 20  # frames in a row without a prompt one, after which it has
 TELLING = 30  # frames, from which on they can tell a cycle time
+CLEAR_TREND = 4.0  # times the unevenness; a delay that ends halfway makes 2.5
 MOST_OFF = 0.25  # of the nominal cycle, by which a device may send faster or slower
 PROMPT_AMONG_FRAMES = 200  # frames in a row, in which a clock cannot drift by as much as `EARLY`
 
@@ -29,8 +30,8 @@ class Beat(NamedTuple):
 
 
 def measured_cycle(received: np.ndarray, counters: np.ndarray, cycle: float, count: int) -> float:
-    """The cycle time [s] by which a device really sends, where frames (n,) come evenly and none is
-    lost; else the nominal `cycle`.
+    """The cycle time [s] by which a device really sends, where frames (n,) come evenly, none is
+    lost, and delays cannot have brought about what they show; else the nominal `cycle`.
     """
     if len(received) < TELLING or ((np.diff(counters) % count) != 1).any():
         return cycle
@@ -38,7 +39,9 @@ def measured_cycle(received: np.ndarray, counters: np.ndarray, cycle: float, cou
     slope, first = np.polyfit(index, received - received[0], 1)
     uneven = np.abs(received - received[0] - first - slope * index).max()
     off = abs(slope / cycle - 1.0)
-    return float(slope) if uneven < PROMPT * cycle and DRIFT < off < MOST_OFF else cycle
+    clear = CLEAR_TREND * uneven < off * cycle * len(received)
+    even = uneven < PROMPT * cycle
+    return float(slope) if even and clear and DRIFT < off < MOST_OFF else cycle
 
 
 def find_beat(received: np.ndarray, counters: np.ndarray, cycle: float, count: int) -> Beat | None:

@@ -120,6 +120,22 @@ def test_devices_that_send_by_another_cycle_time_than_stated_make_sets(slower: f
     assert outcome.sets >= 0.99 * outcome.whole
 
 
+@pytest.mark.parametrize("seed", range(20))
+@pytest.mark.parametrize("delay", [0.5e-3, 1e-3, 2e-3])
+def test_delays_that_come_and_go_are_no_cycle_time(delay: float, seed: int) -> None:
+    """One of the messages seemed to have another cycle time than the other: no set, for ever."""
+    rng = np.random.default_rng(seed)
+    frames, late = [], 0.0
+    for cycle in range(2000):
+        sampled, late = BEGIN + cycle * CYCLE, 0.98 * late + rng.normal(0.0, 0.2 * delay)
+        for message, part in zip(JOINTS, (0.6, 1.0), strict=True):
+            received = sampled + 2e-4 + part * abs(late)
+            frames.append(Sent(received, message, cycle, cycle % COUNT, sampled))
+    outcome = put_together(sorted(frames))
+    assert outcome.mixed == 0
+    assert outcome.sets >= 0.9 * outcome.whole
+
+
 def test_few_frames_tell_no_cycle_time() -> None:
     for cycles in (1, 2, 5):
         assembly = Assembly(CRANE, "positions")

@@ -15,7 +15,7 @@ from crane_model.machine_files import machine_file
 CRANE = load_layout(load_machine(), machine_file("can.yaml"), machine_file("can.dbc"))
 CYCLE = 0.005  # s
 COUNT = 15  # values of a counter
-BEGIN = 100.0  # s
+BEGIN = 1e6  # s: of a computer that has been on for days
 JOINTS = {"EncoderBase": ("slew", "inner_boom"), "EncoderBoom": ("outer_boom", "telescope")}
 OUTAGES = (0.03, 0.06, 0.075, 0.08, 0.15, 0.5)  # s
 RESTARTS = (0.11, 0.3, 1.0)  # s: longer than what counts as missing
