@@ -16,13 +16,14 @@ from crane_driver.can.layout import Layout
 from crane_driver.can.mapping import LINES
 from crane_driver.canopen.devices import Devices
 from crane_driver.faults import UNUSABLE, Fault
+from crane_driver.safety.commands import check_valves
 from crane_driver.safety.news import Level, News
 from crane_driver.safety.plausibility import PositionWatch, believed
 from crane_driver.safety.settings import SafetySettings
 from crane_driver.safety.stalls import StallWatch, behind
 from crane_driver.safety.states import SafetyState
 from crane_driver.safety.substitution import JointEstimate
-from crane_driver.safety.supervisor import Supervisor, check_valves
+from crane_driver.safety.supervisor import Supervisor
 from crane_driver.velocity_filter import VelocityFilter
 from crane_model.cylinders import cylinder_force
 from crane_model.machine import Machine

@@ -72,7 +72,7 @@ def cylinder_pressures(sample: PressureSample, cylinders: Sequence[str]) -> Cyli
 
 def driver_state(supervisor: Supervisor) -> DriverState:
     """driver/state of an active driver; without stamp and node."""
-    fault = supervisor.first_fault
+    fault = supervisor.faults.first
     return DriverState(
         state=STATES[supervisor.state],
         text=supervisor.state,
@@ -82,8 +82,8 @@ def driver_state(supervisor: Supervisor) -> DriverState:
         cause=supervisor.cause,
         remedy=supervisor.remedy,
         substituted=supervisor.substituted,
-        commands_refused=supervisor.refused,
-        last_refusal=supervisor.refusal,
+        commands_refused=supervisor.commands.refused,
+        last_refusal=supervisor.commands.refusal,
     )
 
 
@@ -111,7 +111,7 @@ def inactive(name: str, lifecycle_state: str) -> DiagnosticStatus:
 
 
 def _safety(name: str, supervisor: Supervisor) -> DiagnosticStatus:
-    fault = supervisor.first_fault
+    fault = supervisor.faults.first
     faults = {key: f"{one.count} times: {one.fault}" for key, one in supervisor.faults.items()}
     text = "; ".join([supervisor.state, *([fault.line] if fault else ())])
     if len(faults) > 1:
@@ -123,8 +123,8 @@ def _safety(name: str, supervisor: Supervisor) -> DiagnosticStatus:
     values = {
         "state": supervisor.state,
         "substituted": supervisor.substituted,
-        "commands refused": supervisor.refused,
-        "last refusal": supervisor.refusal,
+        "commands refused": supervisor.commands.refused,
+        "last refusal": supervisor.commands.refusal,
         **faults,
     }
     return _status(f"{name}: safety", level, text, values)

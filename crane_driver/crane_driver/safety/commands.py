@@ -2,7 +2,7 @@
 
 from collections.abc import Collection, Sequence
 
-from crane_model.errors import CraneError, RangeError
+from crane_model.errors import ConfigurationError, CraneError, RangeError
 
 
 class RefusedError(CraneError):
@@ -11,6 +11,15 @@ class RefusedError(CraneError):
     Examples: enabling while a command is not neutral, resetting while the ramp runs, a command
     with a value that is not a number.
     """
+
+
+def check_valves(valves: Sequence[str], positions: Sequence[str]) -> None:
+    """`ConfigurationError` where a joint has a valve but no position to keep its limits by."""
+    if blind := [joint for joint in valves if joint not in positions]:
+        raise ConfigurationError(
+            f"mapping: {', '.join(blind)} can be commanded, but there is no position to keep the "
+            "limits of Table 2 by; map one, or take the command out"
+        )
 
 
 def check_command(

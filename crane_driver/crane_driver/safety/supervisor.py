@@ -2,28 +2,20 @@
 
 import math
 from collections.abc import Iterable, Mapping, Sequence
-from dataclasses import dataclass
 from typing import NamedTuple
 
 from crane_driver.faults import IN_EVERY_STATE, Fault, FaultKind
-from crane_driver.safety.commands import RefusedError, check_command, ramped
+from crane_driver.safety.commands import RefusedError, ramped
+from crane_driver.safety.latch import LatchedFaults
 from crane_driver.safety.limits import JointLimiter
 from crane_driver.safety.news import Level, News
+from crane_driver.safety.series import CommandSeries
 from crane_driver.safety.settings import SafetySettings
 from crane_driver.safety.states import LETTING_THROUGH, TRANSITIONS, Event, SafetyState
 from crane_driver.safety.substitution import JointEstimate, Substitution
-from crane_model.errors import ConfigurationError, RangeError
 from crane_model.machine import Machine
 
 LONGEST_STEP = 0.05  # s; after a longer pause ramp and limiters go on as if it had been this one
-
-
-@dataclass
-class Latched:
-    """A fault since the last reset: what was said first, and how often it came."""
-
-    fault: Fault
-    count: int = 1
 
 
 class Output(NamedTuple):
@@ -44,33 +36,22 @@ class Supervisor:
             joint: JointLimiter(machine.limits[joint], settings.deceleration[joint], settings)
             for joint in valves
         }
-        self._target = dict.fromkeys(self._valves, 0.0)
         self._output = dict.fromkeys(self._valves, 0.0)
-        self._received = -math.inf  # when the last good command came
-        self._from_neutral = False  # whether a neutral command has begun the present series
         self._position: dict[str, float] = {}
         self._velocity: dict[str, float] = {}
         self._substitution: Substitution | None = None
-        self._publishers = 0
         self._stepped = now
         self._troubled = now  # when the last fault of the bus was seen
         self.state = SafetyState.OFFLINE
-        self.faults: dict[str, Latched] = {}
-        self.refused = 0  # commands
-        self.refusal = ""  # why the last one was
+        self.commands = CommandSeries(self._valves, settings)
+        self.faults = LatchedFaults()
         self.limited: dict[str, float] = {}  # commands that the limits of Table 2 held back
         self.news: list[News] = []  # for the log
 
     @property
-    def first_fault(self) -> Fault | None:
-        """The one that is told: others that are latched follow from it, most of the time."""
-        faults = [one.fault for one in self.faults.values()]
-        return next((one for one in faults if one.kind in IN_EVERY_STATE), next(iter(faults), None))
-
-    @property
     def cause(self) -> str:
         """Why commands do not reach the valves, or only slower; empty while nothing is wrong."""
-        fault = self.first_fault
+        fault = self.faults.first
         if fault and self.state is SafetyState.FAULT:
             return str(fault)
         joint, problem = self.substituted, self._estimate_problem(self._stepped)
@@ -83,36 +64,20 @@ class Supervisor:
     @property
     def remedy(self) -> str:
         """What to do about it."""
-        fault = self.first_fault
+        fault = self.faults.first
         return fault.remedy if fault and self.state is SafetyState.FAULT else self.state.remedy
 
     def command(self, names: Sequence[str], values: Sequence[float], received: float) -> None:
         """Take a command that came at `received`; `RefusedError` if it is refused as a whole."""
         if self.letting_through:
             self._judge_age(received)  # first: a command that comes too late mends nothing
-        try:
-            if self._publishers > 1:
-                raise RangeError(f"{self._publishers} publishers command the valves, one may")
-            commands = check_command(names, values, self._valves)
-            continues = self.letting_through and self._from_neutral
-            self._from_neutral = continues or self._is_neutral(commands)
-            if self.letting_through and not self._from_neutral:
-                raise RangeError(
-                    f"the first command is {_shown(commands)}; begin with a neutral one, at most "
-                    f"{self._settings.neutral}"
-                )
-        except RangeError as error:
-            self.refused += 1
-            self.refusal = f"{error}; the whole command is refused"
-            raise RefusedError(self.refusal) from None
-        self._target, self._received = commands, received
+        self.commands.take(names, values, received, moves=self.letting_through)
 
     def published_by(self, count: int) -> None:
         """How many publishers of commands there are."""
-        self._publishers = count
-        if count > 1 and self.letting_through:
-            several = f"{count} publishers command the valves"
-            self._latch(Fault(FaultKind.SEVERAL_PUBLISHERS, several))
+        self.commands.publishers = count
+        if self.commands.several and self.letting_through:
+            self._latch(Fault(FaultKind.SEVERAL_PUBLISHERS, self.commands.several))
 
     def readings(self, positions: Mapping[str, float], velocities: Mapping[str, float]) -> None:
         """The newest measured state; NaN where there is none."""
@@ -188,20 +153,17 @@ class Supervisor:
             raise RefusedError(
                 f"not enabled: the state is {self.state}; {self.cause}; {self.remedy}"
             )
-        if self._publishers > 1:
-            raise RefusedError(
-                f"not enabled: {self._publishers} publishers command the valves; stop all but one"
-            )
+        if self.commands.several:
+            raise RefusedError(f"not enabled: {self.commands.several}; stop all but one")
         if any(self._output.values()):
             raise RefusedError("not enabled: the valves are not neutral yet")
-        fresh = now - self._received <= self._settings.command_timeout
-        if fresh and not self._is_neutral(self._target):
+        if self.commands.fresh(now) and not self.commands.is_neutral:
             raise RefusedError(
-                f"not enabled: the command is {_shown(self._target)}; command neutral first"
+                f"not enabled: the command is {self.commands}; command neutral first"
             )
         if problem := self._estimate_problem(now):
             raise RefusedError(f"not enabled: {self.substituted}: {problem}")
-        self._from_neutral = fresh
+        self.commands.begin(now)
         degraded = self._settings.degraded if self._substitution else None
         for limiter in self._limiters.values():
             limiter.restart(degraded.speed if degraded else 1.0)
@@ -247,33 +209,20 @@ class Supervisor:
         return Output(dict(self._output), self.letting_through or moving)
 
     def _judge_age(self, now: float) -> None:
-        """Commands that end at neutral have ended well; others leave a fault."""
-        age = now - self._received
-        if age <= self._settings.command_timeout:
-            return
-        if self._from_neutral and not self._is_neutral(self._target):
-            detail = (
-                f"last command {age * 1e3:.0f} ms ago, limit "
-                f"{self._settings.command_timeout * 1e3:.0f} ms, it was {_shown(self._target)}"
-            )
-            self._latch(Fault(FaultKind.COMMAND_TIMEOUT, detail))
-        self._from_neutral = False
-        self._target = dict.fromkeys(self._valves, 0.0)
+        if fault := self.commands.overdue(now):
+            self._latch(fault)
 
     def _within_limits(self, dt: float, now: float) -> dict[str, float]:
         position, velocity = dict(self._position), dict(self._velocity)
+        target = self.commands.target
         if one := self._substitution:
-            position[one.joint] = one.towards(self._target[one.joint], now)
+            position[one.joint] = one.towards(target[one.joint], now)
             velocity[one.joint] = one.motion(now)[1]
         output = {
-            joint: self._limiters[joint].limit(
-                self._target[joint], position[joint], velocity[joint], dt
-            )
+            joint: self._limiters[joint].limit(target[joint], position[joint], velocity[joint], dt)
             for joint in self._valves
         }
-        self.limited = {
-            joint: value for joint, value in output.items() if value != self._target[joint]
-        }
+        self.limited = {joint: value for joint, value in output.items() if value != target[joint]}
         return output
 
     def _unknown(self, now: float) -> list[str]:
@@ -288,16 +237,9 @@ class Supervisor:
     def _estimate_problem(self, now: float) -> str:
         return self._substitution.problem(now) if self._substitution else ""
 
-    def _is_neutral(self, commands: Mapping[str, float]) -> bool:
-        return all(abs(value) <= self._settings.neutral for value in commands.values())
-
     def _latch(self, fault: Fault) -> None:
-        key = f"{fault.kind} {fault.source}".strip()
-        if key in self.faults:
-            self.faults[key].count += 1
-        else:
-            self.faults[key] = Latched(fault)
-            level = Level.ERROR if fault is self.first_fault else Level.DEBUG
+        if self.faults.add(fault):
+            level = Level.ERROR if fault is self.faults.first else Level.DEBUG
             self.news.append(News(level, fault.line))
         if (self.state, Event.FAULT) in TRANSITIONS:
             self._happen(Event.FAULT)
@@ -307,17 +249,4 @@ class Supervisor:
         if self.state not in (previous, SafetyState.FAULT):  # a fault has been said
             self.news.append(News(Level.INFO, f"{previous} -> {self.state}"))
         if not self.letting_through:
-            self._from_neutral = False
-
-
-def check_valves(valves: Sequence[str], positions: Sequence[str]) -> None:
-    """`ConfigurationError` where a joint has a valve but no position to keep its limits by."""
-    if blind := [joint for joint in valves if joint not in positions]:
-        raise ConfigurationError(
-            f"mapping: {', '.join(blind)} can be commanded, but there is no position to keep the "
-            "limits of Table 2 by; map one, or take the command out"
-        )
-
-
-def _shown(commands: Mapping[str, float]) -> str:
-    return ", ".join(f"{joint} {value:.3g}" for joint, value in commands.items() if value)
+            self.commands.end()

@@ -61,8 +61,8 @@ def state_of(bench: Bench) -> SafetyState:
 
 def fault_of(bench: Bench) -> Fault:
     assert state_of(bench) is SafetyState.FAULT
-    assert bench.it.first_fault is not None
-    return bench.it.first_fault
+    assert bench.it.faults.first is not None
+    return bench.it.faults.first
 
 
 def test_a_lost_encoder_needs_a_substitute_that_is_told() -> None:

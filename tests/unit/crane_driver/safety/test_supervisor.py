@@ -16,10 +16,10 @@ from unit.crane_driver.safety.supervised import (
 )
 
 from crane_driver.faults import Fault, FaultKind
-from crane_driver.safety.commands import RefusedError
+from crane_driver.safety.commands import RefusedError, check_valves
 from crane_driver.safety.news import Level, News
 from crane_driver.safety.states import TRANSITIONS, Event, SafetyState
-from crane_driver.safety.supervisor import Output, check_valves
+from crane_driver.safety.supervisor import Output
 from crane_model.errors import ConfigurationError
 from crane_model.machine import load_machine
 
@@ -145,7 +145,7 @@ def test_a_wrong_command_is_refused_as_a_whole_and_named(
     one = Bench().moving()
     with pytest.raises(RefusedError, match=f"{reason}.*; the whole command is refused"):
         one.it.command(names, values, one.now)
-    assert one.it.refused == 1
+    assert one.it.commands.refused == 1
     assert one.run(CYCLE)[-1].commands["slew"] == 1.0  # the last good one still counts
     for _ in range(40):
         one.run(CYCLE)
@@ -263,7 +263,7 @@ def test_what_follows_from_a_fault_is_counted_and_not_told_again() -> None:
     one.it.readings(MIDDLE, {**STILL, "outer_boom": math.nan})
     levels = [news.level for news in one.it.news]
     assert levels == [Level.ERROR] + 19 * [Level.DEBUG]
-    assert one.it.first_fault is late[0]
+    assert one.it.faults.first is late[0]
     assert one.it.cause == "Message0 (120): late: 51 ms"
     with pytest.raises(RefusedError) as refused:
         one.it.enable(one.now)
@@ -279,7 +279,7 @@ def test_a_foreign_command_is_told_whatever_else_is_wrong() -> None:
     foreign = Fault(FaultKind.FOREIGN, "another node commands the valves", "ValveCommand", "110")
     one.it.can_faults([foreign], one.now)
     assert [news.level for news in one.it.news] == [Level.ERROR]
-    assert one.it.first_fault is foreign
+    assert one.it.faults.first is foreign
     assert one.it.cause == str(foreign)
     assert "off the bus" in one.it.remedy
 
