@@ -137,7 +137,7 @@ class ActiveDriver:
         stamp = nanoseconds(message.header.stamp)
         motions = zip(message.position, message.velocity, message.std_dev, strict=False)
         for joint, motion in zip(message.name, motions, strict=False):
-            self.loop.estimate(joint, stamp, motion)
+            self.loop.estimate(joint, stamp, motion, message.condition)
 
     def _commanders(self) -> int:
         return self._commands.get_publisher_count() if self._commands else 0
