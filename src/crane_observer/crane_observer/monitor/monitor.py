@@ -1,5 +1,7 @@
 """Samples in, findings out; the same on the machine and on bags."""
 
+from collections.abc import Callable
+
 import numpy as np
 
 from crane_model.array import Array
@@ -45,7 +47,7 @@ class SensorComparison:
         joints = len(self.physics.joints)
         self._blocks = Blocks(self.physics)
         self._history = History(joints)
-        self._readings = ReadingHabits(3 * joints + 1)
+        self._habits = ReadingHabits(joints), ReadingHabits(2 * joints + 1)
         self._watched = np.ones(2 * joints + 1, dtype=bool)
         self._waiting: int | None = None
         self._span, self._since, self._period, self._last = 1, 0, 0.0, 0.0
@@ -64,11 +66,17 @@ class SensorComparison:
         """Valve commands (j,) in -1..1, in force from `stamp` [s] on."""
         self._blocks.command(stamp, command)
 
+    def read_encoders(self, position: Array) -> None:
+        """(j,) as they were read: between two readings there is no noise to be seen."""
+        self._habits[0].add(position)
+
+    def read_pressures(self, chamber_a: Array, chamber_b: Array, supply: float) -> None:
+        """(j,) (j,) Pa, and the supply, as they were read."""
+        self._habits[1].add(np.concatenate([chamber_a, chamber_b, [supply]]))
+
     def add(self, sample: Sample) -> list[SensorFinding]:
         """What this sample brought to light; `DataError` names a sample that is not used."""
         block = self._blocks.add(sample)
-        shown = (sample.position, sample.chamber_a, sample.chamber_b, [sample.supply])
-        self._readings.add(np.concatenate(shown))
         self._period, self._last = sample.time - self._last, sample.time
         if block is None:
             return []
@@ -132,7 +140,7 @@ class SensorComparison:
 
     def _noisy(self, alarmed: Array, block: FlowBlock) -> SensorFinding | None:
         """The sensor of an alarmed joint that grew noisy, if one did."""
-        noisy = self._readings.noisy_now
+        noisy = self._of_all(lambda one: one.noisy_now)
         for k, (part, joint) in enumerate(self._sensors):
             if noisy[k] and alarmed[self._channels(part, joint)].any():
                 self._leave(part, joint)
@@ -143,7 +151,7 @@ class SensorComparison:
         kind, unit = suspect.kind, suspect.unit
         if suspect.part in (Part.PRESSURE_A, Part.PRESSURE_B, Part.SUPPLY):
             sensor = self._sensors.index((suspect.part, suspect.joint))
-            if self._readings.repeated[sensor] >= SEEN_STUCK:
+            if self._of_all(lambda one: one.repeated)[sensor] >= SEEN_STUCK:
                 kind, unit = Wrong.STUCK, ""
         spread = COVERED * suspect.deviation
         return SensorFinding(
@@ -153,7 +161,8 @@ class SensorComparison:
 
     def _by_readings(self, block: FlowBlock) -> list[SensorFinding]:
         found = []
-        stuck, noisy = self._readings.stuck, self._readings.noisy
+        stuck = self._of_all(lambda one: one.stuck)
+        noisy = self._of_all(lambda one: one.noisy)
         for k, (part, joint) in enumerate(self._sensors):
             frozen = stuck[k] and part is not Part.ENCODER  # at rest an encoder is quiet
             if (frozen or noisy[k]) and self._watched[self._channels(part, joint)].all():
@@ -163,13 +172,17 @@ class SensorComparison:
 
     def _noise(self, sensor: int, block: FlowBlock, frozen: bool = False) -> SensorFinding:
         part, joint = self._sensors[sensor]
-        size = float(self._readings.noise[sensor])
+        size = float(self._of_all(lambda one: one.noise)[sensor])
         unit = self.physics.model.setting.units[joint] if part is Part.ENCODER else "Pa"
         begun = block.time - LOOKED * self._period
         kind, unit = (Wrong.STUCK, "") if frozen else (Wrong.NOISE, unit)
         return SensorFinding(
             part, joint, kind, unit, size, 0.7 * size, 1.3 * size, begun, block.time
         )
+
+    def _of_all(self, what: Callable[[ReadingHabits], Array]) -> Array:
+        """Of each sensor, encoders first."""
+        return np.concatenate([what(one) for one in self._habits])
 
     def _channels(self, part: Part, joint: str) -> slice:
         if part is Part.SUPPLY:
