@@ -13,6 +13,7 @@ import numpy as np
 from crane_model.array import Array
 from crane_observer.monitor.history import History
 from crane_observer.monitor.signatures import SUPPLY, FaultSpan, Part, Wrong, signatures
+from crane_observer.monitor.tolerance import between
 
 ONSETS = 16  # that are tried at first, and between the best and its neighbours
 BEFORE = 40  # blocks before the earliest onset that say where residuals were
@@ -92,10 +93,9 @@ def _tried(
     row = newest - int(back)
     blocks = history.since(row)
     course = FaultSpan.of(blocks)
-    at = slice(oldest, newest + 1)
+    at = np.arange(oldest, newest + 1)
     base = sums.residual[max(row - 4, oldest) : row + 1].mean(axis=0)
-    way, drop = np.abs(sums.way[at] - sums.way[row]), np.abs(sums.drop[at] - sums.drop[row])
-    deviation = FLOOR_SHARE * (tolerance[:, 0] + tolerance[:, 1] * way + tolerance[:, 2] * drop)
+    deviation = FLOOR_SHARE * between(tolerance, sums, np.full(len(at), row), at)[1]
     data = (sums.residual[at] - base) / deviation
     found = []
     for part, joint, kind, unit, whole, shape in _shapes(course, joints, alarmed):

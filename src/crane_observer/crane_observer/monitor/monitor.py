@@ -37,6 +37,9 @@ class SensorComparison:
             )
         self.physics = physics
         self._tolerance = tolerance.rows
+        assert physics.model.hydraulics is not None  # else `physics` could not be
+        if physics.model.hydraulics.supply is None:
+            self._tolerance[-1, 0] = np.inf  # how far it droops is not known
         parts = (Part.ENCODER, Part.PRESSURE_A, Part.PRESSURE_B)
         self._sensors = [(part, joint) for part in parts for joint in joints]
         self._sensors.append((Part.SUPPLY, SUPPLY))

@@ -19,8 +19,8 @@ class ReadingHabits:
     """Of s sensors: how often a reading repeats the last, and how rough its course is.
 
     Roughness is the fourth difference, which a smooth motion hardly has. What is usual is learnt
-    while nothing is wrong. Readings are taken as they were read: between two of them lies no step of
-    the converter, and none of its noise.
+    while nothing is wrong. Readings are taken as they were read: between two of them lies no step
+    of the converter, and none of its noise.
     """
 
     def __init__(self, sensors: int):
