@@ -48,6 +48,11 @@ class Suspect(NamedTuple):
     deviation: float
     unit: str
 
+    @property
+    def certain(self) -> bool:
+        """Whether its size is surely not 0; what has no size is."""
+        return abs(self.size) > COVERED * self.deviation
+
 
 def isolate(
     history: History,

@@ -4,7 +4,7 @@ from collections.abc import Callable
 
 import numpy as np
 
-from crane_model.array import Array
+from crane_model.array import Array, Flags
 from crane_model.errors import DataError
 from crane_observer.monitor.blocks import Blocks, FlowBlock, KnownFlow, Sample
 from crane_observer.monitor.finding import SensorFinding
@@ -57,6 +57,7 @@ class SensorComparison:
         self._again: tuple[int, SensorFinding, Array] | None = None
         self._alarmed = np.zeros(2 * joints + 1, dtype=bool)
         self._block: FlowBlock | None = None
+        self._newest: FlowBlock | None = None
         self.taken = np.zeros(2 * joints + 1)  # share of its tolerance, of each channel
         self.findings: list[SensorFinding] = []
 
@@ -84,7 +85,7 @@ class SensorComparison:
         if block is None:
             return []
         self._history.add(block)
-        self._block = block
+        self._block = self._newest = block
         found = self._by_readings(block)
         found += self._by_residuals(block)
         self.findings += found
@@ -104,6 +105,20 @@ class SensorComparison:
         if self._waiting:
             self._waiting -= 1
             return []
+        return self._judged(block)
+
+    def interrupted(self) -> list[SensorFinding]:
+        """What an alarm comes to whose readings are not there any more: an encoder that others
+        found, too, is not told from then on.
+        """
+        if self._waiting is None or self._newest is None:
+            return []
+        found = self._judged(self._newest)
+        self.findings += found
+        return found
+
+    def _judged(self, block: FlowBlock) -> list[SensorFinding]:
+        """Whose fault the alarm is."""
         alarmed, self._waiting = self._alarmed.copy(), None
         self._alarmed[:] = False
         if not alarmed.any():
@@ -111,8 +126,8 @@ class SensorComparison:
         if noisy := self._noisy(alarmed, block):
             return [noisy]
         suspects = self._suspects(alarmed)
-        if not suspects:
-            return []
+        if not suspects or not suspects[0].certain:
+            return []  # as from stamps that were off: it comes again if it stays
         self._leave(suspects[0].part, suspects[0].joint)
         finding = self._told(suspects[0], block)
         self._again = REFINED, finding, alarmed
@@ -183,7 +198,7 @@ class SensorComparison:
             part, joint, kind, unit, size, 0.7 * size, 1.3 * size, begun, block.time
         )
 
-    def _of_all(self, what: Callable[[ReadingHabits], Array]) -> Array:
+    def _of_all(self, what: Callable[[ReadingHabits], Array | Flags]) -> Array | Flags:
         """Of each sensor, encoders first."""
         return np.concatenate([what(one) for one in self._habits])
 

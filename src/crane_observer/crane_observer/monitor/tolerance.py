@@ -15,6 +15,7 @@ import math
 from collections.abc import Sequence
 
 import numpy as np
+from numpy.typing import NDArray
 
 from crane_model.array import Array
 from crane_model.configuration import NonNegative, Positive, Schema
@@ -22,6 +23,7 @@ from crane_model.errors import DataError
 from crane_observer.monitor.blocks import BLOCK
 from crane_observer.monitor.history import History, Sums
 
+Rows = NDArray[np.int64]
 SPANS = 2 ** np.arange(11)  # blocks, over which sums are looked at: from 0.05 to 51 s
 ROOM = 1.5  # over the largest that was ever seen
 SHARE, ZERO = (
@@ -141,13 +143,13 @@ def _seen(sums: Sums, c: int, tolerance: Array) -> list[tuple[Array, Array]]:
     """How far sums went in each of SPANS, and what they may."""
     seen = []
     for span in SPANS:
-        begin = np.arange(max(len(sums.time) - span, 0))
+        begin = np.arange(max(len(sums.time) - int(span), 0))
         moved, may = between(tolerance, sums, begin, begin + span)
         seen.append((moved[:, c], may[:, c]))
     return seen
 
 
-def between(tolerance: Array, sums: Sums, begin: Array, end: Array) -> tuple[Array, Array]:
+def between(tolerance: Array, sums: Sums, begin: Rows, end: Rows) -> tuple[Array, Array]:
     """(n, c) how far sums went between rows (n,), and how far they may by tolerances (c, 4), or
     (4,) that all share.
     """
@@ -157,7 +159,7 @@ def between(tolerance: Array, sums: Sums, begin: Array, end: Array) -> tuple[Arr
     return moved, floor + share * way + zero * drop + late * speeds
 
 
-def _speed(sums: Sums, row: Array) -> Array:
+def _speed(sums: Sums, row: Rows) -> Array:
     """(n, c) m/s in the blocks that end there."""
     return np.asarray((sums.way[row] - sums.way[np.maximum(row - 1, 0)]) / BLOCK)
 

@@ -75,6 +75,7 @@ class SensorWatch:
             except DataError as error:
                 self._refuse(str(error))
                 self.condition = Heed.GAP
+                found += self.monitor.interrupted()
         return found
 
     def _encoder_at(self, time: float) -> Array:

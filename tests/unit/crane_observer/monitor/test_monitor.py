@@ -289,3 +289,17 @@ def test_a_supply_that_was_never_identified_is_no_fault(model: Model, healthy: H
     watched = healthy.to(unknown, None)
     assert watched.condition is Heed.WATCHING
     assert watched.monitor.findings == []
+
+
+def test_an_alarm_is_told_though_its_encoder_is_lost_meanwhile(
+    model: Model, healthy: Heard, tolerance: Tolerance
+) -> None:
+    """As where the driver does not believe it any more either."""
+
+    def stops(x: np.ndarray, t: np.ndarray) -> np.ndarray:
+        return np.where(t < 0.15, x[0], np.nan)
+
+    lie = changed("q", stops)
+    finding = first_after(lie(healthy, 0).to(model, tolerance))
+    assert (finding.part, finding.joint) == (Part.ENCODER, "inner_boom")
+    assert finding.found - ONSET < 0.2
