@@ -141,7 +141,7 @@ def test_the_node_tells_what_the_command_tells(tmp_path: Path, ros_domain: int) 
             for publisher, message in zip(publishers, (state, command, oil), strict=True):
                 message.header.stamp = stamp
                 publisher.publish(message)
-            until(lambda expected=(k - 200) // 10: len(told) >= expected)
+            until(lambda expected=(k - 20) // 10: len(told) >= expected)
         until(lambda: len(told) >= len(course.time) and len(states) >= len(course.time))
     finally:
         assert end(process) == 0
