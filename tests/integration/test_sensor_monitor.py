@@ -8,7 +8,7 @@ from pathlib import Path
 
 import pytest
 from integration.driver_stage import LATCHED, Stage, commander
-from integration.jogging import hold, jogging
+from integration.jogging import enable, hold, jogging
 from integration.processes import PATIENCE, RUN, end, start
 from unit.crane_observer.observed import known
 
@@ -82,13 +82,20 @@ def test_what_the_monitor_finds_in_jog_stops_the_crane(tmp_path: Path, stage: St
         return client.state.state == DriverState.STATE_FAULT
 
     with monitored(tmp_path, stage) as told, jogging(stage) as terminal:
-        hold(stage, terminal, UP, 1.0)
-        assert not found(told) and not stopped()
-        fail(stage, "inner_boom.encoder.drift=0.05")
         deadline = time.monotonic() + PATIENCE
-        while not stopped():
-            hold(stage, terminal, UP, 0.2)
+
+        def rises(seconds: float) -> None:
+            if stopped():  # a test machine that is too busy makes true faults
+                enable(stage, terminal)
+            hold(stage, terminal, UP, seconds)
             assert time.monotonic() < deadline
+
+        rises(1.0)
+        assert not found(told)
+        fail(stage, "inner_boom.encoder.drift=0.05")
+        while not found(told):
+            rises(0.2)
+        stage.until(stopped)
         assert client.state.fault == DriverState.FAULT_LYING
         assert client.state.source == "inner_boom"
         stage.until(lambda: not stage.valves[-1].enabled)

@@ -13,7 +13,7 @@ import numpy as np
 from crane_model.array import Array
 from crane_observer.monitor.history import History
 from crane_observer.monitor.signatures import SUPPLY, FaultSpan, Part, Wrong, signatures
-from crane_observer.monitor.tolerance import between
+from crane_observer.monitor.tolerance import within
 
 ONSETS = 16  # that are tried at first, and between the best and its neighbours
 BEFORE = 40  # blocks before the earliest onset that say where residuals were
@@ -24,7 +24,7 @@ ONE_WAY = {Wrong.SLOW, Wrong.LEAKING}  # whose size is positive
 RELUCTANCE = {
     Wrong.STUCK: 0.7,
     Wrong.SWAPPED: 0.5,
-    Wrong.OFFSET: 0.95,
+    Wrong.OFFSET: 0.8,
     Wrong.JUMP: 0.9,
     Wrong.SLOW: 1.2,
     Wrong.LEAKING: 1.2,
@@ -65,6 +65,7 @@ def isolate(
     """Suspects, the first first, after channels `alarmed` (c,) took all of their tolerance over
     `span` blocks, `ago` blocks before the newest.
     """
+    tolerance = tolerance[:, :3]  # stamps that are off delay an alarm, and give it no shape
     newest = history.newest
     oldest = max(newest - 2 * span - BEFORE, 0)
     most = max(newest - oldest - 5, 1)
@@ -100,7 +101,7 @@ def _tried(
     course = FaultSpan.of(blocks)
     at = np.arange(oldest, newest + 1)
     base = sums.residual[max(row - 4, oldest) : row + 1].mean(axis=0)
-    deviation = FLOOR_SHARE * between(tolerance, sums, np.full(len(at), row), at)[1]
+    deviation = FLOOR_SHARE * within(tolerance, sums, np.full(len(at), row), at)
     data = (sums.residual[at] - base) / deviation
     found = []
     for part, joint, kind, unit, whole, shape in _shapes(course, joints, alarmed):

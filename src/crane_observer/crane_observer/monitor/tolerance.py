@@ -5,7 +5,7 @@ Between any two blocks the sum of a residual stays within
     floor + share P + zero S + late V
 
 with P the way of the piston between them, S what a transducer that is 1 Pa off adds on this way, V
-the sum of its speeds at both ends; for the supply, P is the droop of all flow, S the number of
+twice its largest speed between them; for the supply, P is the droop of all flow, S the number of
 blocks, and there is no V. `floor` is what noise and rounding do, however long the way; `share` an
 error of gains, `zero` one of the zeros; `late` is how long after its stamp a command reaches the
 valve, and how far stamps of readings are off, more than the model knows.
@@ -153,15 +153,34 @@ def between(tolerance: Array, sums: Sums, begin: Rows, end: Rows) -> tuple[Array
     """(n, c) how far sums went between rows (n,), and how far they may by tolerances (c, 4), or
     (4,) that all share.
     """
-    moved, way, drop = (np.abs(one[end] - one[begin]) for one in sums[1:])
-    speeds = _speed(sums, begin) + _speed(sums, end)
-    floor, share, zero, late = tolerance.T
-    return moved, floor + share * way + zero * drop + late * speeds
+    moved = np.abs(sums.residual[end] - sums.residual[begin])
+    late = tolerance.T[3] * 2.0 * _fastest(sums.way, begin, end)
+    return moved, within(tolerance.T[:3].T, sums, begin, end) + late
 
 
-def _speed(sums: Sums, row: Rows) -> Array:
-    """(n, c) m/s in the blocks that end there."""
-    return np.asarray((sums.way[row] - sums.way[np.maximum(row - 1, 0)]) / BLOCK)
+def within(tolerance: Array, sums: Sums, begin: Rows, end: Rows) -> Array:
+    """(n, c) how far they may where stamps are right; tolerances without `late`."""
+    way, drop = np.abs(sums.way[end] - sums.way[begin]), np.abs(sums.drop[end] - sums.drop[begin])
+    floor, share, zero = tolerance.T
+    return np.asarray(floor + share * way + zero * drop)
+
+
+def _fastest(way: Array, begin: Rows, end: Rows) -> Array:
+    """(n, c) m/s at most in the blocks from row `begin` to `end` (n,), in either order: by maxima
+    over 1, 2, 4, ... blocks, of which two that overlap make every length.
+    """
+    low, high = np.minimum(begin, end), np.maximum(begin, end)
+    oldest = int(low.min(initial=len(way) - 1))
+    rows = np.arange(oldest, int(high.max(initial=oldest)) + 1)
+    most = (way[rows] - way[np.maximum(rows - 1, 0)]) / BLOCK
+    low, high = low - oldest, high - oldest
+    level = np.floor(np.log2(high - low + 1)).astype(int)
+    found = np.empty((len(low), way.shape[1]))
+    for k in range(int(level.max(initial=-1)) + 1):
+        here, width = level == k, 2**k
+        found[here] = np.maximum(most[low[here]], most[high[here] - width + 1])
+        most = np.maximum(most[:-width], most[width:])
+    return found
 
 
 def excess(tolerance: Array, history: History) -> tuple[Array, Array]:
