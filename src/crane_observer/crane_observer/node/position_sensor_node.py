@@ -45,6 +45,7 @@ HEARD = (
 )
 SENT = len(HEARD) - 1  # place of what the driver sent to the valves
 LETTING_THROUGH = (DriverState.STATE_ENABLED, DriverState.STATE_DEGRADED)
+WRONG_POSITION = (DriverState.FAULT_FROZEN, DriverState.FAULT_JUMPED, DriverState.FAULT_LYING)
 VISIT = 0.01  # s between two visits to the queues
 UNNOTICED = 1.0  # s, for which an encoder may have been wrong before the driver says so
 SILENCE = 0.5  # s without pressures, after which they are reported as lost
@@ -201,7 +202,7 @@ class PositionSensorNode(LifecycleNode):
         """Which encoders the driver believes."""
         assert self._model is not None
         lost = {message.substituted}
-        if message.fault in (DriverState.FAULT_FROZEN, DriverState.FAULT_JUMPED):
+        if message.fault in WRONG_POSITION:
             lost.add(message.source)
         for j, joint in enumerate(self._model.joints):
             if self._sensor is None:
