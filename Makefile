@@ -1,4 +1,6 @@
-# make demo    the whole suite at work, results in runs/demo; MACHINE=... names another machine
+# make demo    the whole suite at work, results in runs/demo; MACHINE=... names another machine,
+#              VIEW=1 shows it in a browser meanwhile
+# make view    what the live view needs, beside everything else: `ros2 run crane_viewer viewer`
 # make test    all tests
 # make discrepancy-benchmark   how often `diagnose` is right about hidden effects, in runs/
 # make observer-benchmark   how well positions are known without encoders, in runs/observer
@@ -23,7 +25,7 @@ export ROS_AUTOMATIC_DISCOVERY_RANGE := LOCALHOST
 
 in_env := source scripts/env.sh &&
 
-.PHONY: help demo study discrepancy-benchmark observer-benchmark test bench figures lint docs setup clean
+.PHONY: help view demo study discrepancy-benchmark observer-benchmark test bench figures lint docs setup clean
 
 help:
 	@sed -n '/^$$/q; s/^# //p' Makefile
@@ -31,9 +33,12 @@ help:
 setup:
 	@scripts/setup.sh
 
-demo: setup
+view:
+	@scripts/setup.sh view
+
+demo: $(if $(VIEW),view,setup)
 	@$(in_env) python scripts/demo/demo.py $(if $(SEED),--seed $(SEED)) \
-		$(if $(MACHINE),--machine $(MACHINE))
+		$(if $(MACHINE),--machine $(MACHINE)) $(if $(VIEW),--view)
 
 study: setup
 	@$(in_env) ros2 run crane_benchmark study
@@ -41,13 +46,13 @@ study: setup
 discrepancy-benchmark: setup
 	@$(in_env) ros2 run crane_benchmark discrepancy
 
-test: setup
+test: view
 	@$(in_env) scripts/test.sh $(TESTS)
 
 observer-benchmark: setup
 	@$(in_env) ros2 run crane_benchmark observer --out runs/observer/observer.json
 
-bench: setup
+bench: view
 	@$(in_env) python -m pytest -s $(BENCH)
 
 figures: setup

@@ -20,6 +20,8 @@ DISTRIBUTIONS = {
     "annotated_types": "annotated-types",
     "can": "python-can",
     "pydantic_core": "pydantic-core",
+    "rerun": "rerun-sdk",
+    "rerun_cli": "rerun-sdk",
     "ruamel": "ruamel.yaml",
     "sklearn": "scikit-learn",
     "typing_extensions": "typing-extensions",
