@@ -25,6 +25,10 @@ setup(
     data_files=[
         ("share/ament_index/resource_index/packages", [f"resource/{PACKAGE}"]),
         (f"share/{PACKAGE}", ["package.xml"]),
+        (
+            f"share/{PACKAGE}/layouts",
+            ["layouts/crane.rviz", "layouts/foxglove.json", "layouts/plotjuggler.xml"],
+        ),
     ],
     zip_safe=False,
     install_requires=[
