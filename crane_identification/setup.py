@@ -39,7 +39,7 @@ setup(
         "clarabel",
         "crane_bags",
         "crane_model",
-        "cvxpy",
+        "cvxpy-base",
         "filterpy",
         "jinja2",
         "markupsafe",

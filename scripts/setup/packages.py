@@ -12,7 +12,13 @@ from pathlib import Path
 import wheels
 from machine import Machine, SetupError
 
-EXTRAS = {"docs": "the manual", "view": "the live view"}
+EXTRAS = {
+    "docs": "the manual",
+    "pictures": "pictures of the crane",
+    "tables": "tables",
+    "test": "the tests",
+    "view": "the live view",
+}
 # Settings of pip (files or environment) that uv knows by other names.
 PIP_TO_UV = {
     "index-url": "UV_DEFAULT_INDEX",
@@ -48,6 +54,8 @@ def install_extra(machine: Machine, extra: str) -> None:
     """
     if extra not in EXTRAS:
         raise SetupError(f"no extra '{extra}'; there are {', '.join(EXTRAS)}")
+    if machine.ros_installed and extra in ("pictures", "tables", "test"):
+        return  # there with all others, since they have to agree with that ROS
     if machine.ros_installed and extra == "view":
         raise SetupError(
             "Rerun needs numpy 2, which an installed ROS 2 Jazzy does not bear; view bags from a "

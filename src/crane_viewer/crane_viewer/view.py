@@ -79,9 +79,13 @@ class View:
         """Whether the machine has been shown in a pose."""
         return self._scene.posed
 
+    def flush(self) -> None:
+        """Send what has been taken so far."""
+        self._recording.flush()
+
     def finish(self) -> None:
         """Send what is left, and close the file."""
-        self._recording.flush()
+        self.flush()
         self._recording.disconnect()
 
     def _lines(self, topic: Topic, table: Table, received: Sequence[int]) -> None:

@@ -1,7 +1,6 @@
 """`ros2 run crane_viewer viewer`: the crane in a browser, live from its topics or from a bag."""
 
 import argparse
-import importlib.util
 import signal
 import sys
 from collections.abc import Sequence
@@ -27,10 +26,6 @@ def main(argv: Sequence[str] | None = None) -> int:
 
 
 def _show(options: argparse.Namespace, ros_arguments: list[str]) -> None:
-    if importlib.util.find_spec("rerun") is None:
-        raise ConfigurationError(
-            "Rerun is not installed, for it is large; install it by: make view"
-        )
     from crane_viewer.server import Server
     from crane_viewer.view import View
 

@@ -194,8 +194,11 @@ def test_what_an_extra_needs_is_added_once(clone: Path, monkeypatch: pytest.Monk
     (clone / "requirements-docs.txt").write_text("furo==1.0\n")
     packages.install_extra(wheels_machine(clone), "docs")
     assert installed[-1] == "furo==1.0"
-    with pytest.raises(SetupError, match="no extra 'snake'; there are docs, view"):
+    with pytest.raises(SetupError, match="no extra 'snake'; there are docs, pictures, tables"):
         packages.install_extra(wheels_machine(clone), "snake")
+    before = list(installed)
+    packages.install_extra(Machine(clone, ros_installed=True), "test")
+    assert installed == before
     with pytest.raises(SetupError, match="Rerun needs numpy 2"):
         packages.install_extra(Machine(clone, ros_installed=True), "view")
 
