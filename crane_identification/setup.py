@@ -39,6 +39,7 @@ setup(
         "clarabel",
         "crane_bags",
         "crane_model",
+        "crane_observer",
         "cvxpy-base",
         "filterpy",
         "jinja2",

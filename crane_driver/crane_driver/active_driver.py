@@ -22,7 +22,8 @@ from crane_driver.faults import Fault, FaultKind
 from crane_driver.realtime import RealTime, RealTimeSettings
 from crane_driver.safety.commands import RefusedError
 from crane_driver.safety.news import Level
-from crane_interfaces.msg import PositionEstimate, ValveCommand
+from crane_interfaces.msg import PositionEstimate, SensorFindings, ValveCommand
+from crane_nodes.driver_client import LATCHED
 from crane_nodes.stamps import nanoseconds
 
 DEPTH = 10  # messages
@@ -54,6 +55,8 @@ class ActiveDriver:
         self._realtime: RealTime | None = None
         self._commands: Subscription | None = None
         self._estimates: Subscription | None = None
+        self._findings: Subscription | None = None
+        self._begun = 0  # ns
         self._timer: Timer | None = None
 
     def begin(self, realtime: RealTimeSettings) -> None:
@@ -65,6 +68,10 @@ class ActiveDriver:
             self._command,  # type: ignore[arg-type]  # rclpy does not declare the second argument
             DEPTH,
         )
+        self._begun = time.time_ns()
+        self._findings = self._node.create_subscription(
+            SensorFindings, "sensor_findings", self._found, LATCHED
+        )
         steady = Clock(clock_type=ClockType.STEADY_TIME)
         self._timer = self._node.create_timer(self.loop.cycle, self._cycle, clock=steady)
 
@@ -72,7 +79,7 @@ class ActiveDriver:
         """Ramp to neutral and close the bus."""
         if self._timer:
             self._node.destroy_timer(self._timer)
-        for one in filter(None, (self._commands, self._estimates)):
+        for one in filter(None, (self._commands, self._estimates, self._findings)):
             self._node.destroy_subscription(one)
         self.loop.supervisor.disable()
         moving = True
@@ -137,7 +144,14 @@ class ActiveDriver:
         stamp = nanoseconds(message.header.stamp)
         motions = zip(message.position, message.velocity, message.std_dev, strict=False)
         for joint, motion in zip(message.name, motions, strict=False):
-            self.loop.estimate(joint, stamp, motion)
+            self.loop.estimate(joint, stamp, motion, message.condition)
+
+    def _found(self, message: SensorFindings) -> None:
+        told = zip(message.joint, message.kind, message.dangerous, strict=False)
+        wrong = {joint: f"its encoder: {kind}" for joint, kind, dangerous in told if dangerous}
+        before = nanoseconds(message.header.stamp) < self._begun
+        self.loop.supervisor.lying(wrong, before)
+        self.tell()
 
     def _commanders(self) -> int:
         return self._commands.get_publisher_count() if self._commands else 0

@@ -124,6 +124,10 @@ class FaultKind(StrEnum):
         *("estimate", 25, "the estimate in the place of an encoder cannot be used any more"),
         "see what position_sensor says on /diagnostics",
     )
+    LYING = (
+        *("lying", 26, "the sensor monitor has found that an encoder lies"),
+        "mend the encoder and call forget of sensor_monitor, or go on without it by substitute",
+    )
 
 
 UNUSABLE = frozenset({FaultKind.WRONG_SIZE, FaultKind.CHECKSUM, FaultKind.REPEATED})

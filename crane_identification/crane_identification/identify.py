@@ -30,6 +30,7 @@ from crane_identification.options import Estimator, Options
 from crane_identification.preparation.session import Session
 from crane_identification.progress_bar import ProgressBar
 from crane_identification.recording_check.check import blaming, vetted
+from crane_identification.recording_check.sensors import lying
 from crane_identification.report import page, summary
 from crane_identification.report.content import IdentificationReport, Provenance
 from crane_identification.report.findings import findings
@@ -79,6 +80,7 @@ def identify(arguments: argparse.Namespace) -> None:
         )
         held_out = sources.read(arguments.validate)
         suspicions += vetted(model.machine, held_out, arguments.trust_recordings)
+        suspicions += lying(given, (*arguments.train, *arguments.validate), options.end)
         session = Session.of((*training, *held_out))
         with blaming(suspicions):
             result = fit(model, training, options, progress, session, prior)

@@ -9,6 +9,7 @@ TOOLS = {  # they run without ROS
     "discrepancy": "crane_benchmark.benchmark:main",
     "leave_one_out": "crane_benchmark.leave_one_out:main",
     "observer": "crane_benchmark.observing.observer:main",
+    "sensors": "crane_benchmark.observing.sensors:main",
     "study": "crane_benchmark.study.study:main",
 }
 

@@ -92,6 +92,7 @@ MESSAGES = [
     SensorFindings(
         header=HEADER,
         sensor=["telescope encoder", "supply pressure"],
+        joint=["telescope", ""],
         kind=["stuck", "offset"],
         unit=["", "Pa"],
         size=[1.0, -2e5],

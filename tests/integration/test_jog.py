@@ -1,77 +1,26 @@
 """jog in a terminal of its own, beside driver and simulated crane: what reaches the valves."""
 
-import fcntl
-import os
-import pty
 import re
 import signal
-import struct
 import subprocess
-import termios
-import threading
 import time
 from collections.abc import Iterator
-from contextlib import contextmanager, suppress
 from itertools import pairwise
 
 import pytest
 from integration.driver_stage import Stage
-from integration.processes import RUN, end, environment, line
+from integration.jogging import JOG, Terminal, enable, hold, jogging
+from integration.processes import environment, line
 from sensor_msgs.msg import Joy
 
 pytestmark = pytest.mark.realtime
 
-JOG = RUN.format(module="crane_driver.operator.jog.jog_node")
-REPEAT = 1 / 30  # s, of a key
 HOLD = 0.12  # s, that a character holds its joint
 STOP = 0.15  # s after the last character: ramp and period added
 SLACK = 0.15  # s, that a busy test machine may take beyond
 MOVING = 0.08  # a spool command that moves the simulated crane
-CONTROL = re.compile(r"\x1b\[[0-9;?]*[a-zA-Z]")
 DEADMAN, INNER_BOOM = 4, 4  # button and axis by default
 BOOM = 1  # place of the inner boom in /joint_states
-
-
-class Terminal:
-    """A pseudo terminal with jog in it."""
-
-    def __init__(self, *arguments: str):
-        self._master, self.slave = pty.openpty()
-        fcntl.ioctl(self.slave, termios.TIOCSWINSZ, struct.pack("HHHH", 24, 100, 0, 0))
-        self.before = self.settings
-        self.process = subprocess.Popen(
-            line(JOG, *arguments),
-            stdin=self.slave,
-            stdout=self.slave,
-            stderr=self.slave,
-            env=environment() | {"TERM": "xterm"},
-        )
-        self._shown = ""
-        self._reader = threading.Thread(target=self._read)
-        self._reader.start()
-
-    @property
-    def text(self) -> str:
-        """All that was shown, without colours and movements of the cursor."""
-        return CONTROL.sub("", self._shown)
-
-    @property
-    def settings(self) -> list[object]:
-        return termios.tcgetattr(self.slave)
-
-    def type(self, keys: str) -> None:
-        os.write(self._master, keys.encode())
-
-    def close(self) -> None:
-        end(self.process)
-        os.close(self.slave)
-        self._reader.join()
-        os.close(self._master)
-
-    def _read(self) -> None:
-        with suppress(OSError):  # nobody holds the other side any more
-            while data := os.read(self._master, 4096):
-                self._shown += data.decode(errors="replace")
 
 
 @pytest.fixture(scope="module")
@@ -79,39 +28,6 @@ def stage(ros_domain: int, tmp_path_factory: pytest.TempPathFactory) -> Iterator
     one = Stage(tmp_path_factory.mktemp("driver"), [])
     yield one
     one.close()
-
-
-@contextmanager
-def jogging(stage: Stage, *arguments: str) -> Iterator[Terminal]:
-    """jog, with the crane enabled by it."""
-    stage.until(lambda: stage.node.count_publishers("/valve_command") == 0)
-    terminal = Terminal(*arguments)
-    try:
-        stage.until(lambda: "emergency stop" in terminal.text)  # the help is there
-        stage.until(lambda: stage.node.count_publishers("/valve_command") == 1)
-        enable(stage, terminal)
-        yield terminal
-    finally:
-        terminal.close()
-
-
-def enable(stage: Stage, terminal: Terminal) -> None:
-    def enabled() -> bool:
-        stage.disabled()
-        terminal.type("e")
-        return stage.within(lambda: stage.valves[-1].enabled)
-
-    stage.until(enabled)
-
-
-def hold(stage: Stage, terminal: Terminal, key: str, seconds: float) -> float:
-    """Repeat a key as a terminal does; when the last character was typed, by the steady clock."""
-    first = last = time.monotonic()
-    while last < first + seconds:
-        last = time.monotonic()
-        terminal.type(key)
-        stage.within(lambda: False, REPEAT)
-    return last
 
 
 def at_rest(stage: Stage) -> None:

@@ -91,7 +91,8 @@ def test_two_cranes_run_side_by_side(
             moved.disabled()
         said = capfd.readouterr().err
         for one in ("left", "right"):
-            assert f"[{one}.driver]: ready: listens to /{one}/valve_command; publishes " in said
+            heard = f"/{one}/valve_command, /{one}/sensor_findings"
+            assert f"[{one}.driver]: ready: listens to {heard}; publishes " in said
         assert end(recorder, signal.SIGINT) == 0
     log = read_bag(bag, ["inner_boom"])
     assert log.position.origin == "/left/joint_states"

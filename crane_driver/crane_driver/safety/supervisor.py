@@ -8,6 +8,7 @@ from crane_driver.faults import IN_EVERY_STATE, Fault, FaultKind
 from crane_driver.safety.commands import RefusedError, ramped
 from crane_driver.safety.latch import LatchedFaults
 from crane_driver.safety.limits import JointLimiter
+from crane_driver.safety.lying import LyingEncoders
 from crane_driver.safety.news import Level, News
 from crane_driver.safety.series import CommandSeries
 from crane_driver.safety.settings import SafetySettings
@@ -40,6 +41,7 @@ class Supervisor:
         self._position: dict[str, float] = {}
         self._velocity: dict[str, float] = {}
         self._substitution: Substitution | None = None
+        self._lying = LyingEncoders()
         self._stepped = now
         self._troubled = now  # when the last fault of the bus was seen
         self.state = SafetyState.OFFLINE
@@ -127,6 +129,14 @@ class Supervisor:
             for fault in faults:
                 self._latch(fault)
 
+    def lying(self, told: Mapping[str, str], before: bool) -> None:
+        """All that the sensor monitor has found wrong with positions, by joint; `before`: found
+        before the driver began.
+        """
+        faults, news = self._lying.take(told, before)
+        self.news += news
+        self.not_believed(one for one in faults if one.source != self.substituted)
+
     def stalled(self, fault: Fault, now: float) -> None:
         """The driver itself did not run; offline, nothing moves meanwhile."""
         self._troubled = now
@@ -163,6 +173,8 @@ class Supervisor:
             )
         if problem := self._estimate_problem(now):
             raise RefusedError(f"not enabled: {self.substituted}: {problem}")
+        if problem := self._lying.problem(self.substituted):
+            raise RefusedError(f"not enabled: {problem}")
         self.commands.begin(now)
         degraded = self._settings.degraded if self._substitution else None
         for limiter in self._limiters.values():

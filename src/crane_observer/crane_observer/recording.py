@@ -40,7 +40,7 @@ class HeardRecording:
             topic.within(namespace)
             for topic in (JOINT_STATES, CYLINDER_PRESSURES, VALVE_COMMAND, VALVE_OUTPUT)
         )
-        found = read_topics(path, (states_, pressures_, asked, sent))
+        found = read_topics(path, (), (states_, pressures_, asked, sent))
         output = sent if sent.name in found else asked  # what the driver did not tell was asked
         for topic in (pressures_, output):
             if topic.name not in found:

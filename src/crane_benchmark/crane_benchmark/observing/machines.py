@@ -1,5 +1,6 @@
 """The machines that are observed, and recordings of them."""
 
+from collections.abc import Sequence
 from typing import NamedTuple
 
 import numpy as np
@@ -9,6 +10,7 @@ from crane_model.machine import Machine, load_machine
 from crane_model.machine_files import machine_file
 from crane_sim.effects.form import Planted
 from crane_sim.effects.sensing import faults
+from crane_sim.faulty.faults import Faults
 from crane_sim.hiding.calibrate import hidden_in
 from crane_sim.hiding.spec import HiddenEffect, Spec
 from crane_sim.parts.parameters import Edges, StandIn, load_stand_in
@@ -31,13 +33,24 @@ class Observed(NamedTuple):
     gains: Gains
 
     def at_work(
-        self, duration: float, seed: int, loaded: bool = True, progress: Steps = iter
+        self,
+        duration: float,
+        seed: int,
+        loaded: bool = True,
+        progress: Steps = iter,
+        failing: Sequence[str] = (),
     ) -> tuple[SimulatedRecording, np.ndarray]:
-        """A recording of at least `duration` [s], and the load (n,) [kg] at each of its samples."""
+        """A recording of at least `duration` [s], and the load (n,) [kg] at each of its samples;
+        `failing`: faults as `crane_sim.faulty.faults.Faults` has them.
+        """
         cycles = WorkCycles.drawn(self.machine, self.stand_in.start, duration, seed, loaded)
         plant = LiftingPlant(self.stand_in, self.machine, cycles, self.hidden)
         sensors = Sensors(
-            self.stand_in.sensors, self.machine, seed, faults(self.hidden, self.machine)
+            self.stand_in.sensors,
+            self.machine,
+            seed,
+            faults(self.hidden, self.machine),
+            Faults(self.machine, failing, seed),
         )
         recording = record(cycles, plant, sensors, self.gains, progress)
         return recording, cycles.load(recording.time - 1.0)

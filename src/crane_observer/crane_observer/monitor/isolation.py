@@ -13,6 +13,7 @@ import numpy as np
 from crane_model.array import Array
 from crane_observer.monitor.history import History
 from crane_observer.monitor.signatures import SUPPLY, FaultSpan, Part, Wrong, signatures
+from crane_observer.monitor.tolerance import within
 
 ONSETS = 16  # that are tried at first, and between the best and its neighbours
 BEFORE = 40  # blocks before the earliest onset that say where residuals were
@@ -23,7 +24,7 @@ ONE_WAY = {Wrong.SLOW, Wrong.LEAKING}  # whose size is positive
 RELUCTANCE = {
     Wrong.STUCK: 0.7,
     Wrong.SWAPPED: 0.5,
-    Wrong.OFFSET: 0.95,
+    Wrong.OFFSET: 0.8,
     Wrong.JUMP: 0.9,
     Wrong.SLOW: 1.2,
     Wrong.LEAKING: 1.2,
@@ -47,6 +48,11 @@ class Suspect(NamedTuple):
     deviation: float
     unit: str
 
+    @property
+    def certain(self) -> bool:
+        """Whether its size is surely not 0; what has no size is."""
+        return abs(self.size) > COVERED * self.deviation
+
 
 def isolate(
     history: History,
@@ -59,6 +65,7 @@ def isolate(
     """Suspects, the first first, after channels `alarmed` (c,) took all of their tolerance over
     `span` blocks, `ago` blocks before the newest.
     """
+    tolerance = tolerance[:, :3]  # stamps that are off delay an alarm, and give it no shape
     newest = history.newest
     oldest = max(newest - 2 * span - BEFORE, 0)
     most = max(newest - oldest - 5, 1)
@@ -92,10 +99,9 @@ def _tried(
     row = newest - int(back)
     blocks = history.since(row)
     course = FaultSpan.of(blocks)
-    at = slice(oldest, newest + 1)
+    at = np.arange(oldest, newest + 1)
     base = sums.residual[max(row - 4, oldest) : row + 1].mean(axis=0)
-    way, drop = np.abs(sums.way[at] - sums.way[row]), np.abs(sums.drop[at] - sums.drop[row])
-    deviation = FLOOR_SHARE * (tolerance[:, 0] + tolerance[:, 1] * way + tolerance[:, 2] * drop)
+    deviation = FLOOR_SHARE * within(tolerance, sums, np.full(len(at), row), at)
     data = (sums.residual[at] - base) / deviation
     found = []
     for part, joint, kind, unit, whole, shape in _shapes(course, joints, alarmed):

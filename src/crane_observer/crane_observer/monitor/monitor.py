@@ -1,8 +1,10 @@
 """Samples in, findings out; the same on the machine and on bags."""
 
+from collections.abc import Callable
+
 import numpy as np
 
-from crane_model.array import Array
+from crane_model.array import Array, Flags
 from crane_model.errors import DataError
 from crane_observer.monitor.blocks import Blocks, FlowBlock, KnownFlow, Sample
 from crane_observer.monitor.finding import SensorFinding
@@ -35,6 +37,9 @@ class SensorComparison:
             )
         self.physics = physics
         self._tolerance = tolerance.rows
+        assert physics.model.hydraulics is not None  # else `physics` could not be
+        if physics.model.hydraulics.supply is None:
+            self._tolerance[-1, 0] = np.inf  # how far it droops is not known
         parts = (Part.ENCODER, Part.PRESSURE_A, Part.PRESSURE_B)
         self._sensors = [(part, joint) for part in parts for joint in joints]
         self._sensors.append((Part.SUPPLY, SUPPLY))
@@ -45,13 +50,14 @@ class SensorComparison:
         joints = len(self.physics.joints)
         self._blocks = Blocks(self.physics)
         self._history = History(joints)
-        self._readings = ReadingHabits(3 * joints + 1)
+        self._habits = ReadingHabits(joints), ReadingHabits(2 * joints + 1)
         self._watched = np.ones(2 * joints + 1, dtype=bool)
         self._waiting: int | None = None
         self._span, self._since, self._period, self._last = 1, 0, 0.0, 0.0
         self._again: tuple[int, SensorFinding, Array] | None = None
         self._alarmed = np.zeros(2 * joints + 1, dtype=bool)
         self._block: FlowBlock | None = None
+        self._newest: FlowBlock | None = None
         self.taken = np.zeros(2 * joints + 1)  # share of its tolerance, of each channel
         self.findings: list[SensorFinding] = []
 
@@ -64,16 +70,22 @@ class SensorComparison:
         """Valve commands (j,) in -1..1, in force from `stamp` [s] on."""
         self._blocks.command(stamp, command)
 
+    def read_encoders(self, position: Array) -> None:
+        """(j,) as they were read: between two readings there is no noise to be seen."""
+        self._habits[0].add(position)
+
+    def read_pressures(self, chamber_a: Array, chamber_b: Array, supply: float) -> None:
+        """(j,) (j,) Pa, and the supply, as they were read."""
+        self._habits[1].add(np.concatenate([chamber_a, chamber_b, [supply]]))
+
     def add(self, sample: Sample) -> list[SensorFinding]:
         """What this sample brought to light; `DataError` names a sample that is not used."""
         block = self._blocks.add(sample)
-        shown = (sample.position, sample.chamber_a, sample.chamber_b, [sample.supply])
-        self._readings.add(np.concatenate(shown))
         self._period, self._last = sample.time - self._last, sample.time
         if block is None:
             return []
         self._history.add(block)
-        self._block = block
+        self._block = self._newest = block
         found = self._by_readings(block)
         found += self._by_residuals(block)
         self.findings += found
@@ -93,6 +105,20 @@ class SensorComparison:
         if self._waiting:
             self._waiting -= 1
             return []
+        return self._judged(block)
+
+    def interrupted(self) -> list[SensorFinding]:
+        """What an alarm comes to whose readings are not there any more: an encoder that others
+        found, too, is not told from then on.
+        """
+        if self._waiting is None or self._newest is None:
+            return []
+        found = self._judged(self._newest)
+        self.findings += found
+        return found
+
+    def _judged(self, block: FlowBlock) -> list[SensorFinding]:
+        """Whose fault the alarm is."""
         alarmed, self._waiting = self._alarmed.copy(), None
         self._alarmed[:] = False
         if not alarmed.any():
@@ -100,8 +126,8 @@ class SensorComparison:
         if noisy := self._noisy(alarmed, block):
             return [noisy]
         suspects = self._suspects(alarmed)
-        if not suspects:
-            return []
+        if not suspects or not suspects[0].certain:
+            return []  # as from stamps that were off: it comes again if it stays
         self._leave(suspects[0].part, suspects[0].joint)
         finding = self._told(suspects[0], block)
         self._again = REFINED, finding, alarmed
@@ -132,7 +158,7 @@ class SensorComparison:
 
     def _noisy(self, alarmed: Array, block: FlowBlock) -> SensorFinding | None:
         """The sensor of an alarmed joint that grew noisy, if one did."""
-        noisy = self._readings.noisy_now
+        noisy = self._of_all(lambda one: one.noisy_now)
         for k, (part, joint) in enumerate(self._sensors):
             if noisy[k] and alarmed[self._channels(part, joint)].any():
                 self._leave(part, joint)
@@ -143,7 +169,7 @@ class SensorComparison:
         kind, unit = suspect.kind, suspect.unit
         if suspect.part in (Part.PRESSURE_A, Part.PRESSURE_B, Part.SUPPLY):
             sensor = self._sensors.index((suspect.part, suspect.joint))
-            if self._readings.repeated[sensor] >= SEEN_STUCK:
+            if self._of_all(lambda one: one.repeated)[sensor] >= SEEN_STUCK:
                 kind, unit = Wrong.STUCK, ""
         spread = COVERED * suspect.deviation
         return SensorFinding(
@@ -153,7 +179,8 @@ class SensorComparison:
 
     def _by_readings(self, block: FlowBlock) -> list[SensorFinding]:
         found = []
-        stuck, noisy = self._readings.stuck, self._readings.noisy
+        stuck = self._of_all(lambda one: one.stuck)
+        noisy = self._of_all(lambda one: one.noisy)
         for k, (part, joint) in enumerate(self._sensors):
             frozen = stuck[k] and part is not Part.ENCODER  # at rest an encoder is quiet
             if (frozen or noisy[k]) and self._watched[self._channels(part, joint)].all():
@@ -163,13 +190,17 @@ class SensorComparison:
 
     def _noise(self, sensor: int, block: FlowBlock, frozen: bool = False) -> SensorFinding:
         part, joint = self._sensors[sensor]
-        size = float(self._readings.noise[sensor])
+        size = float(self._of_all(lambda one: one.noise)[sensor])
         unit = self.physics.model.setting.units[joint] if part is Part.ENCODER else "Pa"
         begun = block.time - LOOKED * self._period
         kind, unit = (Wrong.STUCK, "") if frozen else (Wrong.NOISE, unit)
         return SensorFinding(
             part, joint, kind, unit, size, 0.7 * size, 1.3 * size, begun, block.time
         )
+
+    def _of_all(self, what: Callable[[ReadingHabits], Array | Flags]) -> Array | Flags:
+        """Of each sensor, encoders first."""
+        return np.concatenate([what(one) for one in self._habits])
 
     def _channels(self, part: Part, joint: str) -> slice:
         if part is Part.SUPPLY:

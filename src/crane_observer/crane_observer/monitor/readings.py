@@ -19,7 +19,8 @@ class ReadingHabits:
     """Of s sensors: how often a reading repeats the last, and how rough its course is.
 
     Roughness is the fourth difference, which a smooth motion hardly has. What is usual is learnt
-    while nothing is wrong.
+    while nothing is wrong. Readings are taken as they were read: between two of them lies no step
+    of the converter, and none of its noise.
     """
 
     def __init__(self, sensors: int):
@@ -30,7 +31,9 @@ class ReadingHabits:
         self._count = 0
 
     def add(self, shown: Array) -> None:
-        """Readings (s,) of one time."""
+        """Readings (s,) of one time; those with something that is no number do not count."""
+        if not np.isfinite(shown).all():
+            return
         if self._count > 3:
             rough = np.abs(shown + DIFFERENCE @ self._last) / GAIN
             changed = shown != self._last[0]

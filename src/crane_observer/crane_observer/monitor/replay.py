@@ -34,7 +34,11 @@ class WatchedBag(NamedTuple):
 
 def watch(bag: Path, model: Model, tolerance: Tolerance | None) -> WatchedBag:
     """`DataError` names what the bag lacks."""
-    recording = HeardRecording.read(bag, model.joints)
+    return compare(HeardRecording.read(bag, model.joints), model, tolerance)
+
+
+def compare(recording: HeardRecording, model: Model, tolerance: Tolerance | None) -> WatchedBag:
+    """The same of what was read."""
     watched = SensorWatch(model, tolerance)
     monitor, blocks, taken = watched.monitor, [], []
     for kind, row in recording.events():
@@ -54,12 +58,11 @@ def watch(bag: Path, model: Model, tolerance: Tolerance | None) -> WatchedBag:
             blocks.append(of_block(block))
             taken.append((block.time, monitor.taken))
     if not blocks:
-        raise DataError(
-            f"{bag}: nothing could be compared: {watched.last_refusal or Heed.WAITING.value}"
-        )
+        why = watched.last_refusal or Heed.WAITING.value
+        raise DataError(f"{recording.path}: nothing could be compared: {why}")
     columns = [np.cumsum(part, axis=0) for part in zip(*blocks, strict=True)]
     return WatchedBag(
-        bag=bag,
+        bag=recording.path,
         joints=model.joints,
         findings=tuple(monitor.findings),
         sums=Sums(np.array([time for time, _ in taken]), *columns),

@@ -2,6 +2,7 @@
 
 import time
 from collections.abc import Sequence
+from typing import TypeAlias
 
 from diagnostic_msgs.msg import DiagnosticArray, DiagnosticStatus, KeyValue
 from rclpy.clock import Clock, ClockType
@@ -26,6 +27,7 @@ from crane_nodes.stamps import nanoseconds
 from crane_observer.monitor.finding import SensorFinding
 from crane_observer.monitor.tolerance import Tolerance
 from crane_observer.monitor.watching import Heed, SensorWatch
+from crane_observer.node.in_order import InOrder
 from crane_observer.node.topics import findings_message, picked
 
 JOINT_STATES, PRESSURES, COMMANDS = "joint_states", "cylinder_pressures", "valve_command"
@@ -36,6 +38,7 @@ LATCHED = QoSProfile(
     reliability=ReliabilityPolicy.RELIABLE,
     durability=DurabilityPolicy.TRANSIENT_LOCAL,
 )
+Heard: TypeAlias = JointState | CylinderPressures | ValveCommand
 HEARD = (
     (JOINT_STATES, JointState),
     (PRESSURES, CylinderPressures),
@@ -69,6 +72,7 @@ class SensorMonitorNode(LifecycleNode):
         self._watch: SensorWatch | None = None
         hold(self, PARAMETERS, lambda: "configured" if self._model else "unconfigured")
         self._queues: list[tuple[int, Polled]] = []
+        self._came: InOrder[Heard] = InOrder()
         self._outputs_heard = False  # the driver tells what it sends to the valves
         self._zero: int | None = None
         self._heard = 0.0
@@ -93,16 +97,18 @@ class SensorMonitorNode(LifecycleNode):
         return super().on_configure(state)
 
     def on_activate(self, state: LifecycleState) -> TransitionCallbackReturn:
-        """Listen; nothing has been found yet."""
+        """Listen; nothing has been found yet, which is told to who heard of a monitor before."""
         self._queues = [
             (order, Polled(self, msgtype, topic, DEEP))
             for order, (topic, msgtype) in enumerate(HEARD)
         ]
-        self._outputs_heard = False
+        self._came, self._outputs_heard = InOrder(), False
         assert self._model is not None
         self._watch, self._zero = SensorWatch(self._model, self._tolerance), None
+        activated = super().on_activate(state)
+        self._publish()
         say_ready(self)
-        return super().on_activate(state)
+        return activated
 
     def on_deactivate(self, state: LifecycleState) -> TransitionCallbackReturn:
         """Listen no more; what was found is forgotten."""
@@ -128,22 +134,18 @@ class SensorMonitorNode(LifecycleNode):
         return answer
 
     def _visit(self) -> None:
-        came = [
-            (nanoseconds(message.header.stamp), order, message)
-            for order, queue in self._queues
-            for message, _ in queue.take()
-        ]
-        for stamp, order, message in sorted(came, key=lambda one: one[:2]):
-            self._outputs_heard = self._outputs_heard or order == SENT
-            if self._outputs_heard and order == ASKED:
-                continue  # the driver tells what it made of it
+        for topic, queue in self._queues:
+            for message, _ in queue.take():
+                self._outputs_heard = self._outputs_heard or topic == SENT
+                if self._outputs_heard and topic == ASKED:
+                    continue  # the driver tells what it made of it
+                self._came.add(nanoseconds(message.header.stamp), topic, message)
+        for stamp, _, message in self._came.take():
             for finding in self._take(stamp, message):
                 self.get_logger().error(str(finding))
                 self._publish()
 
-    def _take(
-        self, stamp: int, message: JointState | CylinderPressures | ValveCommand
-    ) -> list[SensorFinding]:
+    def _take(self, stamp: int, message: Heard) -> list[SensorFinding]:
         assert self._model is not None and self._watch is not None
         joints, watched = self._model.joints, self._watch
         if self._zero is None:

@@ -10,6 +10,7 @@ from crane_interfaces.msg import PositionEstimate, SensorFindings
 from crane_model.array import Array
 from crane_nodes.stamps import stamp_of
 from crane_observer.monitor.finding import SensorFinding
+from crane_observer.monitor.signatures import Part
 from crane_observer.position.sensor import Told
 
 
@@ -56,6 +57,7 @@ def findings_message(findings: Sequence[SensorFinding], zero: int) -> SensorFind
 
     message = SensorFindings(
         sensor=[one.sensor for one in findings],
+        joint=["" if one.part is Part.SUPPLY else one.joint for one in findings],
         kind=[str(one.kind) for one in findings],
         unit=[one.unit for one in findings],
         size=[one.size for one in findings],

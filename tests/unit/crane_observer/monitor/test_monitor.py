@@ -263,3 +263,43 @@ def test_a_model_without_hydraulics_is_refused(model: Model) -> None:
     with pytest.raises(ConfigurationError, match="holds no hydraulics"):
         SensorWatch(replace(model, hydraulics=None))
     assert issubclass(ConfigurationError, CraneError)
+
+
+def late(true: Heard, seconds: float) -> Heard:
+    """Commands reach the valves that much sooner or later than their stamps say."""
+    steps = round(seconds / 0.005)
+    shown = np.empty_like(true.command)
+    for k in range(len(shown)):
+        shown[k] = true.command[min(max(k + steps, 0), len(shown) - 1)]
+    return replace(true, command=shown)
+
+
+@pytest.mark.parametrize("seconds", [-0.005, 0.005])
+def test_stamps_of_commands_that_are_off_are_no_fault(
+    model: Model, healthy: Heard, seconds: float
+) -> None:
+    """Between processes stamps are off by some milliseconds, more at one time than at another."""
+    watched = late(healthy, seconds).to(model, None)
+    assert watched.monitor.findings == []
+
+
+def test_a_supply_that_was_never_identified_is_no_fault(model: Model, healthy: Heard) -> None:
+    assert model.hydraulics is not None
+    unknown = replace(model, hydraulics=model.hydraulics.model_copy(update={"supply": None}))
+    watched = healthy.to(unknown, None)
+    assert watched.condition is Heed.WATCHING
+    assert watched.monitor.findings == []
+
+
+def test_an_alarm_is_told_though_its_encoder_is_lost_meanwhile(
+    model: Model, healthy: Heard, tolerance: Tolerance
+) -> None:
+    """As where the driver does not believe it any more either."""
+
+    def stops(x: np.ndarray, t: np.ndarray) -> np.ndarray:
+        return np.where(t < 0.15, x[0], np.nan)
+
+    lie = changed("q", stops)
+    finding = first_after(lie(healthy, 0).to(model, tolerance))
+    assert (finding.part, finding.joint) == (Part.ENCODER, "inner_boom")
+    assert finding.found - ONSET < 0.2

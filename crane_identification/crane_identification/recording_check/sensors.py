@@ -1,0 +1,25 @@
+"""Sensors that began to lie while a bag was recorded, by an earlier model of the machine."""
+
+from collections.abc import Sequence
+from pathlib import Path
+
+from crane_model.errors import DataError
+from crane_model.model_file import Model
+from crane_observer.monitor.replay import watch
+
+
+def lying(model: Model, recordings: Sequence[Path], end: float) -> tuple[str, ...]:
+    """Warnings of bags that are not fit for identification up to `end` [s].
+
+    Only a model with hydraulics can tell, and only of bags that hold pressures and valve commands.
+    """
+    if model.hydraulics is None:
+        return ()
+    warnings = []
+    for bag in filter(Path.is_dir, recordings):
+        try:
+            seen = watch(bag, model, None)
+        except DataError:  # without them there is nothing to compare
+            continue
+        warnings += [f"{bag}: {one}" for one in seen.findings if one.onset < end]
+    return tuple(warnings)

@@ -1,0 +1,95 @@
+"""jog in a terminal of its own, as a hand at its keys has it."""
+
+import fcntl
+import os
+import pty
+import re
+import struct
+import subprocess
+import termios
+import threading
+import time
+from collections.abc import Iterator
+from contextlib import contextmanager, suppress
+
+from integration.driver_stage import Stage
+from integration.processes import RUN, end, environment, line
+
+JOG = RUN.format(module="crane_driver.operator.jog.jog_node")
+REPEAT = 1 / 30  # s, of a key
+CONTROL = re.compile(r"\x1b\[[0-9;?]*[a-zA-Z]")
+
+
+class Terminal:
+    """A pseudo terminal with jog in it."""
+
+    def __init__(self, *arguments: str):
+        self._master, self.slave = pty.openpty()
+        fcntl.ioctl(self.slave, termios.TIOCSWINSZ, struct.pack("HHHH", 24, 100, 0, 0))
+        self.before = self.settings
+        self.process = subprocess.Popen(
+            line(JOG, *arguments),
+            stdin=self.slave,
+            stdout=self.slave,
+            stderr=self.slave,
+            env=environment() | {"TERM": "xterm"},
+        )
+        self._shown = ""
+        self._reader = threading.Thread(target=self._read)
+        self._reader.start()
+
+    @property
+    def text(self) -> str:
+        """All that was shown, without colours and movements of the cursor."""
+        return CONTROL.sub("", self._shown)
+
+    @property
+    def settings(self) -> list[object]:
+        return termios.tcgetattr(self.slave)
+
+    def type(self, keys: str) -> None:
+        os.write(self._master, keys.encode())
+
+    def close(self) -> None:
+        end(self.process)
+        os.close(self.slave)
+        self._reader.join()
+        os.close(self._master)
+
+    def _read(self) -> None:
+        with suppress(OSError):  # nobody holds the other side any more
+            while data := os.read(self._master, 4096):
+                self._shown += data.decode(errors="replace")
+
+
+@contextmanager
+def jogging(stage: Stage, *arguments: str) -> Iterator[Terminal]:
+    """jog, with the crane enabled by it."""
+    stage.until(lambda: stage.node.count_publishers("/valve_command") == 0)
+    terminal = Terminal(*arguments)
+    try:
+        stage.until(lambda: "emergency stop" in terminal.text)  # the help is there
+        stage.until(lambda: stage.node.count_publishers("/valve_command") == 1)
+        enable(stage, terminal)
+        yield terminal
+    finally:
+        terminal.close()
+
+
+def enable(stage: Stage, terminal: Terminal) -> None:
+    def enabled() -> bool:
+        stage.disabled()
+        terminal.type("e")
+        return stage.within(lambda: stage.valves[-1].enabled)
+
+    stage.until(enabled)
+
+
+def hold(stage: Stage, terminal: Terminal, key: str, seconds: float) -> float:
+    """Repeat a key as a terminal does; when the last character was typed, by the steady clock."""
+    first = last = time.monotonic()
+    while last < first + seconds:
+        last = time.monotonic()
+        terminal.type(key)
+        stage.within(lambda: False, REPEAT)
+    return last

@@ -1,0 +1,116 @@
+"""The sensor monitor as a process: a plug is pulled at the simulated crane while it moves."""
+
+import time
+from collections.abc import Iterator
+from contextlib import contextmanager
+from dataclasses import replace
+from pathlib import Path
+
+import pytest
+from integration.driver_stage import LATCHED, Stage, commander
+from integration.jogging import enable, hold, jogging
+from integration.processes import PATIENCE, RUN, end, start
+from unit.crane_observer.observed import known
+
+from crane_interfaces.msg import DriverState, SensorFindings
+from crane_model.model_file import save_model
+from crane_nodes.driver_client import DriverClient
+
+MONITOR = RUN.format(module="crane_observer.node.sensor_monitor_node")
+POSE = ["slew=0", "inner_boom=0.5", "outer_boom=-1.3", "telescope=0.6"]
+DIAGNOSED = "sensor_monitor: sensors"
+UP = "k"  # the key that raises the inner boom
+
+
+@pytest.fixture
+def stage(tmp_path: Path, ros_domain: int) -> Iterator[Stage]:
+    made = Stage(tmp_path, POSE, operator=True)
+    yield made
+    made.close()
+
+
+@contextmanager
+def monitored(folder: Path, stage: Stage) -> Iterator[list[SensorFindings]]:
+    """What the monitor tells while it watches; nothing at first."""
+    save_model(folder / "model.yaml", known())
+    told: list[SensorFindings] = []
+    stage.node.create_subscription(SensorFindings, "sensor_findings", told.append, LATCHED)
+    process = start(MONITOR, "--ros-args", "-p", f"model:={folder / 'model.yaml'}")
+    try:
+        stage.until(lambda: DIAGNOSED in stage.diagnostics or process.poll() is not None)
+        assert process.poll() is None
+        yield told
+    finally:
+        assert end(process) == 0
+
+
+def fail(stage: Stage, fault: str) -> None:
+    """From now on, at the simulated crane."""
+    assert stage.machine.stdin
+    stage.machine.stdin.write(f"fault={fault}\n")
+    stage.machine.stdin.flush()
+
+
+def found(told: list[SensorFindings]) -> bool:
+    return any(one.sensor for one in told)
+
+
+@pytest.mark.realtime
+def test_an_encoder_that_freezes_in_mid_motion_is_named(tmp_path: Path, stage: Stage) -> None:
+    with monitored(tmp_path, stage) as told, commander(stage) as hand:
+        stage.moving(hand, outer_boom=-0.25)
+        since = len(stage.states)
+        stage.until(lambda: len(stage.states) > since + 300)
+        assert not found(told), "nothing was wrong yet"
+        stage.until(lambda: stage.diagnostics[DIAGNOSED][0] == b"\x00")
+        fail(stage, "outer_boom.encoder.stuck")
+        stage.until(lambda: found(told))
+        first = next(one for one in told if one.sensor)
+        assert list(first.sensor) == ["outer_boom encoder"]
+        assert list(first.joint) == ["outer_boom"]
+        assert list(first.dangerous) == [True]
+        stage.until(lambda: stage.diagnostics[DIAGNOSED][0] != b"\x00")
+        stage.until(lambda: not stage.valves[-1].enabled)
+
+
+@pytest.mark.realtime
+def test_what_the_monitor_finds_in_jog_stops_the_crane(tmp_path: Path, stage: Stage) -> None:
+    """A drift is neither frozen nor a jump: the driver by itself would go on."""
+    client = DriverClient(stage.node)
+
+    def stopped() -> bool:
+        return client.state.state == DriverState.STATE_FAULT
+
+    with monitored(tmp_path, stage) as told, jogging(stage) as terminal:
+        deadline = time.monotonic() + PATIENCE
+
+        def rises(seconds: float) -> None:
+            if stopped():  # a test machine that is too busy makes true faults
+                enable(stage, terminal)
+            hold(stage, terminal, UP, seconds)
+            assert time.monotonic() < deadline
+
+        rises(1.0)
+        assert not found(told)
+        fail(stage, "inner_boom.encoder.drift=0.05")
+        while not found(told):
+            rises(0.2)
+        stage.until(stopped)
+        assert client.state.fault == DriverState.FAULT_LYING
+        assert client.state.source == "inner_boom"
+        stage.until(lambda: not stage.valves[-1].enabled)
+
+        def well() -> bool:
+            return stage.call("reset_fault")[0] and stage.within(
+                lambda: client.state.state == DriverState.STATE_DISABLED, 1.0
+            )
+
+        stage.until(well)
+        done, why = stage.call("enable")
+        assert not done and "call forget of sensor_monitor" in why
+
+
+def test_a_model_without_hydraulics_is_refused(tmp_path: Path) -> None:
+    save_model(tmp_path / "model.yaml", replace(known(), hydraulics=None))
+    process = start(MONITOR, "--ros-args", "-p", f"model:={tmp_path / 'model.yaml'}")
+    assert process.wait(60.0) == 1

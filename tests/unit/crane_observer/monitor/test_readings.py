@@ -1,0 +1,52 @@
+"""What single readings tell, of encoders with steps that rest and then move."""
+
+import numpy as np
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+from crane_observer.monitor.readings import LOOKED, ReadingHabits
+
+STEP = 4.8e-5  # rad
+PERIOD = 0.005  # s
+
+
+def course(rest: int, speed: float, moving: int) -> np.ndarray:
+    """An encoder that rests, and then moves as smoothly as its steps let it."""
+    t = PERIOD * np.arange(rest + moving)
+    since = np.clip(t - PERIOD * rest, 0.0, None)
+    q = 0.3 + speed * since * since / (since + 0.5)
+    return np.asarray(STEP * np.round(q / STEP))
+
+
+def fed(values: np.ndarray) -> list[bool]:
+    habits = ReadingHabits(1)
+    told = []
+    for one in values:
+        habits.add(np.array([one]))
+        told.append(bool(habits.noisy[0]))
+    return told
+
+
+@given(rest=st.integers(0, 3000), speed=st.floats(-0.5, 0.5))
+def test_steps_of_an_encoder_are_no_noise(rest: int, speed: float) -> None:
+    assert not any(fed(course(rest, speed, 600)))
+
+
+@pytest.mark.parametrize("steps", [8.0, 30.0])
+def test_noise_beyond_the_steps_is(steps: float) -> None:
+    values = course(1000, 0.1, 1200)
+    rng = np.random.default_rng(2)
+    noise = steps * STEP * rng.standard_normal(700)
+    values[1500:] += STEP * np.round(noise / STEP)
+    told = fed(values)
+    assert not any(told[:1500])
+    assert any(told[1500 : 1500 + LOOKED])
+
+
+def test_a_reading_that_is_missing_spoils_nothing() -> None:
+    habits = ReadingHabits(1)
+    rng = np.random.default_rng(3)
+    for k, one in enumerate(1e5 + 1e3 * rng.standard_normal(1000)):
+        habits.add(np.array([np.nan if k % 100 == 50 else one]))
+    assert 0.5e3 < habits.noise[0] < 2e3
