@@ -16,6 +16,7 @@ PACKAGES = (
     Path("src/crane_machines"),
     Path("src/crane_model"),
     Path("src/crane_bags"),
+    Path("src/crane_observer"),
     Path("crane_identification"),
 )
 LEFT_OUT = shutil.ignore_patterns("build", "*.egg-info", "__pycache__")
@@ -34,7 +35,8 @@ def test_fit_of_a_bag_where_there_is_no_ros(tmp_path: Path) -> None:
     environment = tmp_path / "environment"
     venv.create(environment)
     python = environment / "bin" / "python"
-    pins = ("--constraint", ROOT / "requirements.txt")
+    pinned = (ROOT / f"requirements{part}.txt" for part in ("", "-tables"))
+    pins = [word for file in pinned for word in ("--constraint", file)]
     wheels = sorted((tmp_path / "wheels").glob("*.whl"))
     uv("pip", "install", "--quiet", "--python", python, *pins, *wheels)
 

@@ -114,6 +114,31 @@ def test_a_bag_of_another_machine_is_refused_and_says_so(bag: Path, tmp_path: Pa
     viewer = Process(tmp_path, "crane_viewer", "viewer", *arguments)
     assert viewer.process.wait(60.0) != 0
     assert "name the machine of the bag by --machine" in viewer.output
+    assert not file.exists()
+
+
+@pytest.mark.parametrize(
+    ("place", "told"), [(".", "exists; name another"), ("absent/x.rrd", "there is no folder")]
+)
+def test_a_place_that_cannot_be_written_is_refused(
+    bag: Path, tmp_path: Path, place: str, told: str
+) -> None:
+    arguments = ("--bag", bag, "--no-page", "--save", tmp_path / place)
+    viewer = Process(tmp_path, "crane_viewer", "viewer", *arguments)
+    assert viewer.process.wait(60.0) == 1
+    assert told in viewer.output
+
+
+def test_a_port_in_use_is_told(bag: Path, tmp_path: Path) -> None:
+    with socket.socket() as taken:
+        taken.bind(("127.0.0.1", 0))
+        taken.listen()
+        port = taken.getsockname()[1]
+        arguments = ("--bag", bag, "--web-port", port, "--data-port", 0)
+        viewer = Process(tmp_path, "crane_viewer", "viewer", *arguments)
+        assert viewer.process.wait(60.0) == 1
+    assert f"ports {port} and" in viewer.output
+    assert "name others by --web-port and --data-port" in viewer.output
 
 
 @pytest.fixture

@@ -13,7 +13,9 @@ from crane_bags.types import (
     DRIVER_STATE,
     JOINT_STATES,
     PARAMETER_ESTIMATE,
+    ROBOT_DESCRIPTION,
     TOPICS,
+    VALVE_OUTPUT,
     Topic,
     typestore,
 )
@@ -33,8 +35,9 @@ from crane_viewer.words import (
 
 APPLICATION = "crane"
 SENSOR_FINDINGS = Topic("/sensor_findings", "crane_interfaces/msg/SensorFindings", latched=True)
-SHOWN = (*(one for one in TOPICS if one.name != "/robot_description"), SENSOR_FINDINGS)
-"""The topics that are listened to; the machine's file gives what /robot_description would."""
+NOT_SHOWN = (ROBOT_DESCRIPTION, VALVE_OUTPUT)  # the machine's file gives the first
+SHOWN = (*(one for one in TOPICS if one not in NOT_SHOWN), SENSOR_FINDINGS)
+"""The topics that are listened to."""
 
 
 class View:

@@ -6,10 +6,14 @@ import sys
 from collections.abc import Sequence
 from contextlib import nullcontext
 from pathlib import Path
+from typing import TYPE_CHECKING
 
 from crane_model.cli import add_machine, command_line, run
-from crane_model.errors import ConfigurationError
-from crane_model.machine import load_machine
+from crane_model.errors import ConfigurationError, CraneError
+from crane_model.machine import Machine, load_machine
+
+if TYPE_CHECKING:
+    from crane_viewer.view import View
 
 LOOPBACK = "127.0.0.1"
 
@@ -29,8 +33,8 @@ def _show(options: argparse.Namespace, ros_arguments: list[str]) -> None:
     from crane_viewer.server import Server
     from crane_viewer.view import View
 
-    if options.save and options.save.exists():
-        raise ConfigurationError(f"{options.save}: exists; name another place")
+    if options.save:
+        _check_place(options.save)
     machine = load_machine(options.machine)
     page = (
         nullcontext()
@@ -48,10 +52,7 @@ def _show(options: argparse.Namespace, ros_arguments: list[str]) -> None:
             print(f"open in a browser: {server.page}", flush=True)
         try:
             if options.bag:
-                from crane_viewer.bag import show_bag
-
-                show_bag(view, machine, options.bag)
-                print(f"shown: {options.bag}", flush=True)
+                _show_bag(view, machine, options)
                 if server:
                     _wait()
             else:
@@ -60,6 +61,26 @@ def _show(options: argparse.Namespace, ros_arguments: list[str]) -> None:
                 show_topics(view, ros_arguments)
         finally:
             view.finish()
+
+
+def _check_place(file: Path) -> None:
+    if file.exists():
+        raise ConfigurationError(f"{file}: exists; name another place")
+    if not file.parent.is_dir():
+        raise ConfigurationError(f"{file}: there is no folder {file.parent}; make it")
+
+
+def _show_bag(view: "View", machine: Machine, options: argparse.Namespace) -> None:
+    """A file of a bag that could not be read is taken away again."""
+    from crane_viewer.bag import show_bag
+
+    try:
+        show_bag(view, machine, options.bag)
+    except CraneError:
+        if options.save:
+            options.save.unlink()
+        raise
+    print(f"shown: {options.bag}", flush=True)
 
 
 def _wait() -> None:
