@@ -1,7 +1,7 @@
 # make demo    the whole suite at work, results in runs/demo; MACHINE=... names another machine
 # make test    all tests
 # make discrepancy-benchmark   how often `diagnose` is right about hidden effects, in runs/
-# make observer-benchmark   how well positions are known without encoders, in runs/observer
+# make observer-benchmark   positions without encoders, and sensors that lie, in runs/observer; hours
 # make study   the report's experiment with 20 + 2 trajectories, results in runs/study
 # make bench   measurements of speed
 # make figures put what was measured (demo, study, discrepancy-benchmark, bench) into the manual
@@ -46,6 +46,9 @@ test: setup
 
 observer-benchmark: setup
 	@$(in_env) ros2 run crane_benchmark observer --out runs/observer/observer.json
+	@$(in_env) ros2 run crane_benchmark sensors --out runs/observer/sensors_stock.json \
+		--picture runs/observer/smallest_faults.png
+	@$(in_env) ros2 run crane_benchmark sensors --on hard --out runs/observer/sensors_hard.json
 
 bench: setup
 	@$(in_env) python -m pytest -s $(BENCH)

@@ -60,8 +60,9 @@ RANGES: dict[tuple[tuple[str, ...], str], tuple[float, float]] = {
     (("valve",), "stuck"): (0.0, 0.0),
 }
 """Sizes of every kind, from hardly to be seen to plain."""
+NAMES = {"pressure_a": "chamber pressure", "pressure": "supply pressure"}
 OTHERS = tuple(
-    Question(f"{parts[0].rstrip('_ab')} {kind}", parts, kind, sizes, 20.0, 0.0, 1)
+    Question(f"{NAMES.get(parts[0], parts[0])} {kind}", parts, kind, sizes, 20.0, 0.0, 1)
     for (parts, kind), sizes in RANGES.items()
 )
 WEIGHTS = sum(one.weight for one in (*AIMS, *OTHERS))

@@ -142,7 +142,8 @@ def main(argv: Sequence[str] | None = None) -> int:
             table.add_row(*row.shown)
         Console().print(table)
         if arguments.out is not None:
-            write(arguments.out, "make observer-benchmark", rows, COLUMNS)
+            given = f"--on {arguments.on} --cases {arguments.cases} --hours {arguments.hours:g}"
+            write(arguments.out, f"ros2 run crane_benchmark sensors {given}", rows, COLUMNS)
         if arguments.picture:
             draw_curves(arguments.picture, answers)
         if misses := missed(rows):
