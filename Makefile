@@ -45,10 +45,13 @@ test: setup
 	@$(in_env) scripts/test.sh $(TESTS)
 
 observer-benchmark: setup
-	@$(in_env) ros2 run crane_benchmark observer --out runs/observer/observer.json
-	@$(in_env) ros2 run crane_benchmark sensors --out runs/observer/sensors_stock.json \
-		--picture runs/observer/smallest_faults.png
-	@$(in_env) ros2 run crane_benchmark sensors --on hard --out runs/observer/sensors_hard.json
+	@$(in_env) failed=0; \
+	ros2 run crane_benchmark observer --out runs/observer/observer.json || failed=1; \
+	ros2 run crane_benchmark loads --out runs/observer/loads.json || failed=1; \
+	ros2 run crane_benchmark sensors --out runs/observer/sensors_stock.json \
+		--picture runs/observer/smallest_faults.png || failed=1; \
+	ros2 run crane_benchmark sensors --on hard --out runs/observer/sensors_hard.json || failed=1; \
+	exit $$failed
 
 bench: setup
 	@$(in_env) python -m pytest -s $(BENCH)

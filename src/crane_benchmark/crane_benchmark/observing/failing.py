@@ -106,7 +106,7 @@ def _case(
     low, high = question.sizes
     size = float(np.exp(rng.uniform(np.log(low), np.log(high)))) if low else 0.0
     if KINDS[part][question.kind].lowest < 0.0 and question.kind != "gain":
-        size *= rng.choice([-1.0, 1.0])
+        size *= float(rng.choice([-1.0, 1.0]))
     target = "supply" if part == "pressure" else joint
     onset = _moving(observed, joint, seed, rng)
     return FailingCase(question, seed, TimedFault(target, part, question.kind, size, onset))
