@@ -1,4 +1,7 @@
-# make demo    the whole suite at work, results in runs/demo; MACHINE=... names another machine
+# make demo    the whole suite at work, results in runs/demo; MACHINE=... names another machine,
+#              VIEW=1 shows it in a browser meanwhile
+# make view, make pictures, make tables   large packages that few commands need: the live view
+#              (crane_viewer viewer), the crane drawn (crane_sim picture, view), CSV and Parquet
 # make test    all tests
 # make discrepancy-benchmark   how often `diagnose` is right about hidden effects, in runs/
 # make observer-benchmark   positions without encoders, and sensors that lie, in runs/observer; hours
@@ -23,7 +26,7 @@ export ROS_AUTOMATIC_DISCOVERY_RANGE := LOCALHOST
 
 in_env := source scripts/env.sh &&
 
-.PHONY: help demo study discrepancy-benchmark observer-benchmark test bench figures lint docs setup clean
+.PHONY: help view pictures tables demo study discrepancy-benchmark observer-benchmark test bench figures lint docs setup clean
 
 help:
 	@sed -n '/^$$/q; s/^# //p' Makefile
@@ -31,9 +34,18 @@ help:
 setup:
 	@scripts/setup.sh
 
-demo: setup
+view:
+	@scripts/setup.sh view
+
+pictures:
+	@scripts/setup.sh pictures
+
+tables:
+	@scripts/setup.sh tables
+
+demo: $(if $(VIEW),view,setup)
 	@$(in_env) python scripts/demo/demo.py $(if $(SEED),--seed $(SEED)) \
-		$(if $(MACHINE),--machine $(MACHINE))
+		$(if $(MACHINE),--machine $(MACHINE)) $(if $(VIEW),--view)
 
 study: setup
 	@$(in_env) ros2 run crane_benchmark study
@@ -41,7 +53,8 @@ study: setup
 discrepancy-benchmark: setup
 	@$(in_env) ros2 run crane_benchmark discrepancy
 
-test: setup
+test:
+	@scripts/setup.sh test tables pictures view
 	@$(in_env) scripts/test.sh $(TESTS)
 
 observer-benchmark: setup
@@ -53,18 +66,20 @@ observer-benchmark: setup
 	ros2 run crane_benchmark sensors --on hard --out runs/observer/sensors_hard.json || failed=1; \
 	exit $$failed
 
-bench: setup
+bench:
+	@scripts/setup.sh test tables pictures view
 	@$(in_env) python -m pytest -s $(BENCH)
 
 figures: setup
 	@$(in_env) PYTHONPATH="docs:$$PYTHONPATH" python -m from_code.figures
 
-lint: setup
+lint:
+	@scripts/setup.sh test tables pictures
 	@$(in_env) ruff check . && ruff format --check . && mypy
 
 # A warning is an error.
 docs:
-	@scripts/setup.sh docs
+	@scripts/setup.sh docs tables pictures
 	@$(in_env) python -m sphinx -W --keep-going -q -j auto -d runs/docs/doctrees docs runs/docs/html
 
 clean:

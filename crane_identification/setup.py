@@ -40,7 +40,7 @@ setup(
         "crane_bags",
         "crane_model",
         "crane_observer",
-        "cvxpy",
+        "cvxpy-base",
         "filterpy",
         "jinja2",
         "markupsafe",

@@ -144,7 +144,7 @@ class ActiveDriver:
         stamp = nanoseconds(message.header.stamp)
         motions = zip(message.position, message.velocity, message.std_dev, strict=False)
         for joint, motion in zip(message.name, motions, strict=False):
-            self.loop.estimate(joint, stamp, motion)
+            self.loop.estimate(joint, stamp, motion, message.condition)
 
     def _found(self, message: SensorFindings) -> None:
         told = zip(message.joint, message.kind, message.dangerous, strict=False)

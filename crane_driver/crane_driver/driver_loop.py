@@ -154,13 +154,16 @@ class DriverLoop:
         joints += self._joint_samples(now)
         return joints, pressures
 
-    def estimate(self, joint: str, stamp: int, motion: tuple[float, float, float]) -> None:
+    def estimate(
+        self, joint: str, stamp: int, motion: tuple[float, float, float], condition: str
+    ) -> None:
         """What is told of a joint: position, velocity and standard deviation of the position, from
-        pressures of `stamp` [ns].
+        pressures of `stamp` [ns], in a condition that PositionEstimate names.
         """
         if joint == self.supervisor.substituted and self._newest is not None:
             time = self._newest.sampled + (stamp - self._newest.stamp) * 1e-9
-            self.supervisor.estimated(JointEstimate(time, *motion), self._newest.sampled)
+            estimate = JointEstimate(time, *motion, condition)
+            self.supervisor.estimated(estimate, self._newest.sampled)
 
     def check(self, publishers: int, now: float, heard: float) -> None:
         """What shows by nothing coming, and how many publishers of commands there are.

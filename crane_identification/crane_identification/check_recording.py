@@ -7,7 +7,7 @@ from pathlib import Path
 
 from crane_identification.data.arguments import Sources, add_part
 from crane_identification.data.column_map import ColumnMap
-from crane_identification.data.columns import TABLES
+from crane_identification.data.table_files import TABLES
 from crane_identification.options import Options
 from crane_identification.progress_bar import ProgressBar
 from crane_identification.recording_check.check import check

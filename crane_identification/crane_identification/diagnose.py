@@ -17,7 +17,7 @@ from crane_identification.data.arguments import (
     refuse_overlap,
 )
 from crane_identification.data.column_map import ColumnMap
-from crane_identification.data.columns import TABLES
+from crane_identification.data.table_files import TABLES
 from crane_identification.diagnosis import explain, findings
 from crane_identification.diagnosis.diagnosis import check_known, diagnose
 from crane_identification.diagnosis.flow.usual import load_usual

@@ -20,7 +20,7 @@ from crane_identification.data.arguments import (
     refuse_overlap,
 )
 from crane_identification.data.column_map import ColumnMap
-from crane_identification.data.columns import TABLES
+from crane_identification.data.table_files import TABLES
 from crane_identification.estimation.prior import load_prior
 from crane_identification.fitting import fit, validate
 from crane_identification.hydraulics.identified import identify_hydraulics

@@ -8,7 +8,7 @@ from unittest.mock import patch
 
 PACKAGES = (
     *("crane_sim", "crane_trajectory", "crane_identification", "crane_driver", "crane_nodes"),
-    *("crane_observer", "crane_benchmark"),
+    *("crane_observer", "crane_viewer", "crane_benchmark"),
 )
 WRITES = re.compile(r"([*_`<>\[\]|])")  # what Markdown would take for itself
 

@@ -59,6 +59,7 @@ class Phases:
 def main() -> int:
     """Run the demo; exit status 0, 1 if something failed, 130 after Ctrl-C."""
     parser = argparse.ArgumentParser(description="The whole suite at work.")
+    parser.add_argument("--view", action="store_true", help="show it in a browser meanwhile")
     parser.add_argument("--seed", type=int, default=SEED, help="of noise and of what is hidden")
     add_machine(parser)
     options = parser.parse_args()
@@ -79,6 +80,8 @@ def main() -> int:
     os.environ.update(environment)
     try:
         with Processes(OUT / "logs", environment) as suite:
+            if options.view:
+                console.print(f"open in a browser: {live.show(suite, laws[0])}")
             _demo(console, phases, suite, domain, laws, options.seed)
     except DemoError as error:
         print(f"error: {error}", file=sys.stderr)

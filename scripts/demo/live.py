@@ -1,6 +1,7 @@
 """The live half of the demo: the suite as processes around the stand-in machine, on a CAN bus."""
 
 import os
+import re
 import socket
 import time
 from collections.abc import Callable, Collection
@@ -22,6 +23,8 @@ DOMAINS = 101  # ROS_DOMAIN_ID 1 to this can be used on every Linux
 FIT_PERIODS, VALIDATION_PERIODS, FOLLOW_PERIODS = 3, 2, 2
 TRIES = 2
 NAME = "demo"
+VIEWER = "viewer"
+PAGE = "open in a browser: "
 LEADING = ("trajectory", "recorder")  # nodes without which no experiment is worth its time
 DISCOVERY_TIME_S = 2.0  # in which nodes that are there already are found
 ANSWER_TIMEOUT_S = 10.0
@@ -62,7 +65,7 @@ class Onlooker:
         end = time.monotonic() + DISCOVERY_TIME_S
         while time.monotonic() < end:
             self._executor.spin_once(timeout_sec=0.1)
-        if others := [name for name in self._node.get_node_names() if name != NAME]:
+        if others := [name for name in self._node.get_node_names() if name not in (NAME, VIEWER)]:
             raise DemoError(
                 f"ROS domain {self._domain} is not empty: {', '.join(others)}; start the demo again"
             )
@@ -92,6 +95,22 @@ def record(suite: Processes, domain: int, law: Law, seed: int, say: Say) -> None
         say("a second, other motion, for validation")
         _experiment(suite, onlooker, law, "validate", VALIDATION, VALIDATION_PERIODS, LEADING)
         _stop(suite)
+
+
+def show(suite: Processes, law: Law) -> str:
+    """Show what the topics tell in a browser; where."""
+    suite.start(
+        *(VIEWER, "crane_viewer", "viewer", "--machine", law.machine),
+        *("--web-port", 0, "--data-port", 0),
+    )
+    found: list[str] = []
+
+    def opened() -> bool:
+        found[:] = re.findall(f"^{PAGE}(.+)$", suite.said(VIEWER), re.MULTILINE)
+        return bool(found)
+
+    suite.until(opened, "the viewer does not open its page")
+    return found[0]
 
 
 def follow(suite: Processes, domain: int, law: Law, seed: int, controller: str, say: Say) -> None:

@@ -97,6 +97,10 @@ class Processes:
         self._log(name).unlink(missing_ok=True)
         self.start(name, package, executable, *arguments)
         self.finish(name)
+        return self.said(name)
+
+    def said(self, name: str) -> str:
+        """What one has printed so far."""
         return self._log(name).read_text(encoding="utf-8")
 
     def finish(self, *names: str) -> None:

@@ -16,12 +16,12 @@ compile() { # OUTPUT ARGUMENT...
 }
 
 # All inputs are resolved together first, so that the files agree with each other.
-cat requirements.txt requirements-{ros,dev,docs}.txt > "$all"
-compile "$all" "$@" scripts/requirements/{runtime,ros,dev,docs}.in
+cat requirements.txt requirements-{ros,dev,test,docs,tables,pictures,view}.txt > "$all"
+compile "$all" "$@" scripts/requirements/{runtime,ros,dev,test,docs,tables,pictures,view}.in
 compile requirements.txt --constraints "$all" scripts/requirements/runtime.in
-compile requirements-ros.txt --constraints "$all" scripts/requirements/ros.in
-compile requirements-dev.txt --constraints "$all" scripts/requirements/dev.in
-compile requirements-docs.txt --constraints "$all" scripts/requirements/docs.in
+for part in ros dev test docs tables pictures view; do
+    compile "requirements-$part.txt" --constraints "$all" "scripts/requirements/$part.in"
+done
 # Only what has to differ from the others differs: their pins are preferred.
 cp "$all" "$apt"
 compile "$apt" "$@" scripts/requirements/apt.in

@@ -1,4 +1,4 @@
-"""Sets up this clone: virtual environment, pinned packages, `colcon build`; `docs`: for the manual.
+"""Sets up this clone: virtual environment, pinned packages, `colcon build`; extras as arguments.
 
 Only the standard library is imported: this runs before any package is installed. Every step looks
 first whether its work is done already.
@@ -28,8 +28,8 @@ def main() -> int:
             if not workspace.up_to_date(machine):
                 prerequisites.check(machine)
                 workspace.build(machine)
-            if sys.argv[1:] == ["docs"]:
-                packages.install_for_docs(machine)
+            for extra in sys.argv[1:]:
+                packages.install_extra(machine, extra)
         except SetupError as error:
             for line in error.args:
                 print(f"error: {line}", file=sys.stderr)

@@ -12,6 +12,13 @@ from pathlib import Path
 import wheels
 from machine import Machine, SetupError
 
+EXTRAS = {
+    "docs": "the manual",
+    "pictures": "pictures of the crane",
+    "tables": "tables",
+    "test": "the tests",
+    "view": "the live view",
+}
 # Settings of pip (files or environment) that uv knows by other names.
 PIP_TO_UV = {
     "index-url": "UV_DEFAULT_INDEX",
@@ -40,13 +47,26 @@ def pins(machine: Machine) -> list[str]:
     return _read(machine, "requirements.txt", "requirements-dev.txt", "requirements-ros.txt")
 
 
-def install_for_docs(machine: Machine) -> None:
-    """Add what only the manual is built with to the environment, unless it is there."""
-    stamp = machine.venv / "crane-packages-docs"  # gone with the environment when that is made anew
-    wanted = _read(machine, "requirements-docs.txt")
+def install_extra(machine: Machine, extra: str) -> None:
+    """Add what only an extra needs to the environment, unless it is there.
+
+    `SetupError` if there is no such extra, or none of it beside an installed ROS.
+    """
+    if extra not in EXTRAS:
+        raise SetupError(f"no extra '{extra}'; there are {', '.join(EXTRAS)}")
+    if machine.ros_installed and extra in ("pictures", "tables", "test"):
+        return  # there with all others, since they have to agree with that ROS
+    if machine.ros_installed and extra == "view":
+        raise SetupError(
+            "Rerun needs numpy 2, which an installed ROS 2 Jazzy does not bear; view bags from a "
+            "clone that was set up without ROS"
+        )
+    # gone with the environment when that is made anew
+    stamp = machine.venv / f"crane-packages-{extra}"
+    wanted = _read(machine, f"requirements-{extra}.txt")
     if stamp.is_file() and stamp.read_text() == _stamp(machine, wanted):
         return
-    print("set-up: Python packages of the manual", flush=True)
+    print(f"set-up: Python packages of {EXTRAS[extra]}", flush=True)
     _install_pins(machine, wanted)
     stamp.write_text(_stamp(machine, wanted))
 

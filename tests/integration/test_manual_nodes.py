@@ -18,7 +18,7 @@ COMMANDS = text("docs/reference/command_line.md")
 LAUNCH_FILES = text("docs/reference/launch_files.md")
 PACKAGES = (
     *("crane_driver", "crane_trajectory", "crane_identification", "crane_sim", "crane_nodes"),
-    *("crane_observer", "crane_benchmark"),
+    *("crane_observer", "crane_viewer", "crane_benchmark"),
 )
 INHERITED = {"/rosout", "/parameter_events"}
 JOINTS_OF_MACHINE = "|".join(JOINTS)

@@ -7,6 +7,7 @@ from typing import NamedTuple, Self
 from crane_driver.safety.commands import RefusedError
 from crane_driver.safety.settings import DegradedSettings
 
+USABLE = ("GOOD", "ENCODER_LOST")  # conditions of an estimate that may lead a joint
 CAUTION = 3.0  # standard deviations, by which an estimate may be wrong
 
 
@@ -17,6 +18,7 @@ class JointEstimate(NamedTuple):
     position: float
     velocity: float
     deviation: float  # standard deviation of the position
+    condition: str  # of the estimate, by name
 
 
 class Substitution:
@@ -47,7 +49,7 @@ class Substitution:
         left out, so that it is missed.
         """
         newer = self._newest is None or estimate.time > self._newest.time
-        if newer and estimate.time <= now and all(map(math.isfinite, estimate)):
+        if newer and estimate.time <= now and all(map(math.isfinite, estimate[:-1])):
             self._newest = estimate
 
     def problem(self, now: float) -> str:
@@ -60,6 +62,8 @@ class Substitution:
                 f"its estimate is {age * 1e3:.0f} ms old, limit "
                 f"{self._settings.timeout * 1e3:.0f} ms"
             )
+        if self._newest.condition not in USABLE:
+            return f"its estimate is {self._newest.condition}, not {' or '.join(USABLE)}"
         if deviation > self._settings.deviation[self.joint]:
             return (
                 f"the standard deviation of its estimate is {deviation:.3g}, limit "

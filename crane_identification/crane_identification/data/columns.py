@@ -10,9 +10,9 @@ import polars as pl
 from scipy.io import loadmat
 
 from crane_identification.data.sources import Cell
+from crane_identification.data.table_files import TABLES
 from crane_model.errors import DataError
 
-TABLES = (".csv", ".tsv", ".txt", ".parquet", ".mat")
 EPOCH = datetime(1970, 1, 1, tzinfo=UTC)
 MICROSECOND = timedelta(microseconds=1)
 DATE_DTYPE = "datetime64[ns]"

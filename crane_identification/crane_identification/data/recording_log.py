@@ -5,9 +5,8 @@ from pathlib import Path
 
 from crane_identification.data.bag_log import read_bag
 from crane_identification.data.column_map import ColumnMap
-from crane_identification.data.columns import TABLES
 from crane_identification.data.log import Log
-from crane_identification.data.table_log import read_table, tables_in
+from crane_identification.data.table_files import TABLES, tables_in
 from crane_identification.data.topic_log import read_mapped_bag
 from crane_model.errors import ConfigurationError
 from crane_model.progress import Progress, silent
@@ -37,6 +36,8 @@ def read_recording(
                 f"{path}: a table needs a column map that says which column holds what; "
                 "name it with --columns"
             )
+        from crane_identification.data.table_log import read_table  # large, for tables alone
+
         return read_table(path, columns, joints)
     if columns is None:
         return read_bag(path, joints, progress, namespace)

@@ -1,6 +1,5 @@
 """From tables (CSV, Parquet or MAT files) and their column map to a log."""
 
-import re
 from collections.abc import Sequence
 from pathlib import Path
 
@@ -8,24 +7,13 @@ import numpy as np
 
 from crane_bags.clocks import NANOSECONDS
 from crane_identification.data.column_map import ColumnMap
-from crane_identification.data.columns import TABLES, Columns, empty_rows, read_columns
+from crane_identification.data.columns import Columns, empty_rows, read_columns
 from crane_identification.data.log import Log
 from crane_identification.data.mapped_log import Stream, mapped_log
 from crane_identification.data.sources import Cell
+from crane_identification.data.table_files import tables_in
 from crane_identification.data.units import DATE
 from crane_model.errors import ConfigurationError, DataError
-
-
-def tables_in(folder: Path) -> list[Path]:
-    """The tables of a folder, in the order of their names, where numbers count as numbers."""
-    if not folder.is_dir():
-        return []
-    tables = [path for path in folder.iterdir() if path.suffix.lower() in TABLES]
-    return sorted(tables, key=lambda path: _natural(path.name))
-
-
-def _natural(name: str) -> list[tuple[int, str]]:
-    return [(int(one) if one.isdigit() else 0, one) for one in re.split(r"(\d+)", name)]
 
 
 def read_table(path: Path | str, column_map: ColumnMap, joints: Sequence[str]) -> Log:

@@ -29,7 +29,7 @@ PACKAGES = (
     "scipy",
     "numba",
     "filterpy",
-    "cvxpy",
+    "cvxpy-base",
     "clarabel",
     "rosbags",
     "plotly",

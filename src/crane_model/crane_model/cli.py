@@ -12,6 +12,8 @@ from typing import Any
 from crane_model.errors import ConfigurationError, CraneError
 from crane_model.machine_files import DEFAULT_MACHINE
 
+EXTRAS = {"mujoco": "pictures", "polars": "tables", "rerun": "view"}
+"""Large packages that few commands need, and the target of make that installs each."""
 INTERRUPTED = 130  # the shell's convention: 128 + SIGINT
 
 
@@ -78,6 +80,16 @@ def run(body: Callable[[], None]) -> int:
         sys.stdout.flush()
     except CraneError as error:
         print(f"error: {error}", file=sys.stderr)
+        return 1
+    except ModuleNotFoundError as error:
+        if error.name not in EXTRAS:
+            raise
+        target = EXTRAS[error.name]
+        print(
+            f"error: {error.name} is not installed, for it is large and few commands need it; "
+            f"install it by: make {target}",
+            file=sys.stderr,
+        )
         return 1
     except BrokenPipeError:  # the reader, say `head`, has seen enough; nothing is left to flush
         os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())

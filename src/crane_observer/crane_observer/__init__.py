@@ -29,8 +29,8 @@ if TYPE_CHECKING:
     from crane_observer.monitor.tolerance import learn as learn
     from crane_observer.monitor.tolerance import unlearnt as unlearnt
     from crane_observer.monitor.watching import SensorWatch as SensorWatch
-    from crane_observer.position.filter import PoseEstimate as PoseEstimate
     from crane_observer.position.sensor import PositionSensor as PositionSensor
+    from crane_observer.position.window import PoseEstimate as PoseEstimate
     from crane_observer.recording import HeardRecording as HeardRecording
 
 __getattr__, __dir__, __all__ = lazily(

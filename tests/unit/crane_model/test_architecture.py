@@ -15,6 +15,7 @@ FOLDERS = {
     "crane_nodes": ROOT / "src" / "crane_nodes" / "crane_nodes",
     "crane_sim": ROOT / "src" / "crane_sim" / "crane_sim",
     "crane_observer": ROOT / "src" / "crane_observer" / "crane_observer",
+    "crane_viewer": ROOT / "src" / "crane_viewer" / "crane_viewer",
     "crane_benchmark": ROOT / "src" / "crane_benchmark" / "crane_benchmark",
     "crane_driver": ROOT / "crane_driver" / "crane_driver",
     "crane_trajectory": ROOT / "crane_trajectory" / "crane_trajectory",

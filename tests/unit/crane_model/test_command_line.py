@@ -2,12 +2,17 @@
 
 import argparse
 import itertools
+import re
+import sys
 from collections.abc import Callable
 from enum import StrEnum
+from importlib import import_module
+from importlib.abc import MetaPathFinder
 from pathlib import Path
 
 import pytest
 
+from crane_model import cli
 from crane_model import progress_bar as shown
 from crane_model.arguments import above, between, one_of, whole
 from crane_model.cli import check_out, command_line
@@ -101,3 +106,27 @@ def test_of_an_option_of_one_value_the_last_one_counts() -> None:
     parser.add_argument("place", nargs="+")
     told = parser.parse_args(["here", "there", "--name", "a", "--name", "b"])
     assert (told.name, told.place) == ("b", ["here", "there"])
+
+
+@pytest.mark.parametrize("package", cli.EXTRAS)
+def test_a_large_package_that_is_missing_is_named_with_its_target(
+    package: str, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    class Absent(MetaPathFinder):
+        def find_spec(self, name: str, path: object, target: object = None) -> None:
+            if name == package:
+                raise ModuleNotFoundError(f"No module named '{name}'", name=name)
+
+    monkeypatch.setattr(sys, "meta_path", [Absent(), *sys.meta_path])
+    monkeypatch.delitem(sys.modules, package, raising=False)
+    assert cli.run(lambda: import_module(package) and None) == 1
+    target = cli.EXTRAS[package]
+    assert f"{package} is not installed" in (told := capsys.readouterr().err)
+    assert told.endswith(f"make {target}\n")
+    makefile = (Path(__file__).resolve().parents[3] / "Makefile").read_text()
+    assert re.search(rf"^[\w ]*\b{target}\b[\w ]*:", makefile, re.MULTILINE)
+
+
+def test_another_missing_module_is_a_fault_of_the_suite() -> None:
+    with pytest.raises(ModuleNotFoundError):
+        cli.run(lambda: import_module("there_is_no_such_module") and None)

@@ -76,7 +76,7 @@ def test_a_linear_case_is_that_of_filterpy() -> None:
         x[:2] = slopes @ x
         other.predict()
         H, z, R = rng.normal(size=(2, n)), rng.normal(size=2), rng.uniform(0.1, 1.0, 2)
-        correct(x, P, H, z - H @ x, R)
+        correct(x, P, H, z - H @ x, R, n)
         other.update(z[:, np.newaxis], np.diag(R), H)
     np.testing.assert_allclose(x, other.x[:, 0], rtol=1e-7)
     np.testing.assert_allclose(P, other.P, rtol=1e-6, atol=1e-10)
@@ -84,7 +84,7 @@ def test_a_linear_case_is_that_of_filterpy() -> None:
 
 def test_a_measurement_of_infinite_variance_says_nothing() -> None:
     x, P = np.ones(2), np.eye(2)
-    correct(x, P, np.eye(2), np.array([5.0, np.nan]), np.array([1.0, np.inf]))
+    correct(x, P, np.eye(2), np.array([5.0, np.nan]), np.array([1.0, np.inf]), 2)
     np.testing.assert_allclose(x, [3.5, 1.0])
     np.testing.assert_allclose(P, np.diag([0.5, 1.0]))
 

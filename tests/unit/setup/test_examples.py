@@ -43,6 +43,8 @@ REASONS = {
         "save_stand_in": "as load_stand_in", "Sensors": "part of make_bag", "record": "in make_bag",
         "make": "make_bag is its command line", "calibrate": "takes half a minute",
     },
+    "crane_viewer": {"View": NODE, "ground_arc": "as side_outline",
+                     "reached_places": "as side_outline"},
     "crane_observer": {
         "PositionSensor": "texts and tests show it on recordings", "SensorWatch": LIKE,
         "PoseEstimate": RESULT, "HeardRecording": RESULT, "learn": "needs minutes of recordings",

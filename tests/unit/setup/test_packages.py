@@ -9,7 +9,8 @@ import pytest
 ROOT = Path(__file__).resolve().parents[3]
 MANIFESTS = sorted([*ROOT.glob("crane_*/package.xml"), *ROOT.glob("src/*/package.xml")])
 REQUIREMENTS = [
-    ROOT / f"requirements{part}.txt" for part in ("", "-ros", "-dev", "-docs", "-apt")
+    ROOT / f"requirements{part}.txt"
+    for part in ("", "-ros", "-dev", "-test", "-docs", "-tables", "-pictures", "-view", "-apt")
 ]  # the last one by itself, the others together
 
 
@@ -30,6 +31,7 @@ def test_all_packages_are_found() -> None:
         "crane_nodes",
         "crane_observer",
         "crane_sim",
+        "crane_viewer",
     ]
 
 

@@ -15,6 +15,7 @@ PACKAGES = (
     "crane_trajectory",
     "crane_benchmark",
     "crane_observer",
+    "crane_viewer",
 )
 
 

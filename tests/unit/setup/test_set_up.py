@@ -184,16 +184,23 @@ def test_installed_ros_keeps_its_numpy(clone: Path) -> None:
     assert any(pin.startswith("ros-jazzy-rclpy==") for pin in packages.pins(wheels_machine(clone)))
 
 
-def test_what_builds_the_manual_is_added_once(clone: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_what_an_extra_needs_is_added_once(clone: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     (clone / ".venv").mkdir()
     installed: list[str] = []
     monkeypatch.setattr(packages, "_install_pins", lambda _, wanted: installed.extend(wanted))
     for _ in range(2):
-        packages.install_for_docs(wheels_machine(clone))
+        packages.install_extra(wheels_machine(clone), "docs")
     assert len([pin for pin in installed if pin.startswith("furo==")]) == 1
     (clone / "requirements-docs.txt").write_text("furo==1.0\n")
-    packages.install_for_docs(wheels_machine(clone))
+    packages.install_extra(wheels_machine(clone), "docs")
     assert installed[-1] == "furo==1.0"
+    with pytest.raises(SetupError, match="no extra 'snake'; there are docs, pictures, tables"):
+        packages.install_extra(wheels_machine(clone), "snake")
+    before = list(installed)
+    packages.install_extra(Machine(clone, ros_installed=True), "test")
+    assert installed == before
+    with pytest.raises(SetupError, match="Rerun needs numpy 2"):
+        packages.install_extra(Machine(clone, ros_installed=True), "view")
 
 
 def test_installed_ros_with_another_python(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:

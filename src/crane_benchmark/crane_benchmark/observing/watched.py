@@ -66,7 +66,8 @@ def false_alarms(
     watched: WatchedMachine, hours: float, seed: int
 ) -> tuple[float, list[SensorFinding]]:
     """Hours without fault, and what was found in them."""
-    seconds, found = 0.0, list[SensorFinding]()
+    seconds = 0.0
+    found: list[SensorFinding] = []
     while seconds < hours * HOUR:
         seed += 1
         made, _ = watched.observed.at_work(BATCH, seed)

@@ -6,9 +6,10 @@ from matplotlib.figure import Figure
 
 from crane_model.array import Array
 from crane_model.inspection.findings import poses, reached
+from crane_model.inspection.placed import placed_bars, placed_joints
 from crane_model.inspection.travel import travels
-from crane_model.kinematics import link_transforms
-from crane_model.machine import Machine, MachineJoint
+from crane_model.kinematics import link_transforms, tip_position
+from crane_model.machine import Machine
 
 ARM, CYLINDER, LINK, REACH, JOINT = "#e07b1a", "#1f5fa8", "#7a8691", "#c2cad1", "#333333"
 NAMES = ("all joints at their lower limits", "in the middle", "at their upper limits")
@@ -29,18 +30,10 @@ def picture(machine: Machine) -> Figure:
     return figure
 
 
-def _frames(machine: Machine, q: Array) -> tuple[Array, Array]:
-    """(m, 4, 4) of each joint before it moves, and (m, 4, 4) of each link, in the base's frame."""
-    links = link_transforms(machine, q)[0]
-    before = np.concatenate([machine.base.matrix[None], links[:-1]])
-    own = np.array([joint.before for joint in machine.joints])
-    return before @ own, links
-
-
 def _ahead(machine: Machine, q: Array) -> Array:
     """(3,) horizontal unit vector of the view: where the arm points."""
     up = -machine.gravity_vector / machine.gravity
-    joints, links = _frames(machine, q)
+    joints, links = placed_joints(machine, q), link_transforms(machine, q)[0]
     tip = (links[-1] @ machine.tool.matrix)[:3, 3]
     for place in (tip - joints[0, :3, 3], *(links[:, :3, 3] - joints[0, :3, 3])):
         level = place - (place @ up) * up
@@ -66,31 +59,15 @@ def _reach(axes: Axes, machine: Machine, places: Array) -> None:
 
 
 def _arm(axes: Axes, machine: Machine, q: Array) -> None:
-    joints, links = _frames(machine, q)
-    tip = links[-1] @ machine.tool.matrix
-    line = [np.zeros(3), *joints[:, :3, 3], tip[:3, 3]]
+    joints = placed_joints(machine, q)
+    line = [np.zeros(3), *joints[:, :3, 3], tip_position(machine, q)[0]]
     axes.plot(*_seen(machine, q, np.array(line)), "-", color=ARM, linewidth=3.0, zorder=1)
     axes.plot(*_seen(machine, q, joints[:, :3, 3]), "o", color=JOINT, markersize=4, zorder=3)
-    for joint, frame in zip(machine.joints, joints, strict=True):
-        if joint.name in machine.joint_names and joint.actuator is not None:
-            coordinate = q[machine.index(joint.name)]
-            for bar in joint.actuator.bars(coordinate):
-                ends = np.array([_across(joint, frame, pin) for pin in (bar.begin, bar.end)])
-                colour, width = (CYLINDER, 4.0) if bar.is_cylinder else (LINK, 2.0)
-                axes.plot(*_seen(machine, q, ends), "-", color=colour, linewidth=width, zorder=2)
-                axes.plot(*_seen(machine, q, ends), ".", color=JOINT, markersize=5, zorder=3)
-
-
-def _across(joint: MachineJoint, frame: Array, pin: Array) -> Array:
-    """A point (2,) of the plane across the joint's axis in the base's frame (3,)."""
-    axis = joint.direction
-    x = np.eye(3)[0] - axis[0] * axis
-    if np.linalg.norm(x) < 1e-6:  # the joint turns about x: then it is y
-        x = np.eye(3)[1] - axis[1] * axis
-    x = x / np.linalg.norm(x)
-    within = pin[0] * x + pin[1] * np.cross(axis, x)
-    place: Array = frame[:3, :3] @ within + frame[:3, 3]
-    return place
+    for bar in placed_bars(machine, q):
+        ends = np.array([bar.begin, bar.end])
+        colour, width = (CYLINDER, 4.0) if bar.is_cylinder else (LINK, 2.0)
+        axes.plot(*_seen(machine, q, ends), "-", color=colour, linewidth=width, zorder=2)
+        axes.plot(*_seen(machine, q, ends), ".", color=JOINT, markersize=5, zorder=3)
 
 
 def _levers(axes: Axes, machine: Machine) -> None:

@@ -23,6 +23,7 @@ from crane_nodes.polled import Polled
 from crane_nodes.ready import say_ready
 from crane_nodes.stamps import nanoseconds
 from crane_observer.node.topics import estimate_message, picked, states_message
+from crane_observer.position.observability import HEAVIEST
 from crane_observer.position.sensor import START, PositionSensor, SensorCondition, Told
 
 JOINT_STATES, PRESSURES, COMMANDS = "joint_states", "cylinder_pressures", "valve_command"
@@ -67,7 +68,13 @@ POSITION = Numbers(
 DEVIATION = Number(
     "start_deviation", START, "rad or m", 1e-5, 1.0, "Standard deviation of start. At configure"
 )
-PARAMETERS: tuple[NodeParameter, ...] = (AUTOSTART, MACHINE, MODEL, WITHOUT, POSITION, DEVIATION)
+HEAVIEST_LOAD = Number(
+    "heaviest_load", HEAVIEST, "kg", 1.0, 1e5,
+    "What may hang at the tip; where forces ask for more, nothing is to be believed. At configure",
+)  # fmt: skip
+PARAMETERS: tuple[NodeParameter, ...] = (
+    AUTOSTART, MACHINE, MODEL, WITHOUT, POSITION, DEVIATION, HEAVIEST_LOAD,
+)  # fmt: skip
 
 
 class PositionSensorNode(LifecycleNode):
@@ -169,7 +176,7 @@ class PositionSensorNode(LifecycleNode):
         match message:
             case JointState():
                 encoders = picked(joints, message.name, message.position)
-                encoders[self._hidden] = np.nan
+                encoders[self._hidden | np.isin(joints, list(self._lost))] = np.nan
                 self._start(stamp, encoders)
                 if self._sensor is not None:
                     self._sensor.add_encoders((stamp - self._zero) / NANOSECONDS, encoders)
@@ -197,9 +204,9 @@ class PositionSensorNode(LifecycleNode):
         lost = {message.substituted}
         if message.fault in WRONG_POSITION:
             lost.add(message.source)
-        if self._sensor is None:
-            return
         for j, joint in enumerate(self._model.joints):
+            if self._sensor is None:
+                break
             if joint not in lost:
                 self._sensor.believe(j)
             elif joint not in self._lost:
@@ -228,7 +235,9 @@ class PositionSensorNode(LifecycleNode):
         else:
             return
         self._zero = stamp
-        self._sensor = PositionSensor(self._model, position, DEVIATION.read(self))
+        self._sensor = PositionSensor(
+            self._model, position, DEVIATION.read(self), heaviest=HEAVIEST_LOAD.read(self)
+        )
 
     def _weigh(self, stamp: int, message: CylinderPressures) -> None:
         assert self._model is not None and self._sensor is not None

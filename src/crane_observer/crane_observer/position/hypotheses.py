@@ -8,7 +8,9 @@ from typing import Self
 import numpy as np
 
 from crane_model.array import Array
-from crane_observer.position.filter import Filter, FlowWindow, Known, PoseEstimate
+from crane_observer.position.filter import Filter
+from crane_observer.position.known import Known
+from crane_observer.position.window import FlowWindow, PoseEstimate
 
 POINTS = 4  # of the range of each joint whose start is not known
 INSIDE = 0.05  # of the range, from its ends to the first and last of them

@@ -43,9 +43,14 @@ def carry(P: Array, rows: NDArray[np.int64], slopes: Array) -> None:
 
 
 @njit(cache=True, error_model="numpy")
-def correct(x: Array, P: Array, H: Array, innovation: Array, variance: Array) -> float:
+def correct(
+    x: Array, P: Array, H: Array, innovation: Array, variance: Array, estimated: int
+) -> float:
     """Measurements (r,) with slopes H (r, n), whose `innovation` is that before any of them; in
-    place, one after the other. Those of infinite variance say nothing. Returns the log likelihood.
+    place, one after the other. Those of infinite variance say nothing. States from `estimated` on
+    are considered and not estimated: what is wrong with them counts, and nothing is learnt of it
+    (Schmidt, Application of state-space methods to navigation problems, 1966). Returns the log
+    likelihood.
     """
     n, likelihood = len(x), 0.0
     begun = x.copy()
@@ -62,9 +67,9 @@ def correct(x: Array, P: Array, H: Array, innovation: Array, variance: Array) ->
             spread += H[r, i] * seen[i]
             left -= H[r, i] * (x[i] - begun[i])
         likelihood -= 0.5 * (left * left / spread + math.log(spread / variance[r]))
-        for i in range(n):
+        for i in range(estimated):
             x[i] += seen[i] * left / spread
         for i in range(n):
-            for k in range(n):
+            for k in range(n if i < estimated else estimated):
                 P[i, k] -= seen[i] * seen[k] / spread
     return likelihood

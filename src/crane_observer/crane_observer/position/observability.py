@@ -19,10 +19,10 @@ HEAVIEST = 200.0  # kg, what may hang at the tip
 class Observability:
     """Of one model, whose joints have a `span` (j,) and errors a `spread` (size,)."""
 
-    def __init__(self, layout: StateLayout, span: Array, spread: Array):
+    def __init__(self, layout: StateLayout, span: Array, spread: Array, heaviest: float = HEAVIEST):
         self._layout, self._span = layout, span
         known = spread.copy()
-        known[layout.of(POSITION)], known[layout.load] = span, HEAVIEST
+        known[layout.of(POSITION)], known[layout.load] = span, heaviest
         self._prior = np.diag(1.0 / known**2)
         self._information = np.zeros((layout.size, layout.size))
 

@@ -9,11 +9,12 @@ import numpy as np
 from crane_model.array import Array, Flags
 from crane_model.machine import Machine
 from crane_model.model_file import Model
-from crane_observer.position.filter import FlowWindow, Known, PoseEstimate
 from crane_observer.position.flow import SUMS, Commands, add_interval, spools_of
 from crane_observer.position.hypotheses import Hypotheses
-from crane_observer.position.observability import Observability
+from crane_observer.position.known import Known
+from crane_observer.position.observability import HEAVIEST, Observability
 from crane_observer.position.state import Trust
+from crane_observer.position.window import FlowWindow, PoseEstimate
 
 WINDOW = 0.05  # s
 EARLY = 0.002  # s, before its time, that a window may end
@@ -24,6 +25,8 @@ NEUTRAL = 1e-6  # of the stroke
 ENCODER = 1e-4  # rad or m, standard deviation of a reading
 LOOK_BACK = 100  # windows, that can be gone through again
 START = 1e-3  # rad or m, standard deviation of a start that is known
+CERTAIN = 3.0  # standard deviations
+LIGHTEST = 10.0  # kg that may be missing at the tip, of what the model has there
 LARGEST = 25e6  # Pa, what transducers show at most where nobody says
 
 
@@ -36,6 +39,7 @@ class SensorCondition(Enum):
     COMMANDS_LOST = "commands lost while a valve was open: it counts as closed"
     ENCODER_LOST = "an encoder is lost: its joint goes on by flow and force"
     SEARCHING = "start not known: several poses are possible"
+    LOAD_IMPOSSIBLE = "forces ask for a load that cannot hang at the tip: do not believe it"
 
 
 class Told(NamedTuple):
@@ -57,18 +61,21 @@ class PositionSensor:
         deviation: float = START,
         trust: Trust | None = None,
         largest: float = LARGEST,
+        heaviest: float = HEAVIEST,
     ):
         """`position` (j,) [rad, m] is where it starts, known to `deviation`; NaN where nobody
-        knows. `ConfigurationError` names what the model lacks.
+        knows. Transducers show `largest` [Pa] at most, and `heaviest` [kg] may hang at the tip.
+        `ConfigurationError` names what the model lacks.
         """
-        self.model, self._largest = model, largest
+        self.model, self._largest, self._heaviest = model, largest, heaviest
         joints = len(model.joints)
         known = Known.of(model, np.full(joints, ENCODER), trust)
         self._known, self._spools = known, spools_of(model)
         self._commands, self._spool = Commands.none(joints), np.zeros((joints, 3))
         self._hypotheses = Hypotheses(known, position, np.full(joints, deviation))
         span = known.high - known.low
-        self._observability = Observability(known.layout, span, known.trust.spread(known.layout))
+        spread = known.trust.spread(known.layout)
+        self._observability = Observability(known.layout, span, spread, heaviest)
         self._sums = np.zeros((joints, SUMS))
         self._begin = self._newest = np.nan
         self._before = self._last = np.zeros((2, joints))
@@ -192,5 +199,8 @@ class PositionSensor:
             condition = SensorCondition.COMMANDS_LOST
         if window.blind and not cut_off:
             condition = SensorCondition.PRESSURES_LOST
+        unsure = CERTAIN * estimate.deviation[-1]
+        if not -unsure - LIGHTEST < estimate.load < self._heaviest + unsure:
+            condition = SensorCondition.LOAD_IMPOSSIBLE
         observable = measured | self._observability.observable
         return Told(estimate, condition, observable, measured)

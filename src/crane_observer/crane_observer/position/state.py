@@ -15,11 +15,13 @@ LEAST = 0.15  # of the deviations of such a model, those of one without any lack
 
 @dataclass(frozen=True)
 class StateLayout:
-    """Where the states of j joints stand: of each joint seven, and the load at the tip last.
+    """Where the states of j joints stand: of each joint eight, the load at the tip, and one more.
 
     Coordinates [rad, m]; errors of the flow gain where the cylinder extends and where it retracts
     [1]; null of the valve [of the stroke]; error of the piston's force, as one of pressure in
-    chamber A [Pa]; error of dry and of viscous friction [of what the model has]; load [kg].
+    chamber A [Pa]; error of dry and of viscous friction [of what the model has]; friction by which
+    a joint is held while it stands [of dry friction]; load [kg]; and, not estimated but considered,
+    by how much flow is off where it is not clear that anything flows [of its doubt].
     """
 
     joints: int
@@ -27,19 +29,21 @@ class StateLayout:
     @property
     def size(self) -> int:
         """How many states there are."""
-        return 7 * self.joints + 1
+        return KINDS * self.joints + 1
 
     def of(self, kind: int) -> slice:
-        """The states of one kind, by joint: POSITION, EXTENDING, ..., VISCOUS."""
-        return slice(kind * self.joints, (kind + 1) * self.joints)
+        """The states of one kind, by joint: POSITION, EXTENDING, ..., DRIFT."""
+        begin = kind * self.joints + (kind >= ESTIMATED)
+        return slice(begin, begin + self.joints)
 
     @property
     def load(self) -> int:
         """The place of the load."""
-        return 7 * self.joints
+        return ESTIMATED * self.joints
 
 
-POSITION, EXTENDING, RETRACTING, NULL, PRESSURE, DRY, VISCOUS = range(7)
+POSITION, EXTENDING, RETRACTING, NULL, PRESSURE, DRY, VISCOUS, HELD, DRIFT = range(9)
+KINDS, ESTIMATED = 9, 8
 
 
 @dataclass(frozen=True)
@@ -58,6 +62,7 @@ class Trust:
     dry: float = 0.1  # of dry friction
     viscous: float = 0.05  # of viscous friction
     friction_stays: float = 60.0  # s
+    held: float = 1.0  # of dry friction, that holds a joint which stands
     load: float = 60.0  # kg, of a load that has just come or gone
     load_drift: float = 0.05  # kg/sqrt(s)
     stroke: float = 0.005  # of the stroke of a window, beside gains
@@ -96,6 +101,8 @@ class Trust:
         found[layout.of(PRESSURE)] = self.pressure
         found[layout.of(DRY)] = self.dry
         found[layout.of(VISCOUS)] = self.viscous
+        found[layout.of(HELD)] = self.held
+        found[layout.of(DRIFT)] = 1.0
         return found
 
     def stay(self, layout: StateLayout) -> Array:
@@ -103,6 +110,7 @@ class Trust:
         found = np.full(layout.size, np.inf)
         found[layout.of(EXTENDING)] = found[layout.of(RETRACTING)] = self.stays
         found[layout.of(NULL)] = self.stays
+        found[layout.of(DRIFT)] = self.stays
         found[layout.of(PRESSURE)] = self.pressure_stays
         found[layout.of(DRY)] = found[layout.of(VISCOUS)] = self.friction_stays
         return found

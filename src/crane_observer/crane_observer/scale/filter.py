@@ -72,7 +72,7 @@ class LoadFilter:
         """What hangs at the tip counts as nothing from now on."""
         if abs(self.x[MASS]) < 3.0 * np.sqrt(self.P[MASS, MASS]):  # it was nothing
             H = np.eye(2, len(self.x))
-            correct(self.x, self.P, H, -self.x[:2], np.full(2, TAKEN**2))
+            correct(self.x, self.P, H, -self.x[:2], np.full(2, TAKEN**2), len(self.x))
             return
         move = np.eye(len(self.x))
         move[TARE, MASS] = 1.0
@@ -119,7 +119,8 @@ class LoadFilter:
     def correct(self, H: Array, innovation: Array, variance: Array) -> None:
         """By what `innovation` gave."""
         away = np.abs(innovation) / np.sqrt(variance + np.einsum("ik,kl,il->i", H, self.P, H))
-        correct(self.x, self.P, H, innovation, variance * np.maximum(1.0, away / OUTLYING) ** 2)
+        variance = variance * np.maximum(1.0, away / OUTLYING) ** 2
+        correct(self.x, self.P, H, innovation, variance, len(self.x))
         self.x[self.of(STICK)] = np.clip(self.x[self.of(STICK)], -1.0, 1.0)
 
     def _forget(self, places: object, deviations: Array) -> None:

@@ -115,7 +115,8 @@ class Happening:
         """Of a joint in the middle of its range."""
         self.events += 1
         now = self.bench.now
-        self.bench.it.estimated(JointEstimate(now, MIDDLE[SUBSTITUTED], 0.0, deviation), now)
+        estimate = JointEstimate(now, MIDDLE[SUBSTITUTED], 0.0, deviation, "GOOD")
+        self.bench.it.estimated(estimate, now)
 
     def ask(self, request: str) -> None:
         self.events += 1

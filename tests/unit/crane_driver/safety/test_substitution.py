@@ -37,11 +37,13 @@ def told(
     position: float = MIDDLE[SUBSTITUTED],
     velocity: float = 0.0,
     deviation: float = SURE,
+    condition: str = "GOOD",
 ) -> float:
     """Cycles with an estimate in each; what its valve is sent at last."""
     for _ in range(math.ceil(seconds / CYCLE)):
         bench.it.readings(WITHOUT, {**STILL, SUBSTITUTED: math.nan})
-        bench.it.estimated(JointEstimate(bench.now, position, velocity, deviation), bench.now)
+        estimate = JointEstimate(bench.now, position, velocity, deviation, condition)
+        bench.it.estimated(estimate, bench.now)
         (output,) = bench.run(CYCLE, command)
     return output.commands[SUBSTITUTED]
 
@@ -157,11 +159,21 @@ def test_an_estimate_that_is_no_number_is_missed(wrong: float) -> None:
     assert fault_of(bench).kind is FaultKind.ESTIMATE
 
 
+@pytest.mark.parametrize("condition", ["SEARCHING", "PRESSURES_LOST", "LOAD_IMPOSSIBLE", ""])
+def test_an_estimate_in_a_condition_that_leads_no_joint_is_a_fault(condition: str) -> None:
+    bench = degraded(Bench())
+    told(bench, 0.5, {SUBSTITUTED: 0.0}, condition="ENCODER_LOST")
+    assert state_of(bench) is SafetyState.DEGRADED
+    told(bench, 2 * CYCLE, {SUBSTITUTED: 0.0}, condition=condition)
+    assert fault_of(bench).kind is FaultKind.ESTIMATE
+    assert f"its estimate is {condition}, not GOOD" in fault_of(bench).detail
+
+
 def test_estimates_that_come_out_of_order_change_nothing() -> None:
     bench = degraded(Bench())
     told(bench, 0.5, {SUBSTITUTED: 0.0})
     for time in (bench.now - 0.1, bench.now + 10.0):
-        bench.it.estimated(JointEstimate(time, 99.0, 99.0, 99.0), bench.now)
+        bench.it.estimated(JointEstimate(time, 99.0, 99.0, 99.0, "GOOD"), bench.now)
         bench.run(CYCLE, {SUBSTITUTED: 0.0})
         assert state_of(bench) is SafetyState.DEGRADED
 

@@ -1,0 +1,45 @@
+"""Whether innovations ask for another load: two-sided CUSUM of their projection on it."""
+
+import math
+from copy import copy
+
+import numpy as np
+
+from crane_model.array import Array
+
+SURPRISE = 5.0  # standard deviations of a load that comes or goes, in the sum over some windows
+SLACK = 0.75  # of these, a window, that are no surprise
+MOST = 2.5  # of these, a window, that count: one alone is no surprise
+EXPLAINED = 0.6  # of the surprise, what a load must explain of it
+
+
+class Surprise:
+    """The sums of one filter, for more load and for less."""
+
+    def __init__(self) -> None:
+        self._sums = np.zeros(2)
+        self.suspected = False  # the last innovations ask for another load, or are outliers
+
+    def copied(self) -> "Surprise":
+        """As it stands, to go back to."""
+        other = copy(self)
+        other._sums = self._sums.copy()
+        return other
+
+    def add(self, load: Array, innovation: Array, covariance: Array) -> bool:
+        """Innovations (r,) with their covariance (r, r), and what 1 kg more asks of them (r,)."""
+        spread = np.linalg.solve(covariance, np.stack([load, innovation], 1))
+        information = float(load @ spread[:, 0])
+        self.suspected = False
+        if information <= 0.0:
+            return False
+        away = float(load @ spread[:, 1]) / math.sqrt(information)
+        if away**2 < EXPLAINED * float(innovation @ spread[:, 1]):
+            away = 0.0  # something else
+        signs = np.array([1.0, -1.0])
+        self._sums = np.maximum(self._sums + np.clip(signs * away, -MOST, MOST) - SLACK, 0.0)
+        if self._sums.max() < SURPRISE:
+            self.suspected = abs(away) > MOST
+            return False
+        self._sums[:] = 0.0
+        return True

@@ -1,0 +1,103 @@
+"""`ros2 run crane_viewer viewer`: the crane in a browser, live from its topics or from a bag."""
+
+import argparse
+import signal
+import sys
+from collections.abc import Sequence
+from contextlib import nullcontext
+from pathlib import Path
+
+from crane_model.cli import add_machine, command_line, run
+from crane_model.errors import ConfigurationError
+from crane_model.machine import load_machine
+
+LOOPBACK = "127.0.0.1"
+
+
+def main(argv: Sequence[str] | None = None) -> int:
+    """Show until SIGINT or SIGTERM; a bag that is only saved ends by itself."""
+    argv = sys.argv[1:] if argv is None else argv
+    parser = _parser()
+    ros = list(argv).index("--ros-args") if "--ros-args" in argv else len(argv)
+    options = parser.parse_args(list(argv)[:ros])
+    if options.no_page and not options.save:
+        parser.error("--no-page: without a page there must be a file: --save FILE.rrd")
+    return run(lambda: _show(options, list(argv)[ros:]))
+
+
+def _show(options: argparse.Namespace, ros_arguments: list[str]) -> None:
+    from crane_viewer.server import Server
+    from crane_viewer.view import View
+
+    if options.save and options.save.exists():
+        raise ConfigurationError(f"{options.save}: exists; name another place")
+    machine = load_machine(options.machine)
+    page = (
+        nullcontext()
+        if options.no_page
+        else Server(options.listen, options.web_port, options.data_port)
+    )
+    with page as server:
+        view = View(
+            machine,
+            live=options.bag is None,
+            server=server.data if server else None,
+            file=options.save,
+        )
+        if server:
+            print(f"open in a browser: {server.page}", flush=True)
+        try:
+            if options.bag:
+                from crane_viewer.bag import show_bag
+
+                show_bag(view, machine, options.bag)
+                print(f"shown: {options.bag}", flush=True)
+                if server:
+                    _wait()
+            else:
+                from crane_viewer.viewer_node import show_topics
+
+                show_topics(view, ros_arguments)
+        finally:
+            view.finish()
+
+
+def _wait() -> None:
+    """Until the user has seen enough."""
+    stop = {signal.SIGINT, signal.SIGTERM, signal.SIGHUP}
+    signal.pthread_sigmask(signal.SIG_BLOCK, stop)
+    signal.sigwait(stop)
+
+
+def _parser() -> argparse.ArgumentParser:
+    parser = command_line(
+        prog="viewer",
+        description="Shows the crane in a browser: live from its topics, or a bag. It only looks: "
+        "it publishes nothing, calls no service, and cannot move anything.",
+        epilog="Live, ROS arguments follow --ros-args: -r __ns:=/left for a crane in a namespace.",
+    )
+    parser.add_argument("--bag", type=Path, metavar="BAG", help="show a bag instead of the topics")
+    add_machine(parser)
+    parser.add_argument(
+        "--save", type=Path, metavar="FILE", help="also write all into a new file of Rerun (.rrd)"
+    )
+    parser.add_argument(
+        "--listen",
+        default=LOOPBACK,
+        metavar="ADDRESS",
+        help="of this computer, where others may look, too: 0.0.0.0 for all of them; whoever "
+        f"reaches it sees everything (default: {LOOPBACK}, this computer alone)",
+    )
+    for name, port, what in (
+        ("--web-port", 9090, "page"),
+        ("--data-port", 9876, "data; Rerun's own window connects to it, too"),
+    ):
+        parser.add_argument(
+            name,
+            type=int,
+            default=port,
+            metavar="N",
+            help=f"of the {what} (default: {port}; 0: any)",
+        )
+    parser.add_argument("--no-page", action="store_true", help="only --save, nothing is served")
+    return parser

@@ -1,0 +1,80 @@
+"""The topics as a view: a node that subscribes and does nothing else."""
+
+import time
+from collections.abc import Sequence
+
+import rclpy
+from rclpy.executors import SingleThreadedExecutor
+from rclpy.node import Node
+from rclpy.qos import DurabilityPolicy, QoSProfile, ReliabilityPolicy
+from rosbags.serde import SerdeError
+
+from crane_nodes.context import ros
+from crane_nodes.polled import Polled
+from crane_nodes.ready import say_ready
+from crane_nodes.recording.definitions import message_class
+from crane_viewer.view import SHOWN, View
+
+VISIT_PERIOD_S = 0.1  # between two visits to the queues: rarely, so that looking costs little
+DEPTH = 200  # messages of a topic that may wait for a visit, at 200 Hz ten times as many as come
+
+
+def show_topics(view: View, arguments: Sequence[str]) -> None:
+    """Until SIGINT, SIGTERM or SIGHUP."""
+    with ros(arguments) as stop:
+        viewer = Viewer(view)
+        executor = SingleThreadedExecutor()
+        executor.add_node(viewer)
+        while not stop.requested and rclpy.ok():
+            executor.spin_once(timeout_sec=0.0)
+            viewer.visit()
+            time.sleep(VISIT_PERIOD_S)
+        viewer.visit()  # what came last
+        viewer.destroy_node()
+
+
+class Viewer(Node):
+    """It has no publisher for anything but its own log, and no client: it cannot move anything."""
+
+    def __init__(self, view: View):
+        super().__init__("viewer", start_parameter_services=False)
+        self._view = view
+        self._polled = [
+            (
+                topic,
+                Polled(
+                    self,
+                    message_class(topic.msgtype),
+                    topic.relative,
+                    _quality(topic.latched),
+                    raw=True,
+                ),
+            )
+            for topic in SHOWN
+        ]
+        self._wrong: set[str] = set()
+        say_ready(self)
+
+    def visit(self) -> None:
+        """Show what has come since the last visit."""
+        for topic, polled in self._polled:
+            if not (taken := list(polled.take())):
+                continue
+            received = [info["received_timestamp"] or time.time_ns() for _, info in taken]
+            try:
+                self._view.take(topic, received, [data for data, _ in taken])
+            except (SerdeError, ValueError) as error:
+                if topic.name not in self._wrong:
+                    self._wrong.add(topic.name)
+                    self.get_logger().warning(f"{topic.name} is not shown: {error}")
+
+
+def _quality(latched: bool) -> QoSProfile:
+    """Best effort: a publisher never waits for who only looks."""
+    if latched:
+        return QoSProfile(
+            depth=DEPTH,
+            reliability=ReliabilityPolicy.RELIABLE,
+            durability=DurabilityPolicy.TRANSIENT_LOCAL,
+        )
+    return QoSProfile(depth=DEPTH, reliability=ReliabilityPolicy.BEST_EFFORT)
