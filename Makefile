@@ -4,7 +4,7 @@
 #              (crane_viewer viewer), the crane drawn (crane_sim picture, view), CSV and Parquet
 # make test    all tests
 # make discrepancy-benchmark   how often `diagnose` is right about hidden effects, in runs/
-# make observer-benchmark   how well positions are known without encoders, in runs/observer
+# make observer-benchmark   positions without encoders, and sensors that lie, in runs/observer; hours
 # make study   the report's experiment with 20 + 2 trajectories, results in runs/study
 # make bench   measurements of speed
 # make figures put what was measured (demo, study, discrepancy-benchmark, bench) into the manual
@@ -58,7 +58,13 @@ test:
 	@$(in_env) scripts/test.sh $(TESTS)
 
 observer-benchmark: setup
-	@$(in_env) ros2 run crane_benchmark observer --out runs/observer/observer.json
+	@$(in_env) failed=0; \
+	ros2 run crane_benchmark observer --out runs/observer/observer.json || failed=1; \
+	ros2 run crane_benchmark loads --out runs/observer/loads.json || failed=1; \
+	ros2 run crane_benchmark sensors --out runs/observer/sensors_stock.json \
+		--picture runs/observer/smallest_faults.png || failed=1; \
+	ros2 run crane_benchmark sensors --on hard --out runs/observer/sensors_hard.json || failed=1; \
+	exit $$failed
 
 bench:
 	@scripts/setup.sh test tables pictures view

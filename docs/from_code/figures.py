@@ -25,6 +25,9 @@ SOURCES = (
     ("study", "study/figures.json"),
     ("discrepancy", "discrepancy_benchmark/scoring/*/figures.json"),
     ("observer", "observer/observer.json"),
+    ("loads", "observer/loads.json"),
+    ("sensors_stock", "observer/sensors_stock.json"),
+    ("sensors_hard", "observer/sensors_hard.json"),
     ("", "bench/*.json"),  # by their own names
 )
 """Names in docs/measured, and what becomes of them in runs."""

@@ -13,6 +13,7 @@ from crane_driver.operator.jog.jog_node import Jog
 from crane_identification.online.identification_node import Identification
 from crane_model.machine import load_machine
 from crane_observer.node.position_sensor_node import PositionSensorNode
+from crane_observer.node.scale_node import ScaleNode
 from crane_observer.node.sensor_monitor_node import SensorMonitorNode
 from crane_trajectory.trajectory_node import Trajectory
 
@@ -21,6 +22,7 @@ NODES: dict[str, Callable[[], Node]] = {
     "trajectory": Trajectory,
     "identification": Identification,
     "position_sensor": PositionSensorNode,
+    "scale": ScaleNode,
     "sensor_monitor": SensorMonitorNode,
     "jog": lambda: Jog(by_joystick=True),
 }

@@ -8,6 +8,7 @@ PACKAGE = "crane_benchmark"
 TOOLS = {  # they run without ROS
     "discrepancy": "crane_benchmark.benchmark:main",
     "leave_one_out": "crane_benchmark.leave_one_out:main",
+    "loads": "crane_benchmark.observing.loads:main",
     "observer": "crane_benchmark.observing.observer:main",
     "sensors": "crane_benchmark.observing.sensors:main",
     "study": "crane_benchmark.study.study:main",

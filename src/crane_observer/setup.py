@@ -12,6 +12,7 @@ TOOLS = {  # they run without ROS
 }
 NODES = {
     "position_sensor": "crane_observer.node.position_sensor_node:main",
+    "scale": "crane_observer.node.scale_node:main",
     "sensor_monitor": "crane_observer.node.sensor_monitor_node:main",
 }
 

@@ -26,6 +26,7 @@ from crane_interfaces.msg import (
     ParameterEstimate,
     PositionEstimate,
     SensorFindings,
+    TipLoad,
     ValveCommand,
 )
 
@@ -101,6 +102,16 @@ MESSAGES = [
         onset=[1.7e9, 1.7e9],
         dangerous=[True, False],
         what_to_do=["stop", "replace it"],
+    ),
+    TipLoad(
+        header=HEADER,
+        load=52.5,
+        std_dev=0.5,
+        centre=math.nan,
+        centre_std_dev=math.nan,
+        moved=2.4,
+        changed=True,
+        condition="GOOD",
     ),
     ValveCommand(header=HEADER, name=["slew"], command=[-1.0]),
 ]

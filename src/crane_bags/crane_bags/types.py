@@ -52,12 +52,13 @@ PARAMETER_ESTIMATE = Topic(
 GENERALIZED_FORCES = Topic("/generalized_forces", f"{INTERFACES}/msg/GeneralizedForces")
 DRIVER_STATE = Topic("/driver/state", f"{INTERFACES}/msg/DriverState", latched=True)
 SENSOR_FINDINGS = Topic("/sensor_findings", f"{INTERFACES}/msg/SensorFindings", latched=True)
+TIP_LOAD = Topic("/tip_load", f"{INTERFACES}/msg/TipLoad", latched=True)
 DIAGNOSTICS = Topic("/diagnostics", "diagnostic_msgs/msg/DiagnosticArray", continuous=True)
 ROBOT_DESCRIPTION = Topic("/robot_description", "std_msgs/msg/String", latched=True)
 TOPICS = (
     *(JOINT_STATES, CYLINDER_PRESSURES, VALVE_COMMAND, JOINT_REFERENCE),
     *(VALVE_OUTPUT, PARAMETER_ESTIMATE, GENERALIZED_FORCES, DIAGNOSTICS, ROBOT_DESCRIPTION),
-    *(DRIVER_STATE, SENSOR_FINDINGS),
+    *(DRIVER_STATE, SENSOR_FINDINGS, TIP_LOAD),
 )
 """All that the nodes of the suite publish; reliably."""
 

@@ -11,7 +11,7 @@ from crane_model.arguments import between
 from crane_model.errors import DataError
 from crane_model.model_file import load_model
 from crane_observer.recording import HeardRecording
-from crane_observer.scale.lifts import Lift, lifts
+from crane_observer.scale.lifts import HEADINGS, Lift, lifts, row_of
 from crane_observer.scale.replay import weigh
 from crane_observer.scale.scale import Scale, Weighing
 
@@ -63,10 +63,8 @@ def main(argv: Sequence[str] | None = None) -> int:
 def _write_lifts(path: Path, lifted: Sequence[Lift]) -> None:
     with path.open("w", newline="", encoding="utf-8") as file:
         rows = csv.writer(file)
-        rows.writerow(["picked_up [s]", "released [s]", "moved [s]", "load [kg]", "std_dev [kg]",
-                       "centre [m]", "centre.std_dev [m]"])  # fmt: skip
-        for one in lifted:
-            rows.writerow(f"{value:.6g}" for value in (*one[:3], *one.load))
+        rows.writerow(HEADINGS)
+        rows.writerows(row_of(one) for one in lifted)
 
 
 def _write_course(path: Path, found: Sequence[Weighing]) -> None:

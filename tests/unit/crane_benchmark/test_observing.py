@@ -1,9 +1,23 @@
-"""Which aims of the observers are missed."""
+"""Which aims of the observers are missed, and the cases that they are asked by."""
 
+import numpy as np
 import pytest
+from unit.crane_observer.observed import known
 
 from crane_benchmark.measured import MeasuredRow
+from crane_benchmark.observing.cycles import WorkCycles
+from crane_benchmark.observing.failing import AIMS, OTHERS, SOONEST, FailingCase, drawn
+from crane_benchmark.observing.loads import weighed
+from crane_benchmark.observing.machines import stock
 from crane_benchmark.observing.observer import missed
+from crane_benchmark.observing.watched import MonitorAnswer, WatchedMachine, answered, smallest
+from crane_observer.monitor.finding import SensorFinding
+from crane_observer.monitor.signatures import Part, Wrong
+from crane_observer.monitor.tolerance import unlearnt
+from crane_observer.scale.scale import ScaleCondition, Weighing
+from crane_observer.scale.weighing import TipLoad
+from crane_sim.faulty.kinds import TimedFault, parse
+from crane_sim.plant.closed_loop import REST
 
 
 @pytest.mark.parametrize(("value", "misses"), [(1.9, 0), (2.0, 0), (2.01, 1)])
@@ -12,3 +26,64 @@ def test_an_aim_is_missed_by_more_than_it(value: float, misses: int) -> None:
     found = missed([row])
     assert len(found) == misses
     assert all(text.startswith("boom [mrad]: ") and text.endswith("aim 2") for text in found)
+
+
+def test_faults_are_drawn_while_their_joint_moves_and_each_kind_comes() -> None:
+    observed = stock()
+    cases = drawn(observed, 40, 3)
+    assert {one.question for one in cases} == {*AIMS, *OTHERS}
+    assert len({one.seed for one in cases}) == len(cases)
+    for one in cases:
+        assert parse(str(one.fault), observed.machine).place == one.fault.place
+        low, high = one.question.sizes
+        assert low * 0.999 <= abs(one.fault.size) <= high * 1.001
+        assert one.fault.onset is not None and one.fault.onset > SOONEST
+        cycles = WorkCycles.drawn(observed.machine, observed.stand_in.start, 120.0, one.seed)
+        velocity = cycles.reference(np.array([one.fault.onset - REST])).velocity[0]
+        if one.fault.target != "supply":
+            assert abs(velocity[observed.machine.index(one.fault.target)]) > 0.005
+
+
+def test_a_fault_is_answered_by_what_the_monitor_says() -> None:
+    watched = WatchedMachine(stock(), known(), unlearnt(known().joints))
+    question = AIMS[0]
+    fault = TimedFault("inner_boom", "encoder", "stuck", 0.0, 12.0)
+    case = next(
+        FailingCase(question, seed, fault._replace(onset=one.fault.onset))
+        for seed, one in ((one.seed, one) for one in drawn(stock(), 40, 3))
+        if one.question == question and one.fault.target == "inner_boom"
+    )
+    answer = answered(watched, case)
+    assert answer.right and 0.0 < answer.delay < 1.0
+    assert answer.before == 0
+
+
+def test_the_smallest_size_is_that_above_which_all_were_found() -> None:
+    question = OTHERS[0]
+
+    def answer(size: float, delay: float) -> MonitorAnswer:
+        fault = TimedFault("inner_boom", "encoder", question.kind, size, 10.0)
+        found = SensorFinding(
+            Part.ENCODER, "inner_boom", Wrong.JUMP, "m", 1.0, 0.0, 2.0, 10.0, 10.0 + delay
+        )
+        return MonitorAnswer(FailingCase(question, 1, fault), 0, found)
+
+    answers = [answer(1e-3, 0.1), answer(2e-3, 99.0), answer(-4e-3, 0.1), answer(8e-3, 0.2)]
+    assert smallest(answers, question) == 4e-3
+
+
+def test_loads_are_read_before_they_are_put_down() -> None:
+    machine = stock()
+    cycles = WorkCycles.drawn(machine.machine, machine.stand_in.start, 100.0, 5)
+    mass = [float(cycles.load(np.array([t - REST]))[0]) for t in np.arange(0.0, 100.0, 0.15)]
+
+    def load(kilograms: float) -> TipLoad:
+        return TipLoad(kilograms, 0.01, np.nan, np.nan)
+
+    found = [
+        Weighing(0.15 * k, load(1.1 * m), ScaleCondition.GOOD, False, 0.0, 9.0)
+        for k, m in enumerate(mass)
+    ]
+    told = weighed(cycles, found)
+    assert told
+    assert all(one.error == pytest.approx(0.1) and not one.covered for one in told)

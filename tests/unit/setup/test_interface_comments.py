@@ -61,6 +61,7 @@ def test_the_suite_has_the_interfaces_of_its_design() -> None:
         "ParameterEstimate.msg",
         "PositionEstimate.msg",
         "SensorFindings.msg",
+        "TipLoad.msg",
         "ValveCommand.msg",
         "RunExcitation.action",
         "SubstituteEncoder.srv",

@@ -60,8 +60,9 @@ RANGES: dict[tuple[tuple[str, ...], str], tuple[float, float]] = {
     (("valve",), "stuck"): (0.0, 0.0),
 }
 """Sizes of every kind, from hardly to be seen to plain."""
+NAMES = {"pressure_a": "chamber pressure", "pressure": "supply pressure"}
 OTHERS = tuple(
-    Question(f"{parts[0].rstrip('_ab')} {kind}", parts, kind, sizes, 20.0, 0.0, 1)
+    Question(f"{NAMES.get(parts[0], parts[0])} {kind}", parts, kind, sizes, 20.0, 0.0, 1)
     for (parts, kind), sizes in RANGES.items()
 )
 WEIGHTS = sum(one.weight for one in (*AIMS, *OTHERS))
@@ -105,7 +106,7 @@ def _case(
     low, high = question.sizes
     size = float(np.exp(rng.uniform(np.log(low), np.log(high)))) if low else 0.0
     if KINDS[part][question.kind].lowest < 0.0 and question.kind != "gain":
-        size *= rng.choice([-1.0, 1.0])
+        size *= float(rng.choice([-1.0, 1.0]))
     target = "supply" if part == "pressure" else joint
     onset = _moving(observed, joint, seed, rng)
     return FailingCase(question, seed, TimedFault(target, part, question.kind, size, onset))

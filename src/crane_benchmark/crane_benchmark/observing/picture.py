@@ -6,7 +6,7 @@ from pathlib import Path
 import numpy as np
 
 from crane_benchmark.observing.failing import OTHERS
-from crane_benchmark.observing.watched import Answer
+from crane_benchmark.observing.watched import MonitorAnswer
 
 UNITS = {
     "jump": "rad, m",
@@ -21,9 +21,10 @@ COLUMNS = 4
 NEIGHBOURS = 5  # cases over which a share is taken
 
 
-def draw_curves(path: Path, answers: Sequence[Answer]) -> None:
+def draw_curves(path: Path, answers: Sequence[MonitorAnswer]) -> None:
     """The share of faults that were found, by size: a point each case, the mean of neighbours."""
     from matplotlib.figure import Figure  # a second to import
+    from matplotlib.ticker import NullFormatter
 
     asked = [one for one in OTHERS if one.sizes[0] < one.sizes[1]]
     rows = -(-len(asked) // COLUMNS)
@@ -40,6 +41,8 @@ def draw_curves(path: Path, answers: Sequence[Answer]) -> None:
         axis.plot(middle, 100.0 * np.convolve(found, part, "valid"), color="tab:blue")
         axis.plot(size, 100.0 * found, "o", color="tab:blue", markersize=3, alpha=0.6)
         axis.set_xscale("log")
+        axis.set_xlim(*question.sizes)
+        axis.xaxis.set_minor_formatter(NullFormatter())
         pressed = question.parts[0].startswith("pressure")
         unit = (OF_PRESSURE if pressed else UNITS).get(question.kind, "share")
         axis.set_title(question.what.replace("_", " "), fontsize=9)

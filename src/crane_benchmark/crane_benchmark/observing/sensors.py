@@ -15,8 +15,8 @@ from crane_benchmark.observing.picture import draw_curves
 from crane_benchmark.observing.watched import (
     BATCH,
     LEARNT_FROM,
-    Answer,
-    Watched,
+    MonitorAnswer,
+    WatchedMachine,
     answered,
     false_alarms,
     smallest,
@@ -35,7 +35,7 @@ COLUMNS = ("what", "aim", "cases", "reached", "smallest", "median delay [s]")
 LEARNING, WITHOUT, WITH = 10_000, 20_000, 30_000  # seeds, beside that of the command
 
 
-def prepared(name: str, seed: int) -> Watched:
+def prepared(name: str, seed: int) -> WatchedMachine:
     """The machine identified from a bag, and tolerances learnt from it and from work."""
     make_it, _, _ = MACHINES[name]
     observed = make_it()
@@ -44,10 +44,14 @@ def prepared(name: str, seed: int) -> Watched:
         trained = watch(Path(folder) / "train", model, None).sums
     batches = range(round(LEARNT_FROM / BATCH))
     sums = [trained, *work(observed, model, [seed + LEARNING + k for k in batches])]
-    return Watched(observed, model, learn(model.joints, sums, "the bag of the model, and work"))
+    return WatchedMachine(
+        observed, model, learn(model.joints, sums, "the bag of the model, and work")
+    )
 
 
-def rows_of(name: str, hours: float, found: int, answers: Sequence[Answer]) -> list[MeasuredRow]:
+def rows_of(
+    name: str, hours: float, found: int, answers: Sequence[MonitorAnswer]
+) -> list[MeasuredRow]:
     """Every aim of the monitor, and what else it finds."""
     alarms = found + sum(one.before for one in answers)
     told = [one for one in answers if one.first is not None]
@@ -70,7 +74,7 @@ def rows_of(name: str, hours: float, found: int, answers: Sequence[Answer]) -> l
     ]
 
 
-def _row(name: str, answers: Sequence[Answer]) -> MeasuredRow:
+def _row(name: str, answers: Sequence[MonitorAnswer]) -> MeasuredRow:
     question = answers[0].case.question
     delays = np.array([one.delay for one in answers])
     share = float(np.mean(delays <= question.within))
@@ -142,7 +146,8 @@ def main(argv: Sequence[str] | None = None) -> int:
             table.add_row(*row.shown)
         Console().print(table)
         if arguments.out is not None:
-            write(arguments.out, "make observer-benchmark", rows, COLUMNS)
+            given = f"--on {arguments.on} --cases {arguments.cases} --hours {arguments.hours:g}"
+            write(arguments.out, f"ros2 run crane_benchmark sensors {given}", rows, COLUMNS)
         if arguments.picture:
             draw_curves(arguments.picture, answers)
         if misses := missed(rows):

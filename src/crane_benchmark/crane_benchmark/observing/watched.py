@@ -18,7 +18,7 @@ HOUR = 3600.0  # s
 LEARNT_FROM = 1200.0  # s of work without fault, beside the bag of the identification
 
 
-class Watched(NamedTuple):
+class WatchedMachine(NamedTuple):
     """A machine, and the monitor that watches it."""
 
     observed: Observed
@@ -33,7 +33,7 @@ class Watched(NamedTuple):
         return [one._replace(found=one.found + begin, onset=one.onset + begin) for one in found]
 
 
-class Answer(NamedTuple):
+class MonitorAnswer(NamedTuple):
     """To a case."""
 
     case: FailingCase
@@ -62,7 +62,9 @@ def work(observed: Observed, model: Model, seeds: Iterable[int]) -> Iterable[Sum
         yield compare(heard(made, model, observed), model, None).sums
 
 
-def false_alarms(watched: Watched, hours: float, seed: int) -> tuple[float, list[SensorFinding]]:
+def false_alarms(
+    watched: WatchedMachine, hours: float, seed: int
+) -> tuple[float, list[SensorFinding]]:
     """Hours without fault, and what was found in them."""
     seconds = 0.0
     found: list[SensorFinding] = []
@@ -74,7 +76,7 @@ def false_alarms(watched: Watched, hours: float, seed: int) -> tuple[float, list
     return seconds / HOUR, found
 
 
-def answered(watched: Watched, case: FailingCase) -> Answer:
+def answered(watched: WatchedMachine, case: FailingCase) -> MonitorAnswer:
     """What the monitor says of a case; it is told nothing of it."""
     made, _ = watched.observed.at_work(case.duration, case.seed, failing=[str(case.fault)])
     findings = watched.findings(made)
@@ -82,10 +84,10 @@ def answered(watched: Watched, case: FailingCase) -> Answer:
     assert onset is not None
     behind = [one for one in findings if one.found >= onset]
     first = min(behind, key=lambda one: one.found, default=None)
-    return Answer(case, len(findings) - len(behind), first)
+    return MonitorAnswer(case, len(findings) - len(behind), first)
 
 
-def smallest(answers: Sequence[Answer], question: Question) -> float:
+def smallest(answers: Sequence[MonitorAnswer], question: Question) -> float:
     """The size from which on every fault of this kind was found in time; inf where none was."""
     asked = sorted(
         (one for one in answers if one.case.question == question),

@@ -40,6 +40,7 @@ BLOCK = 0.05  # s; of sensors read at 200 Hz ten samples
 LEAST_APART = 5e-3  # s, of samples at the highest rate
 SETTLING = 1.0  # s after the first sample or a gap, until it is known where the spools stand
 LONGEST = 0.1  # s between two samples, beyond which nothing is known of what was between
+FEEDING = 1e4  # Pa that the supply droops
 SHOWN = 2.5e7  # Pa, the largest pressure that is believed
 
 
@@ -73,6 +74,13 @@ class FlowBlock(NamedTuple):
     supply: float  # Pa, mean, less what the flow that is drawn leaves of it
     drawn: Array  # (j,) Pa, by how much each joint lets the supply droop
     stroke: Array  # (j,) Pa s/m, by how much it would for 1 m/s
+
+    @property
+    def feeding(self) -> bool:
+        """Whether the supply feeds a joint: else a load that drops may have left its line at any
+        pressure, which the pump's check valve keeps there.
+        """
+        return float(self.drawn.sum()) > FEEDING
 
 
 @dataclass(frozen=True)

@@ -32,9 +32,9 @@ def of_block(block: FlowBlock) -> tuple[Array, Array, Array]:
     way = np.where(known, np.repeat(moved, 2), 0.0)
     drop = np.where(known, np.abs(block.drop).ravel(), 0.0)
     return (
-        np.append(residual, block.supply),
+        np.append(residual, block.supply if block.feeding else 0.0),
         np.append(way, block.drawn.sum()),
-        np.append(drop, 1.0),
+        np.append(drop, float(block.feeding)),
     )
 
 

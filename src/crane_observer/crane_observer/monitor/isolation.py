@@ -136,6 +136,7 @@ def _shapes(
             shape = np.zeros((n, count))
             shape[:, 2 * j : 2 * j + 2], shape[:, -1] = one.moves(course, j)
             shape[:, :-1] *= known
+            shape[:, -1] *= course.feeding
             shapes.append((one.part, joints[j], one.kind, one.unit, one.whole, shape))
     for kind, unit, error in (
         (Wrong.OFFSET, "Pa", np.ones(n)),
@@ -143,6 +144,6 @@ def _shapes(
     ):
         shape = np.zeros((n, count))
         shape[:, :-1] = (course.fed * error[:, None, None]).reshape(n, -1) * known
-        shape[:, -1] = error
+        shape[:, -1] = error * course.feeding
         shapes.append((Part.SUPPLY, SUPPLY, kind, unit, None, shape))
     return shapes

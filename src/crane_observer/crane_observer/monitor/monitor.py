@@ -17,6 +17,7 @@ from crane_observer.monitor.tolerance import Tolerance, excess
 WAITED = 2  # blocks after an alarm, in which others that have the same cause follow
 LONGEST_WAIT = 16  # blocks, of a fault that grew slowly
 REFINED = 40  # blocks after which kind and size of what was found are looked at again
+EXPLAINED = 0.5  # misfit, below which noise does not do what is seen
 SEEN_STUCK = 15  # repeats of a reading that are as good as stuck once residuals say so
 
 
@@ -123,9 +124,10 @@ class SensorComparison:
         self._alarmed[:] = False
         if not alarmed.any():
             return []
-        if noisy := self._noisy(alarmed, block):
-            return [noisy]
         suspects = self._suspects(alarmed)
+        explained = bool(suspects) and suspects[0].misfit < EXPLAINED
+        if not explained and (noisy := self._noisy(alarmed, block)):
+            return [noisy]
         if not suspects or not suspects[0].certain:
             return []  # as from stamps that were off: it comes again if it stays
         self._leave(suspects[0].part, suspects[0].joint)

@@ -64,6 +64,7 @@ class FaultSpan:
     pressure: Array  # (n, j, 2)
     last: Array
     stroke: Array  # (n, j)
+    feeding: Array  # (n,)
 
     @classmethod
     def of(cls, blocks: Sequence[FlowBlock]) -> "FaultSpan":

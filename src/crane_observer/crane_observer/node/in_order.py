@@ -3,7 +3,7 @@
 from typing import Generic, NamedTuple, TypeVar
 
 M = TypeVar("M")
-LONGEST = 100_000_000  # ns, that one topic is waited for when others have gone on
+LONGEST = 100_000_000  # ns, that one topic is waited for when others have gone on, unless told
 
 
 class Stamped(NamedTuple, Generic[M]):
@@ -15,12 +15,13 @@ class Stamped(NamedTuple, Generic[M]):
 
 
 class InOrder(Generic[M]):
-    """Holds messages back until every topic that talks has come as far, or is late by `LONGEST`.
+    """Holds messages back until every topic that talks has come as far, or is late by `longest` ns.
 
     A valve command that arrives a moment after the pressures that it made is so put before them.
     """
 
-    def __init__(self) -> None:
+    def __init__(self, longest: int = LONGEST) -> None:
+        self._longest = longest
         self._held: list[Stamped[M]] = []
         self._newest: dict[int, int] = {}  # ns, by topic
 
@@ -34,7 +35,7 @@ class InOrder(Generic[M]):
         if not self._held:
             return []
         latest = max(self._newest.values())
-        talking = [newest for newest in self._newest.values() if latest - newest < LONGEST]
+        talking = [newest for newest in self._newest.values() if latest - newest < self._longest]
         until = min(talking)
         self._held.sort(key=lambda one: one[:2])
         count = sum(one.stamp <= until for one in self._held)

@@ -6,12 +6,13 @@ import numpy as np
 from sensor_msgs.msg import JointState
 
 from crane_bags.clocks import NANOSECONDS
-from crane_interfaces.msg import PositionEstimate, SensorFindings
+from crane_interfaces.msg import PositionEstimate, SensorFindings, TipLoad
 from crane_model.array import Array
 from crane_nodes.stamps import stamp_of
 from crane_observer.monitor.finding import SensorFinding
 from crane_observer.monitor.signatures import Part
 from crane_observer.position.sensor import Told
+from crane_observer.scale.scale import Weighing
 
 
 def picked(joints: Sequence[str], names: Sequence[str], values: Sequence[float]) -> Array:
@@ -70,4 +71,20 @@ def findings_message(findings: Sequence[SensorFinding], zero: int) -> SensorFind
     if findings:
         newest = max(one.found for one in findings)
         message.header.stamp = stamp_of(zero + round(newest * NANOSECONDS))
+    return message
+
+
+def load_message(weighing: Weighing, zero: int) -> TipLoad:
+    """What hangs at the tip; its time counts from `zero` [ns]."""
+    load = weighing.load
+    message = TipLoad(
+        load=load.mass,
+        std_dev=load.deviation,
+        centre=load.centre,
+        centre_std_dev=load.centre_deviation,
+        moved=weighing.moved,
+        changed=weighing.changed,
+        condition=weighing.condition.name,
+    )
+    message.header.stamp = stamp_of(zero + round(weighing.time * NANOSECONDS))
     return message

@@ -16,7 +16,7 @@ from crane_model.model_file import load_model
 from crane_observer.recording import HeardRecording
 from crane_observer.scale.balance import MeanMotion, TipMechanics
 from crane_observer.scale.doubt import ModelDoubt
-from crane_observer.scale.lifts import lifts
+from crane_observer.scale.lifts import LiftLog, lifts
 from crane_observer.scale.readings import HeldReadings
 from crane_observer.scale.replay import weigh
 from crane_observer.scale.scale import Scale, ScaleCondition, Weighing
@@ -185,3 +185,18 @@ def test_where_even_the_best_weighing_is_bad_it_says_so() -> None:
 def test_a_model_without_values_is_refused() -> None:
     with pytest.raises(ConfigurationError, match="no values yet"):
         Scale(load_model(machine_file("model.yaml")))
+
+
+def test_lifts_that_are_logged_as_they_end_are_those_of_the_whole() -> None:
+    found, log = weighed(), LiftLog()
+    ended = [log.add(one) for one in found]
+    assert [one for one in (*ended, log.end()) if one is not None] == lifts(found)
+    assert lifts(found)
+
+
+def test_a_lift_of_an_hour_is_remembered_by_its_best() -> None:
+    found, log = weighed(), LiftLog()
+    rest = (found[-1]._replace(time=found[-1].time + k, changed=False) for k in range(1, 3600))
+    long = [*found, *rest]
+    ended = [log.add(one) for one in long]
+    assert [one for one in (*ended, log.end()) if one is not None] == lifts(long)

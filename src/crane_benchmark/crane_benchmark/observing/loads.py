@@ -1,0 +1,137 @@
+"""`loads`: what the scale is to reach, and what it reaches, on machines at work."""
+
+import tempfile
+from collections.abc import Sequence
+from pathlib import Path
+from typing import NamedTuple
+
+import numpy as np
+from rich.console import Console
+from rich.table import Table
+
+from crane_benchmark.measured import MeasuredRow, write
+from crane_benchmark.observing.cycles import WorkCycles
+from crane_benchmark.observing.observer import MACHINES, identified
+from crane_benchmark.observing.positions import heard
+from crane_model import cli
+from crane_model.arguments import between, whole
+from crane_model.errors import CraneError
+from crane_observer.scale.replay import weigh
+from crane_observer.scale.scale import Scale, Weighing
+from crane_sim.plant.closed_loop import REST
+
+AIMS = {"stock": (0.005, 0.005), "hard": (0.03, 0.02)}
+"""Root mean square of the error over the load: without tare, with one."""
+COVERED = 0.90, 0.98  # share of the loads that lie in their 95 % interval
+CONFIDENCE = 1.96  # standard deviations
+LEAST_MOTION = 2.0  # s, in which a load was moved
+BEFORE = 0.05  # s before a load changes, when it is read
+COLUMNS = ("what", "aim", "lifts", "error, rms", "largest", "in their 95 % interval")
+
+
+class WeighedLift(NamedTuple):
+    """A load, and what the scale said of it at last."""
+
+    load: float  # kg
+    mass: float  # kg
+    deviation: float  # kg
+
+    @property
+    def error(self) -> float:
+        """Of the load."""
+        return (self.mass - self.load) / self.load
+
+    @property
+    def covered(self) -> bool:
+        """Whether its 95 % interval holds it."""
+        return abs(self.mass - self.load) <= CONFIDENCE * self.deviation
+
+
+def weighed(cycles: WorkCycles, found: Sequence[Weighing]) -> list[WeighedLift]:
+    """Of loads in work that began at `REST`, each as it was known when it was put down."""
+    rest_before = np.concatenate([[0.0], cycles.ends[:-1]])
+    changes = REST + (rest_before + cycles.begins) / 2.0
+    times, answers = np.array([one.time for one in found]), []
+    for k in np.flatnonzero(np.diff(cycles.loads) != 0.0):
+        load = float(cycles.loads[k])
+        last = int(np.searchsorted(times, changes[k + 1] - BEFORE)) - 1
+        if load > 0.0 and last >= 0 and found[last].moved >= LEAST_MOTION:
+            told = found[last].load
+            answers.append(WeighedLift(load, told.mass, told.deviation))
+    return answers
+
+
+def measure(name: str, seconds: float, seed: int) -> list[MeasuredRow]:
+    """Without tare, and with one at the end of the first move, which is empty."""
+    make_it, _, _ = MACHINES[name]
+    observed = make_it()
+    with tempfile.TemporaryDirectory() as folder:
+        model = identified(observed, seed, Path(folder))
+    cycles = WorkCycles.drawn(observed.machine, observed.stand_in.start, seconds, seed)
+    made, _ = observed.at_work(seconds, seed)
+    recording = heard(made, model, observed)
+    tares = {"without tare": np.nan, "with tare": REST + float(cycles.ends[0])}
+    return [
+        _row(f"{name}: {what}", aim, weighed(cycles, weigh(Scale(model), recording, tared)))
+        for (what, tared), aim in zip(tares.items(), AIMS[name], strict=True)
+    ]
+
+
+def _row(what: str, aim: float, answers: Sequence[WeighedLift]) -> MeasuredRow:
+    errors = np.array([one.error for one in answers])
+    low, high = COVERED
+    return MeasuredRow(
+        cells=[
+            what,
+            f"{aim:.1%}; {low:.0%} to {high:.0%} in their interval",
+            *("{lifts:.0f}", "{rms:.2%}", "{largest:.1%}", "{covered:.0%}"),
+        ],
+        values={
+            "aim": aim,
+            "lifts": float(len(errors)),
+            "rms": float(np.sqrt(np.mean(errors**2))),
+            "largest": float(np.abs(errors).max()),
+            "covered": float(np.mean([one.covered for one in answers])),
+        },
+    )
+
+
+def missed(rows: Sequence[MeasuredRow]) -> list[str]:
+    """Aims that are not reached, in words."""
+    low, high = COVERED
+    wrong = []
+    for row in rows:
+        values = row.values
+        if values["rms"] > values["aim"]:
+            wrong.append(f"{row.cells[0]}: {values['rms']:.2%}, aim {values['aim']:.1%}")
+        if not low <= values["covered"] <= high:
+            wrong.append(f"{row.cells[0]}: {values['covered']:.0%} in their 95 % interval")
+    return wrong
+
+
+def main(argv: Sequence[str] | None = None) -> int:
+    """Measure the scale on machines at work, beside its aims: loads of 20 to 150 kg that come and
+    go unannounced. The exit status is 1 where an aim is missed.
+    """
+    parser = cli.command_line(description=main.__doc__)
+    add = parser.add_argument
+    add("--seconds", type=between(60.0, 36000.0), default=3600.0, help="of work (default: 3600)")
+    add("--seed", type=whole(0), default=101, help="of motion, loads and noise (default: 101)")
+    add("--out", type=Path, help="file for the figures (JSON)")
+    arguments = parser.parse_args(argv)
+
+    def body() -> None:
+        rows = [
+            row for name in MACHINES for row in measure(name, arguments.seconds, arguments.seed)
+        ]
+        table = Table(*COLUMNS)
+        for row in rows:
+            table.add_row(*row.shown)
+        Console().print(table)
+        if arguments.out is not None:
+            given = f"--seconds {arguments.seconds:g} --seed {arguments.seed}"
+            write(arguments.out, f"ros2 run crane_benchmark loads {given}", rows, COLUMNS)
+        if misses := missed(rows):
+            raise CraneError(f"aims are missed: {'; '.join(misses)}")
+
+    return cli.run(body)

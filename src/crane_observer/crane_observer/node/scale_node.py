@@ -1,0 +1,214 @@
+"""`scale`: what hangs at the tip, as a managed node."""
+
+import csv
+import time
+from collections.abc import Sequence
+from pathlib import Path
+
+from diagnostic_msgs.msg import DiagnosticArray, DiagnosticStatus, KeyValue
+from rclpy.clock import Clock, ClockType
+from rclpy.lifecycle import LifecycleNode, LifecycleState, TransitionCallbackReturn
+from rclpy.qos import DurabilityPolicy, QoSProfile, ReliabilityPolicy
+from sensor_msgs.msg import JointState
+from std_srvs.srv import Trigger
+
+from crane_bags.clocks import NANOSECONDS
+from crane_interfaces.msg import CylinderPressures, PositionEstimate, TipLoad
+from crane_model import cli
+from crane_model.errors import CraneError
+from crane_model.machine_files import machine_file
+from crane_model.model_file import Model, load_model
+from crane_nodes.machine_parameter import MACHINE
+from crane_nodes.managed import AUTOSTART, run_managed
+from crane_nodes.names import full_name
+from crane_nodes.parameters import NodeParameter, Text, declare, hold
+from crane_nodes.polled import Polled
+from crane_nodes.ready import say_ready
+from crane_nodes.stamps import nanoseconds
+from crane_observer.node.in_order import InOrder
+from crane_observer.node.topics import load_message, picked
+from crane_observer.scale.lifts import HEADINGS, Lift, LiftLog, row_of
+from crane_observer.scale.scale import Scale, ScaleCondition, Weighing
+
+DEEP = QoSProfile(depth=1000, reliability=ReliabilityPolicy.RELIABLE)
+LATCHED = QoSProfile(
+    depth=1,
+    reliability=ReliabilityPolicy.RELIABLE,
+    durability=DurabilityPolicy.TRANSIENT_LOCAL,
+)
+HEARD = (
+    ("joint_states", JointState),
+    ("position_estimate", PositionEstimate),
+    ("cylinder_pressures", CylinderPressures),
+)
+PUBLISH = 1.0  # s, of diagnostics
+VISIT = 0.02  # s between two visits to the queues
+PATIENCE = 500_000_000  # ns, with a topic that lags: nobody moves by the load
+SILENCE = 1.0  # s without a weighing
+
+MODEL = Text("model", "", "Identified model file; empty: model.yaml of the machine. At configure")
+LOG = Text("log", "", "New file (CSV) to which lifts are written; empty: none. At configure")
+PARAMETERS: tuple[NodeParameter, ...] = (AUTOSTART, MACHINE, MODEL, LOG)
+
+
+class ScaleNode(LifecycleNode):
+    """Listens to pressures and positions, and tells what hangs at the tip."""
+
+    def __init__(self) -> None:
+        super().__init__("scale")
+        declare(self, PARAMETERS, read_only=(AUTOSTART, MACHINE))
+        self._model: Model | None = None
+        self._log: Path | None = None
+        self._scale: Scale | None = None
+        hold(self, PARAMETERS, lambda: "configured" if self._model else "unconfigured")
+        self._queues: list[tuple[int, Polled]] = []
+        self._came: InOrder[JointState | PositionEstimate | CylinderPressures] = InOrder(PATIENCE)
+        self._lifts = LiftLog()
+        self._zero: int | None = None
+        self._weighing: Weighing | None = None
+        self._weighed = 0.0
+        self._loads = self.create_lifecycle_publisher(TipLoad, "tip_load", LATCHED)
+        self._diagnostics = self.create_publisher(DiagnosticArray, "/diagnostics", 10)
+        self.create_service(Trigger, "~/tare", self._tare)
+        steady = Clock(clock_type=ClockType.STEADY_TIME)
+        self.create_timer(VISIT, self._visit, clock=steady)
+        self.create_timer(PUBLISH, self._report, clock=steady)
+
+    def on_configure(self, state: LifecycleState) -> TransitionCallbackReturn:
+        """Read the model, and begin the log; refused where the model was never identified."""
+        try:
+            model = load_model(machine_file("model.yaml", MACHINE.read(self), MODEL.read(self)))
+            Scale(model)  # refuses what it cannot use
+            self._log = Path(LOG.read(self)) if LOG.read(self) else None
+            if self._log:
+                cli.check_out(self._log)
+                self._log.parent.mkdir(parents=True, exist_ok=True)
+                self._write(HEADINGS)
+            self._model = model
+        except (CraneError, OSError) as error:
+            self.get_logger().error(str(error))
+            return TransitionCallbackReturn.FAILURE
+        return super().on_configure(state)
+
+    def on_activate(self, state: LifecycleState) -> TransitionCallbackReturn:
+        """Listen; nothing is known of the load yet."""
+        assert self._model is not None
+        self._queues = [
+            (topic, Polled(self, msgtype, name, DEEP))
+            for topic, (name, msgtype) in enumerate(HEARD)
+        ]
+        self._came, self._lifts = InOrder(PATIENCE), LiftLog()
+        self._scale, self._zero, self._weighing = Scale(self._model), None, None
+        say_ready(self)
+        return super().on_activate(state)
+
+    def on_deactivate(self, state: LifecycleState) -> TransitionCallbackReturn:
+        """Listen no more; the lift that hangs there ends."""
+        for _, queue in self._queues:
+            queue.close()
+        self._ended(self._lifts.end())
+        self._queues, self._scale = [], None
+        return super().on_deactivate(state)
+
+    def on_cleanup(self, state: LifecycleState) -> TransitionCallbackReturn:
+        """Forget the model."""
+        self._model = self._log = None
+        return super().on_cleanup(state)
+
+    def on_shutdown(self, state: LifecycleState) -> TransitionCallbackReturn:
+        """Write the lift that hangs there."""
+        if self._scale is not None:
+            self._ended(self._lifts.end())
+        return super().on_shutdown(state)
+
+    def _tare(self, _: Trigger.Request, answer: Trigger.Response) -> Trigger.Response:
+        answer.success = self._scale is not None and self._weighing is not None
+        if self._scale is None or self._weighing is None:
+            answer.message = "nothing was weighed yet: wait for tip_load"
+            return answer
+        self._scale.tare()
+        load = self._weighing.load
+        answer.message = f"{load.mass:.1f} kg ± {load.deviation:.1f} kg count as nothing now"
+        return answer
+
+    def _visit(self) -> None:
+        if self._scale is None:
+            return
+        for topic, queue in self._queues:
+            for message, _ in queue.take():
+                self._came.add(nanoseconds(message.header.stamp), topic, message)
+        for stamp, _, message in self._came.take():
+            for weighing in self._take(stamp, message):
+                self._tell(weighing)
+
+    def _take(
+        self, stamp: int, message: JointState | PositionEstimate | CylinderPressures
+    ) -> list[Weighing]:
+        assert self._model is not None and self._scale is not None
+        joints, scale = self._model.joints, self._scale
+        if self._zero is None:
+            self._zero = stamp
+        seconds = (stamp - self._zero) / NANOSECONDS
+        match message:
+            case JointState():
+                scale.add_encoders(seconds, picked(joints, message.name, message.position))
+                return []
+            case PositionEstimate():
+                told = (message.position, message.velocity, message.std_dev)
+                scale.add_estimate(seconds, *(picked(joints, message.name, one) for one in told))
+                return []
+            case _:
+                return scale.add_pressures(
+                    seconds,
+                    picked(joints, message.name, message.chamber_a),
+                    picked(joints, message.name, message.chamber_b),
+                )
+
+    def _tell(self, weighing: Weighing) -> None:
+        assert self._zero is not None
+        if self._weighing is None or weighing.condition is not self._weighing.condition:
+            self.get_logger().info(weighing.condition.value)
+        self._weighing, self._weighed = weighing, time.monotonic()
+        self._loads.publish(load_message(weighing, self._zero))
+        self._ended(self._lifts.add(weighing))
+
+    def _ended(self, lift: Lift | None) -> None:
+        if lift is None or self._zero is None:
+            return
+        load = lift.load
+        self.get_logger().info(f"lift: {load.mass:.1f} kg ± {load.deviation:.1f} kg")
+        if self._log:
+            self._write(row_of(lift, self._zero / NANOSECONDS))
+
+    def _write(self, row: Sequence[str]) -> None:
+        assert self._log is not None
+        with self._log.open("a", newline="", encoding="utf-8") as file:
+            csv.writer(file).writerow(row)
+
+    def _report(self) -> None:
+        found = DiagnosticStatus(name=f"{full_name(self)}: load", level=DiagnosticStatus.OK)
+        if self._scale is None:
+            found.message = "not active"
+        elif self._weighing is None or time.monotonic() - self._weighed > SILENCE:
+            found.level, found.message = DiagnosticStatus.WARN, ScaleCondition.WAITING.value
+        else:
+            load = self._weighing.load
+            found.message = self._weighing.condition.value
+            found.values = [
+                KeyValue(key="load [kg]", value=f"{load.mass:.1f}"),
+                KeyValue(key="load, standard deviation [kg]", value=f"{load.deviation:.1f}"),
+                KeyValue(key="late [-]", value=str(self._scale.late)),
+                KeyValue(key="invalid [-]", value=str(self._scale.invalid)),
+            ]
+        message = DiagnosticArray(status=[found])
+        message.header.stamp = self.get_clock().now().to_msg()
+        self._diagnostics.publish(message)
+
+
+ABOUT = """Weighs what hangs at the tip from cylinder_pressures and joint_states, of a joint without
+encoder from position_estimate, by an identified model. Publishes tip_load; ~/tare tares."""
+
+
+def main(argv: Sequence[str] | None = None) -> int:
+    """Weigh what hangs at the tip."""
+    return run_managed("scale", ScaleNode, ABOUT, PARAMETERS, argv)
