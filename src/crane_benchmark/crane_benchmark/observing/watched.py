@@ -64,7 +64,8 @@ def work(observed: Observed, model: Model, seeds: Iterable[int]) -> Iterable[Sum
 
 def false_alarms(watched: Watched, hours: float, seed: int) -> tuple[float, list[SensorFinding]]:
     """Hours without fault, and what was found in them."""
-    seconds, found = 0.0, []
+    seconds = 0.0
+    found: list[SensorFinding] = []
     while seconds < hours * HOUR:
         seed += 1
         made, _ = watched.observed.at_work(BATCH, seed)
