@@ -1,0 +1,244 @@
+"""The live loop as processes, and what can be told of it by its bus and its bag alone."""
+
+import signal
+import struct
+import subprocess
+import sys
+import time
+from collections import defaultdict
+from collections.abc import Callable, Sequence
+from itertools import pairwise
+from pathlib import Path
+from typing import NamedTuple
+
+import numpy as np
+from integration.processes import free_port
+from integration.recording_graph import Process
+from mcap.reader import make_reader
+from scipy.ndimage import minimum_filter1d
+
+from crane_driver.can.binding import load_layout
+from crane_driver.can.bus import BusSettings
+from crane_driver.can.codec import MachineCodec
+from crane_driver.can.frame import Frame
+from crane_driver.can.link import Link
+from crane_model.machine import load_machine
+from crane_model.machine_files import machine_file
+
+HERE = Path(__file__).parent
+FLOOR = 10.0  # s
+MARGIN = 0.5  # s, at both ends of what is compared
+MILLISECOND = 1_000_000  # ns
+CYCLE = 5 * MILLISECOND
+PROMPT = 401  # cycles, among which one is received without delay
+SETTLING = 3.0  # s, until all subscriptions are known to all publishers
+PATIENCE = 60.0  # s
+ANSWER = 0x7F0  # id, of the floor
+STEP, VALUES = 0.0005, 99  # as in live_controller.py
+LAYOUT = load_layout(load_machine(), machine_file("can.yaml"), machine_file("can.dbc"))
+ENCODERS = tuple(one.message.frame_id for one in LAYOUT.readings if one.positions)
+PRESSURES = tuple(one.message.frame_id for one in LAYOUT.readings if one.pressures)
+VALVES = LAYOUT.commands[0].message.frame_id
+TOPICS = ("/joint_states", "/cylinder_pressures", "/valve_command")
+
+
+class Recorded(NamedTuple):
+    """What the bag holds of one topic; times in ns."""
+
+    stamp: np.ndarray  # of the header
+    log_time: np.ndarray
+    sequence: np.ndarray  # the publisher's own count
+    data: list[bytes]
+
+
+class Bus:
+    """All frames of the bus, as an independent listener receives them."""
+
+    def __init__(self, port: int):
+        self._link = Link(BusSettings(extra={"port": port}), capacity=100_000).open()
+        self.frames: list[Frame] = []
+
+    def listen(self, seconds: float) -> None:
+        until = time.monotonic() + seconds
+        while time.monotonic() < until:
+            time.sleep(0.05)
+            self.frames += self._link.take()
+
+    def until(self, condition: Callable[[], object]) -> None:
+        deadline = time.monotonic() + PATIENCE
+        while not condition():
+            assert time.monotonic() < deadline, "waited in vain"
+            self.listen(0.1)
+
+    def of(self, identifier: int) -> list[Frame]:
+        return [one for one in self.frames if one.id == identifier]
+
+    def close(self) -> None:
+        self._link.close()
+
+
+def read(bag: Path) -> dict[str, Recorded]:
+    columns: dict[str, list[tuple[int, int, int, bytes]]] = defaultdict(list)
+    for path in bag.glob("*.mcap"):
+        with path.open("rb") as file:
+            for _, channel, message in make_reader(file).iter_messages():
+                seconds, nanoseconds = struct.unpack_from("<iI", message.data, 4)
+                stamp = seconds * 10**9 + nanoseconds
+                columns[channel.topic].append(
+                    (stamp, message.log_time, message.sequence, message.data)
+                )
+    recorded = {}
+    for topic, rows in columns.items():
+        stamp, log_time, sequence, data = zip(*rows, strict=True)
+        recorded[topic] = Recorded(
+            np.array(stamp), np.array(log_time), np.array(sequence), list(data)
+        )
+    return recorded
+
+
+class Cycles(NamedTuple):
+    """Times [ns] of each cycle, from the machine's first one on."""
+
+    received: np.ndarray  # its first frame, by the listener
+    sampled: np.ndarray  # by the machine's even clock: where the promptest frames around it lie
+
+
+def cycles(bus: Bus, identifiers: tuple[int, ...]) -> Cycles:
+    by_message = [bus.of(identifier) for identifier in identifiers]
+    count = min(map(len, by_message))
+    counters = np.array([[one.data[1] & 0xF for one in frames[:count]] for frames in by_message])
+    assert (np.diff(counters) % 15 == 1).all(), "the listener itself has lost frames"
+    assert (counters == counters[0]).all(), "frames of different cycles side by side"
+    stamps = np.array([[one.stamp for one in frames[:count]] for frames in by_message])
+    received = stamps.min(axis=0)
+    due = CYCLE * np.arange(count)
+    return Cycles(received, due + minimum_filter1d(received - due, PROMPT))
+
+
+def edge(after: int, cycles: np.ndarray, stamps: np.ndarray) -> int:
+    """An instant [ns] between two cycles that nobody can take for one within either."""
+    for earlier, later in pairwise(cycles[cycles >= after]):
+        middle = (earlier + later) // 2
+        if later - earlier > 4 * MILLISECOND and np.abs(stamps - middle).min() > MILLISECOND:
+            return int(middle)
+    raise AssertionError("no gap between the cycles")
+
+
+class Way(NamedTuple):
+    """Instants [ns] on the way of one cycle round the loop."""
+
+    frame: int  # the encoder frame, received by the listener on the bus
+    state: int  # the joint state of it, received by the recorder
+    command: int  # the answer to it, received by the recorder
+    valves: int  # the first valve frame with that answer, received by the listener
+
+
+def ways(bus: Bus, bag: dict[str, Recorded], cycles: Cycles, window: tuple[int, int]) -> np.ndarray:
+    """(n, 4) ways of cycles [ns], columns as in `Way`."""
+    codec = MachineCodec(LAYOUT)
+    sent: dict[int, list[int]] = defaultdict(list)
+    previous = 0
+    for frame in bus.of(VALVES):
+        readings = codec.decode(frame)
+        assert readings
+        value = round(readings.commands["slew"] / STEP)
+        if value != previous and readings.enabled:
+            sent[value].append(frame.stamp)
+        previous = value
+    states = bag["/joint_states"]
+    received = dict(zip(states.stamp.tolist(), states.log_time.tolist(), strict=True))
+    commands = bag["/valve_command"]
+    found = []
+    for stamp, log_time, data in zip(
+        commands.stamp.tolist(), commands.log_time.tolist(), commands.data, strict=True
+    ):
+        if not (window[0] <= stamp < window[1] and stamp in received):
+            continue
+        (command,) = struct.unpack_from("<d", data, len(data) - 8)
+        frames = np.array(sent[round(command / STEP)])
+        asked = cycles.received[np.abs(cycles.sampled - stamp).argmin()]
+        later = frames[(frames > asked) & (frames < asked + VALUES * CYCLE // 2)]
+        if later.size:  # else a newer command took its place before it was sent
+            found.append(Way(int(asked), received[stamp], log_time, int(later[0])))
+    return np.array(found)
+
+
+def percentiles(times: np.ndarray) -> str:
+    p50, p99, p999 = np.percentile(times, [50, 99, 99.9])
+    return f"p50 {p50:6.2f}  p99 {p99:6.2f}  p99.9 {p999:6.2f}  max {times.max():6.2f} ms"
+
+
+def floor(bus: Bus, port: int) -> np.ndarray:
+    """The way round [ms] of python-can alone, beside the same processes."""
+    program = [sys.executable, str(HERE / "live_floor.py"), *map(str, (port, ENCODERS[-1], ANSWER))]
+    process = subprocess.Popen(program)
+    try:
+        bus.until(lambda: bus.of(ANSWER))
+        begin = len(bus.of(ANSWER))
+        bus.listen(FLOOR)
+    finally:
+        process.terminate()
+        process.wait()
+    asked = bus.of(ENCODERS[-1])
+    times = []
+    place = len(asked) - 1
+    for answer in reversed(bus.of(ANSWER)[begin:]):
+        while asked[place].stamp > answer.stamp or asked[place].data != answer.data:
+            place -= 1
+        times.append((answer.stamp - asked[place].stamp) * 1e-6)
+    return np.array(times)
+
+
+class Loop(NamedTuple):
+    """What was heard of a loop at work."""
+
+    bus: Bus
+    bag: dict[str, Recorded]
+    window: tuple[int, int]  # ns, that is measured
+    least: np.ndarray  # ms, the way round of python-can alone; (0,) where it was not asked for
+    told: str
+
+
+def measured_loop(
+    folder: Path, seconds: float, beside: Sequence[tuple[object, ...]] = (), floored: bool = True
+) -> Loop:
+    """A loop at work for so long, `beside` it further executables: package, name, arguments."""
+    port = free_port()
+    bus = Bus(port)
+    option = f"bus.options:=port={port}"
+    bag = folder / "bag"
+    started: list[Process] = []
+
+    def start(package: str, name: str, *arguments: object) -> Process:
+        started.append(Process(folder, package, name, *arguments))
+        return started[-1]
+
+    controller = None
+    try:
+        crane = start("crane_sim", "simulated_crane", "--bus-option", f"port={port}")
+        start("crane_driver", "driver", "--ros-args", "-p", option)
+        recorder = start("crane_nodes", "recorder", "--out", bag)
+        for package, name, *arguments in beside:
+            further = start(str(package), str(name), *arguments)
+            bus.until(lambda further=further: "ready: listens to" in further.output)
+        controller = subprocess.Popen(
+            [sys.executable, str(HERE / "live_controller.py")], stdout=subprocess.PIPE, text=True
+        )
+        bus.until(lambda: all(f"recording {topic} " in recorder.output for topic in TOPICS))
+        bus.until(lambda: any(sum(one.data[2:]) for one in bus.of(VALVES)))  # the loop is closed
+        bus.listen(SETTLING)
+        begin = time.time_ns() + int(MARGIN * 1e9)
+        bus.listen(seconds + 2 * MARGIN)
+        window = (begin, begin + int(seconds * 1e9))
+        least = floor(bus, port) if floored else np.empty(0)
+        controller.terminate()
+        told = controller.communicate(timeout=PATIENCE)[0].strip()
+    finally:
+        if controller and controller.poll() is None:
+            controller.kill()
+        for one in reversed(started):
+            if one.running:
+                one.end(signal.SIGTERM)
+        bus.close()
+    told = f"driver {told}; {crane.output.splitlines()[-1]}"
+    return Loop(bus, read(bag), window, least, told)
