@@ -1,8 +1,13 @@
 """`observer`: what the observers are to reach, and what they reach, on machines at work."""
 
+import io
 import tempfile
 from collections.abc import Callable, Sequence
+from concurrent.futures import ProcessPoolExecutor
+from contextlib import redirect_stdout
+from itertools import chain
 from pathlib import Path
+from typing import NamedTuple
 
 import numpy as np
 from rich.console import Console
@@ -28,7 +33,10 @@ MACHINES: dict[str, tuple[Callable[[], Observed], tuple[float, ...], float]] = {
 }
 """How it is made; aims with one encoder missing [rad, rad, m], and of the tip with all [m]."""
 PERIODS = 5  # of the excitation, for the identification
-COLUMNS = ("what", "aim", "position sensor", "flow alone", "without load", "NEES")
+COLUMNS = (
+    "what", "aim", "position sensor", "worst recording", "flow alone", "without load", "NEES",
+    "in its 95 %",
+)  # fmt: skip
 
 
 def identified(observed: Observed, seed: int, folder: Path) -> Model:
@@ -48,39 +56,55 @@ def identified(observed: Observed, seed: int, folder: Path) -> Model:
     return load_model(out / "model.yaml")
 
 
-def measure(name: str, duration: float, seed: int) -> list[MeasuredRow]:
-    """The rows of one machine."""
+class ObservedQuantity(NamedTuple):
+    """Of one quantity in one recording."""
+
+    what: str
+    aim: float
+    errors: tuple[float, ...]  # of the position sensor, by flow alone, without load
+    nees: float
+    inside: float
+
+
+def measure(name: str, duration: float, seed: int) -> list[ObservedQuantity]:
+    """On one machine, in one recording."""
     make_it, aims, tip_aim = MACHINES[name]
     observed = make_it()
-    with tempfile.TemporaryDirectory() as folder:
+    with tempfile.TemporaryDirectory() as folder, redirect_stdout(io.StringIO()):
         model = identified(observed, seed, Path(folder))
     made, _ = observed.at_work(duration, seed)
-    rows = []
+    outcomes = []
     every = np.ones(len(model.joints), dtype=bool)
     kinds = (FILTER, FLOW, NO_LOAD)
     for j, joint in enumerate(model.joints):
         hidden = np.arange(len(model.joints)) == j
         unit = "mm" if model.setting.units[joint] == "m" else "mrad"
         found = [observe(observed, made, model, hidden, kind) for kind in kinds]
-        errors = [1e3 * float(one.joints[j]) for one in found]
+        errors = tuple(1e3 * float(one.joints[j]) for one in found)
         what = f"{name}: {joint} without encoder [{unit}]"
-        rows.append(_row(what, 1e3 * aims[j], errors, found[0].nees))
-    found = [observe(observed, made, model, every, kind) for kind in kinds]
-    tips = [1e2 * one.tip for one in found]
-    rows.append(_row(f"{name}: tip, no encoder [cm]", 1e2 * tip_aim, tips, found[0].nees))
-    found = [observe(observed, made, model, every, kind, OFF) for kind in kinds]
-    tips = [1e2 * one.tip for one in found]
-    what = f"{name}: tip, no encoder, {OFF} off at the start, after a minute [cm]"
-    rows.append(_row(what, 1e2 * tip_aim, tips, found[0].nees))
-    return rows
+        outcomes.append(ObservedQuantity(what, 1e3 * aims[j], errors, found[0].nees, found[0].inside))
+    for off, words in ((0.0, ""), (OFF, f", {OFF} off at the start, after a minute")):
+        found = [observe(observed, made, model, every, kind, off) for kind in kinds]
+        tips = tuple(1e2 * one.tip for one in found)
+        what = f"{name}: tip, no encoder{words} [cm]"
+        outcomes.append(ObservedQuantity(what, 1e2 * tip_aim, tips, found[0].nees, found[0].inside))
+    return outcomes
 
 
-def _row(what: str, aim: float, values: Sequence[float], nees: float) -> MeasuredRow:
-    names = ("sensor", "flow", "no_load")
+def together(outcomes: Sequence[ObservedQuantity]) -> MeasuredRow:
+    """One quantity in all recordings: root mean squares, and the worst of them."""
+    errors = np.array([one.errors for one in outcomes])
+    rms = np.sqrt((errors**2).mean(axis=0))
+    values = dict(zip(("sensor", "flow", "no_load"), map(float, rms), strict=True))
+    values["worst"] = float(errors[:, 0].max())
+    values["nees"] = float(np.mean([one.nees for one in outcomes]))
+    values["inside"] = 100.0 * float(np.mean([one.inside for one in outcomes]))
+    first = outcomes[0]
     return MeasuredRow(
-        cells=[what, f"{aim:g}", *(f"{{{name}:.2f}}" for name in names), "{nees:.2f}"],
-        values=dict(zip(names, values, strict=True)) | {"nees": nees, "aim": aim},
-    )
+        cells=[first.what, f"{first.aim:g}", "{sensor:.2f}", "{worst:.2f}", "{flow:.2f}",
+               "{no_load:.2f}", "{nees:.2f}", "{inside:.0f} %"],
+        values=values | {"aim": first.aim},
+    )  # fmt: skip
 
 
 def missed(rows: Sequence[MeasuredRow]) -> list[str]:
@@ -101,20 +125,32 @@ def main(argv: Sequence[str] | None = None) -> int:
     parser.add_argument(
         "--seconds", type=between(10.0, 36000.0), default=600.0, help="of work (default: 600)"
     )
-    parser.add_argument("--seed", type=whole(0), default=1, help="of motion, loads and noise")
+    parser.add_argument("--seed", type=whole(0), default=1, help="of the first recording")
+    parser.add_argument(
+        "--recordings", type=whole(1), default=5, help="of each machine (default: 5)"
+    )
     parser.add_argument("--out", type=Path, help="file for the figures (JSON)")
     arguments = parser.parse_args(argv)
 
     def body() -> None:
-        rows = [
-            row for name in MACHINES for row in measure(name, arguments.seconds, arguments.seed)
-        ]
+        seeds = range(arguments.seed, arguments.seed + arguments.recordings)
+        runs = [(name, arguments.seconds, seed) for name in MACHINES for seed in seeds]
+        with ProcessPoolExecutor() as processes:
+            found = list(processes.map(measure, *zip(*runs, strict=True)))
+        by_what: dict[str, list[ObservedQuantity]] = {}
+        for one in chain.from_iterable(found):
+            by_what.setdefault(one.what, []).append(one)
+        rows = [together(outcomes) for outcomes in by_what.values()]
         table = Table(*COLUMNS)
         for row in rows:
             table.add_row(*row.shown)
         Console().print(table)
         if arguments.out is not None:
-            write(arguments.out, "make observer-benchmark", rows, COLUMNS)
+            command = (
+                f"ros2 run crane_benchmark observer --seconds {arguments.seconds:g} "
+                f"--seed {arguments.seed} --recordings {arguments.recordings}"
+            )
+            write(arguments.out, command, rows, COLUMNS)
         if misses := missed(rows):
             raise CraneError(f"aims are missed: {'; '.join(misses)}")
 

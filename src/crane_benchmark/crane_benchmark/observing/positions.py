@@ -5,6 +5,7 @@ from pathlib import Path
 from typing import NamedTuple
 
 import numpy as np
+from scipy.stats import chi2
 
 from crane_benchmark.observing.machines import Observed
 from crane_model.kinematics import tip_position
@@ -26,6 +27,7 @@ class Errors(NamedTuple):
     joints: np.ndarray  # (j,) rad, m
     tip: float  # m
     nees: float  # normalised error squared of the joints without encoder, over their number
+    inside: float  # share of the windows in which they are in their 95 % ellipsoid
 
 
 class Kind(NamedTuple):
@@ -95,5 +97,8 @@ def observe(
     away = error[:, places]
     nees = np.einsum("ni,nij,nj->n", away, np.linalg.inv(covariance), away) / len(places)
     return Errors(
-        np.sqrt((error**2).mean(axis=0)), float(np.sqrt((tip**2).mean())), float(nees.mean())
+        np.sqrt((error**2).mean(axis=0)),
+        float(np.sqrt((tip**2).mean())),
+        float(nees.mean()),
+        float((nees * len(places) < chi2.ppf(0.95, len(places))).mean()),
     )
