@@ -9,7 +9,7 @@ import numpy as np
 from crane_model.array import Array, Flags
 from crane_model.machine import Machine
 from crane_model.model_file import Model
-from crane_observer.position.flow import NULL_A, NULL_B, SUMS, Commands, add_interval, spools_of
+from crane_observer.position.flow import SUMS, Commands, add_interval, spools_of
 from crane_observer.position.hypotheses import Hypotheses
 from crane_observer.position.known import Known
 from crane_observer.position.observability import HEAVIEST, Observability
@@ -180,17 +180,16 @@ class PositionSensor:
         measured = np.abs(age) < STALE
         encoders = self._encoder + self._velocity * np.where(measured, age, np.nan)
         cut_off = self._silenced and bool((np.abs(self._told) > NEUTRAL).any())
+        blind = self._blind or ((time - self._begin) if cut_off else 0.0)
         duration = time - self._begin
-        opened = (self._sums[:, [NULL_A, NULL_B]] != 0.0).any(axis=1)
-        blind = np.where(opened, self._blind, 0.0) + (duration if cut_off else 0.0)
         window = FlowWindow(
-            time, duration, self._sums.copy(), self._before, self._last, encoders, blind,
-            whole=not self._blind and not cut_off,
-        )  # fmt: skip
+            time, duration, self._sums.copy(), self._before, self._last, encoders, blind
+        )
         estimate = self._step(window)
         best = self._hypotheses.filters[0]
         self._velocity = estimate.velocity
         self._observability.add(best.rows, duration)
+        self._begin_window(time, self._last)
         condition = SensorCondition.GOOD
         if len(self._hypotheses.filters) > 1:
             condition = SensorCondition.SEARCHING
@@ -198,11 +197,10 @@ class PositionSensor:
             condition = SensorCondition.ENCODER_LOST
         if cut_off:
             condition = SensorCondition.COMMANDS_LOST
-        if self._blind and not cut_off:
+        if window.blind and not cut_off:
             condition = SensorCondition.PRESSURES_LOST
         unsure = CERTAIN * estimate.deviation[-1]
         if not -unsure - LIGHTEST < estimate.load < self._heaviest + unsure:
             condition = SensorCondition.LOAD_IMPOSSIBLE
-        self._begin_window(time, self._last)
         observable = measured | self._observability.observable
         return Told(estimate, condition, observable, measured)
