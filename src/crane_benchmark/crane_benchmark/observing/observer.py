@@ -81,8 +81,9 @@ def measure(name: str, duration: float, seed: int) -> list[ObservedQuantity]:
         unit = "mm" if model.setting.units[joint] == "m" else "mrad"
         found = [observe(observed, made, model, hidden, kind) for kind in kinds]
         errors = tuple(1e3 * float(one.joints[j]) for one in found)
+        nees, inside = found[0].nees, found[0].inside
         what = f"{name}: {joint} without encoder [{unit}]"
-        outcomes.append(ObservedQuantity(what, 1e3 * aims[j], errors, found[0].nees, found[0].inside))
+        outcomes.append(ObservedQuantity(what, 1e3 * aims[j], errors, nees, inside))
     for off, words in ((0.0, ""), (OFF, f", {OFF} off at the start, after a minute")):
         found = [observe(observed, made, model, every, kind, off) for kind in kinds]
         tips = tuple(1e2 * one.tip for one in found)
