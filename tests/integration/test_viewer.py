@@ -10,6 +10,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 from diagnostic_msgs.msg import DiagnosticArray, DiagnosticStatus
+from integration.browser import installed
 from integration.recording_graph import LATCHED, PATIENCE, Graph, Process, graph
 from laboratory_crane import JOINTS, PLANAR_JOINTS
 from PIL import Image
@@ -21,7 +22,7 @@ from crane_bags.writer import BagWriter
 from crane_interfaces.msg import DriverState, GeneralizedForces, ParameterEstimate
 
 pytest.importorskip("rerun", reason="Rerun is not installed (make view)")
-headless = pytest.importorskip("headless")
+pytest.importorskip("websockets", reason="websockets is not installed (make view)")
 
 COUNT, STEP = 400, 5_000_000  # of samples; ns
 START = 1_700_000_000_000_000_000  # ns
@@ -194,8 +195,9 @@ def test_topics_arrive_and_nothing_is_published(ros: Graph, tmp_path: Path) -> N
 
 
 def test_a_real_browser_draws_the_crane_on_loopback_alone(bag: Path, tmp_path: Path) -> None:
-    if not (chromium := headless.browser()):
-        pytest.skip(f"none of {', '.join(headless.BROWSERS)} is installed; no page was opened")
+    from integration.live_page import Page  # needs what is skipped for above
+
+    chromium = installed()
     arguments = ("--bag", bag, "--web-port", 0, "--data-port", 0)
     viewer = Process(tmp_path, "crane_viewer", "viewer", *arguments)
     try:
@@ -205,7 +207,7 @@ def test_a_real_browser_draws_the_crane_on_loopback_alone(bag: Path, tmp_path: P
         listening = ports_of_children(viewer.process.pid)
         assert {address for address, _ in listening} == {"127.0.0.1"}
         assert len(listening) == 2
-        with headless.Page(chromium, url, 1200, 700) as page:
+        with Page(chromium, url, 1200, 700) as page:
             for _ in range(PAGE_PATIENCE):
                 page.listen(2.0)
                 if drawn(page.picture()) > 0.002:

@@ -6,16 +6,14 @@ from pathlib import Path
 from typing import NamedTuple
 
 import numpy as np
-from rich.console import Console
-from rich.table import Table
 
-from crane_benchmark.measured import MeasuredRow, write
+from crane_benchmark.measured import MeasuredRow
+from crane_benchmark.observing.beside_aims import tell
 from crane_benchmark.observing.cycles import WorkCycles
 from crane_benchmark.observing.observer import MACHINES, identified
 from crane_benchmark.observing.positions import heard
 from crane_model import cli
 from crane_model.arguments import between, whole
-from crane_model.errors import CraneError
 from crane_observer.scale.replay import weigh
 from crane_observer.scale.scale import Scale, Weighing
 from crane_sim.plant.closed_loop import REST
@@ -124,14 +122,8 @@ def main(argv: Sequence[str] | None = None) -> int:
         rows = [
             row for name in MACHINES for row in measure(name, arguments.seconds, arguments.seed)
         ]
-        table = Table(*COLUMNS)
-        for row in rows:
-            table.add_row(*row.shown)
-        Console().print(table)
-        if arguments.out is not None:
-            given = f"--seconds {arguments.seconds:g} --seed {arguments.seed}"
-            write(arguments.out, f"ros2 run crane_benchmark loads {given}", rows, COLUMNS)
-        if misses := missed(rows):
-            raise CraneError(f"aims are missed: {'; '.join(misses)}")
+        given = f"--seconds {arguments.seconds:g} --seed {arguments.seed}"
+        command = f"ros2 run crane_benchmark loads {given}"
+        tell(rows, COLUMNS, command, arguments.out, missed(rows))
 
     return cli.run(body)

@@ -10,10 +10,9 @@ from pathlib import Path
 from typing import NamedTuple
 
 import numpy as np
-from rich.console import Console
-from rich.table import Table
 
-from crane_benchmark.measured import MeasuredRow, write
+from crane_benchmark.measured import MeasuredRow
+from crane_benchmark.observing.beside_aims import tell
 from crane_benchmark.observing.machines import Observed, hard, stock
 from crane_benchmark.observing.positions import FILTER, FLOW, NO_LOAD, OFF, observe
 from crane_identification.identify import main as identify
@@ -142,17 +141,10 @@ def main(argv: Sequence[str] | None = None) -> int:
         for one in chain.from_iterable(found):
             by_what.setdefault(one.what, []).append(one)
         rows = [together(outcomes) for outcomes in by_what.values()]
-        table = Table(*COLUMNS)
-        for row in rows:
-            table.add_row(*row.shown)
-        Console().print(table)
-        if arguments.out is not None:
-            command = (
-                f"ros2 run crane_benchmark observer --seconds {arguments.seconds:g} "
-                f"--seed {arguments.seed} --recordings {arguments.recordings}"
-            )
-            write(arguments.out, command, rows, COLUMNS)
-        if misses := missed(rows):
-            raise CraneError(f"aims are missed: {'; '.join(misses)}")
+        command = (
+            f"ros2 run crane_benchmark observer --seconds {arguments.seconds:g} "
+            f"--seed {arguments.seed} --recordings {arguments.recordings}"
+        )
+        tell(rows, COLUMNS, command, arguments.out, missed(rows))
 
     return cli.run(body)

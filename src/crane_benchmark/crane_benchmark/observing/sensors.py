@@ -5,10 +5,9 @@ from collections.abc import Sequence
 from pathlib import Path
 
 import numpy as np
-from rich.console import Console
-from rich.table import Table
 
-from crane_benchmark.measured import MeasuredRow, write
+from crane_benchmark.measured import MeasuredRow
+from crane_benchmark.observing.beside_aims import tell
 from crane_benchmark.observing.failing import AIMS, OTHERS, drawn
 from crane_benchmark.observing.observer import MACHINES, identified
 from crane_benchmark.observing.picture import draw_curves
@@ -24,7 +23,6 @@ from crane_benchmark.observing.watched import (
 )
 from crane_model import cli
 from crane_model.arguments import between, whole
-from crane_model.errors import CraneError
 from crane_model.progress_bar import progress_bar
 from crane_observer.monitor.replay import watch
 from crane_observer.monitor.tolerance import learn
@@ -141,16 +139,12 @@ def main(argv: Sequence[str] | None = None) -> int:
         for one in found:
             print(f"false alarm: {one}")
         rows = rows_of(arguments.on, hours, len(found), answers)
-        table = Table(*COLUMNS)
-        for row in rows:
-            table.add_row(*row.shown)
-        Console().print(table)
-        if arguments.out is not None:
-            given = f"--on {arguments.on} --cases {arguments.cases} --hours {arguments.hours:g}"
-            write(arguments.out, f"ros2 run crane_benchmark sensors {given}", rows, COLUMNS)
         if arguments.picture:
             draw_curves(arguments.picture, answers)
-        if misses := missed(rows):
-            raise CraneError(f"aims are missed: {'; '.join(misses)}")
+        command = (
+            f"ros2 run crane_benchmark sensors --on {arguments.on} --cases {arguments.cases} "
+            f"--hours {arguments.hours:g} --seed {arguments.seed}"
+        )
+        tell(rows, COLUMNS, command, arguments.out, missed(rows))
 
     return cli.run(body)

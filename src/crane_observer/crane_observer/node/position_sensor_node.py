@@ -22,22 +22,29 @@ from crane_nodes.parameters import NodeParameter, Number, Numbers, Text, declare
 from crane_nodes.polled import Polled
 from crane_nodes.ready import say_ready
 from crane_nodes.stamps import nanoseconds
-from crane_observer.node.topics import estimate_message, picked, states_message
+from crane_observer.node.topics import (
+    COMMANDS,
+    DEEP,
+    JOINT_STATES,
+    OUTPUTS,
+    PRESSURES,
+    estimate_message,
+    picked,
+    report_message,
+    states_message,
+)
 from crane_observer.position.observability import HEAVIEST
 from crane_observer.position.sensor import START, PositionSensor, SensorCondition, Told
 
-JOINT_STATES, PRESSURES, COMMANDS = "joint_states", "cylinder_pressures", "valve_command"
-OUTPUTS = "valve_output"
 DRIVER_STATE = "driver/state"
-DEEP = QoSProfile(depth=1000, reliability=ReliabilityPolicy.RELIABLE)
-LATCHED = QoSProfile(
+ALL_LATCHED = QoSProfile(
     depth=100,
     reliability=ReliabilityPolicy.RELIABLE,
     durability=DurabilityPolicy.TRANSIENT_LOCAL,
 )
 PUBLISH = 1.0  # s, of diagnostics
 HEARD = (
-    (DRIVER_STATE, DriverState, LATCHED),
+    (DRIVER_STATE, DriverState, ALL_LATCHED),
     (JOINT_STATES, JointState, DEEP),
     (PRESSURES, CylinderPressures, DEEP),
     (COMMANDS, ValveCommand, DEEP),
@@ -283,9 +290,7 @@ class PositionSensorNode(LifecycleNode):
                 KeyValue(key="late [-]", value=str(self._sensor.late)),
                 KeyValue(key="invalid [-]", value=str(self._sensor.invalid)),
             ]  # fmt: skip
-        message = DiagnosticArray(status=[found])
-        message.header.stamp = self.get_clock().now().to_msg()
-        self._diagnostics.publish(message)
+        self._diagnostics.publish(report_message(found, self.get_clock().now().to_msg()))
 
 
 ABOUT = """Estimates positions, velocities and the load at the tip from cylinder_pressures,

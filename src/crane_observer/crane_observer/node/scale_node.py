@@ -8,7 +8,6 @@ from pathlib import Path
 from diagnostic_msgs.msg import DiagnosticArray, DiagnosticStatus, KeyValue
 from rclpy.clock import Clock, ClockType
 from rclpy.lifecycle import LifecycleNode, LifecycleState, TransitionCallbackReturn
-from rclpy.qos import DurabilityPolicy, QoSProfile, ReliabilityPolicy
 from sensor_msgs.msg import JointState
 from std_srvs.srv import Trigger
 
@@ -26,20 +25,22 @@ from crane_nodes.polled import Polled
 from crane_nodes.ready import say_ready
 from crane_nodes.stamps import nanoseconds
 from crane_observer.node.in_order import InOrder
-from crane_observer.node.topics import load_message, picked
+from crane_observer.node.topics import (
+    DEEP,
+    JOINT_STATES,
+    LATCHED,
+    PRESSURES,
+    load_message,
+    picked,
+    report_message,
+)
 from crane_observer.scale.lifts import HEADINGS, Lift, LiftLog, row_of
 from crane_observer.scale.scale import Scale, ScaleCondition, Weighing
 
-DEEP = QoSProfile(depth=1000, reliability=ReliabilityPolicy.RELIABLE)
-LATCHED = QoSProfile(
-    depth=1,
-    reliability=ReliabilityPolicy.RELIABLE,
-    durability=DurabilityPolicy.TRANSIENT_LOCAL,
-)
 HEARD = (
-    ("joint_states", JointState),
+    (JOINT_STATES, JointState),
     ("position_estimate", PositionEstimate),
-    ("cylinder_pressures", CylinderPressures),
+    (PRESSURES, CylinderPressures),
 )
 PUBLISH = 1.0  # s, of diagnostics
 VISIT = 0.02  # s between two visits to the queues
@@ -200,9 +201,7 @@ class ScaleNode(LifecycleNode):
                 KeyValue(key="late [-]", value=str(self._scale.late)),
                 KeyValue(key="invalid [-]", value=str(self._scale.invalid)),
             ]
-        message = DiagnosticArray(status=[found])
-        message.header.stamp = self.get_clock().now().to_msg()
-        self._diagnostics.publish(message)
+        self._diagnostics.publish(report_message(found, self.get_clock().now().to_msg()))
 
 
 ABOUT = """Weighs what hangs at the tip from cylinder_pressures and joint_states, of a joint without

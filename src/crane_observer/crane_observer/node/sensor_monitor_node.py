@@ -7,7 +7,6 @@ from typing import TypeAlias
 from diagnostic_msgs.msg import DiagnosticArray, DiagnosticStatus, KeyValue
 from rclpy.clock import Clock, ClockType
 from rclpy.lifecycle import LifecycleNode, LifecycleState, TransitionCallbackReturn
-from rclpy.qos import DurabilityPolicy, QoSProfile, ReliabilityPolicy
 from sensor_msgs.msg import JointState
 from std_srvs.srv import Trigger
 
@@ -28,16 +27,18 @@ from crane_observer.monitor.finding import SensorFinding
 from crane_observer.monitor.tolerance import Tolerance
 from crane_observer.monitor.watching import Heed, SensorWatch
 from crane_observer.node.in_order import InOrder
-from crane_observer.node.topics import findings_message, picked
-
-JOINT_STATES, PRESSURES, COMMANDS = "joint_states", "cylinder_pressures", "valve_command"
-OUTPUTS = "valve_output"
-DEEP = QoSProfile(depth=1000, reliability=ReliabilityPolicy.RELIABLE)
-LATCHED = QoSProfile(
-    depth=1,
-    reliability=ReliabilityPolicy.RELIABLE,
-    durability=DurabilityPolicy.TRANSIENT_LOCAL,
+from crane_observer.node.topics import (
+    COMMANDS,
+    DEEP,
+    JOINT_STATES,
+    LATCHED,
+    OUTPUTS,
+    PRESSURES,
+    findings_message,
+    picked,
+    report_message,
 )
+
 Heard: TypeAlias = JointState | CylinderPressures | ValveCommand
 HEARD = (
     (JOINT_STATES, JointState),
@@ -191,9 +192,7 @@ class SensorMonitorNode(LifecycleNode):
                 KeyValue(key="samples not used [-]", value=str(self._watch.refused)),
                 KeyValue(key="last of them", value=self._watch.last_refusal),
             ]
-        message = DiagnosticArray(status=[found])
-        message.header.stamp = self.get_clock().now().to_msg()
-        self._diagnostics.publish(message)
+        self._diagnostics.publish(report_message(found, self.get_clock().now().to_msg()))
 
 
 ABOUT = """Compares encoders in joint_states, cylinder_pressures and valve_output (without a driver

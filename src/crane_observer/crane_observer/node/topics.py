@@ -1,8 +1,11 @@
-"""From messages to readings, and back."""
+"""Topics of the observers: names, qualities, from messages to readings and back."""
 
 from collections.abc import Sequence
 
 import numpy as np
+from builtin_interfaces.msg import Time
+from diagnostic_msgs.msg import DiagnosticArray, DiagnosticStatus
+from rclpy.qos import DurabilityPolicy, QoSProfile, ReliabilityPolicy
 from sensor_msgs.msg import JointState
 
 from crane_bags.clocks import NANOSECONDS
@@ -13,6 +16,22 @@ from crane_observer.monitor.finding import SensorFinding
 from crane_observer.monitor.signatures import Part
 from crane_observer.position.sensor import Told
 from crane_observer.scale.scale import Weighing
+
+JOINT_STATES, PRESSURES, COMMANDS = "joint_states", "cylinder_pressures", "valve_command"
+OUTPUTS = "valve_output"
+DEEP = QoSProfile(depth=1000, reliability=ReliabilityPolicy.RELIABLE)
+LATCHED = QoSProfile(
+    depth=1,
+    reliability=ReliabilityPolicy.RELIABLE,
+    durability=DurabilityPolicy.TRANSIENT_LOCAL,
+)
+
+
+def report_message(found: DiagnosticStatus, stamp: Time) -> DiagnosticArray:
+    """What a node says of itself."""
+    message = DiagnosticArray(status=[found])
+    message.header.stamp = stamp
+    return message
 
 
 def picked(joints: Sequence[str], names: Sequence[str], values: Sequence[float]) -> Array:

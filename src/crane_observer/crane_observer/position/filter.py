@@ -62,7 +62,7 @@ class Filter:
         """As it stands, to go back to."""
         other = copy(self)
         other.x, other.P = self.x.copy(), self.P.copy()
-        other._resting, other._surprise = self._resting.copied(), self._surprise.copied()
+        other._resting, other._surprise = copy(self._resting), copy(self._surprise)
         return other
 
     def step(self, window: FlowWindow) -> PoseEstimate:

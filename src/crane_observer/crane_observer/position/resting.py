@@ -1,6 +1,5 @@
 """Which joints move and which stand, and what dry friction is where it is not that of a motion."""
 
-from copy import copy
 from typing import NamedTuple
 
 import numpy as np
@@ -9,8 +8,8 @@ from crane_model.array import Array, Flags
 from crane_observer.position.kalman import relax
 from crane_observer.position.known import SMALLEST, Known
 from crane_observer.position.state import HELD
+from crane_observer.position.strokes import CLEAR
 
-CLEAR = 2.0  # times its doubt, a velocity that is one
 STARTING = 2  # force balances after it stood, in which what friction is, is not known
 COMING_TO_REST = 3  # force balances of a joint that stands, until what holds it stays what it is
 CREEP = 0.25  # of what holds it is lost while the time that it stands grows e-fold
@@ -33,7 +32,9 @@ class Motions(NamedTuple):
 
 
 class Resting:
-    """For how long each joint of `known` has stood."""
+    """For how long each joint of `known` has stood. Arrays are replaced and never written to, so
+    that a shallow copy is one to go back to.
+    """
 
     def __init__(self, known: Known):
         j = known.layout.joints
@@ -47,13 +48,6 @@ class Resting:
     def all_stand(self) -> bool:
         """Whether every joint is held."""
         return bool((self._rested > COMING_TO_REST).all())
-
-    def copied(self) -> "Resting":
-        """As it stands, to go back to."""
-        other = copy(self)
-        for name in ("_stood", "_slow", "_rested", "_asked"):
-            setattr(other, name, getattr(self, name).copy())
-        return other
 
     def judge(self, before: Array, after: Array, doubt: Array, opened: Flags) -> Motions:
         """From velocities (j,) in two windows, how far they may be off (j,), and which valves were

@@ -22,7 +22,7 @@ from crane_observer.position.state import DRIFT, EXTENDING, NULL, RETRACTING
 from crane_observer.position.window import FlowWindow
 
 WHITE = 0.1  # of the variance by transducers that are off, how much is new in each window
-CLEAR = 2.0  # times its doubt, a stroke that is one: a joint may stall
+CLEAR = 2.0  # times its doubt, a stroke or velocity that is one: a joint may stall
 STEEPEST = 2.0  # times, by which a lever arm changes in a window
 
 

@@ -1,7 +1,6 @@
 """Whether innovations ask for another load: two-sided CUSUM of their projection on it."""
 
 import math
-from copy import copy
 
 import numpy as np
 
@@ -14,17 +13,11 @@ EXPLAINED = 0.6  # of the surprise, what a load must explain of it
 
 
 class Surprise:
-    """The sums of one filter, for more load and for less."""
+    """The sums of one filter, for more load and for less; replaced and never written to."""
 
     def __init__(self) -> None:
         self._sums = np.zeros(2)
         self.suspected = False  # the last innovations ask for another load, or are outliers
-
-    def copied(self) -> "Surprise":
-        """As it stands, to go back to."""
-        other = copy(self)
-        other._sums = self._sums.copy()
-        return other
 
     def add(self, load: Array, innovation: Array, covariance: Array) -> bool:
         """Innovations (r,) with their covariance (r, r), and what 1 kg more asks of them (r,)."""
@@ -41,5 +34,5 @@ class Surprise:
         if self._sums.max() < SURPRISE:
             self.suspected = abs(away) > MOST
             return False
-        self._sums[:] = 0.0
+        self._sums = np.zeros(2)
         return True

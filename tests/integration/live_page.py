@@ -13,7 +13,6 @@ from typing import Any, Self
 
 from websockets.sync.client import ClientConnection, connect
 
-BROWSERS = ("chromium", "chromium-browser", "google-chrome", "google-chrome-stable")
 FLAGS = (
     "--headless",
     "--no-sandbox",
@@ -30,11 +29,6 @@ FLAGS = (
 )
 START_TIMEOUT_S = 20.0
 ANSWER_TIMEOUT_S = 60.0
-
-
-def browser() -> str | None:
-    """Path of the browser that is installed, if one is."""
-    return next((path for name in BROWSERS if (path := shutil.which(name))), None)
 
 
 class Page:
