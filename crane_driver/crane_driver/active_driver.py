@@ -147,8 +147,12 @@ class ActiveDriver:
             self.loop.estimate(joint, stamp, motion, message.condition)
 
     def _found(self, message: SensorFindings) -> None:
-        told = zip(message.joint, message.kind, message.dangerous, strict=False)
-        wrong = {joint: f"its encoder: {kind}" for joint, kind, dangerous in told if dangerous}
+        told = zip(message.joint, message.sensor, message.kind, message.dangerous, strict=False)
+        wrong = {
+            joint: f"{sensor.removeprefix(joint).strip()}: {kind}"
+            for joint, sensor, kind, dangerous in told
+            if dangerous
+        }
         before = nanoseconds(message.header.stamp) < self._begun
         self.loop.supervisor.lying(wrong, before)
         self.tell()

@@ -125,7 +125,7 @@ class FaultKind(StrEnum):
         "see what position_sensor says on /diagnostics",
     )
     LYING = (
-        *("lying", 26, "the sensor monitor has found that an encoder lies"),
+        *("lying", 26, "the sensor monitor has found that an encoder lies, or may lie"),
         "mend the encoder and call forget of sensor_monitor, or go on without it by substitute",
     )
 

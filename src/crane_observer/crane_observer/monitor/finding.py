@@ -51,6 +51,13 @@ TRANSDUCER = {
 AFTERWARDS = "; do not identify from recordings since then"
 
 
+class Rival(NamedTuple):
+    """An encoder that may lie instead of what is named."""
+
+    joint: str
+    kind: Wrong
+
+
 class SensorFinding(NamedTuple):
     """One that lies, or a valve that does not do what it is told."""
 
@@ -63,6 +70,7 @@ class SensorFinding(NamedTuple):
     high: float
     onset: float  # s
     found: float  # s
+    rival: Rival | None = None
 
     @property
     def sensor(self) -> str:
@@ -71,13 +79,20 @@ class SensorFinding(NamedTuple):
 
     @property
     def dangerous(self) -> bool:
-        """Whether the position is not known any more."""
-        return self.part in DANGEROUS and self.kind is not Wrong.NOISE
+        """Whether the position may not be known any more."""
+        return self.rival is not None or (self.part in DANGEROUS and self.kind is not Wrong.NOISE)
 
     @property
     def what_to_do(self) -> str:
         """As a sentence without its end."""
-        return (ADVICE.get((self.part, self.kind)) or TRANSDUCER[self.kind]) + AFTERWARDS
+        advice = (ADVICE.get((self.part, self.kind)) or TRANSDUCER[self.kind]) + AFTERWARDS
+        if self.rival is None:
+            return advice
+        joint, kind = self.rival
+        return (
+            f"stop: the {joint} encoder ({kind}) would explain it too, compare it with its mark; "
+            f"if it is right, {advice.removeprefix('stop; ')}"
+        )
 
     @property
     def how_much(self) -> str:

@@ -33,6 +33,8 @@ RELUCTANCE = {
 """By which misfits are multiplied: of faults that explain as much, the plain ones come first."""
 QUIET = 1e-5  # m of way in which an encoder that is stuck still flickers
 
+EXPLAINS = 0.1  # misfit of what explains all but noise
+CLEARLY = 3.0  # times the misfit of the first suspect, beyond which another is excluded
 VALVE_RESERVE = 0.5  # square standard deviations: whatever a valve does or not explains any motion
 
 
@@ -79,6 +81,19 @@ def isolate(
         if back not in found:
             found[back] = _tried(history, tolerance, joints, alarmed, oldest, back)
     return sorted((one for some in found.values() for one in some), key=_badness)
+
+
+def encoder_behind(suspects: Sequence[Suspect]) -> Suspect | None:
+    """The encoder that may lie instead of what is named: one that explains the residuals not
+    clearly worse than any suspect does. Few blocks behind an onset tell little apart, and who moves
+    a crane by an encoder that lies does not know where it is.
+    """
+    encoders = [one for one in suspects if one.part is Part.ENCODER and one.certain]
+    best = min(encoders, key=lambda one: one.misfit, default=None)
+    least = min((one.misfit for one in suspects), default=0.0)
+    if best is None or best.misfit > CLEARLY * max(least, EXPLAINS):
+        return None
+    return best
 
 
 def _badness(suspect: Suspect) -> float:

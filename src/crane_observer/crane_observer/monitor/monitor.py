@@ -7,9 +7,9 @@ import numpy as np
 from crane_model.array import Array, Flags
 from crane_model.errors import DataError
 from crane_observer.monitor.blocks import Blocks, FlowBlock, KnownFlow, Sample
-from crane_observer.monitor.finding import SensorFinding
+from crane_observer.monitor.finding import Rival, SensorFinding
 from crane_observer.monitor.history import History
-from crane_observer.monitor.isolation import COVERED, Suspect, isolate
+from crane_observer.monitor.isolation import COVERED, Suspect, encoder_behind, isolate
 from crane_observer.monitor.readings import LOOKED, ReadingHabits
 from crane_observer.monitor.signatures import SUPPLY, Part, Wrong
 from crane_observer.monitor.tolerance import Tolerance, excess
@@ -126,12 +126,16 @@ class SensorComparison:
             return []
         suspects = self._suspects(alarmed)
         explained = bool(suspects) and suspects[0].misfit < EXPLAINED
+        encoder = encoder_behind(suspects)
+        rival = Rival(encoder.joint, encoder.kind) if encoder else None
         if not explained and (noisy := self._noisy(alarmed, block)):
-            return [noisy]
+            return [noisy._replace(rival=rival)]
         if not suspects or not suspects[0].certain:
             return []  # as from stamps that were off: it comes again if it stays
         self._leave(suspects[0].part, suspects[0].joint)
         finding = self._told(suspects[0], block)
+        if finding.part is not Part.ENCODER:
+            finding = finding._replace(rival=rival)
         self._again = REFINED, finding, alarmed
         return [finding]
 
@@ -154,7 +158,7 @@ class SensorComparison:
         same = [one for one in self._suspects(alarmed) if (one.part, one.joint) == place]
         if not same:
             return []
-        finding = self._told(same[0], block)._replace(found=before.found)
+        finding = self._told(same[0], block)._replace(found=before.found, rival=before.rival)
         self.findings = [finding if one is before else one for one in self.findings]
         return [finding]
 

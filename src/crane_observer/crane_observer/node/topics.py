@@ -77,7 +77,7 @@ def findings_message(findings: Sequence[SensorFinding], zero: int) -> SensorFind
 
     message = SensorFindings(
         sensor=[one.sensor for one in findings],
-        joint=["" if one.part is Part.SUPPLY else one.joint for one in findings],
+        joint=[_joint(one) for one in findings],
         kind=[str(one.kind) for one in findings],
         unit=[one.unit for one in findings],
         size=[one.size for one in findings],
@@ -91,6 +91,13 @@ def findings_message(findings: Sequence[SensorFinding], zero: int) -> SensorFind
         newest = max(one.found for one in findings)
         message.header.stamp = stamp_of(zero + round(newest * NANOSECONDS))
     return message
+
+
+def _joint(finding: SensorFinding) -> str:
+    """Whose position is in doubt, of a supply that may be an encoder."""
+    if finding.rival is not None:
+        return finding.rival.joint
+    return "" if finding.part is Part.SUPPLY else finding.joint
 
 
 def load_message(weighing: Weighing, zero: int) -> TipLoad:

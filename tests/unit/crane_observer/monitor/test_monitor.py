@@ -1,166 +1,18 @@
 """A machine at work whose sensors begin to lie: what the monitor says, and when."""
 
-from collections.abc import Callable, Iterator
-from dataclasses import dataclass, replace
+from dataclasses import replace
 
 import numpy as np
 import pytest
+from unit.crane_observer.monitor.at_work import ONSET, Heard, Lie, changed, exchanged
 
 from crane_model.cli import CraneError
 from crane_model.errors import ConfigurationError
-from crane_model.hydraulics.values import (
-    ChamberValues,
-    HydraulicValues,
-    JointHydraulics,
-    Measured,
-    SupplyValues,
-    ValveValues,
-)
-from crane_model.machine import load_machine
-from crane_model.machine_files import machine_file
-from crane_model.model_file import Model, load_model
+from crane_model.model_file import Model
 from crane_observer.monitor.finding import SensorFinding
-from crane_observer.monitor.history import Sums, of_block
 from crane_observer.monitor.signatures import Part, Wrong
-from crane_observer.monitor.tolerance import Tolerance, learn
+from crane_observer.monitor.tolerance import Tolerance
 from crane_observer.monitor.watching import Heed, SensorWatch
-from crane_sim.parts.parameters import StandIn, load_stand_in
-from crane_sim.plant.closed_loop import record
-from crane_sim.plant.plant import Plant
-from crane_sim.plant.sampled import Sensors
-from crane_trajectory.control.controller import load_gains
-from crane_trajectory.motion.check import load_clearance
-from crane_trajectory.motion.motion import plan
-from crane_trajectory.motion.periodic import load_trajectory
-
-ONSET = 14.0  # s, when all joints move
-REFINED = 2.2  # s after which kind and size of a finding have been looked at again
-
-
-@dataclass(frozen=True)
-class Heard:
-    """What sensors showed, of the joints of the model; commands too."""
-
-    time: np.ndarray
-    q: np.ndarray
-    p_a: np.ndarray
-    p_b: np.ndarray
-    supply: np.ndarray
-    command: np.ndarray
-
-    def into(self, watched: SensorWatch) -> Iterator[None]:
-        for k, time in enumerate(self.time.tolist()):
-            watched.add_encoders(time, self.q[k])
-            watched.add_pressures(time, self.p_a[k], self.p_b[k], float(self.supply[k]))
-            watched.add_command(time, self.command[k])
-            yield
-
-    def to(self, model: Model, tolerance: Tolerance | None) -> SensorWatch:
-        watched = SensorWatch(model, tolerance)
-        for _, time in zip(self.into(watched), self.time, strict=True):
-            if watched.monitor.findings and time > watched.monitor.findings[0].found + REFINED:
-                break
-        return watched
-
-
-def as_built(stand_in: StandIn) -> HydraulicValues:
-    """What an identification would find of it, to the digit."""
-
-    def values(schema: type, numbers: dict[str, float]) -> object:
-        units = schema.units  # type: ignore[attr-defined]
-        return schema(**{k: Measured(value=v, unit=units[k]) for k, v in numbers.items()})
-
-    joints = {}
-    for joint, valve in stand_in.valves.items():
-        inside = stand_in.cylinders[joint]
-        gain = valve.rated_flow / np.sqrt(valve.rated_drop)
-        frequency = 2.0 * np.pi * valve.natural_frequency
-        edges = dict.fromkeys(("supply_a", "a_tank", "supply_b", "b_tank"), gain)
-        spool = values(ValveValues, {
-            "dead_zone_a": valve.dead_zone, "dead_zone_b": valve.dead_zone, "hysteresis": 0.0,
-            "lag": 2.0 * valve.damping_ratio / frequency, "natural_frequency": frequency,
-            "damping_ratio": valve.damping_ratio, **edges,
-        })  # fmt: skip
-        chambers = values(ChamberValues, {
-            "bulk_modulus": stand_in.oil.bulk_modulus, "leakage": inside.leakage,
-            "dead_volume_a": inside.dead_volume_a, "dead_volume_b": inside.dead_volume_b,
-        })  # fmt: skip
-        joints[joint] = JointHydraulics(valve=spool, chambers=chambers, unexplained=0.0)
-    machine = load_machine().hydraulics
-    droop = stand_in.supply.pump_droop / machine.pump_flow
-    supply = values(SupplyValues, {"pressure": machine.supply_pressure, "droop": droop})
-    return HydraulicValues(provenance="as built", joints=joints, supply=supply)
-
-
-@pytest.fixture(scope="module")
-def model() -> Model:
-    stand_in, machine = load_stand_in(), load_machine()
-    bare = load_model(machine_file("model.yaml"))
-    known = as_built(stand_in)
-    joints = {joint: known.joints[joint] for joint in bare.joints}
-    assert bare.machine is not None and bare.machine.name == machine.name
-    return replace(bare, hydraulics=known.model_copy(update={"joints": joints}))
-
-
-@pytest.fixture(scope="module")
-def days(model: Model) -> tuple[Heard, Heard]:
-    """Half a minute of work, as the same sensors show it on two days: noise alone differs."""
-    machine, stand_in = load_machine(), load_stand_in()
-    motion = plan(
-        machine,
-        load_trajectory(machine_file("excitation_20s.yaml")),
-        stand_in.start,
-        1,
-        load_clearance(machine_file("clearance.yaml")),
-    )
-    gains = load_gains(machine_file("controller.yaml"), machine)
-    sensors = Sensors(stand_in.sensors, machine, 3)
-    seen = record(motion, Plant(stand_in, machine, motion.start), sensors, gains)
-    own, true = [machine.index(joint) for joint in model.joints], seen.truth
-    tank = machine.hydraulics.tank_pressure
-    supply = seen.pressures.supply
-    again = Sensors(stand_in.sensors, machine, 4).pressures(
-        true.pressure_a, true.pressure_b, supply, tank
-    )
-    first, second = (
-        Heard(seen.time, seen.position[:, own], one.chamber_a, one.chamber_b, supply,
-              seen.command[:, own])
-        for one in (seen.pressures, again)
-    )  # fmt: skip
-    return first, second
-
-
-@pytest.fixture(scope="module")
-def healthy(days: tuple[Heard, Heard]) -> Heard:
-    return days[1]
-
-
-Lie = Callable[[Heard, int], Heard]
-
-
-def changed(name: str, wrong: Callable[[np.ndarray, np.ndarray], np.ndarray]) -> Lie:
-    """From ONSET on, the column of a signal is what `wrong` makes of it and the time since then."""
-
-    def lie(true: Heard, column: int) -> Heard:
-        values = np.array(getattr(true, name))
-        on = true.time >= ONSET
-        part = values[on] if values.ndim == 1 else values[on, column]
-        shown = wrong(part, true.time[on] - ONSET)
-        if values.ndim == 1:
-            values[on] = shown
-        else:
-            values[on, column] = shown
-        return replace(true, **{name: values})
-
-    return lie
-
-
-def exchanged(true: Heard, column: int) -> Heard:
-    on = true.time >= ONSET
-    p_a, p_b = true.p_a.copy(), true.p_b.copy()
-    p_a[on, column], p_b[on, column] = true.p_b[on, column], true.p_a[on, column]
-    return replace(true, p_a=p_a, p_b=p_b)
-
 
 NOISE = np.random.default_rng(4).standard_normal(10_000)
 LIES: dict[str, tuple[Lie, Part, set[Wrong], float]] = {
@@ -184,16 +36,6 @@ LIES: dict[str, tuple[Lie, Part, set[Wrong], float]] = {
     "supply 3 bar too much": (
         changed("supply", lambda x, t: x + 3e5), Part.SUPPLY, {Wrong.OFFSET}, 5.0),
 }  # fmt: skip
-
-
-@pytest.fixture(scope="module")
-def tolerance(model: Model, days: tuple[Heard, Heard]) -> Tolerance:
-    watched = SensorWatch(model)
-    taken = [watched.monitor.take_block() for _ in days[0].into(watched)]
-    blocks = [block for block in taken if block is not None]
-    added = zip(*(of_block(one) for one in blocks), strict=True)
-    sums = Sums(np.array([one.time for one in blocks]), *(np.cumsum(one, axis=0) for one in added))
-    return learn(model.joints, [sums] * 2, "the day before")
 
 
 def first_after(watched: SensorWatch) -> SensorFinding:

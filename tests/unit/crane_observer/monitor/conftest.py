@@ -1,0 +1,75 @@
+"""Machines, days and tolerances of the tests of the monitor; made once for all of them."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from unit.crane_observer.monitor.at_work import Heard, as_built
+
+from crane_model.machine import load_machine
+from crane_model.machine_files import machine_file
+from crane_model.model_file import Model, load_model
+from crane_observer.monitor.history import Sums, of_block
+from crane_observer.monitor.tolerance import Tolerance, learn
+from crane_observer.monitor.watching import SensorWatch
+from crane_sim.parts.parameters import load_stand_in
+from crane_sim.plant.closed_loop import record
+from crane_sim.plant.plant import Plant
+from crane_sim.plant.sampled import Sensors
+from crane_trajectory.control.controller import load_gains
+from crane_trajectory.motion.check import load_clearance
+from crane_trajectory.motion.motion import plan
+from crane_trajectory.motion.periodic import load_trajectory
+
+
+@pytest.fixture(scope="module")
+def model() -> Model:
+    stand_in, machine = load_stand_in(), load_machine()
+    bare = load_model(machine_file("model.yaml"))
+    known = as_built(stand_in)
+    joints = {joint: known.joints[joint] for joint in bare.joints}
+    assert bare.machine is not None and bare.machine.name == machine.name
+    return replace(bare, hydraulics=known.model_copy(update={"joints": joints}))
+
+
+@pytest.fixture(scope="module")
+def days(model: Model) -> tuple[Heard, Heard]:
+    """Half a minute of work, as the same sensors show it on two days: noise alone differs."""
+    machine, stand_in = load_machine(), load_stand_in()
+    motion = plan(
+        machine,
+        load_trajectory(machine_file("excitation_20s.yaml")),
+        stand_in.start,
+        1,
+        load_clearance(machine_file("clearance.yaml")),
+    )
+    gains = load_gains(machine_file("controller.yaml"), machine)
+    sensors = Sensors(stand_in.sensors, machine, 3)
+    seen = record(motion, Plant(stand_in, machine, motion.start), sensors, gains)
+    own, true = [machine.index(joint) for joint in model.joints], seen.truth
+    tank = machine.hydraulics.tank_pressure
+    supply = seen.pressures.supply
+    again = Sensors(stand_in.sensors, machine, 4).pressures(
+        true.pressure_a, true.pressure_b, supply, tank
+    )
+    first, second = (
+        Heard(seen.time, seen.position[:, own], one.chamber_a, one.chamber_b, supply,
+              seen.command[:, own])
+        for one in (seen.pressures, again)
+    )  # fmt: skip
+    return first, second
+
+
+@pytest.fixture(scope="module")
+def healthy(days: tuple[Heard, Heard]) -> Heard:
+    return days[1]
+
+
+@pytest.fixture(scope="module")
+def tolerance(model: Model, days: tuple[Heard, Heard]) -> Tolerance:
+    watched = SensorWatch(model)
+    taken = [watched.monitor.take_block() for _ in days[0].into(watched)]
+    blocks = [block for block in taken if block is not None]
+    added = zip(*(of_block(one) for one in blocks), strict=True)
+    sums = Sums(np.array([one.time for one in blocks]), *(np.cumsum(one, axis=0) for one in added))
+    return learn(model.joints, [sums] * 2, "the day before")
