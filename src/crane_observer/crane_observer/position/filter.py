@@ -78,7 +78,7 @@ class Filter:
         self._doubt = np.where(seen, 0.0, self._doubt / window.duration)
         surprised = False
         self.rows = np.zeros((0, self.known.layout.size))
-        if window.blind:
+        if not window.whole:
             self._first = None
         elif self._first is None:
             self._first = window, self.velocity
@@ -127,15 +127,16 @@ class Filter:
     def _weigh(self, pair: Pair) -> bool:
         """Correct by the force balance between two windows; whether the load changed."""
         known, layout = self.known, self.known.layout
+        before, after = pair.velocities
+        motions = self._resting.judge(before, after, self._doubt, pair.opened)
+        pair = pair.without_motion(motions.held)
         q = self.position - 0.5 * pair.duration * pair.velocity
         motion = q[np.newaxis], pair.velocity[np.newaxis], pair.acceleration[np.newaxis]
         one = ForceBalance(*(values[0] for values in known.mechanics.balance(*motion)))
-        before, after = pair.velocities
-        motions = self._resting.judge(before, after, self._doubt, pair.opened)
         asked = one.smooth + self.x[layout.load] * one.load
         self._resting.hold(self.x, self.P, asked, one.dry)
         cylinders = known.mechanics.cylinders(q[np.newaxis])[0]
-        found = weigh(known, self.x, one, pair, motions, cylinders, self._jitter)
+        found = weigh(known, self.x, self.P, one, pair, motions, cylinders, self._jitter)
         if not len(found.innovation):
             return False
         spread = found.H @ self.P @ found.H.T + found.noise

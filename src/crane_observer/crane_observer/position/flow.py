@@ -20,7 +20,7 @@ from crane_model.model_file import Model
 from crane_model.whole_crane import circuit_of, identified
 
 PARTS = 4  # of the interval between two samples of pressure, over which a spool is taken to stand
-HELD_COMMANDS = 64  # as many as there can be within the delay of a valve and one interval
+HELD_COMMANDS = 512  # some seconds of them, in which pressures may be lost
 
 FLOW_A, FLOW_B, NULL_A, NULL_B, DROP_A, DROP_B, FORCE, LATER, OPEN, LOST_A, LOST_B = range(11)
 """Sums over a window: flow into A and B [m3]; what each grows by for a null of 1 [m3] and for
@@ -85,6 +85,10 @@ class Commands(NamedTuple):
         row = int(self.came[0]) % HELD_COMMANDS
         self.stamp[row], self.value[row] = stamp, value
         self.came[0] += 1
+
+    def reach(self, time: float) -> bool:
+        """Whether all that were in force since `time` [s] are still held."""
+        return int(self.came[0]) <= HELD_COMMANDS or float(self.stamp.min()) <= time
 
 
 @njit(cache=True, error_model="numpy")

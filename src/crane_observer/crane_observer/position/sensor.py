@@ -1,5 +1,6 @@
 """The position sensor: readings as they come, in any order, to an estimate for each window."""
 
+import math
 from collections import deque
 from enum import Enum
 from typing import NamedTuple
@@ -9,7 +10,7 @@ import numpy as np
 from crane_model.array import Array, Flags
 from crane_model.machine import Machine
 from crane_model.model_file import Model
-from crane_observer.position.flow import SUMS, Commands, add_interval, spools_of
+from crane_observer.position.flow import NULL_A, NULL_B, SUMS, Commands, add_interval, spools_of
 from crane_observer.position.hypotheses import Hypotheses
 from crane_observer.position.known import Known
 from crane_observer.position.observability import HEAVIEST, Observability
@@ -160,18 +161,25 @@ class PositionSensor:
             self._supply = supply
         if time - self._newest > GAP:
             self._blind += time - self._newest
+            self._unheard = not self._commands.reach(self._newest)
         if time - self._commanded > SILENT and not self._silenced:
             self._silenced = True
             self._commands.add(self._commanded + SILENT, np.zeros_like(chamber_a))
-        add_interval(
-            self._known.circuit, self._spools, self._commands, self._spool, self._begin,
-            self._newest, time, self._last, now, self._supply, self._largest, self._sums,
-        )  # fmt: skip
-        self._newest, self._last = time, now
+        parts = math.ceil((time - self._newest) / GAP)  # a valve may open and close within a gap
+        for stamp, shown in zip(
+            np.linspace(self._newest, time, parts + 1)[1:].tolist(),
+            np.linspace(self._last, now, parts + 1)[1:],
+            strict=True,
+        ):
+            add_interval(
+                self._known.circuit, self._spools, self._commands, self._spool, self._begin,
+                self._newest, stamp, self._last, shown, self._supply, self._largest, self._sums,
+            )  # fmt: skip
+            self._newest, self._last = stamp, shown
         return self._complete() if time - self._begin >= WINDOW - EARLY else None
 
     def _begin_window(self, time: float, pressures: Array) -> None:
-        self._begin, self._before, self._blind = time, pressures, 0.0
+        self._begin, self._before, self._blind, self._unheard = time, pressures, 0.0, False
         self._sums[:] = 0.0
 
     def _complete(self) -> Told:
@@ -180,16 +188,17 @@ class PositionSensor:
         measured = np.abs(age) < STALE
         encoders = self._encoder + self._velocity * np.where(measured, age, np.nan)
         cut_off = self._silenced and bool((np.abs(self._told) > NEUTRAL).any())
-        blind = self._blind or ((time - self._begin) if cut_off else 0.0)
         duration = time - self._begin
+        opened = (self._sums[:, [NULL_A, NULL_B]] != 0.0).any(axis=1) | self._unheard
+        blind = np.where(opened, self._blind, 0.0) + (duration if cut_off else 0.0)
         window = FlowWindow(
-            time, duration, self._sums.copy(), self._before, self._last, encoders, blind
-        )
+            time, duration, self._sums.copy(), self._before, self._last, encoders, blind,
+            whole=not self._blind and not cut_off,
+        )  # fmt: skip
         estimate = self._step(window)
         best = self._hypotheses.filters[0]
         self._velocity = estimate.velocity
         self._observability.add(best.rows, duration)
-        self._begin_window(time, self._last)
         condition = SensorCondition.GOOD
         if len(self._hypotheses.filters) > 1:
             condition = SensorCondition.SEARCHING
@@ -197,10 +206,11 @@ class PositionSensor:
             condition = SensorCondition.ENCODER_LOST
         if cut_off:
             condition = SensorCondition.COMMANDS_LOST
-        if window.blind and not cut_off:
+        if self._blind and not cut_off:
             condition = SensorCondition.PRESSURES_LOST
         unsure = CERTAIN * estimate.deviation[-1]
         if not -unsure - LIGHTEST < estimate.load < self._heaviest + unsure:
             condition = SensorCondition.LOAD_IMPOSSIBLE
+        self._begin_window(time, self._last)
         observable = measured | self._observability.observable
         return Told(estimate, condition, observable, measured)

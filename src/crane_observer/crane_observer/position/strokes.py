@@ -91,7 +91,6 @@ def moved(known: Known, x: Array, q: Array, window: FlowWindow) -> Moved:
     slopes[rows, layout.of(DRIFT).start + rows] = unclear / after[1]
     noise = ((trust.stroke * made.stroke) ** 2 + WHITE * made.doubt**2) / after[1] ** 2
     noise = noise + (known.standing * window.duration) ** 2 * 1e-4
-    if window.blind:
-        noise = noise + (known.fastest * window.blind) ** 2
+    noise = noise + (known.fastest * window.blind) ** 2
     jitter, doubt = trust.reading * made.jitter, made.doubt
     return Moved(way, slopes, noise, jitter / np.abs(after[1]), doubt / np.abs(after[1]))

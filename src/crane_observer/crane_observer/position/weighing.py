@@ -40,6 +40,10 @@ class Pair(NamedTuple):
         """(j,) between them."""
         return np.asarray((self.velocities[1] - self.velocities[0]) * 2.0 / self.duration)
 
+    def without_motion(self, held: Flags) -> "Pair":
+        """Those of joints that stand (j,) are noise, and would pass for a load's."""
+        return self._replace(velocities=np.where(held, 0.0, self.velocities))
+
     @property
     def opened(self) -> Flags:
         """(j,) whose valve was open for some time."""
@@ -78,11 +82,11 @@ class BalanceRows(NamedTuple):
 
 
 def weigh(
-    known: Known, x: Array, one: ForceBalance, pair: Pair, motions: Motions, cylinders: Array,
-    jitter: Array,
+    known: Known, x: Array, P: Array, one: ForceBalance, pair: Pair, motions: Motions,
+    cylinders: Array, jitter: Array,
 ) -> BalanceRows:  # fmt: skip
-    """At the states x (size,), where the cylinders (j, 3) are; `jitter` (j,) [rad, m] is what
-    noise does to a position.
+    """At the states x (size,) with covariance P, where the cylinders (j, 3) are; `jitter` (j,)
+    [rad, m] is what noise does to a position.
     """
     layout, trust = known.layout, known.trust
     _, lever, bend = cylinders.T
@@ -108,6 +112,10 @@ def weigh(
     slips = np.maximum(shaken, SLIP * np.abs(pair.acceleration))
     shaken = mass * np.where(motions.passing, slips, shaken)
     noise = (by_pressure * trust.noise) ** 2 + (trust.inertia * (mass @ pair.acceleration)) ** 2
+    # what is not linear in a pose that is not known
+    unsure = np.diag(P)[layout.of(POSITION)]
+    noise = noise + (one.load_slope**2 @ unsure) * P[layout.load, layout.load]
+    noise = noise + 0.5 * (lever * force) ** 2 * (unsure**2).sum()
     noise = np.diag(noise + np.where(motions.passing, one.dry**2, 0.0)) + shaken @ shaken.T
     often = np.where(motions.passing, CORRELATED, 1.0)
     return BalanceRows(H, lever * force - asked, noise, often).of(~motions.stalls)

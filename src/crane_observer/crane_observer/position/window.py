@@ -16,7 +16,8 @@ class FlowWindow(NamedTuple):
     before: Array  # (2, j) Pa in chambers A and B as it began
     after: Array  # (2, j) Pa as it ended
     encoders: Array  # (j,) rad or m at its end; NaN where there is none
-    blind: float = 0.0  # s of it in which pressures were not measured
+    blind: Array  # (j,) s of it in which what flowed is not known
+    whole: bool  # pressures were measured all the time
 
 
 class PoseEstimate(NamedTuple):
