@@ -51,7 +51,7 @@ TRANSDUCER = {
 AFTERWARDS = "; do not identify from recordings since then"
 
 
-class Rival(NamedTuple):
+class RivalEncoder(NamedTuple):
     """An encoder that may lie instead of what is named."""
 
     joint: str
@@ -70,7 +70,7 @@ class SensorFinding(NamedTuple):
     high: float
     onset: float  # s
     found: float  # s
-    rival: Rival | None = None
+    rival: RivalEncoder | None = None
 
     @property
     def sensor(self) -> str:

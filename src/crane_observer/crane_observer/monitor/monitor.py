@@ -7,7 +7,7 @@ import numpy as np
 from crane_model.array import Array, Flags
 from crane_model.errors import DataError
 from crane_observer.monitor.blocks import Blocks, FlowBlock, KnownFlow, Sample
-from crane_observer.monitor.finding import Rival, SensorFinding
+from crane_observer.monitor.finding import RivalEncoder, SensorFinding
 from crane_observer.monitor.history import History
 from crane_observer.monitor.isolation import COVERED, Suspect, encoder_behind, isolate
 from crane_observer.monitor.readings import LOOKED, ReadingHabits
@@ -127,7 +127,7 @@ class SensorComparison:
         suspects = self._suspects(alarmed)
         explained = bool(suspects) and suspects[0].misfit < EXPLAINED
         encoder = encoder_behind(suspects)
-        rival = Rival(encoder.joint, encoder.kind) if encoder else None
+        rival = RivalEncoder(encoder.joint, encoder.kind) if encoder else None
         if not explained and (noisy := self._noisy(alarmed, block)):
             return [noisy._replace(rival=rival)]
         if not suspects or not suspects[0].certain:

@@ -7,7 +7,7 @@ import pytest
 from unit.crane_observer.monitor.at_work import Heard
 
 from crane_model.model_file import Model
-from crane_observer.monitor.finding import Rival, SensorFinding
+from crane_observer.monitor.finding import RivalEncoder, SensorFinding
 from crane_observer.monitor.isolation import CLEARLY, EXPLAINS, Suspect, encoder_behind
 from crane_observer.monitor.signatures import SUPPLY, Part, Wrong
 from crane_observer.node.topics import findings_message
@@ -44,7 +44,7 @@ def test_a_rival_is_told_with_its_joint() -> None:
     )  # fmt: skip
     assert not named.dangerous
     assert list(findings_message([named], 0).joint) == [""]
-    doubted = named._replace(rival=Rival("boom", Wrong.DRIFT))
+    doubted = named._replace(rival=RivalEncoder("boom", Wrong.DRIFT))
     assert doubted.dangerous
     assert list(findings_message([doubted], 0).joint) == ["boom"]
     assert doubted.what_to_do.startswith("stop: the boom encoder (drift) would explain it too")
