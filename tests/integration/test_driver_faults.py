@@ -314,15 +314,17 @@ def test_a_speed_beyond_table_2_is_held_back(stage: Stage, hand: Commander) -> N
     deadline = time.monotonic() + PATIENCE
     stage.until(lambda: stage.states)
     side = -1.0 if stage.states[-1].position[0] > 0.0 else 1.0  # where there is way to go
-    while side * stage.states[-1].position[0] < 0.5:
-        assert time.monotonic() < deadline, stage.states[-1].position
-        if not stage.valves[-1].enabled:  # at first, and after a fault of a busy test machine
-            stage.moving(hand, slew=side * 0.12)
-            hand.send(slew=side)
-        stage.spin()
-        most = max(most, side * stage.states[-1].velocity[0])
+    try:
+        while side * stage.states[-1].position[0] < 0.5:
+            assert time.monotonic() < deadline, stage.states[-1].position
+            if not stage.valves[-1].enabled:  # at first, and after a fault of a busy test machine
+                stage.moving(hand, slew=side * 0.12)
+                hand.send(slew=side)
+            stage.spin()
+            most = max(most, side * stage.states[-1].velocity[0])
+    finally:
+        stage.disabled()  # whatever came of it, the tests to come begin at rest
     assert 0.5 * fastest < most <= 1.4 * fastest  # what a late test machine adds
-    stage.disabled()
 
 
 def test_at_a_limit_the_command_goes_no_further(stage: Stage, hand: Commander) -> None:
