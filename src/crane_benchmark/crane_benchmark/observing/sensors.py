@@ -24,11 +24,14 @@ from crane_benchmark.observing.watched import (
 from crane_model import cli
 from crane_model.arguments import between, whole
 from crane_model.progress_bar import progress_bar
+from crane_observer.monitor.finding import SensorFinding
 from crane_observer.monitor.replay import watch
+from crane_observer.monitor.signatures import Part, Wrong
 from crane_observer.monitor.tolerance import learn
 
 ALARMS = 0.1  # an hour, at most
 RIGHT = 0.9  # of what is found, at least
+LYING_STOPS = 0.99  # of the encoders that are found to lie, at least
 COLUMNS = ("what", "aim", "cases", "reached", "smallest", "median delay [s]")
 LEARNING, WITHOUT, WITH = 10_000, 20_000, 30_000  # seeds, beside that of the command
 
@@ -66,10 +69,25 @@ def rows_of(
             values={"told": len(told), "right": right, "excess": RIGHT - right},
         ),
     ]
+    encoders = [one.first for one in told if one.case.part is Part.ENCODER]
+    others = [one.first for one in told if one.case.part is not Part.ENCODER]
+    rows += [
+        _stopped(f"{name}: encoders that lie, the crane stops", LYING_STOPS, encoders),
+        _stopped(f"{name}: another is at fault, the crane stops", None, others),
+    ]
     return rows + [
         _row(name, [one for one in answers if one.case.question == question])
         for question in (*AIMS, *OTHERS)
     ]
+
+
+def _stopped(what: str, aim: float | None, found: Sequence[SensorFinding | None]) -> MeasuredRow:
+    """How many findings the driver heeds; noise of an encoder is none of them."""
+    asked = [one for one in found if one and (one.part, one.kind) != (Part.ENCODER, Wrong.NOISE)]
+    share = sum(one.dangerous for one in asked) / max(len(asked), 1)
+    values = {"cases": float(len(asked)), "share": share, "excess": (aim or 0.0) - share}
+    cells = [what, f"{aim:.0%}" if aim else "", "{cases:.0f}", "{share:.1%}", "", ""]
+    return MeasuredRow(cells=cells, values=values)
 
 
 def _row(name: str, answers: Sequence[MonitorAnswer]) -> MeasuredRow:
