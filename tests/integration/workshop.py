@@ -79,7 +79,7 @@ class Workshop:
     def start_driver(self, *arguments: str) -> None:
         if self.driver:
             assert end(self.driver) == 0
-        self.driver = start(DRIVER, *arguments)
+        self.driver, self.valves = start(DRIVER, *arguments), ({}, False)
 
     def restart_driver(self, tool: "Tool") -> None:
         """By the command line that a step has printed."""

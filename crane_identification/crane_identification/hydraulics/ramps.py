@@ -42,6 +42,7 @@ class Ramp(Schema):
     gain_std: Annotated[float, Field(ge=0)] | None = None
     lag: Positive
     repeats: Annotated[int, Field(ge=1)]
+    rate: Positive | None = None
 
 
 class Ramps(Schema):
@@ -80,7 +81,7 @@ def with_ramps(known: HydraulicValues | None, path: Path, machine: Machine) -> H
             added.append(joint)
             unknown.pop(joint, None)
         except DataError as error:
-            unknown.setdefault(joint, str(error))
+            unknown[joint] = "; ".join(filter(None, (unknown.get(joint), str(error))))
     told = [known.provenance] if known else []
     if added:
         told.append(f"{', '.join(added)}: ramps of {file.date}, {path}")

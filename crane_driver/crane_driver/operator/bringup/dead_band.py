@@ -3,7 +3,9 @@
 Beyond the dead band u0 the speed is K (u(t - τ) - u0). While the command rises, the lag τ makes the
 valve seem to open late, by the rate of the ramp times τ; while it falls, to close late. A triangle
 has both, so u0, K and τ are determined together; u0 is the command extrapolated to zero speed.
-The first part of the way is left out: there the oil is compressed until friction gives way.
+The first part of the way is left out: there the oil is compressed until friction gives way. A
+heavy joint on soft oil answers by no lag alone: unless the valve opens and closes much more slowly
+than it answers, u0 and K are those of the ramp and not of the valve.
 """
 
 from dataclasses import dataclass
@@ -19,6 +21,8 @@ from crane_model.result_file import ResultPart
 LEFT_OUT = 0.25  # of the way, at its beginning
 LONGEST_LAG = 0.5  # s
 POOR = 0.1  # of the way: residual of a fit that means nothing
+PROMPT = 0.02  # of the time for which the valve is open: a longer lag bends u0 and K
+SAME = 0.05  # of u0 and of K, between two rates of which neither bends them
 
 
 @dataclass(frozen=True)
@@ -30,6 +34,17 @@ class DeadBandFit:
     lag: float  # s
     dead_band_std: float
     fitted: np.ndarray  # (n,) rad, m: position by the fit; NaN where samples were left out
+    opened: float  # s, for which the valve was open
+
+    @property
+    def hurried(self) -> bool:
+        """Whether the ramp was too fast for this joint."""
+        return self.lag > PROMPT * self.opened
+
+    def agrees(self, other: "DeadBandFit") -> bool:
+        """Whether both tell the same valve."""
+        pairs = (self.dead_band, other.dead_band), (self.gain, other.gain)
+        return all(abs(one - two) <= SAME * max(one, two) for one, two in pairs)
 
 
 class DeadBandResult(ResultPart):
@@ -47,6 +62,8 @@ class DeadBandResult(ResultPart):
     """How many [-]."""
     gain_std: float | None = None
     """Standard deviation of the gain between repeats; absent with one repeat [rad/s, m/s]."""
+    rate: float | None = None
+    """Of the ramps; slower than asked where the joint answers late [1/s]."""
 
 
 def fit_dead_band(name: str, trace: Trace, direction: int) -> DeadBandFit:
@@ -86,6 +103,7 @@ def fit_dead_band(name: str, trace: Trace, direction: int) -> DeadBandFit:
             f"{name}: the way does not follow the command, residual {rms:.0%} of it, limit "
             f"{POOR:.0%}; the joint sticks, is held back by a limit, or the ramp is too fast"
         )
+    opened = float(np.sum(np.diff(time)[one.command[1:] > fit.x[0]]))
     covariance = rms**2 * np.linalg.pinv(fit.jac.T @ fit.jac)
     fitted = direction * modelled(fit.x) + trace.position[0]
     return DeadBandFit(
@@ -94,11 +112,14 @@ def fit_dead_band(name: str, trace: Trace, direction: int) -> DeadBandFit:
         lag=float(fit.x[2]),
         dead_band_std=float(np.sqrt(covariance[0, 0])),
         fitted=np.where(used, fitted, np.nan),
+        opened=opened,
     )
 
 
-def average(fits: list[DeadBandFit]) -> DeadBandResult:
-    """Mean of the repeats; their scatter, or with one alone the standard deviation of its fit."""
+def average(fits: list[DeadBandFit], rate: float | None = None) -> DeadBandResult:
+    """Mean of the repeats, run at `rate` [1/s]; their scatter, or with one alone the standard
+    deviation of its fit.
+    """
     bands, gains = np.array([one.dead_band for one in fits]), np.array([one.gain for one in fits])
     several = len(fits) > 1
     return DeadBandResult(
@@ -108,4 +129,5 @@ def average(fits: list[DeadBandFit]) -> DeadBandResult:
         gain_std=float(gains.std(ddof=1)) if several else None,
         lag=float(np.mean([one.lag for one in fits])),
         repeats=len(fits),
+        rate=rate,
     )

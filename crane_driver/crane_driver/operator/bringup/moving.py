@@ -8,20 +8,18 @@ from typing import Any
 from crane_driver.operator.bringup import motion, pictures
 from crane_driver.operator.bringup.bench import Bench
 from crane_driver.operator.bringup.dead_band import (
-    DeadBandFit,
     DeadBandResult,
     average,
-    fit_dead_band,
 )
 from crane_driver.operator.bringup.motion import Mover
 from crane_driver.operator.bringup.polarity import find_polarity
+from crane_driver.operator.bringup.ramps import DIRECTIONS, Runs, unhurried
 from crane_driver.operator.bringup.response import StepFit, first_gains, fit_step
 from crane_driver.operator.bringup.samples import Trace
 from crane_driver.operator.bringup.series import CONTROLLER, DeadBands, copy_changed, significant
 from crane_model.configuration import read_yaml
 from crane_model.errors import ConfigurationError, DataError
 
-DIRECTIONS = {1: "positive", -1: "negative"}
 RISING = 0.15  # of the travel, that a step response may take; at most `LONGEST`
 LONGEST = 1.0  # s
 MOVES = """This step moves the crane by itself: {what}
@@ -71,20 +69,15 @@ def dead_band(bench: Bench) -> None:
             f"rad/s or m/s, and closes again, {protocol.repeats} times in each direction."
         )
     )
-    ramp = partial(motion.triangle, rate=protocol.rate, speed=protocol.speed, limit=protocol.limit)
-    fits: dict[str, dict[int, list[tuple[Trace, DeadBandFit]]]] = {}
+    fits: dict[str, Runs] = {}
     results: dict[str, dict[int, DeadBandResult]] = {}
     for joint in bench.joints:
         bench.terminal.confirm(f"{joint}: measure its dead bands?")
-        runs: dict[int, list[tuple[Trace, DeadBandFit]]] = {1: [], -1: []}
         with bench.moving(joint) as mover:
-            for _ in range(protocol.repeats):
-                for direction, done in runs.items():
-                    trace = bench.driven(mover, partial(ramp, direction=direction))
-                    name = f"{joint}, {DIRECTIONS[direction]} direction"
-                    done.append((trace, fit_dead_band(name, trace, direction)))
+            rate, runs = unhurried(bench, mover)
             averages = {
-                direction: average([fit for _, fit in done]) for direction, done in runs.items()
+                direction: average([fit for _, fit in done], rate)
+                for direction, done in runs.items()
             }
             bench.driven(mover, _return(averages, protocol.speed))
         fits[joint], results[joint] = runs, averages

@@ -87,6 +87,9 @@ def test_a_lever_that_changes_and_a_single_ramp_are_named(tmp_path: Path) -> Non
     assert "lever changes" in found.unknown[BOOM] and not found.joints
     once = with_ramps(None, written(tmp_path, SLEW, bands(repeats=1)), MACHINE)
     assert "two repeats" in once.unknown[SLEW]
+    bag = HydraulicValues(provenance="a recording", joints={}, unknown={SLEW: "did not move"})
+    both = with_ramps(bag, written(tmp_path, SLEW, bands(repeats=1)), MACHINE)
+    assert both.unknown[SLEW].startswith("did not move; ") and "two repeats" in both.unknown[SLEW]
 
 
 def test_ramps_of_another_machine_are_refused(tmp_path: Path) -> None:
