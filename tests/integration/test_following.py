@@ -5,8 +5,9 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+import yaml
 from integration.driver_stage import Stage
-from integration.experiments import Experiments
+from integration.experiments import PERIOD, SHORT, Experiments
 from integration.processes import end
 from known_crane import write_known_model
 from lifecycle_msgs.msg import Transition
@@ -16,6 +17,7 @@ from std_srvs.srv import Trigger
 from crane_interfaces.msg import CylinderPressures
 from crane_model.model_file import load_model
 from crane_trajectory.experiment import Outcome
+from crane_trajectory.motion.probe import Probe
 
 SHOWN = "/shown_pressures"
 FALLEN_BACK = "pressures lost: using the load of the model"
@@ -126,3 +128,51 @@ def test_a_tenth_of_the_tolerance_ends_it(crane: Experiments) -> None:
     assert result.outcome == Outcome.TRACKING_LOST, result.message
     assert "is beyond the tolerance 1e-05 rad" in result.message
     crane.holds_still()
+
+
+def test_computed_force_leads_a_motion_with_a_probe_on_top(crane: Experiments) -> None:
+    """The law that the report names, and the pseudo-random command that tells how fast valves are:
+    what the node commands follows the probe's steps.
+    """
+    stage = crane.stage
+    crane.change(Transition.TRANSITION_DEACTIVATE)
+    crane.change(Transition.TRANSITION_CLEANUP)
+    assert crane.set("law", "computed_force") == (True, "")
+    assert crane.set("tracking_tolerance.outer_boom", 0.2) == (True, "")
+    crane.change(Transition.TRANSITION_CONFIGURE)
+    crane.change(Transition.TRANSITION_ACTIVATE)
+    probe = Probe(amplitude=0.02)
+    file = crane.folder / "probed.yaml"
+    file.write_text(yaml.safe_dump({**SHORT, "probe": probe.model_dump()}))
+    shown = stage.node.create_publisher(CylinderPressures, SHOWN, 10)
+    stage.node.create_subscription(CylinderPressures, "/cylinder_pressures", shown.publish, 10)
+    for _ in range(5):  # a test machine that is too busy makes true faults
+        stage.enabled()
+        crane.commands.clear()
+        crane.references.clear()
+        result = crane.result(crane.send(file))
+        if result.outcome == Outcome.COMPLETED:
+            break
+    assert result.outcome == Outcome.COMPLETED, result.message
+    order = list(SHORT["joints"])
+    errors = dict(zip(result.name, result.rms_tracking_error, strict=True))
+    assert max(errors.values()) < 10e-3, errors
+    assert likeness(crane, probe, order) > 0.5  # cycles are not quite on time
+    assert likeness(crane, probe, order[::-1]) < 0.25  # as by chance
+
+
+def likeness(crane: Experiments, probe: Probe, order: list[str]) -> float:
+    """The correlation of the changes of all commands with those of the probe of the joints in this
+    order, which began at the time at which that is largest.
+    """
+    stamps = [one.header.stamp for one in crane.commands]
+    time = np.array([stamp.sec + 1e-9 * stamp.nanosec for stamp in stamps])
+    commands = [[one.command[one.name.index(joint)] for joint in order] for one in crane.commands]
+    change = np.diff(commands, axis=0)
+    found = [0.0]
+    for begin in np.arange(time[0], time[-1] - PERIOD, 0.005):
+        within = (time >= begin) & (time < begin + PERIOD)
+        steps = np.where(within[:, np.newaxis], probe.course(time - begin, PERIOD, len(order)), 0.0)
+        made, leading = np.diff(steps, axis=0), within[1:] & within[:-1]
+        found.append(float(np.corrcoef(change[leading].ravel(), made[leading].ravel())[0, 1]))
+    return max(found)
