@@ -1,6 +1,7 @@
 """The action run_excitation: what becomes of a goal, from its request to its result."""
 
 import time
+import traceback
 from collections.abc import Callable, Mapping
 from concurrent.futures import Future as Result
 from functools import partial
@@ -29,6 +30,16 @@ Made = TypeVar("Made")
 
 class NotReadyError(CraneError):
     """A goal cannot begin: the driver is not enabled, joint states do not come, the crane moves."""
+
+
+class UnexpectedError(CraneError):
+    """A defect of the program, found while nothing has moved."""
+
+    def __init__(self, what: str):
+        super().__init__(
+            f"{what}; nothing has moved. This is a defect of the program: report it, with the log "
+            "of the node and the trajectory"
+        )
 
 
 class CanceledError(CraneError):
@@ -133,8 +144,11 @@ class Goals:
         def run() -> None:
             try:
                 result.set_result(work())
-            except Exception as error:
+            except CraneError as error:
                 result.set_exception(error)
+            except Exception as error:
+                self._log.error(traceback.format_exc())
+                result.set_exception(UnexpectedError(f"{type(error).__name__}: {error}"))
 
         Thread(target=run, daemon=True).start()
         while not result.done():

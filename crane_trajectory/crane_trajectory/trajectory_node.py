@@ -34,7 +34,8 @@ from crane_trajectory.controller_topics import Leading
 from crane_trajectory.experiment import Experiment, Outcome
 from crane_trajectory.motion.check import Clearance, load_clearance
 from crane_trajectory.motion.motion import Motion, plan
-from crane_trajectory.motion.periodic import PeriodicTrajectory, load_trajectory
+from crane_trajectory.motion.periodic import PeriodicTrajectory
+from crane_trajectory.motion.reading import read_apart
 from crane_trajectory.readiness import Readiness
 from crane_trajectory.run_excitation_action import ACTION, Goals, NotReadyError
 from crane_trajectory.trajectory_condition import condition
@@ -212,7 +213,7 @@ class Trajectory(LifecycleNode):
 
     def read(self, trajectory: str) -> PeriodicTrajectory:
         """The trajectory of a path, or that of the machine which has the name."""
-        return load_trajectory(machine_file("", MACHINE.read(self), trajectory))
+        return read_apart(machine_file("", MACHINE.read(self), trajectory))
 
     def planner(self, trajectory: PeriodicTrajectory, periods: int) -> Callable[[], Motion]:
         """What plans the motion from where the crane is now, in any thread."""

@@ -1,7 +1,7 @@
 """Periodic trajectories of every kind, as a motion runs them and as files hold them."""
 
 from pathlib import Path
-from typing import Protocol
+from typing import Any, Protocol
 
 import numpy as np
 
@@ -44,7 +44,10 @@ def load_trajectory(path: Path | str) -> FourierTrajectory | SweepTrajectory:
     `kind: sweep` marks sweeps and dwells; without a kind it is a Fourier series (32).
     """
     document = read_document(path)
-    content = document.content
-    if isinstance(content, dict) and content.get("kind") == "sweep":
-        return document.validated(SweepTrajectory)
-    return document.validated(FourierTrajectory)
+    return document.validated(schema_of(document.content))
+
+
+def schema_of(content: Any) -> type[FourierTrajectory] | type[SweepTrajectory]:
+    """Of the plain content of a trajectory file."""
+    sweep = isinstance(content, dict) and content.get("kind") == "sweep"
+    return SweepTrajectory if sweep else FourierTrajectory
