@@ -7,9 +7,11 @@ import numpy as np
 from crane_identification.data.units import COUNTS
 from crane_identification.diagnosis.fit.evidence import Evidence
 from crane_identification.diagnosis.fit.features import way_since_turned
+from crane_model.errors import ConfigurationError
 from crane_model.record import Record
 from crane_model.terms import Setting
 from crane_model.terms.effect import Variable
+from crane_model.terms.planar import BoomDirections
 
 OF_NO_JOINT: frozenset[Variable] = frozenset(
     {
@@ -51,27 +53,35 @@ _READ: Mapping[Variable, Callable[[Record, int], np.ndarray]] = {
         record.needed("pressure_a", _BY) + record.needed("pressure_b", _BY)
     )[:, j],
     "pressure of chamber B": lambda record, j: record.needed("pressure_b", _BY)[:, j],
-    "extension of the telescope": lambda record, j: record.position[:, record.column("telescope")],
-    "inclination of the telescope": lambda record, j: (
-        record.position[:, record.column("inner_boom")]
-        + record.position[:, record.column("outer_boom")]
-    ),
     "slew velocity": lambda record, j: record.needed("slew_velocity", _BY),
     "temperature": lambda record, j: record.needed("temperature", _BY),
     "time": lambda record, j: record.time,
 }
-
-
-def read(variable: Variable, record: Record, j: int) -> np.ndarray:
-    """A variable but the recording (n,) of joint number j; `DataError` where it is not there."""
-    return _READ[variable](record, j)
+_OF_BOOMS: Mapping[Variable, Callable[[BoomDirections], np.ndarray]] = {
+    "extension of the telescope": lambda booms: booms.extension,
+    "inclination of the telescope": lambda booms: booms.psi,
+}
 
 
 def on_rows(variable: Variable, evidence: Evidence, j: int) -> np.ndarray:
-    """A variable (n,) of joint number j on the rows of the evidence."""
+    """A variable (n,) of joint number j on the rows of the evidence.
+
+    `DataError` if it was not recorded, `ConfigurationError` if the machine is not of its kind.
+    """
     if variable == "recording":
         return evidence.bag + 1.0
-    return np.concatenate([read(variable, run.record, j)[run.kept] for run in evidence.runs])
+    setting = evidence.model.setting
+    return np.concatenate(
+        [_read(variable, run.record, setting, j)[run.kept] for run in evidence.runs]
+    )
+
+
+def _read(variable: Variable, record: Record, setting: Setting, j: int) -> np.ndarray:
+    if variable not in _OF_BOOMS:
+        return _READ[variable](record, j)
+    if setting.machine is None:
+        raise ConfigurationError(f"{variable}: needs a machine, but the model has none")
+    return _OF_BOOMS[variable](BoomDirections.of(setting.machine, record))
 
 
 def unit_of(name: str, joint: str | None, setting: Setting, counts: bool = False) -> str:

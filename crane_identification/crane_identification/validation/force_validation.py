@@ -8,6 +8,7 @@ from crane_identification.estimation.regression import build_rows, noise_floor
 from crane_identification.estimation.rows import Rows
 from crane_identification.preparation.run import Preparation
 from crane_identification.signals.decimate import decimate, decimation_rows
+from crane_identification.signals.response import smoothed_alike
 from crane_model.model_file import Model
 
 
@@ -19,7 +20,8 @@ class Validation:
     the model's `gravity` part (n, j) [N m or N]. Where a joint stands or turns back, friction (13)
     may be anything between its two branches: the prediction there is the force in that range
     nearest to the measured one, which costs nothing only if the measured force is one that the
-    model allows.
+    model allows. That one is smoothed as the motion is: what the smoother takes from a short
+    acceleration it gives to its surroundings, and the filter cancels the two only if both count.
 
     Per joint (j,): `relative_error` ‖τ - τ̂‖/‖τ‖ over all samples; `relative_error_moving`, the same
     over the share `moving` of them at which the sign of the joint's velocity is known; and
@@ -58,7 +60,9 @@ def compare(model: Model, preparation: Preparation, factor: int) -> Validation:
     def filtered(force: np.ndarray) -> np.ndarray:
         return decimate(force, factor, preparation.periodic)
 
-    allowed = np.clip(record.force, *model.range_at_standstill(record))
+    bandwidth = np.where(preparation.moving.any(axis=0), preparation.bandwidth, np.inf)
+    alike = smoothed_alike(record.force, bandwidth, preparation.step, preparation.periodic)
+    allowed = np.clip(alike, *model.range_at_standstill(record))
     measured = filtered(record.force)
     predicted = filtered(np.where(preparation.signed, model.predict(record), allowed))
     gravity = filtered(model.gravity(record))

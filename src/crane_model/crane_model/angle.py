@@ -6,8 +6,9 @@ import operator
 from collections.abc import Callable
 from typing import Annotated, Any
 
-from pydantic import BeforeValidator
+from pydantic import AfterValidator, BeforeValidator
 
+WIDEST = 4.0 * math.pi  # rad, of a direction: two turns
 _OPERATIONS: dict[type[ast.operator], Callable[[float, float], float]] = {
     ast.Add: operator.add,
     ast.Sub: operator.sub,
@@ -40,4 +41,15 @@ def _value(node: ast.expr) -> float:
     raise ValueError
 
 
+def _within(angle: float) -> float:
+    if abs(angle) > WIDEST:
+        raise ValueError(
+            f"must be an angle in rad, within {WIDEST:.3g} either way, got {angle:g}; is it in "
+            "degrees?"
+        )
+    return angle
+
+
 Angle = Annotated[float, BeforeValidator(_read)]
+Direction = Annotated[Angle, AfterValidator(_within)]
+"""An angle of the geometry, which is no joint's coordinate."""

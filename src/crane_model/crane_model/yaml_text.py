@@ -54,6 +54,8 @@ class YamlText:
 
     def _told(self, error: yaml.MarkedYAMLError) -> str:
         mark = error.problem_mark or error.context_mark
+        if error.context == "while scanning a simple key":  # it is found out on the next line
+            mark = error.context_mark
         assert mark is not None  # that is what PyYAML means by marked
         key = ".".join(_way(self._root, mark.index)) if self._root else ""
         place = f"line {mark.line + 1}: " + (f"key '{key}': " if key else "")

@@ -68,6 +68,10 @@ WRONG = {
     "list instead of a mapping": ("- a\n- b", ["whole file", "mapping", "['a', 'b']"]),
     "empty file": ("", ["whole file", "mapping", "None"]),
     "not YAML": ("name: [a", ["not valid YAML", "line 1"]),
+    "key without a colon": (
+        "name: a\nsprings\nnote: b",
+        ["line 2: not valid YAML", "could not find expected ':'"],
+    ),
     "date that is none": (
         "name: 2024-13-45\nsprings: []",
         ["line 1: key 'name': no valid timestamp"],

@@ -49,6 +49,7 @@ WRONG = {
     "relief below supply": ({"relief_pressure": 19e6}, "supply_pressure <= relief_pressure must"),
     "chambers exchanged": ({"area_a": 1e-3}, "'boom': area_b, of the rod's side, is larger"),
     "pump too small": ({"pump_flow": 1e-4}, "'boom': its velocities need 40.2 l/min, the pump"),
+    "pump in l/min": ({"pump_flow": 45.0}, "pump_flow is 45 m3/s; is it in m3/s"),
     "stroke too long": ({"length_max": 1.6}, "'boom': a cylinder of 0.77 m from pin to pin cannot"),
     "stroke not used": (
         {"length_max": 1.35, "position_max": -0.5},

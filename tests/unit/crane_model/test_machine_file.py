@@ -184,6 +184,22 @@ WRONG = {
         ("joints.slew.dh.d", "tall"),
         ["'joints.slew.dh.d'", "number", "'tall'"],
     ),
+    "limits in degrees": (
+        ("joints.inner_boom.limits.position_max", 78.0),
+        ["linkage of inner_boom over its limits", "span 78.5 rad", "are they in degrees?"],
+    ),
+    "direction in degrees": (
+        ("joints.slew.dh.alpha", 90),
+        ["'joints.slew.dh.alpha'", "within 12.6 either way, got 90", "in degrees?"],
+    ),
+    "pin in degrees": (
+        ("joints.inner_boom.actuator.phi_4", 21.0),
+        ["'joints.inner_boom.actuator.phi_4'", "got 21", "in degrees?"],
+    ),
+    "name of two words": (
+        ("joints.telescope.name", "my telescope"),
+        ["must be letters, digits and '_', a letter first, got 'my telescope'"],
+    ),
     "angle in words": (
         ("joints.slew.dh.alpha", "half of __import__('math').pi"),
         ["'joints.slew.dh.alpha'", "an angle in rad, a number or like pi/2 - 0.1, got "],

@@ -12,7 +12,7 @@ from crane_model import linkages
 from crane_model.actuators.actuator import BuiltIn
 from crane_model.actuators.drawn import Bar, direction, meeting
 from crane_model.actuators.hydraulic import CylinderActuator
-from crane_model.angle import Angle
+from crane_model.angle import Direction
 from crane_model.configuration import Positive
 from crane_model.linkages import FOUR_BAR, Linkage
 
@@ -32,9 +32,9 @@ class FourBarCylinder(BuiltIn, CylinderActuator):
     c2: Positive
     s31: Positive
     s32: Positive
-    beta_1: Angle
-    gamma_25: Angle
-    pin_rise: Angle
+    beta_1: Direction
+    gamma_25: Direction
+    pin_rise: Direction
     mirrored: bool = False
 
     @model_validator(mode="after")

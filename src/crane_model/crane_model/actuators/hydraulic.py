@@ -1,5 +1,6 @@
 """What hydraulic actuators share: two chambers, their areas, and the range of x."""
 
+import math
 from abc import abstractmethod
 from typing import TYPE_CHECKING, Annotated, ClassVar, NamedTuple, Self
 
@@ -95,6 +96,11 @@ class CylinderActuator(HydraulicActuator):
 
     def check(self, low: float, high: float) -> None:
         """The loop closes, the lever arm keeps its sign and the stroke suffices."""
+        if self.bounded_by_pins and high - low >= 2.0 * math.pi:
+            raise ValueError(
+                f"they span {high - low:.3g} rad, but no linkage goes all the way round; are they "
+                "in degrees?"
+            )
         grid = np.linspace(low, high, 201)
         x, lever, _ = self.motion(grid).T
         if np.isnan(lever).any():

@@ -9,7 +9,7 @@ from typing_extensions import override
 from crane_model.actuators.actuator import BuiltIn
 from crane_model.actuators.drawn import Bar, direction
 from crane_model.actuators.hydraulic import CylinderActuator
-from crane_model.angle import Angle
+from crane_model.angle import Direction
 from crane_model.configuration import Positive
 from crane_model.linkages import TRIANGLE, Linkage
 
@@ -26,8 +26,8 @@ class TriangleCylinder(BuiltIn, CylinderActuator):
     type: Literal["triangle_cylinder"] = "triangle_cylinder"
     j1: Positive
     j2: Positive
-    phi_3: Angle
-    phi_4: Angle
+    phi_3: Direction
+    phi_4: Direction
 
     @property
     @override

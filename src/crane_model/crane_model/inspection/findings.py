@@ -12,6 +12,7 @@ from crane_model.machine import Machine
 
 SMALLEST_REACH, LARGEST_REACH = 0.3, 60.0  # m
 SMALLEST_AREA, LARGEST_AREA = 2e-5, 0.15  # m2, pistons of 5 and 440 mm
+SMALLEST_PUMP, LARGEST_PUMP = 1e-6, 0.2  # m3/s, 0.06 and 12,000 l/min
 LOWEST_SUPPLY, HIGHEST_SUPPLY = 2e6, 5e7  # Pa
 WIDEST_TURN = 6.0 * math.pi  # rad
 FASTEST_JOINT = 12.0  # rad/s or m/s
@@ -70,6 +71,8 @@ def _of_supply(machine: Machine) -> Iterator[str]:
         return
     if not LOWEST_SUPPLY < supply.supply_pressure < HIGHEST_SUPPLY:
         yield f"hydraulics: supply_pressure is {supply.supply_pressure:.3g} Pa; is it in Pa?"
+    if not SMALLEST_PUMP < supply.pump_flow < LARGEST_PUMP:
+        yield f"hydraulics: pump_flow is {supply.pump_flow:.3g} m3/s; is it in m3/s?"
     if not supply.tank_pressure < supply.supply_pressure <= supply.relief_pressure:
         yield (
             "hydraulics: tank_pressure < supply_pressure <= relief_pressure must hold, got "

@@ -1,18 +1,26 @@
 """A joint of the machine: how it moves, where it is, how far it goes and what drives it."""
 
+import re
 from functools import cached_property
 from typing import Annotated, Literal, Self
 
 import numpy as np
-from pydantic import BeforeValidator, Field, SerializeAsAny, model_validator
+from pydantic import AfterValidator, BeforeValidator, Field, SerializeAsAny, model_validator
 
 from crane_model.actuators import Actuator, actuator_from_mapping
-from crane_model.angle import Angle
+from crane_model.angle import Angle, Direction
 from crane_model.array import Array
 from crane_model.configuration import Positive, Schema
 from crane_model.frames import about, denavit_hartenberg, placement
 
 Vector = tuple[float, float, float]
+_WORD = re.compile(r"[A-Za-z]\w*")
+
+
+def _word(name: str) -> str:
+    if not _WORD.fullmatch(name):
+        raise ValueError(f"must be letters, digits and '_', a letter first, got '{name}'")
+    return name
 
 
 class DenavitHartenberg(Schema):
@@ -21,17 +29,17 @@ class DenavitHartenberg(Schema):
     q is added to theta of a joint that turns, to d of one that slides.
     """
 
-    theta: Angle = 0.0
+    theta: Direction = 0.0
     d: float = 0.0
     a: float = 0.0
-    alpha: Angle = 0.0
+    alpha: Direction = 0.0
 
 
 class Origin(Schema):
     """A place in the frame before, as in URDF: moved by `xyz` [m], turned by `rpy` [rad]."""
 
     xyz: Vector = (0.0, 0.0, 0.0)
-    rpy: tuple[Angle, Angle, Angle] = (0.0, 0.0, 0.0)
+    rpy: tuple[Direction, Direction, Direction] = (0.0, 0.0, 0.0)
 
     @cached_property
     def matrix(self) -> Array:
@@ -70,7 +78,7 @@ class MachineJoint(Schema):
     nor actuator: it is no coordinate of its own.
     """
 
-    name: Annotated[str, Field(pattern=r"^[A-Za-z]\w*$")]
+    name: Annotated[str, AfterValidator(_word)]
     kind: Literal["revolute", "prismatic"]
     dh: DenavitHartenberg | None = None
     origin: Origin | None = None
