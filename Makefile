@@ -71,7 +71,8 @@ bench:
 	@$(in_env) python -m pytest -s $(BENCH)
 
 figures: setup
-	@$(in_env) PYTHONPATH="docs:$$PYTHONPATH" python -m from_code.figures
+	@$(in_env) export PYTHONPATH="docs:$$PYTHONPATH"; \
+	python -m from_code.parameter_files && python -m from_code.figures
 
 lint:
 	@scripts/setup.sh test tables pictures

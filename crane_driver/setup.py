@@ -33,6 +33,7 @@ setup(
     data_files=[
         ("share/ament_index/resource_index/packages", [f"resource/{PACKAGE}"]),
         (f"share/{PACKAGE}", ["package.xml"]),
+        (f"share/{PACKAGE}/config", sorted(map(str, Path().glob("config/*.yaml")))),
         (f"share/{PACKAGE}/launch", ["launch/driver.launch.py"]),
         (
             f"share/{PACKAGE}/realtime",

@@ -31,7 +31,12 @@ setup(
     data_files=[
         ("share/ament_index/resource_index/packages", [f"resource/{PACKAGE}"]),
         (f"share/{PACKAGE}", ["package.xml"]),
-        (f"share/{PACKAGE}/config", sorted(map(str, Path(PACKAGE, "data").glob("*.yaml")))),
+        (
+            f"share/{PACKAGE}/config",
+            sorted(
+                map(str, [*Path(PACKAGE, "data").glob("*.yaml"), *Path().glob("config/*.yaml")])
+            ),
+        ),
         (f"share/{PACKAGE}/launch", ["launch/identification.launch.py"]),
     ],
     zip_safe=False,

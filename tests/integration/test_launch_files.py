@@ -17,6 +17,9 @@ from crane_driver.driver_parameters import driver_parameters
 from crane_identification.online.identification_node import PARAMETERS as IDENTIFICATION
 from crane_model.machine import load_machine
 from crane_model.machine_files import DEFAULT_MACHINE
+from crane_observer.node.position_sensor_node import PARAMETERS as POSITION_SENSOR
+from crane_observer.node.scale_node import PARAMETERS as SCALE
+from crane_observer.node.sensor_monitor_node import PARAMETERS as SENSOR_MONITOR
 from crane_trajectory.trajectory_parameters import parameters_of
 
 ROOT = Path(__file__).resolve().parents[2]
@@ -28,6 +31,9 @@ DECLARED = {
     "driver": {one.name for one in driver_parameters(load_machine(), DEFAULT_MACHINE)},
     "trajectory": {one.name for one in parameters_of()},
     "identification": {one.name for one in IDENTIFICATION},
+    "position_sensor": {one.name for one in POSITION_SENSOR},
+    "sensor_monitor": {one.name for one in SENSOR_MONITOR},
+    "scale": {one.name for one in SCALE},
     "recorder": set(),
     "player": set(),
 }
@@ -77,12 +83,19 @@ def path(request: pytest.FixtureRequest) -> Path:
     return request.param
 
 
-def test_each_takes_namespace_parameter_file_and_prefix(path: Path) -> None:
-    assert {"namespace", "parameters", "prefix"} <= declared(path)
+def test_each_takes_namespace_parameter_file_log_level_and_prefix(path: Path) -> None:
+    assert {"namespace", "parameters", "log_level", "prefix"} <= declared(path)
 
 
 def test_every_package_with_nodes_has_one() -> None:
-    assert NAMES == ["driver", "identification", "trajectory", "demo", "simulated_crane"]
+    assert NAMES == [
+        "driver",
+        "identification",
+        "trajectory",
+        "observer",
+        "demo",
+        "simulated_crane",
+    ]
 
 
 def test_it_is_installed(path: Path) -> None:

@@ -18,6 +18,7 @@ from launch_ros.substitutions import FindPackageShare
 COMMON = {
     "namespace": "Namespace of the nodes, for example left; empty: the root",
     "parameters": "Parameter file (YAML) of the nodes; arguments go before what it says",
+    "log_level": "Of the nodes: debug, info, warn, error or fatal",
     "prefix": "Words before the command of every node, for example 'taskset -c 1'",
 }
 """Arguments of every launch file: name and description."""
@@ -63,6 +64,7 @@ def node(
                 prefix=given("prefix") or None,  # None: that of `ros2 launch --launch-prefix`
                 parameters=[one for one in (given("parameters"), values) if one],
                 arguments=arguments,
+                ros_arguments=["--log-level", level] if (level := given("log_level")) else None,
                 output="screen",
             )
         ]

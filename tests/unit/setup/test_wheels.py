@@ -11,6 +11,7 @@ from typing import Any
 
 import pytest
 import setuptools
+import yaml
 from ament_index_python.packages import get_package_share_directory
 
 from crane_model.cli import EXTRAS
@@ -101,17 +102,32 @@ def test_a_wheel_asks_for_what_its_modules_import(
 
 @each_package
 def test_the_manifest_names_what_is_imported(path: Path) -> None:
-    """What has no rosdep key is named in a comment, and comes by pip (the test above)."""
+    """What the database of rosdep lacks has a key of `rosdep.yaml`."""
     folder = path.parent
-    text = path.with_name("package.xml").read_text()
-    depends = set(re.findall("<exec_depend>(.+)</exec_depend>", text))
-    comment = re.search(r"<!-- No rosdep key, .+: (.+) -->", text)
-    by_pip = set(comment[1].split(", ")) if comment else set()
-
+    depends = set(
+        re.findall("<exec_depend>(.+)</exec_depend>", path.with_name("package.xml").read_text())
+    )
     found = imported(folder / folder.name) | imported(folder / "launch") | named(folder)
     keyless = {n for n in found if n not in ROSDEP and not (ROS.fullmatch(n) or n in PACKAGES)}
-    assert by_pip - NOT_IMPORTED == {DISTRIBUTIONS.get(name, name) for name in keyless}
-    assert depends == {ROSDEP.get(name, name) for name in found - keyless - {folder.name}}
+    own = {f"python3-{DISTRIBUTIONS.get(name, name)}-pip" for name in keyless}
+    also = {f"python3-{name}-pip" for name in NOT_IMPORTED}
+    assert depends - also == own | {
+        ROSDEP.get(name, name) for name in found - keyless - {folder.name}
+    }
+
+
+def test_the_keys_of_our_own_are_those_that_packages_need() -> None:
+    keys = yaml.safe_load((ROOT / "rosdep.yaml").read_text())
+    manifests = "".join(path.with_name("package.xml").read_text() for path in SETUPS)
+    depends = set(re.findall("<exec_depend>(.+)</exec_depend>", manifests))
+    assert set(keys) <= depends
+    assert depends - set(keys) <= set(ROSDEP.values()) | set(PACKAGES) | {
+        one for one in depends if ROS.fullmatch(one)
+    }
+    for key, systems in keys.items():
+        (package,) = systems["ubuntu"]["pip"]["packages"]
+        assert key == f"python3-{package}-pip"
+        assert systems["debian"] == systems["ubuntu"]
 
 
 def named(folder: Path) -> set[str]:
@@ -130,11 +146,11 @@ def test_data_are_where_people_look_for_them(path: Path, monkeypatch: pytest.Mon
     package = path.parent.name
     shared = dict(declared(path, "develop", monkeypatch)["data_files"])
     of_machines = path.parent.glob("crane_machines/*/machine.yaml")
-    folders = {"config": f"{package}/data/*.yaml"} | {
-        file.parent.name: f"{package}/{file.parent.name}/*.*" for file in of_machines
+    folders = {"config": ("config/*.yaml", f"{package}/data/*.yaml")} | {
+        file.parent.name: (f"{package}/{file.parent.name}/*.*",) for file in of_machines
     }
-    for kind, pattern in folders.items():
-        files = sorted(path.parent.glob(pattern))
+    for kind, patterns in folders.items():
+        files = sorted(one for pattern in patterns for one in path.parent.glob(pattern))
         given = sorted(path.parent / one for one in shared.get(f"share/{package}/{kind}", []))
         assert given == files
         for file in given:

@@ -1,0 +1,44 @@
+"""The nodes that watch: positions without encoders, sensors that lie, the load at the tip."""
+
+from launch import LaunchDescription
+
+from crane_nodes.launching import COMMON, declared, node
+
+ARGUMENTS = COMMON | {
+    "machine": "Machine by its name, or its folder or machine file",
+    "model": "Identified model file with hydraulics",
+    "without": "Joints whose encoders are not to be used, separated by blanks",
+    "tolerance": "File that check_sensors --learn wrote",
+}
+
+
+def generate_launch_description() -> LaunchDescription:
+    """The nodes configure and activate themselves; none of them commands anything."""
+    return LaunchDescription(
+        [
+            *declared(ARGUMENTS),
+            node(
+                package="crane_observer",
+                executable="position_sensor",
+                parameters={
+                    "machine": ("machine", str),
+                    "model": ("model", str),
+                    "without": ("without", str),
+                },
+            ),
+            node(
+                package="crane_observer",
+                executable="sensor_monitor",
+                parameters={
+                    "machine": ("machine", str),
+                    "model": ("model", str),
+                    "tolerance": ("tolerance", str),
+                },
+            ),
+            node(
+                package="crane_observer",
+                executable="scale",
+                parameters={"machine": ("machine", str), "model": ("model", str)},
+            ),
+        ]
+    )
