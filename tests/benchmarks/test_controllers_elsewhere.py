@@ -67,7 +67,9 @@ def test_excavator(measured: Measured) -> None:
     known = identify_from_bags(machine, motion(periods=3, machine=EXCAVATOR))
     assert known.joints == machine.joints
     found = scores((PD_DEAD_ZONE, *RECOMMENDED), machine, known, motion(machine=EXCAVATOR))
-    row(measured, "excavator: swing, boom, stick, bucket, RMS", "20 times better than (36)",
+    row(measured, "excavator: swing, boom, stick, bucket, RMS",
+        "20 times better than (36), without transducers 15",
         {law: score.rms for law, score in found.items()})  # fmt: skip
     for law in RECOMMENDED:
-        assert (found[PD_DEAD_ZONE].rms / found[law].rms >= 20.0).all(), law
+        least = 20.0 if law in (PRESSURES, ADAPTIVE) else 15.0
+        assert (found[PD_DEAD_ZONE].rms / found[law].rms >= least).all(), law
