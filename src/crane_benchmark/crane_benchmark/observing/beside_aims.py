@@ -1,5 +1,6 @@
 """What was measured beside its aims: shown, written, and an error where one is missed."""
 
+import sys
 from collections.abc import Sequence
 from pathlib import Path
 
@@ -8,6 +9,8 @@ from rich.table import Table
 
 from crane_benchmark.measured import MeasuredRow, write
 from crane_model.errors import CraneError
+
+WIDTH = 140  # of a table that goes into a file
 
 
 def tell(
@@ -23,8 +26,8 @@ def tell(
     table = Table(*columns)
     for row in rows:
         table.add_row(*row.shown)
-    Console().print(table)
+    (Console() if sys.stdout.isatty() else Console(width=WIDTH)).print(table)
     if out is not None:
         write(out, command, rows, columns)
     if misses:
-        raise CraneError(f"aims are missed: {'; '.join(misses)}")
+        raise CraneError("\n  ".join(("aims are missed:", *misses)))
