@@ -1,16 +1,20 @@
 """One joint on the software sensor: simulated crane, driver and position sensor as processes."""
 
 import math
+import time
 from collections.abc import Iterator
 from pathlib import Path
 
+import numpy as np
 import pytest
+from integration.commander import Commander
 from integration.driver_stage import Stage, commander
-from integration.processes import RUN, end, start
+from integration.processes import PATIENCE, RUN, end, start
 from unit.crane_observer.observed import known
 
 from crane_interfaces.msg import DriverState, PositionEstimate
 from crane_interfaces.srv import SubstituteEncoder
+from crane_model.machine import load_machine
 from crane_model.model_file import save_model
 from crane_nodes.driver_client import DriverClient
 
@@ -18,6 +22,15 @@ SENSOR = RUN.format(module="crane_observer.node.position_sensor_node")
 POSE = ["slew=0", "inner_boom=0.5", "outer_boom=-1.3", "telescope=0.6"]
 POSE_JOINTS = tuple(entry.partition("=")[0] for entry in POSE)
 LOST = "outer_boom"
+WAY, OPEN = 0.1, -0.3  # rad; of the stroke: more than its limit of speed lets through
+SPAN = 0.25  # s, over which speed is taken
+SHARE = 0.3  # of Table 2, `degraded` in safety.yaml
+ESTIMATED = 0.02  # rad
+LATE = (
+    DriverState.FAULT_COMMAND_TIMEOUT,
+    DriverState.FAULT_ESTIMATE,
+    DriverState.FAULT_NO_STATE,
+)
 
 
 @pytest.fixture
@@ -35,6 +48,32 @@ def substituted(stage: Stage, joint: str) -> tuple[bool, str]:
     answer = future.result()
     assert answer is not None
     return answer.success, answer.message
+
+
+def travelled(stage: Stage, client: DriverClient, moved: Commander) -> None:
+    """The lost joint goes some way by the estimate, no faster than a degraded crane may."""
+    begun, course = stage.encoders[LOST], [(time.monotonic(), stage.encoders[LOST])]
+    deadline, begins = time.monotonic() + PATIENCE, False
+    while begun - stage.encoders[LOST] < WAY:
+        assert time.monotonic() < deadline, course[-1]
+        if not begins or not stage.valves[-1].enabled:
+            # a test machine that is too busy makes true faults
+            assert client.state.fault in (DriverState.FAULT_NONE, *LATE), client.state.fault
+            moved.send(**{LOST: 0.0})  # with which every series of commands begins
+            stage.enabled()
+            stage.within(lambda: False, SPAN)
+            moved.send(**{LOST: OPEN})
+            begins = stage.within(lambda: stage.valves[-1].commands[LOST] != 0.0, 1.0)
+        stage.spin()
+        course.append((time.monotonic(), stage.encoders[LOST]))
+    moved.send(**{LOST: 0.0})
+    when, where = np.array(course).T
+    behind = np.maximum(np.searchsorted(when, when - SPAN) - 1, 0)
+    long = when - when[0] > SPAN
+    speeds = np.abs(where - where[behind])[long] / (when - when[behind])[long]
+    table = -load_machine().limits[LOST].velocity_min
+    assert 0.1 * table < speeds.max() < 2.0 * SHARE * table  # what a late test machine adds
+    stage.until(lambda: not np.any(list(stage.valves[-1].commands.values())))
 
 
 @pytest.mark.realtime
@@ -59,6 +98,10 @@ def test_a_joint_goes_on_by_the_position_sensor_until_that_ends(
             stage.until(lambda: client.state.state == DriverState.STATE_DEGRADED)
             assert client.state.substituted == LOST
             assert LOST in client.problem  # which keeps experiments from beginning
+            travelled(stage, client, moved)
+            newest = estimates[-1]
+            estimate = newest.position[newest.name.index(LOST)]
+            assert estimate == pytest.approx(stage.encoders[LOST], abs=ESTIMATED)
             end(sensor)
             stage.until(lambda: client.state.state == DriverState.STATE_FAULT)
             assert client.state.fault == DriverState.FAULT_ESTIMATE
