@@ -12,6 +12,7 @@ NODES = {
     "bringup": "crane_driver.operator.bringup.main:main",
     "driver": "crane_driver.driver_node:main",
     "jog": "crane_driver.operator.jog.jog_node:main",
+    "panel": "crane_driver.operator.panel.panel_node:main",
     "player": "crane_driver.moved:player",
     "recorder": "crane_driver.moved:recorder",
     "recover": "crane_driver.moved:recover",
@@ -29,7 +30,7 @@ setup(
     license="Apache-2.0",
     python_requires=">=3.11",
     packages=find_packages(include=[PACKAGE, f"{PACKAGE}.*"]),
-    package_data={PACKAGE: ["py.typed"]},
+    package_data={PACKAGE: ["py.typed", "operator/panel/page/*"]},
     data_files=[
         ("share/ament_index/resource_index/packages", [f"resource/{PACKAGE}"]),
         (f"share/{PACKAGE}", ["package.xml"]),
@@ -52,7 +53,7 @@ setup(
     extras_require={
         "can": ["canopen", "cantools", "polars>=1", "pydantic>=2", "python-can"],
         "mf4": ["python-can[mf4]"],
-        "ros": ["matplotlib", "rich", "ruamel.yaml", "scipy"],
+        "ros": ["matplotlib", "rich", "ruamel.yaml", "scipy", "tornado", "typing-extensions"],
     },
     entry_points={"console_scripts": scripts},
 )

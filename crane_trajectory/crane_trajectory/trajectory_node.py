@@ -26,6 +26,7 @@ from crane_model.machine_files import machine_file
 from crane_nodes.driver_client import DriverClient
 from crane_nodes.machine_parameter import MACHINE, declare_machine, read_again
 from crane_nodes.managed import AUTOSTART, run_managed
+from crane_nodes.names import full_name
 from crane_nodes.parameters import declare, hold
 from crane_nodes.ready import say_ready
 from crane_trajectory.control.controller import compile_command
@@ -260,7 +261,7 @@ class Trajectory(LifecycleNode):
         now = self.get_clock().now().to_msg()
         learnt = self._leading.learnt
         found = condition(
-            self.get_name(), self._lifecycle, self._experiment, last, driver, learnt, now
+            full_name(self), self._lifecycle, self._experiment, last, driver, learnt, now
         )
         self._diagnostics.publish(found)
 

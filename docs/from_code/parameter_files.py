@@ -22,6 +22,7 @@ PACKAGES = {
     "scale": "src/crane_observer",
     "sensor_monitor": "src/crane_observer",
     "jog": "crane_driver",
+    "panel": "crane_driver",
 }
 HEAD = """# Parameters of the node {name}, with their defaults: copy it, keep what you change.
 #

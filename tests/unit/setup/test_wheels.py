@@ -47,7 +47,10 @@ ROSDEP = {
     "yaml": "python3-yaml",
 } | {
     name: f"python3-{name}"
-    for name in ("jinja2", "matplotlib", "numba", "numpy", "pydantic", "rich", "scipy", "tqdm")
+    for name in (
+        *("jinja2", "matplotlib", "numba", "numpy", "pydantic", "rich", "scipy", "tornado"),
+        "tqdm",
+    )
 }
 """Keys of rosdistro's python.yaml, by the name that is imported."""
 ROS = re.compile(

@@ -1,0 +1,135 @@
+"""What the topics tell of the crane, gathered for the page."""
+
+import time
+from collections import deque
+from typing import Any
+
+from diagnostic_msgs.msg import DiagnosticArray
+from rclpy.node import Node
+from rclpy.qos import QoSProfile
+from sensor_msgs.msg import JointState
+
+from crane_driver.operator.panel.picture import (
+    SUPPLY,
+    TANK,
+    Content,
+    Readings,
+    joints,
+    plain,
+    pressures,
+)
+from crane_interfaces.action import RunExcitation
+from crane_interfaces.msg import CylinderPressures, DriverState
+from crane_model.machine import Machine
+from crane_nodes.driver_client import DriverClient
+from crane_nodes.polled import Polled
+
+NEWEST = QoSProfile(depth=1)
+DEPTH = 10  # messages
+FAULTS_KEPT = 20
+EXPERIMENT_SILENCE_S = 1.0  # feedback comes ten times a second
+ACTION = "run_excitation"
+NONE_YET = "none"  # as the trajectory node says it
+PHASES = {
+    RunExcitation.Feedback.APPROACH: "approach",
+    RunExcitation.Feedback.EXCITATION: "excitation",
+    RunExcitation.Feedback.STOP: "coming to rest",
+}
+LATCHED_STATES = (DriverState.STATE_FAULT, DriverState.STATE_EMERGENCY_STOP)
+
+
+class CraneWatch:
+    """Listens for `node`, in its thread; positions and pressures are taken when they are shown."""
+
+    def __init__(self, node: Node, machine: Machine):
+        self.driver = DriverClient(node, self._told)
+        self.faults: deque[Content] = deque(maxlen=FAULTS_KEPT)  # the newest first
+        self._machine, self._namespace = machine, node.get_namespace()
+        self._positions, self._chambers, self._lines = Readings(), Readings(), Readings()
+        self._joint_topic = Polled(node, JointState, "joint_states", NEWEST)
+        self._pressure_topic = Polled(node, CylinderPressures, "cylinder_pressures", NEWEST)
+        self._known = (DriverState.STATE_UNKNOWN, DriverState.FAULT_NONE, "")
+        self._feedback: Any = None
+        self._fed = 0.0
+        self._last = ""  # how the last experiment ended
+        self._status_name = f"{node.get_namespace()}/trajectory: experiment".lstrip("/")
+        node.create_subscription(DiagnosticArray, "/diagnostics", self._diagnosed, DEPTH)
+        node.create_subscription(
+            RunExcitation.Impl.FeedbackMessage, f"{ACTION}/_action/feedback", self._fed_back, DEPTH
+        )
+
+    def picture(self) -> Content:
+        """All that the page shows of the crane."""
+        now = time.monotonic()
+        self._take(now)
+        state = self.driver.state
+        content = {
+            "machine": self._machine.name,
+            "namespace": self._namespace,
+            "time": wall_clock(),
+            "state": {
+                "number": state.state,
+                "word": state.text,
+                "cause": state.cause,
+                "remedy": state.remedy,
+                "further_faults": state.further_faults,
+                "last_refusal": state.last_refusal,
+            },
+            "joints": joints(self._machine, self._positions, now),
+            "strangers": self._positions.strangers(self._machine.joint_names),
+            "pressures": pressures(self._machine, self._chambers, self._lines, now),
+            "faults": list(self.faults),
+            "experiment": self._experiment(now),
+        }
+        return {key: plain(value) for key, value in content.items()}
+
+    def _take(self, now: float) -> None:
+        for message, _ in self._joint_topic.take():
+            self._positions.take(message.name, message.position, message.velocity, now=now)
+        for message, _ in self._pressure_topic.take():
+            self._chambers.take(message.name, message.chamber_a, message.chamber_b, now=now)
+            self._lines.take((SUPPLY, TANK), (message.supply, message.tank), now=now)
+
+    def _told(self, state: DriverState) -> None:
+        known, self._known = self._known, (state.state, state.fault, state.source)
+        if state.state in LATCHED_STATES and known != self._known:
+            self.faults.appendleft(
+                {
+                    "time": wall_clock(),
+                    "word": state.text,
+                    "cause": state.cause,
+                    "remedy": state.remedy,
+                }
+            )
+
+    def _experiment(self, now: float) -> Content:
+        feedback = self._feedback if now - self._fed <= EXPERIMENT_SILENCE_S else None
+        if feedback is None:
+            return {"running": False, "last": self._last}
+        return {
+            "running": True,
+            "phase": PHASES.get(feedback.phase, "unknown"),
+            "elapsed": feedback.elapsed,
+            "duration": feedback.duration,
+            "errors": [
+                {"name": name, "unit": unit, "error": error}
+                for name, unit, error in zip(
+                    feedback.name, feedback.unit, feedback.tracking_error.tolist(), strict=False
+                )
+            ],
+        }
+
+    def _fed_back(self, message: Any) -> None:
+        self._feedback, self._fed = message.feedback, time.monotonic()
+
+    def _diagnosed(self, message: DiagnosticArray) -> None:
+        for status in message.status:
+            if status.name == self._status_name:
+                values = {pair.key: pair.value for pair in status.values}
+                last = values.get("last result", NONE_YET)
+                self._last = "" if last == NONE_YET else last
+
+
+def wall_clock() -> str:
+    """Now, as people write it."""
+    return time.strftime("%H:%M:%S")

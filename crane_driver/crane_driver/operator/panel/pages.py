@@ -1,0 +1,70 @@
+"""Which pages are open, whether they still show what they are sent, and which are armed."""
+
+from dataclasses import dataclass
+from typing import NamedTuple
+
+PAGE_SILENCE_S = 1.5  # a page tells of every picture that it has shown; ten of them come a second
+
+
+@dataclass(eq=False)
+class Page:
+    """One page, from its opening to its end. Times are of the steady clock [s]."""
+
+    address: str
+    seen: float  # when it last told that it shows what it was sent
+    armed: bool = False
+
+
+class Lost(NamedTuple):
+    """A page that is gone, when by the clock on the wall, and why."""
+
+    address: str
+    armed: bool
+    at: str
+    why: str
+
+    def __str__(self) -> str:
+        armed = "an armed page" if self.armed else "a page"
+        return f"{armed} ({self.address}) was lost at {self.at}: {self.why}"
+
+
+class Pages:
+    """Those that are open; `lost` is the last one that is not, until another one opens."""
+
+    def __init__(self) -> None:
+        self._open: list[Page] = []
+        self.lost: Lost | None = None
+
+    def opened(self, address: str, now: float) -> Page:
+        """A page, not armed."""
+        page = Page(address, now)
+        self._open.append(page)
+        self.lost = None
+        return page
+
+    def closed(self, page: Page, at: str, why: str) -> Lost | None:
+        """`page` has ended and is armed no more; None if that was known."""
+        if not self.is_open(page):
+            return None
+        self._open.remove(page)
+        self.lost = Lost(page.address, page.armed, at, why)
+        page.armed = False
+        return self.lost
+
+    def silent(self, now: float) -> list[Page]:
+        """Those that have told nothing for too long."""
+        return [one for one in self._open if now - one.seen > PAGE_SILENCE_S]
+
+    def is_open(self, page: Page) -> bool:
+        """Whether `page` may still be heard."""
+        return page in self._open
+
+    @property
+    def count(self) -> int:
+        """Pages that are open."""
+        return len(self._open)
+
+    @property
+    def armed(self) -> int:
+        """Those of them that are armed."""
+        return sum(page.armed for page in self._open)

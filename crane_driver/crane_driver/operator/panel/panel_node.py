@@ -1,0 +1,236 @@
+"""`ros2 run crane_driver panel`: one page for the operator, in a browser.
+
+It shows the crane, and enables, disables and stops it; it never moves it: hold-to-run is for
+keyboard and joystick (jog), which notice a hand that lets go. Software is no safety stop: keep the
+emergency stop of the machine within reach.
+"""
+
+import asyncio
+import sys
+import time
+from collections.abc import Callable, Sequence
+from functools import partial
+from typing import Any
+
+from diagnostic_msgs.msg import DiagnosticArray, DiagnosticStatus, KeyValue
+from rclpy.executors import SingleThreadedExecutor
+from rclpy.node import Node
+from rclpy.task import Future
+
+from crane_driver.operator.panel.arming import Arming, new_token
+from crane_driver.operator.panel.crane_watch import CraneWatch, wall_clock
+from crane_driver.operator.panel.pages import Page, Pages
+from crane_driver.operator.panel.panel_parameters import ADDRESS, NAMES, PARAMETERS, PORT
+from crane_driver.operator.panel.web import Socket, listen
+from crane_model.cli import run
+from crane_nodes.command_line import check_arguments
+from crane_nodes.context import Stop, ros
+from crane_nodes.driver_client import NoDriverError
+from crane_nodes.machine_parameter import MACHINE, declare_machine
+from crane_nodes.names import full_name
+from crane_nodes.parameters import declare
+from crane_nodes.ready import say_ready
+
+WORK_PERIOD_S = 0.02
+PICTURE_PERIOD_S = 0.1
+REPORT_PERIOD_S = 1.0
+CALLBACKS = 8  # in a period at most, so that pages do not wait
+STOP = "stop"  # needs no token: it only takes motion away
+GOING_AWAY = 1001  # of RFC 6455
+
+
+class Panel(Node):
+    """The crane of its namespace, for pages; all in the thread of the event loop."""
+
+    def __init__(self) -> None:
+        super().__init__("panel")
+        machine = declare_machine(self)
+        declare(self, PARAMETERS, read_only=PARAMETERS)
+        self.token = new_token()
+        self.pages = Pages()
+        self._watch = CraneWatch(self, machine)
+        self._diagnostics = self.create_publisher(DiagnosticArray, "/diagnostics", 10)
+        self._lines: list[_PageLine] = []
+        self._worker = SingleThreadedExecutor()
+        self._worker.add_node(self)
+        self._picture_due = self._report_due = 0.0
+        driver = self._watch.driver
+        self.requests: dict[str, Callable[[], list[Future]]] = {
+            STOP: driver.stop,
+            "enable": lambda: [driver.enable()],
+            "disable": lambda: [driver.disable()],
+            "reset": lambda: [driver.reset_fault()],
+        }
+
+    def opened(self, socket: Socket, address: str) -> "_PageLine":
+        """A page has opened a socket."""
+        line = _PageLine(self, socket, self.pages.opened(address, time.monotonic()))
+        self._lines.append(line)
+        self.get_logger().info(f"a page was opened from {address}; {self.pages.count} open")
+        return line
+
+    def closed(self, line: "_PageLine", why: str) -> None:
+        """The page of a line is gone."""
+        if lost := self.pages.closed(line.page, wall_clock(), why):
+            self._lines.remove(line)
+            self.get_logger().warning(f"{lost}; {self.pages.count} open")
+            self._report_due = 0.0
+
+    def work(self) -> None:
+        """Take what has come from ROS; tell pages and /diagnostics what is due."""
+        for _ in range(CALLBACKS):
+            self._worker.spin_once(timeout_sec=0.0)
+        now = time.monotonic()
+        if now >= self._picture_due:
+            self._picture_due = now + PICTURE_PERIOD_S
+            self._show(now)
+        if now >= self._report_due:
+            self._report_due = now + REPORT_PERIOD_S
+            self._report()
+
+    def end(self) -> None:
+        """Tell the pages."""
+        for line in list(self._lines):
+            line.hang_up("the panel was ended", GOING_AWAY)
+
+    def _show(self, now: float) -> None:
+        silent = self.pages.silent(now)
+        for line in [one for one in self._lines if one.page in silent]:
+            line.hang_up("it does not show any more what it is sent")
+        if self._lines:
+            picture = self._watch.picture() | {"lost_page": str(self.pages.lost or "")}
+            for line in self._lines:
+                line.show(picture)
+
+    def _report(self) -> None:
+        status = DiagnosticStatus(name=f"{full_name(self)}: pages", level=DiagnosticStatus.OK)
+        pages = self.pages
+        status.message = f"{pages.count} open, {pages.armed} armed"
+        if pages.lost and not pages.count:
+            status.level, status.message = DiagnosticStatus.WARN, str(pages.lost)
+        values = {"open": pages.count, "armed": pages.armed, "last lost": pages.lost or "none"}
+        status.values = [KeyValue(key=key, value=str(value)) for key, value in values.items()]
+        message = DiagnosticArray(status=[status])
+        message.header.stamp = self.get_clock().now().to_msg()
+        self._diagnostics.publish(message)
+
+
+class _PageLine:
+    """What one page says, and what it is told."""
+
+    def __init__(self, panel: Panel, socket: Socket, page: Page):
+        self.page = page
+        self._panel, self._socket = panel, socket
+        self._arming = Arming(panel.token)
+
+    def said(self, content: object) -> None:
+        """One message of the page: it has shown a picture, gives a token, or asks for something.
+
+        What still comes of a page that was lost is not heeded: its hand may be gone.
+        """
+        if not self._panel.pages.is_open(self.page):
+            return
+        match content:
+            case {"seen": _}:
+                self.page.seen = time.monotonic()
+            case {"token": str(token)}:
+                self._arm(token)
+            case {"disarm": True}:
+                self.page.armed = False
+                self._tell_armed("")
+            case {"request": str(name)} if name in self._panel.requests:
+                self._request(name)
+            case _:
+                self.hang_up("it said what no page of this panel says")
+
+    def ended(self, why: str) -> None:
+        """The page is gone."""
+        self._panel.closed(self, why)
+
+    def hang_up(self, why: str, code: int = 1008) -> None:
+        """End it from here."""
+        self._socket.close(code, why)
+        self.ended(why)
+
+    def show(self, picture: dict[str, Any]) -> None:
+        """Send a picture of the crane."""
+        self._socket.tell({"picture": picture, "armed": self.page.armed})
+
+    def _arm(self, token: str) -> None:
+        refusal = self._arming.refusal(token, time.monotonic())
+        self.page.armed = self.page.armed or not refusal
+        log = self._panel.get_logger()
+        if refusal:
+            log.warning(f"a page ({self.page.address}) was not armed: {refusal}")
+        else:
+            log.info(f"a page ({self.page.address}) was armed")
+        self._tell_armed(refusal)
+
+    def _tell_armed(self, refusal: str) -> None:
+        self._socket.tell({"armed": self.page.armed, "refusal": refusal})
+
+    def _request(self, name: str) -> None:
+        if name != STOP and not self.page.armed:
+            self._answer(name, False, "this page is not armed; give it the token first")
+            return
+        try:
+            futures = self._panel.requests[name]()
+        except NoDriverError as error:
+            self._answer(name, False, str(error))
+            return
+        self._panel.get_logger().info(f"{name}: asked by the page from {self.page.address}")
+        for future in futures:
+            future.add_done_callback(partial(self._answered, name))
+
+    def _answered(self, name: str, future: Future) -> None:
+        answer = future.result()
+        if answer is not None:
+            self._answer(name, answer.success, answer.message)
+
+    def _answer(self, name: str, success: bool, message: str) -> None:
+        self._socket.tell({"answer": name, "success": success, "message": message})
+
+
+ABOUT = """A page for the operator, in a browser: state, joints, pressures, faults, progress, and
+the buttons stop, enable, disable and reset. All but stop need the token that is printed here. It
+moves nothing. Software is no safety stop."""
+
+
+def main(argv: Sequence[str] | None = None) -> int:
+    """Serve the page until a signal ends it."""
+    argv = sys.argv[1:] if argv is None else argv
+    check_arguments("panel", ABOUT, (MACHINE, *PARAMETERS), argv)
+    return run(lambda: _run(argv))
+
+
+def _run(argv: Sequence[str]) -> None:
+    with ros(argv) as stop:
+        panel = Panel()
+        try:
+            asyncio.run(_serve(panel, stop))
+        finally:
+            panel.destroy_node()
+
+
+async def _serve(panel: Panel, stop: Stop) -> None:
+    address, names = ADDRESS.read(panel), NAMES.read(panel).lower().split()
+    server, port = listen(address, int(PORT.read(panel)), names, panel.opened)
+    say_ready(panel)
+    # Not to the log, which others of the ROS domain read.
+    print(f"page:  http://{_shown(address)}:{port}", flush=True)
+    print(f"token: {panel.token}   arms its buttons", flush=True)
+    try:
+        while not stop.requested:
+            panel.work()
+            await asyncio.sleep(WORK_PERIOD_S)
+    finally:
+        panel.end()
+        server.stop()
+        await server.close_all_connections()
+
+
+def _shown(address: str) -> str:
+    """As it is written in a browser."""
+    if address in ("0.0.0.0", "::", ""):
+        return "ADDRESS-OF-THIS-COMPUTER"
+    return f"[{address}]" if ":" in address else address

@@ -1,0 +1,85 @@
+"""What the page shows, as plain content for JSON: SI units, null for what is not known."""
+
+import math
+from collections.abc import Sequence
+from typing import Any
+
+from crane_model.machine import Machine
+
+OLDEST_READING_S = 0.5  # what is older is not shown as if it were so now
+SUPPLY, TANK = "supply", "tank"
+
+Content = dict[str, Any]
+
+
+def plain(content: Any) -> Any:
+    """`content` as JSON can have it: null for each number that is not finite."""
+    if isinstance(content, dict):
+        return {key: plain(value) for key, value in content.items()}
+    if isinstance(content, list):
+        return [plain(value) for value in content]
+    if isinstance(content, float) and not math.isfinite(content):
+        return None
+    return content
+
+
+class Readings:
+    """The newest numbers of a topic by name, and when they came [s, steady clock]."""
+
+    def __init__(self) -> None:
+        self._values: dict[str, tuple[float, ...]] = {}
+        self._came = -math.inf
+
+    def take(self, names: Sequence[str], *columns: Sequence[float], now: float) -> None:
+        """Columns of numbers (j,) that belong to `names`; what is shorter lacks the others."""
+        rows = zip(*columns, strict=False)
+        self._values = dict(zip(names, rows, strict=False))
+        self._came = now
+
+    def of(self, name: str, count: int, now: float) -> list[float | None]:
+        """(count,) of a name: null where not finite, not there, or old."""
+        values = self._values.get(name, ()) if now - self._came <= OLDEST_READING_S else ()
+        if len(values) != count:
+            return [None] * count
+        return [value if math.isfinite(value) else None for value in map(float, values)]
+
+    def strangers(self, known: Sequence[str]) -> list[str]:
+        """Names that came and are not known."""
+        return sorted(self._values.keys() - set(known))
+
+
+def joints(machine: Machine, readings: Readings, now: float) -> list[Content]:
+    """Each joint against its limits (Table 2) [rad, m and per s]."""
+    shown = []
+    for joint, unit in machine.units.items():
+        limits = machine.limits[joint]
+        position, velocity = readings.of(joint, 2, now)
+        shown.append(
+            {
+                "name": joint,
+                "unit": unit,
+                "position": position,
+                "velocity": velocity,
+                "lowest": limits.position_min,
+                "highest": limits.position_max,
+                "slowest": limits.velocity_min,
+                "fastest": limits.velocity_max,
+            }
+        )
+    return shown
+
+
+def pressures(machine: Machine, chambers: Readings, lines: Readings, now: float) -> Content | None:
+    """Of each cylinder, and of the lines SUPPLY and TANK [Pa]; None where the machine has no oil.
+
+    `highest` is that of the relief valve, the end of every scale.
+    """
+    if machine.supply is None:
+        return None
+    rows = [(one, chambers.of(one, 2, now)) for one in machine.cylinders]
+    return {
+        "highest": machine.supply.relief_pressure,
+        "supply": lines.of(SUPPLY, 1, now)[0],
+        "tank": lines.of(TANK, 1, now)[0],
+        "cylinders": [{"name": name, "a": a, "b": b} for name, (a, b) in rows],
+    }

@@ -1,0 +1,82 @@
+"""Who is armed, which page is lost, and what is shown of numbers that are none."""
+
+import json
+import math
+
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+from crane_driver.operator.panel.arming import WAIT_S, Arming, new_token
+from crane_driver.operator.panel.pages import PAGE_SILENCE_S, Pages
+from crane_driver.operator.panel.picture import OLDEST_READING_S, Readings, plain
+from crane_driver.operator.panel.web import host_allowed
+
+JSON = st.recursive(
+    st.none() | st.booleans() | st.floats() | st.integers() | st.text(),
+    lambda inner: st.lists(inner) | st.dictionaries(st.text(), inner),
+)
+
+
+@given(st.text(st.characters()))
+def test_only_the_token_arms_whatever_is_given(given_text: str) -> None:
+    token = new_token()
+    same = given_text.strip().lower() == token
+    assert (Arming(token).refusal(given_text, 0.0) == "") is same
+
+
+def test_after_a_wrong_token_even_the_right_one_waits() -> None:
+    arming = Arming("k7mq-2xhd")
+    assert arming.refusal("\ud800", 5.0)
+    assert "wait" in arming.refusal("k7mq-2xhd", 5.0 + 0.9 * WAIT_S)
+    assert arming.refusal(" K7MQ-2xhd\n", 5.0 + WAIT_S) == ""
+
+
+def test_a_page_that_is_lost_is_armed_no_more_and_is_told_as_armed() -> None:
+    pages = Pages()
+    page = pages.opened("127.0.0.1", 0.0)
+    page.armed = True
+    assert pages.silent(PAGE_SILENCE_S) == []
+    assert pages.silent(PAGE_SILENCE_S + 0.01) == [page]
+    lost = pages.closed(page, "12:00:00", "asleep")
+    assert str(lost) == "an armed page (127.0.0.1) was lost at 12:00:00: asleep"
+    assert not page.armed
+    assert not pages.is_open(page)
+    assert pages.closed(page, "12:00:01", "again") is None
+    assert (pages.count, pages.armed) == (0, 0)
+
+
+@given(JSON)
+def test_whatever_is_shown_is_json(content: object) -> None:
+    json.dumps(plain(content), allow_nan=False)
+
+
+def test_numbers_that_are_none_become_null() -> None:
+    assert plain({"a": [1.0, math.nan], "b": -math.inf}) == {"a": [1.0, None], "b": None}
+
+
+def test_readings_that_are_old_or_lack_a_column_are_not_shown() -> None:
+    readings = Readings()
+    readings.take(["a", "b"], [1.0, math.nan], [2.0, 3.0], now=0.0)
+    assert readings.of("a", 2, OLDEST_READING_S) == [1.0, 2.0]
+    assert readings.of("b", 2, 0.0) == [None, 3.0]
+    assert readings.of("a", 2, 1.1 * OLDEST_READING_S) == [None, None]
+    readings.take(["a", "b"], [1.0, 2.0], [], now=2.0)
+    assert readings.of("a", 2, 2.0) == [None, None]
+
+
+@pytest.mark.parametrize(
+    ("host", "allowed"),
+    [
+        ("localhost:8060", True),
+        ("127.0.0.1", True),
+        ("[::1]:8060", True),
+        ("crane-pc:8060", True),
+        ("evil.example", False),
+        ("127.0.0.1.evil.example", False),
+        ("[", False),
+        ("", False),
+    ],
+)
+def test_only_hosts_of_this_computer_are_answered(host: str, allowed: bool) -> None:
+    assert host_allowed(host, ["crane-pc"]) is allowed
