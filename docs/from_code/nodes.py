@@ -10,7 +10,7 @@ from std_srvs.srv import Trigger
 
 from crane_driver.driver_node import Driver
 from crane_driver.operator.jog.jog_node import Jog
-from crane_driver.operator.panel.panel_node import Panel
+from crane_driver.operator.panel.panel_node import OperatorPanel
 from crane_identification.online.identification_node import Identification
 from crane_model.machine import load_machine
 from crane_observer.node.position_sensor_node import PositionSensorNode
@@ -26,7 +26,7 @@ NODES: dict[str, Callable[[], Node]] = {
     "scale": ScaleNode,
     "sensor_monitor": SensorMonitorNode,
     "jog": lambda: Jog(by_joystick=True),
-    "panel": Panel,
+    "panel": OperatorPanel,
 }
 OF_EVERY_NODE = {"use_sim_time", "start_type_description_service"}
 JOINT = re.compile(rf"\b({'|'.join(load_machine().joint_names)})\b")

@@ -39,7 +39,7 @@ STOP = "stop"  # needs no token: it only takes motion away
 GOING_AWAY = 1001  # of RFC 6455
 
 
-class Panel(Node):
+class OperatorPanel(Node):
     """The crane of its namespace, for pages; all in the thread of the event loop."""
 
     def __init__(self) -> None:
@@ -118,7 +118,7 @@ class Panel(Node):
 class _PageLine:
     """What one page says, and what it is told."""
 
-    def __init__(self, panel: Panel, socket: Socket, page: Page):
+    def __init__(self, panel: OperatorPanel, socket: Socket, page: Page):
         self.page = page
         self._panel, self._socket = panel, socket
         self._arming = Arming(panel.token)
@@ -205,14 +205,14 @@ def main(argv: Sequence[str] | None = None) -> int:
 
 def _run(argv: Sequence[str]) -> None:
     with ros(argv) as stop:
-        panel = Panel()
+        panel = OperatorPanel()
         try:
             asyncio.run(_serve(panel, stop))
         finally:
             panel.destroy_node()
 
 
-async def _serve(panel: Panel, stop: Stop) -> None:
+async def _serve(panel: OperatorPanel, stop: Stop) -> None:
     address, names = ADDRESS.read(panel), NAMES.read(panel).lower().split()
     server, port = listen(address, int(PORT.read(panel)), names, panel.opened)
     say_ready(panel)

@@ -23,7 +23,7 @@ def plain(content: Any) -> Any:
     return content
 
 
-class Readings:
+class ShownReadings:
     """The newest numbers of a topic by name, and when they came [s, steady clock]."""
 
     def __init__(self) -> None:
@@ -48,7 +48,7 @@ class Readings:
         return sorted(self._values.keys() - set(known))
 
 
-def joints(machine: Machine, readings: Readings, now: float) -> list[Content]:
+def joints(machine: Machine, readings: ShownReadings, now: float) -> list[Content]:
     """Each joint against its limits (Table 2) [rad, m and per s]."""
     shown = []
     for joint, unit in machine.units.items():
@@ -69,7 +69,9 @@ def joints(machine: Machine, readings: Readings, now: float) -> list[Content]:
     return shown
 
 
-def pressures(machine: Machine, chambers: Readings, lines: Readings, now: float) -> Content | None:
+def pressures(
+    machine: Machine, chambers: ShownReadings, lines: ShownReadings, now: float
+) -> Content | None:
     """Of each cylinder, and of the lines SUPPLY and TANK [Pa]; None where the machine has no oil.
 
     `highest` is that of the relief valve, the end of every scale.

@@ -41,7 +41,7 @@ HEADERS = {
 }
 
 
-class Line(Protocol):
+class PageListener(Protocol):
     """What is heard from one page; called in the thread of the event loop."""
 
     def said(self, content: object) -> None:
@@ -51,7 +51,7 @@ class Line(Protocol):
         """The page is gone."""
 
 
-Opened = Callable[["Socket", str], Line]
+Opened = Callable[["Socket", str], PageListener]
 """Makes the line of a page that has opened a socket from an address."""
 
 
@@ -100,7 +100,7 @@ class Socket(WebSocketHandler, _Guarded):
     @override
     def initialize(self, opened: Opened) -> None:
         self._opened = opened
-        self._line: Line | None = None
+        self._line: PageListener | None = None
 
     @override
     def check_origin(self, origin: str) -> bool:

@@ -9,7 +9,7 @@ from hypothesis import strategies as st
 
 from crane_driver.operator.panel.arming import WAIT_S, Arming, new_token
 from crane_driver.operator.panel.pages import PAGE_SILENCE_S, Pages
-from crane_driver.operator.panel.picture import OLDEST_READING_S, Readings, plain
+from crane_driver.operator.panel.picture import OLDEST_READING_S, ShownReadings, plain
 from crane_driver.operator.panel.web import host_allowed
 
 JSON = st.recursive(
@@ -56,7 +56,7 @@ def test_numbers_that_are_none_become_null() -> None:
 
 
 def test_readings_that_are_old_or_lack_a_column_are_not_shown() -> None:
-    readings = Readings()
+    readings = ShownReadings()
     readings.take(["a", "b"], [1.0, math.nan], [2.0, 3.0], now=0.0)
     assert readings.of("a", 2, OLDEST_READING_S) == [1.0, 2.0]
     assert readings.of("b", 2, 0.0) == [None, 3.0]
