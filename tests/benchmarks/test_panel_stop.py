@@ -1,4 +1,4 @@
-"""How long a stop of the operator's page takes to the bus, while the crane moves."""
+"""How long a stop takes from the line of the operator's page to the bus, while the crane moves."""
 
 import threading
 import time
@@ -47,7 +47,7 @@ def test_stop_of_the_page_is_at_the_valves_within_200_ms(
             stage.until(lambda: stage.safety[0] == "emergency stop")
             stage.disabled()
     measured(
-        f"stop from the page to neutral valves on the bus, {STOPS} stops: median, longest",
+        f"stop from the page's line to neutral valves on the bus, {STOPS} stops: median, longest",
         f"{AT_MOST * 1e3:.0f} ms",
         "{median:.0f} ms, {longest:.0f} ms",
         median=1e3 * float(np.median(took)),

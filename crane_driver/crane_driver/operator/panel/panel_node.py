@@ -183,8 +183,9 @@ class _PageLine:
             future.add_done_callback(partial(self._answered, name))
 
     def _answered(self, name: str, future: Future) -> None:
-        answer = future.result()
-        if answer is not None:
+        if error := future.exception():  # the driver may have ended meanwhile
+            self._answer(name, False, str(error))
+        elif (answer := future.result()) is not None:
             self._answer(name, answer.success, answer.message)
 
     def _answer(self, name: str, success: bool, message: str) -> None:
