@@ -105,7 +105,7 @@ def test_a_wheel_asks_for_what_its_modules_import(
 
 @each_package
 def test_the_manifest_names_what_is_imported(path: Path) -> None:
-    """What the database of rosdep lacks has a key of `rosdep.yaml`."""
+    """What the database of rosdep lacks has a key of `scripts/rosdep.yaml`."""
     folder = path.parent
     depends = set(
         re.findall("<exec_depend>(.+)</exec_depend>", path.with_name("package.xml").read_text())
@@ -120,7 +120,7 @@ def test_the_manifest_names_what_is_imported(path: Path) -> None:
 
 
 def test_the_keys_of_our_own_are_those_that_packages_need() -> None:
-    keys = yaml.safe_load((ROOT / "rosdep.yaml").read_text())
+    keys = yaml.safe_load((ROOT / "scripts/rosdep.yaml").read_text())
     manifests = "".join(path.with_name("package.xml").read_text() for path in SETUPS)
     depends = set(re.findall("<exec_depend>(.+)</exec_depend>", manifests))
     assert set(keys) <= depends
