@@ -2,7 +2,8 @@
 
 import os
 import re
-from collections.abc import Callable, Iterable
+from collections.abc import Callable, Iterable, Iterator
+from contextlib import contextmanager
 
 import rclpy
 from rclpy.node import Node
@@ -39,16 +40,25 @@ laboratory crane, from the base to the tip.
 """
 
 
+@contextmanager
+def unconfigured(name: str, *arguments: str, domain: int | None = None) -> Iterator[Node]:
+    """One of NODES as it stands before it is configured, with ROS arguments where there are any."""
+    rclpy.init(args=[name, *arguments], domain_id=domain)
+    try:
+        node = NODES[name]()
+        yield node
+        node.destroy_node()
+    finally:
+        rclpy.shutdown()
+
+
 def pages() -> dict[str, str]:
     """The parameters of all nodes."""
     os.environ["ROS_AUTOMATIC_DISCOVERY_RANGE"] = "OFF"
-    rclpy.init()
     parts = [INTRODUCTION]
-    for name, make in NODES.items():
-        node = make()
-        parts.append(f"## {name}\n\n{parameters(node)}")
-        node.destroy_node()
-    rclpy.shutdown()
+    for name in NODES:
+        with unconfigured(name) as node:
+            parts.append(f"## {name}\n\n{parameters(node)}")
     return {"parameters.md": "\n".join(parts)}
 
 

@@ -7,11 +7,10 @@ empty lists, which ROS cannot write, and what the files of a machine say joint b
 import os
 from pathlib import Path
 
-import rclpy
 import yaml
 from rclpy.node import Node
 
-from from_code.nodes import JOINT, NODES, OF_EVERY_NODE
+from from_code.nodes import JOINT, NODES, OF_EVERY_NODE, unconfigured
 
 ROOT = Path(__file__).parents[2]
 PACKAGES = {
@@ -62,13 +61,10 @@ def rendered(name: str, node: Node) -> str:
 def main() -> None:
     """Write them all."""
     os.environ["ROS_AUTOMATIC_DISCOVERY_RANGE"] = "OFF"
-    rclpy.init()
-    for name, make in NODES.items():
-        node = make()
+    for name in NODES:
         place(name).parent.mkdir(exist_ok=True)
-        place(name).write_text(rendered(name, node), "utf-8")
-        node.destroy_node()
-    rclpy.shutdown()
+        with unconfigured(name) as node:
+            place(name).write_text(rendered(name, node), "utf-8")
 
 
 if __name__ == "__main__":

@@ -5,9 +5,8 @@ from collections.abc import Iterator
 from pathlib import Path
 
 import pytest
-import rclpy
 from ament_index_python.packages import get_package_prefix, get_package_share_directory
-from from_code.nodes import NODES, parameters, services
+from from_code.nodes import NODES, parameters, services, unconfigured
 from integration.test_launch_files import declared
 from laboratory_crane import JOINTS
 from manual import text
@@ -27,11 +26,8 @@ JOINTS_OF_MACHINE = "|".join(JOINTS)
 @pytest.fixture(params=NODES)
 def node(request: pytest.FixtureRequest, ros_domain: int) -> Iterator[Node]:
     """A node as it stands before it is configured."""
-    rclpy.init(domain_id=ros_domain)
-    made = NODES[request.param]()
-    yield made
-    made.destroy_node()
-    rclpy.shutdown()
+    with unconfigured(request.param, domain=ros_domain) as made:
+        yield made
 
 
 def test_the_table_of_parameters_has_all_that_the_node_declares(node: Node) -> None:

@@ -6,7 +6,7 @@ from pathlib import Path
 import pytest
 import rclpy
 import yaml
-from integration.test_manual_nodes import NODES
+from from_code.nodes import NODES, unconfigured
 from rclpy.lifecycle import TransitionCallbackReturn
 from rclpy.node import Node
 from rclpy.parameter import Parameter
@@ -77,21 +77,16 @@ def test_ros_knows_what_a_parameter_may_be(node: Node) -> None:
     assert [one.read_only for one in (lag, count, file, numbers, once)] == [*[False] * 4, True]
 
 
-@pytest.mark.parametrize("make", NODES.values(), ids=NODES)
-def test_every_number_of_every_node_has_its_range(
-    make: Callable[[], Node], ros_domain: int
-) -> None:
-    rclpy.init(domain_id=ros_domain)
-    made = make()
+@pytest.mark.parametrize("which", NODES)
+def test_every_number_of_every_node_has_its_range(which: str, ros_domain: int) -> None:
     numbers = {Parameter.Type.DOUBLE, Parameter.Type.INTEGER}
-    for name, parameter in made.get_parameters_by_prefix("").items():
-        if parameter.type_ in numbers:
-            described = made.describe_parameter(name)
-            assert described.floating_point_range or described.integer_range, name
-    once = [one for one in ("autostart", "hold", "port") if made.has_parameter(one)]
-    assert once and all(made.describe_parameter(one).read_only for one in once)
-    made.destroy_node()
-    rclpy.shutdown()
+    with unconfigured(which, domain=ros_domain) as made:
+        for name, parameter in made.get_parameters_by_prefix("").items():
+            if parameter.type_ in numbers:
+                described = made.describe_parameter(name)
+                assert described.floating_point_range or described.integer_range, name
+        once = [one for one in ("autostart", "hold", "port") if made.has_parameter(one)]
+        assert once and all(made.describe_parameter(one).read_only for one in once)
 
 
 def test_the_range_of_a_gain_is_that_of_the_controller_file(

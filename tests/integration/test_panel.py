@@ -41,13 +41,6 @@ class Served(NamedTuple):
 
 
 @pytest.fixture(scope="module")
-def stage(ros_domain: int, tmp_path_factory: pytest.TempPathFactory) -> Iterator[Stage]:
-    one = Stage(tmp_path_factory.mktemp("driver"), [])
-    yield one
-    one.close()
-
-
-@pytest.fixture(scope="module")
 def panel(stage: Stage) -> Iterator[Served]:
     process = start(PANEL, "--ros-args", "-p", "port:=0")
     try:

@@ -3,24 +3,19 @@
 import re
 
 import pytest
-import rclpy
 import yaml
 from ament_index_python.packages import get_package_share_directory
-from from_code.nodes import NODES
+from from_code.nodes import NODES, unconfigured
 from from_code.parameter_files import ROOT, place, rendered
-from rclpy.node import Node
 
 AGGREGATOR = ROOT / "src/crane_nodes/config/diagnostic_aggregator.yaml"
 
 
 def values(name: str, domain: int, *arguments: str) -> tuple[str, dict[str, object]]:
     """The parameter file of a node, and what its parameters are."""
-    rclpy.init(args=["x", *arguments], domain_id=domain)
-    node: Node = NODES[name]()
-    text = rendered(name, node)
-    found = {one: p.value for one, p in node.get_parameters_by_prefix("").items()}
-    node.destroy_node()
-    rclpy.shutdown()
+    with unconfigured(name, *arguments, domain=domain) as node:
+        text = rendered(name, node)
+        found = {one: p.value for one, p in node.get_parameters_by_prefix("").items()}
     return text, {one: v if isinstance(v, str) else repr(v) for one, v in found.items()}
 
 

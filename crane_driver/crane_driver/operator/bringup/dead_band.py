@@ -116,7 +116,7 @@ def fit_dead_band(name: str, trace: Trace, direction: int) -> DeadBandFit:
     )
 
 
-def average(fits: list[DeadBandFit], rate: float | None = None) -> DeadBandResult:
+def average(fits: list[DeadBandFit], rate: float) -> DeadBandResult:
     """Mean of the repeats, run at `rate` [1/s]; their scatter, or with one alone the standard
     deviation of its fit.
     """

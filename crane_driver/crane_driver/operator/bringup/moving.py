@@ -7,10 +7,7 @@ from typing import Any
 
 from crane_driver.operator.bringup import motion, pictures
 from crane_driver.operator.bringup.bench import Bench
-from crane_driver.operator.bringup.dead_band import (
-    DeadBandResult,
-    average,
-)
+from crane_driver.operator.bringup.dead_band import DeadBandResult, average
 from crane_driver.operator.bringup.motion import Mover
 from crane_driver.operator.bringup.polarity import find_polarity
 from crane_driver.operator.bringup.ramps import DIRECTIONS, Runs, unhurried

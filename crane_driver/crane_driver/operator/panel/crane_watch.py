@@ -45,11 +45,8 @@ class CraneWatch:
         self.driver = DriverClient(node, self._told)
         self.faults: deque[Content] = deque(maxlen=FAULTS_KEPT)  # the newest first
         self._machine, self._namespace = machine, node.get_namespace()
-        self._positions, self._chambers, self._lines = (
-            ShownReadings(),
-            ShownReadings(),
-            ShownReadings(),
-        )
+        self._positions = ShownReadings()
+        self._chambers, self._lines = ShownReadings(), ShownReadings()
         self._joint_topic = Polled(node, JointState, "joint_states", NEWEST)
         self._pressure_topic = Polled(node, CylinderPressures, "cylinder_pressures", NEWEST)
         self._known = (DriverState.STATE_UNKNOWN, DriverState.FAULT_NONE, "")

@@ -41,7 +41,8 @@ class ShownReadings:
         values = self._values.get(name, ()) if now - self._came <= OLDEST_READING_S else ()
         if len(values) != count:
             return [None] * count
-        return [value if math.isfinite(value) else None for value in map(float, values)]
+        numbers: list[float | None] = plain([float(value) for value in values])
+        return numbers
 
     def strangers(self, known: Sequence[str]) -> list[str]:
         """Names that came and are not known."""

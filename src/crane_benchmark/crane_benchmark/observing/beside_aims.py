@@ -1,13 +1,12 @@
 """What was measured beside its aims: shown, written, and an error where one is missed."""
 
-import sys
 from collections.abc import Sequence
 from pathlib import Path
 
-from rich.console import Console
 from rich.table import Table
 
 from crane_benchmark.measured import MeasuredRow, write
+from crane_identification.report import terminal
 from crane_model.errors import CraneError
 
 WIDTH = 140  # of a table that goes into a file
@@ -26,7 +25,7 @@ def tell(
     table = Table(*columns)
     for row in rows:
         table.add_row(*row.shown)
-    (Console() if sys.stdout.isatty() else Console(width=WIDTH)).print(table)
+    terminal.console(WIDTH).print(table)
     if out is not None:
         write(out, command, rows, columns)
     if misses:

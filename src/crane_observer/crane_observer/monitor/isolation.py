@@ -89,11 +89,11 @@ def encoder_behind(suspects: Sequence[Suspect]) -> Suspect | None:
     a crane by an encoder that lies does not know where it is.
     """
     encoders = [one for one in suspects if one.part is Part.ENCODER and one.certain]
-    best = min(encoders, key=lambda one: one.misfit, default=None)
-    least = min((one.misfit for one in suspects), default=0.0)
-    if best is None or best.misfit > CLEARLY * max(least, EXPLAINS):
+    if not encoders:
         return None
-    return best
+    best = min(encoders, key=lambda one: one.misfit)
+    least = min(one.misfit for one in suspects)
+    return None if best.misfit > CLEARLY * max(least, EXPLAINS) else best
 
 
 def _badness(suspect: Suspect) -> float:

@@ -32,7 +32,8 @@ def bands(repeats: int = 3) -> DeadBands:
         read = [way + noise.normal(0.0, 3e-5, len(time)) for _ in range(repeats)]
         return average(
             [fit_dead_band(SLEW, Trace(time, direction * one, direction * command), direction)
-             for one in read]
+             for one in read],
+            rate=0.0375,
         )  # fmt: skip
 
     return DeadBands(positive=fitted(1, *FORTH), negative=fitted(-1, *BACK))

@@ -153,7 +153,7 @@ def test_the_dead_band_is_found_without_the_lag(dead_band, gain, lag, direction)
         fit_dead_band("slew", ramped(dead_band, gain, lag, direction, seed), direction)
         for seed in range(3)
     ]
-    found = average(fits)
+    found = average(fits, 0.05)
     assert found.dead_band == pytest.approx(dead_band, abs=1e-3)
     assert found.gain == pytest.approx(gain, rel=0.03)
     assert found.lag == pytest.approx(lag, abs=0.02)
