@@ -1,10 +1,11 @@
 #!/usr/bin/env bash
 # Runs the tests named by its arguments, folders or files, within the environment of env.sh.
 #
-# First those that start processes, three at a time on two cores: many of them wait. Then those of a
-# machine in real time, one at a time. In their pauses the unit tests run, in the idle class of the
-# scheduler, which gives way at once. Other work on the same cores makes true faults: what failed in
-# real time is tried again in the end, alone, with processes of its own.
+# First those that start processes, three at a time on two cores: many of them wait; what failed is
+# tried once more, alone. Then those of a machine in real time, one at a time. In their pauses the
+# unit tests run, in the idle class of the scheduler, which gives way at once. Other work on the same
+# cores makes true faults: what failed in real time is tried again in the end, alone, with processes
+# of its own.
 set -euo pipefail
 
 units=() others=()
@@ -20,7 +21,7 @@ if [ ${#others[@]} -eq 0 ]; then
     exit
 fi
 
-some "${in_parallel[@]}" -n 3 "${others[@]}"
+some "${in_parallel[@]}" -n 3 "${others[@]}" || "${in_parallel[@]}" --last-failed "${others[@]}"
 if [ ${#units[@]} -gt 0 ]; then
     log=$(mktemp)
     chrt --idle 0 "${in_parallel[@]}" -n 2 "${units[@]}" >"$log" 2>&1 &
