@@ -9,7 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from crane_model.array import Array
-from crane_model.chain.lanes import fill, places_of, turns
+from crane_model.chain.lanes import fill
 from crane_model.chain.serial_chain import SerialChain
 
 PER_BODY = ("m", "mx", "my", "mz", "Ixx", "Ixy", "Iyy", "Ixz", "Iyz", "Izz")
@@ -36,5 +36,4 @@ def fill_regressor(
     is left out.
     """
     q, v, a = (np.ascontiguousarray(each, dtype=float) for each in (q, v, acceleration))
-    begins = np.searchsorted(parameters, 10 * np.arange(len(chain.ratio) + 1)).astype(np.uint64)
-    fill(chain, turns(chain), rows, places_of(parameters % 10), begins, q, v, a, out)
+    fill(chain, rows, parameters, q, v, a, out)
