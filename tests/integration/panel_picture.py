@@ -13,7 +13,7 @@ from integration.driver_stage import Stage
 from integration.experiments import Experiments
 from integration.live_page import Page
 from integration.processes import end
-from integration.test_panel import DESK, arm, served, until
+from integration.test_panel import DESK, served, until
 
 PICTURE = Path(__file__).resolve().parents[2] / "docs" / "pictures" / "panel.png"
 RUNNING = "document.getElementById('phase').textContent.startsWith('excitation')"
@@ -30,7 +30,6 @@ def main() -> None:
         experiments = Experiments(stage, folder)
         stack.callback(end, experiments.process)
         page = stack.enter_context(Page(installed(), panel.url, *DESK))
-        arm(page, panel.token)
         experiments.moving()
         until(lambda: page.evaluate(RUNNING))
         PICTURE.write_bytes(page.picture())
