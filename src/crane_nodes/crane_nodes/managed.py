@@ -57,8 +57,9 @@ def _live(make: Callable[[], LifecycleNode], argv: Sequence[str]) -> None:
             with suppress(RuntimeError):  # of rclpy: `ros2 lifecycle set` has shut it down before
                 node.trigger_shutdown()
             until = time.monotonic() + ANSWER_TIME_S
-            while (left := until - time.monotonic()) > 0.0:  # a defect has ended it, too
-                executor.spin_once(timeout_sec=left)
+            while (left := until - time.monotonic()) > 0.0:
+                with suppress(Exception):  # a defect that has ended the node may come again
+                    executor.spin_once(timeout_sec=left)
 
 
 def _start(node: LifecycleNode) -> None:
