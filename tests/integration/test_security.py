@@ -7,6 +7,7 @@ import xml.etree.ElementTree as ElementTree
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from fnmatch import fnmatchcase
+from pathlib import Path
 from typing import NamedTuple
 
 import pytest
@@ -17,18 +18,22 @@ from integration.test_namespaces import READY, activate
 from rclpy.node import Node
 
 from crane_driver.operator.bringup.crane_client import CraneClient
+from crane_model.machine import load_machine
 from crane_nodes.context import Stop
+from crane_nodes.recording.bag import RecordedBag
 from crane_nodes.recording.player_node import Player
+from crane_nodes.recording.recorder_node import Recorder
 from crane_trajectory.run_excitation_node import RunExcitationClient
 
 POLICIES = ROOT / "src/crane_nodes/security/policies.xml"
 PAGE = (ROOT / "docs/how_to/ros.md").read_text("utf-8")
 COMMANDING = {"trajectory", "jog", "bringup"}
 COMMANDS = re.compile(r"create_publisher\(ValveCommand, (\"valve_command\"|TOPIC),")
-CLIENTS: dict[str, Callable[[], Node]] = {
+OTHERS: dict[str, Callable[[], Node]] = {
     "run_excitation": lambda: RunExcitationClient(Stop()),
     "player": lambda: Player(Stop()),
     "bringup": lambda: CraneClient(Stop()),
+    "recorder": lambda: Recorder(RecordedBag("bag"), []),
 }
 PATIENCE = 30.0  # s, bounds a failing test
 ACTION = "/_action/"
@@ -148,9 +153,12 @@ def named(node: Node) -> list[tuple[str, list[str]]]:
 
 
 @pytest.mark.parametrize("namespace", ["", "/left"], ids=["alone", "left"])
-@pytest.mark.parametrize("name", [*NODES, *CLIENTS])
-def test_each_node_may_do_what_it_does(name: str, namespace: str, ros_domain: int) -> None:
-    make = (NODES | CLIENTS)[name]
+@pytest.mark.parametrize("name", [*NODES, *OTHERS])
+def test_each_node_may_do_what_it_does(
+    name: str, namespace: str, ros_domain: int, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.chdir(tmp_path)  # for the recorder's bag
+    make = (NODES | OTHERS)[name]
     with running(make, ros_domain, namespace) as node:
         allowed = of_namespace(namespace)[node.get_name()]
         assert not allowed.lacking(node)
@@ -159,13 +167,20 @@ def test_each_node_may_do_what_it_does(name: str, namespace: str, ros_domain: in
         assert any(one.startswith("reply") for one in nothing.lacking(node))
 
 
-def test_the_viewer_may_listen_and_do_nothing_else() -> None:
+def test_the_viewer_may_listen_and_do_nothing_else(ros_domain: int, tmp_path: Path) -> None:
     own = {"/rosout", "/parameter_events"}
     viewer = ALLOWED["viewer"]
     assert set(viewer.publish) == own
     assert viewer.subscribe == ["/*"]
     assert viewer.reply == ["/viewer/*"]
     assert viewer.request == viewer.execute == viewer.call == []
+    pytest.importorskip("rerun", reason="rerun is not installed (make view)")
+    from crane_viewer.view import View
+    from crane_viewer.viewer_node import Viewer
+
+    view = View(load_machine(), live=True, file=tmp_path / "view.rrd")
+    with running(lambda: Viewer(view), ros_domain, "") as node:
+        assert not viewer.lacking(node)
 
 
 @pytest.mark.parametrize("namespace", ["", "/left"], ids=["alone", "left"])
