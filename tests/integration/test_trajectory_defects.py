@@ -72,10 +72,11 @@ def test_a_defect_beside_it_ends_the_node_with_the_crane_at_rest_and_the_goal_an
         try:
             stage.enabled()
             result = crane.result(crane.send(periods=2))
-            if result.outcome == Outcome.DEACTIVATED:
-                break
         finally:
-            assert end(crane.process) != 0
+            status = end(crane.process)
+        if result.outcome == Outcome.DEACTIVATED:
+            break
     assert result.outcome == Outcome.DEACTIVATED, result.message
+    assert status != 0
     assert result.message.startswith("the node was shut down, the crane is at rest")
     crane.holds_still()
