@@ -49,6 +49,7 @@ class Outcome(IntEnum):
     STATES_LOST = 6
     DEACTIVATED = 7
     DRIVER_FAULT = 8
+    FAILED = 9
 
 
 class Stage(Enum):
@@ -142,6 +143,14 @@ class Experiment:
         if self.stage in (Stage.LEADING, Stage.BRAKING, Stage.SETTLING):
             self.outcome, self.message = outcome, message
             self._release(now)
+
+    def fail(self, why: str, now: float) -> None:
+        """Ramp to neutral for a defect of the program. It is over if the ramp, too, does not end in
+        its time: commands that just stop, the driver brings to neutral.
+        """
+        self.release(Outcome.FAILED, why, now)
+        if self.stage is Stage.RELEASING and now - self._entered > RELEASE_TIME_S + NEUTRAL_AFTER:
+            self.stage = Stage.OVER
 
     def sample(
         self,

@@ -24,6 +24,7 @@ from crane_trajectory.trajectory_topics import feedback_message, result_message
 ACTION = "run_excitation"
 FEEDBACK = 0.1  # s
 READINESS_TIMEOUT_S = 2.0  # for what a goal needs: driver enabled, joint states, crane at rest
+LONGEST_MESSAGE = 10_000  # characters, of a result and of the log: fifty lines of two hundred
 
 Made = TypeVar("Made")
 
@@ -35,15 +36,28 @@ class NotReadyError(CraneError):
 class UnexpectedError(CraneError):
     """A defect of the program, found while nothing has moved."""
 
-    def __init__(self, what: str):
-        super().__init__(
-            f"{what}; nothing has moved. This is a defect of the program: report it, with the log "
-            "of the node and the trajectory"
-        )
-
 
 class CanceledError(CraneError):
     """The goal was canceled before anything moved."""
+
+
+def defect(error: Exception) -> str:
+    """What nobody foresaw, in words."""
+    return (
+        f"{type(error).__name__}: {error}. This is a defect of the program: report it, with the "
+        "log of the node and the trajectory"
+    )
+
+
+def bounded(message: str) -> str:
+    """A message with its middle left out where it is too long: it begins with what it is about, as
+    a path, and ends with what to do.
+    """
+    beyond = len(message) - LONGEST_MESSAGE
+    if beyond <= 0:
+        return message
+    half = LONGEST_MESSAGE // 2
+    return f"{message[:half]} ... ({beyond} characters left out) ... {message[-half:]}"
 
 
 class Leader(Protocol):
@@ -105,8 +119,12 @@ class Goals:
             return self._ended(goal, Outcome.CANCELED, str(error))
         except NotReadyError as error:
             return self._ended(goal, Outcome.NOT_READY, str(error))
+        except UnexpectedError as error:
+            return self._ended(goal, Outcome.FAILED, str(error))
         except CraneError as error:
             return self._ended(goal, Outcome.TRAJECTORY_REFUSED, str(error))
+        except Exception as error:
+            return self._ended(goal, Outcome.FAILED, self._told(error))
         finally:
             self._leader.end()
             self._busy = False
@@ -127,12 +145,21 @@ class Goals:
         told = -np.inf
         while not experiment.over:
             await self._leader.next_watch
-            if goal.is_cancel_requested:
-                experiment.stop(Outcome.CANCELED, "canceled, the crane is at rest")
-            if (now := time.monotonic()) - told >= FEEDBACK:
-                told = now
-                goal.publish_feedback(feedback_message(experiment))
+            now = time.monotonic()
+            try:
+                if goal.is_cancel_requested:
+                    experiment.stop(Outcome.CANCELED, "canceled, the crane is at rest")
+                if now - told >= FEEDBACK:
+                    told = now
+                    goal.publish_feedback(feedback_message(experiment))
+            except Exception as error:
+                experiment.release(Outcome.FAILED, self._told(error), now)
         return self._ended(goal, experiment.outcome, experiment.account, experiment.rms)
+
+    def _told(self, error: Exception) -> str:
+        """A defect in words, when the log has been told where it is."""
+        self._log.error(traceback.format_exc())
+        return defect(error)
 
     async def _aside(self, goal: ServerGoalHandle, work: Callable[[], Made]) -> Made:
         """What `work` returns, while the executor does all the rest; `CanceledError` if canceled.
@@ -147,8 +174,7 @@ class Goals:
             except CraneError as error:
                 result.set_exception(error)
             except Exception as error:
-                self._log.error(traceback.format_exc())
-                result.set_exception(UnexpectedError(f"{type(error).__name__}: {error}"))
+                result.set_exception(UnexpectedError(f"nothing has moved: {self._told(error)}"))
 
         Thread(target=run, daemon=True).start()
         while not result.done():
@@ -176,6 +202,8 @@ class Goals:
         message: str,
         rms: np.ndarray | None = None,
     ) -> RunExcitation.Result:
+        message = bounded(message)
+        result = result_message(outcome, message, self._units, rms)
         self.last = f"{outcome.name}: {message}"
         self._log.info(self.last)
         if outcome is Outcome.COMPLETED:
@@ -184,4 +212,4 @@ class Goals:
             goal.canceled()
         else:
             goal.abort()
-        return result_message(outcome, message, self._units, rms)
+        return result

@@ -8,7 +8,9 @@ Software is no safety stop: keep the emergency stop of the machine within reach.
 """
 
 import time
-from collections.abc import Callable, Sequence
+import traceback
+from collections.abc import Callable, Iterator, Sequence
+from contextlib import contextmanager
 from functools import partial
 from pathlib import Path
 
@@ -21,7 +23,7 @@ from sensor_msgs.msg import JointState
 from std_srvs.srv import Trigger
 
 from crane_interfaces.msg import DriverState, JointReference
-from crane_model.errors import CraneError, DataError
+from crane_model.errors import ConfigurationError, CraneError, DataError
 from crane_model.machine_files import machine_file
 from crane_nodes.driver_client import DriverClient
 from crane_nodes.machine_parameter import MACHINE, declare_machine, read_again
@@ -38,7 +40,7 @@ from crane_trajectory.motion.motion import Motion, plan
 from crane_trajectory.motion.periodic import PeriodicTrajectory
 from crane_trajectory.motion.reading import read_apart
 from crane_trajectory.readiness import Readiness
-from crane_trajectory.run_excitation_action import ACTION, Goals, NotReadyError
+from crane_trajectory.run_excitation_action import ACTION, Goals, NotReadyError, defect
 from crane_trajectory.trajectory_condition import condition
 from crane_trajectory.trajectory_parameters import (
     CLEARANCE,
@@ -166,27 +168,36 @@ class Trajectory(LifecycleNode):
         position, velocity = measured.position, measured.velocity
         assert self._tuning
         self._ready.sample(position, velocity, self._tuning, now)
-        experiment = self._experiment
-        if experiment is None:
-            return
-        pressures = self._leading.pressures
-        self._valves.send(experiment.sample(measured.seconds, position, velocity, now, pressures))
-        if experiment.target is not None:
-            self._references.publish(
-                reference_message(experiment.target, measured.stamp, self._machine.joint_names)
-            )
+        if (experiment := self._experiment) is not None:
+            with self._failing_softly(experiment, now):
+                pressures = self._leading.pressures
+                u = experiment.sample(measured.seconds, position, velocity, now, pressures)
+                self._valves.send(u)
+                if (target := experiment.target) is not None:
+                    joints = self._machine.joint_names
+                    self._references.publish(reference_message(target, measured.stamp, joints))
 
     def _watch(self) -> None:
         now = time.monotonic()
-        if self._experiment is not None:
-            told = self._driver.newest  # a silent one sends no joint states either
-            if told.state != DriverState.STATE_ENABLED:
-                self._experiment.release(Outcome.DRIVER_FAULT, f"{told.cause}; {told.remedy}", now)
-            if several := several_sources(self):
-                self._experiment.release(Outcome.STATES_LOST, several, now)
-            self._valves.send(self._experiment.watch(now))
+        if (experiment := self._experiment) is not None:
+            with self._failing_softly(experiment, now):
+                told = self._driver.newest  # a silent one sends no joint states either
+                if told.state != DriverState.STATE_ENABLED:
+                    experiment.release(Outcome.DRIVER_FAULT, f"{told.cause}; {told.remedy}", now)
+                if several := several_sources(self):
+                    experiment.release(Outcome.STATES_LOST, several, now)
+                self._valves.send(experiment.watch(now))
         woken, self._next_watch = self._next_watch, Future(executor=self.executor)
         woken.set_result(None)
+
+    @contextmanager
+    def _failing_softly(self, experiment: Experiment, now: float) -> Iterator[None]:
+        """A defect within the `with` block ends the experiment, not the node that leads it."""
+        try:
+            yield
+        except Exception as error:
+            self.get_logger().error(traceback.format_exc())
+            experiment.fail(defect(error), now)
 
     # what goals ask
 
@@ -214,7 +225,11 @@ class Trajectory(LifecycleNode):
 
     def read(self, trajectory: str) -> PeriodicTrajectory:
         """The trajectory of a path, or that of the machine which has the name."""
-        return read_apart(machine_file("", MACHINE.read(self), trajectory))
+        try:
+            file = machine_file("", MACHINE.read(self), trajectory)
+        except OSError as error:  # such as a name longer than any
+            raise ConfigurationError(f"trajectory: {error.strerror}: {trajectory}") from None
+        return read_apart(file)
 
     def planner(self, trajectory: PeriodicTrajectory, periods: int) -> Callable[[], Motion]:
         """What plans the motion from where the crane is now, in any thread."""

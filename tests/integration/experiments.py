@@ -36,9 +36,15 @@ class Experiments:
     """The node under test, and what it says."""
 
     def __init__(
-        self, stage: Stage, folder: Path, *arguments: str, trajectory: dict[str, Any] = SHORT
+        self,
+        stage: Stage,
+        folder: Path,
+        *arguments: str,
+        trajectory: dict[str, Any] = SHORT,
+        program: str = TRAJECTORY,
     ):
         """`arguments` are ROS arguments of the node."""
+        self._program = program
         self.stage, self.folder, self.arguments = stage, folder, arguments
         self.file = folder / "short.yaml"
         self.file.write_text(yaml.safe_dump(trajectory))
@@ -56,7 +62,7 @@ class Experiments:
 
     def begin(self) -> None:
         own = "--ros-args", "-p", f"states_timeout:={TIMEOUT}"
-        self.process = start(TRAJECTORY, *own, *self.arguments)
+        self.process = start(self._program, *own, *self.arguments)
         for ready in (self.action.server_is_ready, self._set.service_is_ready):
             self.stage.until(ready)
         self.stage.until(self._change.service_is_ready)

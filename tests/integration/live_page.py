@@ -83,6 +83,15 @@ class Page:
         answer = self._ask("Runtime.evaluate", expression=expression, returnByValue=True)
         return answer["result"].get("value")
 
+    def press(self, element: str) -> None:
+        """Press the mouse in the middle of an element, by its id, and do not let it go."""
+        where = f"document.getElementById({json.dumps(element)}).getBoundingClientRect()"
+        x = self.evaluate(f"{where}.left + {where}.width / 2")
+        y = self.evaluate(f"{where}.top + {where}.height / 2")
+        self._ask(
+            "Input.dispatchMouseEvent", type="mousePressed", x=x, y=y, button="left", clickCount=1
+        )
+
     def listen(self, seconds: float) -> None:
         """Let the page go on, and take in what it says."""
         until = time.monotonic() + seconds

@@ -17,6 +17,7 @@ from lifecycle_msgs.msg import Transition
 from sensor_msgs.msg import JointState
 
 from crane_trajectory.experiment import Outcome
+from crane_trajectory.run_excitation_action import LONGEST_MESSAGE
 
 ALIASES = "\n".join(f"x{i}: &x{i} [*x{i - 1}, *x{i - 1}]" for i in range(1, 20))
 pytestmark = pytest.mark.realtime
@@ -54,7 +55,12 @@ def test_a_trajectory_outside_the_limits_is_refused(crane: Experiments) -> None:
 
 @pytest.mark.parametrize(
     ("file", "periods", "reason"),
-    [("absent.yaml", 1, "absent.yaml: no such file"), ("short.yaml", 0, "periods: must be at")],
+    [
+        ("absent.yaml", 1, "absent.yaml: no such file"),
+        ("short.yaml", 0, "periods: must be at"),
+        ("long" * 2000, 1, "trajectory: File name too long: /"),
+    ],
+    ids=["absent", "no periods", "long name"],
 )
 def test_a_goal_that_cannot_be_run_is_refused(
     file: str, periods: int, reason: str, crane: Experiments
@@ -62,6 +68,7 @@ def test_a_goal_that_cannot_be_run_is_refused(
     result = crane.refused(crane.folder / file, periods)
     assert result.outcome == Outcome.TRAJECTORY_REFUSED
     assert reason in result.message
+    assert len(result.message) < LONGEST_MESSAGE + 50
 
 
 @pytest.mark.parametrize(
@@ -70,8 +77,9 @@ def test_a_goal_that_cannot_be_run_is_refused(
         (yaml.safe_dump(SHORT | {"period": 1e-9}), "line 23: key 'period': must be at least 1.0"),
         ("x0: &x0 [1, 1]\n" + ALIASES, "line 1: holds more than 200000 values"),
         ("name: " + "x" * 1_000_000, "must have at most 1000000 bytes"),
+        ("".join(f"{'key' * 100}{i}: 1\n" for i in range(3000)), "characters left out) ..."),
     ],
-    ids=["period", "aliases", "size"],
+    ids=["period", "aliases", "size", "keys"],
 )
 def test_a_file_that_would_take_the_machine_is_refused(
     text: str, reason: str, crane: Experiments
@@ -81,6 +89,7 @@ def test_a_file_that_would_take_the_machine_is_refused(
     result = crane.refused(hostile)
     assert result.outcome == Outcome.TRAJECTORY_REFUSED
     assert reason in result.message
+    assert len(result.message) < LONGEST_MESSAGE + 50
 
 
 def test_while_a_file_is_read_the_node_answers(crane: Experiments) -> None:

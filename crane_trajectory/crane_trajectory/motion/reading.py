@@ -33,7 +33,7 @@ def read_apart(path: Path | str) -> FourierTrajectory | SweepTrajectory:
         raise ConfigurationError(
             f"{path}: cannot be read within {READING_TIME} s; is it the right file?"
         ) from None
-    except ValueError as error:  # no path at all
+    except (ValueError, OSError) as error:  # no path at all, or longer than any
         raise ConfigurationError(f"{path!r}: cannot be read: {error}") from None
     if done.returncode == REFUSED:
         raise ConfigurationError(done.stdout)
@@ -51,7 +51,7 @@ def main() -> int:
     try:
         trajectory = load_trajectory(sys.argv[1])
     except ConfigurationError as error:
-        sys.stdout.write(str(error))
+        sys.stdout.write(str(error)[:LARGEST_ANSWER])
         return REFUSED
     sys.stdout.write(json.dumps(trajectory.model_dump(mode="json", exclude_none=True)))
     return 0

@@ -56,9 +56,10 @@ def _live(make: Callable[[], LifecycleNode], argv: Sequence[str]) -> None:
         finally:
             with suppress(RuntimeError):  # of rclpy: `ros2 lifecycle set` has shut it down before
                 node.trigger_shutdown()
-        until = time.monotonic() + ANSWER_TIME_S
-        while (left := until - time.monotonic()) > 0.0:
-            executor.spin_once(timeout_sec=left)
+            until = time.monotonic() + ANSWER_TIME_S
+            while (left := until - time.monotonic()) > 0.0:
+                with suppress(Exception):  # a defect that has ended the node may come again
+                    executor.spin_once(timeout_sec=left)
 
 
 def _start(node: LifecycleNode) -> None:

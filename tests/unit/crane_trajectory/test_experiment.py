@@ -316,3 +316,19 @@ def test_what_befell_the_controller_on_the_way_is_told_at_the_end() -> None:
     assert (
         crane.experiment.account == f"{crane.experiment.message}; {JOINTS[2]} at 6.0 s: {lost.text}"
     )
+
+
+def test_a_defect_ramps_to_neutral_and_is_over_even_if_it_comes_again_and_again() -> None:
+    crane = Crane()
+    while not np.any(crane.v):
+        crane.cycle()
+    before = np.abs(crane.commands[-1]).max()
+    crane.experiment.fail("broken", crane.now)
+    crane.cycle()
+    assert 0.0 < np.abs(crane.commands[-1]).max() < before
+    began = crane.now
+    while not crane.experiment.over:
+        crane.now += PERIOD
+        crane.experiment.fail("broken again", crane.now)
+        assert crane.now - began < 1.0
+    assert (crane.experiment.outcome, crane.experiment.message) == (Outcome.FAILED, "broken")

@@ -43,6 +43,13 @@ def test_no_path_at_all_is_refused() -> None:
         read_apart("\x00")
 
 
+def test_a_path_longer_than_any_is_refused() -> None:
+    with pytest.raises(ConfigurationError, match="cannot be read: .* too long"):
+        read_apart("x" * 300)
+    with pytest.raises(ConfigurationError, match=r"xxx \.\.\. \[\d+ characters left out"):
+        read_apart("x" * 3_000_000)
+
+
 def test_a_file_that_takes_for_ever_is_given_up(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:

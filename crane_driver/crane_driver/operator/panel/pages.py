@@ -4,6 +4,8 @@ from dataclasses import dataclass
 from typing import NamedTuple
 
 PAGE_SILENCE_S = 1.5  # a page tells of every picture that it has shown; ten of them come a second
+MOST_PAGES = 16  # open at once: each costs a picture ten times a second
+LONGEST_REASON = 150  # characters
 
 
 @dataclass(eq=False)
@@ -28,12 +30,27 @@ class Lost(NamedTuple):
         return f"{armed} ({self.address}) was lost at {self.at}: {self.why}"
 
 
+def legible(reason: str) -> str:
+    """A reason as it is shown to others than who gave it: one bounded line of plain characters,
+    of which none turns, hides or overlays what stands beside it.
+    """
+    plain = "".join(one if " " <= one <= "~" else "?" for one in reason)
+    return plain if len(plain) <= LONGEST_REASON else f"{plain[: LONGEST_REASON - 3]}..."
+
+
 class Pages:
     """Those that are open; `lost` is the last one that is not, until another one opens."""
 
     def __init__(self) -> None:
         self._open: list[Page] = []
         self.lost: Lost | None = None
+
+    @property
+    def refusal(self) -> str:
+        """Why no other page may open; empty if one may."""
+        if self.count < MOST_PAGES:
+            return ""
+        return f"{self.count} pages are open, limit {MOST_PAGES}; close another one"
 
     def opened(self, address: str, now: float) -> Page:
         """A page, not armed."""
@@ -47,7 +64,7 @@ class Pages:
         if not self.is_open(page):
             return None
         self._open.remove(page)
-        self.lost = Lost(page.address, page.armed, at, why)
+        self.lost = Lost(page.address, page.armed, at, legible(why))
         page.armed = False
         return self.lost
 

@@ -36,7 +36,8 @@ PICTURE_PERIOD_S = 0.1
 REPORT_PERIOD_S = 1.0
 CALLBACKS = 8  # in a period at most, so that pages do not wait
 STOP = "stop"  # needs no token: it only takes motion away
-GOING_AWAY = 1001  # of RFC 6455
+GOING_AWAY, TRY_AGAIN_LATER = 1001, 1013  # of RFC 6455, and of IANA
+REFUSALS_PERIOD_S = 10.0  # in the log: a page that is refused asks again every second
 
 
 class OperatorPanel(Node):
@@ -62,8 +63,15 @@ class OperatorPanel(Node):
             "reset": lambda: [driver.reset_fault()],
         }
 
-    def opened(self, socket: Socket, address: str) -> "_PageLine":
-        """A page has opened a socket."""
+    def opened(self, socket: Socket, address: str) -> "_PageLine | None":
+        """A page has opened a socket; None if there are too many."""
+        if refusal := self.pages.refusal:
+            socket.close(TRY_AGAIN_LATER, refusal)
+            self.get_logger().warning(
+                f"a page from {address} was refused: {refusal}",
+                throttle_duration_sec=REFUSALS_PERIOD_S,
+            )
+            return None
         line = _PageLine(self, socket, self.pages.opened(address, time.monotonic()))
         self._lines.append(line)
         self.get_logger().info(f"a page was opened from {address}; {self.pages.count} open")

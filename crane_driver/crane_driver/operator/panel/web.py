@@ -51,8 +51,8 @@ class PageListener(Protocol):
         """The page is gone."""
 
 
-Opened = Callable[["Socket", str], PageListener]
-"""Makes the line of a page that has opened a socket from an address."""
+Opened = Callable[["Socket", str], PageListener | None]
+"""Makes the line of a page that has opened a socket from an address; None if it was refused."""
 
 
 def host_allowed(host: str, names: Collection[str]) -> bool:
@@ -129,7 +129,8 @@ class Socket(WebSocketHandler, _Guarded):
     @override
     def on_close(self) -> None:
         if self._line:
-            self._line.ended(self.close_reason or "it was closed, or its connection was lost")
+            said = f'; it said "{self.close_reason}"' if self.close_reason else ""
+            self._line.ended(f"it was closed, or its connection was lost{said}")
 
     def tell(self, content: dict[str, Any]) -> None:
         """Send; nothing where the page is gone, which `ended` tells."""

@@ -12,6 +12,7 @@ const $ = (id) => document.getElementById(id);
 let socket = null;
 let heard = 0; // when the last picture came
 let last = ""; // the time that it showed
+let why = ""; // the panel gave for closing the line; kept while tries to connect fail
 let built = ""; // for which joints and cylinders the rows were made
 let armed = false;
 let waiting = {}; // timers of requests that were not answered yet
@@ -27,19 +28,21 @@ function connect() {
     if ("picture" in told) {
       heard = performance.now();
       document.body.classList.remove("lost");
+      why = "";
       show(told.picture);
       say({ seen: told.picture.time });
       usable(true);
     }
   };
-  line.onclose = () => { if (line === socket) lose(); };
+  line.onclose = (event) => { if (line === socket) lose(event.reason); };
 }
 
-function lose() {
+function lose(reason) {
   socket = null;
   document.body.classList.add("lost");
   const since = last ? ` What you see is of ${last}.` : "";
-  $("loss").textContent = `The line to the panel is lost.${since} Stop does not work from here: use the machine’s emergency stop.`;
+  why = reason || why;
+  $("loss").textContent = `The line to the panel is lost${why && `: ${why}`}.${since} Stop does not work from here: use the machine’s emergency stop.`;
   document.title = "LOST";
   Object.values(waiting).forEach(clearTimeout);
   waiting = {};
@@ -52,7 +55,7 @@ function lose() {
 setInterval(() => {
   if (socket && heard && performance.now() - heard > SILENCE) {
     const old = socket;
-    lose();
+    lose("");
     old.close();
   }
 }, 200);
@@ -141,7 +144,10 @@ function build(picture) {
   built = key;
   $("joints").replaceChildren(...picture.joints.map((one) => {
     const row = reading(`joint-${one.name}`, one.name.replaceAll("_", " "), ["position", "speed"]);
-    row.append(element("span", "ends", element("span", "", shown(one.lowest, 2)), element("span", "", shown(one.highest, 2))));
+    row.querySelector(".speed").before(
+      element("span", "ends", element("span", "", shown(one.lowest, 2)), element("span", "", shown(one.highest, 2))),
+      element("span", "speed-name", "speed"), element("span", "speed-value"),
+    );
     return row;
   }));
   $("oil").hidden = !oil;
@@ -178,7 +184,8 @@ function showJoint(joint) {
   const known = joint.position !== null;
   const beyond = known && ((joint.lowest !== null && joint.position < joint.lowest) || (joint.highest !== null && joint.position > joint.highest));
   row.classList.toggle("beyond", beyond);
-  value(row, known ? `${shown(joint.position, 3)} ${joint.unit}${beyond ? ", beyond its limit" : ""}\u2003${shown(joint.velocity, 3)} ${joint.unit}/s` : null);
+  value(row, known ? `${shown(joint.position, 3)} ${joint.unit}${beyond ? ", beyond its limit" : ""}` : null);
+  row.querySelector(".speed-value").textContent = joint.velocity === null ? "not known" : `${shown(joint.velocity, 3)} ${joint.unit}/s`;
   meter(position, joint.position, joint.lowest, joint.highest);
   fill(position, share(joint.position, joint.lowest, joint.highest), null);
   meter(speed, joint.velocity, joint.slowest, joint.fastest);

@@ -8,7 +8,13 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from crane_driver.operator.panel.arming import WAIT_S, Arming, new_token
-from crane_driver.operator.panel.pages import PAGE_SILENCE_S, Pages
+from crane_driver.operator.panel.pages import (
+    LONGEST_REASON,
+    MOST_PAGES,
+    PAGE_SILENCE_S,
+    Pages,
+    legible,
+)
 from crane_driver.operator.panel.picture import OLDEST_READING_S, ShownReadings, plain
 from crane_driver.operator.panel.web import host_allowed
 
@@ -44,6 +50,23 @@ def test_a_page_that_is_lost_is_armed_no_more_and_is_told_as_armed() -> None:
     assert not pages.is_open(page)
     assert pages.closed(page, "12:00:01", "again") is None
     assert (pages.count, pages.armed) == (0, 0)
+
+
+@given(st.text(st.characters()))
+def test_a_reason_is_a_bounded_line_of_plain_characters(reason: str) -> None:
+    shown = legible(reason)
+    assert len(shown) == min(len(reason), LONGEST_REASON)
+    assert all(32 <= ord(one) < 127 for one in shown)
+    if reason.isascii() and reason.isprintable() and len(reason) <= LONGEST_REASON:
+        assert shown == reason
+
+
+def test_one_page_too_many_is_refused_until_one_closes() -> None:
+    pages = Pages()
+    opened = [pages.opened("127.0.0.1", 0.0) for _ in range(MOST_PAGES)]
+    assert f"limit {MOST_PAGES}" in pages.refusal
+    pages.closed(opened[3], "12:00:00", "left")
+    assert pages.refusal == ""
 
 
 @given(JSON)

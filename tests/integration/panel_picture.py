@@ -1,0 +1,39 @@
+"""`python -m integration.panel_picture`, in tests: the operator's page for the manual, as it is.
+
+The simulated crane is led through a trajectory meanwhile.
+"""
+
+import os
+import tempfile
+from contextlib import ExitStack, closing
+from pathlib import Path
+
+from integration.browser import installed
+from integration.driver_stage import Stage
+from integration.experiments import Experiments
+from integration.live_page import Page
+from integration.processes import end
+from integration.test_panel import DESK, served, until
+
+PICTURE = Path(__file__).resolve().parents[2] / "docs" / "pictures" / "panel.png"
+RUNNING = "document.getElementById('phase').textContent.startsWith('excitation')"
+
+
+def main() -> None:
+    """Write the picture."""
+    os.environ["ROS_AUTOMATIC_DISCOVERY_RANGE"] = "LOCALHOST"
+    os.environ.setdefault("ROS_DOMAIN_ID", "0")
+    with tempfile.TemporaryDirectory() as name, ExitStack() as stack:
+        folder = Path(name)
+        stage = stack.enter_context(closing(Stage(folder, [])))
+        panel = stack.enter_context(served())
+        experiments = Experiments(stage, folder)
+        stack.callback(end, experiments.process)
+        page = stack.enter_context(Page(installed(), panel.url, *DESK))
+        experiments.moving()
+        until(lambda: page.evaluate(RUNNING))
+        PICTURE.write_bytes(page.picture())
+
+
+if __name__ == "__main__":
+    main()
