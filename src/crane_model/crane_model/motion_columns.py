@@ -94,13 +94,11 @@ def _fill(
     for begin in range(0, len(v), BLOCK):
         some = slice(begin, min(begin + BLOCK, len(v)))
         _set_quantities(v[some], a[some], direction[some], smooth, quantities)
-        first, samples = np.uint64(begin), min(BLOCK, len(v) - begin)
         for c in range(len(table.factors)):
-            row, parameter = table.rows[c], table.parameters[c]
-            factor, place = table.factors[c], table.places[c]
-            for n in range(samples):
-                value = quantities[place, np.uint64(n)]
-                out[first + np.uint64(n), row, parameter] += factor * value
+            factor, values = table.factors[c], quantities[table.places[c]]
+            column = out[some, table.rows[c], table.parameters[c]]
+            for n in range(len(column)):
+                column[n] += factor * values[n]
 
 
 def pull_back(

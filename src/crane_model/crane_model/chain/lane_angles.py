@@ -1,6 +1,6 @@
 """Cosine and sine of the joints of a block of samples, as `crane_model.chain.lanes` keeps them.
 
-Those of the C library take one angle at a time, and a tenth of the time of a regressor.
+Those of the C library take one angle at a time; `tests/benchmarks/test_chain_speed.py` needs more.
 """
 
 import math

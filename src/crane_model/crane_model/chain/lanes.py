@@ -22,13 +22,13 @@ from crane_model.chain.lane_angles import (
 from crane_model.chain.serial_chain import SerialChain
 from crane_model.chain.vectors import Vector, add, cross, dot, row, scaled
 
-# rows of the workspace of a block: of the body at hand, then of a joint's unit twist at it
+# rows of the workspace of a block: of the body at hand, then of a joint's unit twist at it; at the
+# end stand those of `crane_model.chain.lane_angles`
 _R, _P, _W, _TURNING, _RISE = 0, 9, 12, 15, 18  # as in `crane_model.chain.motion`
 _SPEED, _PUSH = 21, 24
 _ALONG, _ABOUT = 27, 30
 _TEN = 33
-# 43 to 45: `crane_model.chain.lane_angles`
-_ROWS = 46
+_ROWS = MOVED + 1
 
 
 @njit(cache=True)
@@ -209,7 +209,7 @@ def fill(
     out: Array,
 ) -> None:
     """As `crane_model.chain.fill_regressor`. Whole numbers without a sign are no indices from the
-    end, which takes a third off the time.
+    end, for which the compiler would have to look.
     """
     m = len(chain.ratio)
     all_near, turns, (places, begins) = near(chain, q), _turns(chain), _places(parameters, m)
