@@ -40,6 +40,7 @@ from crane_model import cli
 from crane_model.arguments import one_of
 from crane_model.configuration import load
 from crane_model.errors import ConfigurationError
+from crane_model.hydraulics.values import JointHydraulics
 from crane_model.model_file import Model, load_model, save_model
 from crane_model.terms import load_terms
 
@@ -119,13 +120,17 @@ def identify(arguments: argparse.Namespace) -> None:
 
 
 def _known_values(path: Path, model: Model) -> dict[str, float]:
-    """Reference values by name; `ConfigurationError` where the model has no such parameter."""
+    """Reference values by name; `ConfigurationError` where the model has no such parameter, and the
+    hydraulics of its machine no such value.
+    """
     known = load(path, ReferenceValues).root
     names = [one.name for one in model.parameters]
-    if unknown := sorted(set(known) - set(names)):
+    joints = model.machine.joint_names if model.machine else ()
+    hydraulic = {f"{name}.{joint}" for joint in joints for name in JointHydraulics.units}
+    if unknown := sorted(set(known) - set(names) - hydraulic):
         raise ConfigurationError(
             f"{path}: {', '.join(unknown)}: no parameter of model '{model.name}'; it has "
-            f"{', '.join(names)}"
+            f"{', '.join(names)}, and the hydraulics of each joint, as lag.JOINT"
         )
     return known
 

@@ -23,6 +23,7 @@ from crane_identification.fitting import fit
 from crane_identification.hydraulics.identified import identify_hydraulics
 from crane_identification.hydraulics.joint_estimate import identify_joint
 from crane_identification.options import Options
+from crane_identification.report.summary import Summary
 from crane_identification.validation.command_validation import validate_commands
 from crane_model.machine_files import machine_file
 from crane_model.model_file import Model, load_model
@@ -33,7 +34,7 @@ from crane_trajectory.motion.probe import Probe
 Measured = Callable[[str, str, str], None]
 
 ROOT = Path(__file__).resolve().parents[2]
-DEMO = ROOT / "runs" / "demo" / "bags" / "train"
+DEMO = ROOT / "runs" / "demo"
 LATE = 0.010  # s, mean delay of the commands of a live recording
 
 
@@ -118,9 +119,10 @@ def test_one_bag_tells_the_hydraulics(plant: str, live: bool, measured: Measured
 
 def test_the_bag_of_the_demo_tells_the_hydraulics(measured: Measured) -> None:
     """Recorded live, from before the first command on; what its lag is nobody planted."""
-    if not DEMO.is_dir():
-        pytest.skip(f"no {DEMO.relative_to(ROOT)}; first: make demo")
-    (log,) = Sources(load_model(machine_file("model.yaml")), None, Options(), silent).read([DEMO])
+    model, summary = load_model(machine_file("model.yaml")), DEMO / "summary.json"
+    if not summary.is_file() or Summary.read(summary).model != model.name:
+        pytest.skip(f"no {DEMO.relative_to(ROOT)} of this machine; first: make demo")
+    (log,) = Sources(model, None, Options(), silent).read([DEMO / "bags" / "train"])
     found = {joint: identify_joint(MACHINE, joint, [log], PERIOD).values for joint in FITTED}
     lags = [found[joint].values["lag"].value for joint in FITTED]
     measured("lag, bag of the demo, between joints", "0.0005 s", f"{np.ptp(lags):.2g} s")

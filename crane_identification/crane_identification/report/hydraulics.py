@@ -1,8 +1,9 @@
 """Rows of the hydraulics, as they are printed on the page and in the terminal."""
 
+from collections.abc import Mapping
 from typing import NamedTuple
 
-from crane_identification.notation import NONE, percent, plain, shown, spoken
+from crane_identification.notation import NONE, percent, plain, shown, spoken, with_uncertainty
 from crane_model.hydraulics.values import HydraulicValues, JointHydraulics, Measured
 
 MEANING = {
@@ -26,7 +27,9 @@ MEANING = {
 
 
 class HydraulicRow(NamedTuple):
-    """A value; `note` says how it is known where no recording tells it."""
+    """A value; `note` says how it is known where no recording tells it, `planted` is empty where
+    nothing was.
+    """
 
     name: str
     meaning: str
@@ -34,6 +37,7 @@ class HydraulicRow(NamedTuple):
     std_dev: str
     relative: str
     unit: str
+    planted: str
     note: str
 
 
@@ -45,16 +49,19 @@ class HydraulicGroup(NamedTuple):
     rows: list[HydraulicRow]
 
 
-def hydraulic_groups(values: HydraulicValues | None) -> list[HydraulicGroup]:
-    """Each joint, then the supply; none where nothing was identified."""
+def hydraulic_groups(
+    values: HydraulicValues | None, planted: Mapping[str, float] | None = None
+) -> list[HydraulicGroup]:
+    """Each joint, then the supply; none where nothing was identified. `planted` as NAME.JOINT."""
     if values is None:
         return []
-    groups = [
-        HydraulicGroup(spoken(joint), _fit(one), _rows(one.values, one.undetermined))
-        for joint, one in values.joints.items()
-    ]
+    groups = []
+    for joint, one in values.joints.items():
+        true = {name: (planted or {}).get(f"{name}.{joint}") for name in one.values}
+        rows = _rows(one.values, one.undetermined, true)
+        groups.append(HydraulicGroup(spoken(joint), _fit(one), rows))
     if values.supply is not None:
-        groups.append(HydraulicGroup("supply", "", _rows(values.supply.by_name, {})))
+        groups.append(HydraulicGroup("supply", "", _rows(values.supply.by_name, {}, {})))
     return groups
 
 
@@ -65,7 +72,11 @@ def _fit(one: JointHydraulics) -> str:
     return f"{told}; noise alone leaves as much with p = {plain(one.lack_of_fit, 2)}"
 
 
-def _rows(values: dict[str, Measured], undetermined: dict[str, str]) -> list[HydraulicRow]:
+def _rows(
+    values: Mapping[str, Measured],
+    undetermined: Mapping[str, str],
+    planted: Mapping[str, float | None],
+) -> list[HydraulicRow]:
     rows = []
     for name, one in values.items():
         if one.std_dev is None:
@@ -75,5 +86,7 @@ def _rows(values: dict[str, Measured], undetermined: dict[str, str]) -> list[Hyd
         if name in undetermined:
             note = f"not determined; {undetermined[name]} would tell"
         unit = "" if one.unit == "1" else one.unit
-        rows.append(HydraulicRow(name, MEANING[name], *printed, unit, note))
+        true = planted.get(name)
+        told = NONE if true is None else with_uncertainty(true, one.std_dev or 0.0)[0]
+        rows.append(HydraulicRow(name, MEANING[name], *printed, unit, told, note))
     return rows

@@ -1,4 +1,5 @@
-"""The planted Theta: what the base parameters of the suite are for the stand-in's bodies.
+"""What is planted in the stand-in: Theta, that is what the base parameters of the suite are for its
+bodies, and the hydraulics of the joints that are measured.
 
 The kinetic and potential energy of the bodies, written with the directions phi and psi of the two
 booms and the extension q4, hold the body parameters only in these combinations (each about the
@@ -18,6 +19,7 @@ import numpy as np
 from crane_model import cli
 from crane_model.base_set import base_set
 from crane_model.errors import ConfigurationError
+from crane_model.hydraulics.values import JointHydraulics
 from crane_model.kinematics import link_transforms
 from crane_model.machine import Machine
 from crane_model.terms.serial_rigid_body import SerialRigidBody
@@ -26,13 +28,14 @@ from crane_sim.effects.fault import measured_joints
 from crane_sim.options import add_plant, load_both
 from crane_sim.parts.constants import pack_chain
 from crane_sim.parts.parameters import StandIn
+from crane_sim.planted_hydraulics import hydraulics_of
 
 ON_AXIS = 1e-9  # m
 ROUNDING = 1e-12  # of the largest value
 
 
 class PlantedParameter(NamedTuple):
-    """One entry of Theta as it was planted."""
+    """One entry of Theta, or of the hydraulics, as it was planted."""
 
     name: str
     unit: str
@@ -61,6 +64,15 @@ def planted(parameters: StandIn, machine: Machine) -> list[PlantedParameter]:
             PlantedParameter(f"df_v.{joint}", rate, law.df_v),
         ]
     return inertial + friction
+
+
+def planted_hydraulics(parameters: StandIn, machine: Machine) -> list[PlantedParameter]:
+    """NAME.JOINT of valve and chambers, joint by joint."""
+    return [
+        PlantedParameter(f"{name}.{joint}", JointHydraulics.units[name], value)
+        for joint in measured_joints(machine)
+        for name, value in hydraulics_of(parameters, machine, joint).items()
+    ]
 
 
 def _of_any_machine(parameters: StandIn, machine: Machine) -> list[PlantedParameter]:
@@ -148,12 +160,12 @@ def main(argv: Sequence[str] | None = None) -> int:
 
     def body() -> None:
         machine, parameters = load_both(arguments.machine, arguments.plant)
-        entries = planted(parameters, machine)
+        entries = planted(parameters, machine) + planted_hydraulics(parameters, machine)
         if arguments.json:
             print(json.dumps({entry.name: entry.value for entry in entries}, indent=2))
             return
         width = max(len(entry.name) for entry in entries)
         for entry in entries:
-            print(f"{entry.name:{width}}  {entry.value:12.4f}  {entry.unit}")
+            print(f"{entry.name:{width}}  {entry.value:12.6g}  {entry.unit}")
 
     return cli.run(body)

@@ -57,7 +57,12 @@ def test_reference_values_of_parameters_that_there_are_not(
     told = capsys.readouterr().err
     assert "planted.json: f_c.inner: no parameter of model" in told
     assert "it has J_FL, S_FL_along, " in told and "f_c.inner_boom" in told
-    file.write_text('{"J_FL": 480.0}')
+    file.write_text('{"J_FL": 480.0, "lag.inner": 0.01}')
+    assert identify.main(words(tmp_path / "fit", "--reference-values", str(file))) == 1
+    told = capsys.readouterr().err
+    assert "planted.json: lag.inner: no parameter of model" in told
+    assert "and the hydraulics of each joint, as lag.JOINT" in told
+    file.write_text('{"J_FL": 480.0, "lag.inner_boom": 0.01}')
     identify.main(words(tmp_path / "fit", "--reference-values", str(file)))
     assert "nowhere_1" in capsys.readouterr().err
 

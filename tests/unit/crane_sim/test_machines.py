@@ -1,5 +1,6 @@
 """Every machine that ships with the suite, and others, as a stand-in."""
 
+import json
 from pathlib import Path
 from typing import Any, NamedTuple
 
@@ -12,6 +13,7 @@ from crane_driver.can.binding import load_layout
 from crane_driver.can.codec import DriverCodec
 from crane_machines import shipped
 from crane_model.errors import ConfigurationError
+from crane_model.hydraulics.values import ChamberValues, JointHydraulics, ValveValues
 from crane_model.kinematics import tip_position
 from crane_model.machine import Machine, load_machine
 from crane_model.machine_files import machine_file
@@ -32,6 +34,7 @@ from crane_sim.parts.rigid_bodies import mass_and_bias
 from crane_sim.plant.closed_loop import REST, record
 from crane_sim.plant.plant import Plant
 from crane_sim.plant.sampled import Sensors
+from crane_sim.planted import main as print_planted
 from crane_sim.planted import planted
 from crane_trajectory.control.controller import load_gains
 from crane_trajectory.motion.check import load_clearance
@@ -239,3 +242,20 @@ def test_effects_are_refused_where_a_machine_has_no_place_for_them(
     spec = Spec(effects=(HiddenEffect(strength=0.05, **effect),))
     with pytest.raises(ConfigurationError, match=message):
         check_joints(spec, load_machine("excavator"), "spec.yaml")
+
+
+def test_its_hydraulics_are_printed_as_a_model_file_has_them(
+    made: Made, capsys: pytest.CaptureFixture[str]
+) -> None:
+    """With the names of parameters, so that `identify` can show them beside what it finds."""
+    assert print_planted(["--machine", made.name, "--json"]) == 0
+    printed = json.loads(capsys.readouterr().out)
+    measured = [j for j, one in made.machine.cylinders.items() if one.pressure_sensors]
+    names = [f"{name}.{joint}" for joint in measured for name in JointHydraulics.units]
+    theta = {one.name: one.value for one in planted(made.stand_in, made.machine)}
+    assert printed.items() >= theta.items()
+    assert sorted(printed.keys() - theta.keys()) == sorted(names)
+    for joint in measured:
+        values = {name: printed[f"{name}.{joint}"] for name in JointHydraulics.units}
+        for part in (ValveValues, ChamberValues):
+            part(**{n: {"value": values[n], "unit": unit} for n, unit in part.units.items()})

@@ -117,6 +117,8 @@ class JointHydraulics(Schema):
     A joint without pressure transducers has no `chambers`: its gains are those at no load.
     """
 
+    units: ClassVar[dict[str, str]] = ValveValues.units | ChamberValues.units
+
     valve: ValveValues
     chambers: ChamberValues | None = None
     undetermined: dict[str, str] = {}

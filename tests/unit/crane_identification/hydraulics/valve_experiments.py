@@ -7,7 +7,6 @@ from typing import Any
 import numpy as np
 
 from crane_identification.data.log import Log, Signal
-from crane_model.cylinders import lever_arm
 from crane_model.machine import load_machine
 from crane_model.machine_files import machine_file
 from crane_sim.effects.form import Planted
@@ -17,6 +16,7 @@ from crane_sim.parts.parameters import StandIn, load_stand_in
 from crane_sim.plant.closed_loop import SimulatedRecording, record
 from crane_sim.plant.plant import Plant
 from crane_sim.plant.sampled import Sensors
+from crane_sim.planted_hydraulics import hydraulics_of
 from crane_trajectory.control.controller import load_gains
 from crane_trajectory.motion.check import load_clearance
 from crane_trajectory.motion.motion import plan
@@ -116,27 +116,5 @@ def play(joint: str, width: float) -> Planted:
 
 
 def truth(stand_in: StandIn, joint: str, width: float = 0.0) -> dict[str, float]:
-    """By name what is to be identified of a joint."""
-    valve, inside = stand_in.valves[joint], stand_in.cylinders[joint]
-    start = stand_in.start[[MACHINE.index(joint)]]
-    null = float(np.sign(lever_arm(MACHINE, joint, start))[0]) * valve.null_bias
-    dead_a, dead_b = valve.dead_zone + null, valve.dead_zone - null
-    gain = valve.rated_flow / np.sqrt(valve.rated_drop)
-    # the gain of a fully open edge, of a stroke that is not the same on both sides of the null
-    by_a, by_b = (gain * (1.0 - d) / (1.0 - valve.dead_zone) for d in (dead_a, dead_b))
-    frequency = 2.0 * np.pi * valve.natural_frequency
-    return {
-        "dead_zone_a": dead_a,
-        "dead_zone_b": dead_b,
-        "hysteresis": width,
-        "lag": 2.0 * valve.damping_ratio / frequency,
-        "natural_frequency": frequency,
-        "supply_a": by_a * valve.edges.supply_a,
-        "b_tank": by_a * valve.edges.b_tank,
-        "supply_b": by_b * valve.edges.supply_b,
-        "a_tank": by_b * valve.edges.a_tank,
-        "bulk_modulus": stand_in.oil.bulk_modulus,
-        "dead_volume_a": inside.dead_volume_a,
-        "dead_volume_b": inside.dead_volume_b,
-        "leakage": inside.leakage,
-    }
+    """By name what is to be identified of a joint, whose valve has a play of a width."""
+    return hydraulics_of(stand_in, MACHINE, joint) | {"hysteresis": width}

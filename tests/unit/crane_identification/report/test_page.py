@@ -2,6 +2,7 @@ import re
 from dataclasses import replace
 
 import pytest
+from known_crane import known_model
 from unit.crane_identification.report.html_reader import (
     Element,
     figure_descriptions,
@@ -9,6 +10,7 @@ from unit.crane_identification.report.html_reader import (
     read_html,
 )
 
+from crane_identification.notation import NONE
 from crane_identification.report import page, summary
 from crane_identification.report.content import IdentificationReport
 
@@ -167,3 +169,20 @@ def test_progress_counts_the_recordings(report):
     seen = []
     page.render(report, lambda phase, done: seen.append((phase, done)))
     assert seen == [("report", 0.5), ("report", 1.0)]
+
+
+def test_hydraulics_stand_beside_what_was_planted(report: IdentificationReport) -> None:
+    """With as many digits as the estimate has; a dash where nothing was."""
+    hydraulics = known_model().hydraulics
+    assert hydraulics is not None and report.planted is not None
+    (joint, one), *_ = hydraulics.joints.items()
+    known = replace(report.fit, model=replace(report.fit.model, hydraulics=hydraulics))
+    planted = {**report.planted, f"lag.{joint}": 0.021}
+    tree = read_html(page.render(replace(report, fit=known, planted=planted)))
+    (table,) = tree.find("table", class_="hydraulics")
+    assert "planted" in [cell.text for cell in table.find("th")]
+    shown = [cell.text for cell in table.find("td", class_="planted")]
+    assert shown[list(one.values).index("lag")].startswith("0.021")
+    assert {text for n, text in enumerate(shown) if n != list(one.values).index("lag")} == {NONE}
+    without = read_html(page.render(replace(report, fit=known, planted=None)))
+    assert not without.find("table", class_="hydraulics")[0].find("td", class_="planted")
