@@ -38,7 +38,7 @@ def bags(tmp_path_factory: pytest.TempPathFactory) -> tuple[Path, Path]:
 
 @pytest.fixture(scope="module")
 def planted() -> dict[str, float]:
-    """Theta of the machine."""
+    """Theta of the machine, and its hydraulics."""
     return json.loads(_run("crane_sim", "planted", "--json").stdout)
 
 
@@ -62,10 +62,11 @@ def summary(result: Path) -> dict[str, Any]:
 def test_planted_parameters_are_found(summary: dict[str, Any], planted: dict[str, float]) -> None:
     """Within 3 sigma but for one at most, and every sigma under 10 % of its value."""
     rows = summary["parameters"]
-    assert [row["name"] for row in rows] == list(planted)
+    names = [row["name"] for row in rows]
+    assert names + [row["name"] for row in summary["hydraulics"]] == list(planted)
     value = np.array([row["value"] for row in rows])
     std_dev = np.array([row["std_dev"] for row in rows])
-    true = np.array(list(planted.values()))
+    true = np.array([planted[name] for name in names])
     assert (std_dev < 0.1 * np.abs(value)).all()
     assert (np.abs(value - true) > 3.0 * std_dev).sum() <= 1
     assert (np.abs(value - true) < 0.1 * np.abs(true)).all()

@@ -63,7 +63,8 @@ def test_your_machine_in_an_hour(clone: Path, capsys: pytest.CaptureFixture[str]
     assert "joints.stick" in printed and "the cylinder's length must stay within" in printed
     assert "no actuator of type 'four_bars'; there are direct_cylinder, " in printed
     off = np.abs(list(names["off"].values()))
-    assert len(off) == len(names["planted"]) == 38
+    assert len(off) == 38
+    assert names["off"].keys() < names["planted"].keys()  # which has the hydraulics, too
     assert np.sum(off < 2.0) >= 33
     assert off.max() < 5.0
     errors = names["summary"].heldout_relative_error
