@@ -16,8 +16,9 @@ from crane_model.hydraulics.values import (
 from crane_model.machine import Machine, load_machine
 from crane_model.machine_files import machine_file
 from crane_model.model_file import Model, load_model, save_model
-from crane_sim.parts.parameters import Edges, StandIn, load_stand_in
+from crane_sim.parts.parameters import StandIn, load_stand_in
 from crane_sim.planted import planted
+from crane_sim.planted_hydraulics import hydraulics_of
 
 TOLD_LATE = 0.002  # s, from the stamp of a command until the spool is told
 
@@ -45,29 +46,15 @@ def write_known_model(path: Path, name: str = "laboratory_crane") -> Path:
 
 
 def _joint(machine: Machine, stand_in: StandIn, joint: str) -> JointHydraulics:
-    valve, inside = stand_in.valves[joint], stand_in.cylinders[joint]
-    frequency = 2.0 * np.pi * valve.natural_frequency
-    gain = valve.rated_flow / np.sqrt(valve.rated_drop)
-    of_valve = {
-        "dead_zone_a": valve.dead_zone,
-        "dead_zone_b": valve.dead_zone,
-        "hysteresis": 0.0,
-        "lag": TOLD_LATE + 2.0 * valve.damping_ratio / frequency,
-        "natural_frequency": frequency,
-        "damping_ratio": valve.damping_ratio,
-        **{edge: gain * getattr(valve.edges, edge) for edge in Edges.model_fields},
-    }
-    of_chambers = {
-        "bulk_modulus": stand_in.oil.bulk_modulus,
-        **{name: getattr(inside, name) for name in ("dead_volume_a", "dead_volume_b", "leakage")},
-    }
+    values = hydraulics_of(stand_in, machine, joint)
+    values["lag"] += TOLD_LATE
     sensed = machine.cylinders[joint].pressure_sensors
     return JointHydraulics(
-        valve=ValveValues(**_measured(ValveValues.units, of_valve)),
-        chambers=ChamberValues(**_measured(ChamberValues.units, of_chambers)) if sensed else None,
+        valve=ValveValues(**_measured(ValveValues.units, values)),
+        chambers=ChamberValues(**_measured(ChamberValues.units, values)) if sensed else None,
         unexplained=0.0,
     )
 
 
 def _measured(units: dict[str, str], values: dict[str, float]) -> dict[str, Measured]:
-    return {name: Measured(value=value, unit=units[name]) for name, value in values.items()}
+    return {name: Measured(value=values[name], unit=unit) for name, unit in units.items()}

@@ -128,9 +128,10 @@ def _known_values(path: Path, model: Model) -> dict[str, float]:
     joints = model.machine.joint_names if model.machine else ()
     hydraulic = {f"{name}.{joint}" for joint in joints for name in JointHydraulics.units}
     if unknown := sorted(set(known) - set(names) - hydraulic):
+        also = ", and the hydraulics of each joint, as lag.JOINT" if hydraulic else ""
         raise ConfigurationError(
             f"{path}: {', '.join(unknown)}: no parameter of model '{model.name}'; it has "
-            f"{', '.join(names)}, and the hydraulics of each joint, as lag.JOINT"
+            f"{', '.join(names)}{also}"
         )
     return known
 
@@ -208,8 +209,9 @@ def parser() -> argparse.ArgumentParser:
     add(
         "--reference-values",
         type=Path,
-        help="JSON or YAML file of known parameter values by name (say, those planted in a "
-        "simulated machine), shown in the report beside the estimates",
+        help="JSON or YAML file of known values by name, of parameters and of hydraulics as "
+        "lag.JOINT (say, those that `crane_sim planted --json` prints), shown in the report beside "
+        "the estimates",
     )
     return result
 

@@ -27,8 +27,8 @@ MEANING = {
 
 
 class HydraulicRow(NamedTuple):
-    """A value; `note` says how it is known where no recording tells it, `planted` is empty where
-    nothing was.
+    """A value; `note` says how it is known where no recording tells it, `planted` is a dash
+    where nothing was.
     """
 
     name: str

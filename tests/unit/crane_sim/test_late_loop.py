@@ -1,8 +1,5 @@
 """The packaged gains leave room for a loop that is late: oil and booms must not begin to swing."""
 
-from collections import deque
-from typing import Any
-
 import numpy as np
 from scipy.signal import butter, sosfiltfilt
 
@@ -11,7 +8,7 @@ from crane_model.machine_files import machine_file
 from crane_nodes.joint_notes import load_joint_notes
 from crane_sim.parts.parameters import load_stand_in
 from crane_sim.plant.closed_loop import record
-from crane_sim.plant.plant import Plant
+from crane_sim.plant.late_plant import LatePlant
 from crane_sim.plant.sampled import Sensors
 from crane_trajectory.control.controller import load_gains
 from crane_trajectory.motion.check import load_clearance
@@ -20,24 +17,9 @@ from crane_trajectory.motion.periodic import load_trajectory
 
 JOINTS = load_machine().joint_names
 
-LATE = 10  # cycles of 5 ms
+LATE = 0.05  # s
 SWINGING = 0.05  # rad/s, m/s: rms over a second of what is faster than 2 Hz
 MEAN = np.full(200, 1 / 200)  # over a second
-
-
-class Late:
-    """A plant whose valves get each command some cycles late."""
-
-    def __init__(self, plant: Plant, cycles: int):
-        self._plant = plant
-        self._waiting = deque([np.zeros(len(JOINTS))] * cycles)
-
-    def __getattr__(self, name: str) -> Any:
-        return getattr(self._plant, name)
-
-    def advance(self, command: np.ndarray, duration: float) -> None:
-        self._waiting.append(command.copy())
-        self._plant.advance(self._waiting.popleft(), duration)
 
 
 def test_commands_that_are_50_ms_late_set_nothing_swinging() -> None:
@@ -46,9 +28,9 @@ def test_commands_that_are_50_ms_late_set_nothing_swinging() -> None:
     motion = plan(
         machine, trajectory, parameters.start, 1, load_clearance(machine_file("clearance.yaml"))
     )
-    plant = Late(Plant(parameters, machine, motion.start), LATE)
+    plant = LatePlant(parameters, machine, motion.start, delay=LATE, spread=0.0)
     sensors = Sensors(parameters.sensors, machine, 1)
-    recording = record(motion, plant, sensors, load_gains(machine_file("controller.yaml"), machine))  # type: ignore[arg-type]
+    recording = record(motion, plant, sensors, load_gains(machine_file("controller.yaml"), machine))
 
     band = butter(4, [2.0, 20.0], "bandpass", fs=200.0, output="sos")
     fast = sosfiltfilt(band, recording.truth.velocity, axis=0)

@@ -1,8 +1,6 @@
 """Recordings of the stand-in machine whose valves and oil are known, as logs."""
 
-from collections import deque
 from collections.abc import Sequence
-from typing import Any
 
 import numpy as np
 
@@ -14,6 +12,7 @@ from crane_sim.effects.forms import FORMS
 from crane_sim.hiding.slewing import SLEW, Slewing
 from crane_sim.parts.parameters import StandIn, load_stand_in
 from crane_sim.plant.closed_loop import SimulatedRecording, record
+from crane_sim.plant.late_plant import LatePlant
 from crane_sim.plant.plant import Plant
 from crane_sim.plant.sampled import Sensors
 from crane_sim.planted_hydraulics import hydraulics_of
@@ -29,32 +28,6 @@ COLUMNS = [MACHINE.index(joint) for joint in FITTED]
 PERIOD = 20.0  # s of the packaged trajectories
 SLEW_SPEED, SLEW_FREQUENCY = 0.15, 0.6  # rad/s
 SILENT = 1.8  # s at the start of a live recording before the first command is logged
-
-
-class LateValves:
-    """A plant that gets each command 5 ms and up to 10 ms more after it was stamped."""
-
-    def __init__(self, plant: Plant, seed: int):
-        self._plant, self._rng = plant, np.random.default_rng([seed, 7])
-        self._waiting: deque[tuple[float, np.ndarray]] = deque()
-        self._now = np.zeros(len(MACHINE.joint_names))
-
-    def __getattr__(self, name: str) -> Any:
-        return getattr(self._plant, name)
-
-    def advance(self, command: np.ndarray, duration: float) -> None:
-        begin = self._plant.time
-        due = begin + 0.005 + self._rng.uniform(0.0, 0.010)
-        if self._waiting:  # a bus keeps the order
-            due = max(due, self._waiting[-1][0])
-        self._waiting.append((due, command.copy()))
-        while self._waiting and self._waiting[0][0] < begin + duration:
-            due, following = self._waiting.popleft()
-            if due - self._plant.time > 1e-6:
-                self._plant.advance(self._now, due - self._plant.time)
-            self._now = following
-        if begin + duration - self._plant.time > 1e-6:
-            self._plant.advance(self._now, begin + duration - self._plant.time)
 
 
 def recorded(
@@ -77,8 +50,11 @@ def recorded(
         load_clearance(machine_file("clearance.yaml")),
     )
     course = Slewing(motion, SLEW_SPEED, SLEW_FREQUENCY) if slewed else motion
-    plant: Any = Plant(stand_in, MACHINE, motion.start, planted)
-    plant = LateValves(plant, seed) if live else plant
+    plant = (
+        LatePlant(stand_in, MACHINE, motion.start, planted, seed=seed)
+        if live
+        else Plant(stand_in, MACHINE, motion.start, planted)
+    )
     sensors = Sensors(stand_in.sensors, MACHINE, seed)
     gains = load_gains(machine_file("controller.yaml"), MACHINE)
     return log_of(record(course, plant, sensors, gains), live)

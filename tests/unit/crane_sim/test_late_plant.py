@@ -1,0 +1,47 @@
+"""A plant behind a bus against the plant itself, told the same commands when they are due."""
+
+import numpy as np
+import pytest
+
+from crane_model.machine import load_machine
+from crane_sim.parts.parameters import load_stand_in
+from crane_sim.plant.late_plant import LatePlant
+from crane_sim.plant.plant import Plant
+
+MACHINE, STAND_IN = load_machine(), load_stand_in()
+CYCLE = 0.005  # s
+
+
+def test_whole_cycles_late_is_the_plant_told_later() -> None:
+    late = LatePlant(STAND_IN, MACHINE, STAND_IN.start, delay=2 * CYCLE, spread=0.0)
+    beside = Plant(STAND_IN, MACHINE, STAND_IN.start)
+    course = 0.5 * np.random.default_rng(5).uniform(-1.0, 1.0, (40, len(MACHINE.joint_names)))
+    for k in range(len(course)):
+        late.advance(course[k], CYCLE)
+        beside.advance(course[k - 2] if k >= 2 else np.zeros(course.shape[1]), CYCLE)
+    assert np.abs(beside.q - STAND_IN.start).max() > 1e-3
+    assert late.q == pytest.approx(beside.q, abs=1e-9)
+    assert late.time == pytest.approx(beside.time)
+
+
+@pytest.mark.parametrize("seed", range(5))
+def test_commands_keep_their_order_and_come_within_their_delay(seed: int) -> None:
+    """Each command differs from all others: what reaches the valves tells which it is."""
+    reached: list[tuple[float, float]] = []
+
+    class Watched(LatePlant):
+        def _run(self, duration: float) -> None:
+            reached.append((self.time, float(self._in_force[0])))
+            super()._run(duration)
+
+    plant = Watched(STAND_IN, MACHINE, STAND_IN.start, delay=0.004, spread=0.02, seed=seed)
+    given = 1e-5 * np.arange(1, 101)
+    for one in given:
+        plant.advance(np.full(len(MACHINE.joint_names), one), CYCLE)
+    values = [value for _, value in reached]
+    assert values == sorted(values)
+    first = {value: time for time, value in reversed(reached) if value > 0.0}
+    delays = np.array([time - CYCLE * (round(value / 1e-5) - 1) for value, time in first.items()])
+    assert len(delays) > 40
+    assert delays.min() >= 0.004 - 1e-9
+    assert delays.max() <= 0.024 + 1e-9
