@@ -4,7 +4,6 @@ import time
 from collections.abc import Callable, Sequence
 from dataclasses import replace
 from pathlib import Path
-from typing import NamedTuple
 
 import numpy as np
 import pytest
@@ -17,6 +16,7 @@ from unit.crane_identification.hydraulics.valve_experiments import (
     truth,
 )
 
+from crane_benchmark.study.hydraulic_aims import AIMS
 from crane_identification.data.arguments import Sources
 from crane_identification.data.log import Log
 from crane_identification.fitting import fit
@@ -29,36 +29,14 @@ from crane_model.machine_files import machine_file
 from crane_model.model_file import Model, load_model
 from crane_model.progress import silent
 from crane_sim.parts.parameters import StandIn, load_stand_in
+from crane_sim.plant.late_plant import DELAY, SPREAD
 from crane_trajectory.motion.probe import Probe
 
 Measured = Callable[[str, str, str], None]
 
 ROOT = Path(__file__).resolve().parents[2]
 DEMO = ROOT / "runs" / "demo"
-LATE = 0.010  # s, mean delay of the commands of a live recording
-
-
-class Aim(NamedTuple):
-    """What an error may be, of a made and of a live recording; absolute in `unit`, or relative."""
-
-    names: tuple[str, ...]
-    made: float
-    live: float
-    unit: str = ""
-
-    def told(self, value: float) -> str:
-        return f"{value:.2g} {self.unit}" if self.unit else f"{100.0 * value:.2g} %"
-
-
-AIMS = {
-    "dead zones": Aim(("dead_zone_a", "dead_zone_b"), 0.001, 0.002),
-    "flow gains": Aim(("supply_a", "a_tank", "supply_b", "b_tank"), 0.001, 0.001),
-    "1/beta": Aim(("bulk_modulus",), 0.01, 0.02),
-    "dead volumes": Aim(("dead_volume_a", "dead_volume_b"), 0.05, 0.08),
-    "leakage": Aim(("leakage",), 0.15, 0.15),
-    "lag": Aim(("lag",), 5e-4, 5e-4, "s"),
-    "hysteresis": Aim(("hysteresis",), 3e-4, 3e-4, "of the stroke"),
-}
+LATE = DELAY + 0.5 * SPREAD  # s, of the commands of a live recording, in the mean
 
 
 def changed(stand_in: StandIn, frequency: float | None = None, unequal: float = 0.0) -> StandIn:

@@ -13,6 +13,7 @@ from unit.crane_identification.report.html_reader import figure_descriptions, re
 from crane_benchmark.measured import MeasuredFigures
 from crane_benchmark.study import recordings
 from crane_benchmark.study.recordings import Campaign, StudyPlan
+from crane_model.model_file import load_model
 
 STUDY = [sys.executable, "-m", "crane_benchmark.study.study"]
 EXPERIMENT = StudyPlan(period=14.0, harmonics=3, starts=1, periods=2)
@@ -85,8 +86,25 @@ def test_its_figures_are_those_of_its_summary(summary, out):
     assert found.value("wall") > found.value("wall_2") > 0.0
 
 
+def test_its_crane_follows_by_what_one_bag_behind_a_bus_told(printed, out):
+    """Half as long as the aims ask for; how well is for `make study` to say."""
+    found = MeasuredFigures.read(out / "figures.json")
+    for joint, far in {"inner_boom": 0.5, "outer_boom": 0.7, "telescope": 0.5}.items():
+        for trajectory in ("excitation_20s", "validation_20s"):
+            key = f"{trajectory}_flow_and_pressures_{joint}"
+            assert found.value(key) < far
+            before = found.value(f"{trajectory}_pd_dead_zone_{joint}")
+            assert before / found.value(key) == pytest.approx(found.value(f"{key}_better"))
+        assert found.value(f"ahead_5_{joint}") < 0.005
+    hydraulics = out / "following" / "identified" / "model.yaml"
+    assert load_model(hydraulics).hydraulics is not None
+
+
 def test_tables_and_times_are_printed(printed):
-    for words in ("bags recorded", "CPU", "m_TL", "noise floor", "validation/training", "EMPS"):
+    for words in (
+        *("bags recorded", "CPU", "m_TL", "noise floor", "validation/training", "EMPS"),
+        *("dead volumes", "computed_force", "(mrad, mm)"),
+    ):
         assert words in printed
 
 

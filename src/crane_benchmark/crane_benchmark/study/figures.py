@@ -36,7 +36,8 @@ def rows(
     yield _campaign(trajectories)
     yield MeasuredRow(
         cells=[
-            f"{len(planted)} planted parameters: farthest off, by the fit and by the recursion",
+            f"{len(summary['parameters'])} planted parameters: farthest off, by the fit and by the "
+            "recursion",
             "",
             "{fit_sigmas:.1f} σ, {recursion_sigmas:.1f} σ",
         ],

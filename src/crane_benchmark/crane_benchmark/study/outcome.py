@@ -4,6 +4,8 @@ from typing import Any
 
 from rich.table import Table
 
+from crane_benchmark.study.following import Followed
+from crane_benchmark.study.hydraulic_aims import AIMS, worst
 from crane_identification.report.terminal import estimate, plain_table, rounded
 
 
@@ -48,4 +50,30 @@ def errors_table(summary: dict[str, Any]) -> Table:
             f"{trained:.3%}",
             f"{error / trained:.2f}",
         )
+    return table
+
+
+def hydraulics_table(followed: Followed) -> Table:
+    """How far the hydraulics from one bag behind a bus are off, beside the aims."""
+    table = plain_table("Hydraulics, from a bag of (36) behind a bus: farthest off, of all joints")
+    table.add_column("values", no_wrap=True)
+    for heading in ("error", "its σ", "aim"):
+        table.add_column(heading, justify="right", no_wrap=True)
+    for what, aim in AIMS.items():
+        found = worst(aim, followed.summary["hydraulics"], followed.planted)
+        table.add_row(what, aim.told(found.error), aim.told(found.std_dev), aim.told(aim.live))
+    return table
+
+
+def controllers_table(followed: Followed) -> Table:
+    """What each controller leaves on each trajectory."""
+    joints = list(followed.summary["heldout_relative_error"])
+    table = plain_table("True rms error behind the same bus (mrad, mm), by what that bag told")
+    for heading in ("trajectory", "controller"):
+        table.add_column(heading, no_wrap=True)
+    for joint in joints:
+        table.add_column(joint, justify="right")
+    for name, by_law in followed.rms.items():
+        for law, rms in by_law.items():
+            table.add_row(name, law, *(f"{1e3 * rms[joint]:.3g}" for joint in joints))
     return table

@@ -78,7 +78,7 @@ def run(package: str, executable: str, *arguments: object) -> str:
 
 def design(campaign: Campaign, experiment: StudyPlan) -> None:
     """Each trajectory for the information that the earlier ones lack."""
-    with _new(campaign.designs) as out:
+    with made_once(campaign.designs) as out:
         if out is not None:
             run(
                 *("crane_trajectory", "design", "--out", out, "--count", campaign.count),
@@ -104,7 +104,7 @@ def record(campaigns: Sequence[Campaign], experiment: StudyPlan, advance: Advanc
 
 
 def _bag(trajectory: Path, bag: Path, periods: int, seed: int) -> None:
-    with _new(bag) as out:
+    with made_once(bag) as out:
         if out is not None:
             run(
                 *("crane_sim", "make_bag", "--trajectory", trajectory, "--out", out),
@@ -113,7 +113,7 @@ def _bag(trajectory: Path, bag: Path, periods: int, seed: int) -> None:
 
 
 @contextmanager
-def _new(folder: Path) -> Iterator[Path | None]:
+def made_once(folder: Path) -> Iterator[Path | None]:
     """Where to write what becomes `folder` once it is complete; None if it is there already."""
     if folder.exists():
         yield None

@@ -2,8 +2,9 @@
 
 Trajectories are designed as a campaign, recorded with the stand-in machine, identified by the fit
 to all periods and by the recursion, and validated on two recordings of trajectories that were
-designed apart. Everything is done by the executables that a user would call; results are left in
-runs/study, and what is there already is not designed or recorded again.
+designed apart. Then hydraulics are identified behind a bus, and every controller follows by them.
+Everything but the machine behind the bus is done by the executables that a user would call; results
+are left in runs/study, and what is there already is not designed or recorded again.
 """
 
 import argparse
@@ -20,9 +21,15 @@ from rich.console import Console
 from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn, TimeElapsedColumn
 
 from crane_benchmark import measured
-from crane_benchmark.study import figures
+from crane_benchmark.study import figures, following_figures
 from crane_benchmark.study.figures import Took
-from crane_benchmark.study.outcome import errors_table, parameter_table
+from crane_benchmark.study.following import STEPS, follow
+from crane_benchmark.study.outcome import (
+    controllers_table,
+    errors_table,
+    hydraulics_table,
+    parameter_table,
+)
 from crane_benchmark.study.recordings import Campaign, StudyError, StudyPlan, design, record, run
 from crane_identification.report import terminal
 from crane_model.cli import command_line
@@ -92,9 +99,21 @@ def study(arguments: argparse.Namespace, console: Console) -> None:
     summary = json.loads((out / "summary.json").read_text(encoding="utf-8"))
     true = json.loads(planted.read_text(encoding="utf-8"))
     console.print(parameter_table(summary, true), errors_table(summary))
-    found = figures.rows(summary, true, training.designed, took if fresh else ())
-    measured.write(out / "figures.json", figures.COMMAND, list(found))
-    console.print(f"Report: {out}/report.html   Model: {out}/model.yaml", highlight=False)
+    with phase(console, took, "hydraulics and controllers", STEPS) as progress:
+        followed = follow(
+            out / "following",
+            true,
+            experiment.periods,
+            lambda: progress.advance(progress.task_ids[0]),
+        )
+    console.print(hydraulics_table(followed), controllers_table(followed))
+    found = [
+        *figures.rows(summary, true, training.designed, took if fresh else ()),
+        *following_figures.rows(followed),
+    ]
+    measured.write(out / "figures.json", figures.COMMAND, found)
+    for folder in (out, out / "following" / "identified"):
+        console.print(f"Report: {folder}/report.html   Model: {folder}/model.yaml", highlight=False)
     emps(out / "emps", console)
 
 
