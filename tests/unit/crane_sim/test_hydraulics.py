@@ -4,7 +4,9 @@ import numpy as np
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
+from scipy.signal import lsim
 
+from crane_model.hydraulics.spool import transition
 from crane_model.machine import Machine
 from crane_sim.parts.constants import pack
 from crane_sim.parts.hydraulics import (
@@ -105,13 +107,32 @@ def test_dead_zone_and_stroke_of_the_spool(machine: Machine, stand_in: StandIn) 
     assert opening(0.05, 0.06) == opening(-0.06, 0.06) == 0.0
     assert opening(1.0, 0.06) == 1.0 and opening(-1.0, 0.06) == -1.0
     for valve in pack(stand_in, machine).valves:
+        free = transition(valve["frequency"], valve["damping_ratio"], 1e-4)
         for command in (0.3, 5.0):
             position = rate = 0.0
             for _ in range(5_000):
-                position, rate = spool_step(valve, command, position, rate, 1e-4)
+                position, rate = spool_step(valve, free, command, position, rate, 1e-4)
                 assert abs(position) <= 1.0
                 assert abs(rate) <= valve["rate_limit"] * (1 + 1e-12)
             assert position == pytest.approx(valve["sense"] * min(command, 1.0), abs=1e-6)
+
+
+@pytest.mark.parametrize("step", [2e-4, 1e-3, 5e-3])
+def test_spool_is_of_second_order_at_any_step(
+    machine: Machine, stand_in: StandIn, step: float
+) -> None:
+    """Against SciPy's simulation of the transfer function, where no limit holds it back."""
+    command, count = 0.1, 60
+    for valve in pack(stand_in, machine).valves:
+        frequency, damping_ratio = valve["frequency"], valve["damping_ratio"]
+        system = ([frequency**2], [1.0, 2.0 * damping_ratio * frequency, frequency**2])
+        time = step * np.arange(1, count + 1)
+        wanted = lsim(system, np.full(count + 1, command), np.append(0.0, time))[1][1:]
+        free, position, rate, found = transition(frequency, damping_ratio, step), 0.0, 0.0, []
+        for _ in range(count):
+            position, rate = spool_step(valve, free, command, position, rate, step)
+            found.append(valve["sense"] * position)
+        assert found == pytest.approx(wanted, abs=1e-9)
 
 
 def test_pump_is_limited_and_relief_opens(oil: Oil) -> None:

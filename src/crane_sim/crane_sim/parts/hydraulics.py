@@ -36,19 +36,23 @@ class Oil(NamedTuple):
 
 @njit(cache=True, error_model="numpy")
 def spool_step(
-    valve: np.record, command: float, position: float, rate: float, step: float
+    valve: np.record,
+    free: tuple[float, float, float, float],
+    command: float,
+    position: float,
+    rate: float,
+    step: float,
 ) -> tuple[float, float]:
-    """Spool position and rate after one step: second order, limited in rate and stroke."""
-    frequency = valve.frequency
+    """Spool position and rate after one step: second order, limited in rate and stroke.
+
+    `free` is its exact `transition` in that time where no limit holds it back.
+    """
     target = valve.sense * min(max(command, -1.0), 1.0)
-    # implicit in the rate: stable for any frequency
-    stiffness = step * frequency * frequency
-    rate = (rate + stiffness * (target - position)) / (
-        1.0 + step * (2.0 * valve.damping_ratio * frequency + stiffness)
-    )
+    off = position - target
+    moved = target + free[0] * off + free[1] * rate - position
     limit = valve.rate_limit
-    rate = min(max(rate, -limit), limit)
-    position += step * rate
+    position += min(max(moved, -step * limit), step * limit)
+    rate = min(max(free[2] * off + free[3] * rate, -limit), limit)
     if abs(position) >= 1.0:  # the spool lies against its stop
         return math.copysign(1.0, position), 0.0
     return position, rate

@@ -3,6 +3,7 @@
 import numpy as np
 from numba import njit
 
+from crane_model.hydraulics.spool import transition
 from crane_sim.effects.flow import leak, meter, note_softness, softness
 from crane_sim.effects.kernel import act, settle
 from crane_sim.effects.working import Hidden
@@ -129,12 +130,30 @@ def advance(
     step: float,
     count: int,
 ) -> None:
-    """`count` steps of `step` [s] with spool commands (j,) in -1..1."""
+    """`count` steps of `step` [s] with spool commands (j,) in -1..1.
+
+    Oil flows through the opening that a spool has in the middle of a step, in the mean.
+    """
+    half = 0.5 * step
+    free = [transition(one.frequency, one.damping_ratio, half) for one in constants.valves]
     for _ in range(count):
-        for i in range(len(state.q)):
-            actuator = state.actuators[i]
-            actuator.spool, actuator.spool_rate = spool_step(
-                constants.valves[i], command[i], actuator.spool, actuator.spool_rate, step
-            )
+        _shift(constants, state, free, command, half)
         _move(constants, hidden, state, scratch, step)
         _fill(constants, hidden, state, scratch.growth, step)
+        _shift(constants, state, free, command, half)
+
+
+@njit(cache=True, error_model="numpy")
+def _shift(
+    constants: Constants,
+    state: State,
+    free: list[tuple[float, float, float, float]],
+    command: np.ndarray,
+    step: float,
+) -> None:
+    """Spools, of which `free` is the transition in that time."""
+    for i in range(len(state.q)):
+        actuator = state.actuators[i]
+        actuator.spool, actuator.spool_rate = spool_step(
+            constants.valves[i], free[i], command[i], actuator.spool, actuator.spool_rate, step
+        )
