@@ -1,9 +1,13 @@
-"""When a load comes or goes: a cumulated sum of surprises, and the windows since it began.
+"""When a load comes or goes: the same load against others that may have come with each window.
 
-What was weighed since the load must have changed is weighed again without what was known before.
+With each window a rival begins, of which nothing is known of the load and everything else is as it
+was. All take every window that follows; where one of them foretells them far better than the same
+load does, it is what hangs there since it began. What else may have changed, friction and slow
+errors of the pistons' forces, is in the states of all.
 """
 
 import math
+from dataclasses import dataclass
 
 import numpy as np
 
@@ -11,13 +15,43 @@ from crane_model.array import Array
 from crane_observer.scale.doubt import ModelDoubt
 from crane_observer.scale.filter import MASS, Balanced, LoadFilter
 
-SURPRISE = 6.0  # standard deviations of another load, in the sum over some windows
-SLACK = 1.0  # of these, a window, that are no surprise
-CERTAIN = 3.0  # standard deviations, by which it must differ from the load before
-EXPLAINED = 0.6  # of what surprises, that another load must explain
-STRANGE = 6.0  # standard deviations, a window, that nothing explains: it does not count
-LONGEST = 20  # windows that are looked back
+LIKELIER = 10.0  # logarithm of how much better a rival must foretell than the same load
+LEADING = 2  # windows in succession: a single one may be odd
+CERTAIN = 3.0  # standard deviations, by which its load must differ from that before
+RIVALS = 24  # at most; the least likely goes
 OVERLAP = 2  # windows that hold samples of a moment: some of before, some of after a change
+TAIL = 4.0  # degrees of freedom of Student's t: a window that nothing explains decides little
+
+
+@dataclass
+class Rival:
+    """A load that may have come at a time [s] instead of the one `before` [kg]; `ahead` by so much
+    of the same load (logarithm).
+    """
+
+    since: float
+    before: float
+    filter: LoadFilter
+    windows: int = 0
+    ahead: float = 0.0
+    leading: int = 0  # windows in succession by which it was far ahead
+
+    @property
+    def differs(self) -> bool:
+        """Whether it is another load, and not the same with other errors beside it."""
+        apart = abs(float(self.filter.x[MASS]) - self.before)
+        return apart > CERTAIN * math.sqrt(float(self.filter.P[MASS, MASS]))
+
+    def add(self, window: Balanced, same: float) -> None:
+        """One more window, of which the `same` load was so likely; those that overlap its beginning
+        tell it nothing.
+        """
+        self.windows += 1
+        if self.windows <= OVERLAP:
+            self.filter.begin(window)
+        else:
+            self.ahead += take(self.filter, window) - same
+            self.leading = self.leading + 1 if self.ahead > LIKELIER else 0
 
 
 class Changes:
@@ -26,64 +60,36 @@ class Changes:
     def __init__(self, doubt: ModelDoubt, joints: int):
         self.filter = LoadFilter(doubt, joints)
         self.since = -math.inf
-        self._before = self.filter.copy()  # the windows of `_again`
-        self._again: list[tuple[float, Balanced]] = []
-        self._sum = np.zeros(2)
-        self._strange = 0
+        self._rivals: list[Rival] = []
 
     def tare(self) -> None:
         """See `LoadFilter`."""
         self.filter.tare()
-        self._before, self._again, self._sum = self.filter.copy(), [], np.zeros(2)
+        self._rivals = []
 
     def add(self, time: float, window: Balanced) -> bool:
         """One more window; whether it shows that there is another load."""
-        self.filter.begin(window)
-        H, innovation, variance = self.filter.innovation(window)
-        away, strange = self._surprise(H, innovation, variance)
-        self._strange = self._strange + 1 if strange else 0
-        if not strange or self._strange > LONGEST:
-            self.filter.correct(H, innovation, variance)
-        self._sum = np.maximum(self._sum + np.array([away, -away]) - SLACK, 0.0)
-        self._again.append((time, window))
-        longest = LONGEST if self._sum.any() else 1
-        while len(self._again) > longest:
-            take(self._before, self._again.pop(0)[1])
-        if self._sum.max() < SURPRISE:
-            return False
-        self._sum = np.minimum(self._sum, SURPRISE)
-        other, again = self._before.copy(), self._again
+        other, before = self.filter.copy(), float(self.filter.x[MASS])
         other.another_load()
-        for _, one in again[:OVERLAP]:
-            other.begin(one)
-        settled = other.copy()
-        for _, one in again[OVERLAP:]:
-            take(other, one)
-        apart = abs(other.x[MASS] - self._before.x[MASS])
-        if apart < CERTAIN * math.sqrt(other.P[MASS, MASS]):
-            return False  # as well the same load, and something else
-        self.since, self.filter = again[0][0], other
-        self._before, self._again, self._sum = settled, again[OVERLAP:], np.zeros(2)
-        return True
-
-    def _surprise(self, H: Array, innovation: Array, variance: Array) -> tuple[float, bool]:
-        """How many standard deviations away another load is, 0 where something else is; and
-        whether nothing explains the window.
-        """
-        load = H[:, MASS]
-        spread = H @ self.filter.P @ H.T + np.diag(variance)
-        solved = np.linalg.solve(spread, np.stack([load, innovation], axis=1))
-        information = float(load @ solved[:, 0])
-        if information <= 0.0:
-            return 0.0, False
-        away = float(load @ solved[:, 1]) / math.sqrt(information)
-        whole = float(innovation @ solved[:, 1])
-        if away**2 >= EXPLAINED * whole:
-            return away, False
-        return 0.0, whole > STRANGE**2
+        self._rivals.append(Rival(time, before, other))
+        same = take(self.filter, window)
+        for rival in self._rivals:
+            rival.add(window, same)
+        best = max(self._rivals, key=lambda one: one.ahead)
+        if best.leading >= LEADING and best.differs:
+            self.since, self.filter, self._rivals = best.since, best.filter, []
+            return True
+        if len(self._rivals) > RIVALS:
+            self._rivals.remove(min(self._rivals, key=lambda one: one.ahead))
+        return False
 
 
-def take(one: LoadFilter, window: Balanced) -> None:
-    """All that a window tells."""
+def take(one: LoadFilter, window: Balanced) -> float:
+    """All that a window tells; how likely it was (logarithm, but for a constant)."""
     one.begin(window)
-    one.correct(*one.innovation(window))
+    H, innovation, variance = one.innovation(window)
+    spread: Array = H @ one.P @ H.T + np.diag(variance)
+    away = float(innovation @ np.linalg.solve(spread, innovation))
+    one.correct(H, innovation, variance)
+    tail = 0.5 * (TAIL + len(innovation)) * math.log1p(away / TAIL)
+    return -tail - 0.5 * float(np.linalg.slogdet(spread)[1])

@@ -20,8 +20,8 @@ class ModelDoubt:
     dry: float = 0.15  # of dry friction
     viscous: float = 0.1  # of viscous friction
     friction_stays: float = 60.0  # s
-    held: float = 0.6  # of dry friction where a joint stands: anywhere
-    creep: float = 0.2  # of it, by which it changes from window to window
+    held: float = 1.0  # of dry friction where a joint stands: anywhere
+    creep: float = 1.0  # of it, by which it may be elsewhere in each window
     noise: float = 0.4e5  # Pa, of a window, of the piston's force
     inertia: float = 0.05  # of the force that accelerates
     tool: float = 1.0  # kg, of what the model has at the tip

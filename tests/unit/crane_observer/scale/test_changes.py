@@ -1,0 +1,78 @@
+"""Loads that come and go in windows made by the filter's own equation, with what standing hides."""
+
+import numpy as np
+import pytest
+
+from crane_observer.scale.balance import TipBalance
+from crane_observer.scale.changes import Changes
+from crane_observer.scale.doubt import ModelDoubt
+from crane_observer.scale.filter import MASS, Balanced
+
+HOP = 0.15  # s
+DRY = np.array([800.0, 520.0, 720.0])  # N m, N
+BY_MASS = np.array([45.0, 25.0, -4.0])  # N m/kg, N/kg
+STANDING, MOVING = 8, 20  # windows
+
+
+def window(load: float, direction: float, held: float, rng: np.random.Generator) -> Balanced:
+    """The outer boom moves in a direction, or stands (0); joints that stand are held by a share of
+    their friction.
+    """
+    directions = np.array([0.0, direction, 0.0])
+    away = np.where(directions, directions, held)
+    force = BY_MASS * load + DRY * away + rng.normal(0.0, 15.0, 3)
+    zero, still = np.zeros(3), directions == 0.0
+    balance = TipBalance(
+        force=force, asked=zero, up=DRY, down=-DRY, viscous=zero, inertial=zero,
+        mass=BY_MASS, moment=0.1 * BY_MASS, by_pressure=np.diag([1e-3, 1e-3, 5e-3]),
+    )  # fmt: skip
+    return Balanced(HOP, balance, ~still, still, directions > 0.0, zero)
+
+
+def work(loads: list[float], held: float, seed: int) -> tuple[Changes, list[float], list[float]]:
+    """Each load comes at rest and is moved up, then down. When changes were noticed, and what was
+    known of each load at last.
+    """
+    rng, changes = np.random.default_rng(seed), Changes(ModelDoubt(), 3)
+    time, noticed, known = 0.0, [], []
+    for load in loads:
+        for direction in [0.0] * STANDING + [1.0] * MOVING + [-1.0] * MOVING:
+            time += HOP
+            if changes.add(time, window(load, direction, held, rng)):
+                noticed.append(time)
+        known.append(float(changes.filter.x[MASS]))
+    return changes, noticed, known
+
+
+@pytest.mark.parametrize("seed", range(5))
+@pytest.mark.parametrize("held", [-1.0, 0.0, 1.0])
+def test_friction_that_holds_a_load_at_rest_does_not_hide_it(held: float, seed: int) -> None:
+    """It came while the joints stood: how friction holds them then is nothing to go by."""
+    loads = [0.0, 90.0, 0.0, 25.0, 0.0]
+    _, noticed, known = work(loads, held, seed)
+    assert known == pytest.approx(loads, abs=5.0)
+    assert len(noticed) == len(loads) - 1
+    cycle = HOP * (STANDING + 2 * MOVING)
+    for number, time in enumerate(noticed, start=1):
+        assert 0.0 < time - number * cycle < HOP * (STANDING + 8)
+
+
+@pytest.mark.parametrize("seed", range(10))
+def test_a_load_that_stays_is_no_other_one(seed: int) -> None:
+    """However friction holds it, in rest after rest."""
+    held = np.random.default_rng(seed).uniform(-1.0, 1.0)
+    changes, noticed, known = work([60.0] * 6, held, seed)
+    assert len(noticed) <= 1  # it was noticed, if it was not known from the start
+    assert known[-1] == pytest.approx(60.0, abs=2.0)
+    assert changes.since <= HOP * (STANDING + MOVING)
+
+
+def test_a_window_that_nothing_explains_changes_no_load() -> None:
+    rng = np.random.default_rng(1)
+    changes, _, _ = work([60.0], 0.0, 1)
+    wrong = window(60.0, 1.0, 0.0, rng)
+    odd = wrong._replace(balance=wrong.balance._replace(force=np.array([3e3, -4e3, 5e3])))
+    assert not changes.add(1e3, odd)
+    for k in range(10):
+        assert not changes.add(1e3 + (k + 1) * HOP, window(60.0, 1.0, 0.0, rng))
+    assert changes.filter.x[MASS] == pytest.approx(60.0, abs=2.0)
