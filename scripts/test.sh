@@ -31,16 +31,15 @@ fi
 # To import the other files takes seconds.
 mapfile -t without < <(grep -rL --include="test_*.py" "pytest.mark.realtime" tests/integration)
 in_real_time=(python -m pytest -m realtime -o cache_dir=.pytest_cache/realtime "${without[@]/#/--ignore=}" "${others[@]}")
-failed=0
+failed=0 status=0
 "${in_real_time[@]}" || failed=$?
 if [ ${#units[@]} -gt 0 ]; then
-    status=0
     wait "$running" || status=$?
     cat "$log"
-    [ "$status" -eq 0 ] || [ "$status" -eq 5 ]
 fi
-if [ "$failed" -eq 1 ]; then # tests have failed
-    "${in_real_time[@]}" --last-failed || "${in_real_time[@]}" --last-failed
-elif [ "$failed" -ne 5 ]; then
-    exit "$failed"
-fi
+case $failed in
+0 | 5) ;;
+1) "${in_real_time[@]}" --last-failed || "${in_real_time[@]}" --last-failed ;; # tests have failed
+*) exit "$failed" ;;
+esac
+[ "$status" -eq 0 ] || [ "$status" -eq 5 ]
