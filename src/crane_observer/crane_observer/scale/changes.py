@@ -1,6 +1,6 @@
 """When a load comes or goes: the same load against others that may have come with each window.
 
-With each window a rival begins, of which nothing is known of the load and everything else is as it
+With each window another load begins, of which nothing is known while everything else is as it
 was. All take every window that follows; where one of them foretells them far better than the same
 load does, it is what hangs there since it began. What else may have changed, friction and slow
 errors of the pistons' forces, is in the states of all.
@@ -15,16 +15,16 @@ from crane_model.array import Array
 from crane_observer.scale.doubt import ModelDoubt
 from crane_observer.scale.filter import MASS, Balanced, LoadFilter
 
-LIKELIER = 10.0  # logarithm of how much better a rival must foretell than the same load
+LIKELIER = 10.0  # logarithm of how much better another load must foretell than the same load
 LEADING = 2  # windows in succession: a single one may be odd
 CERTAIN = 3.0  # standard deviations, by which its load must differ from that before
-RIVALS = 24  # at most; the least likely goes
+OTHERS = 24  # at most; the least likely goes
 OVERLAP = 2  # windows that hold samples of a moment: some of before, some of after a change
 TAIL = 4.0  # degrees of freedom of Student's t: a window that nothing explains decides little
 
 
 @dataclass
-class Rival:
+class OtherLoad:
     """A load that may have come at a time [s] instead of the one `before` [kg]; `ahead` by so much
     of the same load (logarithm).
     """
@@ -60,27 +60,27 @@ class Changes:
     def __init__(self, doubt: ModelDoubt, joints: int):
         self.filter = LoadFilter(doubt, joints)
         self.since = -math.inf
-        self._rivals: list[Rival] = []
+        self._others: list[OtherLoad] = []
 
     def tare(self) -> None:
         """See `LoadFilter`."""
         self.filter.tare()
-        self._rivals = []
+        self._others = []
 
     def add(self, time: float, window: Balanced) -> bool:
         """One more window; whether it shows that there is another load."""
         other, before = self.filter.copy(), float(self.filter.x[MASS])
         other.another_load()
-        self._rivals.append(Rival(time, before, other))
+        self._others.append(OtherLoad(time, before, other))
         same = take(self.filter, window)
-        for rival in self._rivals:
-            rival.add(window, same)
-        best = max(self._rivals, key=lambda one: one.ahead)
+        for one in self._others:
+            one.add(window, same)
+        best = max(self._others, key=lambda one: one.ahead)
         if best.leading >= LEADING and best.differs:
-            self.since, self.filter, self._rivals = best.since, best.filter, []
+            self.since, self.filter, self._others = best.since, best.filter, []
             return True
-        if len(self._rivals) > RIVALS:
-            self._rivals.remove(min(self._rivals, key=lambda one: one.ahead))
+        if len(self._others) > OTHERS:
+            self._others.remove(min(self._others, key=lambda one: one.ahead))
         return False
 
 
