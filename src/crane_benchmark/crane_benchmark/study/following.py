@@ -12,6 +12,7 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
+from crane_benchmark.study.hydraulic_aims import Aim, Miss, worst
 from crane_benchmark.study.recordings import made_once, run
 from crane_model.machine import load_machine
 from crane_model.machine_files import machine_file
@@ -19,7 +20,7 @@ from crane_model.model_file import Model, load_model
 from crane_sim.make_bag import write_bag
 from crane_sim.parts.parameters import load_stand_in
 from crane_sim.plant.closed_loop import REST, SimulatedRecording, record
-from crane_sim.plant.late_plant import DELAY, SPREAD, LatePlant
+from crane_sim.plant.late_plant import MEAN_DELAY, LatePlant
 from crane_sim.plant.sampled import Sensors
 from crane_trajectory.control.choice import NAMES, PD_DEAD_ZONE, controller
 from crane_trajectory.control.controller import load_gains
@@ -44,6 +45,18 @@ class Followed(NamedTuple):
     summary: Mapping[str, Any]
     planted: Mapping[str, float]
     rms: Errors
+
+    @property
+    def joints(self) -> list[str]:
+        """Of the model."""
+        return list(self.summary["heldout_relative_error"])
+
+    def farthest_off(self, aim: Aim) -> Miss:
+        """Of the hydraulics that the aim names."""
+        rows = self.summary["hydraulics"]
+        found = {one["name"]: (one["value"], one["std_dev"]) for one in rows}
+        known = {name: found[name] for name in found.keys() & self.planted.keys()}
+        return worst(aim, known, self.planted)
 
 
 def follow(
@@ -107,5 +120,4 @@ def _led(
 
 def _behind_the_bus(planted: Mapping[str, float]) -> dict[str, float]:
     """The bus adds its mean delay to the lag of each valve."""
-    added = DELAY + 0.5 * SPREAD
-    return {name: value + added * name.startswith("lag.") for name, value in planted.items()}
+    return {name: value + MEAN_DELAY * name.startswith("lag.") for name, value in planted.items()}

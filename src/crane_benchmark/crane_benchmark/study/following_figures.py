@@ -4,20 +4,17 @@ from collections.abc import Iterator, Mapping
 
 from crane_benchmark.measured import MeasuredRow
 from crane_benchmark.study.following import TRAINED, Followed
-from crane_benchmark.study.hydraulic_aims import AIMS, worst
+from crane_benchmark.study.hydraulic_aims import AHEAD, AIMS
 from crane_trajectory.control.choice import NAMES, PD_DEAD_ZONE
 
-AHEAD = {1.0: "0.2 %", 5.0: "0.1 %"}
-"""Aims by how far ahead [s], of the way."""
 RMS_AIM = "0.4 mrad, 0.6 mrad, 0.4 mm, and 40, 60, 20 times better than (36)"
 MILLI = 1e3
 
 
 def rows(followed: Followed) -> Iterator[MeasuredRow]:
     """Values, motion from commands, and what each controller leaves."""
-    hydraulics = followed.summary["hydraulics"]
     for what, aim in AIMS.items():
-        found = worst(aim, hydraulics, followed.planted)
+        found = followed.farthest_off(aim)
         yield MeasuredRow(
             cells=[
                 f"{what} from that bag, farthest off; its σ",
@@ -33,15 +30,14 @@ def rows(followed: Followed) -> Iterator[MeasuredRow]:
             cells=[
                 f"motion from valve commands alone, {horizon:g} s ahead, held out "
                 f"({', '.join(shares)})",
-                AHEAD[horizon],
+                f"{AHEAD[horizon]:.1%}",
                 ", ".join(f"{{ahead_{horizon:g}_{joint}:.3%}}" for joint in shares),
             ],
             values={f"ahead_{horizon:g}_{joint}": share for joint, share in shares.items()},
         )
     for name, by_law in followed.rms.items():
-        joints = list(followed.summary["heldout_relative_error"])
         for law in NAMES:
-            yield _law_row(name, law, by_law[law], by_law[PD_DEAD_ZONE], joints)
+            yield _law_row(name, law, by_law[law], by_law[PD_DEAD_ZONE], followed.joints)
 
 
 def _law_row(

@@ -1,7 +1,7 @@
-"""How well one bag of 60 s is to tell the hydraulics of a machine."""
+"""How well one bag of 60 s is to tell the hydraulics of a machine, and its motion from commands."""
 
 from collections.abc import Mapping
-from typing import Any, NamedTuple
+from typing import NamedTuple
 
 
 class Aim(NamedTuple):
@@ -30,6 +30,10 @@ AIMS = {
 }
 
 
+AHEAD = {1.0: 0.002, 5.0: 0.001}
+"""Error of motion from commands, by how far ahead [s], of the way."""
+
+
 class Miss(NamedTuple):
     """An error, and the standard deviation that was told of the value [in the aim's unit]."""
 
@@ -37,16 +41,14 @@ class Miss(NamedTuple):
     std_dev: float
 
 
-def worst(aim: Aim, found: list[Mapping[str, Any]], planted: Mapping[str, float]) -> Miss:
+def worst(aim: Aim, found: Mapping[str, tuple[float, float]], planted: Mapping[str, float]) -> Miss:
     """The largest error of the values that the aim names, of all joints.
 
-    `found` as `hydraulics` of a summary has them, `planted` by the same names, as NAME.JOINT.
+    `found` are values and standard deviations as NAME.JOINT, `planted` the true values.
     """
     misses = []
-    for one in found:
-        name = one["name"]
-        if name.split(".", 1)[0] in aim.names and name in planted:
+    for name, (value, std_dev) in found.items():
+        if name.split(".", 1)[0] in aim.names:
             unit = 1.0 if aim.unit else abs(planted[name])
-            error = abs(one["value"] - planted[name]) / unit
-            misses.append(Miss(error, one["std_dev"] / unit))
+            misses.append(Miss(abs(value - planted[name]) / unit, std_dev / unit))
     return max(misses)

@@ -5,7 +5,7 @@ from typing import Any
 from rich.table import Table
 
 from crane_benchmark.study.following import Followed
-from crane_benchmark.study.hydraulic_aims import AIMS, worst
+from crane_benchmark.study.hydraulic_aims import AIMS
 from crane_identification.report.terminal import estimate, plain_table, rounded
 
 
@@ -60,14 +60,14 @@ def hydraulics_table(followed: Followed) -> Table:
     for heading in ("error", "its σ", "aim"):
         table.add_column(heading, justify="right", no_wrap=True)
     for what, aim in AIMS.items():
-        found = worst(aim, followed.summary["hydraulics"], followed.planted)
+        found = followed.farthest_off(aim)
         table.add_row(what, aim.told(found.error), aim.told(found.std_dev), aim.told(aim.live))
     return table
 
 
 def controllers_table(followed: Followed) -> Table:
     """What each controller leaves on each trajectory."""
-    joints = list(followed.summary["heldout_relative_error"])
+    joints = followed.joints
     table = plain_table("True rms error behind the same bus (mrad, mm), by what that bag told")
     for heading in ("trajectory", "controller"):
         table.add_column(heading, no_wrap=True)

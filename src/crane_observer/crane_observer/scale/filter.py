@@ -5,7 +5,7 @@
 with the balance of `crane_observer.scale.balance`; t is what was tared, z and b are errors of the
 pistons' forces that stay and that come and go, as of pressures B in the chambers A; D is dry
 friction in the direction of motion and V viscous friction, d and e how wrong they are. A joint that
-stands has its dry friction anywhere between both directions, and it stays there while it stands.
+stands has its dry friction anywhere between both directions, and elsewhere in each window.
 """
 
 from typing import NamedTuple

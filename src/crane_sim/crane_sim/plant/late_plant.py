@@ -11,6 +11,7 @@ from crane_sim.parts.parameters import StandIn
 from crane_sim.plant.plant import Plant
 
 DELAY, SPREAD = 0.005, 0.010  # s, of the bus and the computers of the live suite
+MEAN_DELAY = DELAY + 0.5 * SPREAD  # s, but for what keeping their order adds
 SHORTEST = 1e-6  # s, below which nothing is simulated
 
 
