@@ -1,30 +1,24 @@
-"""A stand-in machine under a controller of `crane_trajectory.control`, in a loop with delay.
+"""A stand-in machine behind a bus, under a controller of `crane_trajectory.control`, 200 Hz."""
 
-200 Hz; the command that answers a reading is in force 5 ms + U(0, 10) ms later and held.
-"""
-
-from collections.abc import Callable
 from typing import NamedTuple
 
 import numpy as np
 from benchmarks.controlled_machines import Controlled
 
-from crane_driver.velocity_filter import VelocityFilter
-from crane_sim.plant.closed_loop import REST, SimulatedRecording, TrueStates
-from crane_sim.plant.plant import Plant
-from crane_sim.plant.sampled import Pressures, Sensors
+from crane_model.machine_files import machine_file
+from crane_sim.plant.closed_loop import REST, SimulatedRecording, record
+from crane_sim.plant.late_plant import DELAY, LatePlant
+from crane_sim.plant.sampled import Sensors
+from crane_trajectory.control.controller import load_gains
 from crane_trajectory.control.interface import (
     ControlCondition,
     Controller,
-    Point,
     SensorReading,
     Wanted,
 )
 from crane_trajectory.motion.motion import Motion
 
-DELAY, SPREAD = 0.005, 0.010  # s
 SWINGS = 3.0  # Hz, above which speed beside the reference is ripple
-EachCycle = Callable[[float, Plant], None]
 
 
 class Score(NamedTuple):
@@ -68,65 +62,52 @@ class Run(NamedTuple):
         )
 
 
+class Watched:
+    """A controller that is told the phase of the motion; the gravest condition is kept."""
+
+    def __init__(self, controller: Controller, motion: Motion):
+        self._controller, self._motion = controller, motion
+        self._time = -REST
+        self.worst = ControlCondition.AT_REST
+
+    @property
+    def preview(self) -> float:
+        return self._controller.preview
+
+    @property
+    def by_model(self) -> np.ndarray:
+        return self._controller.by_model
+
+    @property
+    def conditions(self) -> tuple[ControlCondition, ...]:
+        return self._controller.conditions
+
+    def start(self, command: np.ndarray) -> None:
+        self._controller.start(command)
+
+    def command(self, dt: float, reading: SensorReading, wanted: Wanted) -> np.ndarray:
+        self._time += dt
+        told = wanted._replace(phase=_phase(self._motion, self._time))
+        answer = self._controller.command(dt, reading, told)
+        self.worst = max(self.worst, *self.conditions)
+        return answer
+
+
 def drive(
     motion: Motion,
     machine: Controlled,
     controller: Controller,
     late: float = 0.0,
-    each: EachCycle | None = None,
+    plant: type[LatePlant] = LatePlant,
 ) -> Run:
-    """From rest to rest, `late` s later than the loop is; `each` sees every cycle."""
-    stand_in, joints = machine.stand_in, machine.joints
-    plant = Plant(stand_in, machine.machine, motion.start, machine.hidden)
-    sensors, chain = Sensors(stand_in.sensors, machine.machine, 0), stand_in.sensors
-    fitted = [joints.index(name) for name in sensors.cylinders]
-    count = round((motion.duration + 2.0 * REST) / chain.period)
-    times = sensors.instants(chain.period, count)
-    now = motion.reference(times - REST)
-    ahead = motion.reference(times - REST + controller.preview)
-    delays = np.random.default_rng(7).uniform(DELAY, DELAY + SPREAD, count) + late
-    effect = np.maximum.accumulate(times + delays)
-    filtered = VelocityFilter(
-        [stand_in.jerk_density[joint] for joint in joints],
-        [chain.encoder_resolution[joint] for joint in joints],
+    """From rest to rest, `late` s later than the live suite is."""
+    behind = plant(
+        machine.stand_in, machine.machine, motion.start, machine.hidden, DELAY + late, seed=7
     )
-    position, velocity, commands, q, v, a, p_a, p_b = np.zeros((8, count, len(joints)))
-    read: list[Pressures] = []
-    u, sent, worst = np.zeros(len(joints)), 0, ControlCondition.AT_REST
-    controller.start(u)
-    for k, time in enumerate(times.tolist()):
-        while sent < k and effect[sent] <= time:
-            plant.advance(u, max(float(effect[sent]) - plant.time, 1e-9))
-            u, sent = commands[sent], sent + 1
-        plant.advance(u, time - plant.time)
-        if each is not None:
-            each(time - REST, plant)
-        q[k], v[k], a[k] = plant.q, plant.v, plant.acceleration
-        p_a[k], p_b[k] = plant.pressure_a, plant.pressure_b
-        position[k] = sensors.positions(q[k])
-        _, velocity[k], _ = filtered.update(time, position[k])
-        supply, tank = np.array([plant.supply_pressure]), plant.tank_pressure
-        shown = sensors.pressures(p_a[k : k + 1], p_b[k : k + 1], supply, tank)
-        read.append(shown)
-        chambers = np.full((2, len(joints)), np.nan)
-        chambers[:, fitted] = shown.chamber_a[0], shown.chamber_b[0]
-        reading = SensorReading(position[k], velocity[k], *chambers, float(shown.supply[0]))
-        points = [Point(*(part[k] for part in one[:3])) for one in (now, ahead)]
-        dt = time - float(times[k - 1]) if k else chain.period
-        commands[k] = controller.command(dt, reading, Wanted(*points, _phase(motion, time - REST)))
-        worst = max(worst, *controller.conditions)
-    nothing = np.zeros((0, count, len(joints)))
-    recording = SimulatedRecording(
-        times,
-        position,
-        velocity,
-        Pressures(*(np.concatenate(parts) for parts in zip(*read, strict=True))),
-        sensors.cylinders,
-        commands,
-        now,
-        TrueStates(times, q, v, a, p_a, p_b, nothing, nothing),
-    )
-    return Run(motion, recording, worst)
+    sensors = Sensors(machine.stand_in.sensors, machine.machine, 0)
+    gains = load_gains(machine_file("controller.yaml", machine.name), machine.machine)
+    watched = Watched(controller, motion)
+    return Run(motion, record(motion, behind, sensors, gains, controller=watched), watched.worst)
 
 
 def _phase(motion: Motion, time: float) -> float:

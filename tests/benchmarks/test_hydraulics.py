@@ -29,7 +29,7 @@ from crane_model.machine_files import machine_file
 from crane_model.model_file import Model, load_model
 from crane_model.progress import silent
 from crane_sim.parts.parameters import StandIn, load_stand_in
-from crane_sim.plant.late_plant import MEAN_DELAY
+from crane_sim.plant.late_plant import mean_delay
 from crane_trajectory.motion.probe import Probe
 
 Measured = Callable[[str, str, str], None]
@@ -78,7 +78,7 @@ def test_one_bag_tells_the_hydraulics(plant: str, live: bool, measured: Measured
     values, planted_values = {}, {}
     for joint in FITTED:
         true = truth(stand_in, joint, width)
-        true["lag"] += MEAN_DELAY if live else 0.0
+        true["lag"] += mean_delay(stand_in.sensors.period) if live else 0.0
         for name, one in found[joint].values.items():
             if one.std_dev is not None:
                 values[f"{name}.{joint}"] = one.value, one.std_dev

@@ -5,7 +5,7 @@ import pytest
 
 from crane_model.machine import load_machine
 from crane_sim.parts.parameters import load_stand_in
-from crane_sim.plant.late_plant import LatePlant
+from crane_sim.plant.late_plant import LatePlant, mean_delay
 from crane_sim.plant.plant import Plant
 
 MACHINE, STAND_IN = load_machine(), load_stand_in()
@@ -45,3 +45,16 @@ def test_commands_keep_their_order_and_come_within_their_delay(seed: int) -> Non
     assert len(delays) > 40
     assert delays.min() >= 0.004 - 1e-9
     assert delays.max() <= 0.024 + 1e-9
+
+
+@pytest.mark.parametrize(("period", "spread"), [(0.005, 0.01), (0.005, 0.003), (0.002, 0.009)])
+def test_mean_delay_is_that_of_a_million_commands(period: float, spread: float) -> None:
+    given = period * np.arange(1_000_000)
+    due = given + 0.004 + np.random.default_rng(3).uniform(0.0, spread, len(given))
+    waited = np.maximum.accumulate(due) - given
+    assert mean_delay(period, 0.004, spread) == pytest.approx(waited.mean(), abs=2e-5)
+
+
+def test_mean_delay_of_two_periods_in_closed_form() -> None:
+    """Only the command before one can hold it up: (S - T)^3 / (6 S^2) more than half of S."""
+    assert mean_delay(0.005, 0.005, 0.01) == pytest.approx(0.01 + 0.005**3 / (6 * 0.01**2))

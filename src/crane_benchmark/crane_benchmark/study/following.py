@@ -20,7 +20,7 @@ from crane_model.model_file import Model, load_model
 from crane_sim.make_bag import write_bag
 from crane_sim.parts.parameters import load_stand_in
 from crane_sim.plant.closed_loop import REST, SimulatedRecording, record
-from crane_sim.plant.late_plant import MEAN_DELAY, LatePlant
+from crane_sim.plant.late_plant import LatePlant, mean_delay
 from crane_sim.plant.sampled import Sensors
 from crane_trajectory.control.choice import NAMES, PD_DEAD_ZONE, controller
 from crane_trajectory.control.controller import load_gains
@@ -120,4 +120,5 @@ def _led(
 
 def _behind_the_bus(planted: Mapping[str, float]) -> dict[str, float]:
     """The bus adds its mean delay to the lag of each valve."""
-    return {name: value + MEAN_DELAY * name.startswith("lag.") for name, value in planted.items()}
+    delay = mean_delay(load_stand_in().sensors.period)
+    return {name: value + delay * name.startswith("lag.") for name, value in planted.items()}

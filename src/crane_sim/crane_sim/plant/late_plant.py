@@ -4,6 +4,7 @@ from collections import deque
 from collections.abc import Sequence
 
 import numpy as np
+from scipy.integrate import quad
 
 from crane_model.machine import Machine
 from crane_sim.effects.form import Planted
@@ -11,8 +12,22 @@ from crane_sim.parts.parameters import StandIn
 from crane_sim.plant.plant import Plant
 
 DELAY, SPREAD = 0.005, 0.010  # s, of the bus and the computers of the live suite
-MEAN_DELAY = DELAY + 0.5 * SPREAD  # s, but for what keeping their order adds
 SHORTEST = 1e-6  # s, below which nothing is simulated
+
+
+def mean_delay(period: float, delay: float = DELAY, spread: float = SPREAD) -> float:
+    """Of a command that is given every `period` s [s].
+
+    A command waits for those before it, so the mean lies above `delay` + `spread` / 2: of the
+    latest of `spread` U_j - j `period`, U_j evenly drawn from 0 to 1.
+    """
+    before = period * np.arange(np.ceil(spread / period))
+
+    def later_than(wait: float) -> float:
+        return float(1.0 - np.prod(np.minimum((wait + before) / spread, 1.0)))
+
+    kinks = (spread - before)[1:]
+    return delay + float(quad(later_than, 0.0, spread, points=kinks)[0])
 
 
 class LatePlant(Plant):
