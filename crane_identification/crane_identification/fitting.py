@@ -20,7 +20,7 @@ from crane_identification.estimation.rows import Rows
 from crane_identification.estimation.weighted import weighted
 from crane_identification.options import Estimator, Options
 from crane_identification.preparation.run import Preparation
-from crane_identification.preparation.session import Session, prepare_all
+from crane_identification.preparation.session import Session, prepare_all, prepare_moving
 from crane_identification.validation.force_validation import Validation, compare
 from crane_model.errors import ConfigurationError, DataError
 from crane_model.model_file import Model
@@ -32,7 +32,8 @@ class FitResult:
     """The `model` with its values, the `estimate` behind them, and the data of both.
 
     `rows` are the equations that were solved, `decimation` the factor of the parallel filter.
-    `lack_of_fit` says whether their residual is more than noise. `prior` counted beside them.
+    `lack_of_fit` says whether their residual is more than noise. `prior` counted beside them. Of
+    the recordings `standing` nothing was used: no joint of the model moves in them.
     """
 
     model: Model
@@ -42,6 +43,7 @@ class FitResult:
     decimation: int
     lack_of_fit: LackOfFit
     prior: Prior | None = None
+    standing: tuple[str, ...] = ()
 
 
 def fit(
@@ -81,7 +83,7 @@ def fit(
     True
     """
     options = options or Options()
-    preparations = prepare_all(model, logs, options, progress, session)
+    preparations, standing = prepare_moving(model, logs, options, progress, session)
     factor = common_factor(preparations, options.decimation)
     rows = Rows.stack([build_rows(model, p, factor) for p in preparations])
     estimate = _estimate(model, rows, preparations, factor, options, prior)
@@ -98,7 +100,7 @@ def fit(
     provenance = f"{estimate.method}, {estimate.samples} rows of {sources}"
     fitted = model.with_estimate(estimate.values, estimate.std_devs, provenance)
     left = lack_of_fit(rows, estimate.values)
-    return FitResult(fitted, estimate, rows, tuple(preparations), factor, left, prior)
+    return FitResult(fitted, estimate, rows, tuple(preparations), factor, left, prior, standing)
 
 
 def _estimate(

@@ -72,7 +72,7 @@ def periodic_part(log: Log, period: float | None) -> Periodicity:
     try:
         return detect_periodicity(position.time, position.value, period)
     except DataError as error:
-        raise DataError(f"{log.source}: {error}") from None
+        raise type(error)(f"{log.source}: {error}") from None
 
 
 def detect_periodicity(

@@ -7,7 +7,7 @@ from typing import Self
 import numpy as np
 from scipy.ndimage import maximum_filter1d, minimum_filter1d, uniform_filter1d
 
-from crane_model.errors import DataError
+from crane_model.errors import NoMotionError
 
 NEAR = 0.75
 """Of a step, within which the motion was recorded where it counts: what is interpolated over
@@ -60,7 +60,7 @@ class Repetition:
         uniform, step = np.linspace(time[0], time[-1], steps + 1, retstep=True)
         ranges = np.ptp(position, axis=0)
         if not ranges.any():
-            raise DataError("the motion stands still, and so does not repeat")
+            raise NoMotionError("the motion stands still, and so does not repeat")
         scaled = position / np.maximum(ranges, HARDLY * ranges.max())
         signal = np.stack([np.interp(uniform, time, column) for column in scaled.T], axis=1)
         after = np.searchsorted(time, uniform).clip(1, len(time) - 1)

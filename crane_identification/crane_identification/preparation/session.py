@@ -1,7 +1,9 @@
 """Recordings prepared in the time of their session: oil that warms up does so in pauses as well."""
 
-from collections.abc import Sequence
+from collections.abc import Callable, Iterator, Sequence
+from contextlib import suppress
 from dataclasses import dataclass
+from functools import partial
 from itertools import pairwise
 from typing import Self
 
@@ -10,7 +12,7 @@ from crane_identification.data.log import Log
 from crane_identification.options import Options
 from crane_identification.preparation.prepare import prepare
 from crane_identification.preparation.run import Preparation
-from crane_model.errors import DataError
+from crane_model.errors import DataError, NoMotionError
 from crane_model.model_file import Model
 from crane_model.progress import Progress, silent
 
@@ -62,17 +64,59 @@ def prepare_all(
 
     Raises `DataError` without recordings, and as `prepare`.
     """
+    return [
+        one
+        for prepared in _one_by_one(model, logs, options, progress, session)
+        for one in prepared()
+    ]
+
+
+def prepare_moving(
+    model: Model,
+    logs: Sequence[Log],
+    options: Options,
+    progress: Progress = silent,
+    session: Session | None = None,
+) -> tuple[list[Preparation], tuple[str, ...]]:
+    """As `prepare_all`, without recordings in which no joint of the model moves, and the names of
+    these. One in which only a joint outside the model moves tells of its valve all the same.
+
+    Raises `NoMotionError` where none moves in any.
+    """
+    moving: list[Preparation] = []
+    standing = []
+    one_by_one = _one_by_one(model, logs, options, progress, session)
+    for log, prepared in zip(logs, one_by_one, strict=True):
+        with suppress(NoMotionError):
+            in_motion = [one for one in prepared() if one.moving.any()]
+            moving += in_motion
+            if in_motion:
+                continue
+        standing.append(log.source)
+    if not moving:
+        raise NoMotionError(
+            f"{', '.join(standing)}: no joint moves, of model '{model.name}', faster than its "
+            "velocity can be told from standstill; record a motion"
+        )
+    return moving, tuple(standing)
+
+
+def _one_by_one(
+    model: Model,
+    logs: Sequence[Log],
+    options: Options,
+    progress: Progress,
+    session: Session | None,
+) -> Iterator[Callable[[], list[Preparation]]]:
     if not logs:
         raise DataError(f"model '{model.name}': no recordings given; give at least one")
     session = session or Session.of(logs)
-    out = []
     for number, log in enumerate(logs):
 
         def partly(phase: str, done: float, number: int = number) -> None:
             progress(phase, (number + done) / len(logs))
 
-        out += prepare(model, log, options, partly, session.since(log))
-    return out
+        yield partial(prepare, model, log, options, partly, session.since(log))
 
 
 def chronological(logs: Sequence[Log]) -> list[Log]:

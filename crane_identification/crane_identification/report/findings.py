@@ -44,6 +44,7 @@ def findings(
     units = [setting.force_unit(joint) for joint in fit.model.joints]
     return (
         *_parameters(fit),
+        *_standing(fit),
         *(warning for log in logs for warning in log.warnings),
         *_together([(p.source, note) for p in preparations for note in _preparation(p)]),
         *_drifts(preparations, units),
@@ -53,6 +54,15 @@ def findings(
         *([unsure] if unsure else _elsewhere(fit, validations)),
         *([] if validations else ["No recording was held out: the model is not validated."]),
     )
+
+
+def _standing(fit: FitResult) -> list[str]:
+    if not fit.standing:
+        return []
+    return [
+        f"No joint of the model moves in {listed(fit.standing)}: nothing of the mechanics is taken "
+        "from there."
+    ]
 
 
 def _parameters(fit: FitResult) -> list[str]:

@@ -117,11 +117,12 @@ def _figure_rows(
     model = report.fit.model
     recordings = []
     bandwidth = {p.source: p.bandwidth for p in report.fit.preparations}
-    for number, log in enumerate(report.training):
+    fitted_to = [log for log in report.training if log.source in bandwidth]
+    for number, log in enumerate(fitted_to):
         recording = recorded(model, log, report.options.motion, bandwidth[log.source])
         figures = recording_figures(model, recording, f"recording-{number}")
         recordings.append(RowOfFigures(log.source, figures))
-        progress("report", (number + 1) / len(report.training))
+        progress("report", (number + 1) / len(fitted_to))
     averages, validations = [], []
     for number, validation in enumerate(report.validations):
         figures = averaged_figures(model, validation.preparation, f"average-{number}")

@@ -9,7 +9,7 @@ from functools import cache
 import numpy as np
 from scipy import signal
 
-from crane_model.errors import DataError
+from crane_model.errors import DataError, NoMotionError
 
 ORDER = 8
 RIPPLE = 0.05  # dB
@@ -71,10 +71,10 @@ def _low_pass(factor: int) -> np.ndarray:
 def trusted_bandwidth(bandwidth: np.ndarray, known: np.ndarray) -> float:
     """Lowest bandwidth [Hz] of the joints that move at some time of `known` (n, j).
 
-    That of a joint that stands still says nothing. `DataError` if all of them do.
+    That of a joint that stands still says nothing. `NoMotionError` if all of them do.
     """
     if not known.any():
-        raise DataError(
+        raise NoMotionError(
             "no joint moves faster than its velocity can be told from standstill; record a motion"
         )
     return float(bandwidth[known.any(axis=0)].min())

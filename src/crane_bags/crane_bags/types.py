@@ -52,15 +52,17 @@ PARAMETER_ESTIMATE = Topic(
 GENERALIZED_FORCES = Topic("/generalized_forces", f"{INTERFACES}/msg/GeneralizedForces")
 DRIVER_STATE = Topic("/driver/state", f"{INTERFACES}/msg/DriverState", latched=True)
 SENSOR_FINDINGS = Topic("/sensor_findings", f"{INTERFACES}/msg/SensorFindings", latched=True)
+POSITION_ESTIMATE = Topic("/position_estimate", f"{INTERFACES}/msg/PositionEstimate")
 TIP_LOAD = Topic("/tip_load", f"{INTERFACES}/msg/TipLoad", latched=True)
 DIAGNOSTICS = Topic("/diagnostics", "diagnostic_msgs/msg/DiagnosticArray", continuous=True)
 ROBOT_DESCRIPTION = Topic("/robot_description", "std_msgs/msg/String", latched=True)
 TOPICS = (
     *(JOINT_STATES, CYLINDER_PRESSURES, VALVE_COMMAND, JOINT_REFERENCE),
     *(VALVE_OUTPUT, PARAMETER_ESTIMATE, GENERALIZED_FORCES, DIAGNOSTICS, ROBOT_DESCRIPTION),
-    *(DRIVER_STATE, SENSOR_FINDINGS, TIP_LOAD),
+    *(DRIVER_STATE, SENSOR_FINDINGS, POSITION_ESTIMATE, TIP_LOAD),
 )
-"""All that the nodes of the suite publish; reliably."""
+"""All that the nodes of the suite publish, reliably; /joint_states_estimated has nothing that
+/position_estimate has not."""
 
 
 @cache

@@ -47,3 +47,7 @@ class DataError(CraneError):
     Examples: a bag without joint states, a table without the column that the map names, a fit of
     parameters that the motion does not excite.
     """
+
+
+class NoMotionError(DataError):
+    """No joint of the model moves in a recording: it tells nothing of the mechanics."""

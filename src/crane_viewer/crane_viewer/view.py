@@ -13,7 +13,10 @@ from crane_bags.types import (
     DRIVER_STATE,
     JOINT_STATES,
     PARAMETER_ESTIMATE,
+    POSITION_ESTIMATE,
     ROBOT_DESCRIPTION,
+    SENSOR_FINDINGS,
+    TIP_LOAD,
     TOPICS,
     VALVE_OUTPUT,
     Topic,
@@ -34,9 +37,11 @@ from crane_viewer.words import (
 )
 
 APPLICATION = "crane"
-SENSOR_FINDINGS = Topic("/sensor_findings", "crane_interfaces/msg/SensorFindings", latched=True)
-NOT_SHOWN = (ROBOT_DESCRIPTION, VALVE_OUTPUT)  # the machine's file gives the first
-SHOWN = (*(one for one in TOPICS if one not in NOT_SHOWN), SENSOR_FINDINGS)
+NOT_SHOWN = (
+    ROBOT_DESCRIPTION,  # the machine's file gives it
+    *(VALVE_OUTPUT, POSITION_ESTIMATE, TIP_LOAD),
+)
+SHOWN = tuple(one for one in TOPICS if one not in NOT_SHOWN)
 """The topics that are listened to."""
 
 

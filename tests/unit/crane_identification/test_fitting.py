@@ -18,6 +18,7 @@ from crane_identification.data.log import Log, Signal
 from crane_identification.fitting import FitResult, fit, validate
 from crane_identification.options import Estimator, Options
 from crane_identification.preparation.prepare import prepare
+from crane_identification.report.findings import findings
 from crane_model.errors import ConfigurationError, DataError
 from crane_model.model_file import Model
 
@@ -194,6 +195,19 @@ def test_motion_in_one_direction_leaves_parameters_undetermined(axis: Model) -> 
         DataError, match=r"f_c\.axis, offset\.axis: .* only combinations.*axis moves up"
     ):
         fit(axis, [log], Options(average=False))
+
+
+@pytest.mark.parametrize("average", [False, True])
+def test_a_recording_that_stands_still_is_left_out_beside_one_that_moves(
+    axis: Model, average: bool
+) -> None:
+    options, moved = Options(average=average, period=PERIOD), axis_log(1, axis, periods=4)
+    there = Signal(moved.position.time, np.full_like(moved.position.value, 0.3), "still")
+    still = replace(moved, source="still", position=there, reference_position=there)
+    found, alone = fit(axis, [still, moved], options), fit(axis, [moved], options)
+    assert found.standing == ("still",)
+    assert "still: nothing of the mechanics" in findings(found, [still, moved])[0]
+    assert found.estimate.values == pytest.approx(alone.estimate.values)
 
 
 @pytest.mark.parametrize("estimator", list(Estimator))
