@@ -7,7 +7,8 @@ from unit.crane_observer.observed import known
 from crane_benchmark.measured import MeasuredRow
 from crane_benchmark.observing.cycles import WorkCycles
 from crane_benchmark.observing.failing import AIMS, OTHERS, SOONEST, FailingCase, drawn
-from crane_benchmark.observing.loads import weighed
+from crane_benchmark.observing.loads import WeighedLift, in_motion, rows_of, weighed
+from crane_benchmark.observing.loads import missed as missed_loads
 from crane_benchmark.observing.machines import stock
 from crane_benchmark.observing.observer import missed
 from crane_benchmark.observing.watched import MonitorAnswer, WatchedMachine, answered, smallest
@@ -72,18 +73,47 @@ def test_the_smallest_size_is_that_above_which_all_were_found() -> None:
     assert smallest(answers, question) == 4e-3
 
 
+def told_of(cycles: WorkCycles, until: float) -> list[WeighedLift]:
+    """What is made of a scale that says a tenth too much, and nothing of the motion."""
+    mass = [float(cycles.load(np.array([t - REST]))[0]) for t in np.arange(0.0, until, 0.15)]
+    found = [
+        Weighing(0.15 * k, TipLoad(1.1 * m, 0.01, np.nan, np.nan), ScaleCondition.GOOD, False,
+                 0.0, 0.0)
+        for k, m in enumerate(mass)
+    ]  # fmt: skip
+    time = np.arange(0.0, until, 0.005)
+    machine = stock().machine
+    velocity = cycles.reference(time - REST).velocity
+    return weighed(cycles, time, in_motion(machine, machine.joint_names, velocity), found)
+
+
 def test_loads_are_read_before_they_are_put_down() -> None:
     machine = stock()
-    cycles = WorkCycles.drawn(machine.machine, machine.stand_in.start, 100.0, 5)
-    mass = [float(cycles.load(np.array([t - REST]))[0]) for t in np.arange(0.0, 100.0, 0.15)]
-
-    def load(kilograms: float) -> TipLoad:
-        return TipLoad(kilograms, 0.01, np.nan, np.nan)
-
-    found = [
-        Weighing(0.15 * k, load(1.1 * m), ScaleCondition.GOOD, False, 0.0, 9.0)
-        for k, m in enumerate(mass)
-    ]
-    told = weighed(cycles, found)
+    told = told_of(WorkCycles.drawn(machine.machine, machine.stand_in.start, 100.0, 5), 100.0)
     assert told
     assert all(one.error == pytest.approx(0.1) and not one.covered for one in told)
+
+
+def test_motion_of_a_load_counts_from_its_pick_up_whatever_the_scale_says() -> None:
+    start, away = np.zeros(4), np.array([0.0, 0.3, 0.0, 0.5])
+    cycles = WorkCycles(
+        poses=np.stack([start, away, start, away, away, start, start]),
+        begins=np.array([1.0, 5.0, 9.0, 13.0, 17.0, 21.0]),
+        ends=np.array([4.0, 8.0, 12.0, 16.0, 20.0, 24.0]),
+        loads=np.array([0.0, 60.0, 60.0, 0.0, 30.0, 0.0]),
+    )
+    twice, once = told_of(cycles, 25.0)
+    assert (twice.load, once.load) == (60.0, 30.0)
+    # both ends of a move of fifth order are slower than what counts as motion
+    assert 5.0 < twice.moved < 6.0 and 2.5 < once.moved < 3.0
+
+
+def test_loads_that_moved_too_little_stand_in_a_row_without_aim() -> None:
+    moved = (1.9, 2.0, 8.0)
+    answers = [WeighedLift(50.0, s, 60.0 if s < 2.0 else 50.5, 0.5) for s in moved]
+    counted, little = rows_of("hard", 0.02, answers)
+    assert counted.values["lifts"] == 2.0
+    assert counted.values["rms"] == pytest.approx(0.01)
+    assert little.values["rms"] == pytest.approx(0.2)
+    assert missed_loads([little]) == []
+    assert missed_loads([counted]) == ["hard: 100% in their 95 % interval"]

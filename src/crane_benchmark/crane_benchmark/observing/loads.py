@@ -14,15 +14,17 @@ from crane_benchmark.observing.observer import MACHINES, identified
 from crane_benchmark.observing.positions import heard
 from crane_model import cli
 from crane_model.arguments import between, whole
+from crane_model.array import Array, Flags
+from crane_model.machine import Machine
 from crane_observer.scale.replay import weigh
-from crane_observer.scale.scale import Scale, Weighing
+from crane_observer.scale.scale import STANDING, Scale, Weighing
 from crane_sim.plant.closed_loop import REST
 
 AIMS = {"stock": (0.005, 0.005), "hard": (0.03, 0.02)}
 """Root mean square of the error over the load: without tare, with one."""
 COVERED = 0.90, 0.98  # share of the loads that lie in their 95 % interval
 CONFIDENCE = 1.96  # standard deviations
-LEAST_MOTION = 2.0  # s, in which a load was moved
+LEAST_MOTION = 2.0  # s, in which a load was moved; the aims are for such
 BEFORE = 0.05  # s before a load changes, when it is read
 COLUMNS = ("what", "aim", "lifts", "error, rms", "largest", "in their 95 % interval")
 
@@ -31,6 +33,7 @@ class WeighedLift(NamedTuple):
     """A load, and what the scale said of it at last."""
 
     load: float  # kg
+    moved: float  # s of motion, by what truly happened, from its pick-up on
     mass: float  # kg
     deviation: float  # kg
 
@@ -45,18 +48,33 @@ class WeighedLift(NamedTuple):
         return abs(self.mass - self.load) <= CONFIDENCE * self.deviation
 
 
-def weighed(cycles: WorkCycles, found: Sequence[Weighing]) -> list[WeighedLift]:
-    """Of loads in work that began at `REST`, each as it was known when it was put down."""
+def weighed(
+    cycles: WorkCycles, time: Array, moving: Flags, found: Sequence[Weighing]
+) -> list[WeighedLift]:
+    """Of loads in work that began at `REST`, each as it was known when it was put down; `moving`
+    (n,): whether the machine truly moved at `time` (n,) [s].
+    """
     rest_before = np.concatenate([[0.0], cycles.ends[:-1]])
     changes = REST + (rest_before + cycles.begins) / 2.0
-    times, answers = np.array([one.time for one in found]), []
+    moved = np.concatenate([[0.0], np.cumsum(np.diff(time) * moving[1:])])
+    times, answers, came = np.array([one.time for one in found]), [], 0.0
     for k in np.flatnonzero(np.diff(cycles.loads) != 0.0):
-        load = float(cycles.loads[k])
-        last = int(np.searchsorted(times, changes[k + 1] - BEFORE)) - 1
-        if load > 0.0 and last >= 0 and found[last].moved >= LEAST_MOTION:
+        load, goes = float(cycles.loads[k]), float(changes[k + 1])
+        last = int(np.searchsorted(times, goes - BEFORE)) - 1
+        if load > 0.0 and last >= 0:
             told = found[last].load
-            answers.append(WeighedLift(load, told.mass, told.deviation))
+            begin, end = np.interp([came, goes], time, moved)
+            answers.append(WeighedLift(load, float(end - begin), told.mass, told.deviation))
+        came = goes
     return answers
+
+
+def in_motion(machine: Machine, joints: tuple[str, ...], velocity: Array) -> Flags:
+    """(n,) whether one of the `joints` moves, with velocity (n, j) of them [rad/s, m/s]."""
+    limits = [machine.limits[joint] for joint in joints]
+    fastest = np.array([min(-one.velocity_min, one.velocity_max) for one in limits])
+    moving: Flags = np.logical_or.reduce(np.abs(velocity) > STANDING * fastest, axis=1)
+    return moving
 
 
 def measure(name: str, seconds: float, seed: int) -> list[MeasuredRow]:
@@ -67,25 +85,35 @@ def measure(name: str, seconds: float, seed: int) -> list[MeasuredRow]:
         model = identified(observed, seed, Path(folder))
     cycles = WorkCycles.drawn(observed.machine, observed.stand_in.start, seconds, seed)
     made, _ = observed.at_work(seconds, seed)
-    recording = heard(made, model, observed)
+    columns = [observed.machine.index(joint) for joint in model.joints]
+    moving = in_motion(observed.machine, model.joints, made.truth.velocity[:, columns])
+    recording, time = heard(made, model, observed), made.time - made.time[0]
     tares = {"without tare": np.nan, "with tare": REST + float(cycles.ends[0])}
-    return [
-        _row(f"{name}: {what}", aim, weighed(cycles, weigh(Scale(model), recording, tared)))
-        for (what, tared), aim in zip(tares.items(), AIMS[name], strict=True)
-    ]
+    rows = []
+    for (what, tared), aim in zip(tares.items(), AIMS[name], strict=True):
+        answers = weighed(cycles, time, moving, weigh(Scale(model), recording, tared))
+        rows += rows_of(f"{name}: {what}", aim, answers)
+    return rows
 
 
-def _row(what: str, aim: float, answers: Sequence[WeighedLift]) -> MeasuredRow:
-    errors = np.array([one.error for one in answers])
+def rows_of(what: str, aim: float, answers: Sequence[WeighedLift]) -> list[MeasuredRow]:
+    """Loads that were moved as long as the aim asks, and beside it those that were not."""
     low, high = COVERED
+    words = f"{aim:.1%}; {low:.0%} to {high:.0%} in their interval"
+    enough = [one for one in answers if one.moved >= LEAST_MOTION]
+    little = [one for one in answers if one.moved < LEAST_MOTION]
+    rows = [_row([what, words], {"aim": aim}, enough)]
+    if little:
+        rows.append(_row([f"{what}, moved for less than {LEAST_MOTION:g} s", ""], {}, little))
+    return rows
+
+
+def _row(what: list[str], values: dict[str, float], answers: Sequence[WeighedLift]) -> MeasuredRow:
+    errors = np.array([one.error for one in answers])
     return MeasuredRow(
-        cells=[
-            what,
-            f"{aim:.1%}; {low:.0%} to {high:.0%} in their interval",
-            *("{lifts:.0f}", "{rms:.2%}", "{largest:.1%}", "{covered:.0%}"),
-        ],
+        cells=[*what, "{lifts:.0f}", "{rms:.2%}", "{largest:.1%}", "{covered:.0%}"],
         values={
-            "aim": aim,
+            **values,
             "lifts": float(len(errors)),
             "rms": float(np.sqrt(np.mean(errors**2))),
             "largest": float(np.abs(errors).max()),
@@ -100,6 +128,8 @@ def missed(rows: Sequence[MeasuredRow]) -> list[str]:
     wrong = []
     for row in rows:
         values = row.values
+        if "aim" not in values:
+            continue
         if values["rms"] > values["aim"]:
             wrong.append(f"{row.cells[0]}: {values['rms']:.2%}, aim {values['aim']:.1%}")
         if not low <= values["covered"] <= high:
