@@ -39,6 +39,8 @@ setup(
         "crane_sim",
         "crane_trajectory",
         "matplotlib",
+        "mujoco",
+        "numba",
         "numpy",
         "pydantic>=2",
         "pysindy",
