@@ -13,6 +13,7 @@ written: bag, 33.1 s
 
 from collections.abc import Iterable, Sequence
 from datetime import UTC, datetime
+from functools import partial
 from pathlib import Path
 from typing import NamedTuple
 
@@ -46,6 +47,7 @@ from crane_sim.hiding.slewing import slewing
 from crane_sim.options import add_faults, add_plant, load_both
 from crane_sim.parts.parameters import StandIn
 from crane_sim.plant.closed_loop import REST, Course, SimulatedRecording, Steps, record
+from crane_sim.plant.machine_in_motion import Build
 from crane_sim.plant.plant import Plant
 from crane_sim.plant.sampled import Sensors
 from crane_trajectory.control.choice import NAMES, PD_DEAD_ZONE, controller
@@ -128,15 +130,18 @@ def make(
     progress: Steps = iter,
     controller: Controller | None = None,
     failing: Sequence[str] = (),
+    build: Build | None = None,
 ) -> Clean:
     """Write the bag `out` of a machine that hides effects; what truly happened is returned.
 
     `motion` is that of `plan`, led by (36) with `gains` or by the `controller`; `seed` is that of
     noise and jitter; at its `moment` the recording begins; what is `failing` does so as
-    `crane_sim.faulty.kinds.parse` reads it. The bag holds what a machine without
+    `crane_sim.faulty.kinds.parse` reads it; `build` makes the machine of `stand_in`, by default the
+    `Plant`. The bag holds what a machine without
     hidden effects would write: nothing but readings differs.
     """
-    plant = Plant(stand_in, machine, motion.start, planted, moment.running)
+    made = build or partial(Plant, stand_in, machine)
+    plant = made(motion.start, planted, moment.running)
     timed = Faults(machine, failing, seed, zero=moment.running)
     sensors = Sensors(stand_in.sensors, machine, seed, faults(planted, machine), timed)
     recording = record(slewing(motion, planted), plant, sensors, gains, progress, controller)

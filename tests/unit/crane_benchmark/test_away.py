@@ -2,6 +2,8 @@
 
 import subprocess
 import sys
+from functools import partial
+from pathlib import Path
 from typing import NamedTuple
 
 import numpy as np
@@ -9,6 +11,8 @@ import pytest
 
 pytest.importorskip("mujoco")
 
+from crane_bags.reader import read_topics
+from crane_bags.types import CYLINDER_PRESSURES, JOINT_REFERENCE, JOINT_STATES, VALVE_COMMAND
 from crane_benchmark.away import pushing, rubbing
 from crane_benchmark.away.bodies import MujocoBodies
 from crane_benchmark.away.bristles import bent
@@ -18,10 +22,16 @@ from crane_benchmark.away.plant import AwayPlant
 from crane_model.cylinders import generalized_forces
 from crane_model.errors import RangeError
 from crane_model.machine import Machine, load_machine
+from crane_model.machine_files import machine_file
 from crane_sim.effects.form import Form, Planted
+from crane_sim.make_bag import make
 from crane_sim.parts.constants import pack_chain
 from crane_sim.parts.parameters import StandIn, load_stand_in
 from crane_sim.parts.rigid_bodies import mass_and_bias
+from crane_trajectory.control.controller import load_gains
+from crane_trajectory.motion.check import load_clearance
+from crane_trajectory.motion.motion import plan
+from crane_trajectory.motion.periodic import load_trajectory
 
 MAKE = Make(air=1e-3, stiffening=5.0, pump_lag=0.01)
 FORMS = (*rubbing.FORMS, *pushing.FORMS)
@@ -193,3 +203,22 @@ def test_refuses_what_it_cannot_do(stand_in: StandIn, machine: Machine) -> None:
     plant = AwayPlant(stand_in, machine, MAKE, stand_in.start)
     with pytest.raises(RangeError, match="must be finite"):
         plant.advance(np.full(4, np.nan), 0.01)
+
+
+def test_is_recorded_like_the_stand_in(tmp_path: Path, stand_in: StandIn, machine: Machine) -> None:
+    trajectory = load_trajectory(machine_file("excitation_20s.yaml"))
+    clearance = load_clearance(machine_file("clearance.yaml"))
+    motion = plan(machine, trajectory, stand_in.start, 1, clearance)
+    gains = load_gains(machine_file("controller.yaml"), machine)
+    build = partial(AwayPlant, stand_in, machine, MAKE)
+    clean = make(tmp_path / "bag", machine, stand_in, motion, gains, 1, build=build)
+    topics = (JOINT_STATES, CYLINDER_PRESSURES, VALVE_COMMAND, JOINT_REFERENCE)
+    found = read_topics(tmp_path / "bag", topics)
+    states = found[JOINT_STATES.name]
+    assert states.names == machine.joint_names
+    assert all(len(found[topic.name].stamp) == len(clean.time) for topic in topics)
+    position = states.fields["position"]
+    reference = found[JOINT_REFERENCE.name].fields["position"]
+    assert rms(position - reference).max() < 0.06  # led by (36), as the stand-in is
+    counts = np.array([stand_in.sensors.encoder_resolution[one] for one in machine.joint_names])
+    assert (np.abs(position - clean.position) <= 0.51 * counts).all()

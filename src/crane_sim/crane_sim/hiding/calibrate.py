@@ -1,6 +1,7 @@
 """Hidden effects of a wanted strength: their magnitudes, found by moving the machine with them."""
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
+from functools import partial
 from pathlib import Path
 
 import numpy as np
@@ -15,6 +16,7 @@ from crane_sim.hiding.slewing import slewing
 from crane_sim.hiding.spec import Spec, check_joints
 from crane_sim.parts.parameters import StandIn
 from crane_sim.plant.closed_loop import Course, record
+from crane_sim.plant.machine_in_motion import Build
 from crane_sim.plant.plant import Plant
 from crane_sim.plant.sampled import Sensors
 from crane_trajectory.control.controller import Gains
@@ -37,12 +39,27 @@ def calibrate(
     within 5 % of it, for all effects at once. `RangeError` if one cannot: its magnitude would be
     beyond what is plausible, or the force does not follow it.
     """
-    planted = draw(spec, machine, stand_in)
+    build: Build = partial(Plant, stand_in, machine)
+    return reach(draw(spec, machine, stand_in), machine, stand_in, motion, gains, build)
+
+
+def reach(
+    planted: tuple[Planted, ...],
+    machine: Machine,
+    stand_in: StandIn,
+    motion: Course,
+    gains: Gains,
+    build: Build,
+) -> tuple[Planted, ...]:
+    """The effects with magnitudes such that each has the strength it is asked for, in the machine
+    that `build` makes of `stand_in`; as `calibrate` says.
+    """
     open_ended = [k for k, effect in enumerate(planted) if effect.requested is not None]
     exponent = dict.fromkeys(open_ended, 1.0)  # of the strength as a power of the magnitude
     last: dict[int, tuple[float, float]] = {}
     for _ in range(PASSES if open_ended else 0):
-        reached = moved(planted, machine, stand_in, motion, gains).strength(planted, machine)
+        moved_with = moved(planted, machine, stand_in, motion, gains, build)
+        reached = moved_with.strength(planted, machine)
         ratio = {k: (planted[k].requested or 0.0) / max(reached[k], 1e-12) for k in open_ended}
         if all(abs(np.log(r)) < TOLERANCE for r in ratio.values()):
             return planted
@@ -87,24 +104,45 @@ def draw(spec: Spec, machine: Machine, stand_in: StandIn) -> tuple[Planted, ...]
     check_joints(spec, machine, "hidden effects")
     planted = []
     for index, effect in enumerate(spec.effects):
-        form, rng = effect.law, np.random.default_rng([spec.seed, index])
-        drawn = {
-            entry.name: entry.between(rng) * _scale(entry.of, stand_in, effect.joint)
-            for entry in form.draws
-        }
-        start = form.magnitude.start * _scale(form.magnitude.of, stand_in, effect.joint)
-        if form.signed:
-            start *= rng.choice([-1.0, 1.0])
-        values = {form.magnitude.name: start} | drawn | effect.parameters
-        planted.append(Planted(form, effect.joint, tuple(values.values()), effect.strength))
+        one = draw_one(
+            np.random.default_rng([spec.seed, index]),
+            stand_in,
+            Planted(effect.law, effect.joint, (), effect.strength),
+            effect.parameters,
+        )
+        planted.append(one)
     return tuple(planted)
 
 
+def draw_one(
+    rng: np.random.Generator, stand_in: StandIn, wanted: Planted, given: Mapping[str, float]
+) -> Planted:
+    """The effect with the parameters that are `given`, and others drawn; its magnitude is at its
+    start.
+    """
+    form, joint = wanted.form, wanted.joint
+    drawn = {
+        entry.name: entry.between(rng) * _scale(entry.of, stand_in, joint) for entry in form.draws
+    }
+    start = form.magnitude.start * _scale(form.magnitude.of, stand_in, joint)
+    if form.signed:
+        start *= rng.choice([-1.0, 1.0])
+    values = {form.magnitude.name: start} | drawn | dict(given)
+    return wanted._replace(values=tuple(values.values()))
+
+
 def moved(
-    planted: Sequence[Planted], machine: Machine, stand_in: StandIn, motion: Course, gains: Gains
+    planted: Sequence[Planted],
+    machine: Machine,
+    stand_in: StandIn,
+    motion: Course,
+    gains: Gains,
+    build: Build | None = None,
 ) -> Clean:
-    """What the machine does with these effects on the motion."""
-    plant = Plant(stand_in, machine, motion.start, planted)
+    """What the machine does with these effects on the motion: one that `build` makes of `stand_in`,
+    by default the `Plant`.
+    """
+    plant = (build or partial(Plant, stand_in, machine))(motion.start, planted, 0.0)
     sensors = Sensors(stand_in.sensors, machine, 0, faults(planted, machine))
     recording = record(slewing(motion, planted), plant, sensors, gains)
     return clean(machine, planted, sensors.faults, recording.truth)

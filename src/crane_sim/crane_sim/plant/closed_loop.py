@@ -8,7 +8,7 @@ import numpy as np
 
 from crane_driver.velocity_filter import VelocityFilter
 from crane_sim.plant.led import Led
-from crane_sim.plant.plant import Plant
+from crane_sim.plant.machine_in_motion import RecordedMachine
 from crane_sim.plant.sampled import Pressures, Sensors
 from crane_trajectory.control.controller import Gains, command
 from crane_trajectory.control.interface import Controller
@@ -73,7 +73,7 @@ class SimulatedRecording:
 
 def record(
     motion: Course,
-    plant: Plant,
+    plant: RecordedMachine,
     sensors: Sensors,
     gains: Gains,
     progress: Steps = iter,

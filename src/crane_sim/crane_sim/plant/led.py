@@ -2,7 +2,7 @@
 
 import numpy as np
 
-from crane_sim.plant.plant import Plant
+from crane_sim.plant.machine_in_motion import MachineInMotion
 from crane_sim.plant.sampled import Pressures, Sensors
 from crane_trajectory.control.interface import Controller, Point, SensorReading, Wanted
 from crane_trajectory.motion.motion import Reference
@@ -14,7 +14,7 @@ class Led:
     def __init__(
         self,
         controller: Controller,
-        plant: Plant,
+        plant: MachineInMotion,
         sensors: Sensors,
         now: Reference,
         ahead: Reference,
