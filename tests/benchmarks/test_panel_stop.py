@@ -10,7 +10,7 @@ from integration.driver_stage import Stage, commander
 
 pytest.importorskip("websockets", reason="websockets is not installed (make view)")
 
-from integration.test_panel import Served, panel, visit  # noqa: F401
+from integration.panel_visits import Served, served, visit
 
 STOPS = 20
 AT_MOST = 0.2  # s
@@ -23,9 +23,15 @@ def stage(ros_domain: int, tmp_path_factory: pytest.TempPathFactory) -> Iterator
     one.close()
 
 
+@pytest.fixture(scope="module")
+def panel(stage: Stage) -> Iterator[Served]:
+    with served() as one:
+        yield one
+
+
 def test_stop_of_the_page_is_at_the_valves_within_200_ms(
     stage: Stage,
-    panel: Served,  # noqa: F811
+    panel: Served,
     measured: Callable[..., None],
 ) -> None:
     took = []

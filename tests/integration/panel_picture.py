@@ -12,8 +12,8 @@ from integration.browser import installed
 from integration.driver_stage import Stage
 from integration.experiments import Experiments
 from integration.live_page import Page
+from integration.panel_visits import DESK, served, until
 from integration.processes import end
-from integration.test_panel import DESK, served, until
 
 PICTURE = Path(__file__).resolve().parents[2] / "docs" / "pictures" / "panel.png"
 RUNNING = "document.getElementById('phase').textContent.startsWith('excitation')"

@@ -8,16 +8,15 @@ emergency stop of the machine within reach.
 import asyncio
 import sys
 import time
-from collections.abc import Callable, Sequence
-from functools import partial
+from collections.abc import Sequence
 from typing import Any
 
 from diagnostic_msgs.msg import DiagnosticArray, DiagnosticStatus, KeyValue
 from rclpy.executors import SingleThreadedExecutor
 from rclpy.node import Node
-from rclpy.task import Future
 
 from crane_driver.operator.panel.arming import Arming, new_token
+from crane_driver.operator.panel.asking import STOP, Asking, DriverAnswer
 from crane_driver.operator.panel.crane_watch import CraneWatch, wall_clock
 from crane_driver.operator.panel.pages import Page, Pages
 from crane_driver.operator.panel.panel_parameters import ADDRESS, NAMES, PARAMETERS, PORT
@@ -25,7 +24,6 @@ from crane_driver.operator.panel.web import Socket, listen
 from crane_model.cli import run
 from crane_nodes.command_line import check_arguments
 from crane_nodes.context import Stop, ros
-from crane_nodes.driver_client import NoDriverError
 from crane_nodes.machine_parameter import MACHINE, declare_machine
 from crane_nodes.names import full_name
 from crane_nodes.parameters import declare
@@ -35,7 +33,6 @@ WORK_PERIOD_S = 0.02
 PICTURE_PERIOD_S = 0.1
 REPORT_PERIOD_S = 1.0
 CALLBACKS = 8  # in a period at most, so that pages do not wait
-STOP = "stop"  # needs no token: it only takes motion away
 GOING_AWAY, TRY_AGAIN_LATER = 1001, 1013  # of RFC 6455, and of IANA
 REFUSALS_PERIOD_S = 10.0  # in the log: a page that is refused asks again every second
 
@@ -55,13 +52,7 @@ class OperatorPanel(Node):
         self._worker = SingleThreadedExecutor()
         self._worker.add_node(self)
         self._picture_due = self._report_due = 0.0
-        driver = self._watch.driver
-        self.requests: dict[str, Callable[[], list[Future]]] = {
-            STOP: driver.stop,
-            "enable": lambda: [driver.enable()],
-            "disable": lambda: [driver.disable()],
-            "reset": lambda: [driver.reset_fault()],
-        }
+        self.asking = Asking(self._watch.driver)
 
     def opened(self, socket: Socket, address: str) -> "_PageLine | None":
         """A page has opened a socket; None if there are too many."""
@@ -83,6 +74,11 @@ class OperatorPanel(Node):
             self._lines.remove(line)
             self.get_logger().warning(f"{lost}; {self.pages.count} open")
             self._report_due = 0.0
+
+    async def stopped(self, address: str) -> dict[str, Any]:
+        """A page without a line, as one that was refused, has pressed stop: the answer."""
+        self.get_logger().info(f"{STOP}: asked by a page without a line from {address}")
+        return (await self.asking.stop())._asdict()
 
     def work(self) -> None:
         """Take what has come from ROS; tell pages and /diagnostics what is due."""
@@ -146,7 +142,7 @@ class _PageLine:
             case {"disarm": True}:
                 self.page.armed = False
                 self._tell_armed("")
-            case {"request": str(name)} if name in self._panel.requests:
+            case {"request": str(name)} if self._panel.asking.knows(name):
                 self._request(name)
             case _:
                 self.hang_up("it said what no page of this panel says")
@@ -179,25 +175,14 @@ class _PageLine:
 
     def _request(self, name: str) -> None:
         if name != STOP and not self.page.armed:
-            self._answer(name, False, "this page is not armed; give it the token first")
-            return
-        try:
-            futures = self._panel.requests[name]()
-        except NoDriverError as error:
-            self._answer(name, False, str(error))
+            refusal = "this page is not armed; give it the token first"
+            self._answered(DriverAnswer(name, False, refusal))
             return
         self._panel.get_logger().info(f"{name}: asked by the page from {self.page.address}")
-        for future in futures:
-            future.add_done_callback(partial(self._answered, name))
+        self._panel.asking.ask(name, self._answered)
 
-    def _answered(self, name: str, future: Future) -> None:
-        if error := future.exception():  # the driver may have ended meanwhile
-            self._answer(name, False, str(error))
-        elif (answer := future.result()) is not None:
-            self._answer(name, answer.success, answer.message)
-
-    def _answer(self, name: str, success: bool, message: str) -> None:
-        self._socket.tell({"answer": name, "success": success, "message": message})
+    def _answered(self, answer: DriverAnswer) -> None:
+        self._socket.tell(answer._asdict())
 
 
 ABOUT = """A page for the operator, in a browser: state, joints, pressures, faults, progress, and
@@ -223,7 +208,7 @@ def _run(argv: Sequence[str]) -> None:
 
 async def _serve(panel: OperatorPanel, stop: Stop) -> None:
     address, names = ADDRESS.read(panel), NAMES.read(panel).lower().split()
-    server, port = listen(address, int(PORT.read(panel)), names, panel.opened)
+    server, port = listen(address, int(PORT.read(panel)), names, panel.opened, panel.stopped)
     say_ready(panel)
     # Not to the log, which others of the ROS domain read.
     print(f"page:  http://{_shown(address)}:{port}", flush=True)

@@ -2,13 +2,14 @@
 
 A page of another site must not reach the crane through the operator's browser. So the host that a
 browser asks for is localhost, an address in digits, or a name that was given: what DNS rebinding
-needs is a name of its own. A WebSocket is opened for this page alone (Origin), all that asks for
-something goes through it, and the page may be framed by none.
+needs is a name of its own. What asks for something is heard from this page alone (Origin): through
+its WebSocket or, stop alone, by a POST, for which a page needs no live line. It may be framed by
+none.
 """
 
 import ipaddress
 import json
-from collections.abc import Callable, Collection
+from collections.abc import Awaitable, Callable, Collection
 from importlib.resources import files
 from pathlib import Path
 from typing import Any, Protocol
@@ -54,6 +55,9 @@ class PageListener(Protocol):
 Opened = Callable[["Socket", str], PageListener | None]
 """Makes the line of a page that has opened a socket from an address; None if it was refused."""
 
+Stopped = Callable[[str], Awaitable[dict[str, Any]]]
+"""Stops the crane for a page at an address; what it is answered."""
+
 
 def host_allowed(host: str, names: Collection[str]) -> bool:
     """Whether a browser may ask for `host`, as its Host header has it, with or without port."""
@@ -83,6 +87,24 @@ class _Guarded(RequestHandler):
         for name, value in HEADERS.items():
             self.set_header(name, value)
 
+    def of_this_page(self, origin: str) -> bool:
+        """Whether a browser says by `origin` that this panel's own page asks."""
+        return origin == f"{self.request.protocol}://{self.request.host}"
+
+
+class _Stop(_Guarded):
+    """Stop for a page that has no line."""
+
+    @override
+    def initialize(self, stopped: Stopped) -> None:
+        self._stopped = stopped
+
+    async def post(self) -> None:
+        """Stop; nothing that is sent with it is heeded."""
+        if not self.of_this_page(self.request.headers.get("Origin", "")):
+            raise HTTPError(403, log_message="a stop that no page of this panel asks for")
+        self.write(await self._stopped(self.request.remote_ip or "unknown"))
+
 
 class _File(_Guarded):
     """The files of the page, which come with the package."""
@@ -104,7 +126,7 @@ class Socket(WebSocketHandler, _Guarded):
 
     @override
     def check_origin(self, origin: str) -> bool:
-        return origin == f"{self.request.protocol}://{self.request.host}"
+        return self.of_this_page(origin)
 
     @override
     async def get(self, *args: Any, **kwargs: Any) -> None:
@@ -142,12 +164,13 @@ class Socket(WebSocketHandler, _Guarded):
 
 
 def listen(
-    address: str, port: int, names: Collection[str], opened: Opened
+    address: str, port: int, names: Collection[str], opened: Opened, stopped: Stopped
 ) -> tuple[HTTPServer, int]:
     """Serve on an address and port, 0 for any; the server and its port. `ConfigurationError`."""
     application = Application(
         [
             (r"/live", Socket, {"opened": opened}),
+            (r"/stop", _Stop, {"stopped": stopped}),
             (rf"/({'|'.join(FILES)})", _File),
         ],
         names=names,  # allowed beside localhost and addresses
@@ -161,6 +184,6 @@ def listen(
             f"parameters 'address' and 'port': cannot listen on {address}:{port}: "
             f"{error.strerror}; does another panel run? Give another port"
         ) from None
-    server = HTTPServer(application)
+    server = HTTPServer(application, max_body_size=LONGEST_MESSAGE)
     server.add_sockets(sockets)
     return server, int(sockets[0].getsockname()[1])

@@ -4,13 +4,15 @@
 const SILENCE = 1000; // ms without a picture, after which the line is lost; ten come a second
 const RETRY = 1000; // ms
 const PATIENCE = 1000; // ms for an answer
+const NO_LINE_TO_SPARE = 1013; // why a line is closed at once: too many pages are live
 // The number of DriverState.msg: what a colour says of the word beside it.
 const TONES = { 3: "calm", 4: "live", 5: "alarm", 6: "alarm" };
 const BUTTONS = ["enable", "disable", "reset"]; // all need the token; stop does not
 
 const $ = (id) => document.getElementById(id);
 let socket = null;
-let heard = 0; // when the last picture came
+let live = false; // pictures come through it
+let heard = 0; // when the last picture came, or the line was begun
 let last = ""; // the time that it showed
 let why = ""; // the panel gave for closing the line; kept while tries to connect fail
 let built = ""; // for which joints and cylinders the rows were made
@@ -20,6 +22,7 @@ let waiting = {}; // timers of requests that were not answered yet
 function connect() {
   const line = new WebSocket(`${location.protocol === "https:" ? "wss" : "ws"}://${location.host}/live`);
   socket = line;
+  heard = performance.now();
   line.onmessage = (event) => {
     if (line !== socket) return;
     const told = JSON.parse(event.data);
@@ -27,6 +30,7 @@ function connect() {
     if ("answer" in told) answered(told);
     if ("picture" in told) {
       heard = performance.now();
+      live = true;
       document.body.classList.remove("lost");
       why = "";
       show(told.picture);
@@ -34,34 +38,43 @@ function connect() {
       usable(true);
     }
   };
-  line.onclose = (event) => { if (line === socket) lose(event.reason); };
+  line.onclose = (event) => { if (line === socket) lose(event.reason, event.code === NO_LINE_TO_SPARE); };
 }
 
-function lose(reason) {
+// Where it was refused a live line, the panel is there and Stop works without one.
+function lose(reason, refused) {
   socket = null;
   document.body.classList.add("lost");
   const since = last ? ` What you see is of ${last}.` : "";
-  why = reason || why;
-  $("loss").textContent = `The line to the panel is lost${why && `: ${why}`}.${since} Stop does not work from here: use the machine’s emergency stop.`;
-  document.title = "LOST";
-  Object.values(waiting).forEach(clearTimeout);
-  waiting = {};
-  answer("", false);
+  why = refused ? "" : reason || why;
+  $("loss").textContent = refused
+    ? `This page is not live: ${reason}.${since} Stop works from here, too.`
+    : `The line to the panel is lost${why && `: ${why}`}.${since} Stop does not work from here: use the machine’s emergency stop.`;
+  document.title = refused ? "NOT LIVE" : "LOST";
+  if (live) {
+    Object.values(waiting).forEach(clearTimeout);
+    waiting = {};
+    answer("", false);
+  }
+  live = false;
   arm(false, "");
   usable(false);
+  $("stop").disabled = !refused;
   setTimeout(connect, RETRY);
 }
 
 setInterval(() => {
-  if (socket && heard && performance.now() - heard > SILENCE) {
+  if (socket && performance.now() - heard > SILENCE) {
     const old = socket;
-    lose("");
+    lose("", false);
     old.close();
   }
 }, 200);
 
 function say(message) {
-  if (socket && socket.readyState === WebSocket.OPEN) socket.send(JSON.stringify(message));
+  const heeded = live && socket.readyState === WebSocket.OPEN;
+  if (heeded) socket.send(JSON.stringify(message));
+  return heeded;
 }
 
 function usable(connected) {
@@ -73,12 +86,20 @@ function usable(connected) {
 // buttons
 
 function ask(name) {
-  say({ request: name });
+  if (!say({ request: name }) && name === "stop") stopWithoutLine();
   answer(`${name}: asked …`, false);
   clearTimeout(waiting[name]);
   waiting[name] = setTimeout(() => {
     answer(`${name}: no answer yet. Use the machine’s emergency stop if the crane must stop.`, true);
   }, PATIENCE);
+}
+
+async function stopWithoutLine() {
+  try {
+    answered(await (await fetch("stop", { method: "POST" })).json());
+  } catch {
+    answered({ answer: "stop", success: false, message: "the panel cannot be asked. Use the machine’s emergency stop." });
+  }
 }
 
 function answered(told) {
