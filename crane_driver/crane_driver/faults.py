@@ -126,7 +126,7 @@ class FaultKind(StrEnum):
     )
     LYING = (
         *("lying", 26, "the sensor monitor has found that an encoder lies, or may lie"),
-        "mend the encoder and call forget of sensor_monitor, or go on without it by substitute",
+        "mend the encoder and let sensor_monitor forget it, or go on without it by substitute",
     )
 
 

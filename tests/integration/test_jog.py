@@ -34,6 +34,11 @@ def at_rest(stage: Stage) -> None:
     stage.until(lambda: abs(stage.states[-1].velocity[BOOM]) < 1e-3)
 
 
+def flat(text: str) -> str:
+    """What was shown, without the ends of lines."""
+    return " ".join(text.split())
+
+
 def commands(stage: Stage, since: int) -> list[tuple[float, float]]:
     return [(one.steady, one.commands["inner_boom"]) for one in stage.valves[since:]]
 
@@ -90,6 +95,14 @@ def test_the_line_shows_state_joint_and_position(stage: Stage, terminal: Termina
     stage.until(lambda: re.search(r"enabled +inner_boom \+0\.00 .* rad +speed 3", terminal.text))
     terminal.type("d")
     stage.until(lambda: "disable: disabled" in terminal.text)
+    enable(stage, terminal)
+
+
+def test_a_refusal_names_the_key_to_press(stage: Stage, terminal: Terminal) -> None:
+    terminal.type("x")
+    stage.until(lambda: stage.safety[0].startswith("emergency stop"))
+    terminal.type("e")
+    stage.until(lambda: re.search(r"not enabled: .*then press r\b", flat(terminal.text)))
     enable(stage, terminal)
 
 

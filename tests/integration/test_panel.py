@@ -81,6 +81,7 @@ def test_a_page_is_armed_by_the_token_enables_and_stops(
         reset = dict.fromkeys(("emergency stop", "fault"), "reset")
         until(lambda: brought(page, panel.token, "enabled", enable))
         until(lambda: brought(page, panel.token, "emergency stop", stop))
+        assert text(page, "remedy") == "make sure that the crane may move, then press Reset"
         until(lambda: brought(page, panel.token, "disabled", reset))
         assert page.evaluate("document.querySelectorAll('#faults li').length") >= 1
     stage.until(lambda: not stage.valves[-1].enabled)

@@ -107,7 +107,7 @@ def test_what_the_monitor_finds_in_jog_stops_the_crane(tmp_path: Path, stage: St
 
         stage.until(well)
         done, why = stage.call("enable")
-        assert not done and "call forget of sensor_monitor" in why
+        assert not done and "let sensor_monitor forget it" in why
 
 
 def test_a_model_without_hydraulics_is_refused(tmp_path: Path) -> None:

@@ -25,7 +25,7 @@ class LyingEncoders:
         old = set(told) if before else self._before & set(told)
         news = [
             News(Level.WARNING, f"{joint}: {told[joint]}, found before this driver began: not "
-                 "heeded; if it is not mended, mend it, then call forget of sensor_monitor")
+                 "heeded; if it is not mended, mend it, then let sensor_monitor forget it")
             for joint in sorted(old - self._before)
         ]  # fmt: skip
         faults = [
@@ -47,6 +47,6 @@ class LyingEncoders:
         if not wrong:
             return ""
         return (
-            f"{'; '.join(wrong)}; mend it and call forget of sensor_monitor, or go on without it "
+            f"{'; '.join(wrong)}; mend it and let sensor_monitor forget it, or go on without it "
             "by substitute"
         )

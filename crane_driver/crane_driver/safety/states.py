@@ -25,7 +25,7 @@ class SafetyState(StrEnum):
     ENABLED = "enabled"
     DEGRADED = (
         *("degraded", "a joint goes on by an estimate: speeds are limited"),
-        "mend its encoder, disable, then call substitute with an empty joint",
+        "mend its encoder, disable, then substitute an empty joint",
     )
     FAULT = "fault"  # ramped to neutral; latched until reset
     ESTOP = (  # neutral at once; latched until reset

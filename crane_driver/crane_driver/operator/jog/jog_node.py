@@ -17,11 +17,12 @@ from rclpy.task import Future
 from sensor_msgs.msg import JointState, Joy
 
 from crane_driver.operator.jog.jog_parameters import HOLD, JogParameters
-from crane_driver.operator.jog.keyboard import Keyboard, Request
+from crane_driver.operator.jog.keyboard import CONTROLS, Keyboard, Request
 from crane_driver.operator.jog.motion import Demand, JogMotion
 from crane_driver.operator.jog.screen import Screen, StatusLine
 from crane_driver.operator.jog.terminal import KeyTerminal, NoTerminal
 from crane_driver.operator.rhythm import COMMAND_PERIOD_S
+from crane_driver.operator.wording import by_hand
 from crane_interfaces.msg import DriverState, ValveCommand
 from crane_model.cli import command_line, run
 from crane_model.errors import CraneError
@@ -195,6 +196,7 @@ def _run(argv: Sequence[str], by_joystick: bool) -> None:
 
 
 def _jog(jog: Jog, terminal: KeyTerminal | NoTerminal, screen: Screen, stop: Stop) -> None:
+    controls = {} if isinstance(terminal, NoTerminal) else CONTROLS
     due = refresh = time.monotonic()
     while not stop.requested and not terminal.closed:
         typed = terminal.read(due - time.monotonic())
@@ -212,7 +214,7 @@ def _jog(jog: Jog, terminal: KeyTerminal | NoTerminal, screen: Screen, stop: Sto
         if now >= refresh:
             refresh = now + REFRESH
             for text in jog.news:
-                screen.say(text)
+                screen.say(by_hand(text, controls))
             jog.news.clear()
             screen.show(jog.shown())
 

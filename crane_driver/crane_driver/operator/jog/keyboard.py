@@ -36,6 +36,7 @@ REQUESTS = {
     STOP: Request.EMERGENCY_STOP,
     "q": Request.QUIT,
 }
+CONTROLS = {str(request): key for key, request in REQUESTS.items()}
 
 
 class Keyboard:

@@ -9,7 +9,6 @@ import asyncio
 import sys
 import time
 from collections.abc import Sequence
-from typing import Any
 
 from diagnostic_msgs.msg import DiagnosticArray, DiagnosticStatus, KeyValue
 from rclpy.executors import SingleThreadedExecutor
@@ -20,6 +19,7 @@ from crane_driver.operator.panel.asking import STOP, Asking, DriverAnswer
 from crane_driver.operator.panel.crane_watch import CraneWatch, wall_clock
 from crane_driver.operator.panel.pages import Page, Pages
 from crane_driver.operator.panel.panel_parameters import ADDRESS, NAMES, PARAMETERS, PORT
+from crane_driver.operator.panel.picture import Content, plain
 from crane_driver.operator.panel.web import Socket, listen
 from crane_model.cli import run
 from crane_nodes.command_line import check_arguments
@@ -75,10 +75,11 @@ class OperatorPanel(Node):
             self.get_logger().warning(f"{lost}; {self.pages.count} open")
             self._report_due = 0.0
 
-    async def stopped(self, address: str) -> dict[str, Any]:
+    async def stopped(self, address: str) -> Content:
         """A page without a line, as one that was refused, has pressed stop: the answer."""
         self.get_logger().info(f"{STOP}: asked by a page without a line from {address}")
-        return (await self.asking.stop())._asdict()
+        answer: Content = plain((await self.asking.stop())._asdict())
+        return answer
 
     def work(self) -> None:
         """Take what has come from ROS; tell pages and /diagnostics what is due."""
@@ -156,7 +157,7 @@ class _PageLine:
         self._socket.close(code, why)
         self.ended(why)
 
-    def show(self, picture: dict[str, Any]) -> None:
+    def show(self, picture: Content) -> None:
         """Send a picture of the crane."""
         self._socket.tell({"picture": picture, "armed": self.page.armed})
 
@@ -182,7 +183,7 @@ class _PageLine:
         self._panel.asking.ask(name, self._answered)
 
     def _answered(self, answer: DriverAnswer) -> None:
-        self._socket.tell(answer._asdict())
+        self._socket.tell(plain(answer._asdict()))
 
 
 ABOUT = """A page for the operator, in a browser: state, joints, pressures, faults, progress, and

@@ -4,23 +4,33 @@ import math
 from collections.abc import Sequence
 from typing import Any
 
+from crane_driver.operator.wording import by_hand
 from crane_model.machine import Machine
 
 OLDEST_READING_S = 0.5  # what is older is not shown as if it were so now
 SUPPLY, TANK = "supply", "tank"
+BUTTONS = {
+    "enable": "Enable",
+    "disable": "Disable",
+    "reset_fault": "Reset",
+    "emergency_stop": "Stop",
+}
+"""What the page calls them, by the service of the driver."""
 
 Content = dict[str, Any]
 
 
 def plain(content: Any) -> Any:
-    """`content` as JSON can have it: null for each number that is not finite."""
+    """`content` as the page can show it: null for each number that is not finite, and texts that
+    name buttons where the driver names services.
+    """
     if isinstance(content, dict):
         return {key: plain(value) for key, value in content.items()}
     if isinstance(content, list):
         return [plain(value) for value in content]
     if isinstance(content, float) and not math.isfinite(content):
         return None
-    return content
+    return by_hand(content, BUTTONS) if isinstance(content, str) else content
 
 
 class ShownReadings:

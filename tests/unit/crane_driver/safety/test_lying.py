@@ -39,7 +39,7 @@ def test_it_is_not_enabled_before_the_monitor_forgets() -> None:
     bench.it.lying(FOUND, before=False)
     reset(bench)
     assert state_of(bench) is SafetyState.DISABLED
-    with pytest.raises(RefusedError, match=r"inner_boom: its encoder: drift; mend it and call"):
+    with pytest.raises(RefusedError, match=r"inner_boom: its encoder: drift; mend it and let"):
         bench.it.enable(bench.now)
     bench.it.lying({"inner_boom": "its encoder: scale"}, before=False)  # looked at again
     assert state_of(bench) is SafetyState.DISABLED
