@@ -86,7 +86,7 @@ def identify_from_bags(machine: Controlled, *motions: Motion, average: bool = Tr
 def pd_dead_zone(machine: Controlled) -> PdDeadZone:
     """(36)."""
     gains = load_gains(machine_file("controller.yaml", machine.name), machine.machine)
-    return PdDeadZone(gains.arrays, machine.machine.units)
+    return PdDeadZone(gains.arrays)
 
 
 def controller(law: str, machine: Controlled, known: Known, scale: float = 1.0) -> Controller:

@@ -40,7 +40,7 @@ def controller(
     Joints that the hydraulics of `model` lack are led by (36). `ConfigurationError` if the name is
     none of `NAMES`, or the model does not have what it needs or is that of another machine.
     """
-    rest = PdDeadZone(gains, machine.units)
+    rest = PdDeadZone(gains)
     if name == PD_DEAD_ZONE:
         return rest
     if name not in OF_THE_MODEL:

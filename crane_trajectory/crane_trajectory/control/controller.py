@@ -117,6 +117,19 @@ def joint_command(
 
 
 @njit(cache=True)
+def gains_of(gains: GainArrays, i: int) -> GainFields[float]:
+    """Those of joint i, for compiled loops."""
+    return GainFields(
+        kp=gains.kp[i],
+        kd=gains.kd[i],
+        dead_zone_positive=gains.dead_zone_positive[i],
+        dead_zone_negative=gains.dead_zone_negative[i],
+        standstill_speed=gains.standstill_speed[i],
+        position_tolerance=gains.position_tolerance[i],
+    )
+
+
+@njit(cache=True)
 def _commands(
     gains: GainArrays,
     q: np.ndarray,
@@ -126,15 +139,7 @@ def _commands(
 ) -> np.ndarray:
     u = np.empty(len(q))
     for i in range(len(q)):
-        one = GainFields(
-            kp=gains.kp[i],
-            kd=gains.kd[i],
-            dead_zone_positive=gains.dead_zone_positive[i],
-            dead_zone_negative=gains.dead_zone_negative[i],
-            standstill_speed=gains.standstill_speed[i],
-            position_tolerance=gains.position_tolerance[i],
-        )
-        u[i] = joint_command(one, q[i], velocity[i], q_ref[i], velocity_ref[i])
+        u[i] = joint_command(gains_of(gains, i), q[i], velocity[i], q_ref[i], velocity_ref[i])
     return u
 
 

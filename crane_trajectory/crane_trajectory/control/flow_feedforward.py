@@ -21,7 +21,13 @@ from crane_model.model_file import Model
 from crane_trajectory.control.adaptation import WINDOW_FIELDS, begin
 from crane_trajectory.control.cycle import cycle
 from crane_trajectory.control.geometry import tables
-from crane_trajectory.control.interface import ControlCondition, Point, SensorReading, Wanted
+from crane_trajectory.control.interface import (
+    ControlCondition,
+    Point,
+    SensorReading,
+    Wanted,
+    conditions,
+)
 from crane_trajectory.control.load import ReferenceLoad
 from crane_trajectory.control.memory import HISTORY, STATE, CycleSetting, Memory
 from crane_trajectory.control.valves_and_oil import ValvesAndOil
@@ -150,4 +156,4 @@ class FlowFeedforward:
         """Of each joint, after the last command."""
         if not self._started:
             return (ControlCondition.NOT_INITIALISED,) * len(self.memory.state)
-        return tuple(ControlCondition(int(code)) for code in self.memory.state["condition"])
+        return conditions(self.memory.state["condition"])

@@ -84,6 +84,14 @@ WORDS = {
 }
 
 
+CONDITIONS = tuple(ControlCondition)
+
+
+def conditions(codes: np.ndarray) -> tuple[ControlCondition, ...]:
+    """By their numbers (j,)."""
+    return tuple([CONDITIONS[int(code)] for code in codes.tolist()])
+
+
 class Controller(Protocol):
     """Commands the valves of j joints in the machine's order.
 

@@ -1,19 +1,17 @@
 """`pd_dead_zone`: the controller (36) of the report behind the interface of all controllers."""
 
 import math
-from collections.abc import Mapping
 
 import numpy as np
+from numba import njit
 
-from crane_trajectory.control.controller import GainArrays, command
+from crane_trajectory.control.controller import GainArrays, gains_of, joint_command
 from crane_trajectory.control.cycle import BUMP, STOP_RATE
-from crane_trajectory.control.interface import ControlCondition, SensorReading, Wanted
+from crane_trajectory.control.interface import ControlCondition, SensorReading, Wanted, conditions
 
-SATURATED, FOLLOWING, AT_REST = (
-    ControlCondition.SATURATED,
-    ControlCondition.FOLLOWING,
-    ControlCondition.AT_REST,
-)
+SATURATED, FOLLOWING = int(ControlCondition.SATURATED), int(ControlCondition.FOLLOWING)
+AT_REST, NOT_MEASURED = int(ControlCondition.AT_REST), int(ControlCondition.NOT_MEASURED)
+NOT_INITIALISED = int(ControlCondition.NOT_INITIALISED)  # the first that stops
 
 
 class PdDeadZone:
@@ -21,44 +19,67 @@ class PdDeadZone:
 
     preview = 0.0
 
-    def __init__(self, gains: GainArrays, units: Mapping[str, str]):
-        """`units` of the joints, as their machine has them."""
-        self._gains, self._units = gains, units
-        self._bump: np.ndarray | None = None  # None until the first command
-        self._last = np.zeros(len(gains.kp))
+    def __init__(self, gains: GainArrays):
+        self._gains = gains
+        self._begun = False  # a command has been given since `start`
+        self._last, self._bump = np.zeros((2, len(gains.kp)))
+        self._codes = np.full(len(gains.kp), NOT_INITIALISED)
         self.by_model = np.zeros(len(gains.kp), dtype=bool)
-        self.conditions = (ControlCondition.NOT_INITIALISED,) * len(gains.kp)
 
     def start(self, command: np.ndarray) -> None:
         """Take over where `command` (j,) was in force, without a jump."""
-        self._last, self._bump = np.array(command, dtype=float), None
-        self.conditions = (AT_REST,) * len(self._last)
+        self._last[:], self._begun = command, False
+        self._codes[:] = AT_REST
 
     def command(self, dt: float, reading: SensorReading, wanted: Wanted) -> np.ndarray:
         """As `Controller` has it."""
-        now = wanted.now
-        inputs = reading.position, reading.velocity, now.position, now.velocity
-        if self._bump is None and not np.isfinite(reading.velocity).all():
-            return self._last  # the velocity filter has only begun
-        known = [bool(np.isfinite(one).all()) for one in np.transpose(inputs)]
-        if not all(known) and not any(one.stops for one in self.conditions):
-            self.conditions = tuple(
-                AT_REST if one else ControlCondition.NOT_MEASURED for one in known
+        if self._begun or np.isfinite(reading.velocity).all():  # else the filter has only begun
+            now = wanted.now
+            inputs = np.array([reading.position, reading.velocity, now.position, now.velocity])
+            self._begun = _cycle(
+                *(self._gains, dt, inputs, wanted.largest, self._begun),
+                *(self._last, self._bump, self._codes),
             )
-        if any(one.stops for one in self.conditions):
-            size = np.maximum(np.abs(self._last) - STOP_RATE * dt, 0.0)
-            self._last = np.copysign(size, self._last)
-            return self._last
-        asked = command(self._gains, *inputs, units=self._units)
-        if self._bump is None:
-            self._bump = self._last - asked
+        return self._last.copy()
+
+    @property
+    def conditions(self) -> tuple[ControlCondition, ...]:
+        """Of each joint, after the last command."""
+        return conditions(self._codes)
+
+
+@njit(cache=True)
+def _cycle(
+    gains: GainArrays,
+    dt: float,
+    inputs: np.ndarray,
+    largest: float,
+    begun: bool,
+    u: np.ndarray,
+    bump: np.ndarray,
+    codes: np.ndarray,
+) -> bool:
+    """Commands u (j,) that answer the inputs (4, j) of (36); whether one was given by (36)."""
+    stop = False
+    for code in codes:
+        stop |= code >= NOT_INITIALISED
+    if not stop and not np.isfinite(inputs).all():
+        for i in range(len(u)):
+            codes[i] = AT_REST if np.isfinite(inputs[:, i]).all() else NOT_MEASURED
+        stop = True
+    if stop:
+        for i in range(len(u)):
+            u[i] = math.copysign(max(abs(u[i]) - STOP_RATE * dt, 0.0), u[i])
+        return begun
+    for i in range(len(u)):
+        one = gains_of(gains, i)
+        q, velocity, q_ref, velocity_ref = inputs[0, i], inputs[1, i], inputs[2, i], inputs[3, i]
+        asked = joint_command(one, q, velocity, q_ref, velocity_ref)
+        bump[i] = bump[i] * math.exp(-dt / BUMP) if begun else u[i] - asked
+        u[i] = min(max(asked + bump[i], -largest), largest)
+        if abs(u[i]) >= largest:
+            codes[i] = SATURATED
         else:
-            self._bump *= math.exp(-dt / BUMP)
-        largest = wanted.largest
-        self._last = np.clip(asked + self._bump, -largest, largest)
-        moves = (now.velocity != 0.0) | (np.abs(asked) > self._gains.position_tolerance)
-        self.conditions = tuple(
-            SATURATED if abs(u) >= largest else FOLLOWING if moving else AT_REST
-            for u, moving in zip(self._last, moves, strict=True)
-        )
-        return self._last
+            moves = velocity_ref != 0.0 or abs(q_ref - q) > one.position_tolerance
+            codes[i] = FOLLOWING if moves else AT_REST
+    return True

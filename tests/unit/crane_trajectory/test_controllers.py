@@ -56,7 +56,7 @@ def reading(position: float, velocity: float) -> SensorReading:
 
 
 def test_36_is_itself_when_its_start_is_over() -> None:
-    made, at = PdDeadZone(GAINS, MACHINE.units), swing(0.7)
+    made, at = PdDeadZone(GAINS), swing(0.7)
     made.start(np.array([0.3]))
     first = made.command(DT, reading(0.0, 0.01), Wanted(at, at))
     assert first[0] == pytest.approx(0.3)
@@ -67,7 +67,7 @@ def test_36_is_itself_when_its_start_is_over() -> None:
 
 
 def test_36_waits_for_a_velocity_and_stops_where_it_is_lost() -> None:
-    made, at = PdDeadZone(GAINS, MACHINE.units), swing(0.7)
+    made, at = PdDeadZone(GAINS), swing(0.7)
     assert not made.command(DT, reading(0.0, 0.0), Wanted(at, at)).any()
     assert made.conditions == (ControlCondition.NOT_INITIALISED,)
     made.start(ZERO)
@@ -219,7 +219,7 @@ def test_joints_without_hydraulics_are_led_by_36_and_both_stop_together() -> Non
         u = made.command(DT, shown, Wanted(at, at))
     led = [crane.joint_names.index(joint) for joint in there]
     lone = [k for k in range(len(still)) if k not in led]
-    pd = PdDeadZone(gains, crane.units)
+    pd = PdDeadZone(gains)
     pd.start(zero)
     for _ in range(50):
         expected = pd.command(DT, shown, Wanted(at, at))
