@@ -83,6 +83,8 @@ def test_the_answering_process_sees_neither_labels_nor_what_made_them(finished):
         "open(folders.bags / '..' / label)",
         "list(folders.top.iterdir())",
         "import crane_sim.plant.plant",
+        "import crane_benchmark.away.families",
+        "import crane_benchmark.away.plant",
         "import crane_benchmark.cases.case_sets",
         "import crane_benchmark.cases.session",
     )

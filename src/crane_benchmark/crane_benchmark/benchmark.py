@@ -29,6 +29,8 @@ COUNTS = {
     CaseSet.SCORING: 96,
     CaseSet.FORMER: 96,
     CaseSet.STRANGERS: 12,
+    CaseSet.AWAY: 60,
+    CaseSet.AWAY_CLEAN: 40,
 }
 BATCH = 8  # cases whose bags are on the disk at once, 1 GB
 

@@ -30,7 +30,7 @@ from crane_model.model_file import save_model
 
 LEVELS = np.linspace(0.0, 1.0, 101)  # of the quantiles of the bootstrap
 DIGITS = 4
-KNOWING = ("crane_sim", "crane_benchmark.cases", "crane_benchmark.scores")
+KNOWING = ("crane_sim", *(f"crane_benchmark.{one}" for one in ("away", "cases", "scores")))
 
 
 @dataclass(frozen=True)

@@ -32,6 +32,13 @@ class Story(StrEnum):
     NOTHING = "nothing"
 
 
+class Site(StrEnum):
+    """Whose machine makes the recordings of a case."""
+
+    HOME = "home"  # the stand-in machine, which the diagnosis grew up with
+    AWAY = "away"  # one of other make, with families of laws of its own
+
+
 class World(StrEnum):
     """Where a case comes from."""
 
@@ -49,7 +56,7 @@ class Carried(StrEnum):
 
 
 class EffectToHide(Schema):
-    """An effect to hide in a form of the stand-in machine."""
+    """An effect to hide in a form that the machines of its site have."""
 
     model_config = ConfigDict(use_attribute_docstrings=True)
 
@@ -58,7 +65,7 @@ class EffectToHide(Schema):
     joint: str | None
     """The joint; null: the whole machine."""
     form: str
-    """Law that it follows in the stand-in machine."""
+    """Law that it follows in the machine."""
     strength: float
     """Rms of its force over that of the drive, that is asked for [-]."""
     parameters: dict[str, float] = {}
@@ -84,6 +91,7 @@ class Case(Schema):
 
     name: str  # tells nothing
     kind: CaseKind
+    site: Site = Site.HOME
     seed: tuple[int, int]
     effects: tuple[EffectToHide, ...] = ()
     excitation: Richness = Richness.RICH

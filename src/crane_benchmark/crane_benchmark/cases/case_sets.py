@@ -1,14 +1,16 @@
 """Which cases a set holds: what is hidden in each, how strong, and how well it is excited."""
 
 import hashlib
+from collections.abc import Iterator
 from enum import StrEnum
 
 import numpy as np
 
-from crane_benchmark.cases.case import Case, CaseKind, EffectToHide
+from crane_benchmark.cases.case import Case, CaseKind, EffectToHide, Site, World
 from crane_benchmark.cases.drawn import drawn, in_any_form
 from crane_benchmark.cases.joints import PLANAR_JOINTS
 from crane_benchmark.cases.motions import Richness
+from crane_benchmark.cases.sites import LAWS
 from crane_benchmark.cases.strangers import field, stranger
 
 STRENGTHS = (0.005, 0.01, 0.02, 0.04, 0.08)  # of single effects: rms over that of the drive force
@@ -27,6 +29,8 @@ class CaseSet(StrEnum):
     SCORING = "scoring"  # once for each set of thresholds
     FORMER = "former"  # scored with the thresholds before these; for tuning since
     STRANGERS = "strangers"  # in the field: what a diagnosis once got wrong there
+    AWAY = "away"  # of machines of other make, half in the field
+    AWAY_CLEAN = "away_clean"  # the same, nothing hidden
 
 
 SEEDS = {
@@ -35,6 +39,8 @@ SEEDS = {
     CaseSet.FORMER: 5,
     CaseSet.SCORING: 6,
     CaseSet.STRANGERS: 7,
+    CaseSet.AWAY: 8,
+    CaseSet.AWAY_CLEAN: 9,
 }
 """Before new thresholds are frozen, the scoring set becomes the former one and gets a new seed."""
 
@@ -46,6 +52,13 @@ SHARES = {
     CaseKind.INSUFFICIENT: 0.05,
     CaseKind.SINGLE: 0.35,
 }
+AWAY_SHARES = {
+    CaseKind.NOTHING: 0.2,
+    CaseKind.OUTSIDE: 0.15,
+    CaseKind.PAIR: 0.15,
+    CaseKind.SINGLE: 0.5,
+}
+COLD = ("warm_up",)  # effects of the first minutes, that recordings of a session do not show
 
 
 def cases(which: CaseSet, count: int) -> list[Case]:
@@ -55,6 +68,10 @@ def cases(which: CaseSet, count: int) -> list[Case]:
         made = [stranger(_name(seed), seed) for seed in seeds]
     elif which is CaseSet.CALIBRATION:
         made = [_null(seed) for seed in seeds]
+    elif which is CaseSet.AWAY_CLEAN:
+        made = [_null(seed).model_copy(update={"site": Site.AWAY}) for seed in seeds]
+    elif which is CaseSet.AWAY:
+        made = _away(seeds)
     else:
         made = _hiding(seeds)
     return sorted(made, key=lambda case: case.name)
@@ -66,8 +83,11 @@ def with_others(case: Case, number: int) -> Case:
         told = stranger(case.name, case.seed, number)
         return told.model_copy(update={"excitation": case.excitation})
     rng = np.random.default_rng([20261121, *case.seed, number])
-    others = drawn(rng, case.kind is CaseKind.OUTSIDE, [one.strength for one in case.effects])
+    strengths = [one.strength for one in case.effects]
+    others = drawn(rng, case.kind is CaseKind.OUTSIDE, strengths, LAWS[case.site])
     old = {one.effect for one in case.effects}
+    if case.world is World.FIELD:
+        old.update(COLD)
     effects: list[EffectToHide] = []
     for wanted in case.effects:
         other = next(one for one in others if one.effect not in old)
@@ -105,8 +125,7 @@ def _hiding(seeds: list[tuple[int, int]]) -> list[Case]:
         elif kind is CaseKind.OUTSIDE:
             effects = (next(outside),)
         elif kind is CaseKind.PAIR:
-            first = next(pair)
-            effects = (first, next(one for one in pair if one.effect != first.effect))
+            effects = _two(pair)
         elif kind is CaseKind.CLASS and seed[1] % 2:
             effects = (in_any_form(rng, "pressure_offset", "telescope", PAIR),)
         elif kind is CaseKind.INSUFFICIENT:
@@ -123,6 +142,35 @@ def _hiding(seeds: list[tuple[int, int]]) -> list[Case]:
             )
         )
     return out
+
+
+def _away(seeds: list[tuple[int, int]]) -> list[Case]:
+    """Cases of machines of other make in their shares, every other one of the field."""
+    rng, laws = np.random.default_rng([20261121, seeds[0][0]]), LAWS[Site.AWAY]
+    kinds = [kind for kind, n in apportioned(AWAY_SHARES, len(seeds)).items() for _ in range(n)]
+    single, pair = drawn(rng, False, STRENGTHS, laws), drawn(rng, False, (PAIR,), laws)
+    outside = drawn(rng, True, UNKNOWN, laws)
+    out = []
+    for seed, kind in zip(seeds, kinds, strict=True):
+        effects: tuple[EffectToHide, ...] = ()
+        if kind is CaseKind.SINGLE:
+            effects = (next(single),)
+        elif kind is CaseKind.OUTSIDE:
+            effects = (next(outside),)
+        elif kind is CaseKind.PAIR:
+            effects = _two(pair)
+        designed = seed[1] % 2 == 0 or any(one.effect in COLD for one in effects)
+        special = {} if designed else field(np.random.default_rng([20261121, *seed]))
+        out.append(
+            Case(name=_name(seed), kind=kind, site=Site.AWAY, seed=seed, effects=effects, **special)
+        )
+    return out
+
+
+def _two(pair: Iterator[EffectToHide]) -> tuple[EffectToHide, EffectToHide]:
+    """The next of them, and the next of another kind."""
+    first = next(pair)
+    return first, next(one for one in pair if one.effect != first.effect)
 
 
 def _name(seed: tuple[int, int]) -> str:

@@ -1,26 +1,30 @@
 """Effects to hide, drawn from all that the stand-in machine can hide."""
 
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from itertools import cycle
 
 import numpy as np
 
 from crane_benchmark.cases.case import Carried, EffectToHide
 from crane_benchmark.cases.joints import LABORATORY_CRANE
+from crane_sim.effects.form import Form
 from crane_sim.effects.forms import FORMS
+
+Laws = Mapping[str, Sequence[Form]]
+"""Effect to the laws of it."""
 
 ABSORBED = ("pressure_gain",)  # by the masses: no data without a known weight show it
 LOAD = "payload"  # in all recordings it would be a link's mass
 
 
 def drawn(
-    rng: np.random.Generator, outside: bool, strengths: Sequence[float]
+    rng: np.random.Generator, outside: bool, strengths: Sequence[float], laws: Laws = FORMS
 ) -> Iterator[EffectToHide]:
     """Effects on joints in random order, each as often as any other, at all strengths in turn."""
     places = sorted(
         {
             (form.effect, joint or "")
-            for forms in FORMS.values()
+            for forms in laws.values()
             for form in forms
             if form.outside is outside and form.effect not in ABSORBED
             for joint in form.where.joints(LABORATORY_CRANE) or (None,)
@@ -30,16 +34,20 @@ def drawn(
     while True:
         for place in rng.permutation(len(places)):
             effect, joint = places[place]
-            yield in_any_form(rng, effect, joint or None, next(strength))
+            yield in_any_form(rng, effect, joint or None, next(strength), laws)
 
 
 def in_any_form(
-    rng: np.random.Generator, effect: str, joint: str | None, strength: float
+    rng: np.random.Generator,
+    effect: str,
+    joint: str | None,
+    strength: float,
+    laws: Laws = FORMS,
 ) -> EffectToHide:
     """The effect in any of its forms that can act there."""
     forms = [
         form.name
-        for form in FORMS[effect]
+        for form in laws[effect]
         if joint is None or joint in form.where.joints(LABORATORY_CRANE)
     ]
     return EffectToHide(

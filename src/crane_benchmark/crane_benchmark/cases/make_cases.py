@@ -13,6 +13,7 @@ from crane_benchmark.cases.case_sets import CaseSet, cases, with_others
 from crane_benchmark.cases.clean import save_clean
 from crane_benchmark.cases.motions import Maker, Richness
 from crane_benchmark.cases.session import TRAIN, VALIDATE, recordings
+from crane_benchmark.cases.sites import drawn_effects, drawn_machine
 from crane_benchmark.folders import Folders, done, new, write_json
 from crane_benchmark.work import in_processes
 from crane_model.errors import CraneError, RangeError
@@ -20,17 +21,13 @@ from crane_model.machine import load_machine
 from crane_model.machine_files import machine_file
 from crane_model.model_file import Model, load_model, save_model
 from crane_sim.effects.form import Planted
-from crane_sim.hiding.calibrate import calibrate
+from crane_sim.hiding.calibrate import reach
 from crane_sim.hiding.label import label
-from crane_sim.hiding.spec import HiddenEffect, Spec
 from crane_sim.make_bag import make
-from crane_sim.parts.parameters import load_stand_in
-from crane_sim.parts.variation import vary, vary_valves
 from crane_trajectory.control.controller import load_gains
 from crane_trajectory.motion.check import load_clearance
 from crane_trajectory.motion.motion import Motion
 
-SPREAD = 0.15  # of the machines' parameters
 WEAKER_FACTOR = 0.5  # what is asked for next of an effect that cannot be so strong
 ATTEMPTS = 4
 REDRAWN = 4  # times as many, with other effects
@@ -77,9 +74,7 @@ def _make(job: MakingJob, attempt: int) -> None:
     machine = load_machine()
     gains = load_gains(machine_file("controller.yaml"), machine)
     clearance = load_clearance(machine_file("clearance.yaml"))
-    stand_in = vary(load_stand_in(), of_machine, SPREAD)
-    if case.spools:
-        stand_in = vary_valves(stand_in, machine, of_machine)
+    stand_in, build = drawn_machine(case, machine, of_machine)
     maker = Maker(np.random.default_rng(of_motions), machine, stand_in.start, clearance)
     if case.excitation is Richness.POOR:
         train, validate = maker.poor()
@@ -92,9 +87,8 @@ def _make(job: MakingJob, attempt: int) -> None:
         measured = train[:1]
 
     def planted(effects: tuple[EffectToHide, ...], motion: Motion) -> tuple[Planted, ...]:
-        hidden = tuple(HiddenEffect(**one.model_dump(exclude={"carried"})) for one in effects)
-        spec = Spec(seed=of_effects, effects=hidden)
-        return calibrate(spec, machine, stand_in, replace(motion, periods=1), gains)
+        drawn = drawn_effects(case.site, effects, stand_in, of_effects)
+        return reach(drawn, machine, stand_in, replace(motion, periods=1), gains, build)
 
     effects, found = _strongest(planted, case.effects, measured)
     case = case.model_copy(update={"effects": effects})
@@ -109,7 +103,9 @@ def _make(job: MakingJob, attempt: int) -> None:
         for seed, one in enumerate(recordings(rng, case, train, validate), of_sensors):
             there, name = one.present(found), f"{one.part}-{one.number}"
             bag = bags / one.part / str(one.number)
-            clean = make(bag, machine, stand_in, one.motion, gains, seed, there, one.moment)
+            clean = make(
+                bag, machine, stand_in, one.motion, gains, seed, there, one.moment, build=build
+            )
             hidden = HiddenInRecording(effects=label(there, clean, machine))
             hidden.write(sealed / f"{name}.json")
             save_clean(sealed / f"{name}.npz", clean)
