@@ -16,7 +16,6 @@ MODULUS = (1.2e9, 1.6e9)  # Pa, of the oil without pressure: with its air it sta
 AIR = (2e-4, 1.5e-3)  # share of the volume at atmospheric pressure
 STIFFENING = (3.0, 8.0)  # Pa per Pa
 PUMP_LAG = (5e-3, 1.5e-2)  # s
-OVERLAP = (0.9, 1.0)  # of each edge, over that of its valve
 
 
 def drawn_away(stand_in: StandIn, machine: Machine, seed: int) -> tuple[StandIn, Build]:
@@ -29,6 +28,5 @@ def drawn_away(stand_in: StandIn, machine: Machine, seed: int) -> tuple[StandIn,
         air=float(rng.uniform(*AIR)),
         stiffening=float(rng.uniform(*STIFFENING)),
         pump_lag=float(rng.uniform(*PUMP_LAG)),
-        edges=tuple(rng.uniform(*OVERLAP, 4 * len(machine.joint_names)).tolist()),
     )
     return drawn, partial(AwayPlant, drawn, machine, make)

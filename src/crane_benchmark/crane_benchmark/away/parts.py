@@ -21,7 +21,6 @@ class Make(NamedTuple):
     air: float  # share of the volume at atmospheric pressure
     stiffening: float  # of the oil, Pa per Pa
     pump_lag: float  # s, in which the pump's delivery follows its controller
-    edges: tuple[float, ...] = ()  # overlap of each of 4 j edges over the stand-in's; (): 1 each
 
 
 class AwaySupply(NamedTuple):
@@ -85,7 +84,6 @@ def pack_away(parameters: StandIn, machine: Machine, make: Make) -> AwayParts:
     null = sense * np.array([one.null_bias for one in valves])
     ways = np.array([1.0, -1.0, -1.0, 1.0])  # of the spool, that open each edge
     overlap = np.array([one.dead_zone for one in valves])[:, np.newaxis] + np.outer(null, ways)
-    overlap *= np.reshape(make.edges or np.ones(4 * len(joints)), (len(joints), 4))
     supply, hydraulics = parameters.supply, machine.hydraulics
     return AwayParts(
         kind=np.array([one.kind for one in linkages]),

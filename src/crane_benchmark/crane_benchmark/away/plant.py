@@ -15,7 +15,7 @@ from crane_model.machine import Machine
 from crane_sim.effects.form import Planted
 from crane_sim.parts.parameters import StandIn
 
-BODIES_STEP = 1e-3  # s, at most, in which inertia and bias are held
+BODIES_STEP = 2.5e-3  # s, at most, in which inertia and bias are held
 OIL_STEP = 1e-4  # s, at most
 
 
@@ -54,7 +54,7 @@ class AwayPlant:
             push=np.zeros(joints),
         )
         self.acceleration = np.zeros(joints)
-        """(j,) mean over the last millisecond [rad/s2, m/s2]."""
+        """(j,) mean while the bodies were last held [rad/s2, m/s2]."""
 
     def advance(self, command: np.ndarray, duration: float) -> None:
         """Run for `duration` [s] with spool commands (j,) in -1..1; positive moves a joint up.

@@ -1,7 +1,7 @@
 """Steps of valves, oil, bristles and joints of the other make.
 
-MuJoCo gives inertia and bias in the middle of some steps; within them oil and friction move on,
-ten times as fast: pressures by exponential Euler, velocities before positions.
+MuJoCo gives inertia and bias in the middle of some steps; within them oil and friction move on
+in much shorter ones: pressures by exponential Euler, velocities before positions.
 """
 
 import math
