@@ -5,33 +5,35 @@ from dataclasses import dataclass, replace
 
 from crane_model.model_file import Model
 from crane_observer.position.state import Trust
-from crane_observer.scale.kinds import DRY, SLOW, STICK, VISCOUS, ZERO
+from crane_observer.scale.kinds import CARRIED, DRY, SLOW, STICK, VISCOUS, ZERO
 
-SHARPER = 1.3  # power of the share that the position sensor trusts less: no flow is used here
+SHARPER = 2.0  # power of the share that the position sensor trusts less: no flow is used here
 
 
 @dataclass(frozen=True)
 class ModelDoubt:
     """Standard deviations, and for how long errors stay; of a model that deserves little trust."""
 
-    zero: float = 0.25e5  # Pa, of the piston's force, for as long as anybody weighs
-    slow: float = 0.35e5  # Pa, the same, for a while
-    slow_stays: float = 5.0  # s
-    dry: float = 0.15  # of dry friction
-    viscous: float = 0.1  # of viscous friction
-    friction_stays: float = 60.0  # s
+    zero: float = 0.3e5  # Pa, of the piston's force, for as long as anybody weighs
+    slow: float = 0.15e5  # Pa, the same, for a while
+    slow_stays: float = 8.0  # s
+    dry: float = 0.07  # of dry friction
+    viscous: float = 0.07  # of viscous friction
+    friction_stays: float = 300.0  # s
+    carried: float = 0.03  # of the force that a joint carries, by which friction grows
     held: float = 1.0  # of dry friction where a joint stands: anywhere
     creep: float = 1.0  # of it, by which it may be elsewhere in each window
-    noise: float = 0.4e5  # Pa, of a window, of the piston's force
-    inertia: float = 0.05  # of the force that accelerates
+    noise: float = 0.2e5  # Pa, of a window, of the piston's force
+    sensors: float = 2e3  # Pa, the same, by noise of the readings
+    inertia: float = 0.1  # of the force that accelerates: encoders tell acceleration badly
     tool: float = 1.0  # kg, of what the model has at the tip
-    drift: float = 0.3  # kg/sqrt(s), of a load that nobody changes
+    drift: float = 0.05  # kg/sqrt(s), of a load that nobody changes
 
     @classmethod
     def of(cls, model: Model) -> "ModelDoubt":
         """As far as the model deserves it, as the position sensor judges it."""
         share = (Trust.of(model).dry / Trust().dry) ** SHARPER
-        blamed = ("zero", "slow", "dry", "viscous", "noise", "inertia", "tool", "drift")
+        blamed = ("zero", "slow", "dry", "viscous", "carried", "noise", "tool", "drift")
         full = cls()
         return replace(full, **{name: share * getattr(full, name) for name in blamed})
 
@@ -44,4 +46,5 @@ class ModelDoubt:
             DRY: (self.dry, self.friction_stays),
             VISCOUS: (self.viscous, self.friction_stays),
             STICK: (self.held, math.inf),
+            CARRIED: (self.carried, math.inf),
         }

@@ -1,11 +1,13 @@
 """The load and what the model is wrong about, from one window after another.
 
-    tau = tau_0 + (m + t) h_m + s h_s + d D + e V + B (z + b)
+    tau = tau_0 + (m + t) h_m + s h_s + d D + e V + c C + B (z + b)
 
 with the balance of `crane_observer.scale.balance`; t is what was tared, z and b are errors of the
 pistons' forces that stay and that come and go, as of pressures B in the chambers A; D is dry
-friction in the direction of motion and V viscous friction, d and e how wrong they are. A joint that
-stands has its dry friction anywhere between both directions, and elsewhere in each window.
+friction in the direction of motion and V viscous friction, d and e how wrong they are; C is what a
+joint carries, the load too, in the direction of motion: by c of it dry friction grows, which (13)
+does not know. A joint that stands has its dry friction anywhere between both directions, and
+elsewhere in each window.
 """
 
 from typing import NamedTuple
@@ -16,7 +18,7 @@ from crane_model.array import Array, Flags
 from crane_observer.position.kalman import correct, relax
 from crane_observer.scale.balance import TipBalance
 from crane_observer.scale.doubt import ModelDoubt
-from crane_observer.scale.kinds import DRY, KINDS, SLOW, STICK, VISCOUS, ZERO
+from crane_observer.scale.kinds import CARRIED, DRY, KINDS, SLOW, STICK, VISCOUS, ZERO
 
 MASS, MOMENT, TARE = range(3)
 HEAVY = 100.0  # kg, standard deviation of a load of which nothing is known
@@ -98,14 +100,18 @@ class LoadFilter:
         H[rows, self.of(DRY).start + rows] = np.where(window.moving, dry, 0.0)
         H[rows, self.of(VISCOUS).start + rows] = one.viscous
         H[rows, self.of(STICK).start + rows] = np.where(window.standing, range_, 0.0)
+        carried = one.asked - one.viscous - one.inertial + self.x[MASS] * one.mass
+        by_load = np.where(window.moving, np.sign(dry * carried), 0.0)
+        H[rows, self.of(CARRIED).start + rows] = by_load * carried
         known = one.asked + np.where(window.moving, dry, middle)
         own = np.abs(one.by_pressure).sum(axis=1)
-        variance = (own * doubt.noise) ** 2 + (doubt.inertia * one.inertial) ** 2
-        variance += window.doubt**2
+        variance = own**2 * (doubt.noise**2 + doubt.sensors**2) + window.doubt**2
+        variance += (doubt.inertia * one.inertial) ** 2
         variance += np.where(window.moving, 0.0, range_**2) * np.where(
             window.standing, doubt.creep**2, 1.0
         )
         innovation = one.force - known - H @ self.x
+        H[:, MASS] += self.x[self.of(CARRIED)] * by_load * one.mass
         told = np.isfinite(innovation + variance)
         return H[told], innovation[told], variance[told]
 

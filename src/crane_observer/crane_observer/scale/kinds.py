@@ -1,4 +1,4 @@
 """The kinds of states that each joint has in a `LoadFilter`."""
 
-ZERO, SLOW, DRY, VISCOUS, STICK = range(5)
-KINDS = 5
+ZERO, SLOW, DRY, VISCOUS, STICK, CARRIED = range(6)
+KINDS = 6

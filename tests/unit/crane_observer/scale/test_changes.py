@@ -7,6 +7,7 @@ from crane_observer.scale.balance import TipBalance
 from crane_observer.scale.changes import Changes
 from crane_observer.scale.doubt import ModelDoubt
 from crane_observer.scale.filter import MASS, Balanced
+from crane_observer.scale.kinds import CARRIED
 
 HOP = 0.15  # s
 DRY = np.array([800.0, 520.0, 720.0])  # N m, N
@@ -76,3 +77,20 @@ def test_a_window_that_nothing_explains_changes_no_load() -> None:
     for k in range(10):
         assert not changes.add(1e3 + (k + 1) * HOP, window(60.0, 1.0, 0.0, rng))
     assert changes.filter.x[MASS] == pytest.approx(60.0, abs=2.0)
+
+
+@pytest.mark.parametrize("grows", [0.0, 0.03, 0.06])
+def test_friction_that_grows_with_the_load_is_learnt_and_not_weighed(grows: float) -> None:
+    """The outer boom is moved up and down with loads, in turn; none counts as heavier."""
+    rng, changes = np.random.default_rng(3), Changes(ModelDoubt(), 3)
+    known, loads, own = [], [0.0, 120.0, 0.0, 60.0], 80.0 * BY_MASS
+    for number, load in enumerate(loads):
+        for k, direction in enumerate([0.0] * STANDING + [1.0] * MOVING + [-1.0] * MOVING):
+            one = window(load, direction, 0.0, rng)
+            more = own + grows * np.array([0.0, direction, 0.0]) * (own + BY_MASS * load)
+            balance = one.balance._replace(force=one.balance.force + more, asked=own)
+            changes.add(100.0 * number + HOP * k, one._replace(balance=balance))
+        known.append(float(changes.filter.x[MASS]))
+    assert known == pytest.approx(loads, abs=1.5)
+    learnt = changes.filter.x[changes.filter.of(CARRIED)][1]
+    assert learnt == pytest.approx(grows, abs=0.02)
