@@ -2,6 +2,7 @@
 
 from collections.abc import Sequence
 from io import StringIO
+from pathlib import Path
 
 import numpy as np
 import pytest
@@ -10,9 +11,10 @@ from rich.console import Console
 from crane_benchmark.answers.answer_file import AnswerStatistics
 from crane_benchmark.cases.case import Case, Story
 from crane_benchmark.cases.case_sets import STRENGTHS, CaseSet, cases
-from crane_benchmark.measured import MeasuredFigures
-from crane_benchmark.scores import figures, published
+from crane_benchmark.measured import MeasuredFigures, MeasuredRow, write
+from crane_benchmark.scores import figures, home_and_away, published
 from crane_benchmark.scores.calibration import agreement, together
+from crane_benchmark.scores.home_and_away import side_by_side
 from crane_benchmark.scores.judgement import AND_MORE, BlindAnswer, Judgement
 from crane_benchmark.scores.printed import notes, tables
 from crane_benchmark.scores.rates import median, rate
@@ -142,3 +144,34 @@ def test_what_became_of_each_story_is_told():
     console = Console(width=144, record=True, file=StringIO())
     console.print(*tables(found))
     assert "a load, on and off" in console.export_text()
+
+
+def published_of(tmp_path: Path, which: CaseSet, count: int) -> MeasuredFigures:
+    published.write(
+        tmp_path / f"{which}.json", summary([made_up(c) for c in cases(which, count)]), which
+    )
+    return MeasuredFigures.read(tmp_path / f"{which}.json")
+
+
+def test_sets_stand_side_by_side(tmp_path, capsys):
+    home = published_of(tmp_path, CaseSet.TUNING, 60)
+    away = published_of(tmp_path, CaseSet.AWAY, 40)
+    assert away.command == "ros2 run crane_benchmark discrepancy --set away --cases 40"
+    rows = {row.shown[0]: row.shown for row in side_by_side({"home": home, "away": away})}
+    alarms = rows["nothing hidden: false alarms"]
+    assert alarms[2].startswith("0\xa0% [0\xa0%,") and alarms[2].endswith("of 15")
+    assert alarms[3].endswith("of 8")
+    assert rows["twins: class"][3] == "–"
+    files = [f"{name}={tmp_path / name}.json" for name in ("tuning", "away")]
+    assert home_and_away.main([*files, "--out", str(tmp_path / "both.json")]) == 0
+    assert "away, 40 cases" in capsys.readouterr().out
+    written = MeasuredFigures.read(tmp_path / "both.json")
+    assert {row.shown[0] for row in written.rows} == set(rows)
+
+
+def test_what_is_no_set_is_refused(tmp_path, capsys):
+    assert home_and_away.main(["away"]) == 1
+    assert "NAME=FILE" in capsys.readouterr().err
+    write(tmp_path / "other.json", "make bench", [MeasuredRow(cells=["a", "b", "c"])])
+    assert home_and_away.main([f"away={tmp_path / 'other.json'}"]) == 1
+    assert "has written" in capsys.readouterr().err

@@ -4,21 +4,25 @@ from collections.abc import Iterator, Mapping
 from pathlib import Path
 
 from crane_benchmark import measured
+from crane_benchmark.cases.case_sets import CaseSet
 from crane_benchmark.measured import MeasuredRow
 from crane_benchmark.scores.judgement import OURS
 from crane_benchmark.scores.printed import MEDIANS, TARGETS
 from crane_benchmark.scores.rates import Interval, Median, Rate
 from crane_benchmark.scores.summary import BenchmarkSummary, MethodRates
 
-COMMAND = "make discrepancy-benchmark"
+COMMAND = "make discrepancy-benchmark"  # of the scoring set
+OF_A_SET = "ros2 run crane_benchmark discrepancy --set {} --cases {}"
 NO_CASE = "–"
 
 
-def write(path: Path, summary: BenchmarkSummary) -> None:
+def write(path: Path, summary: BenchmarkSummary, which: CaseSet = CaseSet.SCORING) -> None:
     """Write the figures of a set to `path`, by the summary of its results."""
+    scoring = which is CaseSet.SCORING
+    command = COMMAND if scoring else OF_A_SET.format(which.value, summary.cases)
     others = [name for name in summary.methods if name != OURS]
     columns = (f"{summary.cases} cases", "target", OURS, *others)
-    measured.write(path, COMMAND, list(rows(summary)), columns)
+    measured.write(path, command, list(rows(summary)), columns)
 
 
 def rows(summary: BenchmarkSummary) -> Iterator[MeasuredRow]:

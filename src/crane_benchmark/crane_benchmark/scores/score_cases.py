@@ -11,6 +11,7 @@ import numpy as np
 from rich.console import Console
 
 from crane_benchmark.answers.answer_file import CaseAnswer
+from crane_benchmark.cases.case_sets import CaseSet
 from crane_benchmark.folders import ANSWER, ROW, Folders, done, new
 from crane_benchmark.scores import figures, frozen, published
 from crane_benchmark.scores.judgement import OURS, BlindAnswer, Judgement, judge
@@ -120,7 +121,7 @@ def main(argv: Sequence[str] | None = None) -> int:
     found, thresholds = summary(scored), frozen.digest(frozen.state())
     BenchmarkResults(thresholds=thresholds, summary=found, cases=scored).write(folders.results)
     figures.write(folders.scores, scored)
-    published.write(folders.scores / "figures.json", found)
+    published.write(folders.scores / "figures.json", found, CaseSet(folders.top.name))
     console = Console(width=WIDTH)
     console.print(*tables(found))
     console.print(*notes(), sep="\n", highlight=False)
