@@ -1,7 +1,7 @@
 # make demo    the whole suite at work, results in runs/demo; MACHINE=... names another machine,
 #              VIEW=1 shows it in a browser meanwhile
 # make view, make pictures, make tables   large packages that few commands need: the live view
-#              (crane_viewer viewer), the crane drawn (crane_sim picture, view), CSV and Parquet
+#              (crane_viewer viewer), the crane drawn (crane_sim film, picture, view), CSV and Parquet
 # make test    all tests
 # make discrepancy-benchmark   how often `diagnose` is right about hidden effects, in runs/
 # make observer-benchmark   positions without encoders, and sensors that lie, in runs/observer; hours

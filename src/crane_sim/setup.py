@@ -6,6 +6,7 @@ from setuptools import find_packages, setup
 
 PACKAGE = "crane_sim"
 TOOLS = {  # they run without ROS
+    "film": "crane_sim.drawing.film:main",
     "make_bag": "crane_sim.make_bag:main",
     "picture": "crane_sim.drawing.picture:main",
     "planted": "crane_sim.planted:main",
@@ -38,6 +39,7 @@ setup(
         "crane_model",
         "crane_nodes",
         "crane_trajectory",
+        "matplotlib",
         "mujoco",
         "numba",
         "numpy",

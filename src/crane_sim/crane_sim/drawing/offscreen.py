@@ -1,6 +1,7 @@
 """Pictures of a scene, drawn without a display."""
 
-from typing import Any
+from types import TracebackType
+from typing import Any, Self
 
 import mujoco
 import numpy as np
@@ -30,30 +31,57 @@ def gl_context(width: int, height: int) -> Any:
     return context
 
 
-def draw(scene: Scene, camera: mujoco.MjvCamera, width: int, height: int) -> np.ndarray:
-    """(height, width, 3) 8-bit picture of a scene that was made for this size or a larger one."""
-    context = gl_context(width, height)
-    try:
-        renderer = mujoco.MjrContext(scene.model, mujoco.mjtFontScale.mjFONTSCALE_100)
-        mujoco.mjr_setBuffer(mujoco.mjtFramebuffer.mjFB_OFFSCREEN, renderer)
-        visible = mujoco.MjvScene(scene.model, maxgeom=1000)
+class Canvas:
+    """Where a scene is drawn, within a `with` block, as often as it changes."""
+
+    def __init__(self, scene: Scene, width: int, height: int):
+        """`scene` was made for this size [pixels] or a larger one."""
+        self._scene, self._size = scene, (width, height)
+
+    def __enter__(self) -> Self:
+        self._context = gl_context(*self._size)
+        try:
+            model = self._scene.model
+            self._renderer = mujoco.MjrContext(model, mujoco.mjtFontScale.mjFONTSCALE_100)
+            mujoco.mjr_setBuffer(mujoco.mjtFramebuffer.mjFB_OFFSCREEN, self._renderer)
+            self._visible = mujoco.MjvScene(model, maxgeom=1000)
+        except BaseException:
+            self._context.free()
+            raise
+        return self
+
+    def __exit__(
+        self,
+        kind: type[BaseException] | None,
+        error: BaseException | None,
+        trace: TracebackType | None,
+    ) -> None:
+        self._renderer.free()
+        self._context.free()
+
+    def draw(self, camera: mujoco.MjvCamera) -> np.ndarray:
+        """(height, width, 3) 8-bit picture of the scene as it stands."""
         mujoco.mjv_updateScene(
-            scene.model,
-            scene.data,
+            self._scene.model,
+            self._scene.data,
             mujoco.MjvOption(),
             mujoco.MjvPerturb(),
             camera,
             mujoco.mjtCatBit.mjCAT_ALL,
-            visible,
+            self._visible,
         )
+        width, height = self._size
         area = mujoco.MjrRect(0, 0, width, height)
-        mujoco.mjr_render(area, visible, renderer)
+        mujoco.mjr_render(area, self._visible, self._renderer)
         pixels = np.empty((height, width, 3), np.uint8)
-        mujoco.mjr_readPixels(pixels, None, area, renderer)
-        renderer.free()
-    finally:
-        context.free()
-    return pixels[::-1]
+        mujoco.mjr_readPixels(pixels, None, area, self._renderer)
+        return pixels[::-1]
+
+
+def draw(scene: Scene, camera: mujoco.MjvCamera, width: int, height: int) -> np.ndarray:
+    """(height, width, 3) 8-bit picture of a scene that was made for this size or a larger one."""
+    with Canvas(scene, width, height) as canvas:
+        return canvas.draw(camera)
 
 
 def take_picture(scene: Scene, width: int, height: int) -> Image.Image:

@@ -75,11 +75,24 @@ class Scene:
 
     def camera(self, aspect: float) -> mujoco.MjvCamera:
         """A camera that has all of the machine, as it stands, in a picture of this aspect ratio."""
+        return self._camera(self._seen(), aspect)
+
+    def camera_of(self, motion: np.ndarray, aspect: float) -> mujoco.MjvCamera:
+        """One that has it in the picture throughout a motion (n, j)."""
+        seen = []
+        for q in motion:
+            self.set_pose(q)
+            seen.append(self._seen())
+        return self._camera(np.concatenate(seen), aspect)
+
+    def _seen(self) -> np.ndarray:
+        """(k, 3) points of the machine as it stands, of which no other reaches farther [m]."""
         q = self.data.qpos[[self.model.joint(name).id for name in self._machine.joint_names]]
         tip = tip_position(self._machine, q)[0]
         seen = np.array([BASE, *self.data.xanchor, tip])
-        if self._detailed:
-            seen = np.vstack([seen, tip - (0.0, 0.0, GRIPPER_REACH)])
+        return np.vstack([seen, tip - (0.0, 0.0, GRIPPER_REACH)]) if self._detailed else seen
+
+    def _camera(self, seen: np.ndarray, aspect: float) -> mujoco.MjvCamera:
         low, high = seen.min(axis=0) - PADDING, seen.max(axis=0) + PADDING
         half = math.radians(self.model.vis.global_.fovy) / 2
         height = max(high[2] - low[2], np.hypot(*(high - low)[:2]) / aspect)
