@@ -4,27 +4,23 @@ import csv
 import time
 from collections.abc import Sequence
 from pathlib import Path
+from typing import TypeAlias
 
-from diagnostic_msgs.msg import DiagnosticArray, DiagnosticStatus, KeyValue
-from rclpy.clock import Clock, ClockType
-from rclpy.lifecycle import LifecycleNode, LifecycleState, TransitionCallbackReturn
+from diagnostic_msgs.msg import DiagnosticStatus, KeyValue
 from sensor_msgs.msg import JointState
 from std_srvs.srv import Trigger
 
 from crane_bags.clocks import NANOSECONDS
 from crane_interfaces.msg import CylinderPressures, PositionEstimate, TipLoad
 from crane_model import cli
-from crane_model.errors import CraneError
 from crane_model.machine_files import machine_file
-from crane_model.model_file import Model, load_model
+from crane_model.model_file import load_model
 from crane_nodes.machine_parameter import MACHINE
 from crane_nodes.managed import AUTOSTART, run_managed
-from crane_nodes.names import full_name
-from crane_nodes.parameters import NodeParameter, Text, declare, hold
-from crane_nodes.polled import Polled
-from crane_nodes.ready import say_ready
+from crane_nodes.parameters import NodeParameter, Text
 from crane_nodes.stamps import nanoseconds
 from crane_observer.node.in_order import InOrder
+from crane_observer.node.observer_node import ObserverNode
 from crane_observer.node.topics import (
     DEEP,
     JOINT_STATES,
@@ -32,17 +28,16 @@ from crane_observer.node.topics import (
     PRESSURES,
     load_message,
     picked,
-    report_message,
 )
 from crane_observer.scale.lifts import HEADINGS, Lift, LiftLog, row_of
 from crane_observer.scale.scale import Scale, ScaleCondition, Weighing
 
+Heard: TypeAlias = JointState | PositionEstimate | CylinderPressures
 HEARD = (
-    (JOINT_STATES, JointState),
-    ("position_estimate", PositionEstimate),
-    (PRESSURES, CylinderPressures),
+    (JOINT_STATES, JointState, DEEP),
+    ("position_estimate", PositionEstimate, DEEP),
+    (PRESSURES, CylinderPressures, DEEP),
 )
-PUBLISH = 1.0  # s, of diagnostics
 VISIT = 0.02  # s between two visits to the queues
 PATIENCE = 500_000_000  # ns, with a topic that lags: nobody moves by the load
 SILENCE = 1.0  # s without a weighing
@@ -52,75 +47,64 @@ LOG = Text("log", "", "New file (CSV) to which lifts are written; empty: none. A
 PARAMETERS: tuple[NodeParameter, ...] = (AUTOSTART, MACHINE, MODEL, LOG)
 
 
-class ScaleNode(LifecycleNode):
+class ScaleNode(ObserverNode):
     """Listens to pressures and positions, and tells what hangs at the tip."""
 
     def __init__(self) -> None:
-        super().__init__("scale")
-        declare(self, PARAMETERS, read_only=(AUTOSTART, MACHINE))
-        self._model: Model | None = None
-        self._log: Path | None = None
-        self._scale: Scale | None = None
-        hold(self, PARAMETERS, lambda: "configured" if self._model else "unconfigured")
-        self._queues: list[tuple[int, Polled]] = []
-        self._came: InOrder[JointState | PositionEstimate | CylinderPressures] = InOrder(PATIENCE)
+        super().__init__("scale", PARAMETERS, HEARD, VISIT, "load")
+        self._came: InOrder[Heard] = InOrder(PATIENCE)
         self._lifts = LiftLog()
         self._zero: int | None = None
         self._weighing: Weighing | None = None
         self._weighed = 0.0
+        self._scale: Scale | None = None
         self._loads = self.create_lifecycle_publisher(TipLoad, "tip_load", LATCHED)
-        self._diagnostics = self.create_publisher(DiagnosticArray, "/diagnostics", 10)
         self.create_service(Trigger, "~/tare", self._tare)
-        steady = Clock(clock_type=ClockType.STEADY_TIME)
-        self.create_timer(VISIT, self._visit, clock=steady)
-        self.create_timer(PUBLISH, self._report, clock=steady)
 
-    def on_configure(self, state: LifecycleState) -> TransitionCallbackReturn:
-        """Read the model, and begin the log; refused where the model was never identified."""
-        try:
-            model = load_model(machine_file("model.yaml", MACHINE.read(self), MODEL.read(self)))
-            Scale(model)  # refuses what it cannot use
-            self._log = Path(LOG.read(self)) if LOG.read(self) else None
-            if self._log:
-                cli.check_out(self._log)
-                self._log.parent.mkdir(parents=True, exist_ok=True)
-                self._write(HEADINGS)
-            self._model = model
-        except (CraneError, OSError) as error:
-            self.get_logger().error(str(error))
-            return TransitionCallbackReturn.FAILURE
-        return super().on_configure(state)
+    def read(self) -> None:
+        """The model, and begin the log; refused where the model was never identified."""
+        self._model = load_model(machine_file("model.yaml", MACHINE.read(self), MODEL.read(self)))
+        Scale(self._model)  # refuses what it cannot use
+        self._log = Path(LOG.read(self)) if LOG.read(self) else None
+        if self._log:
+            cli.check_out(self._log)
+            self._log.parent.mkdir(parents=True, exist_ok=True)
+            self._write(HEADINGS)
 
-    def on_activate(self, state: LifecycleState) -> TransitionCallbackReturn:
-        """Listen; nothing is known of the load yet."""
-        assert self._model is not None
-        self._queues = [
-            (topic, Polled(self, msgtype, name, DEEP))
-            for topic, (name, msgtype) in enumerate(HEARD)
-        ]
+    def begin(self) -> None:
+        """Nothing is known of the load yet."""
         self._came, self._lifts = InOrder(PATIENCE), LiftLog()
         self._scale, self._zero, self._weighing = Scale(self._model), None, None
-        say_ready(self)
-        return super().on_activate(state)
 
-    def on_deactivate(self, state: LifecycleState) -> TransitionCallbackReturn:
-        """Listen no more; the lift that hangs there ends."""
-        for _, queue in self._queues:
-            queue.close()
+    def end(self) -> None:
+        """The lift that hangs there ends."""
         self._ended(self._lifts.end())
-        self._queues, self._scale = [], None
-        return super().on_deactivate(state)
+        self._scale = None
 
-    def on_cleanup(self, state: LifecycleState) -> TransitionCallbackReturn:
-        """Forget the model."""
-        self._model = self._log = None
-        return super().on_cleanup(state)
+    def hear(self, topic: int, message: Heard) -> None:
+        """In the order of stamps, whatever came first."""
+        self._came.add(nanoseconds(message.header.stamp), topic, message)
 
-    def on_shutdown(self, state: LifecycleState) -> TransitionCallbackReturn:
-        """Write the lift that hangs there."""
-        if self._scale is not None:
-            self._ended(self._lifts.end())
-        return super().on_shutdown(state)
+    def tell(self) -> None:
+        """What follows for the load."""
+        for stamp, _, message in self._came.take():
+            for weighing in self._take(stamp, message):
+                self._tell(weighing)
+
+    def report(self, status: DiagnosticStatus) -> None:
+        """Load and condition."""
+        if self._weighing is None or time.monotonic() - self._weighed > SILENCE:
+            status.level, status.message = DiagnosticStatus.WARN, ScaleCondition.WAITING.value
+            return
+        assert self._scale is not None
+        load = self._weighing.load
+        status.message = self._weighing.condition.value
+        status.values = [
+            KeyValue(key="load [kg]", value=f"{load.mass:.1f}"),
+            KeyValue(key="load, standard deviation [kg]", value=f"{load.deviation:.1f}"),
+            KeyValue(key="late [-]", value=str(self._scale.late)),
+            KeyValue(key="invalid [-]", value=str(self._scale.invalid)),
+        ]
 
     def _tare(self, _: Trigger.Request, answer: Trigger.Response) -> Trigger.Response:
         answer.success = self._scale is not None and self._weighing is not None
@@ -132,20 +116,8 @@ class ScaleNode(LifecycleNode):
         answer.message = f"{load.mass:.1f} kg ± {load.deviation:.1f} kg count as nothing now"
         return answer
 
-    def _visit(self) -> None:
-        if self._scale is None:
-            return
-        for topic, queue in self._queues:
-            for message, _ in queue.take():
-                self._came.add(nanoseconds(message.header.stamp), topic, message)
-        for stamp, _, message in self._came.take():
-            for weighing in self._take(stamp, message):
-                self._tell(weighing)
-
-    def _take(
-        self, stamp: int, message: JointState | PositionEstimate | CylinderPressures
-    ) -> list[Weighing]:
-        assert self._model is not None and self._scale is not None
+    def _take(self, stamp: int, message: Heard) -> list[Weighing]:
+        assert self._scale is not None
         joints, scale = self._model.joints, self._scale
         if self._zero is None:
             self._zero = stamp
@@ -185,23 +157,6 @@ class ScaleNode(LifecycleNode):
         assert self._log is not None
         with self._log.open("a", newline="", encoding="utf-8") as file:
             csv.writer(file).writerow(row)
-
-    def _report(self) -> None:
-        found = DiagnosticStatus(name=f"{full_name(self)}: load", level=DiagnosticStatus.OK)
-        if self._scale is None:
-            found.message = "not active"
-        elif self._weighing is None or time.monotonic() - self._weighed > SILENCE:
-            found.level, found.message = DiagnosticStatus.WARN, ScaleCondition.WAITING.value
-        else:
-            load = self._weighing.load
-            found.message = self._weighing.condition.value
-            found.values = [
-                KeyValue(key="load [kg]", value=f"{load.mass:.1f}"),
-                KeyValue(key="load, standard deviation [kg]", value=f"{load.deviation:.1f}"),
-                KeyValue(key="late [-]", value=str(self._scale.late)),
-                KeyValue(key="invalid [-]", value=str(self._scale.invalid)),
-            ]
-        self._diagnostics.publish(report_message(found, self.get_clock().now().to_msg()))
 
 
 ABOUT = """Weighs what hangs at the tip from cylinder_pressures and joint_states, of a joint without
