@@ -110,6 +110,17 @@ def test_what_is_finished_is_not_made_again(finished):
     assert stamps() == before
 
 
+def test_other_thresholds_answer_the_same_bags_beside(finished):
+    folders, _ = finished
+    opened = freeze.write_open(folders.top)
+    what = ("--set", "tuning", "--cases", CASES, "--quick", "--workers", 1, "--keep-bags")
+    ended = run("benchmark", *what, "--out", folders.top.parent, "--thresholds", opened)
+    assert ended.returncode == 0, ended.stderr
+    beside = Folders(folders.top, opened.stem)
+    assert done(beside.answers) == done(folders.answers)
+    assert beside.results.exists()
+
+
 def test_half_of_a_case_is_not_there(tmp_path):
     with pytest.raises(KeyboardInterrupt), new(tmp_path / "answers" / "a") as folder:
         (folder / "half").touch()

@@ -32,6 +32,7 @@ COUNTS = {
     CaseSet.AWAY: 60,
     CaseSet.AWAY_CLEAN: 40,
 }
+CLEAN = (CaseSet.CALIBRATION, CaseSet.AWAY_CLEAN)
 BATCH = 8  # cases whose bags are on the disk at once, 1 GB
 
 
@@ -43,25 +44,40 @@ def run(arguments: argparse.Namespace) -> None:
     if arguments.bags_only:
         make(arguments, Folders(top), 0, count)
         return
-    scoring = which is CaseSet.SCORING
-    folders = Folders(top, frozen.require_frozen()[:12] if scoring else "")
-    if scoring and folders.results.exists():
+    calibrating = which is CaseSet.CALIBRATION or arguments.gates is not None
+    folders = Folders(top, name_of_round(arguments))
+    if which is CaseSet.SCORING and folders.results.exists():
         print(f"scored already with these thresholds, which is done once: {folders.results}")
         stage("score_cases", folders, arguments.workers)
         return
     folders.scores.mkdir(parents=True, exist_ok=True)
     beside: tuple[object, ...] = ("--keep-bags",) if arguments.keep_bags else ()
-    if which is CaseSet.CALIBRATION:
+    if calibrating:
         beside += ("--thresholds", freeze.write_open(top))
+    elif arguments.thresholds:
+        beside += ("--thresholds", arguments.thresholds)
     for first in range(0, count, BATCH):
         make(arguments, folders, first, min(first + BATCH, count))
         stage("answer_cases", folders, arguments.workers, *beside)
         print(f"{len(done(folders.answers))} of {count} cases answered", flush=True)
-    if which is CaseSet.CALIBRATION:
+    if calibrating:
         found = freeze.freeze(folders) if arguments.freeze else freeze.calibrated(folders)
+        if arguments.gates:
+            freeze.write_gates(arguments.gates, found)
         print("\n".join(freeze.lines(found)))
         return
     stage("score_cases", folders, arguments.workers)
+
+
+def name_of_round(arguments: argparse.Namespace) -> str:
+    """Answers with other thresholds than those of the package lie apart; of the scoring set, those
+    of each freeze. `ConfigurationError` if that is not what was frozen.
+    """
+    if arguments.gates and arguments.which is not CaseSet.CALIBRATION:
+        return "open"
+    if arguments.thresholds:
+        return str(arguments.thresholds.stem)
+    return frozen.require_frozen()[:12] if arguments.which is CaseSet.SCORING else ""
 
 
 def make(arguments: argparse.Namespace, folders: Folders, first: int, last: int) -> None:
@@ -96,7 +112,13 @@ def main(argv: Sequence[str] | None = None) -> int:
     add("--keep-bags", action="store_true", help="100 MB a case; to answer again")
     add("--bags-only", action="store_true", help="make the bags of all cases, and stop")
     add("--freeze", action="store_true", help="write the calibrated thresholds to the package")
+    add("--gates", type=Path, help="file for thresholds that these clean cases calibrate")
+    add("--thresholds", type=Path, help="answer with these (YAML; default: the packaged ones)")
     arguments = parser.parse_args(argv)
+    if arguments.freeze and arguments.which is not CaseSet.CALIBRATION:
+        parser.error("--freeze: the package is calibrated with --set calibration")
+    if arguments.gates and arguments.which not in CLEAN:
+        parser.error(f"--gates: calibrate with cases that hide nothing, --set {' or '.join(CLEAN)}")
     if arguments.cases is None:
         arguments.cases = COUNTS[arguments.which]
     return cli.run(lambda: run(arguments))

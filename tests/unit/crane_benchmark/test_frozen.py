@@ -214,3 +214,20 @@ def test_every_gate_is_calibrated_the_pulsation_with_the_others(tmp_path: Path) 
     assert set(found["thresholds"]) == set(load_thresholds().gates.model_dump())
     assert found["alarms"] == 0
     assert found["thresholds"]["pulsation_clearness"] > found["largest"]["pulsation_clearness"]
+    freeze.write_gates(tmp_path / "away.yaml", found)
+    written, packaged = load_thresholds(tmp_path / "away.yaml"), load_thresholds()
+    assert written.gates.model_dump() == found["thresholds"]
+    assert written.method == packaged.method
+
+
+@pytest.mark.parametrize(
+    ("given", "said"),
+    [
+        (("--set", "tuning", "--gates", "away.yaml"), "calibration or away_clean"),
+        (("--set", "away_clean", "--gates", "away.yaml", "--freeze"), "with --set calibration"),
+    ],
+)
+def test_gates_are_calibrated_with_what_hides_nothing(given, said, capsys) -> None:
+    with pytest.raises(SystemExit):
+        benchmark.main(given)
+    assert said in capsys.readouterr().err

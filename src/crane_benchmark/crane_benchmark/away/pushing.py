@@ -11,7 +11,7 @@ from crane_sim.effects.form import Draw, Form, Magnitude, coulomb, viscous
 (
     POWER, THRESHOLD, BLUNT, ROUNDED_SPRING, STIFFENING_SPRING, SLACK_CORD, POWER_BUFFER,
     TURBULENT_BUFFER, GAP_BUFFER, COOLING_EXPONENTIAL, COOLING_HYPERBOLA, COOLING_TWICE,
-    DETENT_SINE, DETENT_WELLS, DETENT_ZIGZAG, HOSE_BOUC_WEN, HOSE_PLAY, HOSE_MAXWELL,
+    DETENT_SINE, DETENT_WELLS, DETENT_ZIGZAG, HOSE_LEVELS, HOSE_TWICE, HOSE_DRAGS,
 ) = range(PUSHING, PUSHING + 18)  # fmt: skip
 
 
@@ -53,12 +53,12 @@ def pushing(
         return size * v / (1.0 + time / one) ** two
     if law == COOLING_TWICE:
         return size * v * (two * math.exp(-time / one) + (1 - two) * math.exp(-time / (5.0 * one)))
-    return _outside(law, value, memory, place, q, v, step)
+    return _outside(law, value, memory, q, v, step)
 
 
 @njit(cache=True, error_model="numpy")
 def _outside(
-    law: int, value: np.ndarray, memory: np.ndarray, place: float, q: float, v: float, step: float
+    law: int, value: np.ndarray, memory: np.ndarray, q: float, v: float, step: float
 ) -> float:
     """Of effects that no catalogue has."""
     size, one, two = value[0], value[1], value[2]
@@ -69,18 +69,17 @@ def _outside(
         return size * math.sin(phase) * math.exp(value[3] * (math.cos(phase) - 1.0))
     if law == DETENT_ZIGZAG:
         return size * 2.0 / math.pi * math.asin(math.sin(one * q + two))
-    way = step * v / one
-    if law == HOSE_BOUC_WEN:
-        same = 1.0 if way * memory[0] > 0.0 else 0.0
-        memory[0] += way * (1.0 - same * abs(memory[0]) ** two)
-        return size * (memory[0] + value[3] * place)
-    if law == HOSE_PLAY:
-        memory[0] = min(max(memory[0] + way, -1.0), 1.0)
-        memory[1] = min(max(memory[1] + way / two, -1.0), 1.0)
-        return size * (memory[0] + memory[1]) / 2.0
-    if law == HOSE_MAXWELL:  # a spring behind a damper: what is bent slowly does not stay bent
+    way = step * v / one  # hoses: springs behind dampers, so that what stays bent relaxes
+    if law == HOSE_LEVELS:
         memory[0] += way - step / two * memory[0]
         return size * math.tanh(memory[0])
+    if law == HOSE_TWICE:
+        memory[0] += way - step / two * memory[0]
+        memory[1] += way - step / (two * value[3]) * memory[1]
+        return size * (memory[0] + memory[1]) / 2.0
+    if law == HOSE_DRAGS:
+        memory[0] += way - step / two * memory[0] * abs(memory[0])
+        return size * memory[0]
     raise ValueError("a law of a force has no branch in away/pushing.py: give it one")
 
 
@@ -92,7 +91,7 @@ _SLACK = Draw("slack", "1", -0.8, 0.3)
 _ZONE, _ENDS = Draw("zone", "{coordinate}", 0.1, 0.35), Draw("ends", "1", 0.0, 2.0)
 _WAVE, _PHASE = Draw("wave", "rad/{coordinate}", 20.0, 60.0), Draw("phase", "rad", 0.0, 2 * math.pi)
 _WARMING = Draw("warming", "s", 15.0, 60.0)
-_REACH = Draw("reach", "{coordinate}", 0.03, 0.15)
+_REACH, _RELAXING = Draw("reach", "{coordinate}", 0.1, 0.4), Draw("relaxing", "s", 0.5, 3.0)
 
 FORMS = (
     Form("viscous_quadratic", "power", POWER, _LOSS, (Draw("exponent", "1", 1.5, 2.6),)),
@@ -119,10 +118,8 @@ FORMS = (
     Form("detent", "wells", DETENT_WELLS, _SIZE,
          (_WAVE, _PHASE, Draw("depth", "1", 0.5, 2.0)), outside=True),
     Form("detent", "zigzag", DETENT_ZIGZAG, _SIZE, (_WAVE, _PHASE), outside=True),
-    Form("hose_hysteresis", "bouc_wen", HOSE_BOUC_WEN, _SIZE,
-         (_REACH, Draw("exponent", "1", 1.0, 2.5), Draw("spring", "1", 0.0, 1.0)), outside=True),
-    Form("hose_hysteresis", "play", HOSE_PLAY, _SIZE,
-         (_REACH, Draw("second", "1", 2.0, 4.0)), outside=True),
-    Form("hose_hysteresis", "maxwell", HOSE_MAXWELL, _SIZE,
-         (_REACH, Draw("relaxing", "s", 2.0, 10.0)), outside=True),
+    Form("relaxing_hose", "levels", HOSE_LEVELS, _SIZE, (_REACH, _RELAXING), outside=True),
+    Form("relaxing_hose", "twice", HOSE_TWICE, _SIZE,
+         (_REACH, _RELAXING, Draw("slower", "1", 2.0, 4.0)), outside=True),
+    Form("relaxing_hose", "drags", HOSE_DRAGS, _SIZE, (_REACH, _RELAXING), outside=True),
 )  # fmt: skip

@@ -39,8 +39,8 @@ SEEDS = {
     CaseSet.FORMER: 5,
     CaseSet.SCORING: 6,
     CaseSet.STRANGERS: 7,
-    CaseSet.AWAY: 10,
-    CaseSet.AWAY_CLEAN: 11,
+    CaseSet.AWAY: 12,
+    CaseSet.AWAY_CLEAN: 13,
 }
 """Before new thresholds are frozen, the scoring set becomes the former one and gets a new seed."""
 

@@ -114,6 +114,11 @@ def calibrated(folders: Folders) -> dict[str, Any]:
     }
 
 
+def write_gates(path: Path, found: Mapping[str, Any]) -> None:
+    """The packaged file with the gates that were `found`, for answers away from the package."""
+    with_values(path, {"gates": found["thresholds"]})
+
+
 def freeze(folders: Folders) -> dict[str, Any]:
     """Write the gates into the package, and record everything that a verdict depends on."""
     found = calibrated(folders)
