@@ -9,17 +9,15 @@ from pathlib import Path
 
 import numpy as np
 
-from crane_model.arguments import above, between, one_of, whole
-from crane_model.cli import add_machine, add_replace, check_out, command_line, run
+from crane_model.cli import check_out, run
 from crane_model.configuration import save
 from crane_model.errors import ConfigurationError
 from crane_model.machine_files import machine_file
 from crane_model.model_file import Model, load_model
 from crane_model.progress_bar import progress_bar
+from crane_trajectory.excitation.arguments import parser
 from crane_trajectory.excitation.campaign import after, campaign
-from crane_trajectory.excitation.columns import ColumnSet
-from crane_trajectory.excitation.criterion import Criterion, CriterionKind
-from crane_trajectory.excitation.limits import Limit
+from crane_trajectory.excitation.criterion import Criterion
 from crane_trajectory.excitation.merit import (
     figures_of_merit,
     information,
@@ -33,89 +31,18 @@ from crane_trajectory.excitation.settings import DesignSettings, load_design_set
 from crane_trajectory.excitation.sweeps import design_sweeps
 from crane_trajectory.motion.check import Clearance, load_clearance
 from crane_trajectory.motion.fourier import (
-    LONGEST_PERIOD,
-    MOST_HARMONICS,
-    SHORTEST_PERIOD,
     FourierTrajectory,
 )
 from crane_trajectory.motion.motion import RUN_UP
 from crane_trajectory.motion.periodic import load_trajectory
-from crane_trajectory.motion.probe import LARGEST, Probe
+from crane_trajectory.motion.probe import Probe
 
 
 def main(argv: Sequence[str] | None = None) -> int:
     """Command line of `ros2 run crane_trajectory design`."""
     argv = list(sys.argv[1:] if argv is None else argv)
-    arguments = _parser().parse_args(argv)
+    arguments = parser().parse_args(argv)
     return run(lambda: _design(arguments, argv))
-
-
-def _parser() -> argparse.ArgumentParser:
-    parser = command_line(description=__doc__)
-    what = parser.add_mutually_exclusive_group(required=True)
-    period = between(SHORTEST_PERIOD, LONGEST_PERIOD)
-    what.add_argument("--period", type=period, help="of a Fourier trajectory (32) [s]")
-    what.add_argument(
-        "--sweeps",
-        type=above(0.0, 1.0),
-        nargs="+",
-        metavar="SHARE",
-        help="instead: every joint in turn at these shares of its velocity limit, both ways",
-    )
-    parser.add_argument("--dwell", type=above(0.0), default=3.0, help="rest between sweeps [s]")
-    parser.add_argument("--harmonics", type=whole(1, MOST_HARMONICS), default=5, help="N of (32)")
-    parser.add_argument(
-        "--criterion",
-        type=one_of(CriterionKind),
-        choices=list(CriterionKind),
-        default=CriterionKind.PRODUCT,
-        help="to minimise (35)",
-    )
-    parser.add_argument(
-        "--columns",
-        type=one_of(ColumnSet),
-        choices=list(ColumnSet),
-        default=ColumnSet.BASE,
-        help="that the criterion is of: all of the model, those of (9), or of rigid bodies alone",
-    )
-    parser.add_argument(
-        "--count", type=whole(1), help="trajectories of a campaign; --out is then a new folder"
-    )
-    parser.add_argument(
-        "--after", type=Path, nargs="+", default=[], help="trajectories already recorded"
-    )
-    parser.add_argument(
-        "--acceleration",
-        type=_bound,
-        nargs="+",
-        default=[],
-        metavar="JOINT=VALUE",
-        help="bounds [rad/s2, m/s2]; none by default",
-    )
-    parser.add_argument(
-        "--without",
-        type=one_of(Limit),
-        choices=list(Limit),
-        nargs="+",
-        default=[],
-        help="limits that do not count",
-    )
-    parser.add_argument("--seed", type=whole(0), default=1, help="of the random starts")
-    parser.add_argument("--starts", type=whole(1), default=16, help="local searches to run")
-    parser.add_argument(
-        "--probe",
-        type=above(0.0, LARGEST),
-        metavar="COMMAND",
-        help="add a pseudo-random command of this size, such as 0.02, on top of the motion: it "
-        "tells how fast the valves are, in a recording of its own",
-    )
-    add_machine(parser)
-    parser.add_argument("--model", type=Path, help="model file; default: the machine's")
-    parser.add_argument("--settings", type=Path, help="of the search; default: the machine's")
-    parser.add_argument("--clearance", type=Path, help="of the tip; default: the machine's")
-    parser.add_argument("--out", type=Path, required=True, help="trajectory file to write (YAML)")
-    add_replace(parser)
-    return parser
 
 
 def _design(arguments: argparse.Namespace, argv: list[str]) -> None:
@@ -304,10 +231,3 @@ def _moves(seconds: float) -> str:
         f"the crane moves for {(seconds + 2 * RUN_UP) / 60:.1f} min, start and stop included; "
         "before that it goes to where they begin"
     )
-
-
-def _bound(text: str) -> tuple[str, float]:
-    joint, _, value = text.partition("=")
-    if not joint or not value or not float(value) > 0.0:
-        raise argparse.ArgumentTypeError(f"must be JOINT=VALUE with a value above 0, got {text}")
-    return joint, float(value)
