@@ -3,20 +3,13 @@
 from collections.abc import Iterator
 
 import pytest
-import yaml
-from integration.driver_stage import Stage
-from integration.experiments import TIMEOUT
-
-from crane_model.machine_files import machine_file
+from integration.driver_stage import Stage, patient_safety
 
 
 @pytest.fixture(scope="module")
 def stage(ros_domain: int, tmp_path_factory: pytest.TempPathFactory) -> Iterator[Stage]:
-    """Simulated crane, and a driver as patient as the trajectory node of `Experiments`."""
+    """Simulated crane, and a patient driver."""
     folder = tmp_path_factory.mktemp("stage")
-    settings = yaml.safe_load(machine_file("safety.yaml").read_text())
-    safety = folder / "safety.yaml"
-    safety.write_text(yaml.safe_dump(settings | {"command_timeout": 2 * TIMEOUT}))
-    one = Stage(folder, [], safety=str(safety))
+    one = Stage(folder, [], safety=patient_safety(folder))
     yield one
     one.close()

@@ -11,7 +11,17 @@ import rclpy
 import yaml
 from diagnostic_msgs.msg import DiagnosticArray
 from integration.commander import Commander
-from integration.processes import DRIVER, MACHINE, PATIENCE, TIMING, end, free_port, start
+from integration.processes import (
+    COMMAND_TIMEOUT,
+    DRIVER,
+    ESTIMATE_TIMEOUT,
+    MACHINE,
+    PATIENCE,
+    TIMING,
+    end,
+    free_port,
+    start,
+)
 from rclpy.executors import SingleThreadedExecutor
 from rclpy.node import Node
 from rclpy.qos import DurabilityPolicy, QoSProfile
@@ -49,6 +59,18 @@ def patient_mapping(
     path = folder / "mapping.yaml"
     path.write_text(yaml.safe_dump({**mapping, "timing": TIMING, "canopen": dict(canopen)}))
     return path
+
+
+def patient_safety(folder: Path, machine: str = DEFAULT_MACHINE) -> str:
+    """The machine's safety.yaml with a driver that waits longer for commands and estimates: a busy
+    test machine is late by itself.
+    """
+    settings = yaml.safe_load(machine_file("safety.yaml", machine).read_text())
+    settings["command_timeout"] = COMMAND_TIMEOUT
+    settings["degraded"]["timeout"] = ESTIMATE_TIMEOUT
+    path = folder / "safety.yaml"
+    path.write_text(yaml.safe_dump(settings))
+    return str(path)
 
 
 class Stage:

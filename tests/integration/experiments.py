@@ -7,7 +7,7 @@ from typing import Any
 import numpy as np
 import yaml
 from integration.driver_stage import Stage
-from integration.processes import RUN, start
+from integration.processes import COMMAND_TIMEOUT, RUN, start
 from lifecycle_msgs.msg import Transition
 from lifecycle_msgs.srv import ChangeState
 from rcl_interfaces.msg import Parameter, ParameterType, ParameterValue
@@ -19,7 +19,7 @@ from crane_interfaces.msg import JointReference, ValveCommand
 
 TRAJECTORY = RUN.format(module="crane_trajectory.trajectory_node")
 PERIOD = 5.0  # s
-TIMEOUT = 0.3  # s; a busy test machine is late by itself
+TIMEOUT = COMMAND_TIMEOUT / 2  # s
 SHORT = {
     "name": "short",
     "period": PERIOD,
