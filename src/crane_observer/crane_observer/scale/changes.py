@@ -2,12 +2,13 @@
 
 With each window another load begins, of which nothing is known while everything else is as it
 was. All take every window that follows; where one of them foretells them far better than the same
-load does, it is what hangs there since it began. What else may have changed, friction and slow
-errors of the pistons' forces, is in the states of all.
+load does, it is what hangs there since it began; those that began later stay in question, because
+errors of the model before a change let it seem older than it is. What else may have changed,
+friction and slow errors of the pistons' forces, is in the states of all.
 """
 
 import math
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
@@ -25,22 +26,22 @@ TAIL = 4.0  # degrees of freedom of Student's t: a window that nothing explains 
 
 @dataclass
 class OtherLoad:
-    """A load that may have come at a time [s] instead of the one `before` [kg]; `ahead` by so much
-    of the same load (logarithm).
-    """
+    """A load that may have come at a time [s]; `ahead` by so much of the same load (logarithm)."""
 
     since: float
-    before: float
     filter: LoadFilter
     windows: int = 0
     ahead: float = 0.0
     leading: int = 0  # windows in succession by which it was far ahead
 
-    @property
-    def differs(self) -> bool:
-        """Whether it is another load, and not the same with other errors beside it."""
-        apart = abs(float(self.filter.x[MASS]) - self.before)
+    def differs(self, same: LoadFilter) -> bool:
+        """Whether it is another load, and not the `same` with other errors beside it."""
+        apart = abs(float(self.filter.x[MASS] - same.x[MASS]))
         return apart > CERTAIN * math.sqrt(float(self.filter.P[MASS, MASS]))
+
+    def beside(self, chosen: "OtherLoad") -> "OtherLoad":
+        """The same, where `chosen` is what hangs there: it may have come later than it seems."""
+        return replace(self, ahead=self.ahead - chosen.ahead, leading=0)
 
     def add(self, window: Balanced, same: float) -> None:
         """One more window, of which the `same` load was so likely; those that overlap its beginning
@@ -69,15 +70,16 @@ class Changes:
 
     def add(self, time: float, window: Balanced) -> bool:
         """One more window; whether it shows that there is another load."""
-        other, before = self.filter.copy(), float(self.filter.x[MASS])
+        other = self.filter.copy()
         other.another_load()
-        self._others.append(OtherLoad(time, before, other))
+        self._others.append(OtherLoad(time, other))
         same = take(self.filter, window)
         for one in self._others:
             one.add(window, same)
         best = max(self._others, key=lambda one: one.ahead)
-        if best.leading >= LEADING and best.differs:
-            self.since, self.filter, self._others = best.since, best.filter, []
+        if best.leading >= LEADING and best.differs(self.filter):
+            self.since, self.filter = best.since, best.filter
+            self._others = [one.beside(best) for one in self._others if one.since > best.since]
             return True
         if len(self._others) > OTHERS:
             self._others.remove(min(self._others, key=lambda one: one.ahead))

@@ -4,9 +4,9 @@ import numpy as np
 import pytest
 
 from crane_observer.scale.balance import TipBalance
-from crane_observer.scale.changes import Changes
+from crane_observer.scale.changes import Changes, OtherLoad
 from crane_observer.scale.doubt import ModelDoubt
-from crane_observer.scale.filter import MASS, Balanced
+from crane_observer.scale.filter import MASS, Balanced, LoadFilter
 from crane_observer.scale.kinds import CARRIED
 
 HOP = 0.15  # s
@@ -94,3 +94,20 @@ def test_friction_that_grows_with_the_load_is_learnt_and_not_weighed(grows: floa
     assert known == pytest.approx(loads, abs=1.5)
     learnt = changes.filter.x[changes.filter.of(CARRIED)][1]
     assert learnt == pytest.approx(grows, abs=0.02)
+
+
+def test_what_came_later_than_the_noticed_load_stays_in_question_beside_it() -> None:
+    """As far behind as it is, and with nothing of its lead over the load before."""
+    chosen = OtherLoad(1.0, LoadFilter(ModelDoubt(), 3), ahead=12.0, leading=2)
+    later = OtherLoad(2.0, LoadFilter(ModelDoubt(), 3), windows=7, ahead=11.0, leading=1)
+    beside = later.beside(chosen)
+    assert (beside.ahead, beside.leading, beside.windows) == (-1.0, 0, 7)
+    assert beside.filter is later.filter
+
+
+@pytest.mark.parametrize(("mass", "differs"), [(50.0, False), (62.0, True)])
+def test_a_load_differs_from_what_the_same_one_is_taken_for_now(mass: float, differs: bool) -> None:
+    same, other = LoadFilter(ModelDoubt(), 3), LoadFilter(ModelDoubt(), 3)
+    same.x[MASS], other.x[MASS] = 45.0, mass
+    other.P[MASS, MASS] = 5.0**2
+    assert OtherLoad(0.0, other).differs(same) is differs
