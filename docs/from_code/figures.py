@@ -24,6 +24,7 @@ SOURCES = (
     *((f"demo_{name}", f"demo/figures_{name}.json") for name in shipped()),
     ("study", "study/figures.json"),
     ("discrepancy", "discrepancy_benchmark/scoring/*/figures.json"),
+    ("home_and_away", "discrepancy_benchmark/home_and_away.json"),
     ("observer", "observer/observer.json"),
     ("loads", "observer/loads.json"),
     ("sensors_stock", "observer/sensors_stock.json"),
