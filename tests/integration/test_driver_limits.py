@@ -1,0 +1,93 @@
+"""What the services of the driver do to a moving crane, and how far its commands go."""
+
+import time
+from collections.abc import Iterator
+
+import pytest
+from integration.commander import Commander
+from integration.driver_stage import Stage, commander
+from integration.faults import SMALLEST, ramped, swing
+from integration.processes import PATIENCE
+
+pytestmark = pytest.mark.realtime
+
+
+@pytest.fixture(scope="module")
+def hand(stage: Stage) -> Iterator[Commander]:
+    """The publisher of commands that all tests share."""
+    with commander(stage) as process:
+        yield process
+
+
+def test_emergency_stop_is_neutral_at_once_and_latched(stage: Stage, hand: Commander) -> None:
+    swing(stage, hand)
+    since = len(stage.valves)
+    success, _ = stage.call("emergency_stop")
+    assert success
+    stage.until(lambda: not stage.valves[-1].enabled)
+    between = [one for one in stage.valves[since:] if SMALLEST < abs(one.commands["slew"]) < 0.4]
+    assert not between, "ramped"
+    success, text = stage.call("enable")
+    assert not success
+    assert text.startswith("not enabled: the state is emergency stop; ")
+    assert stage.report()[0] == "emergency stop"
+    stage.disabled()
+
+
+def test_disable_ramps_to_neutral(stage: Stage, hand: Commander) -> None:
+    swing(stage, hand)
+    since = len(stage.valves)
+    assert stage.call("disable") == (True, "disabled")
+    ramped(stage, since)
+
+
+def test_enable_is_refused_while_a_command_is_not_neutral(stage: Stage, hand: Commander) -> None:
+    hand.send(slew=0.5)
+
+    def refused() -> bool:
+        """By this command; before it has arrived, the one before holds."""
+        stage.disabled()
+        success, text = stage.call("enable")
+        return not success and "the command is slew 0.5; command neutral first" in text
+
+    stage.until(refused)
+
+
+def test_a_speed_beyond_table_2_is_held_back(stage: Stage, hand: Commander) -> None:
+    """The open spool alone would turn the crane at more than 1 rad/s."""
+    fastest = 0.4
+
+    def held_back() -> bool:
+        """In one swing; a busy test machine is late, which adds to its speed."""
+        side = -1.0 if stage.states[-1].position[0] > 0.0 else 1.0  # where there is way to go
+        stage.moving(hand, slew=side * 0.12)
+        hand.send(slew=side)
+        most = 0.0
+        while stage.valves[-1].enabled and side * stage.states[-1].position[0] < 0.5:
+            stage.spin()
+            most = max(most, side * stage.states[-1].velocity[0])
+        stage.disabled()
+        return 0.5 * fastest < most <= 1.4 * fastest
+
+    try:
+        stage.until(held_back)
+    finally:
+        stage.disabled()  # whatever came of it, the tests to come begin at rest
+
+
+def test_at_a_limit_the_command_goes_no_further(stage: Stage, hand: Commander) -> None:
+    """Into the end of the telescope with a fully open spool."""
+    end, most = 1.55, 0.0
+    deadline = time.monotonic() + PATIENCE
+    while stage.states[-1].position[3] < end - 0.02:
+        assert time.monotonic() < deadline, stage.states[-1].position
+        if not stage.valves[-1].enabled:  # at first, and after a fault of a busy test machine
+            stage.moving(hand, telescope=0.12)
+            hand.send(telescope=1.0)
+        stage.spin()
+        most = max(most, stage.states[-1].velocity[3])
+    stage.until(lambda: abs(stage.states[-1].velocity[3]) < 0.005)
+    assert stage.states[-1].position[3] <= end + 0.01
+    assert 0.1 < most <= 1.4 * 0.5  # Table 2, and what a late test machine adds
+    stage.moving(hand, telescope=-0.3)  # and back
+    stage.until(lambda: stage.states[-1].position[3] < end - 0.05)
