@@ -14,7 +14,6 @@ from integration.commander import Commander
 from integration.processes import (
     COMMAND_TIMEOUT,
     DRIVER,
-    ESTIMATE_TIMEOUT,
     MACHINE,
     PATIENCE,
     TIMING,
@@ -62,14 +61,12 @@ def patient_mapping(
 
 
 def patient_safety(folder: Path, machine: str = DEFAULT_MACHINE) -> str:
-    """The machine's safety.yaml with a driver that waits longer for commands and estimates: a busy
-    test machine is late by itself.
+    """The machine's safety.yaml with a driver that waits longer for commands: a busy test machine
+    is late by itself.
     """
     settings = yaml.safe_load(machine_file("safety.yaml", machine).read_text())
-    settings["command_timeout"] = COMMAND_TIMEOUT
-    settings["degraded"]["timeout"] = ESTIMATE_TIMEOUT
     path = folder / "safety.yaml"
-    path.write_text(yaml.safe_dump(settings))
+    path.write_text(yaml.safe_dump(settings | {"command_timeout": COMMAND_TIMEOUT}))
     return str(path)
 
 
@@ -115,6 +112,7 @@ class Stage:
         self.diagnostics: dict[str, tuple[bytes, str, dict[str, str]]] = {}
         self.reported = 0  # ns, when the driver made its last report
         self.encoders: dict[str, float] = {}  # rad, m: as the machine sends them
+        self.encoded: dict[str, float] = {}  # s, steady: when they came
         self.frames: list[Frame] = []  # of the machine
         self.machine_state = ""  # what the valve unit says of itself
         self.valves: list[Valves] = []
@@ -167,7 +165,9 @@ class Stage:
             if readings is None:
                 self.frames.append(frame)
                 answer = self._reader.decode(frame)
-                self.encoders |= answer.positions if answer else {}
+                positions = answer.positions if answer else {}
+                self.encoders |= positions
+                self.encoded |= dict.fromkeys(positions, frame.steady)
                 if answer and answer.states:
                     self.machine_state = answer.states["valve_unit"]
             elif readings.commands:

@@ -9,7 +9,7 @@ import sys
 PATIENCE = 120.0  # s, bounds a failing test; a passing one ends with its condition
 # A busy test machine is late by itself: here frames may come much later than on a real bus.
 TIMING = {"late": 200, "missing": 300, "lost": 2}
-COMMAND_TIMEOUT, ESTIMATE_TIMEOUT = 0.6, 1.0  # s, of the driver, for the same reason
+COMMAND_TIMEOUT = 0.6  # s, of the driver, for the same reason
 
 RUN = "import sys; from {module} import main; sys.exit(main(sys.argv[1:]))"
 DRIVER = RUN.format(module="crane_driver.driver_node")
