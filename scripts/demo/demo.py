@@ -4,9 +4,9 @@ Simulated crane, driver, trajectory, identification and recorder run as processe
 are recorded, the model is fitted to one bag and validated on the other. The same from bags of a
 machine with dynamic friction (LuGre), made faster than real time: the model cannot represent that
 law, and the bias this brings is seen. Then the fitted model leads the crane through the first
-motion again. Last, the machine gets an effect that the model lacks, and its bags alone must tell
-which. Everything is done by the executables that a user would call;
-results are left in runs/demo.
+motion again. An encoder is unplugged in mid-motion, and the crane goes home without it. Last, the
+machine gets an effect that the model lacks, and its bags alone must tell which. Everything is done
+by the executables that a user would call; results are left in runs/demo.
 """
 
 import argparse
@@ -18,11 +18,13 @@ from collections.abc import Iterator
 from contextlib import contextmanager
 
 import following
+import homecoming
 import live
 import missing
+import unplugged
 from figures import write_figures
 from laws import OUT, Law, dynamic_law, identify, make_bags, report_law
-from outcome import FILE, Following, recorded
+from outcome import FILE, Following, Unplugged, recorded
 from processes import DemoError, Processes
 from rich.console import Console
 from rich.progress import Progress, SpinnerColumn, TextColumn, TimeElapsedColumn
@@ -119,6 +121,7 @@ def _demo(
         bags_table(law, outcome),
     )
     followed = _follow(console, phases, suite, domain, law, seed)
+    lost = _unplug(console, phases, suite, domain, law, seed) if followed else None
     with phases.phase("missing_bags", "last act: bags of a machine with an effect the model lacks"):
         missing.make_bags(suite, law, seed)
     with phases.phase("diagnose", "which effect is it? asked of the bags alone"):
@@ -128,6 +131,7 @@ def _demo(
     outcome = outcome.model_copy(
         update={
             "following": followed,
+            "unplugged": lost,
             "hidden": missing.hidden(),
             "wall_seconds": phases.seconds,
         }
@@ -151,6 +155,23 @@ def _follow(
     phases.seconds["follow"] = round(time.monotonic() - start, 2)
     console.print(following.table(law, followed), f"Picture: {following.PICTURE}")
     return followed
+
+
+def _unplug(
+    console: Console, phases: Phases, suite: Processes, domain: int, law: Law, seed: int
+) -> Unplugged | None:
+    """An encoder lost in motion: what became of it, or None where none may be."""
+    joint = unplugged.joint_to_lose(law)
+    if not joint:
+        console.print("no encoder is unplugged: safety.yaml permits no substitute")
+        return None
+    start = time.monotonic()
+    pulled = unplugged.unplug(suite, domain, law, seed, joint, console.print)
+    found = homecoming.measured(law, pulled)
+    homecoming.draw(law, pulled, found)
+    phases.seconds["unplugged"] = round(time.monotonic() - start, 2)
+    console.print(homecoming.table(law, found), f"Picture: {homecoming.PICTURE}")
+    return found
 
 
 if __name__ == "__main__":

@@ -4,7 +4,7 @@ from collections.abc import Iterator, Mapping, Sequence
 from pathlib import Path
 
 from laws import OUT, Law
-from outcome import DemoOutcome, OnlineEstimate, motion_errors
+from outcome import DemoOutcome, OnlineEstimate, Unplugged, motion_errors
 
 from crane_benchmark.measured import MeasuredRow, of_joints, write
 from crane_identification.report.summary import ParameterSummary, Summary
@@ -60,9 +60,30 @@ def rows(
     if followed := outcome.following:
         what = f"the same by `{followed.controller}` with the fitted model"
         yield _tracked("following", what, followed.tracking_rms, units, digits=2)
+    if lost := outcome.unplugged:
+        yield _unplugged(lost, units)
     yield MeasuredRow(
         cells=[f"`{command}`, after the set-up", "", "{seconds:.0f} s"],
         values={"seconds": sum(outcome.wall_seconds.values())},
+    )
+
+
+def _unplugged(lost: Unplugged, units: Mapping[str, str]) -> MeasuredRow:
+    return MeasuredRow(
+        cells=[
+            f"encoder of {lost.joint} unplugged in motion: named; valves neutral; error of the "
+            f"estimate at home; load of {lost.planted_load:g} kg weighed on the way",
+            "1 s",
+            f"{{named:.2f}} s by {lost.named_by}; {{neutral:.2f}} s; "
+            f"{{error:.1f}} m{units[lost.joint]}; {{load:.1f}} ± {{load_std_dev:.1f}} kg",
+        ],
+        values={
+            "named": lost.seconds_to_name,
+            "neutral": lost.seconds_to_neutral,
+            "error": 1e3 * lost.estimate_error,
+            "load": lost.load,
+            "load_std_dev": lost.load_std_dev,
+        },
     )
 
 

@@ -1,5 +1,6 @@
 """jog in a terminal of its own, its keys pressed as an operator would."""
 
+import math
 import os
 import pty
 import time
@@ -10,6 +11,7 @@ from typing import Self
 from processes import DemoError, Processes
 
 REPEAT_S = 1 / 30  # of a key that is held
+HELD_S, LET_GO_S = 3.0, 0.3  # jog, where it paused itself, wants keys let go before they count
 PATIENCE_S = 60.0
 
 
@@ -44,12 +46,14 @@ class Keyboard:
 
     def hold(self, key: str, until: Callable[[], bool]) -> None:
         """As a terminal repeats it; `DemoError` where the crane does not get there."""
-        end = time.monotonic() + PATIENCE_S
-        pressed = -REPEAT_S
+        begin = time.monotonic()
+        pressed = -math.inf
         while not until():
             self._suite.check()
-            if time.monotonic() > end:
+            now = time.monotonic()
+            if now > begin + PATIENCE_S:
                 raise DemoError(f"jog: '{key}' was held for {PATIENCE_S:g} s in vain")
-            if time.monotonic() - pressed >= REPEAT_S:
-                pressed = time.monotonic()
+            held = (now - begin) % (HELD_S + LET_GO_S) < HELD_S
+            if held and now - pressed >= REPEAT_S:
+                pressed = now
                 self.press(key)

@@ -3,8 +3,10 @@
 import os
 import re
 import socket
+import subprocess
 import time
 from collections.abc import Callable, Collection
+from pathlib import Path
 from typing import Self
 
 import rclpy
@@ -20,7 +22,7 @@ from crane_interfaces.msg import DriverState
 from crane_nodes.driver_client import DriverClient
 
 DOMAINS = 101  # ROS_DOMAIN_ID 1 to this can be used on every Linux
-FIT_PERIODS, VALIDATION_PERIODS, FOLLOW_PERIODS = 3, 2, 2
+FIT_PERIODS, VALIDATION_PERIODS, FOLLOW_PERIODS = 3, 2, 1
 TRIES = 2
 NAME = "demo"
 VIEWER = "viewer"
@@ -40,10 +42,10 @@ class Onlooker:
         rclpy.init(
             context=self._context, domain_id=domain, signal_handler_options=SignalHandlerOptions.NO
         )
-        self._node = Node(NAME, context=self._context)
-        self._executor = SingleThreadedExecutor(context=self._context)
-        self._executor.add_node(self._node)
-        self._driver = DriverClient(self._node)
+        self.node = Node(NAME, context=self._context)
+        self.executor = SingleThreadedExecutor(context=self._context)
+        self.executor.add_node(self.node)
+        self.driver = DriverClient(self.node)
 
     def ready(self, listeners: Collection[str]) -> bool:
         """Whether these nodes listen to the driver, and it could be enabled.
@@ -51,28 +53,28 @@ class Onlooker:
         That a node says it is ready is not enough: the recorder takes up a topic when it finds it.
         While five processes start at once, frames may come late: such faults are reset.
         """
-        self._executor.spin_once(timeout_sec=0.1)
-        found = self._node.get_subscriptions_info_by_topic(JOINT_STATES.name)
+        self.executor.spin_once(timeout_sec=0.1)
+        found = self.node.get_subscriptions_info_by_topic(JOINT_STATES.name)
         if not {one.node_name for one in found} >= set(listeners):
             return False
-        state = self._driver.state.state
-        if state == DriverState.STATE_FAULT and self._driver.ready:
-            answer = self._driver.reset_fault()
-            self._executor.spin_until_future_complete(answer, timeout_sec=ANSWER_TIMEOUT_S)
+        state = self.driver.state.state
+        if state == DriverState.STATE_FAULT and self.driver.ready:
+            answer = self.driver.reset_fault()
+            self.executor.spin_until_future_complete(answer, timeout_sec=ANSWER_TIMEOUT_S)
         return state == DriverState.STATE_DISABLED
 
     def __enter__(self) -> Self:
         end = time.monotonic() + DISCOVERY_TIME_S
         while time.monotonic() < end:
-            self._executor.spin_once(timeout_sec=0.1)
-        if others := [name for name in self._node.get_node_names() if name not in (NAME, VIEWER)]:
+            self.executor.spin_once(timeout_sec=0.1)
+        if others := [name for name in self.node.get_node_names() if name not in (NAME, VIEWER)]:
             raise DemoError(
                 f"ROS domain {self._domain} is not empty: {', '.join(others)}; start the demo again"
             )
         return self
 
     def __exit__(self, *_: object) -> None:
-        self._node.destroy_node()
+        self.node.destroy_node()
         rclpy.shutdown(context=self._context)
 
 
@@ -83,7 +85,7 @@ def record(suite: Processes, domain: int, law: Law, seed: int, say: Say) -> None
     """
     with Onlooker(domain) as onlooker:
         say("starting: simulated crane, driver, trajectory, identification, recorder")
-        _start(suite, law, seed)
+        start(suite, law, seed)
         suite.start(
             *("identification", "crane_identification", "identification", "--ros-args"),
             *("-p", f"machine:={law.machine}"),
@@ -94,7 +96,7 @@ def record(suite: Processes, domain: int, law: Law, seed: int, say: Say) -> None
         suite.stop("identification")
         say("a second, other motion, for validation")
         _experiment(suite, onlooker, law, "validate", VALIDATION, VALIDATION_PERIODS, LEADING)
-        _stop(suite)
+        stop(suite)
 
 
 def show(suite: Processes, law: Law) -> str:
@@ -120,17 +122,21 @@ def follow(suite: Processes, domain: int, law: Law, seed: int, controller: str, 
     """
     with Onlooker(domain) as onlooker:
         say(f"the motion of the fit again, led by the fitted model: {controller}")
-        _start(suite, law, seed, "-p", f"law:={controller}", "-p", f"model:={law.fitted}")
+        start(suite, law, seed, "-p", f"law:={controller}", "-p", f"model:={law.fitted}")
         _experiment(suite, onlooker, law, "follow", EXCITATION, FOLLOW_PERIODS, LEADING)
-        _stop(suite)
+        stop(suite)
 
 
-def _start(suite: Processes, law: Law, seed: int, *leading: str) -> None:
-    """Simulated crane, driver, and the trajectory node, `leading` its further arguments."""
+def start(suite: Processes, law: Law, seed: int, *leading: str, plant: Path | None = None) -> None:
+    """Simulated crane, driver, and the trajectory node, `leading` its further arguments.
+
+    The crane is that of the law, or a `plant` file's, and takes lines of an operator.
+    """
     port = _free_port()
     suite.start(
-        *("crane", "crane_sim", "simulated_crane", "--bus-option", f"port={port}"),
-        *("--machine", law.machine, "--plant", law.plant, "--seed", seed),
+        *("crane", "crane_sim", "simulated_crane", "--bus-option", f"port={port}", "--operator"),
+        *("--machine", law.machine, "--plant", plant or law.plant, "--seed", seed),
+        stdin=subprocess.PIPE,
     )
     suite.start(
         *("driver", "crane_driver", "driver", "--ros-args"),
@@ -142,7 +148,8 @@ def _start(suite: Processes, law: Law, seed: int, *leading: str) -> None:
     )
 
 
-def _stop(suite: Processes) -> None:
+def stop(suite: Processes) -> None:
+    """The same."""
     for name in ("trajectory", "driver", "crane"):
         suite.stop(name)
 

@@ -46,6 +46,27 @@ class Following(ResultPart):
     """Than (36) in the first experiment [-]; null where the joint was held."""
 
 
+class Unplugged(ResultPart):
+    """What became of a crane that lost an encoder in mid-motion."""
+
+    joint: str
+    """Whose encoder froze."""
+    named_by: str
+    """The node that named it first."""
+    seconds_to_name: float
+    """From then on [s]."""
+    seconds_to_neutral: float
+    """Until all valves were commanded neutral [s]."""
+    estimate_error: float
+    """Estimate minus encoder, once home and plugged in again [rad, m]."""
+    planted_load: float
+    """At the tip [kg]."""
+    load: float
+    """What the scale said of it at home [kg]."""
+    load_std_dev: float
+    """Its standard deviation [kg]."""
+
+
 class DemoOutcome(ResultFile):
     """What the demo measured itself."""
 
@@ -55,6 +76,8 @@ class DemoOutcome(ResultFile):
     """Rms of reference minus position in the first experiment, led by (36) [rad, m]."""
     following: Following | None = None
     """The same led by the fitted model; null where it cannot lead."""
+    unplugged: Unplugged | None = None
+    """What happened without an encoder; null where the machine permits no substitute."""
     recorded: dict[str, Recording]
     """By use, `train` and `validate`."""
     hidden: list[LabelledEffect] = []

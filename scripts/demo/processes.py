@@ -65,12 +65,19 @@ class Processes:
         """Only `check` acts on it, so that no process is lost on its way and none ends half."""
         self._interrupted = True
 
-    def start(self, name: str, package: str, executable: str, *arguments: object) -> None:
+    def start(
+        self,
+        name: str,
+        package: str,
+        executable: str,
+        *arguments: object,
+        stdin: int = subprocess.DEVNULL,
+    ) -> None:
         """Start one in the background."""
         with self._log(name).open("ab") as log:
             self._running[name] = subprocess.Popen(
                 command(package, executable, *arguments),
-                stdin=subprocess.DEVNULL,
+                stdin=stdin,
                 stdout=log,
                 stderr=subprocess.STDOUT,
                 start_new_session=True,
@@ -91,6 +98,13 @@ class Processes:
             time.sleep(0.1)
         del self._running[name]
         return process.returncode
+
+    def tell(self, name: str, line: str) -> None:
+        """Write a line to one that was started with a pipe."""
+        pipe = self._running[name].stdin
+        assert pipe is not None
+        pipe.write(f"{line}\n".encode())
+        pipe.flush()
 
     def output(self, name: str, package: str, executable: str, *arguments: object) -> str:
         """Run one to its end; what it printed."""
@@ -117,6 +131,15 @@ class Processes:
                     del self._running[name]
                     break
             time.sleep(0.1)
+
+    def over(self, name: str) -> bool:
+        """Whether one has ended, however it did."""
+        return self._running[name].poll() is not None
+
+    def ended(self, name: str) -> None:
+        """Wait until it has."""
+        self.until(lambda: self.over(name), f"{name} goes on", name)
+        del self._running[name]
 
     def check(self, *may_end: str) -> None:
         """`KeyboardInterrupt` after Ctrl-C; `DemoError` if a process in the background ended."""
@@ -145,11 +168,11 @@ class Processes:
             except subprocess.TimeoutExpired:
                 print(f"{name} does not end on {number.name}", file=sys.stderr)
 
-    def until(self, condition: Callable[[], bool], otherwise: str) -> None:
-        """Wait for a condition; `DemoError` if a process ends or it takes too long."""
+    def until(self, condition: Callable[[], bool], otherwise: str, *may_end: str) -> None:
+        """Wait for a condition; `DemoError` if a process ends, but these, or it takes too long."""
         end = time.monotonic() + READY_TIMEOUT_S
         while not condition():
-            self.check()
+            self.check(*may_end)
             if time.monotonic() > end:
                 raise DemoError(f"{otherwise} (waited {READY_TIMEOUT_S:g} s); see {self._logs}")
 

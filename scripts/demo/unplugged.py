@@ -33,11 +33,10 @@ USE = "unplugged"  # of its bag
 LOAD = 60.0  # kg at the tip
 OBSERVERS = ("position_sensor", "sensor_monitor", "scale")
 LISTENERS = (*live.LEADING, *OBSERVERS)
-KNOWN = 6.0  # s of motion, before the plug is pulled
+KNOWN = 3.0  # s of motion, before the plug is pulled
 FAST = 0.5  # of the joint's largest speed until then, at which it is pulled
 MOVES = 0.02  # rad/s
 HOME = {"rad": 0.02, "m": 0.01}  # from the rest pose
-STEP = "6"  # tenths of the fastest that jog offers
 RETRY_S = 1.0
 PLUGGED_IN_S = 1.0  # recorded afterwards
 
@@ -138,8 +137,12 @@ def unplug(suite: Processes, domain: int, law: Law, seed: int, joint: str, say: 
             _go_home(suite, hand, keys, law)
             home = time.time_ns()
             suite.until(lambda: _disabled(hand, keys), "the driver is not disabled")
-        suite.tell("crane", f"mended={joint}.encoder")
+        suite.tell("crane", mended := f"mended={joint}.encoder")
+        told = mended.replace("=", ": ")
+        suite.until(lambda: told in suite.said("crane"), "the encoder is not mended")
         suite.until(lambda: hand.substitute(""), "the encoder is not taken back")
+        suite.until(lambda: hand.in_state(DriverState.STATE_FAULT), "it is where it was left")
+        suite.until(hand.reset, "the jump of the encoder is not reset")
         end = time.monotonic() + PLUGGED_IN_S
         suite.until(lambda: time.monotonic() > end, "")
         suite.stop("recorder")
@@ -188,7 +191,6 @@ def _go_home(suite: Processes, hand: Hand, keys: Keyboard, law: Law) -> None:
     machine = load_machine(law.machine)
     rest = dict(zip(machine.joint_names, load_stand_in(law.plant).start.tolist(), strict=True))
     pairs = dict(zip(machine.joint_names, PAIRS, strict=False))
-    keys.press(STEP)
     for joint in reversed(load_model(law.fitted).joints):
         near = HOME[machine.units[joint]]
         while abs(way := rest[joint] - hand.position(joint)) > near:

@@ -10,7 +10,7 @@ from figures import rows as rows_of_demo
 from from_code import figures
 from from_code.figures import MEASURED, names_on, pages, rendered, take_over
 from manual import ROOT, text
-from outcome import DemoOutcome, Following, OnlineEstimate
+from outcome import DemoOutcome, Following, OnlineEstimate, Unplugged
 
 from crane_benchmark.folders import read_json
 from crane_benchmark.measured import NO_BREAK, MeasuredFigures, MeasuredRow, write
@@ -169,6 +169,16 @@ def test_figures_of_the_demo_are_those_of_its_outcome() -> None:
             tracking_rms={"slew": 0.0, "telescope": 0.00012},
             times_better={"slew": None, "telescope": 75.0},
         ),
+        unplugged=Unplugged(
+            joint="telescope",
+            named_by="driver",
+            seconds_to_name=0.21,
+            seconds_to_neutral=0.354,
+            estimate_error=-0.0021,
+            planted_load=60.0,
+            load=59.6,
+            load_std_dev=0.4,
+        ),
         recorded={},
         wall_seconds={"live": 100.0, "bags": 23.0},
     )
@@ -183,4 +193,6 @@ def test_figures_of_the_demo_are_those_of_its_outcome() -> None:
     led = "the same by `flow_and_pressures` with the fitted model (slew, telescope)"
     assert told[led] == "0.00 mrad, 0.12 mm"
     assert told["`make demo`, after the set-up"] == "123 s"
+    (lost,) = (said for what, said in told.items() if what.startswith("encoder of telescope"))
+    assert lost == "0.21 s by driver; 0.35 s; -2.1 mm; 59.6 ± 0.4 kg"
     assert "0.10 %, 0.25 %" in told.values()
