@@ -132,15 +132,6 @@ class Processes:
                     break
             time.sleep(0.1)
 
-    def over(self, name: str) -> bool:
-        """Whether one has ended, however it did."""
-        return self._running[name].poll() is not None
-
-    def ended(self, name: str) -> None:
-        """Wait until it has."""
-        self.until(lambda: self.over(name), f"{name} goes on", name)
-        del self._running[name]
-
     def check(self, *may_end: str) -> None:
         """`KeyboardInterrupt` after Ctrl-C; `DemoError` if a process in the background ended."""
         if self._interrupted:
@@ -168,11 +159,11 @@ class Processes:
             except subprocess.TimeoutExpired:
                 print(f"{name} does not end on {number.name}", file=sys.stderr)
 
-    def until(self, condition: Callable[[], bool], otherwise: str, *may_end: str) -> None:
-        """Wait for a condition; `DemoError` if a process ends, but these, or it takes too long."""
+    def until(self, condition: Callable[[], bool], otherwise: str) -> None:
+        """Wait for a condition; `DemoError` if a process ends or it takes too long."""
         end = time.monotonic() + READY_TIMEOUT_S
         while not condition():
-            self.check(*may_end)
+            self.check()
             if time.monotonic() > end:
                 raise DemoError(f"{otherwise} (waited {READY_TIMEOUT_S:g} s); see {self._logs}")
 

@@ -10,7 +10,7 @@ import math
 import time
 from functools import partial
 from pathlib import Path
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import live
 import yaml
@@ -19,9 +19,12 @@ from keyboard import Keyboard
 from laws import OUT, VALIDATION, Law
 from live import Onlooker, Say
 from processes import DemoError, Processes
+from rclpy.action import ActionClient
+from rclpy.task import Future
 
 from crane_driver.operator.jog.keyboard import PAIRS
 from crane_driver.safety.settings import load_safety
+from crane_interfaces.action import RunExcitation
 from crane_interfaces.msg import DriverState, PositionEstimate, SensorFindings
 from crane_interfaces.srv import SubstituteEncoder
 from crane_model.machine import load_machine
@@ -38,6 +41,7 @@ FAST = 0.5  # of the joint's largest speed until then, at which it is pulled
 MOVES = 0.02  # rad/s
 HOME = {"rad": 0.02, "m": 0.01}  # from the rest pose
 RETRY_S = 1.0
+TRIES = 4  # while eight nodes find each other, the driver may stall
 PLUGGED_IN_S = 1.0  # recorded afterwards
 
 
@@ -58,6 +62,8 @@ class Hand(Onlooker):
         self.named: tuple[str, ...] = ()
         self.node.create_subscription(PositionEstimate, "position_estimate", self._estimated, 1)
         self.node.create_subscription(SensorFindings, "sensor_findings", self._found, LATCHED)
+        self._action = ActionClient(self.node, RunExcitation, "run_excitation")
+        self._ending: Future | None = None
         self._substitute = self.node.create_client(SubstituteEncoder, "driver/substitute")
 
     def position(self, joint: str) -> float:
@@ -88,18 +94,40 @@ class Hand(Onlooker):
         self.executor.spin_once(timeout_sec=0.02)
         return self.node.count_publishers("valve_command") == 0
 
+    def over(self) -> bool:
+        """Whether the experiment that was begun has ended."""
+        self.executor.spin_once(timeout_sec=0.02)
+        return bool(self._ending and self._ending.done())
+
+    def begin(self, trajectory: str) -> bool:
+        """Enable, and one period of a trajectory; whether both were accepted.
+
+        By this node, which all others know: one that joins now may hold up who publishes to it.
+        """
+        enabled = self._answer(self.driver.enable())
+        if not (enabled and enabled.success):
+            return False
+        goal = RunExcitation.Goal(trajectory=trajectory, periods=1)
+        handle = self._answer(self._action.send_goal_async(goal))
+        if not (handle and handle.accepted):
+            return False
+        self._ending = handle.get_result_async()
+        return True
+
     def substitute(self, joint: str) -> bool:
         """Ask the driver to go on without this joint's encoder, or with all; whether it does."""
-        future = self._substitute.call_async(SubstituteEncoder.Request(joint=joint))
-        self.executor.spin_until_future_complete(future, timeout_sec=live.ANSWER_TIMEOUT_S)
-        answer = future.result()
+        request = SubstituteEncoder.Request(joint=joint)
+        answer = self._answer(self._substitute.call_async(request))
         return bool(answer and answer.success)
 
     def reset(self) -> bool:
         """Reset the driver's fault; whether it is gone."""
-        answer = self.driver.reset_fault()
-        self.executor.spin_until_future_complete(answer, timeout_sec=live.ANSWER_TIMEOUT_S)
+        self._answer(self.driver.reset_fault())
         return self.in_state(DriverState.STATE_DISABLED)
+
+    def _answer(self, future: Future) -> Any:
+        self.executor.spin_until_future_complete(future, timeout_sec=live.ANSWER_TIMEOUT_S)
+        return future.result()
 
     def _estimated(self, message: PositionEstimate) -> None:
         self.estimate = message
@@ -154,24 +182,19 @@ def unplug(suite: Processes, domain: int, law: Law, seed: int, joint: str, say: 
 
 def _pull(suite: Processes, hand: Hand, law: Law, joint: str) -> int:
     """The plug, once the joint moves well; when [ns]."""
-    for _ in range(live.TRIES):
-        if _moves_well(suite, hand, law, joint):
+    for _ in range(TRIES):
+        suite.until(lambda: hand.ready(LISTENERS), "the nodes do not find each other")
+        if hand.begin(str(law.file(VALIDATION).resolve())) and _moves_well(suite, hand, joint):
             suite.tell("crane", f"fault={joint}.encoder.stuck")
             at = time.time_ns()
-            suite.until(lambda: hand.stopped_by(joint), "nobody notices", "excitation")
-            suite.ended("excitation")
+            suite.until(lambda: hand.stopped_by(joint), "nobody notices")
+            suite.until(hand.over, "the experiment goes on")
             return at
-        suite.ended("excitation")
-    raise DemoError(f"the experiment ended early {live.TRIES} times; see {OUT}/logs")
+    raise DemoError(f"the experiment ended early {TRIES} times; see {OUT}/logs")
 
 
-def _moves_well(suite: Processes, hand: Hand, law: Law, joint: str) -> bool:
-    """Begin an experiment; whether it goes on until all is known and this joint is fast."""
-    suite.until(lambda: hand.ready(LISTENERS), "the nodes do not find each other")
-    suite.start(
-        *("excitation", "crane_trajectory", "run_excitation", "--enable", "--periods", 1),
-        *("--trajectory", law.file(VALIDATION), "--result", law.result(USE), "--replace"),
-    )
+def _moves_well(suite: Processes, hand: Hand, joint: str) -> bool:
+    """Wait until all is known and this joint is fast; whether the experiment still goes on."""
     largest, known = MOVES, math.inf
 
     def well() -> bool:
@@ -182,8 +205,8 @@ def _moves_well(suite: Processes, hand: Hand, law: Law, joint: str) -> bool:
             known = min(known, time.monotonic() + KNOWN)
         return time.monotonic() > known and speed > FAST * largest
 
-    suite.until(lambda: suite.over("excitation") or well(), "no motion", "excitation")
-    return not suite.over("excitation")
+    suite.until(lambda: hand.over() or well(), "no motion")
+    return not hand.over()
 
 
 def _go_home(suite: Processes, hand: Hand, keys: Keyboard, law: Law) -> None:
