@@ -189,7 +189,7 @@ def test_diagnostics_tell_how_it_goes(ros: Graph, bag: Path) -> None:
     ros.wait(lambda: all(health.messages(topic) == 300 for topic in source.publishers))
     assert health.status.level == DiagnosticStatus.OK
     assert health.status.name == "recorder: bag"
-    assert health.status.message == "recording 6 of 12 topics"
+    assert health.status.message == "recording 6 of 13 topics"
     assert health.value("/joint_states lost") == "0"
     assert max(float(rate) for rate in health.rates) > 50.0
     assert recorder.end(signal.SIGTERM) == 0
