@@ -41,6 +41,7 @@ FAST = 0.5  # of the joint's largest speed until then, at which it is pulled
 MOVES = 0.02  # rad/s
 HOME = {"rad": 0.02, "m": 0.01}  # from the rest pose
 RETRY_S = 1.0
+LOOK_S = 0.02  # at most, for something that comes
 TRIES = 4  # while eight nodes find each other, the driver may stall
 PLUGGED_IN_S = 1.0  # recorded afterwards
 
@@ -68,35 +69,35 @@ class Hand(Onlooker):
 
     def position(self, joint: str) -> float:
         """By the estimate [rad, m]."""
-        self.executor.spin_once(timeout_sec=0.02)
+        self._look()
         return float(self.estimate.position[list(self.estimate.name).index(joint)])
 
     def speed(self, joint: str) -> float:
         """By the estimate [rad/s, m/s]; 0 before it is known."""
-        self.executor.spin_once(timeout_sec=0.02)
+        self._look()
         names = list(self.estimate.name)
         return abs(self.estimate.velocity[names.index(joint)]) if joint in names else 0.0
 
     def stopped_by(self, joint: str) -> bool:
         """Whether the driver is in a fault, and this joint's encoder was named."""
-        self.executor.spin_once(timeout_sec=0.02)
+        self._look()
         state = self.driver.state
         named = joint in self.named or state.source == joint
         return named and state.state == DriverState.STATE_FAULT
 
     def in_state(self, *states: int) -> bool:
         """Whether the driver is in one of these."""
-        self.executor.spin_once(timeout_sec=0.02)
+        self._look()
         return self.driver.state.state in states
 
     def silent(self) -> bool:
         """Whether nobody commands the valves."""
-        self.executor.spin_once(timeout_sec=0.02)
+        self._look()
         return self.node.count_publishers("valve_command") == 0
 
     def over(self) -> bool:
         """Whether the experiment that was begun has ended."""
-        self.executor.spin_once(timeout_sec=0.02)
+        self._look()
         return bool(self._ending and self._ending.done())
 
     def begin(self, trajectory: str) -> bool:
@@ -124,6 +125,9 @@ class Hand(Onlooker):
         """Reset the driver's fault; whether it is gone."""
         self._answer(self.driver.reset_fault())
         return self.in_state(DriverState.STATE_DISABLED)
+
+    def _look(self) -> None:
+        self.executor.spin_once(timeout_sec=LOOK_S)
 
     def _answer(self, future: Future) -> Any:
         self.executor.spin_until_future_complete(future, timeout_sec=live.ANSWER_TIMEOUT_S)

@@ -17,7 +17,7 @@ from crane_identification.preparation.run import (
 )
 from crane_identification.signals.decimate import PADDING, trusted_bandwidth
 from crane_identification.signals.routes import estimate_record
-from crane_model.errors import DataError, NoMotionError
+from crane_model.errors import DataError
 from crane_model.model_file import Model
 from crane_model.progress import Progress, silent
 
@@ -41,10 +41,8 @@ def prepare(
         return _whole_runs(model, log, samples, options, progress, since)
     try:
         part = periodic_part(log, options.period)
-    except NoMotionError:
-        raise
     except DataError as error:
-        raise DataError(f"{error}; or do not average: --no-average") from None
+        raise type(error)(f"{error}; or do not average: --no-average") from None
     length = round(part.period * sampling_rate(log.position.time))
     samples = resample(log, length / part.period)
     inside = (samples.time >= part.start) & (samples.time <= part.end)
