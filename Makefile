@@ -21,8 +21,8 @@ TESTS ?= tests/integration tests/unit
 BENCH := tests/benchmarks tests/integration/test_cluster.py \
 	tests/unit/crane_identification/test_estimators.py
 export PYTHON
-# Nothing started from here talks to other machines.
-export ROS_AUTOMATIC_DISCOVERY_RANGE := LOCALHOST
+# Nothing started from here talks to other machines: env.sh sees to it where this is not set.
+unexport ROS_AUTOMATIC_DISCOVERY_RANGE
 
 in_env := source scripts/env.sh &&
 

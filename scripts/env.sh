@@ -33,6 +33,18 @@ _crane_env() {
     if ! command -v ros2 >/dev/null; then
         export PATH="$root/scripts/ros2_stand_in:$PATH"
     fi
+
+    # Unless the shell says otherwise, only nodes of this computer see each other; the same as in
+    # crane_nodes/this_computer.py, which says why.
+    if [ -z "${ROS_AUTOMATIC_DISCOVERY_RANGE:-}" ]; then
+        case "${RMW_IMPLEMENTATION:-rmw_fastrtps_cpp}" in
+        rmw_fastrtps*)
+            export ROS_AUTOMATIC_DISCOVERY_RANGE=SYSTEM_DEFAULT
+            export FASTRTPS_DEFAULT_PROFILES_FILE="$root/install/crane_nodes/share/crane_nodes/config/this_computer.xml"
+            ;;
+        *) export ROS_AUTOMATIC_DISCOVERY_RANGE=LOCALHOST ;;
+        esac
+    fi
 }
 
 if [ -n "${ZSH_VERSION:-}" ]; then

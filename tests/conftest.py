@@ -8,6 +8,7 @@ from rich.console import Console
 from rich.table import Table
 
 from crane_benchmark.measured import MeasuredRow, write
+from crane_nodes import this_computer
 
 # The same examples on every machine; the first call of compiled code takes seconds.
 settings.register_profile(
@@ -81,5 +82,6 @@ def ros_domain() -> Iterator[int]:
     domain_coordinator = pytest.importorskip("domain_coordinator")
     with domain_coordinator.domain_id() as domain, pytest.MonkeyPatch.context() as patch:
         patch.setenv("ROS_DOMAIN_ID", str(domain))
-        patch.setenv("ROS_AUTOMATIC_DISCOVERY_RANGE", "LOCALHOST")
+        for name, value in this_computer.variables(os.environ).items():
+            patch.setenv(name, value)
         yield domain

@@ -34,6 +34,7 @@ from crane_identification.report import terminal
 from crane_model.cli import add_machine
 from crane_model.errors import ConfigurationError
 from crane_model.machine_files import DEFAULT_MACHINE
+from crane_nodes import this_computer
 
 SEED = 1
 WIDTH = 100  # characters, where the output is no terminal
@@ -75,10 +76,7 @@ def main() -> int:
     phases = Phases(console)
     shutil.rmtree(OUT, ignore_errors=True)  # only ever written by this script
     domain = live.own_domain()
-    environment = {
-        "ROS_DOMAIN_ID": str(domain),
-        "ROS_AUTOMATIC_DISCOVERY_RANGE": "LOCALHOST",
-    }
+    environment = {"ROS_DOMAIN_ID": str(domain)} | this_computer.variables(os.environ)
     os.environ.update(environment)
     try:
         with Processes(OUT / "logs", environment) as suite:

@@ -29,7 +29,7 @@ setup(
     data_files=[
         ("share/ament_index/resource_index/packages", [f"resource/{PACKAGE}"]),
         (f"share/{PACKAGE}", ["package.xml"]),
-        (f"share/{PACKAGE}/config", sorted(map(str, Path().glob("config/*.yaml")))),
+        (f"share/{PACKAGE}/config", sorted(map(str, Path().glob("config/*")))),
         (f"share/{PACKAGE}/security", ["security/policies.xml"]),
     ],
     zip_safe=False,

@@ -15,13 +15,15 @@ from integration.live_page import Page
 from integration.panel_visits import DESK, served, until
 from integration.processes import end
 
+from crane_nodes import this_computer
+
 PICTURE = Path(__file__).resolve().parents[2] / "docs" / "pictures" / "panel.png"
 RUNNING = "document.getElementById('phase').textContent.startsWith('excitation')"
 
 
 def main() -> None:
     """Write the picture."""
-    os.environ["ROS_AUTOMATIC_DISCOVERY_RANGE"] = "LOCALHOST"
+    os.environ.update(this_computer.variables(os.environ))
     os.environ.setdefault("ROS_DOMAIN_ID", "0")
     with tempfile.TemporaryDirectory() as name, ExitStack() as stack:
         folder = Path(name)

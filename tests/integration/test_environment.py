@@ -11,6 +11,8 @@ import pytest
 import workspace
 from machine import Machine
 
+from crane_nodes.this_computer import MIDDLEWARE, PROFILES, RANGE, variables
+
 ROOT = Path(__file__).resolve().parents[2]
 PACKAGES = [
     *("crane_bags", "crane_driver", "crane_identification", "crane_interfaces", "crane_model"),
@@ -56,6 +58,29 @@ EOF
     assert f"python {ROOT / '.venv'}" in lines
     assert "sourced twice True" in lines
     assert "crane_trajectory design" in lines
+
+
+def sourced(shell: dict[str, str]) -> dict[str, str]:
+    """Variables about who is found, after env.sh was sourced in a shell that has others."""
+    done = subprocess.run(
+        ["bash", "--norc", "-c", f"source '{ROOT}/scripts/env.sh' && env"],
+        env=fresh_environment() | shell,
+        capture_output=True,
+        text=True,
+        check=True,
+    )
+    found = dict(line.split("=", 1) for line in done.stdout.splitlines() if "=" in line)
+    return {name: found[name] for name in (RANGE, PROFILES) if name in found}
+
+
+@pytest.mark.parametrize("middleware", ["rmw_fastrtps_cpp", "rmw_cyclonedds_cpp"])
+def test_nodes_of_other_computers_are_not_seen(middleware: str) -> None:
+    shell = {MIDDLEWARE: middleware}
+    assert sourced(shell) == variables(shell)
+
+
+def test_unless_the_shell_asks_for_them() -> None:
+    assert sourced({RANGE: "SUBNET"}) == {RANGE: "SUBNET"}
 
 
 def test_executables_of_the_suite_run_in_the_virtual_environment() -> None:
