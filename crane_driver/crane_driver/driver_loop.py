@@ -79,6 +79,7 @@ class DriverLoop:
         measured = {name.split(".")[0] for name in layout.pressures if name not in LINES}
         self.cylinders = tuple(joint for joint in machine.joint_names if joint in measured)
         self.cycle = min(message.cycle for message in layout.commands)
+        self.frames_of_cycle = layout.frames_of_cycle
         self.codec = DriverCodec(layout)
         self.monitor = Monitor(layout.readings, layout.timing, now)
         self._acceptance = Acceptance(layout, settings.command_timeout)

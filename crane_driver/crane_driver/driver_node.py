@@ -100,7 +100,9 @@ class Driver(LifecycleNode):
         assert self._settings
         try:
             loop = self._new_loop()
-            link = Link(self._settings.bus, self._received.trigger).open()
+            link = Link(
+                self._settings.bus, self._received.trigger, cycle=loop.frames_of_cycle
+            ).open()
         except CraneError as error:
             return self._failed(error)
         self._active = ActiveDriver(

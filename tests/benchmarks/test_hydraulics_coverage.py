@@ -11,6 +11,7 @@ from pathlib import Path
 from typing import NamedTuple
 
 import numpy as np
+import pytest
 from scipy.stats import binomtest
 from unit.crane_identification.hydraulics.valve_experiments import (
     FITTED,
@@ -86,6 +87,7 @@ def fingerprint() -> str:
     return whole.hexdigest()[:12]
 
 
+@pytest.mark.timeout(2 * 3600)
 def test_intervals_cover_what_they_claim(measured: Measured) -> None:
     folder = KEPT / fingerprint()
     folder.mkdir(parents=True, exist_ok=True)

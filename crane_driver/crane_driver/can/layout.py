@@ -136,6 +136,13 @@ class Layout:
         """Joints whose valve is commanded."""
         return _names(one.commands for one in self.commands)
 
+    @property
+    def frames_of_cycle(self) -> frozenset[int]:
+        """Identifiers of the frames with positions and pressures that come most often."""
+        measuring = [one for one in self.readings if one.positions or one.pressures]
+        shortest = min(one.cycle for one in measuring)
+        return frozenset(one.message.frame_id for one in measuring if one.cycle == shortest)
+
     def resolution(self, name: str) -> float:
         """One raw step of a position or pressure [SI]."""
         channels = [

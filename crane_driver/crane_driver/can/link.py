@@ -38,6 +38,8 @@ class Link:
 
     `notify` is called by the receiving thread after each frame or fault that it has queued; it
     must only wake the taker up. `capacity` bounds the queue; what it cannot hold drops the oldest.
+    `cycle` holds the identifiers of the frames that come in every cycle: with the last of them the
+    taker is woken at once.
     """
 
     def __init__(
@@ -45,8 +47,9 @@ class Link:
         settings: BusSettings,
         notify: Callable[[], None] = lambda: None,
         capacity: int = 4096,
+        cycle: frozenset[int] = frozenset(),
     ):
-        self._settings, self._notify = settings, notify
+        self._settings, self._notify, self._cycle = settings, notify, cycle
         self._lock = threading.Lock()
         self._frames: deque[Frame] = deque(maxlen=capacity)
         self._faults: deque[Fault] = deque(maxlen=capacity)
@@ -168,11 +171,12 @@ class Link:
         """
         assert self._bus is not None
         train = math.inf  # s, steady, since when frames wait for which nobody has been woken
+        lacking = set(self._cycle)  # identifiers that have not come in this train
         while not self._stop.is_set():
             waiting = train < math.inf
             message = self._bus.recv(GATHER if waiting else POLL)
             if waiting and (message is None or time.monotonic() - train > LONGEST_TRAIN):
-                train = math.inf
+                train, lacking = math.inf, set(self._cycle)
                 self._wake()
             if message is None:
                 if not waiting:
@@ -189,6 +193,10 @@ class Link:
             else:
                 self._queue(message, stamp, steady)
                 train = min(train, time.monotonic())
+                lacking.discard(message.arbitration_id)
+                if self._cycle and not lacking:
+                    train, lacking = math.inf, set(self._cycle)
+                    self._wake()
 
     def _queue(self, message: can.Message, stamp: int, steady: float) -> None:
         frame = Frame(

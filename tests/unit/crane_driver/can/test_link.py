@@ -106,6 +106,25 @@ def test_the_state_is_active_only_once_a_frame_has_come(
         one.send(Frame(1, b""))
 
 
+def test_the_last_frame_of_a_cycle_wakes_the_taker_at_once(
+    settings: BusSettings, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr("crane_driver.can.link.GATHER", PATIENCE)
+    monkeypatch.setattr("crane_driver.can.link.LONGEST_TRAIN", 2 * PATIENCE)
+    woken: list[int] = []
+    with (
+        Link(settings) as sender,
+        Link(
+            settings, lambda: woken.append(receiver.received), cycle=frozenset({1, 2, 3})
+        ) as receiver,
+    ):
+        for number in (3, 1, 7, 2, 1, 1, 2, 3):
+            sender.send(Frame(number, b""))
+        until(lambda: receiver.received == 8)
+        until(lambda: len(woken) == 2)
+        assert woken == [4, 8]
+
+
 def test_a_flood_is_taken_in_parts_and_the_taker_is_woken_for_the_rest(
     settings: BusSettings,
 ) -> None:
