@@ -16,12 +16,15 @@ def clock_step(stamp: np.ndarray, log_time: np.ndarray) -> tuple[int, int] | Non
     Of header stamps (n,) and log times (n,) [ns] in the order of reception. The delay between the
     two then changes at one message and stays changed. A message that is late changes it for a
     while, a recorder that pauses is late in both, and of a clock that drifts it changes steadily.
+    The first of a latched topic is as old as it likes.
     """
     if len(stamp) < 3:
         return None
     late = log_time - stamp
     jump = np.diff(late)
-    suspects = np.flatnonzero((np.abs(jump) > LARGEST_JUMP) & (np.diff(log_time) < LARGEST_JUMP))
+    sudden = (np.abs(jump) > LARGEST_JUMP) & (np.diff(log_time) < LARGEST_JUMP)
+    sudden[0] &= jump[0] > 0
+    suspects = np.flatnonzero(sudden)
     if not len(suspects):
         return None
     steady = late - _drift(stamp, late)

@@ -307,6 +307,9 @@ def test_what_looks_like_a_clock_that_is_set() -> None:
     assert clock_step(stamp + pause, log_time + pause) is None
     assert clock_step(stamp, log_time + pause) is None  # a bag that was played, and paused
     assert clock_step(stamp, log_time + slow) is None
+    latched = stamp.copy()
+    latched[0] -= 60 * 10**9
+    assert clock_step(latched, log_time) is None
     assert clock_step(stamp + pause, START + np.arange(len(stamp))) is None  # log times are made up
     row, change = clock_step(stamp + pause // 100 - 2 * slow, log_time) or (0, 0)
     assert (row, change / 1e9) == (2000, pytest.approx(0.3, abs=2e-3))
