@@ -4,7 +4,8 @@
 
 _crane_env() {
     local root=$1 shell=$2 ros
-    if ! [ -f "$root/install/crane-build" ]; then
+    local profiles="$root/install/crane_nodes/share/crane_nodes/config/this_computer.xml"
+    if ! [ -f "$root/install/crane-build" ] || ! [ -f "$profiles" ]; then
         echo "error: the suite is not set up; run: make -C '$root' setup" >&2
         return 1
     fi
@@ -34,17 +35,25 @@ _crane_env() {
         export PATH="$root/scripts/ros2_stand_in:$PATH"
     fi
 
-    # Unless the shell says otherwise, only nodes of this computer see each other; the same as in
+    # Unless the shell asks for other computers, only nodes of this one see each other; as in
     # crane_nodes/this_computer.py, which says why.
-    if [ -z "${ROS_AUTOMATIC_DISCOVERY_RANGE:-}" ]; then
-        case "${RMW_IMPLEMENTATION:-rmw_fastrtps_cpp}" in
-        rmw_fastrtps*)
-            export ROS_AUTOMATIC_DISCOVERY_RANGE=SYSTEM_DEFAULT
-            export FASTRTPS_DEFAULT_PROFILES_FILE="$root/install/crane_nodes/share/crane_nodes/config/this_computer.xml"
-            ;;
-        *) export ROS_AUTOMATIC_DISCOVERY_RANGE=LOCALHOST ;;
-        esac
-    fi
+    case "${FASTRTPS_DEFAULT_PROFILES_FILE:-}" in
+    */crane_nodes/config/this_computer.xml) # it was sourced before
+        unset FASTRTPS_DEFAULT_PROFILES_FILE
+        if [ "${ROS_AUTOMATIC_DISCOVERY_RANGE:-}" = SYSTEM_DEFAULT ]; then
+            unset ROS_AUTOMATIC_DISCOVERY_RANGE
+        fi
+        ;;
+    esac
+    export ROS_AUTOMATIC_DISCOVERY_RANGE="${ROS_AUTOMATIC_DISCOVERY_RANGE:-LOCALHOST}"
+    export RMW_IMPLEMENTATION="${RMW_IMPLEMENTATION:-rmw_fastrtps_cpp}"
+    case "$ROS_AUTOMATIC_DISCOVERY_RANGE $RMW_IMPLEMENTATION ${FASTRTPS_DEFAULT_PROFILES_FILE:-}" in
+    "LOCALHOST rmw_fastrtps"*" ")
+        unset ROS_LOCALHOST_ONLY
+        export ROS_AUTOMATIC_DISCOVERY_RANGE=SYSTEM_DEFAULT
+        export FASTRTPS_DEFAULT_PROFILES_FILE="$profiles"
+        ;;
+    esac
 }
 
 if [ -n "${ZSH_VERSION:-}" ]; then

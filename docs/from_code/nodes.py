@@ -55,6 +55,7 @@ def unconfigured(name: str, *arguments: str, domain: int | None = None) -> Itera
 def pages() -> dict[str, str]:
     """The parameters of all nodes."""
     os.environ["ROS_AUTOMATIC_DISCOVERY_RANGE"] = "OFF"
+    os.environ.pop("FASTRTPS_DEFAULT_PROFILES_FILE", None)  # it has peers
     parts = [INTRODUCTION]
     for name in NODES:
         with unconfigured(name) as node:

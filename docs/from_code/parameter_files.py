@@ -61,6 +61,7 @@ def rendered(name: str, node: Node) -> str:
 def main() -> None:
     """Write them all."""
     os.environ["ROS_AUTOMATIC_DISCOVERY_RANGE"] = "OFF"
+    os.environ.pop("FASTRTPS_DEFAULT_PROFILES_FILE", None)  # it has peers
     for name in NODES:
         place(name).parent.mkdir(exist_ok=True)
         with unconfigured(name) as node:

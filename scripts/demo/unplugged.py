@@ -103,7 +103,7 @@ class Hand(Onlooker):
     def begin(self, trajectory: str) -> bool:
         """Enable, and one period of a trajectory; whether both were accepted.
 
-        By this node, which all others know: one that joins now may hold up who publishes to it.
+        By this node, which the others know by now.
         """
         enabled = self._answer(self.driver.enable())
         if not (enabled and enabled.success):

@@ -49,7 +49,7 @@ def test_a_node_that_joins_holds_up_others(
     monkeypatch.delenv(PROFILES, raising=False)
     monkeypatch.setenv(RANGE, "LOCALHOST")
     measured(
-        f"rclpy alone, LOCALHOST, {count} that talk, another joins {JOINED} times: longest publish",
+        f"rclpy alone, `LOCALHOST`, nodes: {count}, another joins {JOINED} times; longest publish",
         "",
         "{longest:.0f} ms",
         longest=longest_publish(count),
@@ -63,7 +63,7 @@ def test_none_is_held_up_in_the_suites_shell(
     assert os.environ[RANGE] == "SYSTEM_DEFAULT"
     longest = longest_publish(count)
     measured(
-        f"the same in the shell of `scripts/env.sh`, {count} that talk: longest publish",
+        f"the same in the shell of `scripts/env.sh`, nodes: {count}; longest publish",
         f"{LIMIT:.0f} ms",
         "{longest:.0f} ms",
         longest=longest,

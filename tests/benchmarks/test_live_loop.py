@@ -97,7 +97,9 @@ def report(loop: Loop, measured: Callable[..., None]) -> None:
     latencies(measured, "encoder frame to valve frame", whole)
     for k, hop in enumerate(HOPS):
         latencies(measured, f"of this: {hop}", np.diff(hops)[:, k] * 1e-6)
-    latencies(measured, "the same by python-can alone, without ROS, in the same run", least)
+    latencies(
+        measured, "encoder frame to frame by python-can alone, without ROS, in the same run", least
+    )
     assert not any(lost.values()), lost
     assert (np.diff(states.stamp) > 0).all()
     assert len(whole) > rate * MEASURED / 2

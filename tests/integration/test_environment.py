@@ -60,27 +60,47 @@ EOF
     assert "crane_trajectory design" in lines
 
 
-def sourced(shell: dict[str, str]) -> dict[str, str]:
-    """Variables about who is found, after env.sh was sourced in a shell that has others."""
+def sourced(shell: dict[str, str], then: str = "true") -> dict[str, str]:
+    """Variables about who is found, after env.sh was sourced, something done, and sourced again."""
+    script = f"source '{ROOT}/scripts/env.sh' && {then} && source '{ROOT}/scripts/env.sh' && env"
     done = subprocess.run(
-        ["bash", "--norc", "-c", f"source '{ROOT}/scripts/env.sh' && env"],
+        ["bash", "--norc", "-c", script],
         env=fresh_environment() | shell,
         capture_output=True,
         text=True,
         check=True,
     )
     found = dict(line.split("=", 1) for line in done.stdout.splitlines() if "=" in line)
-    return {name: found[name] for name in (RANGE, PROFILES) if name in found}
+    return {name: found[name] for name in (RANGE, MIDDLEWARE, PROFILES) if name in found}
 
 
-@pytest.mark.parametrize("middleware", ["rmw_fastrtps_cpp", "rmw_cyclonedds_cpp"])
-def test_nodes_of_other_computers_are_not_seen(middleware: str) -> None:
-    shell = {MIDDLEWARE: middleware}
-    assert sourced(shell) == variables(shell)
+@pytest.mark.parametrize(
+    "shell",
+    [
+        {},
+        {MIDDLEWARE: ""},
+        {RANGE: "LOCALHOST"},
+        {MIDDLEWARE: "rmw_cyclonedds_cpp"},
+        {PROFILES: "/etc/other.xml"},
+    ],
+    ids=str,
+)
+def test_nodes_of_other_computers_are_not_seen(shell: dict[str, str]) -> None:
+    found = sourced(shell)
+    if "other.xml" in found.get(PROFILES, ""):
+        del found[PROFILES]
+    assert found == variables(shell)
 
 
 def test_unless_the_shell_asks_for_them() -> None:
-    assert sourced({RANGE: "SUBNET"}) == {RANGE: "SUBNET"}
+    asked = {RANGE: "SUBNET", MIDDLEWARE: "rmw_fastrtps_cpp"}
+    assert sourced({RANGE: "SUBNET"}) == asked
+    assert sourced({}, f"export {RANGE}=SUBNET") == asked
+
+
+def test_another_middleware_is_kept_to_this_computer_too() -> None:
+    other = {MIDDLEWARE: "rmw_cyclonedds_cpp"}
+    assert sourced({}, f"export {MIDDLEWARE}={other[MIDDLEWARE]}") == variables(other)
 
 
 def test_executables_of_the_suite_run_in_the_virtual_environment() -> None:

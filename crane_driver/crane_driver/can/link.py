@@ -36,10 +36,10 @@ OLDEST_STAMP = 1.0  # s, an older stamp of a back end is of another clock
 class Link:
     """A CAN bus. Frames are taken and sent by one thread, received by another.
 
-    `notify` is called by the receiving thread after each frame or fault that it has queued; it
-    must only wake the taker up. `capacity` bounds the queue; what it cannot hold drops the oldest.
-    `cycle` holds the identifiers of the frames that come in every cycle: with the last of them the
-    taker is woken at once.
+    `notify` is called by the receiving thread after a cycle or a train of frames, and after each
+    fault; it must only wake the taker up. `capacity` bounds the queue; what it cannot hold drops
+    the oldest. `cycle` holds the identifiers of the frames that come in every cycle: with the last
+    of them the taker is woken at once.
     """
 
     def __init__(
@@ -166,8 +166,8 @@ class Link:
                 self._report(FaultKind.BUS, f"closing: {_shown(error)}")
 
     def _receive(self) -> None:
-        """Queue what comes, and wake who takes it once per train of frames: one cycle of a machine
-        is several frames, and to be woken costs more than to take them.
+        """Queue what comes, and wake who takes it once per cycle of the machine, or per train of
+        frames where it is not whole: to be woken costs more than to take them.
         """
         assert self._bus is not None
         train = math.inf  # s, steady, since when frames wait for which nobody has been woken

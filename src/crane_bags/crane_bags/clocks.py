@@ -16,7 +16,7 @@ def clock_step(stamp: np.ndarray, log_time: np.ndarray) -> tuple[int, int] | Non
     Of header stamps (n,) and log times (n,) [ns] in the order of reception. The delay between the
     two then changes at one message and stays changed. A message that is late changes it for a
     while, a recorder that pauses is late in both, and of a clock that drifts it changes steadily.
-    The first of a latched topic is as old as it likes.
+    The first message may be of any age: a latched one waits for its recorder.
     """
     if len(stamp) < 3:
         return None

@@ -33,6 +33,12 @@ def test_all_joints_cylinders_and_valves_are_mapped(crane: Layout) -> None:
     assert crane.pressures == (*(f"{one}.{ab}" for one in with_transducers for ab in "ab"), *LINES)
 
 
+def test_a_cycle_is_its_encoders_and_pressures(crane: Layout) -> None:
+    names = ("EncoderBase", "EncoderBoom", "PressureBooms", "PressureTelescope")
+    by_name = {one.message.name: one.message.frame_id for one in crane.readings}
+    assert crane.frames_of_cycle == {by_name[name] for name in names} < set(by_name.values())
+
+
 def test_frames_are_as_fine_as_the_sensors(crane: Layout, sensors: SensorChain) -> None:
     for joint in JOINTS:
         assert crane.resolution(joint) <= sensors.encoder_resolution[joint]
