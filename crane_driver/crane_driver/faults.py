@@ -114,8 +114,7 @@ class FaultKind(StrEnum):
     )
     STALLED = (
         *("stalled", 23, "the driver was not given the processor in time"),
-        "give it real-time priority (realtime.priority), or stop other work and floods of frames; "
-        "keep nodes off shared memory",
+        "give it real-time priority (realtime.priority), or stop other work and floods of frames",
     )
     OVERWORKED = (
         *("overworked", 24, "the driver's own work took too long"),
