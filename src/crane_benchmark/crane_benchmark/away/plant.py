@@ -54,7 +54,7 @@ class AwayPlant:
             push=np.zeros(joints),
         )
         self.acceleration = np.zeros(joints)
-        """(j,) mean while the bodies were last held [rad/s2, m/s2]."""
+        """(j,) at the end of the last `advance` [rad/s2, m/s2]."""
 
     def advance(self, command: np.ndarray, duration: float) -> None:
         """Run for `duration` [s] with spool commands (j,) in -1..1; positive moves a joint up.
@@ -70,10 +70,10 @@ class AwayPlant:
         fine = math.ceil(held / OIL_STEP - 1e-6)
         for _ in range(count):
             mass, bias = self._bodies.at(state.q + 0.5 * held * state.v, state.v)
-            before = state.v.copy()
             inverse = np.linalg.inv(mass)
             run_away(self._parts, self._hidden, state, inverse, bias, command, held / fine, fine)
-            self.acceleration = (state.v - before) / held
+        mass, bias = self._bodies.at(state.q, state.v)
+        self.acceleration = np.linalg.solve(mass, state.push - bias)
         if not np.isfinite(state.q).all():
             raise RangeError(
                 f"plant of other make: a linkage was forced open before t = {self.time:.4f} s; "
