@@ -149,7 +149,7 @@ def test_data_are_where_people_look_for_them(path: Path, monkeypatch: pytest.Mon
     package = path.parent.name
     shared = dict(declared(path, "develop", monkeypatch)["data_files"])
     of_machines = path.parent.glob("crane_machines/*/machine.yaml")
-    folders = {"config": ("config/*.yaml", f"{package}/data/*.yaml")} | {
+    folders = {"config": ("config/*.*", f"{package}/data/*.yaml")} | {
         file.parent.name: (f"{package}/{file.parent.name}/*.*",) for file in of_machines
     }
     for kind, patterns in folders.items():
