@@ -103,6 +103,22 @@ def test_another_middleware_is_kept_to_this_computer_too() -> None:
     assert sourced({}, f"export {MIDDLEWARE}={other[MIDDLEWARE]}") == variables(other)
 
 
+def test_a_set_up_without_the_profile_is_refused(tmp_path: Path) -> None:
+    """Fast DDS would say an error, and use every network."""
+    for folder in ("scripts", "install"):
+        (tmp_path / folder).mkdir()
+    shutil.copy(ROOT / "scripts" / "env.sh", tmp_path / "scripts")
+    (tmp_path / "install" / "crane-build").touch()
+    done = subprocess.run(
+        ["bash", "--norc", "-c", f"source '{tmp_path}/scripts/env.sh'"],
+        env=fresh_environment(),
+        capture_output=True,
+        text=True,
+    )
+    assert done.returncode == 1
+    assert done.stderr.startswith("error: the suite is not set up; run: make -C")
+
+
 def test_executables_of_the_suite_run_in_the_virtual_environment() -> None:
     """Their first line names the interpreter that has the pinned packages."""
     scripts = [p for p in (ROOT / "install").glob("crane_*/lib/crane_*/*") if p.is_file()]
