@@ -14,6 +14,7 @@ from crane_driver.operator.jog.jog_node import Jog
 from crane_driver.operator.panel.panel_node import OperatorPanel
 from crane_identification.online.identification_node import Identification
 from crane_model.machine import load_machine
+from crane_nodes.this_computer import PROFILES, RANGE
 from crane_observer.node.position_sensor_node import PositionSensorNode
 from crane_observer.node.scale_node import ScaleNode
 from crane_observer.node.sensor_monitor_node import SensorMonitorNode
@@ -40,6 +41,12 @@ laboratory crane, from the base to the tip.
 """
 
 
+def keep_apart() -> None:
+    """From now on, nodes of this process see no others."""
+    os.environ[RANGE] = "OFF"
+    os.environ.pop(PROFILES, None)  # it has peers
+
+
 @contextmanager
 def unconfigured(name: str, *arguments: str, domain: int | None = None) -> Iterator[Node]:
     """One of NODES as it stands before it is configured, with ROS arguments where there are any."""
@@ -54,8 +61,7 @@ def unconfigured(name: str, *arguments: str, domain: int | None = None) -> Itera
 
 def pages() -> dict[str, str]:
     """The parameters of all nodes."""
-    os.environ["ROS_AUTOMATIC_DISCOVERY_RANGE"] = "OFF"
-    os.environ.pop("FASTRTPS_DEFAULT_PROFILES_FILE", None)  # it has peers
+    keep_apart()
     parts = [INTRODUCTION]
     for name in NODES:
         with unconfigured(name) as node:

@@ -4,13 +4,12 @@ Each holds what the node declares, with the defaults. Commented out is what has 
 empty lists, which ROS cannot write, and what the files of a machine say joint by joint.
 """
 
-import os
 from pathlib import Path
 
 import yaml
 from rclpy.node import Node
 
-from from_code.nodes import JOINT, NODES, OF_EVERY_NODE, unconfigured
+from from_code.nodes import JOINT, NODES, OF_EVERY_NODE, keep_apart, unconfigured
 
 ROOT = Path(__file__).parents[2]
 PACKAGES = {
@@ -60,8 +59,7 @@ def rendered(name: str, node: Node) -> str:
 
 def main() -> None:
     """Write them all."""
-    os.environ["ROS_AUTOMATIC_DISCOVERY_RANGE"] = "OFF"
-    os.environ.pop("FASTRTPS_DEFAULT_PROFILES_FILE", None)  # it has peers
+    keep_apart()
     for name in NODES:
         place(name).parent.mkdir(exist_ok=True)
         with unconfigured(name) as node:
