@@ -45,6 +45,8 @@ class TuningParameters:
             for name, value in self._numbers.values_of(load_gains(file, machine)).items()
             if name not in self._single_gains
         }
+        if not read:  # every gain was given by itself; ROS refuses to set nothing
+            return
         result = node.set_parameters_atomically(
             [Parameter(name, value=value) for name, value in read.items()]
         )

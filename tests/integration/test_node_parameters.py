@@ -166,6 +166,15 @@ def test_gains_are_those_of_the_controller_file_but_for_single_ones_that_are_giv
     assert node._tuning.gains.standstill_speed[0] == 0.03
 
 
+def test_all_gains_may_be_given_as_a_dump_of_the_parameters_gives_them(
+    trajectory: Callable[..., Trajectory],
+) -> None:
+    node = trajectory()
+    dump = [one for name, one in node._parameters.items() if name.startswith("gains.")]
+    assert all(result.successful for result in node.set_parameters(dump))
+    assert node.trigger_configure() is TransitionCallbackReturn.SUCCESS
+
+
 @pytest.mark.parametrize(
     ("slew", "reason"),
     [
