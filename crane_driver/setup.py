@@ -51,7 +51,7 @@ setup(
         "pyyaml",
     ],
     extras_require={
-        "can": ["canopen", "cantools", "polars>=1", "pydantic>=2", "python-can"],
+        "can": ["canopen", "cantools", "msgpack", "polars>=1", "pydantic>=2", "python-can"],
         "mf4": ["python-can[mf4]"],
         "ros": ["matplotlib", "rich", "ruamel.yaml", "scipy", "tornado", "typing-extensions"],
     },

@@ -31,7 +31,7 @@ DISTRIBUTIONS = {
     "typing_extensions": "typing-extensions",
     "yaml": "pyyaml",
 }  # where another name is imported
-NOT_IMPORTED = {"clarabel"}  # cvxpy is asked to solve with it
+NOT_IMPORTED = {"clarabel", "msgpack"}  # cvxpy solves with one, python-can sends with the other
 ROSDEP = {
     "PIL": "python3-pil",
     "can": "python3-can",
@@ -39,20 +39,18 @@ ROSDEP = {
     "cantools": "python3-cantools-pip",
     "cvxpy": "python3-cvxpy-pip",
     "filterpy": "python3-filterpy-pip",
+    "msgpack": "python3-msgpack",
     "mujoco": "python3-mujoco-pip",
     "rosbags": "python3-rosbags-pip",
-    "ruamel": "python3-ruamel.yaml",
     "sklearn": "python3-sklearn",
     "typing_extensions": "python3-typing-extensions",
     "yaml": "python3-yaml",
 } | {
     name: f"python3-{name}"
-    for name in (
-        *("jinja2", "matplotlib", "numba", "numpy", "pydantic", "rich", "scipy", "tornado"),
-        "tqdm",
-    )
+    for name in ("jinja2", "matplotlib", "numba", "numpy", "rich", "scipy", "tornado", "tqdm")
 }
-"""Keys of rosdistro's python.yaml, by the name that is imported."""
+"""Keys of rosdistro's python.yaml, by the name that is imported. Not those of pydantic and ruamel:
+Ubuntu 24.04 has them too old."""
 ROS = re.compile(
     r"launch(_ros)?|rclpy|ament_index_python|crane_interfaces|\w+_(msgs|srvs|interfaces)"
 )
@@ -113,7 +111,7 @@ def test_the_manifest_names_what_is_imported(path: Path) -> None:
     found = imported(folder / folder.name) | imported(folder / "launch") | named(folder)
     keyless = {n for n in found if n not in ROSDEP and not (ROS.fullmatch(n) or n in PACKAGES)}
     own = {f"python3-{DISTRIBUTIONS.get(name, name)}-pip" for name in keyless}
-    also = {f"python3-{name}-pip" for name in NOT_IMPORTED}
+    also = {ROSDEP.get(name, f"python3-{name}-pip") for name in NOT_IMPORTED}
     assert depends - also == own | {
         ROSDEP.get(name, name) for name in found - keyless - {folder.name}
     }
