@@ -15,6 +15,7 @@ ARGUMENTS = COMMON | {
     "machine": "Machine by its name, or its folder or machine file",
     "safety": "YAML of the safety functions",
     "record": "New folder to record to; empty: nothing is recorded",
+    "tf": "true: robot_state_publisher gives the frames of all links",
 }
 
 
@@ -43,5 +44,6 @@ def generate_launch_description() -> LaunchDescription:
                 arguments=("--out", LaunchConfiguration("record")),
                 only_with="record",
             ),
+            node(package="crane_nodes", executable="robot_state_publisher", only_with="tf"),
         ]
     )

@@ -11,6 +11,7 @@ TOOLS = {  # they run without ROS
 NODES = {
     "player": "crane_nodes.recording.player:main",
     "recorder": "crane_nodes.recording.recorder:main",
+    "robot_state_publisher": "crane_nodes.robot_state_publisher:main",
 }
 
 if {"bdist_wheel", "editable_wheel"} & set(sys.argv):

@@ -36,6 +36,7 @@ DECLARED = {
     "scale": {one.name for one in SCALE},
     "recorder": set(),
     "player": set(),
+    "robot_state_publisher": set(),
 }
 PATIENCE = 60.0  # s, bounds a failing test
 

@@ -5,12 +5,7 @@ from typing import Any
 
 from launch import LaunchContext
 from launch.actions import DeclareLaunchArgument, IncludeLaunchDescription, OpaqueFunction
-from launch.conditions import IfCondition
-from launch.substitutions import (
-    LaunchConfiguration,
-    NotEqualsSubstitution,
-    PathJoinSubstitution,
-)
+from launch.substitutions import LaunchConfiguration, PathJoinSubstitution
 from launch_ros.actions import Node
 from launch_ros.parameter_descriptions import ParameterValue
 from launch_ros.substitutions import FindPackageShare
@@ -43,13 +38,15 @@ def node(
 ) -> OpaqueFunction:
     """A node of the suite, with the launch argument and type of each of its `parameters`.
 
-    It is started `only_with` a launch argument that is given, where one is named.
+    It is started `only_with` a launch argument that is given and not false, where one is named.
     """
 
     def started(context: LaunchContext) -> list[Node]:
         def given(argument: str) -> str:
             return LaunchConfiguration(argument).perform(context)
 
+        if only_with is not None and given(only_with) in ("", "false"):
+            return []
         values = {
             parameter: ParameterValue(LaunchConfiguration(argument), value_type=kind)
             for parameter, (argument, kind) in parameters.items()
@@ -69,10 +66,7 @@ def node(
             )
         ]
 
-    if only_with is None:
-        return OpaqueFunction(function=started)
-    present = IfCondition(NotEqualsSubstitution(LaunchConfiguration(only_with), ""))
-    return OpaqueFunction(function=started, condition=present)
+    return OpaqueFunction(function=started)
 
 
 def included(package: str, file: str, *arguments: str) -> IncludeLaunchDescription:

@@ -11,6 +11,7 @@ CRANE = {
     "bus_options": "Further options as KEY=VALUE, separated by blanks: port=43113",
     "machine": "Machine by its name, or its folder or machine file",
     "record": "New folder to record to; empty: nothing is recorded",
+    "tf": "true: robot_state_publisher gives the frames of all links",
 }
 MODEL = {
     "model": "Model file to identify",

@@ -14,7 +14,11 @@ OF_MACHINE = {
     "bus_options": "Further options as KEY=VALUE, separated by blanks: port=43113",
     "machine": "Machine by its name, or its folder or machine file",
 }
-ARGUMENTS = COMMON | OF_MACHINE | {"record": "New folder to record to; empty: nothing is recorded"}
+OF_DRIVER = {
+    "record": "New folder to record to; empty: nothing is recorded",
+    "tf": "true: robot_state_publisher gives the frames of all links",
+}
+ARGUMENTS = COMMON | OF_MACHINE | OF_DRIVER
 OPTIONS = {
     "bus_interface": "--interface",
     "bus_channel": "--channel",
@@ -49,6 +53,6 @@ def generate_launch_description() -> LaunchDescription:
         [
             *declared(ARGUMENTS),
             OpaqueFunction(function=simulated_crane),
-            included("crane_driver", "driver.launch.py", *OF_MACHINE, "record"),
+            included("crane_driver", "driver.launch.py", *OF_MACHINE, *OF_DRIVER),
         ]
     )

@@ -52,7 +52,8 @@ ROSDEP = {
 """Keys of rosdistro's python.yaml, by the name that is imported. Not those of pydantic and ruamel:
 Ubuntu 24.04 has them too old."""
 ROS = re.compile(
-    r"launch(_ros)?|rclpy|ament_index_python|crane_interfaces|\w+_(msgs|srvs|interfaces)"
+    r"launch(_ros)?|rclpy|ament_index_python|crane_interfaces|robot_state_publisher"
+    r"|\w+_(msgs|srvs|interfaces)"
 )
 PACKAGES = {path.parent.name for path in SETUPS} | {"crane_interfaces"}
 
@@ -132,14 +133,16 @@ def test_the_keys_of_our_own_are_those_that_packages_need() -> None:
 
 
 def named(folder: Path) -> set[str]:
-    """Packages of the suite that the launch files or the messages of a package ask for."""
+    """Packages that launch files, messages and what starts a program of ROS ask for."""
     launched = {
         name
         for file in folder.glob("launch/*.py")
         for name in PACKAGES
         if f'"{name}"' in file.read_text("utf-8")
     }
-    return launched | ({"crane_interfaces"} if (folder / folder.name / "msg").exists() else set())
+    started = {path.stem for path in folder.glob("crane_*/robot_state_publisher.py")}
+    messages = {"crane_interfaces"} if (folder / folder.name / "msg").exists() else set()
+    return launched | started | messages
 
 
 @each_package

@@ -1,0 +1,197 @@
+"""SROS2 enforced as the page sets it up: what is listed works, nobody else commands the valves.
+
+Needs `ros2 security` and a Fast DDS with its security plugins: ROS as Python packages has neither.
+"""
+
+import importlib.util
+import os
+import re
+import signal
+import subprocess
+import time
+from collections.abc import Callable, Iterator
+from contextlib import ExitStack
+from pathlib import Path
+
+import pytest
+import yaml
+from from_code.parameter_files import ROOT
+from integration.driver_stage import patient_mapping, patient_safety
+from integration.experiments import SHORT, TIMEOUT, TRAJECTORY
+from integration.processes import DRIVER, MACHINE, PATIENCE, RUN, end, environment, free_port, line
+
+pytestmark = pytest.mark.realtime
+
+PAGE = (ROOT / "docs/how_to/ros.md").read_text("utf-8")
+RUN_EXCITATION = RUN.format(module="crane_trajectory.run_excitation_node")
+ENCLAVES = {"": "/crane", "/left": "/left"}  # by namespace, as on the page
+NO_PLUGINS = "doesn't have the security libraries"  # says rmw_fastrtps
+COMMANDER = """
+import sys, rclpy
+from crane_interfaces.msg import ValveCommand
+rclpy.init(args=sys.argv)
+node = rclpy.create_node(sys.argv[1], enable_rosout=False, start_parameter_services=False)
+publisher = node.create_publisher(ValveCommand, sys.argv[2], 10)
+print("may publish", flush=True)
+heard = 0
+while True:
+    rclpy.spin_once(node, timeout_sec=0.01)
+    publisher.publish(ValveCommand(name=["slew"], command=[0.0]))
+    if publisher.get_subscription_count() > heard:
+        heard = publisher.get_subscription_count()
+        print("is heard", flush=True)
+"""
+
+
+class Process:
+    """A process, and all that it has said."""
+
+    def __init__(self, log: Path, program: str, *arguments: str, security: dict[str, str]):
+        with log.open("w") as file:
+            self.popen = subprocess.Popen(
+                line(program, *arguments),
+                stdin=subprocess.DEVNULL,
+                stdout=file,
+                stderr=subprocess.STDOUT,
+                text=True,
+                env=environment() | security,
+            )
+        self._log = log
+
+    @property
+    def said(self) -> str:
+        return self._log.read_text()
+
+    def until(self, condition: Callable[[], bool]) -> None:
+        deadline = time.monotonic() + PATIENCE
+        while not condition():
+            assert time.monotonic() < deadline, self.said
+            time.sleep(0.05)
+
+    def says(self, text: str) -> None:
+        self.until(lambda: text in self.said or self.popen.poll() is not None)
+        assert text in self.said, self.said
+
+    def ends(self) -> int:
+        self.until(lambda: self.popen.poll() is not None)
+        return self.popen.returncode
+
+
+class Secured:
+    """A crane in a namespace, and whoever comes to it."""
+
+    def __init__(self, namespace: str, folder: Path, stack: ExitStack):
+        self.namespace, self.folder = namespace, folder
+        self._stack = stack
+        self._security = {
+            "ROS_SECURITY_KEYSTORE": str(folder / "keys"),
+            "ROS_SECURITY_ENABLE": "true",
+            "ROS_SECURITY_STRATEGY": "Enforce",
+        }
+
+    def start(self, name: str, program: str, *own: str, ros: tuple[str, ...] = ()) -> Process:
+        """As the page does it: in the enclave and the namespace of the crane."""
+        enclave = ["--enclave", f"{ENCLAVES[self.namespace]}/{name}"]
+        spaced = ["-r", f"__ns:={self.namespace}"] if self.namespace else []
+        return self._start(program, *own, "--ros-args", *enclave, *spaced, *ros)
+
+    def outside(self, program: str, *arguments: str) -> Process:
+        """Of somebody who knows nothing of the keys."""
+        off = dict.fromkeys(self._security, "")
+        return self._start(program, *arguments, security=off)
+
+    def _start(
+        self, program: str, *arguments: str, security: dict[str, str] | None = None
+    ) -> Process:
+        log = self.folder / f"{len(list(self.folder.glob('*.log')))}.log"
+        process = Process(log, program, *arguments, security=security or self._security)
+        self._stack.callback(end, process.popen, signal.SIGINT)
+        return process
+
+
+def keystore(namespace: str, folder: Path) -> None:
+    """By the commands of the page."""
+    begin, *rest = re.findall(
+        r"```sh\n(.*?)```", PAGE.partition("## Who may command")[2], re.DOTALL
+    )
+    first, *others = begin.splitlines()
+    assert first.startswith("policies=")
+    commands = [first, rest[0], "policies=left.xml"] if namespace else [first]
+    commands += [one for one in others if not one.startswith(("export", "ros2 run"))]
+    made = subprocess.run(
+        ["bash", "-euc", "\n".join(commands)], cwd=folder, capture_output=True, text=True
+    )
+    assert made.returncode == 0, made.stderr
+
+
+@pytest.fixture(scope="module", params=ENCLAVES, ids=["alone", "left"])
+def crane(
+    request: pytest.FixtureRequest, ros_domain: int, tmp_path_factory: pytest.TempPathFactory
+) -> Iterator[Secured]:
+    """Stand-in machine, driver and trajectory node, where policies are enforced."""
+    if not importlib.util.find_spec("sros2"):
+        pytest.skip("no ros2 security here: ROS as Python packages comes without it")
+    folder = tmp_path_factory.mktemp("secured")
+    keystore(request.param, folder)
+    with ExitStack() as stack:
+        secured = Secured(request.param, folder, stack)
+        port = str(free_port())
+        driver = secured.start(
+            "driver",
+            DRIVER,
+            ros=(
+                *("-p", f"bus.options:=port={port}"),
+                *("-p", f"mapping:={patient_mapping(folder)}"),
+                *("-p", f"safety:={patient_safety(folder)}"),
+            ),
+        )
+        driver.until(lambda: "CAN bus" in driver.said or driver.popen.poll() is not None)
+        if NO_PLUGINS in driver.said:
+            pytest.skip("this Fast DDS is built without its security plugins")
+        secured.outside(MACHINE, "--bus-option", f"port={port}")
+        driver.says("offline -> disabled")
+        trajectory = secured.start(
+            "trajectory", TRAJECTORY, ros=("-p", f"states_timeout:={TIMEOUT}")
+        )
+        trajectory.says("ready: ")
+        yield secured
+
+
+def test_an_experiment_is_completed(crane: Secured) -> None:
+    file = crane.folder / "short.yaml"
+    file.write_text(yaml.safe_dump(SHORT))
+    client = crane.start(
+        "run_excitation", RUN_EXCITATION, "--trajectory", str(file), "--periods", "1", "--enable"
+    )
+    assert client.ends() == os.EX_OK, client.said
+    assert "COMPLETED" in client.said
+
+
+def test_who_is_not_listed_reaches_nobody(crane: Secured) -> None:
+    """While jog, which comes after, is heard."""
+    unlisted = crane.outside(COMMANDER, "unlisted", f"{crane.namespace}/valve_command")
+    unlisted.says("may publish")
+    jog = crane.start("jog", COMMANDER, "jog", "valve_command")
+    jog.says("is heard")
+    assert "is heard" not in unlisted.said
+
+
+@pytest.mark.parametrize("name", ["scale", "recorder", "panel"])
+def test_who_is_listed_to_listen_may_not_command(crane: Secured, name: str) -> None:
+    listed = crane.start(name, COMMANDER, name, "valve_command")
+    assert listed.ends() != os.EX_OK
+    assert "may publish" not in listed.said
+    assert "valve_command" in listed.said
+
+
+def test_who_commands_one_crane_may_not_command_another(crane: Secured) -> None:
+    other = "/right/valve_command" if not crane.namespace else "/valve_command"
+    jog = crane.start("jog", COMMANDER, "jog", other)
+    assert jog.ends() != os.EX_OK
+    assert "may publish" not in jog.said
+
+
+def test_who_has_no_enclave_does_not_start(crane: Secured) -> None:
+    stranger = crane.start("stranger", COMMANDER, "stranger", "valve_command")
+    assert stranger.ends() != os.EX_OK
+    assert "may publish" not in stranger.said
