@@ -84,7 +84,8 @@ class RunExcitationClient(Node):
         goal = RunExcitation.Goal(trajectory=name_for_node(trajectory), periods=periods)
         with progress_bar("", 0.0, form=ELAPSED, patience=0.0) as bar:
             self._bar = bar
-            handle = self._answer(self._action.send_goal_async(goal, self._show))
+            sent = self._action.send_goal_async(goal, self._show)
+            handle = self._answer(sent, "the trajectory node")
             if not handle.accepted:
                 raise ExcitationError("the trajectory node does not accept goals; activate it")
             ending = handle.get_result_async()
@@ -118,12 +119,12 @@ class RunExcitationClient(Node):
         self._bar.refresh()
 
     def _accepted(self, request: Future) -> None:
-        answer = self._answer(request)
+        answer = self._answer(request, "the driver")
         if not answer.success:
             raise ExcitationError(f"the driver refuses: {answer.message}")
 
-    def _answer(self, future: Future) -> Any:
-        self._await(future.done, "no answer")
+    def _answer(self, future: Future, asked: str) -> Any:
+        self._await(future.done, f"{asked} does not answer; see its log")
         return future.result()
 
     def _await(self, condition: Callable[[], bool], otherwise: str) -> None:
