@@ -25,7 +25,7 @@ from std_srvs.srv import Trigger
 from crane_interfaces.msg import DriverState, JointReference
 from crane_model.errors import ConfigurationError, CraneError, DataError
 from crane_model.machine_files import machine_file
-from crane_nodes.driver_client import DriverClient
+from crane_nodes.driver_client import DriverWatch
 from crane_nodes.machine_parameter import MACHINE, declare_machine, read_again
 from crane_nodes.managed import AUTOSTART, run_managed
 from crane_nodes.names import full_name
@@ -80,7 +80,7 @@ class Trajectory(LifecycleNode):
         steady = Clock(clock_type=ClockType.STEADY_TIME)
         self._references = self.create_publisher(JointReference, "joint_reference", DEPTH)
         self._diagnostics = self.create_publisher(DiagnosticArray, "/diagnostics", DEPTH)
-        self._driver = DriverClient(self)
+        self._driver = DriverWatch(self)
         self.create_service(Trigger, "~/save_learnt", self._save_learnt)
         self.create_timer(WATCH_PERIOD_S, self._watch, clock=steady)
         self.create_timer(REPORT_PERIOD_S, self._report, clock=steady)

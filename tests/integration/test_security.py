@@ -15,11 +15,15 @@ import rclpy
 from from_code.nodes import NODES
 from from_code.parameter_files import ROOT
 from integration.test_namespaces import READY, activate
+from rclpy.duration import Duration
+from rclpy.executors import SingleThreadedExecutor
 from rclpy.node import Node
 
 from crane_driver.operator.bringup.crane_client import CraneClient
+from crane_interfaces.msg import DriverState
 from crane_model.machine import load_machine
 from crane_nodes.context import Stop
+from crane_nodes.driver_client import LATCHED, STATE_TOPIC
 from crane_nodes.recording.bag import RecordedBag
 from crane_nodes.recording.player_node import Player
 from crane_nodes.recording.recorder_node import Recorder
@@ -36,6 +40,7 @@ OTHERS: dict[str, Callable[[], Node]] = {
     "recorder": lambda: Recorder(RecordedBag("bag"), []),
 }
 PATIENCE = 30.0  # s, bounds a failing test
+CALLBACKS = 30  # more than wait in a node that has just begun
 ACTION = "/_action/"
 
 
@@ -139,10 +144,30 @@ def running(make: Callable[[], Node], domain: int, namespace: str) -> Iterator[N
         while not own <= set(dict(named(node))):
             assert time.monotonic() < deadline, own
             time.sleep(0.01)
+        hears_a_driver(node)
         yield node
         node.destroy_node()
     finally:
         rclpy.shutdown()
+
+
+def hears_a_driver(node: Node) -> None:
+    """Whatever comes of it: some ask its services from then on."""
+    played = Node("played", namespace=node.get_namespace())
+    publisher = played.create_publisher(DriverState, STATE_TOPIC, LATCHED)
+    publisher.publish(DriverState(node=f"{node.get_namespace().rstrip('/')}/driver"))
+    if any(one.topic_name == publisher.topic_name for one in node.subscriptions):
+        deadline = time.monotonic() + PATIENCE
+        while not publisher.get_subscription_count():
+            assert time.monotonic() < deadline
+            time.sleep(0.01)
+        assert publisher.wait_for_all_acked(Duration(seconds=PATIENCE))
+    executor = SingleThreadedExecutor()
+    executor.add_node(node)
+    for _ in range(CALLBACKS):
+        executor.spin_once(timeout_sec=0.01)
+    executor.shutdown()
+    played.destroy_node()
 
 
 def named(node: Node) -> list[tuple[str, list[str]]]:
@@ -209,4 +234,10 @@ def test_the_page_makes_an_enclave_of_each_profile() -> None:
     found = re.search(r"\$\(sed -n '(.*)' \$policies\)", PAGE)
     assert found
     made = subprocess.run(["sed", "-n", found[1], str(POLICIES)], capture_output=True, text=True)
-    assert made.stdout.split() == [f"/crane/{name}" for name in ALLOWED]
+    enclaves = list(ElementTree.parse(POLICIES).iter("enclave"))
+    assert made.stdout.split() == [one.attrib["path"] for one in enclaves]
+    for one in enclaves:
+        assert [profile.attrib["node"] for profile in one.iter("profile")] in (
+            [one.attrib["path"].removeprefix("/crane/")],
+            ["_ros2cli"],  # a number follows
+        )

@@ -28,17 +28,15 @@ class NoDriverError(CraneError):
     """
 
 
-class DriverClient:
-    """What the driver tells on driver/state, and its services, for `node` and in its thread.
+class DriverWatch:
+    """What the driver tells on driver/state, for `node` and in its thread.
 
-    `told`, if given, is called with every message. Requests give the Trigger.Response to come, and
-    raise `NoDriverError` where there is not one driver to be asked.
+    `told`, if given, is called with every message.
     """
 
     def __init__(self, node: Node, told: Callable[[DriverState], None] = lambda state: None):
         self._node, self._told = node, told
         self._states: dict[str, tuple[float, DriverState]] = {}  # by driver, and when it came
-        self._services: dict[str, dict[str, Client]] = {}  # by driver
         self.newest = DriverState()  # however old; of whichever driver has told it
         topic = node.create_subscription(DriverState, STATE_TOPIC, self._receive, ALL_DRIVERS)
         self._topic = topic.topic_name
@@ -69,6 +67,30 @@ class DriverClient:
         if state.state == DriverState.STATE_ENABLED:
             return ""
         return ": ".join(filter(None, (state.node, f"{state.cause}; {state.remedy}")))
+
+    def _heard(self) -> list[DriverState]:
+        """The newest of each driver that is not silent."""
+        since = time.monotonic() - DRIVER_SILENCE_S
+        return [state for came, state in self._states.values() if came >= since]
+
+    def _receive(self, message: DriverState) -> None:
+        self.newest = message
+        self._states[message.node] = time.monotonic(), message
+        if message.state == DriverState.STATE_FINALIZED:
+            del self._states[message.node]  # another one may take its place at once
+        self._told(message)
+
+
+class DriverClient(DriverWatch):
+    """The driver's services as well.
+
+    Requests give the Trigger.Response to come, and raise `NoDriverError` where there is not one
+    driver to be asked.
+    """
+
+    def __init__(self, node: Node, told: Callable[[DriverState], None] = lambda state: None):
+        self._services: dict[str, dict[str, Client]] = {}  # by driver
+        super().__init__(node, told)
 
     @property
     def ready(self) -> bool:
@@ -103,19 +125,10 @@ class DriverClient:
             raise NoDriverError(f"the service {client.srv_name} is not there")
         return client.call_async(Trigger.Request())
 
-    def _heard(self) -> list[DriverState]:
-        """The newest of each driver that is not silent."""
-        since = time.monotonic() - DRIVER_SILENCE_S
-        return [state for came, state in self._states.values() if came >= since]
-
     def _receive(self, message: DriverState) -> None:
-        self.newest = message
         driver = message.node
         if driver not in self._services:
             self._services[driver] = {
                 one: self._node.create_client(Trigger, f"{driver}/{one}") for one in SERVICES
             }
-        self._states[driver] = time.monotonic(), message
-        if message.state == DriverState.STATE_FINALIZED:
-            del self._states[driver]  # another one may take its place at once
-        self._told(message)
+        super()._receive(message)
