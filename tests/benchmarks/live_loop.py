@@ -46,7 +46,8 @@ class Recorded(NamedTuple):
     """What the bag holds of one topic; times in ns."""
 
     stamp: np.ndarray  # of the header
-    log_time: np.ndarray
+    published: np.ndarray  # by the middleware of the publisher
+    received: np.ndarray  # by that of the recorder
     sequence: np.ndarray  # the publisher's own count
     data: list[bytes]
 
@@ -78,21 +79,18 @@ class Bus:
 
 
 def read(bag: Path) -> dict[str, Recorded]:
-    columns: dict[str, list[tuple[int, int, int, bytes]]] = defaultdict(list)
+    columns: dict[str, list[tuple[int, int, int, int, bytes]]] = defaultdict(list)
     for path in bag.glob("*.mcap"):
         with path.open("rb") as file:
             for _, channel, message in make_reader(file).iter_messages():
                 seconds, nanoseconds = struct.unpack_from("<iI", message.data, 4)
                 stamp = seconds * 10**9 + nanoseconds
-                columns[channel.topic].append(
-                    (stamp, message.log_time, message.sequence, message.data)
-                )
+                times = stamp, message.publish_time, message.log_time
+                columns[channel.topic].append((*times, message.sequence, message.data))
     recorded = {}
     for topic, rows in columns.items():
-        stamp, log_time, sequence, data = zip(*rows, strict=True)
-        recorded[topic] = Recorded(
-            np.array(stamp), np.array(log_time), np.array(sequence), list(data)
-        )
+        *numbers, data = zip(*rows, strict=True)
+        recorded[topic] = Recorded(*map(np.array, numbers), list(data))
     return recorded
 
 
@@ -100,6 +98,7 @@ class Cycles(NamedTuple):
     """Times [ns] of each cycle, from the machine's first one on."""
 
     received: np.ndarray  # its first frame, by the listener
+    whole: np.ndarray  # its last frame
     sampled: np.ndarray  # by the machine's even clock: where the promptest frames around it lie
 
 
@@ -110,9 +109,9 @@ def cycles(bus: Bus, identifiers: tuple[int, ...]) -> Cycles:
     assert (np.diff(counters) % 15 == 1).all(), "the listener itself has lost frames"
     assert (counters == counters[0]).all(), "frames of different cycles side by side"
     stamps = np.array([[one.stamp for one in frames[:count]] for frames in by_message])
-    received = stamps.min(axis=0)
+    received, whole = stamps.min(axis=0), stamps.max(axis=0)
     due = CYCLE * np.arange(count)
-    return Cycles(received, due + minimum_filter1d(received - due, PROMPT))
+    return Cycles(received, whole, due + minimum_filter1d(received - due, PROMPT))
 
 
 def edge(after: int, cycles: np.ndarray, stamps: np.ndarray) -> int:
@@ -127,14 +126,15 @@ def edge(after: int, cycles: np.ndarray, stamps: np.ndarray) -> int:
 class Way(NamedTuple):
     """Instants [ns] on the way of one cycle round the loop."""
 
-    frame: int  # the encoder frame, received by the listener on the bus
-    state: int  # the joint state of it, received by the recorder
-    command: int  # the answer to it, received by the recorder
+    frame: int  # the first encoder frame, received by the listener on the bus
+    whole: int  # the last frame that the driver waits for, received likewise
+    state: int  # the joint state, published
+    command: int  # the answer to it, published
     valves: int  # the first valve frame with that answer, received by the listener
 
 
-def ways(bus: Bus, bag: dict[str, Recorded], cycles: Cycles, window: tuple[int, int]) -> np.ndarray:
-    """(n, 4) ways of cycles [ns], columns as in `Way`."""
+def ways(bus: Bus, bag: dict[str, Recorded], window: tuple[int, int]) -> np.ndarray:
+    """(n, 5) ways of cycles [ns], columns as in `Way`."""
     codec = MachineCodec(LAYOUT)
     sent: dict[int, list[int]] = defaultdict(list)
     previous = 0
@@ -145,21 +145,22 @@ def ways(bus: Bus, bag: dict[str, Recorded], cycles: Cycles, window: tuple[int, 
         if value != previous and readings.enabled:
             sent[value].append(frame.stamp)
         previous = value
-    states = bag["/joint_states"]
-    received = dict(zip(states.stamp.tolist(), states.log_time.tolist(), strict=True))
-    commands = bag["/valve_command"]
+    encoders, both = cycles(bus, ENCODERS), cycles(bus, ENCODERS + PRESSURES)
+    states, commands = bag["/joint_states"], bag["/valve_command"]
+    published = dict(zip(states.stamp.tolist(), states.published.tolist(), strict=True))
     found = []
-    for stamp, log_time, data in zip(
-        commands.stamp.tolist(), commands.log_time.tolist(), commands.data, strict=True
+    for stamp, command, data in zip(
+        commands.stamp.tolist(), commands.published.tolist(), commands.data, strict=True
     ):
-        if not (window[0] <= stamp < window[1] and stamp in received):
+        if not (window[0] <= stamp < window[1] and stamp in published):
             continue
-        (command,) = struct.unpack_from("<d", data, len(data) - 8)
-        frames = np.array(sent[round(command / STEP)])
-        asked = cycles.received[np.abs(cycles.sampled - stamp).argmin()]
+        (value,) = struct.unpack_from("<d", data, len(data) - 8)
+        frames = np.array(sent[round(value / STEP)])
+        asked = encoders.received[np.abs(encoders.sampled - stamp).argmin()]
+        whole = both.whole[np.abs(both.received - asked).argmin()]
         later = frames[(frames > asked) & (frames < asked + VALUES * CYCLE // 2)]
         if later.size:  # else a newer command took its place before it was sent
-            found.append(Way(int(asked), received[stamp], log_time, int(later[0])))
+            found.append(Way(int(asked), int(whole), published[stamp], command, int(later[0])))
     return np.array(found)
 
 

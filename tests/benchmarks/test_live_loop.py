@@ -23,8 +23,9 @@ from benchmarks.live_loop import (
 
 MEASURED = float(os.environ.get("CRANE_LIVE_SECONDS", "60"))  # s
 HOPS = (
-    "encoder frame to joint state, in the recorder",
-    "joint state to valve command, in the recorder",
+    "the other frames of its cycle",
+    "last of these frames to joint state, published",
+    "joint state to valve command, published",
     "valve command to valve frame",
 )
 
@@ -67,9 +68,9 @@ def report(loop: Loop, measured: Callable[..., None]) -> None:
         if topic == "/joint_states" and not lost[topic]:
             shift = np.abs(one.stamp[kept] - expected) * 1e-6
     states = bag["/joint_states"]
-    delay = (states.log_time - states.stamp) * 1e-6
-    hops = ways(bus, bag, encoders, window)
-    whole = (hops[:, 3] - hops[:, 0]) * 1e-6
+    delay = (states.received - states.stamp) * 1e-6
+    hops = ways(bus, bag, window)
+    whole = (hops[:, -1] - hops[:, 0]) * 1e-6
     print(f"encoder frame: received after it was sampled             {percentiles(late)}")
     if shift.size:
         print(f"joint state: stamp beside the instant of sampling        {percentiles(shift)}")
