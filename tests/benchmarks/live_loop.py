@@ -7,11 +7,13 @@ import sys
 import time
 from collections import defaultdict
 from collections.abc import Callable, Sequence
+from contextlib import AbstractContextManager, ExitStack, nullcontext
 from itertools import pairwise
 from pathlib import Path
-from typing import NamedTuple
+from typing import NamedTuple, Self
 
 import numpy as np
+import psutil
 from integration.processes import free_port
 from integration.recording_graph import Process
 from mcap.reader import make_reader
@@ -190,6 +192,21 @@ def floor(bus: Bus, port: int) -> np.ndarray:
     return np.array(times)
 
 
+class Cores(NamedTuple):
+    """How many of them were busy on average, or their time [s] so far."""
+
+    loop: float  # with this process, which listens
+    others: float
+
+    @classmethod
+    def so_far(cls) -> Self:
+        here = psutil.Process()
+        own = [here, *here.children(recursive=True)]
+        loop = sum(sum(one.cpu_times()[:2]) for one in own)
+        whole = psutil.cpu_times()
+        return cls(loop, sum(whole) - whole.idle - whole.iowait - loop)
+
+
 class Loop(NamedTuple):
     """What was heard of a loop at work."""
 
@@ -197,13 +214,21 @@ class Loop(NamedTuple):
     bag: dict[str, Recorded]
     window: tuple[int, int]  # ns, that is measured
     least: np.ndarray  # ms, the way round of python-can alone; (0,) where it was not asked for
+    busy: Cores
     told: str
 
 
 def measured_loop(
-    folder: Path, seconds: float, beside: Sequence[tuple[object, ...]] = (), floored: bool = True
+    folder: Path,
+    seconds: float,
+    beside: Sequence[tuple[object, ...]] = (),
+    floored: bool = True,
+    seen: Callable[[str], AbstractContextManager[object]] = nullcontext,
 ) -> Loop:
-    """A loop at work for so long, `beside` it further executables: package, name, arguments."""
+    """A loop at work for so long, `beside` it further executables: package, name, arguments.
+
+    `seen` is entered meanwhile, with what these have printed.
+    """
     port = free_port()
     bus = Bus(port)
     option = f"bus.options:=port={port}"
@@ -215,6 +240,7 @@ def measured_loop(
         return started[-1]
 
     controller = None
+    looking = ExitStack()
     try:
         crane = start("crane_sim", "simulated_crane", "--bus-option", f"port={port}")
         start("crane_driver", "driver", "--ros-args", "-p", option)
@@ -222,6 +248,7 @@ def measured_loop(
         for package, name, *arguments in beside:
             further = start(str(package), str(name), *arguments)
             bus.until(lambda further=further: "ready: listens to" in further.output)
+        looking.enter_context(seen("".join(one.output for one in started)))
         controller = subprocess.Popen(
             [sys.executable, str(HERE / "live_controller.py")], stdout=subprocess.PIPE, text=True
         )
@@ -229,12 +256,16 @@ def measured_loop(
         bus.until(lambda: any(sum(one.data[2:]) for one in bus.of(VALVES)))  # the loop is closed
         bus.listen(SETTLING)
         begin = time.time_ns() + int(MARGIN * 1e9)
-        bus.listen(seconds + 2 * MARGIN)
+        before, listened = Cores.so_far(), seconds + 2 * MARGIN
+        bus.listen(listened)
+        used = zip(Cores.so_far(), before, strict=True)
+        busy = Cores(*((now - then) / listened for now, then in used))
         window = (begin, begin + int(seconds * 1e9))
         least = floor(bus, port) if floored else np.empty(0)
         controller.terminate()
         told = controller.communicate(timeout=PATIENCE)[0].strip()
     finally:
+        looking.close()
         if controller and controller.poll() is None:
             controller.kill()
         for one in reversed(started):
@@ -242,4 +273,4 @@ def measured_loop(
                 one.end(signal.SIGTERM)
         bus.close()
     told = f"driver {told}; {crane.output.splitlines()[-1]}"
-    return Loop(bus, read(bag), window, least, told)
+    return Loop(bus, read(bag), window, least, busy, told)
