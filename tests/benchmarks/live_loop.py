@@ -1,5 +1,6 @@
 """The live loop as processes, and what can be told of it by its bus and its bag alone."""
 
+import os
 import signal
 import struct
 import subprocess
@@ -7,10 +8,10 @@ import sys
 import time
 from collections import defaultdict
 from collections.abc import Callable, Sequence
-from contextlib import AbstractContextManager, ExitStack, nullcontext
+from contextlib import AbstractContextManager, ExitStack, nullcontext, suppress
 from itertools import pairwise
 from pathlib import Path
-from typing import NamedTuple, Self
+from typing import Any, NamedTuple, Self
 
 import numpy as np
 import psutil
@@ -33,6 +34,7 @@ MARGIN = 0.5  # s, at both ends of what is compared
 MILLISECOND = 1_000_000  # ns
 CYCLE = 5 * MILLISECOND
 PROMPT = 401  # cycles, among which one is received without delay
+MACHINE_PRIORITY, CONTROLLER_PRIORITY = 60, 40  # the driver's is 50
 SETTLING = 3.0  # s, until all subscriptions are known to all publishers
 PATIENCE = 60.0  # s
 ANSWER = 0x7F0  # id, of the floor
@@ -87,12 +89,13 @@ def read(bag: Path) -> dict[str, Recorded]:
             for _, channel, message in make_reader(file).iter_messages():
                 seconds, nanoseconds = struct.unpack_from("<iI", message.data, 4)
                 stamp = seconds * 10**9 + nanoseconds
-                times = stamp, message.publish_time, message.log_time
-                columns[channel.topic].append((*times, message.sequence, message.data))
+                row = stamp, message.publish_time, message.log_time, message.sequence
+                columns[channel.topic].append((*row, message.data))
     recorded = {}
     for topic, rows in columns.items():
-        *numbers, data = zip(*rows, strict=True)
-        recorded[topic] = Recorded(*map(np.array, numbers), list(data))
+        stamp, published, received, sequence, data = zip(*rows, strict=True)
+        times = np.array(stamp), np.array(published), np.array(received)
+        recorded[topic] = Recorded(*times, np.array(sequence), list(data))
     return recorded
 
 
@@ -215,7 +218,13 @@ class Loop(NamedTuple):
     window: tuple[int, int]  # ns, that is measured
     least: np.ndarray  # ms, the way round of python-can alone; (0,) where it was not asked for
     busy: Cores
+    realtime: bool  # of machine and controller
     told: str
+
+
+def _prefer(process: subprocess.Popen[Any], priority: int) -> None:
+    with suppress(PermissionError):
+        os.sched_setscheduler(process.pid, os.SCHED_FIFO, os.sched_param(priority))
 
 
 def measured_loop(
@@ -223,11 +232,13 @@ def measured_loop(
     seconds: float,
     beside: Sequence[tuple[object, ...]] = (),
     floored: bool = True,
+    realtime: bool = False,
     seen: Callable[[str], AbstractContextManager[object]] = nullcontext,
 ) -> Loop:
     """A loop at work for so long, `beside` it further executables: package, name, arguments.
 
-    `seen` is entered meanwhile, with what these have printed.
+    `seen` is entered meanwhile, with what these have printed. `realtime`: machine and controller
+    have it too, as docs/how_to/real_time.md says, where that is permitted.
     """
     port = free_port()
     bus = Bus(port)
@@ -243,6 +254,8 @@ def measured_loop(
     looking = ExitStack()
     try:
         crane = start("crane_sim", "simulated_crane", "--bus-option", f"port={port}")
+        if realtime:
+            _prefer(crane.process, MACHINE_PRIORITY)
         start("crane_driver", "driver", "--ros-args", "-p", option)
         recorder = start("crane_nodes", "recorder", "--out", bag)
         for package, name, *arguments in beside:
@@ -252,6 +265,8 @@ def measured_loop(
         controller = subprocess.Popen(
             [sys.executable, str(HERE / "live_controller.py")], stdout=subprocess.PIPE, text=True
         )
+        if realtime:
+            _prefer(controller, CONTROLLER_PRIORITY)
         bus.until(lambda: all(f"recording {topic} " in recorder.output for topic in TOPICS))
         bus.until(lambda: any(sum(one.data[2:]) for one in bus.of(VALVES)))  # the loop is closed
         bus.listen(SETTLING)
@@ -262,6 +277,7 @@ def measured_loop(
         busy = Cores(*((now - then) / listened for now, then in used))
         window = (begin, begin + int(seconds * 1e9))
         least = floor(bus, port) if floored else np.empty(0)
+        preferred = os.sched_getscheduler(controller.pid) == os.SCHED_FIFO
         controller.terminate()
         told = controller.communicate(timeout=PATIENCE)[0].strip()
     finally:
@@ -273,4 +289,4 @@ def measured_loop(
                 one.end(signal.SIGTERM)
         bus.close()
     told = f"driver {told}; {crane.output.splitlines()[-1]}"
-    return Loop(bus, read(bag), window, least, busy, told)
+    return Loop(bus, read(bag), window, least, busy, preferred, told)

@@ -22,7 +22,7 @@ from benchmarks.live_loop import (
 )
 
 MEASURED = float(os.environ.get("CRANE_LIVE_SECONDS", "60"))  # s
-P50, P99 = 2.0, 5.0  # ms, encoder frame to valve frame, where no other work is done
+P50, P99 = 2.0, 5.0  # ms, encoder frame to valve frame
 HOPS = (
     "the other frames of its cycle",
     "last of these frames to joint state, published",
@@ -34,7 +34,7 @@ HOPS = (
 def test_no_message_is_lost_in_a_minute_at_200_hz(
     ros_domain: int, tmp_path: Path, measured: Callable[..., None]
 ) -> None:
-    report(measured_loop(tmp_path, MEASURED), measured)
+    report(measured_loop(tmp_path, MEASURED, realtime=True), measured)
 
 
 def latencies(
@@ -47,7 +47,7 @@ def latencies(
 
 
 def report(loop: Loop, measured: Callable[..., None]) -> None:
-    bus, bag, window, least, busy, told = loop
+    bus, bag, window, least, busy, realtime, told = loop
     sent = {"/joint_states": cycles(bus, ENCODERS), "/cylinder_pressures": cycles(bus, PRESSURES)}
     encoders = sent["/joint_states"]
     kept = (encoders.received >= window[0]) & (encoders.received < window[1])
@@ -83,9 +83,10 @@ def report(loop: Loop, measured: Callable[..., None]) -> None:
         print(f"    {hop:52s} {percentiles(np.diff(hops)[:, k] * 1e-6)}")
     print("    (commands that come within half a cycle of another go with the next valve frame)")
     print(f"encoder frame -> frame, python-can alone, {len(least):4d} loops  {percentiles(least)}")
+    how = "all but the recorder in real time" if realtime else "the driver in real time"
     measured(
-        f"{MEASURED:.0f} s at 200 Hz, machine, driver, controller and recorder as processes: "
-        "cycles on the bus; lost of states, pressures, commands",
+        f"{MEASURED:.0f} s at 200 Hz, machine, driver, controller and recorder as processes, "
+        f"{how}: cycles on the bus; lost of states, pressures, commands",
         "0, 0, 0",
         "{cycles:,.0f}; {states:.0f}, {pressures:.0f}, {commands:.0f}",
         cycles=rate * MEASURED,
