@@ -30,7 +30,7 @@ from crane_model.machine import Machine
 
 # After a command valve frames follow the commands, not the cycle, unless none comes for so long.
 GRACE = 1.5  # cycles
-CLOSEST = 0.5  # cycles, between two valve frames
+CLOSEST = 0.5  # cycles, between two valve frames that commands cause
 EARLY = 0.1  # cycles, by which a timer may come too early
 
 
@@ -102,7 +102,7 @@ class DriverLoop:
         density = [jerk_density[joint] for joint in self.joints]
         resolution = [layout.resolution(joint) for joint in self.joints]
         self._filter = VelocityFilter(density, resolution)
-        self._sent = -math.inf
+        self._commanded = -math.inf  # the newest valve frame that a command caused
         self._due = now
         self._compile(density, resolution)
 
@@ -190,15 +190,16 @@ class DriverLoop:
         """The valve frames if they are due at `now`, else none.
 
         A command is sent on at once (`commanded`), so that it does not wait for the cycle; one that
-        comes too soon after the last valve frame, as soon as another one may follow.
+        comes too soon after another, as soon as it may follow. A frame of the cycle holds up no
+        command: sent just before the commands of a loop, it would hold up every one of them.
         """
         if commanded:
-            if now - self._sent < CLOSEST * self.cycle:
-                self._due = self._sent + CLOSEST * self.cycle
+            if now - self._commanded < CLOSEST * self.cycle:
+                self._due = self._commanded + CLOSEST * self.cycle
                 return []
+            self._commanded = now
         elif now < self._due - EARLY * self.cycle:
             return []
-        self._sent = now
         self._due = now + (GRACE if commanded else 1.0) * self.cycle
         output = self.supervisor.output(now)
         frames = self.codec.command_frames(output.commands, output.enabled)

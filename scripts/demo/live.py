@@ -23,6 +23,9 @@ from crane_nodes.driver_client import DriverClient
 
 DOMAINS = 101  # ROS_DOMAIN_ID 1 to this can be used on every Linux
 FIT_PERIODS, VALIDATION_PERIODS, FOLLOW_PERIODS = 3, 2, 1
+# Of SCHED_FIFO, as docs/how_to/real_time.md has them, for a browser that draws on the same cores;
+# the driver asks for 50.
+MACHINE_PRIORITY, CONTROLLER_PRIORITY = 60, 40
 TRIES = 2
 NAME = "demo"
 VIEWER = "viewer"
@@ -137,6 +140,7 @@ def start(suite: Processes, law: Law, seed: int, *leading: str, plant: Path | No
         *("crane", "crane_sim", "simulated_crane", "--bus-option", f"port={port}", "--operator"),
         *("--machine", law.machine, "--plant", plant or law.plant, "--seed", seed),
         stdin=subprocess.PIPE,
+        priority=MACHINE_PRIORITY,
     )
     suite.start(
         *("driver", "crane_driver", "driver", "--ros-args"),
@@ -145,6 +149,7 @@ def start(suite: Processes, law: Law, seed: int, *leading: str, plant: Path | No
     suite.start(
         *("trajectory", "crane_trajectory", "trajectory", "--ros-args"),
         *("-p", f"machine:={law.machine}", *leading),
+        priority=CONTROLLER_PRIORITY,
     )
 
 

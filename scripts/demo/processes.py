@@ -6,6 +6,7 @@ import subprocess
 import sys
 import time
 from collections.abc import Callable, Mapping
+from contextlib import suppress
 from pathlib import Path
 from types import FrameType, TracebackType
 from typing import Any, Self
@@ -72,10 +73,11 @@ class Processes:
         executable: str,
         *arguments: object,
         stdin: int = subprocess.DEVNULL,
+        priority: int = 0,
     ) -> None:
-        """Start one in the background."""
+        """Start one in the background; with a `priority` of SCHED_FIFO, where that is permitted."""
         with self._log(name).open("ab") as log:
-            self._running[name] = subprocess.Popen(
+            self._running[name] = process = subprocess.Popen(
                 command(package, executable, *arguments),
                 stdin=stdin,
                 stdout=log,
@@ -83,6 +85,9 @@ class Processes:
                 start_new_session=True,
                 env=self._environment,
             )
+        if priority:
+            with suppress(PermissionError, ProcessLookupError):
+                os.sched_setscheduler(process.pid, os.SCHED_FIFO, os.sched_param(priority))
 
     def attend(self, name: str, package: str, executable: str, *arguments: object) -> int:
         """Run one in the foreground, its output shown; its exit status."""

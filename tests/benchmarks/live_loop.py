@@ -1,5 +1,6 @@
 """The live loop as processes, and what can be told of it by its bus and its bag alone."""
 
+import os
 import signal
 import struct
 import subprocess
@@ -7,11 +8,13 @@ import sys
 import time
 from collections import defaultdict
 from collections.abc import Callable, Sequence
+from contextlib import AbstractContextManager, ExitStack, nullcontext, suppress
 from itertools import pairwise
 from pathlib import Path
-from typing import NamedTuple
+from typing import Any, NamedTuple, Self
 
 import numpy as np
+import psutil
 from integration.processes import free_port
 from integration.recording_graph import Process
 from mcap.reader import make_reader
@@ -31,6 +34,7 @@ MARGIN = 0.5  # s, at both ends of what is compared
 MILLISECOND = 1_000_000  # ns
 CYCLE = 5 * MILLISECOND
 PROMPT = 401  # cycles, among which one is received without delay
+MACHINE_PRIORITY, CONTROLLER_PRIORITY = 60, 40  # the driver's is 50
 SETTLING = 3.0  # s, until all subscriptions are known to all publishers
 PATIENCE = 60.0  # s
 ANSWER = 0x7F0  # id, of the floor
@@ -46,7 +50,8 @@ class Recorded(NamedTuple):
     """What the bag holds of one topic; times in ns."""
 
     stamp: np.ndarray  # of the header
-    log_time: np.ndarray
+    published: np.ndarray  # by the middleware of the publisher
+    received: np.ndarray  # by that of the recorder
     sequence: np.ndarray  # the publisher's own count
     data: list[bytes]
 
@@ -78,21 +83,19 @@ class Bus:
 
 
 def read(bag: Path) -> dict[str, Recorded]:
-    columns: dict[str, list[tuple[int, int, int, bytes]]] = defaultdict(list)
+    columns: dict[str, list[tuple[int, int, int, int, bytes]]] = defaultdict(list)
     for path in bag.glob("*.mcap"):
         with path.open("rb") as file:
             for _, channel, message in make_reader(file).iter_messages():
                 seconds, nanoseconds = struct.unpack_from("<iI", message.data, 4)
                 stamp = seconds * 10**9 + nanoseconds
-                columns[channel.topic].append(
-                    (stamp, message.log_time, message.sequence, message.data)
-                )
+                row = stamp, message.publish_time, message.log_time, message.sequence
+                columns[channel.topic].append((*row, message.data))
     recorded = {}
     for topic, rows in columns.items():
-        stamp, log_time, sequence, data = zip(*rows, strict=True)
-        recorded[topic] = Recorded(
-            np.array(stamp), np.array(log_time), np.array(sequence), list(data)
-        )
+        stamp, published, received, sequence, data = zip(*rows, strict=True)
+        times = np.array(stamp), np.array(published), np.array(received)
+        recorded[topic] = Recorded(*times, np.array(sequence), list(data))
     return recorded
 
 
@@ -100,6 +103,7 @@ class Cycles(NamedTuple):
     """Times [ns] of each cycle, from the machine's first one on."""
 
     received: np.ndarray  # its first frame, by the listener
+    whole: np.ndarray  # its last frame
     sampled: np.ndarray  # by the machine's even clock: where the promptest frames around it lie
 
 
@@ -110,9 +114,9 @@ def cycles(bus: Bus, identifiers: tuple[int, ...]) -> Cycles:
     assert (np.diff(counters) % 15 == 1).all(), "the listener itself has lost frames"
     assert (counters == counters[0]).all(), "frames of different cycles side by side"
     stamps = np.array([[one.stamp for one in frames[:count]] for frames in by_message])
-    received = stamps.min(axis=0)
+    received, whole = stamps.min(axis=0), stamps.max(axis=0)
     due = CYCLE * np.arange(count)
-    return Cycles(received, due + minimum_filter1d(received - due, PROMPT))
+    return Cycles(received, whole, due + minimum_filter1d(received - due, PROMPT))
 
 
 def edge(after: int, cycles: np.ndarray, stamps: np.ndarray) -> int:
@@ -127,14 +131,15 @@ def edge(after: int, cycles: np.ndarray, stamps: np.ndarray) -> int:
 class Way(NamedTuple):
     """Instants [ns] on the way of one cycle round the loop."""
 
-    frame: int  # the encoder frame, received by the listener on the bus
-    state: int  # the joint state of it, received by the recorder
-    command: int  # the answer to it, received by the recorder
+    frame: int  # the first encoder frame, received by the listener on the bus
+    whole: int  # the last frame that the driver waits for, received likewise
+    state: int  # the joint state, published
+    command: int  # the answer to it, published
     valves: int  # the first valve frame with that answer, received by the listener
 
 
-def ways(bus: Bus, bag: dict[str, Recorded], cycles: Cycles, window: tuple[int, int]) -> np.ndarray:
-    """(n, 4) ways of cycles [ns], columns as in `Way`."""
+def ways(bus: Bus, bag: dict[str, Recorded], window: tuple[int, int]) -> np.ndarray:
+    """(n, 5) ways of cycles [ns], columns as in `Way`."""
     codec = MachineCodec(LAYOUT)
     sent: dict[int, list[int]] = defaultdict(list)
     previous = 0
@@ -145,21 +150,22 @@ def ways(bus: Bus, bag: dict[str, Recorded], cycles: Cycles, window: tuple[int, 
         if value != previous and readings.enabled:
             sent[value].append(frame.stamp)
         previous = value
-    states = bag["/joint_states"]
-    received = dict(zip(states.stamp.tolist(), states.log_time.tolist(), strict=True))
-    commands = bag["/valve_command"]
+    encoders, both = cycles(bus, ENCODERS), cycles(bus, ENCODERS + PRESSURES)
+    states, commands = bag["/joint_states"], bag["/valve_command"]
+    published = dict(zip(states.stamp.tolist(), states.published.tolist(), strict=True))
     found = []
-    for stamp, log_time, data in zip(
-        commands.stamp.tolist(), commands.log_time.tolist(), commands.data, strict=True
+    for stamp, command, data in zip(
+        commands.stamp.tolist(), commands.published.tolist(), commands.data, strict=True
     ):
-        if not (window[0] <= stamp < window[1] and stamp in received):
+        if not (window[0] <= stamp < window[1] and stamp in published):
             continue
-        (command,) = struct.unpack_from("<d", data, len(data) - 8)
-        frames = np.array(sent[round(command / STEP)])
-        asked = cycles.received[np.abs(cycles.sampled - stamp).argmin()]
+        (value,) = struct.unpack_from("<d", data, len(data) - 8)
+        frames = np.array(sent[round(value / STEP)])
+        asked = encoders.received[np.abs(encoders.sampled - stamp).argmin()]
+        whole = both.whole[np.abs(both.received - asked).argmin()]
         later = frames[(frames > asked) & (frames < asked + VALUES * CYCLE // 2)]
         if later.size:  # else a newer command took its place before it was sent
-            found.append(Way(int(asked), received[stamp], log_time, int(later[0])))
+            found.append(Way(int(asked), int(whole), published[stamp], command, int(later[0])))
     return np.array(found)
 
 
@@ -189,6 +195,21 @@ def floor(bus: Bus, port: int) -> np.ndarray:
     return np.array(times)
 
 
+class Cores(NamedTuple):
+    """How many of them were busy on average, or their time [s] so far."""
+
+    loop: float  # with this process, which listens
+    others: float
+
+    @classmethod
+    def so_far(cls) -> Self:
+        here = psutil.Process()
+        own = [here, *here.children(recursive=True)]
+        loop = sum(sum(one.cpu_times()[:2]) for one in own)
+        whole = psutil.cpu_times()
+        return cls(loop, sum(whole) - whole.idle - whole.iowait - loop)
+
+
 class Loop(NamedTuple):
     """What was heard of a loop at work."""
 
@@ -196,13 +217,29 @@ class Loop(NamedTuple):
     bag: dict[str, Recorded]
     window: tuple[int, int]  # ns, that is measured
     least: np.ndarray  # ms, the way round of python-can alone; (0,) where it was not asked for
+    busy: Cores
+    realtime: bool  # of machine and controller
     told: str
 
 
+def _prefer(process: subprocess.Popen[Any], priority: int) -> None:
+    with suppress(PermissionError):
+        os.sched_setscheduler(process.pid, os.SCHED_FIFO, os.sched_param(priority))
+
+
 def measured_loop(
-    folder: Path, seconds: float, beside: Sequence[tuple[object, ...]] = (), floored: bool = True
+    folder: Path,
+    seconds: float,
+    beside: Sequence[tuple[object, ...]] = (),
+    floored: bool = True,
+    realtime: bool = False,
+    seen: Callable[[str], AbstractContextManager[object]] = nullcontext,
 ) -> Loop:
-    """A loop at work for so long, `beside` it further executables: package, name, arguments."""
+    """A loop at work for so long, `beside` it further executables: package, name, arguments.
+
+    `seen` is entered meanwhile, with what these have printed. `realtime`: machine and controller
+    have it too, as docs/how_to/real_time.md says, where that is permitted.
+    """
     port = free_port()
     bus = Bus(port)
     option = f"bus.options:=port={port}"
@@ -214,26 +251,37 @@ def measured_loop(
         return started[-1]
 
     controller = None
+    looking = ExitStack()
     try:
         crane = start("crane_sim", "simulated_crane", "--bus-option", f"port={port}")
+        if realtime:
+            _prefer(crane.process, MACHINE_PRIORITY)
         start("crane_driver", "driver", "--ros-args", "-p", option)
         recorder = start("crane_nodes", "recorder", "--out", bag)
         for package, name, *arguments in beside:
             further = start(str(package), str(name), *arguments)
             bus.until(lambda further=further: "ready: listens to" in further.output)
+        looking.enter_context(seen("".join(one.output for one in started)))
         controller = subprocess.Popen(
             [sys.executable, str(HERE / "live_controller.py")], stdout=subprocess.PIPE, text=True
         )
+        if realtime:
+            _prefer(controller, CONTROLLER_PRIORITY)
         bus.until(lambda: all(f"recording {topic} " in recorder.output for topic in TOPICS))
         bus.until(lambda: any(sum(one.data[2:]) for one in bus.of(VALVES)))  # the loop is closed
         bus.listen(SETTLING)
         begin = time.time_ns() + int(MARGIN * 1e9)
-        bus.listen(seconds + 2 * MARGIN)
+        before, listened = Cores.so_far(), seconds + 2 * MARGIN
+        bus.listen(listened)
+        used = zip(Cores.so_far(), before, strict=True)
+        busy = Cores(*((now - then) / listened for now, then in used))
         window = (begin, begin + int(seconds * 1e9))
         least = floor(bus, port) if floored else np.empty(0)
+        preferred = os.sched_getscheduler(controller.pid) == os.SCHED_FIFO
         controller.terminate()
         told = controller.communicate(timeout=PATIENCE)[0].strip()
     finally:
+        looking.close()
         if controller and controller.poll() is None:
             controller.kill()
         for one in reversed(started):
@@ -241,4 +289,4 @@ def measured_loop(
                 one.end(signal.SIGTERM)
         bus.close()
     told = f"driver {told}; {crane.output.splitlines()[-1]}"
-    return Loop(bus, read(bag), window, least, told)
+    return Loop(bus, read(bag), window, least, busy, preferred, told)

@@ -1,4 +1,4 @@
-"""The live loop for a minute at 200 Hz: nothing may be lost, and how long the way round takes.
+"""The live loop for a minute at 200 Hz: nothing may be lost, and the way round is short.
 
 Simulated crane, driver, controller and recorder are processes. This one listens to their bus: it
 knows what was there to be published.
@@ -22,9 +22,11 @@ from benchmarks.live_loop import (
 )
 
 MEASURED = float(os.environ.get("CRANE_LIVE_SECONDS", "60"))  # s
+P50, P99 = 2.0, 5.0  # ms, encoder frame to valve frame
 HOPS = (
-    "encoder frame to joint state, in the recorder",
-    "joint state to valve command, in the recorder",
+    "the other frames of its cycle",
+    "last of these frames to joint state, published",
+    "joint state to valve command, published",
     "valve command to valve frame",
 )
 
@@ -32,18 +34,20 @@ HOPS = (
 def test_no_message_is_lost_in_a_minute_at_200_hz(
     ros_domain: int, tmp_path: Path, measured: Callable[..., None]
 ) -> None:
-    report(measured_loop(tmp_path, MEASURED), measured)
+    report(measured_loop(tmp_path, MEASURED, realtime=True), measured)
 
 
-def latencies(measured: Callable[..., None], what: str, times: np.ndarray) -> None:
+def latencies(
+    measured: Callable[..., None], what: str, times: np.ndarray, target: str = ""
+) -> None:
     """A row with percentiles of times [ms]."""
     p50, p99 = np.percentile(times, [50, 99])
     text = "{p50:.2f}, {p99:.1f}, {longest:.1f} ms"
-    measured(f"{what}: p50, p99, max", "", text, p50=p50, p99=p99, longest=times.max())
+    measured(f"{what}: p50, p99, max", target, text, p50=p50, p99=p99, longest=times.max())
 
 
 def report(loop: Loop, measured: Callable[..., None]) -> None:
-    bus, bag, window, least, told = loop
+    bus, bag, window, least, busy, realtime, told = loop
     sent = {"/joint_states": cycles(bus, ENCODERS), "/cylinder_pressures": cycles(bus, PRESSURES)}
     encoders = sent["/joint_states"]
     kept = (encoders.received >= window[0]) & (encoders.received < window[1])
@@ -67,9 +71,9 @@ def report(loop: Loop, measured: Callable[..., None]) -> None:
         if topic == "/joint_states" and not lost[topic]:
             shift = np.abs(one.stamp[kept] - expected) * 1e-6
     states = bag["/joint_states"]
-    delay = (states.log_time - states.stamp) * 1e-6
-    hops = ways(bus, bag, encoders, window)
-    whole = (hops[:, 3] - hops[:, 0]) * 1e-6
+    delay = (states.received - states.stamp) * 1e-6
+    hops = ways(bus, bag, window)
+    whole = (hops[:, -1] - hops[:, 0]) * 1e-6
     print(f"encoder frame: received after it was sampled             {percentiles(late)}")
     if shift.size:
         print(f"joint state: stamp beside the instant of sampling        {percentiles(shift)}")
@@ -77,13 +81,12 @@ def report(loop: Loop, measured: Callable[..., None]) -> None:
     print(f"encoder frame -> valve frame, {len(whole):5d} loops             {percentiles(whole)}")
     for k, hop in enumerate(HOPS):
         print(f"    {hop:52s} {percentiles(np.diff(hops)[:, k] * 1e-6)}")
-    print(
-        "    (commands that come within half a cycle of the last valve frame go with the next one)"
-    )
+    print("    (commands that come within half a cycle of another go with the next valve frame)")
     print(f"encoder frame -> frame, python-can alone, {len(least):4d} loops  {percentiles(least)}")
+    how = "all but the recorder in real time" if realtime else "the driver in real time"
     measured(
-        f"{MEASURED:.0f} s at 200 Hz, machine, driver, controller and recorder as processes: "
-        "cycles on the bus; lost of states, pressures, commands",
+        f"{MEASURED:.0f} s at 200 Hz, machine, driver, controller and recorder as processes, "
+        f"{how}: cycles on the bus; lost of states, pressures, commands",
         "0, 0, 0",
         "{cycles:,.0f}; {states:.0f}, {pressures:.0f}, {commands:.0f}",
         cycles=rate * MEASURED,
@@ -91,10 +94,16 @@ def report(loop: Loop, measured: Callable[..., None]) -> None:
         pressures=lost[TOPICS[1]],
         commands=lost[TOPICS[2]],
     )
+    measured(
+        f"cores busy meanwhile, of {os.cpu_count()}: by the loop and its listener; by other work",
+        "",
+        "{loop:.2f}; {others:.2f}",
+        **busy._asdict(),
+    )
     latencies(measured, "encoder frame received after it was sampled", late)
     if shift.size:
         latencies(measured, "stamp of the joint state beside the instant of sampling", shift)
-    latencies(measured, "encoder frame to valve frame", whole)
+    latencies(measured, "encoder frame to valve frame", whole, f"p50 {P50:g}, p99 {P99:g} ms")
     for k, hop in enumerate(HOPS):
         latencies(measured, f"of this: {hop}", np.diff(hops)[:, k] * 1e-6)
     latencies(
@@ -103,3 +112,4 @@ def report(loop: Loop, measured: Callable[..., None]) -> None:
     assert not any(lost.values()), lost
     assert (np.diff(states.stamp) > 0).all()
     assert len(whole) > rate * MEASURED / 2
+    assert (np.percentile(whole, [50, 99]) <= [P50, P99]).all(), busy

@@ -82,7 +82,11 @@ def blueprint(machine: Machine, live: bool) -> rrb.Blueprint:
                 _space(machine),
                 rrb.StateTimelineView(origin=paths.STATE, name="driver"),
                 rrb.Tabs(
-                    rrb.TextLogView(origin=paths.EVENTS, name="faults and events"),
+                    rrb.TextLogView(
+                        origin=paths.EVENTS,
+                        name="faults and events",
+                        columns=rrb.TextLogColumns(text_log_columns=["LogLevel", "Body"]),
+                    ),
                     rrb.TextDocumentView(origin=paths.NOW, name="driver now"),
                 ),
                 row_shares=[6, 1, 2],

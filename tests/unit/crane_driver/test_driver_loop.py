@@ -286,15 +286,27 @@ def test_commands_are_sent_on_at_once_and_take_the_place_of_the_cycle(bench: Ben
     assert sum(map(len, flood)) <= 0.05 / CYCLE * 2 + 1
 
 
-def test_a_command_too_soon_after_a_valve_frame_is_sent_half_a_cycle_after_it(
-    bench: Bench,
-) -> None:
+def test_a_command_too_soon_after_another_is_sent_half_a_cycle_after_it(bench: Bench) -> None:
     now = START + 10 * CYCLE
     assert bench.loop.valve_frames(now, commanded=True)
     assert not bench.loop.valve_frames(now + 0.2 * CYCLE, commanded=True)
     assert not bench.loop.valve_frames(now + 0.3 * CYCLE)
     assert bench.loop.valve_frames(now + 0.5 * CYCLE)
     assert not bench.loop.valve_frames(now + 1.3 * CYCLE)
+
+
+def test_a_valve_frame_of_the_cycle_does_not_hold_up_the_commands_that_follow_it(
+    bench: Bench,
+) -> None:
+    """As in a loop in which every command comes soon after the frames that woke the driver."""
+    now = START + 10 * CYCLE
+    assert bench.loop.valve_frames(now - 0.7 * CYCLE, commanded=True)
+    assert not bench.loop.valve_frames(now - 0.3 * CYCLE, commanded=True)  # waits for a wake-up
+    late = 0
+    for k in range(20):
+        bench.loop.valve_frames(now + k * CYCLE)
+        late += not bench.loop.valve_frames(now + (k + 0.16) * CYCLE, commanded=True)
+    assert not late
 
 
 def test_unknown_frames_are_counted(bench: Bench) -> None:
