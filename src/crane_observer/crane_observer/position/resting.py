@@ -5,7 +5,7 @@ from typing import NamedTuple
 import numpy as np
 
 from crane_model.array import Array, Flags
-from crane_observer.position.kalman import relax
+from crane_observer.position.gaussian import Gaussian
 from crane_observer.position.known import SMALLEST, Known
 from crane_observer.position.state import HELD
 from crane_observer.position.strokes import CLEAR
@@ -64,7 +64,7 @@ class Resting:
         moves, held = self._stood < 0, self._rested > COMING_TO_REST
         return Motions(direction, moves, held, ~moves & ~held & (self._slow <= COMING_TO_REST))
 
-    def hold(self, x: Array, P: Array, asked: Array, dry: Array) -> None:
+    def hold(self, state: Gaussian, asked: Array, dry: Array) -> None:
         """Friction of those that are held, in place.
 
         It is drawn where a joint has come to rest. It changes as far as what it has to hold,
@@ -81,8 +81,9 @@ class Resting:
         self._asked = np.where(counts | drawn, asked, self._asked)
         decay, added = np.ones(layout.size), np.zeros(layout.size)
         decay[layout.of(HELD)] = np.where(drawn, 0.0, 1.0)
-        held, most = np.diag(P)[layout.of(HELD)], known.trust.held**2
+        held, most = np.diag(state.P)[layout.of(HELD)], known.trust.held**2
         wider = np.minimum((1.0 - np.exp(-2.0 * lost)) * most, np.maximum(most - held, 0.0))
         added[layout.of(HELD)] = np.where(drawn, most, wider)
-        relax(x, P, decay, added)
-        x[layout.of(HELD)] = np.clip(x[layout.of(HELD)], -LARGEST, LARGEST)
+        state.relax(decay, added)
+        friction = state.x[layout.of(HELD)]
+        friction[:] = np.clip(friction, -LARGEST, LARGEST)

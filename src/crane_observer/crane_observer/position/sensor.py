@@ -93,6 +93,16 @@ class PositionSensor:
         self.invalid = 0  # readings that were no numbers
 
     @property
+    def hypotheses(self) -> Hypotheses:
+        """What is known after the last window."""
+        return self._hypotheses
+
+    @property
+    def window(self) -> FlowWindow:
+        """The last one that was complete; `IndexError` before there is one."""
+        return self._past[-1][1]
+
+    @property
     def machine(self) -> Machine:
         """That of the model."""
         return self._known.mechanics.machine

@@ -3,6 +3,7 @@
 from dataclasses import dataclass, replace
 
 import numpy as np
+from numpy.typing import NDArray
 
 from crane_model.array import Array
 from crane_model.model_file import Model
@@ -40,6 +41,11 @@ class StateLayout:
     def load(self) -> int:
         """The place of the load."""
         return ESTIMATED * self.joints
+
+    @property
+    def told(self) -> NDArray[np.int64]:
+        """(j + 1,) the places of coordinates and load."""
+        return np.append(np.arange(self.joints), self.load)
 
 
 POSITION, EXTENDING, RETRACTING, NULL, PRESSURE, DRY, VISCOUS, HELD, DRIFT = range(9)

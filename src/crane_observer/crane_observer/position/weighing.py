@@ -8,6 +8,7 @@ import numpy as np
 from crane_model.array import Array, Flags
 from crane_observer.position.balance import ForceBalance
 from crane_observer.position.flow import FORCE, LATER, NULL_A, NULL_B
+from crane_observer.position.gaussian import Gaussian
 from crane_observer.position.known import Known
 from crane_observer.position.resting import Motions
 from crane_observer.position.state import DRY, HELD, POSITION, PRESSURE, VISCOUS
@@ -82,13 +83,13 @@ class BalanceRows(NamedTuple):
 
 
 def weigh(
-    known: Known, x: Array, P: Array, one: ForceBalance, pair: Pair, motions: Motions,
+    known: Known, state: Gaussian, one: ForceBalance, pair: Pair, motions: Motions,
     cylinders: Array, jitter: Array,
 ) -> BalanceRows:  # fmt: skip
-    """At the states x (size,) with covariance P, where the cylinders (j, 3) are; `jitter` (j,)
-    [rad, m] is what noise does to a position.
+    """At a state, where the cylinders (j, 3) are; `jitter` (j,) [rad, m] is what noise does to a
+    position.
     """
-    layout, trust = known.layout, known.trust
+    layout, trust, x, P = known.layout, known.trust, state.x, state.P
     _, lever, bend = cylinders.T
     force, load = pair.force, x[layout.load]
     by_pressure = lever * known.circuit.area_a
