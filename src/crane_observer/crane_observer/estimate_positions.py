@@ -1,6 +1,7 @@
 """`estimate_positions`: where the crane was, from a bag without some of its encoders."""
 
 import csv
+import sys
 from collections.abc import Sequence
 from pathlib import Path
 
@@ -14,6 +15,7 @@ from crane_model.model_file import Model, load_model
 from crane_observer.position.picture import draw
 from crane_observer.position.replay import EstimatedCourse, replay_smoothed
 from crane_observer.position.sensor import START, PositionSensor
+from crane_observer.position.serving import refuse_unserved
 from crane_observer.recording import HeardRecording
 
 TABLE, PICTURE = "positions.csv", "positions.png"
@@ -32,7 +34,7 @@ def main(argv: Sequence[str] | None = None) -> int:
     parser = cli.command_line(description=main.__doc__)
     parser.add_argument("--bag", type=Path, required=True, help="recording")
     parser.add_argument(
-        "--model", type=Path, required=True, help="identified model file, with hydraulics"
+        "--model", type=Path, required=True, help="identified model file, best with hydraulics"
     )
     parser.add_argument(
         "--without", nargs="+", default=[], metavar="JOINT", help="whose encoders are not used"
@@ -61,6 +63,8 @@ def main(argv: Sequence[str] | None = None) -> int:
         cli.check_out(table, picture, replace=arguments.replace)
         model = load_model(arguments.model)
         hidden = np.isin(model.joints, _joints(arguments.without, model))
+        for warning in refuse_unserved(model, hidden):
+            print(f"warning: {warning}", file=sys.stderr)
         recording = HeardRecording.read(arguments.bag, model.joints)
         start = _start(arguments.start, model, recording)
         sensor = PositionSensor(model, start, arguments.start_deviation)
@@ -88,7 +92,7 @@ def _start(given: Sequence[str], model: Model, recording: HeardRecording) -> Arr
     start = np.full(len(model.joints), np.nan)
     if len(recording.encoders):
         start = recording.encoders[0].copy()
-    assert model.machine is not None  # the sensor refuses such a model
+    assert model.machine is not None  # else it would have been refused
     for entry in given:
         joint, _, text = entry.partition("=")
         _joints([joint], model)

@@ -36,8 +36,8 @@ class Filter:
     def __init__(self, known: Known, position: Array, deviation: Array, load: float = 0.0):
         """From `position` (j,), known to `deviation` (j,), with a load known to 1 kg."""
         self.known, self.start = known, position
-        layout, trust = known.layout, known.trust
-        x, spread = np.zeros(layout.size), trust.spread(layout)
+        layout = known.layout
+        x, spread = np.zeros(layout.size), known.spread
         x[layout.of(POSITION)], spread[layout.of(POSITION)] = position, deviation
         x[layout.load], spread[layout.load] = load, 1.0
         self.state = Gaussian(x, np.diag(spread**2), layout.load + 1)
@@ -49,7 +49,7 @@ class Filter:
         self.rows = np.zeros((0, layout.size))  # of the last force balance, of unit variance
         self._resting, self._surprise = Resting(known), Surprise()
         self._hidden_load = 0.0  # kg that may have come where all joints stand, by dry friction
-        self._spread, self._stay = trust.spread(layout), trust.stay(layout)
+        self._spread, self._stay = known.spread, known.stay
 
     @property
     def position(self) -> Array:
@@ -101,7 +101,7 @@ class Filter:
         # what the model lacks in a pose stays while no joint leaves it
         decay = np.exp(-(0.0 if self._resting.all_stand else window.duration) / self._stay)
         added = (1.0 - decay**2) * self._spread**2
-        added[self.known.layout.load] = self.known.trust.load_drift**2 * window.duration
+        added[self.known.layout.load] = self.known.load_drift**2 * window.duration
         self.state.relax(decay, added)
 
     def _move(self, window: FlowWindow) -> None:

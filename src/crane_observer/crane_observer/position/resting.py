@@ -11,6 +11,7 @@ from crane_observer.position.state import HELD
 from crane_observer.position.strokes import CLEAR
 
 STARTING = 2  # force balances after it stood, in which what friction is, is not known
+STARTING_UNKNOWN = 8  # the same of a joint whose valve is not identified, as it may stick and slip
 COMING_TO_REST = 3  # force balances of a joint that stands, until what holds it stays what it is
 CREEP = 0.25  # of what holds it is lost while the time that it stands grows e-fold
 LARGEST = 1.5  # of dry friction, that holds a joint: with what the model lacks of it
@@ -39,6 +40,7 @@ class Resting:
     def __init__(self, known: Known):
         j = known.layout.joints
         self._known = known
+        self._starting = np.where(known.assumed, STARTING_UNKNOWN, STARTING)
         self._stood = np.zeros(j, dtype=np.int64)  # until it moves, counted down
         self._slow = np.zeros(j, dtype=np.int64)  # force balances without motion
         self._rested = np.zeros(j, dtype=np.int64)  # of these, with closed valves, the last ones
@@ -58,7 +60,7 @@ class Resting:
         least = np.maximum.reduce([self._known.standing, change, CLEAR * doubt])
         steady = (slowest > least) & (before * after > 0.0)
         direction = np.where(steady, np.sign(before + after), 0.0)
-        self._stood = np.where(steady, np.maximum(self._stood - 1, -1), STARTING)
+        self._stood = np.where(steady, np.maximum(self._stood - 1, -1), self._starting)
         self._slow = np.where(steady, 0, self._slow + 1)
         self._rested = np.where(steady | opened, 0, self._rested + 1)
         moves, held = self._stood < 0, self._rested > COMING_TO_REST

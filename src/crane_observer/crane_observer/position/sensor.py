@@ -10,6 +10,7 @@ import numpy as np
 from crane_model.array import Array, Flags
 from crane_model.machine import Machine
 from crane_model.model_file import Model
+from crane_observer.position.assumed import MOST_BY_WEIGHT
 from crane_observer.position.flow import NULL_A, NULL_B, SUMS, Commands, add_interval, spools_of
 from crane_observer.position.hypotheses import Hypotheses
 from crane_observer.position.known import Known
@@ -39,6 +40,12 @@ class SensorCondition(Enum):
     PRESSURES_LOST = "pressures lost: positions drift until they are back"
     COMMANDS_LOST = "commands lost while a valve was open: it counts as closed"
     ENCODER_LOST = "an encoder is lost: its joint goes on by flow and force"
+    VALVES_UNKNOWN = (
+        "a joint without encoder has a valve that is not identified: its weight alone tells"
+    )
+    UNSERVED = (
+        "several joints without encoder have valves that are not identified: do not believe them"
+    )
     SEARCHING = "start not known: several poses are possible"
     LOAD_IMPOSSIBLE = "forces ask for a load that cannot hang at the tip: do not believe it"
 
@@ -71,12 +78,11 @@ class PositionSensor:
         self.model, self._largest, self._heaviest = model, largest, heaviest
         joints = len(model.joints)
         known = Known.of(model, np.full(joints, ENCODER), trust)
-        self._known, self._spools = known, spools_of(model)
+        self._known, self._spools = known, spools_of(known.mechanics.model)
         self._commands, self._spool = Commands.none(joints), np.zeros((joints, 3))
         self._hypotheses = Hypotheses(known, position, np.full(joints, deviation))
         span = known.high - known.low
-        spread = known.trust.spread(known.layout)
-        self._observability = Observability(known.layout, span, spread, heaviest)
+        self._observability = Observability(known.layout, span, known.spread, heaviest)
         self._sums = np.zeros((joints, SUMS))
         self._begin = self._newest = np.nan
         self._before = self._last = np.zeros((2, joints))
@@ -206,21 +212,32 @@ class PositionSensor:
             whole=not self._blind and not cut_off,
         )  # fmt: skip
         estimate = self._step(window)
-        best = self._hypotheses.filters[0]
         self._velocity = estimate.velocity
-        self._observability.add(best.rows, duration)
-        condition = SensorCondition.GOOD
-        if len(self._hypotheses.filters) > 1:
-            condition = SensorCondition.SEARCHING
-        if (self._once_measured & ~measured).any():
-            condition = SensorCondition.ENCODER_LOST
-        if cut_off:
-            condition = SensorCondition.COMMANDS_LOST
-        if self._blind and not cut_off:
-            condition = SensorCondition.PRESSURES_LOST
+        self._observability.add(self._hypotheses.filters[0].rows, duration)
+        unserved = self._known.assumed & ~measured
+        unserved &= unserved.sum() > MOST_BY_WEIGHT
+        condition = self._condition(estimate, measured, cut_off, bool(unserved.any()))
+        self._begin_window(time, self._last)
+        observable = measured | (self._observability.observable & ~unserved)
+        return Told(estimate, condition, observable, measured)
+
+    def _condition(
+        self, estimate: PoseEstimate, measured: Flags, cut_off: bool, unserved: bool
+    ) -> SensorCondition:
+        """The worst that is the case."""
         unsure = CERTAIN * estimate.deviation[-1]
         if not -unsure - LIGHTEST < estimate.load < self._heaviest + unsure:
-            condition = SensorCondition.LOAD_IMPOSSIBLE
-        self._begin_window(time, self._last)
-        observable = measured | self._observability.observable
-        return Told(estimate, condition, observable, measured)
+            return SensorCondition.LOAD_IMPOSSIBLE
+        if unserved:
+            return SensorCondition.UNSERVED
+        if cut_off:
+            return SensorCondition.COMMANDS_LOST
+        if self._blind:
+            return SensorCondition.PRESSURES_LOST
+        if (self._known.assumed & ~measured).any():
+            return SensorCondition.VALVES_UNKNOWN
+        if (self._once_measured & ~measured).any():
+            return SensorCondition.ENCODER_LOST
+        if len(self._hypotheses.filters) > 1:
+            return SensorCondition.SEARCHING
+        return SensorCondition.GOOD
