@@ -11,7 +11,7 @@ from crane_model.array import Array
 from crane_observer.position.gaussian import Gaussian, KeptGaussian
 from crane_observer.position.replay import EstimatedCourse, replay_smoothed
 from crane_observer.position.sensor import PositionSensor
-from crane_observer.position.smoother import Smoothed
+from crane_observer.position.smoother import KnownLater
 from crane_observer.position.smoothing import CHAPTER
 
 SIZE, MOVED, SEEN, TIMES = 5, 2, 2, 12
@@ -70,7 +70,7 @@ class LinearCase:
             state.move(way, self.slopes[k], self.noise[k])
             state.correct(self.H[k], z[k] - self.H[k] @ state.x, self.variance[k])
             marks.append((len(state.steps), state.now()))
-        later, found = Smoothed(SIZE), []
+        later, found = KnownLater(SIZE), []
         for count, then in reversed(marks):
             while len(state.steps) > count:
                 later.back(state.steps.pop())

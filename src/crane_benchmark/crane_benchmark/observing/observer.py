@@ -14,7 +14,7 @@ import numpy as np
 from crane_benchmark.measured import MeasuredRow
 from crane_benchmark.observing.beside_aims import tell
 from crane_benchmark.observing.machines import Observed, hard, stock
-from crane_benchmark.observing.positions import FLOW, NO_LOAD, OFF, Errors, Watched
+from crane_benchmark.observing.positions import FLOW, NO_LOAD, OFF, Errors, ObservedRecording
 from crane_identification.identify import main as identify
 from crane_model import cli
 from crane_model.arguments import between, whole
@@ -72,7 +72,7 @@ def measure(name: str, duration: float, seed: int) -> list[ObservedQuantity]:
     with tempfile.TemporaryDirectory() as folder, redirect_stdout(io.StringIO()):
         model = identified(observed, seed, Path(folder))
     made, _ = observed.at_work(duration, seed)
-    watched, outcomes = Watched(observed, made, model), []
+    watched, outcomes = ObservedRecording(observed, made, model), []
 
     def add(what: str, aim: float, hidden: np.ndarray, joint: int | None, off: float) -> None:
         sensor, smoothed = watched.observe_and_smooth(hidden, off)

@@ -66,7 +66,7 @@ def heard(made: SimulatedRecording, model: Model, observed: Observed) -> HeardRe
     )  # fmt: skip
 
 
-class Watched(NamedTuple):
+class ObservedRecording(NamedTuple):
     """A recording of a machine, and the model that was identified of it."""
 
     observed: Observed

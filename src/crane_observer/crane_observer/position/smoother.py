@@ -21,7 +21,7 @@ from crane_observer.position.gaussian import Correction, Gaussian, Prediction
 RIDGE = 1e-11  # of a variance, where states are known to move as one
 
 
-class Smoothed:
+class KnownLater:
     """What is known at a moment with all that came later; at first nothing came."""
 
     def __init__(self, size: int):

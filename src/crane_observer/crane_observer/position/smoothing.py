@@ -10,7 +10,7 @@ from crane_model.array import Array
 from crane_observer.position.filter import Filter
 from crane_observer.position.gaussian import Gaussian, KeptGaussian
 from crane_observer.position.hypotheses import Hypotheses, mixed
-from crane_observer.position.smoother import Smoothed
+from crane_observer.position.smoother import KnownLater
 from crane_observer.position.window import FlowWindow, PoseEstimate
 
 CHAPTER = 200  # windows, which are gone through again at once: all steps of one are kept
@@ -56,7 +56,7 @@ def _backwards(
     begun: Sequence[Filter], chapters: Sequence[Sequence[FlowWindow]]
 ) -> list[PoseEstimate]:
     known = begun[0].known
-    later, found = Smoothed(known.layout.size), list[PoseEstimate]()
+    later, found = KnownLater(known.layout.size), list[PoseEstimate]()
     for first, windows in zip(reversed(begun), reversed(chapters), strict=True):
         again = first.copied()
         kept = again.state = KeptGaussian(first.state)
