@@ -10,7 +10,14 @@ from crane_model.model_file import Model
 from crane_model.whole_crane import circuit_of
 from crane_observer.position.assumed import GAIN_DOUBT, GAIN_STAYS, LOAD_DRIFT, STROKE_DOUBT, Served
 from crane_observer.position.balance import LoadedMechanics
-from crane_observer.position.state import EXTENDING, RETRACTING, StateLayout, Trust
+from crane_observer.position.state import (
+    EXTENDING,
+    NULL,
+    RETRACTING,
+    StateLayout,
+    Trust,
+    flow_share,
+)
 
 STANDING = 0.02  # of the fastest that a joint may move, below which it counts as standing
 SMALLEST = 1e-12  # of any unit, where nothing may be 0
@@ -28,6 +35,7 @@ class Known:
     fastest: Array  # (j,) that each may move
     resolution: Array  # (j,) standard deviation of an encoder
     trust: Trust
+    flow: Array  # (j,) share of the deviations of flow that its identification leaves
     assumed: Flags  # (j,) whose valve is not identified
 
     @classmethod
@@ -45,6 +53,7 @@ class Known:
             np.array([min(-one.velocity_min, one.velocity_max) for one in limits]),
             resolution,
             trust or Trust.of(model),
+            flow_share(model),
             assumed,
         )
 
@@ -52,8 +61,10 @@ class Known:
     def spread(self) -> Array:
         """(size,) standard deviations of states of which nothing is known, as `Trust.spread`."""
         found = self.trust.spread(self.layout)
-        for kind, doubt in ((EXTENDING, GAIN_DOUBT), (RETRACTING, GAIN_DOUBT)):
-            found[self.layout.of(kind)][self.assumed] = doubt
+        for kind in (EXTENDING, RETRACTING, NULL):
+            found[self.layout.of(kind)] *= self.flow
+        for kind in (EXTENDING, RETRACTING):
+            found[self.layout.of(kind)][self.assumed] = GAIN_DOUBT
         return found
 
     @property
@@ -72,7 +83,7 @@ class Known:
     @property
     def stroke(self) -> Array:
         """(j,) of a window's stroke, standard deviation beside those of gains and nulls."""
-        return np.where(self.assumed, STROKE_DOUBT, self.trust.stroke)
+        return np.where(self.assumed, STROKE_DOUBT, self.trust.stroke * self.flow)
 
     @property
     def standing(self) -> Array:

@@ -182,11 +182,9 @@ class PositionSensor:
             self._silenced = True
             self._commands.add(self._commanded + SILENT, np.zeros_like(chamber_a))
         parts = math.ceil((time - self._newest) / GAP)  # a valve may open and close within a gap
-        for stamp, shown in zip(
-            np.linspace(self._newest, time, parts + 1)[1:].tolist(),
-            np.linspace(self._last, now, parts + 1)[1:],
-            strict=True,
-        ):
+        way, rise = (time - self._newest) / parts, (now - self._last) / parts
+        for left in reversed(range(parts)):
+            stamp, shown = time - left * way, now - left * rise
             add_interval(
                 self._known.circuit, self._spools, self._commands, self._spool, self._begin,
                 self._newest, stamp, self._last, shown, self._supply, self._largest, self._sums,

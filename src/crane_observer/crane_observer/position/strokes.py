@@ -90,8 +90,7 @@ def moved(known: Known, x: Array, q: Array, window: FlowWindow) -> Moved:
     gain = np.where(made.extends, layout.of(EXTENDING).start, layout.of(RETRACTING).start) + rows
     slopes[rows, gain] = made.stroke / after[1]
     slopes[rows, layout.of(NULL).start + rows] = made.by_null / after[1]
-    unclear = np.where(np.abs(made.stroke) < CLEAR * made.doubt, made.doubt, 0.0)
-    slopes[rows, layout.of(DRIFT).start + rows] = unclear / after[1]
+    slopes[rows, layout.of(DRIFT).start + rows] = made.doubt / after[1]
     noise = ((known.stroke * made.stroke) ** 2 + WHITE * made.doubt**2) / after[1] ** 2
     noise = noise + (known.standing * window.duration) ** 2 * 1e-4
     noise = noise + (known.fastest * window.blind) ** 2
