@@ -74,9 +74,11 @@ def shown(message: JointState) -> float:
     return float(message.position[list(message.name).index(WITHOUT)])
 
 
-def test_a_model_without_hydraulics_is_refused(tmp_path: Path) -> None:
+def test_a_model_that_cannot_tell_two_joints_is_refused(tmp_path: Path) -> None:
     save_model(tmp_path / "model.yaml", replace(known(), hydraulics=None))
-    process = start(NODE, "--ros-args", "-p", f"model:={tmp_path / 'model.yaml'}")
+    given = {"model": tmp_path / "model.yaml", "without": "'outer_boom telescope'"}
+    parameters = [word for name, value in given.items() for word in ("-p", f"{name}:={value}")]
+    process = start(NODE, "--ros-args", *parameters)
     assert process.wait(60.0) == 1
 
 

@@ -1,6 +1,7 @@
 """`estimate_positions`: where the crane was, from a bag without some of its encoders."""
 
 import csv
+import sys
 from collections.abc import Sequence
 from pathlib import Path
 
@@ -11,23 +12,29 @@ from crane_model.arguments import between
 from crane_model.array import Array, Flags
 from crane_model.errors import ConfigurationError
 from crane_model.model_file import Model, load_model
-from crane_observer.position.replay import EstimatedCourse, replay
+from crane_observer.position.picture import draw
+from crane_observer.position.replay import EstimatedCourse, replay_smoothed
 from crane_observer.position.sensor import START, PositionSensor
+from crane_observer.position.serving import refuse_unserved
 from crane_observer.recording import HeardRecording
 
 TABLE, PICTURE = "positions.csv", "positions.png"
+COLUMNS = (
+    "position", "velocity", "std_dev", "observable", "encoder", "smoothed", "smoothed_velocity",
+    "smoothed_std_dev",
+)  # fmt: skip
 UNKNOWN, LOWER, UPPER = "unknown", "lower", "upper"
-CONFIDENCE = 1.96  # standard deviations
 
 
 def main(argv: Sequence[str] | None = None) -> int:
     """Estimate positions and the load at the tip by pressures, valve commands and the encoders
-    that are left; write a table and a picture, with errors where encoders exist.
+    that are left, as the node does, and smoothed, with all that came later; write a table and a
+    picture, with errors where encoders exist.
     """
     parser = cli.command_line(description=main.__doc__)
     parser.add_argument("--bag", type=Path, required=True, help="recording")
     parser.add_argument(
-        "--model", type=Path, required=True, help="identified model file, with hydraulics"
+        "--model", type=Path, required=True, help="identified model file, best with hydraulics"
     )
     parser.add_argument(
         "--without", nargs="+", default=[], metavar="JOINT", help="whose encoders are not used"
@@ -56,14 +63,17 @@ def main(argv: Sequence[str] | None = None) -> int:
         cli.check_out(table, picture, replace=arguments.replace)
         model = load_model(arguments.model)
         hidden = np.isin(model.joints, _joints(arguments.without, model))
+        for warning in refuse_unserved(model, hidden):
+            print(f"warning: {warning}", file=sys.stderr)
         recording = HeardRecording.read(arguments.bag, model.joints)
         start = _start(arguments.start, model, recording)
-        course = replay(PositionSensor(model, start, arguments.start_deviation), recording, hidden)
+        sensor = PositionSensor(model, start, arguments.start_deviation)
+        course, smoothed = replay_smoothed(sensor, recording, hidden)
         arguments.out.mkdir(parents=True, exist_ok=True)
         reference = _readings(recording, course)
-        _write(table, model, course, reference)
-        _draw(picture, model, course, reference, hidden)
-        _tell(model, course, reference, hidden)
+        _write(table, model, course, smoothed, reference)
+        draw(picture, model, course, smoothed, reference, hidden)
+        _tell(model, course, smoothed, reference, hidden)
         print(f"written: {table}, {picture}")
 
     return cli.run(body)
@@ -82,7 +92,7 @@ def _start(given: Sequence[str], model: Model, recording: HeardRecording) -> Arr
     start = np.full(len(model.joints), np.nan)
     if len(recording.encoders):
         start = recording.encoders[0].copy()
-    assert model.machine is not None  # the sensor refuses such a model
+    assert model.machine is not None  # else it would have been refused
     for entry in given:
         joint, _, text = entry.partition("=")
         _joints([joint], model)
@@ -115,64 +125,48 @@ def _readings(recording: HeardRecording, course: EstimatedCourse) -> Array:
     return found
 
 
-def _write(path: Path, model: Model, course: EstimatedCourse, reference: Array) -> None:
-    names = ("position", "velocity", "std_dev", "observable", "encoder")
-    units = model.setting.units
-    heads = [
-        f"{joint}.{name} [{unit}]"
-        for joint in model.joints
-        for name, unit in zip(
-            names, (units[joint], f"{units[joint]}/s", units[joint], "0 or 1", units[joint]),
-            strict=True,
-        )
-    ]  # fmt: skip
+def _write(
+    path: Path, model: Model, course: EstimatedCourse, smoothed: EstimatedCourse, reference: Array
+) -> None:
+    heads = []
+    for joint in model.joints:
+        unit = model.setting.units[joint]
+        units = dict.fromkeys(("position", "std_dev", "encoder", "smoothed"), unit)
+        units |= {"velocity": f"{unit}/s", "observable": "0 or 1", "smoothed_std_dev": unit}
+        units["smoothed_velocity"] = f"{unit}/s"
+        heads += [f"{joint}.{name} [{units[name]}]" for name in COLUMNS]
     parts = np.stack(
-        [course.position, course.velocity, course.deviation, course.observable, reference], axis=2
-    )
+        [
+            course.position, course.velocity, course.deviation, course.observable, reference,
+            smoothed.position, smoothed.velocity, smoothed.deviation,
+        ],
+        axis=2,
+    )  # fmt: skip
+    loads = [course.load, course.load_deviation, smoothed.load, smoothed.load_deviation]
+    names = ("load", "load.std_dev", "load.smoothed", "load.smoothed_std_dev")
     with path.open("w", newline="", encoding="utf-8") as file:
         rows = csv.writer(file)
-        rows.writerow(["time [s]", *heads, "load [kg]", "load.std_dev [kg]", "condition"])
+        rows.writerow(["time [s]", *heads, *(f"{name} [kg]" for name in names), "condition"])
         for k, time in enumerate(course.time):
-            values = [time, *parts[k].ravel(), course.load[k], course.load_deviation[k]]
+            values = [time, *parts[k].ravel(), *(one[k] for one in loads)]
             rows.writerow([*(f"{value:.6g}" for value in values), course.conditions[k].name])
 
 
-def _draw(
-    path: Path, model: Model, course: EstimatedCourse, reference: Array, hidden: Flags
-) -> None:
-    from matplotlib.figure import Figure  # a second to import
-
-    joints = len(model.joints)
-    figure = Figure(figsize=(9.0, 2.2 * (joints + 1)), layout="constrained")
-    axes = figure.subplots(joints + 1, 1, sharex=True)
-    for j, joint in enumerate(model.joints):
-        unit, scale = ("mm", 1e3) if model.setting.units[joint] == "m" else ("mrad", 1e3)
-        around = CONFIDENCE * scale * course.deviation[:, j]
-        error = scale * (course.position[:, j] - reference[:, j])
-        axes[j].fill_between(course.time, -around, around, color="0.85", label="95 %")
-        axes[j].plot(course.time, error, linewidth=0.8, label="estimate − encoder")
-        dark = np.where(course.observable[:, j], np.nan, 0.0)
-        axes[j].plot(course.time, dark, color="tab:red", linewidth=3, label="not observable")
-        axes[j].set_ylabel(f"{joint.replace('_', ' ')}\n[{unit}]")
-        axes[j].set_title("without its encoder" if hidden[j] else "with its encoder", fontsize=9)
-    axes[0].legend(loc="upper right", fontsize=8)
-    low, high = (course.load + sign * CONFIDENCE * course.load_deviation for sign in (-1.0, 1.0))
-    axes[-1].fill_between(course.time, low, high, color="0.85")
-    axes[-1].plot(course.time, course.load, linewidth=0.8)
-    axes[-1].set_ylabel("load [kg]")
-    axes[-1].set_ylim(-30.0, max(50.0, 1.2 * float(course.load.max())))
-    axes[-1].set_xlabel("time [s]")
-    figure.savefig(path, dpi=110)
-
-
-def _tell(model: Model, course: EstimatedCourse, reference: Array, hidden: Flags) -> None:
+def _tell(
+    model: Model, course: EstimatedCourse, smoothed: EstimatedCourse, reference: Array,
+    hidden: Flags,
+) -> None:  # fmt: skip
     for j, joint in enumerate(model.joints):
         unit = "mm" if model.setting.units[joint] == "m" else "mrad"
-        error = 1e3 * (course.position[:, j] - reference[:, j])
-        seen = np.isfinite(error)
-        rms = f"{np.sqrt(np.mean(error[seen] ** 2)):.2f} {unit}" if seen.any() else "no encoder"
+        seen = np.isfinite(reference[:, j])
+        error, later = (
+            np.sqrt(np.mean((one.position - reference)[seen, j] ** 2)) if seen.any() else np.nan
+            for one in (course, smoothed)
+        )
+        found = f"error rms {1e3 * error:.2f} {unit}, smoothed {1e3 * later:.2f} {unit}"
         share = f"{np.mean(course.observable[:, j]):.0%}"
         what = "without encoder" if hidden[j] else "with encoder"
-        print(f"{joint:12s} {what:16s} error rms {rms:14s} observable {share} of the time")
+        told = found if seen.any() else "no encoder"
+        print(f"{joint:12s} {what:16s} {told:42s} observable {share} of the time")
     print(f"load         {int(course.changed.sum())} changes, last {course.load[-1]:.1f} kg "
           f"± {course.load_deviation[-1]:.1f} kg")  # fmt: skip

@@ -3,10 +3,8 @@
 from dataclasses import replace
 
 import numpy as np
-import pytest
 from unit.crane_observer.observed import JOINTS, at_work, known, recording
 
-from crane_model.errors import ConfigurationError
 from crane_observer.position.replay import EstimatedCourse, replay
 from crane_observer.position.sensor import PositionSensor, SensorCondition
 from crane_observer.recording import HeardRecording
@@ -184,11 +182,6 @@ def test_commands_that_stop_while_a_valve_is_open_are_named() -> None:
     course = observed(ALL, cut)
     assert course.conditions[-1] is SensorCondition.COMMANDS_LOST
     assert course.deviation[-1, 0] > 10.0 * course.deviation[0, 0]
-
-
-def test_a_model_without_hydraulics_is_refused() -> None:
-    with pytest.raises(ConfigurationError, match="holds no hydraulics; identify them"):
-        PositionSensor(replace(known(), hydraulics=None), np.zeros(3))
 
 
 def test_it_costs_little_of_a_cycle() -> None:

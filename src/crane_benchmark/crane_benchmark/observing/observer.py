@@ -14,7 +14,7 @@ import numpy as np
 from crane_benchmark.measured import MeasuredRow
 from crane_benchmark.observing.beside_aims import tell
 from crane_benchmark.observing.machines import Observed, hard, stock
-from crane_benchmark.observing.positions import FILTER, FLOW, NO_LOAD, OFF, observe
+from crane_benchmark.observing.positions import FLOW, NO_LOAD, OFF, Errors, ObservedRecording
 from crane_identification.identify import main as identify
 from crane_model import cli
 from crane_model.arguments import between, whole
@@ -33,8 +33,8 @@ MACHINES: dict[str, tuple[Callable[[], Observed], tuple[float, ...], float]] = {
 """How it is made; aims with one encoder missing [rad, rad, m], and of the tip with all [m]."""
 PERIODS = 5  # of the excitation, for the identification
 COLUMNS = (
-    "what", "aim", "position sensor", "worst recording", "flow alone", "without load", "NEES",
-    "in its 95 %",
+    "what", "aim", "position sensor", "worst recording", "smoothed", "flow alone", "without load",
+    "NEES", "in its 95 %", "NEES in its band", "smoothed NEES",
 )  # fmt: skip
 
 
@@ -60,9 +60,9 @@ class ObservedQuantity(NamedTuple):
 
     what: str
     aim: float
-    errors: tuple[float, ...]  # of the position sensor, by flow alone, without load
-    nees: float
-    inside: float
+    errors: tuple[float, ...]  # of the position sensor, smoothed, by flow alone, without load
+    sensor: Errors
+    smoothed: Errors
 
 
 def measure(name: str, duration: float, seed: int) -> list[ObservedQuantity]:
@@ -72,22 +72,21 @@ def measure(name: str, duration: float, seed: int) -> list[ObservedQuantity]:
     with tempfile.TemporaryDirectory() as folder, redirect_stdout(io.StringIO()):
         model = identified(observed, seed, Path(folder))
     made, _ = observed.at_work(duration, seed)
-    outcomes = []
-    every = np.ones(len(model.joints), dtype=bool)
-    kinds = (FILTER, FLOW, NO_LOAD)
+    watched, outcomes = ObservedRecording(observed, made, model), []
+
+    def add(what: str, aim: float, hidden: np.ndarray, joint: int | None, off: float) -> None:
+        sensor, smoothed = watched.observe_and_smooth(hidden, off)
+        others = [watched.observe(hidden, kind, off) for kind in (FLOW, NO_LOAD)]
+        errors = tuple(one.shown(joint) for one in (sensor, smoothed, *others))
+        outcomes.append(ObservedQuantity(f"{name}: {what}", aim, errors, sensor, smoothed))
+
     for j, joint in enumerate(model.joints):
-        hidden = np.arange(len(model.joints)) == j
         unit = "mm" if model.setting.units[joint] == "m" else "mrad"
-        found = [observe(observed, made, model, hidden, kind) for kind in kinds]
-        errors = tuple(1e3 * float(one.joints[j]) for one in found)
-        nees, inside = found[0].nees, found[0].inside
-        what = f"{name}: {joint} without encoder [{unit}]"
-        outcomes.append(ObservedQuantity(what, 1e3 * aims[j], errors, nees, inside))
+        what = f"{joint} without encoder [{unit}]"
+        add(what, 1e3 * aims[j], np.arange(len(model.joints)) == j, j, 0.0)
+    every = np.ones(len(model.joints), dtype=bool)
     for off, words in ((0.0, ""), (OFF, f", {OFF} off at the start, after a minute")):
-        found = [observe(observed, made, model, every, kind, off) for kind in kinds]
-        tips = tuple(1e2 * one.tip for one in found)
-        what = f"{name}: tip, no encoder{words} [cm]"
-        outcomes.append(ObservedQuantity(what, 1e2 * tip_aim, tips, found[0].nees, found[0].inside))
+        add(f"tip, no encoder{words} [cm]", 1e2 * tip_aim, every, None, off)
     return outcomes
 
 
@@ -95,15 +94,18 @@ def together(outcomes: Sequence[ObservedQuantity]) -> MeasuredRow:
     """One quantity in all recordings: root mean squares, and the worst of them."""
     errors = np.array([one.errors for one in outcomes])
     rms = np.sqrt((errors**2).mean(axis=0))
-    values = dict(zip(("sensor", "flow", "no_load"), map(float, rms), strict=True))
+    values = dict(zip(("sensor", "smoothed", "flow", "no_load"), map(float, rms), strict=True))
     values["worst"] = float(errors[:, 0].max())
-    values["nees"] = float(np.mean([one.nees for one in outcomes]))
-    values["inside"] = 100.0 * float(np.mean([one.inside for one in outcomes]))
-    first = outcomes[0]
+    values["nees"] = float(np.mean([one.sensor.nees for one in outcomes]))
+    values["inside"] = 100.0 * float(np.mean([one.sensor.inside for one in outcomes]))
+    values["consistent"] = float(sum(one.sensor.consistent for one in outcomes))
+    values["smoothed_nees"] = float(np.mean([one.smoothed.nees for one in outcomes]))
+    values |= {"recordings": float(len(outcomes)), "aim": outcomes[0].aim}
+    shown = ("sensor", "worst", "smoothed", "flow", "no_load", "nees")
     return MeasuredRow(
-        cells=[first.what, f"{first.aim:g}", "{sensor:.2f}", "{worst:.2f}", "{flow:.2f}",
-               "{no_load:.2f}", "{nees:.2f}", "{inside:.0f} %"],
-        values=values | {"aim": first.aim},
+        cells=[outcomes[0].what, f"{outcomes[0].aim:g}", *(f"{{{one}:.2f}}" for one in shown),
+               "{inside:.0f} %", "{consistent:.0f} of {recordings:.0f}", "{smoothed_nees:.2f}"],
+        values=values,
     )  # fmt: skip
 
 

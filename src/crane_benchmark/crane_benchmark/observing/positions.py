@@ -7,10 +7,11 @@ from typing import NamedTuple
 import numpy as np
 from scipy.stats import chi2
 
+from crane_benchmark.observing.consistency import in_band
 from crane_benchmark.observing.machines import Observed
 from crane_model.kinematics import tip_position
 from crane_model.model_file import Model
-from crane_observer.position.replay import replay
+from crane_observer.position.replay import EstimatedCourse, replay, replay_smoothed
 from crane_observer.position.sensor import START, PositionSensor
 from crane_observer.position.state import Trust
 from crane_observer.recording import HeardRecording
@@ -28,6 +29,11 @@ class Errors(NamedTuple):
     tip: float  # m
     nees: float  # normalised error squared of the joints without encoder, over their number
     inside: float  # share of the windows in which they are in their 95 % ellipsoid
+    consistent: bool  # nees is within its 95 % band
+
+    def shown(self, joint: int | None) -> float:
+        """Of a joint [mrad, mm], or of the tip [cm]."""
+        return 1e2 * self.tip if joint is None else 1e3 * float(self.joints[joint])
 
 
 class Kind(NamedTuple):
@@ -60,45 +66,64 @@ def heard(made: SimulatedRecording, model: Model, observed: Observed) -> HeardRe
     )  # fmt: skip
 
 
-def observe(
-    observed: Observed,
-    made: SimulatedRecording,
-    model: Model,
-    hidden: np.ndarray,
-    kind: Kind = FILTER,
-    off: float = 0.0,
-) -> Errors:
-    """From a start that is known, or `off` by so much and only trusted so far; errors of such a
-    start count when it has had time to converge.
-    """
-    recording = heard(made, model, observed)
-    start = recording.encoders[0] + np.where(hidden, off, 0.0)
-    limits = [observed.machine.limits[joint] for joint in model.joints]
-    start = np.clip(
-        start, [one.position_min for one in limits], [one.position_max for one in limits]
-    )
-    sensor = PositionSensor(model, start, max(off, START), kind.trust(model))
-    course = replay(sensor, recording, hidden)
-    columns = [observed.machine.index(joint) for joint in model.joints]
-    true = np.stack(
-        [np.interp(course.time, recording.encoder_time, q) for q in made.truth.position.T], axis=1
-    )
-    whole = true.copy()
-    whole[:, columns] = course.position
-    counted = course.time > (CONVERGED if off else 0.0)
-    error = (whole - true)[counted][:, columns]
-    tip = np.linalg.norm(
-        tip_position(observed.machine, whole[counted])
-        - tip_position(observed.machine, true[counted]),
-        axis=1,
-    )
-    places = np.flatnonzero(hidden)
-    covariance = course.covariance[counted][:, places][:, :, places]
-    away = error[:, places]
-    nees = np.einsum("ni,nij,nj->n", away, np.linalg.inv(covariance), away) / len(places)
-    return Errors(
-        np.sqrt((error**2).mean(axis=0)),
-        float(np.sqrt((tip**2).mean())),
-        float(nees.mean()),
-        float((nees * len(places) < chi2.ppf(0.95, len(places))).mean()),
-    )
+class ObservedRecording(NamedTuple):
+    """A recording of a machine, and the model that was identified of it."""
+
+    observed: Observed
+    made: SimulatedRecording
+    model: Model
+
+    def observe(self, hidden: np.ndarray, kind: Kind, off: float = 0.0) -> Errors:
+        """From a start that is known, or `off` by so much and only trusted so far; errors of such
+        a start count when it has had time to converge.
+        """
+        recording = heard(self.made, self.model, self.observed)
+        course = replay(self._sensor(recording, hidden, kind, off), recording, hidden)
+        return self._errors(recording, course, hidden, off)
+
+    def observe_and_smooth(self, hidden: np.ndarray, off: float = 0.0) -> tuple[Errors, Errors]:
+        """The same by the position sensor, and with all that came later."""
+        recording = heard(self.made, self.model, self.observed)
+        sensor = self._sensor(recording, hidden, FILTER, off)
+        course, smoothed = replay_smoothed(sensor, recording, hidden)
+        return (
+            self._errors(recording, course, hidden, off),
+            self._errors(recording, smoothed, hidden, off),
+        )
+
+    def _sensor(
+        self, recording: HeardRecording, hidden: np.ndarray, kind: Kind, off: float
+    ) -> PositionSensor:
+        limits = [self.observed.machine.limits[joint] for joint in self.model.joints]
+        start = np.clip(
+            recording.encoders[0] + np.where(hidden, off, 0.0),
+            [one.position_min for one in limits],
+            [one.position_max for one in limits],
+        )
+        return PositionSensor(self.model, start, max(off, START), kind.trust(self.model))
+
+    def _errors(
+        self, recording: HeardRecording, course: EstimatedCourse, hidden: np.ndarray, off: float
+    ) -> Errors:
+        machine = self.observed.machine
+        columns = [machine.index(joint) for joint in self.model.joints]
+        truth = self.made.truth.position.T
+        true = np.stack([np.interp(course.time, recording.encoder_time, q) for q in truth], axis=1)
+        whole = true.copy()
+        whole[:, columns] = course.position
+        counted = course.time > (CONVERGED if off else 0.0)
+        error = (whole - true)[counted][:, columns]
+        tip = np.linalg.norm(
+            tip_position(machine, whole[counted]) - tip_position(machine, true[counted]), axis=1
+        )
+        places = np.flatnonzero(hidden)
+        covariance = course.covariance[counted][:, places][:, :, places]
+        away = error[:, places]
+        squared = np.einsum("ni,nij,nj->n", away, np.linalg.inv(covariance), away)
+        return Errors(
+            np.sqrt((error**2).mean(axis=0)),
+            float(np.sqrt((tip**2).mean())),
+            float(squared.mean()) / len(places),
+            float((squared < chi2.ppf(0.95, len(places))).mean()),
+            in_band(squared, len(places)),
+        )

@@ -22,13 +22,14 @@ from crane_observer.node.topics import (
     states_message,
 )
 from crane_observer.position.observability import HEAVIEST
-from crane_observer.position.sensor import START, PositionSensor, SensorCondition, Told
+from crane_observer.position.sensor import START, SensorCondition, Told
+from crane_observer.position.serving import refuse_unserved
 
 VISIT = 0.01  # s between two visits to the queues
 SILENCE = 0.5  # s without pressures, after which they are reported as lost
 
 MODEL = Text(
-    "model", "", "Model file with hydraulics; empty: model.yaml of the machine. At configure"
+    "model", "", "Model file, best with hydraulics; empty: model.yaml of the machine. At configure"
 )
 WITHOUT = Text(
     "without", "", "Joints whose encoders are not to be used, separated by spaces. At configure"
@@ -68,7 +69,7 @@ class PositionSensorNode(ObserverNode):
         )
 
     def read(self) -> None:
-        """Model and start; refused where the model has no hydraulics."""
+        """Model and start; refused where the model cannot tell what is asked."""
         model = load_model(machine_file("model.yaml", MACHINE.read(self), MODEL.read(self)))
         without, start = WITHOUT.read(self).split(), POSITION.read(self)
         if unknown := [joint for joint in without if joint not in model.joints]:
@@ -81,10 +82,12 @@ class PositionSensorNode(ObserverNode):
                 f"parameter 'start': must have {len(model.joints)} numbers, for "
                 f"{', '.join(model.joints)}; got {len(start)}"
             )
-        PositionSensor(model, np.zeros(len(model.joints)))  # refuses what it cannot use
+        hidden = np.isin(model.joints, without)
+        for warning in refuse_unserved(model, hidden):
+            self.get_logger().warning(warning)
         self._begin = Beginning(
             model,
-            np.isin(model.joints, without),
+            hidden,
             np.array(start) if start else None,
             DEVIATION.read(self),
             HEAVIEST_LOAD.read(self),
@@ -144,7 +147,8 @@ class PositionSensorNode(ObserverNode):
 
 ABOUT = """Estimates positions, velocities and the load at the tip from cylinder_pressures,
 valve_output (without a driver that tells it valve_command, while driver/state lets it through) and
-the encoders in joint_states that are left, by a model with hydraulics. Publishes
+the encoders in joint_states that are left, by a model with hydraulics; where a
+valve is not identified, by the weight of the crane. Publishes
 joint_states_estimated and position_estimate."""
 
 

@@ -18,7 +18,7 @@ import numpy as np
 
 from crane_model.array import Array, Flags
 from crane_observer.position.balance import ForceBalance
-from crane_observer.position.kalman import carry, correct, relax
+from crane_observer.position.gaussian import Gaussian
 from crane_observer.position.known import SMALLEST, Known
 from crane_observer.position.resting import Resting
 from crane_observer.position.state import POSITION
@@ -35,14 +35,12 @@ class Filter:
 
     def __init__(self, known: Known, position: Array, deviation: Array, load: float = 0.0):
         """From `position` (j,), known to `deviation` (j,), with a load known to 1 kg."""
-        self.known = known
-        layout, trust = known.layout, known.trust
-        self.x = np.zeros(layout.size)
-        spread = trust.spread(layout)
-        spread[layout.of(POSITION)] = deviation
-        spread[layout.load] = 1.0
-        self.x[layout.of(POSITION)], self.x[layout.load] = position, load
-        self.P = np.diag(spread**2)
+        self.known, self.start = known, position
+        layout = known.layout
+        x, spread = np.zeros(layout.size), known.spread
+        x[layout.of(POSITION)], spread[layout.of(POSITION)] = position, deviation
+        x[layout.load], spread[layout.load] = load, 1.0
+        self.state = Gaussian(x, np.diag(spread**2), layout.load + 1)
         self.velocity = np.zeros(layout.joints)
         self._jitter = np.zeros(layout.joints)  # of a position, by noise of pressures
         self._doubt = np.zeros(layout.joints)  # of a velocity, by transducers that are off
@@ -51,17 +49,17 @@ class Filter:
         self.rows = np.zeros((0, layout.size))  # of the last force balance, of unit variance
         self._resting, self._surprise = Resting(known), Surprise()
         self._hidden_load = 0.0  # kg that may have come where all joints stand, by dry friction
-        self._spread, self._stay = trust.spread(layout), trust.stay(layout)
+        self._spread, self._stay = known.spread, known.stay
 
     @property
     def position(self) -> Array:
         """(j,) the coordinates."""
-        return self.x[self.known.layout.of(POSITION)]
+        return self.state.x[self.known.layout.of(POSITION)]
 
     def copied(self) -> Self:
         """As it stands, to go back to."""
         other = copy(self)
-        other.x, other.P = self.x.copy(), self.P.copy()
+        other.state = self.state.copied()
         other._resting, other._surprise = copy(self._resting), copy(self._surprise)
         return other
 
@@ -86,19 +84,16 @@ class Filter:
             first, before = self._first
             surprised = self._weigh(Pair(first, window, np.stack([before, self.velocity])))
             self._first = None
-        self.x[self.known.layout.of(POSITION)] = np.clip(
-            self.position, self.known.low, self.known.high
-        )
+        self.position[:] = np.clip(self.position, self.known.low, self.known.high)
         layout = self.known.layout
-        kept = np.append(np.arange(layout.joints), layout.load)
-        covariance = self.P[np.ix_(kept, kept)]
+        covariance = self.state.P[np.ix_(layout.told, layout.told)]
         covariance[-1, -1] += self._hidden_load**2
         return PoseEstimate(
             window.time,
             self.position.copy(),
-            self.velocity,
             covariance,
-            float(self.x[layout.load]),
+            float(self.state.x[layout.load]),
+            self.velocity,
             surprised,
         )
 
@@ -106,15 +101,12 @@ class Filter:
         # what the model lacks in a pose stays while no joint leaves it
         decay = np.exp(-(0.0 if self._resting.all_stand else window.duration) / self._stay)
         added = (1.0 - decay**2) * self._spread**2
-        added[self.known.layout.load] = self.known.trust.load_drift**2 * window.duration
-        relax(self.x, self.P, decay, added)
+        added[self.known.layout.load] = self.known.load_drift**2 * window.duration
+        self.state.relax(decay, added)
 
     def _move(self, window: FlowWindow) -> None:
-        rows = np.arange(self.known.layout.joints)
-        found = moved(self.known, self.x, self.position, window)
-        carry(self.P, rows, found.slopes)
-        self.x[self.known.layout.of(POSITION)] += found.way
-        self.P[rows, rows] += found.noise
+        found = moved(self.known, self.state.x, self.position, window)
+        self.state.move(found.way, found.slopes, found.noise)
         self._jitter, self._doubt = found.jitter, found.doubt
 
     def _read(self, encoders: Array, seen: Flags) -> None:
@@ -122,7 +114,7 @@ class Filter:
         H = np.eye(layout.joints, layout.size)
         variance = np.where(seen, self.known.resolution**2, np.inf)
         innovation = np.where(seen, encoders - self.position, 0.0)
-        self.likelihood += correct(self.x, self.P, H, innovation, variance, layout.load + 1)
+        self.likelihood += self.state.correct(H, innovation, variance)
 
     def _weigh(self, pair: Pair) -> bool:
         """Correct by the force balance between two windows; whether the load changed."""
@@ -133,25 +125,27 @@ class Filter:
         q = self.position - 0.5 * pair.duration * pair.velocity
         motion = q[np.newaxis], pair.velocity[np.newaxis], pair.acceleration[np.newaxis]
         one = ForceBalance(*(values[0] for values in known.mechanics.balance(*motion)))
-        asked = one.smooth + self.x[layout.load] * one.load
-        self._resting.hold(self.x, self.P, asked, one.dry)
+        asked = one.smooth + self.state.x[layout.load] * one.load
+        self._resting.hold(self.state, asked, one.dry)
         cylinders = known.mechanics.cylinders(q[np.newaxis])[0]
-        found = weigh(known, self.x, self.P, one, pair, motions, cylinders, self._jitter)
+        found = weigh(known, self.state, one, pair, motions, cylinders, self._jitter)
         if not len(found.innovation):
             return False
-        spread = found.H @ self.P @ found.H.T + found.noise
+        spread = found.H @ self.state.P @ found.H.T + found.noise
         moves = motions.moves[~motions.stalls]
         self._hide(one, found.H[moves, layout.load], spread[np.ix_(moves, moves)])
         surprised = self._surprise.add(found.H[:, layout.load], found.innovation, spread)
         if self._surprise.suspected:
             return False  # what follows tells
         if surprised:
-            self.P[layout.load, layout.load] += known.trust.load**2
+            added = np.zeros(layout.size)
+            added[layout.load] = known.trust.load**2
+            self.state.relax(np.ones(layout.size), added)
         H, innovation = found.white()
-        away = np.abs(innovation) / np.sqrt(1.0 + np.einsum("ik,kl,il->i", H, self.P, H))
+        away = np.abs(innovation) / np.sqrt(1.0 + np.einsum("ik,kl,il->i", H, self.state.P, H))
         variance = np.maximum(1.0, away / OUTLYING) ** 2  # Huber: an outlier counts less
         self.rows = H
-        self.likelihood += correct(self.x, self.P, H, innovation, variance, layout.load + 1)
+        self.likelihood += self.state.correct(H, innovation, variance)
         return surprised
 
     def _hide(self, one: ForceBalance, load: Array, covariance: Array) -> None:

@@ -33,6 +33,11 @@ class Hypotheses:
         spread = np.where(np.isnan(position), span / POINTS, deviation)
         self.filters = [Filter(known, np.array(start), spread) for start in product(*choices)]
 
+    @property
+    def scores(self) -> Array:
+        """(h,) of the filters, logs."""
+        return TEMPERED * np.array([one.likelihood for one in self.filters])
+
     def copied(self) -> Self:
         """As they stand, to go back to."""
         other = copy(self)
@@ -44,7 +49,7 @@ class Hypotheses:
         estimates = [one.step(window) for one in self.filters]
         if len(estimates) == 1:
             return estimates[0]
-        scores = TEMPERED * np.array([one.likelihood for one in self.filters])
+        scores = self.scores
         order = np.argsort(-scores)
         kept: list[int] = []
         for i in order:
@@ -52,16 +57,17 @@ class Hypotheses:
                 break
             if not any(_alike(estimates[i], estimates[k]) for k in kept):
                 kept.append(int(i))
-        best = estimates[kept[0]]
-        weights = np.exp(scores[kept] - scores[kept[0]])
-        weights /= weights.sum()
-        away = [
-            np.append(estimates[i].position - best.position, estimates[i].load - best.load)
-            for i in kept
-        ]
-        apart = sum(w * np.outer(one, one) for w, one in zip(weights, away, strict=True))
         self.filters = [self.filters[i] for i in kept]
-        return best._replace(covariance=best.covariance + apart)
+        return mixed([estimates[i] for i in kept], scores[kept])
+
+
+def mixed(estimates: Sequence[PoseEstimate], scores: Array) -> PoseEstimate:
+    """The likeliest, which is the first, wider by what the others say; `scores` (h,) are logs."""
+    best, weights = estimates[0], np.exp(scores - scores[0])
+    weights /= weights.sum()
+    away = [np.append(one.position - best.position, one.load - best.load) for one in estimates]
+    apart = sum(w * np.outer(one, one) for w, one in zip(weights, away, strict=True))
+    return best._replace(covariance=best.covariance + apart)
 
 
 def _alike(one: PoseEstimate, other: PoseEstimate) -> bool:

@@ -1,11 +1,13 @@
 """The position sensor over a recording: the same numbers as those of the node."""
 
+from collections.abc import Iterator, Sequence
 from typing import NamedTuple
 
 import numpy as np
 
 from crane_model.array import Array, Flags
-from crane_observer.position.sensor import PositionSensor, SensorCondition
+from crane_observer.position.sensor import PositionSensor, SensorCondition, Told
+from crane_observer.position.smoothing import Past
 from crane_observer.recording import COMMAND, ENCODERS, HeardRecording
 
 
@@ -26,7 +28,23 @@ class EstimatedCourse(NamedTuple):
 
 def replay(sensor: PositionSensor, recording: HeardRecording, hidden: Flags) -> EstimatedCourse:
     """Feed it the recording, without the encoders that are `hidden` (j,)."""
-    told = []
+    return _course(list(_told(sensor, recording, hidden)))
+
+
+def replay_smoothed(
+    sensor: PositionSensor, recording: HeardRecording, hidden: Flags
+) -> tuple[EstimatedCourse, EstimatedCourse]:
+    """The same, and beside it what it would have told, had it known all that came later."""
+    past, told = Past(sensor.hypotheses), []
+    for one in _told(sensor, recording, hidden):
+        told.append(one)
+        past.add(sensor.window, sensor.hypotheses)
+    later = past.smoothed(sensor.hypotheses)
+    smoothed = [one._replace(estimate=two) for one, two in zip(told, later, strict=True)]
+    return _course(told), _course(smoothed)
+
+
+def _told(sensor: PositionSensor, recording: HeardRecording, hidden: Flags) -> Iterator[Told]:
     for kind, k in recording.events():
         if kind == ENCODERS:
             shown = np.where(hidden, np.nan, recording.encoders[k])
@@ -41,7 +59,10 @@ def replay(sensor: PositionSensor, recording: HeardRecording, hidden: Flags) -> 
                 recording.supply[k],
             )
             if one is not None:
-                told.append(one)
+                yield one
+
+
+def _course(told: Sequence[Told]) -> EstimatedCourse:
     estimates = [one.estimate for one in told]
     deviation = np.array([one.deviation for one in estimates])
     return EstimatedCourse(

@@ -5,12 +5,13 @@ from typing import NamedTuple
 import numpy as np
 
 from crane_model.array import Array, Flags
-from crane_observer.position.kalman import relax
+from crane_observer.position.gaussian import Gaussian
 from crane_observer.position.known import SMALLEST, Known
 from crane_observer.position.state import HELD
 from crane_observer.position.strokes import CLEAR
 
 STARTING = 2  # force balances after it stood, in which what friction is, is not known
+STARTING_UNKNOWN = 8  # the same of a joint whose valve is not identified, as it may stick and slip
 COMING_TO_REST = 3  # force balances of a joint that stands, until what holds it stays what it is
 CREEP = 0.25  # of what holds it is lost while the time that it stands grows e-fold
 LARGEST = 1.5  # of dry friction, that holds a joint: with what the model lacks of it
@@ -39,6 +40,7 @@ class Resting:
     def __init__(self, known: Known):
         j = known.layout.joints
         self._known = known
+        self._starting = np.where(known.assumed, STARTING_UNKNOWN, STARTING)
         self._stood = np.zeros(j, dtype=np.int64)  # until it moves, counted down
         self._slow = np.zeros(j, dtype=np.int64)  # force balances without motion
         self._rested = np.zeros(j, dtype=np.int64)  # of these, with closed valves, the last ones
@@ -58,13 +60,13 @@ class Resting:
         least = np.maximum.reduce([self._known.standing, change, CLEAR * doubt])
         steady = (slowest > least) & (before * after > 0.0)
         direction = np.where(steady, np.sign(before + after), 0.0)
-        self._stood = np.where(steady, np.maximum(self._stood - 1, -1), STARTING)
+        self._stood = np.where(steady, np.maximum(self._stood - 1, -1), self._starting)
         self._slow = np.where(steady, 0, self._slow + 1)
         self._rested = np.where(steady | opened, 0, self._rested + 1)
         moves, held = self._stood < 0, self._rested > COMING_TO_REST
         return Motions(direction, moves, held, ~moves & ~held & (self._slow <= COMING_TO_REST))
 
-    def hold(self, x: Array, P: Array, asked: Array, dry: Array) -> None:
+    def hold(self, state: Gaussian, asked: Array, dry: Array) -> None:
         """Friction of those that are held, in place.
 
         It is drawn where a joint has come to rest. It changes as far as what it has to hold,
@@ -81,8 +83,9 @@ class Resting:
         self._asked = np.where(counts | drawn, asked, self._asked)
         decay, added = np.ones(layout.size), np.zeros(layout.size)
         decay[layout.of(HELD)] = np.where(drawn, 0.0, 1.0)
-        held, most = np.diag(P)[layout.of(HELD)], known.trust.held**2
+        held, most = np.diag(state.P)[layout.of(HELD)], known.trust.held**2
         wider = np.minimum((1.0 - np.exp(-2.0 * lost)) * most, np.maximum(most - held, 0.0))
         added[layout.of(HELD)] = np.where(drawn, most, wider)
-        relax(x, P, decay, added)
-        x[layout.of(HELD)] = np.clip(x[layout.of(HELD)], -LARGEST, LARGEST)
+        state.relax(decay, added)
+        friction = state.x[layout.of(HELD)]
+        friction[:] = np.clip(friction, -LARGEST, LARGEST)

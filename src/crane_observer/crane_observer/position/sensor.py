@@ -10,6 +10,7 @@ import numpy as np
 from crane_model.array import Array, Flags
 from crane_model.machine import Machine
 from crane_model.model_file import Model
+from crane_observer.position.assumed import MOST_BY_WEIGHT
 from crane_observer.position.flow import NULL_A, NULL_B, SUMS, Commands, add_interval, spools_of
 from crane_observer.position.hypotheses import Hypotheses
 from crane_observer.position.known import Known
@@ -39,6 +40,12 @@ class SensorCondition(Enum):
     PRESSURES_LOST = "pressures lost: positions drift until they are back"
     COMMANDS_LOST = "commands lost while a valve was open: it counts as closed"
     ENCODER_LOST = "an encoder is lost: its joint goes on by flow and force"
+    VALVES_UNKNOWN = (
+        "a joint without encoder has a valve that is not identified: its weight alone tells"
+    )
+    UNSERVED = (
+        "several joints without encoder have valves that are not identified: do not believe them"
+    )
     SEARCHING = "start not known: several poses are possible"
     LOAD_IMPOSSIBLE = "forces ask for a load that cannot hang at the tip: do not believe it"
 
@@ -71,12 +78,11 @@ class PositionSensor:
         self.model, self._largest, self._heaviest = model, largest, heaviest
         joints = len(model.joints)
         known = Known.of(model, np.full(joints, ENCODER), trust)
-        self._known, self._spools = known, spools_of(model)
+        self._known, self._spools = known, spools_of(known.mechanics.model)
         self._commands, self._spool = Commands.none(joints), np.zeros((joints, 3))
         self._hypotheses = Hypotheses(known, position, np.full(joints, deviation))
         span = known.high - known.low
-        spread = known.trust.spread(known.layout)
-        self._observability = Observability(known.layout, span, spread, heaviest)
+        self._observability = Observability(known.layout, span, known.spread, heaviest)
         self._sums = np.zeros((joints, SUMS))
         self._begin = self._newest = np.nan
         self._before = self._last = np.zeros((2, joints))
@@ -91,6 +97,16 @@ class PositionSensor:
         self._velocity = np.zeros(joints)
         self.late = 0  # readings that came after newer ones, and were left out
         self.invalid = 0  # readings that were no numbers
+
+    @property
+    def hypotheses(self) -> Hypotheses:
+        """What is known after the last window."""
+        return self._hypotheses
+
+    @property
+    def window(self) -> FlowWindow:
+        """The last one that was complete; `IndexError` before there is one."""
+        return self._past[-1][1]
 
     @property
     def machine(self) -> Machine:
@@ -166,11 +182,9 @@ class PositionSensor:
             self._silenced = True
             self._commands.add(self._commanded + SILENT, np.zeros_like(chamber_a))
         parts = math.ceil((time - self._newest) / GAP)  # a valve may open and close within a gap
-        for stamp, shown in zip(
-            np.linspace(self._newest, time, parts + 1)[1:].tolist(),
-            np.linspace(self._last, now, parts + 1)[1:],
-            strict=True,
-        ):
+        way, rise = (time - self._newest) / parts, (now - self._last) / parts
+        for left in reversed(range(parts)):
+            stamp, shown = time - left * way, now - left * rise
             add_interval(
                 self._known.circuit, self._spools, self._commands, self._spool, self._begin,
                 self._newest, stamp, self._last, shown, self._supply, self._largest, self._sums,
@@ -196,21 +210,32 @@ class PositionSensor:
             whole=not self._blind and not cut_off,
         )  # fmt: skip
         estimate = self._step(window)
-        best = self._hypotheses.filters[0]
         self._velocity = estimate.velocity
-        self._observability.add(best.rows, duration)
-        condition = SensorCondition.GOOD
-        if len(self._hypotheses.filters) > 1:
-            condition = SensorCondition.SEARCHING
-        if (self._once_measured & ~measured).any():
-            condition = SensorCondition.ENCODER_LOST
-        if cut_off:
-            condition = SensorCondition.COMMANDS_LOST
-        if self._blind and not cut_off:
-            condition = SensorCondition.PRESSURES_LOST
+        self._observability.add(self._hypotheses.filters[0].rows, duration)
+        unserved = self._known.assumed & ~measured
+        unserved &= unserved.sum() > MOST_BY_WEIGHT
+        condition = self._condition(estimate, measured, cut_off, bool(unserved.any()))
+        self._begin_window(time, self._last)
+        observable = measured | (self._observability.observable & ~unserved)
+        return Told(estimate, condition, observable, measured)
+
+    def _condition(
+        self, estimate: PoseEstimate, measured: Flags, cut_off: bool, unserved: bool
+    ) -> SensorCondition:
+        """The worst that is the case."""
         unsure = CERTAIN * estimate.deviation[-1]
         if not -unsure - LIGHTEST < estimate.load < self._heaviest + unsure:
-            condition = SensorCondition.LOAD_IMPOSSIBLE
-        self._begin_window(time, self._last)
-        observable = measured | self._observability.observable
-        return Told(estimate, condition, observable, measured)
+            return SensorCondition.LOAD_IMPOSSIBLE
+        if unserved:
+            return SensorCondition.UNSERVED
+        if cut_off:
+            return SensorCondition.COMMANDS_LOST
+        if self._blind:
+            return SensorCondition.PRESSURES_LOST
+        if (self._known.assumed & ~measured).any():
+            return SensorCondition.VALVES_UNKNOWN
+        if (self._once_measured & ~measured).any():
+            return SensorCondition.ENCODER_LOST
+        if len(self._hypotheses.filters) > 1:
+            return SensorCondition.SEARCHING
+        return SensorCondition.GOOD

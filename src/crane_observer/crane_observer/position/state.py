@@ -3,6 +3,7 @@
 from dataclasses import dataclass, replace
 
 import numpy as np
+from numpy.typing import NDArray
 
 from crane_model.array import Array
 from crane_model.model_file import Model
@@ -10,6 +11,8 @@ from crane_model.model_file import Model
 DOUBTFUL = (
     0.01  # of friction, its standard deviation in a model that is trusted as little as can be
 )
+UNEXPLAINED = 0.01  # of a flow, rms, in a model whose flow deviates as `Trust` has it
+FLOW_SHARES = (0.02, 4.0)  # of these deviations, at least and at most
 LEAST = 0.15  # of the deviations of such a model, those of one without any lack of fit
 
 
@@ -40,6 +43,11 @@ class StateLayout:
     def load(self) -> int:
         """The place of the load."""
         return ESTIMATED * self.joints
+
+    @property
+    def told(self) -> NDArray[np.int64]:
+        """(j + 1,) the places of coordinates and load."""
+        return np.append(np.arange(self.joints), self.load)
 
 
 POSITION, EXTENDING, RETRACTING, NULL, PRESSURE, DRY, VISCOUS, HELD, DRIFT = range(9)
@@ -87,8 +95,7 @@ class Trust:
 
     def times(self, share: float) -> "Trust":
         """With a share of each deviation that a model is to blame for."""
-        blamed = ("gain", "null", "pressure", "dry", "viscous", "stroke", "noise", "inertia",
-                  "transducer")  # fmt: skip
+        blamed = ("pressure", "dry", "viscous", "noise", "inertia", "transducer")
         return replace(self, **{name: share * getattr(self, name) for name in blamed})
 
     def spread(self, layout: StateLayout) -> Array:
@@ -114,3 +121,10 @@ class Trust:
         found[layout.of(PRESSURE)] = self.pressure_stays
         found[layout.of(DRY)] = found[layout.of(VISCOUS)] = self.friction_stays
         return found
+
+
+def flow_share(model: Model) -> Array:
+    """(j,) share of the deviations of flow: as much as identification left unexplained."""
+    assert model.hydraulics is not None  # or the error that names the remedy
+    left = np.array([model.hydraulics.joints[joint].unexplained for joint in model.joints])
+    return np.clip(left / UNEXPLAINED, *FLOW_SHARES)

@@ -6,6 +6,7 @@ import numpy as np
 
 from crane_model.array import Array, Flags
 from crane_model.hydraulics.stepping import chamber_volumes
+from crane_observer.position.assumed import NULL_DOUBT
 from crane_observer.position.flow import (
     DROP_A,
     DROP_B,
@@ -31,7 +32,7 @@ class Stroke(NamedTuple):
 
     stroke: Array  # (j,) m, by the flow that the model has
     by_null: Array  # (j,) m for a null of 1
-    doubt: Array  # (j,) m, by transducers that are off
+    doubt: Array  # (j,) m, by transducers that are off, and by nulls that nobody identified
     jitter: Array  # (j,) m for noise of 1 Pa of each pressure
     extends: Flags  # (j,)
 
@@ -60,10 +61,12 @@ def stroke_of(known: Known, length: Array, lever: Array, window: FlowWindow) -> 
     doubt_b = doubt_b + sums[:, LOST_B] * fastest
     weight_a = doubt_b**2 / (doubt_a**2 + doubt_b**2)
     part_a, part_b = weight_a / circuit.area_a, (1.0 - weight_a) / circuit.area_b
+    by_null = part_a * sums[:, NULL_A] - part_b * sums[:, NULL_B]
+    doubt = 1.0 / np.sqrt(1.0 / doubt_a**2 + 1.0 / doubt_b**2)
     return Stroke(
         part_a * swept_a + part_b * swept_b,
-        part_a * sums[:, NULL_A] - part_b * sums[:, NULL_B],
-        1.0 / np.sqrt(1.0 / doubt_a**2 + 1.0 / doubt_b**2),
+        by_null,
+        np.where(known.assumed, np.hypot(doubt, NULL_DOUBT * by_null), doubt),
         (part_a * volume_a + part_b * volume_b) / circuit.bulk_modulus,
         sums[:, OPEN] > 0.0,
     )
@@ -87,9 +90,8 @@ def moved(known: Known, x: Array, q: Array, window: FlowWindow) -> Moved:
     gain = np.where(made.extends, layout.of(EXTENDING).start, layout.of(RETRACTING).start) + rows
     slopes[rows, gain] = made.stroke / after[1]
     slopes[rows, layout.of(NULL).start + rows] = made.by_null / after[1]
-    unclear = np.where(np.abs(made.stroke) < CLEAR * made.doubt, made.doubt, 0.0)
-    slopes[rows, layout.of(DRIFT).start + rows] = unclear / after[1]
-    noise = ((trust.stroke * made.stroke) ** 2 + WHITE * made.doubt**2) / after[1] ** 2
+    slopes[rows, layout.of(DRIFT).start + rows] = made.doubt / after[1]
+    noise = ((known.stroke * made.stroke) ** 2 + WHITE * made.doubt**2) / after[1] ** 2
     noise = noise + (known.standing * window.duration) ** 2 * 1e-4
     noise = noise + (known.fastest * window.blind) ** 2
     jitter, doubt = trust.reading * made.jitter, made.doubt

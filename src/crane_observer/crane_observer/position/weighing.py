@@ -6,11 +6,19 @@ from typing import NamedTuple
 import numpy as np
 
 from crane_model.array import Array, Flags
+from crane_observer.position.assumed import GAIN_DOUBT
 from crane_observer.position.balance import ForceBalance
 from crane_observer.position.flow import FORCE, LATER, NULL_A, NULL_B
+from crane_observer.position.gaussian import Gaussian
 from crane_observer.position.known import Known
 from crane_observer.position.resting import Motions
-from crane_observer.position.state import DRY, HELD, POSITION, PRESSURE, VISCOUS
+from crane_observer.position.state import (
+    DRY,
+    HELD,
+    POSITION,
+    PRESSURE,
+    VISCOUS,
+)
 from crane_observer.position.window import FlowWindow
 
 CORRELATED = 10.0  # force balances, for which friction that is not known says the same
@@ -82,13 +90,13 @@ class BalanceRows(NamedTuple):
 
 
 def weigh(
-    known: Known, x: Array, P: Array, one: ForceBalance, pair: Pair, motions: Motions,
+    known: Known, state: Gaussian, one: ForceBalance, pair: Pair, motions: Motions,
     cylinders: Array, jitter: Array,
 ) -> BalanceRows:  # fmt: skip
-    """At the states x (size,) with covariance P, where the cylinders (j, 3) are; `jitter` (j,)
-    [rad, m] is what noise does to a position.
+    """At a state, where the cylinders (j, 3) are; `jitter` (j,) [rad, m] is what noise does to a
+    position.
     """
-    layout, trust = known.layout, known.trust
+    layout, trust, x, P = known.layout, known.trust, state.x, state.P
     _, lever, bend = cylinders.T
     force, load = pair.force, x[layout.load]
     by_pressure = lever * known.circuit.area_a
@@ -112,10 +120,16 @@ def weigh(
     slips = np.maximum(shaken, SLIP * np.abs(pair.acceleration))
     shaken = mass * np.where(motions.passing, slips, shaken)
     noise = (by_pressure * trust.noise) ** 2 + (trust.inertia * (mass @ pair.acceleration)) ** 2
+    # behind a valve that is not identified a joint may be slower, or stall
+    guessed = known.assumed & np.isnan(pair.second.encoders)
+    unsure = GAIN_DOUBT * np.where(guessed, np.abs([one.viscous, pair.acceleration]), 0.0)
+    noise = noise + unsure[0] ** 2 + mass**2 @ unsure[1] ** 2
     # what is not linear in a pose that is not known
-    unsure = np.diag(P)[layout.of(POSITION)]
-    noise = noise + (one.load_slope**2 @ unsure) * P[layout.load, layout.load]
-    noise = noise + 0.5 * (lever * force) ** 2 * (unsure**2).sum()
-    noise = np.diag(noise + np.where(motions.passing, one.dry**2, 0.0)) + shaken @ shaken.T
-    often = np.where(motions.passing, CORRELATED, 1.0)
+    spread = np.diag(P)[layout.of(POSITION)]
+    noise = noise + (one.load_slope**2 @ spread) * P[layout.load, layout.load]
+    noise = noise + 0.5 * (lever * force) ** 2 * (spread**2).sum()
+    noise = (
+        np.diag(noise + np.where(motions.passing | guessed, one.dry**2, 0.0)) + shaken @ shaken.T
+    )
+    often = np.where(motions.passing | guessed, CORRELATED, 1.0)
     return BalanceRows(H, lever * force - asked, noise, often).of(~motions.stalls)

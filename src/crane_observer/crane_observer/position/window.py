@@ -25,9 +25,9 @@ class PoseEstimate(NamedTuple):
 
     time: float  # s
     position: Array  # (j,)
-    velocity: Array  # (j,) mean over the window
     covariance: Array  # (j + 1, j + 1) of positions and load
     load: float  # kg
+    velocity: Array  # (j,) mean over the window
     surprised: bool  # a load came or went in this window
 
     @property
