@@ -139,6 +139,16 @@ def test_a_load_that_comes_is_noticed_and_stands_in_the_log() -> None:
     assert first.load.mass == pytest.approx(load[load > 0.0][0], rel=0.03)
 
 
+def test_before_it_is_sure_of_another_load_it_is_sure_of_none() -> None:
+    found = weighed()
+    load = carried(found)
+    noticed = [k for k, one in enumerate(found) if one.changed]
+    assert noticed
+    for k in noticed:
+        before = found[k - 1].load
+        assert abs(before.mass - load[k - 1]) < 3.0 * before.deviation
+
+
 def test_a_tare_makes_what_hangs_there_nothing() -> None:
     made, load = at_work()
     at = float(made.time[np.flatnonzero(load > 0.0)[0]] - made.time[0]) + 2.5
