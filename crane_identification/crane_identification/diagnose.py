@@ -17,19 +17,24 @@ from crane_identification.data.arguments import (
     refuse_overlap,
 )
 from crane_identification.data.column_map import ColumnMap
+from crane_identification.data.log import Log
 from crane_identification.data.table_files import TABLES
 from crane_identification.diagnosis import explain, findings
 from crane_identification.diagnosis.diagnosis import check_known, diagnose
 from crane_identification.diagnosis.flow.usual import load_usual
 from crane_identification.diagnosis.report import page
+from crane_identification.fitting import fit
+from crane_identification.options import Options
 from crane_identification.progress_bar import ProgressBar
 from crane_identification.recording_check.check import blaming, vetted
+from crane_identification.recording_check.loads import split_by_load
 from crane_identification.report.content import Provenance
 from crane_identification.thresholds import load_thresholds
 from crane_model import cli
 from crane_model.configuration import load
-from crane_model.errors import ConfigurationError
-from crane_model.model_file import load_model, save_model
+from crane_model.errors import ConfigurationError, DataError
+from crane_model.model_file import Model, load_model, save_model
+from crane_model.progress import Progress
 from crane_model.terms import load_terms
 
 WITHOUT = "effects that the answer is sought without, as findings.json names them: what else fits?"
@@ -63,6 +68,10 @@ def run(arguments: argparse.Namespace) -> None:
         training, held_out = sources.read(arguments.train), sources.read(arguments.validate)
         suspicions = vetted(model.machine, (*training, *held_out), arguments.trust_recordings)
         with blaming(suspicions):
+            weighed_by = _with_values(model, training, options, progress)
+            training, changes = split_by_load(weighed_by, training, options)
+            held_out, more = split_by_load(weighed_by, held_out, options)
+            suspicions += changes + more
             result = diagnose(
                 model,
                 training,
@@ -89,6 +98,20 @@ def run(arguments: argparse.Namespace) -> None:
     samples = sum(len(log.position.time) for log in logs)
     seconds = time.perf_counter() - start
     print(f"{len(logs)} recordings, {samples} samples of each joint, {seconds:.0f} s")
+
+
+def _with_values(
+    model: Model, training: Sequence[Log], options: Options, progress: Progress
+) -> Model:
+    """The model, fitted where it has no values; as it is where these recordings do not tell them,
+    which the diagnosis says.
+    """
+    if model.values is not None:
+        return model
+    try:
+        return fit(model, training, options, progress).model
+    except DataError:
+        return model
 
 
 def _tell(content: dict[str, Any]) -> None:

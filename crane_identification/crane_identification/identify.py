@@ -30,6 +30,7 @@ from crane_identification.options import Estimator, Options
 from crane_identification.preparation.session import Session
 from crane_identification.progress_bar import ProgressBar
 from crane_identification.recording_check.check import blaming, vetted
+from crane_identification.recording_check.loads import loads_in_words
 from crane_identification.recording_check.sensors import lying
 from crane_identification.report import page, summary
 from crane_identification.report.content import IdentificationReport, Provenance
@@ -85,6 +86,7 @@ def identify(arguments: argparse.Namespace) -> None:
         session = Session.of((*training, *held_out))
         with blaming(suspicions):
             result = fit(model, training, options, progress, session, prior)
+        suspicions += loads_in_words(result.model, training)
         hydraulics = identify_hydraulics(model, training, options.period, progress)
         if arguments.ramps:
             if not model.machine:

@@ -1,4 +1,4 @@
-"""Which controller leads the crane, and the chamber pressures that it is shown."""
+"""Which controller leads the crane, the chamber pressures that it is shown, and the load."""
 
 import time
 from dataclasses import replace
@@ -9,10 +9,11 @@ from rclpy.node import Node
 from rclpy.qos import QoSProfile
 from rclpy.subscription import Subscription
 
-from crane_interfaces.msg import CylinderPressures
+from crane_interfaces.msg import CylinderPressures, TipLoad
 from crane_model.errors import ConfigurationError
 from crane_model.machine import Machine
 from crane_model.model_file import Model, load_model, save_model
+from crane_nodes.stamps import nanoseconds
 from crane_trajectory.control.choice import PD_DEAD_ZONE, controller, learning, led_by_model
 from crane_trajectory.control.controller import GainArrays
 from crane_trajectory.control.interface import (
@@ -24,24 +25,32 @@ from crane_trajectory.control.interface import (
 )
 from crane_trajectory.control.learning import Learning
 from crane_trajectory.control.learnt import in_words, learnt_hydraulics
+from crane_trajectory.control.tip_load import FedLoad, ToldLoad
 from crane_trajectory.control.tuning import Tuning
 from crane_trajectory.motion.periodic import PeriodicTrajectory
-from crane_trajectory.trajectory_parameters import FEEDBACK_SCALE, LAW, LEARNING, MODEL
+from crane_trajectory.trajectory_parameters import (
+    FEEDBACK_SCALE,
+    LARGEST_TIP_LOAD,
+    LAW,
+    LEARNING,
+    MODEL,
+)
 
 OLDEST = 0.05  # s, of pressures that are shown; older ones are lost
 NEWEST = QoSProfile(depth=1)
 
 
 class Leading:
-    """The parameters `law` and `model` of a node, and the topic cylinder_pressures."""
+    """The parameters `law` and `model` of a node, the topics cylinder_pressures and tip_load."""
 
     def __init__(self, node: Node):
         self._node = node
         self._joints: tuple[str, ...] = ()
-        self._subscription: Subscription | None = None
+        self._subscriptions: list[Subscription] = []
         self._newest: ChamberPressures | None = None
         self._heard = -np.inf
         self._model: Model | None = None
+        self._load: FedLoad | None = None  # where tip_load is to be used
         self._learnt: Learning | None = None
         self._of: PeriodicTrajectory | None = None  # which `_learnt` has learnt
         self.law = PD_DEAD_ZONE
@@ -56,6 +65,13 @@ class Leading:
         made = controller(self.law, machine, gains, self._model, scale)
         if LEARNING.read(self._node):
             learning(self.law, made, period=1.0)  # refused here, not while a goal begins
+        heaviest = LARGEST_TIP_LOAD.read(self._node)
+        if heaviest and led_by_model(made) is None:
+            raise ConfigurationError(
+                f"parameter 'largest_tip_load': law {self.law} leads by no load, so that tip_load "
+                "is of no use to it; use another law, or leave it 0"
+            )
+        self._load = FedLoad(heaviest) if heaviest else None
         self.controller = None if self.law == PD_DEAD_ZONE else made
         self._of = self._learnt = None
         limits = [machine.limits[joint] for joint in self._joints]
@@ -83,12 +99,12 @@ class Leading:
     @property
     def learnt(self) -> dict[str, str]:
         """What an adaptive controller has learnt, in words; empty for others."""
-        led = led_by_model(self.controller) if self.controller else None
+        led = led_by_model(self.controller)
         return dict(in_words(led)) if led is not None and led.adaptive else {}
 
     def save_learnt(self, file: Path) -> None:
         """Write the model with what was learnt; `ConfigurationError` if nothing is."""
-        led = led_by_model(self.controller) if self.controller else None
+        led = led_by_model(self.controller)
         if led is None or not led.adaptive or self._model is None:
             raise ConfigurationError(
                 f"nothing to save: law {self.law} learns no dead zones and gains, adaptive_flow "
@@ -99,22 +115,33 @@ class Leading:
         save_model(file, replace(self._model, hydraulics=values))
 
     def listen(self) -> None:
-        """To the pressures, where a controller may use them."""
+        """To the pressures, where a controller may use them, and to the load, where it is to."""
+        listen = self._node.create_subscription
         if self.controller is not None:
-            self._subscription = self._node.create_subscription(
-                CylinderPressures, "cylinder_pressures", self._take, NEWEST
-            )
+            self._subscriptions = [
+                listen(CylinderPressures, "cylinder_pressures", self._take, NEWEST)
+            ]
+        if self._load is not None:  # not latched: a load of before is of no use
+            self._subscriptions.append(listen(TipLoad, "tip_load", self._weighed, NEWEST))
 
     def silence(self) -> None:
         """Listen no more."""
-        if self._subscription is not None:
-            self._node.destroy_subscription(self._subscription)
-            self._subscription = None
+        for one in self._subscriptions:
+            self._node.destroy_subscription(one)
+        self._subscriptions = []
         self._newest = None
 
     @property
-    def pressures(self) -> ChamberPressures | None:
-        """The newest, None where they are too old."""
+    def load(self) -> dict[str, str]:
+        """What the crane is led with, in words; empty where tip_load is not used."""
+        return {"load at the tip [kg]": f"{self._load.mass:.1f}"} if self._load else {}
+
+    def sensed(self, stamp: float) -> ChamberPressures | None:
+        """The newest pressures, None where they are too old. The crane is led from now on with the
+        load that is believed at the `stamp` [s] of a joint state.
+        """
+        if self._load is not None and (led := led_by_model(self.controller)) is not None:
+            led.carry(self._load.at(stamp))
         return self._newest if time.monotonic() - self._heard < OLDEST else None
 
     def _take(self, message: CylinderPressures) -> None:
@@ -126,3 +153,8 @@ class Leading:
                 place = self._joints.index(joint)
                 a[place], b[place] = in_a, in_b
         self._newest, self._heard = ChamberPressures(a, b, message.supply), time.monotonic()
+
+    def _weighed(self, message: TipLoad) -> None:
+        assert self._load is not None
+        stamp = 1e-9 * nanoseconds(message.header.stamp)
+        self._load.tell(ToldLoad(stamp, message.load, message.std_dev, message.condition))

@@ -14,12 +14,12 @@ def condition(
     experiment: Experiment | None,
     last: str,
     driver: str,
-    learnt: Mapping[str, str],
+    led: Mapping[str, str],
     stamp: Time,
 ) -> DiagnosticArray:
     """State, phase and tracking error; `last` is how the last experiment has ended.
 
-    `learnt` is what the controller has learnt, in words.
+    `led` is what the controller is led by and has learnt, in words.
     """
     found = DiagnosticStatus(name=f"{name}: experiment", level=DiagnosticStatus.OK)
     values = {"state": lifecycle, "driver": driver, "last result": last, "phase": "rest"}
@@ -38,7 +38,7 @@ def condition(
         units = experiment.motion.machine.units
         for (joint, unit), error in zip(units.items(), experiment.tracking_error, strict=True):
             values[f"tracking error, {joint} [{unit}]"] = f"{error:.4g}"
-    values |= learnt
+    values |= led
     found.values = [KeyValue(key=key, value=value) for key, value in values.items()]
     message = DiagnosticArray(status=[found])
     message.header.stamp = stamp

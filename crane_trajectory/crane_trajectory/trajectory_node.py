@@ -170,7 +170,7 @@ class Trajectory(LifecycleNode):
         self._ready.sample(position, velocity, self._tuning, now)
         if (experiment := self._experiment) is not None:
             with self._failing_softly(experiment, now):
-                pressures = self._leading.pressures
+                pressures = self._leading.sensed(measured.seconds)
                 u = experiment.sample(measured.seconds, position, velocity, now, pressures)
                 self._valves.send(u)
                 if (target := experiment.target) is not None:
@@ -274,9 +274,9 @@ class Trajectory(LifecycleNode):
     def _report(self) -> None:
         last, driver = self._goals.last, self._driver.state.text
         now = self.get_clock().now().to_msg()
-        learnt = self._leading.learnt
+        led = self._leading.load | self._leading.learnt
         found = condition(
-            full_name(self), self._lifecycle, self._experiment, last, driver, learnt, now
+            full_name(self), self._lifecycle, self._experiment, last, driver, led, now
         )
         self._diagnostics.publish(found)
 

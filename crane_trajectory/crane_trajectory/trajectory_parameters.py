@@ -63,6 +63,15 @@ LEARNING = Switch(
     f"Learn a periodic motion from period to period, where law is {' or '.join(MAY_LEARN)}. "
     "At configure",
 )
+LARGEST_TIP_LOAD = Number(
+    "largest_tip_load",
+    0.0,
+    "kg",
+    0.0,
+    1e5,
+    f"Heaviest load of tip_load, as scale tells it, that every law but {PD_DEAD_ZONE} leads the "
+    "crane with; 0: tip_load is not listened to. At configure",
+)
 LEARNT_OUTPUT = Text(
     "learnt_output", "learnt_model.yaml", "Model file that ~/save_learnt writes, replacing it"
 )
@@ -75,7 +84,10 @@ STATES_TIMEOUT = Number(
     "Silence of joint_states after which the crane is brought to rest. At configure",
 )
 SATURATION = Number("saturation", 1.0, "-", 0.01, 1.0, f"Largest spool command{LIVE}")
-FIXED = (AUTOSTART, CLEARANCE, CONTROLLER, LAW, MODEL, FEEDBACK_SCALE, LEARNING, STATES_TIMEOUT)
+FIXED = (
+    AUTOSTART, CLEARANCE, CONTROLLER, LAW, MODEL, FEEDBACK_SCALE, LARGEST_TIP_LOAD, LEARNING,
+    STATES_TIMEOUT,
+)  # fmt: skip
 
 
 def _gain(joint: str, unit: str, field: str, default: float) -> Number:

@@ -83,6 +83,7 @@ class Stage:
         namespace: str = "",
         machine: str = DEFAULT_MACHINE,
         operator: bool = False,
+        plant: Path | None = None,
     ):
         path = patient_mapping(folder, canopen, machine)
         port = self.port = free_port()
@@ -91,6 +92,7 @@ class Stage:
         self._reader = DriverCodec(self.layout)
         self.link = Link(BusSettings(extra={"port": port})).open()
         posed = [*(["--operator"] if operator else []), *(["--pose", *pose] if pose else [])]
+        posed += ["--plant", str(plant)] if plant else []
         self.machine = start(MACHINE, "--machine", machine, "--bus-option", f"port={port}", *posed)
         options = {"bus.options": f"port={port}", "mapping": str(path), "safety": f"'{safety}'"}
         options["machine"] = machine

@@ -6,25 +6,31 @@ from crane_driver.safety.settings import SafetySettings
 from crane_model.machine import JointLimits
 
 MARGIN = 0.002  # rad, m, before a limit where motion ends: what a valve does while it closes again
+FAR = 0.2  # of the speed of Table 2, beyond what is allowed
+LEAST = 0.005  # of the spool beyond neutral; less than that tells nothing of the speed it gives
 
 
 class JointLimiter:
     """Limits the spool command of one joint by its measured position and velocity.
 
     Towards a limit at distance d, less the margin, the allowed speed is sqrt(2 a d), at most that
-    of Table 2. The spool opens only so fast that the speed can be watched, and no further than an
-    allowed speed can need at most. If the joint is too fast all the same, as valve, load and oil
-    may have it, the spool is closed in the ratio of the allowed to the measured speed, and opens
-    again in the measure in which the joint is too slow. A joint that is about to reach its limit,
-    but for the margin, within the reaction time is commanded to neutral; one that has reached it
-    may only be commanded away from it.
+    of Table 2 or a share of it. The spool opens only so fast that the speed can be watched, and no
+    further than an allowed speed can need at most.
+
+    If the joint is too fast all the same, as valve, load and oil may have it, the spool is held
+    from then on where it gives the allowed speed, by the speed that an opening beyond neutral has
+    given in the mean of late. A mean, because a limit that follows each swing of a load on its oil
+    drives it. If the joint is far too fast, or faster than it can brake, its spool is closed at
+    once in the ratio of the allowed to the measured speed. A joint that is about to reach its
+    limit, but for the margin, within the reaction time is commanded to neutral; one that has
+    reached it may only be commanded away from it.
     """
 
     def __init__(self, limits: JointLimits, deceleration: float, settings: SafetySettings):
         self._limits, self._deceleration = limits, deceleration
-        self._reaction = settings.reaction_time
-        self._correction = settings.correction_time
+        self._reaction, self._correction = settings.reaction_time, settings.correction_time
         self._opening, self._opening_time = settings.opening, settings.opening_time
+        self._neutral = settings.neutral
         self.restart()
 
     def restart(self, share: float = 1.0) -> None:
@@ -34,9 +40,10 @@ class JointLimiter:
 
     def _start(self, direction: float) -> None:
         self._direction = direction
-        self._cap = 1.0
         self._sent = 0.0
-        self._cause = 0.0  # the opening that the present speed comes from
+        self._cause = 0.0  # the spool that the present speed comes from
+        self._was_too_fast = False
+        self._mean_speed, self._mean_opening = 0.0, LEAST
 
     def limit(self, command: float, position: float, velocity: float, dt: float) -> float:
         """`command` (-1 to 1), or a smaller one of the same sign, `dt` [s] after the last call.
@@ -47,13 +54,19 @@ class JointLimiter:
         if direction != self._direction:
             self._start(direction)
         self._cause += (self._sent - self._cause) * min(1.0, dt / self._reaction)
-        opened = max(self._sent, self._opening) + dt / self._opening_time
         bound = self._bound(direction, position, velocity, dt)
-        self._sent = min(abs(command), opened, bound)
+        self._sent = min(abs(command), self._opened(dt), bound)
         return direction * self._sent
 
+    def _opened(self, dt: float) -> float:
+        """How far the spool may be open by now. Where a share of the speed is allowed, it is to be
+        watched for longer, by as much, on a way that is as much shorter.
+        """
+        at_once = self._neutral + self._share * (self._opening - self._neutral)
+        return max(self._sent, at_once) + self._share**2 * dt / self._opening_time
+
     def _bound(self, direction: float, position: float, velocity: float, dt: float) -> float:
-        """The largest spool opening in a direction."""
+        """The largest spool in a direction."""
         limits = self._limits
         if direction > 0.0:
             distance, fastest = limits.position_max - position, limits.velocity_max
@@ -62,11 +75,17 @@ class JointLimiter:
         distance -= MARGIN
         speed = direction * velocity
         if distance <= max(0.0, speed * self._reaction):
-            self._cap = 0.0
             return 0.0
-        allowed = min(self._share * fastest, math.sqrt(2.0 * self._deceleration * distance))
-        excess = (speed - allowed) / fastest
-        self._cap = min(1.0, max(0.0, self._cap - excess * dt / self._correction))
-        if excess > 0.0:
-            self._cap = min(self._cap, self._cause * allowed / speed)
-        return min(self._cap, self._opening + (1.0 - self._opening) * allowed / fastest)
+        permitted, brake = self._share * fastest, math.sqrt(2.0 * self._deceleration * distance)
+        allowed = min(permitted, brake)
+        opening = max(self._cause - self._neutral, LEAST)
+        weight = min(1.0, self._share * dt / self._correction)
+        self._mean_speed += (speed - self._mean_speed) * weight
+        self._mean_opening += (opening - self._mean_opening) * weight
+        self._was_too_fast |= speed > allowed
+        bound = self._opening + (1.0 - self._opening) * allowed / fastest
+        if self._was_too_fast and self._mean_speed > 0.0:
+            bound = min(bound, self._neutral + self._mean_opening * allowed / self._mean_speed)
+        if speed > min(permitted + FAR * fastest, brake):
+            bound = min(bound, self._neutral + opening * allowed / speed)
+        return bound

@@ -70,7 +70,7 @@ def controller(
     return led if len(joints) == len(machine.joint_names) else SideBySide(led, rest)
 
 
-def led_by_model(made: Controller) -> FlowFeedforward | None:
+def led_by_model(made: Controller | None) -> FlowFeedforward | None:
     """The part of a controller that uses the model; None where there is none."""
     if isinstance(made, Learning | SideBySide):
         return made.led

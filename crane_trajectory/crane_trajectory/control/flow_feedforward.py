@@ -4,11 +4,11 @@ Per joint, with the error e = q_ref - q,
 
     v = v_ref(t + T) + kv e + ki Int(e),    n = dx/dq v + [F' - kp H(F_meas - F)] / (k_A + k_B)
 
-F is the piston force of (16) along the reference, H a high-pass of `DAMPED` seconds. The opening is
-n / g (see `inverse_flow`), crossed over the dead zone in the direction wanted. With chamber
-pressures g follows from them and H damps the oil (dynamic pressure feedback); without, or where a
-transducer fails, g follows from F and kp is zero. Where reference and crane rest, the valve is
-closed.
+F is the piston force of (16) along the reference, with the load at the tip where one is told
+(`tip_load`), H a high-pass of `DAMPED` seconds. The opening is n / g (see `inverse_flow`), crossed
+over the dead zone in the direction wanted. With chamber pressures g follows from them and H damps
+the oil (dynamic pressure feedback); without, or where a transducer fails, g follows from F and kp
+is zero. Where reference and crane rest, the valve is closed.
 """
 
 from collections.abc import Sequence
@@ -150,6 +150,10 @@ class FlowFeedforward:
         )
         self._count += 1
         return u
+
+    def carry(self, mass: float) -> None:
+        """Expect a mass [kg] at the tip beside what the model has there, from the next cycle on."""
+        self._load.at_tip = mass
 
     @property
     def conditions(self) -> tuple[ControlCondition, ...]:

@@ -2,6 +2,8 @@
 
 import numpy as np
 
+from crane_model.chain.at_the_tip import tip_bodies
+from crane_model.chain.dynamics import inverse_dynamics
 from crane_model.errors import DataError
 from crane_model.machine import Machine
 from crane_model.model_file import Model
@@ -18,7 +20,7 @@ class ReferenceLoad:
 
     Friction, as far as it follows the motion of the instant, and the terms of rigid bodies, gravity
     and loads count; what else the model has follows no reference. A joint that the model lacks has
-    no load.
+    no load. `at_tip` [kg] hangs at the tip beside what the model has there.
     """
 
     def __init__(self, model: Model, machine: Machine):
@@ -36,6 +38,8 @@ class ReferenceLoad:
             elif term.has_weight() and _follows(term, rest, model.setting):
                 values = model.theta[part]
                 self._bodies.append((term, np.zeros((*one.shape, len(values))), values))
+        self.at_tip = 0.0
+        self._chain, self._one_kilogram = machine.chain, tip_bodies(machine.chain)[0]
         self._table = table(model.motion_columns, model.joints)
 
     def __call__(
@@ -52,6 +56,10 @@ class ReferenceLoad:
             columns[:] = 0.0
             term.fill(record, self._model.setting, columns)
             tau += columns @ values
+        if self.at_tip:
+            motion = position[None], velocity[None], acceleration[None]
+            one = inverse_dynamics(self._chain, self._one_kilogram, *motion)
+            tau += self.at_tip * one[:, self._columns]
         load = np.zeros(self._count)
         load[self._columns] = tau[0]
         return load

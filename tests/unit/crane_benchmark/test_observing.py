@@ -101,11 +101,26 @@ def test_motion_of_a_load_counts_from_its_pick_up_whatever_the_scale_says() -> N
         begins=np.array([1.0, 5.0, 9.0, 13.0, 17.0, 21.0]),
         ends=np.array([4.0, 8.0, 12.0, 16.0, 20.0, 24.0]),
         loads=np.array([0.0, 60.0, 60.0, 0.0, 30.0, 0.0]),
+        beyond=np.zeros(6),
     )
     twice, once = told_of(cycles, 25.0)
     assert (twice.load, once.load) == (60.0, 30.0)
     # both ends of a move of fifth order are slower than what counts as motion
     assert 5.0 < twice.moved < 6.0 and 2.5 < once.moved < 3.0
+
+
+def test_loads_hang_off_the_tip_by_what_is_asked_and_are_the_same() -> None:
+    machine = stock()
+    given = machine.machine, machine.stand_in.start, 3000.0, 5
+    at_it, about_it = (WorkCycles.drawn(*given, hung=hung) for hung in (0.0, 0.01))
+    np.testing.assert_array_equal(at_it.loads, about_it.loads)
+    assert not at_it.beyond.any()
+    comes = np.flatnonzero((about_it.loads[1:] > 0.0) & (about_it.loads[:-1] == 0.0)) + 1
+    centres = about_it.beyond[comes]
+    assert centres.std() == pytest.approx(0.01, rel=0.3)
+    middle = (about_it.begins[comes] + about_it.ends[comes]) / 2.0
+    told = [about_it.carried(float(time)) for time in middle]
+    assert told == list(zip(about_it.loads[comes], centres, strict=True))
 
 
 def test_loads_that_moved_too_little_stand_in_a_row_without_aim() -> None:

@@ -25,20 +25,29 @@ CARRIED = (20.0, 150.0)  # kg
 class WorkCycles:
     """Moves k from `poses[k]` to `poses[k + 1]`, from `begins[k]` to `ends[k]` [s]; at rest then.
 
-    `loads` (k,) [kg] hangs at the tip from the middle of the rest before move k on.
+    `loads` (k,) [kg] hangs at the tip from the middle of the rest before move k on, its centre
+    `beyond` (k,) [m] it, along the line from the last joint.
     """
 
     poses: np.ndarray  # (k + 1, j)
     begins: np.ndarray  # (k,)
     ends: np.ndarray  # (k,)
     loads: np.ndarray  # (k,)
+    beyond: np.ndarray  # (k,)
 
     @classmethod
     def drawn(
-        cls, machine: Machine, start: np.ndarray, duration: float, seed: int, loaded: bool = True
+        cls,
+        machine: Machine,
+        start: np.ndarray,
+        duration: float,
+        seed: int,
+        loaded: bool = True,
+        hung: float = 0.0,
     ) -> "WorkCycles":
         """From the pose `start` (j,), for at least `duration` [s]; joints without pressure
-        transducers stay where they are.
+        transducers stay where they are. `hung` [m] is the standard deviation of the centres of
+        the loads about the tip.
         """
         rng = np.random.default_rng([seed, 17])
         joints = machine.joint_names
@@ -61,7 +70,10 @@ class WorkCycles:
                 load = 0.0 if load else float(rng.uniform(*CARRIED))
             loads.append(load)
             poses.append(target)
-        return cls(np.array(poses), np.array(begins), np.array(ends), np.array(loads))
+        came = np.concatenate([[False], np.diff(loads) != 0.0])
+        centres = hung * np.random.default_rng([seed, 18]).normal(size=len(loads))
+        beyond = centres[np.cumsum(came)]
+        return cls(*map(np.array, (poses, begins, ends, loads, beyond)))
 
     @property
     def start(self) -> np.ndarray:
@@ -92,14 +104,23 @@ class WorkCycles:
 
     def load(self, time: np.ndarray) -> np.ndarray:
         """What hangs at the tip at time (n,) [s] since the beginning of the motion, (n,) [kg]."""
+        k = self._carried(time)
+        return np.where(k < 0, 0.0, self.loads[np.clip(k, 0, None)])
+
+    def carried(self, time: float) -> tuple[float, float]:
+        """The same at one time, and how far its centre is beyond the tip [m]."""
+        k = int(self._carried(np.array([time]))[0])
+        return (0.0, 0.0) if k < 0 else (float(self.loads[k]), float(self.beyond[k]))
+
+    def _carried(self, time: np.ndarray) -> np.ndarray:
+        """(n,) the move whose load hangs there; -1 before the first."""
         rest_before = np.concatenate([[0.0], self.ends[:-1]])
         changes = (rest_before + self.begins) / 2.0
-        k = np.searchsorted(changes, time, side="right") - 1
-        return np.where(k < 0, 0.0, self.loads[np.clip(k, 0, None)])
+        return np.searchsorted(changes, time, side="right") - 1
 
 
 PAYLOAD = Planted(FORMS["payload"][0], None, (0.0, 0.0, 0.1))
-"""A load that hangs in the tip itself; its mass comes and goes."""
+"""A load that hangs in the tip itself; its mass comes and goes, and its centre with it."""
 
 
 class LiftingPlant(Plant):
@@ -113,5 +134,5 @@ class LiftingPlant(Plant):
 
     def advance(self, command: np.ndarray, duration: float) -> None:
         """With the load of the moment; the motion begins when the machine has been at rest."""
-        self.set_magnitude(0, float(self._cycles.load(np.array([self.time - REST]))[0]))
+        self.set_magnitude(0, *self._cycles.carried(self.time - REST))
         super().advance(command, duration)

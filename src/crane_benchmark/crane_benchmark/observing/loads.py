@@ -18,6 +18,7 @@ from crane_model.array import Array, Flags
 from crane_model.machine import Machine
 from crane_observer.scale.replay import weigh
 from crane_observer.scale.scale import STANDING, Scale, Weighing
+from crane_observer.scale.weighing import CENTRED
 from crane_sim.plant.closed_loop import REST
 
 AIMS = {"stock": (0.005, 0.005), "hard": (0.03, 0.02)}
@@ -83,8 +84,9 @@ def measure(name: str, seconds: float, seed: int) -> list[MeasuredRow]:
     observed = make_it()
     with tempfile.TemporaryDirectory() as folder:
         model = identified(observed, seed, Path(folder))
-    cycles = WorkCycles.drawn(observed.machine, observed.stand_in.start, seconds, seed)
-    made, _ = observed.at_work(seconds, seed)
+    given = observed.machine, observed.stand_in.start, seconds, seed
+    cycles = WorkCycles.drawn(*given, hung=CENTRED)
+    made, _ = observed.at_work(seconds, seed, hung=CENTRED)
     columns = [observed.machine.index(joint) for joint in model.joints]
     moving = in_motion(observed.machine, model.joints, made.truth.velocity[:, columns])
     recording, time = heard(made, model, observed), made.time - made.time[0]

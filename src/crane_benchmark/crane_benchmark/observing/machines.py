@@ -39,11 +39,13 @@ class Observed(NamedTuple):
         loaded: bool = True,
         progress: Steps = iter,
         failing: Sequence[str] = (),
+        hung: float = 0.0,
     ) -> tuple[SimulatedRecording, np.ndarray]:
         """A recording of at least `duration` [s], and the load (n,) [kg] at each of its samples;
-        `failing`: faults as `crane_sim.faulty.faults.Faults` has them.
+        `failing`: faults as `crane_sim.faulty.faults.Faults` has them; `hung` as
+        `WorkCycles.drawn` has it.
         """
-        cycles = WorkCycles.drawn(self.machine, self.stand_in.start, duration, seed, loaded)
+        cycles = WorkCycles.drawn(self.machine, self.stand_in.start, duration, seed, loaded, hung)
         plant = LiftingPlant(self.stand_in, self.machine, cycles, self.hidden)
         sensors = Sensors(
             self.stand_in.sensors,

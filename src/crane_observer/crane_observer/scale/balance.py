@@ -12,6 +12,7 @@ from typing import NamedTuple
 import numpy as np
 
 from crane_model.array import Array
+from crane_model.chain.at_the_tip import tip_bodies
 from crane_model.chain.dynamics import inverse_dynamics
 from crane_model.chamber_forces import ChamberForces
 from crane_model.errors import ConfigurationError
@@ -73,14 +74,9 @@ class TipMechanics:
                 f"model '{model.name}': {', '.join(without)} without chambers; a load is weighed "
                 "by the pressures of hydraulic actuators"
             )
-        tip = machine.chain.tip_translation
-        reach = float(np.linalg.norm(tip))
-        along = tip / reach if reach else machine.chain.axis[-1]
-        bodies = np.zeros((2, len(machine.joints), 10))
-        bodies[0, -1] = _body(1.0, tip, np.outer(tip, tip))
-        bodies[1, -1] = _body(0.0, along, np.outer(tip, along) + np.outer(along, tip))
         columns = np.array([machine.index(joint) for joint in model.joints])
-        return cls(model, machine, columns, bodies, ChamberForces(machine, model.joints))
+        drives = ChamberForces(machine, model.joints)
+        return cls(model, machine, columns, tip_bodies(machine.chain), drives)
 
     def balance(self, motion: MeanMotion) -> TipBalance:
         """`RangeError` where a linkage cannot be assembled."""
@@ -145,12 +141,3 @@ class TipMechanics:
         whole = np.zeros((3, 1, len(self.machine.joint_names)))
         whole[:, 0, self.columns] = q, v, a
         return inverse_dynamics(self.machine.chain, body, *whole)[0, self.columns]
-
-
-def _body(mass: float, moment: Array, second: Array) -> Array:
-    """(10,) from the mass, the first moment (3,) and the second (3, 3) about the link's origin."""
-    inertia = np.trace(second) * np.eye(3) - second
-    return np.array(
-        [mass, *moment, inertia[0, 0], inertia[0, 1], inertia[1, 1], inertia[0, 2], inertia[1, 2],
-         inertia[2, 2]]
-    )  # fmt: skip

@@ -14,7 +14,7 @@ import numpy as np
 
 from crane_model.array import Array
 from crane_observer.scale.doubt import ModelDoubt
-from crane_observer.scale.filter import MASS, Balanced, LoadFilter
+from crane_observer.scale.filter import MASS, MOMENT, Balanced, LoadFilter
 
 LIKELIER = 10.0  # logarithm of how much better another load must foretell than the same load
 LEADING = 2  # windows in succession: a single one may be odd
@@ -67,6 +67,23 @@ class Changes:
         """See `LoadFilter`."""
         self.filter.tare()
         self._others = []
+
+    @property
+    def mixture(self) -> tuple[Array, Array]:
+        """Mean (2,) and covariance (2, 2) of mass and moment: of the same load, and of others that
+        it may surely be instead, each as likely as it foretells; those that are as likely as what
+        would be believed count as much as the same load.
+        """
+        doubted = [one for one in self._others if one.differs(self.filter)]
+        ahead = np.array([0.0, *(min(one.ahead, LIKELIER) - LIKELIER for one in doubted)])
+        share = np.exp(ahead) / np.exp(ahead).sum()
+        filters = [self.filter, *(one.filter for one in doubted)]
+        at = [MASS, MOMENT]
+        means = np.array([one.x[at] for one in filters])
+        mean = share @ means
+        away = means - mean
+        spread = np.array([one.P[np.ix_(at, at)] for one in filters])
+        return mean, np.einsum("k,kij->ij", share, spread) + (share * away.T) @ away
 
     def add(self, time: float, window: Balanced) -> bool:
         """One more window; whether it shows that there is another load."""

@@ -5,7 +5,7 @@ from dataclasses import dataclass, replace
 
 from crane_model.model_file import Model
 from crane_observer.position.state import Trust
-from crane_observer.scale.kinds import CARRIED, DRY, SLOW, STICK, VISCOUS, ZERO
+from crane_observer.scale.kinds import CARRIED, DRY, PLACE, SLOW, STICK, VISCOUS, ZERO
 
 SHARPER = 2.0  # power of the share that the position sensor trusts less: no flow is used here
 
@@ -23,6 +23,7 @@ class ModelDoubt:
     carried: float = 0.03  # of the force that a joint carries, by which friction grows
     held: float = 1.0  # of dry friction where a joint stands: anywhere
     creep: float = 1.0  # of it, by which it may be elsewhere in each window
+    place_stays: float = 60.0  # s, of errors of an estimated position
     noise: float = 0.2e5  # Pa, of a window, of the piston's force
     sensors: float = 2e3  # Pa, the same, by noise of the readings
     inertia: float = 0.1  # of the force that accelerates: encoders tell acceleration badly
@@ -47,4 +48,5 @@ class ModelDoubt:
             VISCOUS: (self.viscous, self.friction_stays),
             STICK: (self.held, math.inf),
             CARRIED: (self.carried, math.inf),
+            PLACE: (1.0, self.place_stays),
         }

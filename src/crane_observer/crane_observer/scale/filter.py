@@ -1,13 +1,14 @@
 """The load and what the model is wrong about, from one window after another.
 
-    tau = tau_0 + (m + t) h_m + s h_s + d D + e V + c C + B (z + b)
+    tau = tau_0 + (m + t) h_m + s h_s + d D + e V + c C + B (z + b) + P p
 
 with the balance of `crane_observer.scale.balance`; t is what was tared, z and b are errors of the
 pistons' forces that stay and that come and go, as of pressures B in the chambers A; D is dry
 friction in the direction of motion and V viscous friction, d and e how wrong they are; C is what a
 joint carries, the load too, in the direction of motion: by c of it dry friction grows, which (13)
-does not know. A joint that stands has its dry friction anywhere between both directions, and
-elsewhere in each window.
+does not know; p is how wrong positions that are estimated are, in their standard deviations, by
+each of which the balance is wrong by P. A joint that stands has its dry friction anywhere between
+both directions, and elsewhere in each window.
 """
 
 from typing import NamedTuple
@@ -18,7 +19,7 @@ from crane_model.array import Array, Flags
 from crane_observer.position.kalman import correct, relax
 from crane_observer.scale.balance import TipBalance
 from crane_observer.scale.doubt import ModelDoubt
-from crane_observer.scale.kinds import CARRIED, DRY, KINDS, SLOW, STICK, VISCOUS, ZERO
+from crane_observer.scale.kinds import CARRIED, DRY, KINDS, PLACE, SLOW, STICK, VISCOUS, ZERO
 
 MASS, MOMENT, TARE = range(3)
 HEAVY = 100.0  # kg, standard deviation of a load of which nothing is known
@@ -35,7 +36,7 @@ class Balanced(NamedTuple):
     moving: Flags  # (j,) in one direction throughout
     standing: Flags  # (j,) throughout; a joint that is neither starts, stops or turns
     upwards: Flags  # (j,) the direction in which it moves
-    doubt: Array  # (j,) N m, N: of the balance, because positions are not measured
+    by_place: Array  # (j, j) force for a standard deviation of each position; 0 of measured ones
 
 
 class LoadFilter:
@@ -100,12 +101,13 @@ class LoadFilter:
         H[rows, self.of(DRY).start + rows] = np.where(window.moving, dry, 0.0)
         H[rows, self.of(VISCOUS).start + rows] = one.viscous
         H[rows, self.of(STICK).start + rows] = np.where(window.standing, range_, 0.0)
+        H[:, self.of(PLACE)] = window.by_place
         carried = one.asked - one.viscous - one.inertial + self.x[MASS] * one.mass
         by_load = np.where(window.moving, np.sign(dry * carried), 0.0)
         H[rows, self.of(CARRIED).start + rows] = by_load * carried
         known = one.asked + np.where(window.moving, dry, middle)
         own = np.abs(one.by_pressure).sum(axis=1)
-        variance = own**2 * (doubt.noise**2 + doubt.sensors**2) + window.doubt**2
+        variance = own**2 * (doubt.noise**2 + doubt.sensors**2)
         variance += (doubt.inertia * one.inertial) ** 2
         variance += np.where(window.moving, 0.0, range_**2) * np.where(
             window.standing, doubt.creep**2, 1.0

@@ -1,4 +1,4 @@
 """The kinds of states that each joint has in a `LoadFilter`."""
 
-ZERO, SLOW, DRY, VISCOUS, STICK, CARRIED = range(6)
-KINDS = 6
+ZERO, SLOW, DRY, VISCOUS, STICK, CARRIED, PLACE = range(7)
+KINDS = 7

@@ -12,7 +12,7 @@ from crane_model.model_file import Model
 from crane_observer.scale.balance import MeanMotion, TipMechanics
 from crane_observer.scale.changes import Changes
 from crane_observer.scale.doubt import ModelDoubt
-from crane_observer.scale.filter import Balanced
+from crane_observer.scale.filter import MASS, Balanced
 from crane_observer.scale.readings import HeldReadings
 from crane_observer.scale.weighing import TipLoad, attainable, load_of
 from crane_observer.scale.window import means, slowest_and_fastest
@@ -122,17 +122,17 @@ class Scale:
             return self._told(end, ScaleCondition.POSITIONS_LOST)
         if np.isnan(balance.force).any():
             return self._told(end, ScaleCondition.PRESSURES_LOST)
-        doubt = np.zeros(len(deviation))
+        by_place = np.zeros((len(deviation), len(deviation)))
         if estimated:
-            load = float(self._changes.filter.x[0])
-            doubt = np.abs(self._mechanics.slopes(motion, load)) @ deviation
+            load = float(self._changes.filter.x[MASS])
+            by_place = self._mechanics.slopes(motion, load) * deviation
         window = Balanced(
             duration,
             balance,
             (slowest > self._standing) | (fastest < -self._standing),
             np.maximum(-slowest, fastest) < self._standing,
             fastest > 0.0,
-            doubt,
+            by_place,
         )
         changed = self._changes.add(end, window)
         self._weighed_until = end
@@ -167,5 +167,5 @@ class Scale:
         return MeanMotion(q, v, a, p[:j], p[j:]), speeds, deviation
 
     def _told(self, end: float, condition: ScaleCondition, changed: bool = False) -> Weighing:
-        load = load_of(self._changes.filter)
+        load = load_of(*self._changes.mixture)
         return Weighing(end, load, condition, changed, self._changes.since, self._moved)

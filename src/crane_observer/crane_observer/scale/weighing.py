@@ -5,7 +5,8 @@ from typing import NamedTuple
 
 import numpy as np
 
-from crane_observer.scale.filter import MASS, MOMENT, Balanced, LoadFilter
+from crane_model.array import Array
+from crane_observer.scale.filter import MASS, Balanced, LoadFilter
 
 CENTRED = 0.01  # m, standard deviation of the centre of a load that hangs at the tip
 ELSEWHERE = 3.0  # standard deviations, from which on it does not hang there
@@ -21,10 +22,10 @@ class TipLoad(NamedTuple):
     centre_deviation: float  # m; NaN where not known
 
 
-def load_of(known: LoadFilter) -> TipLoad:
-    """A load hangs at the tip itself unless motion tells that it does not."""
-    mean = known.x[[MASS, MOMENT]]
-    spread = known.P[np.ix_([MASS, MOMENT], [MASS, MOMENT])]
+def load_of(mean: Array, spread: Array) -> TipLoad:
+    """From mass and moment, mean (2,) and covariance (2, 2). A load hangs at the tip itself unless
+    motion tells that it does not.
+    """
     m, s = mean
     by_moment = math.sqrt(spread[1, 1])
     centre, centre_deviation = math.nan, math.nan

@@ -75,11 +75,13 @@ class Plant:
         """From now on pistons let `passed` (j,) more oil through than the stand-in's, m3/(s Pa)."""
         self._constants.cylinders["leakage"] = self._leakage + passed
 
-    def set_magnitude(self, k: int, magnitude: float) -> None:
-        """From now on, effect k of those planted that act in the plant has this magnitude."""
+    def set_magnitude(self, k: int, magnitude: float, *shape: float) -> None:
+        """From now on, effect k of those planted that act in the plant has this magnitude, and this
+        `shape`, as far as it is given.
+        """
         if not 0 <= k < self.hidden_count or self._hidden is None:
             raise RangeError(f"plant: no hidden effect {k}; it has {self.hidden_count}")
-        self._hidden.value[k, 0] = magnitude
+        self._hidden.value[k, : 1 + len(shape)] = magnitude, *shape
 
     @property
     def q(self) -> np.ndarray:

@@ -139,6 +139,16 @@ def test_a_load_that_comes_is_noticed_and_stands_in_the_log() -> None:
     assert first.load.mass == pytest.approx(load[load > 0.0][0], rel=0.03)
 
 
+def test_before_it_is_sure_of_another_load_it_is_sure_of_none() -> None:
+    found = weighed()
+    load = carried(found)
+    noticed = [k for k, one in enumerate(found) if one.changed]
+    assert noticed
+    for k in noticed:
+        before = found[k - 1].load
+        assert abs(before.mass - load[k - 1]) < 3.0 * before.deviation
+
+
 def test_a_tare_makes_what_hangs_there_nothing() -> None:
     made, load = at_work()
     at = float(made.time[np.flatnonzero(load > 0.0)[0]] - made.time[0]) + 2.5
@@ -175,6 +185,30 @@ def test_one_lost_transducer_is_named_rather_than_guessed() -> None:
     found = weighed(replace(recording(), chamber_b=chamber_b))
     assert {one.condition for one in found} == {ScaleCondition.PRESSURES_LOST}
     assert not lifts(found)
+
+
+@pytest.mark.parametrize("wrong", [-6e-3, 6e-3])
+def test_a_wrong_estimate_of_a_position_is_no_load(wrong: float) -> None:
+    """It is wrong all the while, and not anew in each window: a mean does not mend it."""
+    whole, scale, lost, found = recording(), Scale(known()), 4.5, []
+    rate = np.gradient(whole.encoders, whole.encoder_time, axis=0)
+    rate = np.stack([np.convolve(one, np.full(41, 1.0 / 41.0), "same") for one in rate.T], axis=1)
+    deviation = np.array([0.0, 4e-3, 0.0])
+    for k, time in enumerate(whole.pressure_time.tolist()):
+        measured = whole.encoders[k].copy()
+        if time > lost:
+            estimate = whole.encoders[k] + wrong * np.sign(deviation)
+            scale.add_estimate(time, estimate, rate[k], deviation)
+            measured[1] = np.nan
+        scale.add_encoders(time, measured)
+        found += scale.add_pressures(time, whole.chamber_a[k], whole.chamber_b[k])
+    end = 23.0  # s; a load that comes then is not moved any more
+    late = unchanged(found)
+    late &= np.array([lost + 0.5 < one.time < end and one.moved > 1.0 for one in found])
+    error = np.array([one.load.mass for one in found]) - carried(found)
+    deviations = np.array([one.load.deviation for one in found])
+    assert late.sum() > 40
+    assert (np.abs(error) < 3.0 * deviations)[late].mean() > 0.95
 
 
 def test_where_even_the_best_weighing_is_bad_it_says_so() -> None:

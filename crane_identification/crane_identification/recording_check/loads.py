@@ -1,0 +1,170 @@
+"""Loads at the tip that came or went while a recording was made, weighed by a model with values.
+
+A fit takes what hangs at the tip for a part of the last link, one mass in a recording. So where a
+load changed within it, the recording is two.
+"""
+
+import math
+from collections.abc import Sequence
+from dataclasses import fields, replace
+from itertools import pairwise
+from typing import Any, NamedTuple
+
+from crane_bags.clocks import NANOSECONDS
+from crane_identification.data.log import Log, Signal
+from crane_identification.options import Options
+from crane_identification.preparation.prepare import prepare
+from crane_model.errors import ConfigurationError, DataError
+from crane_model.model_file import Model
+from crane_observer.scale.scale import Scale, ScaleCondition, Weighing
+
+MOVED = 2.0  # s of motion on both sides of a change: less tells a load badly
+LIGHTEST = 5.0  # kg, below which nothing is said
+SURE = 5.0  # standard deviations by which two loads differ
+APART = 1.0  # s about a change that belong to neither side
+
+
+class WeighedPart(NamedTuple):
+    """What hung at the tip in a part of a recording, between changes."""
+
+    begin: float  # s; -inf: from the beginning of the recording
+    mass: float  # kg, beside what the model has at the tip
+    deviation: float  # kg, standard deviation
+
+    def differs(self, other: "WeighedPart") -> bool:
+        """Whether it is surely another load."""
+        apart = abs(self.mass - other.mass)
+        return apart > max(LIGHTEST, SURE * math.hypot(self.deviation, other.deviation))
+
+
+def weighed_parts(model: Model, log: Log) -> tuple[WeighedPart, ...]:
+    """In their order, each surely another load than the one before; empty where nothing can be
+    weighed: the model needs values and the machine in it, the log pressures of all its joints.
+    """
+    signals = log.pressure_a, log.pressure_b
+    if log.uncalibrated or signals[0] is None or signals[1] is None or model.machine is None:
+        return ()
+    try:
+        scale = Scale(model)
+    except ConfigurationError:  # values or chambers are missing
+        return ()
+    parts: list[list[Weighing]] = [[]]
+    for one in _weighings(scale, log):
+        if one.changed and parts[-1]:
+            parts.append([])
+        parts[-1].append(one)
+    found: list[WeighedPart] = []
+    for part in filter(None, map(_part, parts)):
+        if not found or part.differs(found[-1]):
+            found.append(part)
+    return tuple(found)
+
+
+def split_by_load(
+    model: Model, logs: Sequence[Log], options: Options
+) -> tuple[tuple[Log, ...], tuple[str, ...]]:
+    """The recordings, those whose load changed in parts that carry one each; what was done, in
+    words. A part that cannot be prepared, as for want of a whole period, is left out.
+
+    `DataError` where no part of any recording is left.
+    """
+    taken: list[Log] = []
+    said: list[str] = []
+    for log in logs:
+        parts = weighed_parts(model, log)
+        if len(parts) < 2:
+            taken.append(log)
+            continue
+        said += [f"{log.source}: {words}; taken as recordings apart" for words in _changes(parts)]
+        ends = [part.begin for part in parts[1:]]
+        for number, (begin, end) in enumerate(pairwise([-math.inf, *ends, math.inf]), 1):
+            name = f"{log.source}, part {number}"
+            try:
+                piece = replace(_piece(log, begin + APART, end - APART), source=name)
+                prepare(model, piece, options)
+            except DataError as error:
+                said.append(f"{name}: left out: {error}")
+            else:
+                taken.append(piece)
+    if logs and not taken:
+        said.append("no part is left; record again with one load at the tip")
+        raise DataError("\n".join(said))
+    return tuple(taken), tuple(said)
+
+
+def loads_in_words(model: Model, logs: Sequence[Log]) -> tuple[str, ...]:
+    """Warnings: what a fit to these recordings takes for a mass of a link."""
+    said: list[str] = []
+    known: dict[str, WeighedPart] = {}
+    for log in logs:
+        parts = weighed_parts(model, log)
+        said += [
+            f"{log.source}: {words}; a part of that is in the masses of the model. Leave the "
+            "recording out, or part of it (--from, --to)"
+            for words in _changes(parts)
+        ]
+        if len(parts) == 1:
+            known[log.source] = parts[0]
+    if not known:
+        return tuple(said)
+    lightest = min(known.values(), key=lambda part: part.mass)
+    for source, part in known.items():
+        if part.differs(lightest):
+            more, deviation = (
+                part.mass - lightest.mass,
+                math.hypot(part.deviation, lightest.deviation),
+            )
+            said.append(
+                f"{source}: carries {more:.1f} ± {deviation:.1f} kg more than the lightest "
+                "recording; a part of that is in the masses of the model. Leave it out, or let "
+                "diagnose find what each carries"
+            )
+    return tuple(said)
+
+
+def _piece(log: Log, begin: float, end: float) -> Log:
+    """What was recorded from `begin` to `end` [s], its time from its own first position."""
+    part = log.during(max(begin, 0.0), end)
+    zero = float(part.position.time[0])
+    moved: dict[str, Any] = {}
+    for name in (one.name for one in fields(part)):
+        signal = getattr(part, name)
+        if isinstance(signal, Signal):
+            received = None if signal.received is None else signal.received - zero
+            moved[name] = replace(signal, time=signal.time - zero, received=received)
+    return replace(part, start=part.start + round(zero * NANOSECONDS), **moved)
+
+
+def _changes(parts: Sequence[WeighedPart]) -> list[str]:
+    return [
+        f"the load at the tip changed at {after.begin:.1f} s, by {after.mass - before.mass:+.1f} ± "
+        f"{math.hypot(after.deviation, before.deviation):.1f} kg"
+        for before, after in pairwise(parts)
+    ]
+
+
+def _weighings(scale: Scale, log: Log) -> list[Weighing]:
+    """Of a whole log, reading by reading in the order of stamps."""
+    assert log.pressure_a is not None and log.pressure_b is not None
+    position, a, b = log.position, log.pressure_a, log.pressure_b
+    found: list[Weighing] = []
+    next_, count = 0, len(position.time)
+    for k, time in enumerate(a.time.tolist()):
+        while next_ < count and position.time[next_] <= time:
+            scale.add_encoders(float(position.time[next_]), position.value[next_])
+            next_ += 1
+        found += scale.add_pressures(time, a.value[k], b.value[k])
+    return found
+
+
+def _part(weighings: Sequence[Weighing]) -> WeighedPart | None:
+    """The best of weighings between two changes, None where it is not worth much."""
+    told = [
+        one
+        for one in weighings
+        if one.moved >= MOVED and one.condition in (ScaleCondition.GOOD, ScaleCondition.AT_REST)
+    ]
+    if not told:
+        return None
+    best = min(told, key=lambda one: one.load.deviation)
+    return WeighedPart(best.since, best.load.mass, best.load.deviation)

@@ -1,0 +1,131 @@
+"""Loads that come within a recording, against recordings of the stand-in machine that have them."""
+
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+import pytest
+from known_crane import known_model
+
+from crane_benchmark.observing.cycles import PAYLOAD
+from crane_benchmark.observing.machines import stock
+from crane_identification.data.bag_log import read_bag
+from crane_identification.data.log import Log
+from crane_identification.options import Options
+from crane_identification.preparation.session import Session
+from crane_identification.recording_check.loads import (
+    APART,
+    loads_in_words,
+    split_by_load,
+    weighed_parts,
+)
+from crane_model.errors import DataError
+from crane_model.machine_files import machine_file
+from crane_model.model_file import Model, load_model
+from crane_sim.make_bag import make
+from crane_sim.plant.plant import Plant
+from crane_trajectory.motion.check import load_clearance
+from crane_trajectory.motion.motion import plan
+from crane_trajectory.motion.periodic import load_trajectory
+
+COMES, MASS = 52.0, 60.0  # s of the recording, kg
+NEVER, ALWAYS = 1e9, -1e9
+
+
+class Lifting(Plant):
+    """Something hangs at its tip from a moment on."""
+
+    comes = NEVER
+
+    def advance(self, command: np.ndarray, duration: float) -> None:
+        self.set_magnitude(0, MASS if self.time > self.comes else 0.0)
+        super().advance(command, duration)
+
+
+def recorded(folder: Path, comes: float) -> Log:
+    machine = stock()
+    trajectory = load_trajectory(machine_file("excitation_20s.yaml"))
+    clearance = load_clearance(machine_file("clearance.yaml"))
+    motion = plan(machine.machine, trajectory, machine.stand_in.start, 4, clearance)
+
+    def build(start: np.ndarray, planted: tuple, running: float) -> Lifting:
+        made = Lifting(machine.stand_in, machine.machine, start, [PAYLOAD, *planted], running)
+        made.comes = comes
+        return made
+
+    make(folder, machine.machine, machine.stand_in, motion, machine.gains, seed=5, build=build)
+    return read_bag(folder, known_model().joints)
+
+
+@pytest.fixture(scope="module")
+def logs(tmp_path_factory: pytest.TempPathFactory) -> dict[str, Log]:
+    folder = tmp_path_factory.mktemp("loads")
+    when = {"empty": NEVER, "loaded": ALWAYS, "changing": COMES}
+    found = {name: recorded(folder / name, comes) for name, comes in when.items()}
+    return {name: replace(log, source=name) for name, log in found.items()}
+
+
+@pytest.fixture(scope="module")
+def model() -> Model:
+    return known_model()
+
+
+def test_a_load_that_comes_is_weighed_on_both_sides(model: Model, logs: dict[str, Log]) -> None:
+    before, after = weighed_parts(model, logs["changing"])
+    assert before.begin == -np.inf
+    assert after.begin == pytest.approx(COMES, abs=0.5)
+    assert before.mass == pytest.approx(0.0, abs=1.0)
+    assert after.mass == pytest.approx(MASS, abs=1.5)
+
+
+@pytest.mark.parametrize(("name", "mass"), [("empty", 0.0), ("loaded", MASS)])
+def test_one_load_is_one_part(name: str, mass: float, model: Model, logs: dict[str, Log]) -> None:
+    (part,) = weighed_parts(model, logs[name])
+    assert part.mass == pytest.approx(mass, abs=1.5)
+    same, said = split_by_load(model, [logs[name]], Options())
+    assert same == (logs[name],) and not said
+
+
+def test_the_sides_of_a_change_are_recordings_of_their_own(
+    model: Model, logs: dict[str, Log]
+) -> None:
+    log = logs["changing"]
+    parts, (said,) = split_by_load(model, [log, logs["empty"]], Options(period=20.0))
+    first, second, other = parts
+    assert other is logs["empty"]
+    assert [first.source, second.source] == ["changing, part 1", "changing, part 2"]
+    assert said.startswith("changing: the load at the tip changed at 5")
+    assert first.position.time[-1] == pytest.approx(COMES - APART, abs=0.5)
+    assert second.position.time[0] == 0.0
+    begins = (second.start - log.start) / 1e9
+    assert begins == pytest.approx(COMES + APART, abs=0.5)
+    row = np.searchsorted(log.position.time, begins - 1e-6)
+    np.testing.assert_array_equal(second.position.value[0], log.position.value[row])
+    assert Session.of([first, second]).fallback is None
+    assert Session.of([first, second]).since(second) == pytest.approx(begins)
+
+
+def test_a_part_without_a_whole_period_is_left_out(model: Model, logs: dict[str, Log]) -> None:
+    log = logs["changing"]
+    short = log.during(COMES - 12.0, np.inf)
+    (left,), (changed, out) = split_by_load(model, [short], Options(period=20.0))
+    assert left.source == "changing, part 2"
+    assert "changed" in changed and out.startswith("changing, part 1: left out: ")
+    neither = log.during(COMES - 12.0, COMES + 8.0)
+    with pytest.raises(DataError, match="no part is left"):
+        split_by_load(model, [neither], Options(period=20.0))
+
+
+def test_what_identify_warns_of(model: Model, logs: dict[str, Log]) -> None:
+    said = loads_in_words(model, list(logs.values()))
+    assert len(said) == 2
+    assert said[0].startswith("changing: the load at the tip changed at 5")
+    assert said[1].startswith("loaded: carries ") and "more than the lightest" in said[1]
+    assert loads_in_words(model, [logs["empty"]]) == ()
+
+
+def test_without_values_or_pressures_nothing_is_said(model: Model, logs: dict[str, Log]) -> None:
+    log = logs["changing"]
+    assert weighed_parts(load_model(machine_file("model.yaml")), log) == ()
+    assert weighed_parts(model, replace(log, pressure_a=None)) == ()
+    assert weighed_parts(model, replace(log, uncalibrated=("pressure",))) == ()
