@@ -1,0 +1,79 @@
+"""Terms whose law is no formula but a shape: values at knots, and straight lines between them.
+
+A drawn term has the signature of an effect, which is what its force depends on and with which
+symmetry, and leaves the dependence free. It stands for that effect where no law of it fits.
+"""
+
+from abc import abstractmethod
+from typing import Annotated, ClassVar, Self
+
+import numpy as np
+from pydantic import Field, model_validator
+
+from crane_model.array import Array
+from crane_model.record import Record
+from crane_model.terms.effect import Variable
+from crane_model.terms.joint_term import OneJointTerm
+from crane_model.terms.term import Parameter, Setting
+
+FEWEST_KNOTS = 3
+
+
+class DrawnTerm(OneJointTerm):
+    """sum_k f_k B_k(x) g: B-splines of degree one in a variable x of the joint, times factors g.
+
+    f_k is the value at knot k; beyond the outermost knots the shape stays as it is there. A
+    subclass says what x and g are, which of the `knots` have a value (`kept`; at the others the
+    shape is 0, because the model has what they would stand for), and of which laws it is the shape:
+    `draws` names their types. `spacing` places the knots within the range of x, 0 to 1.
+    """
+
+    draws: ClassVar[tuple[str, ...]]
+    variable: ClassVar[Variable]
+    spacing: ClassVar[tuple[float, ...]]
+    kept: ClassVar[tuple[int, ...]]
+
+    knots: Annotated[tuple[float, ...], Field(min_length=FEWEST_KNOTS)]
+
+    @model_validator(mode="after")
+    def _rising(self) -> Self:
+        if len(self.knots) != len(self.spacing):
+            raise ValueError(f"knots: {len(self.spacing)} needed, got {len(self.knots)}")
+        if not (np.diff(self.knots) > 0.0).all():
+            raise ValueError(f"knots: each must exceed the one before, got {list(self.knots)}")
+        return self
+
+    @classmethod
+    def over(cls, low: float, high: float) -> tuple[float, ...]:
+        """The knots for x from `low` to `high`."""
+        return tuple(float(low + share * (high - low)) for share in cls.spacing)
+
+    @classmethod
+    @abstractmethod
+    def followed(cls, record: Record, j: int) -> Array:
+        """x (n,) of joint number j."""
+
+    @abstractmethod
+    def factors(self, record: Record, j: int) -> Array:
+        """g (n, m) of joint number j."""
+
+    @abstractmethod
+    def values_at_knot(self, k: int, coordinate: str, force: str) -> tuple[Parameter, ...]:
+        """The m parameters of a knot, given the units of the joint's coordinate and force."""
+
+    def joint_parameters(self, setting: Setting) -> tuple[Parameter, ...]:
+        """The values at the knots that have one."""
+        units = setting.units[self.joint], setting.force_unit(self.joint)
+        return tuple(one for k in self.kept for one in self.values_at_knot(k, *units))
+
+    def joint_columns(self, record: Record, setting: Setting, j: int) -> Array:
+        """B_k(x) g: (n, parameters)."""
+        splines = hats(self.followed(record, j), self.knots)[:, self.kept]
+        columns = splines[:, :, np.newaxis] * self.factors(record, j)[:, np.newaxis, :]
+        return columns.reshape(len(record), -1)
+
+
+def hats(x: Array, knots: tuple[float, ...]) -> Array:
+    """B-splines of degree one (n, k): 1 at their own knot, 0 at the others, constant beyond."""
+    columns: Array = np.stack([np.interp(x, knots, row) for row in np.eye(len(knots))], axis=1)
+    return columns

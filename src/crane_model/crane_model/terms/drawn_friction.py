@@ -1,0 +1,109 @@
+"""Shapes of friction: over the speed, the position, the load and the time."""
+
+from typing import ClassVar, Literal
+
+import numpy as np
+from pydantic import Field
+
+from crane_model.array import Array
+from crane_model.record import Record
+from crane_model.terms.drawn import DrawnTerm
+from crane_model.terms.effect import Variable
+from crane_model.terms.term import Family, Parameter
+
+
+class DrawnDryFriction(DrawnTerm):
+    """f(x) sgn(q'): a shape of dry friction."""
+
+    family: ClassVar[Family] = "friction"
+    symbol: ClassVar[str]
+
+    def factors(self, record: Record, j: int) -> Array:
+        """sgn(q')."""
+        return record.direction[:, j, np.newaxis]
+
+    def values_at_knot(self, k: int, coordinate: str, force: str) -> tuple[Parameter, ...]:
+        """One."""
+        meaning = f"friction at knot {k + 1} beyond that of the model"
+        return (Parameter(f"{self.symbol}_{k + 1}", force, None, meaning),)
+
+
+class DrawnSpeedFriction(DrawnDryFriction):
+    """f(|q'|) sgn(q') beside Coulomb and viscous friction: 0 at rest and at the fastest."""
+
+    type: Literal["drawn_speed_friction"] = "drawn_speed_friction"
+    draws: ClassVar[tuple[str, ...]] = ("stribeck", "viscous_quadratic")
+    variable: ClassVar[Variable] = "velocity"
+    spacing: ClassVar[tuple[float, ...]] = (0.0, 0.03, 0.07, 0.13, 0.22, 0.35, 0.5, 0.7, 1.0)
+    kept: ClassVar[tuple[int, ...]] = (1, 2, 3, 4, 5, 6, 7)
+    symbol: ClassVar[str] = "f_speed"
+
+    knots: tuple[float, ...] = Field(examples=[(0.0, 0.1, 0.2, 0.4, 0.6, 0.8, 1.0, 1.5, 2.0)])
+
+    @classmethod
+    def followed(cls, record: Record, j: int) -> Array:
+        """|q'|."""
+        return np.abs(record.velocity[:, j])
+
+
+class DrawnPositionFriction(DrawnDryFriction):
+    """f(q) sgn(q') beside Coulomb friction: 0 at the lower end."""
+
+    type: Literal["drawn_position_friction"] = "drawn_position_friction"
+    draws: ClassVar[tuple[str, ...]] = ("position_friction", "cyclic_friction")
+    variable: ClassVar[Variable] = "position"
+    spacing: ClassVar[tuple[float, ...]] = tuple(k / 8 for k in range(9))
+    kept: ClassVar[tuple[int, ...]] = tuple(range(1, 9))
+    symbol: ClassVar[str] = "f_place"
+
+    knots: tuple[float, ...] = Field(examples=[tuple(-2.5 + 0.25 * k for k in range(9))])
+
+    @classmethod
+    def followed(cls, record: Record, j: int) -> Array:
+        """q."""
+        return record.position[:, j]
+
+
+class DrawnLoadFriction(DrawnDryFriction):
+    """f(|tau|) sgn(q') beside Coulomb friction: 0 without a load."""
+
+    type: Literal["drawn_load_friction"] = "drawn_load_friction"
+    draws: ClassVar[tuple[str, ...]] = ("load_friction",)
+    variable: ClassVar[Variable] = "force"
+    spacing: ClassVar[tuple[float, ...]] = (0.0, 0.1, 0.25, 0.5, 1.0)
+    kept: ClassVar[tuple[int, ...]] = (1, 2, 3, 4)
+    symbol: ClassVar[str] = "f_load"
+
+    knots: tuple[float, ...] = Field(examples=[(0.0, 250.0, 500.0, 1000.0, 2000.0)])
+
+    @classmethod
+    def followed(cls, record: Record, j: int) -> Array:
+        """|tau|."""
+        return np.abs(record.needed("force", "a shape of friction over the load")[:, j])
+
+
+class DrawnWarmUp(DrawnTerm):
+    """f(t) q' beside viscous friction: 0 at the end of the session, when the oil is warm."""
+
+    type: Literal["drawn_warm_up"] = "drawn_warm_up"
+    family: ClassVar[Family] = "friction"
+    draws: ClassVar[tuple[str, ...]] = ("warm_up", "temperature_viscosity")
+    variable: ClassVar[Variable] = "time"
+    spacing: ClassVar[tuple[float, ...]] = (0.0, 0.03, 0.08, 0.16, 0.3, 0.55, 1.0)
+    kept: ClassVar[tuple[int, ...]] = (0, 1, 2, 3, 4, 5)
+
+    knots: tuple[float, ...] = Field(examples=[(0.0, 0.1, 0.2, 0.3, 0.4, 0.5, 0.6)])
+
+    @classmethod
+    def followed(cls, record: Record, j: int) -> Array:
+        """t."""
+        return record.time
+
+    def factors(self, record: Record, j: int) -> Array:
+        """q'."""
+        return record.velocity[:, j, np.newaxis]
+
+    def values_at_knot(self, k: int, coordinate: str, force: str) -> tuple[Parameter, ...]:
+        """One."""
+        meaning = f"viscous friction at knot {k + 1} beyond that of warm oil"
+        return (Parameter(f"f_time_{k + 1}", f"{force} s/{coordinate}", None, meaning),)
