@@ -10,8 +10,10 @@ from crane_identification.diagnosis.decision.form import of_one_form
 from crane_identification.diagnosis.decision.judgement import Judged, all_judged
 from crane_identification.diagnosis.decision.likeness import simplest
 from crane_identification.diagnosis.decision.several import as_kinds, on_several_joints
+from crane_identification.diagnosis.decision.shape import as_drawn, covered, strange
 from crane_identification.diagnosis.search.race import LARGEST_SET, Race
-from crane_identification.diagnosis.search.selection import NOTHING, extended, solve
+from crane_identification.diagnosis.search.search import Search
+from crane_identification.diagnosis.search.selection import NOTHING, Subset, extended, solve
 from crane_identification.thresholds import Thresholds
 
 
@@ -40,18 +42,31 @@ def decide(race: Race, thresholds: Thresholds) -> Decision:
         if best is None:
             break
         subset = simplest(search, best, thresholds, first_threshold)
-        if size > 1 and of_one_form(search, subset, thresholds, known):
+        if size > 1 and (
+            of_one_form(search, subset, thresholds, known)
+            or covered(search, subset, thresholds, known)
+        ):
             break
         found = as_kinds(search, all_judged(search, subset, thresholds), known, thresholds)
         wrong = [said for one in found if (said := _objection(one, thresholds))]
+        if not wrong:
+            wrong = _strange(search, subset, known, thresholds)
         if size == 1:
             nearest, objection = tuple(found), "".join(wrong)
         weakest = min(found[known:], key=lambda one: one.score)
         if wrong or (size > 1 and _vague(weakest, thresholds)):
             break
         passed = tuple(found)
+    passed = as_drawn(race, passed, thresholds)
     passed = tuple(sorted(passed, key=lambda one: -one.score))
     return Decision(passed, first_threshold, nearest, objection)
+
+
+def _strange(search: Search, subset: Subset, known: int, thresholds: Thresholds) -> list[str]:
+    """Why effects of a set, but for the first `known`, are no names: it is none of the catalogue."""
+    places = range(known, len(subset.numbers))
+    found = [said for place in places if (said := strange(search, subset, place, thresholds))]
+    return [f"{said} explains clearly more than any shape of it, and no effect is that" for said in found]
 
 
 def _together(race: Race, threshold: float, thresholds: Thresholds) -> tuple[Judged, ...]:

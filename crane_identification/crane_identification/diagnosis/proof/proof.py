@@ -113,7 +113,8 @@ def _simple(one: Judged) -> bool:
     no other effect is as good, and it helps wherever it is asked.
     """
     asked = one.held_out[np.isfinite(one.held_out)]
-    return not (one.indistinct or one.shaped.shape) and bool((asked > 0.0).all())
+    bent = one.shaped.shape or one.shaped.candidate.drawn
+    return not (one.indistinct or bent) and bool((asked > 0.0).all())
 
 
 @dataclass(frozen=True)

@@ -51,6 +51,11 @@ class Candidate:
         return False
 
     @property
+    def drawn(self) -> bool:
+        """Whether its law is a shape, as it was found, and no formula."""
+        return False
+
+    @property
     def type(self) -> str:
         """Its name in model files."""
         return str(self.term.model_fields["type"].default)

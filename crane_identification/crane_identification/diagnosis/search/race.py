@@ -8,7 +8,7 @@ import numpy as np
 from scipy.optimize import minimize_scalar
 
 from crane_identification.diagnosis.fit.evidence import beside, leading
-from crane_identification.diagnosis.search.candidates import Candidate, at_shape
+from crane_identification.diagnosis.search.candidates import Candidate, ShapedCandidate, at_shape
 from crane_identification.diagnosis.search.loads import LOADS, agreeing, load_of, one_each
 from crane_identification.diagnosis.search.projection import Projection, project
 from crane_identification.diagnosis.search.search import Search
@@ -65,6 +65,10 @@ class Race:
     def added(self, candidate: Candidate, shape: dict[str, Any]) -> int:
         """The number of a candidate that is added."""
         return self._joined(self._alone(candidate, shape))
+
+    def add(self, shaped: ShapedCandidate) -> int:
+        """The number of a candidate at its shape, now that the search has it."""
+        return self._joined(project(self.search.whitener, self.search.base, [shaped]))
 
     def _alone(self, candidate: Candidate, shape: dict[str, Any]) -> Projection:
         """The projection of a single candidate."""

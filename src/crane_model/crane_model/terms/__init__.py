@@ -8,6 +8,7 @@ from importlib import import_module
 from pkgutil import iter_modules
 
 from crane_model.terms.catalogue import candidates, joints_of, nuisances, typical
+from crane_model.terms.drawn import DrawnTerm
 from crane_model.terms.effect import Effect, Shape
 from crane_model.terms.installed import load_installed
 from crane_model.terms.joint_term import JointTerm, OneJointTerm
@@ -17,6 +18,7 @@ from crane_model.terms.term import REGISTRY, Family, Parameter, Setting, Term, t
 
 __all__ = [
     "REGISTRY",
+    "DrawnTerm",
     "Effect",
     "Family",
     "JointMemoryTerm",

@@ -44,9 +44,10 @@ class DrawnTerm(OneJointTerm):
         return self
 
     @classmethod
-    def over(cls, low: float, high: float) -> tuple[float, ...]:
-        """The knots for x from `low` to `high`."""
-        return tuple(float(low + share * (high - low)) for share in cls.spacing)
+    def over(cls, x: Array) -> tuple[float, ...]:
+        """The knots for values (n,) of x."""
+        low, high = float(x.min()), float(x.max())
+        return tuple(low + share * (high - low) for share in cls.spacing)
 
     @classmethod
     @abstractmethod

@@ -83,6 +83,7 @@ class RelaxingForce(MemoryTerm, OneJointTerm):
 
     type: Literal["relaxing_force"] = "relaxing_force"
     family: ClassVar[Family] = "elasticity"
+    stranger: ClassVar[str] = "a force that follows the position and fades within seconds"
 
     times: tuple[float, ...] = Field(default=(0.3, 1.0, 3.0, 9.0), min_length=1)
 

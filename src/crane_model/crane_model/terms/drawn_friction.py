@@ -34,11 +34,11 @@ class DrawnSpeedFriction(DrawnDryFriction):
     type: Literal["drawn_speed_friction"] = "drawn_speed_friction"
     draws: ClassVar[tuple[str, ...]] = ("stribeck", "viscous_quadratic")
     variable: ClassVar[Variable] = "velocity"
-    spacing: ClassVar[tuple[float, ...]] = (0.0, 0.03, 0.07, 0.13, 0.22, 0.35, 0.5, 0.7, 1.0)
-    kept: ClassVar[tuple[int, ...]] = (1, 2, 3, 4, 5, 6, 7)
+    spacing: ClassVar[tuple[float, ...]] = (0.0, 0.02, 0.04, 0.07, 0.12, 0.2, 0.32, 0.5, 0.75, 1.0)
+    kept: ClassVar[tuple[int, ...]] = (1, 2, 3, 4, 5, 6, 7, 8)
     symbol: ClassVar[str] = "f_speed"
 
-    knots: tuple[float, ...] = Field(examples=[(0.0, 0.1, 0.2, 0.4, 0.6, 0.8, 1.0, 1.5, 2.0)])
+    knots: tuple[float, ...] = Field(examples=[(0.0, 0.1, 0.2, 0.4, 0.6, 0.8, 1.0, 1.5, 1.8, 2.0)])
 
     @classmethod
     def followed(cls, record: Record, j: int) -> Array:
@@ -93,6 +93,11 @@ class DrawnWarmUp(DrawnTerm):
     kept: ClassVar[tuple[int, ...]] = (0, 1, 2, 3, 4, 5)
 
     knots: tuple[float, ...] = Field(examples=[(0.0, 0.1, 0.2, 0.3, 0.4, 0.5, 0.6)])
+
+    @classmethod
+    def over(cls, x: Array) -> tuple[float, ...]:
+        """By how many samples are earlier: between recordings nothing is known."""
+        return tuple(np.quantile(x, cls.spacing).tolist())
 
     @classmethod
     def followed(cls, record: Record, j: int) -> Array:

@@ -57,7 +57,8 @@ class Term(Schema, ABC):
     `has_base_parameters` if its parameters are those of (8), `asymmetry_of` the type of the term
     whose difference between two directions of motion it is, `of_one_instant` if its columns follow
     from the motion at the same instant, `carries_loads` if recordings may differ in it: a field
-    `loads` then says which ones carry what.
+    `loads` then says which ones carry what. A `stranger` is a signature that no effect of the
+    catalogue has, in words: a force that shows it is no effect that merely resembles it.
     """
 
     type: str
@@ -70,6 +71,7 @@ class Term(Schema, ABC):
     asymmetry_of: ClassVar[str | None] = None
     of_one_instant: ClassVar[bool] = False
     carries_loads: ClassVar[bool] = False
+    stranger: ClassVar[str] = ""
 
     @classmethod
     def __pydantic_init_subclass__(cls, **kwargs: Any) -> None:

@@ -1,0 +1,138 @@
+"""The physics of an effect before its law: what any shape with its signature explains.
+
+A machine has a family of laws where the catalogue has one. So an effect that the race found is
+asked beside others with its shape left free: a further effect has to explain what no shape of the
+first one does, one whose signature the catalogue does not know is no name at all, and where no law
+fits, the shape is kept as it was drawn.
+"""
+
+from collections.abc import Sequence
+from dataclasses import replace
+
+import numpy as np
+from scipy.stats import chi2
+
+from crane_identification.diagnosis.decision.cross_validation import held_out_gains, helps
+from crane_identification.diagnosis.decision.judgement import Judged, marginal
+from crane_identification.diagnosis.decision.likeness import without
+from crane_identification.diagnosis.search.candidates import ShapedCandidate
+from crane_identification.diagnosis.search.energy import strength, unexplained_beside
+from crane_identification.diagnosis.search.race import Race
+from crane_identification.diagnosis.search.search import Search
+from crane_identification.diagnosis.search.selection import NOTHING, Subset, solve
+from crane_identification.diagnosis.search.shapes import (
+    drawn,
+    explained,
+    shape_of,
+    strangers,
+)
+from crane_identification.thresholds import Thresholds
+
+
+def covered(search: Search, subset: Subset, thresholds: Thresholds, settled: int = 0) -> bool:
+    """Whether an effect of a set explains little that a stronger one on its joint would not explain
+    with some other shape or, where both are of one signature, does not by itself. The first ones,
+    `settled`, are not asked.
+    """
+    gains, share = marginal(search, subset), thresholds.method.form_share
+    found = _candidates(search, subset)
+    for place, own in list(enumerate(found))[settled:]:
+        rest = [one.columns for one in found if one is not own]
+        for number, first, gain in zip(subset.numbers, found, gains, strict=True):
+            if first is own or first.candidate.joint != own.candidate.joint or gain < gains[place]:
+                continue
+            shaped = drawn(search, first.candidate)
+            if shaped is None:
+                continue
+            if shape_of(own.candidate) is shape_of(first.candidate):
+                alone = solve(search.projection, (number,)) or NOTHING
+                more, asked = gains[place], share * alone.gain
+            else:
+                more = explained(search, *rest, shaped.columns, own.columns)
+                more -= explained(search, *rest, shaped.columns)
+                asked = share * gains[place]
+            if more < asked:
+                return True
+    return False
+
+
+def strange(search: Search, subset: Subset, place: int, thresholds: Thresholds) -> str:
+    """The signature of no effect that explains what one of a set does, and clearly more than any
+    shape of it, also of recordings that it is not fitted to; empty if there is none.
+    """
+    own = _candidates(search, subset)[place]
+    joint = own.candidate.joint
+    if joint is None or own.candidate.changes:
+        return ""
+    rest = [one.columns for one in _candidates(search, without(search, subset, place))]
+    shaped = drawn(search, own.candidate)
+    free = [own.columns, *([] if shaped is None else [shaped.columns])]
+    before = np.concatenate([search.evidence.free, *rest], axis=2)
+    known = explained(search, *rest, *free)
+    left = unexplained_beside(search, subset, place)
+    for said, columns in strangers(search, joint):
+        lead = explained(search, *rest, columns) - known
+        if lead <= max(thresholds.method.lead_share * left, _chance(columns, thresholds)):
+            continue
+        beside_own = np.concatenate([before, *free], axis=2)
+        gains, _ = held_out_gains(search.evidence, search.whitener, beside_own, columns)
+        if helps(gains, thresholds):
+            return said
+    return ""
+
+
+def as_drawn(race: Race, passed: Sequence[Judged], thresholds: Thresholds) -> tuple[Judged, ...]:
+    """The effects, those that no law fits with the shape that was drawn."""
+    out = list(passed)
+    for place, one in enumerate(out):
+        shaped = drawn(race.search, one.shaped.candidate)
+        if shaped is not None:
+            rest = [other.shaped.columns for other in out if other is not one]
+            out[place] = _better(race, one, shaped, rest, thresholds)
+    return tuple(out)
+
+
+def _better(
+    race: Race,
+    law: Judged,
+    shaped: ShapedCandidate,
+    rest: Sequence[np.ndarray],
+    thresholds: Thresholds,
+) -> Judged:
+    """The effect with its law or, if that explains clearly more in training and of recordings that
+    it is not fitted to, with its drawn shape, beside the `rest` (n, c, k each).
+    """
+    search, method = race.search, thresholds.method
+    lead = explained(search, *rest, shaped.columns) - explained(search, *rest, law.shaped.columns)
+    if lead <= max(method.further_share * law.score, _chance(shaped.columns, thresholds)):
+        return law
+    before = np.concatenate([search.evidence.free, *rest], axis=2)
+    beside_law = np.concatenate([before, law.shaped.columns], axis=2)
+    gains, _ = held_out_gains(search.evidence, search.whitener, beside_law, shaped.columns)
+    if np.nansum(gains) <= _chance(shaped.columns, thresholds):
+        return law
+    number = race.add(shaped)
+    search = race.search
+    held_out, _ = held_out_gains(search.evidence, search.whitener, before, shaped.columns)
+    score = law.score + lead
+    alike = [rival for rival in law.rivals if rival.lead + lead <= rival.needed]
+    return replace(
+        law,
+        shaped=shaped,
+        score=score,
+        held_out=held_out,
+        margin=law.margin + lead,
+        indistinct=tuple(rival.candidate for rival in alike),
+        visibility=float(search.projection.visibility[number]),
+        strength=strength(search, number, score),
+    )
+
+
+def _candidates(search: Search, subset: Subset) -> list[ShapedCandidate]:
+    return [search.projection.candidates[number] for number in subset.numbers]
+
+
+def _chance(columns: np.ndarray, thresholds: Thresholds) -> float:
+    """What chance gives to so many columns (n, c, k) at most, times what the sensor chain adds."""
+    level = 1.0 - thresholds.method.false_alarm_rate / 2.0
+    return thresholds.gates.score_factor * float(chi2.ppf(level, columns.shape[2]))
