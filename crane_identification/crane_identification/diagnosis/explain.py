@@ -72,12 +72,13 @@ def _finding(number: int, finding: dict[str, Any]) -> list[str]:
             ": "
         )
     ]
-    values = ", ".join(str(finding_wording.estimate(one)) for one in finding["parameters"])
+    values = ", ".join(str(one) for one in finding_wording.estimates(finding))
     if finding["class_members"]:
         out.append(f"   as {finding['name']} ({finding_wording.place(finding['joint'])}): {values}")
         out.append(f"   told apart by {finding['settled_by']}")
-    else:
+    elif values:
         out.append(f"   {values}")
+    out += [f"   {line}" for line in finding_wording.drawn(finding)]
     out += [f"   {line}" for line in finding_wording.carried(finding)]
     return [*out, f"   {finding_wording.evidence(finding)}"]
 

@@ -53,6 +53,25 @@ class ChangedParameter(FoundParameter):
     """Standard deviation of that [unit]."""
 
 
+class DrawnShape(ResultPart):
+    """A dependence as it was drawn: values at knots, straight lines between them."""
+
+    variable: str
+    """What it depends on; of a velocity and of a force, their size."""
+    variable_unit: str
+    """Of the knots."""
+    knots: list[Number]
+    """Where the values are [variable_unit]."""
+    values: list[Number]
+    """Force over what it is multiplied by [unit]."""
+    std_devs: list[Number]
+    """Their standard deviations; 0 where the shape is held at 0 [unit]."""
+    unit: str
+    """Of the values."""
+    times: str
+    """What it is multiplied by: the direction sgn(q'), the velocity q', or 1."""
+
+
 class FindingEntry(FoundEffect):
     """An effect that the model lacks, or of flows and loads that is found beside those."""
 
@@ -62,6 +81,8 @@ class FindingEntry(FoundEffect):
     """Effects that these recordings cannot tell from this one."""
     parameters: list[ChangedParameter | FoundParameter]
     """Of this effect, in the model with all findings."""
+    shapes: list[DrawnShape] = []
+    """Its law, where none of the catalogue fits; empty where one does."""
     carried_in: dict[str, list[str]]
     """Recordings that carry a load, by the parameter of the load, and by `none` those without."""
     score: Number

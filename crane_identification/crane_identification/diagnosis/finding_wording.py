@@ -11,6 +11,7 @@ from crane_identification.notation import (
     NOT_DETERMINED,
     human,
     listed,
+    plain,
     short_percent,
     shown,
     spoken,
@@ -75,6 +76,27 @@ def estimate(parameter: Content) -> PrintedParameter:
     return PrintedParameter(
         parameter["name"], printed.value, deviated, unit, _change(parameter, factor)
     )
+
+
+def estimates(finding: Content) -> list[PrintedParameter]:
+    """The parameters of a finding; none where they are the values of a shape that is drawn."""
+    return [] if finding["shapes"] else [estimate(one) for one in finding["parameters"]]
+
+
+def drawn(finding: Content) -> list[str]:
+    """Its law as it was drawn: the values at the knots, and what they are multiplied by."""
+    out = []
+    for one in finding["shapes"]:
+        (unit, factor), (force, size) = human(one["variable_unit"]), human(one["unit"])
+        points = (
+            f"{plain(size * value)} at {plain(factor * knot)}"
+            for knot, value in zip(one["knots"], one["values"], strict=True)
+        )
+        times = "" if one["times"] == "1" else f", times {one['times']}"
+        out.append(
+            f"law over the {one['variable']}{times} [{force} at {unit}]: {', '.join(points)}"
+        )
+    return out
 
 
 def _change(parameter: Content, factor: float) -> str:

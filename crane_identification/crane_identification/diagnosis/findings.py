@@ -9,6 +9,7 @@ import numpy as np
 from crane_identification.diagnosis.diagnosis import Diagnosis
 from crane_identification.diagnosis.finding_entry import (
     ChangedParameter,
+    DrawnShape,
     FindingEntry,
     FoundEffect,
     FoundParameter,
@@ -40,9 +41,10 @@ from crane_identification.diagnosis.region import (
 )
 from crane_identification.diagnosis.search.candidates import Candidate
 from crane_identification.diagnosis.search.energy import acting
-from crane_identification.diagnosis.variables import feature_unit
+from crane_identification.diagnosis.variables import feature_unit, unit_of
 from crane_identification.notation import is_determined
 from crane_identification.validation.motion_validation import MotionValidation
+from crane_model.terms import DrawnTerm
 
 WHITE = 0.25  # correlation of neighbouring rows up to which what is left counts as white
 
@@ -178,6 +180,7 @@ def _finding(diagnosis: Diagnosis, finding: Finding) -> FindingEntry:
         changed=candidate.changes,
         class_members=[_effect(one) for one in judged.indistinct],
         parameters=[_parameter(value) for value in finding.parameters],
+        shapes=_shapes(diagnosis, finding),
         carried_in=carried_in(finding, diagnosis.training.sources),
         score=judged.score,
         threshold=judged.threshold,
@@ -191,6 +194,30 @@ def _finding(diagnosis: Diagnosis, finding: Finding) -> FindingEntry:
         held_out_gains=dict(zip(judged.fold_names, judged.held_out, strict=True)),
         settled_by=candidate.effect.settled_by,
     )
+
+
+def _shapes(diagnosis: Diagnosis, finding: Finding) -> list[DrawnShape]:
+    """The law of a finding as it was drawn, for each factor; none where it is a formula."""
+    term, joint = finding.judged.shaped.term, finding.candidate.where
+    if not isinstance(term, DrawnTerm):
+        return []
+    setting, counts = diagnosis.before.setting, bool(diagnosis.fit.uncalibrated)
+    own = finding.parameters[: len(finding.judged.shaped.positive)]
+    values, std_devs = (
+        term.at_knots(np.array([getattr(one, name) for one in own])) for name in ("value", "std_dev")
+    )
+    return [
+        DrawnShape(
+            variable=term.variable,
+            variable_unit=unit_of(term.variable, joint, setting, counts),
+            knots=list(term.knots),
+            values=values[k].tolist(),
+            std_devs=std_devs[k].tolist(),
+            unit=own[k].unit,
+            times=times,
+        )
+        for k, times in enumerate(term.times)
+    ]
 
 
 def _effect(one: Candidate) -> FoundEffect:

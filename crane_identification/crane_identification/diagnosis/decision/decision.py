@@ -10,7 +10,12 @@ from crane_identification.diagnosis.decision.form import of_one_form
 from crane_identification.diagnosis.decision.judgement import Judged, all_judged
 from crane_identification.diagnosis.decision.likeness import simplest
 from crane_identification.diagnosis.decision.several import as_kinds, on_several_joints
-from crane_identification.diagnosis.decision.shape import as_drawn, covered, strange
+from crane_identification.diagnosis.decision.shape import (
+    as_drawn,
+    covered,
+    of_better_signature,
+    rival,
+)
 from crane_identification.diagnosis.search.race import LARGEST_SET, Race
 from crane_identification.diagnosis.search.search import Search
 from crane_identification.diagnosis.search.selection import NOTHING, Subset, extended, solve
@@ -42,6 +47,7 @@ def decide(race: Race, thresholds: Thresholds) -> Decision:
         if best is None:
             break
         subset = simplest(search, best, thresholds, first_threshold)
+        subset = of_better_signature(search, subset, thresholds, known)
         if size > 1 and (
             of_one_form(search, subset, thresholds, known)
             or covered(search, subset, thresholds, known)
@@ -63,10 +69,10 @@ def decide(race: Race, thresholds: Thresholds) -> Decision:
 
 
 def _strange(search: Search, subset: Subset, known: int, thresholds: Thresholds) -> list[str]:
-    """Why effects of a set, but for the first `known`, are no names: it is none of the catalogue."""
+    """Why effects of a set, but for the first `known`, are no names: others explain more."""
     places = range(known, len(subset.numbers))
-    found = [said for place in places if (said := strange(search, subset, place, thresholds))]
-    return [f"{said} explains clearly more than any shape of it, and no effect is that" for said in found]
+    found = (rival(search, subset, place, thresholds) for place in places)
+    return [f"{one.said} explains clearly more than any shape of it" for one in found if one]
 
 
 def _together(race: Race, threshold: float, thresholds: Thresholds) -> tuple[Judged, ...]:

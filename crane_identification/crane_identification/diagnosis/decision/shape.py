@@ -14,17 +14,18 @@ from scipy.stats import chi2
 
 from crane_identification.diagnosis.decision.cross_validation import held_out_gains, helps
 from crane_identification.diagnosis.decision.judgement import Judged, marginal
-from crane_identification.diagnosis.decision.likeness import without
+from crane_identification.diagnosis.decision.likeness import in_place_of, without
 from crane_identification.diagnosis.search.candidates import ShapedCandidate
 from crane_identification.diagnosis.search.energy import strength, unexplained_beside
 from crane_identification.diagnosis.search.race import Race
 from crane_identification.diagnosis.search.search import Search
 from crane_identification.diagnosis.search.selection import NOTHING, Subset, solve
 from crane_identification.diagnosis.search.shapes import (
+    Signature,
     drawn,
     explained,
     shape_of,
-    strangers,
+    signatures,
 )
 from crane_identification.thresholds import Thresholds
 
@@ -56,29 +57,53 @@ def covered(search: Search, subset: Subset, thresholds: Thresholds, settled: int
     return False
 
 
-def strange(search: Search, subset: Subset, place: int, thresholds: Thresholds) -> str:
-    """The signature of no effect that explains what one of a set does, and clearly more than any
-    shape of it, also of recordings that it is not fitted to; empty if there is none.
+def rival(
+    search: Search, subset: Subset, place: int, thresholds: Thresholds
+) -> Signature | None:
+    """The signature that explains most of what one effect of a set does, and clearly more than any
+    shape of it, also of recordings that it is not fitted to; None if there is none.
     """
     own = _candidates(search, subset)[place]
-    joint = own.candidate.joint
-    if joint is None or own.candidate.changes:
-        return ""
+    if own.candidate.joint is None or own.candidate.changes:
+        return None
     rest = [one.columns for one in _candidates(search, without(search, subset, place))]
     shaped = drawn(search, own.candidate)
     free = [own.columns, *([] if shaped is None else [shaped.columns])]
-    before = np.concatenate([search.evidence.free, *rest], axis=2)
+    before = np.concatenate([search.evidence.free, *rest, *free], axis=2)
     known = explained(search, *rest, *free)
-    left = unexplained_beside(search, subset, place)
-    for said, columns in strangers(search, joint):
-        lead = explained(search, *rest, columns) - known
-        if lead <= max(thresholds.method.lead_share * left, _chance(columns, thresholds)):
+    least = thresholds.method.lead_share * unexplained_beside(search, subset, place)
+    best, most = None, known
+    for other in signatures(search, own.candidate.joint):
+        if own.candidate.type in other.types:
             continue
-        beside_own = np.concatenate([before, *free], axis=2)
-        gains, _ = held_out_gains(search.evidence, search.whitener, beside_own, columns)
+        reached = explained(search, *rest, other.columns)
+        if reached - known <= max(least, _chance(other.columns, thresholds)) or reached <= most:
+            continue
+        gains, _ = held_out_gains(search.evidence, search.whitener, before, other.columns)
         if helps(gains, thresholds):
-            return said
-    return ""
+            best, most = other, reached
+    return best
+
+
+def of_better_signature(
+    search: Search, subset: Subset, thresholds: Thresholds, settled: int = 0
+) -> Subset:
+    """The set with effects replaced by those whose signature is clearly better; the first ones,
+    `settled`, are not.
+    """
+    for place in range(settled, len(subset.numbers)):
+        other = rival(search, subset, place, thresholds)
+        if other is None:
+            continue
+        joint = _candidates(search, subset)[place].candidate.joint
+        for swapped in in_place_of(search, subset, place):
+            law = search.projection.candidates[swapped.numbers[-1]].candidate
+            if law.type in other.types and law.joint == joint:
+                numbers = list(subset.numbers)
+                numbers[place] = swapped.numbers[-1]
+                subset = solve(search.projection, tuple(numbers)) or subset
+                break
+    return subset
 
 
 def as_drawn(race: Race, passed: Sequence[Judged], thresholds: Thresholds) -> tuple[Judged, ...]:

@@ -30,6 +30,7 @@ class Card(NamedTuple):
     member: str
     settled_by: str
     parameters: tuple[finding_wording.PrintedParameter, ...]
+    drawn: list[str]
     carried: list[str]
     pictures: tuple[Picture, ...]
 
@@ -51,10 +52,34 @@ def _card(
         evidence=finding_wording.evidence(said),
         member=said["name"] if said["class_members"] else "",
         settled_by=said["settled_by"],
-        parameters=tuple(finding_wording.estimate(one) for one in said["parameters"]),
+        parameters=tuple(finding_wording.estimates(said)),
+        drawn=finding_wording.drawn(said),
         carried=finding_wording.carried(said),
-        pictures=_pictures(diagnosis, number, finding),
+        pictures=(*_drawn(number, said), *_pictures(diagnosis, number, finding)),
     )
+
+
+def _drawn(number: int, said: finding_wording.Content) -> tuple[Picture, ...]:
+    """The law of a finding as it was drawn, for each factor."""
+    out = []
+    for place, one in enumerate(said["shapes"]):
+        (unit, factor), (force, size) = human(one["variable_unit"]), human(one["unit"])
+        values, std_devs = (size * np.array(one[name]) for name in ("values", "std_devs"))
+        out.append(
+            Picture(
+                f"shape-{number}-{place}",
+                f"The law as it was drawn, which is multiplied by {one['times']}: its value at each "
+                "knot, with its standard deviation",
+                f"From {plain(values.min())} to {plain(values.max())} {force}.",
+                charts.shape(
+                    factor * np.array(one["knots"]),
+                    values,
+                    std_devs,
+                    (f"{one['variable']} [{unit}]", f"[{force}]"),
+                ),
+            )
+        )
+    return tuple(out)
 
 
 def _pictures(diagnosis: Diagnosis, number: int, finding: Finding) -> tuple[Picture, ...]:

@@ -119,6 +119,22 @@ def cloud(
     return description(data, *titles)
 
 
+def shape(
+    knots: np.ndarray, values: np.ndarray, std_devs: np.ndarray, titles: tuple[str, str]
+) -> dict[str, Any]:
+    """Straight lines through values at knots, with their standard deviations."""
+    line = {
+        "type": "scatter",
+        "mode": "lines+markers",
+        "x": numbers(knots),
+        "y": numbers(values),
+        "error_y": {"type": "data", "array": numbers(std_devs), "color": EFFECT, "thickness": 1},
+        "line": {"color": EFFECT, "width": 2},
+        "hovertemplate": "%{x:.4~r}: %{y:.4~r}<extra></extra>",
+    }
+    return description([line], *titles)
+
+
 def points(name: str, colour: str, symbol: str, x: np.ndarray, y: np.ndarray) -> dict[str, Any]:
     """A trace of small marks, without a line between them."""
     return {

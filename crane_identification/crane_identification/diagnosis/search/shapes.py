@@ -6,7 +6,7 @@ shape is asked for an effect that the race found, beside what was found with it.
 
 from collections.abc import Iterator, Mapping
 from dataclasses import dataclass, field
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
 
@@ -76,13 +76,33 @@ def _followed(evidence: Evidence, cls: type[DrawnTerm], j: int) -> np.ndarray:
     return np.concatenate(list(values))[evidence.used[:, j]]
 
 
-def strangers(search: Search, joint: str) -> Iterator[tuple[str, np.ndarray]]:
-    """Signatures on a joint that no effect of the catalogue has: in words, with columns (n, c, k).
-
+class Signature(NamedTuple):
+    """What a force on a joint may depend on, whatever the law: in words, the `types` of the effects
+    that have it, none for one that the catalogue does not know, and its columns (n, c, k).
     """
-    for cls in REGISTRY.values():
-        if cls.stranger and issubclass(cls, OneJointTerm):
-            yield cls.stranger, search.evidence.columns(cls(joint=joint))
+
+    said: str
+    types: tuple[str, ...]
+    columns: np.ndarray
+
+
+def signatures(search: Search, joint: str) -> Iterator[Signature]:
+    """Those on a joint: of effects that can be told from the model, and of no effect."""
+    tested = dict.fromkeys(
+        one.candidate for one in search.projection.candidates if one.candidate.joint == joint
+    )
+    seen = set()
+    for candidate in tested:
+        cls = shape_of(candidate)
+        if cls is None or cls in seen or candidate.drawn:
+            continue
+        seen.add(cls)
+        shaped = drawn(search, candidate)
+        if shaped is not None:
+            yield Signature(cls.said, cls.draws, shaped.columns)
+    for stranger in REGISTRY.values():
+        if stranger.stranger and issubclass(stranger, OneJointTerm):
+            yield Signature(stranger.stranger, (), search.evidence.columns(stranger(joint=joint)))
 
 
 def explained(search: Search, *columns: np.ndarray) -> float:

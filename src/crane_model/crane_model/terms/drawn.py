@@ -25,13 +25,16 @@ class DrawnTerm(OneJointTerm):
     f_k is the value at knot k; beyond the outermost knots the shape stays as it is there. A
     subclass says what x and g are, which of the `knots` have a value (`kept`; at the others the
     shape is 0, because the model has what they would stand for), and of which laws it is the shape:
-    `draws` names their types. `spacing` places the knots within the range of x, 0 to 1.
+    `draws` names their types, and `said` puts the signature in words. `spacing` places the knots within the range of x, 0 to 1; `times`
+    says what each factor is.
     """
 
+    said: ClassVar[str]
     draws: ClassVar[tuple[str, ...]]
     variable: ClassVar[Variable]
     spacing: ClassVar[tuple[float, ...]]
     kept: ClassVar[tuple[int, ...]]
+    times: ClassVar[tuple[str, ...]]
 
     knots: Annotated[tuple[float, ...], Field(min_length=FEWEST_KNOTS)]
 
@@ -47,7 +50,7 @@ class DrawnTerm(OneJointTerm):
     def over(cls, x: Array) -> tuple[float, ...]:
         """The knots for values (n,) of x."""
         low, high = float(x.min()), float(x.max())
-        return tuple(low + share * (high - low) for share in cls.spacing)
+        return rounded(low + (high - low) * np.array(cls.spacing))
 
     @classmethod
     @abstractmethod
@@ -62,6 +65,12 @@ class DrawnTerm(OneJointTerm):
     def values_at_knot(self, k: int, coordinate: str, force: str) -> tuple[Parameter, ...]:
         """The m parameters of a knot, given the units of the joint's coordinate and force."""
 
+    def at_knots(self, values: Array) -> Array:
+        """(m, knots) of parameters (p,): one shape for each factor, with the zeros between."""
+        shapes = np.zeros((len(self.times), len(self.knots)))
+        shapes[:, self.kept] = values.reshape(len(self.kept), len(self.times)).T
+        return shapes
+
     def joint_parameters(self, setting: Setting) -> tuple[Parameter, ...]:
         """The values at the knots that have one."""
         units = setting.units[self.joint], setting.force_unit(self.joint)
@@ -72,6 +81,12 @@ class DrawnTerm(OneJointTerm):
         splines = hats(self.followed(record, j), self.knots)[:, self.kept]
         columns = splines[:, :, np.newaxis] * self.factors(record, j)[:, np.newaxis, :]
         return columns.reshape(len(record), -1)
+
+
+def rounded(knots: Array) -> tuple[float, ...]:
+    """To four digits of their range."""
+    digits = 4 - int(np.ceil(np.log10(max(float(np.ptp(knots)), np.finfo(float).tiny))))
+    return tuple(np.round(knots, digits).tolist())
 
 
 def hats(x: Array, knots: tuple[float, ...]) -> Array:

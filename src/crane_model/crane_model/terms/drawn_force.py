@@ -20,10 +20,12 @@ class DrawnPositionForce(DrawnTerm):
 
     type: Literal["drawn_position_force"] = "drawn_position_force"
     family: ClassVar[Family] = "elasticity"
+    said: ClassVar[str] = "a force that follows the position, whatever the motion"
     draws: ClassVar[tuple[str, ...]] = ("hose_stiffness",)
     variable: ClassVar[Variable] = "position"
     spacing: ClassVar[tuple[float, ...]] = tuple(k / 8 for k in range(9))
     kept: ClassVar[tuple[int, ...]] = tuple(range(1, 9))
+    times: ClassVar[tuple[str, ...]] = ("1",)
 
     knots: tuple[float, ...] = Field(examples=[tuple(-2.5 + 0.25 * k for k in range(9))])
 
@@ -47,10 +49,12 @@ class DrawnEndDamping(DrawnTerm):
 
     type: Literal["drawn_end_damping"] = "drawn_end_damping"
     family: ClassVar[Family] = "hydraulics"
+    said: ClassVar[str] = "resistance to motion near the ends of the range"
     draws: ClassVar[tuple[str, ...]] = ("end_cushioning",)
     variable: ClassVar[Variable] = "position"
     spacing: ClassVar[tuple[float, ...]] = (0.0, 0.05, 0.11, 0.2, 0.8, 0.89, 0.95, 1.0)
     kept: ClassVar[tuple[int, ...]] = (0, 1, 2, 5, 6, 7)
+    times: ClassVar[tuple[str, ...]] = ("q'", "q'|q'|")
 
     knots: tuple[float, ...] = Field(examples=[(-2.5, -2.25, -2.0, -1.75, -1.2, -1.0, -0.7, -0.3)])
 

@@ -7,7 +7,7 @@ from pydantic import Field
 
 from crane_model.array import Array
 from crane_model.record import Record
-from crane_model.terms.drawn import DrawnTerm
+from crane_model.terms.drawn import DrawnTerm, rounded
 from crane_model.terms.effect import Variable
 from crane_model.terms.term import Family, Parameter
 
@@ -16,6 +16,7 @@ class DrawnDryFriction(DrawnTerm):
     """f(x) sgn(q'): a shape of dry friction."""
 
     family: ClassVar[Family] = "friction"
+    times: ClassVar[tuple[str, ...]] = ("sgn(q')",)
     symbol: ClassVar[str]
 
     def factors(self, record: Record, j: int) -> Array:
@@ -32,6 +33,7 @@ class DrawnSpeedFriction(DrawnDryFriction):
     """f(|q'|) sgn(q') beside Coulomb and viscous friction: 0 at rest and at the fastest."""
 
     type: Literal["drawn_speed_friction"] = "drawn_speed_friction"
+    said: ClassVar[str] = "friction that follows the speed, alike in both directions"
     draws: ClassVar[tuple[str, ...]] = ("stribeck", "viscous_quadratic")
     variable: ClassVar[Variable] = "velocity"
     spacing: ClassVar[tuple[float, ...]] = (0.0, 0.02, 0.04, 0.07, 0.12, 0.2, 0.32, 0.5, 0.75, 1.0)
@@ -50,6 +52,7 @@ class DrawnPositionFriction(DrawnDryFriction):
     """f(q) sgn(q') beside Coulomb friction: 0 at the lower end."""
 
     type: Literal["drawn_position_friction"] = "drawn_position_friction"
+    said: ClassVar[str] = "friction that follows the position, alike in both directions"
     draws: ClassVar[tuple[str, ...]] = ("position_friction", "cyclic_friction")
     variable: ClassVar[Variable] = "position"
     spacing: ClassVar[tuple[float, ...]] = tuple(k / 8 for k in range(9))
@@ -68,6 +71,7 @@ class DrawnLoadFriction(DrawnDryFriction):
     """f(|tau|) sgn(q') beside Coulomb friction: 0 without a load."""
 
     type: Literal["drawn_load_friction"] = "drawn_load_friction"
+    said: ClassVar[str] = "friction that follows the load, alike in both directions"
     draws: ClassVar[tuple[str, ...]] = ("load_friction",)
     variable: ClassVar[Variable] = "force"
     spacing: ClassVar[tuple[float, ...]] = (0.0, 0.1, 0.25, 0.5, 1.0)
@@ -87,17 +91,19 @@ class DrawnWarmUp(DrawnTerm):
 
     type: Literal["drawn_warm_up"] = "drawn_warm_up"
     family: ClassVar[Family] = "friction"
+    said: ClassVar[str] = "viscous friction that follows the time of the session"
     draws: ClassVar[tuple[str, ...]] = ("warm_up", "temperature_viscosity")
     variable: ClassVar[Variable] = "time"
     spacing: ClassVar[tuple[float, ...]] = (0.0, 0.03, 0.08, 0.16, 0.3, 0.55, 1.0)
     kept: ClassVar[tuple[int, ...]] = (0, 1, 2, 3, 4, 5)
+    times: ClassVar[tuple[str, ...]] = ("q'",)
 
     knots: tuple[float, ...] = Field(examples=[(0.0, 0.1, 0.2, 0.3, 0.4, 0.5, 0.6)])
 
     @classmethod
     def over(cls, x: Array) -> tuple[float, ...]:
         """By how many samples are earlier: between recordings nothing is known."""
-        return tuple(np.quantile(x, cls.spacing).tolist())
+        return rounded(np.quantile(x, cls.spacing))
 
     @classmethod
     def followed(cls, record: Record, j: int) -> Array:
