@@ -204,7 +204,8 @@ def _shapes(diagnosis: Diagnosis, finding: Finding) -> list[DrawnShape]:
     setting, counts = diagnosis.before.setting, bool(diagnosis.fit.uncalibrated)
     own = finding.parameters[: len(finding.judged.shaped.positive)]
     values, std_devs = (
-        term.at_knots(np.array([getattr(one, name) for one in own])) for name in ("value", "std_dev")
+        term.at_knots(np.array([getattr(one, name) for one in own]))
+        for name in ("value", "std_dev")
     )
     return [
         DrawnShape(

@@ -34,7 +34,8 @@ def held_out_gains(
     fold, names = folds(evidence)
     label = fold[whitener.row]
     old, new, force = whitener(before), whitener(added), whitener(evidence.left)
-    return np.array([gain(old, new, force, label == i) for i in range(len(names))]), names
+    known = leading(old, old.shape[1])
+    return np.array([_gain(known, new, force, label == i) for i in range(len(names))]), names
 
 
 def gain(before: np.ndarray, added: np.ndarray, force: np.ndarray, out: np.ndarray) -> float:
@@ -45,23 +46,30 @@ def gain(before: np.ndarray, added: np.ndarray, force: np.ndarray, out: np.ndarr
     columns: nothing predicts them. So are columns that are in those rows alone, as a load which no
     other recording carries: the rest is predicted better where the others have theirs.
     """
+    return _gain(leading(before, before.shape[1]), added, force, out)
+
+
+def _gain(known: np.ndarray, added: np.ndarray, force: np.ndarray, out: np.ndarray) -> float:
+    """The same beside the orthonormal columns `known` (N, d)."""
     alone = ~added[~out].any(axis=0) & added[out].any(axis=0)
     private, added = added[:, alone], added[:, ~alone]
-    known = leading(before, before.shape[1])
     rest = beside(known, added)
     own = np.linalg.norm(rest, axis=0) > ROUNDING_SHARE * np.linalg.norm(added, axis=0)
     new = leading(rest[:, own], added.shape[1])
     # Orthonormal columns keep their principal directions on any rows and on the others.
     power, directions = np.linalg.eigh(known[~out].T @ known[~out])
     turned = known @ directions
-    held = turned[:, power >= HELD_SHARE**2]
-    lost = np.concatenate([turned[:, power < HELD_SHARE**2], private], axis=1)
+    determined = power >= HELD_SHARE**2
+    held = turned[:, determined]
+    lost = np.concatenate([turned[:, ~determined], private], axis=1)
     both = np.concatenate([held, new, force[:, np.newaxis]], axis=1)
     inside, outside = (
-        beside(leading(lost[rows], lost.shape[1]), both[rows]) for rows in (~out, out)
+        beside(leading(lost[rows], lost.shape[1]), both[rows]) if lost.shape[1] else both[rows]
+        for rows in (~out, out)
     )
     k = held.shape[1]
-    left = beside(leading(inside[:, :k], k), inside[:, k:-1])
+    basis = inside[:, :k] / np.sqrt(power[determined])
+    left = beside(basis, inside[:, k:-1])
     if np.linalg.svd(left, compute_uv=False).min(initial=1.0) < HELD_SHARE or not own.any():
         return np.nan
     costs = [_left(inside, outside, count) for count in (k, k + new.shape[1])]
@@ -69,8 +77,12 @@ def gain(before: np.ndarray, added: np.ndarray, force: np.ndarray, out: np.ndarr
 
 
 def _left(inside: np.ndarray, outside: np.ndarray, count: int) -> float:
-    """Sum of squares of the last column outside that its fit by the first `count` inside leaves."""
-    values = np.linalg.lstsq(inside[:, :count], inside[:, -1])[0]
+    """Sum of squares of the last column outside that its fit by the first `count` inside leaves.
+
+    Those are far from combinations of each other.
+    """
+    gram = inside[:, :count].T @ inside[:, :count]
+    values = np.linalg.solve(gram, inside[:, :count].T @ inside[:, -1])
     return float(((outside[:, -1] - outside[:, :count] @ values) ** 2).sum())
 
 

@@ -15,18 +15,13 @@ from scipy.stats import chi2
 from crane_identification.diagnosis.decision.cross_validation import held_out_gains, helps
 from crane_identification.diagnosis.decision.judgement import Judged, marginal
 from crane_identification.diagnosis.decision.likeness import in_place_of, without
+from crane_identification.diagnosis.fit.evidence import VISIBLE_SHARE, beside, leading
 from crane_identification.diagnosis.search.candidates import ShapedCandidate
 from crane_identification.diagnosis.search.energy import strength, unexplained_beside
 from crane_identification.diagnosis.search.race import Race
 from crane_identification.diagnosis.search.search import Search
 from crane_identification.diagnosis.search.selection import NOTHING, Subset, solve
-from crane_identification.diagnosis.search.shapes import (
-    Signature,
-    drawn,
-    explained,
-    shape_of,
-    signatures,
-)
+from crane_identification.diagnosis.search.shapes import Signature, shape_of
 from crane_identification.thresholds import Thresholds
 
 
@@ -42,24 +37,22 @@ def covered(search: Search, subset: Subset, thresholds: Thresholds, settled: int
         for number, first, gain in zip(subset.numbers, found, gains, strict=True):
             if first is own or first.candidate.joint != own.candidate.joint or gain < gains[place]:
                 continue
-            shaped = drawn(search, first.candidate)
+            shaped = search.shapes.of(first.candidate)
             if shaped is None:
                 continue
             if shape_of(own.candidate) is shape_of(first.candidate):
                 alone = solve(search.projection, (number,)) or NOTHING
                 more, asked = gains[place], share * alone.gain
             else:
-                more = explained(search, *rest, shaped.columns, own.columns)
-                more -= explained(search, *rest, shaped.columns)
+                more = _explained(search, *rest, shaped.columns, own.columns)
+                more -= _explained(search, *rest, shaped.columns)
                 asked = share * gains[place]
             if more < asked:
                 return True
     return False
 
 
-def rival(
-    search: Search, subset: Subset, place: int, thresholds: Thresholds
-) -> Signature | None:
+def rival(search: Search, subset: Subset, place: int, thresholds: Thresholds) -> Signature | None:
     """The signature that explains most of what one effect of a set does, and clearly more than any
     shape of it, also of recordings that it is not fitted to; None if there is none.
     """
@@ -67,16 +60,16 @@ def rival(
     if own.candidate.joint is None or own.candidate.changes:
         return None
     rest = [one.columns for one in _candidates(search, without(search, subset, place))]
-    shaped = drawn(search, own.candidate)
+    shaped = search.shapes.of(own.candidate)
     free = [own.columns, *([] if shaped is None else [shaped.columns])]
     before = np.concatenate([search.evidence.free, *rest, *free], axis=2)
-    known = explained(search, *rest, *free)
+    known = _explained(search, *rest, *free)
     least = thresholds.method.lead_share * unexplained_beside(search, subset, place)
     best, most = None, known
-    for other in signatures(search, own.candidate.joint):
+    for other in _signatures(search, own.candidate.joint):
         if own.candidate.type in other.types:
             continue
-        reached = explained(search, *rest, other.columns)
+        reached = _explained(search, *rest, other.columns)
         if reached - known <= max(least, _chance(other.columns, thresholds)) or reached <= most:
             continue
         gains, _ = held_out_gains(search.evidence, search.whitener, before, other.columns)
@@ -110,7 +103,7 @@ def as_drawn(race: Race, passed: Sequence[Judged], thresholds: Thresholds) -> tu
     """The effects, those that no law fits with the shape that was drawn."""
     out = list(passed)
     for place, one in enumerate(out):
-        shaped = drawn(race.search, one.shaped.candidate)
+        shaped = race.search.shapes.of(one.shaped.candidate)
         if shaped is not None:
             rest = [other.shaped.columns for other in out if other is not one]
             out[place] = _better(race, one, shaped, rest, thresholds)
@@ -128,7 +121,7 @@ def _better(
     it is not fitted to, with its drawn shape, beside the `rest` (n, c, k each).
     """
     search, method = race.search, thresholds.method
-    lead = explained(search, *rest, shaped.columns) - explained(search, *rest, law.shaped.columns)
+    lead = _explained(search, *rest, shaped.columns) - _explained(search, *rest, law.shaped.columns)
     if lead <= max(method.further_share * law.score, _chance(shaped.columns, thresholds)):
         return law
     before = np.concatenate([search.evidence.free, *rest], axis=2)
@@ -151,6 +144,24 @@ def _better(
         visibility=float(search.projection.visibility[number]),
         strength=strength(search, number, score),
     )
+
+
+def _signatures(search: Search, joint: str) -> list[Signature]:
+    """Those on a joint: of effects that can be told from the model, and of no effect."""
+    own = [one.candidate for one in search.projection.candidates if one.candidate.joint == joint]
+    laws = {shape_of(one): one for one in reversed(own) if not one.drawn}
+    shaped = ((cls, search.shapes.of(law)) for cls, law in laws.items() if cls is not None)
+    known = [Signature(cls.said, cls.draws, one.columns) for cls, one in shaped if one is not None]
+    return [*known, *search.shapes.strangers(joint)]
+
+
+def _explained(search: Search, *columns: np.ndarray) -> float:
+    """2 dlogL that columns (n, c, k), whatever their signs, gain together beside the base."""
+    white = search.whitener(np.concatenate(columns, axis=2))
+    rest = beside(search.base.basis, white)
+    seen = np.linalg.norm(rest, axis=0) > VISIBLE_SHARE * np.linalg.norm(white, axis=0)
+    known = leading(rest[:, seen], int(seen.sum()))
+    return float(((known.T @ search.base.residual) ** 2).sum())
 
 
 def _candidates(search: Search, subset: Subset) -> list[ShapedCandidate]:

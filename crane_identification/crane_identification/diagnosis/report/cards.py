@@ -68,8 +68,8 @@ def _drawn(number: int, said: finding_wording.Content) -> tuple[Picture, ...]:
         out.append(
             Picture(
                 f"shape-{number}-{place}",
-                f"The law as it was drawn, which is multiplied by {one['times']}: its value at each "
-                "knot, with its standard deviation",
+                f"The law as it was drawn, to be multiplied by {one['times']}: values at its "
+                "knots, with their standard deviations",
                 f"From {plain(values.min())} to {plain(values.max())} {force}.",
                 charts.shape(
                     factor * np.array(one["knots"]),

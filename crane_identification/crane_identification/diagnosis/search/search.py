@@ -1,6 +1,6 @@
 """The search for missing effects in one body of evidence: what can be seen of each, by itself."""
 
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 
 import numpy as np
 
@@ -12,6 +12,7 @@ from crane_identification.diagnosis.search.candidates import (
 )
 from crane_identification.diagnosis.search.projection import Projection, project
 from crane_identification.diagnosis.search.selection import NOTHING, Subset
+from crane_identification.diagnosis.search.shapes import Shapes
 from crane_identification.diagnosis.search.visibility import left_out, visible
 from crane_identification.diagnosis.search.whitening import Base, Whitener, whitened_base, whitener
 from crane_model.progress import Progress, silent
@@ -20,7 +21,7 @@ from crane_model.progress import Progress, silent
 @dataclass(frozen=True)
 class Search:
     """Evidence, its whitening and base, and all candidates beside it; `sets` are the best of no
-    effect, of one, and so on, each size best first.
+    effect, of one, and so on, each size best first. `shapes` are drawn beside the race.
     """
 
     evidence: Evidence
@@ -30,6 +31,7 @@ class Search:
     untestable: dict[Candidate, str]
     unobservable: dict[Candidate, str]
     sets: tuple[tuple[Subset, ...], ...] = ((NOTHING,),)
+    shapes: Shapes = field(default_factory=Shapes)
 
     def number(self, shaped: ShapedCandidate) -> int:
         """Which of the candidates of the projection it is."""
@@ -49,4 +51,4 @@ def search(evidence: Evidence, wanted: list[Candidate], progress: Progress = sil
         candidate: why for candidate, why in part.items() if candidate not in untestable
     }
     kept = projection.kept(good & ~hidden)
-    return Search(evidence, white, base, kept, untestable, unobservable)
+    return Search(evidence, white, base, kept, untestable, unobservable, shapes=Shapes(evidence))

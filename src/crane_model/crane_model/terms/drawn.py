@@ -5,10 +5,10 @@ symmetry, and leaves the dependence free. It stands for that effect where no law
 """
 
 from abc import abstractmethod
-from typing import Annotated, ClassVar, Self
+from typing import ClassVar, Self
 
 import numpy as np
-from pydantic import Field, model_validator
+from pydantic import model_validator
 
 from crane_model.array import Array
 from crane_model.record import Record
@@ -16,17 +16,15 @@ from crane_model.terms.effect import Variable
 from crane_model.terms.joint_term import OneJointTerm
 from crane_model.terms.term import Parameter, Setting
 
-FEWEST_KNOTS = 3
-
 
 class DrawnTerm(OneJointTerm):
     """sum_k f_k B_k(x) g: B-splines of degree one in a variable x of the joint, times factors g.
 
     f_k is the value at knot k; beyond the outermost knots the shape stays as it is there. A
-    subclass says what x and g are, which of the `knots` have a value (`kept`; at the others the
-    shape is 0, because the model has what they would stand for), and of which laws it is the shape:
-    `draws` names their types, and `said` puts the signature in words. `spacing` places the knots within the range of x, 0 to 1; `times`
-    says what each factor is.
+    subclass says what x and g are (`variable`, `times`), which of the `knots` have a value (`kept`;
+    at the others the shape is 0, because the model has what they would stand for), and how knots
+    are spaced within the range of x, 0 to 1 (`spacing`). `draws` names the types of the laws whose
+    shape it is, and `said` puts their signature in words.
     """
 
     said: ClassVar[str]
@@ -36,7 +34,7 @@ class DrawnTerm(OneJointTerm):
     kept: ClassVar[tuple[int, ...]]
     times: ClassVar[tuple[str, ...]]
 
-    knots: Annotated[tuple[float, ...], Field(min_length=FEWEST_KNOTS)]
+    knots: tuple[float, ...]
 
     @model_validator(mode="after")
     def _rising(self) -> Self:
@@ -86,7 +84,7 @@ class DrawnTerm(OneJointTerm):
 def rounded(knots: Array) -> tuple[float, ...]:
     """To four digits of their range."""
     digits = 4 - int(np.ceil(np.log10(max(float(np.ptp(knots)), np.finfo(float).tiny))))
-    return tuple(np.round(knots, digits).tolist())
+    return tuple((np.round(knots, digits) + 0.0).tolist())  # no -0.0
 
 
 def hats(x: Array, knots: tuple[float, ...]) -> Array:

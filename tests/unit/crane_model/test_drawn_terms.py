@@ -1,0 +1,130 @@
+"""Laws that are drawn: splines at knots, which a model file carries and a simulation follows."""
+
+from pathlib import Path
+
+import numpy as np
+import pytest
+from scipy.interpolate import BSpline
+from scipy.signal import lfilter
+from unit.crane_model.test_term_registry import SETTING, example, random_record
+
+from crane_model.errors import ConfigurationError
+from crane_model.model_file import Model, load_model, save_model
+from crane_model.record import Record
+from crane_model.terms import REGISTRY, DrawnTerm, Setting, term_from_mapping
+from crane_model.terms.drawn import hats, rounded
+from crane_model.terms.drawn_force import DrawnEndDamping, DrawnPositionForce, RelaxingForce
+from crane_model.terms.drawn_friction import DrawnWarmUp
+
+DRAWN = sorted(name for name, cls in REGISTRY.items() if issubclass(cls, DrawnTerm))
+KNOTS = (-1.0, -0.2, 0.1, 0.5, 2.0)
+AXIS = Setting({"axis": "m"}, None)
+
+
+def axis(time: np.ndarray, q: np.ndarray, v: np.ndarray) -> Record:
+    return Record(("axis",), time, q[:, None], v[:, None], np.zeros((len(q), 1)))
+
+
+def test_hats_are_the_splines_of_scipy() -> None:
+    """Of degree one, over knots of any spacing."""
+    x = np.linspace(-1.0, 2.0, 301)[:-1]
+    padded = np.array([KNOTS[0], *KNOTS, KNOTS[-1]])
+    expected = BSpline.design_matrix(x, padded, 1).toarray()
+    np.testing.assert_allclose(hats(x, KNOTS), expected, atol=1e-12)
+
+
+def test_beyond_its_knots_a_shape_stays_as_it_is_there() -> None:
+    beyond = hats(np.array([-9.0, 9.0]), KNOTS)
+    np.testing.assert_array_equal(beyond, [[1, 0, 0, 0, 0], [0, 0, 0, 0, 1]])
+
+
+@pytest.mark.parametrize("name", DRAWN)
+def test_a_drawn_law_is_its_values_at_the_knots_times_its_factors(name: str) -> None:
+    """By numpy's interpolation through the shape that `at_knots` gives, zeros and all."""
+    term, record, rng = example(name), random_record(), np.random.default_rng(7)
+    assert isinstance(term, DrawnTerm)
+    j = record.column(term.joint)
+    values = rng.standard_normal(len(term.parameters(SETTING)))
+    shapes = term.at_knots(values)
+    assert shapes.shape == (len(term.times), len(term.knots))
+    x, factors = term.followed(record, j), term.factors(record, j)
+    expected = sum(
+        np.interp(x, term.knots, shape) * factors[:, k] for k, shape in enumerate(shapes)
+    )
+    np.testing.assert_allclose(term.columns(record, SETTING)[:, j] @ values, expected, atol=1e-9)
+
+
+@pytest.mark.parametrize("name", DRAWN)
+def test_the_laws_that_are_drawn_are_in_the_catalogue_and_drawn_once(name: str) -> None:
+    cls = REGISTRY[name]
+    assert issubclass(cls, DrawnTerm)
+    others = {law for other in DRAWN if other != name for law in REGISTRY[other].draws}  # type: ignore[attr-defined]
+    for law in cls.draws:
+        effect = REGISTRY[law].effect
+        assert effect is not None
+        assert law not in others
+    assert cls.effect is None  # it never races
+
+
+def test_knots_lie_over_the_range_and_those_of_time_where_samples_are() -> None:
+    x = np.array([0.3, 1.5, -0.5])
+    knots = DrawnPositionForce.over(x)
+    np.testing.assert_allclose(knots, np.linspace(-0.5, 1.5, 9))
+    time = np.concatenate([np.linspace(0.0, 60.0, 500), np.linspace(7200.0, 7260.0, 500)])
+    knots = DrawnWarmUp.over(time)
+    assert sum(60.0 < one < 7200.0 for one in knots) == 0
+    assert rounded(np.array([-1.09e-5, 0.123456])) == (0.0, 0.1235)
+
+
+@pytest.mark.parametrize(
+    ("knots", "said"),
+    [
+        ((0.0, 0.1, 0.2, 0.3), "9 needed, got 4"),
+        ((0.0, 0.1, 0.1, 0.3, 0.4, 0.5, 0.6, 0.7, 0.8), "each must exceed the one before"),
+    ],
+)
+def test_knots_that_are_no_knots_are_named(knots: tuple[float, ...], said: str) -> None:
+    with pytest.raises(ValueError, match=said):
+        term_from_mapping({"type": "drawn_position_force", "joint": "axis", "knots": knots})
+
+
+def test_a_model_file_carries_a_shape(tmp_path: Path) -> None:
+    term = DrawnPositionForce(joint="axis", knots=tuple(np.linspace(0.0, 1.0, 9).tolist()))
+    values = np.arange(8.0)
+    model = Model("one", AXIS, (term,)).with_estimate(values, np.ones(8), "drawn")
+    save_model(tmp_path / "model.yaml", model)
+    read = load_model(tmp_path / "model.yaml")
+    assert read.terms == (term,)
+    q = np.linspace(-0.2, 1.2, 50)
+    force = read.predict(axis(np.arange(50.0), q, np.ones(50)))[:, 0]
+    np.testing.assert_allclose(force, np.interp(q, term.knots, [0.0, *values]), atol=1e-9)
+
+
+def test_a_shape_of_cushioning_leaves_the_middle_alone() -> None:
+    term = DrawnEndDamping(joint="axis", knots=DrawnEndDamping.over(np.array([0.0, 1.0])))
+    q = np.array([0.0, 0.1, 0.3, 0.5, 0.79, 0.9, 1.0])
+    columns = term.columns(axis(np.arange(7.0), q, np.full(7, 0.2)), AXIS)[:, 0]
+    assert not columns[2:5].any()
+    assert columns[[0, 1, 5, 6]].any(axis=1).all()
+    np.testing.assert_allclose(columns[:, 1::2], 0.2 * columns[:, ::2])  # q'|q'| beside q'
+
+
+def test_a_force_fades_as_a_spring_behind_a_damper_does() -> None:
+    """z' = q' - z/T of each spring, by SciPy's filter of the same step."""
+    time = np.arange(0.0, 6.0, 0.01)
+    q = np.where(time < 3.0, 0.1 * np.sin(2.0 * time), 0.1 * np.sin(6.0))
+    term = RelaxingForce(joint="axis", times=(0.5, 2.0))
+    z = term.columns(axis(time, q, np.gradient(q, time)), AXIS)[:, 0]
+    for column, T in zip(z.T, term.times, strict=True):
+        kept = np.exp(-0.01 / T)
+        expected = lfilter([(1.0 - kept) * T / 0.01], [1.0, -kept], np.diff(q, prepend=q[:1]))
+        np.testing.assert_allclose(column, expected, atol=1e-12)
+    at_rest = z[time >= 3.0]
+    np.testing.assert_allclose(
+        at_rest[-1] / at_rest[0], np.exp(-(time[-1] - 3.0) / np.array(term.times)), rtol=0.02
+    )
+
+
+def test_a_model_without_that_joint_is_refused() -> None:
+    with pytest.raises(ConfigurationError, match="no joint 'boom'"):
+        RelaxingForce(joint="boom").parameters(AXIS)
