@@ -1,0 +1,135 @@
+"""The physics before the law: laws that no catalogue has, of one axis, by their signature.
+
+The seeds and laws are of these tests alone; `FORCE` of the added law is a quarter of the drive's.
+"""
+
+from collections.abc import Callable
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+import pytest
+from scipy.signal import lfilter
+from unit.crane_identification.diagnosis.test_axis import FULL, model
+from unit.crane_identification.report.html_reader import read_html
+from unit.crane_identification.synthetic import axis_log
+
+from crane_identification.data.log import Log, Signal
+from crane_identification.diagnosis import explain, findings
+from crane_identification.diagnosis.answer.verdict import Verdict
+from crane_identification.diagnosis.decision.shape import covered
+from crane_identification.diagnosis.diagnosis import Diagnosis, diagnose
+from crane_identification.diagnosis.fit.fit import fitted
+from crane_identification.diagnosis.report import page
+from crane_identification.diagnosis.search.race import Race
+from crane_identification.diagnosis.search.search import search
+from crane_identification.diagnosis.search.wanted import wanted
+from crane_identification.options import Options
+from crane_identification.report.content import Provenance
+from crane_identification.thresholds import load_thresholds
+from crane_model.model_file import load_model, save_model
+
+FORCE = 3.0  # N rms of what is added
+SEEDS = range(5)  # four recordings to train on, one to validate on
+HALF = 0.2  # m, of the spring that gives up
+FADING = 1.0  # s
+
+Law = Callable[[np.ndarray, np.ndarray], np.ndarray]
+
+
+def spring(q: np.ndarray, v: np.ndarray) -> np.ndarray:
+    """A hose that hardly resists where it is bent far: no `k q`."""
+    return np.tanh(2.0 * q / HALF)
+
+
+def fading(q: np.ndarray, v: np.ndarray) -> np.ndarray:
+    """A hose whose force fades within a second: no effect of the catalogue."""
+    step = 0.01 / FADING
+    return np.tanh(10.0 * lfilter([1.0], [1.0, -(1.0 - step)], 0.01 * v))
+
+
+def lubricated(q: np.ndarray, v: np.ndarray) -> np.ndarray:
+    """Friction that falls with the speed by a power law."""
+    return np.sign(v) / (1.0 + (np.abs(v) / 0.03) ** 3)
+
+
+def logs(folder: Path, law: Law) -> list[Log]:
+    out = []
+    for seed in SEEDS:
+        made = axis_log(seed, model(folder, *FULL), periods=2)
+        assert made.force is not None
+        q = made.position.value[:, 0]
+        added = law(q, np.gradient(q, made.position.time))[:, np.newaxis]
+        size = float(np.sqrt((added**2).mean()))
+        force = made.force.value + FORCE / size * added
+        out.append(replace(made, force=Signal(made.force.time, force, "f")))
+    return out
+
+
+def diagnosed(folder: Path, law: Law) -> Diagnosis:
+    recordings = logs(folder, law)
+    given = recordings[:-1], recordings[-1:], Options(), load_thresholds()
+    return diagnose(model(folder, *FULL), *given)
+
+
+@pytest.fixture(scope="module")
+def of_a_spring(tmp_path_factory: pytest.TempPathFactory) -> Diagnosis:
+    return diagnosed(tmp_path_factory.mktemp("spring"), spring)
+
+
+def test_an_effect_of_another_law_is_named_by_its_signature(of_a_spring: Diagnosis) -> None:
+    """Its shape, as drawn, is the planted one, beside a constant; and the gap closes."""
+    (found,) = of_a_spring.findings
+    assert of_a_spring.verdict in (Verdict.NAMED, Verdict.AND_MORE)
+    assert (found.candidate.type, found.candidate.drawn) == ("hose_stiffness", True)
+    assert of_a_spring.gap.closed[0] > 0.95
+    (entry,) = findings.answer(of_a_spring).findings
+    (shape,) = entry.shapes
+    assert (entry.effect, shape.variable, shape.times) == ("hose_stiffness", "position", "1")
+    assert (shape.variable_unit, shape.unit) == ("m", "N")
+    knots, values = np.array(shape.knots), np.array(shape.values)
+    planted = spring(knots, knots)
+    planted *= np.ptp(values) / np.ptp(planted)
+    np.testing.assert_allclose(values - values[4], planted - planted[4], atol=0.1 * np.ptp(values))
+
+
+def test_a_drawn_law_is_in_page_terminal_and_model_file(
+    of_a_spring: Diagnosis, tmp_path: Path
+) -> None:
+    content = findings.content(of_a_spring)
+    said = "\n".join(explain.lines(content))
+    assert "hose stiffness, shape as drawn (axis)" in said
+    assert "law over the position [N at m]: 0 at" in said
+    html = page.render(of_a_spring, Provenance.of("2012-06-01", ["diagnose"], "axis.yaml"))
+    assert "The law as it was drawn" in " ".join(read_html(html).text.split())
+    save_model(tmp_path / "after.yaml", of_a_spring.after)
+    read = load_model(tmp_path / "after.yaml")
+    record = of_a_spring.training.runs[0].record
+    np.testing.assert_allclose(read.predict(record), of_a_spring.after.predict(record))
+    assert read.terms[-1].type == "drawn_position_force"
+
+
+def test_a_force_that_fades_is_unknown_and_says_so(tmp_path: Path) -> None:
+    result = diagnosed(tmp_path, fading)
+    assert result.verdict is Verdict.UNKNOWN and not result.findings
+    near = result.answer.nearest
+    assert near is not None
+    assert "follows the position and fades within seconds explains clearly more" in near.objection
+
+
+def test_a_further_effect_explains_what_no_shape_of_the_first_one_does(
+    of_a_spring: Diagnosis, tmp_path: Path
+) -> None:
+    """What `k q` leaves of another spring is no second effect; friction beside it is one."""
+    recordings = logs(tmp_path, lambda q, v: spring(q, v) + lubricated(q, v))
+    fit = fitted(model(tmp_path, *FULL), recordings[:-1], recordings[-1:], Options())
+    found = {}
+    for which in (of_a_spring.fit, fit):
+        race = Race(search(which.evidence, wanted(which, ())))
+        best = race.best(2)
+        assert best is not None
+        names = {race.search.projection.candidates[i].candidate.type for i in best.numbers}
+        assert "hose_stiffness" in names
+        found[frozenset(names)] = covered(race.search, best, load_thresholds())
+    assert not found.pop(frozenset({"hose_stiffness", "stribeck"}))
+    assert list(found.values()) == [True]
