@@ -10,6 +10,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 from scipy.signal import lfilter
+from unit.crane_identification.diagnosis import made
 from unit.crane_identification.diagnosis.test_axis import FULL, model
 from unit.crane_identification.report.html_reader import read_html
 from unit.crane_identification.synthetic import axis_log
@@ -19,15 +20,14 @@ from crane_identification.diagnosis import explain, findings
 from crane_identification.diagnosis.answer.verdict import Verdict
 from crane_identification.diagnosis.decision.shape import covered
 from crane_identification.diagnosis.diagnosis import Diagnosis, diagnose
-from crane_identification.diagnosis.fit.fit import fitted
 from crane_identification.diagnosis.report import page
-from crane_identification.diagnosis.search.race import Race
-from crane_identification.diagnosis.search.search import search
-from crane_identification.diagnosis.search.wanted import wanted
+from crane_identification.diagnosis.search.selection import solve
+from crane_identification.diagnosis.search.shapes import Shapes
 from crane_identification.options import Options
 from crane_identification.report.content import Provenance
 from crane_identification.thresholds import load_thresholds
 from crane_model.model_file import load_model, save_model
+from crane_model.terms.drawn import hats
 
 FORCE = 3.0  # N rms of what is added
 SEEDS = range(5)  # four recordings to train on, one to validate on
@@ -48,21 +48,16 @@ def fading(q: np.ndarray, v: np.ndarray) -> np.ndarray:
     return np.tanh(10.0 * lfilter([1.0], [1.0, -(1.0 - step)], 0.01 * v))
 
 
-def lubricated(q: np.ndarray, v: np.ndarray) -> np.ndarray:
-    """Friction that falls with the speed by a power law."""
-    return np.sign(v) / (1.0 + (np.abs(v) / 0.03) ** 3)
-
-
 def logs(folder: Path, law: Law) -> list[Log]:
     out = []
     for seed in SEEDS:
-        made = axis_log(seed, model(folder, *FULL), periods=2)
-        assert made.force is not None
-        q = made.position.value[:, 0]
-        added = law(q, np.gradient(q, made.position.time))[:, np.newaxis]
+        plain = axis_log(seed, model(folder, *FULL), periods=2)
+        assert plain.force is not None
+        q = plain.position.value[:, 0]
+        added = law(q, np.gradient(q, plain.position.time))[:, np.newaxis]
         size = float(np.sqrt((added**2).mean()))
-        force = made.force.value + FORCE / size * added
-        out.append(replace(made, force=Signal(made.force.time, force, "f")))
+        force = plain.force.value + FORCE / size * added
+        out.append(replace(plain, force=Signal(plain.force.time, force, "f")))
     return out
 
 
@@ -117,19 +112,17 @@ def test_a_force_that_fades_is_unknown_and_says_so(tmp_path: Path) -> None:
     assert "follows the position and fades within seconds explains clearly more" in near.objection
 
 
-def test_a_further_effect_explains_what_no_shape_of_the_first_one_does(
-    of_a_spring: Diagnosis, tmp_path: Path
-) -> None:
-    """What `k q` leaves of another spring is no second effect; friction beside it is one."""
-    recordings = logs(tmp_path, lambda q, v: spring(q, v) + lubricated(q, v))
-    fit = fitted(model(tmp_path, *FULL), recordings[:-1], recordings[-1:], Options())
-    found = {}
-    for which in (of_a_spring.fit, fit):
-        race = Race(search(which.evidence, wanted(which, ())))
-        best = race.best(2)
-        assert best is not None
-        names = {race.search.projection.candidates[i].candidate.type for i in best.numbers}
-        assert "hose_stiffness" in names
-        found[frozenset(names)] = covered(race.search, best, load_thresholds())
-    assert not found.pop(frozenset({"hose_stiffness", "stribeck"}))
-    assert list(found.values()) == [True]
+def test_a_further_effect_explains_what_no_shape_of_the_first_one_does() -> None:
+    """What `k q` leaves of another spring is no second effect; another quantity beside it is one."""
+    q, other = made.normal(1), made.normal(2)
+    columns = {"hose_stiffness": q, "pressure_offset": q**3, "actuator_inertia": other}
+    known = made.searched(columns, 9.0 * np.tanh(q) + 4.0 * other)
+    laws = {one.candidate.type: one.candidate for one in known.projection.candidates}
+    shape = made.shaped("hose_stiffness", hats(q, tuple(np.linspace(-3.0, 3.0, 9)))[:, 1:])
+    known = replace(known, shapes=Shapes(drawn=dict.fromkeys(laws.values())))
+    known.shapes.drawn[laws["hose_stiffness"]] = shape
+    numbers = {one.candidate.type: n for n, one in enumerate(known.projection.candidates)}
+    for second, expected in (("pressure_offset", True), ("actuator_inertia", False)):
+        subset = solve(known.projection, (numbers["hose_stiffness"], numbers[second]))
+        assert subset is not None
+        assert covered(known, subset, load_thresholds()) is expected
