@@ -22,6 +22,8 @@ def lines(content: dict[str, Any]) -> list[str]:
     for number, finding in enumerate(content["findings"], start=1):
         out += _finding(number, finding)
     out += _block("Nearest of the catalogue:", wording.nearest(content))
+    if said := wording.signatures(content):
+        out += _block(f"What it may depend on ({spoken(content['unknown']['joint'])}):", said)
     where = [f"{joint}: {said}" for joint, said in wording.disagrees(content)]
     out += _block("Where the model disagrees:", where)
     out.append(f"What is left: {wording.left(content)}.")

@@ -6,6 +6,7 @@ from typing import Any
 
 import numpy as np
 
+from crane_identification.diagnosis.answer.unknown import UnknownForce
 from crane_identification.diagnosis.diagnosis import Diagnosis
 from crane_identification.diagnosis.finding_entry import (
     ChangedParameter,
@@ -25,9 +26,11 @@ from crane_identification.diagnosis.findings_file import (
     GapOfModels,
     GapSide,
     LeftResidual,
+    NearbySignature,
     NearestEffects,
     NearestGap,
     SessionClock,
+    UnknownPlace,
     Untried,
 )
 from crane_identification.diagnosis.flow_and_load_findings import balance, of_flow, of_load
@@ -71,6 +74,7 @@ def answer(diagnosis: Diagnosis, suspicions: Sequence[str] = ()) -> Findings:
         + [of_flow(diagnosis, one.joint, each) for one in flow.found for each in one.missing]
         + [of_load(diagnosis, one) for one in gap.loads if one.found],
         nearest=_nearest(diagnosis),
+        unknown=_unknown(diagnosis.answer.unknown),
         gap=GapOfModels(
             before=_side(gap, gap.before, gap.motion_before),
             after=_side(gap, gap.after, gap.motion_after),
@@ -265,6 +269,26 @@ def _nearest(diagnosis: Diagnosis) -> NearestEffects | None:
             for joint, before, after in zip(near.joints, near.before, near.after, strict=True)
         },
         objection=near.objection,
+    )
+
+
+def _unknown(found: UnknownForce | None) -> UnknownPlace | None:
+    """What is known of an unknown force."""
+    if found is None:
+        return None
+    return UnknownPlace(
+        joint=found.joint,
+        signatures=[
+            NearbySignature(
+                signature=one.said,
+                effects=list(one.types),
+                explained_share=one.share,
+                better=one.better,
+                asked=one.asked,
+            )
+            for one in found.signatures
+        ],
+        recordings=found.recordings,
     )
 
 

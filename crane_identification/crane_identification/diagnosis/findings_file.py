@@ -55,6 +55,32 @@ class NearestEffects(ResultPart):
     """Why they are no answer."""
 
 
+class NearbySignature(ResultPart):
+    """What an unknown force may depend on."""
+
+    signature: str
+    """In words: the variable, and with which symmetry."""
+    effects: list[str]
+    """Types of the effects that have it; none where the catalogue knows no such effect."""
+    explained_share: Number
+    """Of the energy beyond noise, by the best shape of it [-]."""
+    better: int
+    """Recordings that it helps to predict when it is fitted to the others."""
+    asked: int
+    """Recordings that this was asked of."""
+
+
+class UnknownPlace(ResultPart):
+    """What is known of a force that is unknown."""
+
+    joint: str
+    """That most of it is on."""
+    signatures: list[NearbySignature]
+    """The nearest ones, best first."""
+    recordings: NumberByJoint
+    """By the recordings in which there is far more of it: rms over the median of all [-]."""
+
+
 class GapSide(ResultPart):
     """Errors of a joint on the held-out recordings."""
 
@@ -217,6 +243,8 @@ class Findings(ResultFile):
     """Effects of the force, strongest first; then of the flow; then loads."""
     nearest: NearestEffects | None
     """Where nothing is named."""
+    unknown: UnknownPlace | None = None
+    """Where something is unknown."""
     gap: GapOfModels
     """Errors before and after."""
     left: dict[str, LeftResidual]

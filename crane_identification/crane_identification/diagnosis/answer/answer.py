@@ -2,6 +2,7 @@
 
 from collections.abc import Sequence
 
+from crane_identification.diagnosis.answer.unknown import unknown_force
 from crane_identification.diagnosis.answer.verdict import Answer, Reach, Verdict, judge
 from crane_identification.diagnosis.decision.decision import Decision
 from crane_identification.diagnosis.fit.fit import Fitted
@@ -26,7 +27,9 @@ def answered(
     least = detectable(search, decision.threshold)
     answer = judge(proof, Reach(testable_share(search), least, fit.undetermined), thresholds)
     if answer.verdict is Verdict.UNKNOWN:
-        answer = answer._replace(nearest=_nearest(fit, search, decision, proof, answer))
+        answer = answer._replace(
+            nearest=_nearest(fit, search, decision, proof, answer), unknown=unknown_force(search)
+        )
     answer = with_flow(with_loads(answer, proof.gap.loads), flow.found)
     return with_pulsation(answer, proof.pulsations)
 

@@ -6,6 +6,7 @@ from typing import NamedTuple
 
 import numpy as np
 
+from crane_identification.diagnosis.answer.unknown import UnknownForce
 from crane_identification.diagnosis.decision.judgement import Judged
 from crane_identification.diagnosis.proof.gap import Gap
 from crane_identification.diagnosis.proof.proof import Nearest, Proof
@@ -28,13 +29,14 @@ class Verdict(StrEnum):
 
 class Answer(NamedTuple):
     """A verdict and its reason; `objection`: why effects that passed all tests are no names.
-    `nearest`: what comes closest where nothing is named.
+    `nearest`: what comes closest where nothing is named; `unknown`: what is known of it.
     """
 
     verdict: Verdict
     reason: str
     objection: str = ""
     nearest: Nearest | None = None
+    unknown: UnknownForce | None = None
 
 
 class Reach(NamedTuple):

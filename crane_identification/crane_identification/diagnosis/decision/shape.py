@@ -44,8 +44,8 @@ def covered(search: Search, subset: Subset, thresholds: Thresholds, settled: int
                 alone = solve(search.projection, (number,)) or NOTHING
                 more, asked = gains[place], share * alone.gain
             else:
-                more = _explained(search, *rest, shaped.columns, own.columns)
-                more -= _explained(search, *rest, shaped.columns)
+                more = explained(search, *rest, shaped.columns, own.columns)
+                more -= explained(search, *rest, shaped.columns)
                 asked = share * gains[place]
             if more < asked:
                 return True
@@ -63,13 +63,13 @@ def rival(search: Search, subset: Subset, place: int, thresholds: Thresholds) ->
     shaped = search.shapes.of(own.candidate)
     free = [own.columns, *([] if shaped is None else [shaped.columns])]
     before = np.concatenate([search.evidence.free, *rest, *free], axis=2)
-    known = _explained(search, *rest, *free)
+    known = explained(search, *rest, *free)
     least = thresholds.method.lead_share * unexplained_beside(search, subset, place)
     best, most = None, known
-    for other in _signatures(search, own.candidate.joint):
+    for other in signatures(search, own.candidate.joint):
         if own.candidate.type in other.types:
             continue
-        reached = _explained(search, *rest, other.columns)
+        reached = explained(search, *rest, other.columns)
         if reached - known <= max(least, _chance(other.columns, thresholds)) or reached <= most:
             continue
         gains, _ = held_out_gains(search.evidence, search.whitener, before, other.columns)
@@ -121,7 +121,7 @@ def _better(
     it is not fitted to, with its drawn shape, beside the `rest` (n, c, k each).
     """
     search, method = race.search, thresholds.method
-    lead = _explained(search, *rest, shaped.columns) - _explained(search, *rest, law.shaped.columns)
+    lead = explained(search, *rest, shaped.columns) - explained(search, *rest, law.shaped.columns)
     if lead <= max(method.further_share * law.score, _chance(shaped.columns, thresholds)):
         return law
     before = np.concatenate([search.evidence.free, *rest], axis=2)
@@ -146,7 +146,7 @@ def _better(
     )
 
 
-def _signatures(search: Search, joint: str) -> list[Signature]:
+def signatures(search: Search, joint: str) -> list[Signature]:
     """Those on a joint: of effects that can be told from the model, and of no effect."""
     own = [one.candidate for one in search.projection.candidates if one.candidate.joint == joint]
     laws = {shape_of(one): one for one in reversed(own) if not one.drawn}
@@ -155,7 +155,7 @@ def _signatures(search: Search, joint: str) -> list[Signature]:
     return [*known, *search.shapes.strangers(joint)]
 
 
-def _explained(search: Search, *columns: np.ndarray) -> float:
+def explained(search: Search, *columns: np.ndarray) -> float:
     """2 dlogL that columns (n, c, k), whatever their signs, gain together beside the base."""
     white = search.whitener(np.concatenate(columns, axis=2))
     rest = beside(search.base.basis, white)

@@ -62,6 +62,7 @@ def render(
         ],
         commanded=list(wording.commanded(content)),
         nearest=wording.nearest(content),
+        signatures=wording.signatures(content),
         left=wording.sentence(wording.left(content)),
         where=where,
         disagrees=list(wording.disagrees(content)),

@@ -110,10 +110,21 @@ def test_a_force_that_fades_is_unknown_and_says_so(tmp_path: Path) -> None:
     near = result.answer.nearest
     assert near is not None
     assert "follows the position and fades within seconds explains clearly more" in near.objection
+    unknown = findings.answer(result).unknown
+    assert unknown is not None and unknown.joint == "axis" and not unknown.recordings
+    best = unknown.signatures[0]
+    assert best.signature == "a force that follows the position and fades within seconds"
+    assert not best.effects and best.explained_share > 0.9 and best.better == best.asked == 4
+    said = "\n".join(explain.lines(findings.content(result)))
+    assert "What it may depend on (axis):" in said and "no effect of the catalogue is that" in said
+    html = page.render(result, Provenance.of("2012-06-01", ["diagnose"], "axis.yaml"))
+    assert "fades within seconds: some shape of it explains" in " ".join(
+        read_html(html).text.split()
+    )
 
 
 def test_a_further_effect_explains_what_no_shape_of_the_first_one_does() -> None:
-    """What `k q` leaves of another spring is no second effect; another quantity beside it is one."""
+    """What `k q` leaves of another spring is no second effect; what else is beside it is."""
     q, other = made.normal(1), made.normal(2)
     columns = {"hose_stiffness": q, "pressure_offset": q**3, "actuator_inertia": other}
     known = made.searched(columns, 9.0 * np.tanh(q) + 4.0 * other)
