@@ -65,9 +65,9 @@ class NearbySignature(ResultPart):
     explained_share: Number
     """Of the energy beyond noise, by the best shape of it [-]."""
     better: int
-    """Recordings that it helps to predict when it is fitted to the others."""
+    """Recordings that it helps to predict when it is fitted to the others [-]."""
     asked: int
-    """Recordings that this was asked of."""
+    """Recordings that this was asked of [-]."""
 
 
 class UnknownPlace(ResultPart):

@@ -206,7 +206,7 @@ def signatures(content: Content) -> list[str]:
         return []
     out = [
         f"{one['signature']}: some shape of it explains {short_percent(one['explained_share'])}, "
-        f"and helps to predict {one['better']} of {one['asked']} recordings that it is not fitted to"
+        f"and helps to predict {one['better']} of {one['asked']} recordings it is not fitted to"
         + ("" if one["effects"] else "; no effect of the catalogue is that")
         for one in unknown["signatures"]
     ]
