@@ -47,7 +47,6 @@ from crane_identification.diagnosis.search.energy import acting
 from crane_identification.diagnosis.variables import feature_unit, unit_of
 from crane_identification.notation import is_determined
 from crane_identification.validation.motion_validation import MotionValidation
-from crane_model.terms import DrawnTerm
 
 WHITE = 0.25  # correlation of neighbouring rows up to which what is left counts as white
 
@@ -202,26 +201,24 @@ def _finding(diagnosis: Diagnosis, finding: Finding) -> FindingEntry:
 
 def _shapes(diagnosis: Diagnosis, finding: Finding) -> list[DrawnShape]:
     """The law of a finding as it was drawn, for each factor; none where it is a formula."""
-    term, joint = finding.judged.shaped.term, finding.candidate.where
-    if not isinstance(term, DrawnTerm):
-        return []
+    shaped, joint = finding.judged.shaped, finding.candidate.where
     setting, counts = diagnosis.before.setting, bool(diagnosis.fit.uncalibrated)
-    own = finding.parameters[: len(finding.judged.shaped.positive)]
+    own = finding.parameters[: len(shaped.positive)]
     values, std_devs = (
-        term.at_knots(np.array([getattr(one, name) for one in own]))
+        shaped.term.curves(np.array([getattr(one, name) for one in own]))
         for name in ("value", "std_dev")
     )
     return [
         DrawnShape(
-            variable=term.variable,
-            variable_unit=unit_of(term.variable, joint, setting, counts),
-            knots=list(term.knots),
-            values=values[k].tolist(),
-            std_devs=std_devs[k].tolist(),
+            variable=one.variable,
+            variable_unit=unit_of(one.variable, joint, setting, counts),
+            knots=list(one.knots),
+            values=one.values.tolist(),
+            std_devs=deviation.values.tolist(),
             unit=own[k].unit,
-            times=times,
+            times=one.times,
         )
-        for k, times in enumerate(term.times)
+        for k, (one, deviation) in enumerate(zip(values, std_devs, strict=True))
     ]
 
 

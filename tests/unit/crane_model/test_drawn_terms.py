@@ -40,16 +40,16 @@ def test_beyond_its_knots_a_shape_stays_as_it_is_there() -> None:
 
 @pytest.mark.parametrize("name", DRAWN)
 def test_a_drawn_law_is_its_values_at_the_knots_times_its_factors(name: str) -> None:
-    """By numpy's interpolation through the shape that `at_knots` gives, zeros and all."""
+    """By numpy's interpolation through the curves that it draws, zeros and all."""
     term, record, rng = example(name), random_record(), np.random.default_rng(7)
     assert isinstance(term, DrawnTerm)
     j = record.column(term.joint)
     values = rng.standard_normal(len(term.parameters(SETTING)))
-    shapes = term.at_knots(values)
-    assert shapes.shape == (len(term.times), len(term.knots))
+    curves = term.curves(values)
+    assert [one.times for one in curves] == list(term.times)
     x, factors = term.followed(record, j), term.factors(record, j)
     expected = sum(
-        np.interp(x, term.knots, shape) * factors[:, k] for k, shape in enumerate(shapes)
+        np.interp(x, one.knots, one.values) * factors[:, k] for k, one in enumerate(curves)
     )
     np.testing.assert_allclose(term.columns(record, SETTING)[:, j] @ values, expected, atol=1e-9)
 

@@ -21,7 +21,7 @@ from crane_identification.diagnosis.search.energy import strength, unexplained_b
 from crane_identification.diagnosis.search.race import Race
 from crane_identification.diagnosis.search.search import Search
 from crane_identification.diagnosis.search.selection import NOTHING, Subset, solve
-from crane_identification.diagnosis.search.shapes import Signature, shape_of
+from crane_identification.diagnosis.search.shapes import ForceSignature, shape_of
 from crane_identification.thresholds import Thresholds
 
 
@@ -52,7 +52,9 @@ def covered(search: Search, subset: Subset, thresholds: Thresholds, settled: int
     return False
 
 
-def rival(search: Search, subset: Subset, place: int, thresholds: Thresholds) -> Signature | None:
+def rival(
+    search: Search, subset: Subset, place: int, thresholds: Thresholds
+) -> ForceSignature | None:
     """The signature that explains most of what one effect of a set does, and clearly more than any
     shape of it, also of recordings that it is not fitted to; None if there is none.
     """
@@ -146,12 +148,14 @@ def _better(
     )
 
 
-def signatures(search: Search, joint: str) -> list[Signature]:
+def signatures(search: Search, joint: str) -> list[ForceSignature]:
     """Those on a joint: of effects that can be told from the model, and of no effect."""
     own = [one.candidate for one in search.projection.candidates if one.candidate.joint == joint]
     laws = {shape_of(one): one for one in reversed(own) if not one.drawn}
     shaped = ((cls, search.shapes.of(law)) for cls, law in laws.items() if cls is not None)
-    known = [Signature(cls.said, cls.draws, one.columns) for cls, one in shaped if one is not None]
+    known = [
+        ForceSignature(cls.said, cls.draws, one.columns) for cls, one in shaped if one is not None
+    ]
     return [*known, *search.shapes.strangers(joint)]
 
 

@@ -13,7 +13,7 @@ import numpy as np
 from crane_identification.diagnosis.fit.evidence import Evidence
 from crane_identification.diagnosis.search.candidates import Candidate, ShapedCandidate, at_shape
 from crane_model.errors import CraneError
-from crane_model.terms import REGISTRY, DrawnTerm, Effect, OneJointTerm, Shape, Term
+from crane_model.terms import DrawnTerm, Effect, Shape, Term, drawing, strangers
 
 
 @dataclass(frozen=True)
@@ -24,7 +24,7 @@ class Drawn(Candidate):
 
     @property
     def drawn(self) -> bool:
-        """It is."""
+        """It is, by values at knots."""
         return True
 
     @property
@@ -42,7 +42,7 @@ class Drawn(Candidate):
         return self.by.model_validate({"joint": self.joint, **dict(self.given)})
 
 
-class Signature(NamedTuple):
+class ForceSignature(NamedTuple):
     """What a force on a joint depends on, whatever the law: in words, the `types` of the effects
     that have it, none where the catalogue knows no such effect, and its columns (n, c, k).
     """
@@ -58,7 +58,7 @@ class Shapes:
 
     evidence: Evidence | None = None
     drawn: dict[Candidate, ShapedCandidate | None] = field(default_factory=dict)
-    strange: dict[str, tuple[Signature, ...]] = field(default_factory=dict)
+    strange: dict[str, tuple[ForceSignature, ...]] = field(default_factory=dict)
 
     def of(self, candidate: Candidate) -> ShapedCandidate | None:
         """The effect with its law drawn; None where nothing draws it."""
@@ -68,27 +68,21 @@ class Shapes:
             )
         return self.drawn[candidate]
 
-    def strangers(self, joint: str) -> tuple[Signature, ...]:
+    def strangers(self, joint: str) -> tuple[ForceSignature, ...]:
         """Signatures on a joint that no effect of the catalogue has."""
         if self.evidence is None:
             return ()
         if joint not in self.strange:
-            kinds = [one for one in REGISTRY.values() if one.stranger]
             self.strange[joint] = tuple(
-                Signature(
-                    one.stranger, (), self.evidence.columns(one.model_validate({"joint": joint}))
-                )
-                for one in kinds
-                if issubclass(one, OneJointTerm)
+                ForceSignature(term.stranger, (), self.evidence.columns(term))
+                for term in strangers(self.evidence.model.setting, joint)
             )
         return self.strange[joint]
 
 
 def shape_of(candidate: Candidate) -> type[DrawnTerm] | None:
     """The term that draws the law of an effect; None where none does, and of changes."""
-    drawing = (cls for cls in REGISTRY.values() if issubclass(cls, DrawnTerm))
-    known = (cls for cls in drawing if candidate.type in cls.draws)
-    return None if candidate.changes or candidate.joint is None else next(known, None)
+    return None if candidate.changes or candidate.joint is None else drawing(candidate.type)
 
 
 def _drawn(evidence: Evidence, candidate: Candidate) -> ShapedCandidate | None:

@@ -7,9 +7,9 @@ other packages, which fills the registry: a new effect is one new class, registe
 from importlib import import_module
 from pkgutil import iter_modules
 
-from crane_model.terms.catalogue import candidates, joints_of, nuisances, typical
-from crane_model.terms.drawn import DrawnTerm
-from crane_model.terms.effect import Effect, Shape
+from crane_model.terms.catalogue import candidates, joints_of, nuisances, strangers, typical
+from crane_model.terms.drawn import DrawnTerm, drawing
+from crane_model.terms.effect import DrawnCurve, Effect, Shape
 from crane_model.terms.installed import load_installed
 from crane_model.terms.joint_term import JointTerm, OneJointTerm
 from crane_model.terms.memory_term import JointMemoryTerm, MemoryTerm
@@ -18,6 +18,7 @@ from crane_model.terms.term import REGISTRY, Family, Parameter, Setting, Term, t
 
 __all__ = [
     "REGISTRY",
+    "DrawnCurve",
     "DrawnTerm",
     "Effect",
     "Family",
@@ -30,9 +31,11 @@ __all__ = [
     "Shape",
     "Term",
     "candidates",
+    "drawing",
     "joints_of",
     "load_terms",
     "nuisances",
+    "strangers",
     "term_from_mapping",
     "typical",
 ]

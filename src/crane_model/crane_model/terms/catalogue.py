@@ -16,6 +16,15 @@ def nuisances(setting: Setting) -> list[type[Term]]:
     return [cls for cls in _sorted() if cls.nuisance and _held(cls, setting)]
 
 
+def strangers(setting: Setting, joint: str) -> list[Term]:
+    """On a joint, the signatures that no effect has."""
+    return [
+        typical(cls, joint)
+        for cls in _sorted()
+        if cls.stranger and joint in joints_of(cls, setting)
+    ]
+
+
 def joints_of(cls: type[Term], setting: Setting) -> tuple[str, ...]:
     """The joints on which the term can act; empty for a term of the whole machine."""
     return tuple(

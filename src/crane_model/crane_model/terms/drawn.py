@@ -12,9 +12,9 @@ from pydantic import model_validator
 
 from crane_model.array import Array
 from crane_model.record import Record
-from crane_model.terms.effect import Variable
+from crane_model.terms.effect import DrawnCurve, Variable
 from crane_model.terms.joint_term import OneJointTerm
-from crane_model.terms.term import Parameter, Setting
+from crane_model.terms.term import REGISTRY, Parameter, Setting
 
 
 class DrawnTerm(OneJointTerm):
@@ -63,11 +63,12 @@ class DrawnTerm(OneJointTerm):
     def values_at_knot(self, k: int, coordinate: str, force: str) -> tuple[Parameter, ...]:
         """The m parameters of a knot, given the units of the joint's coordinate and force."""
 
-    def at_knots(self, values: Array) -> Array:
-        """(m, knots) of parameters (p,): one shape for each factor, with the zeros between."""
+    def curves(self, values: Array) -> tuple[DrawnCurve, ...]:
+        """One for each factor, with the zeros where no value is kept."""
         shapes = np.zeros((len(self.times), len(self.knots)))
         shapes[:, self.kept] = values.reshape(len(self.kept), len(self.times)).T
-        return shapes
+        pairs = zip(shapes, self.times, strict=True)
+        return tuple(DrawnCurve(self.variable, self.knots, shape, times) for shape, times in pairs)
 
     def joint_parameters(self, setting: Setting) -> tuple[Parameter, ...]:
         """The values at the knots that have one."""
@@ -79,6 +80,12 @@ class DrawnTerm(OneJointTerm):
         splines = hats(self.followed(record, j), self.knots)[:, self.kept]
         columns = splines[:, :, np.newaxis] * self.factors(record, j)[:, np.newaxis, :]
         return columns.reshape(len(record), -1)
+
+
+def drawing(law: str) -> type[DrawnTerm] | None:
+    """The term that draws the law of this type; None where none does."""
+    known = (cls for cls in REGISTRY.values() if issubclass(cls, DrawnTerm) and law in cls.draws)
+    return next(known, None)
 
 
 def rounded(knots: Array) -> tuple[float, ...]:

@@ -37,6 +37,15 @@ class Effect(NamedTuple):
     follows: tuple[Variable, ...] = ()  # what its force depends on, first that which shows it best
 
 
+class DrawnCurve(NamedTuple):
+    """A law that is drawn: values (k,) at knots (k,) of a variable, to be multiplied by `times`."""
+
+    variable: Variable
+    knots: tuple[float, ...]
+    values: Array
+    times: str
+
+
 class Shape(NamedTuple):
     """A field of a term in which its force is not linear, and where its value is sought.
 

@@ -13,7 +13,7 @@ from crane_model.machine import Machine
 from crane_model.motion_columns import MotionColumn
 from crane_model.record import Record
 from crane_model.registry import of_type
-from crane_model.terms.effect import Effect, Shape
+from crane_model.terms.effect import DrawnCurve, Effect, Shape
 from crane_model.terms.load import Load
 
 REGISTRY: dict[str, type["Term"]] = {}
@@ -129,6 +129,10 @@ class Term(Schema, ABC):
 
         `columns` (n, j, parameters) comes as zeros, a part of the regressor of the whole model.
         """
+
+    def curves(self, values: Array) -> tuple[DrawnCurve, ...]:
+        """The law as these parameters (p,) draw it; none where it is a formula."""
+        return ()
 
     def of_bodies(self, setting: Setting) -> Array | None:
         """(parameters, 10 m) from the ten of each body of the machine (`crane_model.chain`) to its
