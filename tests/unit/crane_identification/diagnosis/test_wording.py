@@ -27,6 +27,7 @@ def finding(**more: Any) -> dict[str, Any]:
         "name": "load-dependent joint friction",
         "joint": "outer_boom",
         "class_members": [],
+        "shapes": [],
         "parameters": [parameter("mu_load.outer_boom", 0.039995, 8.8e-5, "1", 0.0)],
         "carried_in": {},
         "score": 7630.2,
