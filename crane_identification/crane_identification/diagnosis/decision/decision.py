@@ -14,11 +14,9 @@ from crane_identification.diagnosis.decision.shape import (
     as_drawn,
     covered,
     of_better_signature,
-    rival,
 )
 from crane_identification.diagnosis.search.race import LARGEST_SET, Race
-from crane_identification.diagnosis.search.search import Search
-from crane_identification.diagnosis.search.selection import NOTHING, Subset, extended, solve
+from crane_identification.diagnosis.search.selection import NOTHING, extended, solve
 from crane_identification.thresholds import Thresholds
 
 
@@ -47,16 +45,14 @@ def decide(race: Race, thresholds: Thresholds) -> Decision:
         if best is None:
             break
         subset = simplest(search, best, thresholds, first_threshold)
-        subset = of_better_signature(search, subset, thresholds, known)
-        if size > 1 and (
-            of_one_form(search, subset, thresholds, known)
-            or covered(search, subset, thresholds, known)
-        ):
+        if size > 1 and of_one_form(search, subset, thresholds, known):
+            break
+        subset, strange = of_better_signature(search, subset, thresholds, known)
+        if size > 1 and covered(search, subset, thresholds, known):
             break
         found = as_kinds(search, all_judged(search, subset, thresholds), known, thresholds)
         wrong = [said for one in found if (said := _objection(one, thresholds))]
-        if not wrong:
-            wrong = _strange(search, subset, known, thresholds)
+        wrong = wrong or strange
         if size == 1:
             nearest, objection = tuple(found), "".join(wrong)
         weakest = min(found[known:], key=lambda one: one.score)
@@ -66,13 +62,6 @@ def decide(race: Race, thresholds: Thresholds) -> Decision:
     passed = as_drawn(race, passed, thresholds)
     passed = tuple(sorted(passed, key=lambda one: -one.score))
     return Decision(passed, first_threshold, nearest, objection)
-
-
-def _strange(search: Search, subset: Subset, known: int, thresholds: Thresholds) -> list[str]:
-    """Why effects of a set, but for the first `known`, are no names: others explain more."""
-    places = range(known, len(subset.numbers))
-    found = (rival(search, subset, place, thresholds) for place in places)
-    return [f"{one.said} explains clearly more than any shape of it" for one in found if one]
 
 
 def _together(race: Race, threshold: float, thresholds: Thresholds) -> tuple[Judged, ...]:

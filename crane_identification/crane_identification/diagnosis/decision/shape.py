@@ -82,23 +82,34 @@ def rival(
 
 def of_better_signature(
     search: Search, subset: Subset, thresholds: Thresholds, settled: int = 0
-) -> Subset:
-    """The set with effects replaced by those whose signature is clearly better; the first ones,
-    `settled`, are not.
+) -> tuple[Subset, list[str]]:
+    """The set with effects replaced by those whose signature is clearly better, and signatures that
+    are better but those of no effect, in words. The first effects, `settled`, are not asked.
     """
+    strange = []
     for place in range(settled, len(subset.numbers)):
         other = rival(search, subset, place, thresholds)
         if other is None:
             continue
-        joint = _candidates(search, subset)[place].candidate.joint
-        for swapped in in_place_of(search, subset, place):
-            law = search.projection.candidates[swapped.numbers[-1]].candidate
-            if law.type in other.types and law.joint == joint:
-                numbers = list(subset.numbers)
-                numbers[place] = swapped.numbers[-1]
-                subset = solve(search.projection, tuple(numbers)) or subset
-                break
-    return subset
+        better = _with_law_of(search, subset, place, other)
+        if better is None:
+            strange.append(f"{other.said} explains clearly more than any shape of it")
+        subset = better or subset
+    return subset, strange
+
+
+def _with_law_of(
+    search: Search, subset: Subset, place: int, other: ForceSignature
+) -> Subset | None:
+    """The set with the best law of another signature in the place of an effect, if there is one."""
+    joint = _candidates(search, subset)[place].candidate.joint
+    for swapped in in_place_of(search, subset, place):
+        law = search.projection.candidates[swapped.numbers[-1]].candidate
+        if law.type in other.types and law.joint == joint:
+            numbers = list(subset.numbers)
+            numbers[place] = swapped.numbers[-1]
+            return solve(search.projection, tuple(numbers))
+    return None
 
 
 def as_drawn(race: Race, passed: Sequence[Judged], thresholds: Thresholds) -> tuple[Judged, ...]:
