@@ -65,11 +65,12 @@ def _drawn(number: int, said: finding_wording.Content) -> tuple[Picture, ...]:
     for place, one in enumerate(said["shapes"]):
         (unit, factor), (force, size) = human(one["variable_unit"]), human(one["unit"])
         values, std_devs = (size * np.array(one[name]) for name in ("values", "std_devs"))
+        times = "" if one["times"] == "1" else f", to be multiplied by {one['times']}"
         out.append(
             Picture(
                 f"shape-{number}-{place}",
-                f"The law as it was drawn, to be multiplied by {one['times']}: values at its "
-                "knots, with their standard deviations",
+                f"The law as it was drawn{times}: values at its knots, with their standard "
+                "deviations",
                 f"From {plain(values.min())} to {plain(values.max())} {force}.",
                 charts.shape(
                     factor * np.array(one["knots"]),

@@ -34,8 +34,9 @@ class Drawn(Candidate):
 
     @property
     def effect(self) -> Effect:
-        """That of the law, and that it is drawn."""
-        return super().effect._replace(name=f"{super().effect.name}, shape as drawn")
+        """That of the law, by its signature alone."""
+        known = super().effect
+        return known._replace(name=f"{known.name}, shape as drawn", signature=self.by.said)
 
     def at(self, shape: Mapping[str, Any]) -> Term:
         """The shape at its knots."""
