@@ -106,7 +106,7 @@ class ShapedCandidate:
 
 def candidates_of(model: Model, evidence: Evidence) -> list[Candidate]:
     """Every candidate on every joint of the fitted model, without those that the model has."""
-    present = {(term.type, term.only_joint) for term in model.terms}
+    present = {(kind, term.only_joint) for term in model.terms for kind in (term.type, *term.draws)}
     out = []
     for cls in candidates(model.setting):
         if cls.carries_loads and len(evidence.bags) < 2:

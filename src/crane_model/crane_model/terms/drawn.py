@@ -28,7 +28,6 @@ class DrawnTerm(OneJointTerm):
     """
 
     said: ClassVar[str]
-    draws: ClassVar[tuple[str, ...]]
     variable: ClassVar[Variable]
     spacing: ClassVar[tuple[float, ...]]
     kept: ClassVar[tuple[int, ...]]

@@ -58,7 +58,8 @@ class Term(Schema, ABC):
     whose difference between two directions of motion it is, `of_one_instant` if its columns follow
     from the motion at the same instant, `carries_loads` if recordings may differ in it: a field
     `loads` then says which ones carry what. A `stranger` is a signature that no effect of the
-    catalogue has, in words: a force that shows it is no effect that merely resembles it.
+    catalogue has, in words: a force that shows it is no effect that merely resembles it. A term
+    whose law is a shape says with `draws` of which types of terms it is the law.
     """
 
     type: str
@@ -72,6 +73,7 @@ class Term(Schema, ABC):
     of_one_instant: ClassVar[bool] = False
     carries_loads: ClassVar[bool] = False
     stranger: ClassVar[str] = ""
+    draws: ClassVar[tuple[str, ...]] = ()
 
     @classmethod
     def __pydantic_init_subclass__(cls, **kwargs: Any) -> None:

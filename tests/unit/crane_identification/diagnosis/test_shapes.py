@@ -21,6 +21,7 @@ from crane_identification.diagnosis.answer.verdict import Verdict
 from crane_identification.diagnosis.decision.shape import covered
 from crane_identification.diagnosis.diagnosis import Diagnosis, diagnose
 from crane_identification.diagnosis.report import page
+from crane_identification.diagnosis.search.candidates import candidates_of
 from crane_identification.diagnosis.search.selection import solve
 from crane_identification.diagnosis.search.shapes import Shapes
 from crane_identification.options import Options
@@ -102,6 +103,8 @@ def test_a_drawn_law_is_in_page_terminal_and_model_file(
     record = of_a_spring.training.runs[0].record
     np.testing.assert_allclose(read.predict(record), of_a_spring.after.predict(record))
     assert read.terms[-1].type == "drawn_position_force"
+    again = {one.type for one in candidates_of(read, of_a_spring.training)}
+    assert "stribeck" in again and "hose_stiffness" not in again
 
 
 def test_a_force_that_fades_is_unknown_and_says_so(tmp_path: Path) -> None:
