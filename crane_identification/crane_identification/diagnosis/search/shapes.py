@@ -13,7 +13,7 @@ import numpy as np
 from crane_identification.diagnosis.fit.evidence import Evidence
 from crane_identification.diagnosis.search.candidates import Candidate, ShapedCandidate, at_shape
 from crane_model.errors import CraneError
-from crane_model.terms import DrawnTerm, Effect, Shape, Term, drawing, strangers
+from crane_model.terms import DRAWING, DrawnTerm, Effect, Shape, Term, strangers
 
 
 @dataclass(frozen=True)
@@ -83,7 +83,8 @@ class Shapes:
 
 def shape_of(candidate: Candidate) -> type[DrawnTerm] | None:
     """The term that draws the law of an effect; None where none does, and of changes."""
-    return None if candidate.changes or candidate.joint is None else drawing(candidate.type)
+    free = candidate.joint is not None and not candidate.changes
+    return DRAWING.get(candidate.type) if free else None
 
 
 def _drawn(evidence: Evidence, candidate: Candidate) -> ShapedCandidate | None:

@@ -8,7 +8,7 @@ from importlib import import_module
 from pkgutil import iter_modules
 
 from crane_model.terms.catalogue import candidates, joints_of, nuisances, strangers, typical
-from crane_model.terms.drawn import DrawnTerm, drawing
+from crane_model.terms.drawn import DRAWING, DrawnTerm
 from crane_model.terms.effect import DrawnCurve, Effect, Shape
 from crane_model.terms.installed import load_installed
 from crane_model.terms.joint_term import JointTerm, OneJointTerm
@@ -17,6 +17,7 @@ from crane_model.terms.own import load_terms
 from crane_model.terms.term import REGISTRY, Family, Parameter, Setting, Term, term_from_mapping
 
 __all__ = [
+    "DRAWING",
     "REGISTRY",
     "DrawnCurve",
     "DrawnTerm",
@@ -31,7 +32,6 @@ __all__ = [
     "Shape",
     "Term",
     "candidates",
-    "drawing",
     "joints_of",
     "load_terms",
     "nuisances",

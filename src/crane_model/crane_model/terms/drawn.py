@@ -5,7 +5,7 @@ symmetry, and leaves the dependence free. It stands for that effect where no law
 """
 
 from abc import abstractmethod
-from typing import ClassVar, Self
+from typing import Any, ClassVar, Self
 
 import numpy as np
 from pydantic import model_validator
@@ -14,7 +14,10 @@ from crane_model.array import Array
 from crane_model.record import Record
 from crane_model.terms.effect import DrawnCurve, Variable
 from crane_model.terms.joint_term import OneJointTerm
-from crane_model.terms.term import REGISTRY, Parameter, Setting
+from crane_model.terms.term import Parameter, Setting
+
+DRAWING: dict[str, type["DrawnTerm"]] = {}
+"""The term that draws the law of a type of term."""
 
 
 class DrawnTerm(OneJointTerm):
@@ -34,6 +37,11 @@ class DrawnTerm(OneJointTerm):
     times: ClassVar[tuple[str, ...]]
 
     knots: tuple[float, ...]
+
+    @classmethod
+    def __pydantic_init_subclass__(cls, **kwargs: Any) -> None:
+        super().__pydantic_init_subclass__(**kwargs)
+        DRAWING.update(dict.fromkeys(cls.draws, cls))
 
     @model_validator(mode="after")
     def _rising(self) -> Self:
@@ -79,12 +87,6 @@ class DrawnTerm(OneJointTerm):
         splines = hats(self.followed(record, j), self.knots)[:, self.kept]
         columns = splines[:, :, np.newaxis] * self.factors(record, j)[:, np.newaxis, :]
         return columns.reshape(len(record), -1)
-
-
-def drawing(law: str) -> type[DrawnTerm] | None:
-    """The term that draws the law of this type; None where none does."""
-    known = (cls for cls in REGISTRY.values() if issubclass(cls, DrawnTerm) and law in cls.draws)
-    return next(known, None)
 
 
 def rounded(knots: Array) -> tuple[float, ...]:
