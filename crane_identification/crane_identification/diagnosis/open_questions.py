@@ -42,6 +42,8 @@ def _as_white(noise: Autoregression | None) -> float | None:
 
 def _classes(diagnosis: Diagnosis) -> Iterator[OpenQuestion]:
     search, effects = diagnosis.search, diagnosis.proof.trial.effects
+    if not any(one.indistinct for one in effects):
+        return
     subset = solve(search.projection, tuple(search.number(one.shaped) for one in effects))
     for place, judged in enumerate(effects):
         if not judged.indistinct or subset is None or judged.shaped.candidate.changes:

@@ -11,6 +11,7 @@ from functools import cached_property
 
 import numpy as np
 from scipy.linalg import qr
+from scipy.optimize import nnls
 
 from crane_model.model_file import Model
 from crane_model.record import Record
@@ -77,11 +78,7 @@ class Experiment:
             tip = _tip(loaded)
             weight = [tip.columns(record, self._model.setting) for record in self._known]
             columns = np.concatenate([columns, self._rows(weight)], axis=1)
-        sizes = np.linalg.norm(columns, axis=0)
-        columns = columns / np.where(sizes > 0.0, sizes, 1.0)
-        directions, triangle, _ = qr(columns, mode="economic", pivoting=True)
-        diagonal = np.abs(np.diag(triangle))
-        return directions[:, diagonal > ROUNDING * diagonal[0]]
+        return _directions(columns)
 
     def beside(self, term: Term) -> np.ndarray:
         """Columns (N, k) of a term over the noise, beside what the model takes up."""
@@ -107,17 +104,31 @@ class Experiment:
             (self.beside(after) - self.beside(before)) @ fitted.values / apart
             for before, after, apart in fitted.bent()
         ]
-        columns = np.column_stack([self.beside(fitted.term), *slopes])
-        sizes = np.linalg.norm(columns, axis=0)
-        columns = columns / np.where(sizes > 0.0, sizes, 1.0)
-        values = np.linalg.lstsq(columns, force, rcond=ROUNDING)[0]
-        return float(np.linalg.norm(force - columns @ values))
+        own = self.beside(fitted.term)
+        positive = np.array(
+            [one.minimum == 0.0 for one in fitted.term.parameters(self._model.setting)]
+        )
+        free = _directions(np.column_stack([own[:, ~positive], *slopes]))
+        bound, left = (values - free @ (free.T @ values) for values in (own[:, positive], force))
+        return float(nnls(bound, left)[1]) if positive.any() else float(np.linalg.norm(left))
 
     def _rows(self, parts: Sequence[np.ndarray]) -> np.ndarray:
         """(n, j, k) of each recording to the used rows (N, k) of all, over the noise."""
         pairs = zip(parts, self._gates, strict=True)
         rows = np.concatenate([in_rows(part * open_[:, :, None]) for part, open_ in pairs])
         return (rows * self._weight[:, None])[self._used]
+
+
+def _directions(columns: np.ndarray) -> np.ndarray:
+    """Orthonormal directions (N, d) of columns (N, k)."""
+    sizes = np.linalg.norm(columns, axis=0)
+    columns = columns[:, sizes > 0.0] / sizes[sizes > 0.0]
+    if not columns.size:
+        return np.zeros((len(columns), 0))
+    directions, triangle, _ = qr(columns, mode="economic", pivoting=True)
+    diagonal = np.abs(np.diag(triangle))
+    found: np.ndarray = directions[:, diagonal > ROUNDING * diagonal[0]]
+    return found
 
 
 def _tip(runs: Sequence[int]) -> Payload:
