@@ -7,7 +7,7 @@ from crane_model.errors import CraneError
 from crane_model.open_question import OpenMember, OpenQuestions, QuestionKind
 from crane_model.result_file import Number, ResultFile, ResultPart
 from crane_trajectory.settling.prediction import PlannedRecording
-from crane_trajectory.settling.settling import Pair, Settling
+from crane_trajectory.settling.settling import OpenPair, Settling
 
 BACK_PRESSURE = 2e6  # Pa: what a throttle in the line to the tank may raise its pressure by
 
@@ -68,7 +68,7 @@ def plan_of(
 
 
 def _predicted(
-    settling: Settling, open_: OpenQuestions, pair: Pair, best: PlannedRecording, load: float
+    settling: Settling, open_: OpenQuestions, pair: OpenPair, best: PlannedRecording, load: float
 ) -> PredictedSeparation:
     question = open_.questions[pair.question]
     one, other = pair.names
@@ -88,7 +88,7 @@ def _predicted(
 
 
 def _actions(
-    settling: Settling, pair: Pair, best: PlannedRecording, load: float
+    settling: Settling, pair: OpenPair, best: PlannedRecording, load: float
 ) -> list[HelpfulAction]:
     """Those by which a second recording settles what it does not settle without."""
     out = []

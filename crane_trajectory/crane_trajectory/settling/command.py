@@ -46,7 +46,7 @@ def settle(arguments: argparse.Namespace, provenance: str) -> None:
     settings = load_design_settings(machine_file("design.yaml", name, arguments.settings))
     clearance = load_clearance(machine_file("clearance.yaml", name, arguments.clearance))
     print("\n".join(open_lines(open_)))
-    settling = _settling(model, open_, settings, clearance, arguments.duration)
+    settling = _settling(model, open_, settings, clearance, arguments.duration, arguments.starts)
     with progress_bar("design", settling.steps) as bar:
         best = settling.recording(settling.search(arguments.seed, bar.update))
     file, picture = arguments.out, arguments.out.with_suffix(".png")
@@ -72,6 +72,7 @@ def _settling(
     settings: DesignSettings,
     clearance: Clearance,
     duration: float,
+    starts: int,
 ) -> Settling:
     noise = np.array([open_.noise.get(joint) or np.inf for joint in model.joints])
     if not np.isfinite(noise).any() or not open_.row_rate:
@@ -103,4 +104,4 @@ def _settling(
             )
         )
     machinery = Machinery(models, noise, open_.row_rate)
-    return Settling(machinery, tuple(pairs_of(open_)), tuple(families), duration)
+    return Settling(machinery, tuple(pairs_of(open_)), tuple(families), duration, starts)

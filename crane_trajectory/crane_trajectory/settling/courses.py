@@ -18,6 +18,7 @@ DECIMALS = 6
 SPEEDS = (0.03, 0.95)  # of the limit, drawn evenly in ratios
 ALONE, AT_AN_END, DWELLS = 0.6, 0.4, 0.3  # how often one joint moves alone, to an end, and dwells
 DWELL = (0.5, 3.0)  # s
+LONGEST = 0.25  # of the period: a leg, so that there are several
 ATTEMPTS = 200  # to find a pose that leaves the tip its room
 SLOWER = (1.0, 1.3, 1.7)  # times as long, where the pump does not suffice
 SHIFT, STRETCH = 0.15, 0.4  # of a knot: of the range, and of the log of the time of a leg
@@ -42,7 +43,9 @@ class Courses:
         poses, times = [self._pose(rng)], [0.0]
 
         def go(to: np.ndarray, share: float) -> None:
-            times.append(times[-1] + self._time(to - poses[-1], share))
+            way = to - poses[-1]
+            most = max(self._time(way, SPEEDS[1]), LONGEST * self.period)
+            times.append(times[-1] + min(self._time(way, share), most))
             poses.append(to)
 
         while times[-1] < self.period:

@@ -10,7 +10,6 @@ from collections.abc import Sequence
 from functools import cached_property
 
 import numpy as np
-from scipy.linalg import qr
 from scipy.optimize import nnls
 
 from crane_model.model_file import Model
@@ -32,7 +31,7 @@ ROUNDING = 1e-9  # of the largest column: what is left of one below is rounding
 ROUNDS = 2  # in which the force settles that terms of a model take from the force
 
 
-class Experiment:
+class PlannedExperiment:
     """Recordings, beside a model whose values are known, with noise of the force (j,) a row.
 
     Raises `DataError` where a term needs what a prediction does not have.
@@ -125,9 +124,9 @@ def _directions(columns: np.ndarray) -> np.ndarray:
     columns = columns[:, sizes > 0.0] / sizes[sizes > 0.0]
     if not columns.size:
         return np.zeros((len(columns), 0))
-    directions, triangle, _ = qr(columns, mode="economic", pivoting=True)
-    diagonal = np.abs(np.diag(triangle))
-    found: np.ndarray = directions[:, diagonal > ROUNDING * diagonal[0]]
+    directions, triangle = np.linalg.qr(columns)
+    turned, sizes, _ = np.linalg.svd(triangle)
+    found: np.ndarray = directions @ turned[:, sizes > ROUNDING * sizes[0]]
     return found
 
 

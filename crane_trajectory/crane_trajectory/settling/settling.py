@@ -13,12 +13,12 @@ from crane_trajectory.motion.fourier import FourierTrajectory
 from crane_trajectory.motion.sweep import SweepTrajectory
 from crane_trajectory.settling.courses import Courses
 from crane_trajectory.settling.prediction import Hypothesis, PlannedRecording
-from crane_trajectory.settling.separation import Experiment
+from crane_trajectory.settling.separation import PlannedExperiment
 from crane_trajectory.settling.series import Series
 
-DRAWS = 40  # of each family of motions
+DRAWS = 4  # of each family of motions, for each start
 SURVIVORS = 4  # that are varied
-VARIATIONS = 30  # of each
+VARIATIONS = 2  # of each of these, for each start
 HOPELESS = 0.3  # of what is needed: no motion separates a pair that none does by more
 
 Family = Series | Courses
@@ -26,7 +26,7 @@ Trajectory = FourierTrajectory | SweepTrajectory
 
 
 @dataclass(frozen=True)
-class Pair:
+class OpenPair:
     """Two answers to a question, or one and that nothing is there; `names` are their numbers among
     its members. `needed` [σ], and as a share of how clearly the first one shows.
     """
@@ -38,17 +38,17 @@ class Pair:
     needed: float
     needed_share: float
 
-    def separation(self, experiment: Experiment) -> float:
+    def separation(self, experiment: PlannedExperiment) -> float:
         """What an experiment separates them by [σ]."""
         if self.other is None:
             return experiment.shown(self.one)
         return experiment.separation(self.one, self.other)
 
-    def clearness(self, experiment: Experiment) -> float:
+    def clearness(self, experiment: PlannedExperiment) -> float:
         """Separation over what is needed: settled from 1 on."""
         return self.separation(experiment) / self.asked(experiment)
 
-    def asked(self, experiment: Experiment) -> float:
+    def asked(self, experiment: PlannedExperiment) -> float:
         """Separation at which one of the two is ruled out [σ]."""
         return max(self.needed, self.needed_share * experiment.shown(self.one))
 
@@ -61,19 +61,24 @@ class Machinery:
     noise: np.ndarray
     row_rate: float
 
-    def experiment(self, question: int, recordings: Sequence[PlannedRecording]) -> Experiment:
+    def experiment(
+        self, question: int, recordings: Sequence[PlannedRecording]
+    ) -> PlannedExperiment:
         """As the rows of the diagnosis will show it."""
-        return Experiment(self.models[question], recordings, self.noise, self.row_rate)
+        return PlannedExperiment(self.models[question], recordings, self.noise, self.row_rate)
 
 
 @dataclass(frozen=True)
 class Settling:
-    """Questions, and the search for a motion that answers them within `duration` [s]."""
+    """Questions, and the search from many `starts` for a motion that answers them in a `duration`
+    [s].
+    """
 
     machinery: Machinery
-    pairs: tuple[Pair, ...]
+    pairs: tuple[OpenPair, ...]
     families: tuple[Family, ...]
     duration: float
+    starts: int
 
     def recording(self, trajectory: Trajectory) -> PlannedRecording:
         """As many whole periods as fit, two at least: what repeats tells its noise."""
@@ -96,7 +101,7 @@ class Settling:
         rng = np.random.default_rng(seed)
         tried = []
         for family in self.families:
-            for _ in range(DRAWS):
+            for _ in range(DRAWS * self.starts):
                 if (drawn := family.draw(rng)) is not None:
                     tried.append((family, drawn, self.clearness([self.recording(drawn)])))
                 progress()
@@ -114,7 +119,7 @@ class Settling:
         tried.sort(key=lambda one: -worth(one[2]))
         best = []
         for family, trajectory, clear in tried[:SURVIVORS]:
-            for _ in range(VARIATIONS):
+            for _ in range(VARIATIONS * self.starts):
                 other = family.varied(trajectory, rng)  # type: ignore[arg-type]
                 if other is not None:
                     found = self.clearness([self.recording(other)])
@@ -127,18 +132,18 @@ class Settling:
     @property
     def steps(self) -> int:
         """How often a search calls `progress`, at most."""
-        return len(self.families) * DRAWS + SURVIVORS * VARIATIONS
+        return self.starts * (len(self.families) * DRAWS + SURVIVORS * VARIATIONS)
 
 
-def pairs_of(open_: OpenQuestions) -> Iterator[Pair]:
+def pairs_of(open_: OpenQuestions) -> Iterator[OpenPair]:
     """Of each question, every pair of its members; of a single member, it and nothing."""
     for number, question in enumerate(open_.questions):
         answers = [Hypothesis.of(member) for member in question.members]
         needed = question.needed or 0.0, question.needed_share or 0.0
         if len(answers) == 1:
-            yield Pair(number, (0, None), answers[0], None, *needed)
+            yield OpenPair(number, (0, None), answers[0], None, *needed)
         for i, j in combinations(range(len(answers)), 2):
-            yield Pair(number, (i, j), answers[i], answers[j], *needed)
+            yield OpenPair(number, (i, j), answers[i], answers[j], *needed)
 
 
 def model_of(model: Model, question: OpenQuestion) -> Model:
