@@ -18,8 +18,8 @@ from crane_trajectory.excitation.problem import ExcitationProblem, machine_of
 from crane_trajectory.excitation.settings import DesignSettings, load_design_settings
 from crane_trajectory.motion.check import Clearance, load_clearance
 from crane_trajectory.settling.answers import lines, open_lines, plan_of
-from crane_trajectory.settling.courses import Courses
-from crane_trajectory.settling.series import Series
+from crane_trajectory.settling.courses import CourseDraws
+from crane_trajectory.settling.series import FourierDraws
 from crane_trajectory.settling.settling import (
     Family,
     Machinery,
@@ -82,7 +82,7 @@ def _settling(
     models = tuple(model_of(model, question) for question in open_.questions)
     asked = {member.joint for one in open_.questions for member in one.members}
     joints = tuple(joint for joint in model.joints if joint in asked or "all" in asked)
-    courses = Courses(
+    courses = CourseDraws(
         machine_of(model), model.joints, joints, clearance, settings.margins, duration / PERIODS
     )
     unasked = Criterion.of(
@@ -91,7 +91,7 @@ def _settling(
     families: list[Family] = [courses]
     for harmonics, quicker in zip(HARMONICS, QUICKER, strict=True):
         families.append(
-            Series(
+            FourierDraws(
                 ExcitationProblem(
                     model,
                     unasked,

@@ -25,7 +25,7 @@ SHIFT, STRETCH = 0.15, 0.4  # of a knot: of the range, and of the log of the tim
 
 
 @dataclass(frozen=True)
-class Courses:
+class CourseDraws:
     """Of all `joints`, above all of `asked`, within the limits less the margins, of a `period` [s].
 
     A course may be longer than the period by its way back.

@@ -12,7 +12,7 @@ VARIATION = 0.25  # of a series, rms over that of its waves
 
 
 @dataclass(frozen=True)
-class Series:
+class FourierDraws:
     """Of the period and harmonics of a problem."""
 
     problem: ExcitationProblem

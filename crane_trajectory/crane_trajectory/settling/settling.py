@@ -11,17 +11,17 @@ from crane_model.model_file import Model
 from crane_model.open_question import OpenQuestion, OpenQuestions
 from crane_trajectory.motion.fourier import FourierTrajectory
 from crane_trajectory.motion.sweep import SweepTrajectory
-from crane_trajectory.settling.courses import Courses
+from crane_trajectory.settling.courses import CourseDraws
 from crane_trajectory.settling.prediction import Hypothesis, PlannedRecording
 from crane_trajectory.settling.separation import PlannedExperiment
-from crane_trajectory.settling.series import Series
+from crane_trajectory.settling.series import FourierDraws
 
 DRAWS = 4  # of each family of motions, for each start
 SURVIVORS = 4  # that are varied
 VARIATIONS = 2  # of each of these, for each start
 HOPELESS = 0.3  # of what is needed: no motion separates a pair that none does by more
 
-Family = Series | Courses
+Family = FourierDraws | CourseDraws
 Trajectory = FourierTrajectory | SweepTrajectory
 
 

@@ -20,7 +20,7 @@ from crane_trajectory.excitation.settings import load_design_settings
 from crane_trajectory.motion.check import load_clearance, trajectory_violations
 from crane_trajectory.motion.motion import plan
 from crane_trajectory.motion.periodic import load_trajectory
-from crane_trajectory.settling.courses import Courses
+from crane_trajectory.settling.courses import CourseDraws
 from crane_trajectory.settling.prediction import Hypothesis, PlannedRecording
 from crane_trajectory.settling.pressures import steady_pressures
 from crane_trajectory.settling.separation import PlannedExperiment
@@ -155,7 +155,7 @@ def test_the_named_member_is_not_part_of_what_the_question_is_asked_beside() -> 
 
 def test_courses_stay_within_all_limits_and_change_a_little() -> None:
     settings = load_design_settings(machine_file("design.yaml"))
-    courses = Courses(
+    courses = CourseDraws(
         MACHINE, MODEL.joints, ("telescope",), CLEARANCE, settings.margins, period=20.0
     )
     rng = np.random.default_rng(3)
