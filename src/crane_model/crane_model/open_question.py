@@ -2,9 +2,8 @@
 
 from enum import StrEnum
 from pathlib import Path
-from typing import Any
 
-from pydantic import ConfigDict
+from pydantic import ConfigDict, JsonValue
 
 from crane_model.result_file import Number, NumberByJoint, ResultFile, ResultPart
 
@@ -26,7 +25,7 @@ class OpenMember(ResultPart):
     """What people call it."""
     joint: str
     """The joint, or `all`."""
-    term: dict[str, Any]
+    term: dict[str, JsonValue]
     """As in a model file, with its shape."""
     values: list[float]
     """Of its parameters [SI]."""
