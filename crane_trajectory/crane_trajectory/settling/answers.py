@@ -48,7 +48,7 @@ class SettlingPlan(ResultFile):
     trajectory: str
     """Its file."""
     periods: int
-    """To record."""
+    """To record [-]."""
     duration: Number
     """Of these periods [s]."""
     separations: list[PredictedSeparation]

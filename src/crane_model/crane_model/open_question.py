@@ -2,8 +2,9 @@
 
 from enum import StrEnum
 from pathlib import Path
+from typing import Any
 
-from pydantic import ConfigDict, JsonValue
+from pydantic import ConfigDict
 
 from crane_model.result_file import Number, NumberByJoint, ResultFile, ResultPart
 
@@ -25,7 +26,7 @@ class OpenMember(ResultPart):
     """What people call it."""
     joint: str
     """The joint, or `all`."""
-    term: dict[str, JsonValue]
+    term: dict[str, Any]
     """As in a model file, with its shape."""
     values: list[float]
     """Of its parameters [SI]."""
