@@ -6,7 +6,7 @@ from collections.abc import Callable
 from pathlib import Path
 
 import pytest
-from benchmarks.settled import CASES, HiddenCase, designed, diagnosed, narrowly_recorded
+from integration.settled import CASES, HiddenCase, designed, diagnosed, narrowly_recorded
 
 from crane_model.terms import REGISTRY
 

@@ -18,6 +18,7 @@ DECIMALS = 6
 SPEEDS = (0.03, 0.95)  # of the limit, drawn evenly in ratios
 ALONE, AT_AN_END, DWELLS = 0.6, 0.4, 0.3  # how often one joint moves alone, to an end, and dwells
 DWELL = (0.5, 3.0)  # s
+LARGEST_FACTOR = 1.5  # of the period: with its way back, and varied
 LONGEST = 0.25  # of the period: a leg, so that there are several
 ATTEMPTS = 200  # to find a pose that leaves the tip its room
 SLOWER = (1.0, 1.3, 1.7)  # times as long, where the pump does not suffice
@@ -26,9 +27,9 @@ SHIFT, STRETCH = 0.15, 0.4  # of a knot: of the range, and of the log of the tim
 
 @dataclass(frozen=True)
 class CourseDraws:
-    """Of all `joints`, above all of `asked`, within the limits less the margins, of a `period` [s].
+    """Of all `joints`, above all of `asked`, within the limits less the margins.
 
-    A course may be longer than the period by its way back.
+    Of about a `period` [s], and at most `LARGEST_FACTOR` times that.
     """
 
     machine: Machine
@@ -86,6 +87,8 @@ class CourseDraws:
         for slower in SLOWER:
             times = np.round(np.concatenate([[0.0], np.cumsum(slower * legs)]), DECIMALS).tolist()
             courses = zip(self.joints, np.round(poses, DECIMALS).T.tolist(), strict=True)
+            if times[-1] > LARGEST_FACTOR * self.period:
+                return None
             trajectory = SweepTrajectory(
                 kind="sweep",
                 name="settling",
