@@ -38,6 +38,16 @@ class Hypothesis:
                 "diagnose"
             ) from None
 
+    def same_effect(self, other: "Hypothesis") -> bool:
+        """Whether the other one is another law of the same effect, on the same joint."""
+        effects = [
+            {one.effect.law_of or one.type, *one.effect.kin}
+            for one in (self.term, other.term)
+            if one.effect is not None
+        ]
+        together = len(effects) == 2 and bool(effects[0] & effects[1])
+        return together and self.term.only_joint == other.term.only_joint
+
     def bent(self) -> list[tuple[Term, Term, float]]:
         """Of each shape parameter: the term to either side of its value, and how far apart."""
         out = []

@@ -136,13 +136,18 @@ class Settling:
 
 
 def pairs_of(open_: OpenQuestions) -> Iterator[OpenPair]:
-    """Of each question, every pair of its members; of a single member, it and nothing."""
+    """Of each question, every pair of its members; of a single member, it and nothing.
+
+    Two laws of one effect need not be told apart, unless there is nothing else to tell.
+    """
     for number, question in enumerate(open_.questions):
         answers = [Hypothesis.of(member) for member in question.members]
         needed = question.needed or 0.0, question.needed_share or 0.0
         if len(answers) == 1:
             yield OpenPair(number, (0, None), answers[0], None, *needed)
-        for i, j in combinations(range(len(answers)), 2):
+        every = list(combinations(range(len(answers)), 2))
+        apart = [(i, j) for i, j in every if not answers[i].same_effect(answers[j])]
+        for i, j in apart or every:
             yield OpenPair(number, (i, j), answers[i], answers[j], *needed)
 
 

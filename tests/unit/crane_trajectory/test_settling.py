@@ -24,7 +24,7 @@ from crane_trajectory.settling.courses import CourseDraws
 from crane_trajectory.settling.prediction import Hypothesis, PlannedRecording
 from crane_trajectory.settling.pressures import steady_pressures
 from crane_trajectory.settling.separation import PlannedExperiment
-from crane_trajectory.settling.settling import model_of
+from crane_trajectory.settling.settling import model_of, pairs_of
 
 MODEL = crane_model()
 MACHINE = MODEL.machine
@@ -151,6 +151,21 @@ def test_the_named_member_is_not_part_of_what_the_question_is_asked_beside() -> 
     asked = model_of(more, question(member(LOAD_FRICTION), member(WORN)))
     assert asked.terms == MODEL.terms
     np.testing.assert_array_equal(asked.theta, MODEL.theta)
+
+
+def test_two_laws_of_one_effect_need_not_be_told_apart() -> None:
+    waves = Hypothesis(
+        term_from_mapping({"type": "cyclic_friction", "joint": "outer_boom", "wave": 5.0}),
+        np.array([10.0, 0.0]),
+    )
+    three = question(member(LOAD_FRICTION), member(WORN), member(waves))
+    two = question(member(WORN), member(waves))
+    told = OpenQuestions(row_rate=ROW_RATE, noise={}, questions=[three, two])
+    assert [(one.question, one.names) for one in pairs_of(told)] == [
+        (0, (0, 1)),
+        (0, (0, 2)),
+        (1, (0, 1)),
+    ]
 
 
 def test_courses_stay_within_all_limits_and_change_a_little() -> None:
