@@ -138,6 +138,19 @@ def lines(plan: SettlingPlan) -> list[str]:
     return out
 
 
+def beyond(asked: Settling, foretold: Settling, open_: OpenQuestions) -> list[str]:
+    """What no recording can be foretold of, and the experiment that settles it."""
+    out = []
+    for pair in asked.pairs:
+        if any(pair is one for one in foretold.pairs):
+            continue
+        members = open_.questions[pair.question].members
+        one, other = pair.names
+        names = f"{_told(members[one])} | {'nothing' if other is None else _told(members[other])}"
+        out.append(f"no motion is sought for {names}: {members[one].settled_by}")
+    return out
+
+
 def _sigma(value: float | None) -> str:
     return "-" if value is None else f"{value:.3g} σ"
 

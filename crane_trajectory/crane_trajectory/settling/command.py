@@ -17,7 +17,7 @@ from crane_trajectory.excitation.picture import draw
 from crane_trajectory.excitation.problem import ExcitationProblem, machine_of
 from crane_trajectory.excitation.settings import DesignSettings, load_design_settings
 from crane_trajectory.motion.check import Clearance, load_clearance
-from crane_trajectory.settling.answers import lines, open_lines, plan_of
+from crane_trajectory.settling.answers import beyond, lines, open_lines, plan_of
 from crane_trajectory.settling.courses import CourseDraws
 from crane_trajectory.settling.series import FourierDraws
 from crane_trajectory.settling.settling import (
@@ -46,9 +46,14 @@ def settle(arguments: argparse.Namespace, provenance: str) -> None:
     settings = load_design_settings(machine_file("design.yaml", name, arguments.settings))
     clearance = load_clearance(machine_file("clearance.yaml", name, arguments.clearance))
     print("\n".join(open_lines(open_)))
-    settling = _settling(model, open_, settings, clearance, arguments.duration, arguments.starts)
+    asked = _settling(model, open_, settings, clearance, arguments.duration, arguments.starts)
+    settling = asked.foretellable(arguments.seed)
+    print("\n".join(beyond(asked, settling, open_)))
+    if not settling.pairs:
+        return
     with progress_bar("design", settling.steps) as bar:
         best = settling.recording(settling.search(arguments.seed, bar.update))
+    arguments.out.parent.mkdir(parents=True, exist_ok=True)
     file, picture = arguments.out, arguments.out.with_suffix(".png")
     told = plan_of(settling, open_, best, file.name, arguments.load)
     save(

@@ -6,7 +6,7 @@ from itertools import combinations
 
 import numpy as np
 
-from crane_model.errors import RangeError
+from crane_model.errors import CraneError, RangeError
 from crane_model.model_file import Model
 from crane_model.open_question import OpenQuestion, OpenQuestions
 from crane_trajectory.motion.fourier import FourierTrajectory
@@ -20,6 +20,11 @@ DRAWS = 4  # of each family of motions, for each start
 SURVIVORS = 4  # that are varied
 VARIATIONS = 2  # of each of these, for each start
 HOPELESS = 0.3  # of what is needed: no motion separates a pair that none does by more
+
+NONE_WITHIN = (
+    "none of the motions that were drawn is within the limits; lengthen --duration, or try "
+    "another --seed"
+)
 
 Family = FourierDraws | CourseDraws
 Trajectory = FourierTrajectory | SweepTrajectory
@@ -93,6 +98,28 @@ class Settling:
         }
         return np.array([pair.clearness(experiments[pair.question]) for pair in self.pairs])
 
+    def foretellable(self, seed: int) -> "Settling":
+        """With those pairs alone of which a recording can be foretold."""
+        rng = np.random.default_rng(seed)
+        drawn = (family.draw(rng) for family in self.families for _ in range(DRAWS * self.starts))
+        some = next((self.recording(one) for one in drawn if one is not None), None)
+        if some is None:
+            raise RangeError(NONE_WITHIN)
+        kept = tuple(pair for pair in self.pairs if self._can_foretell(pair, some))
+        return replace(self, pairs=kept)
+
+    def _can_foretell(self, pair: OpenPair, some: PlannedRecording) -> bool:
+        """What carries a load, or needs a signal that nothing foretells, is not."""
+        answers = [one for one in (pair.one, pair.other) if one is not None]
+        if any(one.term.carried for one in answers):
+            return False
+        try:
+            return bool(
+                np.isfinite(pair.clearness(self.machinery.experiment(pair.question, [some])))
+            )
+        except CraneError:
+            return False
+
     def search(self, seed: int, progress: Callable[[], object] = lambda: None) -> Trajectory:
         """The motion whose least clear pair is clearest, of those that any motion separates.
 
@@ -106,10 +133,7 @@ class Settling:
                     tried.append((family, drawn, self.clearness([self.recording(drawn)])))
                 progress()
         if not tried:
-            raise RangeError(
-                "none of the motions that were drawn is within the limits; lengthen --duration, or "
-                "try another --seed"
-            )
+            raise RangeError(NONE_WITHIN)
         hope = np.max([clear for _, _, clear in tried], axis=0) > HOPELESS
         counts = hope if hope.any() else ~hope
 

@@ -11,7 +11,7 @@ from unit.crane_identification.synthetic import crane_model
 
 from crane_model.cylinders import lever_arm
 from crane_model.machine_files import machine_file
-from crane_model.model_file import Model, save_model
+from crane_model.model_file import save_model
 from crane_model.open_question import OpenMember, OpenQuestion, OpenQuestions, QuestionKind
 from crane_model.terms import Term, term_from_mapping
 from crane_model.terms.friction import Coulomb
@@ -270,6 +270,25 @@ def test_nothing_open_needs_no_motion(
     assert not (tmp_path / "settle.yaml").exists()
 
 
+def test_what_cannot_be_foretold_is_said_and_the_rest_is_designed_for(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    """Nobody knows how warm the oil will be."""
+    save_model(tmp_path / "model.yaml", MODEL)
+    warmth = Hypothesis(
+        term_from_mapping({"type": "temperature_viscosity", "joint": "outer_boom"}), np.ones(1)
+    )
+    write(tmp_path, question(member(warmth), member(WORN), member(LOAD_FRICTION)))
+    (one,) = settled(tmp_path, tmp_path / "new" / "settle.yaml")["separations"]
+    assert {one["one"], one["other"]} == {
+        "position-dependent Coulomb friction (outer_boom)",
+        "load-dependent joint friction (outer_boom)",
+    }
+    said = capsys.readouterr().out
+    assert said.count("no motion is sought for temperature-dependent viscosity") == 2
+    assert "the same motion with cold and with warm oil" in said
+
+
 @pytest.mark.parametrize(
     ("content", "said"),
     [(None, "no such file"), ({"verdict": "class"}, "key 'open'")],
@@ -283,15 +302,12 @@ def test_a_folder_without_questions_is_refused(
     assert said in capsys.readouterr().err
 
 
-def of_undetermined(folder: Path, model: Model) -> None:
-    save_model(folder / "model.yaml", model)
-
-
 def test_a_term_that_is_not_determined_is_asked_whether_it_is_there(tmp_path: Path) -> None:
     kept = [i for i, p in enumerate(MODEL.parameters) if p.name != "f_v.telescope"]
     without = [t for t in MODEL.terms if (t.type, t.only_joint) != ("viscous", "telescope")]
     bare = replace(MODEL, terms=tuple(without), values=None, std_devs=None)
-    of_undetermined(tmp_path, bare.with_estimate(MODEL.theta[kept], np.zeros(len(kept)), "planted"))
+    bare = bare.with_estimate(MODEL.theta[kept], np.zeros(len(kept)), "planted")
+    save_model(tmp_path / "model.yaml", bare)
     viscous = Hypothesis(
         term_from_mapping({"type": "viscous", "joint": "telescope"}), np.array([150.0])
     )
