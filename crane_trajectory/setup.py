@@ -6,7 +6,7 @@ from setuptools import find_packages, setup
 
 PACKAGE = "crane_trajectory"
 TOOLS = {  # they run without ROS
-    "design": "crane_trajectory.excitation.design:main",
+    "design": "crane_trajectory.design:main",
     "tune": "crane_trajectory.rehearsal.tune:main",
 }
 NODES = {

@@ -45,7 +45,7 @@ NEEDED = ("model", "train", "validate", "out")
 def run(arguments: argparse.Namespace) -> None:
     """Everything the command does; raises `CraneError` with what is wrong."""
     if arguments.explain is not None:
-        _tell(explain.read(arguments.explain))
+        _tell(explain.read(arguments.explain), arguments.explain)
         return
     absent = [f"--{name}" for name in NEEDED if not getattr(arguments, name)]
     if absent:
@@ -92,7 +92,7 @@ def run(arguments: argparse.Namespace) -> None:
         save_model(arguments.out / "model.yaml", result.after)
         findings.write(arguments.out / "findings.json", result, suspicions)
         page.write(arguments.out / "report.html", result, provenance, suspicions)
-    _tell(findings.content(result, suspicions))
+    _tell(findings.content(result, suspicions), arguments.out)
     print(f"written: {arguments.out}/findings.json, model.yaml, report.html")
     logs = [*training, *held_out]
     samples = sum(len(log.position.time) for log in logs)
@@ -114,10 +114,10 @@ def _with_values(
         return model
 
 
-def _tell(content: dict[str, Any]) -> None:
+def _tell(content: dict[str, Any], folder: Path) -> None:
     for warning in (*content.get("suspicions", ()), *content.get("warnings", ())):
         print(f"warning: {warning}", file=sys.stderr)
-    print("\n".join(explain.lines(content)))
+    print("\n".join([*explain.lines(content), *explain.next_step(content, folder)]))
 
 
 def parser() -> argparse.ArgumentParser:

@@ -10,6 +10,7 @@ from crane_identification.diagnosis.findings_file import Findings
 from crane_identification.report.summary import ClusterSummary, Summary
 from crane_sim.hiding.label import Label
 from crane_trajectory.run_excitation_node import ExcitationResult
+from crane_trajectory.settling.answers import SettlingPlan
 from from_code.files import value_of
 
 
@@ -25,6 +26,11 @@ KINDS = (
     Kind("summary.json", "Written by `identify`.", Summary),
     Kind("summary.json of a cluster", "Written by `identify --cluster`.", ClusterSummary),
     Kind("findings.json", "Written by `diagnose`; `diagnose --explain` prints it.", Findings),
+    Kind(
+        "Plan of an experiment",
+        "Written by `design --settle`, beside its trajectory.",
+        SettlingPlan,
+    ),
     Kind("Result of an excitation", "Written by `run_excitation --result`.", ExcitationResult),
     Kind("Label", "Written by `make_bag --label`; `make_bag --hide` reads it, too.", Label),
     Kind("results.json", "Written by `discrepancy`, once every case is scored.", BenchmarkResults),

@@ -39,6 +39,14 @@ def lines(content: dict[str, Any]) -> list[str]:
     return out + _elsewhere(content)
 
 
+def next_step(content: dict[str, Any], folder: Path) -> list[str]:
+    """The command that designs the experiment for what is open in a folder; none if nothing is."""
+    if not content["open"]["questions"]:
+        return []
+    command = f"ros2 run crane_trajectory design --settle {folder} --out {folder}/settle.yaml"
+    return [f"What is open, an experiment settles: {command}"]
+
+
 def _answer(content: dict[str, Any]) -> str:
     """The verdict, and what it names."""
     names = "; ".join(finding_wording.called(finding) for finding in content["findings"])

@@ -34,6 +34,7 @@ from crane_identification.diagnosis.findings_file import (
     Untried,
 )
 from crane_identification.diagnosis.flow_and_load_findings import balance, of_flow, of_load
+from crane_identification.diagnosis.open_questions import open_questions
 from crane_identification.diagnosis.proof.extension import Finding, Value, carried_in
 from crane_identification.diagnosis.proof.gap import Gap
 from crane_identification.diagnosis.region import (
@@ -104,6 +105,7 @@ def answer(diagnosis: Diagnosis, suspicions: Sequence[str] = ()) -> Findings:
             for one in diagnosis.proof.pulsations
         ],
         flow={one.joint: balance(one) for one in flow.found},
+        open=open_questions(diagnosis),
         detectable_strength=diagnosis.detectable,
         suspicions=list(suspicions),
     )

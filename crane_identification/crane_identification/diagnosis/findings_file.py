@@ -6,6 +6,7 @@ from crane_identification.diagnosis.finding_entry import (
     FoundParameter,
     NearEffect,
 )
+from crane_model.open_question import OpenQuestions
 from crane_model.result_file import Number, NumberByJoint, ResultFile, ResultPart
 
 
@@ -268,6 +269,8 @@ class Findings(ResultFile):
     """Lines that are the same in all recordings."""
     flow: dict[str, FlowBalance]
     """By joint whose flow was recorded."""
+    open: OpenQuestions
+    """What another experiment could settle: `design --settle` finds its motion."""
     detectable_strength: Number
     """Strength above which nine in ten effects would have shown [-]."""
     suspicions: list[str] = []

@@ -93,14 +93,14 @@ class SweepTrajectory(Schema):
             ]
         )
         changes = speeds - np.roll(speeds, 1)
-        for knot, change in zip(knots[:-1], changes, strict=True):
-            since = np.mod(phase - knot + self.period / 2, self.period) - self.period / 2
-            motion += change * _rounding(since, self.corner)
+        since = phase - knots[:-1, np.newaxis] + self.period / 2
+        since = np.mod(since, self.period) - self.period / 2
+        motion += np.einsum("k,ckn->cn", changes, _rounding(since, self.corner))
         return motion
 
 
 def _rounding(time: np.ndarray, corner: float) -> np.ndarray:
-    """(3, n): a unit step of speed at time 0, averaged over `corner`, less the step itself."""
+    """(3, ...): a unit step of speed at time 0, averaged over `corner`, less the step itself."""
     s = np.clip(time / corner + 0.5, 0.0, 1.0)
     near = np.abs(time) < corner / 2
     return np.stack(

@@ -7,7 +7,7 @@ from PIL import Image
 from crane_model.machine import load_machine
 from crane_model.machine_files import machine_file
 from crane_model.model_file import load_model
-from crane_trajectory.excitation.design import main
+from crane_trajectory.design import main
 from crane_trajectory.excitation.merit import figures_of_merit
 from crane_trajectory.excitation.settings import load_design_settings
 from crane_trajectory.motion.check import load_clearance, trajectory_violations

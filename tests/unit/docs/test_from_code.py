@@ -35,7 +35,8 @@ def test_tables_of_files_tell_bounds_and_defaults() -> None:
 def _numeric(part: dict[str, Any]) -> bool:
     """Whether a part of a schema is a number, may be one, or holds numbers alone."""
     inner = [*part.get("anyOf", ()), *part.get("prefixItems", ())]
-    inner += [part["additionalProperties"]] if "additionalProperties" in part else []
+    more = part.get("additionalProperties")  # True where it may be anything
+    inner += [more] if isinstance(more, dict) else []
     numbers = {"number", "integer"}
     values = {type(one) for one in part.get("enum", ())} & {int, float}
     return bool(values) or part.get("type") in numbers or any(map(_numeric, inner))

@@ -93,6 +93,7 @@ def content(verdict: str, *findings: dict[str, Any], **more: Any) -> dict[str, A
         "not_observable": [],
         "pulsations": [],
         "flow": {},
+        "open": {"row_rate": 6.0, "noise": {}, "questions": []},
         "detectable_strength": 0.002,
     } | more
 

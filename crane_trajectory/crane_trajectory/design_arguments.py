@@ -28,6 +28,27 @@ def parser() -> argparse.ArgumentParser:
         metavar="SHARE",
         help="instead: every joint in turn at these shares of its velocity limit, both ways",
     )
+    what.add_argument(
+        "--settle",
+        type=Path,
+        metavar="DIR",
+        help="instead: what settles best what the diagnosis in DIR left open",
+    )
+    result.add_argument(
+        "--duration",
+        type=between(20.0, LONGEST_PERIOD),
+        default=60.0,
+        help="with --settle, of the recording [s]",
+    )
+    result.add_argument(
+        "--load",
+        type=above(0.0),
+        default=50.0,
+        help="with --settle, a known mass that there is to hang at the tip [kg]",
+    )
+    result.add_argument(
+        "--terms", type=Path, metavar="FILE", help="with --settle, as it was given to diagnose"
+    )
     result.add_argument("--dwell", type=above(0.0), default=3.0, help="rest between sweeps [s]")
     result.add_argument("--harmonics", type=whole(1, MOST_HARMONICS), default=5, help="N of (32)")
     result.add_argument(

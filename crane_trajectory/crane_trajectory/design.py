@@ -15,7 +15,7 @@ from crane_model.errors import ConfigurationError
 from crane_model.machine_files import machine_file
 from crane_model.model_file import Model, load_model
 from crane_model.progress_bar import progress_bar
-from crane_trajectory.excitation.arguments import parser
+from crane_trajectory.design_arguments import parser
 from crane_trajectory.excitation.campaign import after, campaign
 from crane_trajectory.excitation.criterion import Criterion
 from crane_trajectory.excitation.merit import (
@@ -36,6 +36,7 @@ from crane_trajectory.motion.fourier import (
 from crane_trajectory.motion.motion import RUN_UP
 from crane_trajectory.motion.periodic import load_trajectory
 from crane_trajectory.motion.probe import Probe
+from crane_trajectory.settling.command import settle
 
 
 def main(argv: Sequence[str] | None = None) -> int:
@@ -47,6 +48,12 @@ def main(argv: Sequence[str] | None = None) -> int:
 
 def _design(arguments: argparse.Namespace, argv: list[str]) -> None:
     name = arguments.machine
+    if arguments.settle:
+        out = arguments.out
+        files = out, *(out.with_suffix(suffix) for suffix in (".json", ".png"))
+        check_out(*files, replace=arguments.replace)
+        settle(arguments, f"Found by {_command(argv)}.")
+        return
     model = load_model(machine_file("model.yaml", name, arguments.model))
     settings = _settings(machine_file("design.yaml", name, arguments.settings), model)
     clearance = load_clearance(machine_file("clearance.yaml", name, arguments.clearance))

@@ -1,0 +1,50 @@
+"""For ten classes that recordings leave open, the experiment that `design --settle` finds settles
+at least nine: recorded on the stand-in machine, and diagnosed with what was there.
+"""
+
+from collections.abc import Callable
+from pathlib import Path
+
+import pytest
+from integration.settled import CASES, HiddenCase, designed, diagnosed, narrowly_recorded
+
+from crane_model.terms import REGISTRY
+
+SETTLED: dict[str, bool] = {}
+
+
+@pytest.mark.parametrize("case", CASES, ids=lambda case: case.name)
+def test_the_experiment_is_for_the_class(
+    case: HiddenCase, tmp_path: Path, measured: Callable[..., None]
+) -> None:
+    narrowly_recorded(tmp_path, case)
+    before = diagnosed(tmp_path, "before")
+    assert before.verdict == "class"
+    assert before.holds(case)
+    plan = designed(tmp_path, "before")
+    after = diagnosed(tmp_path, "after", "settling")
+    SETTLED[case.name] = after.settled(case)
+    told = min(one["told"] for one in plan["separations"] if one["told"] is not None)
+    foretold = min(one["predicted"] for one in plan["separations"])
+    effect = REGISTRY[case.effect].effect
+    assert effect is not None
+    measured(
+        f"{effect.name}, {case.joint}: members of the class; least separation told, foretold; "
+        "recording; answer with it",
+        "named",
+        f"{len(before.classes[0])}; {told:.1f}, {foretold:.0f} σ; {plan['duration']:.0f} s; "
+        + ("named" if SETTLED[case.name] else f"`{after.verdict}`, not settled"),
+        members=len(before.classes[0]),
+        told=told,
+        foretold=foretold,
+        duration=plan["duration"],
+        settled=SETTLED[case.name],
+    )
+
+
+def test_nine_of_ten_classes_are_settled(measured: Callable[..., None]) -> None:
+    if len(SETTLED) < len(CASES):
+        pytest.skip("not every class was asked")
+    count = sum(SETTLED.values())
+    measured("classes settled", "9 of 10", f"{count} of {len(SETTLED)}", settled=count)
+    assert count >= 9

@@ -1,0 +1,164 @@
+"""Classes that a narrow motion leaves open, and the experiment that settles each, from end to end.
+
+A crane that hides one effect is recorded twice on motions that are narrow, above all of the other
+joints, and diagnosed; `design --settle` finds a motion, which is recorded once; and all of them are
+diagnosed.
+"""
+
+import json
+import re
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import yaml
+
+from crane_identification.diagnose import main as diagnose
+from crane_model.configuration import save
+from crane_model.machine_files import machine_file
+from crane_model.terms import REGISTRY
+from crane_sim.make_bag import main as make_bag
+from crane_trajectory.design import main as design
+from crane_trajectory.motion.fourier import FourierTrajectory
+from crane_trajectory.motion.periodic import load_trajectory
+
+MODEL = machine_file("model.yaml")
+NOISE = "pressure_noise: 5.0e+4"  # Pa: transducers of half a bar
+OWN, OTHER, QUICKER = 0.3, 0.06, 0.75
+"""Of the amplitudes of the joint with the effect and of the others, and of the period."""
+RECORDINGS = (("first", "excitation_20s"), ("second", "validation_20s"))
+HELD_OUT = "held_out"
+
+
+@dataclass(frozen=True)
+class HiddenCase:
+    """An effect to hide, with its strength on `excitation_20s`."""
+
+    effect: str
+    joint: str
+    strength: float
+    seed: int = 3
+
+    @property
+    def name(self) -> str:
+        """Of its folder."""
+        return f"{self.effect}_{self.joint}"
+
+
+@dataclass(frozen=True)
+class Answer:
+    """Effects and joints that a diagnosis names: `named`, or one of each of `classes`."""
+
+    verdict: str
+    classes: list[set[tuple[str, str]]]
+
+    @classmethod
+    def read(cls, folder: Path) -> "Answer":
+        """From findings.json."""
+        content = findings(folder)
+        return cls(
+            content["verdict"],
+            [
+                {(one["effect"], one["joint"]) for one in (found, *found["class_members"])}
+                for found in content["findings"]
+            ],
+        )
+
+    def holds(self, case: HiddenCase) -> bool:
+        """Whether the effect is among what is named."""
+        return any(same(one, case) for members in self.classes for one in members)
+
+    def settled(self, case: HiddenCase) -> bool:
+        """Whether it is named, and nothing beside it; another law of it is the same effect."""
+        return (
+            self.verdict == "named"
+            and len(self.classes) == 1
+            and all(same(one, case) for one in self.classes[0])
+        )
+
+
+CASES = (
+    HiddenCase("seal_friction", "inner_boom", 0.04),
+    HiddenCase("chamber_gain", "inner_boom", 0.06),
+    HiddenCase("encoder_offset", "inner_boom", 0.03),
+    HiddenCase("position_friction", "inner_boom", 0.03),
+    HiddenCase("load_friction", "inner_boom", 0.05),
+    HiddenCase("load_friction", "outer_boom", 0.03),
+    HiddenCase("position_friction", "outer_boom", 0.03),
+    HiddenCase("pad_friction", "telescope", 0.03),
+    HiddenCase("position_friction", "telescope", 0.04),
+    HiddenCase("stribeck", "telescope", 0.025),
+)
+
+
+def same(one: tuple[str, str], case: HiddenCase) -> bool:
+    """Whether a finding is the hidden effect, by whichever law of it."""
+    effect, joint = one
+    kinds = []
+    for name in (effect, case.effect):
+        known = REGISTRY[name].effect
+        assert known is not None
+        kinds.append({known.law_of or name, *known.kin})
+    return joint == case.joint and bool(kinds[0] & kinds[1])
+
+
+def findings(folder: Path) -> dict[str, Any]:
+    """Of a diagnosis."""
+    content: dict[str, Any] = json.loads((folder / "findings.json").read_text(encoding="utf-8"))
+    return content
+
+
+def record(folder: Path, name: str, trajectory: Path, periods: int, seed: int) -> None:
+    """A bag of the machine that hides the effect of the folder."""
+    known = folder / f"{RECORDINGS[0][0]}.json"  # a label is the same machine again, and quicker
+    run(
+        make_bag,
+        *("--trajectory", trajectory, "--periods", periods, "--seed", seed),
+        *("--out", folder / name, "--hide", known if known.exists() else folder / "spec.yaml"),
+        *("--label", folder / f"{name}.json", "--plant", folder / "stand_in.yaml"),
+    )
+
+
+def narrowly_recorded(folder: Path, case: HiddenCase) -> None:
+    """Bags of narrow motions: two to train on, one to hold out."""
+    effect = {"effect": case.effect, "joint": case.joint, "strength": case.strength}
+    spec = {"seed": case.seed, "effects": [effect]}
+    (folder / "spec.yaml").write_text(yaml.safe_dump(spec), encoding="utf-8")
+    plant = machine_file("stand_in.yaml").read_text(encoding="utf-8")
+    noisy = re.sub("pressure_noise: .*", NOISE, plant)
+    (folder / "stand_in.yaml").write_text(noisy, encoding="utf-8")
+    for seed, (name, wide) in enumerate((*RECORDINGS, (HELD_OUT, RECORDINGS[1][1])), start=1):
+        given = load_trajectory(machine_file(f"{wide}.yaml"))
+        assert isinstance(given, FourierTrajectory)
+        waves = given.coefficients
+        waves[1:] *= np.where([joint == case.joint for joint in given.joint_names], OWN, OTHER)
+        narrow = FourierTrajectory.from_coefficients(
+            "narrow", QUICKER * given.period, given.joint_names, np.round(waves, 6)
+        )
+        save(folder / f"{wide}.yaml", narrow)
+        record(folder, name, folder / f"{wide}.yaml", 2, seed)
+
+
+def diagnosed(folder: Path, out: str, *more: str) -> Answer:
+    """On the narrow recordings, and those named beside them."""
+    train = [folder / name for name in (*(name for name, _ in RECORDINGS), *more)]
+    run(
+        diagnose,
+        *("--model", MODEL, "--train", *train, "--validate", folder / HELD_OUT),
+        *("--out", folder / out),
+    )
+    return Answer.read(folder / out)
+
+
+def designed(folder: Path, out: str) -> dict[str, Any]:
+    """The plan for what a diagnosis left open; its motion is recorded as `settling`."""
+    run(design, "--settle", folder / out, "--out", folder / "settle.yaml")
+    plan: dict[str, Any] = json.loads((folder / "settle.json").read_text(encoding="utf-8"))
+    record(folder, "settling", folder / "settle.yaml", plan["periods"], 4)
+    return plan
+
+
+def run(command: Any, *arguments: object) -> None:
+    """A command that must succeed."""
+    assert command([str(one) for one in arguments]) == 0
