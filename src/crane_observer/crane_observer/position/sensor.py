@@ -22,7 +22,7 @@ WINDOW = 0.05  # s
 EARLY = 0.002  # s, before its time, that a window may end
 GAP = 0.1  # s without pressures, which are then lost
 STALE = 0.1  # s, of a reading of an encoder that still counts
-SILENT = 0.5  # s without a command, after which the valves count as closed
+SILENT = 0.5  # s without a command, after which the valves count as closed; or without supply
 NEUTRAL = 1e-6  # of the stroke
 ENCODER = 1e-4  # rad or m, standard deviation of a reading
 LOOK_BACK = 100  # windows, that can be gone through again
@@ -39,6 +39,7 @@ class SensorCondition(Enum):
     GOOD = "good"
     PRESSURES_LOST = "pressures lost: positions drift until they are back"
     COMMANDS_LOST = "commands lost while a valve was open: it counts as closed"
+    SUPPLY_LOST = "supply is not measured any more: its last value counts"
     ENCODER_LOST = "an encoder is lost: its joint goes on by flow and force"
     VALVES_UNKNOWN = (
         "a joint without encoder has a valve that is not identified: its weight alone tells"
@@ -86,7 +87,7 @@ class PositionSensor:
         self._sums = np.zeros((joints, SUMS))
         self._begin = self._newest = np.nan
         self._before = self._last = np.zeros((2, joints))
-        self._supply = known.circuit.supply_pressure
+        self._supply, self._supplied = known.circuit.supply_pressure, np.nan
         self._blind, self._silenced = 0.0, False
         self._commanded, self._told = -np.inf, np.zeros(joints)
         self._encoder_time = np.full(joints, -np.inf)
@@ -174,7 +175,7 @@ class PositionSensor:
             self.late += 1
             return None
         if np.isfinite(supply):
-            self._supply = supply
+            self._supply, self._supplied = supply, time
         if time - self._newest > GAP:
             self._blind += time - self._newest
             self._unheard = not self._commands.reach(self._newest)
@@ -232,6 +233,8 @@ class PositionSensor:
             return SensorCondition.COMMANDS_LOST
         if self._blind:
             return SensorCondition.PRESSURES_LOST
+        if self._newest - self._supplied > SILENT:  # which one that was never measured is not
+            return SensorCondition.SUPPLY_LOST
         if (self._known.assumed & ~measured).any():
             return SensorCondition.VALVES_UNKNOWN
         if (self._once_measured & ~measured).any():
