@@ -33,8 +33,15 @@ class WeighedPart(NamedTuple):
 
     def differs(self, other: "WeighedPart") -> bool:
         """Whether it is surely another load."""
-        apart = abs(self.mass - other.mass)
-        return apart > max(LIGHTEST, SURE * math.hypot(self.deviation, other.deviation))
+        return abs(self.mass - other.mass) > max(LIGHTEST, SURE * self._apart(other))
+
+    def beyond(self, other: "WeighedPart") -> str:
+        """How much more it is than another, in words [kg]."""
+        return f"{self.mass - other.mass:+.1f} ± {self._apart(other):.1f}"
+
+    def _apart(self, other: "WeighedPart") -> float:
+        """Standard deviation of their difference [kg]."""
+        return math.hypot(self.deviation, other.deviation)
 
 
 def weighed_parts(model: Model, log: Log) -> tuple[WeighedPart, ...]:
@@ -110,14 +117,10 @@ def loads_in_words(model: Model, logs: Sequence[Log]) -> tuple[str, ...]:
     lightest = min(known.values(), key=lambda part: part.mass)
     for source, part in known.items():
         if part.differs(lightest):
-            more, deviation = (
-                part.mass - lightest.mass,
-                math.hypot(part.deviation, lightest.deviation),
-            )
             said.append(
-                f"{source}: carries {more:.1f} ± {deviation:.1f} kg more than the lightest "
-                "recording; a part of that is in the masses of the model. Leave it out, or let "
-                "diagnose find what each carries"
+                f"{source}: carries {part.beyond(lightest)} kg more than the lightest recording; "
+                "a part of that is in the masses of the model. Leave it out, or let diagnose find "
+                "what each carries"
             )
     return tuple(said)
 
@@ -137,8 +140,7 @@ def _piece(log: Log, begin: float, end: float) -> Log:
 
 def _changes(parts: Sequence[WeighedPart]) -> list[str]:
     return [
-        f"the load at the tip changed at {after.begin:.1f} s, by {after.mass - before.mass:+.1f} ± "
-        f"{math.hypot(after.deviation, before.deviation):.1f} kg"
+        f"the load at the tip changed at {after.begin:.1f} s, by {after.beyond(before)} kg"
         for before, after in pairwise(parts)
     ]
 
