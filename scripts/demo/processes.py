@@ -6,12 +6,13 @@ import subprocess
 import sys
 import time
 from collections.abc import Callable, Mapping
-from contextlib import suppress
 from pathlib import Path
 from types import FrameType, TracebackType
 from typing import Any, Self
 
 from ament_index_python.packages import get_package_prefix
+
+from crane_driver.realtime import prefer
 
 END_TIMEOUT_S = 20.0  # for a process to end by itself, once it was asked to
 READY_TIMEOUT_S = 120.0  # in which nodes compile, where they run for the first time
@@ -86,8 +87,7 @@ class Processes:
                 env=self._environment,
             )
         if priority:
-            with suppress(PermissionError, ProcessLookupError):
-                os.sched_setscheduler(process.pid, os.SCHED_FIFO, os.sched_param(priority))
+            prefer(process.pid, priority)
 
     def attend(self, name: str, package: str, executable: str, *arguments: object) -> int:
         """Run one in the foreground, its output shown; its exit status."""

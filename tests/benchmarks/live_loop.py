@@ -1,6 +1,5 @@
 """The live loop as processes, and what can be told of it by its bus and its bag alone."""
 
-import os
 import signal
 import struct
 import subprocess
@@ -8,14 +7,14 @@ import sys
 import time
 from collections import defaultdict
 from collections.abc import Callable, Sequence
-from contextlib import AbstractContextManager, ExitStack, nullcontext, suppress
+from contextlib import AbstractContextManager, ExitStack, nullcontext
 from itertools import pairwise
 from pathlib import Path
-from typing import Any, NamedTuple, Self
+from typing import NamedTuple, Self
 
 import numpy as np
 import psutil
-from integration.processes import free_port
+from integration.processes import CONTROLLER_PRIORITY, MACHINE_PRIORITY, free_port
 from integration.recording_graph import Process
 from mcap.reader import make_reader
 from scipy.ndimage import minimum_filter1d
@@ -25,6 +24,7 @@ from crane_driver.can.bus import BusSettings
 from crane_driver.can.codec import MachineCodec
 from crane_driver.can.frame import Frame
 from crane_driver.can.link import Link
+from crane_driver.realtime import prefer
 from crane_model.machine import load_machine
 from crane_model.machine_files import machine_file
 
@@ -34,7 +34,6 @@ MARGIN = 0.5  # s, at both ends of what is compared
 MILLISECOND = 1_000_000  # ns
 CYCLE = 5 * MILLISECOND
 PROMPT = 401  # cycles, among which one is received without delay
-MACHINE_PRIORITY, CONTROLLER_PRIORITY = 60, 40  # the driver's is 50
 SETTLING = 3.0  # s, until all subscriptions are known to all publishers
 PATIENCE = 60.0  # s
 ANSWER = 0x7F0  # id, of the floor
@@ -222,11 +221,6 @@ class Loop(NamedTuple):
     told: str
 
 
-def _prefer(process: subprocess.Popen[Any], priority: int) -> None:
-    with suppress(PermissionError):
-        os.sched_setscheduler(process.pid, os.SCHED_FIFO, os.sched_param(priority))
-
-
 def measured_loop(
     folder: Path,
     seconds: float,
@@ -250,12 +244,12 @@ def measured_loop(
         started.append(Process(folder, package, name, *arguments))
         return started[-1]
 
-    controller = None
+    controller, preferred = None, False
     looking = ExitStack()
     try:
         crane = start("crane_sim", "simulated_crane", "--bus-option", f"port={port}")
         if realtime:
-            _prefer(crane.process, MACHINE_PRIORITY)
+            prefer(crane.process.pid, MACHINE_PRIORITY)
         start("crane_driver", "driver", "--ros-args", "-p", option)
         recorder = start("crane_nodes", "recorder", "--out", bag)
         for package, name, *arguments in beside:
@@ -266,7 +260,7 @@ def measured_loop(
             [sys.executable, str(HERE / "live_controller.py")], stdout=subprocess.PIPE, text=True
         )
         if realtime:
-            _prefer(controller, CONTROLLER_PRIORITY)
+            preferred = prefer(controller.pid, CONTROLLER_PRIORITY)
         bus.until(lambda: all(f"recording {topic} " in recorder.output for topic in TOPICS))
         bus.until(lambda: any(sum(one.data[2:]) for one in bus.of(VALVES)))  # the loop is closed
         bus.listen(SETTLING)
@@ -277,7 +271,6 @@ def measured_loop(
         busy = Cores(*((now - then) / listened for now, then in used))
         window = (begin, begin + int(seconds * 1e9))
         least = floor(bus, port) if floored else np.empty(0)
-        preferred = os.sched_getscheduler(controller.pid) == os.SCHED_FIFO
         controller.terminate()
         told = controller.communicate(timeout=PATIENCE)[0].strip()
     finally:

@@ -2,7 +2,7 @@
 
 import json
 
-from integration.processes import PATIENCE, start
+from integration.processes import CONTROLLER_PRIORITY, PATIENCE, start
 
 COMMANDER = """
 import json, sys, threading, time, rclpy
@@ -34,7 +34,7 @@ class Commander:
     """A process that publishes commands at 100 Hz."""
 
     def __init__(self, *arguments: str) -> None:
-        self.process = start(COMMANDER, *arguments)
+        self.process = start(COMMANDER, *arguments, priority=CONTROLLER_PRIORITY)
         self.send()
 
     def send(self, **commands: float) -> None:

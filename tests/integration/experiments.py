@@ -7,7 +7,7 @@ from typing import Any
 import numpy as np
 import yaml
 from integration.driver_stage import Stage
-from integration.processes import COMMAND_TIMEOUT, RUN, start
+from integration.processes import COMMAND_TIMEOUT, CONTROLLER_PRIORITY, RUN, start
 from lifecycle_msgs.msg import Transition
 from lifecycle_msgs.srv import ChangeState
 from rcl_interfaces.msg import Parameter, ParameterType, ParameterValue
@@ -62,7 +62,7 @@ class Experiments:
 
     def begin(self) -> None:
         own = "--ros-args", "-p", f"states_timeout:={TIMEOUT}"
-        self.process = start(self._program, *own, *self.arguments)
+        self.process = start(self._program, *own, *self.arguments, priority=CONTROLLER_PRIORITY)
         for ready in (self.action.server_is_ready, self._set.service_is_ready):
             self.stage.until(ready)
         self.stage.until(self._change.service_is_ready)

@@ -69,10 +69,10 @@ def _periodic(log: Log, period: float | None) -> Periodicity | None:
 
 
 def _folded(time: np.ndarray, values: np.ndarray, part: Periodicity) -> np.ndarray:
-    """(M, n, 2) of the whole periods in it."""
+    """(M, n, 2) of the whole periods in it, of which a recording with a gap may have none."""
     begin, end = max(time[0], part.start), min(time[-1], part.end)
-    count = int((end - begin) / part.period + 1e-6)
+    count = max(int((end - begin) / part.period + 1e-6), 0)
     samples = round(part.period * ROW_RATE)
     at = begin + part.period / samples * np.arange(count * samples)
     columns = [np.interp(at, time, column) for column in values.T]
-    return np.stack(columns, axis=1).reshape(count, samples, -1)
+    return np.stack(columns, axis=1).reshape(count, samples, values.shape[1])

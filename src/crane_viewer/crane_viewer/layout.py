@@ -27,7 +27,7 @@ STATES = {
     "offline": (196, 160, 60),
     "fault": (194, 40, 31),
     "emergency stop": (150, 10, 10),
-}
+} | dict.fromkeys(("unconfigured", "inactive", "finalized"), (200, 205, 210))  # else any colour
 
 
 def style(recording: rr.RecordingStream, machine: Machine) -> None:

@@ -14,7 +14,7 @@ from unit.crane_identification.hydraulics.valve_experiments import (
     truth,
 )
 
-from crane_identification.data.log import Log
+from crane_identification.data.log import Log, Signal
 from crane_identification.hydraulics.identified import identify_hydraulics
 from crane_identification.hydraulics.joint_estimate import identify_joint
 from crane_identification.hydraulics.motion_estimate import identify_motion
@@ -88,6 +88,17 @@ def test_a_law_that_is_none_of_these_does_not_fit() -> None:
     assert found.unexplained < 0.01
     assert found.lack_of_fit is not None
     assert found.lack_of_fit < 1e-3
+
+
+def test_the_part_before_a_gap_may_be_shorter_than_a_period() -> None:
+    """A computer that is too busy leaves such gaps; what follows tells the lack of fit."""
+    log = recorded(seed=3, periods=3)
+    first = log.position.time[0]
+    kept = (log.position.time < first + 8.0) | (log.position.time > first + 9.0)
+    gone = replace(log, position=Signal(log.position.time[kept], log.position.value[kept], "made"))
+    found = identify_joint(MACHINE, "outer_boom", [gone], PERIOD).values
+    assert found.lack_of_fit is not None
+    assert found.lack_of_fit > 1e-3
 
 
 @pytest.mark.parametrize("supply", [True, False], ids=["with supply", "position and command"])
