@@ -14,6 +14,7 @@ COMMON = {
     "namespace": "Namespace of the nodes, for example left; empty: the root",
     "parameters": "Parameter file (YAML) of the nodes; arguments go before what it says",
     "log_level": "Of the nodes: debug, info, warn, error or fatal",
+    "enclaves": "Where the SROS2 enclaves of the nodes are, for example /crane; empty: no option",
     "prefix": "Words before the command of every node, for example 'taskset -c 1'",
 }
 """Arguments of every launch file: name and description."""
@@ -52,6 +53,8 @@ def node(
             for parameter, (argument, kind) in parameters.items()
             if given(argument)
         }
+        log_level = ["--log-level", level] if (level := given("log_level")) else []
+        enclave = ["--enclave", f"{path}/{executable}"] if (path := given("enclaves")) else []
         return [
             Node(
                 package=package,
@@ -61,7 +64,7 @@ def node(
                 prefix=given("prefix") or None,  # None: that of `ros2 launch --launch-prefix`
                 parameters=[one for one in (given("parameters"), values) if one],
                 arguments=arguments,
-                ros_arguments=["--log-level", level] if (level := given("log_level")) else None,
+                ros_arguments=[*log_level, *enclave] or None,
                 output="screen",
             )
         ]
