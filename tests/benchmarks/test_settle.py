@@ -1,5 +1,5 @@
-"""For ten classes that recordings leave open, the experiment that `design --settle` finds settles
-at least nine: recorded on the stand-in machine, and diagnosed with what was there.
+"""Of classes that recordings leave open, the experiment that `design --settle` finds settles nine in
+ten at least: recorded on the stand-in machine, and diagnosed with what was there.
 """
 
 from collections.abc import Callable
@@ -42,9 +42,9 @@ def test_the_experiment_is_for_the_class(
     )
 
 
-def test_nine_of_ten_classes_are_settled(measured: Callable[..., None]) -> None:
+def test_nine_in_ten_classes_are_settled(measured: Callable[..., None]) -> None:
     if len(SETTLED) < len(CASES):
         pytest.skip("not every class was asked")
     count = sum(SETTLED.values())
-    measured("classes settled", "9 of 10", f"{count} of {len(SETTLED)}", settled=count)
-    assert count >= 9
+    measured("classes settled", "9 in 10", f"{count} of {len(SETTLED)}", settled=count)
+    assert count >= 0.9 * len(SETTLED)

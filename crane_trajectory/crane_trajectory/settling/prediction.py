@@ -40,13 +40,8 @@ class Hypothesis:
 
     def same_effect(self, other: "Hypothesis") -> bool:
         """Whether the other one is another law of the same effect, on the same joint."""
-        effects = [
-            {one.effect.law_of or one.type, *one.effect.kin}
-            for one in (self.term, other.term)
-            if one.effect is not None
-        ]
-        together = len(effects) == 2 and bool(effects[0] & effects[1])
-        return together and self.term.only_joint == other.term.only_joint
+        together = _kinds(self.term) & _kinds(other.term)
+        return bool(together) and self.term.only_joint == other.term.only_joint
 
     def bent(self) -> list[tuple[Term, Term, float]]:
         """Of each shape parameter: the term to either side of its value, and how far apart."""
@@ -59,6 +54,13 @@ class Hypothesis:
             ]
             out.append((ends[0], ends[1], 2.0 * STEP))
         return out
+
+
+def _kinds(term: Term) -> set[str]:
+    """Types of the usual law of its effect, and of others of it."""
+    if term.effect is None:
+        return set(term.draws)
+    return {term.effect.law_of or term.type, *term.effect.kin, *term.draws}
 
 
 @dataclass(frozen=True)
