@@ -1,7 +1,9 @@
 """`sensors`: what the sensor monitor is to find, and what it finds, on machines at work."""
 
+import math
 import tempfile
 from collections.abc import Sequence
+from functools import partial
 from pathlib import Path
 
 import numpy as np
@@ -9,25 +11,30 @@ import numpy as np
 from crane_benchmark.measured import MeasuredRow
 from crane_benchmark.observing.beside_aims import tell
 from crane_benchmark.observing.failing import AIMS, OTHERS, drawn
+from crane_benchmark.observing.kept import KeptAnswers, WatchedWork
 from crane_benchmark.observing.observer import MACHINES, identified
 from crane_benchmark.observing.picture import draw_curves
 from crane_benchmark.observing.watched import (
     BATCH,
+    HOUR,
     LEARNT_FROM,
     MonitorAnswer,
     WatchedMachine,
     answered,
-    false_alarms,
     smallest,
+    with_fault,
+    without_fault,
     work,
 )
 from crane_model import cli
 from crane_model.arguments import between, whole
+from crane_model.configuration import load, save
+from crane_model.model_file import load_model, save_model
 from crane_model.progress_bar import progress_bar
 from crane_observer.monitor.finding import SensorFinding
 from crane_observer.monitor.replay import watch
 from crane_observer.monitor.signatures import Part, Wrong
-from crane_observer.monitor.tolerance import learn
+from crane_observer.monitor.tolerance import Tolerance, learn
 
 ALARMS = 0.1  # an hour, at most
 RIGHT = 0.9  # of what is found, at least
@@ -36,25 +43,34 @@ COLUMNS = ("what", "aim", "cases", "reached", "smallest", "median delay [s]")
 LEARNING, WITHOUT, WITH = 10_000, 20_000, 30_000  # seeds, beside that of the command
 
 
-def prepared(name: str, seed: int) -> WatchedMachine:
-    """The machine identified from a bag, and tolerances learnt from it and from work."""
+def prepared(name: str, seed: int, folder: Path) -> WatchedMachine:
+    """The machine identified from a bag, and tolerances learnt from it and from work; in `folder`,
+    where both may be already.
+    """
     make_it, _, _ = MACHINES[name]
     observed = make_it()
-    with tempfile.TemporaryDirectory() as folder:
-        model = identified(observed, seed, Path(folder))
-        trained = watch(Path(folder) / "train", model, None).sums
+    model_file, tolerance_file = folder / "model.yaml", folder / "tolerance.yaml"
+    if tolerance_file.exists():
+        return WatchedMachine(observed, load_model(model_file), load(tolerance_file, Tolerance))
+    with tempfile.TemporaryDirectory() as made:
+        model = identified(observed, seed, Path(made))
+        trained = watch(Path(made) / "train", model, None).sums
     batches = range(round(LEARNT_FROM / BATCH))
     sums = [trained, *work(observed, model, [seed + LEARNING + k for k in batches])]
-    return WatchedMachine(
-        observed, model, learn(model.joints, sums, "the bag of the model, and work")
-    )
+    tolerance = learn(model.joints, sums, "the bag of the model, and work")
+    save_model(model_file, model)
+    save(tolerance_file, tolerance)
+    return WatchedMachine(observed, model, tolerance)
 
 
 def rows_of(
-    name: str, hours: float, found: int, answers: Sequence[MonitorAnswer]
+    name: str, work: Sequence[WatchedWork], answers: Sequence[MonitorAnswer]
 ) -> list[MeasuredRow]:
-    """Every aim of the monitor, and what else it finds."""
-    alarms = found + sum(one.before for one in answers)
+    """Every aim of the monitor, and what else it finds; what comes before a fault counts as work
+    without one.
+    """
+    hours = (sum(one.seconds for one in work) + sum(one.before for one in answers)) / HOUR
+    alarms = sum(len(one.findings) for one in work) + sum(one.alarms for one in answers)
     told = [one for one in answers if one.first is not None]
     right = sum(one.right for one in told) / max(len(told), 1)
     rows = [
@@ -137,26 +153,43 @@ def main(argv: Sequence[str] | None = None) -> int:
     add("--hours", type=between(0.1, 1000.0), default=20.0, help="without fault (default: 20)")
     add("--seed", type=whole(0), default=1, help="of motion, loads, faults and noise")
     add("--out", type=Path, help="file for the figures (JSON)")
+    add(
+        "--kept",
+        type=Path,
+        default=Path("runs/observer/sensors"),
+        help="folder in which answers are kept, so that an interrupted run goes on (default: "
+        "%(default)s)",
+    )
     add("--picture", type=Path, help="new picture of what is found by size, for each kind")
     arguments = parser.parse_args(argv)
 
     def body() -> None:
         if arguments.picture:
             cli.check_out(arguments.picture, replace=True)
-        watched = prepared(arguments.on, arguments.seed)
-        cases = drawn(watched.observed, arguments.cases, arguments.seed + WITH)
-        answers = []
+        name, seed = arguments.on, arguments.seed
+        kept = KeptAnswers(arguments.kept / f"{name}_{seed}")
+        watched = prepared(name, seed, kept.folder)
+        cases = drawn(watched.observed, arguments.cases, seed + WITH)
+        answers, hours = [], []
         with progress_bar("faults", len(cases)) as bar:
-            for case in cases:
-                answers.append(answered(watched, case))
+            for k, case in enumerate(cases):
+                seen = kept.answer(
+                    f"fault_{k:03d}_of_{len(cases)}", partial(with_fault, watched, case)
+                )
+                answers.append(answered(case, seen))
+                bar.update()
+        batches = math.ceil(arguments.hours * HOUR / BATCH)
+        with progress_bar("without fault", batches) as bar:
+            for k in range(batches):
+                batch = partial(without_fault, watched, seed + WITHOUT + k)
+                hours.append(kept.answer(f"without_{k:03d}", batch))
                 bar.update()
         for answer in answers:
             if not answer.right:
                 print(f"{answer.case.fault}: {answer.first or 'not found'}")
-        hours, found = false_alarms(watched, arguments.hours, arguments.seed + WITHOUT)
-        for one in found:
-            print(f"false alarm: {one}")
-        rows = rows_of(arguments.on, hours, len(found), answers)
+        for finding in (one for batch in hours for one in batch.findings):
+            print(f"false alarm: {finding}")
+        rows = rows_of(name, hours, answers)
         if arguments.picture:
             draw_curves(arguments.picture, answers)
         command = (

@@ -4,6 +4,7 @@ from collections.abc import Iterable, Sequence
 from typing import NamedTuple
 
 from crane_benchmark.observing.failing import FailingCase, Question
+from crane_benchmark.observing.kept import WatchedWork
 from crane_benchmark.observing.machines import Observed
 from crane_benchmark.observing.positions import heard
 from crane_model.model_file import Model
@@ -25,20 +26,25 @@ class WatchedMachine(NamedTuple):
     model: Model
     tolerance: Tolerance
 
-    def findings(self, made: SimulatedRecording) -> Sequence[SensorFinding]:
-        """All of them; times as in the recording."""
+    def watch(self, made: SimulatedRecording) -> WatchedWork:
+        """All that is found in it."""
         recording = heard(made, self.model, self.observed)
         begin = float(made.time[0])
         found = compare(recording, self.model, self.tolerance).findings
-        return [one._replace(found=one.found + begin, onset=one.onset + begin) for one in found]
+        return WatchedWork(
+            begin,
+            float(made.time[-1] - begin),
+            [one._replace(found=one.found + begin, onset=one.onset + begin) for one in found],
+        )
 
 
 class MonitorAnswer(NamedTuple):
     """To a case."""
 
     case: FailingCase
-    before: int  # findings before the fault: false alarms
-    first: SensorFinding | None  # behind it
+    before: float  # s without fault
+    alarms: int  # findings in them
+    first: SensorFinding | None  # behind the onset
 
     @property
     def delay(self) -> float:
@@ -62,29 +68,25 @@ def work(observed: Observed, model: Model, seeds: Iterable[int]) -> Iterable[Sum
         yield compare(heard(made, model, observed), model, None).sums
 
 
-def false_alarms(
-    watched: WatchedMachine, hours: float, seed: int
-) -> tuple[float, list[SensorFinding]]:
-    """Hours without fault, and what was found in them."""
-    seconds = 0.0
-    found: list[SensorFinding] = []
-    while seconds < hours * HOUR:
-        seed += 1
-        made, _ = watched.observed.at_work(BATCH, seed)
-        seconds += float(made.time[-1] - made.time[0])
-        found += watched.findings(made)
-    return seconds / HOUR, found
+def without_fault(watched: WatchedMachine, seed: int) -> WatchedWork:
+    """BATCH of work."""
+    made, _ = watched.observed.at_work(BATCH, seed)
+    return watched.watch(made)
 
 
-def answered(watched: WatchedMachine, case: FailingCase) -> MonitorAnswer:
-    """What the monitor says of a case; it is told nothing of it."""
+def with_fault(watched: WatchedMachine, case: FailingCase) -> WatchedWork:
+    """A case; the monitor is told nothing of it."""
     made, _ = watched.observed.at_work(case.duration, case.seed, failing=[str(case.fault)])
-    findings = watched.findings(made)
+    return watched.watch(made)
+
+
+def answered(case: FailingCase, seen: WatchedWork) -> MonitorAnswer:
+    """What that says of the case."""
     onset = case.fault.onset
     assert onset is not None
-    behind = [one for one in findings if one.found >= onset]
+    behind = [one for one in seen.findings if one.found >= onset]
     first = min(behind, key=lambda one: one.found, default=None)
-    return MonitorAnswer(case, len(findings) - len(behind), first)
+    return MonitorAnswer(case, onset - seen.begin, len(seen.findings) - len(behind), first)
 
 
 def smallest(answers: Sequence[MonitorAnswer], question: Question) -> float:

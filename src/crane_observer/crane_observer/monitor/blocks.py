@@ -10,6 +10,7 @@ What a sensor does wrong moves some of x_E - x_A, x_E - x_B and p_S - p_0 + droo
 the others: see `signatures`.
 """
 
+import math
 from dataclasses import dataclass
 from typing import NamedTuple
 
@@ -118,13 +119,22 @@ class Blocks:
         self._commands = Commands.none(joints)
         self._spool = np.zeros((joints, 3))
         self._gathered: list[Sample] = []
+        self._shown = np.zeros((2, joints))  # Pa, of the last sample
+        self._crossed = np.zeros(joints, dtype=bool)  # whose transducers are exchanged
         self._sums = np.zeros((joints, SUMS))
         self._length: Array | None = None
         self._begun: float | None = None
 
+    def exchange(self, joint: int) -> None:
+        """From now on, each chamber of a joint is what the transducer of the other shows."""
+        self._crossed[joint] = not self._crossed[joint]
+        crossed = np.arange(len(self._crossed)) == joint
+        self._gathered = [_exchanged(one, crossed) for one in self._gathered]
+        self._shown[:, joint] = self._shown[::-1, joint].copy()
+
     def command(self, stamp: float, command: Array) -> None:
         """In force from its stamp [s] until the next; (j,) -1..1."""
-        self._commands.add(stamp, np.nan_to_num(command))
+        self._commands.add(stamp, np.where(np.isfinite(command), command, 0.0))
 
     def add(self, sample: Sample) -> FlowBlock | None:
         """The block that ends with this sample, if one does, and the spools have settled.
@@ -132,13 +142,17 @@ class Blocks:
         `DataError` if a sample is incomplete, comes out of order, or behind a gap: the sample is
         not used, and after a gap the next block begins anew.
         """
-        gathered = self._gathered
-        _check(sample)
+        gathered, before = self._gathered, self._shown
+        if self._crossed.any():
+            sample = _exchanged(sample, self._crossed)
+        shown = np.array([sample.chamber_a, sample.chamber_b])
+        _check(sample, shown)
         if gathered and sample.time <= gathered[-1].time:
             raise DataError(f"sample at {sample.time:.4f} s: out of order or twice")
         if gathered and sample.time - gathered[-1].time > LONGEST:
             gap = sample.time - gathered[-1].time
             self._gathered, self._length, self._begun = [sample], None, sample.time
+            self._shown = shown
             self._sums[:] = 0.0
             raise DataError(f"no sample for {gap:.3f} s before {sample.time:.3f} s")
         if gathered:
@@ -146,11 +160,10 @@ class Blocks:
             add_interval(
                 self.physics.circuit, self.physics.spools, self._commands, self._spool,
                 gathered[0].time, last.time, sample.time,
-                np.stack([last.chamber_a, last.chamber_b]),
-                np.stack([sample.chamber_a, sample.chamber_b]),
-                0.5 * (last.supply + sample.supply), SHOWN, self._sums,
+                before, shown, 0.5 * (last.supply + sample.supply), SHOWN, self._sums,
             )  # fmt: skip
         gathered.append(sample)
+        self._shown = shown
         if self._begun is None:
             self._begun = sample.time
         if sample.time - gathered[0].time < BLOCK - 0.5 * LEAST_APART:
@@ -197,7 +210,15 @@ class Blocks:
         )
 
 
-def _check(sample: Sample) -> None:
-    shown = (sample.position, sample.chamber_a, sample.chamber_b)
-    if not (np.isfinite(shown).all() and np.isfinite(sample.supply)):
+def _exchanged(sample: Sample, crossed: Flags) -> Sample:
+    a, b = sample.chamber_a, sample.chamber_b
+    return sample._replace(chamber_a=np.where(crossed, b, a), chamber_b=np.where(crossed, a, b))
+
+
+def _check(sample: Sample, pressures: Array) -> None:
+    if not (
+        np.isfinite(pressures).all()
+        and np.isfinite(sample.position).all()
+        and math.isfinite(sample.supply)
+    ):
         raise DataError(f"sample at {sample.time:.3f} s: a reading is missing")

@@ -10,7 +10,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from crane_model.array import Array
+from crane_model.array import Array, Flags
 from crane_observer.monitor.history import History
 from crane_observer.monitor.signatures import SUPPLY, FaultSpan, Part, Wrong, signatures
 from crane_observer.monitor.tolerance import within
@@ -61,25 +61,30 @@ def isolate(
     tolerance: Array,
     joints: Sequence[str],
     alarmed: Array,
+    watched: Flags,
     span: int,
     ago: int,
 ) -> list[Suspect]:
     """Suspects, the first first, after channels `alarmed` (c,) took all of their tolerance over
-    `span` blocks, `ago` blocks before the newest.
+    `span` blocks, `ago` blocks before the newest; by those `watched` (c,).
     """
-    tolerance = tolerance[:, :3]  # stamps that are off delay an alarm, and give it no shape
+    tolerance = tolerance[:, :4]  # stamps that are off delay an alarm, and give it no shape
     newest = history.newest
-    oldest = max(newest - 2 * span - BEFORE, 0)
+    oldest = max(newest - 2 * span - BEFORE, int(history.since_row[watched].max(initial=0)))
     most = max(newest - oldest - 5, 1)
     spread = np.round(np.geomspace(1, most, ONSETS)).astype(int)
     backs = np.unique(np.clip([*spread, *(ago + np.arange(-1, 5))], 1, most))
-    found = {back: _tried(history, tolerance, joints, alarmed, oldest, back) for back in backs}
+    found = {
+        back: _tried(history, tolerance, joints, alarmed, watched, oldest, back) for back in backs
+    }
+    if not any(found.values()):
+        return []
     best = min((_badness(one[0]), back) for back, one in found.items() if one)[1]
     place = int(np.searchsorted(backs, best))
     low, high = backs[max(place - 1, 0)], backs[min(place + 1, len(backs) - 1)]
     for back in range(low + 1, high, max((high - low) // ONSETS, 1)):
         if back not in found:
-            found[back] = _tried(history, tolerance, joints, alarmed, oldest, back)
+            found[back] = _tried(history, tolerance, joints, alarmed, watched, oldest, back)
     return sorted((one for some in found.values() for one in some), key=_badness)
 
 
@@ -91,9 +96,11 @@ def encoder_behind(suspects: Sequence[Suspect]) -> Suspect | None:
     encoders = [one for one in suspects if one.part is Part.ENCODER and one.certain]
     if not encoders:
         return None
-    best = min(encoders, key=lambda one: one.misfit)
-    least = min(one.misfit for one in suspects)
-    return None if best.misfit > CLEARLY * max(least, EXPLAINS) else best
+    most = CLEARLY * max(min(one.misfit for one in suspects), EXPLAINS)
+    may_lie = [one for one in encoders if one.misfit <= most]
+    return min(
+        may_lie, key=lambda one: (one.kind is not Wrong.STUCK, one.misfit), default=None
+    )  # what stands while oil flows needs no size that fits
 
 
 def _badness(suspect: Suspect) -> float:
@@ -106,6 +113,7 @@ def _tried(
     tolerance: Array,
     joints: Sequence[str],
     alarmed: Array,
+    watched: Flags,
     oldest: int,
     back: int,
 ) -> list[Suspect]:
@@ -117,12 +125,18 @@ def _tried(
     at = np.arange(oldest, newest + 1)
     base = sums.residual[max(row - 4, oldest) : row + 1].mean(axis=0)
     deviation = FLOOR_SHARE * within(tolerance, sums, np.full(len(at), row), at)
-    data = (sums.residual[at] - base) / deviation
+    data = np.where(watched, (sums.residual[at] - base) / deviation, 0.0)
     found = []
     for part, joint, kind, unit, whole, shape in _shapes(course, joints, alarmed):
         model = np.zeros_like(data)
         model[row - oldest + 1 :] = np.cumsum(shape, axis=0)
-        model /= deviation
+        model = np.where(watched, model / deviation, 0.0)
+        if not model.any():
+            continue
+        if kind is not Wrong.JUMP:
+            first = np.zeros_like(data)
+            first[row - oldest + 1 :] = shape[0]
+            model -= _before(data, model, np.where(watched, first / deviation, 0.0), whole)
         power = float(np.sum(model**2))
         if power == 0.0:
             continue
@@ -136,6 +150,22 @@ def _tried(
     return sorted(found, key=_badness)
 
 
+def _before(data: Array, model: Array, first: Array, whole: float | None) -> Array:
+    """What of a model (n, c) is too much, as the fault began within the block that adds `first`
+    (n, c): the share of it that fits the data best.
+    """
+    power = float(np.sum(first**2))
+    if power == 0.0:
+        return first
+    if whole:
+        share = -float(np.sum((data - model) * first)) / power
+    else:  # data = times model - more first
+        columns = np.stack([model.ravel(), first.ravel()], axis=1)
+        (times, more), *_ = np.linalg.lstsq(columns, data.ravel(), rcond=None)
+        share = -more / times if times else 0.0
+    return min(max(float(share), 0.0), 1.0) * first
+
+
 def _shapes(
     course: FaultSpan, joints: Sequence[str], alarmed: Array
 ) -> list[tuple[Part, str, Wrong, str, float | None, Array]]:
@@ -145,7 +175,8 @@ def _shapes(
     known = np.repeat(course.known, 2, axis=1)
     for j in np.flatnonzero(alarmed[:-1].reshape(-1, 2).any(axis=1)).tolist():
         for one in signatures():
-            quiet = float(np.abs(course.encoder[:, j]).sum()) < QUIET
+            begun = min(n - 1, 1)  # it may have moved before, in the first block
+            quiet = float(np.abs(course.encoder[begun:, j]).sum()) < QUIET
             if one.part is Part.ENCODER and quiet != (one.kind is Wrong.STUCK):
                 continue
             shape = np.zeros((n, count))
