@@ -96,7 +96,7 @@ class FailingCase(NamedTuple):
 
 
 def drawn(observed: Observed, count: int, seed: int) -> list[FailingCase]:
-    """About `count` cases, each with motion and noise of its own; sizes spread over their ranges."""
+    """About `count` cases, each with motion and noise of its own; sizes spread over ranges."""
     cases: list[FailingCase] = []
     for question in (*AIMS, *OTHERS):
         asked = max(round(count * question.weight / WEIGHTS), 1)

@@ -1,55 +1,51 @@
-"""What the sensor monitor said of each recording, kept, so that an interrupted run goes on."""
+"""Recordings of a machine at work, kept, so that a benchmark that was interrupted goes on."""
 
 import os
 from collections.abc import Callable
+from dataclasses import fields, replace
 from pathlib import Path
 from typing import NamedTuple
 
-from pydantic import TypeAdapter
+import numpy as np
 
-from crane_benchmark.scores.frozen import digest_of_code
-from crane_model.errors import ConfigurationError
-from crane_observer import monitor
-from crane_observer.monitor.finding import SensorFinding
-
-CODE = "monitor.sha256"  # of the code that the answers in a folder are by
+from crane_observer.recording import HeardRecording
 
 
-class WatchedWork(NamedTuple):
-    """A recording."""
+class HeardWork(NamedTuple):
+    """What was heard of a machine at work."""
 
-    begin: float  # s since the machine was started
-    seconds: float
-    findings: list[SensorFinding]  # times as in the recording
+    begin: float  # s since the machine was started, where the times of `heard` count from
+    heard: HeardRecording
+
+    @property
+    def seconds(self) -> float:
+        """How long it is."""
+        return float(np.ptp(self.heard.pressure_time))
 
 
-ANSWER = TypeAdapter(WatchedWork)
+ARRAYS = tuple(one.name for one in fields(HeardRecording))[2:]
 
 
-class KeptAnswers:
-    """In a folder, a file for each recording; several processes may work on different ones."""
+class KeptRecordings:
+    """In a folder, a file for each. They depend on the machine and its seeds, not on who watches;
+    several processes may make different ones.
+    """
 
     def __init__(self, folder: Path):
-        """`ConfigurationError` if the folder holds answers of another monitor."""
-        sources = sorted(Path(next(iter(monitor.__path__))).glob("*.py"))
-        code = digest_of_code(one.read_text() for one in sources)
         folder.mkdir(parents=True, exist_ok=True)
-        file = folder / CODE
-        if not file.exists():
-            file.write_text(code)
-        if file.read_text() != code:
-            raise ConfigurationError(
-                f"{folder}: holds answers of a monitor that was another program; name a new folder"
-            )
         self.folder = folder
 
-    def answer(self, name: str, watched: Callable[[], WatchedWork]) -> WatchedWork:
-        """To the recording of that name, given now unless it was before."""
-        file = self.folder / f"{name}.json"
-        if file.exists():
-            return ANSWER.validate_json(file.read_bytes())
-        found = watched()
-        unfinished = file.with_suffix(".unfinished")
-        unfinished.write_bytes(ANSWER.dump_json(found))
-        os.replace(unfinished, file)
-        return found
+    def recording(self, name: str, made: Callable[[], HeardWork]) -> HeardWork:
+        """That of this name, made now unless it was before."""
+        file = self.folder / f"{name}.npz"
+        if not file.exists():
+            work = made()
+            unfinished = self.folder / f"{name}.unfinished.{os.getpid()}"
+            with unfinished.open("wb") as stream:
+                arrays = {key: getattr(work.heard, key) for key in ARRAYS}
+                np.savez(stream, allow_pickle=False, begin=work.begin, **arrays)
+            unfinished.replace(file)
+            return work._replace(heard=replace(work.heard, path=file))
+        with np.load(file) as kept:
+            arrays = {key: kept[key] for key in ARRAYS}
+            return HeardWork(float(kept["begin"]), HeardRecording(file, 0, **arrays))

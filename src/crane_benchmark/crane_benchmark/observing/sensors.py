@@ -5,13 +5,15 @@ import tempfile
 from collections.abc import Sequence
 from functools import partial
 from pathlib import Path
+from typing import NamedTuple
 
 import numpy as np
 
 from crane_benchmark.measured import MeasuredRow
 from crane_benchmark.observing.beside_aims import tell
-from crane_benchmark.observing.failing import AIMS, OTHERS, drawn
-from crane_benchmark.observing.kept import KeptAnswers, WatchedWork
+from crane_benchmark.observing.failing import AIMS, OTHERS, FailingCase, drawn
+from crane_benchmark.observing.kept import HeardWork, KeptRecordings
+from crane_benchmark.observing.machines import Observed
 from crane_benchmark.observing.observer import MACHINES, identified
 from crane_benchmark.observing.picture import draw_curves
 from crane_benchmark.observing.watched import (
@@ -24,17 +26,16 @@ from crane_benchmark.observing.watched import (
     smallest,
     with_fault,
     without_fault,
-    work,
 )
 from crane_model import cli
 from crane_model.arguments import between, whole
-from crane_model.configuration import load, save
-from crane_model.model_file import load_model, save_model
+from crane_model.model_file import Model, load_model, save_model
 from crane_model.progress_bar import progress_bar
 from crane_observer.monitor.finding import SensorFinding
-from crane_observer.monitor.replay import watch
+from crane_observer.monitor.replay import compare
 from crane_observer.monitor.signatures import Part, Wrong
-from crane_observer.monitor.tolerance import Tolerance, learn
+from crane_observer.monitor.tolerance import learn
+from crane_observer.recording import HeardRecording
 
 ALARMS = 0.1  # an hour, at most
 RIGHT = 0.9  # of what is found, at least
@@ -43,34 +44,60 @@ COLUMNS = ("what", "aim", "cases", "reached", "smallest", "median delay [s]")
 LEARNING, WITHOUT, WITH = 10_000, 20_000, 30_000  # seeds, beside that of the command
 
 
-def prepared(name: str, seed: int, folder: Path) -> WatchedMachine:
-    """The machine identified from a bag, and tolerances learnt from it and from work; in `folder`,
-    where both may be already.
-    """
-    make_it, _, _ = MACHINES[name]
-    observed = make_it()
-    model_file, tolerance_file = folder / "model.yaml", folder / "tolerance.yaml"
-    if tolerance_file.exists():
-        return WatchedMachine(observed, load_model(model_file), load(tolerance_file, Tolerance))
-    with tempfile.TemporaryDirectory() as made:
-        model = identified(observed, seed, Path(made))
-        trained = watch(Path(made) / "train", model, None).sums
-    batches = range(round(LEARNT_FROM / BATCH))
-    sums = [trained, *work(observed, model, [seed + LEARNING + k for k in batches])]
-    tolerance = learn(model.joints, sums, "the bag of the model, and work")
-    save_model(model_file, model)
-    save(tolerance_file, tolerance)
-    return WatchedMachine(observed, model, tolerance)
+class BenchmarkWork(NamedTuple):
+    """All recordings of a run, each made when it is asked for, unless it is kept."""
+
+    observed: Observed
+    model: Model
+    train: Path
+    kept: KeptRecordings
+    seed: int
+
+    @classmethod
+    def of(cls, name: str, seed: int, folder: Path) -> "BenchmarkWork":
+        """The machine, identified from a bag."""
+        make_it, _, _ = MACHINES[name]
+        observed, kept = make_it(), KeptRecordings(folder / f"{name}_{seed}")
+        model_file, train = kept.folder / "model.yaml", kept.folder / "train"
+        if not model_file.exists():
+            with tempfile.TemporaryDirectory(dir=kept.folder) as made:
+                model = identified(observed, seed, Path(made))
+                (Path(made) / "train").rename(train)
+            save_model(model_file, model)
+        return cls(observed, load_model(model_file), train, kept, seed)
+
+    def without(self, k: int, learning: bool = False) -> HeardWork:
+        """Work without fault, the k-th."""
+        seed = self.seed + (LEARNING if learning else WITHOUT) + k
+        made = partial(without_fault, self.observed, self.model, seed)
+        return self.kept.recording(f"{'learning' if learning else 'without'}_{k:03d}", made)
+
+    def failing(self, case: FailingCase) -> HeardWork:
+        """That of a case."""
+        made = partial(with_fault, self.observed, self.model, case)
+        return self.kept.recording(f"fault_{case.seed}_{case.fault}", made)
+
+    def watched(self) -> WatchedMachine:
+        """By tolerances that are learnt from the bag, and from work."""
+        batches = range(round(LEARNT_FROM / BATCH))
+        heard = [HeardRecording.read(self.train, self.model.joints)]
+        heard += [self.without(k, learning=True).heard for k in batches]
+        sums = [compare(one, self.model, None).sums for one in heard]
+        tolerance = learn(self.model.joints, sums, "the bag of the model, and work")
+        return WatchedMachine(self.observed, self.model, tolerance)
 
 
 def rows_of(
-    name: str, work: Sequence[WatchedWork], answers: Sequence[MonitorAnswer]
+    name: str,
+    seconds: float,
+    found: int,
+    answers: Sequence[MonitorAnswer],
 ) -> list[MeasuredRow]:
-    """Every aim of the monitor, and what else it finds; what comes before a fault counts as work
-    without one.
+    """Every aim of the monitor, and what else it finds; `found` in `seconds` without fault, to
+    which what comes before a fault is added.
     """
-    hours = (sum(one.seconds for one in work) + sum(one.before for one in answers)) / HOUR
-    alarms = sum(len(one.findings) for one in work) + sum(one.alarms for one in answers)
+    hours = (seconds + sum(one.before for one in answers)) / HOUR
+    alarms = found + sum(one.alarms for one in answers)
     told = [one for one in answers if one.first is not None]
     right = sum(one.right for one in told) / max(len(told), 1)
     rows = [
@@ -157,7 +184,7 @@ def main(argv: Sequence[str] | None = None) -> int:
         "--kept",
         type=Path,
         default=Path("runs/observer/sensors"),
-        help="folder in which answers are kept, so that an interrupted run goes on (default: "
+        help="folder in which recordings are kept, so that an interrupted run goes on (default: "
         "%(default)s)",
     )
     add("--picture", type=Path, help="new picture of what is found by size, for each kind")
@@ -167,29 +194,35 @@ def main(argv: Sequence[str] | None = None) -> int:
         if arguments.picture:
             cli.check_out(arguments.picture, replace=True)
         name, seed = arguments.on, arguments.seed
-        kept = KeptAnswers(arguments.kept / f"{name}_{seed}")
-        watched = prepared(name, seed, kept.folder)
-        cases = drawn(watched.observed, arguments.cases, seed + WITH)
-        answers, hours = [], []
-        with progress_bar("faults", len(cases)) as bar:
-            for k, case in enumerate(cases):
-                seen = kept.answer(
-                    f"fault_{k:03d}_of_{len(cases)}", partial(with_fault, watched, case)
-                )
-                answers.append(answered(case, seen))
+        work = BenchmarkWork.of(name, seed, arguments.kept)
+        cases = drawn(work.observed, arguments.cases, seed + WITH)
+        batches = range(math.ceil(arguments.hours * HOUR / BATCH))
+        with progress_bar("recordings", len(cases) + len(batches)) as bar:  # before the first is
+            for case in cases:  # watched, so that what goes on does not watch the same again
+                work.failing(case)
                 bar.update()
-        batches = math.ceil(arguments.hours * HOUR / BATCH)
-        with progress_bar("without fault", batches) as bar:
-            for k in range(batches):
-                batch = partial(without_fault, watched, seed + WITHOUT + k)
-                hours.append(kept.answer(f"without_{k:03d}", batch))
+            for k in batches:
+                work.without(k)
+                bar.update()
+        watched = work.watched()
+        with progress_bar("faults", len(cases)) as bar:
+            answers = []
+            for case in cases:
+                answers.append(answered(watched, case, work.failing(case)))
+                bar.update()
+        seconds, found = 0.0, []
+        with progress_bar("without fault", len(batches)) as bar:
+            for k in batches:
+                healthy = work.without(k)
+                seconds += healthy.seconds
+                found += watched.findings(healthy)
                 bar.update()
         for answer in answers:
             if not answer.right:
                 print(f"{answer.case.fault}: {answer.first or 'not found'}")
-        for finding in (one for batch in hours for one in batch.findings):
+        for finding in found:
             print(f"false alarm: {finding}")
-        rows = rows_of(name, hours, answers)
+        rows = rows_of(name, seconds, len(found), answers)
         if arguments.picture:
             draw_curves(arguments.picture, answers)
         command = (

@@ -1,18 +1,16 @@
 """What the sensor monitor says of machines at work, with and without faults."""
 
-from collections.abc import Iterable, Sequence
+from collections.abc import Sequence
 from typing import NamedTuple
 
 from crane_benchmark.observing.failing import FailingCase, Question
-from crane_benchmark.observing.kept import WatchedWork
+from crane_benchmark.observing.kept import HeardWork
 from crane_benchmark.observing.machines import Observed
 from crane_benchmark.observing.positions import heard
 from crane_model.model_file import Model
 from crane_observer.monitor.finding import SensorFinding
-from crane_observer.monitor.history import Sums
 from crane_observer.monitor.replay import compare
 from crane_observer.monitor.tolerance import Tolerance
-from crane_sim.plant.closed_loop import SimulatedRecording
 
 BATCH = 600.0  # s of a recording without fault
 HOUR = 3600.0  # s
@@ -26,16 +24,11 @@ class WatchedMachine(NamedTuple):
     model: Model
     tolerance: Tolerance
 
-    def watch(self, made: SimulatedRecording) -> WatchedWork:
-        """All that is found in it."""
-        recording = heard(made, self.model, self.observed)
-        begin = float(made.time[0])
-        found = compare(recording, self.model, self.tolerance).findings
-        return WatchedWork(
-            begin,
-            float(made.time[-1] - begin),
-            [one._replace(found=one.found + begin, onset=one.onset + begin) for one in found],
-        )
+    def findings(self, work: HeardWork) -> list[SensorFinding]:
+        """All of them; times as in the recording."""
+        found = compare(work.heard, self.model, self.tolerance).findings
+        later = work.begin
+        return [one._replace(found=one.found + later, onset=one.onset + later) for one in found]
 
 
 class MonitorAnswer(NamedTuple):
@@ -61,32 +54,25 @@ class MonitorAnswer(NamedTuple):
         return self.first.part is self.case.part and self.first.joint == fault.target
 
 
-def work(observed: Observed, model: Model, seeds: Iterable[int]) -> Iterable[Sums]:
-    """Sums of residuals in work without faults."""
-    for seed in seeds:
-        made, _ = observed.at_work(BATCH, seed)
-        yield compare(heard(made, model, observed), model, None).sums
-
-
-def without_fault(watched: WatchedMachine, seed: int) -> WatchedWork:
+def without_fault(observed: Observed, model: Model, seed: int) -> HeardWork:
     """BATCH of work."""
-    made, _ = watched.observed.at_work(BATCH, seed)
-    return watched.watch(made)
+    made, _ = observed.at_work(BATCH, seed)
+    return HeardWork(float(made.time[0]), heard(made, model, observed))
 
 
-def with_fault(watched: WatchedMachine, case: FailingCase) -> WatchedWork:
-    """A case; the monitor is told nothing of it."""
-    made, _ = watched.observed.at_work(case.duration, case.seed, failing=[str(case.fault)])
-    return watched.watch(made)
+def with_fault(observed: Observed, model: Model, case: FailingCase) -> HeardWork:
+    """A case; who watches it is told nothing of the fault."""
+    made, _ = observed.at_work(case.duration, case.seed, failing=[str(case.fault)])
+    return HeardWork(float(made.time[0]), heard(made, model, observed))
 
 
-def answered(case: FailingCase, seen: WatchedWork) -> MonitorAnswer:
-    """What that says of the case."""
-    onset = case.fault.onset
+def answered(watched: WatchedMachine, case: FailingCase, work: HeardWork) -> MonitorAnswer:
+    """What the monitor says of a case."""
+    findings, onset = watched.findings(work), case.fault.onset
     assert onset is not None
-    behind = [one for one in seen.findings if one.found >= onset]
+    behind = [one for one in findings if one.found >= onset]
     first = min(behind, key=lambda one: one.found, default=None)
-    return MonitorAnswer(case, onset - seen.begin, len(seen.findings) - len(behind), first)
+    return MonitorAnswer(case, onset - work.begin, len(findings) - len(behind), first)
 
 
 def smallest(answers: Sequence[MonitorAnswer], question: Question) -> float:

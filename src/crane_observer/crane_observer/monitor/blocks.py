@@ -69,7 +69,7 @@ class FlowBlock(NamedTuple):
     drop: Array  # (j, 2) m/Pa, the same where p_A, p_B are
     softness: Array  # (j, 2) m/Pa, by how much they jump where p_A, p_B do
     leak: Array  # (j, 2) m s-1 Pa m3, by how much for a leak of 1 m3/s/Pa past the piston
-    known: Flags  # (j,) whether the flow is known
+    known: Flags  # (j, 2) whether the flow is known
     pressure: Array  # (j, 2) Pa, mean
     last: Array  # (j, 2) Pa, of the last sample
     supply: float  # Pa, mean, less what the flow that is drawn leaves of it
@@ -78,10 +78,11 @@ class FlowBlock(NamedTuple):
 
     @property
     def feeding(self) -> bool:
-        """Whether the supply feeds a joint: else a load that drops may have left its line at any
-        pressure, which the pump's check valve keeps there.
+        """Whether the supply feeds a joint, by all that is known: else a load that drops may have
+        left its line at any pressure, which the pump's check valve keeps there; and a chamber
+        that sucks oil from the tank draws less.
         """
-        return float(self.drawn.sum()) > FEEDING
+        return bool(self.known.all()) and float(self.drawn.sum()) > FEEDING
 
 
 @dataclass(frozen=True)
@@ -201,7 +202,7 @@ class Blocks:
             drop=drop,
             softness=softness,
             leak=-((p_a - p_b) * span)[:, None] / areas,
-            known=(sums[:, LOST_A] + sums[:, LOST_B]) == 0.0,
+            known=sums[:, [LOST_A, LOST_B]] == 0.0,
             pressure=np.stack([p_a, p_b], axis=1),
             last=ended,
             supply=supply - circuit.supply_pressure + float(drawn.sum()),

@@ -43,9 +43,11 @@ def of_block(block: FlowBlock, fed: bool = True) -> Added:
     """Nothing where the flow is not known; `fed`: whether that of chambers that the supply feeds
     is.
     """
-    known = (block.known[:, None] & (fed | (block.fed == 0.0))).ravel()
+    known = (block.known & (fed | (block.fed == 0.0))).ravel()
     residual = np.where(known, (block.encoder[:, None] - block.flow).ravel(), 0.0)
-    moved = np.maximum(np.abs(block.encoder), np.abs(block.flow).max(axis=1))
+    moved = np.maximum(
+        np.abs(block.encoder), np.where(block.known, np.abs(block.flow), 0.0).max(axis=1)
+    )
     way = np.where(known, np.repeat(moved, 2), 0.0)
     pressed = np.where(known, block.drop.ravel(), 0.0)
     trim = np.zeros((len(known) + 1, TERMS))
@@ -71,10 +73,9 @@ class History:
         """`trim` (c, TERMS): what is taken off the residuals, learnt of this machine."""
         channels = len(trim)
         self._trim = trim
+        zeros = np.zeros((2 * KEPT, channels))
         self._sums = Sums(
-            np.zeros(2 * KEPT),
-            *np.zeros((3, 2 * KEPT, channels)),
-            np.zeros((2 * KEPT, channels, TERMS)),
+            np.zeros(2 * KEPT), zeros, zeros.copy(), zeros.copy(), np.zeros((*zeros.shape, TERMS))
         )
         self._blocks: list[FlowBlock] = []
         self.newest = -1

@@ -20,22 +20,24 @@ BEFORE = 40  # blocks before the earliest onset that say where residuals were
 CORRELATED = 10  # blocks that err alike
 FLOOR_SHARE = 0.25  # of a tolerance is one standard deviation
 COVERED = 1.96  # standard deviations to either side, of 95 %
-ONE_WAY = {Wrong.SLOW, Wrong.LEAKING}  # whose size is positive
+ONE_WAY = {Wrong.LEAKING}  # whose size is positive
 RELUCTANCE = {
     Wrong.STUCK: 0.7,
     Wrong.SWAPPED: 0.5,
     Wrong.OFFSET: 0.8,
     Wrong.JUMP: 0.9,
-    Wrong.SLOW: 1.2,
     Wrong.LEAKING: 1.2,
     Wrong.OPEN: 1.3,
 }
 """By which misfits are multiplied: of faults that explain as much, the plain ones come first."""
+STRETCH = 1.25  # times of which a fault still looks like that of a size which is tried
+BETWEEN = 0.1  # of such a size is its standard deviation
 QUIET = 1e-5  # m of way in which an encoder that is stuck still flickers
 
 EXPLAINS = 0.1  # misfit of what explains all but noise
 CLEARLY = 3.0  # times the misfit of the first suspect, beyond which another is excluded
 VALVE_RESERVE = 0.5  # square standard deviations: whatever a valve does or not explains any motion
+ANYTHING_RESERVE = 1.5  # the same, of one that has no course of its own
 
 
 class Suspect(NamedTuple):
@@ -96,15 +98,28 @@ def encoder_behind(suspects: Sequence[Suspect]) -> Suspect | None:
     encoders = [one for one in suspects if one.part is Part.ENCODER and one.certain]
     if not encoders:
         return None
-    most = CLEARLY * max(min(one.misfit for one in suspects), EXPLAINS)
+    others = [one.misfit for one in suspects if not _does_anything(one)]
+    most = CLEARLY * max(min(others), EXPLAINS)
     may_lie = [one for one in encoders if one.misfit <= most]
     return min(
         may_lie, key=lambda one: (one.kind is not Wrong.STUCK, one.misfit), default=None
     )  # what stands while oil flows needs no size that fits
 
 
+def outdone(suspect: Suspect, other: Suspect) -> bool:
+    """Whether another explains the residuals clearly better."""
+    return _badness(suspect) > CLEARLY * max(_badness(other), EXPLAINS)
+
+
+def _does_anything(suspect: Suspect) -> bool:
+    """Whether only the supply speaks against it: a valve that does what it likes."""
+    return (suspect.part, suspect.kind) == (Part.VALVE, Wrong.STUCK)
+
+
 def _badness(suspect: Suspect) -> float:
     reserve = VALVE_RESERVE if suspect.part is Part.VALVE else 0.0
+    if _does_anything(suspect):
+        reserve = ANYTHING_RESERVE
     return (suspect.misfit + reserve) * RELUCTANCE.get(suspect.kind, 1.0)
 
 
@@ -140,13 +155,18 @@ def _tried(
         power = float(np.sum(model**2))
         if power == 0.0:
             continue
-        times = 1.0 if whole else float(np.sum(model * data)) / power
+        times = float(np.sum(model * data)) / power
+        if whole:
+            times = min(max(times, 1.0 / STRETCH), STRETCH) if unit else 1.0
         if times < 0.0 and kind in ONE_WAY:
             continue
         misfit = float(np.mean((data - times * model) ** 2))
-        spread = 0.0 if whole else math.sqrt(CORRELATED * max(misfit, 1.0) / power)
+        spread = math.sqrt(CORRELATED * max(misfit, 1.0) / power)
+        if whole:
+            spread = BETWEEN * whole if unit else 0.0
         begin = blocks[0].begin
-        found.append(Suspect(part, joint, kind, misfit, begin, whole or times, spread, unit))
+        size = (whole or 1.0) * times
+        found.append(Suspect(part, joint, kind, misfit, begin, size, spread, unit))
     return sorted(found, key=_badness)
 
 
@@ -172,7 +192,7 @@ def _shapes(
     """(n, c) a block of every fault that can have been."""
     n, count = len(course.since), 2 * len(joints) + 1
     shapes = []
-    known = np.repeat(course.known, 2, axis=1)
+    known = course.known.reshape(n, -1)
     for j in np.flatnonzero(alarmed[:-1].reshape(-1, 2).any(axis=1)).tolist():
         for one in signatures():
             begun = min(n - 1, 1)  # it may have moved before, in the first block

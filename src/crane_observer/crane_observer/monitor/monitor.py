@@ -9,7 +9,7 @@ from crane_model.errors import DataError
 from crane_observer.monitor.blocks import Blocks, FlowBlock, KnownFlow, Sample
 from crane_observer.monitor.finding import RivalEncoder, SensorFinding
 from crane_observer.monitor.history import History
-from crane_observer.monitor.isolation import COVERED, Suspect, encoder_behind, isolate
+from crane_observer.monitor.isolation import COVERED, Suspect, encoder_behind, isolate, outdone
 from crane_observer.monitor.readings import LOOKED, ReadingHabits
 from crane_observer.monitor.signatures import SUPPLY, Part, Wrong
 from crane_observer.monitor.tolerance import Tolerance, excess
@@ -152,7 +152,9 @@ class SensorComparison:
         return isolate(self._history, self._tolerance, joints, alarmed, watched, self._span, ago)
 
     def _refined(self, block: FlowBlock) -> list[SensorFinding]:
-        """The finding of a while ago, of the same sensor, with what is known by now."""
+        """The finding of a while ago with what is known by now: the same sensor, unless another
+        explains it clearly better.
+        """
         if self._again is None:
             return []
         left, before, alarmed, watched = self._again
@@ -161,9 +163,16 @@ class SensorComparison:
             return []
         self._again = None
         self._span = max(self._span, REFINED)
-        place = before.part, before.joint
-        same = [one for one in self._suspects(alarmed, watched) if (one.part, one.joint) == place]
-        if not same:
+        found = [one for one in self._suspects(alarmed, watched) if one.certain]
+        same = [one for one in found if (one.part, one.joint) == (before.part, before.joint)]
+        if not found:
+            return []
+        alone = before is self.findings[-1] and before.part is not Part.SUPPLY
+        if alone and (not same or outdone(same[0], found[0])):
+            self._watched = watched.copy()
+            self._leave(found[0].part, found[0].joint)
+            same = found
+        elif not same:
             return []
         finding = self._told(same[0], block)._replace(found=before.found, rival=before.rival)
         self.findings = [finding if one is before else one for one in self.findings]

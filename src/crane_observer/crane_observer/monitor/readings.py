@@ -50,7 +50,7 @@ class ReadingHabits:
     @property
     def repeated(self) -> Array:
         """(s,) how many times the last reading was repeated."""
-        return self._same
+        return self._same.astype(float)
 
     @property
     def noise(self) -> Array:
