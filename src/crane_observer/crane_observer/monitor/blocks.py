@@ -17,7 +17,7 @@ from typing import NamedTuple
 import numpy as np
 
 from crane_model.array import Array, Flags
-from crane_model.cylinders import cylinder_length
+from crane_model.cylinders import cylinder_length, lever_arm
 from crane_model.errors import DataError
 from crane_model.hydraulics.stepping import Circuit, chamber_volumes
 from crane_model.machine import Machine
@@ -65,6 +65,7 @@ class FlowBlock(NamedTuple):
     time: float
     encoder: Array  # (j,) m, x_E
     flow: Array  # (j, 2) m, x_A and x_B
+    crossed: Array  # (j, 2) m, the same if each transducer is in the other chamber
     fed: Array  # (j, 2) m/Pa, by how much x_E - x_A, x_E - x_B grow where p_S is 1 Pa too high
     drop: Array  # (j, 2) m/Pa, the same where p_A, p_B are
     softness: Array  # (j, 2) m/Pa, by how much they jump where p_A, p_B do
@@ -75,6 +76,7 @@ class FlowBlock(NamedTuple):
     supply: float  # Pa, mean, less what the flow that is drawn leaves of it
     drawn: Array  # (j,) Pa, by how much each joint lets the supply droop
     stroke: Array  # (j,) Pa s/m, by how much it would for 1 m/s
+    lever: Array  # (j,) m of the piston for 1 rad or m of the joint
 
     @property
     def feeding(self) -> bool:
@@ -110,6 +112,11 @@ class KnownFlow:
         parts = (cylinder_length(self.machine, j, q[i]) for i, j in enumerate(self.joints))
         return np.array([float(part) for part in parts])
 
+    def levers(self, q: Array) -> Array:
+        """(j,) of the cylinders [m, 1] at coordinates (j,)."""
+        parts = (lever_arm(self.machine, j, q[i : i + 1]) for i, j in enumerate(self.joints))
+        return np.concatenate(list(parts))
+
 
 class Blocks:
     """Gathers samples; the sums of flow are compiled."""
@@ -122,7 +129,7 @@ class Blocks:
         self._gathered: list[Sample] = []
         self._shown = np.zeros((2, joints))  # Pa, of the last sample
         self._crossed = np.zeros(joints, dtype=bool)  # whose transducers are exchanged
-        self._sums = np.zeros((joints, SUMS))
+        self._sums, self._crossed_sums = np.zeros((2, joints, SUMS))
         self._length: Array | None = None
         self._begun: float | None = None
 
@@ -154,15 +161,10 @@ class Blocks:
             gap = sample.time - gathered[-1].time
             self._gathered, self._length, self._begun = [sample], None, sample.time
             self._shown = shown
-            self._sums[:] = 0.0
+            self._sums[:] = self._crossed_sums[:] = 0.0
             raise DataError(f"no sample for {gap:.3f} s before {sample.time:.3f} s")
         if gathered:
-            last = gathered[-1]
-            add_interval(
-                self.physics.circuit, self.physics.spools, self._commands, self._spool,
-                gathered[0].time, last.time, sample.time,
-                before, shown, 0.5 * (last.supply + sample.supply), SHOWN, self._sums,
-            )  # fmt: skip
+            self._add_flow(gathered[0].time, gathered[-1], sample, before, shown)
         gathered.append(sample)
         self._shown = shown
         if self._begun is None:
@@ -171,8 +173,21 @@ class Blocks:
             return None
         block = self._block(gathered)
         self._gathered = [sample]
-        self._sums[:] = 0.0
+        self._sums[:] = self._crossed_sums[:] = 0.0
         return None if sample.time < self._begun + SETTLING else block
+
+    def _add_flow(
+        self, since: float, last: Sample, sample: Sample, before: Array, shown: Array
+    ) -> None:
+        supply, spool = 0.5 * (last.supply + sample.supply), self._spool.copy()
+        for moved, begun, ended, sums in (
+            (self._spool, before, shown, self._sums),
+            (spool, before[::-1].copy(), shown[::-1].copy(), self._crossed_sums),
+        ):
+            add_interval(
+                self.physics.circuit, self.physics.spools, self._commands, moved, since,
+                last.time, sample.time, begun, ended, supply, SHOWN, sums,
+            )  # fmt: skip
 
     def _block(self, samples: list[Sample]) -> FlowBlock:
         circuit, sums = self.physics.circuit, self._sums
@@ -186,6 +201,7 @@ class Blocks:
         begun = np.stack([first.chamber_a, first.chamber_b], axis=1)
         ended = np.stack([last.chamber_a, last.chamber_b], axis=1)
         volumes = sums[:, [FLOW_A, FLOW_B]]
+        crossed = self._crossed_sums[:, [FLOW_A, FLOW_B]]
         drop = sums[:, [DROP_A, DROP_B]] / areas * (1.0, -1.0)
         inner = samples[1:]
         p_a = np.mean([one.chamber_a for one in inner], axis=0)
@@ -198,6 +214,7 @@ class Blocks:
             time=last.time,
             encoder=x - before,
             flow=volumes / areas * (1.0, -1.0) - softness * (ended - begun),
+            crossed=crossed / areas * (1.0, -1.0) - softness * (ended - begun)[:, ::-1],
             fed=-drop * (volumes > 0.0),
             drop=drop,
             softness=softness,
@@ -208,6 +225,7 @@ class Blocks:
             supply=supply - circuit.supply_pressure + float(drawn.sum()),
             drawn=drawn,
             stroke=circuit.droop * areas.mean(axis=1),
+            lever=self.physics.levers(last.position),
         )
 
 

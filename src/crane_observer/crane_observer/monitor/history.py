@@ -5,7 +5,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from crane_model.array import Array
+from crane_model.array import Array, Flags
 from crane_observer.monitor.blocks import FlowBlock
 from crane_observer.monitor.trim import TERMS, regressors
 
@@ -39,11 +39,12 @@ class Added(NamedTuple):
     trim: Array  # (c, TERMS)
 
 
-def of_block(block: FlowBlock, fed: bool = True) -> Added:
-    """Nothing where the flow is not known; `fed`: whether that of chambers that the supply feeds
-    is.
+def of_block(block: FlowBlock, trusted: Flags | None = None) -> Added:
+    """Nothing where the flow is not known, nor of the supply where it feeds a chamber of which the
+    transducer is not one of those `trusted` (j, 2), by default all.
     """
-    known = (block.known & (fed | (block.fed == 0.0))).ravel()
+    known = block.known.ravel()
+    feeding = block.feeding and (trusted is None or bool(trusted[block.fed != 0.0].all()))
     residual = np.where(known, (block.encoder[:, None] - block.flow).ravel(), 0.0)
     moved = np.maximum(
         np.abs(block.encoder), np.where(block.known, np.abs(block.flow), 0.0).max(axis=1)
@@ -53,9 +54,9 @@ def of_block(block: FlowBlock, fed: bool = True) -> Added:
     trim = np.zeros((len(known) + 1, TERMS))
     trim[:-1] = regressors(pressed, np.where(known, np.repeat(block.encoder, 2), 0.0))
     return Added(
-        np.append(residual, block.supply if block.feeding else 0.0),
+        np.append(residual, block.supply if feeding else 0.0),
         np.append(way, block.drawn.sum()),
-        np.append(np.abs(pressed), float(block.feeding)),
+        np.append(np.abs(pressed), float(feeding)),
         trim,
     )
 
@@ -86,8 +87,12 @@ class History:
         """Rows up to `newest` hold."""
         return self._sums
 
-    def add(self, block: FlowBlock, fed: bool = True) -> None:
-        """One block more, as `of_block` has it; the oldest are forgotten."""
+    def add(self, block: FlowBlock, trusted: Flags) -> None:
+        """One block more; the oldest are forgotten. (c,) which transducers are `trusted`: by that
+        of the supply go chambers that it feeds, by theirs the supply.
+        """
+        if not trusted[-1]:
+            block = block._replace(known=block.known & (block.fed == 0.0))
         if self.newest + 1 == 2 * KEPT:
             for one in self._sums:
                 one[:KEPT] = one[KEPT:]
@@ -98,7 +103,7 @@ class History:
         self.newest += 1
         self._blocks.append(block)
         self._sums.time[self.newest] = block.time
-        added = of_block(block, fed)
+        added = of_block(block, trusted[:-1].reshape(-1, 2))
         left = added.residual - np.einsum("ck,ck->c", added.trim, self._trim)
         for one, more in zip(self._sums[1:], added._replace(residual=left), strict=True):
             one[self.newest] = more if before < 0 else one[before] + more

@@ -37,7 +37,12 @@ QUIET = 1e-5  # m of way in which an encoder that is stuck still flickers
 EXPLAINS = 0.1  # misfit of what explains all but noise
 CLEARLY = 3.0  # times the misfit of the first suspect, beyond which another is excluded
 VALVE_RESERVE = 0.5  # square standard deviations: whatever a valve does or not explains any motion
-ANYTHING_RESERVE = 1.5  # the same, of one that has no course of its own
+BETTER = 1.25  # times the misfit of another, at which that is named in the second look
+DROOPS = 0.5  # misfit by which the supply tells an encoder from a valve
+ANYTHING_RESERVE = {
+    Part.VALVE: 2.5,
+    Part.ENCODER: 5.0,
+}  # the same, of what has no course of its own
 
 
 class Suspect(NamedTuple):
@@ -74,8 +79,9 @@ def isolate(
     newest = history.newest
     oldest = max(newest - 2 * span - BEFORE, int(history.since_row[watched].max(initial=0)))
     most = max(newest - oldest - 5, 1)
-    spread = np.round(np.geomspace(1, most, ONSETS)).astype(int)
-    backs = np.unique(np.clip([*spread, *(ago + np.arange(-1, 5))], 1, most))
+    least = min(ago + 1, most)  # what alarms has begun
+    spread = np.round(np.geomspace(least, most, ONSETS)).astype(int)
+    backs = np.unique(np.clip([*spread, *(least + np.arange(5))], least, most))
     found = {
         back: _tried(history, tolerance, joints, alarmed, watched, oldest, back) for back in backs
     }
@@ -98,28 +104,63 @@ def encoder_behind(suspects: Sequence[Suspect]) -> Suspect | None:
     encoders = [one for one in suspects if one.part is Part.ENCODER and one.certain]
     if not encoders:
         return None
-    others = [one.misfit for one in suspects if not _does_anything(one)]
-    most = CLEARLY * max(min(others), EXPLAINS)
+    if _supply_says(suspects, best_of(suspects, Part.ENCODER).joint) is Part.VALVE:
+        return None
+    most = CLEARLY * max(min(one.misfit for one in suspects), EXPLAINS)
     may_lie = [one for one in encoders if one.misfit <= most]
     return min(
         may_lie, key=lambda one: (one.kind is not Wrong.STUCK, one.misfit), default=None
     )  # what stands while oil flows needs no size that fits
 
 
+def best_of(suspects: Sequence[Suspect], part: Part) -> Suspect:
+    """The first suspect of a part that has one."""
+    return next(one for one in suspects if one.part is part)
+
+
+def named(suspects: Sequence[Suspect]) -> Suspect:
+    """The first suspect, unless that is an encoder or a valve and the supply says the other."""
+    first = suspects[0]
+    says = _supply_says(suspects, first.joint)
+    return best_of(suspects, says) if says and first.part in (Part.ENCODER, Part.VALVE) else first
+
+
 def outdone(suspect: Suspect, other: Suspect) -> bool:
-    """Whether another explains the residuals clearly better."""
-    return _badness(suspect) > CLEARLY * max(_badness(other), EXPLAINS)
+    """Whether another explains the residuals better, and not by chance."""
+    return _badness(suspect) > BETTER * max(_badness(other), EXPLAINS)
+
+
+def _supply_says(suspects: Sequence[Suspect], joint: str) -> Part | None:
+    """Whether a piston went as its encoder shows, or as the commands of its valve: it lets the
+    supply droop by one of the two. None where that tells nothing.
+    """
+    free = sorted(
+        (one for one in suspects if _does_anything(one) and one.joint == joint),
+        key=lambda one: -one.misfit,
+    )
+    least = {one.part: one.misfit for one in free}  # the last of each, over all onsets
+    if len(least) < 2:
+        return None
+    more = least[Part.ENCODER] - least[Part.VALVE]
+    if abs(more) < DROOPS:
+        return None
+    return Part.VALVE if more > 0.0 else Part.ENCODER
 
 
 def _does_anything(suspect: Suspect) -> bool:
-    """Whether only the supply speaks against it: a valve that does what it likes."""
-    return (suspect.part, suspect.kind) == (Part.VALVE, Wrong.STUCK)
+    """Whether it has no course of its own: only the supply tells an encoder that shows what it
+    likes from a valve that does.
+    """
+    return (suspect.part, suspect.kind) in (
+        (Part.VALVE, Wrong.STUCK),
+        (Part.ENCODER, Wrong.ERRATIC),
+    )
 
 
 def _badness(suspect: Suspect) -> float:
     reserve = VALVE_RESERVE if suspect.part is Part.VALVE else 0.0
     if _does_anything(suspect):
-        reserve = ANYTHING_RESERVE
+        reserve = ANYTHING_RESERVE[suspect.part]
     return (suspect.misfit + reserve) * RELUCTANCE.get(suspect.kind, 1.0)
 
 

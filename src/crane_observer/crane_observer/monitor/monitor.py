@@ -9,7 +9,14 @@ from crane_model.errors import DataError
 from crane_observer.monitor.blocks import Blocks, FlowBlock, KnownFlow, Sample
 from crane_observer.monitor.finding import RivalEncoder, SensorFinding
 from crane_observer.monitor.history import History
-from crane_observer.monitor.isolation import COVERED, Suspect, encoder_behind, isolate, outdone
+from crane_observer.monitor.isolation import (
+    COVERED,
+    Suspect,
+    encoder_behind,
+    isolate,
+    named,
+    outdone,
+)
 from crane_observer.monitor.readings import LOOKED, ReadingHabits
 from crane_observer.monitor.signatures import SUPPLY, Part, Wrong
 from crane_observer.monitor.tolerance import Tolerance, excess
@@ -57,7 +64,7 @@ class SensorComparison:
         self._watched = np.ones(2 * joints + 1, dtype=bool)
         self._waiting: int | None = None
         self._span, self._since, self._period, self._last = 1, 0, 0.0, 0.0
-        self._fed = True  # whether what the supply feeds is known
+        self._trusted = np.ones(2 * joints + 1, dtype=bool)  # transducers
         self._again: tuple[int, SensorFinding, Array, Flags] | None = None
         self._alarmed = np.zeros(2 * joints + 1, dtype=bool)
         self._block: FlowBlock | None = None
@@ -88,7 +95,7 @@ class SensorComparison:
         self._period, self._last = sample.time - self._last, sample.time
         if block is None:
             return []
-        self._history.add(block, self._fed)
+        self._history.add(block, self._trusted)
         self._block = self._newest = block
         found = self._by_readings(block)
         found += self._by_residuals(block)
@@ -137,8 +144,9 @@ class SensorComparison:
             return [noisy._replace(rival=rival)]
         if not suspects or not suspects[0].certain:
             return []  # as from stamps that were off: it comes again if it stays
-        self._leave(suspects[0].part, suspects[0].joint)
-        finding = self._told(suspects[0], block)
+        first = named(suspects)
+        self._leave(first.part, first.joint)
+        finding = self._told(first, block)
         if finding.part is not Part.ENCODER:
             finding = finding._replace(rival=rival)
         if finding.part is Part.SUPPLY:
@@ -168,13 +176,16 @@ class SensorComparison:
         if not found:
             return []
         alone = before is self.findings[-1] and before.part is not Part.SUPPLY
-        if alone and (not same or outdone(same[0], found[0])):
+        first, rival = named(found), before.rival
+        if alone and (not same or first.part is not found[0].part or outdone(same[0], first)):
             self._watched = watched.copy()
-            self._leave(found[0].part, found[0].joint)
-            same = found
+            self._leave(first.part, first.joint)
+            if before.part is Part.ENCODER is not first.part:  # what was a danger stays one
+                rival = RivalEncoder(before.joint, before.kind)
+            same = [first]
         elif not same:
             return []
-        finding = self._told(same[0], block)._replace(found=before.found, rival=before.rival)
+        finding = self._told(same[0], block)._replace(found=before.found, rival=rival)
         self.findings = [finding if one is before else one for one in self.findings]
         return [finding]
 
@@ -239,8 +250,11 @@ class SensorComparison:
             self._history.forget(channels)
             return
         self._watched[channels] = False
+        if part in (Part.SUPPLY, *TRANSDUCERS):
+            self._trusted[channels] = False
         if part is Part.SUPPLY:
-            self._fed = False
             self._history.forget(slice(0, -1))
+        elif part in TRANSDUCERS:
+            self._history.forget(slice(-1, None))
         elif part is Part.VALVE or part is Part.ENCODER:
             self._watched[-1] = False

@@ -30,6 +30,7 @@ class Wrong(StrEnum):
     SCALE = "scale"
     NOISE = "noise"
     BACKLASH = "backlash"
+    ERRATIC = "erratic"
     OFFSET = "offset"
     GAIN = "gain"
     SWAPPED = "swapped"
@@ -57,6 +58,7 @@ class FaultSpan:
     since: Array  # (n,) s since it began, at the ends of the blocks
     encoder: Array  # (n, j)
     flow: Array  # (n, j, 2)
+    crossed: Array
     fed: Array
     drop: Array
     softness: Array
@@ -65,6 +67,7 @@ class FaultSpan:
     pressure: Array  # (n, j, 2)
     last: Array
     stroke: Array  # (n, j)
+    lever: Array
     feeding: Array  # (n,)
 
     @classmethod
@@ -117,6 +120,15 @@ def _alike(
     return moves
 
 
+def _drifting(course: FaultSpan, j: int) -> Array:
+    """m at the piston of an encoder that drifts by 1 m/s there, as it begins."""
+    return course.duration * course.lever[:, j] / course.lever[0, j]
+
+
+_erratic = _alike(lambda c, j: c.encoder[:, j] - c.went(j))
+"""An encoder that shows what it likes."""
+
+
 def _first(course: FaultSpan) -> Array:
     begun = _nothing(course)
     begun[0] = 1.0
@@ -149,10 +161,7 @@ def _shown(side: int) -> Callable[[FaultSpan, int], Array]:
 
 def _exchanged(course: FaultSpan, j: int) -> tuple[Array, Array]:
     """Each chamber shows the pressure of the other."""
-    apart = course.last[:, j, 0] - course.last[:, j, 1]
-    of_a, nothing = _transducer(0, lambda _c, _j: apart)(course, j)
-    of_b, _ = _transducer(1, lambda _c, _j: -apart)(course, j)
-    return of_a + of_b, nothing
+    return course.crossed[:, j] - course.flow[:, j], _nothing(course)
 
 
 def _valve(
@@ -185,9 +194,8 @@ def _lagging(lag: float) -> Callable[[FaultSpan, int], Array]:
 
 def _free(course: FaultSpan, j: int) -> tuple[Array, Array]:
     """A spool that does what it likes: the encoder is right, and the supply droops by that."""
-    went = course.went(j)
-    more = np.abs(course.encoder[:, j]) - np.abs(went)
-    moves = np.repeat((course.encoder[:, j] - went)[:, None], 2, axis=1)
+    moves, _ = _erratic(course, j)
+    more = np.abs(course.encoder[:, j]) - np.abs(course.went(j))
     return moves, -course.stroke[:, j] * more / course.duration
 
 
@@ -219,11 +227,12 @@ def signatures() -> Iterator[Signature]:
     encoder, valve = Part.ENCODER, Part.VALVE
     yield Signature(encoder, Wrong.STUCK, "", _alike(lambda c, j: -c.went(j)), whole=1.0)
     yield Signature(encoder, Wrong.JUMP, "m", _alike(lambda c, _: _first(c)))
-    yield Signature(encoder, Wrong.DRIFT, "m/s", _alike(lambda c, _: c.duration))
+    yield Signature(encoder, Wrong.DRIFT, "m/s", _alike(_drifting))
     yield Signature(encoder, Wrong.SCALE, "1", _alike(lambda c, j: c.went(j)))
     for play in PLAYS:
         lost = _alike(_lost_motion(float(play)))
         yield Signature(encoder, Wrong.BACKLASH, "m", lost, whole=float(play))
+    yield Signature(encoder, Wrong.ERRATIC, "", _erratic, whole=1.0)
     for side, part in enumerate((Part.PRESSURE_A, Part.PRESSURE_B)):
         yield Signature(
             part, Wrong.OFFSET, "Pa", _transducer(side, lambda c, _: np.ones_like(c.since))
