@@ -189,10 +189,9 @@ def _tried(
         model = np.where(watched, model / deviation, 0.0)
         if not model.any():
             continue
-        if kind is not Wrong.JUMP:
-            first = np.zeros_like(data)
-            first[row - oldest + 1 :] = shape[0]
-            model -= _before(data, model, np.where(watched, first / deviation, 0.0), whole)
+        first, begun = np.zeros_like(data), row - oldest + 1
+        first[begun : begun + 1 if kind is Wrong.JUMP else None] = shape[0]
+        model -= _before(data, model, np.where(watched, first / deviation, 0.0), whole)
         power = float(np.sum(model**2))
         if power == 0.0:
             continue
