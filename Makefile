@@ -61,9 +61,11 @@ observer-benchmark: setup
 	@$(in_env) failed=0; \
 	ros2 run crane_benchmark observer --out runs/observer/observer.json || failed=1; \
 	ros2 run crane_benchmark loads --out runs/observer/loads.json || failed=1; \
-	ros2 run crane_benchmark sensors --out runs/observer/sensors_stock.json \
-		--picture runs/observer/smallest_faults.png || failed=1; \
-	ros2 run crane_benchmark sensors --on hard --out runs/observer/sensors_hard.json || failed=1; \
+	for machine in stock hard; do \
+		ros2 run crane_benchmark sensors --on $$machine --cases 150 --hours 10 \
+			--out runs/observer/sensors_$$machine.json \
+			--picture runs/observer/smallest_faults_$$machine.png || failed=1; \
+	done; \
 	exit $$failed
 
 bench:

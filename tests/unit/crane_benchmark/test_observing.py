@@ -1,5 +1,8 @@
 """Which aims of the observers are missed, and the cases that they are asked by."""
 
+from dataclasses import fields
+from pathlib import Path
+
 import numpy as np
 import pytest
 from unit.crane_observer.observed import known
@@ -7,14 +10,22 @@ from unit.crane_observer.observed import known
 from crane_benchmark.measured import MeasuredRow
 from crane_benchmark.observing.cycles import WorkCycles
 from crane_benchmark.observing.failing import AIMS, OTHERS, SOONEST, FailingCase, drawn
+from crane_benchmark.observing.kept import HeardWork, KeptRecordings
 from crane_benchmark.observing.loads import WeighedLift, in_motion, rows_of, weighed
 from crane_benchmark.observing.loads import missed as missed_loads
 from crane_benchmark.observing.machines import stock
 from crane_benchmark.observing.observer import missed
-from crane_benchmark.observing.watched import MonitorAnswer, WatchedMachine, answered, smallest
+from crane_benchmark.observing.watched import (
+    MonitorAnswer,
+    WatchedMachine,
+    answered,
+    smallest,
+    with_fault,
+)
 from crane_observer.monitor.finding import SensorFinding
 from crane_observer.monitor.signatures import Part, Wrong
 from crane_observer.monitor.tolerance import unlearnt
+from crane_observer.recording import HeardRecording
 from crane_observer.scale.scale import ScaleCondition, Weighing
 from crane_observer.scale.weighing import TipLoad
 from crane_sim.faulty.kinds import TimedFault, parse
@@ -45,6 +56,31 @@ def test_faults_are_drawn_while_their_joint_moves_and_each_kind_comes() -> None:
             assert abs(velocity[observed.machine.index(one.fault.target)]) > 0.005
 
 
+def test_each_kind_has_small_and_large_faults() -> None:
+    observed = stock()
+    for question in OTHERS:
+        low, high = question.sizes
+        if not low:
+            continue
+        sizes = [abs(one.fault.size) for one in drawn(observed, 150, 5) if one.question == question]
+        place = np.sort(np.log(np.array(sizes) / low) / np.log(high / low)) * len(sizes)
+        assert (np.floor(place) == np.arange(len(sizes))).all()
+
+
+def test_a_recording_that_is_kept_is_not_made_again(tmp_path: Path) -> None:
+    heard = HeardRecording(Path("made"), 0, *(k + np.arange(6.0) for k in range(8)))
+
+    def never() -> HeardWork:
+        raise AssertionError("made twice")
+
+    first = KeptRecordings(tmp_path).recording("one", lambda: HeardWork(1.5, heard))
+    again = KeptRecordings(tmp_path).recording("one", never)
+    assert again.begin == first.begin == 1.5
+    assert again.seconds == 5.0
+    for field in fields(HeardRecording)[2:]:
+        np.testing.assert_array_equal(getattr(again.heard, field.name), getattr(heard, field.name))
+
+
 def test_a_fault_is_answered_by_what_the_monitor_says() -> None:
     watched = WatchedMachine(stock(), known(), unlearnt(known().joints))
     question = AIMS[0]
@@ -54,9 +90,11 @@ def test_a_fault_is_answered_by_what_the_monitor_says() -> None:
         for seed, one in ((one.seed, one) for one in drawn(stock(), 40, 3))
         if one.question == question and one.fault.target == "inner_boom"
     )
-    answer = answered(watched, case)
+    work = with_fault(watched.observed, watched.model, case)
+    answer = answered(watched, case, work)
     assert answer.right and 0.0 < answer.delay < 1.0
-    assert answer.before == 0
+    assert answer.alarms == 0
+    assert answer.before == pytest.approx(case.fault.onset, abs=0.1)
 
 
 def test_the_smallest_size_is_that_above_which_all_were_found() -> None:
@@ -67,7 +105,7 @@ def test_the_smallest_size_is_that_above_which_all_were_found() -> None:
         found = SensorFinding(
             Part.ENCODER, "inner_boom", Wrong.JUMP, "m", 1.0, 0.0, 2.0, 10.0, 10.0 + delay
         )
-        return MonitorAnswer(FailingCase(question, 1, fault), 0, found)
+        return MonitorAnswer(FailingCase(question, 1, fault), 9.0, 0, found)
 
     answers = [answer(1e-3, 0.1), answer(2e-3, 99.0), answer(-4e-3, 0.1), answer(8e-3, 0.2)]
     assert smallest(answers, question) == 4e-3

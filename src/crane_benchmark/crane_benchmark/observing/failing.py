@@ -35,11 +35,11 @@ class Question(NamedTuple):
 
 
 AIMS = (
-    Question("encoder stuck while moving", ("encoder",), "stuck", (0.0, 0.0), 0.3, 0.99, 5),
-    Question("encoder jumps while moving", ("encoder",), "jump", (5e-3, 5e-2), 0.3, 0.99, 5),
-    Question("encoder drifts, 1 mrad/s", ("encoder",), "drift", (1e-3, 1e-3), 10.0, 0.95, 3),
+    Question("encoder stuck while moving", ("encoder",), "stuck", (0.0, 0.0), 0.3, 0.99, 4),
+    Question("encoder jumps while moving", ("encoder",), "jump", (5e-3, 5e-2), 0.3, 0.99, 4),
+    Question("encoder drifts, 1 mrad/s", ("encoder",), "drift", (1e-3, 1e-3), 10.0, 0.95, 2),
     Question("pressure off by 1 bar", EITHER, "offset", (1e5, 1e5), 60.0, 0.95, 2),
-    Question("pressure off by 3 bar", EITHER, "offset", (3e5, 3e5), 5.0, 0.95, 3),
+    Question("pressure off by 3 bar", EITHER, "offset", (3e5, 3e5), 5.0, 0.95, 2),
 )
 RANGES: dict[tuple[tuple[str, ...], str], tuple[float, float]] = {
     (("encoder",), "jump"): (3e-4, 3e-2),
@@ -62,7 +62,15 @@ RANGES: dict[tuple[tuple[str, ...], str], tuple[float, float]] = {
 """Sizes of every kind, from hardly to be seen to plain."""
 NAMES = {"pressure_a": "chamber pressure", "pressure": "supply pressure"}
 OTHERS = tuple(
-    Question(f"{NAMES.get(parts[0], parts[0])} {kind}", parts, kind, sizes, 20.0, 0.0, 1)
+    Question(
+        f"{NAMES.get(parts[0], parts[0])} {kind}",
+        parts,
+        kind,
+        sizes,
+        20.0,
+        0.0,
+        2 if sizes[0] else 1,
+    )
     for (parts, kind), sizes in RANGES.items()
 )
 WEIGHTS = sum(one.weight for one in (*AIMS, *OTHERS))
@@ -88,23 +96,33 @@ class FailingCase(NamedTuple):
 
 
 def drawn(observed: Observed, count: int, seed: int) -> list[FailingCase]:
-    """About `count` cases, each with motion and noise of its own."""
+    """About `count` cases, each with motion and noise of its own; sizes spread over ranges."""
     cases: list[FailingCase] = []
     for question in (*AIMS, *OTHERS):
-        for k in range(max(round(count * question.weight / WEIGHTS), 1)):
+        asked = max(round(count * question.weight / WEIGHTS), 1)
+        # each joint and part has large and small ones
+        shares = np.random.default_rng([seed, len(cases), asked]).permutation(asked)
+        for k, share in enumerate(shares.tolist()):
             rng = np.random.default_rng([seed, len(cases)])
-            cases.append(_case(observed, question, k, seed + 7919 * (len(cases) + 1), rng))
+            place = (share + rng.uniform()) / asked
+            cases.append(_case(observed, question, k, place, seed + 7919 * (len(cases) + 1), rng))
     return cases
 
 
 def _case(
-    observed: Observed, question: Question, k: int, seed: int, rng: np.random.Generator
+    observed: Observed,
+    question: Question,
+    k: int,
+    place: float,
+    seed: int,
+    rng: np.random.Generator,
 ) -> FailingCase:
+    """The size is at `place`, 0 to 1, of its range."""
     machine = observed.machine
     joints = [one for one in machine.joint_names if machine.cylinders[one].pressure_sensors]
     joint, part = joints[k % len(joints)], question.parts[k // len(joints) % len(question.parts)]
     low, high = question.sizes
-    size = float(np.exp(rng.uniform(np.log(low), np.log(high)))) if low else 0.0
+    size = low * (high / low) ** place if low else 0.0
     if KINDS[part][question.kind].lowest < 0.0 and question.kind != "gain":
         size *= float(rng.choice([-1.0, 1.0]))
     target = "supply" if part == "pressure" else joint

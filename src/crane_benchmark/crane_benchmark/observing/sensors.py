@@ -1,33 +1,41 @@
 """`sensors`: what the sensor monitor is to find, and what it finds, on machines at work."""
 
+import math
 import tempfile
 from collections.abc import Sequence
+from functools import partial
 from pathlib import Path
+from typing import NamedTuple
 
 import numpy as np
 
 from crane_benchmark.measured import MeasuredRow
 from crane_benchmark.observing.beside_aims import tell
-from crane_benchmark.observing.failing import AIMS, OTHERS, drawn
+from crane_benchmark.observing.failing import AIMS, OTHERS, FailingCase, drawn
+from crane_benchmark.observing.kept import HeardWork, KeptRecordings
+from crane_benchmark.observing.machines import Observed
 from crane_benchmark.observing.observer import MACHINES, identified
 from crane_benchmark.observing.picture import draw_curves
 from crane_benchmark.observing.watched import (
     BATCH,
+    HOUR,
     LEARNT_FROM,
     MonitorAnswer,
     WatchedMachine,
     answered,
-    false_alarms,
     smallest,
-    work,
+    with_fault,
+    without_fault,
 )
 from crane_model import cli
 from crane_model.arguments import between, whole
+from crane_model.model_file import Model, load_model, save_model
 from crane_model.progress_bar import progress_bar
 from crane_observer.monitor.finding import SensorFinding
-from crane_observer.monitor.replay import watch
+from crane_observer.monitor.replay import compare
 from crane_observer.monitor.signatures import Part, Wrong
 from crane_observer.monitor.tolerance import learn
+from crane_observer.recording import HeardRecording
 
 ALARMS = 0.1  # an hour, at most
 RIGHT = 0.9  # of what is found, at least
@@ -36,25 +44,60 @@ COLUMNS = ("what", "aim", "cases", "reached", "smallest", "median delay [s]")
 LEARNING, WITHOUT, WITH = 10_000, 20_000, 30_000  # seeds, beside that of the command
 
 
-def prepared(name: str, seed: int) -> WatchedMachine:
-    """The machine identified from a bag, and tolerances learnt from it and from work."""
-    make_it, _, _ = MACHINES[name]
-    observed = make_it()
-    with tempfile.TemporaryDirectory() as folder:
-        model = identified(observed, seed, Path(folder))
-        trained = watch(Path(folder) / "train", model, None).sums
-    batches = range(round(LEARNT_FROM / BATCH))
-    sums = [trained, *work(observed, model, [seed + LEARNING + k for k in batches])]
-    return WatchedMachine(
-        observed, model, learn(model.joints, sums, "the bag of the model, and work")
-    )
+class BenchmarkWork(NamedTuple):
+    """All recordings of a run, each made when it is asked for, unless it is kept."""
+
+    observed: Observed
+    model: Model
+    train: Path
+    kept: KeptRecordings
+    seed: int
+
+    @classmethod
+    def of(cls, name: str, seed: int, folder: Path) -> "BenchmarkWork":
+        """The machine, identified from a bag."""
+        make_it, _, _ = MACHINES[name]
+        observed, kept = make_it(), KeptRecordings(folder / f"{name}_{seed}")
+        model_file, train = kept.folder / "model.yaml", kept.folder / "train"
+        if not model_file.exists():
+            with tempfile.TemporaryDirectory(dir=kept.folder) as made:
+                model = identified(observed, seed, Path(made))
+                (Path(made) / "train").rename(train)
+            save_model(model_file, model)
+        return cls(observed, load_model(model_file), train, kept, seed)
+
+    def without(self, k: int, learning: bool = False) -> HeardWork:
+        """Work without fault, the k-th."""
+        seed = self.seed + (LEARNING if learning else WITHOUT) + k
+        made = partial(without_fault, self.observed, self.model, seed)
+        return self.kept.recording(f"{'learning' if learning else 'without'}_{k:03d}", made)
+
+    def failing(self, case: FailingCase) -> HeardWork:
+        """That of a case."""
+        made = partial(with_fault, self.observed, self.model, case)
+        return self.kept.recording(f"fault_{case.seed}_{case.fault}", made)
+
+    def watched(self) -> WatchedMachine:
+        """By tolerances that are learnt from the bag, and from work."""
+        batches = range(round(LEARNT_FROM / BATCH))
+        heard = [HeardRecording.read(self.train, self.model.joints)]
+        heard += [self.without(k, learning=True).heard for k in batches]
+        sums = [compare(one, self.model, None).sums for one in heard]
+        tolerance = learn(self.model.joints, sums, "the bag of the model, and work")
+        return WatchedMachine(self.observed, self.model, tolerance)
 
 
 def rows_of(
-    name: str, hours: float, found: int, answers: Sequence[MonitorAnswer]
+    name: str,
+    seconds: float,
+    found: int,
+    answers: Sequence[MonitorAnswer],
 ) -> list[MeasuredRow]:
-    """Every aim of the monitor, and what else it finds."""
-    alarms = found + sum(one.before for one in answers)
+    """Every aim of the monitor, and what else it finds; `found` in `seconds` without fault, to
+    which what comes before a fault is added.
+    """
+    hours = (seconds + sum(one.before for one in answers)) / HOUR
+    alarms = found + sum(one.alarms for one in answers)
     told = [one for one in answers if one.first is not None]
     right = sum(one.right for one in told) / max(len(told), 1)
     rows = [
@@ -137,26 +180,49 @@ def main(argv: Sequence[str] | None = None) -> int:
     add("--hours", type=between(0.1, 1000.0), default=20.0, help="without fault (default: 20)")
     add("--seed", type=whole(0), default=1, help="of motion, loads, faults and noise")
     add("--out", type=Path, help="file for the figures (JSON)")
+    add(
+        "--kept",
+        type=Path,
+        default=Path("runs/observer/sensors"),
+        help="folder in which recordings are kept, so that an interrupted run goes on (default: "
+        "%(default)s)",
+    )
     add("--picture", type=Path, help="new picture of what is found by size, for each kind")
     arguments = parser.parse_args(argv)
 
     def body() -> None:
         if arguments.picture:
             cli.check_out(arguments.picture, replace=True)
-        watched = prepared(arguments.on, arguments.seed)
-        cases = drawn(watched.observed, arguments.cases, arguments.seed + WITH)
-        answers = []
+        name, seed = arguments.on, arguments.seed
+        work = BenchmarkWork.of(name, seed, arguments.kept)
+        cases = drawn(work.observed, arguments.cases, seed + WITH)
+        batches = range(math.ceil(arguments.hours * HOUR / BATCH))
+        with progress_bar("recordings", len(cases) + len(batches)) as bar:  # before the first is
+            for case in cases:  # watched, so that what goes on does not watch the same again
+                work.failing(case)
+                bar.update()
+            for k in batches:
+                work.without(k)
+                bar.update()
+        watched = work.watched()
         with progress_bar("faults", len(cases)) as bar:
+            answers = []
             for case in cases:
-                answers.append(answered(watched, case))
+                answers.append(answered(watched, case, work.failing(case)))
+                bar.update()
+        seconds, found = 0.0, []
+        with progress_bar("without fault", len(batches)) as bar:
+            for k in batches:
+                healthy = work.without(k)
+                seconds += healthy.seconds
+                found += watched.findings(healthy)
                 bar.update()
         for answer in answers:
             if not answer.right:
                 print(f"{answer.case.fault}: {answer.first or 'not found'}")
-        hours, found = false_alarms(watched, arguments.hours, arguments.seed + WITHOUT)
-        for one in found:
-            print(f"false alarm: {one}")
-        rows = rows_of(arguments.on, hours, len(found), answers)
+        for finding in found:
+            print(f"false alarm: {finding}")
+        rows = rows_of(name, seconds, len(found), answers)
         if arguments.picture:
             draw_curves(arguments.picture, answers)
         command = (

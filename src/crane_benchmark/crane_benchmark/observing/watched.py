@@ -1,17 +1,16 @@
 """What the sensor monitor says of machines at work, with and without faults."""
 
-from collections.abc import Iterable, Sequence
+from collections.abc import Sequence
 from typing import NamedTuple
 
 from crane_benchmark.observing.failing import FailingCase, Question
+from crane_benchmark.observing.kept import HeardWork
 from crane_benchmark.observing.machines import Observed
 from crane_benchmark.observing.positions import heard
 from crane_model.model_file import Model
 from crane_observer.monitor.finding import SensorFinding
-from crane_observer.monitor.history import Sums
 from crane_observer.monitor.replay import compare
 from crane_observer.monitor.tolerance import Tolerance
-from crane_sim.plant.closed_loop import SimulatedRecording
 
 BATCH = 600.0  # s of a recording without fault
 HOUR = 3600.0  # s
@@ -25,20 +24,20 @@ class WatchedMachine(NamedTuple):
     model: Model
     tolerance: Tolerance
 
-    def findings(self, made: SimulatedRecording) -> Sequence[SensorFinding]:
+    def findings(self, work: HeardWork) -> list[SensorFinding]:
         """All of them; times as in the recording."""
-        recording = heard(made, self.model, self.observed)
-        begin = float(made.time[0])
-        found = compare(recording, self.model, self.tolerance).findings
-        return [one._replace(found=one.found + begin, onset=one.onset + begin) for one in found]
+        found = compare(work.heard, self.model, self.tolerance).findings
+        later = work.begin
+        return [one._replace(found=one.found + later, onset=one.onset + later) for one in found]
 
 
 class MonitorAnswer(NamedTuple):
     """To a case."""
 
     case: FailingCase
-    before: int  # findings before the fault: false alarms
-    first: SensorFinding | None  # behind it
+    before: float  # s without fault
+    alarms: int  # findings in them
+    first: SensorFinding | None  # behind the onset
 
     @property
     def delay(self) -> float:
@@ -55,36 +54,25 @@ class MonitorAnswer(NamedTuple):
         return self.first.part is self.case.part and self.first.joint == fault.target
 
 
-def work(observed: Observed, model: Model, seeds: Iterable[int]) -> Iterable[Sums]:
-    """Sums of residuals in work without faults."""
-    for seed in seeds:
-        made, _ = observed.at_work(BATCH, seed)
-        yield compare(heard(made, model, observed), model, None).sums
+def without_fault(observed: Observed, model: Model, seed: int) -> HeardWork:
+    """BATCH of work."""
+    made, _ = observed.at_work(BATCH, seed)
+    return HeardWork(float(made.time[0]), heard(made, model, observed))
 
 
-def false_alarms(
-    watched: WatchedMachine, hours: float, seed: int
-) -> tuple[float, list[SensorFinding]]:
-    """Hours without fault, and what was found in them."""
-    seconds = 0.0
-    found: list[SensorFinding] = []
-    while seconds < hours * HOUR:
-        seed += 1
-        made, _ = watched.observed.at_work(BATCH, seed)
-        seconds += float(made.time[-1] - made.time[0])
-        found += watched.findings(made)
-    return seconds / HOUR, found
+def with_fault(observed: Observed, model: Model, case: FailingCase) -> HeardWork:
+    """A case; who watches it is told nothing of the fault."""
+    made, _ = observed.at_work(case.duration, case.seed, failing=[str(case.fault)])
+    return HeardWork(float(made.time[0]), heard(made, model, observed))
 
 
-def answered(watched: WatchedMachine, case: FailingCase) -> MonitorAnswer:
-    """What the monitor says of a case; it is told nothing of it."""
-    made, _ = watched.observed.at_work(case.duration, case.seed, failing=[str(case.fault)])
-    findings = watched.findings(made)
-    onset = case.fault.onset
+def answered(watched: WatchedMachine, case: FailingCase, work: HeardWork) -> MonitorAnswer:
+    """What the monitor says of a case."""
+    findings, onset = watched.findings(work), case.fault.onset
     assert onset is not None
     behind = [one for one in findings if one.found >= onset]
     first = min(behind, key=lambda one: one.found, default=None)
-    return MonitorAnswer(case, len(findings) - len(behind), first)
+    return MonitorAnswer(case, onset - work.begin, len(findings) - len(behind), first)
 
 
 def smallest(answers: Sequence[MonitorAnswer], question: Question) -> float:

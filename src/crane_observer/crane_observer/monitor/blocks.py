@@ -10,13 +10,14 @@ What a sensor does wrong moves some of x_E - x_A, x_E - x_B and p_S - p_0 + droo
 the others: see `signatures`.
 """
 
+import math
 from dataclasses import dataclass
 from typing import NamedTuple
 
 import numpy as np
 
 from crane_model.array import Array, Flags
-from crane_model.cylinders import cylinder_length
+from crane_model.cylinders import cylinder_length, lever_arm
 from crane_model.errors import DataError
 from crane_model.hydraulics.stepping import Circuit, chamber_volumes
 from crane_model.machine import Machine
@@ -64,23 +65,26 @@ class FlowBlock(NamedTuple):
     time: float
     encoder: Array  # (j,) m, x_E
     flow: Array  # (j, 2) m, x_A and x_B
+    crossed: Array  # (j, 2) m, the same if each transducer is in the other chamber
     fed: Array  # (j, 2) m/Pa, by how much x_E - x_A, x_E - x_B grow where p_S is 1 Pa too high
     drop: Array  # (j, 2) m/Pa, the same where p_A, p_B are
     softness: Array  # (j, 2) m/Pa, by how much they jump where p_A, p_B do
     leak: Array  # (j, 2) m s-1 Pa m3, by how much for a leak of 1 m3/s/Pa past the piston
-    known: Flags  # (j,) whether the flow is known
+    known: Flags  # (j, 2) whether the flow is known
     pressure: Array  # (j, 2) Pa, mean
     last: Array  # (j, 2) Pa, of the last sample
     supply: float  # Pa, mean, less what the flow that is drawn leaves of it
     drawn: Array  # (j,) Pa, by how much each joint lets the supply droop
     stroke: Array  # (j,) Pa s/m, by how much it would for 1 m/s
+    lever: Array  # (j,) m of the piston for 1 rad or m of the joint
 
     @property
     def feeding(self) -> bool:
-        """Whether the supply feeds a joint: else a load that drops may have left its line at any
-        pressure, which the pump's check valve keeps there.
+        """Whether the supply feeds a joint, by all that is known: else a load that drops may have
+        left its line at any pressure, which the pump's check valve keeps there; and a chamber
+        that sucks oil from the tank draws less.
         """
-        return float(self.drawn.sum()) > FEEDING
+        return bool(self.known.all()) and float(self.drawn.sum()) > FEEDING
 
 
 @dataclass(frozen=True)
@@ -108,6 +112,11 @@ class KnownFlow:
         parts = (cylinder_length(self.machine, j, q[i]) for i, j in enumerate(self.joints))
         return np.array([float(part) for part in parts])
 
+    def levers(self, q: Array) -> Array:
+        """(j,) of the cylinders [m, 1] at coordinates (j,)."""
+        parts = (lever_arm(self.machine, j, q[i : i + 1]) for i, j in enumerate(self.joints))
+        return np.concatenate(list(parts))
+
 
 class Blocks:
     """Gathers samples; the sums of flow are compiled."""
@@ -118,13 +127,22 @@ class Blocks:
         self._commands = Commands.none(joints)
         self._spool = np.zeros((joints, 3))
         self._gathered: list[Sample] = []
-        self._sums = np.zeros((joints, SUMS))
+        self._shown = np.zeros((2, joints))  # Pa, of the last sample
+        self._crossed = np.zeros(joints, dtype=bool)  # whose transducers are exchanged
+        self._sums, self._crossed_sums = np.zeros((2, joints, SUMS))
         self._length: Array | None = None
         self._begun: float | None = None
 
+    def exchange(self, joint: int) -> None:
+        """From now on, each chamber of a joint is what the transducer of the other shows."""
+        self._crossed[joint] = not self._crossed[joint]
+        crossed = np.arange(len(self._crossed)) == joint
+        self._gathered = [_exchanged(one, crossed) for one in self._gathered]
+        self._shown[:, joint] = self._shown[::-1, joint].copy()
+
     def command(self, stamp: float, command: Array) -> None:
         """In force from its stamp [s] until the next; (j,) -1..1."""
-        self._commands.add(stamp, np.nan_to_num(command))
+        self._commands.add(stamp, np.where(np.isfinite(command), command, 0.0))
 
     def add(self, sample: Sample) -> FlowBlock | None:
         """The block that ends with this sample, if one does, and the spools have settled.
@@ -132,33 +150,44 @@ class Blocks:
         `DataError` if a sample is incomplete, comes out of order, or behind a gap: the sample is
         not used, and after a gap the next block begins anew.
         """
-        gathered = self._gathered
-        _check(sample)
+        gathered, before = self._gathered, self._shown
+        if self._crossed.any():
+            sample = _exchanged(sample, self._crossed)
+        shown = np.array([sample.chamber_a, sample.chamber_b])
+        _check(sample, shown)
         if gathered and sample.time <= gathered[-1].time:
             raise DataError(f"sample at {sample.time:.4f} s: out of order or twice")
         if gathered and sample.time - gathered[-1].time > LONGEST:
             gap = sample.time - gathered[-1].time
             self._gathered, self._length, self._begun = [sample], None, sample.time
-            self._sums[:] = 0.0
+            self._shown = shown
+            self._sums[:] = self._crossed_sums[:] = 0.0
             raise DataError(f"no sample for {gap:.3f} s before {sample.time:.3f} s")
         if gathered:
-            last = gathered[-1]
-            add_interval(
-                self.physics.circuit, self.physics.spools, self._commands, self._spool,
-                gathered[0].time, last.time, sample.time,
-                np.stack([last.chamber_a, last.chamber_b]),
-                np.stack([sample.chamber_a, sample.chamber_b]),
-                0.5 * (last.supply + sample.supply), SHOWN, self._sums,
-            )  # fmt: skip
+            self._add_flow(gathered[0].time, gathered[-1], sample, before, shown)
         gathered.append(sample)
+        self._shown = shown
         if self._begun is None:
             self._begun = sample.time
         if sample.time - gathered[0].time < BLOCK - 0.5 * LEAST_APART:
             return None
         block = self._block(gathered)
         self._gathered = [sample]
-        self._sums[:] = 0.0
+        self._sums[:] = self._crossed_sums[:] = 0.0
         return None if sample.time < self._begun + SETTLING else block
+
+    def _add_flow(
+        self, since: float, last: Sample, sample: Sample, before: Array, shown: Array
+    ) -> None:
+        supply, spool = 0.5 * (last.supply + sample.supply), self._spool.copy()
+        for moved, begun, ended, sums in (
+            (self._spool, before, shown, self._sums),
+            (spool, before[::-1].copy(), shown[::-1].copy(), self._crossed_sums),
+        ):
+            add_interval(
+                self.physics.circuit, self.physics.spools, self._commands, moved, since,
+                last.time, sample.time, begun, ended, supply, SHOWN, sums,
+            )  # fmt: skip
 
     def _block(self, samples: list[Sample]) -> FlowBlock:
         circuit, sums = self.physics.circuit, self._sums
@@ -172,6 +201,7 @@ class Blocks:
         begun = np.stack([first.chamber_a, first.chamber_b], axis=1)
         ended = np.stack([last.chamber_a, last.chamber_b], axis=1)
         volumes = sums[:, [FLOW_A, FLOW_B]]
+        crossed = self._crossed_sums[:, [FLOW_A, FLOW_B]]
         drop = sums[:, [DROP_A, DROP_B]] / areas * (1.0, -1.0)
         inner = samples[1:]
         p_a = np.mean([one.chamber_a for one in inner], axis=0)
@@ -184,20 +214,30 @@ class Blocks:
             time=last.time,
             encoder=x - before,
             flow=volumes / areas * (1.0, -1.0) - softness * (ended - begun),
+            crossed=crossed / areas * (1.0, -1.0) - softness * (ended - begun)[:, ::-1],
             fed=-drop * (volumes > 0.0),
             drop=drop,
             softness=softness,
             leak=-((p_a - p_b) * span)[:, None] / areas,
-            known=(sums[:, LOST_A] + sums[:, LOST_B]) == 0.0,
+            known=sums[:, [LOST_A, LOST_B]] == 0.0,
             pressure=np.stack([p_a, p_b], axis=1),
             last=ended,
             supply=supply - circuit.supply_pressure + float(drawn.sum()),
             drawn=drawn,
             stroke=circuit.droop * areas.mean(axis=1),
+            lever=self.physics.levers(last.position),
         )
 
 
-def _check(sample: Sample) -> None:
-    shown = (sample.position, sample.chamber_a, sample.chamber_b)
-    if not (np.isfinite(shown).all() and np.isfinite(sample.supply)):
+def _exchanged(sample: Sample, crossed: Flags) -> Sample:
+    a, b = sample.chamber_a, sample.chamber_b
+    return sample._replace(chamber_a=np.where(crossed, b, a), chamber_b=np.where(crossed, a, b))
+
+
+def _check(sample: Sample, pressures: Array) -> None:
+    if not (
+        np.isfinite(pressures).all()
+        and np.isfinite(sample.position).all()
+        and math.isfinite(sample.supply)
+    ):
         raise DataError(f"sample at {sample.time:.3f} s: a reading is missing")

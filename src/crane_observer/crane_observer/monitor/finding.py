@@ -21,6 +21,7 @@ ADVICE = {
         Part.ENCODER,
         Wrong.SCALE,
     ): "stop; look for counts that are lost, and at its setting",
+    (Part.ENCODER, Wrong.ERRATIC): "stop; look at coupling, mounting and cable",
     (Part.ENCODER, Wrong.NOISE): "look at shield and earth of its cable",
     (Part.ENCODER, Wrong.BACKLASH): "tighten its mounting and coupling",
     (

@@ -5,8 +5,9 @@ from typing import NamedTuple
 
 import numpy as np
 
-from crane_model.array import Array
+from crane_model.array import Array, Flags
 from crane_observer.monitor.blocks import FlowBlock
+from crane_observer.monitor.trim import TERMS, regressors
 
 KEPT = 1200  # blocks, a minute
 
@@ -22,48 +23,94 @@ class Sums(NamedTuple):
     drop: (
         Array  # (n, c) m/Pa that a transducer off by 1 Pa adds, for the supply the count of blocks
     )
+    trim: Array  # (n, c, TERMS) the regressors of what is learnt to be always off
+
+    def channel(self, c: int) -> "Sums":
+        """That one alone."""
+        return Sums(self.time, *(part[:, c : c + 1] for part in self[1:]))
 
 
-def of_block(block: FlowBlock) -> tuple[Array, Array, Array]:
-    """(c,) what a block adds to residual, way and drop; nothing where the flow is not known."""
-    known = np.repeat(block.known, 2)
+class Added(NamedTuple):
+    """What a block adds to `Sums`, but for the time."""
+
+    residual: Array  # (c,)
+    way: Array  # (c,)
+    drop: Array  # (c,)
+    trim: Array  # (c, TERMS)
+
+
+def of_block(block: FlowBlock, trusted: Flags | None = None) -> Added:
+    """Nothing where the flow is not known, nor of the supply where it feeds a chamber of which the
+    transducer is not one of those `trusted` (j, 2), by default all.
+    """
+    known = block.known.ravel()
+    feeding = block.feeding and (trusted is None or bool(trusted[block.fed != 0.0].all()))
     residual = np.where(known, (block.encoder[:, None] - block.flow).ravel(), 0.0)
-    moved = np.maximum(np.abs(block.encoder), np.abs(block.flow).max(axis=1))
-    way = np.where(known, np.repeat(moved, 2), 0.0)
-    drop = np.where(known, np.abs(block.drop).ravel(), 0.0)
-    return (
-        np.append(residual, block.supply if block.feeding else 0.0),
-        np.append(way, block.drawn.sum()),
-        np.append(drop, float(block.feeding)),
+    moved = np.maximum(
+        np.abs(block.encoder), np.where(block.known, np.abs(block.flow), 0.0).max(axis=1)
     )
+    way = np.where(known, np.repeat(moved, 2), 0.0)
+    pressed = np.where(known, block.drop.ravel(), 0.0)
+    trim = np.zeros((len(known) + 1, TERMS))
+    trim[:-1] = regressors(pressed, np.where(known, np.repeat(block.encoder, 2), 0.0))
+    return Added(
+        np.append(residual, block.supply if feeding else 0.0),
+        np.append(way, block.drawn.sum()),
+        np.append(np.abs(pressed), float(feeding)),
+        trim,
+    )
+
+
+def summed(times: Sequence[float], added: Sequence[Added]) -> Sums:
+    """Of all blocks of a recording."""
+    columns = (np.cumsum(part, axis=0) for part in zip(*added, strict=True))
+    return Sums(np.array(times), *columns)
 
 
 class History:
     """The last blocks, and their sums; the row of the newest is `newest`."""
 
-    def __init__(self, joints: int):
-        self._sums = Sums(np.zeros(2 * KEPT), *np.zeros((3, 2 * KEPT, 2 * joints + 1)))
+    def __init__(self, trim: Array):
+        """`trim` (c, TERMS): what is taken off the residuals, learnt of this machine."""
+        channels = len(trim)
+        self._trim = trim
+        zeros = np.zeros((2 * KEPT, channels))
+        self._sums = Sums(
+            np.zeros(2 * KEPT), zeros, zeros.copy(), zeros.copy(), np.zeros((*zeros.shape, TERMS))
+        )
         self._blocks: list[FlowBlock] = []
         self.newest = -1
+        self.since_row = np.zeros(channels, dtype=np.int64)  # (c,) no sum begins before it
 
     @property
     def sums(self) -> Sums:
         """Rows up to `newest` hold."""
         return self._sums
 
-    def add(self, block: FlowBlock) -> None:
-        """One block more; the oldest are forgotten."""
+    def add(self, block: FlowBlock, trusted: Flags) -> None:
+        """One block more; the oldest are forgotten. (c,) which transducers are `trusted`: by that
+        of the supply go chambers that it feeds, by theirs the supply.
+        """
+        if not trusted[-1]:
+            block = block._replace(known=block.known & (block.fed == 0.0))
         if self.newest + 1 == 2 * KEPT:
             for one in self._sums:
                 one[:KEPT] = one[KEPT:]
             self._blocks = self._blocks[KEPT:]
             self.newest -= KEPT
+            self.since_row = np.maximum(self.since_row - KEPT, 0)
         before = self.newest
         self.newest += 1
         self._blocks.append(block)
         self._sums.time[self.newest] = block.time
-        for one, added in zip(self._sums[1:], of_block(block), strict=True):
-            one[self.newest] = added if before < 0 else one[before] + added
+        added = of_block(block, trusted[:-1].reshape(-1, 2))
+        left = added.residual - np.einsum("ck,ck->c", added.trim, self._trim)
+        for one, more in zip(self._sums[1:], added._replace(residual=left), strict=True):
+            one[self.newest] = more if before < 0 else one[before] + more
+
+    def forget(self, channels: slice) -> None:
+        """Their sums begin with the next block."""
+        self.since_row[channels] = self.newest
 
     def since(self, row: int) -> Sequence[FlowBlock]:
         """The blocks behind a row."""

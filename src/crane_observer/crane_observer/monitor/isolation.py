@@ -10,7 +10,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from crane_model.array import Array
+from crane_model.array import Array, Flags
 from crane_observer.monitor.history import History
 from crane_observer.monitor.signatures import SUPPLY, FaultSpan, Part, Wrong, signatures
 from crane_observer.monitor.tolerance import within
@@ -20,22 +20,29 @@ BEFORE = 40  # blocks before the earliest onset that say where residuals were
 CORRELATED = 10  # blocks that err alike
 FLOOR_SHARE = 0.25  # of a tolerance is one standard deviation
 COVERED = 1.96  # standard deviations to either side, of 95 %
-ONE_WAY = {Wrong.SLOW, Wrong.LEAKING}  # whose size is positive
+ONE_WAY = {Wrong.LEAKING}  # whose size is positive
 RELUCTANCE = {
     Wrong.STUCK: 0.7,
     Wrong.SWAPPED: 0.5,
     Wrong.OFFSET: 0.8,
     Wrong.JUMP: 0.9,
-    Wrong.SLOW: 1.2,
     Wrong.LEAKING: 1.2,
     Wrong.OPEN: 1.3,
 }
 """By which misfits are multiplied: of faults that explain as much, the plain ones come first."""
+STRETCH = 1.25  # times of which a fault still looks like that of a size which is tried
+BETWEEN = 0.1  # of such a size is its standard deviation
 QUIET = 1e-5  # m of way in which an encoder that is stuck still flickers
 
 EXPLAINS = 0.1  # misfit of what explains all but noise
 CLEARLY = 3.0  # times the misfit of the first suspect, beyond which another is excluded
 VALVE_RESERVE = 0.5  # square standard deviations: whatever a valve does or not explains any motion
+BETTER = 1.25  # times the misfit of another, at which that is named in the second look
+DROOPS = 0.5  # misfit by which the supply tells an encoder from a valve
+ANYTHING_RESERVE = {
+    Part.VALVE: 2.5,
+    Part.ENCODER: 5.0,
+}  # the same, of what has no course of its own
 
 
 class Suspect(NamedTuple):
@@ -61,25 +68,31 @@ def isolate(
     tolerance: Array,
     joints: Sequence[str],
     alarmed: Array,
+    watched: Flags,
     span: int,
     ago: int,
 ) -> list[Suspect]:
     """Suspects, the first first, after channels `alarmed` (c,) took all of their tolerance over
-    `span` blocks, `ago` blocks before the newest.
+    `span` blocks, `ago` blocks before the newest; by those `watched` (c,).
     """
-    tolerance = tolerance[:, :3]  # stamps that are off delay an alarm, and give it no shape
+    tolerance = tolerance[:, :4]  # stamps that are off delay an alarm, and give it no shape
     newest = history.newest
-    oldest = max(newest - 2 * span - BEFORE, 0)
+    oldest = max(newest - 2 * span - BEFORE, int(history.since_row[watched].max(initial=0)))
     most = max(newest - oldest - 5, 1)
-    spread = np.round(np.geomspace(1, most, ONSETS)).astype(int)
-    backs = np.unique(np.clip([*spread, *(ago + np.arange(-1, 5))], 1, most))
-    found = {back: _tried(history, tolerance, joints, alarmed, oldest, back) for back in backs}
+    least = min(ago + 1, most)  # what alarms has begun
+    spread = np.round(np.geomspace(least, most, ONSETS)).astype(int)
+    backs = np.unique(np.clip([*spread, *(least + np.arange(5))], least, most))
+    found = {
+        back: _tried(history, tolerance, joints, alarmed, watched, oldest, back) for back in backs
+    }
+    if not any(found.values()):
+        return []
     best = min((_badness(one[0]), back) for back, one in found.items() if one)[1]
     place = int(np.searchsorted(backs, best))
     low, high = backs[max(place - 1, 0)], backs[min(place + 1, len(backs) - 1)]
     for back in range(low + 1, high, max((high - low) // ONSETS, 1)):
         if back not in found:
-            found[back] = _tried(history, tolerance, joints, alarmed, oldest, back)
+            found[back] = _tried(history, tolerance, joints, alarmed, watched, oldest, back)
     return sorted((one for some in found.values() for one in some), key=_badness)
 
 
@@ -91,13 +104,63 @@ def encoder_behind(suspects: Sequence[Suspect]) -> Suspect | None:
     encoders = [one for one in suspects if one.part is Part.ENCODER and one.certain]
     if not encoders:
         return None
-    best = min(encoders, key=lambda one: one.misfit)
-    least = min(one.misfit for one in suspects)
-    return None if best.misfit > CLEARLY * max(least, EXPLAINS) else best
+    if _supply_says(suspects, best_of(suspects, Part.ENCODER).joint) is Part.VALVE:
+        return None
+    most = CLEARLY * max(min(one.misfit for one in suspects), EXPLAINS)
+    may_lie = [one for one in encoders if one.misfit <= most]
+    return min(
+        may_lie, key=lambda one: (one.kind is not Wrong.STUCK, one.misfit), default=None
+    )  # what stands while oil flows needs no size that fits
+
+
+def best_of(suspects: Sequence[Suspect], part: Part) -> Suspect:
+    """The first suspect of a part that has one."""
+    return next(one for one in suspects if one.part is part)
+
+
+def named(suspects: Sequence[Suspect]) -> Suspect:
+    """The first suspect, unless that is an encoder or a valve and the supply says the other."""
+    first = suspects[0]
+    says = _supply_says(suspects, first.joint)
+    return best_of(suspects, says) if says and first.part in (Part.ENCODER, Part.VALVE) else first
+
+
+def outdone(suspect: Suspect, other: Suspect) -> bool:
+    """Whether another explains the residuals better, and not by chance."""
+    return _badness(suspect) > BETTER * max(_badness(other), EXPLAINS)
+
+
+def _supply_says(suspects: Sequence[Suspect], joint: str) -> Part | None:
+    """Whether a piston went as its encoder shows, or as the commands of its valve: it lets the
+    supply droop by one of the two. None where that tells nothing.
+    """
+    free = sorted(
+        (one for one in suspects if _does_anything(one) and one.joint == joint),
+        key=lambda one: -one.misfit,
+    )
+    least = {one.part: one.misfit for one in free}  # the last of each, over all onsets
+    if len(least) < 2:
+        return None
+    more = least[Part.ENCODER] - least[Part.VALVE]
+    if abs(more) < DROOPS:
+        return None
+    return Part.VALVE if more > 0.0 else Part.ENCODER
+
+
+def _does_anything(suspect: Suspect) -> bool:
+    """Whether it has no course of its own: only the supply tells an encoder that shows what it
+    likes from a valve that does.
+    """
+    return (suspect.part, suspect.kind) in (
+        (Part.VALVE, Wrong.STUCK),
+        (Part.ENCODER, Wrong.ERRATIC),
+    )
 
 
 def _badness(suspect: Suspect) -> float:
     reserve = VALVE_RESERVE if suspect.part is Part.VALVE else 0.0
+    if _does_anything(suspect):
+        reserve = ANYTHING_RESERVE[suspect.part]
     return (suspect.misfit + reserve) * RELUCTANCE.get(suspect.kind, 1.0)
 
 
@@ -106,6 +169,7 @@ def _tried(
     tolerance: Array,
     joints: Sequence[str],
     alarmed: Array,
+    watched: Flags,
     oldest: int,
     back: int,
 ) -> list[Suspect]:
@@ -117,23 +181,49 @@ def _tried(
     at = np.arange(oldest, newest + 1)
     base = sums.residual[max(row - 4, oldest) : row + 1].mean(axis=0)
     deviation = FLOOR_SHARE * within(tolerance, sums, np.full(len(at), row), at)
-    data = (sums.residual[at] - base) / deviation
+    data = np.where(watched, (sums.residual[at] - base) / deviation, 0.0)
     found = []
     for part, joint, kind, unit, whole, shape in _shapes(course, joints, alarmed):
         model = np.zeros_like(data)
         model[row - oldest + 1 :] = np.cumsum(shape, axis=0)
-        model /= deviation
+        model = np.where(watched, model / deviation, 0.0)
+        if not model.any():
+            continue
+        first, begun = np.zeros_like(data), row - oldest + 1
+        first[begun : begun + 1 if kind is Wrong.JUMP else None] = shape[0]
+        model -= _before(data, model, np.where(watched, first / deviation, 0.0), whole)
         power = float(np.sum(model**2))
         if power == 0.0:
             continue
-        times = 1.0 if whole else float(np.sum(model * data)) / power
+        times = float(np.sum(model * data)) / power
+        if whole:
+            times = min(max(times, 1.0 / STRETCH), STRETCH) if unit else 1.0
         if times < 0.0 and kind in ONE_WAY:
             continue
         misfit = float(np.mean((data - times * model) ** 2))
-        spread = 0.0 if whole else math.sqrt(CORRELATED * max(misfit, 1.0) / power)
+        spread = math.sqrt(CORRELATED * max(misfit, 1.0) / power)
+        if whole:
+            spread = BETWEEN * whole if unit else 0.0
         begin = blocks[0].begin
-        found.append(Suspect(part, joint, kind, misfit, begin, whole or times, spread, unit))
+        size = (whole or 1.0) * times
+        found.append(Suspect(part, joint, kind, misfit, begin, size, spread, unit))
     return sorted(found, key=_badness)
+
+
+def _before(data: Array, model: Array, first: Array, whole: float | None) -> Array:
+    """What of a model (n, c) is too much, as the fault began within the block that adds `first`
+    (n, c): the share of it that fits the data best.
+    """
+    power = float(np.sum(first**2))
+    if power == 0.0:
+        return first
+    if whole:
+        share = -float(np.sum((data - model) * first)) / power
+    else:  # data = times model - more first
+        columns = np.stack([model.ravel(), first.ravel()], axis=1)
+        (times, more), *_ = np.linalg.lstsq(columns, data.ravel(), rcond=None)
+        share = -more / times if times else 0.0
+    return min(max(float(share), 0.0), 1.0) * first
 
 
 def _shapes(
@@ -142,10 +232,11 @@ def _shapes(
     """(n, c) a block of every fault that can have been."""
     n, count = len(course.since), 2 * len(joints) + 1
     shapes = []
-    known = np.repeat(course.known, 2, axis=1)
+    known = course.known.reshape(n, -1)
     for j in np.flatnonzero(alarmed[:-1].reshape(-1, 2).any(axis=1)).tolist():
         for one in signatures():
-            quiet = float(np.abs(course.encoder[:, j]).sum()) < QUIET
+            begun = min(n - 1, 1)  # it may have moved before, in the first block
+            quiet = float(np.abs(course.encoder[begun:, j]).sum()) < QUIET
             if one.part is Part.ENCODER and quiet != (one.kind is Wrong.STUCK):
                 continue
             shape = np.zeros((n, count))

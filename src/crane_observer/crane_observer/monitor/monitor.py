@@ -9,7 +9,14 @@ from crane_model.errors import DataError
 from crane_observer.monitor.blocks import Blocks, FlowBlock, KnownFlow, Sample
 from crane_observer.monitor.finding import RivalEncoder, SensorFinding
 from crane_observer.monitor.history import History
-from crane_observer.monitor.isolation import COVERED, Suspect, encoder_behind, isolate
+from crane_observer.monitor.isolation import (
+    COVERED,
+    Suspect,
+    encoder_behind,
+    isolate,
+    named,
+    outdone,
+)
 from crane_observer.monitor.readings import LOOKED, ReadingHabits
 from crane_observer.monitor.signatures import SUPPLY, Part, Wrong
 from crane_observer.monitor.tolerance import Tolerance, excess
@@ -18,14 +25,16 @@ WAITED = 2  # blocks after an alarm, in which others that have the same cause fo
 LONGEST_WAIT = 16  # blocks, of a fault that grew slowly
 REFINED = 40  # blocks after which kind and size of what was found are looked at again
 EXPLAINED = 0.5  # misfit, below which noise does not do what is seen
+TRANSDUCERS = Part.PRESSURE_A, Part.PRESSURE_B  # each compared in the channel of its chamber
 SEEN_STUCK = 15  # repeats of a reading that are as good as stuck once residuals say so
 
 
 class SensorComparison:
     """Of one machine; the joints of every sample are those of the model, in its order.
 
-    A sensor that was found is not watched any more until `forget`, nor is the rest of its joint:
-    what is compared with a sensor that lies, proves nothing.
+    A sensor that was found is not watched any more until `forget`, nor is what is compared with it
+    alone. All else is: an encoder with the other chamber, with both once those that were swapped
+    are taken for each other, and with chambers that are emptied where the supply is not known.
     """
 
     def __init__(self, physics: KnownFlow, tolerance: Tolerance):
@@ -37,7 +46,7 @@ class SensorComparison:
                 f"{', '.join(joints)}; learn them with this model"
             )
         self.physics = physics
-        self._tolerance = tolerance.rows
+        self._tolerance, self._trim = tolerance.rows, tolerance.trim
         assert physics.model.hydraulics is not None  # else `physics` could not be
         if physics.model.hydraulics.supply is None:
             self._tolerance[-1, 0] = np.inf  # how far it droops is not known
@@ -50,12 +59,13 @@ class SensorComparison:
         """Begin anew: sensors were mended."""
         joints = len(self.physics.joints)
         self._blocks = Blocks(self.physics)
-        self._history = History(joints)
+        self._history = History(self._trim)
         self._habits = ReadingHabits(joints), ReadingHabits(2 * joints + 1)
         self._watched = np.ones(2 * joints + 1, dtype=bool)
         self._waiting: int | None = None
         self._span, self._since, self._period, self._last = 1, 0, 0.0, 0.0
-        self._again: tuple[int, SensorFinding, Array] | None = None
+        self._trusted = np.ones(2 * joints + 1, dtype=bool)  # transducers
+        self._again: tuple[int, SensorFinding, Array, Flags] | None = None
         self._alarmed = np.zeros(2 * joints + 1, dtype=bool)
         self._block: FlowBlock | None = None
         self._newest: FlowBlock | None = None
@@ -85,7 +95,7 @@ class SensorComparison:
         self._period, self._last = sample.time - self._last, sample.time
         if block is None:
             return []
-        self._history.add(block)
+        self._history.add(block, self._trusted)
         self._block = self._newest = block
         found = self._by_readings(block)
         found += self._by_residuals(block)
@@ -124,41 +134,58 @@ class SensorComparison:
         self._alarmed[:] = False
         if not alarmed.any():
             return []
-        suspects = self._suspects(alarmed)
+        watched = self._watched.copy()
+        suspects = self._suspects(alarmed, watched)
         explained = bool(suspects) and suspects[0].misfit < EXPLAINED
         encoder = encoder_behind(suspects)
         rival = RivalEncoder(encoder.joint, encoder.kind) if encoder else None
-        if not explained and (noisy := self._noisy(alarmed, block)):
+        stands = encoder is not None and encoder.kind is Wrong.STUCK  # and who is led by it shakes
+        if not explained and not stands and (noisy := self._noisy(alarmed, block)):
             return [noisy._replace(rival=rival)]
         if not suspects or not suspects[0].certain:
             return []  # as from stamps that were off: it comes again if it stays
-        self._leave(suspects[0].part, suspects[0].joint)
-        finding = self._told(suspects[0], block)
+        first = named(suspects)
+        self._leave(first.part, first.joint)
+        finding = self._told(first, block)
         if finding.part is not Part.ENCODER:
             finding = finding._replace(rival=rival)
-        self._again = REFINED, finding, alarmed
+        if finding.part is Part.SUPPLY:
+            watched[:-1] = False  # what it feeds is compared no more
+        if finding.kind is not Wrong.SWAPPED:
+            self._again = REFINED, finding, alarmed, watched
         return [finding]
 
-    def _suspects(self, alarmed: Array) -> list[Suspect]:
-        joints = self.physics.joints
-        ago = self._since
-        return isolate(self._history, self._tolerance, joints, alarmed, self._span, ago)
+    def _suspects(self, alarmed: Array, watched: Flags) -> list[Suspect]:
+        joints, ago = self.physics.joints, self._since
+        return isolate(self._history, self._tolerance, joints, alarmed, watched, self._span, ago)
 
     def _refined(self, block: FlowBlock) -> list[SensorFinding]:
-        """The finding of a while ago, of the same sensor, with what is known by now."""
+        """The finding of a while ago with what is known by now: the same sensor, unless another
+        explains it clearly better.
+        """
         if self._again is None:
             return []
-        left, before, alarmed = self._again
+        left, before, alarmed, watched = self._again
         if left:
-            self._again = left - 1, before, alarmed
+            self._again = left - 1, before, alarmed, watched
             return []
         self._again = None
         self._span = max(self._span, REFINED)
-        place = before.part, before.joint
-        same = [one for one in self._suspects(alarmed) if (one.part, one.joint) == place]
-        if not same:
+        found = [one for one in self._suspects(alarmed, watched) if one.certain]
+        same = [one for one in found if (one.part, one.joint) == (before.part, before.joint)]
+        if not found:
             return []
-        finding = self._told(same[0], block)._replace(found=before.found, rival=before.rival)
+        alone = before is self.findings[-1] and before.part is not Part.SUPPLY
+        first, rival = named(found), before.rival
+        if alone and (not same or first.part is not found[0].part or outdone(same[0], first)):
+            self._watched = watched.copy()
+            self._leave(first.part, first.joint)
+            if before.part is Part.ENCODER is not first.part:  # what was a danger stays one
+                rival = RivalEncoder(before.joint, before.kind)
+            same = [first]
+        elif not same:
+            return []
+        finding = self._told(same[0], block)._replace(found=before.found, rival=rival)
         self.findings = [finding if one is before else one for one in self.findings]
         return [finding]
 
@@ -189,7 +216,7 @@ class SensorComparison:
         noisy = self._of_all(lambda one: one.noisy)
         for k, (part, joint) in enumerate(self._sensors):
             frozen = stuck[k] and part is not Part.ENCODER  # at rest an encoder is quiet
-            if (frozen or noisy[k]) and self._watched[self._channels(part, joint)].all():
+            if (frozen or noisy[k]) and self._watched[self._channels(part, joint)].any():
                 self._leave(part, joint)
                 found.append(self._noise(k, block, bool(frozen)))
         return found
@@ -212,13 +239,22 @@ class SensorComparison:
         if part is Part.SUPPLY:
             return slice(2 * len(self.physics.joints), None)
         j = self.physics.joints.index(joint)
-        return slice(2 * j, 2 * j + 2)
+        begin = 2 * j + (part is Part.PRESSURE_B)
+        return slice(begin, begin + (1 if part in TRANSDUCERS else 2))
 
     def _leave(self, part: Part, joint: str) -> None:
         """Watch no more what is compared with a sensor that lies."""
+        channels = self._channels(part, joint)
+        if part is Part.PRESSURES:
+            self._blocks.exchange(self.physics.joints.index(joint))
+            self._history.forget(channels)
+            return
+        self._watched[channels] = False
+        if part in (Part.SUPPLY, *TRANSDUCERS):
+            self._trusted[channels] = False
         if part is Part.SUPPLY:
-            self._watched[:] = False
-        else:
-            self._watched[self._channels(part, joint)] = False
-        if part is Part.VALVE or part is Part.ENCODER:
+            self._history.forget(slice(0, -1))
+        elif part in TRANSDUCERS:
+            self._history.forget(slice(-1, None))
+        elif part is Part.VALVE or part is Part.ENCODER:
             self._watched[-1] = False

@@ -1,6 +1,10 @@
 """What single readings tell: values that never change, noise that grew, chambers changed over."""
 
+import math
+
 import numpy as np
+from numba import njit
+from numpy.typing import NDArray
 
 from crane_model.array import Array, Flags
 
@@ -26,29 +30,16 @@ class ReadingHabits:
     def __init__(self, sensors: int):
         self._last = np.full((len(DIFFERENCE), sensors), np.nan)
         self._rough = np.full((LOOKED, sensors), np.nan)
-        self._same = np.zeros(sensors, dtype=int)
+        self._same = np.zeros(sensors, dtype=np.int64)
         self._usual_rough, self._usual_same, self._step = np.zeros((3, sensors))
         self._count = 0
 
     def add(self, shown: Array) -> None:
         """Readings (s,) of one time; those with something that is no number do not count."""
-        if not np.isfinite(shown).all():
-            return
-        if self._count > 3:
-            rough = np.abs(shown + DIFFERENCE @ self._last) / GAIN
-            changed = shown != self._last[0]
-            self._same = np.where(changed, 0, self._same + 1)
-            way = np.abs(shown - self._last[0])
-            finer = changed & ((way < self._step) | (self._step == 0.0))
-            self._step = np.where(finer, way, self._step)
-            self._rough[self._count % LOOKED] = rough
-            weight = max(SLOWLY, 1.0 / self._count)
-            calm = self._same < LOOKED // 3
-            self._usual_same += np.where(calm, weight * (~changed - self._usual_same), 0.0)
-            limit = np.where(self._count < FIRST, np.inf, NOISIER * self._usual_rough + self._step)
-            self._usual_rough += weight * (np.minimum(rough, limit) - self._usual_rough)
-        self._last[1:], self._last[0] = self._last[:-1].copy(), shown
-        self._count += 1
+        self._count += _note(
+            shown, self._count, self._last, self._rough, self._same, self._usual_rough,
+            self._usual_same, self._step,
+        )  # fmt: skip
 
     @property
     def stuck(self) -> Flags:
@@ -59,7 +50,7 @@ class ReadingHabits:
     @property
     def repeated(self) -> Array:
         """(s,) how many times the last reading was repeated."""
-        return self._same
+        return self._same.astype(float)
 
     @property
     def noise(self) -> Array:
@@ -84,3 +75,44 @@ class ReadingHabits:
             return np.zeros(self._last.shape[1], dtype=bool)
         usual = np.maximum(self._usual_rough, self._step)
         return np.asarray(self.noise > NOISIER * usual)
+
+
+@njit(cache=True, error_model="numpy")
+def _note(
+    shown: Array,
+    count: int,
+    last: Array,
+    roughness: Array,
+    same: NDArray[np.int64],
+    usual_rough: Array,
+    usual_same: Array,
+    step: Array,
+) -> int:
+    """Take readings (s,) behind `count` others into the arrays of `ReadingHabits`; 0 if they do not
+    count, else 1.
+    """
+    for one in shown:
+        if not math.isfinite(one):
+            return 0
+    for i in range(len(shown)):
+        if count > 3:
+            rough = shown[i]
+            for k in range(len(DIFFERENCE)):
+                rough += DIFFERENCE[k] * last[k, i]
+            rough = abs(rough) / GAIN
+            way = abs(shown[i] - last[0, i])
+            changed = way > 0.0
+            same[i] = 0 if changed else same[i] + 1
+            if changed and (way < step[i] or step[i] == 0.0):
+                step[i] = way
+            roughness[count % LOOKED, i] = rough
+            weight = max(SLOWLY, 1.0 / count)
+            if same[i] < LOOKED // 3:
+                usual_same[i] += weight * ((0.0 if changed else 1.0) - usual_same[i])
+            if count >= FIRST:
+                rough = min(rough, NOISIER * usual_rough[i] + step[i])
+            usual_rough[i] += weight * (rough - usual_rough[i])
+        for k in range(len(DIFFERENCE) - 1, 0, -1):
+            last[k, i] = last[k - 1, i]
+        last[0, i] = shown[i]
+    return 1

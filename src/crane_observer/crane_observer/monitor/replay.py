@@ -9,7 +9,7 @@ from crane_model.array import Array
 from crane_model.errors import DataError
 from crane_model.model_file import Model
 from crane_observer.monitor.finding import SensorFinding
-from crane_observer.monitor.history import Sums, of_block
+from crane_observer.monitor.history import Added, Sums, of_block, summed
 from crane_observer.monitor.tolerance import Tolerance
 from crane_observer.monitor.watching import Heed, SensorWatch
 from crane_observer.recording import COMMAND, ENCODERS, HeardRecording
@@ -40,7 +40,8 @@ def watch(bag: Path, model: Model, tolerance: Tolerance | None) -> WatchedBag:
 def compare(recording: HeardRecording, model: Model, tolerance: Tolerance | None) -> WatchedBag:
     """The same of what was read."""
     watched = SensorWatch(model, tolerance)
-    monitor, blocks, taken = watched.monitor, [], []
+    monitor, taken = watched.monitor, []
+    blocks: list[Added] = []
     for kind, row in recording.events():
         if kind == COMMAND:
             watched.add_command(float(recording.command_time[row]), recording.commands[row])
@@ -60,12 +61,11 @@ def compare(recording: HeardRecording, model: Model, tolerance: Tolerance | None
     if not blocks:
         why = watched.last_refusal or Heed.WAITING.value
         raise DataError(f"{recording.path}: nothing could be compared: {why}")
-    columns = [np.cumsum(part, axis=0) for part in zip(*blocks, strict=True)]
     return WatchedBag(
         bag=recording.path,
         joints=model.joints,
         findings=tuple(monitor.findings),
-        sums=Sums(np.array([time for time, _ in taken]), *columns),
+        sums=summed([time for time, _ in taken], blocks),
         taken=np.array([shares for _, shares in taken]),
         refused=watched.refused,
         why_not=watched.last_refusal,

@@ -7,6 +7,7 @@ the chamber that is fed, of all joints, and what the supply itself should be. A 
 what it is told: both chambers are fed less, and the supply droops less.
 """
 
+import math
 from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass, fields
 from enum import StrEnum
@@ -29,6 +30,7 @@ class Wrong(StrEnum):
     SCALE = "scale"
     NOISE = "noise"
     BACKLASH = "backlash"
+    ERRATIC = "erratic"
     OFFSET = "offset"
     GAIN = "gain"
     SWAPPED = "swapped"
@@ -56,14 +58,16 @@ class FaultSpan:
     since: Array  # (n,) s since it began, at the ends of the blocks
     encoder: Array  # (n, j)
     flow: Array  # (n, j, 2)
+    crossed: Array
     fed: Array
     drop: Array
     softness: Array
     leak: Array
-    known: Array  # (n, j)
+    known: Array  # (n, j, 2)
     pressure: Array  # (n, j, 2)
     last: Array
     stroke: Array  # (n, j)
+    lever: Array
     feeding: Array  # (n,)
 
     @classmethod
@@ -80,6 +84,11 @@ class FaultSpan:
             stacked("time") - begin[0],
             **{name: stacked(name) for name in shared},
         )
+
+    def went(self, j: int) -> Array:
+        """(n,) m that piston j went, by the chambers of which it is known."""
+        weight = np.where(self.known[:, j].any(axis=1, keepdims=True), self.known[:, j], True)
+        return np.asarray((weight * self.flow[:, j]).sum(axis=1) / weight.sum(axis=1))
 
 
 class Signature(NamedTuple):
@@ -111,10 +120,18 @@ def _alike(
     return moves
 
 
-def _first(course: FaultSpan) -> Array:
-    begun = _nothing(course)
-    begun[0] = 1.0
-    return begun
+def _drifting(course: FaultSpan, j: int) -> Array:
+    """m at the piston of an encoder that drifts by 1 m/s there, as it begins."""
+    return course.duration * course.lever[:, j] / course.lever[0, j]
+
+
+_erratic = _alike(lambda c, j: c.encoder[:, j] - c.went(j))
+"""An encoder that shows what it likes."""
+
+
+def _jumped(course: FaultSpan, j: int) -> Array:
+    """m at the piston of an encoder that is off by 1 m there, as it begins."""
+    return np.diff(course.lever[:, j] / course.lever[0, j], prepend=0.0)
 
 
 def _transducer(
@@ -143,10 +160,7 @@ def _shown(side: int) -> Callable[[FaultSpan, int], Array]:
 
 def _exchanged(course: FaultSpan, j: int) -> tuple[Array, Array]:
     """Each chamber shows the pressure of the other."""
-    apart = course.last[:, j, 0] - course.last[:, j, 1]
-    of_a, nothing = _transducer(0, lambda _c, _j: apart)(course, j)
-    of_b, _ = _transducer(1, lambda _c, _j: -apart)(course, j)
-    return of_a + of_b, nothing
+    return course.crossed[:, j] - course.flow[:, j], _nothing(course)
 
 
 def _valve(
@@ -156,16 +170,32 @@ def _valve(
 
     def moves(course: FaultSpan, j: int) -> tuple[Array, Array]:
         less = values(course, j)
-        slower = less.mean(axis=1) * np.sign(course.flow[:, j].mean(axis=1)) / course.duration
+        slower = less.mean(axis=1) * np.sign(course.went(j)) / course.duration
         return -less, course.stroke[:, j] * slower
 
     return moves
 
 
-def _later(course: FaultSpan, j: int) -> Array:
-    """m that a flow which comes 1 s late lacks: its growth over the time between."""
-    flow = course.flow[:, j]
-    return np.diff(flow, axis=0, prepend=flow[:1]) / course.duration[:, None]
+def _lagging(lag: float) -> Callable[[FaultSpan, int], Array]:
+    """m that a flow which follows by a first-order lag [s] lacks; settled when it begins."""
+
+    def values(course: FaultSpan, j: int) -> Array:
+        told = course.flow[:, j] / course.duration[:, None]
+        shown, at = np.empty_like(told), told[0]
+        for k, passed in enumerate(course.duration / lag):
+            left = math.exp(-passed)
+            shown[k] = told[k] + (1.0 - left) / passed * (at - told[k])  # in the mean of a block
+            at = told[k] + left * (at - told[k])
+        return np.asarray((told - shown) * course.duration[:, None])
+
+    return values
+
+
+def _free(course: FaultSpan, j: int) -> tuple[Array, Array]:
+    """A spool that does what it likes: the encoder is right, and the supply droops by that."""
+    moves, _ = _erratic(course, j)
+    more = np.abs(course.encoder[:, j]) - np.abs(course.went(j))
+    return moves, -course.stroke[:, j] * more / course.duration
 
 
 def _passing(course: FaultSpan, j: int) -> tuple[Array, Array]:
@@ -177,7 +207,7 @@ def _lost_motion(play: float) -> Callable[[FaultSpan, int], Array]:
     """m that an encoder behind a play shows less: it trails the motion by half of it."""
 
     def values(course: FaultSpan, j: int) -> Array:
-        true = np.cumsum(course.flow[:, j].mean(axis=1))
+        true = np.cumsum(course.went(j))
         shown, at = np.empty_like(true), 0.0
         for k, x in enumerate(true):
             at = min(x + 0.5 * play, max(x - 0.5 * play, at))
@@ -188,20 +218,20 @@ def _lost_motion(play: float) -> Callable[[FaultSpan, int], Array]:
 
 
 PLAYS = 2.5e-4 * 1.5 ** np.arange(9)  # m at the piston
+LAGS = 0.015 * 1.5 ** np.arange(10)  # s
 
 
 def signatures() -> Iterator[Signature]:
     """Of all faults that residuals tell; of two that tell as much, the first is taken."""
     encoder, valve = Part.ENCODER, Part.VALVE
-    yield Signature(
-        encoder, Wrong.STUCK, "", _alike(lambda c, j: -c.flow[:, j].mean(axis=1)), whole=1.0
-    )
-    yield Signature(encoder, Wrong.JUMP, "m", _alike(lambda c, _: _first(c)))
-    yield Signature(encoder, Wrong.DRIFT, "m/s", _alike(lambda c, _: c.duration))
-    yield Signature(encoder, Wrong.SCALE, "1", _alike(lambda c, j: c.flow[:, j].mean(axis=1)))
+    yield Signature(encoder, Wrong.STUCK, "", _alike(lambda c, j: -c.went(j)), whole=1.0)
+    yield Signature(encoder, Wrong.JUMP, "m", _alike(_jumped))
+    yield Signature(encoder, Wrong.DRIFT, "m/s", _alike(_drifting))
+    yield Signature(encoder, Wrong.SCALE, "1", _alike(lambda c, j: c.went(j)))
     for play in PLAYS:
         lost = _alike(_lost_motion(float(play)))
         yield Signature(encoder, Wrong.BACKLASH, "m", lost, whole=float(play))
+    yield Signature(encoder, Wrong.ERRATIC, "", _erratic, whole=1.0)
     for side, part in enumerate((Part.PRESSURE_A, Part.PRESSURE_B)):
         yield Signature(
             part, Wrong.OFFSET, "Pa", _transducer(side, lambda c, _: np.ones_like(c.since))
@@ -209,7 +239,8 @@ def signatures() -> Iterator[Signature]:
         yield Signature(part, Wrong.DRIFT, "Pa/s", _transducer(side, lambda c, _: c.since))
         yield Signature(part, Wrong.GAIN, "1", _transducer(side, _shown(side)))
     yield Signature(Part.PRESSURES, Wrong.SWAPPED, "", _exchanged, whole=1.0)
-    yield Signature(valve, Wrong.STUCK, "", _valve(lambda c, j: c.flow[:, j]), whole=1.0)
-    yield Signature(valve, Wrong.SLOW, "s", _valve(_later))
+    yield Signature(valve, Wrong.STUCK, "", _free, whole=1.0)
+    for lag in LAGS:
+        yield Signature(valve, Wrong.SLOW, "s", _valve(_lagging(float(lag))), whole=float(lag))
     yield Signature(valve, Wrong.LEAKING, "m3/(s Pa)", lambda c, j: (c.leak[:, j], _nothing(c)))
     yield Signature(valve, Wrong.OPEN, "m/s", _passing)

@@ -23,7 +23,7 @@ ATMOSPHERE = 1.013e5  # Pa
 LAMINAR = 5e5  # Pa, below it a leak is laminar
 
 
-@njit(cache=True, error_model="numpy")
+@njit(cache=True, error_model="numpy", inline="always")
 def meter(hidden: Hidden, constants: Constants, state: State, i: int) -> float:
     """Metering opening -1..1 of the valve of joint i; notes what the effects change in its flow."""
     valve, actuator = constants.valves[i], state.actuators[i]

@@ -29,7 +29,9 @@ class Hidden(NamedTuple):
     force: np.ndarray  # (k, j) what the drives must give more, after the last step
     flow: np.ndarray  # (k, j) what flows more into chamber A, m3/s
     clock: np.ndarray  # (1,) s since the machine was started
-    flows: bool  # whether any of them acts in the flow
+    meters: bool  # whether any of them acts in a valve
+    leaks: bool  # whether any passes a piston
+    softens: bool  # whether any gives way to pressure
 
 
 def packed(planted: Sequence[Planted], machine: Machine, running: float = 0.0) -> Hidden | None:
@@ -72,5 +74,7 @@ def packed(planted: Sequence[Planted], machine: Machine, running: float = 0.0) -
         force=np.zeros((count, joints)),
         flow=np.zeros((count, joints)),
         clock=np.array([running]),
-        flows=any(law >= FLOW for law in laws),
+        meters=any(FLOW <= law < LEAKS for law in laws),
+        leaks=any(LEAKS <= law < SOFTNESS for law in laws),
+        softens=any(law >= SOFTNESS for law in laws),
     )

@@ -88,11 +88,14 @@ def _fill(
         p_a, p_b = actuator.p_a, actuator.p_b
         x = opening(actuator.spool - valve.null, valve.dead_zone)
         leakage, softer_a, softer_b = cylinder.leakage, 1.0, 1.0
-        if hidden is not None and hidden.flows:
-            x = meter(hidden, constants, state, i)
-            leakage = leak(hidden, constants, state, i)
-            softer_a = softness(hidden, constants, i, p_a)
-            softer_b = softness(hidden, constants, i, p_b)
+        if hidden is not None:  # a call that finds nothing to do costs more than the rest
+            if hidden.meters:
+                x = meter(hidden, constants, state, i)
+            if hidden.leaks:
+                leakage = leak(hidden, constants, state, i)
+            if hidden.softens:
+                softer_a = softness(hidden, constants, i, p_a)
+                softer_b = softness(hidden, constants, i, p_b)
         open_a, open_b = conductances(valve, x)
         volume = cylinder.dead_volume_a + cylinder.filled_a * (
             actuator.length - cylinder.length_min
@@ -102,7 +105,7 @@ def _fill(
             oil, p_a, p_b, flow, slope, leakage, softer_a * volume,
             cylinder.area_a * growth[i], step,
         )  # fmt: skip
-        if hidden is not None and hidden.flows:
+        if hidden is not None and hidden.softens:
             note_softness(hidden, constants, i, p_a, volume, (actuator.p_a - p_a) / step)
         volume = cylinder.dead_volume_b + cylinder.filled_b * (
             cylinder.length_max - actuator.length

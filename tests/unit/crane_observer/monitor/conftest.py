@@ -2,14 +2,13 @@
 
 from dataclasses import replace
 
-import numpy as np
 import pytest
 from unit.crane_observer.monitor.at_work import Heard, as_built
 
 from crane_model.machine import load_machine
 from crane_model.machine_files import machine_file
 from crane_model.model_file import Model, load_model
-from crane_observer.monitor.history import Sums, of_block
+from crane_observer.monitor.history import of_block, summed
 from crane_observer.monitor.tolerance import Tolerance, learn
 from crane_observer.monitor.watching import SensorWatch
 from crane_sim.parts.parameters import load_stand_in
@@ -70,6 +69,5 @@ def tolerance(model: Model, days: tuple[Heard, Heard]) -> Tolerance:
     watched = SensorWatch(model)
     taken = [watched.monitor.take_block() for _ in days[0].into(watched)]
     blocks = [block for block in taken if block is not None]
-    added = zip(*(of_block(one) for one in blocks), strict=True)
-    sums = Sums(np.array([one.time for one in blocks]), *(np.cumsum(one, axis=0) for one in added))
+    sums = summed([one.time for one in blocks], [of_block(one) for one in blocks])
     return learn(model.joints, [sums] * 2, "the day before")

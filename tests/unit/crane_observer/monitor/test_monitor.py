@@ -145,3 +145,34 @@ def test_an_alarm_is_told_though_its_encoder_is_lost_meanwhile(
     finding = first_after(lie(healthy, 0).to(model, tolerance))
     assert (finding.part, finding.joint) == (Part.ENCODER, "inner_boom")
     assert finding.found - ONSET < 0.2
+
+
+@pytest.mark.parametrize(
+    ("lie", "named"),
+    [
+        (changed("p_a", lambda x, t: x + 5e5), Part.PRESSURE_A),
+        (changed("p_b", lambda x, t: 0 * x + x[0]), Part.PRESSURE_B),
+        (exchanged, Part.PRESSURES),
+        (changed("supply", lambda x, t: x + 5e5), Part.SUPPLY),
+    ],
+)
+def test_an_encoder_is_watched_by_what_is_left(
+    model: Model, healthy: Heard, tolerance: Tolerance, lie: Lie, named: Part
+) -> None:
+    """Its joint's transducer lies, or the supply's; the encoder first does not, then it does."""
+    lying = lie(healthy, 0)
+    watched = SensorWatch(model, tolerance)
+    for _ in lying.into(watched):
+        pass
+    assert [one.part for one in watched.monitor.findings] == [named]
+    drifts = changed("q", lambda x, t: x + 5e-3 * np.clip(t - 5.0, 0.0, None))
+    watched = SensorWatch(model, tolerance)
+    for _ in drifts(lying, 0).into(watched):
+        pass
+    first, *later = watched.monitor.findings
+    assert first.part is named
+    danger = next(one for one in later if one.dangerous)
+    assert 5.0 < danger.found - ONSET < 7.0
+    if danger.part is not Part.ENCODER:  # of one chamber alone, its transducer may do the same
+        assert danger.rival is not None
+        assert danger.rival.joint == "inner_boom"

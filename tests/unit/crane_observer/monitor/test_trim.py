@@ -1,0 +1,32 @@
+"""What a machine is always off by is found again, whatever else happened now and then."""
+
+import numpy as np
+import pytest
+
+from crane_observer.monitor.trim import fitted, regressors
+
+ZERO, UP, DOWN = 3e4, -2e-3, 4e-3  # Pa, of the way
+
+
+def made(rng: np.random.Generator, count: int) -> tuple[np.ndarray, np.ndarray]:
+    """Residuals of one channel, by hand, and their regressors."""
+    t = 0.05 * np.arange(count)
+    course = 1e-3 * np.sin(0.7 * t)
+    pressed = 1e-10 * (1.2 + np.sin(0.31 * t)) * np.sign(np.cos(0.7 * t))
+    residual = ZERO * pressed + np.where(course > 0.0, UP, DOWN) * course
+    residual += 2e-6 * rng.standard_normal(count)
+    return residual[:, None], regressors(pressed[:, None], course[:, None])
+
+
+def test_zero_and_gains_are_found_beside_noise_and_outliers() -> None:
+    rng = np.random.default_rng(5)
+    residual, columns = made(rng, 6000)
+    residual[2000:2060] += 1e-4  # a chamber that sucked air
+    found = fitted([(residual, columns), made(rng, 3000)])
+    assert found[0, 0] == pytest.approx(ZERO, rel=0.05)
+    assert found[0, 1:] == pytest.approx([UP, DOWN], abs=5e-4)
+
+
+def test_a_channel_in_which_nothing_moves_is_trimmed_by_nothing() -> None:
+    nothing = np.zeros((2000, 1))
+    assert not fitted([(nothing, regressors(nothing, nothing))]).any()
