@@ -173,10 +173,12 @@ def percentiles(times: np.ndarray) -> str:
     return f"p50 {p50:6.2f}  p99 {p99:6.2f}  p99.9 {p999:6.2f}  max {times.max():6.2f} ms"
 
 
-def floor(bus: Bus, port: int) -> np.ndarray:
+def floor(bus: Bus, port: int, realtime: bool) -> np.ndarray:
     """The way round [ms] of python-can alone, beside the same processes."""
     program = [sys.executable, str(HERE / "live_floor.py"), *map(str, (port, ENCODERS[-1], ANSWER))]
     process = subprocess.Popen(program)
+    if realtime:
+        prefer(process.pid, CONTROLLER_PRIORITY)
     try:
         bus.until(lambda: bus.of(ANSWER))
         begin = len(bus.of(ANSWER))
@@ -270,7 +272,7 @@ def measured_loop(
         used = zip(Cores.so_far(), before, strict=True)
         busy = Cores(*((now - then) / listened for now, then in used))
         window = (begin, begin + int(seconds * 1e9))
-        least = floor(bus, port) if floored else np.empty(0)
+        least = floor(bus, port, realtime) if floored else np.empty(0)
         controller.terminate()
         told = controller.communicate(timeout=PATIENCE)[0].strip()
     finally:
