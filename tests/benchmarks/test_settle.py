@@ -1,5 +1,5 @@
-"""Of classes that recordings leave open, the experiment that `design --settle` finds settles nine in
-ten at least: recorded on the stand-in machine, and diagnosed with what was there.
+"""Of classes that recordings leave open, the experiment of `design --settle` settles nine in ten at
+least: recorded on the stand-in machine, and diagnosed with what was there.
 """
 
 from collections.abc import Callable
