@@ -37,6 +37,9 @@ QUIET = 1e-5  # m of way in which an encoder that is stuck still flickers
 EXPLAINS = 0.1  # misfit of what explains all but noise
 CLEARLY = 3.0  # times the misfit of the first suspect, beyond which another is excluded
 VALVE_RESERVE = 0.5  # square standard deviations: whatever a valve does or not explains any motion
+EXPLAINED_BY_WHOLE = (
+    0.6  # of the square residuals, at most left by what has no size to be uncertain
+)
 BETTER = 1.25  # times the misfit of another, at which that is named in the second look
 DROOPS = 0.5  # misfit by which the supply tells an encoder from a valve
 ANYTHING_RESERVE = {
@@ -182,7 +185,7 @@ def _tried(
     base = sums.residual[max(row - 4, oldest) : row + 1].mean(axis=0)
     deviation = FLOOR_SHARE * within(tolerance, sums, np.full(len(at), row), at)
     data = np.where(watched, (sums.residual[at] - base) / deviation, 0.0)
-    found = []
+    found, unexplained = [], float(np.mean(data**2))
     for part, joint, kind, unit, whole, shape in _shapes(course, joints, alarmed):
         model = np.zeros_like(data)
         model[row - oldest + 1 :] = np.cumsum(shape, axis=0)
@@ -202,6 +205,8 @@ def _tried(
             continue
         misfit = float(np.mean((data - times * model) ** 2))
         spread = math.sqrt(CORRELATED * max(misfit, 1.0) / power)
+        if whole and misfit > EXPLAINED_BY_WHOLE * unexplained:
+            continue
         if whole:
             spread = BETWEEN * whole if unit else 0.0
         begin = blocks[0].begin
