@@ -74,7 +74,8 @@ def _make(job: MakingJob, attempt: int) -> None:
     machine = load_machine()
     gains = load_gains(machine_file("controller.yaml"), machine)
     clearance = load_clearance(machine_file("clearance.yaml"))
-    stand_in, build = drawn_machine(case, machine, of_machine)
+    drawn = drawn_machine(case, machine, of_machine)
+    stand_in, build = drawn.stand_in, drawn.build
     maker = Maker(np.random.default_rng(of_motions), machine, stand_in.start, clearance)
     if case.excitation is Richness.POOR:
         train, validate = maker.poor()
@@ -87,8 +88,8 @@ def _make(job: MakingJob, attempt: int) -> None:
         measured = train[:1]
 
     def planted(effects: tuple[EffectToHide, ...], motion: Motion) -> tuple[Planted, ...]:
-        drawn = drawn_effects(case.site, effects, stand_in, of_effects)
-        return reach(drawn, machine, stand_in, replace(motion, periods=1), gains, build)
+        wanted = drawn_effects(case.site, effects, stand_in, of_effects)
+        return reach(wanted, machine, stand_in, replace(motion, periods=1), gains, build)
 
     effects, found = _strongest(planted, case.effects, measured)
     case = case.model_copy(update={"effects": effects})
@@ -104,8 +105,9 @@ def _make(job: MakingJob, attempt: int) -> None:
             there, name = one.present(found), f"{one.part}-{one.number}"
             bag = bags / one.part / str(one.number)
             clean = make(
-                bag, machine, stand_in, one.motion, gains, seed, there, one.moment, build=build
-            )
+                bag, machine, stand_in, one.motion, gains, seed, there, one.moment,
+                build=build, flaws=drawn.flaws,
+            )  # fmt: skip
             hidden = HiddenInRecording(effects=label(there, clean, machine))
             hidden.write(sealed / f"{name}.json")
             save_clean(sealed / f"{name}.npz", clean)
