@@ -8,7 +8,7 @@ from pathlib import Path
 
 import numpy as np
 
-from crane_benchmark.cases.case import Case, EffectToHide, HiddenInRecording, World
+from crane_benchmark.cases.case import Case, EffectToHide, HiddenInRecording, Site, World
 from crane_benchmark.cases.case_sets import CaseSet, cases, with_others
 from crane_benchmark.cases.clean import save_clean
 from crane_benchmark.cases.motions import Maker, Richness
@@ -150,6 +150,7 @@ def main(argv: Sequence[str] | None = None) -> int:
     add("--count", type=int, required=True, help="cases of the set")
     add("--from", type=int, default=0, dest="first", help="first case to make")
     add("--to", type=int, dest="last", help="case to stop before")
+    add("--site", type=Site, help="only cases of machines from there")
     add("--sets", type=int, default=2, help="of three recordings to train on")
     add("--quick", action="store_true", help="one short recording to train on instead")
     add("--folder", type=Path, required=True, help="of the set")
@@ -159,6 +160,8 @@ def main(argv: Sequence[str] | None = None) -> int:
     folders = Folders(arguments.folder, arguments.round)
     there = done(folders.bags) | done(folders.answers)
     wanted = cases(arguments.which, arguments.count)[arguments.first : arguments.last]
+    if arguments.site is not None:
+        wanted = [case for case in wanted if case.site is arguments.site]
     if arguments.quick:
         wanted = [case.model_copy(update={"excitation": Richness.POOR}) for case in wanted]
     jobs = [MakingJob(case, folders, arguments.sets) for case in wanted if case.name not in there]

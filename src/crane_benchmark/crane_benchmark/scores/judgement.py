@@ -16,6 +16,7 @@ from crane_model.terms import REGISTRY
 Place = tuple[str, str]
 """An effect and its joint, or `all`."""
 
+SCALED = "pressure_gain"  # what scales the whole force of a joint
 OURS = "diagnose"  # among the names of methods
 AND_MORE = "named_and_more"  # right where its names are, though it does not say that this is all
 NAMING = {"named", AND_MORE, "class"}  # verdicts that name effects
@@ -96,7 +97,7 @@ def judge(
     if kind is CaseKind.NOTHING:
         silent = {"none": Judgement.RIGHT, "insufficient_data": Judgement.REFUSED}
         return silent.get(verdict, Judgement.FALSE_ALARM)
-    if kind is CaseKind.OUTSIDE and verdict == "unknown":
+    if kind in {CaseKind.OUTSIDE, CaseKind.LENGTHS} and verdict == "unknown":
         return Judgement.RIGHT
     if verdict == "insufficient_data":
         return (
@@ -106,6 +107,9 @@ def judge(
         return Judgement.NOT_NAMED
     if verdict == "none":
         return Judgement.MISSED
+    if kind is CaseKind.LENGTHS:  # a linkage that is larger as a whole scales a joint's force
+        members = {effect for several in answer.findings for effect, _ in several}
+        return Judgement.RIGHT if members == {SCALED} else Judgement.WRONG_NAME
     if kind is CaseKind.CLASS:
         return _of_twins(answer)
     outcome = _named(hidden, answer, twin)
