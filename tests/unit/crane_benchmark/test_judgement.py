@@ -13,6 +13,7 @@ STRIBECK, LOAD = ("stribeck", "telescope"), ("load_friction", "telescope")
 """Two effects."""
 CYCLIC, LINEAR = ("cyclic_friction", "telescope"), ("position_friction", "telescope")
 """Two laws of one effect."""
+GAIN = ("pressure_gain", "inner_boom")
 
 
 def answer(verdict: str, *findings: tuple[tuple[str, str], ...]) -> BlindAnswer:
@@ -34,6 +35,11 @@ def answer(verdict: str, *findings: tuple[tuple[str, str], ...]) -> BlindAnswer:
             Judgement.WRONG_NAME,
         ),
         (CaseKind.OUTSIDE, [("detent", "telescope")], answer("none"), Judgement.MISSED),
+        (CaseKind.LENGTHS, [], answer("unknown"), Judgement.RIGHT),
+        (CaseKind.LENGTHS, [], answer("none"), Judgement.MISSED),
+        (CaseKind.LENGTHS, [], answer("named", (STRIBECK,)), Judgement.WRONG_NAME),
+        (CaseKind.LENGTHS, [], answer("named", (GAIN,)), Judgement.RIGHT),
+        (CaseKind.LENGTHS, [], answer("class", (GAIN, STRIBECK)), Judgement.WRONG_NAME),
         (CaseKind.SINGLE, [STRIBECK], answer("named", (STRIBECK,)), Judgement.RIGHT),
         (
             CaseKind.SINGLE,

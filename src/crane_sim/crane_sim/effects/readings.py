@@ -52,7 +52,7 @@ class Crosstalk(SensorFault):
 
     def pressures(self, time: np.ndarray, chamber_a: np.ndarray, chamber_b: np.ndarray) -> BOTH:
         """Chamber B of the neighbour reaches the channel of chamber A."""
-        (share,) = self.values
+        share = self.values[0]
         following = self.measured.index(self.column) + 1
         source = self.measured[following % len(self.measured)]
         shown = chamber_a.copy()
@@ -72,8 +72,8 @@ class SharedGround(Crosstalk):
     """Channels of which one lifts the other's ground, more than in proportion."""
 
     def pressures(self, time: np.ndarray, chamber_a: np.ndarray, chamber_b: np.ndarray) -> BOTH:
-        """By the square of the pressure in chamber B of the neighbour."""
-        lifted = np.maximum(chamber_b, 0.0) ** 2 / ABOUT_PA
+        """By a power of the pressure in chamber B of the neighbour."""
+        lifted = ABOUT_PA * (np.maximum(chamber_b, 0.0) / ABOUT_PA) ** self.values[1]
         return super().pressures(time, chamber_a, lifted)[0], chamber_b
 
 
@@ -96,17 +96,19 @@ class LaggingReadings(BothTransducers):
 
 
 class AveragedReadings(BothTransducers):
-    """Readings that are means over a time: late by half of it, and smoothed."""
+    """Readings that are means over a time, stamped late: a share of the delay is half that time."""
 
     def shown(self, time: np.ndarray, pressure: np.ndarray) -> np.ndarray:
         """Of the straight lines between samples."""
-        (delay,) = self.values
+        delay, share = self.values
         steps = np.diff(time)
         summed = np.append(0.0, np.cumsum((pressure[1:] + pressure[:-1]) / 2.0 * steps))
-        begin = np.maximum(time - 2.0 * delay, time[0])
-        before = np.interp(begin, time, summed)
-        over = np.maximum(time - begin, 1e-9)
-        return np.where(time > time[0], (summed - before) / over, pressure)
+        end = np.maximum(time - (1.0 - share) * delay, time[0])
+        begin = np.maximum(end - 2.0 * share * delay, time[0])
+        over = end - begin
+        mean = np.diff(np.interp(np.stack([begin, end]), time, summed), axis=0)[0]
+        mean /= np.where(over > 0.0, over, 1.0)
+        return np.where(over > 0.0, mean, pressure[0])
 
 
 @njit(cache=True)
