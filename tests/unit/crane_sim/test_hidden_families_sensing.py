@@ -40,8 +40,11 @@ def test_transducers_by_their_formulas() -> None:
         got_a, got_b = shown(planted(effect, JOINT, *values, form=form))
         np.testing.assert_allclose(got_a, wanted_a, err_msg=form)
         np.testing.assert_allclose(got_b, wanted_b, err_msg=form)
-    cubic, _ = shown(planted("transducer_bow", JOINT, 1e5, 2 * float(a.max()), form="cubic"))
-    assert np.abs(cubic - a).max() == pytest.approx(1e5, rel=0.05)  # its largest bow is the bow
+    ramp = np.tile(np.linspace(0.0, 2e7, len(TIME))[:, np.newaxis], 4)
+    cubic = fault(planted("transducer_bow", JOINT, 1e5, 2e7, form="cubic"))
+    bent = (cubic.pressures(TIME, ramp, ramp)[0] - ramp)[:, COLUMN]
+    assert (bent.max(), bent.min()) == pytest.approx((1e5, -1e5), rel=0.01)  # both ways
+    assert bent[[0, -1]] == pytest.approx(0.0, abs=1e-6)
 
 
 def test_encoders_by_their_formulas() -> None:

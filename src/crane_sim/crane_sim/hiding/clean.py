@@ -58,7 +58,7 @@ def clean(
     flow = np.zeros_like(force)
     inside = [k for k, effect in enumerate(planted) if isinstance(effect.form.law, int)]
     force[inside] = truth.hidden_force
-    if actual is not None:
+    if actual is not None and actual is not machine:
         force[inside] *= lever_arms(machine, q, joints) / lever_arms(actual, q, joints)
     flow[inside] = truth.hidden_flow
     outside = [k for k in range(len(planted)) if k not in inside]
