@@ -47,6 +47,7 @@ def run(arguments: argparse.Namespace) -> None:
         score(folders, arguments.workers)
         return
     folders.scores.mkdir(parents=True, exist_ok=True)
+    answers: tuple[Answering, ...]
     if calibrating:
         answers = (Answering(freeze.write_open(top)),)
     elif which is CaseSet.SCORING and not arguments.thresholds:

@@ -110,7 +110,7 @@ def _lip(pressure: float, exponent: float) -> float:
 
 
 @njit(cache=True, error_model="numpy")
-def _seals(hidden: Hidden, k: int, cylinder: np.void, actuator: np.void) -> float:
+def _seals(hidden: Hidden, k: int, cylinder: np.record, actuator: np.record) -> float:
     """What presses the seals of a cylinder, in the unit of the joint's force [N m, N]."""
     law, value = hidden.law[k], hidden.value[k]
     pressed_a = cylinder.area_a * max(actuator.p_a, 0.0)

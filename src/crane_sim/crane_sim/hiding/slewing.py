@@ -43,16 +43,14 @@ class Slewing:
         time = np.clip(np.atleast_1d(time), 0.0, self.duration)
         swings = max(round(self.frequency * self.duration / (2.0 * np.pi)), 1)
         omega = 2.0 * np.pi * swings / self.duration
-        parts = [
-            (size * self.speed, n * omega)
-            for n, size in ((1, 1.0 - self.share), (self.overtone, self.share))
-        ]
-        turning = sum(speed * rate * np.cos(rate * time) for speed, rate in parts)
-        way = sum(speed / rate * (1.0 - np.cos(rate * time)) for speed, rate in parts)
+        speed = self.speed * np.array([1.0 - self.share, self.share])
+        rate = omega * np.array([1.0, self.overtone])
+        phase = np.multiply.outer(time, rate)
+        way = (1.0 - np.cos(phase)) @ (speed / rate)
         return Reference(
             _with_slew(planar.position, way),
-            _with_slew(planar.velocity, sum(speed * np.sin(rate * time) for speed, rate in parts)),
-            _with_slew(planar.acceleration, turning),
+            _with_slew(planar.velocity, np.sin(phase) @ speed),
+            _with_slew(planar.acceleration, np.cos(phase) @ (speed * rate)),
             planar.phase,
         )
 
@@ -72,5 +70,7 @@ def slewing(motion: Course, planted: Sequence[Planted]) -> Course:
     for effect in planted:
         law = effect.form.law
         if isinstance(law, int) and law in SLEWS:
-            return Slewing(motion, *effect.values, overtone=OVERTONES.get(law, 1))
+            speed, frequency = effect.values[:2]
+            share = sum(effect.values[2:])  # of laws that have one
+            return Slewing(motion, speed, frequency, share, OVERTONES.get(law, 1))
     return motion
