@@ -11,7 +11,7 @@ from crane_benchmark.scores.summary import BenchmarkSummary
 from crane_identification.report.terminal import plain_table
 
 
-class Wanted(NamedTuple):
+class TableLine(NamedTuple):
     """A line of the tables: its words, and what is aimed at on machines of each site."""
 
     words: str
@@ -25,29 +25,29 @@ class Wanted(NamedTuple):
 
 
 MEDIANS = {
-    "gap_closed": Wanted("share of the explainable gap closed", "≥ 90 %", "≥ 85 %"),
-    "gap_closed_by_learner": Wanted("the same by the flexible learner, all cases"),
-    "parameter_error": Wanted("relative error of comparable parameters", shown="{:.1%}"),
-    "seconds": Wanted("CPU time of a diagnosis", "≤ 10 s", "≤ 10 s", "{:.0f} s"),
+    "gap_closed": TableLine("share of the explainable gap closed", "≥ 90 %", "≥ 85 %"),
+    "gap_closed_by_learner": TableLine("the same by the flexible learner, all cases"),
+    "parameter_error": TableLine("relative error of comparable parameters", shown="{:.1%}"),
+    "seconds": TableLine("CPU time of a diagnosis", "≤ 10 s", "≤ 10 s", "{:.0f} s"),
 }
 """Keys of medians in a summary."""
 TARGETS = {
-    "false_alarms": Wanted("nothing hidden: false alarms", "≤ 5 %", "≤ 5 %"),
-    "false_reassurance": Wanted("all answers: none, though the error is above noise", "0", "0"),
-    "right_from_2_percent": Wanted("single, from 2 %, identifiable", "≥ 97 %", "≥ 92 %"),
-    "right_from_2_percent_off": Wanted("the same, lengths not those of the file"),
-    "right_from_2_percent_all": Wanted("single, from 2 %, all"),
-    "hedged": Wanted("of the right ones: 'and something more'"),
-    "right_at_1_percent": Wanted("single, 1 %, identifiable", "≥ 95 %", "≥ 80 %"),
-    "pairs_at_4_percent": Wanted("pairs, 4 % each: both, only those", "≥ 90 %", "≥ 80 %"),
-    "one_of_two": Wanted("pairs: one of them"),
-    "unknown_recognised": Wanted("outside the catalogue: unknown", "≥ 95 %", "≥ 90 %"),
-    "lengths_recognised": Wanted("lengths not those of the file: unknown, or a gain"),
-    "twins": Wanted("twins: class"),
-    "too_little_data": Wanted("too little data: said so"),
-    "wrong_names": Wanted("all answers: wrong names", "≤ 1 %", "≤ 2 %"),
-    "too_wide": Wanted("all answers: class too wide"),
-    "crashes": Wanted("all answers: crashed", "0 %", "0 %"),
+    "false_alarms": TableLine("nothing hidden: false alarms", "≤ 5 %", "≤ 5 %"),
+    "false_reassurance": TableLine("all answers: none, though the error is above noise", "0", "0"),
+    "right_from_2_percent": TableLine("single, from 2 %, identifiable", "≥ 97 %", "≥ 92 %"),
+    "right_from_2_percent_off": TableLine("the same, lengths not those of the file"),
+    "right_from_2_percent_all": TableLine("single, from 2 %, all"),
+    "hedged": TableLine("of the right ones: 'and something more'"),
+    "right_at_1_percent": TableLine("single, 1 %, identifiable", "≥ 95 %", "≥ 80 %"),
+    "pairs_at_4_percent": TableLine("pairs, 4 % each: both, only those", "≥ 90 %", "≥ 80 %"),
+    "one_of_two": TableLine("pairs: one of them"),
+    "unknown_recognised": TableLine("outside the catalogue: unknown", "≥ 95 %", "≥ 90 %"),
+    "lengths_recognised": TableLine("lengths not those of the file: unknown, or a gain"),
+    "twins": TableLine("twins: class"),
+    "too_little_data": TableLine("too little data: said so"),
+    "wrong_names": TableLine("all answers: wrong names", "≤ 1 %", "≤ 2 %"),
+    "too_wide": TableLine("all answers: class too wide"),
+    "crashes": TableLine("all answers: crashed", "0 %", "0 %"),
 }
 """Keys of the summary of a method."""
 

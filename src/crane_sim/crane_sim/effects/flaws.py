@@ -14,7 +14,7 @@ DRIFT_RAD_S = 0.5
 ECCENTRICITY_RAD = (5e-5, 2e-4)  # 1 to 4 counts of an encoder
 
 
-class Pulsation(SensorFault):
+class PumpPulsation(SensorFault):
     """The pump's pulsation in all chambers, which the sampling aliases to wherever it falls.
 
     `values`: rate [Hz], then pulsation [Pa] and phase [rad] of chambers A and B of each joint.
@@ -50,4 +50,4 @@ def drawn_flaws(machine: Machine, seed: int) -> tuple[SensorFault, ...]:
         for joint in joints
         if machine.units[joint] == "rad"
     ]
-    return (*eccentric, Pulsation(machine, joints[0], (rate, *chambers)))
+    return (*eccentric, PumpPulsation(machine, joints[0], (rate, *chambers)))
