@@ -6,7 +6,7 @@ from dataclasses import dataclass
 from pathlib import Path
 
 from crane_benchmark.cases.case import Site
-from crane_benchmark.cases.case_sets import CaseSet
+from crane_benchmark.cases.case_sets import CaseSet, cases
 from crane_benchmark.folders import Folders
 
 STAGES = {
@@ -53,12 +53,14 @@ def run_batch(batch: Batch) -> int:
         making.append("--quick")
     if status := stage("make_cases", batch.folders, batch.workers, *making):
         return status
+    own = [case.name for case in cases(batch.which, batch.count)[batch.first : batch.last]]
     for one in batch.answers:
-        how: list[object] = ["--keep-bags"] if batch.keep else []
+        names = own if one.names is None else [name for name in own if name in one.names]
+        how: list[object] = ["--only", *names]  # beside it other workers make and answer theirs
+        if batch.keep:
+            how.append("--keep-bags")
         if one.thresholds is not None:
             how += ["--thresholds", one.thresholds]
-        if one.names is not None:
-            how += ["--only", *one.names]
         if status := stage("answer_cases", batch.folders, batch.workers, *how):
             return status
     return 0

@@ -7,7 +7,7 @@ from typing import Any
 
 import pytest
 
-from crane_benchmark import benchmark
+from crane_benchmark import batch, benchmark
 from crane_benchmark.answers.answer_file import AnswerStatistics, CaseAnswer
 from crane_benchmark.batch import Batch
 from crane_benchmark.cases.case import Site
@@ -266,6 +266,22 @@ def test_either_plant_is_scored_by_the_gates_of_the_other(
     assert by_package == only
     assert load_thresholds(by_away.thresholds).gates.score_factor == 9.5
     assert len(by_away.names or ()) == 8 and not away & set(by_away.names or ())
+
+
+def test_a_batch_answers_its_own_cases_alone(tmp_path: Path, monkeypatch) -> None:
+    """Other workers of a cluster make and answer theirs in the same folders."""
+    stages: list[list[str]] = []
+    monkeypatch.setattr(
+        batch, "stage", lambda name, *rest: stages.append([name, *map(str, rest[2:])]) or 0
+    )
+    words = ["--set", "tuning", "--cases", "16", "--out", str(tmp_path)]
+    monkeypatch.setattr(benchmark, "score", lambda *_: None)
+    assert benchmark.main(words) == 0
+    own = [case.name for case in cases(CaseSet.TUNING, 16)]
+    made = [words for name, *words in stages if name == "make_cases"]
+    assert [words[words.index("--from") + 1] for words in made] == ["0", "8"]
+    answered = [words for name, *words in stages if name == "answer_cases"]
+    assert [words[1:] for words in answered] == [own[:8], own[8:]]
 
 
 def test_gates_from_away_are_part_of_what_is_frozen(record: Path, tmp_path, monkeypatch) -> None:
