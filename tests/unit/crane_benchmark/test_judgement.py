@@ -95,6 +95,14 @@ def test_answers_are_judged(kind, hidden, given, outcome):
     assert judge(kind, hidden, given, lambda number, other: False) is outcome
 
 
+def test_lengths_that_do_not_show_need_not_be_found():
+    for said, outcome in (("none", Judgement.RIGHT), ("unknown", Judgement.RIGHT)):
+        found = judge(CaseKind.LENGTHS, [], answer(said), lambda *_: False, above_noise=False)
+        assert found is outcome
+    found = judge(CaseKind.SINGLE, [LOAD], answer("none"), lambda *_: False, above_noise=False)
+    assert found is Judgement.MISSED
+
+
 def test_a_class_of_effects_that_explain_as_well_is_right():
     given = answer("class", (LOAD, STRIBECK))
     assert (

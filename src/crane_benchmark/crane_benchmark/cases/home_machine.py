@@ -1,4 +1,4 @@
-"""Machines at home, drawn: the stand-in with other parameters, in one of two treatments."""
+"""Machines at home, drawn: the stand-in with other parameters."""
 
 from functools import partial
 
@@ -6,13 +6,7 @@ import numpy as np
 
 from crane_model.machine import Machine
 from crane_sim.parts.parameters import StandIn
-from crane_sim.parts.variation import (
-    vary,
-    vary_hydraulics,
-    vary_sensors,
-    vary_valves,
-    with_bristles,
-)
+from crane_sim.parts.variation import vary, vary_hydraulics, vary_sensors, vary_valves
 from crane_sim.plant.machine_in_motion import Build
 from crane_sim.plant.plant import Plant
 
@@ -20,9 +14,7 @@ SPREAD = 0.3  # of masses, friction and leakage
 OF_VALVES = 0.15  # of spools, rated flows, hoses and supply line
 OF_SENSORS = 0.3  # of noise and jitter
 MODULUS = (1.15e9, 1.7e9)  # Pa, of oil as it is usual
-GIVE = {"rad": 1e-4, "m": 1e-4}  # rad, m, of bristles where friction is not set-valued
-BRISTLE_DAMPING = 2e-3  # s
-STEP = 1e-4  # s, with bristles
+STEPS = (1e-4, 2e-4)  # s, of the plant
 
 
 def drawn_home(
@@ -30,17 +22,14 @@ def drawn_home(
 ) -> tuple[StandIn, Build]:
     """A machine about `stand_in` and what makes it, in the geometry of `machine`.
 
-    Every other one has friction that is carried by bristles, and shorter steps; where its `spools`
-    are said to be so, its valves have unequal edges. The same seed gives the same one.
+    The valves have unequal edges where its `spools` are said to be so. The same seed gives the same
+    one.
     """
     rng = np.random.default_rng([seed, 5])  # not the draws of `vary`
     drawn = vary_sensors(vary(stand_in, seed, SPREAD), seed, OF_SENSORS)
     drawn = vary_hydraulics(drawn, seed, OF_VALVES)
     oil = drawn.oil.model_copy(update={"bulk_modulus": float(rng.uniform(*MODULUS))})
-    drawn = drawn.model_copy(update={"oil": oil})
+    drawn = drawn.model_copy(update={"oil": oil, "step": float(rng.choice(STEPS))})
     if spools:
         drawn = vary_valves(drawn, machine, seed)
-    if rng.uniform() < 0.5:
-        give = {joint: GIVE[unit] for joint, unit in machine.units.items()}
-        drawn = with_bristles(drawn, give, BRISTLE_DAMPING).model_copy(update={"step": STEP})
     return drawn, partial(Plant, drawn, machine)

@@ -86,10 +86,17 @@ def _same(one: Place, other: Place) -> bool:
 
 
 def judge(
-    kind: CaseKind, hidden: Sequence[Place], answer: BlindAnswer, twin: Callable[[int, Place], bool]
+    kind: CaseKind,
+    hidden: Sequence[Place],
+    answer: BlindAnswer,
+    twin: Callable[[int, Place], bool],
+    above_noise: bool = True,
 ) -> Judgement:
-    """`twin(i, other)` says whether `other` explains the i-th hidden effect as well as its own law;
-    a class counts as right where all its members do.
+    """Lengths that are not the file's need not show: `none` is right too where the error is not
+    `above_noise`.
+
+    `twin(i, other)` says whether `other` explains the i-th hidden effect as well as its own law; a
+    class counts as right where all its members do.
     """
     verdict = answer.verdict
     if verdict == CRASH:
@@ -106,7 +113,8 @@ def judge(
     if verdict == "unknown":
         return Judgement.NOT_NAMED
     if verdict == "none":
-        return Judgement.MISSED
+        shown = above_noise or kind is not CaseKind.LENGTHS
+        return Judgement.MISSED if shown else Judgement.RIGHT
     if kind is CaseKind.LENGTHS:  # a linkage that is larger as a whole scales a joint's force
         members = {effect for several in answer.findings for effect, _ in several}
         return Judgement.RIGHT if members == {SCALED} else Judgement.WRONG_NAME

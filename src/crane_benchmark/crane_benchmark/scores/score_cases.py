@@ -45,8 +45,10 @@ def score_case(job: ScoringJob) -> None:
     answers = {OURS: BlindAnswer.of_diagnosis(said)}
     answers |= {name: BlindAnswer.of_names(names) for name, names in said.others.items()}
     twin = partial(truth.twin, model)
+    above_noise = truth.above_noise(model)
     outcomes = {
-        name: judge(truth.case.kind, truth.places, answer, twin) for name, answer in answers.items()
+        name: judge(truth.case.kind, truth.places, answer, twin, above_noise)
+        for name, answer in answers.items()
     }
     gap = truth.gap(model)
     found = said.findings
@@ -66,7 +68,7 @@ def score_case(job: ScoringJob) -> None:
             )
         ],
         gap=dict(zip(model.joints, gap.tolist(), strict=True)),
-        above_noise=truth.above_noise(model),
+        above_noise=above_noise,
         outcomes=outcomes,
         answers=answers,
         reason=said.reason,

@@ -1,6 +1,5 @@
 """Other machines of the same make: the stand-in with parameters drawn about its own."""
 
-from collections.abc import Mapping
 from typing import Any
 
 import numpy as np
@@ -8,7 +7,7 @@ import numpy as np
 from crane_model.actuators.hydraulic import CylinderActuator
 from crane_model.configuration import Schema
 from crane_model.machine import Machine, MachineJoint
-from crane_sim.parts.parameters import Body, Bristles, Edges, StandIn, StandInValve
+from crane_sim.parts.parameters import Body, Edges, StandIn, StandInValve
 
 LESS_OVERLAP = 0.15
 """Of a dead zone, at most: how far a drawn one falls short of it. None is larger, so that what a
@@ -179,19 +178,3 @@ def vary_sensors(stand_in: StandIn, seed: int, spread: float) -> StandIn:
         "jitter": chain.jitter * float(later),
     }
     return stand_in.model_copy(update={"sensors": chain.model_copy(update=update)})
-
-
-def with_bristles(stand_in: StandIn, give: Mapping[str, float], damping: float) -> StandIn:
-    """The machine whose dry friction (13) is carried by bristles that give [rad, m] so far, damped
-    by `damping` [s] of their stiffness, instead of being set-valued: another numerical treatment.
-    """
-    bristles = {
-        joint: Bristles(
-            stiffness=law.f_c / give[joint],
-            damping=damping * law.f_c / give[joint],
-            breakaway_ratio=1.0,
-            stribeck_velocity=1.0,
-        )
-        for joint, law in stand_in.friction.items()
-    }
-    return stand_in.model_copy(update={"dynamic_friction": bristles})
