@@ -29,8 +29,8 @@ HELD_OUT = {"held_out": VALIDATION}
 
 def make_bags(suite: Processes, law: Law, seed: int) -> None:
     """Record the machine with the effect, faster than real time."""
-    effect, joint = drawn(law, np.random.default_rng(seed))
-    hidden = {"effect": effect, "joint": joint, "strength": STRENGTH}
+    effect, form, joint = drawn(law, np.random.default_rng(seed))
+    hidden = {"effect": effect, "form": form, "joint": joint, "strength": STRENGTH}
     LABELS.mkdir(parents=True)
     spec = LABELS / "hidden.yaml"
     spec.write_text(yaml.safe_dump({"seed": seed, "effects": [hidden]}), encoding="utf-8")
@@ -45,15 +45,18 @@ def make_bags(suite: Processes, law: Law, seed: int) -> None:
     suite.finish(*bags)
 
 
-def drawn(law: Law, rng: np.random.Generator) -> tuple[str, str]:
-    """One of EFFECTS that the machine can have, and one of the joints that can have it."""
+def drawn(law: Law, rng: np.random.Generator) -> tuple[str, str, str]:
+    """One of EFFECTS that the machine can have, any law of its family, and one of the joints that
+    can have it.
+    """
     machine, known = load_machine(law.machine), load_model(law.file("model.yaml")).joints
     joints = {
         effect: [one for one in FORMS[effect][0].where.joints(machine) if one in known]
         for effect in EFFECTS
     }
     effect = str(rng.choice([one for one in EFFECTS if joints[one]]))
-    return effect, str(rng.choice(joints[effect]))
+    form = str(rng.choice([one.name for one in FORMS[effect]]))
+    return effect, form, str(rng.choice(joints[effect]))
 
 
 def diagnose(suite: Processes, law: Law) -> None:

@@ -4,7 +4,6 @@ Every recording is read, prepared and turned into rows by one worker and stays t
 information matrix travels, and for the second round of `summed` what it tells of the covariance.
 """
 
-import re
 from collections.abc import Callable, Sequence
 from pathlib import Path
 from typing import Any
@@ -18,15 +17,12 @@ from crane_identification.options import Options
 from crane_identification.preparation.prepare import prepare
 from crane_identification.preparation.run import Preparation
 from crane_identification.recording_check.check import vetted
+from crane_identification.scale.client import connected
 from crane_identification.scale.information import Information
 from crane_identification.scale.recording import meat, read, rows_of
 from crane_identification.scale.summed import FirstRound, SummedFit
-from crane_model.errors import ConfigurationError
 from crane_model.model_file import Model
 from crane_model.progress import Progress, silent
-
-ANSWER = 30.0  # s for the scheduler to answer
-ADDRESS = re.compile(r"(tcp|tls|ws|wss)://([^\s:/\[\]]+|\[[0-9a-fA-F:.]+\]):[0-9]{1,5}")
 
 
 def fit_on_cluster(
@@ -41,30 +37,12 @@ def fit_on_cluster(
     """Θ of `model` by least squares (31) from recordings that the workers of a Dask cluster can
     read, by `columns` or as bags of the suite.
 
-    `address` is that of the scheduler, tcp://host:port. Raises `ConfigurationError` if it is none,
-    no scheduler answers or it has no workers, `DataError` as `fitting.fit` does, and where a
-    recording that is not `trusted` looks wrong.
+    `address` is that of the scheduler. Raises `ConfigurationError` as `connected` does, `DataError`
+    as `fitting.fit` does, and where a recording that is not `trusted` looks wrong.
     """
-    if not ADDRESS.fullmatch(address):
-        raise ConfigurationError(
-            f"no address of a Dask scheduler: {address}; write tcp://HOST:PORT, or tls://, ws:// "
-            "or wss:// where the scheduler listens so"
-        )
     options = options or Options()
-    try:
-        client = Client(address, timeout=ANSWER, set_as_default=False)
-    except OSError as error:
-        raise ConfigurationError(
-            f"no Dask scheduler answers at {address} within {ANSWER:g} s ({error}); start one with "
-            "`dask scheduler`, and workers with `dask worker ADDRESS` where the bags can be read"
-        ) from None
-    with client:
+    with connected(address) as client:
         workers = len(client.scheduler_info()["workers"])
-        if not workers:
-            raise ConfigurationError(
-                f"the Dask scheduler at {address} has no workers; start some with `dask worker "
-                f"{address}`"
-            )
         return _fit(client, workers, model, recordings, columns, options, progress, trusted)
 
 

@@ -36,6 +36,7 @@ from crane_model.machine_files import machine_file
 from crane_model.model_file import load_model
 from crane_model.progress_bar import progress_bar
 from crane_model.urdf import urdf
+from crane_sim.effects.fault import SensorFault
 from crane_sim.effects.form import Planted
 from crane_sim.effects.sensing import faults
 from crane_sim.faulty.faults import Faults
@@ -131,22 +132,23 @@ def make(
     controller: Controller | None = None,
     failing: Sequence[str] = (),
     build: Build | None = None,
+    flaws: Sequence[SensorFault] = (),
 ) -> Clean:
     """Write the bag `out` of a machine that hides effects; what truly happened is returned.
 
     `motion` is that of `plan`, led by (36) with `gains` or by the `controller`; `seed` is that of
     noise and jitter; at its `moment` the recording begins; what is `failing` does so as
     `crane_sim.faulty.kinds.parse` reads it; `build` makes the machine of `stand_in`, by default the
-    `Plant`. The bag holds what a machine without
-    hidden effects would write: nothing but readings differs.
+    `Plant`; `flaws` are those of its sensors that count as noise. The bag holds what a machine
+    without hidden effects would write: nothing but readings differs.
     """
     made = build or partial(Plant, stand_in, machine)
     plant = made(motion.start, planted, moment.running)
     timed = Faults(machine, failing, seed, zero=moment.running)
-    sensors = Sensors(stand_in.sensors, machine, seed, faults(planted, machine), timed)
+    sensors = Sensors(stand_in.sensors, machine, seed, faults(planted, machine), timed, flaws)
     recording = record(slewing(motion, planted), plant, sensors, gains, progress, controller)
     write_bag(out, machine, recording, moment.started)
-    return clean(machine, planted, sensors.faults, recording.truth)
+    return clean(machine, planted, sensors.faults, recording.truth, plant.machine)
 
 
 def date(text: str) -> datetime:

@@ -134,7 +134,10 @@ def test_drives_carry_inertia_weight_and_friction(stand_in: StandIn, machine: Ma
     assert (rms(rest) < 0.003 * rms(seen.drive)).all()
 
 
-@pytest.mark.parametrize("form", FORMS, ids=lambda form: f"{form.effect}-{form.name}")
+MOVING = [form for form in FORMS if form.effect != "stiction"]
+
+
+@pytest.mark.parametrize("form", MOVING, ids=lambda form: f"{form.effect}-{form.name}")
 def test_a_hidden_law_shows_in_what_the_drives_give(
     stand_in: StandIn, machine: Machine, form: Form
 ) -> None:
@@ -147,14 +150,38 @@ def test_a_hidden_law_shows_in_what_the_drives_give(
     seen = ridden(AwayPlant(stand_in, machine, MAKE, start, [planted]), 3.0)
     moving = np.abs(seen.v) > 0.02
     rest = np.where(moving, balance(stand_in, machine, seen), 0.0)
+    if form.effect == "presliding":  # beside the dry friction that it becomes
+        rest[:, 2] -= np.where(moving[:, 2], size * np.sign(seen.v[:, 2]), 0.0)
     left = rms(rest - np.where(moving, seen.hidden, 0.0))
     assert np.abs(seen.hidden[:, [0, 1, 3]]).max() == 0.0
     assert (left < 0.006 * rms(seen.drive)).all()
     assert left[2] < 0.5 * rms(rest)[2]
 
 
+@pytest.mark.parametrize("law", [form.law for form in FORMS if form.effect == "stiction"])
+def test_what_sticks_grows_with_the_rest_and_wears_off(law: int) -> None:
+    """More after a longer rest, nothing while it goes on sliding, and anew after the next rest."""
+    value, memory = np.array([100.0, 1.0, 5e-3, 0.0, 0.0, 0.0]), np.zeros(3)
+
+    def led(v: float, seconds: float) -> float:
+        at = rubbing.Rubbed(0.0, 0.0, v, 0.0, 0.0, 0.2, 5e6, 4e6, 3e-3, 2e-3)
+        for _ in range(round(seconds / 1e-3)):
+            extra = rubbing.rubbing(law, value, memory, 0.2, at, 1e-3)
+        return float(extra)
+
+    assert led(0.05, 1.0) == pytest.approx(0.0, abs=1e-6)
+    short, long = led(1e-6, 0.3), led(1e-6, 2.7)
+    assert 5.0 < short < 0.8 * long < 100.0
+    assert led(0.05, 0.01) > 0.4 * long  # half a millimetre on
+    assert led(0.05, 2.0) == pytest.approx(0.0, abs=0.1)
+    assert led(1e-6, 0.3) == pytest.approx(short, rel=1e-6)
+
+
 def test_a_law_without_a_branch_is_refused(stand_in: StandIn, machine: Machine) -> None:
-    for number in (rubbing.FORMS[-1].law + 1, pushing.FORMS[-1].law + 1):
+    for number in (
+        max(form.law for form in rubbing.FORMS) + 1,
+        max(form.law for form in pushing.FORMS) + 1,
+    ):
         stray = Planted(rubbing.FORMS[0]._replace(law=number), "telescope", (1.0, 0.1, 1.0))
         plant = AwayPlant(stand_in, machine, MAKE, stand_in.start, [stray])
         with pytest.raises(ValueError, match="give it one"):

@@ -5,7 +5,6 @@ import pytest
 from crane_benchmark.away.families import FAMILIES
 from crane_benchmark.cases.case import CaseKind, EffectToHide, Site, Story, World
 from crane_benchmark.cases.case_sets import (
-    AWAY_SHARES,
     SHARES,
     STRENGTHS,
     CaseSet,
@@ -13,10 +12,12 @@ from crane_benchmark.cases.case_sets import (
     cases,
     with_others,
 )
+from crane_benchmark.cases.drawn import ABSORBED
 from crane_benchmark.cases.joints import LABORATORY_CRANE
 from crane_benchmark.cases.motions import Richness
-from crane_benchmark.cases.sites import drawn_effects
+from crane_benchmark.cases.sites import AS_DRAWN, LAWS, SURVEYED, drawn_effects, drawn_machine
 from crane_benchmark.cases.strangers import STORIES
+from crane_identification.diagnosis.flow.usual import load_usual
 from crane_sim.hiding.spec import HiddenEffect
 from crane_sim.parts.parameters import load_stand_in
 
@@ -27,18 +28,33 @@ def test_sets_share_no_case():
     assert len(set(names)) == len(set(seeds)) == 60 * len(CaseSet)
 
 
-def test_kinds_have_their_shares_and_names_tell_nothing():
-    drawn = cases(CaseSet.SCORING, 100)
+@pytest.mark.parametrize("site", Site)
+def test_kinds_have_their_shares_and_names_tell_nothing(site):
+    drawn = cases(CaseSet.SCORING, 400)
+    assert len({case.name for case in drawn}) == 400
+    drawn = [case for case in drawn if case.site is site]
     kinds = [case.kind for case in drawn]
     assert {kind: kinds.count(kind) for kind in CaseKind} == {
-        kind: round(100 * share) for kind, share in SHARES.items()
+        kind: round(200 * share) for kind, share in SHARES.items()
     }
     assert len(set(kinds[:20])) > 2  # sorted by name, not by kind
     single = [case.effects[0].strength for case in drawn if case.kind is CaseKind.SINGLE]
-    assert {strength: single.count(strength) for strength in STRENGTHS} == dict.fromkeys(
-        STRENGTHS, 7
-    )
+    counts = [single.count(strength) for strength in STRENGTHS]
+    assert max(counts) - min(counts) <= 1 and sum(counts) == len(single)
+    assert STRENGTHS[-1] == 0.16
     assert all(len({e.effect for e in c.effects}) == 2 for c in drawn if c.kind is CaseKind.PAIR)
+    assert {case.world for case in drawn} == set(World)
+
+
+def test_lengths_are_off_in_cases_of_their_own_and_half_of_those_that_hide_effects():
+    drawn = cases(CaseSet.SCORING, 400)
+    for case in drawn:
+        assert case.off or case.kind is not CaseKind.LENGTHS
+        assert not (case.off and case.kind is CaseKind.NOTHING)
+    hiding = [case.off for case in drawn if case.effects]
+    assert 0.4 < sum(hiding) / len(hiding) < 0.6
+    for which in (CaseSet.CALIBRATION, CaseSet.AWAY_CLEAN):
+        assert not any(case.off for case in cases(which, 40))
 
 
 def test_calibration_hides_nothing():
@@ -58,7 +74,6 @@ def test_motions_are_rich_where_they_should_be():
 def test_calibration_is_half_of_the_field():
     worlds = [case.world for case in cases(CaseSet.CALIBRATION, 40)]
     assert worlds.count(World.FIELD) == worlds.count(World.LABORATORY) == 20
-    assert {case.world for case in cases(CaseSet.SCORING, 96)} == {World.LABORATORY}
 
 
 def test_strangers_tell_every_story_and_their_effects_can_be_hidden():
@@ -79,33 +94,69 @@ def test_effects_of_a_story_that_no_motion_shows_are_told_anew():
         assert [one.strength for one in again.effects] == [one.strength for one in case.effects]
 
 
-def test_cases_away_hide_laws_of_their_own_families():
-    drawn = cases(CaseSet.AWAY, 60)
-    assert {case.site for case in drawn} == {Site.AWAY}
-    kinds = [case.kind for case in drawn]
-    assert {kind: kinds.count(kind) for kind in AWAY_SHARES} == {
-        kind: round(60 * share) for kind, share in AWAY_SHARES.items()
-    }
-    for case in drawn:
+@pytest.mark.parametrize("which", [CaseSet.SCORING, CaseSet.AWAY_TUNING])
+def test_cases_hide_laws_of_the_families_of_their_site(which):
+    for case in cases(which, 120):
         for one in case.effects:
-            assert one.form in {form.name for form in FAMILIES[one.effect]}
+            assert one.form in {form.name for form in LAWS[case.site][one.effect]}
         if case.world is World.FIELD:  # long after the start nothing is cold
             assert "warm_up" not in {one.effect for one in case.effects}
-            assert "warm_up" not in {one.effect for one in with_others(case, 1).effects}
-    assert {case.world for case in drawn} == set(World)
+            if case.kind in (CaseKind.SINGLE, CaseKind.PAIR):
+                assert "warm_up" not in {one.effect for one in with_others(case, 1).effects}
 
 
-def test_families_have_three_laws_each_of_which_two_draws_differ():
-    assert sum(not laws[0].outside for laws in FAMILIES.values()) == 10
+@pytest.mark.parametrize("site", Site)
+def test_families_have_three_laws_each_of_which_two_draws_differ(site):
     stand_in = load_stand_in()
-    for effect, laws in FAMILIES.items():
-        assert len({law.law for law in laws}) == 3
+    for effect, laws in LAWS[site].items():
+        if effect in ABSORBED:  # nothing shows it: it is not hidden
+            continue
+        assert len({law.law for law in laws}) >= 3, effect
         for law in laws:
-            joint = law.where.joints(LABORATORY_CRANE)[0]
+            joint = next(iter(law.where.joints(LABORATORY_CRANE)), None)
             wanted = (EffectToHide(effect=effect, joint=joint, form=law.name, strength=0.04),)
-            one, other = (drawn_effects(Site.AWAY, wanted, stand_in, seed)[0] for seed in (1, 2))
+            one, other = (drawn_effects(site, wanted, stand_in, seed)[0] for seed in (1, 2))
             assert len(one.values) == 1 + len(law.draws)
             assert (one.values[1:] != other.values[1:]) or not law.draws
+        assert any(law.draws for law in laws), effect
+
+
+def test_the_second_plant_has_a_catalogue_of_its_own():
+    assert sum(not laws[0].outside for laws in FAMILIES.values()) >= 15
+    assert sum(laws[0].outside for laws in FAMILIES.values()) >= 4
+
+
+@pytest.mark.parametrize("site", Site)
+def test_machines_differ_from_their_file_as_their_case_says(site):
+    pytest.importorskip("mujoco")
+    case = next(one for one in cases(CaseSet.SCORING, 400) if one.site is site)
+    for off, most in ((True, AS_DRAWN), (False, SURVEYED)):
+        largest = 0.0
+        for seed in range(12):
+            drawn = drawn_machine(case.model_copy(update={"off": off}), LABORATORY_CRANE, seed)
+            actual, given = drawn.actual.joints[1], LABORATORY_CRANE.joints[1]
+            ratios = [actual.dh.a / given.dh.a]
+            ratios += [
+                getattr(actual.actuator, n) / getattr(given.actuator, n) for n in ("j1", "j2")
+            ]
+            assert ratios[1] == pytest.approx(ratios[2])  # a linkage that is larger as a whole
+            largest = max(largest, *(abs(ratio - 1.0) for ratio in ratios))
+            assert len(drawn.flaws) == 3
+        assert 0.5 * most < largest <= most
+
+
+def test_machines_at_home_differ_and_stay_usual():
+    case = next(one for one in cases(CaseSet.SCORING, 400) if one.site is Site.HOME)
+    drawn = [drawn_machine(case, LABORATORY_CRANE, seed).stand_in for seed in range(40)]
+    assert {one.step for one in drawn} == {1e-4, 2e-4}
+    masses = [one.bodies["gripper"].mass / load_stand_in().bodies["gripper"].mass for one in drawn]
+    assert 0.7 <= min(masses) < 0.8 and 1.2 < max(masses) <= 1.3
+    usual = load_usual()
+    for one in drawn:
+        assert one.oil.bulk_modulus > usual.bulk_modulus
+        assert all(inside.leakage < usual.leakage for inside in one.cylinders.values())
+        assert one.dynamic_friction is None
+    assert drawn[3] == drawn_machine(case, LABORATORY_CRANE, 3).stand_in
 
 
 def test_nothing_is_hidden_in_clean_cases_away():

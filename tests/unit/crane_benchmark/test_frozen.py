@@ -7,8 +7,11 @@ from typing import Any
 
 import pytest
 
-from crane_benchmark import benchmark
+from crane_benchmark import batch, benchmark
 from crane_benchmark.answers.answer_file import AnswerStatistics, CaseAnswer
+from crane_benchmark.batch import Batch
+from crane_benchmark.cases.case import Site
+from crane_benchmark.cases.case_sets import CaseSet, cases
 from crane_benchmark.folders import Folders, new, read_json, write_json
 from crane_benchmark.scores import carry_over, freeze, frozen
 from crane_identification.thresholds import load_thresholds
@@ -224,10 +227,65 @@ def test_every_gate_is_calibrated_the_pulsation_with_the_others(tmp_path: Path) 
     ("given", "said"),
     [
         (("--set", "tuning", "--gates", "away.yaml"), "calibration or away_clean"),
-        (("--set", "away_clean", "--gates", "away.yaml", "--freeze"), "with --set calibration"),
+        (("--set", "tuning", "--freeze"), "with --set calibration or away_clean"),
     ],
 )
 def test_gates_are_calibrated_with_what_hides_nothing(given, said, capsys) -> None:
     with pytest.raises(SystemExit):
         benchmark.main(given)
     assert said in capsys.readouterr().err
+
+
+def crossed_with(monkeypatch: pytest.MonkeyPatch, tmp_path: Path, *arguments: str) -> list[Batch]:
+    """The batches that a scoring of 16 cases would run."""
+    asked: list[Batch] = []
+    monkeypatch.setattr(benchmark, "run_batch", lambda one: asked.append(one) or 0)
+    monkeypatch.setattr(benchmark, "score", lambda *_: None)
+    assert benchmark.main(["--cases", "16", "--out", str(tmp_path), *arguments]) == 0
+    return asked
+
+
+def test_either_plant_is_scored_by_the_gates_of_the_other(
+    record: Path, tmp_path: Path, monkeypatch, capsys
+) -> None:
+    monkeypatch.setattr(frozen, "AWAY_GATES", tmp_path / "gates_away.json")
+    (only,) = crossed_with(monkeypatch, tmp_path, "--site", "away")[0].answers
+    assert only.thresholds is None  # those of the package, from home
+    away = {case.name for case in cases(CaseSet.SCORING, 16) if case.site is Site.AWAY}
+    assert set(only.names or ()) == away
+    assert benchmark.main(["--cases", "16", "--out", str(tmp_path)]) == 1
+    assert "no gates were calibrated away" in capsys.readouterr().err
+
+    gates = load_thresholds().gates.model_dump() | {"score_factor": 9.5}
+    write_json(frozen.AWAY_GATES, gates)
+    content = read_json(record)
+    write_json(record, content | {"state": frozen.state()})
+    first, second = crossed_with(monkeypatch, tmp_path)
+    assert (first.first, first.last, second.last) == (0, 8, 16)
+    by_package, by_away = first.answers
+    assert by_package == only
+    assert load_thresholds(by_away.thresholds).gates.score_factor == 9.5
+    assert len(by_away.names or ()) == 8 and not away & set(by_away.names or ())
+
+
+def test_a_batch_answers_its_own_cases_alone(tmp_path: Path, monkeypatch) -> None:
+    """Other workers of a cluster make and answer theirs in the same folders."""
+    stages: list[list[str]] = []
+    monkeypatch.setattr(
+        batch, "stage", lambda name, *rest: stages.append([name, *map(str, rest[2:])]) or 0
+    )
+    words = ["--set", "tuning", "--cases", "16", "--out", str(tmp_path)]
+    monkeypatch.setattr(benchmark, "score", lambda *_: None)
+    assert benchmark.main(words) == 0
+    own = [case.name for case in cases(CaseSet.TUNING, 16)]
+    made = [words for name, *words in stages if name == "make_cases"]
+    assert [words[words.index("--from") + 1] for words in made] == ["0", "8"]
+    answered = [words for name, *words in stages if name == "answer_cases"]
+    assert [words[1:] for words in answered] == [own[:8], own[8:]]
+
+
+def test_gates_from_away_are_part_of_what_is_frozen(record: Path, tmp_path, monkeypatch) -> None:
+    monkeypatch.setattr(frozen, "AWAY_GATES", tmp_path / "gates_away.json")
+    write_json(frozen.AWAY_GATES, {"score_factor": 9.5})
+    with pytest.raises(ConfigurationError, match=r"away_gates.score_factor is 9.5, frozen at None"):
+        frozen.require_frozen()

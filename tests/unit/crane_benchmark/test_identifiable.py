@@ -27,13 +27,13 @@ STAND_IN = load_stand_in()
 COUNT = STAND_IN.sensors.encoder_resolution[JOINT]
 
 
-def labelled(name: str, joint: str | None, **values: float) -> LabelledEffect:
+def labelled(name: str, joint: str | None, form: str = "any", **values: float) -> LabelledEffect:
     """An entry of a label."""
     return LabelledEffect(
         effect=name,
         name=name,
         joint=joint,
-        form="any",
+        form=form,
         parameters=[
             LabelledParameter(name=one, value=value, unit="1") for one, value in values.items()
         ],
@@ -103,6 +103,12 @@ def test_memory_over_many_counts_is_identifiable(tmp_path):
     assert beyond is not None and beyond > 0.5
 
 
+def test_an_error_counts_as_above_noise_where_transducers_do_not_explain_it(tmp_path):
+    """What stays within two counts leaves nothing; over many counts it is an error."""
+    assert not presliding(1e-3 * COUNT, tmp_path).above_noise(MODEL)
+    assert presliding(100.0 * COUNT, tmp_path).above_noise(MODEL)
+
+
 def still() -> Record:
     """At rest under 8 MPa."""
     n, j = 10, len(PLANAR_JOINTS)
@@ -130,11 +136,19 @@ def still() -> Record:
         ("oil_compressibility", "hose_wall", {"softness": 2.0, "stiffening": 8e6}, 1 - 0.65 / 1.05),
         # 1e-12 m3/(s Pa) and the machine's own beside 3e-14
         ("internal_leakage", "orifice", {"conductance": 1e-12 * np.sqrt(5e5)}, 0.97),
+        # at standstill, in the middle of nothing: 0 rad of a range of 2.6 about -1.4
+        ("internal_leakage", "widening", {"conductance": 1e-12, "widening": 1e7}, 0.97),
+        ("internal_leakage", "worn", {"conductance": 1e-12, "middle": 2.0}, 0.97),
+        ("valve_hysteresis", "two_plays", {"width": 0.008, "inner": 0.0}, 0.75),
+        ("valve_asymmetry", "one_way", {"share": 0.1127}, 0.5),  # 0.2254/2.2254
+        ("oil_compressibility", "braid", {"softness": np.e, "stiffening": 8e6}, 1 - 0.65 / 1.05),
+        ("oil_compressibility", "long_hose", {"softness": np.sqrt(2), "stiffening": 8e6},
+         1 - 0.65 / 1.05),
         ("air_in_oil", "isothermal", {"share": 0.1}, None),
     ],
-)
+)  # fmt: skip
 def test_valves_and_oil_count_beyond_what_is_usual(effect, form, values, beyond):
-    found = beyond_usual(labelled(effect, JOINT, **values), STAND_IN, still(), load_usual())
+    found = beyond_usual(labelled(effect, JOINT, form, **values), STAND_IN, still(), load_usual())
     assert found == (None if beyond is None else pytest.approx(beyond, abs=0.02))
 
 

@@ -13,6 +13,7 @@ STRIBECK, LOAD = ("stribeck", "telescope"), ("load_friction", "telescope")
 """Two effects."""
 CYCLIC, LINEAR = ("cyclic_friction", "telescope"), ("position_friction", "telescope")
 """Two laws of one effect."""
+GAIN = ("pressure_gain", "inner_boom")
 
 
 def answer(verdict: str, *findings: tuple[tuple[str, str], ...]) -> BlindAnswer:
@@ -34,6 +35,11 @@ def answer(verdict: str, *findings: tuple[tuple[str, str], ...]) -> BlindAnswer:
             Judgement.WRONG_NAME,
         ),
         (CaseKind.OUTSIDE, [("detent", "telescope")], answer("none"), Judgement.MISSED),
+        (CaseKind.LENGTHS, [], answer("unknown"), Judgement.RIGHT),
+        (CaseKind.LENGTHS, [], answer("none"), Judgement.MISSED),
+        (CaseKind.LENGTHS, [], answer("named", (STRIBECK,)), Judgement.WRONG_NAME),
+        (CaseKind.LENGTHS, [], answer("named", (GAIN,)), Judgement.RIGHT),
+        (CaseKind.LENGTHS, [], answer("class", (GAIN, STRIBECK)), Judgement.WRONG_NAME),
         (CaseKind.SINGLE, [STRIBECK], answer("named", (STRIBECK,)), Judgement.RIGHT),
         (
             CaseKind.SINGLE,
@@ -87,6 +93,14 @@ def answer(verdict: str, *findings: tuple[tuple[str, str], ...]) -> BlindAnswer:
 )
 def test_answers_are_judged(kind, hidden, given, outcome):
     assert judge(kind, hidden, given, lambda number, other: False) is outcome
+
+
+def test_lengths_that_do_not_show_need_not_be_found():
+    for said, outcome in (("none", Judgement.RIGHT), ("unknown", Judgement.RIGHT)):
+        found = judge(CaseKind.LENGTHS, [], answer(said), lambda *_: False, above_noise=False)
+        assert found is outcome
+    found = judge(CaseKind.SINGLE, [LOAD], answer("none"), lambda *_: False, above_noise=False)
+    assert found is Judgement.MISSED
 
 
 def test_a_class_of_effects_that_explain_as_well_is_right():

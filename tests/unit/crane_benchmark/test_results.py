@@ -9,7 +9,7 @@ import pytest
 from rich.console import Console
 
 from crane_benchmark.answers.answer_file import AnswerStatistics
-from crane_benchmark.cases.case import Case, Story
+from crane_benchmark.cases.case import Case, Site, Story
 from crane_benchmark.cases.case_sets import STRENGTHS, CaseSet, cases
 from crane_benchmark.measured import MeasuredFigures, MeasuredRow, write
 from crane_benchmark.scores import figures, home_and_away, published
@@ -19,7 +19,7 @@ from crane_benchmark.scores.judgement import AND_MORE, BlindAnswer, Judgement
 from crane_benchmark.scores.printed import notes, tables
 from crane_benchmark.scores.rates import median, rate
 from crane_benchmark.scores.row import CaseRow, ScoredEffect
-from crane_benchmark.scores.summary import BenchmarkResults, summary
+from crane_benchmark.scores.summary import BenchmarkResults, by_site, summary
 
 
 def test_rates_have_the_interval_of_wilson():
@@ -53,16 +53,19 @@ def test_gates_share_the_alarms_that_are_allowed():
 def made_up(case: Case) -> CaseRow:
     """A row of the results: whatever is hidden is found from 2 % on."""
     found = [e for e in case.effects if e.strength >= 0.02]
-    right = not case.effects or bool(found)
+    right = (not case.effects and not case.off) or bool(found)
     named = tuple(((e.effect, e.joint or "all"),) for e in found)
     return CaseRow(
         case=case.name,
         kind=case.kind,
+        site=case.site,
         world=case.world,
+        off=case.off,
         story=case.story,
         excitation=case.excitation,
         hidden=[ScoredEffect(wanted=e, visibility=0.5) for e in case.effects],
         gap={},
+        above_noise=bool(case.effects) or case.off,
         outcomes={
             "diagnose": Judgement.RIGHT if right else Judgement.MISSED,
             "always Stribeck": Judgement.WRONG_NAME if case.effects else Judgement.FALSE_ALARM,
@@ -103,20 +106,25 @@ def test_results_of_all_kinds_are_summed_up_printed_and_drawn(tmp_path):
     found = summary(rows)
     ours, other = found.methods["diagnose"], found.methods["always Stribeck"]
     assert (ours.false_alarms.rate, other.false_alarms.rate) == (0.0, 1.0)
-    assert [ours.power[s].rate for s in STRENGTHS] == [0.0, 0.0, 1.0, 1.0, 1.0]
-    assert [found.learner.power[s].rate for s in STRENGTHS] == [0, 0, 1, 1, 1]
+    assert [ours.power[s].rate for s in STRENGTHS] == [0.0, 0.0, 1.0, 1.0, 1.0, 1.0]
+    assert [found.learner.power[s].rate for s in STRENGTHS] == [0, 0, 1, 1, 1, 1]
+    weak = [row for row in rows if row.above_noise and row.answers["diagnose"].verdict == "none"]
+    assert ours.false_reassurance.count == len(weak) > 0
+    assert other.false_reassurance.count == 0  # it always names something
+    assert ours.lengths_recognised.count == 0 < ours.lengths_recognised.of
     assert (ours.hedged.rate, other.hedged.rate) == (1.0, None)
     assert found.gap_closed.median == 0.9
     console = Console(width=144, record=True, file=StringIO())
     console.print(*tables(found), *notes())
     assert "cyclic_friction = position_friction" in console.export_text()
-    results = BenchmarkResults(thresholds="made up", summary=found, cases=rows)
+    sites = {site: summary(some) for site, some in by_site(rows).items()}
+    results = BenchmarkResults(thresholds="made up", summary=found, sites=sites, cases=rows)
     results.write(tmp_path / "results.json")
     assert BenchmarkResults.read(tmp_path / "results.json") == results
     figures.write(tmp_path, rows)
     published.write(tmp_path / "figures.json", found)
     shown = MeasuredFigures.read(tmp_path / "figures.json")
-    assert shown.columns == ["60 cases", "target", "diagnose", "always Stribeck"]
+    assert shown.columns == ["home, 60 cases", "target", "diagnose", "always Stribeck"]
     assert shown.value("false_alarms") == 0.0
     assert shown.value("gap_closed") == found.gap_closed.median
     assert all(len(row.shown) == 4 for row in shown.rows)
@@ -146,27 +154,34 @@ def test_what_became_of_each_story_is_told():
     assert "a load, on and off" in console.export_text()
 
 
-def published_of(tmp_path: Path, which: CaseSet, count: int) -> MeasuredFigures:
-    published.write(
-        tmp_path / f"{which}.json", summary([made_up(c) for c in cases(which, count)]), which
-    )
-    return MeasuredFigures.read(tmp_path / f"{which}.json")
+def test_the_rows_of_a_set_are_told_by_site():
+    rows = [made_up(case) for case in cases(CaseSet.SCORING, 80)]
+    found = by_site(rows)
+    assert {site: len(some) for site, some in found.items()} == {Site.HOME: 40, Site.AWAY: 40}
+    assert by_site(found[Site.AWAY]).keys() == {Site.AWAY}
 
 
-def test_sets_stand_side_by_side(tmp_path, capsys):
-    home = published_of(tmp_path, CaseSet.TUNING, 60)
-    away = published_of(tmp_path, CaseSet.AWAY, 40)
-    assert away.command == "ros2 run crane_benchmark discrepancy --set away --cases 40"
+def published_of(tmp_path: Path, site: Site, count: int) -> MeasuredFigures:
+    rows = by_site([made_up(case) for case in cases(CaseSet.SCORING, count)])[site]
+    published.write(tmp_path / f"{site}.json", summary(rows), CaseSet.SCORING, site)
+    return MeasuredFigures.read(tmp_path / f"{site}.json")
+
+
+def test_sites_stand_side_by_side_each_with_its_aims(tmp_path, capsys):
+    home, away = (published_of(tmp_path, site, 80) for site in Site)
+    assert away.command == "make discrepancy-benchmark"
     rows = {row.shown[0]: row.shown for row in side_by_side({"home": home, "away": away})}
     alarms = rows["nothing hidden: false alarms"]
-    assert alarms[2].startswith("0\xa0% [0\xa0%,") and alarms[2].endswith("of 15")
-    assert alarms[3].endswith("of 8")
-    assert rows["twins: class"][3] == "–"
-    files = [f"{name}={tmp_path / name}.json" for name in ("tuning", "away")]
+    assert alarms[2].startswith("0\xa0% [0\xa0%,") and alarms[2].endswith("of 8")
+    assert alarms[4].endswith("of 8")
+    assert rows["single, from 2\xa0%, identifiable"][1::2] == ["≥ 97\xa0%", "≥ 92\xa0%"]
+    assert rows["share of the explainable gap closed"][1::2] == ["≥ 90\xa0%", "≥ 85\xa0%"]
+    files = [f"{name}={tmp_path / name}.json" for name in ("home", "away")]
     assert home_and_away.main([*files, "--out", str(tmp_path / "both.json")]) == 0
     assert "away, 40 cases" in capsys.readouterr().out
     written = MeasuredFigures.read(tmp_path / "both.json")
     assert {row.shown[0] for row in written.rows} == set(rows)
+    assert written.columns[1:] == ["aim home", "home, 40 cases", "aim away", "away, 40 cases"]
 
 
 def test_what_is_no_set_is_refused(tmp_path, capsys):

@@ -118,9 +118,11 @@ def main(argv: Sequence[str] | None = None) -> int:
     add("--thresholds", type=Path, help="thresholds (YAML; default: the packaged ones)")
     add("--workers", type=int, default=1)
     add("--keep-bags", action="store_true", help="keep the bags of cases that are answered")
+    add("--only", nargs="*", metavar="CASE", help="these cases (default: all)")
     arguments = parser.parse_args(argv)
     folders = Folders(arguments.folder, arguments.round)
-    waiting = sorted(done(folders.bags) - done(folders.answers))
+    there = done(folders.bags) if arguments.only is None else {*arguments.only} & done(folders.bags)
+    waiting = sorted(there - done(folders.answers))
     thresholds = load_thresholds(arguments.thresholds)
     jobs = [AnsweringJob(name, folders, thresholds, arguments.keep_bags) for name in waiting]
     if jobs:

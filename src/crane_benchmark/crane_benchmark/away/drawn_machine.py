@@ -8,10 +8,12 @@ from crane_benchmark.away.parts import Make
 from crane_benchmark.away.plant import AwayPlant
 from crane_model.machine import Machine
 from crane_sim.parts.parameters import StandIn
-from crane_sim.parts.variation import vary, vary_valves
+from crane_sim.parts.variation import vary, vary_hydraulics, vary_sensors, vary_valves
 from crane_sim.plant.machine_in_motion import Build
 
 SPREAD = 0.3  # of masses, friction and leakage
+OF_VALVES = 0.15  # of spools, rated flows, hoses and supply line
+OF_SENSORS = 0.3  # of noise and jitter
 MODULUS = (1.2e9, 1.6e9)  # Pa, of the oil without pressure: with its air it stays usual
 AIR = (2e-4, 1.5e-3)  # share of the volume at atmospheric pressure
 STIFFENING = (3.0, 8.0)  # Pa per Pa
@@ -19,9 +21,12 @@ PUMP_LAG = (5e-3, 1.5e-2)  # s
 
 
 def drawn_away(stand_in: StandIn, machine: Machine, seed: int) -> tuple[StandIn, Build]:
-    """A machine about `stand_in`, and what makes it; the same seed gives the same one."""
+    """A machine about `stand_in` and what makes it, in the geometry of `machine`; the same seed
+    gives the same one.
+    """
     rng = np.random.default_rng([seed, 5])  # not the draws of `vary`
-    drawn = vary_valves(vary(stand_in, seed, SPREAD), machine, seed)
+    drawn = vary_sensors(vary(stand_in, seed, SPREAD), seed, OF_SENSORS)
+    drawn = vary_valves(vary_hydraulics(drawn, seed, OF_VALVES), machine, seed)
     oil = drawn.oil.model_copy(update={"bulk_modulus": float(rng.uniform(*MODULUS))})
     drawn = drawn.model_copy(update={"oil": oil})
     make = Make(

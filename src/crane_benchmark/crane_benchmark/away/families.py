@@ -2,13 +2,12 @@
 
 from itertools import groupby
 
-from crane_benchmark.away import pushing, rubbing, zeros
+from crane_benchmark.away import pushing, readings, rubbing, zeros
 from crane_sim.effects.form import Form
 
+_ALL = (*rubbing.FORMS, *pushing.FORMS, *zeros.FORMS, *readings.FORMS)
+
 FAMILIES: dict[str, tuple[Form, ...]] = {
-    effect: tuple(forms)
-    for effect, forms in groupby(
-        (*rubbing.FORMS, *pushing.FORMS, *zeros.FORMS), key=lambda form: form.effect
-    )
+    effect: tuple(forms) for effect, forms in groupby(_ALL, key=lambda form: form.effect)
 }
-"""Effect to its laws; ten effects are of the catalogue, two of none."""
+"""Effect to its laws; effects of the catalogue, and some of none."""

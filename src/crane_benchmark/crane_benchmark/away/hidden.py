@@ -22,7 +22,7 @@ class AwayHidden(NamedTuple):
     middle: np.ndarray  # (k,) of the range of the joint [rad, m]
     half: np.ndarray  # (k,) of the width of that range
     lever: np.ndarray  # (k,) m, 1: lever arm of the actuator in the middle
-    memory: np.ndarray  # (k, 2)
+    memory: np.ndarray  # (k, 3)
     part: np.ndarray  # (k, j) what the drives must give more, after the last step [N m, N]
 
 
@@ -47,6 +47,6 @@ def pack_hidden(planted: Sequence[Planted], machine: Machine) -> AwayHidden:
         middle=middle,
         half=np.ptp(limits, axis=1) / 2.0,
         lever=np.array(levers, dtype=float),
-        memory=np.zeros((len(inside), 2)),
+        memory=np.zeros((len(inside), 3)),
         part=np.zeros((len(inside), len(machine.joint_names))),
     )

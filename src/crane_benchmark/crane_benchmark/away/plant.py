@@ -15,7 +15,7 @@ from crane_model.machine import Machine
 from crane_sim.effects.form import Planted
 from crane_sim.parts.parameters import StandIn
 
-BODIES_STEP = 2.5e-3  # s, at most, in which inertia and bias are held
+BODIES_STEP = 3e-3  # s, at most, in which inertia and bias are held: twice a cycle that jitters
 OIL_STEP = 1e-4  # s, at most
 
 

@@ -11,8 +11,11 @@ from crane_sim.effects.form import Draw, Form, Magnitude, coulomb, viscous
 (
     POWER, THRESHOLD, BLUNT, ROUNDED_SPRING, STIFFENING_SPRING, SLACK_CORD, POWER_BUFFER,
     TURBULENT_BUFFER, GAP_BUFFER, COOLING_EXPONENTIAL, COOLING_HYPERBOLA, COOLING_TWICE,
-    DETENT_SINE, DETENT_WELLS, DETENT_ZIGZAG, HOSE_LEVELS, HOSE_TWICE, HOSE_DRAGS,
-) = range(PUSHING, PUSHING + 18)  # fmt: skip
+    SEAL_ROLLS, SEAL_YIELDS, SEAL_CREEPS, DETENT_SINE, DETENT_WELLS, DETENT_ZIGZAG, HOSE_LEVELS,
+    HOSE_TWICE, HOSE_DRAGS,
+) = range(PUSHING, PUSHING + 21)  # fmt: skip
+
+STILL = 2e-3  # rad/s, m/s, below which dry friction is any force
 
 
 @njit(cache=True, error_model="numpy")
@@ -53,7 +56,36 @@ def pushing(
         return size * v / (1.0 + time / one) ** two
     if law == COOLING_TWICE:
         return size * v * (two * math.exp(-time / one) + (1 - two) * math.exp(-time / (5.0 * one)))
+    if law in (SEAL_ROLLS, SEAL_YIELDS, SEAL_CREEPS):
+        return size * _built_up(law, value, memory, step * v, step)
     return _outside(law, value, memory, q, v, step)
+
+
+@njit(cache=True, error_model="numpy")
+def beyond_dry(law: int, value: np.ndarray, force: float, v: float) -> float:
+    """Part of a force that no dry friction has: of one that builds up over the way, what it lacks.
+
+    Coulomb friction of the same size is in every model.
+    """
+    if law in (SEAL_ROLLS, SEAL_YIELDS, SEAL_CREEPS):
+        return force - math.copysign(value[0], v) if abs(v) > STILL else 0.0
+    return force
+
+
+@njit(cache=True, error_model="numpy")
+def _built_up(law: int, value: np.ndarray, memory: np.ndarray, way: float, step: float) -> float:
+    """Share -1..1 of a dry friction after a `way` [rad, m] more; value: its travel, its shape."""
+    travel, shape = value[1], value[2]
+    if law == SEAL_ROLLS:  # a ring that rolls in its groove before it slides
+        memory[0] = min(max(memory[0] + way / travel, -1.0), 1.0)
+        return math.copysign(abs(memory[0]) ** shape, memory[0])
+    if law == SEAL_YIELDS:
+        memory[0] = (memory[0] + way / travel) / (1.0 + abs(way) / travel)
+        memory[1] = (memory[1] + shape * way / travel) / (1.0 + shape * abs(way) / travel)
+        return (memory[0] + memory[1]) / 2.0
+    memory[0] += way / travel  # and creeps back a little while it stands
+    memory[0] = min(max(memory[0], -1.0), 1.0) * (1.0 - step / (100.0 * shape))
+    return math.sin(0.5 * math.pi * memory[0])
 
 
 @njit(cache=True, error_model="numpy")
@@ -87,6 +119,10 @@ _SIZE = Magnitude("f", "{force}", 0.1, 3.0, coulomb)
 _LOSS = Magnitude("f", "{force} (s/{coordinate})^exponent", 2.0, 300.0, viscous)
 _BRAKE = Magnitude("f", "{force} s/{coordinate}", 0.5, 100.0, viscous)
 _COLD = Magnitude("f", "{force} s/{coordinate}", 0.1, 6.0, viscous)
+_SEAL, _TRAVEL = (
+    Magnitude("f", "{force}", 0.1, 2.0, coulomb),
+    Draw("travel", "{coordinate}", 4e-3, 4e-2, ratio=True),
+)
 _SLACK = Draw("slack", "1", -0.8, 0.3)
 _ZONE, _ENDS = Draw("zone", "{coordinate}", 0.1, 0.35), Draw("ends", "1", 0.0, 2.0)
 _WAVE, _PHASE = Draw("wave", "rad/{coordinate}", 20.0, 60.0), Draw("phase", "rad", 0.0, 2 * math.pi)
@@ -114,6 +150,9 @@ FORMS = (
     Form("warm_up", "hyperbola", COOLING_HYPERBOLA, _COLD,
          (_WARMING, Draw("exponent", "1", 1.0, 2.0))),
     Form("warm_up", "twice", COOLING_TWICE, _COLD, (_WARMING, Draw("quick", "1", 0.3, 0.7))),
+    Form("presliding", "rolls", SEAL_ROLLS, _SEAL, (_TRAVEL, Draw("shape", "1", 0.5, 1.0))),
+    Form("presliding", "yields", SEAL_YIELDS, _SEAL, (_TRAVEL, Draw("quicker", "1", 1.5, 4.0))),
+    Form("presliding", "creeps", SEAL_CREEPS, _SEAL, (_TRAVEL, Draw("slow", "s", 1.0, 5.0))),
     Form("detent", "sine", DETENT_SINE, _SIZE, (_WAVE, _PHASE), outside=True),
     Form("detent", "wells", DETENT_WELLS, _SIZE,
          (_WAVE, _PHASE, Draw("depth", "1", 0.5, 2.0)), outside=True),

@@ -14,9 +14,10 @@ from crane_sim.effects.form import Draw, Form, Magnitude, coulomb
 
 (
     STRETCHED, HILL, RAMP, LOAD_POWER, LOAD_LEVELLING, LOAD_OF_WEIGHT, LIPS, NO_LEVER, ROD_SEAL,
-    BUMP, TILT, CUBIC, HARMONICS, SAW, TRAPEZE,
-) = range(RUBBING, RUBBING + 15)  # fmt: skip
+    BUMP, TILT, CUBIC, HARMONICS, SAW, TRAPEZE, STUCK_POWER, STUCK_TWICE, STUCK_SQUEEZED,
+) = range(RUBBING, RUBBING + 18)  # fmt: skip
 
+STANDING = 1e-4  # rad/s, m/s, below which a joint counts as at rest
 FIRM = 5e6  # Pa, where a lip rubs as much as one of constant friction coefficient
 
 
@@ -36,10 +37,13 @@ class Rubbed(NamedTuple):
 
 
 @njit(cache=True, error_model="numpy")
-def rubbing(law: int, value: np.ndarray, lever: float, at: Rubbed) -> float:
+def rubbing(
+    law: int, value: np.ndarray, memory: np.ndarray, lever: float, at: Rubbed, step: float
+) -> float:
     """What effect `law` adds to the dry friction of its joint [N m, N].
 
     `value` (VALUES,): its magnitude, then its shape; `lever` is that in the middle of the range.
+    What sticks after a rest advances its `memory` by `step` [s].
     """
     size, one, two, three = value[0], value[1], value[2], value[3]
     speed, load = abs(at.v), abs(at.load)
@@ -77,6 +81,32 @@ def rubbing(law: int, value: np.ndarray, lever: float, at: Rubbed) -> float:
         return size * math.atan2(three * math.sin(phase), 1.0 - three * math.cos(phase))
     if law == TRAPEZE:
         return size * math.tanh(math.sin(phase) / three)
+    if law >= STUCK_POWER:
+        return size * _stuck(law, one, two, memory, at.v, step)
+    raise ValueError("a law of friction has no branch in away/rubbing.py: give it one")
+
+
+@njit(cache=True, error_model="numpy")
+def _stuck(
+    law: int, growth: float, travel: float, memory: np.ndarray, v: float, step: float
+) -> float:
+    """Share of what has grown at rest, and wears off along the way.
+
+    memory: seconds at rest, rad or m since.
+    """
+    if abs(v) < STANDING:
+        if memory[1] > 0.0:
+            memory[0], memory[1] = 0.0, 0.0
+        memory[0] += step
+    else:
+        memory[1] += step * abs(v)
+    rest, way = memory[0] / growth, memory[1] / travel
+    if law == STUCK_POWER:
+        return rest**0.4 / (1.0 + rest**0.4) * math.exp(-way * way)
+    if law == STUCK_TWICE:
+        return (1.0 - 0.5 * math.exp(-rest) - 0.5 * math.exp(-0.1 * rest)) / (1.0 + way) ** 3
+    if law == STUCK_SQUEEZED:  # oil that is squeezed out
+        return rest / math.sqrt(1.0 + rest * rest) * max(1.0 - 0.3 * way, 0.0)
     raise ValueError("a law of friction has no branch in away/rubbing.py: give it one")
 
 
@@ -88,6 +118,8 @@ def _lip(pressure: float, exponent: float) -> float:
 _SIZE = Magnitude("f", "{force}", 0.1, 2.0, coulomb)
 _MU = Magnitude("share", "1", 0.02, 0.6)
 _SPEED = Draw("speed", "{coordinate}/s", 0.008, 0.05)
+_BREAKAWAY = Magnitude("f", "{force}", 0.1, 5.0, coulomb)
+_RESTED = (Draw("growth", "s", 0.3, 4.0), Draw("travel", "{coordinate}", 1e-3, 1e-2))
 _PLACE = Draw("place", "1", -0.35, 0.35)
 _WAVE, _PHASE = Draw("wave", "rad/{coordinate}", 8.0, 30.0), Draw("phase", "rad", 0.0, 2 * math.pi)
 
@@ -96,6 +128,9 @@ FORMS = (
     Form("stribeck", "hill", HILL, _SIZE, (_SPEED, Draw("exponent", "1", 1.5, 4.0))),
     Form("stribeck", "ramp", RAMP, _SIZE,
          (Draw("speed", "{coordinate}/s", 0.02, 0.1), Draw("exponent", "1", 1.0, 2.0))),
+    Form("stiction", "power", STUCK_POWER, _BREAKAWAY, _RESTED),
+    Form("stiction", "twice", STUCK_TWICE, _BREAKAWAY, _RESTED),
+    Form("stiction", "squeezed", STUCK_SQUEEZED, _BREAKAWAY, _RESTED),
     Form("load_friction", "power", LOAD_POWER, _MU,
          (Draw("about", "{force}", 1.0, 3.0, coulomb), Draw("exponent", "1", 0.75, 1.25))),
     Form("load_friction", "levelling", LOAD_LEVELLING, _MU,

@@ -14,7 +14,7 @@ from crane_benchmark.away.bristles import bent
 from crane_benchmark.away.hidden import PUSHING, AwayHidden
 from crane_benchmark.away.oil import MAKE_UP, edge, modulus, orifice, relaxed
 from crane_benchmark.away.parts import BRISTLE_DAMPING, AwayParts
-from crane_benchmark.away.pushing import pushing
+from crane_benchmark.away.pushing import beyond_dry, pushing
 from crane_benchmark.away.rubbing import Rubbed, rubbing
 from crane_model.linkages import motion
 
@@ -136,14 +136,17 @@ def _press(
                 place, q, v, load, bias, lever,
                 pressure[0], pressure[1], parts.areas[i, 0], parts.areas[i, 1],
             )  # fmt: skip
-            hidden.part[k, i] = rubbing(hidden.law[k], hidden.value[k], hidden.lever[k], at)
+            hidden.part[k, i] = rubbing(
+                hidden.law[k], hidden.value[k], hidden.memory[k], hidden.lever[k], at, step
+            )
             rubbed += hidden.part[k, i]
         else:
-            hidden.part[k, i] = pushing(
+            force = pushing(
                 hidden.law[k], hidden.value[k], hidden.memory[k], place, hidden.half[k], q, v,
                 state.clock[0], step,
             )  # fmt: skip
-            pushed += hidden.part[k, i]
+            pushed += force
+            hidden.part[k, i] = beyond_dry(hidden.law[k], hidden.value[k], force, v)
     most = max(dry + rubbed, LEAST_RUBBING * dry)
     stiffness = parts.dry[i].mean() / parts.give[i]
     before = state.bristle[i]

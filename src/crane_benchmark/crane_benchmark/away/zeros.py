@@ -3,7 +3,7 @@
 import numpy as np
 
 from crane_sim.effects.form import Draw, Form, Magnitude
-from crane_sim.effects.sensing import OneTransducer
+from crane_sim.effects.transducers import OneTransducer
 
 
 class LastingZero(OneTransducer):

@@ -18,6 +18,7 @@ class CaseKind(StrEnum):
     PAIR = "pair"
     CLASS = "twins"  # effects that no data of this kind tell apart
     INSUFFICIENT = "too little data"
+    LENGTHS = "lengths that are not the file's"  # nothing else is hidden
     SINGLE = "single"
 
 
@@ -85,8 +86,9 @@ class Case(Schema):
     """One case. `seed` is that of machine, motions and sensors; `lacks` are types of terms that
     the model to diagnose lacks on the telescope.
 
-    In the field, the session begins with oil that is `warm` or cold, and the valves have equal
-    edges or `spools` made for differential cylinders.
+    A machine that is `off` is up to 3 % longer or shorter, link by link, than its file says; others
+    were surveyed. Its valves have equal edges, or `spools` made for differential cylinders. In the
+    field, the session begins with oil that is `warm` or cold.
     """
 
     name: str  # tells nothing
@@ -99,4 +101,5 @@ class Case(Schema):
     world: World = World.LABORATORY
     warm: bool = False
     spools: bool = False
+    off: bool = False
     story: Story | None = None

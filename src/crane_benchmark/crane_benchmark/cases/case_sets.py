@@ -13,7 +13,8 @@ from crane_benchmark.cases.motions import Richness
 from crane_benchmark.cases.sites import LAWS
 from crane_benchmark.cases.strangers import field, stranger
 
-STRENGTHS = (0.005, 0.01, 0.02, 0.04, 0.08)  # of single effects: rms over that of the drive force
+# rms over that of the drive force, of single effects
+STRENGTHS = (0.005, 0.01, 0.02, 0.04, 0.08, 0.16)
 UNKNOWN = (0.02, 0.04, 0.08)  # of effects outside the catalogue
 PAIR = 0.04  # of either effect of a pair
 LACKS = ("coulomb_asymmetry",)  # of the telescope, where a model lacks a class of equal effects
@@ -26,37 +27,32 @@ class CaseSet(StrEnum):
 
     TUNING = "tuning"  # to find out what a diagnosis gets wrong
     CALIBRATION = "calibration"  # nothing hidden, half in the field: to set thresholds
-    SCORING = "scoring"  # once for each set of thresholds
+    SCORING = "scoring"  # half at home, half away; once for each set of thresholds
     FORMER = "former"  # scored with the thresholds before these; for tuning since
     STRANGERS = "strangers"  # in the field: what a diagnosis once got wrong there
-    AWAY = "away"  # of machines of other make, half in the field
-    AWAY_CLEAN = "away_clean"  # the same, nothing hidden
+    AWAY_TUNING = "away_tuning"  # as tuning, of machines of other make
+    AWAY_CLEAN = "away_clean"  # as calibration, of machines of other make
 
 
 SEEDS = {
     CaseSet.TUNING: 0,
     CaseSet.CALIBRATION: 1,
-    CaseSet.FORMER: 5,
-    CaseSet.SCORING: 6,
+    CaseSet.FORMER: 6,
+    CaseSet.SCORING: 14,
     CaseSet.STRANGERS: 7,
-    CaseSet.AWAY: 12,
+    CaseSet.AWAY_TUNING: 12,
     CaseSet.AWAY_CLEAN: 13,
 }
 """Before new thresholds are frozen, the scoring set becomes the former one and gets a new seed."""
 
 SHARES = {
-    CaseKind.NOTHING: 0.25,
-    CaseKind.OUTSIDE: 0.15,
-    CaseKind.PAIR: 0.15,
-    CaseKind.CLASS: 0.05,
-    CaseKind.INSUFFICIENT: 0.05,
-    CaseKind.SINGLE: 0.35,
-}
-AWAY_SHARES = {
     CaseKind.NOTHING: 0.2,
+    CaseKind.LENGTHS: 0.05,
     CaseKind.OUTSIDE: 0.15,
     CaseKind.PAIR: 0.15,
-    CaseKind.SINGLE: 0.5,
+    CaseKind.CLASS: 0.04,
+    CaseKind.INSUFFICIENT: 0.04,
+    CaseKind.SINGLE: 0.37,
 }
 COLD = ("warm_up",)  # effects of the first minutes, that recordings of a session do not show
 
@@ -67,13 +63,15 @@ def cases(which: CaseSet, count: int) -> list[Case]:
     if which is CaseSet.STRANGERS:
         made = [stranger(_name(seed), seed) for seed in seeds]
     elif which is CaseSet.CALIBRATION:
-        made = [_null(seed) for seed in seeds]
+        made = [_null(seed, Site.HOME) for seed in seeds]
     elif which is CaseSet.AWAY_CLEAN:
-        made = [_null(seed).model_copy(update={"site": Site.AWAY}) for seed in seeds]
-    elif which is CaseSet.AWAY:
-        made = _away(seeds)
+        made = [_null(seed, Site.AWAY) for seed in seeds]
+    elif which is CaseSet.AWAY_TUNING:
+        made = _hiding(seeds, Site.AWAY)
+    elif which is CaseSet.SCORING:
+        made = _hiding(seeds[::2], Site.HOME) + _hiding(seeds[1::2], Site.AWAY)
     else:
-        made = _hiding(seeds)
+        made = _hiding(seeds, Site.HOME)
     return sorted(made, key=lambda case: case.name)
 
 
@@ -105,20 +103,32 @@ def apportioned(shares: dict[CaseKind, float], count: int) -> dict[CaseKind, int
     return whole
 
 
-def _null(seed: tuple[int, int]) -> Case:
+def _null(seed: tuple[int, int], site: Site) -> Case:
     """Nothing hidden, every other time in the field."""
-    special = field(np.random.default_rng([20261121, *seed])) if seed[1] % 2 else {}
-    return Case(name=_name(seed), kind=CaseKind.NOTHING, seed=seed, **special)
+    rng = np.random.default_rng([20261121, *seed])
+    return Case(
+        name=_name(seed),
+        kind=CaseKind.NOTHING,
+        site=site,
+        seed=seed,
+        **(field(rng) if seed[1] % 2 else {"spools": _even(rng)}),
+    )
 
 
-def _hiding(seeds: list[tuple[int, int]]) -> list[Case]:
-    """Cases of all kinds in their shares, of the laboratory."""
-    rng = np.random.default_rng([20261121, seeds[0][0]])
+def _hiding(seeds: list[tuple[int, int]], site: Site) -> list[Case]:
+    """Cases of all kinds in their shares; of those with designed and rich motions every other one
+    is of the field.
+
+    Every other machine that hides an effect has not the lengths of its file.
+    """
+    if not seeds:
+        return []
+    rng, laws = np.random.default_rng([20261121, seeds[0][0], len(site)]), LAWS[site]
     kinds = [kind for kind, n in apportioned(SHARES, len(seeds)).items() for _ in range(n)]
-    single, pair = drawn(rng, False, STRENGTHS), drawn(rng, False, (PAIR,))
-    outside = drawn(rng, True, UNKNOWN)
+    single, pair = drawn(rng, False, STRENGTHS, laws), drawn(rng, False, (PAIR,), laws)
+    outside = drawn(rng, True, UNKNOWN, laws)
     out = []
-    for seed, kind in zip(seeds, kinds, strict=True):
+    for number, (seed, kind) in enumerate(zip(seeds, kinds, strict=True)):
         effects: tuple[EffectToHide, ...] = ()
         if kind is CaseKind.SINGLE:
             effects = (next(single),)
@@ -126,45 +136,32 @@ def _hiding(seeds: list[tuple[int, int]]) -> list[Case]:
             effects = (next(outside),)
         elif kind is CaseKind.PAIR:
             effects = _two(pair)
-        elif kind is CaseKind.CLASS and seed[1] % 2:
-            effects = (in_any_form(rng, "pressure_offset", "telescope", PAIR),)
+        elif kind is CaseKind.CLASS and number % 2:
+            effects = (in_any_form(rng, "pressure_offset", "telescope", PAIR, laws),)
         elif kind is CaseKind.INSUFFICIENT:
-            faint = str(rng.choice(FAINT))
-            effects = (in_any_form(rng, faint, str(rng.choice(PLANAR_JOINTS)), PAIR),)
+            faint = str(rng.choice([one for one in FAINT if one in laws] or list(laws)))
+            effects = (in_any_form(rng, faint, str(rng.choice(PLANAR_JOINTS)), PAIR, laws),)
+        poor = kind is CaseKind.INSUFFICIENT
+        in_field = not poor and number % 2 and all(one.effect not in COLD for one in effects)
+        off = number % 4 > 1 if effects else kind is CaseKind.LENGTHS
         out.append(
             Case(
                 name=_name(seed),
                 kind=kind,
+                site=site,
                 seed=seed,
                 effects=effects,
-                excitation=Richness.POOR if kind is CaseKind.INSUFFICIENT else Richness.RICH,
+                excitation=Richness.POOR if poor else Richness.RICH,
                 lacks=LACKS if kind is CaseKind.CLASS else (),
+                off=bool(off),
+                **(field(rng) if in_field else {"spools": _even(rng)}),
             )
         )
     return out
 
 
-def _away(seeds: list[tuple[int, int]]) -> list[Case]:
-    """Cases of machines of other make in their shares, every other one of the field."""
-    rng, laws = np.random.default_rng([20261121, seeds[0][0]]), LAWS[Site.AWAY]
-    kinds = [kind for kind, n in apportioned(AWAY_SHARES, len(seeds)).items() for _ in range(n)]
-    single, pair = drawn(rng, False, STRENGTHS, laws), drawn(rng, False, (PAIR,), laws)
-    outside = drawn(rng, True, UNKNOWN, laws)
-    out = []
-    for seed, kind in zip(seeds, kinds, strict=True):
-        effects: tuple[EffectToHide, ...] = ()
-        if kind is CaseKind.SINGLE:
-            effects = (next(single),)
-        elif kind is CaseKind.OUTSIDE:
-            effects = (next(outside),)
-        elif kind is CaseKind.PAIR:
-            effects = _two(pair)
-        designed = seed[1] % 2 == 0 or any(one.effect in COLD for one in effects)
-        special = {} if designed else field(np.random.default_rng([20261121, *seed]))
-        out.append(
-            Case(name=_name(seed), kind=kind, site=Site.AWAY, seed=seed, effects=effects, **special)
-        )
-    return out
+def _even(rng: np.random.Generator) -> bool:
+    return bool(rng.uniform() < 0.5)
 
 
 def _two(pair: Iterator[EffectToHide]) -> tuple[EffectToHide, EffectToHide]:

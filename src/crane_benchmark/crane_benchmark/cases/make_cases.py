@@ -8,7 +8,7 @@ from pathlib import Path
 
 import numpy as np
 
-from crane_benchmark.cases.case import Case, EffectToHide, HiddenInRecording, World
+from crane_benchmark.cases.case import Case, EffectToHide, HiddenInRecording, Site, World
 from crane_benchmark.cases.case_sets import CaseSet, cases, with_others
 from crane_benchmark.cases.clean import save_clean
 from crane_benchmark.cases.motions import Maker, Richness
@@ -74,7 +74,8 @@ def _make(job: MakingJob, attempt: int) -> None:
     machine = load_machine()
     gains = load_gains(machine_file("controller.yaml"), machine)
     clearance = load_clearance(machine_file("clearance.yaml"))
-    stand_in, build = drawn_machine(case, machine, of_machine)
+    drawn = drawn_machine(case, machine, of_machine)
+    stand_in, build = drawn.stand_in, drawn.build
     maker = Maker(np.random.default_rng(of_motions), machine, stand_in.start, clearance)
     if case.excitation is Richness.POOR:
         train, validate = maker.poor()
@@ -87,8 +88,8 @@ def _make(job: MakingJob, attempt: int) -> None:
         measured = train[:1]
 
     def planted(effects: tuple[EffectToHide, ...], motion: Motion) -> tuple[Planted, ...]:
-        drawn = drawn_effects(case.site, effects, stand_in, of_effects)
-        return reach(drawn, machine, stand_in, replace(motion, periods=1), gains, build)
+        wanted = drawn_effects(case.site, effects, stand_in, of_effects)
+        return reach(wanted, machine, stand_in, replace(motion, periods=1), gains, build)
 
     effects, found = _strongest(planted, case.effects, measured)
     case = case.model_copy(update={"effects": effects})
@@ -104,8 +105,9 @@ def _make(job: MakingJob, attempt: int) -> None:
             there, name = one.present(found), f"{one.part}-{one.number}"
             bag = bags / one.part / str(one.number)
             clean = make(
-                bag, machine, stand_in, one.motion, gains, seed, there, one.moment, build=build
-            )
+                bag, machine, stand_in, one.motion, gains, seed, there, one.moment,
+                build=build, flaws=drawn.flaws,
+            )  # fmt: skip
             hidden = HiddenInRecording(effects=label(there, clean, machine))
             hidden.write(sealed / f"{name}.json")
             save_clean(sealed / f"{name}.npz", clean)
@@ -148,6 +150,7 @@ def main(argv: Sequence[str] | None = None) -> int:
     add("--count", type=int, required=True, help="cases of the set")
     add("--from", type=int, default=0, dest="first", help="first case to make")
     add("--to", type=int, dest="last", help="case to stop before")
+    add("--site", type=Site, help="only cases of machines from there")
     add("--sets", type=int, default=2, help="of three recordings to train on")
     add("--quick", action="store_true", help="one short recording to train on instead")
     add("--folder", type=Path, required=True, help="of the set")
@@ -157,6 +160,8 @@ def main(argv: Sequence[str] | None = None) -> int:
     folders = Folders(arguments.folder, arguments.round)
     there = done(folders.bags) | done(folders.answers)
     wanted = cases(arguments.which, arguments.count)[arguments.first : arguments.last]
+    if arguments.site is not None:
+        wanted = [case for case in wanted if case.site is arguments.site]
     if arguments.quick:
         wanted = [case.model_copy(update={"excitation": Richness.POOR}) for case in wanted]
     jobs = [MakingJob(case, folders, arguments.sets) for case in wanted if case.name not in there]

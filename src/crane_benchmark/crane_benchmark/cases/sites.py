@@ -1,38 +1,51 @@
 """What the machines of a site are made of, and which laws of effects they can hide."""
 
 from collections.abc import Mapping, Sequence
-from functools import partial
+from typing import NamedTuple
 
 import numpy as np
 
 from crane_benchmark.away.families import FAMILIES
 from crane_benchmark.cases.case import Case, EffectToHide, Site
+from crane_benchmark.cases.home_machine import drawn_home
 from crane_model.machine import Machine
+from crane_sim.effects.fault import SensorFault
+from crane_sim.effects.flaws import drawn_flaws
 from crane_sim.effects.form import Form, Planted
 from crane_sim.effects.forms import FORMS
 from crane_sim.hiding.calibrate import draw_one
 from crane_sim.parts.parameters import StandIn, load_stand_in
-from crane_sim.parts.variation import vary, vary_valves
+from crane_sim.parts.variation import vary_geometry
 from crane_sim.plant.machine_in_motion import Build
-from crane_sim.plant.plant import Plant
 
-SPREAD = 0.15  # of the machines' parameters at home
+SURVEYED = 0.002  # of the lengths of a machine whose file was measured on it: at most
+AS_DRAWN = 0.03  # of one whose file is taken from drawings
 
 LAWS: Mapping[Site, Mapping[str, Sequence[Form]]] = {Site.HOME: FORMS, Site.AWAY: FAMILIES}
 """Of each site: effect to the laws that its machines have of it."""
 
 
-def drawn_machine(case: Case, machine: Machine, seed: int) -> tuple[StandIn, Build]:
-    """The parameters of the machine of a case, and what makes it."""
+class DrawnMachine(NamedTuple):
+    """The machine of a case."""
+
+    stand_in: StandIn  # its parameters
+    actual: Machine  # its geometry; that of the machine file is what a diagnosis is given
+    build: Build  # what makes it
+    flaws: tuple[SensorFault, ...]  # of its sensors
+
+
+def drawn_machine(case: Case, machine: Machine, seed: int) -> DrawnMachine:
+    """That of a case, about the one in the file `machine`."""
+    actual = vary_geometry(machine, seed, AS_DRAWN if case.off else SURVEYED)
+    flaws = drawn_flaws(machine, seed)
     if case.site is Site.AWAY:
         # only here: MuJoCo is an extra, which machines at home do not need
         from crane_benchmark.away.drawn_machine import drawn_away
 
-        return drawn_away(load_stand_in(), machine, seed)
-    stand_in = vary(load_stand_in(), seed, SPREAD)
-    if case.spools:
-        stand_in = vary_valves(stand_in, machine, seed)
-    return stand_in, partial(Plant, stand_in, machine)
+        stand_in, build = drawn_away(load_stand_in(), actual, seed)
+    else:
+        stand_in, build = drawn_home(load_stand_in(), actual, seed, case.spools)
+    return DrawnMachine(stand_in, actual, build, flaws)
 
 
 def drawn_effects(

@@ -9,12 +9,13 @@ import numpy as np
 from ruamel.yaml import YAML
 
 from crane_benchmark.answers.answer_file import AnswerStatistics, CaseAnswer
-from crane_benchmark.folders import ANSWER, Folders, done, write_json
+from crane_benchmark.cases.case_sets import CaseSet
+from crane_benchmark.folders import ANSWER, Folders, done, read_json, write_json
 from crane_benchmark.scores import figures, frozen
 from crane_benchmark.scores.calibration import BootstrapAgreement, agreement, together
 from crane_identification.thresholds import Gates, load_thresholds
 from crane_model.configuration import packaged
-from crane_model.errors import DataError
+from crane_model.errors import ConfigurationError, DataError
 from crane_model.result_file import ResultFile
 
 PACKAGED = packaged("crane_identification", "discrepancy.yaml")
@@ -119,15 +120,37 @@ def write_gates(path: Path, found: Mapping[str, Any]) -> None:
     with_values(path, {"gates": found["thresholds"]})
 
 
-def freeze(folders: Folders) -> dict[str, Any]:
-    """Write the gates into the package, and record everything that a verdict depends on."""
+def freeze(folders: Folders, which: CaseSet) -> dict[str, Any]:
+    """Write the gates, and record everything that a verdict depends on: those of cases at home into
+    the package of the diagnosis, those from away beside the record.
+    """
     found = calibrated(folders)
-    with_values(PACKAGED.resolve(), {"gates": found["thresholds"]})
+    if which is CaseSet.AWAY_CLEAN:
+        record = read_json(frozen.RECORD)
+        write_json(frozen.AWAY_GATES, found["thresholds"])
+        record |= {"away": found}
+    else:
+        with_values(PACKAGED.resolve(), {"gates": found["thresholds"]})
+        record = found
     state = frozen.state()
-    found |= {"date": datetime.now(UTC).strftime("%Y-%m-%d")}
-    found |= {"digest": frozen.digest(state), "state": state}
-    write_json(frozen.RECORD, found)
+    record |= {"date": datetime.now(UTC).strftime("%Y-%m-%d")}
+    record |= {"digest": frozen.digest(state), "state": state}
+    write_json(frozen.RECORD, record)
     return found
+
+
+def write_away(folder: Path) -> Path:
+    """The packaged file with the gates that were calibrated away, written to a folder;
+    `ConfigurationError` where none were.
+    """
+    if not frozen.AWAY_GATES.exists():
+        raise ConfigurationError(
+            "no gates were calibrated away, by which cases at home are scored: calibrate with "
+            "--set away_clean --freeze, or score --site away alone"
+        )
+    path = folder / f"away_{PACKAGED.name}"
+    with_values(path, {"gates": read_json(frozen.AWAY_GATES)})
+    return path
 
 
 def lines(found: dict[str, Any]) -> Sequence[str]:

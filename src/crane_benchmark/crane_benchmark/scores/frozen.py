@@ -18,7 +18,13 @@ from crane_identification.thresholds import load_thresholds
 from crane_model.errors import ConfigurationError
 
 RECORD = Path(__file__).with_name("frozen.json")
-VALUES = ("gates", "method", "hydraulics")  # parts of a state; the other one is the code
+AWAY_GATES = RECORD.with_name("gates_away.json")  # calibrated on the plant of other make
+VALUES = (
+    "gates",
+    "method",
+    "hydraulics",
+    "away_gates",
+)  # parts of a state; the other one is the code
 LIST_MODULES = f"""
 import sys
 import {bag_log.__name__}, {diagnosis.__name__}
@@ -36,6 +42,7 @@ def state() -> dict[str, Any]:
         "gates": thresholds.gates.model_dump(),
         "method": thresholds.method.model_dump(),
         "hydraulics": load_usual().model_dump(),
+        "away_gates": read_json(AWAY_GATES) if AWAY_GATES.exists() else {},
         "code": digest_of_code(sources),
     }
 
@@ -83,7 +90,7 @@ def differences(before: dict[str, Any], now: dict[str, Any]) -> list[str]:
     """Where two states differ, in words."""
     said = []
     for part in VALUES:
-        old, new = before[part], now[part]
+        old, new = before.get(part, {}), now[part]
         said += [
             f"{part}.{name} is {new.get(name)}, frozen at {old.get(name)}"
             for name in sorted(old.keys() | new.keys())

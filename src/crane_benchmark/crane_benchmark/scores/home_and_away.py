@@ -1,9 +1,10 @@
 """Rates of sets of cases side by side: at home, away.
 
     python -m crane_benchmark.scores.home_and_away \\
-        home=docs/measured/discrepancy.json away=runs/discrepancy_benchmark/away/figures.json
+        home=ROUND/home/figures.json away=ROUND/away/figures.json
 
-A set is named as you like; its figures are those that the benchmark leaves beside its results.
+A set is named as you like; its figures are those that the benchmark leaves beside its results, in
+the folder of a round.
 """
 
 import argparse
@@ -36,14 +37,15 @@ def side_by_side(sets: Mapping[str, MeasuredFigures]) -> list[MeasuredRow]:
     first, *_ = sets.values()
     by_name = [{row.cells[0]: row for row in figures.rows} for figures in sets.values()]
     rows = []
-    for what, target, *_ in (row.cells for row in first.rows):
-        cells = [what, target]
+    for what in (row.cells[0] for row in first.rows):
+        cells = [what]
         values: dict[str, float] = {}
         for place, (figures, known) in enumerate(zip(sets.values(), by_name, strict=True)):
             if what not in known:
-                cells.append(NO_CASE)
+                cells += ["", NO_CASE]
                 continue
             own = known[what]
+            cells.append(own.cells[1])
             cells.append(VALUE.sub(rf"{{of{place}_\1", own.cells[figures.columns.index(OURS)]))
             values |= {f"of{place}_{name}": value for name, value in own.values.items()}
         rows.append(MeasuredRow(cells=cells, values=values))
@@ -68,7 +70,9 @@ def main(argv: Sequence[str] | None = None) -> int:
     def body() -> None:
         sets = {name: MeasuredFigures.read(path) for name, path in map(given, arguments.sets)}
         command = " ".join(("python -m crane_benchmark.scores.home_and_away", *arguments.sets))
-        columns = (*COLUMNS[:2], *(f"{name}, {one.columns[0]}" for name, one in sets.items()))
+        columns = [COLUMNS[0]]
+        for name, one in sets.items():
+            columns += [f"aim {name}", one.columns[0]]
         tell(side_by_side(sets), columns, command, arguments.out, ())
 
     return cli.run(body)

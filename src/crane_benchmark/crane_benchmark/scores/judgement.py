@@ -16,6 +16,7 @@ from crane_model.terms import REGISTRY
 Place = tuple[str, str]
 """An effect and its joint, or `all`."""
 
+SCALED = "pressure_gain"  # what scales the whole force of a joint
 OURS = "diagnose"  # among the names of methods
 AND_MORE = "named_and_more"  # right where its names are, though it does not say that this is all
 NAMING = {"named", AND_MORE, "class"}  # verdicts that name effects
@@ -85,10 +86,17 @@ def _same(one: Place, other: Place) -> bool:
 
 
 def judge(
-    kind: CaseKind, hidden: Sequence[Place], answer: BlindAnswer, twin: Callable[[int, Place], bool]
+    kind: CaseKind,
+    hidden: Sequence[Place],
+    answer: BlindAnswer,
+    twin: Callable[[int, Place], bool],
+    above_noise: bool = True,
 ) -> Judgement:
-    """`twin(i, other)` says whether `other` explains the i-th hidden effect as well as its own law;
-    a class counts as right where all its members do.
+    """Lengths that are not the file's need not show: `none` is right too where the error is not
+    `above_noise`.
+
+    `twin(i, other)` says whether `other` explains the i-th hidden effect as well as its own law; a
+    class counts as right where all its members do.
     """
     verdict = answer.verdict
     if verdict == CRASH:
@@ -96,7 +104,7 @@ def judge(
     if kind is CaseKind.NOTHING:
         silent = {"none": Judgement.RIGHT, "insufficient_data": Judgement.REFUSED}
         return silent.get(verdict, Judgement.FALSE_ALARM)
-    if kind is CaseKind.OUTSIDE and verdict == "unknown":
+    if kind in {CaseKind.OUTSIDE, CaseKind.LENGTHS} and verdict == "unknown":
         return Judgement.RIGHT
     if verdict == "insufficient_data":
         return (
@@ -105,7 +113,11 @@ def judge(
     if verdict == "unknown":
         return Judgement.NOT_NAMED
     if verdict == "none":
-        return Judgement.MISSED
+        shown = above_noise or kind is not CaseKind.LENGTHS
+        return Judgement.MISSED if shown else Judgement.RIGHT
+    if kind is CaseKind.LENGTHS:  # a linkage that is larger as a whole scales a joint's force
+        members = {effect for several in answer.findings for effect, _ in several}
+        return Judgement.RIGHT if members == {SCALED} else Judgement.WRONG_NAME
     if kind is CaseKind.CLASS:
         return _of_twins(answer)
     outcome = _named(hidden, answer, twin)

@@ -1,41 +1,61 @@
 """What the benchmark prints."""
 
+from typing import NamedTuple
+
 from rich.table import Table
 
+from crane_benchmark.cases.case import Site
 from crane_benchmark.scores.judgement import OURS, laws
 from crane_benchmark.scores.rates import Interval, Median, Rate
 from crane_benchmark.scores.summary import BenchmarkSummary
 from crane_identification.report.terminal import plain_table
 
+
+class TableLine(NamedTuple):
+    """A line of the tables: its words, and what is aimed at on machines of each site."""
+
+    words: str
+    home: str = ""
+    away: str = ""
+    shown: str = "{:.0%}"
+
+    def aim(self, site: Site) -> str:
+        """What is aimed at there."""
+        return self.away if site is Site.AWAY else self.home
+
+
 MEDIANS = {
-    "gap_closed": ("share of the explainable gap closed", "≥ 80 %", "{:.0%}"),
-    "gap_closed_by_learner": ("the same by the flexible learner, all cases", "", "{:.0%}"),
-    "parameter_error": ("relative error of comparable parameters", "", "{:.1%}"),
-    "seconds": ("CPU time of a diagnosis", "", "{:.0f} s"),
+    "gap_closed": TableLine("share of the explainable gap closed", "≥ 90 %", "≥ 85 %"),
+    "gap_closed_by_learner": TableLine("the same by the flexible learner, all cases"),
+    "parameter_error": TableLine("relative error of comparable parameters", shown="{:.1%}"),
+    "seconds": TableLine("CPU time of a diagnosis", "≤ 10 s", "≤ 10 s", "{:.0f} s"),
 }
-"""Keys of medians in a summary, what they are, what is aimed at, and how they are printed."""
+"""Keys of medians in a summary."""
 TARGETS = {
-    "false_alarms": ("nothing hidden: false alarms", "≤ 5 %"),
-    "right_from_2_percent": ("single, from 2 %, identifiable", "≥ 95 %"),
-    "right_from_2_percent_all": ("single, from 2 %, all", ""),
-    "hedged": ("of the right ones: 'and something more'", ""),
-    "right_at_1_percent": ("single, 1 %, identifiable", "≥ 80 %"),
-    "pairs_at_4_percent": ("pairs, 4 % each: both, only those", "≥ 85 %"),
-    "one_of_two": ("pairs: one of them", ""),
-    "unknown_recognised": ("outside the catalogue: unknown", "≥ 90 %"),
-    "twins": ("twins: class", ""),
-    "too_little_data": ("too little data: said so", ""),
-    "wrong_names": ("all answers: wrong names", "≤ 2 %"),
-    "too_wide": ("all answers: class too wide", ""),
-    "crashes": ("all answers: crashed", "0 %"),
+    "false_alarms": TableLine("nothing hidden: false alarms", "≤ 5 %", "≤ 5 %"),
+    "false_reassurance": TableLine("all answers: none, though the error is above noise", "0", "0"),
+    "right_from_2_percent": TableLine("single, from 2 %, identifiable", "≥ 97 %", "≥ 92 %"),
+    "right_from_2_percent_off": TableLine("the same, lengths not those of the file"),
+    "right_from_2_percent_all": TableLine("single, from 2 %, all"),
+    "hedged": TableLine("of the right ones: 'and something more'"),
+    "right_at_1_percent": TableLine("single, 1 %, identifiable", "≥ 95 %", "≥ 80 %"),
+    "pairs_at_4_percent": TableLine("pairs, 4 % each: both, only those", "≥ 90 %", "≥ 80 %"),
+    "one_of_two": TableLine("pairs: one of them"),
+    "unknown_recognised": TableLine("outside the catalogue: unknown", "≥ 95 %", "≥ 90 %"),
+    "lengths_recognised": TableLine("lengths not those of the file: unknown, or a gain"),
+    "twins": TableLine("twins: class"),
+    "too_little_data": TableLine("too little data: said so"),
+    "wrong_names": TableLine("all answers: wrong names", "≤ 1 %", "≤ 2 %"),
+    "too_wide": TableLine("all answers: class too wide"),
+    "crashes": TableLine("all answers: crashed", "0 %", "0 %"),
 }
-"""Keys of the summary of a method, what they are, and what is aimed at."""
+"""Keys of the summary of a method."""
 
 
-def tables(summary: BenchmarkSummary) -> list[Table]:
+def tables(summary: BenchmarkSummary, site: Site = Site.HOME) -> list[Table]:
     """Rates of all methods, the power curve, and what only a diagnosis gives."""
     methods = summary.methods
-    first = plain_table(f"{summary.cases} cases: share [95 % interval] of answers")
+    first = plain_table(f"{site.value}, {summary.cases} cases: share [95 % interval] of answers")
     power = plain_table("Right name and joint of single, identifiable effects, by strength")
     first.add_column("", no_wrap=True)
     first.add_column("aim", justify="right")
@@ -43,8 +63,12 @@ def tables(summary: BenchmarkSummary) -> list[Table]:
     for name in methods:
         first.add_column(name, justify="right")
         power.add_column(name, justify="right")
-    for key, (words, target) in TARGETS.items():
-        first.add_row(words, target, *(_rate(getattr(method, key)) for method in methods.values()))
+    for key, line in TARGETS.items():
+        first.add_row(
+            line.words,
+            line.aim(site),
+            *(_rate(getattr(method, key)) for method in methods.values()),
+        )
     power.add_column("flexible learner:\nsure of some law", justify="right")
     for strength in methods[OURS].power:
         curves = [*(method.power for method in methods.values()), summary.learner.power]
@@ -52,9 +76,10 @@ def tables(summary: BenchmarkSummary) -> list[Table]:
     last = plain_table("Named effects: median [95 % interval]")
     for heading in ("", "aim", "median", "cases"):
         last.add_column(heading)
-    for key, (words, target, shown) in MEDIANS.items():
+    for key, line in MEDIANS.items():
         value: Median = getattr(summary, key)
-        last.add_row(words, target, _interval(value.median, value.interval, shown), str(value.of))
+        middle = _interval(value.median, value.interval, line.shown)
+        last.add_row(line.words, line.aim(site), middle, str(value.of))
     return [first, power, last, *_stories(summary.stories)]
 
 

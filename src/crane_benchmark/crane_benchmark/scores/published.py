@@ -4,6 +4,7 @@ from collections.abc import Iterator, Mapping
 from pathlib import Path
 
 from crane_benchmark import measured
+from crane_benchmark.cases.case import Site
 from crane_benchmark.cases.case_sets import CaseSet
 from crane_benchmark.measured import MeasuredRow
 from crane_benchmark.scores.judgement import OURS
@@ -16,21 +17,26 @@ OF_A_SET = "ros2 run crane_benchmark discrepancy --set {} --cases {}"
 NO_CASE = "–"
 
 
-def write(path: Path, summary: BenchmarkSummary, which: CaseSet = CaseSet.SCORING) -> None:
-    """Write the figures of a set to `path`, by the summary of its results."""
+def write(
+    path: Path,
+    summary: BenchmarkSummary,
+    which: CaseSet = CaseSet.SCORING,
+    site: Site = Site.HOME,
+) -> None:
+    """Write the figures of a set at a site to `path`, by the summary of its results there."""
     scoring = which is CaseSet.SCORING
     command = COMMAND if scoring else OF_A_SET.format(which.value, summary.cases)
     others = [name for name in summary.methods if name != OURS]
-    columns = (f"{summary.cases} cases", "target", OURS, *others)
-    measured.write(path, command, list(rows(summary)), columns)
+    columns = (f"{site.value}, {summary.cases} cases", "target", OURS, *others)
+    measured.write(path, command, list(rows(summary, site)), columns)
 
 
-def rows(summary: BenchmarkSummary) -> Iterator[MeasuredRow]:
+def rows(summary: BenchmarkSummary, site: Site) -> Iterator[MeasuredRow]:
     """Each rate, with that of other methods beside it; then medians."""
     methods = {OURS: summary.methods[OURS], **summary.methods}
-    for key, (words, target) in TARGETS.items():
+    for key, line in TARGETS.items():
         values: dict[str, float] = {}
-        cells = [words, target]
+        cells = [line.words, line.aim(site)]
         for place, method in enumerate(methods.values()):
             found: Rate = getattr(method, key)
             name = key if place == 0 else f"{key}_{place}"
@@ -45,7 +51,8 @@ def rows(summary: BenchmarkSummary) -> Iterator[MeasuredRow]:
         yield MeasuredRow(cells=cells, values=values)
     yield _power(methods)
     empty = [""] * (len(methods) - 1)
-    for key, (words, target, shown) in MEDIANS.items():
+    for key, line in MEDIANS.items():
+        shown = line.shown
         middle: Median = getattr(summary, key)
         if middle.median is None:
             continue
@@ -55,7 +62,7 @@ def rows(summary: BenchmarkSummary) -> Iterator[MeasuredRow]:
             values |= _ends(key, middle.interval)
             cell += f" [{_named(shown, f'{key}_low')}, {_named(shown, f'{key}_high')}]"
         yield MeasuredRow(
-            cells=[words, target, f"{cell} of {{{key}_of:.0f}}", *empty], values=values
+            cells=[line.words, line.aim(site), f"{cell} of {{{key}_of:.0f}}", *empty], values=values
         )
 
 

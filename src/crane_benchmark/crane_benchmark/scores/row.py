@@ -1,7 +1,7 @@
 """row.json: the score of a case."""
 
 from crane_benchmark.answers.answer_file import AnswerStatistics
-from crane_benchmark.cases.case import CaseKind, EffectToHide, Story, World
+from crane_benchmark.cases.case import CaseKind, EffectToHide, Site, Story, World
 from crane_benchmark.cases.motions import Richness
 from crane_benchmark.scores.judgement import BlindAnswer, Judgement
 from crane_model.result_file import Number, NumberByJoint, ResultFile, ResultPart
@@ -25,8 +25,12 @@ class CaseRow(ResultFile):
     """Its name."""
     kind: CaseKind
     """What sort of case it is."""
+    site: Site
+    """Whose machine it is."""
     world: World
     """Where it comes from."""
+    off: bool
+    """Whether its machine has not the lengths of its file."""
     story: Story | None
     """What goes on in it, of the strangers."""
     excitation: Richness
@@ -35,6 +39,8 @@ class CaseRow(ResultFile):
     """All that was hidden."""
     gap: NumberByJoint
     """Error of the model on clean recordings, over the force: what could be explained [-]."""
+    above_noise: bool
+    """Whether that error is significantly above noise."""
     outcomes: dict[str, Judgement]
     """By method."""
     answers: dict[str, BlindAnswer]

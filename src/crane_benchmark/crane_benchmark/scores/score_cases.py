@@ -17,7 +17,7 @@ from crane_benchmark.scores import figures, frozen, published
 from crane_benchmark.scores.judgement import OURS, BlindAnswer, Judgement, judge
 from crane_benchmark.scores.printed import notes, tables
 from crane_benchmark.scores.row import CaseRow, ScoredEffect
-from crane_benchmark.scores.summary import BenchmarkResults, summary
+from crane_benchmark.scores.summary import BenchmarkResults, by_site, summary
 from crane_benchmark.scores.truth import CaseTruth, load_truth
 from crane_benchmark.work import in_processes
 from crane_identification.diagnosis.findings_file import Findings
@@ -45,8 +45,10 @@ def score_case(job: ScoringJob) -> None:
     answers = {OURS: BlindAnswer.of_diagnosis(said)}
     answers |= {name: BlindAnswer.of_names(names) for name, names in said.others.items()}
     twin = partial(truth.twin, model)
+    above_noise = truth.above_noise(model)
     outcomes = {
-        name: judge(truth.case.kind, truth.places, answer, twin) for name, answer in answers.items()
+        name: judge(truth.case.kind, truth.places, answer, twin, above_noise)
+        for name, answer in answers.items()
     }
     gap = truth.gap(model)
     found = said.findings
@@ -54,7 +56,9 @@ def score_case(job: ScoringJob) -> None:
     row = CaseRow(
         case=job.name,
         kind=truth.case.kind,
+        site=truth.case.site,
         world=truth.case.world,
+        off=truth.case.off,
         story=truth.case.story,
         excitation=truth.case.excitation,
         hidden=[
@@ -64,6 +68,7 @@ def score_case(job: ScoringJob) -> None:
             )
         ],
         gap=dict(zip(model.joints, gap.tolist(), strict=True)),
+        above_noise=above_noise,
         outcomes=outcomes,
         answers=answers,
         reason=said.reason,
@@ -119,11 +124,18 @@ def main(argv: Sequence[str] | None = None) -> int:
         in_processes(score_case, waiting, arguments.workers, "scores")
     scored = [CaseRow.read(folders.rows / name / ROW) for name in sorted(done(folders.rows))]
     found, thresholds = summary(scored), frozen.digest(frozen.state())
-    BenchmarkResults(thresholds=thresholds, summary=found, cases=scored).write(folders.results)
-    figures.write(folders.scores, scored)
-    published.write(folders.scores / "figures.json", found, CaseSet(folders.top.name))
+    sites = by_site(scored)
+    of_sites = {site: summary(rows) for site, rows in sites.items()}
+    BenchmarkResults(thresholds=thresholds, summary=found, sites=of_sites, cases=scored).write(
+        folders.results
+    )
     console = Console(width=WIDTH)
-    console.print(*tables(found))
+    for site, rows in sites.items():
+        place = folders.scores / site.value if len(sites) > 1 else folders.scores
+        place.mkdir(exist_ok=True)
+        figures.write(place, rows)
+        published.write(place / "figures.json", of_sites[site], CaseSet(folders.top.name), site)
+        console.print(*tables(of_sites[site], site))
     console.print(*notes(), sep="\n", highlight=False)
     print(f"written: {folders.results}, and figures beside it")
     return 0

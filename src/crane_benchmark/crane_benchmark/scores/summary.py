@@ -3,7 +3,7 @@
 from collections import Counter
 from collections.abc import Callable, Sequence
 
-from crane_benchmark.cases.case import CaseKind
+from crane_benchmark.cases.case import CaseKind, Site
 from crane_benchmark.cases.case_sets import STRENGTHS
 from crane_benchmark.scores.judgement import AND_MORE, OURS, Judgement
 from crane_benchmark.scores.rates import Median, Rate, median, rate
@@ -22,10 +22,16 @@ class MethodRates(ResultPart):
 
     false_alarms: Rate
     """Of cases that hide nothing."""
+    false_reassurance: Rate
+    """Of all cases: `none`, though the model errs significantly on what is held out."""
+    lengths_recognised: Rate
+    """Right, of machines with other lengths than their file has."""
     right_from_2_percent: Rate
     """Of single effects that can be identified."""
     right_from_2_percent_all: Rate
     """Of all single effects."""
+    right_from_2_percent_off: Rate
+    """Of those that can be identified, on machines with other lengths than their file has."""
     hedged: Rate
     """Of right answers to these: those that say there is more."""
     right_at_1_percent: Rate
@@ -91,6 +97,8 @@ class BenchmarkResults(ResultFile):
     """Digest of everything that decides."""
     summary: BenchmarkSummary
     """Of all."""
+    sites: dict[Site, BenchmarkSummary]
+    """Of the machines of each site."""
     cases: list[CaseRow]
     """One by one."""
 
@@ -116,6 +124,15 @@ def summary(rows: Sequence[CaseRow]) -> BenchmarkSummary:
         stories=_told(ours),
         not_identifiable=sum(not identifiable(row) for row in of_kind(rows, CaseKind.SINGLE)),
     )
+
+
+def by_site(rows: Sequence[CaseRow]) -> dict[Site, list[CaseRow]]:
+    """The rows of each site of which there are any."""
+    found: dict[Site, list[CaseRow]] = {}
+    for site in Site:
+        if own := [row for row in rows if row.site is site]:
+            found[site] = own
+    return found
 
 
 def learnt(rows: Sequence[CaseRow]) -> LearnerRates:
@@ -173,15 +190,20 @@ def _told(rows: Sequence[CaseRow]) -> dict[str, dict[str, int]]:
 def _of_method(rows: Sequence[CaseRow], method: str) -> MethodRates:
     singles = of_kind(rows, CaseKind.SINGLE)
     strong = [row for row in singles if row.hidden[0].wanted.strength >= 0.02]
+    shown = [row for row in strong if identifiable(row)]
+    answered = [row for row in rows if method in row.answers]
     weak = [row for row in singles if row.hidden[0].wanted.strength == 0.01]
     pairs = [row for row in of_kind(rows, CaseKind.PAIR) if identifiable(row)]
     right = [row for row in strong if row.outcomes.get(method) is Judgement.RIGHT]
     return MethodRates(
         false_alarms=share(of_kind(rows, CaseKind.NOTHING), method, Judgement.FALSE_ALARM),
-        right_from_2_percent=share(
-            [row for row in strong if identifiable(row)], method, Judgement.RIGHT
+        false_reassurance=rate(
+            [row.above_noise and row.answers[method].verdict == "none" for row in answered]
         ),
+        lengths_recognised=share(of_kind(rows, CaseKind.LENGTHS), method, Judgement.RIGHT),
+        right_from_2_percent=share(shown, method, Judgement.RIGHT),
         right_from_2_percent_all=share(strong, method, Judgement.RIGHT),
+        right_from_2_percent_off=share([row for row in shown if row.off], method, Judgement.RIGHT),
         hedged=rate([row.answers[method].verdict == AND_MORE for row in right]),
         right_at_1_percent=share(
             [row for row in weak if identifiable(row)], method, Judgement.RIGHT

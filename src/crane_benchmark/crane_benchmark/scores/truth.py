@@ -8,18 +8,22 @@ import numpy as np
 
 from crane_benchmark.cases.case import Case, HiddenInRecording
 from crane_benchmark.cases.clean import Seen, load_seen
+from crane_benchmark.cases.joints import LABORATORY_CRANE
 from crane_benchmark.folders import read_json
 from crane_benchmark.scores.judgement import Place
 from crane_benchmark.scores.unusual import beyond_usual
 from crane_identification.diagnosis.findings_file import Findings
 from crane_identification.diagnosis.flow.usual import load_usual
 from crane_identification.diagnosis.search.candidates import WHOLE, Candidate
+from crane_model.cylinders import lever_arms
 from crane_model.errors import CraneError
 from crane_model.model_file import Model
 from crane_model.terms import REGISTRY
 from crane_sim.hiding.label import LabelledEffect
 from crane_sim.parts.parameters import StandIn
 
+SIGMAS = 3.0  # that an error is above what noise gives, to be significant
+NOTHING_LEFT = 0.002  # of the force, beyond what clean recordings leave of machines as surveyed
 TWIN_TOLERANCE = 0.01  # of the energy of what is hidden: a law that explains it so nearly is a twin
 
 COMPARABLE = {
@@ -122,6 +126,20 @@ class CaseTruth:
         """
         theta = _Base(model, self.train).theta
         return _error(self.validate, model, theta)
+
+    def above_noise(self, model: Model) -> bool:
+        """Whether the error of the model, fitted to clean recordings, is significant on those to
+        validate on: beside the noise of the transducers, and beyond what clean recordings of
+        machines leave of which nothing is missing.
+        """
+        seen, chain = self.validate, self.stand_in.sensors
+        joints, record = seen.record.joints, seen.record
+        levers = seen.rms(lever_arms(LABORATORY_CRANE, record.position, joints))
+        noise = levers * [chain.force_noise(LABORATORY_CRANE, joint) for joint in joints]
+        noise /= seen.rms(record.needed("force", "the scorer"))
+        # the energy of noise alone scatters by sqrt(2/n) of itself
+        limit = np.sqrt(SIGMAS * np.sqrt(2.0 / np.maximum(seen.used.sum(axis=0), 1))) * noise
+        return bool((self.gap(model) > np.maximum(limit, NOTHING_LEFT)).any())
 
     def closed(self, before: Model, after: Model) -> float:
         """Share of the explainable gap, in energy relative to the force, that `after` closes; NaN

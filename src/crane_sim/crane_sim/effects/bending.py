@@ -15,7 +15,7 @@ from crane_sim.effects.form import Draw, Form, Magnitude
 from crane_sim.effects.working import LOADS, Hidden
 from crane_sim.parts.rigid_bodies import Chain, mass_and_bias
 
-TWO_MODES = LOADS + 50
+TWO_MODES, ONE_MODE, PROGRESSIVE = range(LOADS + 50, LOADS + 53)
 
 MODES = ((1.0, 1.0), (2.7, 0.25))  # frequency and share, of those of the first
 INERTIA = 4  # in the memory: after two deflections and their rates, that of the joint at the start
@@ -33,11 +33,14 @@ def carry(hidden: Hidden, k: int, chain: Chain, q: np.ndarray, v: np.ndarray) ->
     if memory[INERTIA] == 0.0:
         _sag(hidden, k, chain, q)
     mass_and_bias(chain, q, v, mass, bias)
-    riding = value[0] * (MODES[0][1] + MODES[1][1])
+    count = _count(hidden.law[k])
+    riding = 0.0
+    for mode in range(count):
+        riding += value[0] * MODES[mode][1]
     mass *= -riding
     bias *= -riding
     bent_mass, bent_bias = np.empty_like(mass), np.empty_like(bias)
-    for mode in range(2):
+    for mode in range(count):
         share = value[0] * MODES[mode][1]
         _bent(hidden, k, mode, chain, q, v, bent_mass, bent_bias)
         spring = _spring(hidden, k, mode)
@@ -56,7 +59,7 @@ def bend(
     """Modes after a step from q, v that changed the velocities by `change` (j,); symplectic."""
     memory, i = hidden.memory[k], hidden.joint[k]
     mass, bias = np.empty((len(q), len(q))), np.empty(len(q))
-    for mode in range(2):
+    for mode in range(_count(hidden.law[k])):
         _bent(hidden, k, mode, chain, q, v, mass, bias)
         push = bias[i] + _spring(hidden, k, mode)
         for a in range(len(q)):
@@ -84,7 +87,20 @@ def _spring(hidden: Hidden, k: int, mode: int) -> float:
     memory = hidden.memory[k]
     omega = 2.0 * math.pi * hidden.value[k, 1] * MODES[mode][0]
     damper = 2.0 * hidden.value[k, 2] * omega
-    return memory[INERTIA] * (omega * omega * memory[mode] + damper * memory[2 + mode])
+    way = memory[mode]
+    if hidden.law[k] == PROGRESSIVE:
+        way *= 1.0 + (way / hidden.value[k, 3]) ** 2
+    return memory[INERTIA] * (omega * omega * way + damper * memory[2 + mode])
+
+
+@njit(cache=True, error_model="numpy")
+def _count(law: int) -> int:
+    """Modes of a law."""
+    if law == TWO_MODES:
+        return 2
+    if law in (ONE_MODE, PROGRESSIVE):
+        return 1
+    raise ValueError("a law of a bend has no branch in effects/bending.py: give it one")
 
 
 @njit(cache=True, error_model="numpy")
@@ -94,14 +110,23 @@ def _sag(hidden: Hidden, k: int, chain: Chain, q: np.ndarray) -> None:
     still, mass, bias = np.zeros(len(q)), np.empty((len(q), len(q))), np.empty(len(q))
     mass_and_bias(chain, q, still, mass, bias)
     memory[INERTIA] = mass[i, i]
-    for mode in range(2):
+    for mode in range(_count(hidden.law[k])):
         omega = 2.0 * math.pi * hidden.value[k, 1] * MODES[mode][0]
         for _ in range(PASSES):
             _bent(hidden, k, mode, chain, q, still, mass, bias)
-            memory[mode] -= (bias[i] + _spring(hidden, k, mode)) / (omega**2 * memory[INERTIA])
+            slope = omega**2 * memory[INERTIA]
+            if hidden.law[k] == PROGRESSIVE:
+                slope *= 1.0 + 3.0 * (memory[mode] / hidden.value[k, 3]) ** 2
+            memory[mode] -= (bias[i] + _spring(hidden, k, mode)) / slope
 
+
+_SHARE = Magnitude("share", "1", 0.1, 0.7)
+_QUICK, _DAMPING = Draw("frequency", "Hz", 5.0, 12.0), Draw("damping", "1", 0.03, 0.15)
 
 FORMS = (
-    Form("boom_flexibility", "two_modes", TWO_MODES, Magnitude("share", "1", 0.1, 0.7),
-         (Draw("frequency", "Hz", 0.7, 12.0, ratio=True), Draw("damping", "1", 0.03, 0.15))),
+    Form("boom_flexibility", "two_modes", TWO_MODES, _SHARE,
+         (Draw("frequency", "Hz", 0.7, 12.0, ratio=True), _DAMPING)),
+    Form("boom_flexibility", "one_mode", ONE_MODE, _SHARE, (_QUICK, _DAMPING)),
+    Form("boom_flexibility", "progressive", PROGRESSIVE, _SHARE,
+         (_QUICK, _DAMPING, Draw("softness", "{coordinate}", 3e-3, 2e-2))),
 )  # fmt: skip

@@ -5,6 +5,7 @@ They do not show in the forces, which are computed from measured pressures, but 
 
 import math
 
+import numpy as np
 from numba import njit
 
 from crane_sim.effects.form import Draw, Form, Magnitude
@@ -13,14 +14,18 @@ from crane_sim.parts.constants import Constants
 from crane_sim.parts.hydraulics import conductances, opening, port_flow
 from crane_sim.parts.state import State
 
-SOFT_OVERLAP, PLAY, TWO_GAINS = range(FLOW, FLOW + 3)
-ORIFICE_LEAK = LEAKS
-HOSE_WALL, AIR = range(SOFTNESS, SOFTNESS + 2)
+(
+    SOFT_OVERLAP, HARD_OVERLAP, UNEVEN_OVERLAP, PLAY, TWO_PLAYS, CREEPING_PLAY, TWO_GAINS, ONE_WAY,
+    BY_AND_BY,
+) = range(FLOW, FLOW + 9)  # fmt: skip
+ORIFICE_LEAK, WIDENING_LEAK, WORN_LEAK = range(LEAKS, LEAKS + 3)
+HOSE_WALL, BRAID, LONG_HOSE, AIR, FOAM, DISSOLVING = range(SOFTNESS, SOFTNESS + 6)
 
 NO_BRANCH = "a law of the flow has no branch in effects/flow.py: give it one"
 
 ATMOSPHERE = 1.013e5  # Pa
 LAMINAR = 5e5  # Pa, below it a leak is laminar
+POLYTROPE = 1.3  # of foam
 
 
 @njit(cache=True, error_model="numpy", inline="always")
@@ -30,25 +35,59 @@ def meter(hidden: Hidden, constants: Constants, state: State, i: int) -> float:
     spool = actuator.spool - valve.null
     x = opening(spool, valve.dead_zone)
     for k in range(len(hidden.law)):
-        law, value = hidden.law[k], hidden.value[k]
+        law = hidden.law[k]
         if hidden.joint[k] != i or not FLOW <= law < LEAKS:
             continue
         before = x
-        if law == SOFT_OVERLAP:
-            x = math.copysign(_past(abs(x), value[0], value[1]), x)
-        elif law == PLAY:  # the edges trail the spool
-            half, memory = 0.5 * value[0], hidden.memory[k]
-            memory[0] = min(max(memory[0], spool - half), spool + half)
-            x = opening(memory[0], valve.dead_zone)
-        elif law == TWO_GAINS:
-            x *= 1.0 + value[0] * math.tanh(x / value[1])
+        if law < PLAY:
+            x = math.copysign(_overlapped(law, hidden.value[k], x), x)
+        elif law < TWO_GAINS:
+            x = opening(_trailing(law, hidden.value[k], hidden.memory[k], spool), valve.dead_zone)
         else:
-            raise ValueError(NO_BRANCH)
+            x *= _gained(law, hidden.value[k], x)
         open_now, open_before = conductances(valve, x)[0], conductances(valve, before)[0]
         flow, _ = port_flow(constants.oil, open_now, state.supply[0], actuator.p_a)
         former, _ = port_flow(constants.oil, open_before, state.supply[0], actuator.p_a)
         hidden.flow[k, i] = flow - former
     return x
+
+
+@njit(cache=True, error_model="numpy")
+def _overlapped(law: int, value: np.ndarray, x: float) -> float:
+    """Size of an opening x of edges that overlap more."""
+    band = value[0]
+    if law == SOFT_OVERLAP:
+        return _past(abs(x), band, value[1])
+    if law == UNEVEN_OVERLAP:  # more of it one way
+        band *= 1.0 + math.copysign(value[1], x)
+    return max(abs(x) - band, 0.0)
+
+
+@njit(cache=True, error_model="numpy")
+def _trailing(law: int, value: np.ndarray, memory: np.ndarray, spool: float) -> float:
+    """Where the edges stand that trail the spool."""
+    half = 0.5 * value[0]
+    memory[0] = min(max(memory[0], spool - half), spool + half)
+    if law == PLAY:
+        return memory[0]
+    if law == TWO_PLAYS:  # one after the other
+        inner = half * value[1]
+        memory[1] = min(max(memory[1], spool - inner), spool + inner)
+        return 0.5 * (memory[0] + memory[1])
+    memory[0] += value[1] * (spool - memory[0])  # each step of the plant
+    return memory[0]
+
+
+@njit(cache=True, error_model="numpy")
+def _gained(law: int, value: np.ndarray, x: float) -> float:
+    """Factor of an opening x, whose gains differ."""
+    if law == TWO_GAINS:
+        return 1.0 + value[0] * math.tanh(x / value[1])
+    if law == ONE_WAY:
+        return 1.0 + 2.0 * value[0] if x > 0.0 else 1.0
+    if law == BY_AND_BY:
+        return 1.0 + value[0] * x / (abs(x) + value[1])
+    raise ValueError(NO_BRANCH)
 
 
 @njit(cache=True, error_model="numpy")
@@ -64,9 +103,16 @@ def leak(hidden: Hidden, constants: Constants, state: State, i: int) -> float:
     drop = state.actuators[i].p_a - state.actuators[i].p_b
     for k in range(len(hidden.law)):
         if hidden.joint[k] == i and LEAKS <= hidden.law[k] < SOFTNESS:
-            if hidden.law[k] != ORIFICE_LEAK:
+            value = hidden.value[k]
+            if hidden.law[k] == ORIFICE_LEAK:
+                extra = value[0] / math.sqrt(math.hypot(drop, LAMINAR))
+            elif hidden.law[k] == WIDENING_LEAK:
+                extra = value[0] * (1.0 + abs(drop) / value[1])
+            elif hidden.law[k] == WORN_LEAK:
+                place = (state.q[i] - hidden.middle[k]) / hidden.half[k]
+                extra = value[0] * (1.0 + value[1] * math.exp(-4.0 * place * place))
+            else:
                 raise ValueError(NO_BRANCH)
-            extra = hidden.value[k, 0] / math.sqrt(math.hypot(drop, LAMINAR))
             hidden.flow[k, i] = -extra * drop
             total += extra
     return total
@@ -96,24 +142,53 @@ def note_softness(
 @njit(cache=True, error_model="numpy")
 def _compliance(hidden: Hidden, k: int, constants: Constants, pressure: float) -> float:
     """Beyond that of the oil, in units of it."""
-    size = hidden.value[k, 0]
-    if hidden.law[k] == HOSE_WALL:  # stretches less under pressure
-        return size / (1.0 + max(pressure, 0.0) / hidden.value[k, 1])
-    if hidden.law[k] == AIR:  # a share of the volume at atmospheric pressure, isothermal
-        absolute = max(pressure, 0.0) + ATMOSPHERE
-        return size * constants.oil.bulk_modulus * ATMOSPHERE / (absolute * absolute)
+    law, size = hidden.law[k], hidden.value[k, 0]
+    if law < AIR:  # walls that stretch less under pressure
+        ratio = max(pressure, 0.0) / hidden.value[k, 1]
+        if law == HOSE_WALL:
+            return size / (1.0 + ratio)
+        return size * math.exp(-ratio) if law == BRAID else size / math.sqrt(1.0 + ratio)
+    # a share of the volume at atmospheric pressure
+    absolute = max(pressure, 0.0) + ATMOSPHERE
+    isothermal = size * constants.oil.bulk_modulus * ATMOSPHERE / (absolute * absolute)
+    if law == AIR:
+        return isothermal
+    if law == FOAM:
+        return isothermal * (absolute / ATMOSPHERE) ** (1.0 - 1.0 / POLYTROPE) / POLYTROPE
+    if law == DISSOLVING:
+        return isothermal * math.exp(-absolute / hidden.value[k, 1])
     raise ValueError(NO_BRANCH)
 
 
+_BAND, _WIDTH = Magnitude("band", "1", 0.02, 0.4), Magnitude("width", "1", 0.02, 0.4)
+_CORNER = Draw("corner", "1", 0.003, 0.01)
+_SHARE = Magnitude("share", "1", 0.05, 0.8)
+_LEAK = Magnitude("conductance", "m3/(s Pa)", 1e-12, 1e-10)
+_SOFTNESS, _STIFFENING = Magnitude("softness", "1", 0.5, 40.0), Draw("stiffening", "Pa", 1e7, 4e7)
+_AIR = Magnitude("share", "1", 0.01, 0.5)
+
 FORMS = (
-    Form("valve_dead_zone", "soft_overlap", SOFT_OVERLAP, Magnitude("band", "1", 0.02, 0.4),
-         (Draw("corner", "1", 0.003, 0.01),)),
-    Form("valve_hysteresis", "trailing_edges", PLAY, Magnitude("width", "1", 0.02, 0.4)),
-    Form("valve_asymmetry", "two_gains", TWO_GAINS, Magnitude("share", "1", 0.05, 0.8),
-         (Draw("corner", "1", 0.003, 0.01),), signed=True),
+    Form("valve_dead_zone", "soft_overlap", SOFT_OVERLAP, _BAND, (_CORNER,)),
+    Form("valve_dead_zone", "hard_overlap", HARD_OVERLAP, _BAND),
+    Form("valve_dead_zone", "uneven_overlap", UNEVEN_OVERLAP, _BAND,
+         (Draw("lean", "1", -0.4, 0.4),)),
+    Form("valve_hysteresis", "trailing_edges", PLAY, _WIDTH),
+    Form("valve_hysteresis", "two_plays", TWO_PLAYS, _WIDTH, (Draw("inner", "1", 0.2, 0.7),)),
+    Form("valve_hysteresis", "creeping_play", CREEPING_PLAY, _WIDTH,
+         (Draw("creep", "1", 1e-5, 1e-4),)),
+    Form("valve_asymmetry", "two_gains", TWO_GAINS, _SHARE, (_CORNER,), signed=True),
+    Form("valve_asymmetry", "one_way", ONE_WAY, _SHARE._replace(highest=0.45), signed=True),
+    Form("valve_asymmetry", "by_and_by", BY_AND_BY, _SHARE, (_CORNER,), signed=True),
     Form("internal_leakage", "orifice", ORIFICE_LEAK,
          Magnitude("conductance", "m3/(s Pa^0.5)", 1e-9, 1e-7)),
-    Form("oil_compressibility", "hose_wall", HOSE_WALL, Magnitude("softness", "1", 0.5, 40.0),
-         (Draw("stiffening", "Pa", 1e7, 4e7),)),
-    Form("air_in_oil", "isothermal", AIR, Magnitude("share", "1", 0.01, 0.5), outside=True),
+    Form("internal_leakage", "widening", WIDENING_LEAK, _LEAK,
+         (Draw("widening", "Pa", 5e6, 2e7),)),
+    Form("internal_leakage", "worn", WORN_LEAK, _LEAK, (Draw("middle", "1", 0.5, 3.0),)),
+    Form("oil_compressibility", "hose_wall", HOSE_WALL, _SOFTNESS, (_STIFFENING,)),
+    Form("oil_compressibility", "braid", BRAID, _SOFTNESS, (_STIFFENING,)),
+    Form("oil_compressibility", "long_hose", LONG_HOSE, _SOFTNESS, (_STIFFENING,)),
+    Form("air_in_oil", "isothermal", AIR, _AIR, outside=True),
+    Form("air_in_oil", "foam", FOAM, _AIR, outside=True),
+    Form("air_in_oil", "dissolving", DISSOLVING, _AIR, (Draw("dissolved", "Pa", 1e6, 4e6),),
+         outside=True),
 )  # fmt: skip

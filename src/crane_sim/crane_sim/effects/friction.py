@@ -17,10 +17,13 @@ from crane_sim.parts.state import Scratch, State
 from crane_sim.parts.vectors import dot, vector
 
 (
-    LORENTZ, SECH, ROUNDED_LOAD, WEIGHT, LIP, OVERHANG, WORN_ZONE, TWO_ZONES, TRIANGLE, RECTIFIED,
-    KATO, JUMP, NEIGHBOUR,
-) = range(FRICTION, FRICTION + 13)  # fmt: skip
+    LORENTZ, SECH, HILL, ROUNDED_LOAD, WEIGHT, LOAD_POWER, LIP, NO_LEVER, ROD_SEAL, OVERHANG,
+    FRONT, LEVELLING, WORN_ZONE, TWO_ZONES, TILTED_WAY, TRIANGLE, RECTIFIED, HARMONICS,
+    KATO, LOGARITHM, HYPERBOLA, JUMP, RUNNING_DRY, SPELLS, NEIGHBOUR, NEIGHBOUR_SQUARE,
+    NEIGHBOUR_SLOW,
+) = range(FRICTION, FRICTION + 27)  # fmt: skip
 
+AT_REST = 1e-5  # rad/s, m/s; bristles never stand quite still
 LIP_PRESSURE = 5e6  # Pa, where the lip seal rubs as much as one of constant friction coefficient
 FRONT_PAD = 1.1  # m from the joint before
 OVERLAP = 0.4  # m between the pads of a telescope that is all out
@@ -37,39 +40,67 @@ def level(
     step: float,
 ) -> float:
     """Coulomb friction [N m, N] that effect k adds at joint i, in both directions."""
-    law, value, memory = hidden.law[k], hidden.value[k], hidden.memory[k]
+    law, value, v = hidden.law[k], hidden.value[k], state.v[i]
     size = value[0]
-    q, v = state.q[i], state.v[i]
     if law == LORENTZ:
         return size / (1.0 + (v / value[1]) ** 2)
     if law == SECH:
         return size / math.cosh(min(abs(v / value[1]), 300.0))
+    if law == HILL:
+        return size / (1.0 + abs(v / value[1]) ** value[2])
     if law == ROUNDED_LOAD:
         return size * math.hypot(scratch.force[i], value[1])
     if law == WEIGHT:
         return size * abs(scratch.bias[i])
-    if law == LIP:
-        cylinder, actuator = constants.cylinders[i], state.actuators[i]
-        pressed = cylinder.area_a * _lip(actuator.p_a, value[1])
-        pressed += cylinder.area_b * _lip(actuator.p_b, value[1])
-        return size * abs(actuator.lever) * pressed
-    if law == OVERHANG:
-        return size * _pad_force(constants.chain, state.q, i, hidden.middle[k] + hidden.half[k])
+    if law == LOAD_POWER:
+        return size * value[1] * (abs(scratch.force[i]) / value[1]) ** value[2]
+    if law in (LIP, NO_LEVER, ROD_SEAL):
+        return size * _seals(hidden, k, constants.cylinders[i], state.actuators[i])
+    if law in (OVERHANG, FRONT, LEVELLING):
+        longest = hidden.middle[k] + hidden.half[k]
+        front, rear = _pad_forces(constants.chain, state.q, i, longest)
+        if law == FRONT:
+            return size * front
+        if law == LEVELLING:
+            return size * value[1] * math.tanh((front + rear) / value[1])
+        return size * (front + rear)
+    return _along_the_way(hidden, k, i, state, step)
+
+
+@njit(cache=True, error_model="numpy")
+def _along_the_way(hidden: Hidden, k: int, i: int, state: State, step: float) -> float:
+    """Of a law that follows where the joint stands, how long it stood, or what is beside it."""
+    law, value, memory = hidden.law[k], hidden.value[k], hidden.memory[k]
+    size = value[0]
+    q, v = state.q[i], state.v[i]
     place = (q - hidden.middle[k]) / hidden.half[k]
     if law == WORN_ZONE:
         return size * math.exp(-(((place - value[1]) / value[2]) ** 2))
     if law == TWO_ZONES:
         return size * math.tanh((place - value[1]) / value[2])
+    if law == TILTED_WAY:
+        return size * math.copysign(abs(place - value[1]) ** value[2], place - value[1])
     if law == TRIANGLE:
         return size * 2.0 / math.pi * math.asin(math.sin(value[1] * q + value[2]))
     if law == RECTIFIED:
         return size * (abs(math.sin(0.5 * value[1] * q + value[2])) - 2.0 / math.pi)
-    if law == KATO:
-        return size * _breakaway(memory, v, value[1], value[2], step)
+    if law == HARMONICS:
+        phase = value[1] * q + value[2]
+        return size * (math.sin(phase) + value[3] * math.sin(2.0 * phase + value[2]))
+    if law in (KATO, LOGARITHM, HYPERBOLA):
+        return size * _breakaway(law, memory, v, value[1], value[2], step)
     if law == JUMP:
         return size if hidden.clock[0] > value[1] else 0.0
+    if law == RUNNING_DRY:
+        return size * (1.0 - math.exp(-max(hidden.clock[0] - value[1], 0.0) / value[2]))
+    if law == SPELLS:
+        return size if (hidden.clock[0] + value[2]) % value[1] < 0.5 * value[1] else 0.0
     if law == NEIGHBOUR:  # the joint before this one, on the same frame, shakes its seals loose
         return size * abs(state.v[i - 1]) / value[1]
+    if law == NEIGHBOUR_SQUARE:
+        return size * (state.v[i - 1] / value[1]) ** 2
+    if law == NEIGHBOUR_SLOW:
+        return size / (1.0 + (state.v[i - 1] / value[1]) ** 2)
     raise ValueError("a law of friction has no branch in effects/friction.py: give it one")
 
 
@@ -79,8 +110,24 @@ def _lip(pressure: float, exponent: float) -> float:
 
 
 @njit(cache=True, error_model="numpy")
-def _pad_force(chain: Chain, q: np.ndarray, i: int, longest: float) -> float:
-    """Sum of the forces on the two pads of a telescope, a beam on two supports [N]."""
+def _seals(hidden: Hidden, k: int, cylinder: np.record, actuator: np.record) -> float:
+    """What presses the seals of a cylinder, in the unit of the joint's force [N m, N]."""
+    law, value = hidden.law[k], hidden.value[k]
+    pressed_a = cylinder.area_a * max(actuator.p_a, 0.0)
+    pressed_b = cylinder.area_b * max(actuator.p_b, 0.0)
+    if law == LIP:
+        pressed_a = cylinder.area_a * _lip(actuator.p_a, value[1])
+        pressed_b = cylinder.area_b * _lip(actuator.p_b, value[1])
+    elif law == ROD_SEAL:  # the piston's own ring does little
+        pressed_a *= value[1]
+    else:  # a seal of the pin, with an arm of its own
+        return hidden.lever[k] * (pressed_a + value[1] * pressed_b)
+    return abs(actuator.lever) * (pressed_a + pressed_b)
+
+
+@njit(cache=True, error_model="numpy")
+def _pad_forces(chain: Chain, q: np.ndarray, i: int, longest: float) -> tuple[float, float]:
+    """Forces on the front and the rear pad of a telescope, a beam on two supports [N]."""
     place(chain, q)
     k = 1
     while chain.links[k].leader != i:
@@ -92,23 +139,38 @@ def _pad_force(chain: Chain, q: np.ndarray, i: int, longest: float) -> float:
     weight = mass * across
     reach = dot(moment, along) - mass * dot(before, along)
     rear = across * (reach - mass * FRONT_PAD) / (longest + OVERLAP - q[i])
-    return abs(weight + rear) + abs(rear)
+    return abs(weight + rear), abs(rear)
 
 
 @njit(cache=True, error_model="numpy")
-def _breakaway(memory: np.ndarray, v: float, growth: float, travel: float, step: float) -> float:
-    """Kato: grows with a power of the time at rest, and is gone after some travel.
+def _breakaway(
+    law: int, memory: np.ndarray, v: float, growth: float, travel: float, step: float
+) -> float:
+    """Grows with the time at rest, and is gone after some travel.
 
     memory: time at rest, share at breakaway, travel since.
     """
-    if v == 0.0:
+    if abs(v) < AT_REST:
         memory[0] += step
         memory[2] = 0.0
-        memory[1] = max(memory[1], 1.0 - math.exp(-((memory[0] / growth) ** 0.6)))
+        rest = memory[0] / growth
+        if law == KATO:
+            grown = 1.0 - math.exp(-(rest**0.6))
+        elif law == LOGARITHM:
+            grown = math.log1p(rest)
+        else:
+            grown = rest / (1.0 + rest)
+        memory[1] = max(memory[1], grown)
         return memory[1]
     memory[0] = 0.0
     memory[2] += step * abs(v)
-    left = 1.0 / (1.0 + (memory[2] / travel) ** 2)
+    way = memory[2] / travel
+    if law == KATO:
+        left = 1.0 / (1.0 + way * way)
+    elif law == LOGARITHM:
+        left = math.exp(-way)
+    else:
+        left = max(1.0 - 0.5 * way, 0.0)
     if left < 0.01:
         memory[1] = 0.0
     return memory[1] * left
@@ -119,23 +181,46 @@ _SPEED = Draw("speed", "{coordinate}/s", 0.008, 0.05)
 _PLACE, _WIDTH = Draw("place", "1", -0.35, 0.35), Draw("width", "1", 0.2, 0.5)
 _WAVE, _PHASE = Draw("wave", "rad/{coordinate}", 8.0, 30.0), Draw("phase", "rad", 0.0, 2 * math.pi)
 _MU = Magnitude("mu", "1", 0.02, 0.6)
+_BREAKAWAY = _SIZE._replace(highest=5.0)
+_REST = (Draw("growth", "s", 0.3, 3.0), Draw("travel", "{coordinate}", 1e-3, 1e-2))
+_OF_BEFORE = (Draw("speed", "rad/s", 0.05, 0.15),)  # of the boom before
 
 FORMS = (
     Form("stribeck", "lorentz", LORENTZ, _SIZE, (_SPEED,)),
     Form("stribeck", "sech", SECH, _SIZE, (_SPEED,)),
-    Form("stiction", "kato", KATO, _SIZE._replace(highest=5.0),
-         (Draw("growth", "s", 0.3, 2.0), Draw("travel", "{coordinate}", 1e-3, 1e-2))),
+    Form("stribeck", "hill", HILL, _SIZE, (_SPEED, Draw("exponent", "1", 1.4, 4.0))),
+    Form("stiction", "kato", KATO, _BREAKAWAY, _REST),
+    Form("stiction", "logarithm", LOGARITHM, _BREAKAWAY, _REST),
+    Form("stiction", "hyperbola", HYPERBOLA, _BREAKAWAY, _REST),
     Form("load_friction", "rounded", ROUNDED_LOAD, _MU,
          (Draw("corner", "{force}", 0.1, 0.4, coulomb),)),
     Form("load_friction", "weight", WEIGHT, _MU),
+    Form("load_friction", "power", LOAD_POWER, _MU,
+         (Draw("about", "{force}", 1.0, 3.0, coulomb), Draw("exponent", "1", 0.7, 1.3))),
     Form("seal_friction", "lip", LIP, _MU, (Draw("exponent", "1", 0.75, 1.0),)),
+    Form("seal_friction", "no_lever", NO_LEVER, _MU, (Draw("rod", "1", 0.6, 1.6),)),
+    Form("seal_friction", "rod_seal", ROD_SEAL, _MU, (Draw("piston", "1", 0.0, 0.4),)),
     Form("pad_friction", "overhang", OVERHANG, _MU, where=Where.SLIDING),
+    Form("pad_friction", "front", FRONT, _MU, where=Where.SLIDING),
+    Form("pad_friction", "levelling", LEVELLING, _MU, (Draw("about", "N", 1.5e3, 6e3),),
+         Where.SLIDING),
     Form("position_friction", "two_zones", TWO_ZONES, _SIZE, (_PLACE, _WIDTH), signed=True),
     Form("position_friction", "worn_zone", WORN_ZONE, _SIZE, (_PLACE, _WIDTH), signed=True),
+    Form("position_friction", "tilted_way", TILTED_WAY, _SIZE,
+         (_PLACE, Draw("exponent", "1", 0.6, 1.6)), signed=True),
     Form("cyclic_friction", "triangle", TRIANGLE, _SIZE, (_WAVE, _PHASE)),
     Form("cyclic_friction", "rectified", RECTIFIED, _SIZE, (_WAVE, _PHASE)),
+    Form("cyclic_friction", "harmonics", HARMONICS, _SIZE,
+         (_WAVE, _PHASE, Draw("second", "1", 0.1, 0.5))),
     Form("wear_jump", "step", JUMP, _SIZE, (Draw("when", "s", 14.0, 24.0),), outside=True),
-    Form("coupled_friction", "neighbour_speed", NEIGHBOUR, _SIZE,
-         (Draw("speed", "rad/s", 0.05, 0.15),),  # of the boom before
+    Form("wear_jump", "running_dry", RUNNING_DRY, _SIZE,
+         (Draw("when", "s", 8.0, 20.0), Draw("within", "s", 3.0, 12.0)), outside=True),
+    Form("wear_jump", "spells", SPELLS, _SIZE,
+         (Draw("every", "s", 7.0, 23.0), Draw("from", "s", 0.0, 20.0)), outside=True),
+    Form("coupled_friction", "neighbour_speed", NEIGHBOUR, _SIZE, _OF_BEFORE,
          Where.FOLLOWING, outside=True),
+    Form("coupled_friction", "neighbour_square", NEIGHBOUR_SQUARE, _SIZE, _OF_BEFORE,
+         Where.FOLLOWING, outside=True),
+    Form("coupled_friction", "neighbour_slow", NEIGHBOUR_SLOW, _SIZE,
+         (Draw("speed", "rad/s", 0.02, 0.06),), Where.FOLLOWING, outside=True),
 )  # fmt: skip

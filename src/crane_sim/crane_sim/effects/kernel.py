@@ -20,11 +20,11 @@ def act(hidden: Hidden, constants: Constants, state: State, scratch: Scratch, st
     count = len(hidden.law)
     for k in range(count):
         if LOADS <= hidden.law[k] < FLOW:
-            if hidden.law[k] == bending.TWO_MODES:
+            if hidden.law[k] >= bending.TWO_MODES:
                 bending.carry(hidden, k, constants.chain, state.q, state.v)
             else:
                 loads.carry(hidden, k, constants.chain, state)
-            if hidden.law[k] == loads.CENTRIFUGAL:
+            if hidden.law[k] in loads.SLEWS:
                 continue
             for i in range(len(state.q)):
                 scratch.bias[i] += hidden.bias[k, i]
@@ -59,7 +59,9 @@ def _resist(hidden: Hidden, k: int, state: State, scratch: Scratch, step: float)
     v = scratch.before[i]
     if law < MEMORY:
         force = pushes.push(hidden, k, i, state)
-    elif law == memory.PIN_PLAY:
+    elif law >= memory.RELAXING:
+        force = memory.hose(hidden, k, v, step)
+    elif law >= memory.PIN_PLAY:
         force = memory.play(hidden, k, scratch.force[i], state.q[i])
     else:
         up, down = memory.replaced(hidden.value[k], scratch, i)
@@ -92,8 +94,8 @@ def settle(
                 for b in range(len(state.q)):
                     total += hidden.mass[k, a, b] * change[b] / step
                 hidden.force[k, a] = total
-            if law == loads.PENDULUM:
+            if law in (loads.PENDULUM, loads.IN_AIR, loads.RUBBING_HOOK):
                 loads.swing(hidden, k, constants.chain, state.q, change, step)
-            elif law == bending.TWO_MODES:
+            elif law >= bending.TWO_MODES:
                 bending.bend(hidden, k, constants.chain, state.q, scratch.before, change, step)
     hidden.clock[0] += step

@@ -11,8 +11,15 @@ from crane_sim.parts.rigid_bodies import Chain, add_push, beyond, mass_and_bias,
 from crane_sim.parts.state import State
 from crane_sim.parts.vectors import Vector, add_cross, cross, dot, product, scaled, summed, vector
 
-BODY_AT_TIP, TILTED, HOSE, ROD, PENDULUM, GUSTS, CENTRIFUGAL = range(LOADS, LOADS + 7)
+(
+    BODY_AT_TIP, SLUNG, SLIDING_BODY, TILTED, SETTLING, YIELDING, HOSE, TAPERED_HOSE, SECOND_HOSE,
+    ROD, OIL_COLUMN, GEARED, PENDULUM, IN_AIR, RUBBING_HOOK, GUSTS, SQUALLS, BREEZE,
+    EVEN_SLEWING, HASTY_SLEWING, UNEVEN_SLEWING,
+) = range(LOADS, LOADS + 21)  # fmt: skip
+SLEWS = (EVEN_SLEWING, HASTY_SLEWING, UNEVEN_SLEWING)
 
+REACH = 4.0  # m, of the tip, at which a base that yields is tilted as far as its angle says
+LIVELY = 0.2  # rad/s of a swinging load, at which its ways of losing energy are alike
 GUST = ((0.11, 1.0), (0.23, 0.8), (0.41, 0.6), (0.67, 0.5), (1.03, 0.35), (1.57, 0.25))  # Hz, share
 
 
@@ -28,24 +35,35 @@ def carry(hidden: Hidden, k: int, chain: Chain, state: State) -> None:
     place(chain, q)
     if law == BODY_AT_TIP:
         _add_body(chain, v, size, value[1], size * value[2] ** 2, mass, bias)
+    elif law == SLUNG:  # by a short sling: it does not turn with the boom
+        _add_body(chain, v, size, 0.0, 0.0, mass, bias)
+    elif law == SLIDING_BODY:  # in the grapple, towards where the boom points down
+        down = -product(chain.links[-1].rotation, vector(chain.outward))[2]
+        _add_body(chain, v, size, value[1] + value[2] * down, size * 0.04, mass, bias)
     elif law == TILTED:
         _add_tilt(chain, size, bias)
-    elif law == HOSE:
-        _add_hose(chain, q, v, size, mass, bias)
-    elif law == ROD:
-        i = hidden.joint[k]
-        lever, slope = state.actuators[i].lever, state.actuators[i].slope
-        mass[i, i] = size * lever * lever
-        bias[i] = size * lever * slope * v[i] * v[i]
-    elif law == PENDULUM:
+    elif law == SETTLING:
+        _add_tilt(chain, size * (1.0 - value[1] * math.exp(-hidden.clock[0] / value[2])), bias)
+    elif law == YIELDING:  # the further the crane reaches
+        x, y, _ = tip_of(chain)
+        _add_tilt(chain, size * (math.hypot(x, y) / REACH) ** value[1], bias)
+    elif law in (HOSE, TAPERED_HOSE, SECOND_HOSE):
+        _add_hose(chain, q, v, law, value, mass, bias)
+    elif law in (ROD, OIL_COLUMN, GEARED):
+        _add_drive(hidden, k, state, mass, bias)
+    elif law in (PENDULUM, IN_AIR, RUBBING_HOOK):
         _add_swing(hidden, k, chain, bias)
-    elif law == CENTRIFUGAL:
+    elif law in SLEWS:
         _note_centrifugal(chain, q, v, mass, bias)
-    elif law == GUSTS:
+    elif law in (GUSTS, SQUALLS, BREEZE):
         push = 0.0
         for n, (frequency, share) in enumerate(GUST):
             phase = 2.0 * math.pi * ((n + 1.0) * value[1] % 1.0)
             push += share * math.sin(2.0 * math.pi * frequency * hidden.clock[0] + phase)
+        if law == SQUALLS:
+            push = max(push, 0.0) ** 1.5
+        elif law == BREEZE:  # it never turns round
+            push = value[2] * (1.0 + 0.3 * push) ** 2
         add_push(chain, tip_of(chain), scaled(-size * push, _outward(chain)), bias)
     else:
         raise ValueError("a law of a load has no branch in effects/loads.py: give it one")
@@ -107,13 +125,51 @@ def _add_tilt(chain: Chain, angle: float, bias: np.ndarray) -> None:
 
 
 @njit(cache=True, error_model="numpy")
+def _add_drive(hidden: Hidden, k: int, state: State, mass: np.ndarray, bias: np.ndarray) -> None:
+    """Inertia M(q) of what one drive moves; by (3) it asks for dM/dq q'^2/2 too."""
+    law, value, i = hidden.law[k], hidden.value[k], hidden.joint[k]
+    size, v = value[0], state.v[i]
+    lever, slope = state.actuators[i].lever, state.actuators[i].slope
+    if law == GEARED:  # a lever of its own, which does not change
+        mass[i, i] = size * hidden.lever[k] ** 2
+        return
+    share, change = 1.0, 0.0  # of the mass, over the range
+    if law == OIL_COLUMN:
+        change = value[1] / hidden.half[k]
+        share += change * (state.q[i] - hidden.middle[k])
+    mass[i, i] = size * share * lever * lever
+    bias[i] = size * (share * lever * slope + 0.5 * change * lever * lever) * v * v
+
+
+@njit(cache=True, error_model="numpy")
+def _out_of_reel(law: int, value: np.ndarray, out: float) -> tuple[float, float, float, float]:
+    """Of `out` metres of hose: mass, first and second moment about the reel, and kg/m at it."""
+    density, shape = value[0], value[1]
+    if law == TAPERED_HOSE:  # heavier the further it is out: its couplings
+        density *= out**shape
+    else:
+        shape = 0.0
+    first, second = out**2 / (2.0 + shape), out**3 / (3.0 + shape)
+    mass, moment, square = density * out / (1.0 + shape), density * first, density * second
+    if law == SECOND_HOSE and out > value[1]:  # it follows after some way
+        more = out - value[1]
+        mass += density * more
+        moment += density * (out**2 - value[1] ** 2) / 2.0
+        square += density * (out**3 - value[1] ** 3) / 3.0
+        density *= 2.0
+    return mass, moment, square, density
+
+
+@njit(cache=True, error_model="numpy")
 def _add_hose(
-    chain: Chain, q: np.ndarray, v: np.ndarray, density: float, mass: np.ndarray, bias: np.ndarray
-) -> None:
+    chain: Chain, q: np.ndarray, v: np.ndarray, law: int, value: np.ndarray,
+    mass: np.ndarray, bias: np.ndarray,
+) -> None:  # fmt: skip
     """Hose of q metres out of a reel, along every joint that slides, with weight and inertia.
 
-    By Lagrange (3), with s of the hose out along u, which turns about the reel: T = density
-    (s^3/3 |u'|^2 + s s'^2)/2, V = density g s^2/2 u_z. The way of the reel itself is left out.
+    By Lagrange (3), with s of the hose out along u, which turns about the reel: T = (I(s) |u'|^2 +
+    m(s) s'^2)/2, V = S(s) g u_z, with mass m, first moment S and second moment I of what is out.
+    The way of the reel itself is left out.
     """
     pull, links = -chain.gravity[2], chain.links
     omega, alpha = (0.0, 0.0, 0.0), (0.0, 0.0, 0.0)
@@ -121,17 +177,18 @@ def _add_hose(
         link, j = links[k], links[k].leader
         if link.slides:
             u, out = vector(link.slide), max(q[j], 0.0)
+            carried, moment, square, density = _out_of_reel(law, value, out)
             swing = cross(omega, u)
             turning = add_cross(cross(alpha, u), omega, swing)  # u'' without acceleration of joints
             for i in range(1, k):
                 way, a = cross(vector(links[i].turn), u), links[i].leader
-                bias[a] += density * (0.5 * pull * way[2] + v[j] * dot(way, swing)) * out * out
-                bias[a] += density * out**3 / 3.0 * dot(way, turning)
+                bias[a] += moment * pull * way[2] + density * out * out * v[j] * dot(way, swing)
+                bias[a] += square * dot(way, turning)
                 for n in range(1, k):
                     other = cross(vector(links[n].turn), u)
-                    mass[a, links[n].leader] += density * out**3 / 3.0 * dot(way, other)
-            mass[j, j] += density * out
-            bias[j] += density * (0.5 * v[j] ** 2 - 0.5 * out * out * dot(swing, swing))
+                    mass[a, links[n].leader] += square * dot(way, other)
+            mass[j, j] += carried
+            bias[j] += 0.5 * density * (v[j] ** 2 - out * out * dot(swing, swing))
             bias[j] += density * pull * out * u[2]
         alpha = add_cross(alpha, scaled(v[j], omega), vector(link.turn))
         omega = summed(omega, scaled(v[j], vector(link.turn)))
@@ -172,7 +229,7 @@ def swing(
     Angles of any size; what the tip's acceleration has from velocities alone is left out, as it is
     far below g.
     """
-    value, memory = hidden.value[k], hidden.memory[k]
+    law, value, memory = hidden.law[k], hidden.value[k], hidden.memory[k]
     length, damping = value[1], value[2]
     place(chain, q)
     gained = (0.0, 0.0, 0.0)  # velocity of the tip
@@ -184,25 +241,59 @@ def swing(
     outward, upward = dot(gained, _outward(chain)) / step, gained[2] / step + pull
     angle, rate = memory[0], memory[1]
     turning = -(outward * math.cos(angle) + upward * math.sin(angle)) / length
-    turning -= 2.0 * damping * math.sqrt(pull / length) * rate
+    own = math.sqrt(pull / length)
+    if law == IN_AIR:  # its drag grows with the square of its speed
+        turning -= 2.0 * damping * own * rate * abs(rate) / LIVELY
+    elif law == RUBBING_HOOK:
+        turning -= 2.0 * damping * own * LIVELY * math.tanh(rate / (0.2 * LIVELY))
+    else:
+        turning -= 2.0 * damping * own * rate
     rate += step * turning
     memory[0], memory[1] = angle + step * rate, rate
     memory[2] = length * (turning * math.cos(angle) - rate * rate * math.sin(angle))
     memory[3] = length * (turning * math.sin(angle) + rate * rate * math.cos(angle))
 
 
+_LOAD = Magnitude("mass", "kg", 8.0, 400.0)
+_TILT = Magnitude("angle", "rad", 0.02, 0.35)
+_HOSE = Magnitude("density", "kg/m", 2.0, 60.0)
+_DRIVE = Magnitude("mass", "kg", 100.0, 20000.0)
+_SWINGING = Magnitude("mass", "kg", 10.0, 80.0)
+_SLING = (Draw("length", "m", 0.4, 2.0), Draw("damping", "1", 0.01, 0.05))
+_SLEW = Magnitude("speed", "rad/s", 0.2, 0.38)
+_SWINGS = Draw("frequency", "rad/s", 0.5, 0.9)
+_WIND, _WHEN = Magnitude("force", "N", 20.0, 2000.0), Draw("phase", "1", 0.0, 1.0)
+
 FORMS = (
-    Form("payload", "body", BODY_AT_TIP, Magnitude("mass", "kg", 8.0, 400.0),
+    Form("payload", "body", BODY_AT_TIP, _LOAD,
          (Draw("reach", "m", 0.0, 0.3), Draw("gyration", "m", 0.1, 0.3)), Where.WHOLE),
-    Form("base_tilt", "exact", TILTED, Magnitude("angle", "rad", 0.02, 0.35), (), Where.WHOLE,
+    Form("payload", "slung", SLUNG, _LOAD, (), Where.WHOLE),
+    Form("payload", "sliding", SLIDING_BODY, _LOAD,
+         (Draw("reach", "m", 0.0, 0.2), Draw("slides", "m", 0.02, 0.1)), Where.WHOLE),
+    Form("base_tilt", "exact", TILTED, _TILT, (), Where.WHOLE, signed=True),
+    Form("base_tilt", "settling", SETTLING, _TILT,
+         (Draw("share", "1", 0.05, 0.2), Draw("within", "s", 10.0, 40.0)), Where.WHOLE,
          signed=True),
-    Form("hose_mass", "reel", HOSE, Magnitude("density", "kg/m", 2.0, 60.0), (),
+    Form("base_tilt", "yielding", YIELDING, _TILT, (Draw("exponent", "1", 0.1, 0.4),),
+         Where.WHOLE, signed=True),
+    Form("hose_mass", "reel", HOSE, _HOSE, (), Where.TELESCOPIC),
+    Form("hose_mass", "tapered", TAPERED_HOSE, _HOSE, (Draw("exponent", "1", 0.2, 0.8),),
          Where.TELESCOPIC),
-    Form("actuator_inertia", "rod", ROD, Magnitude("mass", "kg", 100.0, 20000.0)),
-    Form("swinging_load", "pendulum", PENDULUM, Magnitude("mass", "kg", 10.0, 80.0),
-         (Draw("length", "m", 0.4, 2.0), Draw("damping", "1", 0.01, 0.05)), Where.WHOLE),
-    Form("slew_coupling", "slewing", CENTRIFUGAL, Magnitude("speed", "rad/s", 0.2, 0.38),
-         (Draw("frequency", "rad/s", 0.5, 0.9),), Where.SLEWING),
-    Form("wind", "gusts", GUSTS, Magnitude("force", "N", 20.0, 2000.0),
-         (Draw("phase", "1", 0.0, 1.0),), Where.WHOLE, outside=True),
+    Form("hose_mass", "second", SECOND_HOSE, _HOSE, (Draw("after", "m", 0.1, 0.5),),
+         Where.TELESCOPIC),
+    Form("actuator_inertia", "rod", ROD, _DRIVE),
+    Form("actuator_inertia", "oil_column", OIL_COLUMN, _DRIVE, (Draw("slope", "1", -0.4, 0.4),)),
+    Form("actuator_inertia", "geared", GEARED, _DRIVE),
+    Form("swinging_load", "pendulum", PENDULUM, _SWINGING, _SLING, Where.WHOLE),
+    Form("swinging_load", "in_air", IN_AIR, _SWINGING, _SLING, Where.WHOLE),
+    Form("swinging_load", "rubbing_hook", RUBBING_HOOK, _SWINGING, _SLING, Where.WHOLE),
+    Form("slew_coupling", "slewing", EVEN_SLEWING, _SLEW, (_SWINGS,), Where.SLEWING),
+    Form("slew_coupling", "hasty", HASTY_SLEWING, _SLEW,
+         (_SWINGS, Draw("third", "1", 0.1, 0.3)), Where.SLEWING),
+    Form("slew_coupling", "uneven", UNEVEN_SLEWING, _SLEW,
+         (_SWINGS, Draw("second", "1", 0.1, 0.4)), Where.SLEWING),
+    Form("wind", "gusts", GUSTS, _WIND, (_WHEN,), Where.WHOLE, outside=True),
+    Form("wind", "squalls", SQUALLS, _WIND, (_WHEN,), Where.WHOLE, outside=True),
+    Form("wind", "breeze", BREEZE, _WIND, (_WHEN, Draw("mean", "1", 0.5, 1.0)), Where.WHOLE,
+         outside=True),
 )  # fmt: skip

@@ -5,6 +5,7 @@ from typing import NamedTuple
 
 import numpy as np
 
+from crane_model.cylinders import lever_arm
 from crane_model.machine import Machine
 from crane_sim.effects.form import Planted
 
@@ -22,6 +23,7 @@ class Hidden(NamedTuple):
     value: np.ndarray  # (k, VALUES) parameters in the order of the form
     middle: np.ndarray  # (k,) of the range of the joint [rad, m]
     half: np.ndarray  # (k,) of the width of that range
+    lever: np.ndarray  # (k,) m, 1: lever arm of the actuator in the middle; 1 of the whole machine
     memory: np.ndarray  # (k, MEMORIES) states, all zero at the start
     part: np.ndarray  # (k,) Coulomb friction, or force, that is added in this step
     mass: np.ndarray  # (k, j, j) inertia added in this step
@@ -51,13 +53,14 @@ def packed(planted: Sequence[Planted], machine: Machine, running: float = 0.0) -
     if count == 0:
         return None
     value = np.zeros((count, VALUES))
-    middle, half = np.zeros(count), np.ones(count)
+    middle, half, lever = np.zeros(count), np.ones(count), np.ones(count)
     for k, effect in enumerate(inside):
         value[k, : len(effect.values)] = effect.values
         if effect.joint is not None:
             limits = machine.limits[effect.joint]
             middle[k] = (limits.position_max + limits.position_min) / 2.0
             half[k] = (limits.position_max - limits.position_min) / 2.0
+            lever[k] = abs(lever_arm(machine, effect.joint, middle[k : k + 1])[0])
     return Hidden(
         law=np.array(laws, dtype=np.int64),
         joint=np.array(
@@ -67,6 +70,7 @@ def packed(planted: Sequence[Planted], machine: Machine, running: float = 0.0) -
         value=value,
         middle=middle,
         half=half,
+        lever=lever,
         memory=np.zeros((count, MEMORIES)),
         part=np.zeros(count),
         mass=np.zeros((count, joints, joints)),

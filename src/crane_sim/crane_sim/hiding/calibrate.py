@@ -145,7 +145,7 @@ def moved(
     plant = (build or partial(Plant, stand_in, machine))(motion.start, planted, 0.0)
     sensors = Sensors(stand_in.sensors, machine, 0, faults(planted, machine))
     recording = record(slewing(motion, planted), plant, sensors, gains)
-    return clean(machine, planted, sensors.faults, recording.truth)
+    return clean(machine, planted, sensors.faults, recording.truth, plant.machine)
 
 
 def _scale(of: Scale, stand_in: StandIn, joint: str | None) -> float:

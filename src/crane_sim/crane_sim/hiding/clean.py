@@ -40,11 +40,16 @@ class Clean(States):
 
 
 def clean(
-    machine: Machine, planted: Sequence[Planted], faults: Sequence[SensorFault], truth: TrueStates
+    machine: Machine,
+    planted: Sequence[Planted],
+    faults: Sequence[SensorFault],
+    truth: TrueStates,
+    actual: Machine | None = None,
 ) -> Clean:
     """The parts of the effects `planted`, of which `faults` are those of sensors, in a recording.
 
-    A fault's part is what it changes in the force that is computed from the readings.
+    A fault's part is what it changes in the force that is computed from the readings, by the
+    geometry of `machine`; that of the machine itself is `actual`, by default the same.
     """
     joints = machine.joint_names
     q, p_a, p_b = truth.position, truth.pressure_a, truth.pressure_b
@@ -53,6 +58,8 @@ def clean(
     flow = np.zeros_like(force)
     inside = [k for k, effect in enumerate(planted) if isinstance(effect.form.law, int)]
     force[inside] = truth.hidden_force
+    if actual is not None and actual is not machine:
+        force[inside] *= lever_arms(machine, q, joints) / lever_arms(actual, q, joints)
     flow[inside] = truth.hidden_flow
     outside = [k for k in range(len(planted)) if k not in inside]
     for k, fault in zip(outside, faults, strict=True):

@@ -1,8 +1,12 @@
 """Other machines of the same make: the stand-in with parameters drawn about its own."""
 
+from typing import Any
+
 import numpy as np
 
-from crane_model.machine import Machine
+from crane_model.actuators.hydraulic import CylinderActuator
+from crane_model.configuration import Schema
+from crane_model.machine import Machine, MachineJoint
 from crane_sim.parts.parameters import Body, Edges, StandIn, StandInValve
 
 LESS_OVERLAP = 0.15
@@ -96,3 +100,81 @@ def vary_valves(stand_in: StandIn, machine: Machine, seed: int, scatter: float =
     return stand_in.model_copy(
         update={"valves": {joint: valve(joint) for joint in stand_in.valves}}
     )
+
+
+def vary_geometry(machine: Machine, seed: int, spread: float) -> Machine:
+    """The machine as it was built: not of quite the lengths that its file says.
+
+    The linkage of each cylinder that turns a joint is larger or smaller as a whole, and so is each
+    link (a, d of its row of Table 1): factors within +-spread, evenly drawn. Pins that err one by
+    one are left out: a four-bar linkage would often not assemble. Piston areas stay, and so does
+    what bounds the joints. The same seed gives the same machine.
+    """
+    rng = np.random.default_rng([seed, 8])  # not the draws of `vary`
+
+    def built(joint: MachineJoint) -> MachineJoint:
+        of_linkage, of_link = rng.uniform(1.0 - spread, 1.0 + spread, 2)
+        given, row = joint.actuator, joint.dh
+        update: dict[str, object] = {}
+        if isinstance(given, CylinderActuator) and given.bounded_by_pins:
+            update["actuator"] = type(given).model_validate(
+                given.model_dump(by_alias=True)
+                | {name: of_linkage * getattr(given, name) for name in _lengths(given)}
+            )
+        if row is not None:
+            update["dh"] = row.model_copy(update={"a": row.a * of_link, "d": row.d * of_link})
+        return joint.model_copy(update=update)
+
+    return Machine.model_validate(
+        machine.model_dump(by_alias=True)
+        | {"joints": [built(joint).model_dump(by_alias=True) for joint in machine.joints]}
+    )
+
+
+def _lengths(actuator: CylinderActuator) -> list[str]:
+    """The fields that are lengths of the linkage or of the cylinder [m]."""
+    angles = ("phi_3", "phi_4", "beta_1", "gamma_25", "pin_rise")
+    others = ("count", "mirrored", "type", "pressure_sensors", "area_a_of_one", "area_b_of_one")
+    return [name for name in type(actuator).model_fields if name not in (*angles, *others)]
+
+
+def vary_hydraulics(stand_in: StandIn, seed: int, spread: float) -> StandIn:
+    """Valves as quick and as large as others of their make, other hoses and another supply line.
+
+    Spools and rated flows, dead volumes and the supply line each within +-spread, evenly drawn. The
+    same seed gives the same ones.
+    """
+    rng = np.random.default_rng([seed, 9])
+
+    def factor() -> float:
+        return float(rng.uniform(1.0 - spread, 1.0 + spread))
+
+    def scaled(given: Schema, *names: str) -> Any:
+        return given.model_copy(update={name: getattr(given, name) * factor() for name in names})
+
+    valves, cylinders = stand_in.valves.items(), stand_in.cylinders.items()
+    return stand_in.model_copy(
+        update={
+            "valves": {
+                joint: scaled(one, "natural_frequency", "damping_ratio", "rated_flow")
+                for joint, one in valves
+            },
+            "cylinders": {
+                joint: scaled(one, "dead_volume_a", "dead_volume_b") for joint, one in cylinders
+            },
+            "supply": scaled(stand_in.supply, "volume", "pump_droop"),
+        }
+    )
+
+
+def vary_sensors(stand_in: StandIn, seed: int, spread: float) -> StandIn:
+    """Transducers that are more or less noisy, and a clock that jitters more or less: within
+    +-spread, evenly drawn. Encoders, range and converter are those of the data sheet.
+    """
+    noisier, later = np.random.default_rng([seed, 10]).uniform(1.0 - spread, 1.0 + spread, 2)
+    chain = stand_in.sensors
+    update = {
+        "pressure_noise": chain.pressure_noise * float(noisier),
+        "jitter": chain.jitter * float(later),
+    }
+    return stand_in.model_copy(update={"sensors": chain.model_copy(update=update)})

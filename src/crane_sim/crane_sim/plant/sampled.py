@@ -24,8 +24,8 @@ class Sensors:
     """The sensors of the stand-in machine; the same seed gives the same noise and jitter.
 
     The one place where true signals become readings: `faults` are what else the sensors do wrong,
-    one after the other, before noise and converters; `timed` are those that begin later, behind
-    both, and those of valves.
+    one after the other, before noise and converters, and `flaws` what belongs to the noise; `timed`
+    are those that begin later, behind both, and those of valves.
     """
 
     def __init__(
@@ -35,9 +35,11 @@ class Sensors:
         seed: int,
         faults: Sequence[SensorFault] = (),
         timed: Faults | None = None,
+        flaws: Sequence[SensorFault] = (),
     ):
         self._chain = chain
         self.faults = tuple(faults)
+        self._wrong = (*faults, *flaws)
         self.timed = timed or Faults(machine)
         self._rng = np.random.default_rng(seed)
         self._joints = machine.joint_names
@@ -50,7 +52,7 @@ class Sensors:
 
     def positions(self, q: np.ndarray, time: float = 0.0) -> np.ndarray:
         """Encoder readings of the coordinates (j,) [rad, m] at a time [s]."""
-        for fault in self.faults:
+        for fault in self._wrong:
             q = fault.positions(q)
         measure = self._chain.measure_positions
         read = measure(self._joints, q)
@@ -70,7 +72,7 @@ class Sensors:
         """
         if time is None:
             time = np.zeros(len(supply))
-        for fault in self.faults:
+        for fault in self._wrong:
             chamber_a, chamber_b = fault.pressures(time, chamber_a, chamber_b)
         measure = self._chain.measure_pressure
         read = (
