@@ -15,7 +15,7 @@ LOST = 1  # the outer boom, whose encoder the position sensor does without
 AT_MOST = 1.0  # ms a cycle
 HOUR = 3600.0  # s
 PAUSE = 0.5  # s between two rounds of the recording, in which nothing is heard
-WARM = 5  # rounds, after which memory is looked at first
+WARM = 8  # rounds, after which the monitor has all minutes that it keeps
 GROWN = 1.02  # times
 
 

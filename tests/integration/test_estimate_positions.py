@@ -34,8 +34,9 @@ def test_the_course_and_its_smoothed_one_stand_beside_each_other(
         return np.array([float(row[f"{WITHOUT}.{name}"]) for row in rows])
 
     deviation, later = column("std_dev [rad]"), column("smoothed_std_dev [rad]")
-    assert (later < 1.001 * deviation).all()
-    assert later.mean() < 0.99 * deviation.mean()
+    # errors that are considered and not estimated leave it wider at some moments
+    assert (later < 1.3 * deviation).all()
+    assert later.mean() < 0.9 * deviation.mean()
     for name in ("position [rad]", "smoothed [rad]"):
         assert np.abs(column(name) - column("encoder [rad]")).max() < 5e-3
     speeds = np.gradient(column("encoder [rad]"), 0.05)
