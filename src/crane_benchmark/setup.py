@@ -49,5 +49,6 @@ setup(
         "scipy",
         "statsmodels",
     ],
+    extras_require={"cluster": ["distributed"]},
     entry_points={"console_scripts": scripts},
 )

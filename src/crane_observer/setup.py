@@ -42,6 +42,7 @@ setup(
         "matplotlib",
         "numba",
         "numpy",
+        "scipy",
     ],
     extras_require={
         "ros": ["crane_nodes"],
