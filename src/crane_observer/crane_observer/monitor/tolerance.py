@@ -32,8 +32,8 @@ ROOM = 1.5  # over the largest that was ever seen
 FLOOR, SHARE, ZERO, CREEP, LATE = 4e-5, 1e-3, 1e4, 1e-6, 2e-3  # m, of the way, Pa, m/s and s, least
 LEAST = FLOOR, SHARE, ZERO, CREEP, LATE
 SUPPLY_FLOOR, SUPPLY_SHARE, SUPPLY_ZERO = 1.5e5, 0.02, 2e3  # Pa, of the droop, and Pa, at least
-UNLEARNT = 5.0  # times the least, of a machine that was never recorded without faults; of the
-UNLEARNT_SUPPLY = 10.0  # supply, too
+UNLEARNT = 6.0  # times the least, of a machine that was never recorded without faults; of the
+UNLEARNT_SUPPLY = 20.0  # supply, too
 
 
 class JointTolerance(Schema):
