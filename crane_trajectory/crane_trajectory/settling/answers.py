@@ -118,12 +118,10 @@ def lines(plan: SettlingPlan) -> list[str]:
     for one in plan.separations:
         names = f"{one.one} | {one.other}" if one.other else f"{one.one} | nothing"
         rows.append((names, _sigma(one.told), _sigma(one.predicted), _sigma(one.needed)))
-    widths = [max(len(row[i]) for row in rows) for i in range(4)]
+    first, *others = (max(map(len, column)) for column in zip(*rows, strict=True))
     out = [
-        "  ".join(
-            [row[0].ljust(widths[0]), *(row[i].rjust(widths[i]) for i in range(1, 4))]
-        ).rstrip()
-        for row in rows
+        "  ".join([name.ljust(first), *map(str.rjust, numbers, others)]).rstrip()
+        for name, *numbers in rows
     ]
     for one in plan.separations:
         if not one.settled_by:
