@@ -10,7 +10,7 @@ from crane_sim.parts.parameters import StandIn
 
 BEYOND = 0.1  # of its range, by which a joint may leave it against the end stops
 ENDLESS = 1e30  # m, rad
-GIVE = {"rad": 1e-4, "m": 1e-4}  # deflection of the bristles that carry all of the dry friction
+GIVE = {"rad": 2e-5, "m": 2e-5}  # deflection of the bristles that carry all of the dry friction
 BRISTLE_DAMPING = 2e-3  # s, of the bristles' stiffness
 SUPPLY_HOSES = 4.0  # times the volume of the stand-in's supply line
 

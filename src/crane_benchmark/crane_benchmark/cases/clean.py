@@ -13,7 +13,7 @@ from crane_sim.hiding.slewing import SLEW
 from crane_sim.parts.parameters import load_stand_in
 
 EVERY = 4  # of the samples of a bag, that are kept
-SPEED = 1e-4  # rad/s, m/s, below which a joint counts as at rest
+SPEED = 2e-3  # rad/s, m/s, below which a joint counts as at rest: dry friction may be any force
 COUNTS = 2  # of its encoder, that a joint must have moved since it turned: one there, one here
 
 
@@ -34,6 +34,7 @@ def save_clean(path: Path, clean: Clean) -> None:
         pressure_b=planar(clean.pressure_b),
         force=planar(clean.seen_drive),
         hidden=planar(clean.force),
+        way=planar(_way(clean.seen_position, clean.velocity)),
         slew=np.stack([values[::EVERY, SLEW] for values in slew]),
     )
 
@@ -88,17 +89,20 @@ def load_seen(paths: Sequence[Path], effects: Sequence[Sequence[int]], count: in
         slew_acceleration=slew[2],
     )
     steps = load_stand_in().sensors.encoder_resolution
-    seen = _way(record) > COUNTS * np.array([steps[joint] for joint in PLANAR_JOINTS])
+    seen = joined("way") > COUNTS * np.array([steps[joint] for joint in PLANAR_JOINTS])
     used = seen & (np.abs(record.velocity) > SPEED)
     return Seen(record, np.concatenate(hidden, axis=1), used)
 
 
-def _way(record: Record) -> np.ndarray:
-    """(n, j) how far each joint has moved since it last turned, or since the recording began."""
-    assert record.run is not None  # load_seen gives it
-    ways = np.sign(record.velocity)
+def _way(position: np.ndarray, velocity: np.ndarray) -> np.ndarray:
+    """(n, j) how far each joint has moved since it last turned, or since the recording began.
+
+    Of all samples of a recording: where friction is carried by bristles, a joint that comes to rest
+    trembles at some 30 Hz, which every fourth of them would hide.
+    """
+    ways = np.sign(velocity)
     turned = np.ones(ways.shape, dtype=bool)
-    turned[1:] = (ways[1:] != ways[:-1]) | (np.diff(record.run) != 0)[:, np.newaxis]
+    turned[1:] = ways[1:] != ways[:-1]
     number = np.arange(len(ways))[:, np.newaxis]
     last = np.maximum.accumulate(np.where(turned, number, 0), axis=0)
-    return np.abs(record.position - np.take_along_axis(record.position, last, axis=0))
+    return np.abs(position - np.take_along_axis(position, last, axis=0))
