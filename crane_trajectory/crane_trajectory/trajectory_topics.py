@@ -76,8 +76,8 @@ def command_message(command: np.ndarray, stamp: Time, joints: Sequence[str]) -> 
 
 def feedback_message(experiment: Experiment) -> RunExcitation.Feedback:
     """Where the experiment is."""
-    phase = Phase.STOP if experiment.target is None else experiment.target.phase
-    if phase is Phase.REST:
+    phase = Phase.REST if experiment.target is None else experiment.target.phase
+    if phase is Phase.REST:  # before the motion, or after it
         phase = Phase.APPROACH if experiment.elapsed == 0.0 else Phase.STOP
     units = experiment.motion.machine.units
     return RunExcitation.Feedback(

@@ -68,10 +68,11 @@ class Experiments:
         self.stage.until(self._change.service_is_ready)
 
     def send(self, file: Path | None = None, periods: int = 1) -> Any:
-        """A goal; its handle."""
+        """A goal; its handle. `feedback` is that of the newest goal."""
         request = RunExcitation.Goal(trajectory=str(file or self.file), periods=periods)
+        feedback = self.feedback = []  # what comes late of the goal before does not get into it
         sent = self.action.send_goal_async(
-            request, lambda message: self.feedback.append(message.feedback)
+            request, lambda message: feedback.append(message.feedback)
         )
         self.stage.until(sent.done)
         assert sent.result().accepted

@@ -46,7 +46,6 @@ def under_way(crane: Experiments) -> Future:
     """The end of a goal whose period has begun."""
     for _ in range(5):  # a test machine that is too busy makes true faults
         crane.stage.enabled()
-        crane.feedback.clear()
         ending = crane.send().get_result_async()
 
         def begun(ending: Future = ending) -> bool:

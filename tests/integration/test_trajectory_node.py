@@ -106,7 +106,6 @@ def test_an_experiment_is_completed(crane: Experiments) -> None:
     for _ in range(3):  # a test machine that is too busy makes true faults
         crane.stage.enabled()
         crane.references.clear()
-        crane.feedback.clear()
         result = crane.result(crane.send())
         if result.outcome == Outcome.COMPLETED:
             break
