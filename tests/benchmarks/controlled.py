@@ -16,6 +16,7 @@ from crane_trajectory.control.interface import (
     SensorReading,
     Wanted,
 )
+from crane_trajectory.control.wrapped import WrappedController
 from crane_trajectory.motion.motion import Motion
 
 SWINGS = 3.0  # Hz, above which speed beside the reference is ripple
@@ -62,33 +63,19 @@ class Run(NamedTuple):
         )
 
 
-class Watched:
+class Watched(WrappedController):
     """A controller that is told the phase of the motion; the gravest condition is kept."""
 
     def __init__(self, controller: Controller, motion: Motion):
-        self._controller, self._motion = controller, motion
+        super().__init__(controller)
+        self._motion = motion
         self._time = -REST
         self.worst = ControlCondition.AT_REST
-
-    @property
-    def preview(self) -> float:
-        return self._controller.preview
-
-    @property
-    def by_model(self) -> np.ndarray:
-        return self._controller.by_model
-
-    @property
-    def conditions(self) -> tuple[ControlCondition, ...]:
-        return self._controller.conditions
-
-    def start(self, command: np.ndarray) -> None:
-        self._controller.start(command)
 
     def command(self, dt: float, reading: SensorReading, wanted: Wanted) -> np.ndarray:
         self._time += dt
         told = wanted._replace(phase=_phase(self._motion, self._time))
-        answer = self._controller.command(dt, reading, told)
+        answer = super().command(dt, reading, told)
         self.worst = max(self.worst, *self.conditions)
         return answer
 

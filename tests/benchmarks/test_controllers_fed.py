@@ -17,14 +17,15 @@ from benchmarks.controlled_rows import (
 from crane_model.model_file import Model
 from crane_observer.scale.scale import Scale
 from crane_trajectory.control.choice import led_by_model
-from crane_trajectory.control.interface import ControlCondition, Controller, SensorReading, Wanted
+from crane_trajectory.control.interface import Controller, SensorReading, Wanted
 from crane_trajectory.control.tip_load import FedLoad, ToldLoad
+from crane_trajectory.control.wrapped import WrappedController
 
 LOAD, HEAVIEST = 100.0, 150.0  # kg
 AS_MUCH = 1.1  # times the largest step of a command without it
 
 
-class FedController:
+class FedController(WrappedController):
     """Scale and controller as the nodes `scale` and `trajectory` have them, in one loop: both are
     shown the same readings.
     """
@@ -32,26 +33,12 @@ class FedController:
     def __init__(self, controller: Controller, model: Model, heaviest: float):
         led = led_by_model(controller)
         assert led is not None
-        self._controller, self._led = controller, led
+        super().__init__(controller)
+        self._led = led
         self._scale, self.load = Scale(model), FedLoad(heaviest)
         machine = self._scale.machine
         self._columns = np.array([machine.index(joint) for joint in model.joints])
         self._time = 0.0
-
-    @property
-    def preview(self) -> float:
-        return self._controller.preview
-
-    @property
-    def by_model(self) -> np.ndarray:
-        return self._controller.by_model
-
-    @property
-    def conditions(self) -> tuple[ControlCondition, ...]:
-        return self._controller.conditions
-
-    def start(self, command: np.ndarray) -> None:
-        self._controller.start(command)
 
     def command(self, dt: float, reading: SensorReading, wanted: Wanted) -> np.ndarray:
         self._time += dt
@@ -62,7 +49,7 @@ class FedController:
             load = one.load
             self.load.tell(ToldLoad(one.time, load.mass, load.deviation, one.condition.name))
         self._led.carry(self.load.at(self._time))
-        return self._controller.command(dt, reading, wanted)
+        return super().command(dt, reading, wanted)
 
 
 def test_load_that_the_scale_tells(measured: Measured) -> None:

@@ -15,7 +15,8 @@ was, but for noise, and learning stops where there is nothing to learn.
 import numpy as np
 
 from crane_trajectory.control.flow_feedforward import FlowFeedforward
-from crane_trajectory.control.interface import ControlCondition, Controller, SensorReading, Wanted
+from crane_trajectory.control.interface import Controller, SensorReading, Wanted
+from crane_trajectory.control.wrapped import WrappedController
 
 STEP = 0.005  # s, of the learnt course
 GAIN = 0.5
@@ -25,12 +26,13 @@ LARGEST_SHARE = 0.1  # of the largest speed: what may be learnt
 MOST_MISSING = 0.05  # of a period, from which is still learnt
 
 
-class Learning:
+class Learning(WrappedController):
     """A controller that uses the model and learns a reference of a period [s]."""
 
     def __init__(self, controller: Controller, led: FlowFeedforward, period: float):
         """`led` is the controller, or the part of it that uses the model."""
-        self._controller, self.led = controller, led
+        super().__init__(controller)
+        self.led = led
         self._gains, self._columns = led.gains, led.columns
         count = max(round(period / STEP), 2)
         self._period = period
@@ -44,26 +46,11 @@ class Learning:
         self._phase = np.nan
         self._share = 0.0
 
-    @property
-    def preview(self) -> float:
-        """As the controller has it [s]."""
-        return self._controller.preview
-
-    @property
-    def by_model(self) -> np.ndarray:
-        """As the controller has it (j,)."""
-        return self._controller.by_model
-
-    @property
-    def conditions(self) -> tuple[ControlCondition, ...]:
-        """As the controller has them."""
-        return self._controller.conditions
-
     def start(self, command: np.ndarray) -> None:
         """As the controller; what was learnt stays."""
         self._phase, self._share = np.nan, 0.0
         self._errors[:] = np.nan
-        self._controller.start(command)
+        super().start(command)
 
     def command(self, dt: float, reading: SensorReading, wanted: Wanted) -> np.ndarray:
         """As the controller, with what was learnt."""
@@ -86,7 +73,7 @@ class Learning:
             velocity = ahead.velocity.copy()
             velocity[self._columns] += self._share * np.array(more)
             wanted = wanted._replace(ahead=ahead._replace(velocity=velocity))
-        return self._controller.command(dt, reading, wanted)
+        return super().command(dt, reading, wanted)
 
     def _learn(self) -> None:
         """From the period that has ended."""
