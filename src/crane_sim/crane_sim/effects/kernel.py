@@ -21,11 +21,11 @@ def act(hidden: Hidden, constants: Constants, state: State, scratch: Scratch, st
     for k in range(count):
         if LOADS <= hidden.law[k] < FLOW:
             if hidden.law[k] >= bending.TWO_MODES:
-                bending.carry(hidden, k, constants.chain, state.q, state.v)
+                bending.carry(hidden, k, constants.chain, state.q, state.v, scratch)
             else:
                 loads.carry(hidden, k, constants.chain, state)
-            if hidden.law[k] in loads.SLEWS:
-                continue
+    for k in range(count):  # each was asked beside the machine alone
+        if LOADS <= hidden.law[k] < FLOW and hidden.law[k] not in loads.SLEWS:
             for i in range(len(state.q)):
                 scratch.bias[i] += hidden.bias[k, i]
                 for j in range(len(state.q)):
@@ -97,5 +97,5 @@ def settle(
             if law in (loads.PENDULUM, loads.IN_AIR, loads.RUBBING_HOOK):
                 loads.swing(hidden, k, constants.chain, state.q, change, step)
             elif law >= bending.TWO_MODES:
-                bending.bend(hidden, k, constants.chain, state.q, scratch.before, change, step)
+                bending.bend(hidden, k, change, step)
     hidden.clock[0] += step
