@@ -17,6 +17,7 @@ from crane_benchmark.away.parts import BRISTLE_DAMPING, AwayParts
 from crane_benchmark.away.pushing import beyond_dry, pushing
 from crane_benchmark.away.rubbing import Rubbed, rubbing
 from crane_model.linkages import motion
+from crane_sim.parts.borrowed import borrowed
 
 LEAST_RUBBING = 0.1  # of the dry friction of a joint, whatever effects take away
 
@@ -48,6 +49,7 @@ def run_away(
     """`count` steps of `step` [s] with commands (j,) in -1..1; `inverse` (j, j) is that of the
     inertia, `bias` (j,) [N m, N] what the forces have to balance beside it.
     """
+    parts, hidden, state = borrowed(parts), borrowed(hidden), borrowed(state)
     joints = len(state.q)
     for _ in range(count):
         drawn = 0.0

@@ -7,6 +7,7 @@ from crane_model.hydraulics.spool import transition
 from crane_sim.effects.flow import leak, meter, note_softness, softness
 from crane_sim.effects.kernel import act, settle
 from crane_sim.effects.working import Hidden
+from crane_sim.parts.borrowed import borrowed
 from crane_sim.parts.constants import Constants
 from crane_sim.parts.cylinders import set_lengths_and_levers, stop_force
 from crane_sim.parts.friction import step_lugre, step_set_valued
@@ -137,6 +138,8 @@ def advance(
 
     Oil flows through the opening that a spool has in the middle of a step, in the mean.
     """
+    constants, hidden = borrowed(constants), borrowed(hidden)
+    state, scratch = borrowed(state), borrowed(scratch)
     half = 0.5 * step
     free = [transition(one.frequency, one.damping_ratio, half) for one in constants.valves]
     for _ in range(count):
