@@ -23,8 +23,10 @@ INERTIA = 4  # in the memory: after two deflections and their rates, that of the
 PASSES = 50  # in which a boom sags to where its springs hold it
 
 
-@njit(cache=True, error_model="numpy")
-def carry(hidden: Hidden, k: int, chain: Chain, q: np.ndarray, v: np.ndarray, free: Scratch) -> None:
+@njit(cache=True, error_model="numpy", forceinline=True)
+def carry(
+    hidden: Hidden, k: int, chain: Chain, q: np.ndarray, v: np.ndarray, free: Scratch
+) -> None:
     """Fill inertia and bias of what rides on the springs, less those of the same parts unbent.
 
     `free` has M and h of (6) without effects. e'' is eliminated, so that no step is too long for
@@ -56,7 +58,7 @@ def carry(hidden: Hidden, k: int, chain: Chain, q: np.ndarray, v: np.ndarray, fr
         hidden.slowing[k, mode, -1] = push / bent_mass[i, i]
 
 
-@njit(cache=True, error_model="numpy")
+@njit(cache=True, error_model="numpy", forceinline=True)
 def bend(hidden: Hidden, k: int, change: np.ndarray, step: float) -> None:
     """Modes after a step that changed the velocities by `change` (j,); symplectic."""
     memory = hidden.memory[k]
@@ -68,7 +70,7 @@ def bend(hidden: Hidden, k: int, change: np.ndarray, step: float) -> None:
         memory[mode] += step * memory[2 + mode]
 
 
-@njit(cache=True, error_model="numpy")
+@njit(cache=True, error_model="numpy", forceinline=True)
 def _bent(
     hidden: Hidden, k: int, mode: int, chain: Chain, q: np.ndarray, v: np.ndarray,
     mass: np.ndarray, bias: np.ndarray,
@@ -82,7 +84,7 @@ def _bent(
     q[i], v[i] = straight_q, straight_v
 
 
-@njit(cache=True, error_model="numpy")
+@njit(cache=True, error_model="numpy", forceinline=True)
 def _spring(hidden: Hidden, k: int, mode: int) -> float:
     """k e + d e' of a mode that carried all of the inertia [N m, N]."""
     memory = hidden.memory[k]

@@ -24,7 +24,7 @@ from crane_sim.parts.rigid_bodies import mass_and_bias
 from crane_sim.parts.state import Scratch, State
 
 
-@njit(cache=True, error_model="numpy")
+@njit(cache=True, error_model="numpy", forceinline=True)
 def _generalized_forces(constants: Constants, state: State, force: np.ndarray) -> None:
     """What drives the joints, friction and inertia apart: (j,) N m, N.
 
@@ -37,7 +37,7 @@ def _generalized_forces(constants: Constants, state: State, force: np.ndarray) -
         force[i] = actuator.lever * piston  # (18)
 
 
-@njit(cache=True, error_model="numpy")
+@njit(cache=True, error_model="numpy", forceinline=True)
 def _move(
     constants: Constants, hidden: Hidden | None, state: State, scratch: Scratch, step: float
 ) -> None:
@@ -76,7 +76,7 @@ def _move(
         scratch.growth[i] = (scratch.growth[i] + state.actuators[i].length) / step
 
 
-@njit(cache=True, error_model="numpy")
+@njit(cache=True, error_model="numpy", forceinline=True)
 def _fill(
     constants: Constants, hidden: Hidden | None, state: State, growth: np.ndarray, step: float
 ) -> None:
@@ -149,7 +149,7 @@ def advance(
         _shift(constants, state, free, command, half)
 
 
-@njit(cache=True, error_model="numpy")
+@njit(cache=True, error_model="numpy", forceinline=True)
 def _shift(
     constants: Constants,
     state: State,
