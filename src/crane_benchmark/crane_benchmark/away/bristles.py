@@ -11,7 +11,7 @@ from numba import njit
 ELASTIC = 0.7  # of the largest deflection, up to which nothing slips
 
 
-@njit(cache=True, error_model="numpy")
+@njit(cache=True, error_model="numpy", forceinline=True)
 def bent(z: float, v: float, largest: float, step: float) -> float:
     """Deflection [rad, m] after a step at velocity v, at most `largest` to either side."""
     slip = 0.0

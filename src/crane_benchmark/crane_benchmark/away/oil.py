@@ -13,7 +13,7 @@ FLOW_NUMBER_DROP = 4e4  # Pa, about which an orifice turns from laminar to turbu
 MAKE_UP = 3e-7  # m3/s/sqrt(Pa), from the tank into a chamber below its pressure
 
 
-@njit(cache=True, error_model="numpy")
+@njit(cache=True, error_model="numpy", forceinline=True)
 def orifice(gain: float, opening: float, drop: float) -> tuple[float, float]:
     """Flow through a metering edge, and its slope over the drop [m3/s/Pa], at least the secant.
 
@@ -29,13 +29,13 @@ def orifice(gain: float, opening: float, drop: float) -> tuple[float, float]:
     return math.copysign(flow, drop), flow / size
 
 
-@njit(cache=True, error_model="numpy")
+@njit(cache=True, error_model="numpy", forceinline=True)
 def edge(spool: float, overlap: float) -> float:
     """Opening 0..1 of an edge that opens as the spool moves in its sense."""
     return min(max((spool - overlap) / (1.0 - overlap), 0.0), 1.0)
 
 
-@njit(cache=True, error_model="numpy")
+@njit(cache=True, error_model="numpy", forceinline=True)
 def modulus(pressure: float, stiffness: float, stiffening: float, air: float) -> float:
     """Bulk modulus [Pa]: oil that stiffens with the pressure, and bubbles, `air` of the volume at
     atmospheric pressure, that are compressed by a polytrope.
@@ -46,7 +46,7 @@ def modulus(pressure: float, stiffness: float, stiffening: float, air: float) ->
     return (1.0 + bubbles) / (1.0 / oil + bubbles / (POLYTROPE * absolute))
 
 
-@njit(cache=True, error_model="numpy")
+@njit(cache=True, error_model="numpy", forceinline=True)
 def relaxed(pressure: float, rate: float, slope: float, step: float) -> float:
     """Pressure after a step from which it rises at `rate`, pulled back by `slope` [1/s] of what it
     has risen: exponential Euler, stable for any step.

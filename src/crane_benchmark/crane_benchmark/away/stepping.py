@@ -17,6 +17,7 @@ from crane_benchmark.away.parts import BRISTLE_DAMPING, AwayParts
 from crane_benchmark.away.pushing import beyond_dry, pushing
 from crane_benchmark.away.rubbing import Rubbed, rubbing
 from crane_model.linkages import motion
+from crane_sim.parts.borrowed import borrowed
 
 LEAST_RUBBING = 0.1  # of the dry friction of a joint, whatever effects take away
 
@@ -48,6 +49,7 @@ def run_away(
     """`count` steps of `step` [s] with commands (j,) in -1..1; `inverse` (j, j) is that of the
     inertia, `bias` (j,) [N m, N] what the forces have to balance beside it.
     """
+    parts, hidden, state = borrowed(parts), borrowed(hidden), borrowed(state)
     joints = len(state.q)
     for _ in range(count):
         drawn = 0.0
@@ -68,7 +70,7 @@ def run_away(
         state.clock[0] += step
 
 
-@njit(cache=True, error_model="numpy")
+@njit(cache=True, error_model="numpy", forceinline=True)
 def _shift(parts: AwayParts, state: AwayState, i: int, command: float, step: float) -> None:
     """The spool of joint i: second order, limited in rate and stroke."""
     omega, damping, fastest = parts.spool[i, 0], parts.spool[i, 1], parts.spool[i, 2]
@@ -79,7 +81,7 @@ def _shift(parts: AwayParts, state: AwayState, i: int, command: float, step: flo
     spool[0] = min(max(spool[0] + step * spool[1], -1.0), 1.0)
 
 
-@njit(cache=True, error_model="numpy")
+@njit(cache=True, error_model="numpy", forceinline=True)
 def _fill(
     parts: AwayParts, state: AwayState, i: int, length: float, rate: float, step: float
 ) -> float:
@@ -111,7 +113,7 @@ def _fill(
     return drawn
 
 
-@njit(cache=True, error_model="numpy")
+@njit(cache=True, error_model="numpy", forceinline=True)
 def _press(
     parts: AwayParts, hidden: AwayHidden, state: AwayState, i: int, length: float, lever: float,
     bias: float, step: float,
@@ -159,7 +161,7 @@ def _press(
     state.push[i] = lever * piston - bristles - damped - parts.wet[i, way] * v - pushed
 
 
-@njit(cache=True, error_model="numpy")
+@njit(cache=True, error_model="numpy", forceinline=True)
 def _pump(parts: AwayParts, state: AwayState, drawn: float, step: float) -> None:
     """Supply pressure, from what the pump delivers, late, and what the valves drew."""
     line = parts.supply

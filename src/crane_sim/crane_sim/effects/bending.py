@@ -14,6 +14,7 @@ from numba import njit
 from crane_sim.effects.form import Draw, Form, Magnitude
 from crane_sim.effects.working import LOADS, Hidden
 from crane_sim.parts.rigid_bodies import Chain, mass_and_bias
+from crane_sim.parts.state import Scratch
 
 TWO_MODES, ONE_MODE, PROGRESSIVE = range(LOADS + 50, LOADS + 53)
 
@@ -22,66 +23,68 @@ INERTIA = 4  # in the memory: after two deflections and their rates, that of the
 PASSES = 50  # in which a boom sags to where its springs hold it
 
 
-@njit(cache=True, error_model="numpy")
-def carry(hidden: Hidden, k: int, chain: Chain, q: np.ndarray, v: np.ndarray) -> None:
+@njit(cache=True, error_model="numpy", forceinline=True)
+def carry(
+    hidden: Hidden, k: int, chain: Chain, q: np.ndarray, v: np.ndarray, free: Scratch
+) -> None:
     """Fill inertia and bias of what rides on the springs, less those of the same parts unbent.
 
-    e'' is eliminated, so that no step is too long for the light rest that does not bend.
+    `free` has M and h of (6) without effects. e'' is eliminated, so that no step is too long for
+    the light rest that does not bend; what it follows from is kept for `bend`.
     """
     value, memory, i = hidden.value[k], hidden.memory[k], hidden.joint[k]
     mass, bias = hidden.mass[k], hidden.bias[k]
     if memory[INERTIA] == 0.0:
         _sag(hidden, k, chain, q)
-    mass_and_bias(chain, q, v, mass, bias)
     count = _count(hidden.law[k])
     riding = 0.0
     for mode in range(count):
         riding += value[0] * MODES[mode][1]
-    mass *= -riding
-    bias *= -riding
-    bent_mass, bent_bias = np.empty_like(mass), np.empty_like(bias)
+    for a in range(len(q)):
+        bias[a] = -riding * free.bias[a]
+        for b in range(len(q)):
+            mass[a, b] = -riding * free.mass[a, b]
+    bent_mass, bent_bias = hidden.bent_mass, hidden.bent_bias
     for mode in range(count):
         share = value[0] * MODES[mode][1]
         _bent(hidden, k, mode, chain, q, v, bent_mass, bent_bias)
-        spring = _spring(hidden, k, mode)
+        push = bent_bias[i] + _spring(hidden, k, mode)
         for a in range(len(q)):
             lever = bent_mass[a, i] / bent_mass[i, i]
-            bias[a] += share * (bent_bias[a] - lever * (bent_bias[i] + spring))
+            hidden.slowing[k, mode, a] = lever
+            bias[a] += share * (bent_bias[a] - lever * push)
             for b in range(len(q)):
                 mass[a, b] += share * (bent_mass[a, b] - lever * bent_mass[i, b])
+        hidden.slowing[k, mode, -1] = push / bent_mass[i, i]
 
 
-@njit(cache=True, error_model="numpy")
-def bend(
-    hidden: Hidden, k: int, chain: Chain, q: np.ndarray, v: np.ndarray,
-    change: np.ndarray, step: float,
-) -> None:  # fmt: skip
-    """Modes after a step from q, v that changed the velocities by `change` (j,); symplectic."""
-    memory, i = hidden.memory[k], hidden.joint[k]
-    mass, bias = np.empty((len(q), len(q))), np.empty(len(q))
+@njit(cache=True, error_model="numpy", forceinline=True)
+def bend(hidden: Hidden, k: int, change: np.ndarray, step: float) -> None:
+    """Modes after a step that changed the velocities by `change` (j,); symplectic."""
+    memory = hidden.memory[k]
     for mode in range(_count(hidden.law[k])):
-        _bent(hidden, k, mode, chain, q, v, mass, bias)
-        push = bias[i] + _spring(hidden, k, mode)
-        for a in range(len(q)):
-            push += mass[i, a] * change[a] / step
-        memory[2 + mode] -= step * push / mass[i, i]
+        slowing = hidden.slowing[k, mode, -1]
+        for a in range(len(change)):
+            slowing += hidden.slowing[k, mode, a] * change[a] / step
+        memory[2 + mode] -= step * slowing
         memory[mode] += step * memory[2 + mode]
 
 
-@njit(cache=True, error_model="numpy")
+@njit(cache=True, error_model="numpy", forceinline=True)
 def _bent(
     hidden: Hidden, k: int, mode: int, chain: Chain, q: np.ndarray, v: np.ndarray,
     mass: np.ndarray, bias: np.ndarray,
 ) -> None:  # fmt: skip
     """M and h of (6) where the mode has bent the crane."""
     memory, i = hidden.memory[k], hidden.joint[k]
-    bent_q, bent_v = q.copy(), v.copy()
-    bent_q[i] += memory[mode]
-    bent_v[i] += memory[2 + mode]
-    mass_and_bias(chain, bent_q, bent_v, mass, bias)
+    straight_q, straight_v = q[i], v[i]
+    q[i] += memory[mode]
+    v[i] += memory[2 + mode]
+    mass_and_bias(chain, q, v, mass, bias)
+    q[i], v[i] = straight_q, straight_v
 
 
-@njit(cache=True, error_model="numpy")
+@njit(cache=True, error_model="numpy", forceinline=True)
 def _spring(hidden: Hidden, k: int, mode: int) -> float:
     """k e + d e' of a mode that carried all of the inertia [N m, N]."""
     memory = hidden.memory[k]

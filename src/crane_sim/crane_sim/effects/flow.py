@@ -96,7 +96,7 @@ def _past(x: float, band: float, corner: float) -> float:
     return 0.5 * (math.hypot(x - band, corner) + x - band - math.hypot(band, corner) + band)
 
 
-@njit(cache=True, error_model="numpy")
+@njit(cache=True, error_model="numpy", forceinline=True)
 def leak(hidden: Hidden, constants: Constants, state: State, i: int) -> float:
     """Conductance past the piston of joint i [m3/s/Pa]; notes the flow of the effects."""
     total = constants.cylinders[i].leakage
@@ -118,7 +118,7 @@ def leak(hidden: Hidden, constants: Constants, state: State, i: int) -> float:
     return total
 
 
-@njit(cache=True, error_model="numpy")
+@njit(cache=True, error_model="numpy", forceinline=True)
 def softness(hidden: Hidden, constants: Constants, i: int, pressure: float) -> float:
     """How much softer a chamber of joint i is than with the oil alone: a factor of at least 1."""
     total = 1.0
@@ -128,7 +128,7 @@ def softness(hidden: Hidden, constants: Constants, i: int, pressure: float) -> f
     return total
 
 
-@njit(cache=True, error_model="numpy")
+@njit(cache=True, error_model="numpy", forceinline=True)
 def note_softness(
     hidden: Hidden, constants: Constants, i: int, pressure: float, volume: float, rate: float
 ) -> None:
@@ -139,7 +139,7 @@ def note_softness(
             hidden.flow[k, i] = softer * volume / constants.oil.bulk_modulus * rate
 
 
-@njit(cache=True, error_model="numpy")
+@njit(cache=True, error_model="numpy", forceinline=True)
 def _compliance(hidden: Hidden, k: int, constants: Constants, pressure: float) -> float:
     """Beyond that of the oil, in units of it."""
     law, size = hidden.law[k], hidden.value[k, 0]

@@ -12,7 +12,7 @@ from crane_sim.parts.constants import Constants
 from crane_sim.parts.state import Scratch, State
 
 
-@njit(cache=True, error_model="numpy")
+@njit(cache=True, error_model="numpy", forceinline=True)
 def act(hidden: Hidden, constants: Constants, state: State, scratch: Scratch, step: float) -> None:
     """Add to mass, bias, forces and friction of `scratch`; its friction is that of the machine."""
     for i in range(len(state.q)):
@@ -21,11 +21,11 @@ def act(hidden: Hidden, constants: Constants, state: State, scratch: Scratch, st
     for k in range(count):
         if LOADS <= hidden.law[k] < FLOW:
             if hidden.law[k] >= bending.TWO_MODES:
-                bending.carry(hidden, k, constants.chain, state.q, state.v)
+                bending.carry(hidden, k, constants.chain, state.q, state.v, scratch)
             else:
                 loads.carry(hidden, k, constants.chain, state)
-            if hidden.law[k] in loads.SLEWS:
-                continue
+    for k in range(count):  # each was asked beside the machine alone
+        if LOADS <= hidden.law[k] < FLOW and hidden.law[k] not in loads.SLEWS:
             for i in range(len(state.q)):
                 scratch.bias[i] += hidden.bias[k, i]
                 for j in range(len(state.q)):
@@ -38,7 +38,7 @@ def act(hidden: Hidden, constants: Constants, state: State, scratch: Scratch, st
             hidden.part[k] = _resist(hidden, k, state, scratch, step)
 
 
-@njit(cache=True, error_model="numpy")
+@njit(cache=True, error_model="numpy", forceinline=True)
 def _raise(
     hidden: Hidden, k: int, constants: Constants, state: State, scratch: Scratch, step: float
 ) -> float:
@@ -52,7 +52,7 @@ def _raise(
     return extra
 
 
-@njit(cache=True, error_model="numpy")
+@njit(cache=True, error_model="numpy", forceinline=True)
 def _resist(hidden: Hidden, k: int, state: State, scratch: Scratch, step: float) -> float:
     """Let effect k resist; what of it deviates from the model of (13) [N m, N]."""
     i, law = hidden.joint[k], hidden.law[k]
@@ -74,7 +74,7 @@ def _resist(hidden: Hidden, k: int, state: State, scratch: Scratch, step: float)
     return force
 
 
-@njit(cache=True, error_model="numpy")
+@njit(cache=True, error_model="numpy", forceinline=True)
 def settle(
     hidden: Hidden, constants: Constants, state: State, scratch: Scratch, step: float
 ) -> None:
@@ -97,5 +97,5 @@ def settle(
             if law in (loads.PENDULUM, loads.IN_AIR, loads.RUBBING_HOOK):
                 loads.swing(hidden, k, constants.chain, state.q, change, step)
             elif law >= bending.TWO_MODES:
-                bending.bend(hidden, k, constants.chain, state.q, scratch.before, change, step)
+                bending.bend(hidden, k, change, step)
     hidden.clock[0] += step

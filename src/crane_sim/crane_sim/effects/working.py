@@ -13,6 +13,7 @@ from crane_sim.effects.form import Planted
 # branch for; `END` is where the numbers end.
 FRICTION, PUSHES, MEMORY, LOADS, FLOW, LEAKS, SOFTNESS, END = range(0, 800, 100)
 VALUES = MEMORIES = 8
+MODES = 2  # of a boom that bends, at most
 
 
 class Hidden(NamedTuple):
@@ -28,6 +29,9 @@ class Hidden(NamedTuple):
     part: np.ndarray  # (k,) Coulomb friction, or force, that is added in this step
     mass: np.ndarray  # (k, j, j) inertia added in this step
     bias: np.ndarray  # (k, j) and forces that come with it
+    slowing: np.ndarray  # (k, MODES, j + 1) of a mode that bends: -e'' by each q'', and without
+    bent_mass: np.ndarray  # (j, j) room for M of a crane that is bent,
+    bent_bias: np.ndarray  # (j,) and for h
     force: np.ndarray  # (k, j) what the drives must give more, after the last step
     flow: np.ndarray  # (k, j) what flows more into chamber A, m3/s
     clock: np.ndarray  # (1,) s since the machine was started
@@ -75,6 +79,9 @@ def packed(planted: Sequence[Planted], machine: Machine, running: float = 0.0) -
         part=np.zeros(count),
         mass=np.zeros((count, joints, joints)),
         bias=np.zeros((count, joints)),
+        slowing=np.zeros((count, MODES, joints + 1)),
+        bent_mass=np.zeros((joints, joints)),
+        bent_bias=np.zeros(joints),
         force=np.zeros((count, joints)),
         flow=np.zeros((count, joints)),
         clock=np.array([running]),

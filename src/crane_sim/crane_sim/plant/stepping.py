@@ -7,6 +7,7 @@ from crane_model.hydraulics.spool import transition
 from crane_sim.effects.flow import leak, meter, note_softness, softness
 from crane_sim.effects.kernel import act, settle
 from crane_sim.effects.working import Hidden
+from crane_sim.parts.borrowed import borrowed
 from crane_sim.parts.constants import Constants
 from crane_sim.parts.cylinders import set_lengths_and_levers, stop_force
 from crane_sim.parts.friction import step_lugre, step_set_valued
@@ -23,7 +24,7 @@ from crane_sim.parts.rigid_bodies import mass_and_bias
 from crane_sim.parts.state import Scratch, State
 
 
-@njit(cache=True, error_model="numpy")
+@njit(cache=True, error_model="numpy", forceinline=True)
 def _generalized_forces(constants: Constants, state: State, force: np.ndarray) -> None:
     """What drives the joints, friction and inertia apart: (j,) N m, N.
 
@@ -36,7 +37,7 @@ def _generalized_forces(constants: Constants, state: State, force: np.ndarray) -
         force[i] = actuator.lever * piston  # (18)
 
 
-@njit(cache=True, error_model="numpy")
+@njit(cache=True, error_model="numpy", forceinline=True)
 def _move(
     constants: Constants, hidden: Hidden | None, state: State, scratch: Scratch, step: float
 ) -> None:
@@ -75,7 +76,7 @@ def _move(
         scratch.growth[i] = (scratch.growth[i] + state.actuators[i].length) / step
 
 
-@njit(cache=True, error_model="numpy")
+@njit(cache=True, error_model="numpy", forceinline=True)
 def _fill(
     constants: Constants, hidden: Hidden | None, state: State, growth: np.ndarray, step: float
 ) -> None:
@@ -137,6 +138,8 @@ def advance(
 
     Oil flows through the opening that a spool has in the middle of a step, in the mean.
     """
+    constants, hidden = borrowed(constants), borrowed(hidden)
+    state, scratch = borrowed(state), borrowed(scratch)
     half = 0.5 * step
     free = [transition(one.frequency, one.damping_ratio, half) for one in constants.valves]
     for _ in range(count):
@@ -146,7 +149,7 @@ def advance(
         _shift(constants, state, free, command, half)
 
 
-@njit(cache=True, error_model="numpy")
+@njit(cache=True, error_model="numpy", forceinline=True)
 def _shift(
     constants: Constants,
     state: State,
