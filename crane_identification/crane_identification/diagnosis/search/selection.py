@@ -85,7 +85,7 @@ def _gains(
     blocks = gram[columns[:, :, np.newaxis], columns[:, np.newaxis]]
     apart = np.flatnonzero(np.linalg.eigvalsh(blocks)[:, 0] >= SINGULAR_SHARE**2)
     values = np.linalg.solve(blocks[apart], score[columns[apart]][..., np.newaxis])[..., 0]
-    wrong = (positive[apart] & (values < 0.0)).any(axis=1)
+    wrong = np.asarray((positive[apart] & (values < 0.0)).any(axis=1))
     for place, own, out in zip(apart, values, wrong, strict=True):
         if out:
             gains[place] = _gain(gram, score, columns[place], positive[place])
