@@ -116,11 +116,23 @@ class Evidence:
 
     def columns(self, term: Term) -> np.ndarray:
         """The columns (n, c, k) of a term, filtered as the force; `DataError` if it needs more."""
-        setting = self.model.setting
-        out = np.concatenate([run.filtered(term.columns(run.record, setting)) for run in self.runs])
+        return self.shown(term)[0]
+
+    def shown(self, term: Term) -> tuple[np.ndarray, float]:
+        """These columns, and the share of the norm of the term, wherever it acts, that is in used
+        samples.
+        """
+        rows, inside, total = [], 0.0, 0.0
+        for run in self.runs:
+            columns = term.columns(run.record, self.model.setting)
+            rows.append(run.filtered(columns))
+            energy = np.einsum("njk,njk->nj", columns, columns)
+            used = (run.gate.reshape(len(energy), -1, energy.shape[1]) > 0.0).any(axis=1)
+            inside, total = inside + float(energy[used].sum()), total + float(energy.sum())
+        out = np.concatenate(rows)
         if not np.isfinite(out).all():
             raise DataError(f"term '{term.type}': what it needs was not logged throughout")
-        return out
+        return out, float(np.sqrt(inside / total)) if total > 0.0 else 1.0
 
     def regressor(self, model: Model) -> np.ndarray:
         """The regressor (n, c, p) of a model of this machine, filtered as the force."""

@@ -64,7 +64,7 @@ def proved(
     progress("what is left", 0.5)
     short: list[Short] = []
     while True:
-        trial = tried(fit, search, wanted, thresholds)
+        trial = tried(fit, search, wanted, thresholds) if wanted else before
         gap = measure(
             fit.before, trial.model, fit.evidence, fit.held_out, fit.periods, thresholds.method
         )

@@ -3,8 +3,9 @@
 Where its values are kept, what changed is estimated alone.
 """
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
+from functools import cached_property
 
 import numpy as np
 
@@ -28,8 +29,8 @@ class Trial:
     `zero` are further effects whose parameters may as well be zero.
 
     On the training recordings: its `residual` (n, c), `energy` (c,) of it in units of the noise,
-    `left_share` of the energy beyond noise where the effects act, and what is `learnt` from the
-    residual, beyond what is uncertain of values that are kept; `law` (j,) says where that is one.
+    and `left_share` of the energy beyond noise where the effects act. `learning` tries to learn the
+    residual, beyond what is uncertain of values that are kept.
     """
 
     effects: tuple[Judged, ...]
@@ -37,10 +38,20 @@ class Trial:
     values: tuple[tuple[Value, ...], ...]
     model: Model
     residual: np.ndarray
-    learnt: Learnt
-    law: np.ndarray
     energy: np.ndarray
     left_share: float
+    learning: Callable[[], Learnt]
+    thresholds: Thresholds
+
+    @cached_property
+    def learnt(self) -> Learnt:
+        """What could be learnt; it takes a second and more, so only where it is asked for."""
+        return self.learning()
+
+    @cached_property
+    def law(self) -> np.ndarray:
+        """(j,): whether that is a law."""
+        return self.learnt.follows_law(self.thresholds)
 
     def explained(self, before: "Trial") -> float:
         """Share of what can be explained of what is left `before` that the effects do."""
@@ -69,18 +80,21 @@ def tried(fit: Fitted, search: Search, effects: Sequence[Judged], thresholds: Th
     evidence = fit.evidence
     left = residual(evidence, model)
     beyond = residual(evidence, within(search, model)) if evidence.keeps else left
-    seen = evidence.moving
-    learnt = learn(seen, seen.known, beyond[:, : len(evidence.joints)], folds(seen)[0])
+
+    def learning() -> Learnt:
+        seen = evidence.moving
+        return learn(seen, seen.known, beyond[:, : len(evidence.joints)], folds(seen)[0])
+
     return Trial(
         effects=chosen,
         zero=tuple(one for one in effects if one not in chosen),
         values=tuple(values),
         model=model,
         residual=left,
-        learnt=learnt,
-        law=learnt.follows_law(thresholds),
         energy=normalized_energy(search, left),
         left_share=left_share(search, [one.shaped for one in chosen]),
+        learning=learning,
+        thresholds=thresholds,
     )
 
 

@@ -94,7 +94,8 @@ class Candidate:
 class ShapedCandidate:
     """A candidate at one shape: its term, its columns (n, j, k) on the evidence, and their signs.
 
-    `positive` (k,): where the parameter must not be negative.
+    `positive` (k,): where the parameter must not be negative; `seen`: share of the norm of the
+    term, wherever it acts, that is in used samples.
     """
 
     candidate: Candidate
@@ -102,6 +103,7 @@ class ShapedCandidate:
     term: Term
     columns: np.ndarray
     positive: np.ndarray
+    seen: float = 1.0
 
 
 def candidates_of(model: Model, evidence: Evidence) -> list[Candidate]:
@@ -149,7 +151,8 @@ def at_shape(evidence: Evidence, candidate: Candidate, shape: Mapping[str, Any])
     signs = [
         p.minimum == 0.0 and not candidate.changes for p in term.parameters(evidence.model.setting)
     ]
-    return ShapedCandidate(candidate, dict(shape), term, evidence.columns(term), np.array(signs))
+    columns, seen = evidence.shown(term)
+    return ShapedCandidate(candidate, dict(shape), term, columns, np.array(signs), seen)
 
 
 def observed(

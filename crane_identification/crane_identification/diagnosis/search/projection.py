@@ -54,6 +54,15 @@ class Projection:
         """The columns of each candidate."""
         return tuple(np.flatnonzero(self.owner == i) for i in range(len(self.candidates)))
 
+    @cached_property
+    def by_count(self) -> dict[int, tuple[np.ndarray, np.ndarray]]:
+        """The numbers (m,) and the columns (m, k) of the candidates that have k of them."""
+        counts = np.array([len(columns) for columns in self.columns_of], dtype=int)
+        groups = ((k, np.flatnonzero(counts == k)) for k in np.unique(counts).tolist())
+        return {
+            k: (numbers, np.stack([self.columns_of[i] for i in numbers])) for k, numbers in groups
+        }
+
     def kept(self, wanted: np.ndarray) -> Self:
         """The candidates marked in `wanted` (candidates,) alone."""
         numbers = np.flatnonzero(wanted)

@@ -69,11 +69,28 @@ def _single_gains(projection: Projection, gram: np.ndarray, score: np.ndarray) -
     right = good & (~projection.positive | (score > 0.0))
     single = np.where(right, score**2 / np.where(good, diagonal, 1.0), -np.inf)
     gains = np.full(len(projection.candidates), -np.inf)
-    for number, columns in enumerate(projection.columns_of):
-        if len(columns) == 1:
-            gains[number] = single[columns[0]]
-            continue
-        gains[number] = _gain(gram, score, columns, projection.positive[columns])
+    for count, (numbers, columns) in projection.by_count.items():
+        if count == 1:
+            gains[numbers] = single[columns[:, 0]]
+        elif count:
+            gains[numbers] = _gains(gram, score, columns, projection.positive[columns])
+    return gains
+
+
+def _gains(
+    gram: np.ndarray, score: np.ndarray, columns: np.ndarray, positive: np.ndarray
+) -> np.ndarray:
+    """Gain (m,) of m candidates by as many columns (m, k) each, as `_gain` of one."""
+    gains = np.full(len(columns), -np.inf)
+    blocks = gram[columns[:, :, np.newaxis], columns[:, np.newaxis]]
+    apart = np.flatnonzero(np.linalg.eigvalsh(blocks)[:, 0] >= SINGULAR_SHARE**2)
+    values = np.linalg.solve(blocks[apart], score[columns[apart]][..., np.newaxis])[..., 0]
+    wrong = np.asarray((positive[apart] & (values < 0.0)).any(axis=1))
+    for place, own, out in zip(apart, values, wrong, strict=True):
+        if out:
+            gains[place] = _gain(gram, score, columns[place], positive[place])
+        elif own.any():
+            gains[place] = own @ score[columns[place]]
     return gains
 
 

@@ -14,7 +14,7 @@ from crane_identification.diagnosis.fit.evidence import VISIBLE_SHARE, Evidence,
 from crane_identification.diagnosis.search.candidates import Candidate, ShapedCandidate
 from crane_identification.diagnosis.search.projection import Projection
 from crane_identification.diagnosis.search.whitening import FORCE_CORRELATION, Whitener
-from crane_model.terms import Setting, Term
+from crane_model.terms import Setting
 
 TINY = np.finfo(float).tiny
 ITSELF_TOLERANCE, ITSELF_CORRELATION = 0.05, 0.95
@@ -134,7 +134,7 @@ def left_out(
     """Which of the `tried` (tried,) lie in rows that are left out; candidates of which all do,
     and of which some do, with the reason.
     """
-    share = np.array([seen(evidence, one.term) if one.term.is_friction() else 1.0 for one in tried])
+    share = np.array([one.seen if one.term.is_friction() else 1.0 for one in tried])
     hidden = share < SEEN_SHARE
     whole: dict[Candidate, str] = {}
     part: dict[Candidate, str] = {}
@@ -153,16 +153,6 @@ def left_out(
             shapes = [one.shape for one, out in zip(tried, lost, strict=True) if out]
             part[candidate] = f"{_where(candidate, shapes, evidence.model.setting)}, {reason}"
     return hidden, whole, part
-
-
-def seen(evidence: Evidence, term: Term) -> float:
-    """Share of the norm of the columns of a term, wherever it acts, that is in used samples."""
-    inside = total = 0.0
-    for run in evidence.runs:
-        energy = (term.columns(run.record, evidence.model.setting) ** 2).sum(axis=2)
-        used = (run.gate.reshape(len(energy), -1, energy.shape[1]) > 0.0).any(axis=1)
-        inside, total = inside + float((energy * used).sum()), total + float(energy.sum())
-    return float(np.sqrt(inside / total)) if total > 0.0 else 1.0
 
 
 def _where(candidate: Candidate, hidden: Sequence[dict[str, float]], setting: Setting) -> str:

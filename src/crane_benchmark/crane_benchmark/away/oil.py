@@ -20,6 +20,8 @@ def orifice(gain: float, opening: float, drop: float) -> tuple[float, float]:
     The discharge coefficient rises with the tanh of the flow number, itself with the root of the
     drop: laminar at small drops, K x sqrt(drop) at large ones.
     """
+    if opening <= 0.0:
+        return 0.0, 0.0
     size = abs(drop)
     if size < 1.0:  # Pa: the limit
         slope = gain * opening / math.sqrt(FLOW_NUMBER_DROP)

@@ -37,7 +37,7 @@ def _uncounted(context: Any, builder: Any, kind: Any, value: Any) -> Any:
         array.meminfo = array.meminfo.type(None)
         return array._getvalue()
     if isinstance(kind, types.BaseTuple):
-        for i, part in enumerate(kind.types):
+        for i, part in enumerate(cast(Any, kind)):
             inner = _uncounted(context, builder, part, builder.extract_value(value, i))
             value = builder.insert_value(value, inner, i)
     return value

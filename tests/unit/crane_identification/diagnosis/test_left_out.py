@@ -7,8 +7,8 @@ import pytest
 
 from crane_identification.diagnosis.fit.evidence import Evidence
 from crane_identification.diagnosis.fit.runs import Run
-from crane_identification.diagnosis.search.candidates import Candidate, ShapedCandidate
-from crane_identification.diagnosis.search.visibility import SEEN_SHARE, left_out, seen
+from crane_identification.diagnosis.search.candidates import Candidate, ShapedCandidate, at_shape
+from crane_identification.diagnosis.search.visibility import SEEN_SHARE, left_out
 from crane_model.model_file import Model
 from crane_model.record import Record
 from crane_model.terms import single_axis
@@ -44,20 +44,15 @@ def evidence() -> Evidence:
 
 
 def candidates(evidence: Evidence, candidate: Candidate) -> list[ShapedCandidate]:
-    """All shapes of a candidate; their columns play no part."""
-    return [
-        ShapedCandidate(
-            candidate, shape, candidate.at(shape), np.zeros((0, 2, 1)), np.array([True])
-        )
-        for shape in candidate.grid()
-    ]
+    """All shapes of a candidate."""
+    return [at_shape(evidence, candidate, shape) for shape in candidate.grid()]
 
 
 def test_the_share_of_a_peak_is_that_of_an_exponential(evidence: Evidence) -> None:
     """What fades as exp(-x/travel) has exp(-d/travel) of its norm beyond d."""
     for travel in (0.003, 0.01, 0.03):
         term = Stiction(joint="axis", travel=travel, dwell=0.2)
-        assert seen(evidence, term) == pytest.approx(np.exp(-UNSEEN / travel), rel=0.01)
+        assert evidence.shown(term)[1] == pytest.approx(np.exp(-UNSEEN / travel), rel=0.01)
 
 
 def test_a_short_peak_is_not_sought_and_the_reason_says_where(evidence: Evidence) -> None:

@@ -93,10 +93,10 @@ def trial(*effects: Judged, energy: float = 1000.0, share: float = 0.0, left: fl
         values=(),
         model=MODEL,
         residual=np.zeros((1, 6)),
-        learnt=learnt,
-        law=learnt.follows_law(THRESHOLDS),
         energy=np.concatenate([energy * there, none]),
         left_share=left,
+        learning=lambda: learnt,
+        thresholds=THRESHOLDS,
     )
 
 
