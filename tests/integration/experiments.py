@@ -7,7 +7,7 @@ from typing import Any
 import numpy as np
 import yaml
 from integration.driver_stage import Stage
-from integration.processes import COMMAND_TIMEOUT, CONTROLLER_PRIORITY, RUN, start
+from integration.processes import COMMAND_TIMEOUT, CONTROLLER_PRIORITY, URGENT, start
 from lifecycle_msgs.msg import Transition
 from lifecycle_msgs.srv import ChangeState
 from rcl_interfaces.msg import Parameter, ParameterType, ParameterValue
@@ -17,7 +17,7 @@ from rclpy.action import ActionClient
 from crane_interfaces.action import RunExcitation
 from crane_interfaces.msg import JointReference, ValveCommand
 
-TRAJECTORY = RUN.format(module="crane_trajectory.trajectory_node")
+TRAJECTORY = URGENT.format(module="crane_trajectory.trajectory_node", priority=CONTROLLER_PRIORITY)
 PERIOD = 5.0  # s
 TIMEOUT = COMMAND_TIMEOUT / 2  # s
 SHORT = {
@@ -62,7 +62,7 @@ class Experiments:
 
     def begin(self) -> None:
         own = "--ros-args", "-p", f"states_timeout:={TIMEOUT}"
-        self.process = start(self._program, *own, *self.arguments, priority=CONTROLLER_PRIORITY)
+        self.process = start(self._program, *own, *self.arguments)
         for ready in (self.action.server_is_ready, self._set.service_is_ready):
             self.stage.until(ready)
         self.stage.until(self._change.service_is_ready)
