@@ -30,6 +30,8 @@ SHORT = {
     },
 }
 MOVING = 0.03  # rad/s, m/s
+DEEP = 2000  # messages, while a busy test machine does not take them
+NEXT = 0.0075  # s, by which commands of the next cycle follow
 
 
 class Experiments:
@@ -52,8 +54,8 @@ class Experiments:
         self.commands: list[ValveCommand] = []
         self.feedback: list[Any] = []
         node = stage.node
-        node.create_subscription(JointReference, "/joint_reference", self.references.append, 50)
-        node.create_subscription(ValveCommand, "/valve_command", self.commands.append, 50)
+        node.create_subscription(JointReference, "/joint_reference", self.references.append, DEEP)
+        node.create_subscription(ValveCommand, "/valve_command", self.commands.append, DEEP)
         self.action = ActionClient(node, RunExcitation, "/run_excitation")
         self._set = node.create_client(SetParameters, "/trajectory/set_parameters")
         self._change = node.create_client(ChangeState, "/trajectory/change_state")
@@ -101,6 +103,17 @@ class Experiments:
             if not ending.done():
                 return handle
         raise AssertionError("the crane does not move")
+
+    def largest_step(self) -> float:
+        """Of a command from cycle to cycle; those that come late, or after one that is lost, may
+        have changed by more.
+        """
+        stamps = [one.header.stamp for one in self.commands]
+        time = np.array([stamp.sec + 1e-9 * stamp.nanosec for stamp in stamps])
+        follows = np.diff(time) < NEXT
+        assert np.count_nonzero(follows) > 0.5 * len(follows), "most are on time"
+        moving = np.array([one.command for one in self.commands])
+        return float(np.abs(np.diff(moving, axis=0))[follows].max())
 
     def speed(self) -> float:
         return float(np.abs(self.stage.states[-1].velocity).max())

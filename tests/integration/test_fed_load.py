@@ -3,7 +3,6 @@
 from collections.abc import Callable, Iterator
 from pathlib import Path
 
-import numpy as np
 import pytest
 import yaml
 from integration.driver_stage import Stage, patient_safety
@@ -71,8 +70,7 @@ def test_the_crane_is_led_with_the_load_while_the_scale_tells_it(
         assert told[-1].load == pytest.approx(LOAD, abs=3.0)
         end(scale)
         crane.until(lambda: crane.load == 0.0)
-        moving = np.array([one.command for one in crane.commands])
-        assert np.abs(np.diff(moving, axis=0)).max() < LARGEST_STEP
+        assert crane.largest_step() < LARGEST_STEP
         stage.until(lambda: crane.speed() < MOVING)  # where a fault has ended it
         crane.holds_still()
     finally:

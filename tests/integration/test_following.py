@@ -22,7 +22,8 @@ from crane_trajectory.motion.probe import Probe
 SHOWN = "/shown_pressures"
 FALLEN_BACK = "pressures lost: using the load of the model"
 BEGUN = 6.0  # s of the goal
-LARGEST_STEP = 0.25  # of the command from cycle to cycle: across both dead zones, and a busy cycle
+CYCLE = 0.005  # s
+LARGEST_STEP = 0.25  # of the command from cycle to cycle: across both dead zones
 pytestmark = pytest.mark.realtime
 
 
@@ -82,8 +83,7 @@ def test_without_pressures_it_goes_on_by_the_simpler_law(crane: Experiments) -> 
     assert FALLEN_BACK in result.message
     errors = dict(zip(result.name, result.rms_tracking_error, strict=True))
     assert max(errors.values()) < 2e-3, errors
-    moving = np.array([one.command for one in crane.commands])
-    assert np.abs(np.diff(moving, axis=0)).max() < LARGEST_STEP
+    assert crane.largest_step() < LARGEST_STEP
     crane.holds_still()
     stage.node.destroy_publisher(shown)
 
@@ -169,9 +169,11 @@ def likeness(crane: Experiments, probe: Probe, order: list[str]) -> float:
     commands = [[one.command[one.name.index(joint)] for joint in order] for one in crane.commands]
     change = np.diff(commands, axis=0)
     found = [0.0]
-    for begin in np.arange(time[0], time[-1] - PERIOD, 0.005):
+    for begin in np.arange(time[0], time[-1] - PERIOD, CYCLE):
         within = (time >= begin) & (time < begin + PERIOD)
         steps = np.where(within[:, np.newaxis], probe.course(time - begin, PERIOD, len(order)), 0.0)
         made, leading = np.diff(steps, axis=0), within[1:] & within[:-1]
+        if np.count_nonzero(leading) < 0.5 * PERIOD / CYCLE:
+            continue  # few can be alike by chance: a busy test machine loses some
         found.append(float(np.corrcoef(change[leading].ravel(), made[leading].ravel())[0, 1]))
     return max(found)

@@ -52,7 +52,7 @@ def test_a_defect_ends_the_goal_with_a_message_and_the_crane_at_rest(
         crane.holds_still()
         moved = place in ("law", "watch", "feedback")
         assert any(np.any(one.command) for one in crane.commands) is moved
-        assert not crane.commands or not np.any(crane.commands[-1].command)
+        stage.until(lambda: not crane.commands or not np.any(crane.commands[-1].command))
         assert stage.safety[0] == "enabled", "the driver had to stop the crane"
         assert crane.process.poll() is None
     finally:
