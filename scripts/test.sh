@@ -5,8 +5,9 @@
 # tried once more, alone. Then those of a machine in real time, two at a time, each in a ROS domain
 # and on a bus of its own. In their pauses the unit tests run, in the idle class of the scheduler,
 # which gives way at once. The simulated crane, the driver and who commands it have real-time
-# priority, where that is permitted; where it is not, other work on the same cores makes true faults:
-# what failed in real time is tried once more in the end, alone, with processes of its own.
+# priority, and who watches them goes before other work, where that is permitted; where it is not,
+# other work on the same cores makes true faults: what failed in real time is tried once more in the
+# end, alone, with processes of its own.
 set -euo pipefail
 
 units=() others=()
@@ -32,9 +33,9 @@ if [ ${#units[@]} -gt 0 ]; then
     running=$!
     trap 'kill $running 2>/dev/null || true; rm -f "$log"' EXIT
 fi
-# To import the other files takes seconds.
+# To import the other files takes seconds. `nice` runs its command, too, where that is not permitted.
 mapfile -t without < <(grep -rL --include="test_*.py" "pytest.mark.realtime" tests/integration)
-in_real_time=(python -m pytest -m realtime -o cache_dir=.pytest_cache/realtime "${without[@]/#/--ignore=}" "${others[@]}")
+in_real_time=(nice -n -10 python -m pytest -m realtime -o cache_dir=.pytest_cache/realtime "${without[@]/#/--ignore=}" "${others[@]}")
 failed=0 status=0
 "${in_real_time[@]}" "${one_file_each[@]}" -n 2 || failed=$?
 if [ ${#units[@]} -gt 0 ]; then
