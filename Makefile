@@ -18,7 +18,7 @@
 SHELL := bash
 TESTS ?= tests/integration tests/unit
 # What promises a number beside the benchmarks proper.
-BENCH := tests/benchmarks tests/integration/test_cluster.py \
+BENCH := tests/benchmarks tests/integration/test_bringup.py tests/integration/test_cluster.py \
 	tests/unit/crane_identification/test_estimators.py
 export PYTHON
 # Nothing started from here talks to other machines: env.sh sees to it where this is not set.

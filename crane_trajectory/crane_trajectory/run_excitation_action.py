@@ -16,6 +16,7 @@ from rclpy.task import Future
 
 from crane_interfaces.action import RunExcitation
 from crane_model.errors import ConfigurationError, CraneError
+from crane_trajectory.aside import give_way
 from crane_trajectory.experiment import Experiment, Outcome
 from crane_trajectory.motion.motion import Motion
 from crane_trajectory.motion.periodic import PeriodicTrajectory
@@ -169,6 +170,7 @@ class Goals:
         result: Result[Made] = Result()
 
         def run() -> None:
+            give_way()
             try:
                 result.set_result(work())
             except CraneError as error:

@@ -4,11 +4,13 @@ import json
 
 from integration.processes import CONTROLLER_PRIORITY, PATIENCE, start
 
-COMMANDER = """
-import json, sys, threading, time, rclpy
+COMMANDER = f"""
+import json, os, sys, threading, time, rclpy
 from rclpy.node import Node
+from crane_driver.realtime import prefer
 from crane_interfaces.msg import ValveCommand
-command = {}
+prefer(os.getpid(), {CONTROLLER_PRIORITY})
+command = {{}}
 done = threading.Event()
 def read():
     global command
@@ -34,7 +36,7 @@ class Commander:
     """A process that publishes commands at 100 Hz."""
 
     def __init__(self, *arguments: str) -> None:
-        self.process = start(COMMANDER, *arguments, priority=CONTROLLER_PRIORITY)
+        self.process = start(COMMANDER, *arguments)
         self.send()
 
     def send(self, **commands: float) -> None:

@@ -201,7 +201,7 @@ class Stage:
         """The crane at rest, well, and disabled."""
 
         def well() -> bool:
-            return self.safety[0] == "disabled"
+            return self.safety[1]["state"] == "disabled"
 
         self.call("disable")
         self.until(lambda: not self.valves[-1].enabled)
@@ -220,23 +220,40 @@ class Stage:
         self.until(tried)
         return self
 
-    def moving(self, commander: Commander, **commands: float) -> Self:
-        """Enabled, and the commands at the valves."""
+    def heard(self, commander: Commander, **commands: float) -> None:
+        """The driver hears these commands, which are not neutral: that is why it is not enabled."""
+        commander.send(**commands)
 
-        def arrived() -> bool:
-            last = self.valves[-1]
-            return last.enabled and all(
-                abs(last.commands[joint] - value) < 1e-3 for joint, value in commands.items()
+        def refused() -> bool:
+            self.disabled()
+            enabled, why = self.call("enable")
+            return not enabled and "command neutral first" in why
+
+        self.until(refused)
+
+    def moving(self, commander: Commander, **commands: float) -> Self:
+        """Enabled, and the commands at the valves, from where limits may hold them back."""
+
+        def arrived(since: int) -> bool:
+            return any(
+                one.enabled
+                and all(
+                    abs(one.commands[joint] - value) < 1e-3 for joint, value in commands.items()
+                )
+                for one in self.valves[since:]
             )
 
-        for _ in range(5):  # a test machine that is too busy makes true faults
-            commander.send(slew=0.0)
+        def tried() -> bool:
+            self.heard(commander, **commands)  # else it may be enabled before neutral ones come
+            commander.send(**dict.fromkeys(commands, 0.0))
             self.enabled()
+            since = len(self.valves)
             commander.send(**commands)
-            self.within(lambda: arrived() or not self.valves[-1].enabled)
-            if arrived():
-                return self
-        raise AssertionError(f"not moving; {self.diagnostics}")
+            self.within(lambda: arrived(since) or not self.valves[-1].enabled)
+            return arrived(since)
+
+        self.until(tried)  # again after a true fault, as a busy test machine makes them
+        return self
 
     def within(self, condition: Callable[[], bool], seconds: float = 5.0) -> bool:
         """Whether a condition comes to hold within a time."""

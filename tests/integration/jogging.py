@@ -13,11 +13,9 @@ from collections.abc import Iterator
 from contextlib import contextmanager, suppress
 
 from integration.driver_stage import Stage
-from integration.processes import CONTROLLER_PRIORITY, RUN, end, environment, line
+from integration.processes import CONTROLLER_PRIORITY, URGENT, end, environment, line
 
-from crane_driver.realtime import prefer
-
-JOG = RUN.format(module="crane_driver.operator.jog.jog_node")
+JOG = URGENT.format(module="crane_driver.operator.jog.jog_node", priority=CONTROLLER_PRIORITY)
 REPEAT = 1 / 30  # s, of a key
 CONTROL = re.compile(r"\x1b\[[0-9;?]*[a-zA-Z]")
 
@@ -36,7 +34,6 @@ class Terminal:
             stderr=self.slave,
             env=environment() | {"TERM": "xterm"},
         )
-        prefer(self.process.pid, CONTROLLER_PRIORITY)
         self._shown = ""
         self._reader = threading.Thread(target=self._read)
         self._reader.start()

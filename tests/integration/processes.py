@@ -6,8 +6,6 @@ import socket
 import subprocess
 import sys
 
-from crane_driver.realtime import prefer
-
 PATIENCE = 120.0  # s, bounds a failing test; a passing one ends with its condition
 # A busy test machine is late by itself: here frames may come much later than on a real bus.
 TIMING = {"late": 200, "missing": 300, "lost": 2}
@@ -17,8 +15,16 @@ COMMAND_TIMEOUT = 0.6  # s, of the driver, for the same reason
 MACHINE_PRIORITY, CONTROLLER_PRIORITY = 60, 40
 
 RUN = "import sys; from {module} import main; sys.exit(main(sys.argv[1:]))"
+# Once it is imported, which takes a second: until then it would hold up a crane that moves.
+URGENT = """
+import os, sys
+from crane_driver.realtime import prefer
+from {module} import main
+prefer(os.getpid(), {priority})
+sys.exit(main(sys.argv[1:]))
+"""
 DRIVER = RUN.format(module="crane_driver.driver_node")
-MACHINE = RUN.format(module="crane_sim.bus.simulated_crane")
+MACHINE = URGENT.format(module="crane_sim.bus.simulated_crane", priority=MACHINE_PRIORITY)
 
 
 def free_port() -> int:
@@ -35,17 +41,14 @@ def environment() -> dict[str, str]:
     return os.environ | {"PYTHONPATH": os.pathsep.join(sys.path)}
 
 
-def start(program: str, *arguments: str, priority: int = 0) -> subprocess.Popen[str]:
-    process = subprocess.Popen(
+def start(program: str, *arguments: str) -> subprocess.Popen[str]:
+    return subprocess.Popen(
         line(program, *arguments),
         stdin=subprocess.PIPE,
         stdout=subprocess.PIPE,
         text=True,
         env=environment(),
     )
-    if priority := MACHINE_PRIORITY if program == MACHINE else priority:
-        prefer(process.pid, priority)
-    return process
 
 
 def end(process: subprocess.Popen[str], number: int = signal.SIGTERM) -> int:

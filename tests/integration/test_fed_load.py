@@ -3,12 +3,11 @@
 from collections.abc import Callable, Iterator
 from pathlib import Path
 
-import numpy as np
 import pytest
 import yaml
 from integration.driver_stage import Stage, patient_safety
-from integration.experiments import MOVING, Experiments
-from integration.processes import RUN, end, start
+from integration.experiments import MOVING, TRAJECTORY, Experiments
+from integration.processes import PATIENCE, RUN, end, start
 from integration.test_following import LARGEST_STEP
 from known_crane import write_known_model
 
@@ -20,7 +19,6 @@ LOAD = 60.0  # kg, which no model knows of
 TOLD, LED = "/tip_load", "load at the tip [kg]"
 TRIES = 8
 REPORTED = 2.0  # s, in which /diagnostics has the end of a goal
-pytestmark = pytest.mark.realtime
 
 
 @pytest.fixture
@@ -55,6 +53,7 @@ class Led(Experiments):
         raise AssertionError(f"led with {self.load} kg")
 
 
+@pytest.mark.realtime
 def test_the_crane_is_led_with_the_load_while_the_scale_tells_it(
     tmp_path: Path, stage: Stage
 ) -> None:
@@ -71,8 +70,7 @@ def test_the_crane_is_led_with_the_load_while_the_scale_tells_it(
         assert told[-1].load == pytest.approx(LOAD, abs=3.0)
         end(scale)
         crane.until(lambda: crane.load == 0.0)
-        moving = np.array([one.command for one in crane.commands])
-        assert np.abs(np.diff(moving, axis=0)).max() < LARGEST_STEP
+        assert crane.largest_step() < LARGEST_STEP
         stage.until(lambda: crane.speed() < MOVING)  # where a fault has ended it
         crane.holds_still()
     finally:
@@ -80,7 +78,6 @@ def test_the_crane_is_led_with_the_load_while_the_scale_tells_it(
         end(crane.process)
 
 
-def test_a_law_without_a_model_refuses_it(tmp_path: Path, stage: Stage) -> None:
+def test_a_law_without_a_model_refuses_it(ros_domain: int) -> None:
     parameters = "--ros-args", "-p", "largest_tip_load:=150.0", "-p", "autostart:=true"
-    node = start(RUN.format(module="crane_trajectory.trajectory_node"), *parameters)
-    assert node.wait(60.0) == 1
+    assert start(TRAJECTORY, *parameters).wait(PATIENCE) == 1

@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 import yaml
 from integration.driver_stage import Stage
-from integration.experiments import PERIOD, SHORT, Experiments
+from integration.experiments import PERIOD, SHORT, Experiments, made
 from integration.processes import end
 from known_crane import write_known_model
 from lifecycle_msgs.msg import Transition
@@ -22,7 +22,8 @@ from crane_trajectory.motion.probe import Probe
 SHOWN = "/shown_pressures"
 FALLEN_BACK = "pressures lost: using the load of the model"
 BEGUN = 6.0  # s of the goal
-LARGEST_STEP = 0.25  # of the command from cycle to cycle: across both dead zones, and a busy cycle
+CYCLE = 0.005  # s
+LARGEST_STEP = 0.25  # of the command from cycle to cycle: across both dead zones
 pytestmark = pytest.mark.realtime
 
 
@@ -82,8 +83,7 @@ def test_without_pressures_it_goes_on_by_the_simpler_law(crane: Experiments) -> 
     assert FALLEN_BACK in result.message
     errors = dict(zip(result.name, result.rms_tracking_error, strict=True))
     assert max(errors.values()) < 2e-3, errors
-    moving = np.array([one.command for one in crane.commands])
-    assert np.abs(np.diff(moving, axis=0)).max() < LARGEST_STEP
+    assert crane.largest_step() < LARGEST_STEP
     crane.holds_still()
     stage.node.destroy_publisher(shown)
 
@@ -122,9 +122,7 @@ def test_a_law_changes_at_rest_alone_and_a_wrong_model_leads_nothing(
 
 def test_a_tenth_of_the_tolerance_ends_it(crane: Experiments) -> None:
     assert crane.set("tracking_tolerance.outer_boom", 1e-4) == (True, "")
-    crane.stage.enabled()
-    result = crane.result(crane.send())
-    assert result.outcome == Outcome.TRACKING_LOST, result.message
+    result = crane.ended(Outcome.TRACKING_LOST)
     assert "is beyond the tolerance 1e-05 rad" in result.message
     crane.holds_still()
 
@@ -145,14 +143,7 @@ def test_computed_force_leads_a_motion_with_a_probe_on_top(crane: Experiments) -
     file.write_text(yaml.safe_dump({**SHORT, "probe": probe.model_dump()}))
     shown = stage.node.create_publisher(CylinderPressures, SHOWN, 10)
     stage.node.create_subscription(CylinderPressures, "/cylinder_pressures", shown.publish, 10)
-    for _ in range(5):  # a test machine that is too busy makes true faults
-        stage.enabled()
-        crane.commands.clear()
-        crane.references.clear()
-        result = crane.result(crane.send(file))
-        if result.outcome == Outcome.COMPLETED:
-            break
-    assert result.outcome == Outcome.COMPLETED, result.message
+    result = crane.ended(Outcome.COMPLETED, file)
     order = list(SHORT["joints"])
     errors = dict(zip(result.name, result.rms_tracking_error, strict=True))
     assert max(errors.values()) < 10e-3, errors
@@ -164,14 +155,15 @@ def likeness(crane: Experiments, probe: Probe, order: list[str]) -> float:
     """The correlation of the changes of all commands with those of the probe of the joints in this
     order, which began at the time at which that is largest.
     """
-    stamps = [one.header.stamp for one in crane.commands]
-    time = np.array([stamp.sec + 1e-9 * stamp.nanosec for stamp in stamps])
+    time = np.array([made(one) for one in crane.commands])
     commands = [[one.command[one.name.index(joint)] for joint in order] for one in crane.commands]
     change = np.diff(commands, axis=0)
     found = [0.0]
-    for begin in np.arange(time[0], time[-1] - PERIOD, 0.005):
+    for begin in np.arange(time[0], time[-1] - PERIOD, CYCLE):
         within = (time >= begin) & (time < begin + PERIOD)
         steps = np.where(within[:, np.newaxis], probe.course(time - begin, PERIOD, len(order)), 0.0)
-        made, leading = np.diff(steps, axis=0), within[1:] & within[:-1]
-        found.append(float(np.corrcoef(change[leading].ravel(), made[leading].ravel())[0, 1]))
+        moved, leading = np.diff(steps, axis=0), within[1:] & within[:-1]
+        if np.count_nonzero(leading) < 0.5 * PERIOD / CYCLE:
+            continue  # few can be alike by chance: a busy test machine loses some
+        found.append(float(np.corrcoef(change[leading].ravel(), moved[leading].ravel())[0, 1]))
     return max(found)

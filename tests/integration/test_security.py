@@ -1,5 +1,6 @@
 """The policies of SROS2 allow each node what it does, and nobody else to command the valves."""
 
+import gc
 import re
 import subprocess
 import time
@@ -134,6 +135,7 @@ ALLOWED = of_namespace("")
 def running(make: Callable[[], Node], domain: int, namespace: str) -> Iterator[Node]:
     """A node, active if it can be so without files of a crane, of which the graph tells."""
     remapping = ["--ros-args", "-r", f"__ns:={namespace}"] if namespace else []
+    gc.collect()  # a managed node is in the graph until then, and would be told of in its place
     rclpy.init(args=["node", *remapping], domain_id=domain)
     try:
         node = make()
