@@ -10,7 +10,8 @@ from crane_model.array import Array
 from crane_observer.scale.filter import MASS, MOMENT, Balanced, LoadFilter
 
 CENTRED = 0.01  # m, standard deviation of the centre of a load that hangs at the tip
-ELSEWHERE = 3.0  # standard deviations, from which on it does not hang there
+ELSEWHERE = 5.0  # standard deviations, from which on it does not hang there: accelerations are told
+# badly, and by the same errors in window after window
 KNOWN_CENTRE = 0.1  # m, standard deviation up to which motion has told the centre
 
 
