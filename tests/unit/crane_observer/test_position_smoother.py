@@ -31,8 +31,8 @@ class LinearCase:
     variance: Array
 
     @classmethod
-    def drawn(cls) -> "LinearCase":
-        rng = np.random.default_rng(5)
+    def drawn(cls, seed: int = 5) -> "LinearCase":
+        rng = np.random.default_rng(seed)
         slopes = np.zeros((TIMES, MOVED, SIZE))
         slopes[:, :, MOVED:] = rng.normal(size=(TIMES, MOVED, SIZE - MOVED))
         slopes[:, range(MOVED), range(MOVED)] = rng.uniform(0.8, 1.2, (TIMES, MOVED))
@@ -60,15 +60,19 @@ class LinearCase:
         whole[range(MOVED), range(MOVED)] += self.noise[k]
         return np.asarray(whole)
 
+    def step(self, state: KeptGaussian, k: int, z: Array) -> None:
+        """The filter's, with the measurement z (SEEN,)."""
+        state.relax(self.decay[k], self.added[k])
+        way = self.slopes[k] @ state.x - state.x[:MOVED]
+        state.move(way, self.slopes[k], self.noise[k])
+        state.correct(self.H[k], z - self.H[k] @ state.x, self.variance[k])
+
     def smoothed(self, mean: Array, z: Array, estimated: int) -> list[Gaussian]:
         """After the start and each step, by the smoother."""
         state = KeptGaussian(Gaussian(mean.copy(), self.root @ self.root.T, estimated))
         marks = [(0, state.now())]
         for k in range(TIMES):
-            state.relax(self.decay[k], self.added[k])
-            way = self.slopes[k] @ state.x - state.x[:MOVED]
-            state.move(way, self.slopes[k], self.noise[k])
-            state.correct(self.H[k], z[k] - self.H[k] @ state.x, self.variance[k])
+            self.step(state, k, z[k])
             marks.append((len(state.steps), state.now()))
         later, found = KnownLater(SIZE), []
         for count, then in reversed(marks):
@@ -121,6 +125,23 @@ def test_covariances_are_the_sum_of_all_responses(estimated: int) -> None:
     for wanted, one in zip(total, found, strict=True):
         np.testing.assert_allclose(one.P, wanted, rtol=1e-6, atol=1e-8)
         np.testing.assert_array_equal(one.x[estimated:], 0.0)
+
+
+@pytest.mark.parametrize("considered", [1, 2])
+def test_hindsight_makes_no_state_less_sure(considered: int) -> None:
+    """Though nothing is learnt of states that are considered."""
+    for seed in range(20):
+        case, estimated = LinearCase.drawn(seed), SIZE - considered
+        state = KeptGaussian(Gaussian(np.zeros(SIZE), case.root @ case.root.T, estimated))
+        z, known_then = np.zeros((TIMES, SEEN)), [state.now()]
+        for k in range(TIMES):
+            case.step(state, k, z[k])
+            known_then.append(state.now())
+        for then, later in zip(
+            known_then, case.smoothed(np.zeros(SIZE), z, estimated), strict=True
+        ):
+            variances = np.diag(later.P)[:estimated] / np.diag(then.P)[:estimated]
+            assert (variances < 1.0 + 1e-6).all()
 
 
 def responses(case: LinearCase) -> Iterator[tuple[Array, Array]]:

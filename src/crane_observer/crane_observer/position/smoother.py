@@ -2,13 +2,15 @@
 
 With d the correction of a mean, and errors e, where e_s = S e + n and N is the covariance of n:
 
-    prediction  C = P F^T P'^-1    d = C d'             S = I + C (S' - I) F
+    prediction  C = P F^T (I - S')^T ((I - S') P' (I - S')^T + N')^-1
+                d = C d'             S = I + C (S' - I) F
                 N = C (N' + (S' - I) Q (S' - I)^T) C^T
-    correction  K the gain         d = d' + x' - x      S = S' (I - K H)
-                N = N' + S' K R K^T S'^T
+    correction  K the gain           S = S' (I - K H)
+                d = d' + x' - x      N = N' + S' K R K^T S'^T
 
-with ' after the step, and P_s = S P S^T + N. This holds for any gains, as that of a filter that
-considers some states and does not estimate them; the smoother does not either.
+with ' after the step, and P_s = S P S^T + N, which holds for any gains. C is the one with the least
+P_s. Where all states are estimated it is P F^T P'^-1; where some are considered and not estimated,
+of which nothing is learnt in hindsight either, that one would make states less sure.
 """
 
 import numpy as np
@@ -41,11 +43,14 @@ class KnownLater:
 
     def _predict(self, step: Prediction) -> None:
         P, F, after = step.before.P, step.F, step.after.P
-        scale = 1.0 / np.sqrt(np.diag(after))
-        alike = after * np.outer(scale, scale) + RIDGE * np.eye(len(after))
-        C = cho_solve(cho_factor(alike), (F @ P) * scale[:, np.newaxis]).T * scale
-        C[step.before.estimated :] = 0.0
         away = self._S - np.eye(len(after))
+        learnt = away @ after @ away.T + self._N
+        known = slice(step.before.estimated)
+        scale = 1.0 / np.sqrt(np.diag(after)[known])
+        alike = learnt[known, known] * np.outer(scale, scale) + RIDGE * np.eye(len(scale))
+        shared = (away @ F @ P)[known, known] * scale[:, np.newaxis]
+        C = np.zeros_like(P)
+        C[known, known] = -cho_solve(cho_factor(alike), shared).T * scale
         noise = after - F @ P @ F.T
         self._N = C @ (self._N + away @ noise @ away.T) @ C.T
         self._S = np.eye(len(after)) + C @ away @ F

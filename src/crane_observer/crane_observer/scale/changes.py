@@ -11,17 +11,21 @@ import math
 from dataclasses import dataclass, replace
 
 import numpy as np
+from scipy.special import log_ndtr
 
-from crane_model.array import Array
 from crane_observer.scale.doubt import ModelDoubt
-from crane_observer.scale.filter import MASS, MOMENT, Balanced, LoadFilter
+from crane_observer.scale.filter import TARE, Balanced, LoadFilter
+from crane_observer.scale.weighing import TipLoad, load_of
 
 LIKELIER = 10.0  # logarithm of how much better another load must foretell than the same load
 LEADING = 2  # windows in succession: a single one may be odd
 CERTAIN = 3.0  # standard deviations, by which its load must differ from that before
+AS_SURE = 2.0  # times the standard deviation of the same load, with which another that is no
+# other one takes its place: the same, but with errors of the model that foretell better
 OTHERS = 24  # at most; the least likely goes
+NEW = 12  # of these, which have had no time to become likely
+LIGHTEST = 10.0  # kg that may be missing at the tip, of what the model has there
 OVERLAP = 2  # windows that hold samples of a moment: some of before, some of after a change
-TAIL = 4.0  # degrees of freedom of Student's t: a window that nothing explains decides little
 
 
 @dataclass
@@ -33,15 +37,32 @@ class OtherLoad:
     windows: int = 0
     ahead: float = 0.0
     leading: int = 0  # windows in succession by which it was far ahead
+    seldom: float = LIKELIER  # logarithm of how seldom one comes; 0 where one has come
 
-    def differs(self, same: LoadFilter) -> bool:
+    @property
+    def load(self) -> TipLoad:
+        """What it says."""
+        return load_of(self.filter.x, self.filter.P)
+
+    @property
+    def likelihood(self) -> float:
+        """How likely it is, beside the same load (logarithm): nothing hangs there by less than
+        nothing.
+        """
+        return self.ahead + possible(self.filter)
+
+    def differs(self, same: TipLoad) -> bool:
         """Whether it is another load, and not the `same` with other errors beside it."""
-        apart = abs(float(self.filter.x[MASS] - same.x[MASS]))
-        return apart > CERTAIN * math.sqrt(float(self.filter.P[MASS, MASS]))
+        load = self.load
+        return abs(load.mass - same.mass) > CERTAIN * load.deviation
+
+    def as_sure(self, same: TipLoad) -> bool:
+        """Whether it is known about as well as the `same`."""
+        return self.load.deviation < AS_SURE * same.deviation
 
     def beside(self, chosen: "OtherLoad") -> "OtherLoad":
         """The same, where `chosen` is what hangs there: it may have come later than it seems."""
-        return replace(self, ahead=self.ahead - chosen.ahead, leading=0)
+        return replace(self, ahead=self.ahead - chosen.ahead, leading=0, seldom=0.0)
 
     def add(self, window: Balanced, same: float) -> None:
         """One more window, of which the `same` load was so likely; those that overlap its beginning
@@ -51,8 +72,14 @@ class OtherLoad:
         if self.windows <= OVERLAP:
             self.filter.begin(window)
         else:
-            self.ahead += take(self.filter, window) - same
-            self.leading = self.leading + 1 if self.ahead > LIKELIER else 0
+            self.ahead += self.filter.take(window) - same
+
+
+def possible(one: LoadFilter) -> float:
+    """Logarithm of how likely it is that what hangs there weighs something."""
+    load = load_of(one.x, one.P)
+    hung = load.mass + float(one.x[TARE]) + LIGHTEST
+    return float(log_ndtr(hung / math.hypot(load.deviation, math.sqrt(one.P[TARE, TARE]))))
 
 
 class Changes:
@@ -69,46 +96,42 @@ class Changes:
         self._others = []
 
     @property
-    def mixture(self) -> tuple[Array, Array]:
-        """Mean (2,) and covariance (2, 2) of mass and moment: of the same load, and of others that
-        it may surely be instead, each as likely as it foretells; those that are as likely as what
-        would be believed count as much as the same load.
+    def load(self) -> TipLoad:
+        """The same load, and others that it may surely be instead, each as likely as it foretells;
+        those that are as likely as what would be believed count as much as the same load.
         """
-        doubted = [one for one in self._others if one.differs(self.filter)]
-        ahead = np.array([0.0, *(min(one.ahead, LIKELIER) - LIKELIER for one in doubted)])
-        share = np.exp(ahead) / np.exp(ahead).sum()
-        filters = [self.filter, *(one.filter for one in doubted)]
-        at = [MASS, MOMENT]
-        means = np.array([one.x[at] for one in filters])
-        mean = share @ means
-        away = means - mean
-        spread = np.array([one.P[np.ix_(at, at)] for one in filters])
-        return mean, np.einsum("k,kij->ij", share, spread) + (share * away.T) @ away
+        same = load_of(self.filter.x, self.filter.P)
+        doubted = [one for one in self._others if one.differs(same)]
+        believed = possible(self.filter)
+        ahead = [min(one.likelihood - believed - one.seldom, 0.0) for one in doubted]
+        share = np.exp([0.0, *ahead])
+        share /= share.sum()
+        loads = [same, *(one.load for one in doubted)]
+        masses = np.array([one.mass for one in loads])
+        variances = np.array([one.deviation**2 for one in loads])
+        mean = float(share @ masses)
+        variance = float(share @ (variances + (masses - mean) ** 2))
+        return same._replace(mass=mean, deviation=math.sqrt(variance))
 
     def add(self, time: float, window: Balanced) -> bool:
         """One more window; whether it shows that there is another load."""
         other = self.filter.copy()
         other.another_load()
         self._others.append(OtherLoad(time, other))
-        same = take(self.filter, window)
+        same = self.filter.take(window)
         for one in self._others:
             one.add(window, same)
-        best = max(self._others, key=lambda one: one.ahead)
-        if best.leading >= LEADING and best.differs(self.filter):
-            self.since, self.filter = best.since, best.filter
+        enough = possible(self.filter) + LIKELIER
+        for one in self._others:
+            one.leading = one.leading + 1 if one.likelihood > enough else 0
+        best = max(self._others, key=lambda one: one.likelihood)
+        believed = load_of(self.filter.x, self.filter.P)
+        changed = best.differs(believed)
+        if best.leading >= LEADING and (changed or best.as_sure(believed)):
+            self.since = best.since if changed else self.since
+            self.filter = best.filter
             self._others = [one.beside(best) for one in self._others if one.since > best.since]
-            return True
+            return changed
         if len(self._others) > OTHERS:
-            self._others.remove(min(self._others, key=lambda one: one.ahead))
+            self._others.remove(min(self._others[:-NEW], key=lambda one: one.likelihood))
         return False
-
-
-def take(one: LoadFilter, window: Balanced) -> float:
-    """All that a window tells; how likely it was (logarithm, but for a constant)."""
-    one.begin(window)
-    H, innovation, variance = one.innovation(window)
-    spread: Array = H @ one.P @ H.T + np.diag(variance)
-    away = float(innovation @ np.linalg.solve(spread, innovation))
-    one.correct(H, innovation, variance)
-    tail = 0.5 * (TAIL + len(innovation)) * math.log1p(away / TAIL)
-    return -tail - 0.5 * float(np.linalg.slogdet(spread)[1])

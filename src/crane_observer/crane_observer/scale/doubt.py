@@ -1,7 +1,7 @@
 """How far an identified model is trusted when something is weighed with it."""
 
 import math
-from dataclasses import dataclass, replace
+from typing import NamedTuple
 
 from crane_model.model_file import Model
 from crane_observer.position.state import Trust
@@ -10,8 +10,7 @@ from crane_observer.scale.kinds import CARRIED, DRY, PLACE, SLOW, STICK, VISCOUS
 SHARPER = 2.0  # power of the share that the position sensor trusts less: no flow is used here
 
 
-@dataclass(frozen=True)
-class ModelDoubt:
+class ModelDoubt(NamedTuple):
     """Standard deviations, and for how long errors stay; of a model that deserves little trust."""
 
     zero: float = 0.3e5  # Pa, of the piston's force, for as long as anybody weighs
@@ -36,7 +35,7 @@ class ModelDoubt:
         share = (Trust.of(model).dry / Trust().dry) ** SHARPER
         blamed = ("zero", "slow", "dry", "viscous", "carried", "noise", "tool", "drift")
         full = cls()
-        return replace(full, **{name: share * getattr(full, name) for name in blamed})
+        return full._replace(**{name: share * getattr(full, name) for name in blamed})
 
     @property
     def kinds(self) -> dict[int, tuple[float, float]]:

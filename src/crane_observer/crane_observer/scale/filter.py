@@ -1,4 +1,4 @@
-"""The load and what the model is wrong about, from one window after another.
+"""The load and what the model is wrong about, from one window after another, compiled.
 
     tau = tau_0 + (m + t) h_m + s h_s + d D + e V + c C + B (z + b) + P p
 
@@ -11,9 +11,12 @@ each of which the balance is wrong by P. A joint that stands has its dry frictio
 both directions, and elsewhere in each window.
 """
 
-from typing import NamedTuple
+import math
+from copy import copy
+from typing import NamedTuple, Self
 
 import numpy as np
+from numba import njit
 
 from crane_model.array import Array, Flags
 from crane_observer.position.kalman import correct, relax
@@ -26,6 +29,7 @@ HEAVY = 100.0  # kg, standard deviation of a load of which nothing is known
 FAR = 0.5  # m beyond the tip, of the centre of one
 TAKEN = 0.05  # kg, kg m: how well a tare is zero
 OUTLYING = 3.0  # standard deviations, from which on a measurement counts less
+TAIL = 4.0  # degrees of freedom of Student's t: a window that nothing explains decides little
 
 
 class Balanced(NamedTuple):
@@ -58,18 +62,18 @@ class LoadFilter:
         """The states of a kind, by joint."""
         return slice(3 + kind * self.joints, 3 + (kind + 1) * self.joints)
 
-    def copy(self) -> "LoadFilter":
+    def copy(self) -> Self:
         """As it is now."""
-        other = LoadFilter(self.doubt, self.joints)
+        other = copy(self)
         other.x, other.P, other._stood = self.x.copy(), self.P.copy(), self._stood.copy()
         return other
 
     def another_load(self) -> None:
         """A load came or went: nothing is known of it, nor of friction where a joint stands."""
-        self._forget([MASS, MOMENT], np.array([HEAVY, HEAVY * FAR]))
-        self._forget(
-            range(*self.of(STICK).indices(len(self.x))), np.full(self.joints, self.doubt.held)
-        )
+        _forget(self.x, self.P, MASS, HEAVY)
+        _forget(self.x, self.P, MOMENT, HEAVY * FAR)
+        for place in range(*self.of(STICK).indices(len(self.x))):
+            _forget(self.x, self.P, place, self.doubt.held)
 
     def tare(self) -> None:
         """What hangs at the tip counts as nothing from now on."""
@@ -83,56 +87,95 @@ class LoadFilter:
         self.x, self.P = move @ self.x, move @ self.P @ move.T
         self.P[[MASS, MOMENT], [MASS, MOMENT]] += TAKEN**2
 
-    def drift(self, duration: float) -> None:
-        """Some time [s] goes by."""
-        decay = np.exp(-duration / self._stay)
-        added = (1.0 - decay**2) * self.prior**2
-        added[MASS] += self.doubt.drift**2 * duration
-        relax(self.x, self.P, decay, added)
-
     def innovation(self, window: Balanced) -> tuple[Array, Array, Array]:
         """Slopes (r, size), innovations and variances (r,) of the joints that tell something."""
-        one, doubt, rows = window.balance, self.doubt, np.arange(self.joints)
-        dry = np.where(window.upwards, one.up, one.down)
-        middle, range_ = 0.5 * (one.up + one.down), 0.5 * np.abs(one.up - one.down)
-        H = np.zeros((self.joints, len(self.x)))
-        H[:, MASS], H[:, MOMENT], H[:, TARE] = one.mass, one.moment, one.mass
-        H[:, self.of(ZERO)] = H[:, self.of(SLOW)] = one.by_pressure
-        H[rows, self.of(DRY).start + rows] = np.where(window.moving, dry, 0.0)
-        H[rows, self.of(VISCOUS).start + rows] = one.viscous
-        H[rows, self.of(STICK).start + rows] = np.where(window.standing, range_, 0.0)
-        H[:, self.of(PLACE)] = window.by_place
-        carried = one.asked - one.viscous - one.inertial + self.x[MASS] * one.mass
-        by_load = np.where(window.moving, np.sign(dry * carried), 0.0)
-        H[rows, self.of(CARRIED).start + rows] = by_load * carried
-        known = one.asked + np.where(window.moving, dry, middle)
-        own = np.abs(one.by_pressure).sum(axis=1)
-        variance = own**2 * (doubt.noise**2 + doubt.sensors**2)
-        variance += (doubt.inertia * one.inertial) ** 2
-        variance += np.where(window.moving, 0.0, range_**2) * np.where(
-            window.standing, doubt.creep**2, 1.0
-        )
-        innovation = one.force - known - H @ self.x
-        H[:, MASS] += self.x[self.of(CARRIED)] * by_load * one.mass
-        told = np.isfinite(innovation + variance)
-        return H[told], innovation[told], variance[told]
+        return innovation(self.x, window, self.doubt)
 
     def begin(self, window: Balanced) -> None:
         """Time goes by, and joints that come to stand hold by friction of their own."""
-        self.drift(window.duration)
-        stopped = np.flatnonzero(window.standing & ~self._stood)
-        self._forget(self.of(STICK).start + stopped, np.full(len(stopped), self.doubt.held))
-        self._stood = window.standing.copy()
+        begin(self.x, self.P, self.prior, self._stay, self._stood, window, self.doubt)
 
-    def correct(self, H: Array, innovation: Array, variance: Array) -> None:
-        """By what `innovation` gave."""
-        away = np.abs(innovation) / np.sqrt(variance + np.einsum("ik,kl,il->i", H, self.P, H))
-        variance = variance * np.maximum(1.0, away / OUTLYING) ** 2
-        correct(self.x, self.P, H, innovation, variance, len(self.x))
-        self.x[self.of(STICK)] = np.clip(self.x[self.of(STICK)], -1.0, 1.0)
+    def take(self, window: Balanced) -> float:
+        """All that a window tells; how likely it was (logarithm, but for a constant)."""
+        self.begin(window)
+        return take(self.x, self.P, window, self.doubt)
 
-    def _forget(self, places: object, deviations: Array) -> None:
-        """Nothing is known of these states any more but that they are about zero."""
-        at = np.array(places, dtype=int)
-        self.P[at], self.P[:, at], self.x[at] = 0.0, 0.0, 0.0
-        self.P[at, at] = deviations**2
+
+@njit(cache=True, error_model="numpy")
+def begin(
+    x: Array, P: Array, prior: Array, stay: Array, stood: Flags, window: Balanced, doubt: ModelDoubt
+) -> None:
+    """In place; `stood` (j,) joints in the last window. See `LoadFilter.begin`."""
+    decay = np.exp(-window.duration / stay)
+    added = (1.0 - decay**2) * prior**2
+    added[MASS] += doubt.drift**2 * window.duration
+    relax(x, P, decay, added)
+    joints = len(stood)
+    for j in range(joints):
+        if window.standing[j] and not stood[j]:
+            _forget(x, P, 3 + STICK * joints + j, doubt.held)
+        stood[j] = window.standing[j]
+
+
+@njit(cache=True, error_model="numpy")
+def innovation(x: Array, window: Balanced, doubt: ModelDoubt) -> tuple[Array, Array, Array]:
+    """Slopes (r, size), innovations and variances (r,) of the joints that tell something, with
+    the state x (size,).
+    """
+    one, joints = window.balance, len(window.moving)
+    H, innovation = np.zeros((joints, len(x))), np.zeros(joints)
+    variance, told = np.zeros(joints), np.zeros(joints, dtype=np.bool_)
+    for j in range(joints):
+        moving, standing = window.moving[j], window.standing[j]
+        dry = one.up[j] if window.upwards[j] else one.down[j]
+        middle, range_ = 0.5 * (one.up[j] + one.down[j]), 0.5 * abs(one.up[j] - one.down[j])
+        H[j, MASS], H[j, MOMENT], H[j, TARE] = one.mass[j], one.moment[j], one.mass[j]
+        own = 0.0
+        for k in range(joints):
+            H[j, 3 + ZERO * joints + k] = one.by_pressure[j, k]
+            H[j, 3 + SLOW * joints + k] = one.by_pressure[j, k]
+            H[j, 3 + PLACE * joints + k] = window.by_place[j, k]
+            own += abs(one.by_pressure[j, k])
+        H[j, 3 + VISCOUS * joints + j] = one.viscous[j]
+        variance[j] = own**2 * (doubt.noise**2 + doubt.sensors**2)
+        variance[j] += (doubt.inertia * one.inertial[j]) ** 2
+        by_load = 0.0
+        if moving:
+            carried = one.asked[j] - one.viscous[j] - one.inertial[j] + x[MASS] * one.mass[j]
+            by_load = np.sign(dry * carried)
+            H[j, 3 + DRY * joints + j] = dry
+            H[j, 3 + CARRIED * joints + j] = by_load * carried
+        elif standing:
+            H[j, 3 + STICK * joints + j] = range_
+            variance[j] += (range_ * doubt.creep) ** 2
+        else:
+            variance[j] += range_**2
+        known = one.asked[j] + (dry if moving else middle)
+        innovation[j] = one.force[j] - known - H[j] @ x
+        H[j, MASS] += x[3 + CARRIED * joints + j] * by_load * one.mass[j]
+        told[j] = np.isfinite(innovation[j] + variance[j])
+    return H[told], innovation[told], variance[told]
+
+
+@njit(cache=True, error_model="numpy")
+def take(x: Array, P: Array, window: Balanced, doubt: ModelDoubt) -> float:
+    """In place, when the window has begun. See `LoadFilter.take`."""
+    H, away, variance = innovation(x, window, doubt)
+    spread = H @ P @ H.T + np.diag(variance)
+    squared = away @ np.linalg.solve(spread, away)
+    likelihood = -0.5 * (TAIL + len(away)) * math.log1p(squared / TAIL)
+    likelihood -= 0.5 * np.linalg.slogdet(spread)[1]
+    far = np.abs(away) / np.sqrt(np.diag(spread))
+    variance = variance * np.maximum(1.0, far / OUTLYING) ** 2
+    correct(x, P, H, away, variance, len(x))
+    joints = len(window.moving)
+    for place in range(3 + STICK * joints, 3 + (STICK + 1) * joints):
+        x[place] = min(max(x[place], -1.0), 1.0)
+    return likelihood
+
+
+@njit(cache=True, error_model="numpy")
+def _forget(x: Array, P: Array, place: int, deviation: float) -> None:
+    """Nothing is known of a state any more but that it is about zero."""
+    P[place], P[:, place], x[place] = 0.0, 0.0, 0.0
+    P[place, place] = deviation**2

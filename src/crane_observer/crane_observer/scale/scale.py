@@ -14,7 +14,7 @@ from crane_observer.scale.changes import Changes
 from crane_observer.scale.doubt import ModelDoubt
 from crane_observer.scale.filter import MASS, Balanced
 from crane_observer.scale.readings import HeldReadings
-from crane_observer.scale.weighing import TipLoad, attainable, load_of
+from crane_observer.scale.weighing import TipLoad, attainable
 from crane_observer.scale.window import means, slowest_and_fastest
 
 WINDOW = 0.3  # s
@@ -167,5 +167,5 @@ class Scale:
         return MeanMotion(q, v, a, p[:j], p[j:]), speeds, deviation
 
     def _told(self, end: float, condition: ScaleCondition, changed: bool = False) -> Weighing:
-        load = load_of(*self._changes.mixture)
+        load = self._changes.load
         return Weighing(end, load, condition, changed, self._changes.since, self._moved)

@@ -4,12 +4,14 @@ import math
 from typing import NamedTuple
 
 import numpy as np
+from numba import njit
 
 from crane_model.array import Array
-from crane_observer.scale.filter import MASS, Balanced, LoadFilter
+from crane_observer.scale.filter import MASS, MOMENT, Balanced, LoadFilter
 
 CENTRED = 0.01  # m, standard deviation of the centre of a load that hangs at the tip
-ELSEWHERE = 3.0  # standard deviations, from which on it does not hang there
+ELSEWHERE = 5.0  # standard deviations, from which on it does not hang there: accelerations are told
+# badly, and by the same errors in window after window
 KNOWN_CENTRE = 0.1  # m, standard deviation up to which motion has told the centre
 
 
@@ -22,24 +24,22 @@ class TipLoad(NamedTuple):
     centre_deviation: float  # m; NaN where not known
 
 
-def load_of(mean: Array, spread: Array) -> TipLoad:
-    """From mass and moment, mean (2,) and covariance (2, 2). A load hangs at the tip itself unless
-    motion tells that it does not.
+@njit(cache=True, error_model="numpy")
+def load_of(x: Array, P: Array) -> TipLoad:
+    """From the state x (size,) of a filter and its covariance P (size, size). A load hangs at the
+    tip itself unless motion tells that it does not.
     """
-    m, s = mean
-    by_moment = math.sqrt(spread[1, 1])
+    m, s, variance = x[MASS], x[MOMENT], P[MASS, MASS]
     centre, centre_deviation = math.nan, math.nan
     if m > 0.0:
-        slope = np.array([-s / m, 1.0]) / m
-        off = math.sqrt(float(slope @ spread @ slope))
+        off = P[MOMENT, MOMENT] - 2.0 * s / m * P[MASS, MOMENT] + (s / m) ** 2 * variance
+        off = math.sqrt(max(off, 0.0)) / m
         if off < KNOWN_CENTRE:
             centre, centre_deviation = s / m, off
-    if abs(s) < ELSEWHERE * by_moment or math.isnan(centre):
-        gain = spread[0, 1] / (spread[1, 1] + (CENTRED * m) ** 2)
-        m, variance = m - gain * s, spread[0, 0] - gain * spread[0, 1]
-    else:
-        variance = spread[0, 0]
-    return TipLoad(float(m), math.sqrt(max(variance, 0.0)), float(centre), float(centre_deviation))
+    if abs(s) < ELSEWHERE * math.sqrt(P[MOMENT, MOMENT]) or math.isnan(centre):
+        gain = P[MASS, MOMENT] / (P[MOMENT, MOMENT] + (CENTRED * m) ** 2)
+        m, variance = m - gain * s, variance - gain * P[MASS, MOMENT]
+    return TipLoad(m, math.sqrt(max(variance, 0.0)), centre, centre_deviation)
 
 
 def attainable(known: LoadFilter, window: Balanced) -> float:

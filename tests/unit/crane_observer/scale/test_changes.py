@@ -1,13 +1,16 @@
 """Loads that come and go in windows made by the filter's own equation, with what standing hides."""
 
+import math
+
 import numpy as np
 import pytest
 
 from crane_observer.scale.balance import TipBalance
-from crane_observer.scale.changes import Changes, OtherLoad
+from crane_observer.scale.changes import OTHERS, Changes, OtherLoad
 from crane_observer.scale.doubt import ModelDoubt
 from crane_observer.scale.filter import MASS, Balanced, LoadFilter
 from crane_observer.scale.kinds import CARRIED
+from crane_observer.scale.weighing import TipLoad
 
 HOP = 0.15  # s
 DRY = np.array([800.0, 520.0, 720.0])  # N m, N
@@ -27,7 +30,7 @@ def window(load: float, direction: float, held: float, rng: np.random.Generator)
         force=force, asked=zero, up=DRY, down=-DRY, viscous=zero, inertial=zero,
         mass=BY_MASS, moment=0.1 * BY_MASS, by_pressure=np.diag([1e-3, 1e-3, 5e-3]),
     )  # fmt: skip
-    return Balanced(HOP, balance, ~still, still, directions > 0.0, zero)
+    return Balanced(HOP, balance, ~still, still, directions > 0.0, np.zeros((3, 3)))
 
 
 def work(loads: list[float], held: float, seed: int) -> tuple[Changes, list[float], list[float]]:
@@ -107,7 +110,43 @@ def test_what_came_later_than_the_noticed_load_stays_in_question_beside_it() -> 
 
 @pytest.mark.parametrize(("mass", "differs"), [(50.0, False), (62.0, True)])
 def test_a_load_differs_from_what_the_same_one_is_taken_for_now(mass: float, differs: bool) -> None:
-    same, other = LoadFilter(ModelDoubt(), 3), LoadFilter(ModelDoubt(), 3)
-    same.x[MASS], other.x[MASS] = 45.0, mass
-    other.P[MASS, MASS] = 5.0**2
+    other, same = LoadFilter(ModelDoubt(), 3), TipLoad(45.0, 5.0, math.nan, math.nan)
+    other.x[MASS], other.P[MASS, MASS] = mass, 5.0**2
     assert OtherLoad(0.0, other).differs(same) is differs
+
+
+def test_less_than_nothing_does_not_hang_there() -> None:
+    """Of two that foretell as well, the one that would pull upwards is the less likely."""
+    heavy, floating = LoadFilter(ModelDoubt(), 3), LoadFilter(ModelDoubt(), 3)
+    for one, mass in ((heavy, 40.0), (floating, -40.0)):
+        one.x[MASS], one.P[MASS, MASS] = mass, 5.0**2
+    assert OtherLoad(0.0, heavy, ahead=8.0).likelihood == pytest.approx(8.0, abs=0.1)
+    assert OtherLoad(0.0, floating, ahead=8.0).likelihood < -5.0
+
+
+def test_the_same_load_with_other_errors_crowds_out_no_load_that_comes() -> None:
+    """As after a start that nothing explained: what begins later foretells all that follows better,
+    and says the same load.
+    """
+    rng = np.random.default_rng(2)
+    changes, _, _ = work([140.0], 0.0, 2)
+    changes._others = [
+        OtherLoad(-float(k), changes.filter.copy(), windows=99, ahead=12.0) for k in range(OTHERS)
+    ]
+    noticed = [
+        changes.add(1e3 + HOP * k, window(0.0, direction, 0.0, rng))
+        for k, direction in enumerate([0.0] * STANDING + [1.0] * MOVING)
+    ]
+    assert sum(noticed) == 1
+    assert changes.load.mass == pytest.approx(0.0, abs=5.0)
+
+
+def test_what_may_have_happened_beside_widens_what_is_told() -> None:
+    """Two explanations of one event, as likely as each other: neither is told as sure."""
+    changes = Changes(ModelDoubt(), 3)
+    changes.filter.x[MASS], changes.filter.P[MASS, MASS] = 20.0, 1.0
+    other = changes.filter.copy()
+    other.x[MASS] = 40.0
+    changes._others = [OtherLoad(1.0, other, ahead=0.0, seldom=0.0)]
+    assert changes.load.mass == pytest.approx(30.0, abs=1.0)
+    assert changes.load.deviation == pytest.approx(10.0, abs=1.0)
