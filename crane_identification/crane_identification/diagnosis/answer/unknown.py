@@ -5,8 +5,8 @@ from dataclasses import dataclass
 import numpy as np
 
 from crane_identification.diagnosis.decision.cross_validation import held_out_gains
-from crane_identification.diagnosis.decision.shape import explained, signatures
-from crane_identification.diagnosis.search.energy import unexplained
+from crane_identification.diagnosis.decision.shape import signatures
+from crane_identification.diagnosis.search.energy import explained, unexplained
 from crane_identification.diagnosis.search.search import Search
 from crane_identification.diagnosis.search.selection import NOTHING
 

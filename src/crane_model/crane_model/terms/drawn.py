@@ -5,12 +5,13 @@ symmetry, and leaves the dependence free. It stands for that effect where no law
 """
 
 from abc import abstractmethod
+from collections.abc import Mapping
 from typing import Any, ClassVar, Self
 
 import numpy as np
 from pydantic import model_validator
 
-from crane_model.array import Array
+from crane_model.array import Array, Flags
 from crane_model.record import Record
 from crane_model.terms.effect import DrawnCurve, Variable
 from crane_model.terms.joint_term import OneJointTerm
@@ -27,7 +28,8 @@ class DrawnTerm(OneJointTerm):
     subclass says what x and g are (`variable`, `times`), which of the `knots` have a value (`kept`;
     at the others the shape is 0, because the model has what they would stand for), and how knots
     are spaced within the range of x, 0 to 1 (`spacing`). `draws` names the types of the laws whose
-    shape it is, and `said` puts their signature in words.
+    shape it is, and `said` puts their signature in words. Where laws of one signature differ in
+    where they bend, `bends` has the kept knots of each.
     """
 
     said: ClassVar[str]
@@ -35,6 +37,7 @@ class DrawnTerm(OneJointTerm):
     spacing: ClassVar[tuple[float, ...]]
     kept: ClassVar[tuple[int, ...]]
     times: ClassVar[tuple[str, ...]]
+    bends: ClassVar[Mapping[str, tuple[int, ...]]] = {}
 
     knots: tuple[float, ...]
 
@@ -69,6 +72,11 @@ class DrawnTerm(OneJointTerm):
     @abstractmethod
     def values_at_knot(self, k: int, coordinate: str, force: str) -> tuple[Parameter, ...]:
         """The m parameters of a knot, given the units of the joint's coordinate and force."""
+
+    @classmethod
+    def at_bend(cls, law: str) -> Flags:
+        """Which of its parameters (parameters,) are values where a type of law bends."""
+        return np.repeat(np.isin(cls.kept, cls.bends[law]), len(cls.times))
 
     def curves(self, values: Array) -> tuple[DrawnCurve, ...]:
         """One for each factor, with the zeros where no value is kept."""
