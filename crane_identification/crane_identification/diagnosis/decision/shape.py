@@ -97,7 +97,7 @@ def of_better_signature(
             subset = better or subset
         own = _candidates(search, subset)[place]
         rest = [one.columns for one in _candidates(search, without(search, subset, place))]
-        laws = likelier(search, own.candidate, rest, thresholds)
+        laws = likelier(search, own.candidate, rest)
         subset = _with_law_of(search, subset, place, laws[:1]) or subset
     return subset, strange
 
@@ -116,12 +116,16 @@ def _with_law_of(search: Search, subset: Subset, place: int, types: Sequence[str
 
 def as_drawn(race: Race, passed: Sequence[Judged], thresholds: Thresholds) -> tuple[Judged, ...]:
     """The effects, those that no law fits with the shape that was drawn."""
-    out = list(passed)
+    out, search = list(passed), race.search
+    subset = (
+        solve(search.projection, tuple(search.number(one.shaped) for one in out)) if out else None
+    )
     for place, one in enumerate(out):
-        shaped = race.search.shapes.of(one.shaped.candidate)
-        if shaped is not None:
+        shaped = search.shapes.of(one.shaped.candidate)
+        if shaped is not None and subset is not None:
             rest = [other.shaped.columns for other in out if other is not one]
-            out[place] = _better(race, one, shaped, rest, thresholds)
+            left = unexplained_beside(search, subset, place)
+            out[place] = _better(race, one, shaped, rest, left, thresholds)
     return tuple(out)
 
 
@@ -130,14 +134,19 @@ def _better(
     law: Judged,
     shaped: ShapedCandidate,
     rest: Sequence[np.ndarray],
+    left: float,
     thresholds: Thresholds,
 ) -> Judged:
     """The effect with its law or, if that explains clearly more in training and of recordings that
     it is not fitted to, with its drawn shape, beside the `rest` (n, c, k each).
+
+    Clearly more is much of what the law explains or, of an effect that is so strong that this says
+    little, of what is `left` where it acts.
     """
     search, method = race.search, thresholds.method
     lead = explained(search, *rest, shaped.columns) - explained(search, *rest, law.shaped.columns)
-    if lead <= max(method.further_share * law.score, _chance(shaped.columns, thresholds)):
+    least = min(method.further_share * law.score, method.kin_lead_share * left)
+    if lead <= max(least, _chance(shaped.columns, thresholds)):
         return law
     before = np.concatenate([search.evidence.free, *rest], axis=2)
     beside_law = np.concatenate([before, law.shaped.columns], axis=2)
@@ -152,8 +161,7 @@ def _better(
     alike = [
         other.candidate
         for other in law.rivals
-        if other.lead + lead <= other.needed
-        and not _likelier(search, known, other.candidate, rest, thresholds)
+        if other.lead + lead <= other.needed and not _told(search, known, other.candidate, rest)
     ]
     return replace(
         law,
@@ -167,15 +175,9 @@ def _better(
     )
 
 
-def _likelier(
-    search: Search,
-    law: Candidate,
-    other: Candidate,
-    rest: Sequence[np.ndarray],
-    thresholds: Thresholds,
-) -> bool:
+def _told(search: Search, law: Candidate, other: Candidate, rest: Sequence[np.ndarray]) -> bool:
     """Whether a law is told from another one of its shape, which their lead cannot do."""
-    return law.joint == other.joint and law.type in likelier(search, other, rest, thresholds)
+    return law.joint == other.joint and law.type in likelier(search, other, rest)
 
 
 def signatures(search: Search, joint: str) -> list[ForceSignature]:

@@ -29,7 +29,7 @@ class DrawnTerm(OneJointTerm):
     at the others the shape is 0, because the model has what they would stand for), and how knots
     are spaced within the range of x, 0 to 1 (`spacing`). `draws` names the types of the laws whose
     shape it is, and `said` puts their signature in words. Where laws of one signature differ in
-    where they bend, `bends` has the kept knots of each.
+    where they bend, `bends` has the kept knots of each, and `falling` those whose force falls.
     """
 
     said: ClassVar[str]
@@ -38,6 +38,7 @@ class DrawnTerm(OneJointTerm):
     kept: ClassVar[tuple[int, ...]]
     times: ClassVar[tuple[str, ...]]
     bends: ClassVar[Mapping[str, tuple[int, ...]]] = {}
+    falling: ClassVar[tuple[str, ...]] = ()
 
     knots: tuple[float, ...]
 

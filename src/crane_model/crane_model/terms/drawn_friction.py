@@ -33,7 +33,7 @@ class DrawnDryFriction(DrawnTerm):
 class DrawnSpeedFriction(DrawnDryFriction):
     """f(|q'|) sgn(q') beside Coulomb and viscous friction: 0 at rest and at the fastest.
 
-    All of its laws are bent upwards: Stribeck friction at low speeds, a loss at all others.
+    All of its laws are bent upwards: Stribeck friction where it falls, at low speeds, a loss above.
     """
 
     type: Literal["drawn_speed_friction"] = "drawn_speed_friction"
@@ -47,6 +47,7 @@ class DrawnSpeedFriction(DrawnDryFriction):
         "stribeck": (1, 2, 3, 4, 5),
         "viscous_quadratic": (5, 6, 7, 8),
     }
+    falling: ClassVar[tuple[str, ...]] = ("stribeck",)
 
     knots: tuple[float, ...] = Field(examples=[(0.0, 0.1, 0.2, 0.4, 0.6, 0.8, 1.0, 1.5, 1.8, 2.0)])
 
