@@ -24,8 +24,8 @@ DRAWING: dict[str, type["DrawnTerm"]] = {}
 class DrawnTerm(OneJointTerm):
     """sum_k f_k B_k(x) g: B-splines of degree one in a variable x of the joint, times factors g.
 
-    f_k is the value at knot k; beyond the outermost knots the shape stays as it is there. A
-    subclass says what x and g are (`variable`, `times`), which of the `knots` have a value (`kept`;
+    f_k is the value at knot k; beyond the outermost knots the shape stays as it is there or, of a
+    shape that is `straight`, goes on as between the last two. A subclass says what x and g are (`variable`, `times`), which of the `knots` have a value (`kept`;
     at the others the shape is 0, because the model has what they would stand for), and how knots
     are spaced within the range of x, 0 to 1 (`spacing`). `draws` names the types of the laws whose
     shape it is, and `said` puts their signature in words. Where laws of one signature differ in
@@ -39,6 +39,7 @@ class DrawnTerm(OneJointTerm):
     times: ClassVar[tuple[str, ...]]
     bends: ClassVar[Mapping[str, tuple[int, ...]]] = {}
     falling: ClassVar[tuple[str, ...]] = ()
+    straight: ClassVar[bool] = False
 
     knots: tuple[float, ...]
 
@@ -93,7 +94,7 @@ class DrawnTerm(OneJointTerm):
 
     def joint_columns(self, record: Record, setting: Setting, j: int) -> Array:
         """B_k(x) g: (n, parameters)."""
-        splines = hats(self.followed(record, j), self.knots)[:, self.kept]
+        splines = hats(self.followed(record, j), self.knots, self.straight)[:, self.kept]
         columns = splines[:, :, np.newaxis] * self.factors(record, j)[:, np.newaxis, :]
         return columns.reshape(len(record), -1)
 
@@ -104,7 +105,14 @@ def rounded(knots: Array) -> tuple[float, ...]:
     return tuple((np.round(knots, digits) + 0.0).tolist())  # no -0.0
 
 
-def hats(x: Array, knots: tuple[float, ...]) -> Array:
-    """B-splines of degree one (n, k): 1 at their own knot, 0 at the others, constant beyond."""
+def hats(x: Array, knots: tuple[float, ...], straight: bool = False) -> Array:
+    """B-splines of degree one (n, k): 1 at their own knot, 0 at the others; beyond the outermost
+    knots constant, or `straight` on.
+    """
     columns: Array = np.stack([np.interp(x, knots, row) for row in np.eye(len(knots))], axis=1)
+    for last, before in ((0, 1), (-1, -2)) if straight else ():
+        step = knots[last] - knots[before]
+        beyond = np.maximum((x - knots[last]) / step, 0.0)
+        columns[:, last] += beyond
+        columns[:, before] -= beyond
     return columns

@@ -40,16 +40,20 @@ class DrawnSpeedFriction(DrawnDryFriction):
     said: ClassVar[str] = "friction that follows the speed, alike in both directions"
     draws: ClassVar[tuple[str, ...]] = ("stribeck", "viscous_quadratic")
     variable: ClassVar[Variable] = "velocity"
-    spacing: ClassVar[tuple[float, ...]] = (0.0, 0.02, 0.04, 0.07, 0.12, 0.2, 0.32, 0.5, 0.75, 1.0)
-    kept: ClassVar[tuple[int, ...]] = (1, 2, 3, 4, 5, 6, 7, 8)
+    spacing: ClassVar[tuple[float, ...]] = (
+        *(0.0, 0.02, 0.04, 0.07, 0.12, 0.2),
+        *(0.32, 0.47, 0.63, 0.81, 1.0),
+    )
+    kept: ClassVar[tuple[int, ...]] = tuple(range(1, 10))
     symbol: ClassVar[str] = "f_speed"
+    straight: ClassVar[bool] = True
     bends: ClassVar[Mapping[str, tuple[int, ...]]] = {
         "stribeck": (1, 2, 3, 4, 5),
-        "viscous_quadratic": (5, 6, 7, 8),
+        "viscous_quadratic": (5, 6, 7, 8, 9),
     }
     falling: ClassVar[tuple[str, ...]] = ("stribeck",)
 
-    knots: tuple[float, ...] = Field(examples=[(0.0, 0.1, 0.2, 0.4, 0.6, 0.8, 1.0, 1.5, 1.8, 2.0)])
+    knots: tuple[float, ...] = Field(examples=[tuple(0.01 * k * k for k in range(11))])
 
     @classmethod
     def followed(cls, record: Record, j: int) -> Array:
@@ -87,11 +91,12 @@ class DrawnLoadFriction(DrawnDryFriction):
     said: ClassVar[str] = "friction that follows the load, alike in both directions"
     draws: ClassVar[tuple[str, ...]] = ("load_friction",)
     variable: ClassVar[Variable] = "force against the motion"
-    spacing: ClassVar[tuple[float, ...]] = tuple(k / 8 for k in range(9))
-    kept: ClassVar[tuple[int, ...]] = tuple(range(1, 8))
+    spacing: ClassVar[tuple[float, ...]] = tuple(k / 10 for k in range(11))
+    kept: ClassVar[tuple[int, ...]] = tuple(range(1, 10))
     symbol: ClassVar[str] = "f_load"
+    straight: ClassVar[bool] = True
 
-    knots: tuple[float, ...] = Field(examples=[tuple(-2000.0 + 500.0 * k for k in range(9))])
+    knots: tuple[float, ...] = Field(examples=[tuple(-2000.0 + 400.0 * k for k in range(11))])
 
     @classmethod
     def followed(cls, record: Record, j: int) -> Array:
