@@ -186,7 +186,9 @@ def signatures(search: Search, joint: str) -> list[ForceSignature]:
     laws = {shape_of(one): one for one in reversed(own) if not one.drawn}
     shaped = ((cls, search.shapes.of(law)) for cls, law in laws.items() if cls is not None)
     known = [
-        ForceSignature(cls.said, cls.draws, one.columns) for cls, one in shaped if one is not None
+        ForceSignature(cls.said, cls.draws, one.term, one.columns)
+        for cls, one in shaped
+        if one is not None
     ]
     return [*known, *search.shapes.strangers(joint)]
 
