@@ -25,11 +25,12 @@ class DrawnTerm(OneJointTerm):
     """sum_k f_k B_k(x) g: B-splines of degree one in a variable x of the joint, times factors g.
 
     f_k is the value at knot k; beyond the outermost knots the shape stays as it is there or, of a
-    shape that is `straight`, goes on as between the last two. A subclass says what x and g are (`variable`, `times`), which of the `knots` have a value (`kept`;
-    at the others the shape is 0, because the model has what they would stand for), and how knots
-    are spaced within the range of x, 0 to 1 (`spacing`). `draws` names the types of the laws whose
-    shape it is, and `said` puts their signature in words. Where laws of one signature differ in
-    where they bend, `bends` has the kept knots of each, and `falling` those whose force falls.
+    shape that is `straight`, goes on as between the last two. A subclass says what x and g are
+    (`variable`, `times`), which of the `knots` have a value (`kept`; at the others the shape is 0,
+    because the model has what they would stand for), and how knots are spaced within the range of
+    x, 0 to 1 (`spacing`). `draws` names the types of the laws whose shape it is, and `said` puts
+    their signature in words. Where laws of one signature differ in where they bend, `bends` has the
+    kept knots of each, and `falling` those whose force falls.
     """
 
     said: ClassVar[str]

@@ -143,7 +143,9 @@ def test_a_force_that_fades_is_unknown_and_says_so(tmp_path: Path) -> None:
     assert best.signature == "a force that follows the position and fades within seconds"
     assert not best.effects and best.explained_share > 0.9 and best.better == best.asked == 4
     said = "\n".join(explain.lines(findings.content(result)))
-    assert "What it may depend on (axis, rms" in said and "no effect of the catalogue is that" in said
+    assert (
+        "What it may depend on (axis, rms" in said and "no effect of the catalogue is that" in said
+    )
     html = page.render(result, Provenance.of("2012-06-01", ["diagnose"], "axis.yaml"))
     assert "fades within seconds: some shape of it explains" in " ".join(
         read_html(html).text.split()
