@@ -25,6 +25,11 @@ def lines(content: Content) -> list[str]:
     return [] if unknown is None else [*_signatures(unknown), *_recordings(unknown)]
 
 
+def nearest_drawn(unknown: Content) -> Content | None:
+    """The nearest signature that is drawn over a variable; None where none is."""
+    return next((one for one in unknown["signatures"] if one["shapes"]), None)
+
+
 def _signatures(unknown: Content) -> Iterator[str]:
     for place, one in enumerate(unknown["signatures"]):
         yield (
@@ -32,7 +37,7 @@ def _signatures(unknown: Content) -> Iterator[str]:
             f"{short_percent(one['explained_share'])}, and helps to predict {one['better']} of "
             f"{one['asked']} recordings it is not fitted to; {_against(one, place)}"
         )
-        if not place:
+        if one is nearest_drawn(unknown):
             yield from finding_wording.drawn(one)
 
 
@@ -43,7 +48,7 @@ def _against(one: Content, place: int) -> str:
     if left > CLEAR_SHARE:
         said.append(f"{short_percent(left)} are left")
     if one["better"] < one["asked"]:
-        said.append(f"{one['asked'] - one['better']} recordings it predicts worse")
+        said.append(f"it predicts {one['asked'] - one['better']} recordings worse")
     if place:
         said.append("the first explains more")
     if not one["effects"]:

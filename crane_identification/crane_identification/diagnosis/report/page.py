@@ -44,8 +44,8 @@ def render(
     content = findings.content(diagnosis)
     found, gap = cards(diagnosis, content), gap_pictures(diagnosis)
     where = [] if content["verdict"] in wording.NOISE else [where_picture(diagnosis)]
-    unknown = content["unknown"] or {"signatures": []}
-    shapes = [one for near in unknown["signatures"][:1] for one in drawn("unknown", near)]
+    near = unknown_wording.nearest_drawn(content["unknown"]) if content["unknown"] else None
+    shapes = drawn("unknown", near) if near else ()
     shown = [*where, *gap, *shapes, *(picture for card in found for picture in card.pictures)]
     return template.rendered(
         __package__,
