@@ -6,7 +6,7 @@ Whatever is not printed is said to be elsewhere.
 from pathlib import Path
 from typing import Any
 
-from crane_identification.diagnosis import finding_wording, wording
+from crane_identification.diagnosis import finding_wording, open_wording, unknown_wording, wording
 from crane_identification.diagnosis.findings_file import Findings
 from crane_identification.notation import spoken
 
@@ -22,8 +22,7 @@ def lines(content: dict[str, Any]) -> list[str]:
     for number, finding in enumerate(content["findings"], start=1):
         out += _finding(number, finding)
     out += _block("Nearest of the catalogue:", wording.nearest(content))
-    if said := wording.signatures(content):
-        out += _block(f"What it may depend on ({spoken(content['unknown']['joint'])}):", said)
+    out += _block(f"{unknown_wording.title(content)}:", unknown_wording.lines(content))
     where = [f"{joint}: {said}" for joint, said in wording.disagrees(content)]
     out += _block("Where the model disagrees:", where)
     out.append(f"What is left: {wording.left(content)}.")
@@ -41,10 +40,8 @@ def lines(content: dict[str, Any]) -> list[str]:
 
 def next_step(content: dict[str, Any], folder: Path) -> list[str]:
     """The command that designs the experiment for what is open in a folder; none if nothing is."""
-    if not content["open"]["questions"]:
-        return []
-    command = f"ros2 run crane_trajectory design --settle {folder} --out {folder}/settle.yaml"
-    return [f"What is open, an experiment settles: {command}"]
+    command = open_wording.command(content, folder)
+    return [f"What is open, an experiment settles: {command}"] if command else []
 
 
 def _answer(content: dict[str, Any]) -> str:

@@ -6,7 +6,7 @@ from typing import Any
 
 import numpy as np
 
-from crane_identification.diagnosis.answer.unknown import UnknownForce
+from crane_identification.diagnosis.answer.unknown import Drawing
 from crane_identification.diagnosis.diagnosis import Diagnosis
 from crane_identification.diagnosis.finding_entry import (
     ChangedParameter,
@@ -26,11 +26,9 @@ from crane_identification.diagnosis.findings_file import (
     GapOfModels,
     GapSide,
     LeftResidual,
-    NearbySignature,
     NearestEffects,
     NearestGap,
     SessionClock,
-    UnknownPlace,
     Untried,
 )
 from crane_identification.diagnosis.flow_and_load_findings import balance, of_flow, of_load
@@ -45,7 +43,8 @@ from crane_identification.diagnosis.region import (
 )
 from crane_identification.diagnosis.search.candidates import Candidate
 from crane_identification.diagnosis.search.energy import acting
-from crane_identification.diagnosis.variables import feature_unit, unit_of
+from crane_identification.diagnosis.unknown_entry import drawn_shape, unknown_place
+from crane_identification.diagnosis.variables import feature_unit
 from crane_identification.notation import is_determined
 from crane_identification.validation.motion_validation import MotionValidation
 
@@ -74,7 +73,7 @@ def answer(diagnosis: Diagnosis, suspicions: Sequence[str] = ()) -> Findings:
         + [of_flow(diagnosis, one.joint, each) for one in flow.found for each in one.missing]
         + [of_load(diagnosis, one) for one in gap.loads if one.found],
         nearest=_nearest(diagnosis),
-        unknown=_unknown(diagnosis.answer.unknown),
+        unknown=unknown_place(diagnosis),
         gap=GapOfModels(
             before=_side(gap, gap.before, gap.motion_before),
             after=_side(gap, gap.after, gap.motion_after),
@@ -203,24 +202,15 @@ def _finding(diagnosis: Diagnosis, finding: Finding) -> FindingEntry:
 
 def _shapes(diagnosis: Diagnosis, finding: Finding) -> list[DrawnShape]:
     """The law of a finding as it was drawn, for each factor; none where it is a formula."""
-    shaped, joint = finding.judged.shaped, finding.candidate.where
-    setting, counts = diagnosis.before.setting, bool(diagnosis.fit.uncalibrated)
+    shaped = finding.judged.shaped
     own = finding.parameters[: len(shaped.positive)]
     values, std_devs = (
         shaped.term.curves(np.array([getattr(one, name) for one in own]))
         for name in ("value", "std_dev")
     )
     return [
-        DrawnShape(
-            variable=one.variable,
-            variable_unit=unit_of(one.variable, joint, setting, counts),
-            knots=list(one.knots),
-            values=one.values.tolist(),
-            std_devs=deviation.values.tolist(),
-            unit=own[k].unit,
-            times=one.times,
-        )
-        for k, (one, deviation) in enumerate(zip(values, std_devs, strict=True))
+        drawn_shape(diagnosis, finding.candidate.where, Drawing(*pair, own[k].unit))
+        for k, pair in enumerate(zip(values, std_devs, strict=True))
     ]
 
 
@@ -268,26 +258,6 @@ def _nearest(diagnosis: Diagnosis) -> NearestEffects | None:
             for joint, before, after in zip(near.joints, near.before, near.after, strict=True)
         },
         objection=near.objection,
-    )
-
-
-def _unknown(found: UnknownForce | None) -> UnknownPlace | None:
-    """What is known of an unknown force."""
-    if found is None:
-        return None
-    return UnknownPlace(
-        joint=found.joint,
-        signatures=[
-            NearbySignature(
-                signature=one.said,
-                effects=list(one.types),
-                explained_share=one.share,
-                better=one.better,
-                asked=one.asked,
-            )
-            for one in found.signatures
-        ],
-        recordings=found.recordings,
     )
 
 

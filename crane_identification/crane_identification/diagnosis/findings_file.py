@@ -2,6 +2,7 @@
 
 from crane_identification.diagnosis.answer.verdict import Verdict
 from crane_identification.diagnosis.finding_entry import (
+    DrawnShape,
     FindingEntry,
     FoundParameter,
     NearEffect,
@@ -69,6 +70,23 @@ class NearbySignature(ResultPart):
     """Recordings that it helps to predict when it is fitted to the others [-]."""
     asked: int
     """Recordings that this was asked of [-]."""
+    shapes: list[DrawnShape]
+    """The best shape as it was drawn, for each factor; empty where it is no curve."""
+
+
+class FoundDifference(ResultPart):
+    """A parameter of the model that is not alike in all recordings."""
+
+    parameter: str
+    """Its name."""
+    unit: str
+    """SI; `1` for a ratio, `counts` where readings have no unit."""
+    explained_share: Number
+    """Of the energy beyond noise, where each recording has its own value [-]."""
+    changes: NumberByJoint
+    """By recording: what it differs by from the value of all [unit]."""
+    std_devs: NumberByJoint
+    """Standard deviations of these [unit]."""
 
 
 class UnknownPlace(ResultPart):
@@ -76,10 +94,14 @@ class UnknownPlace(ResultPart):
 
     joint: str
     """That most of it is on."""
+    strength: Number
+    """Rms of what is beyond noise there, over that of the drive force [-]."""
     signatures: list[NearbySignature]
     """The nearest ones, best first."""
     recordings: NumberByJoint
     """By the recordings in which there is far more of it: rms over the median of all [-]."""
+    difference: FoundDifference | None
+    """Where most of it is that recordings differ from each other."""
 
 
 class GapSide(ResultPart):

@@ -27,6 +27,7 @@ _UNITS = {
     "way": "{q}",
     "way since it turned": "{q}",
     "force": "{f}",
+    "force against the motion": "{f}",
     "rate of the force": "{f}/s",
     "pressure sum": "Pa",
     "pressure of chamber B": "Pa",
@@ -46,6 +47,9 @@ _READ: Mapping[Variable, Callable[[Record, int], np.ndarray]] = {
         record.position[:, j], record.velocity[:, j]
     ),
     "force": lambda record, j: record.needed("force", _BY)[:, j],
+    "force against the motion": lambda record, j: (
+        record.needed("force", _BY)[:, j] * record.direction[:, j]
+    ),
     "rate of the force": lambda record, j: (
         record.rate(record.needed("force", _BY)) if record.force_rate is None else record.force_rate
     )[:, j],

@@ -199,22 +199,6 @@ def nearest(content: Content) -> list[str]:
     ]
 
 
-def signatures(content: Content) -> list[str]:
-    """What an unknown force may depend on, and in which recordings there is far more of it."""
-    unknown = content.get("unknown")
-    if unknown is None:
-        return []
-    out = [
-        f"{one['signature']}: some shape of it explains {short_percent(one['explained_share'])}, "
-        f"and helps to predict {one['better']} of {one['asked']} recordings it is not fitted to"
-        + ("" if one["effects"] else "; no effect of the catalogue is that")
-        for one in unknown["signatures"]
-    ]
-    differing = [f"{name} ({ratio:.1f} times)" for name, ratio in unknown["recordings"].items()]
-    more = f"far more of it than in most recordings is in {listed(differing)}"
-    return [*out, more] if differing else out
-
-
 def _step(before: float | None, after: float | None) -> str:
     """From one share to another, once if both are printed alike."""
     return " → ".join(dict.fromkeys(percent(_number(share)) for share in (before, after)))

@@ -1,10 +1,11 @@
 """Laws that are drawn: splines at knots, which a model file carries and a simulation follows."""
 
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
 import pytest
-from scipy.interpolate import BSpline
+from scipy.interpolate import BSpline, make_interp_spline
 from scipy.signal import lfilter
 from unit.crane_model.test_term_registry import SETTING, example, random_record
 
@@ -14,7 +15,7 @@ from crane_model.record import Record
 from crane_model.terms import REGISTRY, DrawnTerm, Setting, term_from_mapping
 from crane_model.terms.drawn import hats, rounded
 from crane_model.terms.drawn_force import DrawnEndDamping, DrawnPositionForce, RelaxingForce
-from crane_model.terms.drawn_friction import DrawnWarmUp
+from crane_model.terms.drawn_friction import DrawnLoadFriction, DrawnWarmUp
 
 DRAWN = sorted(name for name, cls in REGISTRY.items() if issubclass(cls, DrawnTerm))
 KNOTS = (-1.0, -0.2, 0.1, 0.5, 2.0)
@@ -38,9 +39,15 @@ def test_beyond_its_knots_a_shape_stays_as_it_is_there() -> None:
     np.testing.assert_array_equal(beyond, [[1, 0, 0, 0, 0], [0, 0, 0, 0, 1]])
 
 
+def test_a_straight_shape_goes_on_beyond_its_knots() -> None:
+    x, values = np.array([-3.0, -1.0, 0.3, 2.0, 5.0]), np.array([2.0, -1.0, 0.5, 3.0, 1.0])
+    expected = make_interp_spline(KNOTS, values, k=1)(x)
+    np.testing.assert_allclose(hats(x, KNOTS, straight=True) @ values, expected, atol=1e-12)
+
+
 @pytest.mark.parametrize("name", DRAWN)
 def test_a_drawn_law_is_its_values_at_the_knots_times_its_factors(name: str) -> None:
-    """By numpy's interpolation through the curves that it draws, zeros and all."""
+    """By scipy's interpolation through the curves that it draws, zeros and all."""
     term, record, rng = example(name), random_record(), np.random.default_rng(7)
     assert isinstance(term, DrawnTerm)
     j = record.column(term.joint)
@@ -48,8 +55,10 @@ def test_a_drawn_law_is_its_values_at_the_knots_times_its_factors(name: str) -> 
     curves = term.curves(values)
     assert [one.times for one in curves] == list(term.times)
     x, factors = term.followed(record, j), term.factors(record, j)
+    x = x if term.straight else np.clip(x, term.knots[0], term.knots[-1])
     expected = sum(
-        np.interp(x, one.knots, one.values) * factors[:, k] for k, one in enumerate(curves)
+        make_interp_spline(one.knots, one.values, k=1)(x) * factors[:, k]
+        for k, one in enumerate(curves)
     )
     np.testing.assert_allclose(term.columns(record, SETTING)[:, j] @ values, expected, atol=1e-9)
 
@@ -128,3 +137,31 @@ def test_a_force_fades_as_a_spring_behind_a_damper_does() -> None:
 def test_a_model_without_that_joint_is_refused() -> None:
     with pytest.raises(ConfigurationError, match="no joint 'boom'"):
         RelaxingForce(joint="boom").parameters(AXIS)
+
+
+def test_friction_of_the_load_is_found_whatever_friction_the_force_holds() -> None:
+    """|load| sgn(v) is a shape over the measured force against the motion, which holds Coulomb
+    friction as well: no function of |force| is it.
+    """
+    rng = np.random.default_rng(3)
+    load, v = rng.uniform(-1000.0, 1000.0, 4000), rng.choice([-0.1, 0.1], 4000)
+    s, coulomb = np.sign(v), 500.0
+    measured = load + coulomb * s
+    record = replace(
+        axis(np.arange(4000.0), 0.0 * v, v), force=measured[:, None], direction_known=s[:, None]
+    )
+    term = DrawnLoadFriction(
+        joint="axis", knots=DrawnLoadFriction.over(DrawnLoadFriction.followed(record, 0))
+    )
+    base = np.stack([load, s], axis=1)
+    columns = np.concatenate([base, term.columns(record, AXIS)[:, 0]], axis=1)
+    over_size = np.concatenate(
+        [base, hats(np.abs(measured), tuple(np.linspace(0.0, 1500.0, 11))) * s[:, None]], axis=1
+    )
+    wanted = np.abs(load) * s
+
+    def left(known: np.ndarray) -> float:
+        rest = wanted - known @ np.linalg.lstsq(known, wanted)[0]
+        return float(np.linalg.norm(rest) / np.linalg.norm(wanted))
+
+    assert left(columns) < 0.1 * left(over_size)

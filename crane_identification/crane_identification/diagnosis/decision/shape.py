@@ -12,12 +12,12 @@ from dataclasses import replace
 import numpy as np
 from scipy.stats import chi2
 
+from crane_identification.diagnosis.decision.bend import likelier
 from crane_identification.diagnosis.decision.cross_validation import held_out_gains, helps
 from crane_identification.diagnosis.decision.judgement import Judged, marginal
 from crane_identification.diagnosis.decision.likeness import in_place_of, without
-from crane_identification.diagnosis.fit.evidence import VISIBLE_SHARE, beside, leading
-from crane_identification.diagnosis.search.candidates import ShapedCandidate
-from crane_identification.diagnosis.search.energy import strength, unexplained_beside
+from crane_identification.diagnosis.search.candidates import Candidate, ShapedCandidate
+from crane_identification.diagnosis.search.energy import explained, strength, unexplained_beside
 from crane_identification.diagnosis.search.race import Race
 from crane_identification.diagnosis.search.search import Search
 from crane_identification.diagnosis.search.selection import NOTHING, Subset, solve
@@ -83,29 +83,31 @@ def rival(
 def of_better_signature(
     search: Search, subset: Subset, thresholds: Thresholds, settled: int = 0
 ) -> tuple[Subset, list[str]]:
-    """The set with effects replaced by those whose signature is clearly better, and signatures that
-    are better but those of no effect, in words. The first effects, `settled`, are not asked.
+    """The set with effects replaced by those whose signature is clearly better, or whose law is by
+    where it bends; and signatures that are better but those of no effect, in words. The first
+    effects, `settled`, are not asked.
     """
     strange = []
     for place in range(settled, len(subset.numbers)):
         other = rival(search, subset, place, thresholds)
-        if other is None:
-            continue
-        better = _with_law_of(search, subset, place, other)
-        if better is None:
-            strange.append(f"{other.said} explains clearly more than any shape of it")
-        subset = better or subset
+        if other is not None:
+            better = _with_law_of(search, subset, place, other.types)
+            if better is None:
+                strange.append(f"{other.said} explains clearly more than any shape of it")
+            subset = better or subset
+        own = _candidates(search, subset)[place]
+        rest = [one.columns for one in _candidates(search, without(search, subset, place))]
+        laws = likelier(search, own.candidate, rest)
+        subset = _with_law_of(search, subset, place, laws[:1]) or subset
     return subset, strange
 
 
-def _with_law_of(
-    search: Search, subset: Subset, place: int, other: ForceSignature
-) -> Subset | None:
-    """The set with the best law of another signature in the place of an effect, if there is one."""
+def _with_law_of(search: Search, subset: Subset, place: int, types: Sequence[str]) -> Subset | None:
+    """The set with the best law of these types in the place of an effect, if there is one."""
     joint = _candidates(search, subset)[place].candidate.joint
     for swapped in in_place_of(search, subset, place):
         law = search.projection.candidates[swapped.numbers[-1]].candidate
-        if law.type in other.types and law.joint == joint:
+        if law.type in types and law.joint == joint:
             numbers = list(subset.numbers)
             numbers[place] = swapped.numbers[-1]
             return solve(search.projection, tuple(numbers))
@@ -114,12 +116,16 @@ def _with_law_of(
 
 def as_drawn(race: Race, passed: Sequence[Judged], thresholds: Thresholds) -> tuple[Judged, ...]:
     """The effects, those that no law fits with the shape that was drawn."""
-    out = list(passed)
+    out, search = list(passed), race.search
+    subset = (
+        solve(search.projection, tuple(search.number(one.shaped) for one in out)) if out else None
+    )
     for place, one in enumerate(out):
-        shaped = race.search.shapes.of(one.shaped.candidate)
-        if shaped is not None:
+        shaped = search.shapes.of(one.shaped.candidate)
+        if shaped is not None and subset is not None:
             rest = [other.shaped.columns for other in out if other is not one]
-            out[place] = _better(race, one, shaped, rest, thresholds)
+            left = unexplained_beside(search, subset, place)
+            out[place] = _better(race, one, shaped, rest, left, thresholds)
     return tuple(out)
 
 
@@ -128,14 +134,19 @@ def _better(
     law: Judged,
     shaped: ShapedCandidate,
     rest: Sequence[np.ndarray],
+    left: float,
     thresholds: Thresholds,
 ) -> Judged:
     """The effect with its law or, if that explains clearly more in training and of recordings that
     it is not fitted to, with its drawn shape, beside the `rest` (n, c, k each).
+
+    Clearly more is much of what the law explains or, of an effect that is so strong that this says
+    little, of what is `left` where it acts.
     """
     search, method = race.search, thresholds.method
     lead = explained(search, *rest, shaped.columns) - explained(search, *rest, law.shaped.columns)
-    if lead <= max(method.further_share * law.score, _chance(shaped.columns, thresholds)):
+    least = min(method.further_share * law.score, method.kin_lead_share * left)
+    if lead <= max(least, _chance(shaped.columns, thresholds)):
         return law
     before = np.concatenate([search.evidence.free, *rest], axis=2)
     beside_law = np.concatenate([before, law.shaped.columns], axis=2)
@@ -146,17 +157,27 @@ def _better(
     search = race.search
     held_out, _ = held_out_gains(search.evidence, search.whitener, before, shaped.columns)
     score = law.score + lead
-    alike = [rival for rival in law.rivals if rival.lead + lead <= rival.needed]
+    known = law.shaped.candidate
+    alike = [
+        other.candidate
+        for other in law.rivals
+        if other.lead + lead <= other.needed and not _told(search, known, other.candidate, rest)
+    ]
     return replace(
         law,
         shaped=shaped,
         score=score,
         held_out=held_out,
         margin=law.margin + lead,
-        indistinct=tuple(rival.candidate for rival in alike),
+        indistinct=tuple(alike),
         visibility=float(search.projection.visibility[number]),
         strength=strength(search, number, score),
     )
+
+
+def _told(search: Search, law: Candidate, other: Candidate, rest: Sequence[np.ndarray]) -> bool:
+    """Whether a law is told from another one of its shape, which their lead cannot do."""
+    return law.joint == other.joint and law.type in likelier(search, other, rest)
 
 
 def signatures(search: Search, joint: str) -> list[ForceSignature]:
@@ -165,18 +186,11 @@ def signatures(search: Search, joint: str) -> list[ForceSignature]:
     laws = {shape_of(one): one for one in reversed(own) if not one.drawn}
     shaped = ((cls, search.shapes.of(law)) for cls, law in laws.items() if cls is not None)
     known = [
-        ForceSignature(cls.said, cls.draws, one.columns) for cls, one in shaped if one is not None
+        ForceSignature(cls.said, cls.draws, one.term, one.columns)
+        for cls, one in shaped
+        if one is not None
     ]
     return [*known, *search.shapes.strangers(joint)]
-
-
-def explained(search: Search, *columns: np.ndarray) -> float:
-    """2 dlogL that columns (n, c, k), whatever their signs, gain together beside the base."""
-    white = search.whitener(np.concatenate(columns, axis=2))
-    rest = beside(search.base.basis, white)
-    seen = np.linalg.norm(rest, axis=0) > VISIBLE_SHARE * np.linalg.norm(white, axis=0)
-    known = leading(rest[:, seen], int(seen.sum()))
-    return float(((known.T @ search.base.residual) ** 2).sum())
 
 
 def _candidates(search: Search, subset: Subset) -> list[ShapedCandidate]:

@@ -55,12 +55,12 @@ def _card(
         parameters=tuple(finding_wording.estimates(said)),
         drawn=finding_wording.drawn(said),
         carried=finding_wording.carried(said),
-        pictures=(*_drawn(number, said), *_pictures(diagnosis, number, finding)),
+        pictures=(*drawn(f"shape-{number}", said), *_pictures(diagnosis, number, finding)),
     )
 
 
-def _drawn(number: int, said: finding_wording.Content) -> tuple[Picture, ...]:
-    """The law of a finding as it was drawn, for each factor."""
+def drawn(key: str, said: finding_wording.Content) -> tuple[Picture, ...]:
+    """The shapes of an entry of findings.json as they were drawn, for each factor."""
     out = []
     for place, one in enumerate(said["shapes"]):
         (unit, factor), (force, size) = human(one["variable_unit"]), human(one["unit"])
@@ -68,7 +68,7 @@ def _drawn(number: int, said: finding_wording.Content) -> tuple[Picture, ...]:
         times = "" if one["times"] == "1" else f", to be multiplied by {one['times']}"
         out.append(
             Picture(
-                f"shape-{number}-{place}",
+                f"{key}-{place}",
                 f"The law as it was drawn{times}: values at its knots, with their standard "
                 "deviations",
                 f"From {plain(values.min())} to {plain(values.max())} {force}.",

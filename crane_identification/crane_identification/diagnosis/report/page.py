@@ -3,11 +3,17 @@
 from collections.abc import Sequence
 from pathlib import Path
 
-from crane_identification.diagnosis import finding_wording, findings, wording
+from crane_identification.diagnosis import (
+    finding_wording,
+    findings,
+    open_wording,
+    unknown_wording,
+    wording,
+)
 from crane_identification.diagnosis.diagnosis import Diagnosis
 from crane_identification.diagnosis.flow.hydraulics import Quantity
 from crane_identification.diagnosis.flow_and_load_findings import of_quantity
-from crane_identification.diagnosis.report.cards import cards
+from crane_identification.diagnosis.report.cards import cards, drawn
 from crane_identification.diagnosis.report.pictures import gap_pictures, where_picture
 from crane_identification.notation import human, percent, plain, short_percent, spoken
 from crane_identification.report import template
@@ -38,7 +44,9 @@ def render(
     content = findings.content(diagnosis)
     found, gap = cards(diagnosis, content), gap_pictures(diagnosis)
     where = [] if content["verdict"] in wording.NOISE else [where_picture(diagnosis)]
-    shown = [*where, *gap, *(picture for card in found for picture in card.pictures)]
+    near = unknown_wording.nearest_drawn(content["unknown"]) if content["unknown"] else None
+    shapes = drawn("unknown", near) if near else ()
+    shown = [*where, *gap, *shapes, *(picture for card in found for picture in card.pictures)]
     return template.rendered(
         __package__,
         {picture.key: picture.description for picture in shown},
@@ -62,7 +70,11 @@ def render(
         ],
         commanded=list(wording.commanded(content)),
         nearest=wording.nearest(content),
-        signatures=wording.signatures(content),
+        unknown=unknown_wording.title(content),
+        signatures=unknown_wording.lines(content),
+        shapes=shapes,
+        open=open_wording.lines(content),
+        settle=open_wording.command(content, folder),
         left=wording.sentence(wording.left(content)),
         where=where,
         disagrees=list(wording.disagrees(content)),

@@ -4,7 +4,13 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from crane_identification.diagnosis.fit.evidence import Evidence, relative
+from crane_identification.diagnosis.fit.evidence import (
+    VISIBLE_SHARE,
+    Evidence,
+    beside,
+    leading,
+    relative,
+)
 from crane_identification.diagnosis.search.candidates import Candidate, ShapedCandidate
 from crane_identification.diagnosis.search.search import Search
 from crane_identification.diagnosis.search.selection import NOTHING, Subset, solve
@@ -16,6 +22,15 @@ DETECTABLE_SHARE = 0.9
 def channels(search: Search, number: int) -> np.ndarray:
     """The channels in which a candidate acts: of its joint, and of those that carry it too."""
     return np.flatnonzero(search.projection.candidates[number].columns.any(axis=(0, 2)))
+
+
+def explained(search: Search, *columns: np.ndarray) -> float:
+    """2 dlogL that columns (n, c, k), whatever their signs, gain together beside the base."""
+    white = search.whitener(np.concatenate(columns, axis=2))
+    rest = beside(search.base.basis, white)
+    seen = np.linalg.norm(rest, axis=0) > VISIBLE_SHARE * np.linalg.norm(white, axis=0)
+    known = leading(rest[:, seen], int(seen.sum()))
+    return float(((known.T @ search.base.residual) ** 2).sum())
 
 
 def unexplained(search: Search, subset: Subset) -> np.ndarray:

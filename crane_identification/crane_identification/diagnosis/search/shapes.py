@@ -45,11 +45,12 @@ class Drawn(Candidate):
 
 class ForceSignature(NamedTuple):
     """What a force on a joint depends on, whatever the law: in words, the `types` of the effects
-    that have it, none where the catalogue knows no such effect, and its columns (n, c, k).
+    that have it, none where the catalogue knows no such effect, its term and the columns (n, c, k).
     """
 
     said: str
     types: tuple[str, ...]
+    term: Term
     columns: np.ndarray
 
 
@@ -75,7 +76,7 @@ class Shapes:
             return ()
         if joint not in self.strange:
             self.strange[joint] = tuple(
-                ForceSignature(term.stranger, (), self.evidence.columns(term))
+                ForceSignature(term.stranger, (), term, self.evidence.columns(term))
                 for term in strangers(self.evidence.model.setting, joint)
             )
         return self.strange[joint]

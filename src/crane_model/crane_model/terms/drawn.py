@@ -5,12 +5,13 @@ symmetry, and leaves the dependence free. It stands for that effect where no law
 """
 
 from abc import abstractmethod
+from collections.abc import Mapping
 from typing import Any, ClassVar, Self
 
 import numpy as np
 from pydantic import model_validator
 
-from crane_model.array import Array
+from crane_model.array import Array, Flags
 from crane_model.record import Record
 from crane_model.terms.effect import DrawnCurve, Variable
 from crane_model.terms.joint_term import OneJointTerm
@@ -23,11 +24,13 @@ DRAWING: dict[str, type["DrawnTerm"]] = {}
 class DrawnTerm(OneJointTerm):
     """sum_k f_k B_k(x) g: B-splines of degree one in a variable x of the joint, times factors g.
 
-    f_k is the value at knot k; beyond the outermost knots the shape stays as it is there. A
-    subclass says what x and g are (`variable`, `times`), which of the `knots` have a value (`kept`;
-    at the others the shape is 0, because the model has what they would stand for), and how knots
-    are spaced within the range of x, 0 to 1 (`spacing`). `draws` names the types of the laws whose
-    shape it is, and `said` puts their signature in words.
+    f_k is the value at knot k; beyond the outermost knots the shape stays as it is there or, of a
+    shape that is `straight`, goes on as between the last two. A subclass says what x and g are
+    (`variable`, `times`), which of the `knots` have a value (`kept`; at the others the shape is 0,
+    because the model has what they would stand for), and how knots are spaced within the range of
+    x, 0 to 1 (`spacing`). `draws` names the types of the laws whose shape it is, and `said` puts
+    their signature in words. Where laws of one signature differ in where they bend, `bends` has the
+    kept knots of each, and `falling` those whose force falls.
     """
 
     said: ClassVar[str]
@@ -35,6 +38,9 @@ class DrawnTerm(OneJointTerm):
     spacing: ClassVar[tuple[float, ...]]
     kept: ClassVar[tuple[int, ...]]
     times: ClassVar[tuple[str, ...]]
+    bends: ClassVar[Mapping[str, tuple[int, ...]]] = {}
+    falling: ClassVar[tuple[str, ...]] = ()
+    straight: ClassVar[bool] = False
 
     knots: tuple[float, ...]
 
@@ -70,6 +76,11 @@ class DrawnTerm(OneJointTerm):
     def values_at_knot(self, k: int, coordinate: str, force: str) -> tuple[Parameter, ...]:
         """The m parameters of a knot, given the units of the joint's coordinate and force."""
 
+    @classmethod
+    def at_bend(cls, law: str) -> Flags:
+        """Which of its parameters (parameters,) are values where a type of law bends."""
+        return np.repeat(np.isin(cls.kept, cls.bends[law]), len(cls.times))
+
     def curves(self, values: Array) -> tuple[DrawnCurve, ...]:
         """One for each factor, with the zeros where no value is kept."""
         shapes = np.zeros((len(self.times), len(self.knots)))
@@ -84,7 +95,7 @@ class DrawnTerm(OneJointTerm):
 
     def joint_columns(self, record: Record, setting: Setting, j: int) -> Array:
         """B_k(x) g: (n, parameters)."""
-        splines = hats(self.followed(record, j), self.knots)[:, self.kept]
+        splines = hats(self.followed(record, j), self.knots, self.straight)[:, self.kept]
         columns = splines[:, :, np.newaxis] * self.factors(record, j)[:, np.newaxis, :]
         return columns.reshape(len(record), -1)
 
@@ -95,7 +106,14 @@ def rounded(knots: Array) -> tuple[float, ...]:
     return tuple((np.round(knots, digits) + 0.0).tolist())  # no -0.0
 
 
-def hats(x: Array, knots: tuple[float, ...]) -> Array:
-    """B-splines of degree one (n, k): 1 at their own knot, 0 at the others, constant beyond."""
+def hats(x: Array, knots: tuple[float, ...], straight: bool = False) -> Array:
+    """B-splines of degree one (n, k): 1 at their own knot, 0 at the others; beyond the outermost
+    knots constant, or `straight` on.
+    """
     columns: Array = np.stack([np.interp(x, knots, row) for row in np.eye(len(knots))], axis=1)
+    for last, before in ((0, 1), (-1, -2)) if straight else ():
+        step = knots[last] - knots[before]
+        beyond = np.maximum((x - knots[last]) / step, 0.0)
+        columns[:, last] += beyond
+        columns[:, before] -= beyond
     return columns

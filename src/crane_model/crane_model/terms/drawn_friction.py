@@ -1,5 +1,6 @@
 """Shapes of friction: over the speed, the position, the load and the time."""
 
+from collections.abc import Mapping
 from typing import ClassVar, Literal
 
 import numpy as np
@@ -30,17 +31,29 @@ class DrawnDryFriction(DrawnTerm):
 
 
 class DrawnSpeedFriction(DrawnDryFriction):
-    """f(|q'|) sgn(q') beside Coulomb and viscous friction: 0 at rest and at the fastest."""
+    """f(|q'|) sgn(q') beside Coulomb and viscous friction: 0 at rest and at the fastest.
+
+    All of its laws are bent upwards: Stribeck friction where it falls, at low speeds, a loss above.
+    """
 
     type: Literal["drawn_speed_friction"] = "drawn_speed_friction"
     said: ClassVar[str] = "friction that follows the speed, alike in both directions"
     draws: ClassVar[tuple[str, ...]] = ("stribeck", "viscous_quadratic")
     variable: ClassVar[Variable] = "velocity"
-    spacing: ClassVar[tuple[float, ...]] = (0.0, 0.02, 0.04, 0.07, 0.12, 0.2, 0.32, 0.5, 0.75, 1.0)
-    kept: ClassVar[tuple[int, ...]] = (1, 2, 3, 4, 5, 6, 7, 8)
+    spacing: ClassVar[tuple[float, ...]] = (
+        *(0.0, 0.02, 0.04, 0.07, 0.12, 0.2),
+        *(0.32, 0.47, 0.63, 0.81, 1.0),
+    )
+    kept: ClassVar[tuple[int, ...]] = tuple(range(1, 10))
     symbol: ClassVar[str] = "f_speed"
+    straight: ClassVar[bool] = True
+    bends: ClassVar[Mapping[str, tuple[int, ...]]] = {
+        "stribeck": (1, 2, 3, 4, 5),
+        "viscous_quadratic": (5, 6, 7, 8, 9),
+    }
+    falling: ClassVar[tuple[str, ...]] = ("stribeck",)
 
-    knots: tuple[float, ...] = Field(examples=[(0.0, 0.1, 0.2, 0.4, 0.6, 0.8, 1.0, 1.5, 1.8, 2.0)])
+    knots: tuple[float, ...] = Field(examples=[tuple(0.01 * k * k for k in range(11))])
 
     @classmethod
     def followed(cls, record: Record, j: int) -> Array:
@@ -68,22 +81,28 @@ class DrawnPositionFriction(DrawnDryFriction):
 
 
 class DrawnLoadFriction(DrawnDryFriction):
-    """f(|tau|) sgn(q') beside Coulomb friction: 0 without a load."""
+    """f(tau sgn(q')) sgn(q') beside Coulomb friction: 0 at both ends.
+
+    The measured force holds friction: |load + F sgn(q')|. Over the force against the motion, load
+    sgn(q') + F, the load itself shows as well, |tau sgn(q') - F|, whatever friction F is.
+    """
 
     type: Literal["drawn_load_friction"] = "drawn_load_friction"
     said: ClassVar[str] = "friction that follows the load, alike in both directions"
     draws: ClassVar[tuple[str, ...]] = ("load_friction",)
-    variable: ClassVar[Variable] = "force"
-    spacing: ClassVar[tuple[float, ...]] = (0.0, 0.1, 0.25, 0.5, 1.0)
-    kept: ClassVar[tuple[int, ...]] = (1, 2, 3, 4)
+    variable: ClassVar[Variable] = "force against the motion"
+    spacing: ClassVar[tuple[float, ...]] = tuple(k / 10 for k in range(11))
+    kept: ClassVar[tuple[int, ...]] = tuple(range(1, 10))
     symbol: ClassVar[str] = "f_load"
+    straight: ClassVar[bool] = True
 
-    knots: tuple[float, ...] = Field(examples=[(0.0, 250.0, 500.0, 1000.0, 2000.0)])
+    knots: tuple[float, ...] = Field(examples=[tuple(-2000.0 + 400.0 * k for k in range(11))])
 
     @classmethod
     def followed(cls, record: Record, j: int) -> Array:
-        """|tau|."""
-        return np.abs(record.needed("force", "a shape of friction over the load")[:, j])
+        """tau sgn(q')."""
+        force = record.needed("force", "a shape of friction over the load")
+        return force[:, j] * record.direction[:, j]
 
 
 class DrawnWarmUp(DrawnTerm):

@@ -12,6 +12,7 @@ Variable = Literal[
     "acceleration",
     "way since it turned",
     "force",
+    "force against the motion",
     "rate of the force",
     "pressure sum",
     "pressure of chamber B",

@@ -34,6 +34,7 @@ FORCE = 3.0  # N rms of what is added
 SEEDS = range(5)  # four recordings to train on, one to validate on
 HALF = 0.2  # m, of the spring that gives up
 FADING = 1.0  # s
+KNEE = 0.08  # m/s, of the fastest 0.34
 
 Law = Callable[[np.ndarray, np.ndarray], np.ndarray]
 
@@ -49,14 +50,24 @@ def fading(q: np.ndarray, v: np.ndarray) -> np.ndarray:
     return np.tanh(10.0 * lfilter([1.0], [1.0, -(1.0 - step)], 0.01 * v))
 
 
+def falling(q: np.ndarray, v: np.ndarray) -> np.ndarray:
+    """Friction that falls up to a speed: Stribeck friction, by no law of the catalogue."""
+    return np.sign(v) * np.maximum(1.0 - np.abs(v) / KNEE, 0.0)
+
+
+def rising(q: np.ndarray, v: np.ndarray) -> np.ndarray:
+    """A loss that begins at a speed: beside Coulomb and viscous friction bent as `falling`."""
+    return np.sign(v) * np.maximum(np.abs(v) - KNEE, 0.0) ** 1.2
+
+
 def logs(folder: Path, law: Law) -> list[Log]:
-    out = []
+    out, size = [], 0.0
     for seed in SEEDS:
         plain = axis_log(seed, model(folder, *FULL), periods=2)
         assert plain.force is not None
         q = plain.position.value[:, 0]
         added = law(q, np.gradient(q, plain.position.time))[:, np.newaxis]
-        size = float(np.sqrt((added**2).mean()))
+        size = size or float(np.sqrt((added**2).mean()))
         force = plain.force.value + FORCE / size * added
         out.append(replace(plain, force=Signal(plain.force.time, force, "f")))
     return out
@@ -89,6 +100,19 @@ def test_an_effect_of_another_law_is_named_by_its_signature(of_a_spring: Diagnos
     np.testing.assert_allclose(values - values[4], planted - planted[4], atol=0.1 * np.ptp(values))
 
 
+@pytest.mark.parametrize(
+    ("law", "expected"), [(falling, "stribeck"), (rising, "viscous_quadratic")]
+)
+def test_a_loss_beyond_a_speed_is_no_stribeck_friction(
+    law: Law, expected: str, tmp_path: Path
+) -> None:
+    result = diagnosed(tmp_path, law)
+    (found,) = result.findings
+    assert result.verdict in (Verdict.NAMED, Verdict.AND_MORE)
+    assert found.candidate.type == expected and not found.judged.indistinct
+    assert result.gap.closed[0] > 0.95
+
+
 def test_a_drawn_law_is_in_page_terminal_and_model_file(
     of_a_spring: Diagnosis, tmp_path: Path
 ) -> None:
@@ -119,7 +143,9 @@ def test_a_force_that_fades_is_unknown_and_says_so(tmp_path: Path) -> None:
     assert best.signature == "a force that follows the position and fades within seconds"
     assert not best.effects and best.explained_share > 0.9 and best.better == best.asked == 4
     said = "\n".join(explain.lines(findings.content(result)))
-    assert "What it may depend on (axis):" in said and "no effect of the catalogue is that" in said
+    assert (
+        "What it may depend on (axis, rms" in said and "no effect of the catalogue is that" in said
+    )
     html = page.render(result, Provenance.of("2012-06-01", ["diagnose"], "axis.yaml"))
     assert "fades within seconds: some shape of it explains" in " ".join(
         read_html(html).text.split()
