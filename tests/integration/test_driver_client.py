@@ -19,7 +19,7 @@ from crane_driver.operator.bringup.crane_client import CraneClient
 from crane_driver.operator.jog.jog_node import Jog
 from crane_interfaces.msg import DriverState
 from crane_nodes.context import Stop
-from crane_nodes.driver_client import DriverClient
+from crane_nodes.driver_client import DRIVER_SILENCE_S, DriverClient
 from crane_trajectory.run_excitation_node import ExcitationError, RunExcitationClient
 from crane_trajectory.trajectory_node import Trajectory
 
@@ -138,6 +138,7 @@ def test_a_fault_is_told_at_once_with_cause_and_remedy(crane: Crane) -> None:
 def test_bring_up_and_jog_find_it(crane: Crane) -> None:
     bringup = CraneClient(Stop())
     bringup.connect()
+    time.sleep(1.1 * DRIVER_SILENCE_S)  # held up, by other processes say, it hears of no driver
     assert bringup.parameters(["bus.options"]) == {"bus.options": f"port={crane.port}"}
     bringup.destroy_node()
     jog = Jog(by_joystick=False)

@@ -69,7 +69,7 @@ class CraneClient(Node):
 
     def parameters(self, names: Sequence[str]) -> dict[str, Any]:
         """Parameters of the driver."""
-        ask = self.create_client(GetParameters, f"{self._driver.state.node}/get_parameters")
+        ask = self.create_client(GetParameters, f"{self._driver.newest.node}/get_parameters")
         self._until(ask.service_is_ready, f"there is no service {ask.srv_name}")
         answer = self._answer(ask.call_async(GetParameters.Request(names=names)))
         self.destroy_client(ask)
