@@ -22,9 +22,12 @@ ROOT = Path(__file__).resolve().parents[1]
 # They begin, so that the workers of a parallel run end at nearly the same time.
 LONGEST = (
     "test_study.py",
-    "test_diagnose.py",
-    "test_player.py",
+    "test_tutorials.py",
     "test_discrepancy_benchmark.py",
+    "test_diagnose.py",
+    "test_cluster.py",
+    "test_settle.py",
+    "test_player.py",
     "test_recorder.py",
     "test_report_page.py",
     "test_identify.py",
