@@ -5,9 +5,9 @@
 # tried once more, alone. Then those of a machine in real time, two at a time, each in a ROS domain
 # and on a bus of its own. In their pauses the unit tests run, in the idle class of the scheduler,
 # which gives way at once. The simulated crane, the driver and who commands it have real-time
-# priority, and who watches them goes before other work, where that is permitted; where it is not,
-# other work on the same cores makes true faults: what failed in real time is tried once more in the
-# end, alone, with processes of its own.
+# priority, and who watches them goes before other work (of the same session, where the kernel groups
+# by it), where that is permitted; where it is not, other work on the same cores makes true faults:
+# what failed in real time is tried once more in the end, alone, with processes of its own.
 set -euo pipefail
 
 units=() others=()
