@@ -87,6 +87,7 @@ CASES = (
     HiddenCase("load_friction", "inner_boom", 0.026, seed=6),
     HiddenCase("encoder_offset", "inner_boom", 0.03, seed=3),
     HiddenCase("encoder_offset", "inner_boom", 0.028, seed=4),
+    HiddenCase("encoder_offset", "inner_boom", 0.028, seed=5),
 )
 
 
