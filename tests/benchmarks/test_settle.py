@@ -29,8 +29,8 @@ def test_the_experiment_is_for_the_class(
     effect = REGISTRY[case.effect].effect
     assert effect is not None
     measured(
-        f"{effect.name}, {case.joint}: members of the class; least separation told, foretold; "
-        "recording; answer with it",
+        f"{effect.name}, {case.joint}, {case.strength:.1%} of the drive, seed {case.seed}: members "
+        "of the class; least separation told, foretold; recording; answer with it",
         "named",
         f"{len(before.classes[0])}; {told:.1f}, {foretold:.0f} σ; {plan['duration']:.0f} s; "
         + ("named" if SETTLED[case.name] else f"`{after.verdict}`, not settled"),

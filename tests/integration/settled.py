@@ -82,8 +82,12 @@ CASES = (
     HiddenCase("load_friction", "outer_boom", 0.03, seed=3),
     HiddenCase("load_friction", "outer_boom", 0.026, seed=5),
     HiddenCase("load_friction", "inner_boom", 0.028, seed=3),
+    HiddenCase("load_friction", "inner_boom", 0.028, seed=4),
+    HiddenCase("load_friction", "inner_boom", 0.03, seed=5),
+    HiddenCase("load_friction", "inner_boom", 0.026, seed=6),
     HiddenCase("encoder_offset", "inner_boom", 0.03, seed=3),
     HiddenCase("encoder_offset", "inner_boom", 0.028, seed=4),
+    HiddenCase("encoder_offset", "inner_boom", 0.028, seed=5),
 )
 
 

@@ -24,5 +24,5 @@ def _line(question: Content) -> str:
     names = listed([alone(one) for one in members], "or")
     if question["kind"] == QuestionKind.UNDETERMINED:
         return f"{names}: is it there at all?"
-    known = listed(list(dict.fromkeys(one["settled_by"] for one in members)), "or")
-    return f"{names}: told apart by {known}"
+    known = dict.fromkeys(one["settled_by"] for one in members)
+    return f"{names}: told apart by {'; or '.join(known)}"

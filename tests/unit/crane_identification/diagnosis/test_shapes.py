@@ -146,10 +146,15 @@ def test_a_force_that_fades_is_unknown_and_says_so(tmp_path: Path) -> None:
     assert (
         "What it may depend on (axis, rms" in said and "no effect of the catalogue is that" in said
     )
-    html = page.render(result, Provenance.of("2012-06-01", ["diagnose"], "axis.yaml"))
-    assert "fades within seconds: some shape of it explains" in " ".join(
-        read_html(html).text.split()
+    html = page.render(
+        result, Provenance.of("2012-06-01", ["diagnose"], "axis.yaml"), folder=Path("out")
     )
+    text = " ".join(read_html(html).text.split())
+    assert "fades within seconds: some shape of it explains" in text
+    assert "The law as it was drawn" in text  # of the nearest that is one
+    command = "ros2 run crane_trajectory design --settle out --out out/settle.yaml"
+    assert "The next experiment" in text and command in text
+    assert explain.next_step(findings.content(result), Path("out"))[0].endswith(command)
 
 
 def test_a_further_effect_explains_what_no_shape_of_the_first_one_does() -> None:
