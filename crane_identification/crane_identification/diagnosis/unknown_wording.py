@@ -31,14 +31,15 @@ def nearest_drawn(unknown: Content) -> Content | None:
 
 
 def _signatures(unknown: Content) -> Iterator[str]:
+    nearest = nearest_drawn(unknown)
     for place, one in enumerate(unknown["signatures"]):
         yield (
             f"{one['signature']}: some shape of it explains "
             f"{short_percent(one['explained_share'])}, and helps to predict {one['better']} of "
             f"{one['asked']} recordings it is not fitted to; {_against(one, place)}"
         )
-        if one is nearest_drawn(unknown):
-            yield from finding_wording.drawn(one)
+        if nearest is not None and one is nearest:
+            yield from finding_wording.drawn(nearest)
 
 
 def _against(one: Content, place: int) -> str:
