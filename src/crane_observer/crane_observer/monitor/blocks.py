@@ -77,6 +77,7 @@ class FlowBlock(NamedTuple):
     drawn: Array  # (j,) Pa, by how much each joint lets the supply droop
     stroke: Array  # (j,) Pa s/m, by how much it would for 1 m/s
     lever: Array  # (j,) m of the piston for 1 rad or m of the joint
+    turned: Array  # (j, 2) m/s by which the speed of flow changed since the last that is known
 
     @property
     def feeding(self) -> bool:
@@ -131,6 +132,7 @@ class Blocks:
         self._crossed = np.zeros(joints, dtype=bool)  # whose transducers are exchanged
         self._sums, self._crossed_sums = np.zeros((2, joints, SUMS))
         self._length: Array | None = None
+        self._speed = np.full((joints, 2), np.nan)  # m/s of flow, the last that is known
         self._begun: float | None = None
 
     def exchange(self, joint: int) -> None:
@@ -160,6 +162,7 @@ class Blocks:
         if gathered and sample.time - gathered[-1].time > LONGEST:
             gap = sample.time - gathered[-1].time
             self._gathered, self._length, self._begun = [sample], None, sample.time
+            self._speed[:] = np.nan
             self._shown = shown
             self._sums[:] = self._crossed_sums[:] = 0.0
             raise DataError(f"no sample for {gap:.3f} s before {sample.time:.3f} s")
@@ -206,6 +209,10 @@ class Blocks:
         inner = samples[1:]
         p_a = np.mean([one.chamber_a for one in inner], axis=0)
         p_b = np.mean([one.chamber_b for one in inner], axis=0)
+        flow = volumes / areas * (1.0, -1.0) - softness * (ended - begun)
+        known = sums[:, [LOST_A, LOST_B]] == 0.0
+        turned = np.where(known, np.nan_to_num(np.abs(flow / span - self._speed)), 0.0)
+        self._speed = np.where(known, flow / span, self._speed)
         entering = np.maximum(volumes, 0.0)
         drawn = circuit.droop * entering.sum(axis=1) / span
         supply = float(np.mean([one.supply for one in inner]))
@@ -213,19 +220,20 @@ class Blocks:
             begin=first.time,
             time=last.time,
             encoder=x - before,
-            flow=volumes / areas * (1.0, -1.0) - softness * (ended - begun),
+            flow=flow,
             crossed=crossed / areas * (1.0, -1.0) - softness * (ended - begun)[:, ::-1],
             fed=-drop * (volumes > 0.0),
             drop=drop,
             softness=softness,
             leak=-((p_a - p_b) * span)[:, None] / areas,
-            known=sums[:, [LOST_A, LOST_B]] == 0.0,
+            known=known,
             pressure=np.stack([p_a, p_b], axis=1),
             last=ended,
             supply=supply - circuit.supply_pressure + float(drawn.sum()),
             drawn=drawn,
             stroke=circuit.droop * areas.mean(axis=1),
             lever=self.physics.levers(last.position),
+            turned=turned,
         )
 
 

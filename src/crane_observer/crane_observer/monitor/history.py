@@ -23,6 +23,7 @@ class Sums(NamedTuple):
     drop: (
         Array  # (n, c) m/Pa that a transducer off by 1 Pa adds, for the supply the count of blocks
     )
+    turned: Array  # (n, c) m/s by which the speed of the piston changed, up and down alike
     trim: Array  # (n, c, TERMS) the regressors of what is learnt to be always off
 
     def channel(self, c: int) -> "Sums":
@@ -36,6 +37,7 @@ class Added(NamedTuple):
     residual: Array  # (c,)
     way: Array  # (c,)
     drop: Array  # (c,)
+    turned: Array  # (c,)
     trim: Array  # (c, TERMS)
 
 
@@ -57,6 +59,7 @@ def of_block(block: FlowBlock, trusted: Flags | None = None) -> Added:
         np.append(residual, block.supply if feeding else 0.0),
         np.append(way, block.drawn.sum()),
         np.append(np.abs(pressed), float(feeding)),
+        np.append(np.where(known, block.turned.ravel(), 0.0), 0.0),
         trim,
     )
 
@@ -76,7 +79,12 @@ class History:
         self._trim = trim
         zeros = np.zeros((2 * KEPT, channels))
         self._sums = Sums(
-            np.zeros(2 * KEPT), zeros, zeros.copy(), zeros.copy(), np.zeros((*zeros.shape, TERMS))
+            np.zeros(2 * KEPT),
+            residual=zeros,
+            way=zeros.copy(),
+            drop=zeros.copy(),
+            turned=zeros.copy(),
+            trim=np.zeros((*zeros.shape, TERMS)),
         )
         self._blocks: list[FlowBlock] = []
         self.newest = -1

@@ -11,15 +11,14 @@ from typing import NamedTuple
 import numpy as np
 
 from crane_model.array import Array, Flags
+from crane_observer.monitor.allowed import within
 from crane_observer.monitor.history import History
-from crane_observer.monitor.signatures import SUPPLY, FaultSpan, Part, Wrong, signatures
-from crane_observer.monitor.tolerance import within
+from crane_observer.monitor.signatures import COVERED, SUPPLY, FaultSpan, Part, Wrong, signatures
 
 ONSETS = 16  # that are tried at first, and between the best and its neighbours
 BEFORE = 40  # blocks before the earliest onset that say where residuals were
 CORRELATED = 10  # blocks that err alike
 FLOOR_SHARE = 0.25  # of a tolerance is one standard deviation
-COVERED = 1.96  # standard deviations to either side, of 95 %
 ONE_WAY = {Wrong.LEAKING}  # whose size is positive
 RELUCTANCE = {
     Wrong.STUCK: 0.7,

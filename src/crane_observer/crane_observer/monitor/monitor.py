@@ -1,25 +1,23 @@
 """Samples in, findings out; the same on the machine and on bags."""
 
-from collections.abc import Callable
-
 import numpy as np
 
 from crane_model.array import Array, Flags
 from crane_model.errors import DataError
+from crane_observer.monitor.allowed import excess
 from crane_observer.monitor.blocks import Blocks, FlowBlock, KnownFlow, Sample
 from crane_observer.monitor.finding import RivalEncoder, SensorFinding
 from crane_observer.monitor.history import History
 from crane_observer.monitor.isolation import (
-    COVERED,
     Suspect,
     encoder_behind,
     isolate,
     named,
     outdone,
 )
-from crane_observer.monitor.readings import LOOKED, ReadingHabits
-from crane_observer.monitor.signatures import SUPPLY, Part, Wrong
-from crane_observer.monitor.tolerance import Tolerance, excess
+from crane_observer.monitor.reading_watch import ReadingWatch
+from crane_observer.monitor.signatures import COVERED, Part, Wrong
+from crane_observer.monitor.tolerance import Tolerance
 
 WAITED = 2  # blocks after an alarm, in which others that have the same cause follow
 LONGEST_WAIT = 16  # blocks, of a fault that grew slowly
@@ -50,9 +48,8 @@ class SensorComparison:
         assert physics.model.hydraulics is not None  # else `physics` could not be
         if physics.model.hydraulics.supply is None:
             self._tolerance[-1, 0] = np.inf  # how far it droops is not known
-        parts = (Part.ENCODER, Part.PRESSURE_A, Part.PRESSURE_B)
-        self._sensors = [(part, joint) for part in parts for joint in joints]
-        self._sensors.append((Part.SUPPLY, SUPPLY))
+        units = physics.model.setting.units
+        self._units = tuple(units[joint] for joint in joints)
         self.forget()
 
     def forget(self) -> None:
@@ -60,10 +57,10 @@ class SensorComparison:
         joints = len(self.physics.joints)
         self._blocks = Blocks(self.physics)
         self._history = History(self._trim)
-        self._habits = ReadingHabits(joints), ReadingHabits(2 * joints + 1)
+        self.readings = ReadingWatch(self.physics.joints, self._units)
         self._watched = np.ones(2 * joints + 1, dtype=bool)
         self._waiting: int | None = None
-        self._span, self._since, self._period, self._last = 1, 0, 0.0, 0.0
+        self._span, self._since = 1, 0
         self._trusted = np.ones(2 * joints + 1, dtype=bool)  # transducers
         self._again: tuple[int, SensorFinding, Array, Flags] | None = None
         self._alarmed = np.zeros(2 * joints + 1, dtype=bool)
@@ -81,18 +78,9 @@ class SensorComparison:
         """Valve commands (j,) in -1..1, in force from `stamp` [s] on."""
         self._blocks.command(stamp, command)
 
-    def read_encoders(self, position: Array) -> None:
-        """(j,) as they were read: between two readings there is no noise to be seen."""
-        self._habits[0].add(position)
-
-    def read_pressures(self, chamber_a: Array, chamber_b: Array, supply: float) -> None:
-        """(j,) (j,) Pa, and the supply, as they were read."""
-        self._habits[1].add(np.concatenate([chamber_a, chamber_b, [supply]]))
-
     def add(self, sample: Sample) -> list[SensorFinding]:
         """What this sample brought to light; `DataError` names a sample that is not used."""
         block = self._blocks.add(sample)
-        self._period, self._last = sample.time - self._last, sample.time
         if block is None:
             return []
         self._history.add(block, self._trusted)
@@ -191,18 +179,18 @@ class SensorComparison:
 
     def _noisy(self, alarmed: Array, block: FlowBlock) -> SensorFinding | None:
         """The sensor of an alarmed joint that grew noisy, if one did."""
-        noisy = self._of_all(lambda one: one.noisy_now)
-        for k, (part, joint) in enumerate(self._sensors):
+        noisy = self.readings.noisy_now
+        for k, (part, joint) in enumerate(self.readings.sensors):
             if noisy[k] and alarmed[self._channels(part, joint)].any():
                 self._leave(part, joint)
-                return self._noise(k, block)
+                return self.readings.noise(k, block.time)
         return None
 
     def _told(self, suspect: Suspect, block: FlowBlock) -> SensorFinding:
         kind, unit = suspect.kind, suspect.unit
         if suspect.part in (Part.PRESSURE_A, Part.PRESSURE_B, Part.SUPPLY):
-            sensor = self._sensors.index((suspect.part, suspect.joint))
-            if self._of_all(lambda one: one.repeated)[sensor] >= SEEN_STUCK:
+            sensor = self.readings.sensors.index((suspect.part, suspect.joint))
+            if self.readings.repeated[sensor] >= SEEN_STUCK:
                 kind, unit = Wrong.STUCK, ""
         spread = COVERED * suspect.deviation
         return SensorFinding(
@@ -212,28 +200,11 @@ class SensorComparison:
 
     def _by_readings(self, block: FlowBlock) -> list[SensorFinding]:
         found = []
-        stuck = self._of_all(lambda one: one.stuck)
-        noisy = self._of_all(lambda one: one.noisy)
-        for k, (part, joint) in enumerate(self._sensors):
-            frozen = stuck[k] and part is not Part.ENCODER  # at rest an encoder is quiet
-            if (frozen or noisy[k]) and self._watched[self._channels(part, joint)].any():
-                self._leave(part, joint)
-                found.append(self._noise(k, block, bool(frozen)))
+        for one in self.readings.found(block.time):
+            if self._watched[self._channels(one.part, one.joint)].any():
+                self._leave(one.part, one.joint)
+                found.append(one)
         return found
-
-    def _noise(self, sensor: int, block: FlowBlock, frozen: bool = False) -> SensorFinding:
-        part, joint = self._sensors[sensor]
-        size = float(self._of_all(lambda one: one.noise)[sensor])
-        unit = self.physics.model.setting.units[joint] if part is Part.ENCODER else "Pa"
-        begun = block.time - LOOKED * self._period
-        kind, unit = (Wrong.STUCK, "") if frozen else (Wrong.NOISE, unit)
-        return SensorFinding(
-            part, joint, kind, unit, size, 0.7 * size, 1.3 * size, begun, block.time
-        )
-
-    def _of_all(self, what: Callable[[ReadingHabits], Array | Flags]) -> Array | Flags:
-        """Of each sensor, encoders first."""
-        return np.concatenate([what(one) for one in self._habits])
 
     def _channels(self, part: Part, joint: str) -> slice:
         if part is Part.SUPPLY:
@@ -249,7 +220,7 @@ class SensorComparison:
             self._blocks.exchange(self.physics.joints.index(joint))
             self._history.forget(channels)
             return
-        self._watched[channels] = False
+        self._watched[channels] = self._alarmed[channels] = False
         if part in (Part.SUPPLY, *TRANSDUCERS):
             self._trusted[channels] = False
         if part is Part.SUPPLY:

@@ -19,6 +19,7 @@ from crane_model.array import Array
 from crane_observer.monitor.blocks import FlowBlock
 
 SUPPLY = "supply"
+COVERED = 1.96  # standard deviations to either side, of 95 %
 
 
 class Wrong(StrEnum):

@@ -6,32 +6,34 @@ within
     floor + share P + zero S + creep T + late V
 
 with P the way of the piston between them, S what a transducer that is 1 Pa off adds on this way, T
-the time and V twice the largest speed between them; for the supply, P is the droop of all flow, S
-the number of blocks, and there is no V. `floor` is what noise and rounding do, however long the
-way; `share` an error of gains, `zero` one of the zeros, `creep` one of leakage; `late` is how long
-after its stamp a command reaches the valve, and how far stamps of readings are off, more than the
-model knows.
+the time and V all changes of its speed between them, up and down alike; for the supply, P is the
+droop of all flow, S the number of blocks, and there is no V. `floor` is what noise and rounding do,
+however long the way; `share` an error of gains, `zero` one of the zeros, `creep` one of leakage;
+`late` is how long after its stamp a command reaches the valve, and how far stamps of readings are
+off, more than the model knows: of a joint that hunts, each reversal adds to it.
 """
 
 from collections.abc import Sequence
 
 import numpy as np
-from numpy.typing import NDArray
 from scipy.optimize import linprog
 
 from crane_model.array import Array
 from crane_model.configuration import NonNegative, Positive, Schema
 from crane_model.errors import DataError
+from crane_observer.monitor.allowed import SPANS, grown, taken
+from crane_observer.monitor.apart import level
 from crane_observer.monitor.blocks import BLOCK
-from crane_observer.monitor.history import History, Sums
+from crane_observer.monitor.history import Sums
 from crane_observer.monitor.trim import TERMS, fitted
 
-Rows = NDArray[np.int64]
-SPANS = 2 ** np.arange(11)  # blocks, over which sums are looked at: from 0.05 to 51 s
 ROOM = 1.5  # over the largest that was ever seen
 FLOOR, SHARE, ZERO, CREEP, LATE = 4e-5, 1e-3, 1e4, 1e-6, 2e-3  # m, of the way, Pa, m/s and s, least
 LEAST = FLOOR, SHARE, ZERO, CREEP, LATE
 SUPPLY_FLOOR, SUPPLY_SHARE, SUPPLY_ZERO = 1.5e5, 0.02, 2e3  # Pa, of the droop, and Pa, at least
+APART = 10.0  # h between two false alarms
+HOUR = 3600.0  # s
+WINDOW = 200  # blocks, of which the largest counts as one: longer than residuals err alike
 UNLEARNT = 6.0  # times the least, of a machine that was never recorded without faults; of the
 UNLEARNT_SUPPLY = 20.0  # supply, too
 
@@ -107,30 +109,57 @@ def learn(joints: Sequence[str], recordings: Sequence[Sums], provenance: str) ->
             "tolerances: less than a minute of recording; learn them from the recordings that the "
             "model was identified from, and from work"
         )
-    trim = fitted([(_blocks(one.residual), _blocks(one.trim)) for one in recordings])
-    trim[-1] = 0.0  # that of the supply is identified
-    recordings = [
-        one._replace(residual=one.residual - np.einsum("nck,ck->nc", one.trim, trim))
-        for one in recordings
-    ]
-    channels = recordings[0].residual.shape[1]
-    rows = [
-        (*_row([one.channel(c) for one in recordings], supply=c == channels - 1), *trim[c])
-        for c in range(channels)
-    ]
+    rows, trim = _fitted(recordings)
+    rows *= _level(recordings)
+    every = np.hstack([rows, trim]).tolist()
     names = tuple(JointTolerance.model_fields)
     pairs = {
         joint: JointTolerance(
-            **{name: (rows[2 * j][k], rows[2 * j + 1][k]) for k, name in enumerate(names)}
+            **{name: (every[2 * j][k], every[2 * j + 1][k]) for k, name in enumerate(names)}
         )
         for j, joint in enumerate(joints)
     }
-    floor, share, zero = rows[-1][:3]
+    floor, share, zero = every[-1][:3]
     return Tolerance(
         provenance=provenance,
         joints=pairs,
         supply=SupplyTolerance(floor=floor, share=share, zero=zero),
     )
+
+
+def _fitted(recordings: Sequence[Sums]) -> tuple[Array, Array]:
+    """(c, 5) tolerances that hold what was seen, and (c, TERMS) what is taken off before."""
+    trim = fitted([(_blocks(one.residual), _blocks(one.trim)) for one in recordings])
+    trim[-1] = 0.0  # that of the supply is identified
+    left = [_trimmed(one, trim) for one in recordings]
+    last = len(trim) - 1
+    rows = [_row([one.channel(c) for one in left], supply=c == last) for c in range(last + 1)]
+    return np.array(rows), trim
+
+
+def _level(recordings: Sequence[Sums]) -> float:
+    """How many tolerances are taken once in APART, told from what each part of the recordings takes
+    of tolerances that the others make; 1 at least. One for all channels: what is rare was seen on
+    one joint, and comes to another.
+    """
+    parts = [part for one in recordings for part in _halves(one)]
+    largest = []
+    for k, held in enumerate(parts):
+        rows, trim = _fitted([part for i, part in enumerate(parts) if i != k])
+        share = taken(rows, _trimmed(held, trim)).max(axis=1)
+        whole = len(share) // WINDOW
+        largest.append(share[: whole * WINDOW].reshape(whole, WINDOW).max(axis=1))
+    return max(level(np.concatenate(largest), APART * HOUR / (WINDOW * BLOCK)), 1.0)
+
+
+def _halves(sums: Sums) -> tuple[Sums, Sums]:
+    middle = len(sums.time) // 2
+    later = [part[middle:] - part[middle - 1] for part in sums[1:]]
+    return Sums(*(part[:middle] for part in sums)), Sums(sums.time[middle:], *later)
+
+
+def _trimmed(sums: Sums, trim: Array) -> Sums:
+    return sums._replace(residual=sums.residual - np.einsum("nck,ck->nc", sums.trim, trim))
 
 
 def _blocks(sums: Array) -> Array:
@@ -169,68 +198,5 @@ def _row(recordings: Sequence[Sums], supply: bool) -> tuple[float, ...]:
 def _seen(sums: Sums, span: int) -> tuple[Array, Array]:
     """(n,) how far sums of one channel went in each `span`, and (n, 5) by what they may."""
     begin = np.arange(len(sums.time) - span)
-    moved, by = _grown(sums, begin, begin + span)
+    moved, by = grown(sums, begin, begin + span)
     return moved[:, 0], by[:, 0]
-
-
-def between(tolerance: Array, sums: Sums, begin: Rows, end: Rows) -> tuple[Array, Array]:
-    """(n, c) how far sums went between rows (n,), and how far they may by tolerances (c, 5), or
-    (5,) that all share.
-    """
-    moved, by = _grown(sums, begin, end)
-    return moved, np.asarray((by * tolerance).sum(axis=-1))
-
-
-def _grown(sums: Sums, begin: Rows, end: Rows) -> tuple[Array, Array]:
-    """(n, c) how far sums went between rows (n,), and (n, c, 5) what floor, share, zero,
-    creep and late are multiplied by.
-    """
-    moved = np.abs(sums.residual[end] - sums.residual[begin])
-    way, drop = np.abs(sums.way[end] - sums.way[begin]), np.abs(sums.drop[end] - sums.drop[begin])
-    ones, late = np.ones_like(way), 2.0 * _fastest(sums.way, begin, end)
-    return moved, np.stack([ones, way, drop, _lasting(begin, end) * ones, late], axis=-1)
-
-
-def within(tolerance: Array, sums: Sums, begin: Rows, end: Rows) -> Array:
-    """(n, c) how far they may where stamps are right, by tolerances (c, 4) without `late`."""
-    way, drop = np.abs(sums.way[end] - sums.way[begin]), np.abs(sums.drop[end] - sums.drop[begin])
-    floor, share, zero, creep = tolerance.T
-    return np.asarray(floor + share * way + zero * drop + creep * _lasting(begin, end))
-
-
-def _lasting(begin: Rows, end: Rows) -> Array:
-    """(n, 1) s between rows."""
-    return np.asarray(BLOCK * np.abs(end - begin)[:, None])
-
-
-def _fastest(way: Array, begin: Rows, end: Rows) -> Array:
-    """(n, c) m/s at most in the blocks from row `begin` to `end` (n,), in either order: by maxima
-    over 1, 2, 4, ... blocks, of which two that overlap make every length.
-    """
-    low, high = np.minimum(begin, end), np.maximum(begin, end)
-    oldest = int(low.min(initial=len(way) - 1))
-    rows = np.arange(oldest, int(high.max(initial=oldest)) + 1)
-    most = (way[rows] - way[np.maximum(rows - 1, 0)]) / BLOCK
-    low, high = low - oldest, high - oldest
-    level = np.floor(np.log2(high - low + 1)).astype(int)
-    found = np.empty((len(low), way.shape[1]))
-    for k in range(int(level.max(initial=-1)) + 1):
-        here, width = level == k, 2**k
-        found[here] = np.maximum(most[low[here]], most[high[here] - width + 1])
-        most = np.maximum(most[:-width], most[width:])
-    return found
-
-
-def excess(tolerance: Array, history: History) -> tuple[Array, Array]:
-    """(c,) the largest share of its tolerance that a sum of each channel takes up to the newest
-    block, and the number of blocks over which it does.
-    """
-    sums, now = history.sums, history.newest
-    spans = SPANS[now >= SPANS]
-    if not len(spans):
-        return np.zeros(len(tolerance)), np.ones(len(tolerance), dtype=int)
-    moved, may = between(tolerance, sums, now - spans, np.full(len(spans), now))
-    begun = (now - spans)[:, None] >= history.since_row
-    taken = np.where(begun, moved / may, 0.0)
-    worst = taken.argmax(axis=0)
-    return taken[worst, np.arange(len(tolerance))], spans[worst]

@@ -49,7 +49,7 @@ class SensorWatch:
         if self._encoders and time <= self._encoders[-1][0]:
             self._refuse(f"encoders at {time:.4f} s: out of order or twice")
             return []
-        self.monitor.read_encoders(position)
+        self.monitor.readings.read_encoders(time, position)
         self._encoders = [*self._encoders[-1:], (time, position)]
         return self._complete()
 
@@ -57,7 +57,7 @@ class SensorWatch:
         self, time: float, chamber_a: Array, chamber_b: Array, supply: float
     ) -> list[SensorFinding]:
         """(j,) (j,) Pa, and the supply; what they complete."""
-        self.monitor.read_pressures(chamber_a, chamber_b, supply)
+        self.monitor.readings.read_pressures(time, chamber_a, chamber_b, supply)
         self._pressures.append((time, chamber_a, chamber_b, supply))
         del self._pressures[:-WAITING_ROOM]
         return self._complete()

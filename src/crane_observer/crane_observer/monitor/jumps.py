@@ -1,0 +1,63 @@
+"""Encoders that jump: one step between two readings that no piston can have gone."""
+
+import numpy as np
+from numba import njit
+
+from crane_model.array import Array
+
+BESIDE = 6  # steps before and behind one, that tell how fast the joint moves
+BEYOND = 5.0  # times what the largest of them is off, of a jump
+ROUNDED = 12.0**-0.5  # of a step, that rounding is off
+STEPS = 8.0  # of the encoder, at least
+
+
+class JumpWatch:
+    """Of s encoders. A step is judged once as many have come behind it as are looked at before it:
+    noise, and a stamp or a reading that is late, show in their neighbours, too.
+    """
+
+    def __init__(self, sensors: int):
+        self._time = np.full(2 * BESIDE + 2, -np.inf)
+        self._shown = np.full((2 * BESIDE + 2, sensors), np.nan)
+        self._step = np.full(sensors, np.inf)
+        self.size = np.zeros(sensors)  # (s,) rad, m: the last jump since `forget`; 0: none
+        self.deviation = np.zeros(sensors)  # (s,) of the size
+        self.at = np.zeros(sensors)  # (s,) s
+
+    def forget(self) -> None:
+        """Those that were told."""
+        self.size[:] = 0.0
+
+    def add(self, time: float, shown: Array) -> None:
+        """Readings (s,) of one time [s]; those that are no numbers, or of no later time, do not
+        count.
+        """
+        if not np.isfinite(shown).all() or time <= self._time[-1]:
+            return
+        self._time[:-1], self._shown[:-1] = self._time[1:], self._shown[1:]
+        self._time[-1], self._shown[-1] = time, shown
+        _judge(self._time, self._shown, self._step, self.size, self.deviation, self.at)
+
+
+@njit(cache=True, error_model="numpy")
+def _judge(
+    time: Array, shown: Array, least: Array, size: Array, deviation: Array, at: Array
+) -> None:
+    """Put a jump of the middle step, of readings (n, s), into `size`, `deviation` and `at` (s,);
+    `least` (s,) is the smallest step that each encoder ever made.
+    """
+    lasting = time[1:] - time[:-1]
+    for i in range(shown.shape[1]):
+        steps = shown[1:, i] - shown[:-1, i]
+        last = abs(steps[-1])
+        if 0.0 < last < least[i]:
+            least[i] = last
+        if not np.isfinite(steps[0]):
+            continue
+        off = np.abs(steps - lasting * np.median(steps / lasting))
+        jump = off[BESIDE]
+        off[BESIDE] = 0.0
+        if jump > max(BEYOND * off.max(), STEPS * least[i]):
+            size[i] = steps[BESIDE] - lasting[BESIDE] * np.median(steps / lasting)
+            deviation[i] = max(np.sqrt(np.mean(off**2)), least[i] * ROUNDED)
+            at[i] = time[BESIDE + 1]
