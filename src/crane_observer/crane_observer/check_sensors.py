@@ -12,6 +12,7 @@ from crane_model.model_file import Model, load_model
 from crane_observer.monitor.picture import draw
 from crane_observer.monitor.replay import WatchedBag, watch
 from crane_observer.monitor.tolerance import Tolerance, learn
+from crane_observer.monitor.watching import Heed
 
 
 def main(argv: Sequence[str] | None = None) -> int:
@@ -37,13 +38,20 @@ def main(argv: Sequence[str] | None = None) -> int:
 
     def body() -> None:
         model = load_model(arguments.model)
+        if model.hydraulics is None and (arguments.learn or arguments.picture):
+            raise ConfigurationError(
+                f"{arguments.model}: holds no hydraulics, so that nothing is compared: there is no "
+                "tolerance to learn and no picture; identify hydraulics with `identify`"
+            )
         if arguments.learn:
             _learn(model, arguments.bag, arguments.learn)
             return
         if arguments.picture:
             cli.check_out(arguments.picture)
         tolerance = load(arguments.tolerance, Tolerance) if arguments.tolerance else None
-        if tolerance is None:
+        if model.hydraulics is None:
+            print(f"hydraulics: none. {Heed.ALONE.value}")
+        elif tolerance is None:
             print("tolerance: assumed, and wide; learn one from good recordings with --learn")
         seen = [watch(bag, model, tolerance) for bag in arguments.bag]
         for one in seen:
@@ -73,7 +81,7 @@ def _learn(model: Model, bags: Sequence[Path], file: Path) -> None:
 def _lines(seen: WatchedBag) -> list[str]:
     verdict = "not fit for identification" if seen.findings else "fit for identification"
     lines = [f"{seen.bag}: {verdict}", *(f"  {one}" for one in seen.findings)]
-    if not seen.findings:
+    if not seen.findings and len(seen.sums.time):
         lines.append(f"  the nearest to an alarm took {seen.largest:.0%} of its tolerance")
     if seen.refused:
         lines.append(f"  {seen.refused} samples not used, the last: {seen.why_not}")

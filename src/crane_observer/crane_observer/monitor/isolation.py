@@ -24,12 +24,12 @@ RELUCTANCE = {
     Wrong.STUCK: 0.7,
     Wrong.SWAPPED: 0.5,
     Wrong.OFFSET: 0.8,
-    Wrong.JUMP: 0.9,
     Wrong.LEAKING: 1.2,
     Wrong.OPEN: 1.3,
 }
 """By which misfits are multiplied: of faults that explain as much, the plain ones come first."""
 STRETCH = 1.25  # times of which a fault still looks like that of a size which is tried
+DOUBTED = 1e-3  # m at the piston, from which on a position is in doubt
 BETWEEN = 0.1  # of such a size is its standard deviation
 QUIET = 1e-5  # m of way in which an encoder that is stuck still flickers
 
@@ -58,6 +58,7 @@ class Suspect(NamedTuple):
     size: float
     deviation: float
     unit: str
+    error: float  # m at the piston, by which an encoder would be off by now; 0 of others
 
     @property
     def certain(self) -> bool:
@@ -192,7 +193,7 @@ def _tried(
         if not model.any():
             continue
         first, begun = np.zeros_like(data), row - oldest + 1
-        first[begun : begun + 1 if kind is Wrong.JUMP else None] = shape[0]
+        first[begun:] = shape[0]
         model -= _before(data, model, np.where(watched, first / deviation, 0.0), whole)
         power = float(np.sum(model**2))
         if power == 0.0:
@@ -210,7 +211,11 @@ def _tried(
             spread = BETWEEN * whole if unit else 0.0
         begin = blocks[0].begin
         size = (whole or 1.0) * times
-        found.append(Suspect(part, joint, kind, misfit, begin, size, spread, unit))
+        error = 0.0
+        if part is Part.ENCODER:
+            own = 2 * joints.index(joint)
+            error = abs(times) * float(np.abs(np.cumsum(shape[:, own : own + 2], axis=0)).max())
+        found.append(Suspect(part, joint, kind, misfit, begin, size, spread, unit, error))
     return sorted(found, key=_badness)
 
 

@@ -8,6 +8,8 @@ from crane_model.array import Array
 BESIDE = 6  # steps before and behind one, that tell how fast the joint moves
 BEYOND = 5.0  # times what the largest of them is off, of a jump
 ROUNDED = 12.0**-0.5  # of a step, that rounding is off
+NOTHING = 1e-9  # rad, m: what numbers round
+GAP = 0.1  # s between two readings, behind which all begins anew
 STEPS = 8.0  # of the encoder, at least
 
 
@@ -34,6 +36,8 @@ class JumpWatch:
         """
         if not np.isfinite(shown).all() or time <= self._time[-1]:
             return
+        if time - self._time[-1] > GAP:
+            self._shown[:] = np.nan
         self._time[:-1], self._shown[:-1] = self._time[1:], self._shown[1:]
         self._time[-1], self._shown[-1] = time, shown
         _judge(self._time, self._shown, self._step, self.size, self.deviation, self.at)
@@ -44,14 +48,14 @@ def _judge(
     time: Array, shown: Array, least: Array, size: Array, deviation: Array, at: Array
 ) -> None:
     """Put a jump of the middle step, of readings (n, s), into `size`, `deviation` and `at` (s,);
-    `least` (s,) is the smallest step that each encoder ever made.
+    `least` (s,) is what each encoder resolves: the smallest difference of two steps of it.
     """
     lasting = time[1:] - time[:-1]
     for i in range(shown.shape[1]):
         steps = shown[1:, i] - shown[:-1, i]
-        last = abs(steps[-1])
-        if 0.0 < last < least[i]:
-            least[i] = last
+        more = abs(steps[-1] - steps[-2])
+        if NOTHING < more < least[i]:
+            least[i] = more
         if not np.isfinite(steps[0]):
             continue
         off = np.abs(steps - lasting * np.median(steps / lasting))

@@ -1,5 +1,7 @@
 """Samples in, findings out; the same on the machine and on bags."""
 
+from collections.abc import Sequence
+
 import numpy as np
 
 from crane_model.array import Array, Flags
@@ -9,6 +11,7 @@ from crane_observer.monitor.blocks import Blocks, FlowBlock, KnownFlow, Sample
 from crane_observer.monitor.finding import RivalEncoder, SensorFinding
 from crane_observer.monitor.history import History
 from crane_observer.monitor.isolation import (
+    DOUBTED,
     Suspect,
     encoder_behind,
     isolate,
@@ -126,22 +129,33 @@ class SensorComparison:
         suspects = self._suspects(alarmed, watched)
         explained = bool(suspects) and suspects[0].misfit < EXPLAINED
         encoder = encoder_behind(suspects)
-        rival = RivalEncoder(encoder.joint, encoder.kind) if encoder else None
         stands = encoder is not None and encoder.kind is Wrong.STUCK  # and who is led by it shakes
         if not explained and not stands and (noisy := self._noisy(alarmed, block)):
-            return [noisy._replace(rival=rival)]
+            return [noisy._replace(rival=self._rival(suspects))]
         if not suspects or not suspects[0].certain:
             return []  # as from stamps that were off: it comes again if it stays
         first = named(suspects)
         self._leave(first.part, first.joint)
         finding = self._told(first, block)
         if finding.part is not Part.ENCODER:
-            finding = finding._replace(rival=rival)
+            finding = finding._replace(rival=self._rival(suspects))
         if finding.part is Part.SUPPLY:
             watched[:-1] = False  # what it feeds is compared no more
         if finding.kind is not Wrong.SWAPPED:
             self._again = REFINED, finding, alarmed, watched
         return [finding]
+
+    def _rival(self, suspects: Sequence[Suspect]) -> RivalEncoder | None:
+        """The encoder that may lie instead of what is named and left. One that is compared on, and
+        would be off by less than DOUBTED by now, is none: if it lies, it is found as that grows.
+        """
+        encoder = encoder_behind(suspects)
+        if encoder is None:
+            return None
+        watched = self._watched[self._channels(Part.ENCODER, encoder.joint)].any()
+        if watched and encoder.error < DOUBTED:
+            return None
+        return RivalEncoder(encoder.joint, encoder.kind)
 
     def _suspects(self, alarmed: Array, watched: Flags) -> list[Suspect]:
         joints, ago = self.physics.joints, self._since
@@ -164,16 +178,17 @@ class SensorComparison:
         if not found:
             return []
         alone = before is self.findings[-1] and before.part is not Part.SUPPLY
-        first, rival = named(found), before.rival
+        first = named(found)
         if alone and (not same or first.part is not found[0].part or outdone(same[0], first)):
             self._watched = watched.copy()
             self._leave(first.part, first.joint)
-            if before.part is Part.ENCODER is not first.part:  # what was a danger stays one
-                rival = RivalEncoder(before.joint, before.kind)
             same = [first]
         elif not same:
             return []
-        finding = self._told(same[0], block)._replace(found=before.found, rival=rival)
+        finding, rival = self._told(same[0], block)._replace(found=before.found), before.rival
+        if finding.part is not Part.ENCODER:  # what was a danger stays one
+            was = RivalEncoder(before.joint, before.kind) if before.part is Part.ENCODER else rival
+            finding = finding._replace(rival=was or self._rival(found))
         self.findings = [finding if one is before else one for one in self.findings]
         return [finding]
 

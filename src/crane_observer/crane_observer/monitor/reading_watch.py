@@ -20,7 +20,7 @@ class ReadingWatch:
         self.sensors = [(part, joint) for part in parts for joint in joints]
         self.sensors.append((Part.SUPPLY, SUPPLY))
         self._units, count = tuple(units), len(joints)
-        self._habits = ReadingHabits(count), ReadingHabits(2 * count + 1)
+        self._habits = ReadingHabits(count), ReadingHabits(2 * count), ReadingHabits(1)
         self._jumps = JumpWatch(count)
         self._period, self._last = 0.0, 0.0
 
@@ -33,7 +33,8 @@ class ReadingWatch:
         self, time: float, chamber_a: Array, chamber_b: Array, supply: float
     ) -> None:
         """(j,) (j,) Pa, and the supply, as they were read [s]."""
-        self._habits[1].add(np.concatenate([chamber_a, chamber_b, [supply]]))
+        self._habits[1].add(np.concatenate([chamber_a, chamber_b]))
+        self._habits[2].add(np.array([supply]))
         self._period, self._last = time - self._last, time
 
     @property

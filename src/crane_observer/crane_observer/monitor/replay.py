@@ -11,6 +11,7 @@ from crane_model.model_file import Model
 from crane_observer.monitor.finding import SensorFinding
 from crane_observer.monitor.history import Added, Sums, of_block, summed
 from crane_observer.monitor.tolerance import Tolerance
+from crane_observer.monitor.trim import TERMS
 from crane_observer.monitor.watching import Heed, SensorWatch
 from crane_observer.recording import COMMAND, ENCODERS, HeardRecording
 
@@ -58,14 +59,19 @@ def compare(recording: HeardRecording, model: Model, tolerance: Tolerance | None
         if (block := monitor.take_block()) is not None:
             blocks.append(of_block(block))
             taken.append((block.time, monitor.taken))
-    if not blocks:
+    if model.hydraulics is None and watched.condition is Heed.ALONE:
+        nothing = np.zeros((0, 2 * len(model.joints) + 1))
+        sums = Sums(np.zeros(0), *(nothing,) * 4, np.zeros((*nothing.shape, TERMS)))
+    elif not blocks:
         why = watched.last_refusal or Heed.WAITING.value
         raise DataError(f"{recording.path}: nothing could be compared: {why}")
+    else:
+        sums = summed([time for time, _ in taken], blocks)
     return WatchedBag(
         bag=recording.path,
         joints=model.joints,
         findings=tuple(monitor.findings),
-        sums=summed([time for time, _ in taken], blocks),
+        sums=sums,
         taken=np.array([shares for _, shares in taken]),
         refused=watched.refused,
         why_not=watched.last_refusal,

@@ -130,11 +130,6 @@ _erratic = _alike(lambda c, j: c.encoder[:, j] - c.went(j))
 """An encoder that shows what it likes."""
 
 
-def _jumped(course: FaultSpan, j: int) -> Array:
-    """m at the piston of an encoder that is off by 1 m there, as it begins."""
-    return np.diff(course.lever[:, j] / course.lever[0, j], prepend=0.0)
-
-
 def _transducer(
     side: int, error: Callable[[FaultSpan, int], Array]
 ) -> Callable[..., tuple[Array, Array]]:
@@ -223,10 +218,11 @@ LAGS = 0.015 * 1.5 ** np.arange(10)  # s
 
 
 def signatures() -> Iterator[Signature]:
-    """Of all faults that residuals tell; of two that tell as much, the first is taken."""
+    """Of all faults that residuals tell, of two that tell as much the first; jumps of encoders are
+    none of them, since readings tell those.
+    """
     encoder, valve = Part.ENCODER, Part.VALVE
     yield Signature(encoder, Wrong.STUCK, "", _alike(lambda c, j: -c.went(j)), whole=1.0)
-    yield Signature(encoder, Wrong.JUMP, "m", _alike(_jumped))
     yield Signature(encoder, Wrong.DRIFT, "m/s", _alike(_drifting))
     yield Signature(encoder, Wrong.SCALE, "1", _alike(lambda c, j: c.went(j)))
     for play in PLAYS:

@@ -5,8 +5,9 @@ from enum import Enum
 import numpy as np
 
 from crane_model.array import Array
-from crane_model.errors import DataError
+from crane_model.errors import ConfigurationError, DataError
 from crane_model.model_file import Model
+from crane_observer.monitor.alone import SensorsAlone
 from crane_observer.monitor.blocks import LONGEST, KnownFlow, Sample
 from crane_observer.monitor.finding import SensorFinding
 from crane_observer.monitor.monitor import SensorComparison
@@ -20,6 +21,7 @@ class Heed(Enum):
 
     WAITING = "waits for encoders, pressures and valve commands"
     WATCHING = "compares all sensors"
+    ALONE = "the model holds no hydraulics: each sensor is watched by itself, none is compared"
     GAP = "readings are missing: compares again as soon as they come"
 
 
@@ -27,17 +29,27 @@ class SensorWatch:
     """Takes readings as they come, and gives findings."""
 
     def __init__(self, model: Model, tolerance: Tolerance | None = None):
-        """`ConfigurationError` where the model has no hydraulics; without a tolerance a wide one
-        is assumed.
+        """Where the model has no hydraulics, every sensor by itself; `ConfigurationError` if there
+        is a tolerance then. Else without one a wide one is assumed.
         """
-        physics = KnownFlow.of(model)
-        self.monitor = SensorComparison(physics, tolerance or unlearnt(physics.joints))
+        self.monitor: SensorComparison | SensorsAlone
+        if model.hydraulics is None:
+            if tolerance is not None:
+                raise ConfigurationError(
+                    f"model '{model.name}': holds no hydraulics, and no comparison that a "
+                    "tolerance could be of; identify them, or leave the tolerance away"
+                )
+            self.monitor, self._heed = SensorsAlone(model), Heed.ALONE
+        else:
+            physics = KnownFlow.of(model)
+            self.monitor = SensorComparison(physics, tolerance or unlearnt(physics.joints))
+            self._heed = Heed.WATCHING
         self.condition = Heed.WAITING
         self.refused = 0  # samples
         self.last_refusal = ""
         self._encoders: list[tuple[float, Array]] = []
         self._pressures: list[tuple[float, Array, Array, float]] = []
-        self._commanded = False
+        self._commanded = model.hydraulics is None  # commands are not asked for then
 
     def add_command(self, time: float, command: Array) -> None:
         """(j,) -1..1, in force from `time` [s] on."""
@@ -71,7 +83,7 @@ class SensorWatch:
             position = self._encoder_at(time)
             try:
                 found += self.monitor.add(Sample(time, position, chamber_a, chamber_b, supply))
-                self.condition = Heed.WATCHING
+                self.condition = self._heed
             except DataError as error:
                 self._refuse(str(error))
                 self.condition = Heed.GAP

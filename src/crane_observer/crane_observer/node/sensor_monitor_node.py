@@ -45,7 +45,10 @@ VISIT = 0.01  # s between two visits to the queues
 SILENCE = 0.5  # s without a sample that could be compared
 
 MODEL = Text(
-    "model", "", "Model file with hydraulics; empty: model.yaml of the machine. At configure"
+    "model",
+    "",
+    "Model file, with hydraulics if sensors are to be compared; empty: model.yaml of the machine. "
+    "At configure",
 )
 TOLERANCE = Text(
     "tolerance",
@@ -69,7 +72,7 @@ class SensorMonitorNode(ObserverNode):
         self.create_service(Trigger, "~/forget", self._forget)
 
     def read(self) -> None:
-        """Model and tolerance; refused where the model has no hydraulics."""
+        """Model and tolerance; without hydraulics, each sensor is watched by itself."""
         self._model = load_model(machine_file("model.yaml", MACHINE.read(self), MODEL.read(self)))
         file = TOLERANCE.read(self)
         self._tolerance = load(file, Tolerance) if file else None
@@ -109,7 +112,7 @@ class SensorMonitorNode(ObserverNode):
             status.level, status.message = DiagnosticStatus.WARN, Heed.WAITING.value
         else:
             status.message = self._watch.condition.value
-            largest = float(self._watch.monitor.taken.max())
+            largest = float(self._watch.monitor.taken.max(initial=0.0))
             status.values = [
                 KeyValue(key="tolerance taken [%]", value=f"{100.0 * largest:.0f}"),
                 KeyValue(key="samples not used [-]", value=str(self._watch.refused)),
@@ -157,8 +160,8 @@ class SensorMonitorNode(ObserverNode):
 
 
 ABOUT = """Compares encoders in joint_states, cylinder_pressures and valve_output (without a driver
-that tells it valve_command) by a model with hydraulics. Publishes sensor_findings: which sensor
-lies, how, how much, since when, what to do."""
+that tells it valve_command) by a model with hydraulics; by one without them, watches each sensor by
+itself. Publishes sensor_findings: which sensor lies, how, how much, since when, what to do."""
 
 
 def main(argv: Sequence[str] | None = None) -> int:

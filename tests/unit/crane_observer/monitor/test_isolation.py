@@ -12,8 +12,8 @@ from crane_observer.monitor.isolation import CLEARLY, EXPLAINS, Suspect, encoder
 from crane_observer.monitor.signatures import SUPPLY, Part, Wrong
 from crane_observer.node.topics import findings_message
 
-ENCODER = Suspect(Part.ENCODER, "boom", Wrong.DRIFT, 0.0, 3.0, 2.0, 0.1, "m/s")
-SWAPPED = Suspect(Part.PRESSURES, "boom", Wrong.SWAPPED, 0.0, 3.0, 1.0, 0.0, "")
+ENCODER = Suspect(Part.ENCODER, "boom", Wrong.DRIFT, 0.0, 3.0, 2.0, 0.1, "m/s", 0.01)
+SWAPPED = Suspect(Part.PRESSURES, "boom", Wrong.SWAPPED, 0.0, 3.0, 1.0, 0.0, "", 0.0)
 
 
 @pytest.mark.parametrize(

@@ -5,9 +5,10 @@ from hypothesis import given
 from hypothesis import strategies as st
 from hypothesis.extra.numpy import arrays
 
+from crane_observer.monitor.allowed import between, taken
 from crane_observer.monitor.blocks import BLOCK
 from crane_observer.monitor.history import Sums
-from crane_observer.monitor.tolerance import ROOM, between, learn
+from crane_observer.monitor.tolerance import ROOM, learn
 from crane_observer.monitor.trim import TERMS
 
 COUNT = 50
@@ -18,30 +19,69 @@ LATE, CREEP = 0.01, 0.03  # s, m/s
     arrays(float, (COUNT, 2), elements=st.floats(0.0, 1.0)),
     st.lists(st.tuples(st.integers(0, COUNT - 1), st.integers(0, COUNT - 1)), min_size=1),
 )
-def test_a_late_command_counts_by_the_largest_speed_on_the_way(
-    steps: np.ndarray, spans: list[tuple[int, int]]
+def test_a_late_command_counts_by_all_changes_of_speed(
+    changes: np.ndarray, spans: list[tuple[int, int]]
 ) -> None:
-    way = np.cumsum(steps, axis=0)
-    zeros = np.zeros_like(way)
-    sums = Sums(BLOCK * np.arange(COUNT), zeros, way, zeros, np.zeros((*way.shape, TERMS)))
+    turned = np.cumsum(changes, axis=0)
+    zeros = np.zeros_like(turned)
+    sums = Sums(
+        BLOCK * np.arange(COUNT), zeros, zeros, zeros, turned, np.zeros((*zeros.shape, TERMS))
+    )
     begin, end = np.array(spans).T
     _, may = between(np.array([1.0, 0.0, 0.0, CREEP, LATE]), sums, begin, end)
-    speeds = np.diff(way, axis=0, prepend=way[:1]) / BLOCK
     for (first, last), found in zip(spans, may, strict=True):
-        fastest = speeds[min(first, last) : max(first, last) + 1].max(axis=0)
-        lasting = BLOCK * abs(last - first)
-        np.testing.assert_allclose(found, 1.0 + CREEP * lasting + 2.0 * LATE * fastest)
+        inside = changes[min(first, last) + 1 : max(first, last) + 1].sum(axis=0)
+        np.testing.assert_allclose(found, 1.0 + CREEP * BLOCK * abs(last - first) + LATE * inside)
+
+
+def made(residual: np.ndarray, way: np.ndarray, turned: np.ndarray) -> Sums:
+    """Of the two chambers of a joint and of a supply that has no residual."""
+    zeros = np.zeros_like(way)
+    time = BLOCK * np.arange(len(way))
+    return Sums(time, residual, way, zeros, turned, np.zeros((*way.shape, TERMS)))
 
 
 def test_tolerances_hold_what_was_seen_and_little_more() -> None:
     """Of residuals that follow the way alone, a share is learnt, and no more than their largest."""
     rng = np.random.default_rng(2)
     way = np.cumsum(np.abs(rng.standard_normal((3000, 3))) * 1e-3, axis=0)
-    residual = 5e-3 * way
-    zeros = np.zeros_like(way)
-    sums = Sums(BLOCK * np.arange(3000), residual, way, zeros, np.zeros((*way.shape, TERMS)))
+    sums = made(5e-3 * way, way, np.zeros_like(way))
     learnt = learn(("boom",), [sums], "made").rows
     begin = np.arange(2000)
     moved, may = between(learnt, sums, begin, begin + 500)
     assert (ROOM * moved[:, :2] <= may[:, :2] * 1.0001).all()
     assert (may[:, :2] < 1.2 * ROOM * moved[:, :2]).all()
+
+
+def test_a_joint_that_hunts_longer_than_it_ever_did_is_no_alarm() -> None:
+    """Each reversal adds to the sums; the longest hunting of the recordings lasted 3 s."""
+
+    def hunting(seconds: float) -> Sums:
+        time = BLOCK * np.arange(2400)
+        speed = np.where((time > 20.0) & (time < 20.0 + seconds), 0.04, 0.0)
+        speed = speed * np.sin(2.0 * np.pi * 2.5 * time)
+        turned = np.cumsum(np.abs(np.diff(speed, prepend=0.0)))
+        way = BLOCK * np.cumsum(np.abs(speed))
+        columns = np.stack([turned, turned, np.zeros_like(turned)], axis=1)
+        return made(4e-3 * columns, np.stack([way, way, 0.0 * way], axis=1), columns)
+
+    tolerance = learn(("boom",), [hunting(3.0)], "made").rows
+    assert taken(tolerance, hunting(30.0)).max() < 1.0
+    drifting = hunting(30.0)
+    drifting.residual[:, :2] += 1e-3 * drifting.time[:, None]
+    assert taken(tolerance, drifting).max() > 1.0
+
+
+def test_what_is_rare_widens_all_tolerances() -> None:
+    """One part that errs twice as much as all others: the next may err more still."""
+    rng = np.random.default_rng(6)
+
+    def work(error: float) -> Sums:
+        steps = np.abs(rng.standard_normal((4000, 3))) * 1e-3
+        way = np.cumsum(steps, axis=0)
+        wrong = error * np.repeat(rng.uniform(-1.0, 1.0, 40), 100)[:, None] * steps
+        return made(np.cumsum(wrong, axis=0), way, np.zeros_like(way))
+
+    alike = learn(("boom",), [work(0.05) for _ in range(3)], "made").rows
+    one_worse = learn(("boom",), [work(0.05), work(0.05), work(0.1)], "made").rows
+    assert (one_worse[:2, 1] > 2.2 * alike[:2, 1]).all()
