@@ -72,13 +72,30 @@ def test_a_tolerance_that_was_learnt_sees_what_a_wide_one_misses(
     assert "is there already" in capsys.readouterr().err
 
 
+def test_without_hydraulics_sensors_are_watched_alone(
+    bags: tuple[str, str], tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    bare, jumping = tmp_path / "bare.yaml", str(tmp_path / "jumping")
+    save_model(bare, replace(known(), hydraulics=None))
+    given = ["--trajectory", str(machine_file("excitation_20s.yaml")), "--periods", "2"]
+    jump = f"inner_boom.encoder.jump=5e-3@{AT}"
+    assert make_bag([*given, "--seed", "9", "--fault", jump, "--out", jumping]) == 0
+    assert check_sensors(["--model", str(bare), "--bag", bags[0]]) == 0
+    told = capsys.readouterr().out
+    assert told.startswith("hydraulics: none.") and f"{bags[0]}: fit for identification" in told
+    assert check_sensors(["--model", str(bare), "--bag", jumping]) == 1
+    assert f"{NAMED}jump 0.005 rad" in capsys.readouterr().out
+
+
 def test_what_cannot_be_compared_is_refused(
     bags: tuple[str, str], tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
     bare = tmp_path / "bare.yaml"
     save_model(bare, replace(known(), hydraulics=None))
-    assert check_sensors(["--model", str(bare), "--bag", bags[0]]) == 1
-    assert "hydraulics" in capsys.readouterr().err
+    for asked in (["--learn", str(tmp_path / "t.yaml")], ["--picture", str(tmp_path / "p.png")]):
+        assert check_sensors(["--model", str(bare), "--bag", bags[0], *asked]) == 1
+        assert "holds no hydraulics, so that nothing is compared" in capsys.readouterr().err
+    assert list(tmp_path.iterdir()) == [bare]
 
 
 def test_identify_warns_of_it_by_an_earlier_model(

@@ -13,8 +13,11 @@ from integration.processes import PATIENCE, RUN, end, start
 from unit.crane_observer.observed import known
 
 from crane_interfaces.msg import DriverState, SensorFindings
-from crane_model.model_file import save_model
+from crane_model.configuration import save
+from crane_model.model_file import Model, save_model
 from crane_nodes.driver_client import DriverClient
+from crane_observer.monitor.tolerance import unlearnt
+from crane_observer.monitor.watching import Heed
 
 MONITOR = RUN.format(module="crane_observer.node.sensor_monitor_node")
 POSE = ["slew=0", "inner_boom=0.5", "outer_boom=-1.3", "telescope=0.6"]
@@ -30,9 +33,11 @@ def stage(tmp_path: Path, ros_domain: int) -> Iterator[Stage]:
 
 
 @contextmanager
-def monitored(folder: Path, stage: Stage) -> Iterator[list[SensorFindings]]:
+def monitored(
+    folder: Path, stage: Stage, model: Model | None = None
+) -> Iterator[list[SensorFindings]]:
     """What the monitor tells while it watches; nothing at first."""
-    save_model(folder / "model.yaml", known())
+    save_model(folder / "model.yaml", model or known())
     told: list[SensorFindings] = []
     stage.node.create_subscription(SensorFindings, "sensor_findings", told.append, LATCHED)
     process = start(MONITOR, "--ros-args", "-p", f"model:={folder / 'model.yaml'}")
@@ -110,7 +115,27 @@ def test_what_the_monitor_finds_in_jog_stops_the_crane(tmp_path: Path, stage: St
         assert not done and "let sensor_monitor forget it" in why
 
 
-def test_a_model_without_hydraulics_is_refused(tmp_path: Path) -> None:
+@pytest.mark.realtime
+def test_without_hydraulics_an_encoder_that_jumps_is_named(tmp_path: Path, stage: Stage) -> None:
+    bare = replace(known(), hydraulics=None)
+    with monitored(tmp_path, stage, bare) as told, commander(stage) as hand:
+        stage.moving(hand, outer_boom=-0.25)
+        since = len(stage.states)
+        stage.until(lambda: len(stage.states) > since + 300)
+        assert not found(told), "nothing was wrong yet"
+        stage.until(lambda: stage.diagnostics[DIAGNOSED][0] == b"\x00")
+        assert stage.diagnostics[DIAGNOSED][1] == Heed.ALONE.value
+        fail(stage, "outer_boom.encoder.jump=0.02")
+        stage.until(lambda: found(told))
+        first = next(one for one in told if one.sensor)
+        assert list(first.sensor) == ["outer_boom encoder"]
+        assert list(first.kind) == ["jump"]
+        assert list(first.dangerous) == [True]
+
+
+def test_a_tolerance_without_hydraulics_is_refused(tmp_path: Path) -> None:
     save_model(tmp_path / "model.yaml", replace(known(), hydraulics=None))
-    process = start(MONITOR, "--ros-args", "-p", f"model:={tmp_path / 'model.yaml'}")
+    save(tmp_path / "tolerance.yaml", unlearnt(known().joints))
+    given = [f"{name}:={tmp_path / name}.yaml" for name in ("model", "tolerance")]
+    process = start(MONITOR, "--ros-args", "-p", given[0], "-p", given[1])
     assert process.wait(60.0) == 1

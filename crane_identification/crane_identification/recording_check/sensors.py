@@ -11,7 +11,8 @@ from crane_observer.monitor.replay import watch
 def lying(model: Model, recordings: Sequence[Path], end: float) -> tuple[str, ...]:
     """Warnings of bags that are not fit for identification up to `end` [s].
 
-    Only a model with hydraulics can tell, and only of bags that hold pressures and valve commands.
+    By a model with hydraulics, and of bags that hold pressures and valve commands:
+    without them, too little is told for the time that it takes.
     """
     if model.hydraulics is None:
         return ()

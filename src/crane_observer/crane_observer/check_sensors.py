@@ -11,7 +11,7 @@ from crane_model.errors import ConfigurationError, DataError
 from crane_model.model_file import Model, load_model
 from crane_observer.monitor.picture import draw
 from crane_observer.monitor.replay import WatchedBag, watch
-from crane_observer.monitor.tolerance import Tolerance, learn
+from crane_observer.monitor.tolerance import APART, Tolerance, learn
 from crane_observer.monitor.watching import Heed
 
 
@@ -73,9 +73,14 @@ def _learn(model: Model, bags: Sequence[Path], file: Path) -> None:
         raise ConfigurationError(f"{file}: is there already; name a new file")
     sums = [watch(bag, model, None).sums for bag in bags]
     names = ", ".join(bag.name for bag in bags)
-    save(file, learn(model.joints, sums, f"learnt from {names}"))
+    tolerance = learn(model.joints, sums, f"learnt from {names}")
+    save(file, tolerance)
     minutes = sum(np.ptp(one.time) for one in sums) / 60.0
     print(f"written: {file}, from {minutes:.1f} minutes")
+    print(
+        f"an alarm takes {tolerance.level:.0%} of a tolerance: as these recordings tell, a machine "
+        f"without a fault does so once in {APART:g} hours"
+    )
 
 
 def _lines(seen: WatchedBag) -> list[str]:

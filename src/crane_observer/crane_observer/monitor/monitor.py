@@ -47,7 +47,7 @@ class SensorComparison:
                 f"{', '.join(joints)}; learn them with this model"
             )
         self.physics = physics
-        self._tolerance, self._trim = tolerance.rows, tolerance.trim
+        self._tolerance, self._trim, self._level = tolerance.rows, tolerance.trim, tolerance.level
         assert physics.model.hydraulics is not None  # else `physics` could not be
         if physics.model.hydraulics.supply is None:
             self._tolerance[-1, 0] = np.inf  # how far it droops is not known
@@ -69,7 +69,7 @@ class SensorComparison:
         self._alarmed = np.zeros(2 * joints + 1, dtype=bool)
         self._block: FlowBlock | None = None
         self._newest: FlowBlock | None = None
-        self.taken = np.zeros(2 * joints + 1)  # share of its tolerance, of each channel
+        self.taken = np.zeros(2 * joints + 1)  # share of what makes an alarm, of each channel
         self.findings: list[SensorFinding] = []
 
     def take_block(self) -> FlowBlock | None:
@@ -94,7 +94,8 @@ class SensorComparison:
         return found + self._refined(block)
 
     def _by_residuals(self, block: FlowBlock) -> list[SensorFinding]:
-        self.taken, spans = excess(self._tolerance, self._history)
+        taken, spans = excess(self._tolerance, self._history)
+        self.taken = taken / self._level
         self._since += 1
         over = (self.taken > 1.0) & self._watched
         if over.any():

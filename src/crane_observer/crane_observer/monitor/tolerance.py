@@ -11,6 +11,9 @@ droop of all flow, S the number of blocks, and there is no V. `floor` is what no
 however long the way; `share` an error of gains, `zero` one of the zeros, `creep` one of leakage;
 `late` is how long after its stamp a command reaches the valve, and how far stamps of readings are
 off, more than the model knows: of a joint that hunts, each reversal adds to it.
+
+An alarm takes more of it than `level`, which is what a machine without a fault takes once in APART
+(`apart`).
 """
 
 from collections.abc import Sequence
@@ -65,6 +68,7 @@ class Tolerance(Schema):
     provenance: str
     joints: dict[str, JointTolerance]
     supply: SupplyTolerance
+    level: Positive = 1.0  # share of a tolerance, of which an alarm takes more
 
     @property
     def rows(self) -> Array:
@@ -110,7 +114,6 @@ def learn(joints: Sequence[str], recordings: Sequence[Sums], provenance: str) ->
             "model was identified from, and from work"
         )
     rows, trim = _fitted(recordings)
-    rows *= _level(recordings)
     every = np.hstack([rows, trim]).tolist()
     names = tuple(JointTolerance.model_fields)
     pairs = {
@@ -124,6 +127,7 @@ def learn(joints: Sequence[str], recordings: Sequence[Sums], provenance: str) ->
         provenance=provenance,
         joints=pairs,
         supply=SupplyTolerance(floor=floor, share=share, zero=zero),
+        level=_level(recordings),
     )
 
 
@@ -138,9 +142,9 @@ def _fitted(recordings: Sequence[Sums]) -> tuple[Array, Array]:
 
 
 def _level(recordings: Sequence[Sums]) -> float:
-    """How many tolerances are taken once in APART, told from what each part of the recordings takes
-    of tolerances that the others make; 1 at least. One for all channels: what is rare was seen on
-    one joint, and comes to another.
+    """The share of a tolerance that is taken once in APART, told from what each part of the
+    recordings takes of tolerances that the others make; 1 at least. One for all channels: what is
+    rare was seen on one joint, and comes to another.
     """
     parts = [part for one in recordings for part in _halves(one)]
     largest = []

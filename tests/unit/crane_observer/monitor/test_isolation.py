@@ -8,8 +8,10 @@ from unit.crane_observer.monitor.at_work import Heard
 
 from crane_model.model_file import Model
 from crane_observer.monitor.finding import RivalEncoder, SensorFinding
-from crane_observer.monitor.isolation import CLEARLY, EXPLAINS, Suspect, encoder_behind
+from crane_observer.monitor.isolation import CLEARLY, DOUBTED, EXPLAINS, Suspect, encoder_behind
+from crane_observer.monitor.monitor import SensorComparison
 from crane_observer.monitor.signatures import SUPPLY, Part, Wrong
+from crane_observer.monitor.watching import SensorWatch
 from crane_observer.node.topics import findings_message
 
 ENCODER = Suspect(Part.ENCODER, "boom", Wrong.DRIFT, 0.0, 3.0, 2.0, 0.1, "m/s", 0.01)
@@ -49,6 +51,26 @@ def test_a_rival_is_told_with_its_joint() -> None:
     assert list(findings_message([doubted], 0).joint) == ["boom"]
     assert doubted.what_to_do.startswith("stop: the boom encoder (drift) would explain it too")
     assert "if it is right, depressurise" in doubted.what_to_do
+
+
+@pytest.mark.parametrize(
+    ("error", "left", "counts"),
+    [
+        (1.01 * DOUBTED, (Part.PRESSURE_A, "inner_boom"), True),
+        (0.99 * DOUBTED, (Part.PRESSURE_A, "inner_boom"), False),  # chamber B is left
+        (0.99 * DOUBTED, (Part.VALVE, "inner_boom"), True),
+        (0.99 * DOUBTED, (Part.VALVE, "outer_boom"), False),
+    ],
+)
+def test_a_rival_counts_once_it_would_be_off_by_much_or_is_compared_no_more(
+    model: Model, error: float, left: tuple[Part, str], counts: bool
+) -> None:
+    monitor = SensorWatch(model).monitor
+    assert isinstance(monitor, SensorComparison)
+    encoder = ENCODER._replace(joint="inner_boom", misfit=1.0, error=error)
+    monitor._leave(*left)
+    rival = monitor._rival([SWAPPED._replace(joint="inner_boom", misfit=1.0), encoder])
+    assert rival == (RivalEncoder("inner_boom", Wrong.DRIFT) if counts else None)
 
 
 @pytest.mark.parametrize("lateness", [0.0, 0.004])
