@@ -117,15 +117,18 @@ def test_what_the_monitor_finds_in_jog_stops_the_crane(tmp_path: Path, stage: St
 
 @pytest.mark.realtime
 def test_without_hydraulics_an_encoder_that_jumps_is_named(tmp_path: Path, stage: Stage) -> None:
+    """By less than the driver sees by itself; at rest, where no stamp of a busy computer counts."""
     bare = replace(known(), hydraulics=None)
-    with monitored(tmp_path, stage, bare) as told, commander(stage) as hand:
-        stage.moving(hand, outer_boom=-0.25)
+    with monitored(tmp_path, stage, bare) as told:
+        with commander(stage) as hand:
+            stage.moving(hand, outer_boom=-0.25)
+            since = len(stage.states)
+            stage.until(lambda: len(stage.states) > since + 300)
         since = len(stage.states)
-        stage.until(lambda: len(stage.states) > since + 300)
+        stage.until(lambda: len(stage.states) > since + 600)
         assert not found(told), "nothing was wrong yet"
-        stage.until(lambda: stage.diagnostics[DIAGNOSED][0] == b"\x00")
         assert stage.diagnostics[DIAGNOSED][1] == Heed.ALONE.value
-        fail(stage, "outer_boom.encoder.jump=0.02")
+        fail(stage, "outer_boom.encoder.jump=0.005")
         stage.until(lambda: found(told))
         first = next(one for one in told if one.sensor)
         assert list(first.sensor) == ["outer_boom encoder"]

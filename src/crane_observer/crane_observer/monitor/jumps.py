@@ -58,10 +58,10 @@ def _judge(
             least[i] = more
         if not np.isfinite(steps[0]):
             continue
-        off = np.abs(steps - lasting * np.median(steps / lasting))
-        jump = off[BESIDE]
-        off[BESIDE] = 0.0
-        if jump > max(BEYOND * off.max(), STEPS * least[i]):
-            size[i] = steps[BESIDE] - lasting[BESIDE] * np.median(steps / lasting)
-            deviation[i] = max(np.sqrt(np.mean(off**2)), least[i] * ROUNDED)
+        off = steps - lasting * np.median(steps / lasting)
+        jump, others = off[BESIDE], np.abs(np.delete(off, BESIDE))
+        stays = 0.5 < np.sum(off) / jump < 1.5  # what a stamp does, its neighbours take back
+        if stays and abs(jump) > max(BEYOND * others.max(), STEPS * least[i]):
+            size[i] = jump
+            deviation[i] = max(np.sqrt(np.mean(others**2)), least[i] * ROUNDED)
             at[i] = time[BESIDE + 1]
