@@ -19,6 +19,7 @@ from crane_observer.scale.window import means, slowest_and_fastest
 
 WINDOW = 0.3  # s
 HOP = 0.15  # s from one window to the next
+APART = 0.02  # s from the windows of other observers, so that no cycle bears the work of all
 LATEST = 0.1  # s that positions may come after pressures
 STANDING = 0.02  # of the fastest that a joint may move, below which it counts as standing
 WORST = 20.0  # kg, standard deviation that the best weighing in a pose may have to be one
@@ -101,7 +102,7 @@ class Scale:
         self.pressures.add(time, np.concatenate([chamber_a, chamber_b]))
         begins = not np.isfinite(self._end) or time - newest > WINDOW
         if begins and np.isfinite(self.pressures.newest):
-            self._end = self.pressures.newest + WINDOW
+            self._end = self.pressures.newest + APART + WINDOW
         found = []
         while self._end <= time:
             if time < self._end + LATEST and self.encoders.newest < self._end:
