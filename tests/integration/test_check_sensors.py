@@ -80,6 +80,7 @@ def test_without_hydraulics_sensors_are_watched_alone(
     given = ["--trajectory", str(machine_file("excitation_20s.yaml")), "--periods", "2"]
     jump = f"inner_boom.encoder.jump=5e-3@{AT}"
     assert make_bag([*given, "--seed", "9", "--fault", jump, "--out", jumping]) == 0
+    capsys.readouterr()
     assert check_sensors(["--model", str(bare), "--bag", bags[0]]) == 0
     told = capsys.readouterr().out
     assert told.startswith("hydraulics: none.") and f"{bags[0]}: fit for identification" in told
