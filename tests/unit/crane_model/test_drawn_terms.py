@@ -60,7 +60,9 @@ def test_a_drawn_law_is_its_values_at_the_knots_times_its_factors(name: str) -> 
         make_interp_spline(one.knots, one.values, k=1)(x) * factors[:, k]
         for k, one in enumerate(curves)
     )
-    np.testing.assert_allclose(term.columns(record, SETTING)[:, j] @ values, expected, atol=1e-9)
+    moves = record.direction[:, j] != 0.0  # at rest friction may be anything between both ways
+    found = term.columns(record, SETTING)[:, j] @ values
+    np.testing.assert_allclose(found[moves], expected[moves], atol=1e-9)
 
 
 @pytest.mark.parametrize("name", DRAWN)

@@ -25,7 +25,7 @@ def likelier(search: Search, law: Candidate, rest: Sequence[np.ndarray]) -> tupl
     cls, shaped = shape_of(law), search.shapes.of(law)
     if cls is None or shaped is None or law.type not in cls.bends:
         return ()
-    fallen = _fallen(search, shaped, rest)
+    fallen = _fallen(search, shaped, rest, cls.slope_of)
     if fallen is None:
         return ()
     known = explained(search, *rest) if rest else 0.0
@@ -38,22 +38,24 @@ def likelier(search: Search, law: Candidate, rest: Sequence[np.ndarray]) -> tupl
     return tuple(sorted(better, key=lambda kind: -gains[kind]))
 
 
-def _fallen(search: Search, shaped: ShapedCandidate, rest: Sequence[np.ndarray]) -> float | None:
-    """By how much viscous friction and a shape over the speed fall together, over the height of the
-    shape; None where the model has no viscous friction to be fitted.
+def _fallen(
+    search: Search, shaped: ShapedCandidate, rest: Sequence[np.ndarray], slope_of: str | None
+) -> float | None:
+    """By how much a shape over the speed falls together with the term of the type that holds its
+    slope, over the height of the shape; None where the model has no such term to be fitted.
     """
     evidence, joint = search.evidence, shaped.candidate.joint
-    viscous = [
-        one for one in evidence.model.terms if one.type == "viscous" and one.only_joint == joint
+    sloped = [
+        one for one in evidence.model.terms if one.type == slope_of and one.only_joint == joint
     ]
-    if evidence.keeps or not viscous:
+    if evidence.keeps or not sloped:
         return None
     columns = np.concatenate([evidence.free, *rest, shaped.columns], axis=2)
     scaled, norms = normed(search.whitener(columns))
     force = search.whitener(evidence.force)
     values = np.linalg.lstsq(scaled, force, rcond=1e-10)[0] / norms
     (curve,) = shaped.term.curves(values[-shaped.columns.shape[2] :])
-    slope = values[evidence.model.part(viscous[0])][0]
+    slope = values[evidence.model.part(sloped[0])][0]
     friction = curve.values + slope * np.array(curve.knots)
     fall = (np.maximum.accumulate(friction) - friction).max()
     return float(fall / max(np.ptp(curve.values), np.finfo(float).tiny))

@@ -30,7 +30,8 @@ class DrawnTerm(OneJointTerm):
     because the model has what they would stand for), and how knots are spaced within the range of
     x, 0 to 1 (`spacing`). `draws` names the types of the laws whose shape it is, and `said` puts
     their signature in words. Where laws of one signature differ in where they bend, `bends` has the
-    kept knots of each, and `falling` those whose force falls.
+    kept knots of each, `falling` those whose force falls, and `slope_of` the type of the term that
+    holds the slope of the shape.
     """
 
     said: ClassVar[str]
@@ -40,6 +41,7 @@ class DrawnTerm(OneJointTerm):
     times: ClassVar[tuple[str, ...]]
     bends: ClassVar[Mapping[str, tuple[int, ...]]] = {}
     falling: ClassVar[tuple[str, ...]] = ()
+    slope_of: ClassVar[str | None] = None
     straight: ClassVar[bool] = False
 
     knots: tuple[float, ...]

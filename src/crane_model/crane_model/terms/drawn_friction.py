@@ -8,9 +8,9 @@ from pydantic import Field
 
 from crane_model.array import Array
 from crane_model.record import Record
-from crane_model.terms.drawn import DrawnTerm, rounded
+from crane_model.terms.drawn import DrawnTerm, hats, rounded
 from crane_model.terms.effect import Variable
-from crane_model.terms.term import Family, Parameter
+from crane_model.terms.term import Family, Parameter, Setting
 
 
 class DrawnDryFriction(DrawnTerm):
@@ -52,6 +52,7 @@ class DrawnSpeedFriction(DrawnDryFriction):
         "viscous_quadratic": (5, 6, 7, 8, 9),
     }
     falling: ClassVar[tuple[str, ...]] = ("stribeck",)
+    slope_of: ClassVar[str | None] = "viscous"
 
     knots: tuple[float, ...] = Field(examples=[tuple(0.01 * k * k for k in range(11))])
 
@@ -101,8 +102,20 @@ class DrawnLoadFriction(DrawnDryFriction):
     @classmethod
     def followed(cls, record: Record, j: int) -> Array:
         """tau sgn(q')."""
-        force = record.needed("force", "a shape of friction over the load")
-        return force[:, j] * record.direction[:, j]
+        return _load(record, j) * record.direction[:, j]
+
+    def joint_columns(self, record: Record, setting: Setting, j: int) -> Array:
+        """(1 + s)/2 B_k(tau) - (1 - s)/2 B_k(-tau), s = sgn(q'): where a joint sticks, friction is
+        between what it is either way.
+        """
+        load, s = _load(record, j), record.direction[:, j, np.newaxis]
+        ahead, back = (hats(one, self.knots, self.straight)[:, self.kept] for one in (load, -load))
+        columns: Array = 0.5 * (1.0 + s) * ahead - 0.5 * (1.0 - s) * back
+        return columns
+
+
+def _load(record: Record, j: int) -> Array:
+    return record.needed("force", "a shape of friction over the load")[:, j]
 
 
 class DrawnWarmUp(DrawnTerm):
