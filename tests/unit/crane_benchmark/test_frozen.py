@@ -245,10 +245,17 @@ def crossed_with(monkeypatch: pytest.MonkeyPatch, tmp_path: Path, *arguments: st
     return asked
 
 
-def test_either_plant_is_scored_by_the_gates_of_the_other(
-    record: Path, tmp_path: Path, monkeypatch, capsys
-) -> None:
+@pytest.fixture
+def home_alone(record: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
+    """The record of a freeze before which nothing was calibrated away."""
     monkeypatch.setattr(frozen, "AWAY_GATES", tmp_path / "gates_away.json")
+    write_json(record, read_json(record) | {"state": frozen.state()})
+    return record
+
+
+def test_either_plant_is_scored_by_the_gates_of_the_other(
+    home_alone: Path, tmp_path: Path, monkeypatch, capsys
+) -> None:
     (only,) = crossed_with(monkeypatch, tmp_path, "--site", "away")[0].answers
     assert only.thresholds is None  # those of the package, from home
     away = {case.name for case in cases(CaseSet.SCORING, 16) if case.site is Site.AWAY}
@@ -258,8 +265,7 @@ def test_either_plant_is_scored_by_the_gates_of_the_other(
 
     gates = load_thresholds().gates.model_dump() | {"score_factor": 9.5}
     write_json(frozen.AWAY_GATES, gates)
-    content = read_json(record)
-    write_json(record, content | {"state": frozen.state()})
+    write_json(home_alone, read_json(home_alone) | {"state": frozen.state()})
     first, second = crossed_with(monkeypatch, tmp_path)
     assert (first.first, first.last, second.last) == (0, 8, 16)
     by_package, by_away = first.answers
@@ -284,8 +290,8 @@ def test_a_batch_answers_its_own_cases_alone(tmp_path: Path, monkeypatch) -> Non
     assert [words[1:] for words in answered] == [own[:8], own[8:]]
 
 
-def test_gates_from_away_are_part_of_what_is_frozen(record: Path, tmp_path, monkeypatch) -> None:
-    monkeypatch.setattr(frozen, "AWAY_GATES", tmp_path / "gates_away.json")
+@pytest.mark.usefixtures("home_alone")
+def test_gates_from_away_are_part_of_what_is_frozen() -> None:
     write_json(frozen.AWAY_GATES, {"score_factor": 9.5})
     with pytest.raises(ConfigurationError, match=r"away_gates.score_factor is 9.5, frozen at None"):
         frozen.require_frozen()
