@@ -60,20 +60,30 @@ def found(told: list[SensorFindings]) -> bool:
     return any(one.sensor for one in told)
 
 
+def go_on(stage: Stage, states: int) -> None:
+    """Until as many joint states more have come."""
+    since = len(stage.states)
+    stage.until(lambda: len(stage.states) > since + states)
+
+
+def first_found(stage: Stage, told: list[SensorFindings]) -> SensorFindings:
+    """What is found first, which is an encoder of the outer boom that lies."""
+    stage.until(lambda: found(told))
+    first = next(one for one in told if one.sensor)
+    assert list(first.sensor) == ["outer_boom encoder"]
+    assert list(first.dangerous) == [True]
+    return first
+
+
 @pytest.mark.realtime
 def test_an_encoder_that_freezes_in_mid_motion_is_named(tmp_path: Path, stage: Stage) -> None:
     with monitored(tmp_path, stage) as told, commander(stage) as hand:
         stage.moving(hand, outer_boom=-0.25)
-        since = len(stage.states)
-        stage.until(lambda: len(stage.states) > since + 300)
+        go_on(stage, 300)
         assert not found(told), "nothing was wrong yet"
         stage.until(lambda: stage.diagnostics[DIAGNOSED][0] == b"\x00")
         fail(stage, "outer_boom.encoder.stuck")
-        stage.until(lambda: found(told))
-        first = next(one for one in told if one.sensor)
-        assert list(first.sensor) == ["outer_boom encoder"]
-        assert list(first.joint) == ["outer_boom"]
-        assert list(first.dangerous) == [True]
+        assert list(first_found(stage, told).joint) == ["outer_boom"]
         stage.until(lambda: stage.diagnostics[DIAGNOSED][0] != b"\x00")
         stage.until(lambda: not stage.valves[-1].enabled)
 
@@ -122,18 +132,12 @@ def test_without_hydraulics_an_encoder_that_jumps_is_named(tmp_path: Path, stage
     with monitored(tmp_path, stage, bare) as told:
         with commander(stage) as hand:
             stage.moving(hand, outer_boom=-0.25)
-            since = len(stage.states)
-            stage.until(lambda: len(stage.states) > since + 300)
-        since = len(stage.states)
-        stage.until(lambda: len(stage.states) > since + 600)
+            go_on(stage, 300)
+        go_on(stage, 600)
         assert not found(told), "nothing was wrong yet"
         assert stage.diagnostics[DIAGNOSED][1] == Heed.ALONE.value
         fail(stage, "outer_boom.encoder.jump=0.005")
-        stage.until(lambda: found(told))
-        first = next(one for one in told if one.sensor)
-        assert list(first.sensor) == ["outer_boom encoder"]
-        assert list(first.kind) == ["jump"]
-        assert list(first.dangerous) == [True]
+        assert list(first_found(stage, told).kind) == ["jump"]
 
 
 def test_a_tolerance_without_hydraulics_is_refused(tmp_path: Path) -> None:
