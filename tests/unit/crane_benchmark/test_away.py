@@ -134,6 +134,18 @@ def test_drives_carry_inertia_weight_and_friction(stand_in: StandIn, machine: Ma
     assert (rms(rest) < 0.003 * rms(seen.drive)).all()
 
 
+def test_a_joint_turns_without_a_kick(stand_in: StandIn, machine: Machine) -> None:
+    """Also where it rubs more one way than the other: dry friction is bounded, so is its jump."""
+    law = {
+        joint: one.model_copy(update={"df_c": 0.3 * one.f_c})
+        for joint, one in stand_in.friction.items()
+    }
+    one_way = stand_in.model_copy(update={"friction": law})
+    seen = ridden(AwayPlant(one_way, machine, MAKE, stand_in.start), 8.0)
+    fastest = np.abs(seen.a)
+    assert (fastest.max(axis=0) < 3.0 * np.percentile(fastest, 99.0, axis=0)).all()
+
+
 MOVING = [form for form in FORMS if form.effect != "stiction"]
 
 

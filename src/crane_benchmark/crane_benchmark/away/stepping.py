@@ -126,8 +126,9 @@ def _press(
     if depth != 0.0:
         stop = parts.stop[i, 0] * depth + parts.stop[i, 1] * lever * v
         piston -= stop if stop * depth > 0.0 else 0.0  # it does not hold the piston back
-    way = 0 if v > 0.0 or (v == 0.0 and state.bristle[i] > 0.0) else 1
-    dry = parts.dry[i, way]
+    # bristles still carry the one direction's friction when a joint has just turned to the other
+    bend = state.bristle[i]
+    dry = parts.dry[i, 0 if bend > 0.0 or (bend == 0.0 and v > 0.0) else 1]
     rubbed, pushed = 0.0, 0.0
     for k in range(len(hidden.law)):
         if hidden.joint[k] != i:
@@ -151,14 +152,15 @@ def _press(
             hidden.part[k, i] = beyond_dry(hidden.law[k], hidden.value[k], force, v)
     most = max(dry + rubbed, LEAST_RUBBING * dry)
     stiffness = parts.dry[i].mean() / parts.give[i]
-    before = state.bristle[i]
-    state.bristle[i] = bent(before, v, most / stiffness, step)
+    largest = most / stiffness
+    bend = min(max(bend, -largest), largest)  # what can no longer be carried slips, undamped
+    state.bristle[i] = bent(bend, v, largest, step)
     bristles = stiffness * state.bristle[i]
-    damped = stiffness * BRISTLE_DAMPING * (state.bristle[i] - before) / step
+    damped = stiffness * BRISTLE_DAMPING * (state.bristle[i] - bend) / step
     for k in range(len(hidden.law)):
         if hidden.joint[k] == i and hidden.law[k] < PUSHING:
             hidden.part[k, i] *= bristles / most
-    state.push[i] = lever * piston - bristles - damped - parts.wet[i, way] * v - pushed
+    state.push[i] = lever * piston - bristles - damped - parts.wet[i, 0 if v > 0.0 else 1] * v - pushed
 
 
 @njit(cache=True, error_model="numpy", forceinline=True)

@@ -37,8 +37,8 @@ class CaseSet(StrEnum):
 SEEDS = {
     CaseSet.TUNING: 0,
     CaseSet.CALIBRATION: 1,
-    CaseSet.FORMER: 6,
-    CaseSet.SCORING: 14,
+    CaseSet.FORMER: 14,
+    CaseSet.SCORING: 15,
     CaseSet.STRANGERS: 7,
     CaseSet.AWAY_TUNING: 12,
     CaseSet.AWAY_CLEAN: 13,
@@ -68,7 +68,7 @@ def cases(which: CaseSet, count: int) -> list[Case]:
         made = [_null(seed, Site.AWAY) for seed in seeds]
     elif which is CaseSet.AWAY_TUNING:
         made = _hiding(seeds, Site.AWAY)
-    elif which is CaseSet.SCORING:
+    elif which in (CaseSet.SCORING, CaseSet.FORMER):
         made = _hiding(seeds[::2], Site.HOME) + _hiding(seeds[1::2], Site.AWAY)
     else:
         made = _hiding(seeds, Site.HOME)
