@@ -110,6 +110,13 @@ def test_a_class_of_effects_that_explain_as_well_is_right():
     )
 
 
+def test_twins_may_have_a_further_one_that_explains_as_well():
+    gain = ("chamber_gain", "telescope")
+    given = answer("class", (("offset", "telescope"), ("coulomb_asymmetry", "telescope"), gain))
+    assert judge(CaseKind.CLASS, [], given, lambda _, other: other == gain) is Judgement.RIGHT
+    assert judge(CaseKind.CLASS, [], given, lambda *_: False) is Judgement.TOO_WIDE
+
+
 def test_findings_are_read_with_their_classes():
     other = FoundEffect.model_construct(effect="b", joint="all")
     finding = FindingEntry.model_construct(effect="a", joint="j", class_members=[other])

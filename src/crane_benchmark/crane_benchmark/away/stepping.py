@@ -160,7 +160,9 @@ def _press(
     for k in range(len(hidden.law)):
         if hidden.joint[k] == i and hidden.law[k] < PUSHING:
             hidden.part[k, i] *= bristles / most
-    state.push[i] = lever * piston - bristles - damped - parts.wet[i, 0 if v > 0.0 else 1] * v - pushed
+    state.push[i] = (
+        lever * piston - bristles - damped - parts.wet[i, 0 if v > 0.0 else 1] * v - pushed
+    )
 
 
 @njit(cache=True, error_model="numpy", forceinline=True)

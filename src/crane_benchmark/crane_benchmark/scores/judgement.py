@@ -96,7 +96,7 @@ def judge(
     `above_noise`.
 
     `twin(i, other)` says whether `other` explains the i-th hidden effect as well as its own law; a
-    class counts as right where all its members do.
+    class counts as right where all its members do. Of twins, the first is what the model lacks.
     """
     verdict = answer.verdict
     if verdict == CRASH:
@@ -119,21 +119,22 @@ def judge(
         members = {effect for several in answer.findings for effect, _ in several}
         return Judgement.RIGHT if members == {SCALED} else Judgement.WRONG_NAME
     if kind is CaseKind.CLASS:
-        return _of_twins(answer)
+        return _of_twins(answer, twin)
     outcome = _named(hidden, answer, twin)
     if kind is CaseKind.INSUFFICIENT and outcome is Judgement.TOO_WIDE:
         return Judgement.RIGHT  # so little data does not tell the class apart
     return outcome
 
 
-def _of_twins(answer: BlindAnswer) -> Judgement:
+def _of_twins(answer: BlindAnswer, twin: Callable[[int, Place], bool]) -> Judgement:
     known = {(effect, "telescope") for effect in TWINS}
     if len(answer.findings) != 1 or not set(answer.findings[0]) & known:
         return Judgement.WRONG_NAME
     found = set(answer.findings[0])
     if len(found & known) < 2:
         return Judgement.WRONG_NAME  # picks one where nothing tells them apart
-    return Judgement.RIGHT if found <= known else Judgement.TOO_WIDE
+    alike = all(twin(0, one) for one in found - known)
+    return Judgement.RIGHT if alike else Judgement.TOO_WIDE
 
 
 def _named(

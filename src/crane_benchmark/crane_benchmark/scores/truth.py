@@ -6,9 +6,9 @@ from pathlib import Path
 
 import numpy as np
 
-from crane_benchmark.cases.case import Case, HiddenInRecording
+from crane_benchmark.cases.case import Case, CaseKind, HiddenInRecording
 from crane_benchmark.cases.clean import Seen, load_seen
-from crane_benchmark.cases.joints import LABORATORY_CRANE
+from crane_benchmark.cases.joints import LABORATORY_CRANE, PLANAR_JOINTS
 from crane_benchmark.folders import read_json
 from crane_benchmark.scores.judgement import Place
 from crane_benchmark.scores.unusual import beyond_usual
@@ -24,6 +24,7 @@ from crane_sim.parts.parameters import StandIn
 
 SIGMAS = 3.0  # that an error is above what noise gives, to be significant
 NOTHING_LEFT = 0.002  # of the force, beyond what clean recordings leave of machines as surveyed
+TELESCOPE = "telescope"  # what the model of twins lacks a constant force of
 TWIN_TOLERANCE = 0.01  # of the energy of what is hidden: a law that explains it so nearly is a twin
 
 COMPARABLE = {
@@ -112,12 +113,20 @@ class CaseTruth:
         return errors
 
     def twin(self, model: Model, number: int, other: Place) -> bool:
-        """Whether another effect explains the hidden one as well as its own law does."""
+        """Whether another effect explains the hidden one as well as its own law does.
+
+        Where twins hide, that is the constant force that the model lacks.
+        """
         base = _Base(model, self.train)
-        hidden = base.beside(base.rows(self.train.hidden[number]))
+        if self.case.kind is CaseKind.CLASS:
+            place, part = (self.case.lacks[0], TELESCOPE), np.zeros(self.train.used.shape)
+            part[:, PLANAR_JOINTS.index(TELESCOPE)] = 1.0
+        else:
+            place, part = self.places[number], self.train.hidden[number]
+        hidden = base.beside(base.rows(part))
         if not hidden.any():
             return False  # acts on flows
-        own = _explained(base, hidden, self.places[number])
+        own = _explained(base, hidden, place)
         return _explained(base, hidden, other) >= own - TWIN_TOLERANCE
 
     def gap(self, model: Model) -> np.ndarray:
