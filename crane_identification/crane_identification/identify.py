@@ -86,7 +86,7 @@ def identify(arguments: argparse.Namespace) -> None:
         session = Session.of((*training, *held_out))
         with blaming(suspicions):
             result = fit(model, training, options, progress, session, prior)
-        suspicions += loads_in_words(result.model, training)
+        suspicions += loads_in_words(result.model, training, options)
         hydraulics = identify_hydraulics(model, training, options.period, progress)
         if arguments.ramps:
             if not model.machine:

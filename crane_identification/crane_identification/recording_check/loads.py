@@ -14,6 +14,7 @@ from crane_bags.clocks import NANOSECONDS
 from crane_identification.data.log import Log, Signal
 from crane_identification.options import Options
 from crane_identification.preparation.prepare import prepare
+from crane_identification.recording_check.load_share import load_share
 from crane_model.errors import ConfigurationError, DataError
 from crane_model.model_file import Model
 from crane_observer.scale.scale import Scale, ScaleCondition, Weighing
@@ -21,6 +22,7 @@ from crane_observer.scale.scale import Scale, ScaleCondition, Weighing
 MOVED = 2.0  # s of motion on both sides of a change: less tells a load badly
 LIGHTEST = 5.0  # kg, below which nothing is said
 SURE = 5.0  # standard deviations by which two loads differ
+EXPLAINED = 0.5  # of the energy that a model leaves of a recording, by loads that change in it
 APART = 1.0  # s about a change that belong to neither side
 
 
@@ -44,9 +46,12 @@ class WeighedPart(NamedTuple):
         return math.hypot(self.deviation, other.deviation)
 
 
-def weighed_parts(model: Model, log: Log) -> tuple[WeighedPart, ...]:
+def weighed_parts(model: Model, log: Log, options: Options) -> tuple[WeighedPart, ...]:
     """In their order, each surely another load than the one before; empty where nothing can be
     weighed: the model needs values and the machine in it, the log pressures of all its joints.
+
+    Changes that explain less than `EXPLAINED` of what the model leaves are of a model that errs
+    elsewhere, and no load: one part.
     """
     signals = log.pressure_a, log.pressure_b
     if log.uncalibrated or signals[0] is None or signals[1] is None or model.machine is None:
@@ -64,6 +69,9 @@ def weighed_parts(model: Model, log: Log) -> tuple[WeighedPart, ...]:
     for part in filter(None, map(_part, parts)):
         if not found or part.differs(found[-1]):
             found.append(part)
+    changes = [part.begin for part in found[1:]]
+    if changes and load_share(model, log, options, changes) < EXPLAINED:
+        return (min(found, key=lambda part: part.deviation)._replace(begin=-math.inf),)
     return tuple(found)
 
 
@@ -78,7 +86,7 @@ def split_by_load(
     taken: list[Log] = []
     said: list[str] = []
     for log in logs:
-        parts = weighed_parts(model, log)
+        parts = weighed_parts(model, log, options)
         if len(parts) < 2:
             taken.append(log)
             continue
@@ -99,12 +107,12 @@ def split_by_load(
     return tuple(taken), tuple(said)
 
 
-def loads_in_words(model: Model, logs: Sequence[Log]) -> tuple[str, ...]:
+def loads_in_words(model: Model, logs: Sequence[Log], options: Options) -> tuple[str, ...]:
     """Warnings: what a fit to these recordings takes for a mass of a link."""
     said: list[str] = []
     known: dict[str, WeighedPart] = {}
     for log in logs:
-        parts = weighed_parts(model, log)
+        parts = weighed_parts(model, log, options)
         said += [
             f"{log.source}: {words}; a part of that is in the masses of the model. Leave the "
             "recording out, or part of it (--from, --to)"
