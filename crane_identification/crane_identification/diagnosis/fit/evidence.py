@@ -127,8 +127,7 @@ class Evidence:
             columns = term.columns(run.record, self.model.setting)
             rows.append(run.filtered(columns))
             energy = np.einsum("njk,njk->nj", columns, columns)
-            used = (run.gate.reshape(len(energy), -1, energy.shape[1]) > 0.0).any(axis=1)
-            inside, total = inside + float(energy[used].sum()), total + float(energy.sum())
+            inside, total = inside + float(energy[run.seen].sum()), total + float(energy.sum())
         out = np.concatenate(rows)
         if not np.isfinite(out).all():
             raise DataError(f"term '{term.type}': what it needs was not logged throughout")

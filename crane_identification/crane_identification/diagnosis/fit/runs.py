@@ -6,7 +6,7 @@ that are kept cost anything, which counts with hundreds of columns.
 
 from dataclasses import dataclass
 from enum import Enum
-from functools import cache
+from functools import cache, cached_property
 
 import numpy as np
 from scipy import signal
@@ -54,6 +54,12 @@ class Run:
     def kept(self) -> np.ndarray:
         """Samples that become rows."""
         return decimation_rows(len(self.record), self.factor)
+
+    @cached_property
+    def seen(self) -> np.ndarray:
+        """(samples, j): where a channel of the joint sees it."""
+        joints = self.record.position.shape[1]
+        return np.asarray((self.gate.reshape(len(self.gate), -1, joints) > 0.0).any(axis=1))
 
     def filtered(self, columns: np.ndarray) -> np.ndarray:
         """(samples, j, k) to gated rows (n, channels, k); columns of zeros cost nothing."""
