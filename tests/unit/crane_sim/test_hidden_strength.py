@@ -15,7 +15,7 @@ from crane_sim.effects.form import Planted
 from crane_sim.effects.forms import FORMS
 from crane_sim.effects.memory import STILL
 from crane_sim.effects.sensing import faults
-from crane_sim.hiding.calibrate import calibrate, draw, moved
+from crane_sim.hiding.calibrate import UnseenError, calibrate, draw, moved
 from crane_sim.hiding.label import check_place, clean_path, label, load_hidden, write_label
 from crane_sim.hiding.spec import HiddenEffect, Spec
 from crane_sim.parts.constants import pack_chain
@@ -194,6 +194,18 @@ def test_what_cannot_be_reached_is_refused_by_name(
     spec = Spec(effects=(HiddenEffect(effect="slew_coupling", strength=0.2),))
     with pytest.raises(RangeError, match=r"slew_coupling.*0\.38 rad/s.*0\.2 was asked"):
         calibrate(spec, machine, stand_in, motion, gains)
+
+
+def test_a_motion_that_shows_nothing_is_refused_at_once(
+    machine: Machine, stand_in: StandIn, gains: Gains
+) -> None:
+    """Cushions of the ends, half a meter away from them."""
+    spec = Spec(effects=(HiddenEffect(effect="end_cushioning", joint="telescope", strength=0.02),))
+    start = stand_in.start.copy()
+    limits = machine.limits["telescope"]
+    start[3] = (limits.position_min + limits.position_max) / 2.0 - 0.15
+    with pytest.raises(UnseenError, match=r"end_cushioning.*does nothing on this motion"):
+        calibrate(spec, machine, stand_in, Strokes(start, 2.0), gains)
 
 
 def test_parameters_are_drawn_from_the_seed_or_given(machine: Machine, stand_in: StandIn) -> None:

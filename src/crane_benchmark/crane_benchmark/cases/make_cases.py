@@ -21,7 +21,7 @@ from crane_model.machine import load_machine
 from crane_model.machine_files import machine_file
 from crane_model.model_file import Model, load_model, save_model
 from crane_sim.effects.form import Planted
-from crane_sim.hiding.calibrate import reach
+from crane_sim.hiding.calibrate import UnseenError, reach
 from crane_sim.hiding.label import label
 from crane_sim.make_bag import make
 from crane_trajectory.control.controller import load_gains
@@ -119,10 +119,14 @@ def _strongest(
     motions: Sequence[Motion],
 ) -> tuple[tuple[EffectToHide, ...], tuple[Planted, ...]]:
     """As strong as asked for on the first motion that shows it so; or half of it, and so on."""
+    showing = list(motions)
     for _ in range(ATTEMPTS):
-        for motion in motions:
+        for motion in tuple(showing):
             try:
                 return effects, planted(effects, motion)
+            except UnseenError as error:  # nor would it show half of it
+                showing.remove(motion)
+                reason: CraneError = error
             except RangeError as error:
                 reason = error
         effects = tuple(

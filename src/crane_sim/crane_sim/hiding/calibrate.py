@@ -30,6 +30,10 @@ OWN_MOTION = "excitation_20s.yaml"  # on which a spec is calibrated that names n
 LARGEST_STEP = 8.0  # by which a magnitude changes at once
 
 
+class UnseenError(RangeError):
+    """A hidden effect does nothing on a motion, whatever its magnitude."""
+
+
 def calibrate(
     spec: Spec, machine: Machine, stand_in: StandIn, motion: Course, gains: Gains
 ) -> tuple[Planted, ...]:
@@ -52,7 +56,7 @@ def reach(
     build: Build,
 ) -> tuple[Planted, ...]:
     """The effects with magnitudes such that each has the strength it is asked for, in the machine
-    that `build` makes of `stand_in`; as `calibrate` says.
+    that `build` makes of `stand_in`; as `calibrate` says. `UnseenError` where one does nothing.
     """
     open_ended = [k for k, effect in enumerate(planted) if effect.requested is not None]
     exponent = dict.fromkeys(open_ended, 1.0)  # of the strength as a power of the magnitude
@@ -65,6 +69,8 @@ def reach(
             return planted
         for k, wanted in ratio.items():
             magnitude = planted[k].values[0]
+            if k in last and reached[k] == 0.0 == last[k][1]:
+                raise UnseenError(_unseen(planted[k]))
             if k in last and last[k][0] != magnitude and reached[k] > 0.0 < last[k][1]:
                 slope = np.log(reached[k] / last[k][1]) / np.log(magnitude / last[k][0])
                 exponent[k] = float(np.clip(slope, 0.3, 3.0))
@@ -168,6 +174,14 @@ def _scaled(
         raise RangeError(_beyond(form, effect, machine, highest, reached))
     values = (float(np.clip(value, -highest, highest)), *effect.values[1:])
     return (*planted[:k], effect._replace(values=values), *planted[k + 1 :])
+
+
+def _unseen(effect: Planted) -> str:
+    return (
+        f"hidden effect '{effect.form.effect}' ({effect.form.name}) on "
+        f"{effect.joint or 'the machine'} does nothing on this motion; take one that shows it, as "
+        "into the ends of the range for cushions"
+    )
 
 
 def _beyond(form: Form, effect: Planted, machine: Machine, highest: float, reached: float) -> str:
