@@ -11,13 +11,13 @@ from crane_model.cylinders import generalized_forces, lever_arm
 from crane_model.machine import Machine
 from crane_model.record import Record
 from crane_model.terms.actuator import ActuatorInertia
+from crane_model.terms.force_scale import PressureGain
 from crane_model.terms.gravity_and_load import BaseTilt
 from crane_model.terms.nuisance import VelocityLag
 from crane_model.terms.rigid_body import PlanarRigidBody
 from crane_model.terms.sensing import (
     ChamberGain,
     EncoderOffset,
-    PressureGain,
     PressureOffset,
     TimeSkew,
 )

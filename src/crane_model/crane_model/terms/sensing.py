@@ -1,10 +1,9 @@
-"""What sensors add: zeros and gains of transducers, zeros of encoders, clocks that disagree."""
+"""What sensors add: zeros of transducers, gain of one of two, zeros of encoders, late clocks."""
 
 from dataclasses import replace
 from typing import ClassVar, Literal
 
 import numpy as np
-from pydantic import Field
 from typing_extensions import override
 
 from crane_model.array import Array
@@ -18,9 +17,9 @@ from crane_model.terms.chambers import (
     lever_and_slope,
 )
 from crane_model.terms.effect import Effect
-from crane_model.terms.joint_term import JointTerm, OneJointTerm
+from crane_model.terms.force_scale import OfBodies
+from crane_model.terms.joint_term import OneJointTerm
 from crane_model.terms.planar import planar_machine
-from crane_model.terms.rigid_body import BASE_PARAMETERS, PlanarRigidBody
 from crane_model.terms.term import Family, Parameter, Setting
 
 STEP = 1e-4  # rad, of the difference with respect to an angle
@@ -53,32 +52,6 @@ class PressureOffset(OneJointTerm):
         return machine.cylinders[self.joint].area_a * lever(setting, self.joint, record)
 
 
-class PressureGain(JointTerm):
-    """gain tau: both transducers, or the piston areas of (19), off by one factor.
-
-    The column is the measured force itself, so that gain = 1 and no model at all fits every
-    recording: only data with a known weight can tell it.
-    """
-
-    type: Literal["pressure_gain"] = "pressure_gain"
-    family: ClassVar[Family] = "sensing"
-    effect: ClassVar[Effect] = Effect(
-        "gain of the pressure transducers",
-        "scales the whole force of a joint, and all masses with it",
-        ("payload", "chamber_gain"),
-        "a known weight at the tip in some of the runs; without it this cannot be tested",
-        follows=("force",),
-    )
-
-    def column(self, record: Record, j: int) -> Array:
-        """tau as it was measured: (n,)."""
-        return self.needed(record, "force")[:, j]
-
-    @override
-    def parameter(self, coordinate: str, force: str) -> Parameter:
-        return Parameter("gain", "1", None, "share by which the force is measured too large")
-
-
 class ChamberGain(OneJointTerm):
     """-gain A_B p_B dx/dq: the transducer of chamber B off by a factor against that of A (19)."""
 
@@ -87,7 +60,14 @@ class ChamberGain(OneJointTerm):
     effect: ClassVar[Effect] = Effect(
         "gain of one pressure transducer against the other",
         "force in proportion to the pressure of one chamber",
-        ("pressure_gain", "pressure_offset", "seal_friction", "coulomb", "coulomb_asymmetry"),
+        (
+            "pressure_gain",
+            "linkage_scale",
+            "pressure_offset",
+            "seal_friction",
+            "coulomb",
+            "coulomb_asymmetry",
+        ),
         "both transducers on one pressure, at several pressures",
         follows=("pressure of chamber B",),
     )
@@ -103,7 +83,7 @@ class ChamberGain(OneJointTerm):
         return -chamber_forces(self, record, setting, self.joint)[:, 1]
 
 
-class EncoderOffset(OneJointTerm):
+class EncoderOffset(OfBodies):
     """dq (F d2x/dq2 - d/dq of (7)): an encoder that reads dq too much.
 
     The lever arm (18) is then taken at the wrong angle, which makes an error of the torque in
@@ -120,15 +100,6 @@ class EncoderOffset(OneJointTerm):
         ("base_tilt", "hose_stiffness"),
         "the angle of the boom at rest, measured with an inclinometer",
         follows=("force", "position"),
-    )
-    of_model: ClassVar[dict[str, tuple[str, ...]]] = {
-        "bodies": tuple(parameter.name for parameter in BASE_PARAMETERS)
-    }
-
-    bodies: tuple[float, ...] = Field(
-        default=(0.0,) * len(BASE_PARAMETERS),
-        min_length=len(BASE_PARAMETERS),
-        max_length=len(BASE_PARAMETERS),
     )
 
     @override
@@ -151,7 +122,7 @@ class EncoderOffset(OneJointTerm):
         turned = np.zeros_like(record.position)
         turned[:, record.column(self.joint)] = STEP
         after, before = (
-            PlanarRigidBody().columns(replace(record, position=q), setting) @ self.bodies
+            self.force_of_bodies(replace(record, position=q), setting)
             for q in (record.position + turned, record.position - turned)
         )
         return (after - before) / (2.0 * STEP)

@@ -1,0 +1,107 @@
+"""What scales the whole force of a joint: gains of its transducers, and the size of its linkage.
+
+Beside a model with free masses such a column is nearly the measured force, and that explains itself
+with a factor of one. So it is taken from the force that the bodies ask for, where a model has them:
+free of noise, and all that shows of a scale, since friction of the same joint takes up its own
+share. Scales of all joints alike are a scale of all masses, which only a known weight tells; those
+of single joints show where joints share the masses.
+"""
+
+from typing import ClassVar, Literal
+
+from pydantic import Field
+from typing_extensions import override
+
+from crane_model.array import Array
+from crane_model.errors import ConfigurationError
+from crane_model.record import Record
+from crane_model.terms.chambers import cylinder_machine
+from crane_model.terms.effect import Effect
+from crane_model.terms.joint_term import OneJointTerm
+from crane_model.terms.rigid_body import BASE_PARAMETERS, PlanarRigidBody
+from crane_model.terms.term import Family, Parameter, Setting
+
+
+class OfBodies(OneJointTerm):
+    """A term on one joint that follows the forces (7) of the `bodies`, by their base parameters."""
+
+    of_model: ClassVar[dict[str, tuple[str, ...]]] = {
+        "bodies": tuple(parameter.name for parameter in BASE_PARAMETERS)
+    }
+
+    bodies: tuple[float, ...] = Field(
+        default=(0.0,) * len(BASE_PARAMETERS),
+        min_length=len(BASE_PARAMETERS),
+        max_length=len(BASE_PARAMETERS),
+    )
+
+    def force_of_bodies(self, record: Record, setting: Setting) -> Array:
+        """(7) of the bodies: (n, j)."""
+        return PlanarRigidBody().columns(record, setting) @ self.bodies
+
+    def scaled(self, record: Record, setting: Setting, j: int) -> Array:
+        """The force (n,) of joint j that a scale multiplies; the measured one without bodies."""
+        if any(self.bodies):
+            return self.force_of_bodies(record, setting)[:, j]
+        return self.needed(record, "force")[:, j]
+
+
+class PressureGain(OfBodies):
+    """gain tau: both transducers, or the piston areas of (19), off by one factor.
+
+    tau is (7) of the `bodies` or, without them, the measured force. The latter is its own
+    explanation: gain = 1 and no model at all fits every recording.
+    """
+
+    type: Literal["pressure_gain"] = "pressure_gain"
+    family: ClassVar[Family] = "sensing"
+    effect: ClassVar[Effect] = Effect(
+        "gain of the pressure transducers",
+        "scales the whole force of a joint; of all joints alike, it scales all masses",
+        ("payload", "chamber_gain", "linkage_scale"),
+        "both transducers beside a reference at several pressures; of all joints alike, a known "
+        "weight at the tip in some of the runs",
+        follows=("force",),
+    )
+
+    @override
+    def joint_parameters(self, setting: Setting) -> tuple[Parameter, ...]:
+        return (Parameter("gain", "1", None, "share by which the force is measured too large"),)
+
+    def joint_columns(self, record: Record, setting: Setting, j: int) -> Array:
+        """tau."""
+        return self.scaled(record, setting, j)
+
+
+class LinkageScale(OfBodies):
+    """-scale tau: a linkage whose lengths are all larger than in its file by one factor.
+
+    At the same angle, x and dx/dq of (18) are then larger by that factor, and tau = F dx/dq is
+    taken (1 - scale) times as large as it is. tau is that of `PressureGain`, from which no force
+    tells it apart.
+    """
+
+    type: Literal["linkage_scale"] = "linkage_scale"
+    family: ClassVar[Family] = "sensing"
+    effect: ClassVar[Effect] = Effect(
+        "linkage of another size than in its file",
+        "scales the whole force of a joint, whatever it comes from",
+        ("pressure_gain", "chamber_gain"),
+        "a survey of the pins of the linkage; both transducers beside a reference",
+        follows=("force",),
+    )
+
+    @override
+    def joint_parameters(self, setting: Setting) -> tuple[Parameter, ...]:
+        machine = cylinder_machine(self, setting, self.joint)
+        if not machine.actuators[self.joint].bounded_by_pins:
+            raise ConfigurationError(
+                f"term '{self.type}': the cylinder of joint '{self.joint}' turns nothing, so that "
+                "it has no linkage"
+            )
+        meaning = "share of its true lengths by which the linkage is larger than in the file"
+        return (Parameter("scale", "1", None, meaning),)
+
+    def joint_columns(self, record: Record, setting: Setting, j: int) -> Array:
+        """-tau."""
+        return -self.scaled(record, setting, j)
