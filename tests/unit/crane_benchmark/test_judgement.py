@@ -13,7 +13,8 @@ STRIBECK, LOAD = ("stribeck", "telescope"), ("load_friction", "telescope")
 """Two effects."""
 CYCLIC, LINEAR = ("cyclic_friction", "telescope"), ("position_friction", "telescope")
 """Two laws of one effect."""
-GAIN = ("pressure_gain", "inner_boom")
+GAIN, LINKAGE = ("pressure_gain", "inner_boom"), ("linkage_scale", "inner_boom")
+"""What scales the whole force of a joint."""
 
 
 def answer(verdict: str, *findings: tuple[tuple[str, str], ...]) -> BlindAnswer:
@@ -35,11 +36,8 @@ def answer(verdict: str, *findings: tuple[tuple[str, str], ...]) -> BlindAnswer:
             Judgement.WRONG_NAME,
         ),
         (CaseKind.OUTSIDE, [("detent", "telescope")], answer("none"), Judgement.MISSED),
-        (CaseKind.LENGTHS, [], answer("unknown"), Judgement.RIGHT),
-        (CaseKind.LENGTHS, [], answer("none"), Judgement.MISSED),
-        (CaseKind.LENGTHS, [], answer("named", (STRIBECK,)), Judgement.WRONG_NAME),
-        (CaseKind.LENGTHS, [], answer("named", (GAIN,)), Judgement.RIGHT),
-        (CaseKind.LENGTHS, [], answer("class", (GAIN, STRIBECK)), Judgement.WRONG_NAME),
+        (CaseKind.NOTHING, [], answer("class", (LINKAGE, GAIN)), Judgement.FALSE_ALARM),
+        (CaseKind.SINGLE, [STRIBECK], answer("class", (LINKAGE, GAIN)), Judgement.WRONG_NAME),
         (CaseKind.SINGLE, [STRIBECK], answer("named", (STRIBECK,)), Judgement.RIGHT),
         (
             CaseKind.SINGLE,
@@ -93,6 +91,36 @@ def answer(verdict: str, *findings: tuple[tuple[str, str], ...]) -> BlindAnswer:
 )
 def test_answers_are_judged(kind, hidden, given, outcome):
     assert judge(kind, hidden, given, lambda number, other: False) is outcome
+
+
+@pytest.mark.parametrize(
+    ("kind", "hidden", "given", "outcome"),
+    [
+        (CaseKind.LENGTHS, [], answer("unknown"), Judgement.RIGHT),
+        (CaseKind.LENGTHS, [], answer("none"), Judgement.MISSED),
+        (CaseKind.LENGTHS, [], answer("named", (STRIBECK,)), Judgement.WRONG_NAME),
+        (CaseKind.LENGTHS, [], answer("named", (GAIN,)), Judgement.RIGHT),
+        (CaseKind.LENGTHS, [], answer("class", (LINKAGE, GAIN)), Judgement.RIGHT),
+        (CaseKind.LENGTHS, [], answer("class", (LINKAGE, STRIBECK)), Judgement.TOO_WIDE),
+        (CaseKind.LENGTHS, [], answer("named", (LINKAGE,), (LOAD,)), Judgement.WRONG_NAME),
+        (CaseKind.SINGLE, [LOAD], answer("class", (LINKAGE, GAIN), (LOAD,)), Judgement.RIGHT),
+        (CaseKind.SINGLE, [LOAD], answer("class", (LINKAGE, GAIN)), Judgement.MISSED),
+        (CaseKind.SINGLE, [LOAD], answer("named_and_more", (LINKAGE,)), Judgement.NOT_NAMED),
+        (CaseKind.SINGLE, [LOAD], answer("named", (LINKAGE,), (STRIBECK,)), Judgement.WRONG_NAME),
+        (CaseKind.SINGLE, [LOAD], answer("class", (LOAD, LINKAGE)), Judgement.TOO_WIDE),
+        (
+            CaseKind.SINGLE,
+            [LOAD],
+            answer("named", (LINKAGE, STRIBECK), (LOAD,)),
+            Judgement.TOO_WIDE,
+        ),
+        (CaseKind.PAIR, [LOAD, STRIBECK], answer("named", (LINKAGE,), (LOAD,)), Judgement.PARTLY),
+        (CaseKind.OUTSIDE, [("detent", "j")], answer("named_and_more", (GAIN,)), Judgement.RIGHT),
+        (CaseKind.OUTSIDE, [("detent", "j")], answer("named", (GAIN,)), Judgement.MISSED),
+    ],
+)
+def test_answers_on_machines_of_other_lengths(kind, hidden, given, outcome):
+    assert judge(kind, hidden, given, lambda number, other: False, off=True) is outcome
 
 
 def test_lengths_that_do_not_show_need_not_be_found():

@@ -60,7 +60,8 @@ def judge(proof: Proof, reach: Reach, thresholds: Thresholds) -> Answer:
         return Answer(
             Verdict.UNKNOWN,
             NOT_HELD,
-            f"its parameters are zero within {method.parameter_sigmas:.0f} standard deviations",
+            f"its parameters are zero within {method.parameter_sigmas:.0f} standard deviations, or "
+            "no more than usual",
         )
     law = proof.before.law
     if law.any():

@@ -1,6 +1,7 @@
 """Which of the sets that the search found are findings, and what cannot be told from each."""
 
 from dataclasses import dataclass
+from itertools import combinations
 
 import numpy as np
 
@@ -16,6 +17,7 @@ from crane_identification.diagnosis.decision.shape import (
     of_better_signature,
 )
 from crane_identification.diagnosis.search.race import LARGEST_SET, Race
+from crane_identification.diagnosis.search.search import Search
 from crane_identification.diagnosis.search.selection import NOTHING, extended, solve
 from crane_identification.thresholds import Thresholds
 
@@ -67,12 +69,12 @@ def decide(race: Race, thresholds: Thresholds) -> Decision:
 def _together(race: Race, threshold: float, thresholds: Thresholds) -> tuple[Judged, ...]:
     """What several joints lack at once, each of it judged beside the rest; the race goes on there.
 
-    None where one effect explains about as much: what it leaves is for the race.
+    None where one effect, or what scales the forces of two joints, explains about as much: what it
+    leaves is for the race.
     """
     search = race.search
     subset = on_several_joints(search, threshold, thresholds)
-    alone = max((one.gain for one in extended(search.projection, NOTHING)), default=0.0)
-    if subset.gain - alone <= thresholds.method.further_share * subset.gain:
+    if subset.gain - _simply(search) <= thresholds.method.further_share * subset.gain:
         return ()
     while subset.numbers:
         race.go_on_from(subset)
@@ -85,6 +87,15 @@ def _together(race: Race, threshold: float, thresholds: Thresholds) -> tuple[Jud
         subset = (solve(search.projection, numbers) or NOTHING) if numbers else NOTHING
     race.go_on_from(NOTHING)
     return ()
+
+
+def _simply(search: Search) -> float:
+    """What the best effect gains by itself, or the best factors of the forces of two joints."""
+    projection = search.projection
+    alone = [one.gain for one in extended(projection, NOTHING)]
+    factors = [i for i, one in enumerate(projection.candidates) if one.candidate.effect.formless]
+    both = (solve(projection, pair) for pair in combinations(factors, 2))
+    return max([*alone, *(one.gain for one in both if one is not None)], default=0.0)
 
 
 def _objection(one: Judged, thresholds: Thresholds) -> str:

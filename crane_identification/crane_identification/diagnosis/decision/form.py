@@ -1,6 +1,6 @@
 """Whether a further effect is but the form of another one, which its law leaves over."""
 
-from collections.abc import Sequence
+from collections.abc import Collection, Sequence
 from dataclasses import replace
 
 import numpy as np
@@ -18,17 +18,20 @@ def slight(
     gains: Sequence[float],
     thresholds: Thresholds,
     settled: int = 0,
+    formless: Collection[int] = (),
 ) -> bool:
     """Whether one of several effects gains too little beside another to be told from its form.
 
     `channels` are those where each acts. What a law leaves because it is not quite that of the
-    machine is on its own joint, most of it. The first ones, that are `settled`, are not asked.
+    machine is on its own joint, most of it; those that are `formless` leave nothing. The first
+    ones, that are `settled`, are not asked.
     """
     where, method = [set(one.tolist()) for one in channels], thresholds.method
-    for own, gain in list(zip(where, gains, strict=True))[settled:]:
-        there = max(g for other, g in zip(where, gains, strict=True) if own & other)
-        least = max(method.further_share * there, method.elsewhere_share * max(gains))
-        if gain < least:
+    for place in range(settled, len(where)):
+        laws = [k for k in range(len(where)) if k == place or k not in formless]
+        there = max(gains[k] for k in laws if where[place] & where[k])
+        most = max(gains[k] for k in laws)
+        if gains[place] < max(method.further_share * there, method.elsewhere_share * most):
             return True
     return False
 
@@ -77,6 +80,8 @@ def of_one_form(search: Search, subset: Subset, thresholds: Thresholds, settled:
         return False
     gains = marginal(search, subset)
     where = [channels(search, number) for number in subset.numbers]
-    if slight(where, gains, thresholds, settled):
+    effects = [search.projection.candidates[number].candidate.effect for number in subset.numbers]
+    formless = {place for place, effect in enumerate(effects) if effect.formless}
+    if slight(where, gains, thresholds, settled, formless):
         return True
     return mends(search, subset.numbers, gains, thresholds, settled)

@@ -75,11 +75,14 @@ def chance_of_kind(
 
 
 def _kinds(projection: Projection) -> dict[str, list[int]]:
-    """The numbers of the effects without a shape on single joints, by their type."""
+    """The numbers of the effects without a shape on single joints, by their type; a factor of what
+    the model has is, on all joints, a factor of its masses.
+    """
     out: dict[str, list[int]] = {}
     for number, shaped in enumerate(projection.candidates):
         one = shaped.candidate
-        if one.joint is not None and not (one.shapes or one.changes or one.parts):
+        alone = one.shapes or one.changes or one.parts or one.effect.formless
+        if one.joint is not None and not alone:
             out.setdefault(one.type, []).append(number)
     return {kind: numbers for kind, numbers in out.items() if len(numbers) >= FEWEST_JOINTS}
 

@@ -26,7 +26,7 @@ from crane_model.model_file import Model
 class Trial:
     """`model` is that with the `effects`, fitted; `values` are the parameters of each.
 
-    `zero` are further effects whose parameters may as well be zero.
+    `zero` are further effects whose parameters may as well be zero, or are no more than usual.
 
     On the training recordings: its `residual` (n, c), `energy` (c,) of it in units of the noise,
     and `left_share` of the energy beyond noise where the effects act. `learning` tries to learn the
@@ -62,7 +62,8 @@ class Trial:
 
 
 def tried(fit: Fitted, search: Search, effects: Sequence[Judged], thresholds: Thresholds) -> Trial:
-    """The model with effects; those whose parameters may as well be zero are left out.
+    """The model with effects; those whose parameters may as well be zero, or are no
+    more than usual, are left out.
 
     `UndeterminedError` where the recordings do not determine all parameters.
     """
@@ -100,7 +101,8 @@ def tried(fit: Fitted, search: Search, effects: Sequence[Judged], thresholds: Th
 
 def differs(one: Judged, values: Sequence[Value], sigmas: float) -> bool:
     """Whether a parameter of an effect is not zero, or has changed, by more than so many standard
-    deviations; shapes alone say nothing.
+    deviations, and by more than is usual; shapes alone say nothing.
     """
     changes = [value.change for value in values[: len(one.shaped.positive)]]
-    return any(abs(change) > sigmas * std_dev for change, std_dev in changes)
+    usual = one.shaped.candidate.effect.usual
+    return any(abs(change) > max(sigmas * std_dev, usual) for change, std_dev in changes)

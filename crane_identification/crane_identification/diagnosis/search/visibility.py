@@ -44,6 +44,9 @@ def visible(
     best: dict[Candidate, float] = {}
     for candidate, share in zip(candidates, projection.visibility, strict=True):
         best[candidate] = max(best.get(candidate, 0.0), float(share))
+    usual = _usual(projection)
+    wanted &= np.array([candidate not in usual for candidate in candidates], dtype=bool)
+    reasons |= usual
     for candidate, share in best.items():
         if share < _least(candidate):
             reasons[candidate] = (
@@ -53,6 +56,22 @@ def visible(
                 f"{VISIBLE_SHARE:.0%} needed"
             )
     return wanted, reasons
+
+
+def _usual(projection: Projection) -> dict[Candidate, str]:
+    """Candidates whose parameters, each estimated by itself, are those of any sound machine."""
+    found = {}
+    for shaped, own in zip(projection.candidates, projection.columns_of, strict=True):
+        limit = shaped.candidate.effect.usual
+        if not limit or shaped.candidate.shapes or shaped.candidate.changes:
+            continue
+        values = np.abs(projection.score[own]) / np.maximum(projection.scale[own], TINY)
+        if (values <= limit).all():
+            found[shaped.candidate] = (
+                f"{values.max():.2%}, as these recordings have it, is no more than what is usual, "
+                f"{limit:.1%}"
+            )
+    return found
 
 
 def _least(candidate: Candidate) -> float:

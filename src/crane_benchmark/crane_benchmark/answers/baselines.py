@@ -11,7 +11,7 @@ from crane_identification.diagnosis.search.search import Search
 MOST = 8  # effects in an answer
 SPARSITIES = 12  # thresholds that are tried
 LEAST = 2.0  # of them, in standard deviations of a coefficient
-ITSELF = "pressure_gain"  # its columns are the measured force, and all of them together explain it
+FACTOR = "pressure_gain"  # of all joints together, its columns are the masses of the model
 SINGULAR = 1e-3  # share of a column's norm beside the chosen ones, below which it is one of them
 
 Names = list[tuple[str, str]]
@@ -40,7 +40,7 @@ def problem(search: Search) -> Problem:
         fitted = columns @ np.linalg.lstsq(columns, projection.residual, rcond=1e-9)[0]
         norm = float(np.linalg.norm(fitted))
         name = (shaped.candidate.type, shaped.candidate.where)
-        if name[0] != ITSELF and norm > best.get(name, (0.0, fitted))[0]:
+        if name[0] != FACTOR and norm > best.get(name, (0.0, fitted))[0]:
             best[name] = (norm, fitted / norm)
     channel = search.whitener.channel % len(joints)
     return Problem(

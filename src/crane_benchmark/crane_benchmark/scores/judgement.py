@@ -16,7 +16,7 @@ from crane_model.terms import REGISTRY
 Place = tuple[str, str]
 """An effect and its joint, or `all`."""
 
-SCALED = "pressure_gain"  # what scales the whole force of a joint
+SCALES = {"linkage_scale", "pressure_gain"}  # what scales the whole force of a joint
 OURS = "diagnose"  # among the names of methods
 AND_MORE = "named_and_more"  # right where its names are, though it does not say that this is all
 NAMING = {"named", AND_MORE, "class"}  # verdicts that name effects
@@ -91,9 +91,11 @@ def judge(
     answer: BlindAnswer,
     twin: Callable[[int, Place], bool],
     above_noise: bool = True,
+    off: bool = False,
 ) -> Judgement:
     """Lengths that are not the file's need not show: `none` is right too where the error is not
-    `above_noise`.
+    `above_noise`. Where a machine is `off`, what scales the force of a joint may be named, beside
+    what else is hidden.
 
     `twin(i, other)` says whether `other` explains the i-th hidden effect as well as its own law; a
     class counts as right where all its members do. Of twins, the first is what the model lacks.
@@ -115,9 +117,34 @@ def judge(
     if verdict == "none":
         shown = above_noise or kind is not CaseKind.LENGTHS
         return Judgement.MISSED if shown else Judgement.RIGHT
-    if kind is CaseKind.LENGTHS:  # a linkage that is larger as a whole scales a joint's force
-        members = {effect for several in answer.findings for effect, _ in several}
-        return Judgement.RIGHT if members == {SCALED} else Judgement.WRONG_NAME
+    of_lengths = [one for one in answer.findings if off and _of_lengths(one, hidden)]
+    rest = answer.model_copy(
+        update={"findings": tuple(one for one in answer.findings if one not in of_lengths)}
+    )
+    wide = any(effect not in SCALES for members in of_lengths for effect, _ in members)
+    outcome = _beside_lengths(kind, hidden, rest, twin)
+    return Judgement.TOO_WIDE if wide and outcome is Judgement.RIGHT else outcome
+
+
+def _of_lengths(members: Sequence[Place], hidden: Sequence[Place]) -> bool:
+    """Whether a finding is what such a linkage is to its joint, and not what is hidden besides."""
+    meant = any(_same(place, one) for one in members for place in hidden)
+    return not meant and any(effect in SCALES for effect, _ in members)
+
+
+def _beside_lengths(
+    kind: CaseKind,
+    hidden: Sequence[Place],
+    answer: BlindAnswer,
+    twin: Callable[[int, Place], bool],
+) -> Judgement:
+    """What an answer that names something says beside the lengths that it names."""
+    if kind is CaseKind.LENGTHS:
+        return Judgement.WRONG_NAME if answer.findings else Judgement.RIGHT
+    if not answer.findings:  # lengths alone are named
+        if kind is CaseKind.OUTSIDE and answer.verdict == AND_MORE:
+            return Judgement.RIGHT  # the rest is unknown
+        return Judgement.NOT_NAMED if answer.verdict == AND_MORE else Judgement.MISSED
     if kind is CaseKind.CLASS:
         return _of_twins(answer, twin)
     outcome = _named(hidden, answer, twin)

@@ -47,7 +47,7 @@ def score_case(job: ScoringJob) -> None:
     twin = partial(truth.twin, model)
     above_noise = truth.above_noise(model)
     outcomes = {
-        name: judge(truth.case.kind, truth.places, answer, twin, above_noise)
+        name: judge(truth.case.kind, truth.places, answer, twin, above_noise, truth.case.off)
         for name, answer in answers.items()
     }
     gap = truth.gap(model)

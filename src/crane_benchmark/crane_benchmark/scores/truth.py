@@ -14,11 +14,11 @@ from crane_benchmark.scores.judgement import Place
 from crane_benchmark.scores.unusual import beyond_usual
 from crane_identification.diagnosis.findings_file import Findings
 from crane_identification.diagnosis.flow.usual import load_usual
-from crane_identification.diagnosis.search.candidates import WHOLE, Candidate
+from crane_identification.diagnosis.search.candidates import WHOLE, Candidate, Given
 from crane_model.cylinders import lever_arms
 from crane_model.errors import CraneError
 from crane_model.model_file import Model
-from crane_model.terms import REGISTRY
+from crane_model.terms import REGISTRY, Term
 from crane_sim.hiding.label import LabelledEffect
 from crane_sim.parts.parameters import StandIn
 
@@ -179,6 +179,15 @@ class _Base:
         force = self.rows(self.seen.record.needed("force", "the scorer"))
         return np.linalg.lstsq(self._columns, force, rcond=1e-10)[0] / self._norms
 
+    def given(self, cls: type[Term]) -> Given:
+        """The fields of a term that hold values of the model, if it has all of them."""
+        values = dict(zip((p.name for p in self.model.parameters), self.theta, strict=True))
+        return tuple(
+            (field, tuple(float(values[name]) for name in names))
+            for field, names in cls.of_model.items()
+            if set(names) <= values.keys()
+        )
+
     def rows(self, values: np.ndarray) -> np.ndarray:
         """(n, j, ...) to the rows that count."""
         unit = self._unit.reshape(1, -1, *[1] * (values.ndim - 2))
@@ -198,7 +207,8 @@ def _explained(base: _Base, hidden: np.ndarray, place: Place) -> float:
     effect, where = place
     if effect not in REGISTRY:
         return 0.0
-    candidate = Candidate(REGISTRY[effect], None if where == WHOLE else where)
+    joint = None if where == WHOLE else where
+    candidate = Candidate(REGISTRY[effect], joint, base.given(REGISTRY[effect]))
     energy = float(hidden @ hidden)
     best = 0.0
     for shape in candidate.grid():

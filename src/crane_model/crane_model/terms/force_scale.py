@@ -21,6 +21,8 @@ from crane_model.terms.joint_term import OneJointTerm
 from crane_model.terms.rigid_body import BASE_PARAMETERS, PlanarRigidBody
 from crane_model.terms.term import Family, Parameter, Setting
 
+USUAL_SCALE = 0.005  # that a survey of pins and transducers of class 0.5 % leave
+
 
 class OfBodies(OneJointTerm):
     """A term on one joint that follows the forces (7) of the `bodies`, by their base parameters."""
@@ -39,14 +41,26 @@ class OfBodies(OneJointTerm):
         """(7) of the bodies: (n, j)."""
         return PlanarRigidBody().columns(record, setting) @ self.bodies
 
+
+class ForceScale(OfBodies):
+    """A scale of the whole force of a joint; where no bodies are given, of the measured one."""
+
+    @override
+    @classmethod
+    def is_of_sensors(cls) -> bool:
+        """A few percent of all pressures or lengths are a few percent of the gains of a valve: the
+        balance of flow stays what it is.
+        """
+        return False
+
     def scaled(self, record: Record, setting: Setting, j: int) -> Array:
-        """The force (n,) of joint j that a scale multiplies; the measured one without bodies."""
+        """The force (n,) of joint j that the scale multiplies."""
         if any(self.bodies):
             return self.force_of_bodies(record, setting)[:, j]
         return self.needed(record, "force")[:, j]
 
 
-class PressureGain(OfBodies):
+class PressureGain(ForceScale):
     """gain tau: both transducers, or the piston areas of (19), off by one factor.
 
     tau is (7) of the `bodies` or, without them, the measured force. The latter is its own
@@ -62,6 +76,8 @@ class PressureGain(OfBodies):
         "both transducers beside a reference at several pressures; of all joints alike, a known "
         "weight at the tip in some of the runs",
         follows=("force",),
+        formless=True,
+        usual=USUAL_SCALE,
     )
 
     @override
@@ -73,7 +89,7 @@ class PressureGain(OfBodies):
         return self.scaled(record, setting, j)
 
 
-class LinkageScale(OfBodies):
+class LinkageScale(ForceScale):
     """-scale tau: a linkage whose lengths are all larger than in its file by one factor.
 
     At the same angle, x and dx/dq of (18) are then larger by that factor, and tau = F dx/dq is
@@ -89,6 +105,8 @@ class LinkageScale(OfBodies):
         ("pressure_gain", "chamber_gain"),
         "a survey of the pins of the linkage; both transducers beside a reference",
         follows=("force",),
+        formless=True,
+        usual=USUAL_SCALE,
     )
 
     @override
