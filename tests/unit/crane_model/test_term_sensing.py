@@ -4,14 +4,15 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from laboratory_crane import PLANAR_JOINTS
+from laboratory_crane import LINKAGES, PLANAR_JOINTS, with_linkage
 from unit.crane_model.test_term_registry import SETTING, random_record
 
 from crane_model.cylinders import generalized_forces, lever_arm
+from crane_model.errors import ConfigurationError
 from crane_model.machine import Machine
 from crane_model.record import Record
 from crane_model.terms.actuator import ActuatorInertia
-from crane_model.terms.force_scale import PressureGain
+from crane_model.terms.force_scale import ForceScale, LinkageScale, PressureGain
 from crane_model.terms.gravity_and_load import BaseTilt
 from crane_model.terms.nuisance import VelocityLag
 from crane_model.terms.rigid_body import PlanarRigidBody
@@ -55,6 +56,44 @@ def test_offset_and_gain_of_transducers(machine: Machine, record: Record, joint:
         measured = changed_force(machine, record, j, *change)
         error = value * term.columns(record, SETTING)[:, :, 0]
         np.testing.assert_allclose(error, measured - record.force, rtol=1e-9, atol=1e-6)
+
+
+@pytest.mark.parametrize("joint", LINKAGES)
+def test_a_linkage_that_is_larger_than_in_its_file(machine: Machine, joint: str) -> None:
+    """Its cylinder carries the bodies by its own lever arm; the file's makes the torque of that."""
+    record, larger, j = random_record(), 1.03, PLANAR_JOINTS.index(joint)
+    true = PlanarRigidBody().columns(record, SETTING) @ INERTIAL
+    q = record.position[:, j]
+    own = lever_arm(with_linkage(machine, joint, larger), joint, q)
+    measured = true.copy()
+    measured[:, j] *= lever_arm(machine, joint, q) / own
+    scale = 1.0 - 1.0 / larger
+    column = LinkageScale(joint=joint, bodies=INERTIAL).columns(record, SETTING)[:, :, 0]
+    np.testing.assert_allclose(scale * column, measured - true, rtol=1e-9, atol=1e-6)
+    seen = replace(record, force=measured)
+    column = LinkageScale(joint=joint).columns(seen, SETTING)[:, :, 0]  # by the measured force
+    np.testing.assert_allclose((larger - 1.0) * column, measured - true, rtol=1e-9, atol=1e-6)
+
+
+@pytest.mark.parametrize("term", [LinkageScale, PressureGain])
+def test_scales_of_all_joints_alike_are_a_scale_of_the_masses(
+    machine: Machine, term: type[ForceScale]
+) -> None:
+    """Up to the joints that have none."""
+    record = random_record()
+    body = PlanarRigidBody().columns(record, SETTING)
+    joints = [joint for joint in PLANAR_JOINTS if term is PressureGain or joint in LINKAGES]
+    total = sum(
+        term(joint=joint, bodies=INERTIAL).columns(record, SETTING)[:, :, 0] for joint in joints
+    )
+    values = np.linalg.lstsq(body.reshape(-1, 8), total.ravel(), rcond=None)[0]
+    same = np.allclose((body @ values).ravel(), total.ravel(), atol=1e-6)
+    assert same is (term is PressureGain)
+
+
+def test_a_cylinder_that_turns_nothing_has_no_linkage() -> None:
+    with pytest.raises(ConfigurationError, match="'telescope' turns nothing"):
+        LinkageScale(joint="telescope").parameters(SETTING)
 
 
 @pytest.mark.parametrize("joint", ["inner_boom", "outer_boom"])

@@ -1,12 +1,12 @@
 """Which of the sets that the search found are findings, and what cannot be told from each."""
 
 from dataclasses import dataclass
-from itertools import combinations
 
 import numpy as np
 
 from crane_identification.diagnosis.decision.chance import by_chance
 from crane_identification.diagnosis.decision.cross_validation import helps
+from crane_identification.diagnosis.decision.factors import gain_of_few, smallest
 from crane_identification.diagnosis.decision.form import of_one_form
 from crane_identification.diagnosis.decision.judgement import Judged, all_judged
 from crane_identification.diagnosis.decision.likeness import simplest
@@ -17,8 +17,7 @@ from crane_identification.diagnosis.decision.shape import (
     of_better_signature,
 )
 from crane_identification.diagnosis.search.race import LARGEST_SET, Race
-from crane_identification.diagnosis.search.search import Search
-from crane_identification.diagnosis.search.selection import NOTHING, extended, solve
+from crane_identification.diagnosis.search.selection import NOTHING, solve
 from crane_identification.thresholds import Thresholds
 
 
@@ -47,6 +46,7 @@ def decide(race: Race, thresholds: Thresholds) -> Decision:
         if best is None:
             break
         subset = simplest(search, best, thresholds, first_threshold)
+        subset = smallest(search, subset, first_threshold)
         if size > 1 and of_one_form(search, subset, thresholds, known):
             break
         subset, strange = of_better_signature(search, subset, thresholds, known)
@@ -74,7 +74,7 @@ def _together(race: Race, threshold: float, thresholds: Thresholds) -> tuple[Jud
     """
     search = race.search
     subset = on_several_joints(search, threshold, thresholds)
-    if subset.gain - _simply(search) <= thresholds.method.further_share * subset.gain:
+    if subset.gain - gain_of_few(search) <= thresholds.method.further_share * subset.gain:
         return ()
     while subset.numbers:
         race.go_on_from(subset)
@@ -87,15 +87,6 @@ def _together(race: Race, threshold: float, thresholds: Thresholds) -> tuple[Jud
         subset = (solve(search.projection, numbers) or NOTHING) if numbers else NOTHING
     race.go_on_from(NOTHING)
     return ()
-
-
-def _simply(search: Search) -> float:
-    """What the best effect gains by itself, or the best factors of the forces of two joints."""
-    projection = search.projection
-    alone = [one.gain for one in extended(projection, NOTHING)]
-    factors = [i for i, one in enumerate(projection.candidates) if one.candidate.effect.formless]
-    both = (solve(projection, pair) for pair in combinations(factors, 2))
-    return max([*alone, *(one.gain for one in both if one is not None)], default=0.0)
 
 
 def _objection(one: Judged, thresholds: Thresholds) -> str:

@@ -71,6 +71,8 @@ def proved(
         failing = [
             Short(one, said) for one in trial.effects if (said := objection(one, gap, thresholds))
         ]
+        if not failing and trial.effects and (said := resemblance(trial, before, thresholds)):
+            failing = [Short(trial.effects[-1], said)]
         if not failing:
             break
         short.insert(0, failing[-1])
@@ -100,6 +102,21 @@ def objection(one: Judged, gap: Gap, thresholds: Thresholds) -> str:
     return (
         f"it closes {closed:.0%} of what could be closed of the gap on held-out recordings, and "
         f"{least:.0%} are asked for"
+    )
+
+
+def resemblance(trial: Trial, before: Trial, thresholds: Thresholds) -> str:
+    """Why effects but resemble what is missing; empty if they do not.
+
+    They leave most of the energy beyond noise where they act, and explain less than half of what a
+    learner explains besides: what is left follows a law, and that is not theirs.
+    """
+    least = thresholds.method.simple_share
+    if trial.left_share <= 1.0 - least or (share := trial.explained(before)) >= least:
+        return ""
+    return (
+        f"it explains {share:.0%} of what can be explained and leaves {trial.left_share:.0%} of "
+        f"the energy beyond noise; {least:.0%} either way are asked for"
     )
 
 

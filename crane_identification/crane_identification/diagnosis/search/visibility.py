@@ -59,18 +59,21 @@ def visible(
 
 
 def _usual(projection: Projection) -> dict[Candidate, str]:
-    """Candidates whose parameters, each estimated by itself, are those of any sound machine."""
+    """Candidates whose parameters, each estimated by itself, are those of any sound machine; none
+    where one of them is not, beside which others may be larger.
+    """
     found = {}
     for shaped, own in zip(projection.candidates, projection.columns_of, strict=True):
         limit = shaped.candidate.effect.usual
         if not limit or shaped.candidate.shapes or shaped.candidate.changes:
             continue
         values = np.abs(projection.score[own]) / np.maximum(projection.scale[own], TINY)
-        if (values <= limit).all():
-            found[shaped.candidate] = (
-                f"{values.max():.2%}, as these recordings have it, is no more than what is usual, "
-                f"{limit:.1%}"
-            )
+        if (values > limit).any():
+            return {}
+        found[shaped.candidate] = (
+            f"{values.max():.2%}, as these recordings have it, is no more than what is usual, "
+            f"{limit:.1%}"
+        )
     return found
 
 

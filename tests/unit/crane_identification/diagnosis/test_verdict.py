@@ -13,7 +13,7 @@ from crane_identification.diagnosis.decision.judgement import Judged
 from crane_identification.diagnosis.proof.extension import Value
 from crane_identification.diagnosis.proof.gap import Gap
 from crane_identification.diagnosis.proof.learner import Learnt
-from crane_identification.diagnosis.proof.proof import Proof, Short, objection
+from crane_identification.diagnosis.proof.proof import Proof, Short, objection, resemblance
 from crane_identification.diagnosis.proof.pulsation import Pulsation
 from crane_identification.diagnosis.proof.trial import Trial, differs
 from crane_identification.diagnosis.search.candidates import Candidate, ShapedCandidate
@@ -111,6 +111,20 @@ def answer(
     short: tuple[Short, ...] = (),
 ) -> Answer:
     return judge(Proof(BEFORE, after, seen or gap(0.0006), short), reach, THRESHOLDS)
+
+
+@pytest.mark.parametrize(
+    ("energy", "share", "left", "resembles"),
+    [(3000.0, 0.9, 0.6, True), (3000.0, 0.9, 0.4, False), (2000.0, 0.9, 0.6, False)]
+    + [(3000.0, 0.0, 0.6, False)],
+)
+def test_an_effect_that_leaves_most_of_a_law_is_no_name(
+    energy: float, share: float, left: float, resembles: bool
+) -> None:
+    """Of 5000, of which a learner is sure of a share of the rest."""
+    said = resemblance(trial(effect(), energy=energy, share=share, left=left), BEFORE, THRESHOLDS)
+    assert bool(said) is resembles
+    assert not resembles or "it explains 43% of what can be explained and leaves 60%" in said
 
 
 def test_nothing_is_missing_where_held_out_errors_are_noise() -> None:
