@@ -93,7 +93,8 @@ def _objection(one: Judged, thresholds: Thresholds) -> str:
     """Which test an effect does not pass; empty if it passes all."""
     if one.score <= one.threshold:
         return f"its score is {one.score:.0f}, and {one.threshold:.0f} is asked for"
-    if one.strength < thresholds.gates.smallest_strength:
+    formless = one.shaped.candidate.effect.formless  # what is usual of it says its value
+    if one.strength < thresholds.gates.smallest_strength and not formless:
         return (
             f"it is {one.strength:.2g} of the drive force, where the errors of the processing "
             f"itself reach {thresholds.gates.smallest_strength:.2g}"
