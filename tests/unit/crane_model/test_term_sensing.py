@@ -11,7 +11,9 @@ from crane_model.cylinders import generalized_forces, lever_arm
 from crane_model.errors import ConfigurationError
 from crane_model.machine import Machine
 from crane_model.record import Record
+from crane_model.terms import REGISTRY
 from crane_model.terms.actuator import ActuatorInertia
+from crane_model.terms.drawn_friction import DrawnLoadFriction
 from crane_model.terms.force_scale import ForceScale, LinkageScale, PressureGain
 from crane_model.terms.gravity_and_load import BaseTilt
 from crane_model.terms.nuisance import VelocityLag
@@ -89,6 +91,19 @@ def test_scales_of_all_joints_alike_are_a_scale_of_the_masses(
     values = np.linalg.lstsq(body.reshape(-1, 8), total.ravel(), rcond=None)[0]
     same = np.allclose((body @ values).ravel(), total.ravel(), atol=1e-6)
     assert same is (term is PressureGain)
+
+
+@pytest.mark.parametrize("kind", DrawnLoadFriction.holds)
+def test_a_shape_over_the_measured_force_holds_its_scale(record: Record, kind: str) -> None:
+    """Beside Coulomb friction, which is what a line has at both ends of the knots."""
+    moving = replace(record, direction_known=np.where(record.velocity < 0.0, -1.0, 1.0))
+    drawn = DrawnLoadFriction(joint="inner_boom", knots=tuple(np.linspace(-1e5, 1e5, 11)))
+    ends = np.stack([np.ones(len(record)), moving.direction[:, 0]], axis=1)
+    columns = np.concatenate([drawn.columns(moving, SETTING)[:, 0], ends], axis=1)
+    scale = REGISTRY[kind](joint="inner_boom").columns(moving, SETTING)[:, 0, 0]
+    left = scale - columns @ np.linalg.lstsq(columns, scale, rcond=None)[0]
+    kept = np.linalg.norm(left) / np.linalg.norm(scale)
+    assert kept < 1e-9
 
 
 def test_a_cylinder_that_turns_nothing_has_no_linkage() -> None:

@@ -23,7 +23,6 @@ from crane_identification.diagnosis.search.search import Search
 from crane_identification.diagnosis.search.selection import NOTHING, Subset, solve
 from crane_identification.diagnosis.search.shapes import ForceSignature, shape_of
 from crane_identification.thresholds import Thresholds
-from crane_model.terms import DrawnTerm
 
 
 def covered(search: Search, subset: Subset, thresholds: Thresholds, settled: int = 0) -> bool:
@@ -70,7 +69,7 @@ def rival(
     least = thresholds.method.lead_share * unexplained_beside(search, subset, place)
     best, most = None, known
     for other in signatures(search, own.candidate.joint):
-        if own.candidate.type in other.types or _holds(other, own.candidate):
+        if own.candidate.type in (*other.types, *other.term.holds):
             continue
         reached = explained(search, *rest, other.columns)
         if reached - known <= max(least, _chance(other.columns, thresholds)) or reached <= most:
@@ -79,14 +78,6 @@ def rival(
         if helps(gains, thresholds):
             best, most = other, reached
     return best
-
-
-def _holds(other: ForceSignature, candidate: Candidate) -> bool:
-    """Whether a straight line of that shape is the effect itself: over the measured force, any
-    scale of it.
-    """
-    over_force = isinstance(other.term, DrawnTerm) and other.term.variable.startswith("force")
-    return candidate.effect.formless and over_force
 
 
 def of_better_signature(

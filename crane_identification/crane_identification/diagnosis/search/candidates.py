@@ -17,7 +17,8 @@ from crane_model.terms import Effect, Shape, Term, candidates, joints_of
 WHOLE = "all"  # in place of a joint
 Given = tuple[tuple[str, tuple[float, ...]], ...]
 
-ROUNDS = 6  # in which what a term takes from the model settles
+ROUNDS = 6  # in which what a term takes from the model settles, at most,
+SETTLED_SHARE = 1e-3  # to this share of it
 LARGEST_GRID = 16  # shapes of a candidate; between them, the best is refined
 
 
@@ -136,13 +137,20 @@ def _given(model: Model, evidence: Evidence, cls: type[Term], joint: str | None)
     values = model.theta
     for _ in range(ROUNDS if places else 0):
         given = tuple((field, tuple(values[at].tolist())) for field, at in places.items())
+        if evidence.keeps:
+            break  # values that are kept do not make up for it
+        before = values
         try:
             values = evidence.roughly(evidence.columns(Candidate(cls, joint, given).at({})))
         except CraneError:
             break  # not observable, which `observed` says
-        if evidence.keeps:
-            break  # values that are kept do not make up for it
+        if all(_settled(before[at], values[at]) for at in places.values()):
+            break
     return given
+
+
+def _settled(before: np.ndarray, after: np.ndarray) -> bool:
+    return bool(np.linalg.norm(after - before) <= SETTLED_SHARE * np.linalg.norm(before))
 
 
 def at_shape(evidence: Evidence, candidate: Candidate, shape: Mapping[str, Any]) -> ShapedCandidate:

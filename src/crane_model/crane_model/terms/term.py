@@ -59,7 +59,8 @@ class Term(Schema, ABC):
     from the motion at the same instant, `carries_loads` if recordings may differ in it: a field
     `loads` then says which ones carry what. A `stranger` is a signature that no effect of the
     catalogue has, in words: a force that shows it is no effect that merely resembles it. A term
-    whose law is a shape says with `draws` of which types of terms it is the law.
+    whose law is a shape says with `draws` of which types of terms it is the law, and with `holds`
+    which others it is at some shape.
     """
 
     type: str
@@ -74,6 +75,7 @@ class Term(Schema, ABC):
     carries_loads: ClassVar[bool] = False
     stranger: ClassVar[str] = ""
     draws: ClassVar[tuple[str, ...]] = ()
+    holds: ClassVar[tuple[str, ...]] = ()
 
     @classmethod
     def __pydantic_init_subclass__(cls, **kwargs: Any) -> None:
