@@ -73,8 +73,8 @@ class PressureGain(ForceScale):
         "gain of the pressure transducers",
         "scales the whole force of a joint; of all joints alike, it scales all masses",
         ("payload", "chamber_gain", "linkage_scale"),
-        "both transducers beside a reference at several pressures; of all joints alike, a known "
-        "weight at the tip in some of the runs",
+        "both transducers beside a reference at several pressures; if they are right, a survey of "
+        "the linkages of the other joints, which may all be smaller or larger than in their file",
         follows=("force",),
         formless=True,
         usual=USUAL_SCALE,
@@ -103,7 +103,7 @@ class LinkageScale(ForceScale):
         "linkage of another size than in its file",
         "scales the whole force of a joint, whatever it comes from",
         ("pressure_gain", "chamber_gain"),
-        "a survey of the pins of the linkage; both transducers beside a reference",
+        "a survey of the pins of the linkage, and both transducers beside a reference",
         follows=("force",),
         formless=True,
         usual=USUAL_SCALE,
