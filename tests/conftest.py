@@ -19,16 +19,17 @@ settings.load_profile("suite")
 ROOT = Path(__file__).resolve().parents[1]
 
 
-# They begin, so that the workers of a parallel run end at nearly the same time.
+# They begin, so that the workers of a parallel run end at nearly the same time. In a fresh clone the
+# first compiles what the others would each compile for themselves, if they began beside it.
 LONGEST = (
     "test_study.py",
+    "test_player.py",
+    "test_recorder.py",
     "test_tutorials.py",
     "test_discrepancy_benchmark.py",
     "test_diagnose.py",
     "test_cluster.py",
     "test_settle.py",
-    "test_player.py",
-    "test_recorder.py",
     "test_report_page.py",
     "test_identify.py",
     "test_identification_node.py",

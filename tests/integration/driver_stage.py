@@ -5,7 +5,7 @@ import time
 from collections.abc import Callable, Iterator, Mapping
 from contextlib import contextmanager
 from pathlib import Path
-from typing import NamedTuple, Self
+from typing import Any, NamedTuple, Self
 
 import rclpy
 import yaml
@@ -36,8 +36,10 @@ from crane_driver.can.link import Link
 from crane_interfaces.msg import CylinderPressures
 from crane_model.machine import load_machine
 from crane_model.machine_files import DEFAULT_MACHINE, machine_file
+from crane_nodes.polled import Polled
 
 LATCHED = QoSProfile(depth=1, durability=DurabilityPolicy.TRANSIENT_LOCAL)
+DEEP = QoSProfile(depth=2000)  # messages, while a busy test machine does not take them
 SERVICES = ("enable", "disable", "emergency_stop", "reset_fault")
 
 
@@ -119,11 +121,11 @@ class Stage:
         self.machine_state = ""  # what the valve unit says of itself
         self.valves: list[Valves] = []
         self.description: list[str] = []
-        node = self.node
-        node.create_subscription(JointState, "joint_states", self.states.append, 10)
-        node.create_subscription(CylinderPressures, "cylinder_pressures", self.pressures.append, 10)
-        node.create_subscription(DiagnosticArray, "/diagnostics", self._diagnosed, 10)
-        node.create_subscription(
+        self._topics: list[tuple[Polled, Callable[[Any], object]]] = []
+        self.listen(JointState, "joint_states", self.states.append)
+        self.listen(CylinderPressures, "cylinder_pressures", self.pressures.append)
+        self.listen(DiagnosticArray, "/diagnostics", self._diagnosed)
+        self.node.create_subscription(
             String, "robot_description", lambda message: self.description.append(message.data),
             LATCHED,
         )  # fmt: skip
@@ -134,6 +136,12 @@ class Stage:
         except AssertionError:
             self.close()  # a driver that is left behind talks into the tests to come
             raise
+
+    def listen(self, kind: type[Any], topic: str, told: Callable[[Any], object]) -> None:
+        """Tell of every message. They come from the queue: through the executor, those of a crane
+        would take as much computing as the crane itself.
+        """
+        self._topics.append((Polled(self.node, kind, topic, DEEP), told))
 
     def start_driver(self, program: str = DRIVER) -> None:
         """Another driver in the place of one that has ended."""
@@ -162,6 +170,9 @@ class Stage:
 
     def spin(self) -> None:
         self._executor.spin_once(timeout_sec=0.01)
+        for topic, told in self._topics:
+            for message, _ in topic.take():
+                told(message)
         for frame in self.link.take():
             readings = self.codec.decode(frame)
             if readings is None:

@@ -33,7 +33,6 @@ SHORT = {
 }
 MOVING = 0.03  # rad/s, m/s
 TRIES = 6
-DEEP = 2000  # messages, while a busy test machine does not take them
 NEXT = 0.0075  # s, by which commands of the next cycle follow
 
 
@@ -62,8 +61,8 @@ class Experiments:
         self.commands: list[ValveCommand] = []
         self.feedback: list[Any] = []
         node = stage.node
-        node.create_subscription(JointReference, "/joint_reference", self.references.append, DEEP)
-        node.create_subscription(ValveCommand, "/valve_command", self.commands.append, DEEP)
+        stage.listen(JointReference, "/joint_reference", self.references.append)
+        stage.listen(ValveCommand, "/valve_command", self.commands.append)
         self.action = ActionClient(node, RunExcitation, "/run_excitation")
         self._set = node.create_client(SetParameters, "/trajectory/set_parameters")
         self._change = node.create_client(ChangeState, "/trajectory/change_state")

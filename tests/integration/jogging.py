@@ -13,9 +13,23 @@ from collections.abc import Iterator
 from contextlib import contextmanager, suppress
 
 from integration.driver_stage import Stage
-from integration.processes import CONTROLLER_PRIORITY, URGENT, end, environment, line
+from integration.processes import (
+    COMMAND_TIMEOUT,
+    CONTROLLER_PRIORITY,
+    URGENT,
+    end,
+    environment,
+    line,
+)
 
 JOG = URGENT.format(module="crane_driver.operator.jog.jog_node", priority=CONTROLLER_PRIORITY)
+SLOW_TO_END = f"""
+import time
+from crane_driver.operator.jog import screen
+end = screen.Screen.__exit__
+screen.Screen.__exit__ = lambda *given: (time.sleep({2 * COMMAND_TIMEOUT}), end(*given))[1]
+{JOG}
+"""
 REPEAT = 1 / 30  # s, of a key
 CONTROL = re.compile(r"\x1b\[[0-9;?]*[a-zA-Z]")
 
@@ -23,12 +37,12 @@ CONTROL = re.compile(r"\x1b\[[0-9;?]*[a-zA-Z]")
 class Terminal:
     """A pseudo terminal with jog in it."""
 
-    def __init__(self, *arguments: str):
+    def __init__(self, *arguments: str, program: str = JOG):
         self._master, self.slave = pty.openpty()
         fcntl.ioctl(self.slave, termios.TIOCSWINSZ, struct.pack("HHHH", 24, 100, 0, 0))
         self.before = self.settings
         self.process = subprocess.Popen(
-            line(JOG, *arguments),
+            line(program, *arguments),
             stdin=self.slave,
             stdout=self.slave,
             stderr=self.slave,
@@ -63,10 +77,10 @@ class Terminal:
 
 
 @contextmanager
-def jogging(stage: Stage, *arguments: str) -> Iterator[Terminal]:
+def jogging(stage: Stage, *arguments: str, program: str = JOG) -> Iterator[Terminal]:
     """jog, with the crane enabled by it."""
     stage.until(lambda: stage.node.count_publishers("/valve_command") == 0)
-    terminal = Terminal(*arguments)
+    terminal = Terminal(*arguments, program=program)
     try:
         stage.until(lambda: "emergency stop" in terminal.text)  # the help is there
         stage.until(lambda: stage.node.count_publishers("/valve_command") == 1)

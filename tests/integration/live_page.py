@@ -11,6 +11,7 @@ from pathlib import Path
 from types import TracebackType
 from typing import Any, Self
 
+from integration.processes import PATIENCE
 from websockets.sync.client import ClientConnection, connect
 
 FLAGS = (
@@ -27,8 +28,6 @@ FLAGS = (
     "--host-resolver-rules=MAP * ~NOTFOUND, EXCLUDE 127.0.0.1, EXCLUDE localhost",
     "--remote-debugging-port=0",
 )
-START_TIMEOUT_S = 20.0
-ANSWER_TIMEOUT_S = 60.0
 
 
 class Page:
@@ -101,16 +100,16 @@ class Page:
 
     def _connected(self) -> ClientConnection:
         port_file = self._profile / "DevToolsActivePort"
-        until = time.monotonic() + START_TIMEOUT_S
+        until = time.monotonic() + PATIENCE
         while not (port_file.exists() and port_file.read_text().count("\n")):
             if time.monotonic() > until or self._process.poll() is not None:
-                raise TimeoutError(f"{self._program} did not start within {START_TIMEOUT_S:g} s")
+                raise TimeoutError(f"{self._program} did not start within {PATIENCE:g} s")
             time.sleep(0.05)
         port, path = port_file.read_text().split()[:2]
         whole = connect(f"ws://127.0.0.1:{port}{path}", max_size=None, proxy=None)
         with whole:
             whole.send(json.dumps({"id": 0, "method": "Target.getTargets"}))
-            targets = json.loads(whole.recv(ANSWER_TIMEOUT_S))["result"]["targetInfos"]
+            targets = json.loads(whole.recv(PATIENCE))["result"]["targetInfos"]
         page = next(one["targetId"] for one in targets if one["type"] == "page")
         # Without a graphics card a page may be too busy for minutes to answer a ping.
         url = f"ws://127.0.0.1:{port}/devtools/page/{page}"
@@ -122,7 +121,7 @@ class Page:
         request = {"id": self._number, "method": method, "params": parameters}
         self._socket.send(json.dumps(request))
         while True:
-            answer = json.loads(self._socket.recv(ANSWER_TIMEOUT_S))
+            answer = json.loads(self._socket.recv(PATIENCE))
             self._hear(answer)
             if answer.get("id") == self._number:
                 if "error" in answer:

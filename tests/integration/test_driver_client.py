@@ -144,7 +144,8 @@ def test_bring_up_and_jog_find_it(crane: Crane) -> None:
     jog = Jog(by_joystick=False)
     jog.begin(Stop())
     assert jog.shown().state != "no driver"
-    jog.end()
+    jog.stop()
+    jog.destroy_node()
 
 
 def test_trajectory_and_its_client_find_it(crane: Crane) -> None:

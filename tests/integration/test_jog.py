@@ -14,7 +14,7 @@ from itertools import pairwise
 
 import pytest
 from integration.driver_stage import Stage
-from integration.jogging import JOG, Terminal, enable, hold, jogging
+from integration.jogging import JOG, SLOW_TO_END, Terminal, enable, hold, jogging
 from integration.processes import environment, line
 from sensor_msgs.msg import Joy
 
@@ -83,7 +83,7 @@ def test_a_held_key_raises_the_inner_boom_and_letting_go_stops_it(
     stage: Stage, terminal: Terminal
 ) -> None:
     sent: list[ValveCommand] = []
-    stage.node.create_subscription(ValveCommand, "/valve_command", sent.append, 100)
+    stage.listen(ValveCommand, "/valve_command", sent.append)
     start, begun = stage.states[-1].position[BOOM], len(stage.valves)
 
     def stops() -> bool:
@@ -171,6 +171,15 @@ def test_a_signal_ends_it_at_neutral_and_restores_the_terminal(
     assert terminal.settings == terminal.before
     stage.until(lambda: neutral(stage))
     assert "command timeout" not in stage.report()[1]
+
+
+def test_a_terminal_that_is_slow_to_end_holds_no_valve_open(stage: Stage) -> None:
+    with jogging(stage, program=SLOW_TO_END) as terminal:
+        set_in_motion(stage, terminal)
+        terminal.process.send_signal(signal.SIGTERM)
+        stage.until(lambda: neutral(stage) or not stage.valves[-1].enabled)
+        assert stage.report()[0] == "enabled"
+        assert terminal.process.poll() is None, "it is at its terminal still"
 
 
 def test_a_joystick_moves_while_its_deadman_button_is_held(stage: Stage) -> None:

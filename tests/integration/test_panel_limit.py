@@ -18,6 +18,7 @@ websockets = pytest.importorskip("websockets", reason="websockets is not install
 from integration.live_page import Page  # noqa: E402
 from integration.panel_visits import (  # noqa: E402
     PATIENCE,
+    PATIENT,
     SIZES,
     Served,
     answer_pictures,
@@ -35,7 +36,7 @@ pytestmark = pytest.mark.realtime
 
 @pytest.fixture(scope="module")
 def panel(stage: Stage) -> Iterator[Served]:
-    with served() as one:
+    with served(program=PATIENT) as one:
         yield one
 
 

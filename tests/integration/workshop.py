@@ -11,11 +11,12 @@ from pathlib import Path
 
 import yaml
 from integration.processes import (
+    CONTROLLER_PRIORITY,
     DRIVER,
     MACHINE,
     PATIENCE,
-    RUN,
     TIMING,
+    URGENT,
     end,
     environment,
     free_port,
@@ -30,7 +31,7 @@ from crane_driver.can.link import Link
 from crane_model.machine import load_machine
 from crane_model.machine_files import machine_file
 
-BRINGUP = RUN.format(module="crane_driver.operator.bringup.main")
+BRINGUP = URGENT.format(module="crane_driver.operator.bringup.main", priority=CONTROLLER_PRIORITY)
 WIRING = {  # (sign, zero) of encoders, sign of valves
     "positions": {"inner_boom": (-1, 0.3), "outer_boom": (1, -0.2)},
     "commands": {"inner_boom": 1, "outer_boom": -1},

@@ -43,6 +43,7 @@ class Server:
     def __enter__(self) -> Self:
         from rerun_cli import __file__ as cli
 
+        self._require_free_ports()
         self._home = tempfile.TemporaryDirectory()
         program = str(Path(cli).with_name("rerun"))  # not its Python front: that would outlive it
         places = dict.fromkeys(("XDG_CONFIG_HOME", "XDG_DATA_HOME"), self._home.name)
@@ -83,6 +84,22 @@ class Server:
             self._process.wait()
         self._home.cleanup()
 
+    def _require_free_ports(self) -> None:
+        """What listens there already would answer in the place of the server."""
+        for port in (self._port, self._web_port):
+            with socket.socket() as probe:
+                probe.setsockopt(socket.SOL_SOCKET, socket.SO_REUSEADDR, 1)
+                try:
+                    probe.bind((self._listen, port))
+                except OSError as error:
+                    raise self._refused(f"{error.strerror}, {port}") from None
+
+    def _refused(self, told: str) -> ConfigurationError:
+        return ConfigurationError(
+            f"Rerun's server does not listen on {self._listen}, ports {self._web_port} and "
+            f"{self._port}: {told}; name others by --web-port and --data-port"
+        )
+
     def _wait_until_it_serves(self) -> None:
         until = time.monotonic() + START_TIMEOUT_S
         left = [self._port, self._web_port]
@@ -90,11 +107,7 @@ class Server:
             if self._process.poll() is not None or time.monotonic() > until:
                 told = self._log.read_text(errors="replace").strip()
                 self.__exit__(None, None, None)
-                raise ConfigurationError(
-                    f"Rerun's server does not listen on {self._listen}, ports {self._web_port} and "
-                    f"{self._port}: {told[-300:] or 'it says nothing'}; name others by --web-port "
-                    "and --data-port"
-                )
+                raise self._refused(told[-300:] or "it says nothing")
             try:
                 socket.create_connection((self._reached, left[0]), timeout=1.0).close()
                 left.pop(0)

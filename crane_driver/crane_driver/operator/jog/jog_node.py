@@ -102,7 +102,7 @@ class Jog(Node):
         if self._publisher:
             self._publisher.publish(message)
 
-    def end(self) -> None:
+    def stop(self) -> None:
         """Ramp to neutral, so that the driver sees an end and not a loss of commands."""
         left = LAST_COMMANDS
         while self._publisher and left:
@@ -111,7 +111,6 @@ class Jog(Node):
             time.sleep(COMMAND_PERIOD_S)
         if self._publisher:
             self._publisher.wait_for_all_acked(Duration(seconds=0.5))
-        self.destroy_node()
 
     def demand(self) -> Demand | None:
         """What is held now."""
@@ -190,9 +189,12 @@ def _run(argv: Sequence[str], by_joystick: bool) -> None:
         try:
             jog.begin(stop)
             with terminal, Screen({} if by_joystick else jog.keyboard.pairs) as screen:
-                _jog(jog, terminal, screen, stop)
+                try:
+                    _jog(jog, terminal, screen, stop)
+                finally:
+                    jog.stop()  # before a terminal that may take its time
         finally:
-            jog.end()
+            jog.destroy_node()
 
 
 def _jog(jog: Jog, terminal: KeyTerminal | NoTerminal, screen: Screen, stop: Stop) -> None:
