@@ -1,13 +1,13 @@
 #!/usr/bin/env bash
 # Runs the tests named by its arguments, folders or files, within the environment of env.sh.
 #
-# First those that start processes, three at a time on two cores: many of them wait; what failed is
-# tried once more, alone. Then those of a machine in real time, two at a time, each in a ROS domain
-# and on a bus of its own. In their pauses the unit tests run, in the idle class of the scheduler,
-# which gives way at once. The simulated crane, the driver and who commands it have real-time
-# priority, and who watches them goes before other work (of the same session, where the kernel groups
-# by it), where that is permitted; where it is not, other work on the same cores makes true faults:
-# what failed in real time is tried once more in the end, alone, with processes of its own.
+# First those that start processes, three at a time on two cores: many of them wait. Then those of a
+# machine in real time, each in a ROS domain and on a bus of its own, as many at a time as there are
+# cores for that nobody else uses. In their pauses the unit tests run, in the idle class of the
+# scheduler, which gives way at once. The simulated crane, the driver and who commands it have
+# real-time priority, and who watches them goes before other work (of the same session, where the
+# kernel groups by it), where that is permitted; where it is not, other work on the same cores makes
+# true faults. Nothing is tried twice.
 set -euo pipefail
 
 units=() others=()
@@ -26,7 +26,17 @@ if [ ${#others[@]} -eq 0 ]; then
     exit
 fi
 
-some "${in_parallel[@]}" -n 3 "${others[@]}" || "${in_parallel[@]}" --last-failed "${others[@]}"
+status=0
+some "${in_parallel[@]}" -n 3 "${others[@]}" || status=1
+
+idle() { awk '/^cpu / { print $5 + $6 }' /proc/stat; } # time of all cores [1/100 s], since the start
+machine=80 # % of a core: crane, driver, who commands, the test
+before=$(idle)
+sleep 2
+at_once=$((($(idle) - before) / 2 / machine))
+at_once=$((at_once > 1 ? at_once : 1))
+echo "in real time: $at_once at a time"
+
 if [ ${#units[@]} -gt 0 ]; then
     log=$(mktemp)
     chrt --idle 0 "${in_parallel[@]}" -n 2 "${units[@]}" >"$log" 2>&1 &
@@ -35,16 +45,10 @@ if [ ${#units[@]} -gt 0 ]; then
 fi
 # To import the other files takes seconds. `nice` runs its command, too, where that is not permitted.
 mapfile -t without < <(grep -rL --include="test_*.py" "pytest.mark.realtime" tests/integration)
-in_real_time=(nice -n -10 python -m pytest -m realtime -o cache_dir=.pytest_cache/realtime "${without[@]/#/--ignore=}" "${others[@]}")
-failed=0 status=0
-"${in_real_time[@]}" "${one_file_each[@]}" -n 2 || failed=$?
+in_real_time=(nice -n -10 python -m pytest -m realtime "${without[@]/#/--ignore=}")
+some "${in_real_time[@]}" "${one_file_each[@]}" -n "$at_once" "${others[@]}" || status=1
 if [ ${#units[@]} -gt 0 ]; then
-    wait "$running" || status=$?
+    some wait "$running" || status=1
     cat "$log"
 fi
-case $failed in
-0 | 5) ;;
-1) "${in_real_time[@]}" --last-failed ;; # tests have failed
-*) exit "$failed" ;;
-esac
-[ "$status" -eq 0 ] || [ "$status" -eq 5 ]
+exit $status

@@ -19,8 +19,8 @@ settings.load_profile("suite")
 ROOT = Path(__file__).resolve().parents[1]
 
 
-# They begin, so that the workers of a parallel run end at nearly the same time. In a fresh clone the
-# first compiles what the others would each compile for themselves, if they began beside it.
+# They begin, so that the workers of a parallel run end at nearly the same time. In a fresh clone
+# the first compiles what the others would each compile for themselves, if they began beside it.
 LONGEST = (
     "test_study.py",
     "test_player.py",

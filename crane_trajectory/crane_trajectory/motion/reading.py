@@ -16,7 +16,8 @@ from crane_trajectory.motion.fourier import FourierTrajectory
 from crane_trajectory.motion.periodic import load_trajectory, schema_of
 from crane_trajectory.motion.sweep import SweepTrajectory
 
-READING_TIME = 10  # s, of the processor and by the clock
+READING_TIME = 10  # s, of the processor
+LONGEST_WAIT = 60  # s, by the clock: a busy computer gives little time to what is not urgent
 MEMORY = 2**32  # bytes
 LARGEST_ANSWER = 1_000_000  # characters
 REFUSED = 3  # exit status: standard output says why
@@ -28,10 +29,10 @@ def read_apart(path: Path | str) -> FourierTrajectory | SweepTrajectory:
     """
     reader = sys.executable, "-m", __name__, str(path)
     try:
-        done = subprocess.run(reader, capture_output=True, text=True, timeout=READING_TIME)
+        done = subprocess.run(reader, capture_output=True, text=True, timeout=LONGEST_WAIT)
     except subprocess.TimeoutExpired:
         raise ConfigurationError(
-            f"{path}: cannot be read within {READING_TIME} s; is it the right file?"
+            f"{path}: cannot be read within {LONGEST_WAIT} s; is it the right file?"
         ) from None
     except (ValueError, OSError) as error:  # no path at all, or longer than any
         raise ConfigurationError(f"{path!r}: cannot be read: {error}") from None
