@@ -13,6 +13,7 @@ import numpy as np
 
 from crane_benchmark.measured import MeasuredRow
 from crane_benchmark.observing.beside_aims import tell
+from crane_benchmark.observing.consistency import Consistency, of_recordings
 from crane_benchmark.observing.machines import Observed, hard, stock
 from crane_benchmark.observing.positions import FLOW, NO_LOAD, OFF, Errors, ObservedRecording
 from crane_identification.identify import main as identify
@@ -34,7 +35,7 @@ MACHINES: dict[str, tuple[Callable[[], Observed], tuple[float, ...], float]] = {
 PERIODS = 5  # of the excitation, for the identification
 COLUMNS = (
     "what", "aim", "position sensor", "worst recording", "smoothed", "flow alone", "without load",
-    "NEES", "in its 95 %", "NEES in its band", "smoothed NEES",
+    "NEES", "its 95 % band", "recordings in their band", "in 95 % ellipsoid", "smoothed NEES",
 )  # fmt: skip
 
 
@@ -63,6 +64,7 @@ class ObservedQuantity(NamedTuple):
     errors: tuple[float, ...]  # of the position sensor, smoothed, by flow alone, without load
     sensor: Errors
     smoothed: Errors
+    consistency: Consistency
 
 
 def measure(name: str, duration: float, seed: int) -> list[ObservedQuantity]:
@@ -75,10 +77,11 @@ def measure(name: str, duration: float, seed: int) -> list[ObservedQuantity]:
     watched, outcomes = ObservedRecording(observed, made, model), []
 
     def add(what: str, aim: float, hidden: np.ndarray, joint: int | None, off: float) -> None:
-        sensor, smoothed = watched.observe_and_smooth(hidden, off)
+        sensor, smoothed, consistency = watched.observe_and_smooth(hidden, off)
         others = [watched.observe(hidden, kind, off) for kind in (FLOW, NO_LOAD)]
         errors = tuple(one.shown(joint) for one in (sensor, smoothed, *others))
-        outcomes.append(ObservedQuantity(f"{name}: {what}", aim, errors, sensor, smoothed))
+        title = f"{name}: {what}"
+        outcomes.append(ObservedQuantity(title, aim, errors, sensor, smoothed, consistency))
 
     for j, joint in enumerate(model.joints):
         unit = "mm" if model.setting.units[joint] == "m" else "mrad"
@@ -96,15 +99,17 @@ def together(outcomes: Sequence[ObservedQuantity]) -> MeasuredRow:
     rms = np.sqrt((errors**2).mean(axis=0))
     values = dict(zip(("sensor", "smoothed", "flow", "no_load"), map(float, rms), strict=True))
     values["worst"] = float(errors[:, 0].max())
-    values["nees"] = float(np.mean([one.sensor.nees for one in outcomes]))
+    every = of_recordings([one.consistency for one in outcomes])
+    values["nees"], (values["low"], values["high"]) = every.nees, every.band
     values["inside"] = 100.0 * float(np.mean([one.sensor.inside for one in outcomes]))
-    values["consistent"] = float(sum(one.sensor.consistent for one in outcomes))
+    values["consistent"] = float(sum(one.consistency.holds for one in outcomes))
     values["smoothed_nees"] = float(np.mean([one.smoothed.nees for one in outcomes]))
     values |= {"recordings": float(len(outcomes)), "aim": outcomes[0].aim}
     shown = ("sensor", "worst", "smoothed", "flow", "no_load", "nees")
     return MeasuredRow(
         cells=[outcomes[0].what, f"{outcomes[0].aim:g}", *(f"{{{one}:.2f}}" for one in shown),
-               "{inside:.0f} %", "{consistent:.0f} of {recordings:.0f}", "{smoothed_nees:.2f}"],
+               "{low:.2f} to {high:.2f}", "{consistent:.0f} of {recordings:.0f}",
+               "{inside:.0f} %", "{smoothed_nees:.2f}"],
         values=values,
     )  # fmt: skip
 

@@ -7,12 +7,12 @@ from typing import NamedTuple
 import numpy as np
 from scipy.stats import chi2
 
-from crane_benchmark.observing.consistency import in_band
+from crane_benchmark.observing.consistency import Consistency, FreedomWatch
 from crane_benchmark.observing.machines import Observed
 from crane_model.kinematics import tip_position
 from crane_model.model_file import Model
 from crane_observer.position.replay import EstimatedCourse, replay, replay_smoothed
-from crane_observer.position.sensor import START, PositionSensor
+from crane_observer.position.sensor import ENCODER, PositionSensor
 from crane_observer.position.state import Trust
 from crane_observer.recording import HeardRecording
 from crane_sim.plant.closed_loop import SimulatedRecording
@@ -29,7 +29,6 @@ class Errors(NamedTuple):
     tip: float  # m
     nees: float  # normalised error squared of the joints without encoder, over their number
     inside: float  # share of the windows in which they are in their 95 % ellipsoid
-    consistent: bool  # nees is within its 95 % band
 
     def shown(self, joint: int | None) -> float:
         """Of a joint [mrad, mm], or of the tip [cm]."""
@@ -81,14 +80,20 @@ class ObservedRecording(NamedTuple):
         course = replay(self._sensor(recording, hidden, kind, off), recording, hidden)
         return self._errors(recording, course, hidden, off)
 
-    def observe_and_smooth(self, hidden: np.ndarray, off: float = 0.0) -> tuple[Errors, Errors]:
+    def observe_and_smooth(
+        self, hidden: np.ndarray, off: float = 0.0
+    ) -> tuple[Errors, Errors, Consistency]:
         """The same by the position sensor, and with all that came later."""
         recording = heard(self.made, self.model, self.observed)
         sensor = self._sensor(recording, hidden, FILTER, off)
-        course, smoothed = replay_smoothed(sensor, recording, hidden)
+        (one,) = sensor.hypotheses.filters
+        watch = FreedomWatch(one, hidden, _counted_from(off))
+        course, smoothed = replay_smoothed(sensor, recording, hidden, watch)
+        told = self._errors(recording, course, hidden, off)
         return (
-            self._errors(recording, course, hidden, off),
+            told,
             self._errors(recording, smoothed, hidden, off),
+            Consistency(told.nees, watch.freedom),
         )
 
     def _sensor(
@@ -100,7 +105,7 @@ class ObservedRecording(NamedTuple):
             [one.position_min for one in limits],
             [one.position_max for one in limits],
         )
-        return PositionSensor(self.model, start, max(off, START), kind.trust(self.model))
+        return PositionSensor(self.model, start, max(off, ENCODER), kind.trust(self.model))
 
     def _errors(
         self, recording: HeardRecording, course: EstimatedCourse, hidden: np.ndarray, off: float
@@ -111,7 +116,7 @@ class ObservedRecording(NamedTuple):
         true = np.stack([np.interp(course.time, recording.encoder_time, q) for q in truth], axis=1)
         whole = true.copy()
         whole[:, columns] = course.position
-        counted = course.time > (CONVERGED if off else 0.0)
+        counted = course.time > _counted_from(off)
         error = (whole - true)[counted][:, columns]
         tip = np.linalg.norm(
             tip_position(machine, whole[counted]) - tip_position(machine, true[counted]), axis=1
@@ -125,5 +130,9 @@ class ObservedRecording(NamedTuple):
             float(np.sqrt((tip**2).mean())),
             float(squared.mean()) / len(places),
             float((squared < chi2.ppf(0.95, len(places))).mean()),
-            in_band(squared, len(places)),
         )
+
+
+def _counted_from(off: float) -> float:
+    """s, from which on errors count."""
+    return CONVERGED if off else 0.0

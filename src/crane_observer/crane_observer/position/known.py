@@ -14,9 +14,11 @@ from crane_observer.position.state import (
     EXTENDING,
     NULL,
     RETRACTING,
+    UNEVEN,
     StateLayout,
     Trust,
     flow_share,
+    null_deviation,
 )
 
 STANDING = 0.02  # of the fastest that a joint may move, below which it counts as standing
@@ -36,6 +38,7 @@ class Known:
     resolution: Array  # (j,) standard deviation of an encoder
     trust: Trust
     flow: Array  # (j,) share of the deviations of flow that its identification leaves
+    null: Array  # (j,) of the stroke, standard deviation of the null of each valve
     assumed: Flags  # (j,) whose valve is not identified
 
     @classmethod
@@ -44,6 +47,7 @@ class Known:
         model, assumed = Served.of(model)
         mechanics, circuit = LoadedMechanics.of(model), circuit_of(model)
         limits = [mechanics.machine.limits[joint] for joint in model.joints]
+        trust, flow = trust or Trust.of(model), flow_share(model)
         return cls(
             mechanics,
             circuit,
@@ -52,8 +56,10 @@ class Known:
             np.array([one.position_max for one in limits]),
             np.array([min(-one.velocity_min, one.velocity_max) for one in limits]),
             resolution,
-            trust or Trust.of(model),
-            flow_share(model),
+            trust,
+            flow,
+            # what flow deviates by is mostly noise where it is little
+            null_deviation(model, trust.null * flow**2),
             assumed,
         )
 
@@ -61,8 +67,11 @@ class Known:
     def spread(self) -> Array:
         """(size,) standard deviations of states of which nothing is known, as `Trust.spread`."""
         found = self.trust.spread(self.layout)
-        for kind in (EXTENDING, RETRACTING, NULL):
-            found[self.layout.of(kind)] *= self.flow
+        uneven = UNEVEN * self.trust.transducer / self.circuit.supply_pressure
+        for kind in (EXTENDING, RETRACTING):
+            gain = found[self.layout.of(kind)] * self.flow
+            found[self.layout.of(kind)] = np.hypot(gain, uneven)
+        found[self.layout.of(NULL)] = self.null
         for kind in (EXTENDING, RETRACTING):
             found[self.layout.of(kind)][self.assumed] = GAIN_DOUBT
         return found

@@ -1,6 +1,6 @@
 """The position sensor over a recording: the same numbers as those of the node."""
 
-from collections.abc import Iterator, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from typing import NamedTuple
 
 import numpy as np
@@ -32,13 +32,19 @@ def replay(sensor: PositionSensor, recording: HeardRecording, hidden: Flags) -> 
 
 
 def replay_smoothed(
-    sensor: PositionSensor, recording: HeardRecording, hidden: Flags
+    sensor: PositionSensor,
+    recording: HeardRecording,
+    hidden: Flags,
+    watch: Callable[[float], None] = lambda _: None,
 ) -> tuple[EstimatedCourse, EstimatedCourse]:
-    """The same, and beside it what it would have told, had it known all that came later."""
+    """The same, and beside it what it would have told, had it known all that came later; `watch`
+    is told the time [s] of each window when it is done.
+    """
     past, told = Past(sensor.hypotheses), []
     for one in _told(sensor, recording, hidden):
         told.append(one)
         past.add(sensor.window, sensor.hypotheses)
+        watch(one.estimate.time)
     later = past.smoothed(sensor.hypotheses)
     smoothed = [one._replace(estimate=two) for one, two in zip(told, later, strict=True)]
     return _course(told), _course(smoothed)

@@ -63,6 +63,13 @@ class KnownLater:
         self._d = self._d + step.after.x - step.before.x
 
 
+def transition(step: Prediction | Correction) -> Array:
+    """(size, size) of errors over a step: e' = S e + noise."""
+    if isinstance(step, Prediction):
+        return step.F
+    return closed(step.before.P, step.H, step.variance, step.before.estimated)[0]
+
+
 @njit(cache=True, error_model="numpy")
 def closed(P: Array, H: Array, variance: Array, estimated: int) -> tuple[Array, Array]:
     """I - K H and K R K^T of what `crane_observer.position.kalman.correct` does to P (n, n)."""

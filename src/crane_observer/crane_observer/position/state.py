@@ -13,18 +13,21 @@ DOUBTFUL = (
 )
 UNEXPLAINED = 0.01  # of a flow, rms, in a model whose flow deviates as `Trust` has it
 FLOW_SHARES = (0.02, 4.0)  # of these deviations, at least and at most
-LEAST = 0.15  # of the deviations of such a model, those of one without any lack of fit
+UNEVEN = 0.15  # of what an offset of a transducer does to flow, that identified gains do not take up
+LEAST = 0.06  # of the deviations of such a model, those of one without any lack of fit
+SHARPENED = 1.5  # power of the doubt in friction with which what a fit leaves unexplained grows
+NOISE_ALONE = 0.01  # probability, from which on what is unexplained of a flow is noise of readings
 
 
 @dataclass(frozen=True)
 class StateLayout:
-    """Where the states of j joints stand: of each joint eight, the load at the tip, and one more.
+    """Where the states of j joints stand: of each joint eight, the load at the tip, and two more.
 
     Coordinates [rad, m]; errors of the flow gain where the cylinder extends and where it retracts
     [1]; null of the valve [of the stroke]; error of the piston's force, as one of pressure in
     chamber A [Pa]; error of dry and of viscous friction [of what the model has]; friction by which
     a joint is held while it stands [of dry friction]; load [kg]; and, not estimated but considered,
-    by how much flow is off where it is not clear that anything flows [of its doubt].
+    by how much the transducers of chambers A and B are off [of what they are trusted].
     """
 
     joints: int
@@ -35,7 +38,7 @@ class StateLayout:
         return KINDS * self.joints + 1
 
     def of(self, kind: int) -> slice:
-        """The states of one kind, by joint: POSITION, EXTENDING, ..., DRIFT."""
+        """The states of one kind, by joint: POSITION, EXTENDING, ..., OFFSET_B."""
         begin = kind * self.joints + (kind >= ESTIMATED)
         return slice(begin, begin + self.joints)
 
@@ -50,8 +53,8 @@ class StateLayout:
         return np.append(np.arange(self.joints), self.load)
 
 
-POSITION, EXTENDING, RETRACTING, NULL, PRESSURE, DRY, VISCOUS, HELD, DRIFT = range(9)
-KINDS, ESTIMATED = 9, 8
+POSITION, EXTENDING, RETRACTING, NULL, PRESSURE, DRY, VISCOUS, HELD, OFFSET_A, OFFSET_B = range(10)
+KINDS, ESTIMATED = 10, 8
 
 
 @dataclass(frozen=True)
@@ -63,7 +66,7 @@ class Trust:
     """
 
     gain: float = 0.005  # of the flow, each direction
-    null: float = 0.001  # of the stroke
+    null: float = 0.001  # of the stroke, beside the standard deviations of dead zones and play
     stays: float = 600.0  # s, of gains and nulls
     pressure: float = 0.3e5  # Pa, of the piston's force
     pressure_stays: float = 20.0  # s
@@ -84,14 +87,14 @@ class Trust:
         """As far as the model deserves it: standard deviations of friction tell how far (13) is
         from the machine, since they hold what the law does not explain.
         """
-        doubts = [LEAST]
+        doubts = [0.0]
         for term, part in zip(model.terms, map(model.part, model.terms), strict=True):
             if not term.is_friction() or model.std_devs is None:
                 continue
             for k, parameter in enumerate(term.parameters(model.setting), start=part.start):
                 if parameter.minimum == 0.0 and model.theta[k] > 0.0:
                     doubts.append(float(model.std_devs[k] / model.theta[k]) / DOUBTFUL)
-        return cls().times(min(max(doubts), 1.0))
+        return cls().times(min(max(LEAST, max(doubts) ** SHARPENED), 1.0))
 
     def times(self, share: float) -> "Trust":
         """With a share of each deviation that a model is to blame for."""
@@ -109,7 +112,7 @@ class Trust:
         found[layout.of(DRY)] = self.dry
         found[layout.of(VISCOUS)] = self.viscous
         found[layout.of(HELD)] = self.held
-        found[layout.of(DRIFT)] = 1.0
+        found[layout.of(OFFSET_A)] = found[layout.of(OFFSET_B)] = 1.0
         return found
 
     def stay(self, layout: StateLayout) -> Array:
@@ -117,14 +120,34 @@ class Trust:
         found = np.full(layout.size, np.inf)
         found[layout.of(EXTENDING)] = found[layout.of(RETRACTING)] = self.stays
         found[layout.of(NULL)] = self.stays
-        found[layout.of(DRIFT)] = self.stays
+        found[layout.of(OFFSET_A)] = found[layout.of(OFFSET_B)] = self.stays
         found[layout.of(PRESSURE)] = self.pressure_stays
         found[layout.of(DRY)] = found[layout.of(VISCOUS)] = self.friction_stays
         return found
 
 
 def flow_share(model: Model) -> Array:
-    """(j,) share of the deviations of flow: as much as identification left unexplained."""
+    """(j,) share of the deviations of flow: as much as identification left unexplained, where that
+    is more than noise.
+    """
     assert model.hydraulics is not None  # or the error that names the remedy
-    left = np.array([model.hydraulics.joints[joint].unexplained for joint in model.joints])
-    return np.clip(left / UNEXPLAINED, *FLOW_SHARES)
+    joints = [model.hydraulics.joints[joint] for joint in model.joints]
+    noise = [one.lack_of_fit is not None and one.lack_of_fit > NOISE_ALONE for one in joints]
+    left = np.array([one.unexplained for one in joints])
+    return np.clip(np.where(noise, 0.0, left / UNEXPLAINED), *FLOW_SHARES)
+
+
+def null_deviation(model: Model, least: Array) -> Array:
+    """(j,) of the stroke: by which either null may be off, as identification has dead zones and
+    play, and `least` (j,) beside it.
+    """
+    assert model.hydraulics is not None  # or the error that names the remedy
+    valves = [model.hydraulics.joints[joint].valve for joint in model.joints]
+    found = np.array(
+        [
+            [one.std_dev or 0.0 for one in (valve.dead_zone_a, valve.dead_zone_b, valve.hysteresis)]
+            for valve in valves
+        ]
+    )
+    dead_a, dead_b, play = found.T
+    return np.sqrt(0.5 * (dead_a**2 + dead_b**2) + (0.5 * play) ** 2 + least**2)

@@ -19,7 +19,7 @@ from crane_observer.position.flow import (
     OPEN,
 )
 from crane_observer.position.known import SMALLEST, Known
-from crane_observer.position.state import DRIFT, EXTENDING, NULL, RETRACTING
+from crane_observer.position.state import EXTENDING, NULL, OFFSET_A, OFFSET_B, RETRACTING, UNEVEN
 from crane_observer.position.window import FlowWindow
 
 WHITE = 0.1  # of the variance by transducers that are off, how much is new in each window
@@ -32,7 +32,9 @@ class Stroke(NamedTuple):
 
     stroke: Array  # (j,) m, by the flow that the model has
     by_null: Array  # (j,) m for a null of 1
-    doubt: Array  # (j,) m, by transducers that are off, and by nulls that nobody identified
+    by_offset_a: Array  # (j,) m for transducers of chambers A off by as much as they are trusted
+    by_offset_b: Array  # (j,) m, the same for B
+    doubt: Array  # (j,) m, by these, and by nulls that nobody identified
     jitter: Array  # (j,) m for noise of 1 Pa of each pressure
     extends: Flags  # (j,)
 
@@ -55,10 +57,17 @@ def stroke_of(known: Known, length: Array, lever: Array, window: FlowWindow) -> 
     swept_a = sums[:, FLOW_A] - volume_a / circuit.bulk_modulus * rise_a
     swept_b = -sums[:, FLOW_B] + volume_b / circuit.bulk_modulus * rise_b
     fastest = known.fastest * np.abs(lever)
-    doubt_a = sums[:, DROP_A] * trust.transducer / circuit.area_a + SMALLEST
-    doubt_b = sums[:, DROP_B] * trust.transducer / circuit.area_b + SMALLEST
-    doubt_a = doubt_a + sums[:, LOST_A] * fastest
-    doubt_b = doubt_b + sums[:, LOST_B] * fastest
+    # of a flow Q over a drop D, an offset of 1 Pa makes Q / (2 D); gains were identified with the
+    # same offset, at half the supply pressure on the mean, and make up for it there
+    supply = circuit.supply_pressure
+    off_a = (sums[:, DROP_A] - np.abs(sums[:, FLOW_A]) / supply) * trust.transducer / circuit.area_a
+    off_b = (sums[:, DROP_B] - np.abs(sums[:, FLOW_B]) / supply) * trust.transducer / circuit.area_b
+    kept_a = UNEVEN * trust.transducer * sums[:, DROP_A] / circuit.area_a
+    kept_b = UNEVEN * trust.transducer * sums[:, DROP_B] / circuit.area_b
+    doubt_a = np.hypot(off_a, kept_a) + SMALLEST
+    doubt_b = np.hypot(off_b, kept_b) + SMALLEST
+    lost_a, lost_b = sums[:, LOST_A] * fastest, sums[:, LOST_B] * fastest
+    doubt_a, doubt_b = doubt_a + lost_a, doubt_b + lost_b
     weight_a = doubt_b**2 / (doubt_a**2 + doubt_b**2)
     part_a, part_b = weight_a / circuit.area_a, (1.0 - weight_a) / circuit.area_b
     by_null = part_a * sums[:, NULL_A] - part_b * sums[:, NULL_B]
@@ -66,6 +75,8 @@ def stroke_of(known: Known, length: Array, lever: Array, window: FlowWindow) -> 
     return Stroke(
         part_a * swept_a + part_b * swept_b,
         by_null,
+        weight_a * (off_a + lost_a),
+        (weight_a - 1.0) * (off_b + lost_b),
         np.where(known.assumed, np.hypot(doubt, NULL_DOUBT * by_null), doubt),
         (part_a * volume_a + part_b * volume_b) / circuit.bulk_modulus,
         sums[:, OPEN] > 0.0,
@@ -90,7 +101,8 @@ def moved(known: Known, x: Array, q: Array, window: FlowWindow) -> Moved:
     gain = np.where(made.extends, layout.of(EXTENDING).start, layout.of(RETRACTING).start) + rows
     slopes[rows, gain] = made.stroke / after[1]
     slopes[rows, layout.of(NULL).start + rows] = made.by_null / after[1]
-    slopes[rows, layout.of(DRIFT).start + rows] = made.doubt / after[1]
+    slopes[rows, layout.of(OFFSET_A).start + rows] = made.by_offset_a / after[1]
+    slopes[rows, layout.of(OFFSET_B).start + rows] = made.by_offset_b / after[1]
     noise = ((known.stroke * made.stroke) ** 2 + WHITE * made.doubt**2) / after[1] ** 2
     noise = noise + (known.standing * window.duration) ** 2 * 1e-4
     noise = noise + (known.fastest * window.blind) ** 2

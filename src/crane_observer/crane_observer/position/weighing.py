@@ -22,6 +22,7 @@ from crane_observer.position.state import (
 from crane_observer.position.window import FlowWindow
 
 CORRELATED = 10.0  # force balances, for which friction that is not known says the same
+SEEN = 0.33  # of the noise of a reading, left in a mean of both chambers over two windows
 SLIP = 0.5  # of the acceleration of a joint that does not move steadily, how wrong it may be
 
 
@@ -119,7 +120,8 @@ def weigh(
     # one that sticks and slips does so within a window
     slips = np.maximum(shaken, SLIP * np.abs(pair.acceleration))
     shaken = mass * np.where(motions.passing, slips, shaken)
-    noise = (by_pressure * trust.noise) ** 2 + (trust.inertia * (mass @ pair.acceleration)) ** 2
+    read = SEEN * trust.reading
+    noise = by_pressure**2 * (trust.noise**2 + read**2) + (trust.inertia * (mass @ pair.acceleration)) ** 2
     # behind a valve that is not identified a joint may be slower, or stall
     guessed = known.assumed & np.isnan(pair.second.encoders)
     unsure = GAIN_DOUBT * np.where(guessed, np.abs([one.viscous, pair.acceleration]), 0.0)

@@ -7,7 +7,7 @@ from crane_model.model_file import Model
 from crane_observer.position.state import Trust
 from crane_observer.scale.kinds import CARRIED, DRY, PLACE, SLOW, STICK, VISCOUS, ZERO
 
-SHARPER = 2.0  # power of the share that the position sensor trusts less: no flow is used here
+SHARPER = 4.0 / 3.0  # power of the position sensor's share: no flow is used here
 
 
 class ModelDoubt(NamedTuple):
