@@ -67,8 +67,7 @@ def test_the_band_holds_runs_of_a_filter_that_is_right() -> None:
 def test_recordings_together_tell_widths_that_are_wrong(size: float) -> None:
     nees, freedom = nees_of_runs()
     together = [
-        of_recordings([Consistency(one, freedom) for one in some])
-        for some in nees.reshape(-1, 10)
+        of_recordings([Consistency(one, freedom) for one in some]) for some in nees.reshape(-1, 10)
     ]
     assert np.mean([one.holds for one in together]) > 0.8
     wrong = [one._replace(nees=size**2 * one.nees) for one in together]

@@ -216,4 +216,4 @@ def test_a_load_is_known_before_it_was_weighed() -> None:
     assert np.abs(online.load - carried)[soon].max() > 10.0
     assert np.abs(later.load - carried)[soon].max() < 1.0
     moving = slice(first + 20, first + 45)  # at rest friction hides as much as before
-    assert (later.load_deviation < 0.7 * online.load_deviation)[moving].all()
+    assert (later.load_deviation < 0.8 * online.load_deviation)[moving].all()

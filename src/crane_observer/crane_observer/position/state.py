@@ -13,7 +13,9 @@ DOUBTFUL = (
 )
 UNEXPLAINED = 0.01  # of a flow, rms, in a model whose flow deviates as `Trust` has it
 FLOW_SHARES = (0.02, 4.0)  # of these deviations, at least and at most
-UNEVEN = 0.15  # of what an offset of a transducer does to flow, that identified gains do not take up
+UNEVEN = (
+    0.15  # of what an offset of a transducer does to flow, that identified gains do not take up
+)
 LEAST = 0.06  # of the deviations of such a model, those of one without any lack of fit
 SHARPENED = 1.5  # power of the doubt in friction with which what a fit leaves unexplained grows
 NOISE_ALONE = 0.01  # probability, from which on what is unexplained of a flow is noise of readings
@@ -80,7 +82,7 @@ class Trust:
     noise: float = 0.5e5  # Pa, of a window's force balance, beside what stays
     inertia: float = 0.05  # of the force that accelerates
     reading: float = 1.2e4  # Pa, noise of one reading of a pressure
-    transducer: float = 0.3e5  # Pa, off at a metering edge
+    transducer: float = 0.2e5  # Pa, off at a metering edge, of which gains take up a part
 
     @classmethod
     def of(cls, model: Model) -> "Trust":

@@ -121,7 +121,10 @@ def weigh(
     slips = np.maximum(shaken, SLIP * np.abs(pair.acceleration))
     shaken = mass * np.where(motions.passing, slips, shaken)
     read = SEEN * trust.reading
-    noise = by_pressure**2 * (trust.noise**2 + read**2) + (trust.inertia * (mass @ pair.acceleration)) ** 2
+    noise = (
+        by_pressure**2 * (trust.noise**2 + read**2)
+        + (trust.inertia * (mass @ pair.acceleration)) ** 2
+    )
     # behind a valve that is not identified a joint may be slower, or stall
     guessed = known.assumed & np.isnan(pair.second.encoders)
     unsure = GAIN_DOUBT * np.where(guessed, np.abs([one.viscous, pair.acceleration]), 0.0)
