@@ -30,6 +30,8 @@ from crane_observer.position.flow import (
     FLOW_B,
     LOST_A,
     LOST_B,
+    SOON_A,
+    SOON_B,
     SUMS,
     Commands,
     Spools,
@@ -70,6 +72,7 @@ class FlowBlock(NamedTuple):
     drop: Array  # (j, 2) m/Pa, the same where p_A, p_B are
     softness: Array  # (j, 2) m/Pa, by how much they jump where p_A, p_B do
     leak: Array  # (j, 2) m s-1 Pa m3, by how much for a leak of 1 m3/s/Pa past the piston
+    late: Array  # (j, 2) m/s, by how much they grow where the spool moves 1 s later
     known: Flags  # (j, 2) whether the flow is known
     pressure: Array  # (j, 2) Pa, mean
     last: Array  # (j, 2) Pa, of the last sample
@@ -226,6 +229,7 @@ class Blocks:
             drop=drop,
             softness=softness,
             leak=-((p_a - p_b) * span)[:, None] / areas,
+            late=sums[:, [SOON_A, SOON_B]] / areas * (-1.0, 1.0),
             known=known,
             pressure=np.stack([p_a, p_b], axis=1),
             last=ended,

@@ -31,14 +31,13 @@ from crane_observer.monitor.history import Sums
 from crane_observer.monitor.trim import TERMS, fitted
 
 ROOM = 1.5  # over the largest that was ever seen
-FLOOR, SHARE, ZERO, CREEP, LATE = 4e-5, 1e-3, 1e4, 1e-6, 2e-3  # m, of the way, Pa, m/s and s, least
-LEAST = FLOOR, SHARE, ZERO, CREEP, LATE
+LEAST = 4e-5, 1e-3, 1e4, 1e-6, 5e-4  # m, of the way, Pa, m/s and s, at least
 SUPPLY_FLOOR, SUPPLY_SHARE, SUPPLY_ZERO = 1.5e5, 0.02, 2e3  # Pa, of the droop, and Pa, at least
 APART = 10.0  # h between two false alarms
 HOUR = 3600.0  # s
 WINDOW = 200  # blocks, of which the largest counts as one: longer than residuals err alike
-UNLEARNT = 6.0  # times the least, of a machine that was never recorded without faults; of the
-UNLEARNT_SUPPLY = 20.0  # supply, too
+UNLEARNT = 2.4e-4, 6e-3, 6e4, 6e-6, 1.2e-2  # the same, of a machine of which nothing was learnt
+UNLEARNT_SUPPLY = 20.0  # times the least of the supply, of such a machine
 
 
 class JointTolerance(Schema):
@@ -52,6 +51,8 @@ class JointTolerance(Schema):
     off: tuple[float, float] = (0.0, 0.0)  # Pa, always, as gains are:
     up: tuple[float, float] = (0.0, 0.0)  # of the way of a cylinder that extends
     down: tuple[float, float] = (0.0, 0.0)  # and of one that retracts
+    later: tuple[float, float] = (0.0, 0.0)  # s that the valve follows later than the model says
+    leak: tuple[float, float] = (0.0, 0.0)  # m3/(s Pa) past the piston, more than the model says
 
 
 class SupplyTolerance(Schema):
@@ -84,7 +85,7 @@ class Tolerance(Schema):
     def trim(self) -> Array:
         """(c, TERMS) what is always off of the channels of `Sums`; see `trim`."""
         rows = [
-            (joint.off[i], joint.up[i], joint.down[i])
+            (joint.off[i], joint.up[i], joint.down[i], joint.later[i], joint.leak[i])
             for joint in self.joints.values()
             for i in (0, 1)
         ]
@@ -94,7 +95,7 @@ class Tolerance(Schema):
 def unlearnt(joints: Sequence[str]) -> Tolerance:
     """Wide enough for a machine of which nothing was learnt."""
     names = tuple(JointTolerance.model_fields)
-    one = JointTolerance(**{k: (UNLEARNT * v,) * 2 for k, v in zip(names, LEAST, strict=False)})
+    one = JointTolerance(**{k: (v,) * 2 for k, v in zip(names, UNLEARNT, strict=False)})
     times = UNLEARNT_SUPPLY
     supply = SupplyTolerance(
         floor=times * SUPPLY_FLOOR, share=times * SUPPLY_SHARE, zero=times * SUPPLY_ZERO

@@ -22,12 +22,16 @@ from crane_model.whole_crane import circuit_of, identified
 PARTS = 4  # of the interval between two samples of pressure, over which a spool is taken to stand
 HELD_COMMANDS = 512  # some seconds of them, in which pressures may be lost
 
-FLOW_A, FLOW_B, NULL_A, NULL_B, DROP_A, DROP_B, FORCE, LATER, OPEN, LOST_A, LOST_B = range(11)
+(
+    FLOW_A, FLOW_B, NULL_A, NULL_B, DROP_A, DROP_B, FORCE, LATER, OPEN, LOST_A, LOST_B, SOON_A,
+    SOON_B,
+) = range(13)  # fmt: skip
 """Sums over a window: flow into A and B [m3]; what each grows by for a null of 1 [m3] and for
 pressures off by 1 Pa [m3/Pa]; the piston's impulse [N s], and that
 times the time since the window began [N s2]; time with A fed less with B fed [s];
-time in which what flows into A and B is not known [s]."""
-SUMS = 11
+time in which what flows into A and B is not known [s]; what each grows by for a spool that moves
+1 s sooner [m3/s]."""
+SUMS = 13
 
 SUCKED = 0.5e5  # Pa above that of the tank, below which a chamber may be filled past its valve
 FULL = 0.999  # of the largest pressure that a transducer shows, which may then be any larger one
@@ -131,7 +135,7 @@ def add_interval(
         for part in range(PARTS):
             middle = begin + (part + 0.5) * step
             target = spools.sense[j] * _in_force(commands, j, middle - spools.delay[j])
-            z = spool[j, 2]
+            z = stood = spool[j, 2]
             for second in range(2):
                 away, rate = spool[j, 0] - target, spool[j, 1]
                 spool[j, 0] = target + now[0] * away + now[1] * rate
@@ -158,6 +162,9 @@ def add_interval(
                 sums[j, LOST_B] += step
             if o != 0.0:
                 dead = spools.dead_zone_a[j] if o > 0.0 else spools.dead_zone_b[j]
-                sums[j, NULL_A] += step * q_a / o / (1.0 - dead)
-                sums[j, NULL_B] += step * q_b / o / (1.0 - dead)
+                by_z_a, by_z_b = q_a / o / (1.0 - dead), q_b / o / (1.0 - dead)
+                sums[j, NULL_A] += step * by_z_a
+                sums[j, NULL_B] += step * by_z_b
+                sums[j, SOON_A] += (spool[j, 2] - stood) * by_z_a
+                sums[j, SOON_B] += (spool[j, 2] - stood) * by_z_b
                 sums[j, OPEN] += step if o > 0.0 else -step

@@ -6,6 +6,7 @@ import pytest
 from crane_observer.monitor.trim import fitted, regressors
 
 ZERO, UP, DOWN = 3e4, -2e-3, 4e-3  # Pa, of the way
+LATER, LEAK = -4e-3, 2e-14  # s, m3/(s Pa)
 
 
 def made(rng: np.random.Generator, count: int) -> tuple[np.ndarray, np.ndarray]:
@@ -13,20 +14,26 @@ def made(rng: np.random.Generator, count: int) -> tuple[np.ndarray, np.ndarray]:
     t = 0.05 * np.arange(count)
     course = 1e-3 * np.sin(0.7 * t)
     pressed = 1e-10 * (1.2 + np.sin(0.31 * t)) * np.sign(np.cos(0.7 * t))
+    late, leak = 1e-3 * np.sin(2.3 * t), 2e7 * (1.0 + 0.3 * np.sin(0.11 * t))
     residual = ZERO * pressed + np.where(course > 0.0, UP, DOWN) * course
+    residual += LATER * late + LEAK * leak
     residual += 2e-6 * rng.standard_normal(count)
-    return residual[:, None], regressors(pressed[:, None], course[:, None])
+    return residual[:, None], regressors(
+        *(part[:, None] for part in (pressed, course, late, leak))
+    )
 
 
-def test_zero_and_gains_are_found_beside_noise_and_outliers() -> None:
+def test_what_is_always_off_is_found_beside_noise_and_outliers() -> None:
     rng = np.random.default_rng(5)
     residual, columns = made(rng, 6000)
     residual[2000:2060] += 1e-4  # a chamber that sucked air
     found = fitted([(residual, columns), made(rng, 3000)])
     assert found[0, 0] == pytest.approx(ZERO, rel=0.05)
-    assert found[0, 1:] == pytest.approx([UP, DOWN], abs=5e-4)
+    assert found[0, 1:3] == pytest.approx([UP, DOWN], abs=5e-4)
+    assert found[0, 3] == pytest.approx(LATER, abs=2e-4)
+    assert found[0, 4] == pytest.approx(LEAK, rel=0.05)
 
 
 def test_a_channel_in_which_nothing_moves_is_trimmed_by_nothing() -> None:
     nothing = np.zeros((2000, 1))
-    assert not fitted([(nothing, regressors(nothing, nothing))]).any()
+    assert not fitted([(nothing, regressors(*[nothing] * 4))]).any()
