@@ -15,6 +15,7 @@ from crane_benchmark.observing.loads import WeighedLift, in_motion, rows_of, wei
 from crane_benchmark.observing.loads import missed as missed_loads
 from crane_benchmark.observing.machines import stock
 from crane_benchmark.observing.observer import missed
+from crane_benchmark.observing.picture import draw_curves, shares
 from crane_benchmark.observing.watched import (
     MonitorAnswer,
     WatchedMachine,
@@ -97,18 +98,36 @@ def test_a_fault_is_answered_by_what_the_monitor_says() -> None:
     assert answer.before == pytest.approx(case.fault.onset, abs=0.1)
 
 
+def drifting(size: float, delay: float) -> MonitorAnswer:
+    """A case, and when it was found."""
+    question = next(one for one in OTHERS if one.kind == "drift")
+    fault = TimedFault("inner_boom", "encoder", question.kind, size, 10.0)
+    found = SensorFinding(
+        Part.ENCODER, "inner_boom", Wrong.DRIFT, "m/s", 1.0, 0.0, 2.0, 10.0, 10.0 + delay
+    )
+    return MonitorAnswer(FailingCase(question, 1, fault), 9.0, 0, found)
+
+
 def test_the_smallest_size_is_that_above_which_all_were_found() -> None:
-    question = OTHERS[0]
+    answers = [drifting(1e-3, 0.1), drifting(2e-3, 99.0), drifting(-4e-3, 0.1), drifting(8e-3, 0.2)]
+    assert smallest(answers, answers[0].case.question) == 4e-3
 
-    def answer(size: float, delay: float) -> MonitorAnswer:
-        fault = TimedFault("inner_boom", "encoder", question.kind, size, 10.0)
-        found = SensorFinding(
-            Part.ENCODER, "inner_boom", Wrong.JUMP, "m", 1.0, 0.0, 2.0, 10.0, 10.0 + delay
-        )
-        return MonitorAnswer(FailingCase(question, 1, fault), 9.0, 0, found)
 
-    answers = [answer(1e-3, 0.1), answer(2e-3, 99.0), answer(-4e-3, 0.1), answer(8e-3, 0.2)]
-    assert smallest(answers, question) == 4e-3
+def test_the_share_that_is_found_never_falls_as_faults_grow() -> None:
+    """A large fault that was missed counts against the smaller ones that were found beside it."""
+    late, soon = 99.0, 0.1
+    answers = [
+        drifting(size, delay)
+        for size, delay in ((8e-3, soon), (-1e-3, late), (3e-3, late), (2e-3, soon), (4e-3, soon))
+    ]
+    size, share = shares(answers)
+    np.testing.assert_allclose(size, [1e-3, 2e-3, 3e-3, 4e-3, 8e-3])
+    np.testing.assert_allclose(share, [0.0, 0.5, 0.5, 1.0, 1.0])
+
+
+def test_curves_are_drawn_of_kinds_without_cases_too(tmp_path: Path) -> None:
+    draw_curves(tmp_path / "curves.png", [drifting(1e-3, 0.1), drifting(1e-4, 99.0)])
+    assert (tmp_path / "curves.png").stat().st_size > 10_000
 
 
 def told_of(cycles: WorkCycles, until: float) -> list[WeighedLift]:
