@@ -17,25 +17,27 @@ SPANS = 2 ** np.arange(11)  # blocks, over which sums are looked at: from 0.05 t
 
 
 def between(tolerance: Array, sums: Sums, begin: Rows, end: Rows) -> tuple[Array, Array]:
-    """(n, c) how far sums went between rows (n,), and how far they may by tolerances (c, 5), or
-    (5,) that all share.
+    """(n, c) how far sums went between rows (n,), and how far they may by tolerances (c, 6), or
+    (6,) that all share.
     """
     moved, by = grown(sums, begin, end)
     return moved, np.asarray((by * tolerance).sum(axis=-1))
 
 
 def grown(sums: Sums, begin: Rows, end: Rows) -> tuple[Array, Array]:
-    """(n, c) how far sums went between rows (n,), and (n, c, 5) what floor, share, zero,
-    creep and late are multiplied by.
+    """(n, c) how far sums went between rows (n,), and (n, c, 6) what floor, share, zero,
+    creep, late and edge are multiplied by.
     """
     moved = np.abs(sums.residual[end] - sums.residual[begin])
     way, drop = np.abs(sums.way[end] - sums.way[begin]), np.abs(sums.drop[end] - sums.drop[begin])
-    ones, late = np.ones_like(way), np.abs(sums.turned[end] - sums.turned[begin])
-    return moved, np.stack([ones, way, drop, _lasting(begin, end) * ones, late], axis=-1)
+    late, edge = np.abs(sums.turned[end] - sums.turned[begin]), sums.edge[end] - sums.edge[begin]
+    ones = np.ones_like(way)
+    by = [ones, way, drop, _lasting(begin, end) * ones, late, np.abs(edge)]
+    return moved, np.stack(by, axis=-1)
 
 
 def within(tolerance: Array, sums: Sums, begin: Rows, end: Rows) -> Array:
-    """(n, c) how far they may where stamps are right, by tolerances (c, 4) without `late`."""
+    """(n, c) how far they may if stamps and spools are right, by tolerances (c, 4) of the rest."""
     way, drop = np.abs(sums.way[end] - sums.way[begin]), np.abs(sums.drop[end] - sums.drop[begin])
     floor, share, zero, creep = tolerance.T
     return np.asarray(floor + share * way + zero * drop + creep * _lasting(begin, end))

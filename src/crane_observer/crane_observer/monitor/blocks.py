@@ -26,6 +26,8 @@ from crane_model.whole_crane import circuit_of, identified
 from crane_observer.position.flow import (
     DROP_A,
     DROP_B,
+    EDGE_A,
+    EDGE_B,
     FLOW_A,
     FLOW_B,
     LOST_A,
@@ -73,6 +75,7 @@ class FlowBlock(NamedTuple):
     softness: Array  # (j, 2) m/Pa, by how much they jump where p_A, p_B do
     leak: Array  # (j, 2) m s-1 Pa m3, by how much for a leak of 1 m3/s/Pa past the piston
     late: Array  # (j, 2) m/s, by how much they grow where the spool moves 1 s later
+    edge: Array  # (j, 2) m that the piston goes by edges which may be open, or not
     known: Flags  # (j, 2) whether the flow is known
     pressure: Array  # (j, 2) Pa, mean
     last: Array  # (j, 2) Pa, of the last sample
@@ -230,6 +233,7 @@ class Blocks:
             softness=softness,
             leak=-((p_a - p_b) * span)[:, None] / areas,
             late=sums[:, [SOON_A, SOON_B]] / areas * (-1.0, 1.0),
+            edge=sums[:, [EDGE_A, EDGE_B]] / areas,
             known=known,
             pressure=np.stack([p_a, p_b], axis=1),
             last=ended,

@@ -24,6 +24,7 @@ class Sums(NamedTuple):
         Array  # (n, c) m/Pa that a transducer off by 1 Pa adds, for the supply the count of blocks
     )
     turned: Array  # (n, c) m/s by which the speed of the piston changed, up and down alike
+    edge: Array  # (n, c) m that the piston goes by edges which may be open, or not
     trim: Array  # (n, c, TERMS) the regressors of what is learnt to be always off
 
     def channel(self, c: int) -> "Sums":
@@ -38,6 +39,7 @@ class Added(NamedTuple):
     way: Array  # (c,)
     drop: Array  # (c,)
     turned: Array  # (c,)
+    edge: Array  # (c,)
     trim: Array  # (c, TERMS)
 
 
@@ -56,13 +58,16 @@ def of_block(block: FlowBlock, trusted: Flags | None = None) -> Added:
     trim = np.zeros((len(known) + 1, TERMS))
     trim[:-1] = regressors(
         pressed,
-        *np.where(known, [np.repeat(block.encoder, 2), block.late.ravel(), block.leak.ravel()], 0.0),
+        *np.where(
+            known, [np.repeat(block.encoder, 2), block.late.ravel(), block.leak.ravel()], 0.0
+        ),
     )
     return Added(
         np.append(residual, block.supply if feeding else 0.0),
         np.append(way, block.drawn.sum()),
         np.append(np.abs(pressed), float(feeding)),
         np.append(np.where(known, block.turned.ravel(), 0.0), 0.0),
+        np.append(np.where(known, block.edge.ravel(), 0.0), 0.0),
         trim,
     )
 
@@ -87,6 +92,7 @@ class History:
             way=zeros.copy(),
             drop=zeros.copy(),
             turned=zeros.copy(),
+            edge=zeros.copy(),
             trim=np.zeros((*zeros.shape, TERMS)),
         )
         self._blocks: list[FlowBlock] = []

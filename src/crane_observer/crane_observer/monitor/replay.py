@@ -61,7 +61,7 @@ def compare(recording: HeardRecording, model: Model, tolerance: Tolerance | None
             taken.append((block.time, monitor.taken))
     if model.hydraulics is None and watched.condition is Heed.ALONE:
         nothing = np.zeros((0, 2 * len(model.joints) + 1))
-        sums = Sums(np.zeros(0), *(nothing,) * 4, np.zeros((*nothing.shape, TERMS)))
+        sums = Sums(np.zeros(0), *(nothing,) * 5, np.zeros((*nothing.shape, TERMS)))
     elif not blocks:
         why = watched.last_refusal or Heed.WAITING.value
         raise DataError(f"{recording.path}: nothing could be compared: {why}")

@@ -3,14 +3,17 @@
 What is always off is taken off first (`trim`). Between any two blocks the sum of the rest stays
 within
 
-    floor + share P + zero S + creep T + late V
+    floor + share P + zero S + creep T + late V + edge E
 
 with P the way of the piston between them, S what a transducer that is 1 Pa off adds on this way, T
-the time and V all changes of its speed between them, up and down alike; for the supply, P is the
-droop of all flow, S the number of blocks, and there is no V. `floor` is what noise and rounding do,
-however long the way; `share` an error of gains, `zero` one of the zeros, `creep` one of leakage;
-`late` is how long after its stamp a command reaches the valve, and how far stamps of readings are
-off, more than the model knows: of a joint that hunts, each reversal adds to it.
+the time, V all changes of its speed between them, up and down alike, and E what it would go by
+edges of the valve that are open by all their play, while it stands where they may be open or shut;
+for the supply, P is the droop of all flow, S the number of blocks, and there is no V and no E.
+`floor` is what noise and rounding do, however long the way; `share` an error of gains, `zero` one
+of the zeros, `creep` one of leakage; `late` is how long after its stamp a command reaches the
+valve, and how far stamps of readings are off, more than the model knows: of a joint that hunts,
+each reversal adds to it; `edge` is the share of its play by which a valve may stand elsewhere than
+is thought: it passes oil, or does not, for as long as the joint is held.
 
 An alarm takes more of it than `level`, which is what a machine without a fault takes once in APART
 (`apart`).
@@ -31,12 +34,19 @@ from crane_observer.monitor.history import Sums
 from crane_observer.monitor.trim import TERMS, fitted
 
 ROOM = 1.5  # over the largest that was ever seen
-LEAST = 4e-5, 1e-3, 1e4, 1e-6, 5e-4  # m, of the way, Pa, m/s and s, at least
+LEAST = 4e-5, 1e-3, 1e4, 1e-6, 5e-4, 0.2  # m, of the way, Pa, m/s, s, of the play: at least
 SUPPLY_FLOOR, SUPPLY_SHARE, SUPPLY_ZERO = 1.5e5, 0.02, 2e3  # Pa, of the droop, and Pa, at least
 APART = 10.0  # h between two false alarms
 HOUR = 3600.0  # s
 WINDOW = 200  # blocks, of which the largest counts as one: longer than residuals err alike
-UNLEARNT = 2.4e-4, 6e-3, 6e4, 6e-6, 1.2e-2  # the same, of a machine of which nothing was learnt
+UNLEARNT = (
+    2.4e-4,
+    6e-3,
+    6e4,
+    6e-6,
+    1.2e-2,
+    1.0,
+)  # the same, of a machine of which nothing was learnt
 UNLEARNT_SUPPLY = 20.0  # times the least of the supply, of such a machine
 
 
@@ -48,11 +58,16 @@ class JointTolerance(Schema):
     zero: tuple[NonNegative, NonNegative]  # Pa
     creep: tuple[NonNegative, NonNegative]  # m/s
     late: tuple[NonNegative, NonNegative]  # s
+    edge: tuple[NonNegative, NonNegative] = LEAST[-1], LEAST[-1]  # of the play
     off: tuple[float, float] = (0.0, 0.0)  # Pa, always, as gains are:
     up: tuple[float, float] = (0.0, 0.0)  # of the way of a cylinder that extends
     down: tuple[float, float] = (0.0, 0.0)  # and of one that retracts
     later: tuple[float, float] = (0.0, 0.0)  # s that the valve follows later than the model says
     leak: tuple[float, float] = (0.0, 0.0)  # m3/(s Pa) past the piston, more than the model says
+
+
+NAMES = tuple(JointTolerance.model_fields)[: len(LEAST)]
+"""What a tolerance is made of, in the order of LEAST."""
 
 
 class SupplyTolerance(Schema):
@@ -73,13 +88,14 @@ class Tolerance(Schema):
 
     @property
     def rows(self) -> Array:
-        """(c, 5) floor, share, zero, creep and late of the channels of `Sums`."""
+        """(c, 6) floor, share, zero, creep, late and edge of the channels of `Sums`."""
         rows = [
-            (joint.floor[i], joint.share[i], joint.zero[i], joint.creep[i], joint.late[i])
+            tuple(getattr(joint, name)[i] for name in NAMES)
             for joint in self.joints.values()
             for i in (0, 1)
         ]
-        return np.array([*rows, (self.supply.floor, self.supply.share, self.supply.zero, 0.0, 0.0)])
+        supply = self.supply.floor, self.supply.share, self.supply.zero
+        return np.array([*rows, (*supply, *[0.0] * (len(NAMES) - len(supply)))])
 
     @property
     def trim(self) -> Array:
@@ -94,8 +110,7 @@ class Tolerance(Schema):
 
 def unlearnt(joints: Sequence[str]) -> Tolerance:
     """Wide enough for a machine of which nothing was learnt."""
-    names = tuple(JointTolerance.model_fields)
-    one = JointTolerance(**{k: (v,) * 2 for k, v in zip(names, UNLEARNT, strict=False)})
+    one = JointTolerance(**{k: (v,) * 2 for k, v in zip(NAMES, UNLEARNT, strict=True)})
     times = UNLEARNT_SUPPLY
     supply = SupplyTolerance(
         floor=times * SUPPLY_FLOOR, share=times * SUPPLY_SHARE, zero=times * SUPPLY_ZERO
@@ -133,7 +148,7 @@ def learn(joints: Sequence[str], recordings: Sequence[Sums], provenance: str) ->
 
 
 def _fitted(recordings: Sequence[Sums]) -> tuple[Array, Array]:
-    """(c, 5) tolerances that hold what was seen, and (c, TERMS) what is taken off before."""
+    """(c, 6) tolerances that hold what was seen, and (c, TERMS) what is taken off before."""
     trim = fitted([(_blocks(one.residual), _blocks(one.trim)) for one in recordings])
     trim[-1] = 0.0  # that of the supply is identified
     left = [_trimmed(one, trim) for one in recordings]
@@ -172,10 +187,10 @@ def _blocks(sums: Array) -> Array:
 
 
 def _row(recordings: Sequence[Sums], supply: bool) -> tuple[float, ...]:
-    """Floor, share, zero, creep and late of a channel: of all that hold what was seen, those that
-    allow least beside the least, in short and long spans alike.
+    """Floor, share, zero, creep, late and edge of a channel: of all that hold what was seen,
+    those that allow least beside the least, in short and long spans alike.
     """
-    of_supply = SUPPLY_FLOOR, SUPPLY_SHARE, SUPPLY_ZERO, 0.0, 0.0
+    of_supply = SUPPLY_FLOOR, SUPPLY_SHARE, SUPPLY_ZERO, 0.0, 0.0, 0.0
     least = np.array(of_supply if supply else LEAST)
     cost, beyond, asked = np.zeros(len(least)), [], []
     for span in SPANS:
@@ -201,7 +216,7 @@ def _row(recordings: Sequence[Sums], supply: bool) -> tuple[float, ...]:
 
 
 def _seen(sums: Sums, span: int) -> tuple[Array, Array]:
-    """(n,) how far sums of one channel went in each `span`, and (n, 5) by what they may."""
+    """(n,) how far sums of one channel went in each `span`, and (n, 6) by what they may."""
     begin = np.arange(len(sums.time) - span)
     moved, by = grown(sums, begin, begin + span)
     return moved[:, 0], by[:, 0]

@@ -24,14 +24,15 @@ HELD_COMMANDS = 512  # some seconds of them, in which pressures may be lost
 
 (
     FLOW_A, FLOW_B, NULL_A, NULL_B, DROP_A, DROP_B, FORCE, LATER, OPEN, LOST_A, LOST_B, SOON_A,
-    SOON_B,
-) = range(13)  # fmt: skip
+    SOON_B, EDGE_A, EDGE_B,
+) = range(15)  # fmt: skip
 """Sums over a window: flow into A and B [m3]; what each grows by for a null of 1 [m3] and for
 pressures off by 1 Pa [m3/Pa]; the piston's impulse [N s], and that
 times the time since the window began [N s2]; time with A fed less with B fed [s];
 time in which what flows into A and B is not known [s]; what each grows by for a spool that moves
-1 s sooner [m3/s]."""
-SUMS = 13
+1 s sooner [m3/s]; what flows through edges that open by their play, while it is not sure whether
+they are open [m3]."""
+SUMS = 15
 
 SUCKED = 0.5e5  # Pa above that of the tank, below which a chamber may be filled past its valve
 FULL = 0.999  # of the largest pressure that a transducer shows, which may then be any larger one
@@ -160,8 +161,13 @@ def add_interval(
                 sums[j, LOST_A] += step
             if p_b < circuit.tank_pressure + SUCKED or p_b > FULL * largest:
                 sums[j, LOST_B] += step
+            dead = spools.dead_zone_a[j] if z > 0.0 else spools.dead_zone_b[j]
+            if math.fabs(math.fabs(z) - dead) < spools.play[j]:  # open or shut is not sure
+                wide = math.copysign(spools.play[j] / (1.0 - dead), z)
+                edge_a, _, edge_b, _ = chamber_flows(circuit, j, wide, p_a, p_b, supply)
+                sums[j, EDGE_A] += step * math.fabs(edge_a)
+                sums[j, EDGE_B] += step * math.fabs(edge_b)
             if o != 0.0:
-                dead = spools.dead_zone_a[j] if o > 0.0 else spools.dead_zone_b[j]
                 by_z_a, by_z_b = q_a / o / (1.0 - dead), q_b / o / (1.0 - dead)
                 sums[j, NULL_A] += step * by_z_a
                 sums[j, NULL_B] += step * by_z_b

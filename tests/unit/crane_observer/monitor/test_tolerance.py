@@ -12,7 +12,7 @@ from crane_observer.monitor.tolerance import ROOM, learn
 from crane_observer.monitor.trim import TERMS
 
 COUNT = 50
-LATE, CREEP = 0.01, 0.03  # s, m/s
+LATE, CREEP, EDGE = 0.01, 0.03, 0.5  # s, m/s, of the play
 
 
 @given(
@@ -25,20 +25,26 @@ def test_a_late_command_counts_by_all_changes_of_speed(
     turned = np.cumsum(changes, axis=0)
     zeros = np.zeros_like(turned)
     sums = Sums(
-        BLOCK * np.arange(COUNT), zeros, zeros, zeros, turned, np.zeros((*zeros.shape, TERMS))
+        BLOCK * np.arange(COUNT),
+        *[zeros] * 3,
+        turned,
+        2.0 * turned,
+        np.zeros((*zeros.shape, TERMS)),
     )
     begin, end = np.array(spans).T
-    _, may = between(np.array([1.0, 0.0, 0.0, CREEP, LATE]), sums, begin, end)
+    _, may = between(np.array([1.0, 0.0, 0.0, CREEP, LATE, EDGE]), sums, begin, end)
     for (first, last), found in zip(spans, may, strict=True):
         inside = changes[min(first, last) + 1 : max(first, last) + 1].sum(axis=0)
-        np.testing.assert_allclose(found, 1.0 + CREEP * BLOCK * abs(last - first) + LATE * inside)
+        np.testing.assert_allclose(
+            found, 1.0 + CREEP * BLOCK * abs(last - first) + (LATE + 2.0 * EDGE) * inside
+        )
 
 
 def made(residual: np.ndarray, way: np.ndarray, turned: np.ndarray) -> Sums:
     """Of the two chambers of a joint and of a supply that has no residual."""
     zeros = np.zeros_like(way)
     time = BLOCK * np.arange(len(way))
-    return Sums(time, residual, way, zeros, turned, np.zeros((*way.shape, TERMS)))
+    return Sums(time, residual, way, zeros, turned, zeros, np.zeros((*way.shape, TERMS)))
 
 
 def test_tolerances_hold_what_was_seen_and_little_more() -> None:

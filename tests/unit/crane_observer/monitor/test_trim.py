@@ -18,9 +18,7 @@ def made(rng: np.random.Generator, count: int) -> tuple[np.ndarray, np.ndarray]:
     residual = ZERO * pressed + np.where(course > 0.0, UP, DOWN) * course
     residual += LATER * late + LEAK * leak
     residual += 2e-6 * rng.standard_normal(count)
-    return residual[:, None], regressors(
-        *(part[:, None] for part in (pressed, course, late, leak))
-    )
+    return residual[:, None], regressors(*(part[:, None] for part in (pressed, course, late, leak)))
 
 
 def test_what_is_always_off_is_found_beside_noise_and_outliers() -> None:
