@@ -119,6 +119,50 @@ def test_without_hydraulics_each_sensor_is_watched_by_itself(
     assert finding.kind in kinds
 
 
+def standing(**lies: np.ndarray | float) -> Heard:
+    """The inner boom is told to go, its chambers pass oil, and its encoder stands still."""
+    count = 400
+    on, pressure = np.arange(count) >= 200, np.full((count, 3), 6e6)
+    command = np.zeros((count, 3))
+    command[on, 0] = lies.get("command", -0.4)
+    p_b = np.where(on[:, None], lies.get("p_b", 8e6), 6e6) * np.ones(3)
+    q = np.tile(np.array([0.3, -1.0, 0.2]), (count, 1)) + lies.get("flicker", 0.0) * (
+        np.arange(count)[:, None] % 20 == 0
+    )
+    supply = np.full(count, lies.get("supply", 1.75e7))
+    return Heard(0.005 * np.arange(count), q, pressure, p_b, supply, command)
+
+
+def test_without_hydraulics_a_joint_that_stands_while_oil_must_flow_is_a_danger(
+    model: Model,
+) -> None:
+    watched = standing().to(replace(model, hydraulics=None), None)
+    finding = first_after(watched)
+    assert (finding.part, finding.joint, finding.kind) == (Part.VALVE, "inner_boom", Wrong.STUCK)
+    assert finding.dangerous and finding.rival is not None
+    assert (finding.rival.joint, finding.rival.kind) == ("inner_boom", Wrong.STUCK)
+    assert finding.onset == pytest.approx(1.0, abs=0.011)
+    assert finding.found - 1.0 < 0.4
+    assert len(watched.monitor.findings) == 1
+
+
+@pytest.mark.parametrize(
+    "why_not",
+    [
+        {"command": 0.25},  # it may be in the dead band
+        {"p_b": 1.72e7},  # against a stop, or a load that is too heavy
+        {"supply": 5e6},  # the pump is off
+        {"supply": np.nan},  # nobody knows
+        {"flicker": 1e-4},  # it goes, slowly
+    ],
+)
+def test_without_hydraulics_a_joint_may_stand_for_a_reason(
+    model: Model, why_not: dict[str, float]
+) -> None:
+    watched = standing(**why_not).to(replace(model, hydraulics=None), None)
+    assert watched.monitor.findings == []
+
+
 @pytest.mark.parametrize("supply", [True, False])
 def test_without_hydraulics_nothing_is_found_where_nothing_lies(
     model: Model, healthy: Heard, supply: bool
