@@ -20,13 +20,14 @@ from crane_observer.monitor.isolation import (
 )
 from crane_observer.monitor.reading_watch import ReadingWatch
 from crane_observer.monitor.signatures import COVERED, Part, Wrong
-from crane_observer.monitor.tolerance import Tolerance
+from crane_observer.monitor.tolerance import NAMES, Tolerance
 
 WAITED = 2  # blocks after an alarm, in which others that have the same cause follow
 LONGEST_WAIT = 16  # blocks, of a fault that grew slowly
 REFINED = 40  # blocks after which kind and size of what was found are looked at again
 EXPLAINED = 0.5  # misfit, below which noise does not do what is seen
 TRANSDUCERS = Part.PRESSURE_A, Part.PRESSURE_B  # each compared in the channel of its chamber
+CREEP = NAMES.index("creep")
 SEEN_STUCK = 15  # repeats of a reading that are as good as stuck once residuals say so
 
 
@@ -47,10 +48,10 @@ class SensorComparison:
                 f"{', '.join(joints)}; learn them with this model"
             )
         self.physics = physics
-        self._tolerance, self._trim, self._level = tolerance.rows, tolerance.trim, tolerance.level
+        self._learnt, self._trim, self._level = tolerance.rows, tolerance.trim, tolerance.level
         assert physics.model.hydraulics is not None  # else `physics` could not be
         if physics.model.hydraulics.supply is None:
-            self._tolerance[-1, 0] = np.inf  # how far it droops is not known
+            self._learnt[-1, 0] = np.inf  # how far it droops is not known
         units = physics.model.setting.units
         self._units = tuple(units[joint] for joint in joints)
         self.forget()
@@ -60,6 +61,7 @@ class SensorComparison:
         joints = len(self.physics.joints)
         self._blocks = Blocks(self.physics)
         self._history = History(self._trim)
+        self._tolerance = self._learnt.copy()
         self.readings = ReadingWatch(self.physics.joints, self._units)
         self._watched = np.ones(2 * joints + 1, dtype=bool)
         self._waiting: int | None = None
@@ -243,5 +245,16 @@ class SensorComparison:
             self._history.forget(slice(0, -1))
         elif part in TRANSDUCERS:
             self._history.forget(slice(-1, None))
+            self._doubt_leak(part, self.physics.joints.index(joint))
         elif part is Part.VALVE or part is Part.ENCODER:
             self._watched[-1] = False
+
+    def _doubt_leak(self, lying: Part, joint: int) -> None:
+        """What leaks past a piston is not known any more, once a transducer of it lies: the other
+        chamber may creep by all of it.
+        """
+        circuit = self.physics.circuit
+        lies_a = lying is Part.PRESSURE_A
+        area = (circuit.area_b if lies_a else circuit.area_a)[joint]
+        leak = circuit.leakage[joint] * circuit.supply_pressure / area  # m/s
+        self._tolerance[2 * joint + lies_a, CREEP] += leak
