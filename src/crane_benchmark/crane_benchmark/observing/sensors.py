@@ -187,7 +187,7 @@ def main(argv: Sequence[str] | None = None) -> int:
         help="folder in which recordings are kept, so that an interrupted run goes on (default: "
         "%(default)s)",
     )
-    add("--picture", type=Path, help="picture of what is found, and after how long, by size for each kind")
+    add("--picture", type=Path, help="picture of what is found by size, and when, for each kind")
     arguments = parser.parse_args(argv)
 
     def body() -> None:
