@@ -30,12 +30,11 @@ def load_share(model: Model, log: Log, options: Options, changes: Sequence[float
     parts = [_left_and_pull(model, run) for run in runs]
     time, left, pull = (np.concatenate(one) for one in zip(*parts, strict=True))
     part = np.searchsorted(changes, time)
-    before = after = 0.0
+    energy, explained = float((left**2).sum()), 0.0
     for number in np.unique(part):
         r, h = left[part == number].ravel(), pull[part == number].ravel()
-        before += float(r @ r)
-        after += float(r @ r) - float(r @ h) ** 2 / max(float(h @ h), 1e-12)
-    return 1.0 - after / before if before > 0.0 else 0.0
+        explained += float(r @ h) ** 2 / max(float(h @ h), 1e-12)
+    return explained / energy if energy > 0.0 else 0.0
 
 
 def _left_and_pull(model: Model, run: Preparation) -> tuple[np.ndarray, np.ndarray, np.ndarray]:

@@ -37,9 +37,7 @@ class Effect(NamedTuple):
     law_of: str = ""  # type of the term that is the usual law of the same effect, if not this one
     follows: tuple[Variable, ...] = ()  # what its force depends on, first that which shows it best
     formless: bool = False  # one factor of what the model has: no law whose form could differ
-    usual: float = (
-        0.0  # magnitude of its parameters that any sound machine may have: no discrepancy
-    )
+    usual: float = 0.0  # size of its parameters that any sound machine may have
 
 
 class DrawnCurve(NamedTuple):

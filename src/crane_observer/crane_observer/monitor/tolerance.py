@@ -39,14 +39,7 @@ SUPPLY_FLOOR, SUPPLY_SHARE, SUPPLY_ZERO = 1.5e5, 0.02, 2e3  # Pa, of the droop, 
 APART = 10.0  # h between two false alarms
 HOUR = 3600.0  # s
 WINDOW = 200  # blocks, of which the largest counts as one: longer than residuals err alike
-UNLEARNT = (
-    2.4e-4,
-    6e-3,
-    6e4,
-    6e-6,
-    1.2e-2,
-    1.0,
-)  # the same, of a machine of which nothing was learnt
+UNLEARNT = 2.4e-4, 6e-3, 6e4, 6e-6, 1.2e-2, 1.0  # the same, of a machine that is not learnt
 UNLEARNT_SUPPLY = 20.0  # times the least of the supply, of such a machine
 
 

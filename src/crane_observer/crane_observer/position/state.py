@@ -13,9 +13,7 @@ DOUBTFUL = (
 )
 UNEXPLAINED = 0.01  # of a flow, rms, in a model whose flow deviates as `Trust` has it
 FLOW_SHARES = (0.02, 4.0)  # of these deviations, at least and at most
-UNEVEN = (
-    0.15  # of what an offset of a transducer does to flow, that identified gains do not take up
-)
+UNEVEN = 0.15  # of what an offset of a transducer does to flow, that gains do not take up
 LEAST = 0.058  # of the deviations of such a model, those of one without any lack of fit
 SHARPENED = 1.5  # power of the doubt in friction with which what a fit leaves unexplained grows
 NOISE_ALONE = 0.01  # probability, from which on what is unexplained of a flow is noise of readings
