@@ -1,6 +1,7 @@
 """What is known of the crane, and what of it is in the way of an experiment."""
 
 import math
+from collections.abc import Mapping
 
 import numpy as np
 
@@ -42,7 +43,15 @@ class Readiness:
             return "the crane is not at rest; bring it to rest"
         return ""
 
-    def moved_from(self, start: np.ndarray, tuning: Tuning) -> bool:
-        """Whether the crane is no longer where a motion starts (j,) [SI]."""
+    def moved_from(self, start: np.ndarray, tuning: Tuning, units: Mapping[str, str]) -> str:
+        """Names the joints, of `units`, that are no longer where a motion starts (j,) [SI], within
+        half their tolerance; empty if there is none.
+        """
         assert self.position is not None
-        return bool((np.abs(self.position - start) > tuning.tolerance / 2).any())
+        way, most = np.abs(self.position - start), tuning.tolerance / 2
+        return "; ".join(
+            f"{joint}: moved by {way[i]:.4g} {unit} while its motion was planned, half the tolerance "
+            f"is {most[i]:.4g} {unit}"
+            for i, (joint, unit) in enumerate(units.items())
+            if way[i] > most[i]
+        )

@@ -244,10 +244,8 @@ class Trajectory(LifecycleNode):
     def lead(self, motion: Motion) -> Experiment:
         """Begin to lead the crane; `NotReadyError` if it is not where the motion starts."""
         assert self._tuning
-        if self._ready.moved_from(motion.start, self._tuning):
-            raise NotReadyError(
-                "not ready: the crane was moved while its motion was planned; send the goal again"
-            )
+        if moved := self._ready.moved_from(motion.start, self._tuning, self._machine.units):
+            raise NotReadyError(f"not ready: {moved}; send the goal again")
         self._experiment = Experiment(
             motion,
             self._tuning,

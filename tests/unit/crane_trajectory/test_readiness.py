@@ -11,6 +11,7 @@ from crane_trajectory.readiness import REST_TIME_S, Readiness
 
 JOINTS = load_machine().joint_names
 TUNING = Tuning(load_gains(machine_file("controller.yaml"), load_machine()).arrays, 1.0, np.ones(4))
+UNITS = load_machine().units
 TIMEOUT = 0.1  # s
 PLACE, REST = np.zeros(len(JOINTS)), np.zeros(len(JOINTS))
 MOVING = np.array([0.0, 0.0, 0.0, 1.0])
@@ -48,6 +49,8 @@ def test_a_crane_must_have_rested(velocity: np.ndarray, ready: Readiness) -> Non
 
 def test_a_crane_that_was_moved_is_not_where_its_motion_starts(ready: Readiness) -> None:
     ready.sample(PLACE + 0.4 * TUNING.tolerance, REST, TUNING, NOW)
-    assert not ready.moved_from(PLACE, TUNING)
-    ready.sample(PLACE - 0.6 * TUNING.tolerance, REST, TUNING, NOW)
-    assert ready.moved_from(PLACE, TUNING)
+    assert not ready.moved_from(PLACE, TUNING, UNITS)
+    ready.sample(PLACE - 0.6 * MOVING * TUNING.tolerance, REST, TUNING, NOW)
+    assert ready.moved_from(PLACE, TUNING, UNITS) == (
+        "telescope: moved by 0.6 m while its motion was planned, half the tolerance is 0.5 m"
+    )
