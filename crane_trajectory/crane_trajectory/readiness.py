@@ -50,8 +50,8 @@ class Readiness:
         assert self.position is not None
         way, most = np.abs(self.position - start), tuning.tolerance / 2
         return "; ".join(
-            f"{joint}: moved by {way[i]:.4g} {unit} while its motion was planned, half the tolerance "
-            f"is {most[i]:.4g} {unit}"
+            f"{joint}: moved by {way[i]:.4g} {unit} while its motion was planned, half the "
+            f"tolerance is {most[i]:.4g} {unit}"
             for i, (joint, unit) in enumerate(units.items())
             if way[i] > most[i]
         )

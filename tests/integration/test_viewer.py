@@ -1,6 +1,7 @@
 """The viewer as a process: what a bag or the topics tell arrives, and a real browser draws it."""
 
 import io
+import os
 import signal
 import socket
 from collections import defaultdict
@@ -194,6 +195,24 @@ def test_topics_arrive_and_nothing_is_published(ros: Graph, tmp_path: Path) -> N
     # a driver of another test may just end
     events = [text for (text,) in entities["events"]["text"] if not text.startswith("/driver: ")]
     assert sorted(events) == ["/own/driver: disabled", "driver: bus: bus-off"]
+
+
+def test_who_looks_gives_way(ros: Graph, tmp_path: Path) -> None:
+    """Every thread of the viewer and of its server, in the session of who started it."""
+    import psutil
+
+    viewer = Process(tmp_path, "crane_viewer", "viewer", "--web-port", 0, "--data-port", 0)
+    try:
+        ros.wait(lambda: "ready: listens to" in viewer.output)
+        started = psutil.Process(viewer.process.pid)
+        processes = [started, *started.children(recursive=True)]
+        assert len(processes) == 2
+        for one in processes:
+            assert os.getsid(one.pid) == os.getsid(0)
+            for thread in one.threads():
+                assert os.sched_getscheduler(thread.id) == os.SCHED_IDLE
+    finally:
+        assert viewer.end(signal.SIGINT) == 0, viewer.output
 
 
 def test_a_real_browser_draws_the_crane_on_loopback_alone(bag: Path, tmp_path: Path) -> None:

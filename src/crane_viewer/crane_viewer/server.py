@@ -21,8 +21,9 @@ MEMORY = "1GiB"  # kept for pages that are opened later; beyond it the oldest is
 class Server:
     """The server within a `with` block, by default for this computer alone.
 
-    It runs beside the process that looks, so that what it does for browsers takes no time there.
-    Rerun reports its use to its makers; here that is switched off.
+    It runs beside the process that looks, so that what it does for browsers takes no time there,
+    and in the same class of the scheduler. Rerun reports its use to its makers; here that is
+    switched off.
     """
 
     def __init__(self, listen: str, web_port: int, port: int):
@@ -65,7 +66,9 @@ class Server:
                 stdin=subprocess.DEVNULL,
                 stdout=log,
                 stderr=log,
-                start_new_session=True,  # Ctrl-C is for the viewer, which then ends it
+                # Ctrl-C is for the viewer, which then ends it. Not a session of its own: Linux
+                # would share the cores among sessions, whatever the priorities within them.
+                process_group=0,
             )
         self._wait_until_it_serves()
         return self
