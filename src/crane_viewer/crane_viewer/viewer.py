@@ -70,8 +70,8 @@ def _give_way() -> None:
     """Work only while no one else wants the cores, in all threads and in all that is started from
     here on: who looks must not hold up the crane.
     """
-    for thread in os.listdir("/proc/self/task"):
-        os.sched_setscheduler(int(thread), os.SCHED_IDLE, os.sched_param(0))
+    for thread in Path("/proc/self/task").iterdir():
+        os.sched_setscheduler(int(thread.name), os.SCHED_IDLE, os.sched_param(0))
 
 
 def _check_place(file: Path) -> None:
