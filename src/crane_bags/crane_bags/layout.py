@@ -31,8 +31,17 @@ class ArrayMessage:
         known = {"header", "name", *self.fields}
         if others := [name for name, _ in store.fielddefs[msgtype][1] if name not in known]:
             raise ValueError(f"{msgtype} is not header, name and doubles; it also has {others}")
-        self._buffer, self._views = self._locate()
+        self._buffer, self._places = self._locate()
+        self._views = [
+            np.frombuffer(self._buffer, "<f8", (place.stop - place.start) // 8, place.start)
+            for place in self._places
+        ]
         self._verify()
+
+    @property
+    def size(self) -> int:
+        """Bytes of a message."""
+        return len(self._buffer)
 
     def serialize(self, stamp: int, *values: ArrayLike) -> memoryview:
         """CDR of the message: stamp [ns], then the values of each field in the type's order.
@@ -44,16 +53,28 @@ class ArrayMessage:
             view[:] = value
         return memoryview(self._buffer)
 
-    def _locate(self) -> tuple[bytearray, list[np.ndarray]]:
-        """A serialised template and, for each field, a view of its bytes as doubles."""
+    def serialize_rows(self, stamps: np.ndarray, *values: np.ndarray) -> np.ndarray:
+        """The same of n messages at once, (n, size) uint8: of stamps (n,) [ns] and values (n, k) of
+        arrays, (n,) of single doubles.
+        """
+        rows = np.tile(np.frombuffer(self._buffer, np.uint8), (len(stamps), 1))
+        stamp = slice(STAMP_OFFSET, STAMP_OFFSET + STAMP.size)
+        rows[:, stamp] = _bytes(np.stack(np.divmod(stamps, NANOSECONDS), axis=1), "<u4")
+        for place, value in zip(self._places, values, strict=True):
+            rows[:, place] = _bytes(value.reshape(len(rows), -1), "<f8")
+        return rows
+
+    def _locate(self) -> tuple[bytearray, list[slice]]:
+        """A serialised template and, for each field, which of its bytes are the doubles."""
         marks = self._random_values(seed=0)
         buffer = bytearray(self._reference(0, marks))
-        views = []
+        places = []
         for mark in marks:
             if buffer.count(mark.tobytes()) != 1:
                 raise ValueError(f"{self._msgtype} with names {self._names}: layout not found")
-            views.append(np.frombuffer(buffer, "<f8", mark.size, buffer.find(mark.tobytes())))
-        return buffer, views
+            start = buffer.find(mark.tobytes())
+            places.append(slice(start, start + mark.nbytes))
+        return buffer, places
 
     def _verify(self) -> None:
         """One other message must come out byte for byte as rosbags serialises it."""
@@ -78,3 +99,8 @@ class ArrayMessage:
         }
         message = types[self._msgtype](header=header, name=self._names, **doubles)
         return self._store.serialize_cdr(message, self._msgtype, little_endian=True)
+
+
+def _bytes(values: np.ndarray, kind: str) -> np.ndarray:
+    """(n, bytes) uint8 of values (n, k) as numbers of a kind."""
+    return np.ascontiguousarray(values, dtype=kind).view(np.uint8)

@@ -1,10 +1,11 @@
 """Writing bags: mcap with raw CDR, type hashes and QoS profiles, as rosbag2 would record them."""
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from pathlib import Path
 from types import TracebackType
 from typing import Self
 
+import numpy as np
 from numpy.typing import ArrayLike
 from rosbags.interfaces import (
     Connection,
@@ -17,6 +18,7 @@ from rosbags.interfaces import (
 )
 from rosbags.rosbag2 import StoragePlugin, Writer, WriterError
 
+from crane_bags.bulk_writer import Series, append
 from crane_bags.layout import ArrayMessage
 from crane_bags.types import Topic, typestore
 from crane_model.errors import DataError
@@ -77,6 +79,15 @@ class BagWriter:
         """Append the CDR of one message, received at `log_time` [ns]."""
         self._writer.write(connection, log_time, data)
 
+    def write_together(
+        self, stamps: np.ndarray, series: Mapping["ArrayChannel", Sequence[np.ndarray]]
+    ) -> None:
+        """Append a message of each channel at each of the increasing stamps (n,) [ns], at which it
+        was received too; of a channel the values of each field, (n, k) or (n,).
+        """
+        parts = [channel.series(values) for channel, values in series.items()]
+        append(self._writer, stamps, parts)
+
     def close(self) -> None:
         """Write index and metadata; the bag is unreadable before that."""
         self._writer.close()
@@ -99,6 +110,11 @@ class TopicWriter:
     def __init__(self, bag: BagWriter, connection: Connection):
         self._bag, self._connection = bag, connection
 
+    @property
+    def connection(self) -> Connection:
+        """What rosbags calls it."""
+        return self._connection
+
     def write(self, log_time: int, message: object) -> None:
         """Append a message object of the bag's `store`, received at `log_time` [ns]."""
         self.write_raw(log_time, self._bag.store.serialize_cdr(message, self._connection.msgtype))
@@ -119,3 +135,7 @@ class ArrayChannel:
         the message type, e.g. position, velocity, effort (k,) of a JointState with k names.
         """
         self._channel.write_raw(log_time, self._message.serialize(stamp, *values))
+
+    def series(self, values: Sequence[np.ndarray]) -> Series:
+        """Messages of these values, n rows of each field."""
+        return Series(self._channel.connection, self._message, values)

@@ -105,18 +105,18 @@ def write_bag(
         references = bag.add_arrays(JOINT_REFERENCE, machine.joint_names)
         text = bag.store.types[ROBOT_DESCRIPTION.msgtype](data=urdf(machine))
         description.write(int(stamps[0]), text)
-        for k, stamp in enumerate(stamps.tolist()):
-            states.write(stamp, stamp, recording.position[k], recording.velocity[k], tau[k])
-            cylinders.write(
-                stamp,
-                stamp,
-                pressures.chamber_a[k],
-                pressures.chamber_b[k],
-                pressures.supply[k],
-                pressures.tank[k],
-            )
-            commands.write(stamp, stamp, recording.command[k])
-            references.write(stamp, stamp, *(part[k] for part in reference[:3]))
+        series = {
+            states: (recording.position, recording.velocity, tau),
+            cylinders: (
+                pressures.chamber_a,
+                pressures.chamber_b,
+                pressures.supply,
+                pressures.tank,
+            ),
+            commands: (recording.command,),
+            references: reference[:3],
+        }
+        bag.write_together(stamps, series)
 
 
 def make(

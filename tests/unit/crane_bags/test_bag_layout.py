@@ -63,3 +63,22 @@ def test_type_with_other_fields_is_refused() -> None:
 def test_without_names_there_is_nothing_to_write() -> None:
     with pytest.raises(ValueError, match="at least one name"):
         ArrayMessage(typestore(), VALVE_COMMAND.msgtype, ())
+
+
+@pytest.mark.parametrize(
+    "topic",
+    [JOINT_STATES, CYLINDER_PRESSURES, VALVE_COMMAND, JOINT_REFERENCE],
+    ids=lambda topic: topic.name,
+)
+def test_many_at_once_are_the_same_bytes(topic: Topic) -> None:
+    names, random = ["slew", "inner_boom", "telescope"], np.random.default_rng(3)
+    message = ArrayMessage(typestore(), topic.msgtype, names)
+    stamps = np.array([0, 999_999_999, 10**9, 1735689600_000000001, (2**31 - 1) * 10**9])
+    values = [
+        random.normal(size=(len(stamps), len(names)) if is_array else len(stamps))
+        for is_array in message.fields.values()
+    ]
+    values[0][1] = np.nan
+    rows = message.serialize_rows(stamps, *values)
+    for k, stamp in enumerate(stamps.tolist()):
+        assert rows[k].tobytes() == bytes(message.serialize(stamp, *(one[k] for one in values)))

@@ -1,12 +1,15 @@
 """What a written bag holds, seen with the mcap library and not with the suite's own reader."""
 
+from dataclasses import replace
 from pathlib import Path
 
+import numpy as np
 import pytest
 import yaml
 from laboratory_crane import JOINTS
 from mcap.reader import make_reader
 
+from crane_bags.reader import read_topics
 from crane_bags.types import JOINT_STATES, ROBOT_DESCRIPTION, VALVE_COMMAND, typestore
 from crane_bags.writer import BagWriter
 from crane_model.errors import DataError
@@ -40,6 +43,50 @@ def test_messages_keep_stamp_and_log_time_apart(tmp_path: Path) -> None:
     assert stamps == [START + k * 5_000_000 for k in range(3)]
     assert decoded[2].name == list(JOINTS)
     assert decoded[2].command.tolist() == [0.2] * 4
+
+
+def test_many_at_once_are_what_one_after_the_other_are(tmp_path: Path) -> None:
+    count, random = 6000, np.random.default_rng(5)  # more than one chunk
+    stamps = START + 5_000_000 * np.arange(count)
+    state, command = random.normal(size=(3, count, 4)), random.normal(size=(count, 4))
+    with BagWriter(tmp_path / "one") as bag:
+        states = bag.add_arrays(JOINT_STATES, JOINTS)
+        commands = bag.add_arrays(VALVE_COMMAND, JOINTS)
+        for k, stamp in enumerate(stamps.tolist()):
+            states.write(stamp, stamp, *state[:, k])
+            commands.write(stamp, stamp, command[k])
+    with BagWriter(tmp_path / "many") as bag:
+        states = bag.add_arrays(JOINT_STATES, JOINTS)
+        commands = bag.add_arrays(VALVE_COMMAND, JOINTS)
+        bag.write_together(stamps, {states: tuple(state), commands: (command,)})
+    held = []
+    for name in ("one", "many"):
+        metadata = yaml.safe_load((tmp_path / name / "metadata.yaml").read_text())
+        with (tmp_path / name / f"{name}.mcap").open("rb") as stream:
+            reader = make_reader(stream, validate_crcs=True)
+            summary = reader.get_summary()
+            assert summary is not None and summary.statistics is not None
+            assert len(summary.chunk_indexes) > 1
+            statistics = replace(summary.statistics, chunk_count=0)
+            messages = [
+                (channel.topic, message.log_time, message.publish_time, message.data)
+                for _, channel, message in reader.iter_messages()
+            ]
+        information = metadata["rosbag2_bagfile_information"]
+        counted = {key: information[key] for key in ("duration", "starting_time", "message_count")}
+        held.append((statistics, counted, information["topics_with_message_count"], messages))
+    assert held[0] == held[1]
+    data = read_topics(tmp_path / "many", [JOINT_STATES])[JOINT_STATES.name]
+    assert np.array_equal(data.stamp, stamps)
+    assert np.array_equal(data.fields["effort"], state[2])
+
+
+def test_nothing_at_once_is_nothing(tmp_path: Path) -> None:
+    with BagWriter(tmp_path / "bag") as bag:
+        commands = bag.add_arrays(VALVE_COMMAND, JOINTS)
+        bag.write_together(np.zeros(0, dtype=np.int64), {commands: (np.zeros((0, 4)),)})
+    with (tmp_path / "bag/bag.mcap").open("rb") as stream:
+        assert list(make_reader(stream).iter_messages()) == []
 
 
 def test_definitions_hashes_and_qos_as_rosbag2_would_store_them(tmp_path: Path) -> None:

@@ -13,7 +13,7 @@ from crane_identification.estimation.regression import OPEN
 from crane_model.errors import DataError
 from crane_model.flow import flow_regressor, piston_flow
 from crane_model.flow.oil import InternalLeakage, OilCompressibility
-from crane_model.flow.valve import EDGES, Valve
+from crane_model.flow.valve import EDGES, Metered, Valve, of_chambers
 from crane_model.machine import Machine
 from crane_model.record import Record
 
@@ -28,6 +28,21 @@ STEPS, ACCURACY = 10, 1e-5  # Gauss-Newton to the dead zones
 LEAK, SOFT, PLAY, ZONES, COLUMNS = 4, 5, 8, (9, 10), 11
 """Columns of the balance: edges (4), leakage, oil (2), delay, play, the two dead zones."""
 SINGULAR_SHARE = 1e-10  # of the largest eigenvalue: what is below is not determined
+
+
+class _Part(NamedTuple):
+    """A run, or part of one, in which all is known: `gate` (samples,), which of its rows are
+    `open`, and what its valve is asked with.
+    """
+
+    run: Run
+    gate: np.ndarray
+    open: np.ndarray
+    metered: Metered
+
+    def rows(self, values: np.ndarray) -> np.ndarray:
+        """(rows, k) of values (samples, k), filtered like the torque."""
+        return thinned(values * self.gate[:, np.newaxis], self.run.factor)[self.open]
 
 
 class FlowRows:
@@ -45,9 +60,10 @@ class FlowRows:
         self.joint = joint
         logged = [run for run in evidence.runs if _logged(run.record)]
         # with none of them, the first says what it lacks
-        self._runs = [part for run in logged or evidence.runs[:1] for part in self._known(run)]
+        runs = [part for run in logged or evidence.runs[:1] for part in self._known(run)]
+        self._parts = [self._part(run) for run in runs]
         self.recorded = sum(_duration(run.record) for run in evidence.runs)
-        self.known = sum(_duration(run.record) for run in self._runs)
+        self.known = sum(_duration(run.record) for run in runs)
         self._require_motion()
         self.leak_and_oil = self._rows(
             lambda run: flow_regressor(
@@ -60,17 +76,17 @@ class FlowRows:
     def edges(self, dead_zones: tuple[float, float], play: float = 0.0) -> np.ndarray:
         """(N, 4) flow through each metering edge for K = 1."""
         valve = self._valve(dead_zones, play)
-        return self._rows(lambda run: valve.columns(run.record, self.machine))
+        return self._edge_rows(lambda part: valve.flows(part.metered))
 
     def edges_and_rates(self, dead_zones: tuple[float, float]) -> tuple[np.ndarray, np.ndarray]:
         """The same without play, and its rate, which is what a delay takes away: (N, 4) each."""
         valve = self._valve(dead_zones, 0.0)
 
-        def columns(run: Run) -> np.ndarray:
-            flow = valve.columns(run.record, self.machine)
-            return np.concatenate([flow, run.record.rate(flow)], axis=2)
+        def columns(part: _Part) -> np.ndarray:
+            flow = valve.flows(part.metered)
+            return np.concatenate([flow, part.run.record.rate(flow)], axis=1)
 
-        flow, rate = np.split(self._rows(columns), 2, axis=1)
+        flow, rate = np.split(self._edge_rows(columns), 2, axis=1)
         return flow, rate
 
     def _valve(self, dead_zones: tuple[float, float], play: float) -> Valve:
@@ -94,14 +110,16 @@ class FlowRows:
         lowest = np.minimum(self._signal(record, "pressure_a"), self._signal(record, "pressure_b"))
         return lowest > self._signal(record, "tank_pressure") + LEAST_PRESSURE
 
-    def _gate(self, run: Run) -> np.ndarray:
-        return run.gate[:, run.record.column(self.joint)] * self._filled(run.record)
+    def _part(self, run: Run) -> _Part:
+        gate = run.gate[:, run.record.column(self.joint)] * self._filled(run.record)
+        metered = self._valve((0.0, 0.0), 0.0).metered(run.record, self.machine)
+        return _Part(run, gate, thinned(gate, run.factor) > OPEN, metered)
 
     def _require_motion(self) -> None:
         up = down = 0.0
-        for run in self._runs:
-            record = run.record
-            steps = np.diff(record.time, append=record.time[-1:]) * self._gate(run)
+        for part in self._parts:
+            record = part.run.record
+            steps = np.diff(record.time, append=record.time[-1:]) * part.gate
             rising = record.velocity[:, record.column(self.joint)] > 0.0
             up, down = up + steps[rising].sum(), down + steps[~rising].sum()
         if min(up, down) < LEAST_TIME:
@@ -120,14 +138,18 @@ class FlowRows:
     def _rows(self, of: Callable[[Run], np.ndarray]) -> np.ndarray:
         """(N, k) from (samples, 2, k) of each run, filtered like the torque."""
         parts = []
-        for run in self._runs:
-            gate, values = self._gate(run), of(run)
-            open_ = thinned(gate, run.factor) > OPEN
+        for part in self._parts:
+            values = of(part.run)
             there = values.any(axis=0)  # columns of zeros cost nothing
-            rows = np.zeros((np.count_nonzero(open_), *there.shape))
-            rows[:, there] = thinned(values[:, there] * gate[:, np.newaxis], run.factor)[open_]
+            rows = np.zeros((np.count_nonzero(part.open), *there.shape))
+            rows[:, there] = part.rows(values[:, there])
             parts.append(rows.reshape(-1, rows.shape[2]))
         return np.concatenate(parts)
+
+    def _edge_rows(self, of: Callable[[_Part], np.ndarray]) -> np.ndarray:
+        """(N, k) from (samples, k) of the edges in each part, once or several times."""
+        rows = np.concatenate([part.rows(of(part)) for part in self._parts])
+        return of_chambers(rows).reshape(-1, rows.shape[1])
 
 
 def _logged(record: Record) -> bool:

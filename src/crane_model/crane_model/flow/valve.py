@@ -1,6 +1,6 @@
 """The valve: orifice flow of a spool through four metering edges, its overlap and its play."""
 
-from typing import Literal
+from typing import Literal, NamedTuple
 
 import numpy as np
 from numba import njit
@@ -14,6 +14,17 @@ from crane_model.record import Record
 
 EDGES = ("supply_a", "a_tank", "supply_b", "b_tank")
 """The metering edges of a valve, by what they join; the first and the last open together."""
+SERVED = (0, 0, 1, 1)  # the chamber, A or B, that each of EDGES serves
+
+
+class Metered(NamedTuple):
+    """What a recording tells of a valve, whatever its dead zones and play: the command `u` (n,)
+    towards chamber A, where runs begin (n,), and the root (n, 4) of the drop at each of EDGES.
+    """
+
+    u: Array
+    first: Flags
+    roots: Array
 
 
 class Valve(FlowTerm):
@@ -32,23 +43,42 @@ class Valve(FlowTerm):
 
     def opening(self, record: Record, machine: Machine) -> Array:
         """x, positive where oil is let into chamber A: (n,)."""
-        q = record.position[:, record.column(self.joint)]
-        u = self.needed(record, "command") * np.sign(lever_arm(machine, self.joint, q))
-        y = u if self.play == 0.0 else _trailing(u, self.play / 2.0, record.first_of_run)
-        return np.maximum(0.0, y - self.dead_zone_a) + np.minimum(0.0, y + self.dead_zone_b)
+        return self._opened(self._command(record, machine), record.first_of_run)
 
     def columns(self, record: Record, machine: Machine) -> Array:
         """(n, 2, 4) for K = 1 m3/(s Pa^0.5) of each of EDGES; an edge serves one chamber alone."""
+        return of_chambers(self.flows(self.metered(record, machine)))
+
+    def metered(self, record: Record, machine: Machine) -> Metered:
+        """What does not depend on dead zones and play, to ask `flows` for several of them."""
         p_a, p_b = self.needed(record, "pressure_a"), self.needed(record, "pressure_b")
         supply, tank = self.needed(record, "supply_pressure"), self.needed(record, "tank_pressure")
-        x = self.opening(record, machine)
+        drops = np.stack([supply - p_a, p_a - tank, supply - p_b, p_b - tank], axis=1)
+        return Metered(self._command(record, machine), record.first_of_run, _root(drops))
+
+    def flows(self, metered: Metered) -> Array:
+        """(n, 4) through each of EDGES into its chamber, for K = 1 m3/(s Pa^0.5)."""
+        x = self._opened(metered.u, metered.first)
         feeds_a, feeds_b = np.maximum(0.0, x), np.maximum(0.0, -x)
-        flow = np.zeros((len(record), 2, len(EDGES)))
-        flow[:, 0, 0] = feeds_a * _root(supply - p_a)
-        flow[:, 0, 1] = -feeds_b * _root(p_a - tank)
-        flow[:, 1, 2] = feeds_b * _root(supply - p_b)
-        flow[:, 1, 3] = -feeds_a * _root(p_b - tank)
-        return flow
+        return np.stack([feeds_a, -feeds_b, feeds_b, -feeds_a], axis=1) * metered.roots
+
+    def _command(self, record: Record, machine: Machine) -> Array:
+        q = record.position[:, record.column(self.joint)]
+        return self.needed(record, "command") * np.sign(lever_arm(machine, self.joint, q))
+
+    def _opened(self, u: Array, first: Flags) -> Array:
+        y = u if self.play == 0.0 else _trailing(u, self.play / 2.0, first)
+        return np.maximum(0.0, y - self.dead_zone_a) + np.minimum(0.0, y + self.dead_zone_b)
+
+
+def of_chambers(flows: Array) -> Array:
+    """Columns (n, k) of EDGES, once or several times, as (n, 2, k): of the chamber that each edge
+    serves.
+    """
+    out = np.zeros((len(flows), 2, flows.shape[1]))
+    for column in range(flows.shape[1]):
+        out[:, SERVED[column % len(EDGES)], column] = flows[:, column]
+    return out
 
 
 def by_chamber(gains: Array) -> tuple[Array, Array]:
