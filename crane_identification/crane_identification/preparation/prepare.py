@@ -6,7 +6,7 @@ from crane_identification.data.log import Log
 from crane_identification.data.resample import Samples, resample, sampling_rate
 from crane_identification.options import Options
 from crane_identification.preparation.averaging import averaged, whole_periods
-from crane_identification.preparation.periodicity import periodic_part
+from crane_identification.preparation.periodicity import Periodicity, periodic_part
 from crane_identification.preparation.run import (
     Preparation,
     along_reference,
@@ -23,11 +23,17 @@ from crane_model.progress import Progress, silent
 
 
 def prepare(
-    model: Model, log: Log, options: Options, progress: Progress = silent, since: float = 0.0
+    model: Model,
+    log: Log,
+    options: Options,
+    progress: Progress = silent,
+    since: float = 0.0,
+    part: Periodicity | None = None,
 ) -> list[Preparation]:
     """A preparation of each gapless run of `log` (of each that holds a whole period, to average).
 
-    The time of its record counts from a moment `since` [s] before time zero of the log.
+    The time of its record counts from a moment `since` [s] before time zero of the log. `part` is
+    what `periodic_part` gives, where that is known already.
 
     Raises `DataError` if the log lacks joints or forces of the model, or no run is long enough.
     """
@@ -40,7 +46,7 @@ def prepare(
         samples = resample(log)
         return _whole_runs(model, log, samples, options, progress, since)
     try:
-        part = periodic_part(log, options.period)
+        part = part or periodic_part(log, options.period)
     except DataError as error:
         raise type(error)(f"{error}; or do not average: --no-average") from None
     length = round(part.period * sampling_rate(log.position.time))

@@ -11,6 +11,12 @@ from crane_model.configuration import NonNegative, Positive, Schema
 from crane_model.machine import Machine
 
 
+def in_counts(q: Array, counts: Array) -> Array:
+    """Coordinates q (..., j) rounded to whole `counts` (j,) [rad, m]."""
+    shown: Array = counts * np.rint(np.asarray(q) / counts)
+    return shown
+
+
 class SensorChain(Schema):
     """Encoders, pressure transducers with their converter, and the clock that samples them."""
 
@@ -40,9 +46,11 @@ class SensorChain(Schema):
 
     def measure_positions(self, joints: Sequence[str], q: Array) -> Array:
         """Encoder readings of j joints: (..., j) to (..., j) [rad, m]."""
-        steps = np.array([self.encoder_resolution[joint] for joint in joints])
-        shown: Array = steps * np.round(np.asarray(q) / steps)
-        return shown
+        return in_counts(q, self.counts(joints))
+
+    def counts(self, joints: Sequence[str]) -> Array:
+        """(j,) one count of the encoder of each joint [rad, m]."""
+        return np.array([self.encoder_resolution[joint] for joint in joints])
 
     def measure_pressure(self, rng: np.random.Generator, pressure: Array) -> Array:
         """Transducer readings of any shape [Pa]: noise, saturation, quantisation."""

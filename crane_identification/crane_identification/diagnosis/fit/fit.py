@@ -116,13 +116,13 @@ def _averaged(
     wrong = []
     for log in logs:
         try:
-            periodic_part(log, options.period)
+            part = periodic_part(log, options.period)
         except DataError as error:
             if options.period is not None:
                 wrong.append(f"{error}. Its noise floor is not known.")
             continue  # not periodic: no scatter
         try:
-            out += prepare(model, log, replace(options, average=True))
+            out += prepare(model, log, replace(options, average=True), part=part)
         except DataError:
             continue  # no whole period without a gap
     return tuple(out), wrong

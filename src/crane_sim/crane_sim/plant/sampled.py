@@ -6,7 +6,7 @@ from typing import NamedTuple
 import numpy as np
 
 from crane_model.machine import Machine
-from crane_model.sensors import SensorChain
+from crane_model.sensors import SensorChain, in_counts
 from crane_sim.effects.fault import SensorFault, measured_joints
 from crane_sim.faulty.faults import Faults
 
@@ -42,7 +42,7 @@ class Sensors:
         self._wrong = (*faults, *flaws)
         self.timed = timed or Faults(machine)
         self._rng = np.random.default_rng(seed)
-        self._joints = machine.joint_names
+        self._counts = chain.counts(machine.joint_names)
         self.cylinders = measured_joints(machine)
         self._fitted = [machine.index(joint) for joint in self.cylinders]
 
@@ -54,9 +54,9 @@ class Sensors:
         """Encoder readings of the coordinates (j,) [rad, m] at a time [s]."""
         for fault in self._wrong:
             q = fault.positions(q)
-        measure = self._chain.measure_positions
-        read = measure(self._joints, q)
-        return measure(self._joints, self.timed.positions(time, read))
+        read = in_counts(q, self._counts)
+        shown = self.timed.positions(time, read)
+        return read if shown is read else in_counts(shown, self._counts)
 
     def pressures(
         self,
