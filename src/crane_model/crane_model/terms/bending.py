@@ -101,12 +101,20 @@ def sagging(bend: Bend, q: Array) -> Array:
 
 
 @njit(cache=True)
+def _copy(values: Array, out: Array) -> None:
+    for j in range(3):
+        out[j] = values[j]
+
+
+@njit(cache=True)
 def _bent(
     bend: Bend, q: Array, v: Array, push: Array, step: float,
     e: float, rate: float, force: Array,
 ) -> tuple[float, float]:  # fmt: skip
-    """e and e' after a step [s] of constant acceleration `push` (3,); q, v half-way through it."""
-    inertia = _forces(bend, q.copy(), v.copy(), push, e + 0.5 * step * rate, rate, force)
+    """e and e' after a step [s] of constant acceleration `push` (3,); q, v half-way through it,
+    which are bent as well.
+    """
+    inertia = _forces(bend, q, v, push, e + 0.5 * step * rate, rate, force)
     omega = math.sqrt(bend.stiffness / inertia)
     damping = min(bend.damper / (2.0 * omega * inertia), STIFFEST)
     carried = force[bend.joint] / inertia
@@ -116,10 +124,12 @@ def _bent(
 @njit(cache=True)
 def bent(bend: Bend, states: Array, q: Array, v: Array, push: Array, step: Array) -> Array:
     """States (n, 2) after steps (n,) [s] of constant accelerations `push` (n, 3); q, v half-way."""
-    out, force = np.empty_like(states), np.empty(3)
+    out, force, place, speed = np.empty_like(states), np.empty(3), np.empty(3), np.empty(3)
     for n in range(len(states)):
         e, rate = states[n]
-        out[n] = _bent(bend, q[n], v[n], push[n], step[n], e, rate, force)
+        _copy(q[n], place)
+        _copy(v[n], speed)
+        out[n] = _bent(bend, place, speed, push[n], step[n], e, rate, force)
     return out
 
 
@@ -127,13 +137,15 @@ def bent(bend: Bend, states: Array, q: Array, v: Array, push: Array, step: Array
 def bent_along(bend: Bend, q: Array, v: Array, time: Array, first: Flags) -> Array:
     """States (n, 2) along positions and velocities (n, 3); each run begins sagging at rest."""
     states, force = np.empty((len(q), 2)), np.empty(3)
+    push, middle, speed = np.empty(3), np.empty(3), np.empty(3)
     for k in range(len(q)):
         if first[k]:
             states[k] = sagging(bend, q[k : k + 1])[0]
             continue
         step = time[k] - time[k - 1]
-        push = (v[k] - v[k - 1]) / step
-        middle, speed = (q[k] + q[k - 1]) / 2.0, (v[k] + v[k - 1]) / 2.0
+        for j in range(3):
+            push[j] = (v[k, j] - v[k - 1, j]) / step
+            middle[j], speed[j] = (q[k, j] + q[k - 1, j]) / 2.0, (v[k, j] + v[k - 1, j]) / 2.0
         e, rate = states[k - 1]
         states[k] = _bent(bend, middle, speed, push, step, e, rate, force)
     return states
@@ -143,11 +155,13 @@ def bent_along(bend: Bend, q: Array, v: Array, time: Array, first: Flags) -> Arr
 def bending_forces(bend: Bend, states: Array, q: Array, v: Array, a: Array) -> Array:
     """phi(bent) - phi(straight) on inner boom, outer boom and telescope, (n, 3), of 1 kg."""
     out, straight, i = np.empty((len(q), 3)), np.empty(3), bend.joint
+    place, speed = np.empty(3), np.empty(3)
     for n in range(len(q)):
         e, rate = states[n]
-        _forces(bend, q[n].copy(), v[n].copy(), a[n], 0.0, 0.0, straight)
-        place = q[n].copy()
-        inertia = _forces(bend, place, v[n].copy(), a[n], e, rate, out[n])
+        _copy(q[n], place)
+        _copy(v[n], speed)
+        _forces(bend, place, speed, a[n], 0.0, 0.0, straight)  # which bends by nothing
+        inertia = _forces(bend, place, speed, a[n], e, rate, out[n])
         spring = bend.stiffness * e + bend.damper * rate
         swing = -(spring + out[n, i]) / inertia  # e''
         outward, upward = _gradients(bend, place)
