@@ -1,5 +1,8 @@
 """What a case of the discrepancy benchmark takes: its eight bags, and one diagnosis of them."""
 
+import resource
+import subprocess
+import sys
 import time
 from collections.abc import Callable
 from functools import partial
@@ -32,7 +35,29 @@ def taken(what: Callable[[], object]) -> tuple[float, float]:
     return time.process_time() - start[0], time.perf_counter() - start[1]
 
 
+def started(module: str) -> float:
+    """Processor time [s] of a process that does no more than to import a module."""
+    before = resource.getrusage(resource.RUSAGE_CHILDREN)
+    subprocess.run([sys.executable, "-c", f"import {module}"], check=True)
+    after = resource.getrusage(resource.RUSAGE_CHILDREN)
+    return after.ru_utime + after.ru_stime - before.ru_utime - before.ru_stime
+
+
+def test_the_start_of_a_process(measured) -> None:
+    makes, answers = "crane_benchmark.cases.make_cases", "crane_benchmark.answers.answer_cases"
+    for module in (makes, answers):
+        started(module)  # from the disk
+    measured(
+        "start of a process that makes, and of one that answers several cases, processor time",
+        "",
+        "{making:.1f} s, {answering:.1f} s",
+        making=started(makes),
+        answering=started(answers),
+    )
+
+
 @pytest.mark.parametrize("site", Site)
+@threadpool_limits.wrap(1)  # one process a core, as in the benchmark
 def test_a_case(tmp_path: Path, measured, site: Site) -> None:
     every = cases(SETS[site], 40)
     chosen = [next(one for one in every if one.kind is kind) for kind in KINDS]
@@ -50,9 +75,8 @@ def test_a_case(tmp_path: Path, measured, site: Site) -> None:
     )
     recordings = [given(folders.bags / one.name) for one in chosen]
     thresholds = load_thresholds()
-    with threadpool_limits(1):  # one process a core, as in the benchmark
-        diagnose(*recordings[0], Options(), thresholds)
-        answering = [taken(partial(diagnose, *one, Options(), thresholds)) for one in recordings]
+    diagnose(*recordings[0], Options(), thresholds)
+    answering = [taken(partial(diagnose, *one, Options(), thresholds)) for one in recordings]
     answered, later = np.mean(answering, axis=0)
     measured(
         f"one diagnosis of them, {site.value}, processor time, mean of {len(chosen)}",
