@@ -9,6 +9,7 @@ from enum import Enum
 from functools import cache, cached_property
 
 import numpy as np
+from numba import njit
 from scipy import signal
 
 from crane_identification.estimation.regression import OPEN
@@ -90,14 +91,40 @@ def thinned(values: np.ndarray, factor: int) -> np.ndarray:
     kept = decimation_rows(len(values), factor)
     if factor == 1:
         return values
-    response = _response(factor)
-    delay = len(response) // 2 + int(kept[0])
-    before = -delay % factor
-    flat = values.reshape(len(values), -1).T
-    padded = np.concatenate([np.zeros((len(flat), before)), flat], axis=1)
-    out = signal.upfirdn(response, padded, down=factor)
-    first = (delay + before) // factor
-    return out[:, first : first + len(kept)].T.reshape(len(kept), *values.shape[1:])
+    flat = np.ascontiguousarray(values.reshape(len(values), -1).T)
+    return _answers(flat, kept, _response(factor)).T.reshape(len(kept), *values.shape[1:])
+
+
+@njit(cache=True)
+def _answers(values: np.ndarray, kept: np.ndarray, response: np.ndarray) -> np.ndarray:
+    """(m, rows) of a finite response (taps,) about the samples `kept` (rows,) of values (m, n).
+
+    Four rows at once, each of which adds up its samples in order: one sum alone waits for itself.
+    """
+    half, last = len(response) // 2, values.shape[1] - 1
+    out = np.zeros((len(values), len(kept)))
+    for row in range(len(values)):
+        x, k = values[row], 0
+        while k < len(kept):
+            begin = kept[k] - half
+            if k + 4 <= len(kept) and begin >= 0 and kept[k + 3] + half <= last:
+                second, third, fourth = kept[k + 1] - half, kept[k + 2] - half, kept[k + 3] - half
+                a = b = c = d = 0.0
+                for tap in range(len(response)):
+                    weight = response[len(response) - 1 - tap]
+                    a += x[begin + tap] * weight
+                    b += x[second + tap] * weight
+                    c += x[third + tap] * weight
+                    d += x[fourth + tap] * weight
+                out[row, k], out[row, k + 1], out[row, k + 2], out[row, k + 3] = a, b, c, d
+                k += 4
+            else:
+                total = 0.0
+                for i in range(max(begin, 0), min(kept[k] + half, last) + 1):
+                    total += x[i] * response[kept[k] + half - i]
+                out[row, k] = total
+                k += 1
+    return out
 
 
 @cache
