@@ -30,7 +30,7 @@ RECORD = np.dtype(
 COUNTED = RECORD.itemsize - RECORD["opcode"].itemsize - RECORD["length"].itemsize
 
 
-class Series(NamedTuple):
+class MessageSeries(NamedTuple):
     """Messages of one topic: their layout, and its `values`, n rows of each field."""
 
     connection: Connection
@@ -52,7 +52,7 @@ class Series(NamedTuple):
         return np.concatenate([head.view(np.uint8).reshape(len(own), -1), data], axis=1)
 
 
-def append(writer: Writer, stamps: np.ndarray, series: Sequence[Series]) -> None:
+def append(writer: Writer, stamps: np.ndarray, series: Sequence[MessageSeries]) -> None:
     """Append a message of each of the `series` at each of the increasing stamps (n,) [ns]."""
     storage = writer.storage
     assert isinstance(storage, McapWriter)  # which `BagWriter` opens

@@ -18,7 +18,7 @@ from rosbags.interfaces import (
 )
 from rosbags.rosbag2 import StoragePlugin, Writer, WriterError
 
-from crane_bags.bulk_writer import Series, append
+from crane_bags.bulk_writer import MessageSeries, append
 from crane_bags.layout import ArrayMessage
 from crane_bags.types import Topic, typestore
 from crane_model.errors import DataError
@@ -136,6 +136,6 @@ class ArrayChannel:
         """
         self._channel.write_raw(log_time, self._message.serialize(stamp, *values))
 
-    def series(self, values: Sequence[np.ndarray]) -> Series:
+    def series(self, values: Sequence[np.ndarray]) -> MessageSeries:
         """Messages of these values, n rows of each field."""
-        return Series(self._channel.connection, self._message, values)
+        return MessageSeries(self._channel.connection, self._message, values)
