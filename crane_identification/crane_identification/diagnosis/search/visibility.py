@@ -64,7 +64,8 @@ def _usual(projection: Projection) -> dict[Candidate, str]:
     """
     found = {}
     for shaped, own in zip(projection.candidates, projection.columns_of, strict=True):
-        limit = shaped.candidate.effect.usual
+        effect = shaped.candidate.effect
+        limit = effect.usual if effect.formless else 0.0
         if not limit or shaped.candidate.shapes or shaped.candidate.changes:
             continue
         values = np.abs(projection.score[own]) / np.maximum(projection.scale[own], TINY)

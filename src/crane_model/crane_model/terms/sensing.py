@@ -17,7 +17,7 @@ from crane_model.terms.chambers import (
     lever_and_slope,
 )
 from crane_model.terms.effect import Effect
-from crane_model.terms.force_scale import OfBodies
+from crane_model.terms.force_scale import USUAL_SCALE, OfBodies
 from crane_model.terms.joint_term import OneJointTerm
 from crane_model.terms.planar import planar_machine
 from crane_model.terms.term import Family, Parameter, Setting
@@ -70,6 +70,7 @@ class ChamberGain(OneJointTerm):
         ),
         "both transducers on one pressure, at several pressures",
         follows=("pressure of chamber B",),
+        usual=USUAL_SCALE,
     )
 
     @override

@@ -2,16 +2,22 @@
 
 from collections.abc import Mapping
 from dataclasses import replace
+from typing import cast
+from unittest.mock import Mock
 
 import numpy as np
 import pytest
 from laboratory_crane import with_linkage
+from unit.crane_identification.diagnosis import made as made_up
 from unit.crane_identification.synthetic import crane_log, crane_model
 
 from crane_identification.diagnosis.decision.decision import decide
 from crane_identification.diagnosis.decision.factors import smallest
 from crane_identification.diagnosis.decision.form import slight
+from crane_identification.diagnosis.decision.judgement import Judged
 from crane_identification.diagnosis.fit.evidence import gather
+from crane_identification.diagnosis.proof.extension import Value
+from crane_identification.diagnosis.proof.trial import differs
 from crane_identification.diagnosis.search.candidates import candidates_of
 from crane_identification.diagnosis.search.race import Race
 from crane_identification.diagnosis.search.search import Search, search
@@ -110,3 +116,12 @@ def test_beside_what_has_no_form_a_further_effect_is_not_slight(
     places = [np.array([0]), np.array([0])]
     assert slight(places, [1000.0, 10.0], THRESHOLDS, formless=formless) is is_slight
     assert slight(places, [10.0, 1000.0], THRESHOLDS, formless=(0,))  # itself it may be
+
+
+@pytest.mark.parametrize(("gain", "is_one"), [(0.0045, False), (-0.0045, False), (0.006, True)])
+def test_the_gain_of_one_transducer_within_its_class_is_no_finding(
+    gain: float, is_one: bool
+) -> None:
+    """Half a percent, however sure it is."""
+    one = cast(Judged, Mock(shaped=made_up.shaped("chamber_gain", made_up.normal(1)[:, None])))
+    assert differs(one, [Value("gain_B", gain, 1e-5, "1")], 2.0) is is_one
