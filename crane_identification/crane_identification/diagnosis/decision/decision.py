@@ -16,6 +16,7 @@ from crane_identification.diagnosis.decision.shape import (
     covered,
     of_better_signature,
 )
+from crane_identification.diagnosis.decision.strange import with_strange
 from crane_identification.diagnosis.search.race import LARGEST_SET, Race
 from crane_identification.diagnosis.search.selection import NOTHING, solve
 from crane_identification.thresholds import Thresholds
@@ -26,13 +27,14 @@ class Decision:
     """The effects that the data ask for, strongest first, and the `threshold` of the first one.
 
     Where there are none, `nearest` is the best of the catalogue, if one has the right sign, and
-    `objection` says which test it does not pass.
+    `objection` says which test it does not pass. `strange` are forces of no effect, in words.
     """
 
     passed: tuple[Judged, ...]
     threshold: float
     nearest: tuple[Judged, ...]
     objection: str
+    strange: tuple[str, ...]
 
 
 def decide(race: Race, thresholds: Thresholds) -> Decision:
@@ -62,8 +64,9 @@ def decide(race: Race, thresholds: Thresholds) -> Decision:
             break
         passed = tuple(found)
     passed = as_drawn(race, passed, thresholds)
+    passed, beyond = with_strange(race.search, passed, first_threshold, thresholds)
     passed = tuple(sorted(passed, key=lambda one: -one.score))
-    return Decision(passed, first_threshold, nearest, objection)
+    return Decision(passed, first_threshold, nearest, objection, beyond)
 
 
 def _together(race: Race, threshold: float, thresholds: Thresholds) -> tuple[Judged, ...]:

@@ -71,8 +71,10 @@ def rival(
     for other in signatures(search, own.candidate.joint):
         if own.candidate.type in (*other.types, *other.term.holds):
             continue
+        if not other.types and other.term.is_of_sensors():
+            continue  # beside any effect: asked for in the end
         reached = explained(search, *rest, other.columns)
-        if reached - known <= max(least, _chance(other.columns, thresholds)) or reached <= most:
+        if reached - known <= max(least, chance_of(other.columns, thresholds)) or reached <= most:
             continue
         gains, _ = held_out_gains(search.evidence, search.whitener, before, other.columns)
         if helps(gains, thresholds):
@@ -146,12 +148,12 @@ def _better(
     search, method = race.search, thresholds.method
     lead = explained(search, *rest, shaped.columns) - explained(search, *rest, law.shaped.columns)
     least = min(method.further_share * law.score, method.kin_lead_share * left)
-    if lead <= max(least, _chance(shaped.columns, thresholds)):
+    if lead <= max(least, chance_of(shaped.columns, thresholds)):
         return law
     before = np.concatenate([search.evidence.free, *rest], axis=2)
     beside_law = np.concatenate([before, law.shaped.columns], axis=2)
     gains, _ = held_out_gains(search.evidence, search.whitener, beside_law, shaped.columns)
-    if np.nansum(gains) <= _chance(shaped.columns, thresholds):
+    if np.nansum(gains) <= chance_of(shaped.columns, thresholds):
         return law
     number = race.add(shaped)
     search = race.search
@@ -197,7 +199,7 @@ def _candidates(search: Search, subset: Subset) -> list[ShapedCandidate]:
     return [search.projection.candidates[number] for number in subset.numbers]
 
 
-def _chance(columns: np.ndarray, thresholds: Thresholds) -> float:
+def chance_of(columns: np.ndarray, thresholds: Thresholds) -> float:
     """What chance gives to so many columns (n, c, k) at most, times what the sensor chain adds."""
     level = 1.0 - thresholds.method.false_alarm_rate / 2.0
     return thresholds.gates.score_factor * float(chi2.ppf(level, columns.shape[2]))

@@ -98,6 +98,15 @@ def strength(search: Search, number: int, score: float) -> float:
     return float(np.max(np.divide(rms, force, out=np.zeros_like(rms), where=force > 0.0)))
 
 
+def strength_on(search: Search, gain: float, j: int) -> float:
+    """Root mean square of what so much `gain` on joint j is, over that of its force."""
+    evidence, noise = search.evidence, search.whitener.noise[j]
+    rows, force = int(evidence.used[:, j :: len(evidence.joints)].sum()), evidence.force_rms[j]
+    if noise is None or not rows or force <= 0.0:
+        return 0.0
+    return float(np.sqrt(max(gain, 0.0) * noise.variance / rows) / force)
+
+
 def detectable(search: Search, threshold: float) -> float:
     """Strength at which nearly all of the testable candidates would reach the threshold.
 

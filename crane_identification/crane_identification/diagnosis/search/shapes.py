@@ -75,9 +75,9 @@ class Shapes:
         if self.evidence is None:
             return ()
         if joint not in self.strange:
+            terms = strangers(self.evidence.model.setting, joint)
             self.strange[joint] = tuple(
-                ForceSignature(term.stranger, (), term, self.evidence.columns(term))
-                for term in strangers(self.evidence.model.setting, joint)
+                one for term in terms if (one := _stranger(self.evidence, term)) is not None
             )
         return self.strange[joint]
 
@@ -86,6 +86,14 @@ def shape_of(candidate: Candidate) -> type[DrawnTerm] | None:
     """The term that draws the law of an effect; None where none does, and of changes."""
     free = candidate.joint is not None and not candidate.changes
     return DRAWING.get(candidate.type) if free else None
+
+
+def _stranger(evidence: Evidence, term: Term) -> ForceSignature | None:
+    """The signature of a term; None where what it follows was not logged."""
+    try:
+        return ForceSignature(term.stranger, (), term, evidence.columns(term))
+    except CraneError:
+        return None
 
 
 def _drawn(evidence: Evidence, candidate: Candidate) -> ShapedCandidate | None:

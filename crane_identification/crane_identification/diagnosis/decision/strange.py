@@ -1,0 +1,90 @@
+"""Forces of no effect of the catalogue, beside the effects that were found or in their place.
+
+What a law leaves because it is not quite the machine's follows no signature well. So a signature
+of no effect is there if it is most of what is left on a joint, and predicts it elsewhere.
+"""
+
+from collections.abc import Sequence
+from typing import NamedTuple
+
+import numpy as np
+
+from crane_identification.diagnosis.decision.cross_validation import held_out_gains, helps
+from crane_identification.diagnosis.decision.judgement import Judged
+from crane_identification.diagnosis.decision.shape import chance_of
+from crane_identification.diagnosis.search.energy import explained, strength_on, unexplained
+from crane_identification.diagnosis.search.search import Search
+from crane_identification.diagnosis.search.selection import NOTHING, solve
+from crane_identification.diagnosis.search.shapes import ForceSignature
+from crane_identification.thresholds import Thresholds
+
+
+class Strange(NamedTuple):
+    """Of effects that were found, those that are `kept` beside what no effect is, `said` in words.
+
+    Nothing is said where there is no such force.
+    """
+
+    kept: tuple[Judged, ...]
+    said: tuple[str, ...]
+
+
+def with_strange(
+    search: Search, found: Sequence[Judged], threshold: float, thresholds: Thresholds
+) -> Strange:
+    """What was found, without effects in whose place a signature of no effect explains more.
+
+    `threshold` is what chance gives to the best effect of the catalogue.
+    """
+    kept, said = list(found), []
+    numbers = tuple(search.number(one.shaped) for one in found)
+    subset = (solve(search.projection, numbers) if numbers else None) or NOTHING
+    joints = search.evidence.joints
+    left = np.maximum(unexplained(search, subset), 0.0).reshape(-1, len(joints)).sum(axis=0)
+    for j, joint in enumerate(joints):
+        least = max(threshold, thresholds.method.simple_share * float(left[j]))
+        other = _most_of(search, found, j, least, thresholds)
+        if other is not None:
+            said.append(f"on {joint} there is {other.said}, as of no effect of the catalogue")
+            kept = [
+                one
+                for one in kept
+                if one.shaped.candidate.joint != joint or not _instead(search, found, one, other)
+            ]
+    return Strange(tuple(kept), tuple(said))
+
+
+def _most_of(
+    search: Search, found: Sequence[Judged], j: int, least: float, thresholds: Thresholds
+) -> ForceSignature | None:
+    """The signature of no effect on joint j that explains most beside what was found, more than
+    the `least`, and more than chance and the errors of the processing do; None if there is none.
+    """
+    rest = _columns(found)
+    known = explained(search, *rest) if rest else 0.0
+    best, most = None, least
+    joint = search.evidence.joints[j]
+    named = any(one.shaped.candidate.joint == joint for one in found)
+    for other in search.shapes.strangers(joint):
+        if other.term.is_of_sensors() and not named:
+            continue  # wrong lengths leave such a force as well
+        lead = explained(search, *rest, other.columns) - known
+        if lead <= max(most, chance_of(other.columns, thresholds)):
+            continue
+        if strength_on(search, lead, j) < thresholds.gates.smallest_strength:
+            continue
+        before = np.concatenate([search.evidence.free, *rest], axis=2)
+        gains, _ = held_out_gains(search.evidence, search.whitener, before, other.columns)
+        if helps(gains, thresholds):
+            best, most = other, lead
+    return best
+
+
+def _instead(search: Search, found: Sequence[Judged], one: Judged, other: ForceSignature) -> bool:
+    """Whether a signature explains more in the place of an effect than that does."""
+    rest = _columns([each for each in found if each is not one])
+    return explained(search, *rest, other.columns) > explained(search, *rest, one.shaped.columns)
+
+
+def _columns(found: Sequence[Judged]) -> list[np.ndarray]:
+    return [one.shaped.columns for one in found]

@@ -1,0 +1,71 @@
+"""Transducers of no catalogue on logs of a crane: bent ones, and one that hears another joint."""
+
+from collections.abc import Callable
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from unit.crane_identification.synthetic import crane_log, crane_model
+
+from crane_identification.diagnosis.decision.decision import Decision, decide
+from crane_identification.diagnosis.fit.evidence import gather
+from crane_identification.diagnosis.search.candidates import candidates_of
+from crane_identification.diagnosis.search.race import Race
+from crane_identification.diagnosis.search.search import search
+from crane_identification.options import Options
+from crane_identification.preparation.prepare import prepare
+from crane_identification.thresholds import load_thresholds
+
+THRESHOLDS = load_thresholds()
+ASKED = ("pressure_offset", "chamber_gain", "linkage_scale", "pressure_gain", "time_skew")
+SEEDS = range(5)  # of recordings
+FACTOR = 20
+INNER, OUTER = range(2)
+
+Shown = Callable[[np.ndarray], np.ndarray]
+
+
+def decided(joint: int, shown: Shown) -> Decision:
+    """What chamber A of a joint shows is that of the pressures (n, 3) of all three."""
+    model = crane_model()
+    recordings = []
+    for seed in SEEDS:
+        log = crane_log(seed, 1)
+        assert log.pressure_a is not None
+        pressure = log.pressure_a.value.copy()
+        pressure[:, joint] = shown(log.pressure_a.value)
+        wrong = replace(log, source=str(seed), pressure_a=replace(log.pressure_a, value=pressure))
+        recordings += prepare(model, wrong, Options(average=False))
+    evidence = gather(model, recordings, FACTOR)
+    asked = [one for one in candidates_of(model, evidence) if one.type in ASKED]
+    return decide(Race(search(evidence, asked)), THRESHOLDS)
+
+
+@pytest.mark.parametrize(("share", "knee"), [(0.02, 5e6), (0.15, 6e6)])
+def test_a_transducer_that_gives_way_is_no_gain(share: float, knee: float) -> None:
+    """Less steep beyond some pressure: no parabola, so that its own law is not what finds it."""
+    found = decided(INNER, lambda p: p[:, INNER] - share * np.maximum(p[:, INNER] - knee, 0.0))
+    (said,) = found.strange
+    assert said.startswith("on inner_boom there is a force that bends with the pressure")
+    assert not found.passed
+
+
+def test_what_a_transducer_hears_of_another_joint_is_no_offset() -> None:
+    found = decided(OUTER, lambda p: p[:, OUTER] + 0.05 * p[:, INNER])
+    assert (
+        "on outer_boom there is a force that follows the pressures of another" in found.strange[0]
+    )
+    assert not found.passed
+
+
+@pytest.mark.parametrize("joint", [INNER, OUTER])
+def test_a_gain_is_not_strange(joint: int) -> None:
+    found = decided(joint, lambda p: 1.03 * p[:, joint])
+    assert not found.strange
+    assert [one.shaped.candidate.joint for one in found.passed] == [crane_model().joints[joint]]
+
+
+def test_nothing_is_strange_where_nothing_is_missing() -> None:
+    found = decided(OUTER, lambda p: p[:, OUTER])
+    assert not found.strange
+    assert not found.passed
