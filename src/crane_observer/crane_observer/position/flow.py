@@ -16,6 +16,7 @@ from crane_model.array import Array
 from crane_model.cylinders import lever_arm
 from crane_model.hydraulics.spool import opening, transition
 from crane_model.hydraulics.stepping import Circuit, chamber_flows
+from crane_model.hydraulics.values import ValveValues
 from crane_model.model_file import Model
 from crane_model.whole_crane import circuit_of, identified
 
@@ -36,6 +37,7 @@ SUMS = 15
 
 SUCKED = 0.5e5  # Pa above that of the tank, below which a chamber may be filled past its valve
 FULL = 0.999  # of the largest pressure that a transducer shows, which may then be any larger one
+AT_ONCE = 1e-4  # s, the lag of a spool that cannot be told from none
 
 
 class Spools(NamedTuple):
@@ -62,7 +64,7 @@ def spools_of(model: Model) -> Spools:
             (
                 np.sign(lever_arm(machine, joint, np.array([middle]))[0]),
                 valve.delay,
-                valve.natural_frequency.value,
+                frequency_of(valve),
                 valve.damping_ratio.value,
                 valve.hysteresis.value,
                 valve.dead_zone_a.value,
@@ -70,6 +72,15 @@ def spools_of(model: Model) -> Spools:
             )
         )
     return Spools(*np.array(rows, dtype=float).T.copy())
+
+
+def frequency_of(valve: ValveValues) -> float:
+    """rad/s, with which the spool lags no longer than the valve: 2 D/w is at most its lag, which
+    slow motion tells far better than w: else it would follow later than was measured, since no
+    spool moves before it is told.
+    """
+    lag = min(2.0 * valve.damping_ratio.value / valve.natural_frequency.value, valve.lag.value)
+    return 2.0 * valve.damping_ratio.value / max(lag, AT_ONCE)
 
 
 class Commands(NamedTuple):
@@ -108,6 +119,12 @@ def _in_force(commands: Commands, j: int, time: float) -> float:
 
 
 @njit(cache=True, error_model="numpy")
+def _beyond(before: float, after: float, tank: float, largest: float) -> bool:
+    """Whether one of two readings [Pa] may not be what is in the chamber, or what fills it."""
+    return min(before, after) < tank + SUCKED or max(before, after) > FULL * largest
+
+
+@njit(cache=True, error_model="numpy")
 def add_interval(
     circuit: Circuit,
     spools: Spools,
@@ -131,6 +148,10 @@ def add_interval(
     """
     step = (end - begin) / PARTS
     for j in range(len(spools.sense)):
+        if _beyond(before[0, j], after[0, j], circuit.tank_pressure, largest):
+            sums[j, LOST_A] += end - begin
+        if _beyond(before[1, j], after[1, j], circuit.tank_pressure, largest):
+            sums[j, LOST_B] += end - begin
         now = transition(spools.frequency[j], spools.damping[j], 0.5 * step)
         half = 0.5 * spools.play[j]
         for part in range(PARTS):
@@ -157,10 +178,6 @@ def add_interval(
             piston = circuit.area_a[j] * p_a - circuit.area_b[j] * p_b  # (19)
             sums[j, FORCE] += step * piston
             sums[j, LATER] += step * piston * (middle - since)
-            if p_a < circuit.tank_pressure + SUCKED or p_a > FULL * largest:
-                sums[j, LOST_A] += step
-            if p_b < circuit.tank_pressure + SUCKED or p_b > FULL * largest:
-                sums[j, LOST_B] += step
             dead = spools.dead_zone_a[j] if z > 0.0 else spools.dead_zone_b[j]
             if math.fabs(math.fabs(z) - dead) < spools.play[j]:  # open or shut is not sure
                 wide = math.copysign(spools.play[j] / (1.0 - dead), z)
