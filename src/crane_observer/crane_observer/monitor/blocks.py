@@ -32,6 +32,8 @@ from crane_observer.position.flow import (
     FLOW_B,
     LOST_A,
     LOST_B,
+    NULL_A,
+    NULL_B,
     SOON_A,
     SOON_B,
     SUMS,
@@ -73,8 +75,10 @@ class FlowBlock(NamedTuple):
     fed: Array  # (j, 2) m/Pa, by how much x_E - x_A, x_E - x_B grow where p_S is 1 Pa too high
     drop: Array  # (j, 2) m/Pa, the same where p_A, p_B are
     softness: Array  # (j, 2) m/Pa, by how much they jump where p_A, p_B do
+    squeezed: Array  # (j, 2) m, by how much they grow where the oil is twice as soft
     leak: Array  # (j, 2) m s-1 Pa m3, by how much for a leak of 1 m3/s/Pa past the piston
     late: Array  # (j, 2) m/s, by how much they grow where the spool moves 1 s later
+    null: Array  # (j, 2) m, by how much they go either way if a valve opens sooner by its stroke
     edge: Array  # (j, 2) m that the piston goes by edges which may be open, or not
     known: Flags  # (j, 2) whether the flow is known
     pressure: Array  # (j, 2) Pa, mean
@@ -215,7 +219,8 @@ class Blocks:
         inner = samples[1:]
         p_a = np.mean([one.chamber_a for one in inner], axis=0)
         p_b = np.mean([one.chamber_b for one in inner], axis=0)
-        flow = volumes / areas * (1.0, -1.0) - softness * (ended - begun)
+        squeezed = softness * (ended - begun)
+        flow = volumes / areas * (1.0, -1.0) - squeezed
         known = sums[:, [LOST_A, LOST_B]] == 0.0
         turned = np.where(known, np.nan_to_num(np.abs(flow / span - self._speed)), 0.0)
         self._speed = np.where(known, flow / span, self._speed)
@@ -231,8 +236,10 @@ class Blocks:
             fed=-drop * (volumes > 0.0),
             drop=drop,
             softness=softness,
+            squeezed=-squeezed,
             leak=-((p_a - p_b) * span)[:, None] / areas,
             late=sums[:, [SOON_A, SOON_B]] / areas * (-1.0, 1.0),
+            null=sums[:, [NULL_A, NULL_B]] / areas * (1.0, -1.0),
             edge=sums[:, [EDGE_A, EDGE_B]] / areas,
             known=known,
             pressure=np.stack([p_a, p_b], axis=1),

@@ -56,12 +56,10 @@ def of_block(block: FlowBlock, trusted: Flags | None = None) -> Added:
     way = np.where(known, np.repeat(moved, 2), 0.0)
     pressed = np.where(known, block.drop.ravel(), 0.0)
     trim = np.zeros((len(known) + 1, TERMS))
-    trim[:-1] = regressors(
-        pressed,
-        *np.where(
-            known, [np.repeat(block.encoder, 2), block.late.ravel(), block.leak.ravel()], 0.0
-        ),
-    )
+    course = np.repeat(block.encoder, 2)
+    of_flow = (block.null, block.squeezed, block.late, block.leak)
+    rest = np.array([course, *(part.ravel() for part in of_flow)])
+    trim[:-1] = regressors(pressed, *np.where(known, rest, 0.0))
     return Added(
         np.append(residual, block.supply if feeding else 0.0),
         np.append(way, block.drawn.sum()),

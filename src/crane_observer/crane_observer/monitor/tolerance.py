@@ -55,12 +55,17 @@ class JointTolerance(Schema):
     off: tuple[float, float] = (0.0, 0.0)  # Pa, always, as gains are:
     up: tuple[float, float] = (0.0, 0.0)  # of the way of a cylinder that extends
     down: tuple[float, float] = (0.0, 0.0)  # and of one that retracts
+    wider_up: tuple[float, float] = (0.0, 0.0)  # of the stroke that a valve opens more, extending
+    wider_down: tuple[float, float] = (0.0, 0.0)  # and retracting
+    softer: tuple[float, float] = (0.0, 0.0)  # of what the oil gives way, that it gives more
     later: tuple[float, float] = (0.0, 0.0)  # s that the valve follows later than the model says
     leak: tuple[float, float] = (0.0, 0.0)  # m3/(s Pa) past the piston, more than the model says
 
 
 NAMES = tuple(JointTolerance.model_fields)[: len(LEAST)]
 """What a tolerance is made of, in the order of LEAST."""
+TRIMMED = tuple(JointTolerance.model_fields)[len(LEAST) :]
+"""What is taken off, in the order of `trim`."""
 
 
 class SupplyTolerance(Schema):
@@ -94,7 +99,7 @@ class Tolerance(Schema):
     def trim(self) -> Array:
         """(c, TERMS) what is always off of the channels of `Sums`; see `trim`."""
         rows = [
-            (joint.off[i], joint.up[i], joint.down[i], joint.later[i], joint.leak[i])
+            tuple(getattr(joint, name)[i] for name in TRIMMED)
             for joint in self.joints.values()
             for i in (0, 1)
         ]
