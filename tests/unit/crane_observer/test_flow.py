@@ -1,0 +1,78 @@
+"""What flows over an interval, where a valve or a transducer comes to its end."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from unit.crane_observer.observed import known
+
+from crane_model.hydraulics.values import Measured
+from crane_model.model_file import Model
+from crane_model.whole_crane import circuit_of
+from crane_observer.position.flow import (
+    LOST_A,
+    LOST_B,
+    SUMS,
+    Commands,
+    add_interval,
+    spools_of,
+)
+
+LAG, PERIOD = 0.012, 0.005  # s
+LARGEST = 25e6  # Pa
+
+
+def lagging(frequency: float) -> Model:
+    """Valves of which slow motion lags by LAG, whatever their frequency [rad/s] was told as."""
+    model = known()
+    assert model.hydraulics is not None
+    told = {
+        "lag": Measured(value=LAG, unit="s"),
+        "natural_frequency": Measured(value=frequency, unit="rad/s"),
+    }
+    joints = {
+        name: one.model_copy(update={"valve": one.valve.model_copy(update=told)})
+        for name, one in model.hydraulics.joints.items()
+    }
+    return replace(model, hydraulics=model.hydraulics.model_copy(update={"joints": joints}))
+
+
+@pytest.mark.parametrize("frequency", [60.0, 108.0, 200.0, 2000.0])
+def test_a_spool_follows_a_ramp_by_the_lag_that_was_measured(frequency: float) -> None:
+    model = lagging(frequency)
+    circuit, spools = circuit_of(model), spools_of(model)
+    commands, spool, sums = Commands.none(3), np.zeros((3, 3)), np.zeros((3, SUMS))
+    p, rate, count = np.full((2, 3), 8e6), 0.5, 200
+    for k in range(count):
+        now = k * PERIOD
+        commands.add(now, np.full(3, rate * now))
+        end = now + PERIOD
+        add_interval(circuit, spools, commands, spool, 0.0, now, end, p, p, 17e6, LARGEST, sums)
+    held = 0.5 * PERIOD  # a command that is held is late by this on the mean
+    wanted = rate * (count * PERIOD - held - LAG)
+    assert np.abs(spool[:, 0]) == pytest.approx(wanted, abs=rate * 0.3 * PERIOD)
+
+
+@pytest.mark.parametrize(
+    ("before", "after", "lost"),
+    [
+        (24.0e6, 24.6e6, False),
+        (24.0e6, LARGEST, True),  # whatever the pressure is by then
+        (LARGEST, 24.0e6, True),
+        (3e6, 2e6, False),
+        (3e6, 1e4, True),  # it may suck oil past its valve
+    ],
+)
+def test_flow_is_not_known_where_either_reading_is_at_an_end(
+    before: float, after: float, lost: bool
+) -> None:
+    model = known()
+    circuit, spools = circuit_of(model), spools_of(model)
+    commands, spool, sums = Commands.none(3), np.zeros((3, 3)), np.zeros((3, SUMS))
+    first, last = np.full((2, 3), 8e6), np.full((2, 3), 8e6)
+    first[1, 1], last[1, 1] = before, after
+    add_interval(
+        circuit, spools, commands, spool, 0.0, 0.0, PERIOD, first, last, 17e6, LARGEST, sums
+    )
+    assert (sums[:, LOST_B] > 0.0).tolist() == [False, lost, False]
+    assert not sums[:, LOST_A].any()
