@@ -20,6 +20,7 @@ BEFORE = 40  # blocks before the earliest onset that say where residuals were
 CORRELATED = 10  # blocks that err alike
 FLOOR_SHARE = 0.25  # of a tolerance is one standard deviation
 ONE_WAY = {Wrong.LEAKING}  # whose size is positive
+HAVE_A_COURSE = {Wrong.SLOW, Wrong.LEAKING}
 RELUCTANCE = {
     Wrong.STUCK: 0.7,
     Wrong.SWAPPED: 0.5,
@@ -35,7 +36,8 @@ QUIET = 1e-5  # m of way in which an encoder that is stuck still flickers
 
 EXPLAINS = 0.1  # misfit of what explains all but noise
 CLEARLY = 3.0  # times the misfit of the first suspect, beyond which another is excluded
-VALVE_RESERVE = 0.5  # square standard deviations: whatever a valve does or not explains any motion
+VALVE_RESERVE = 0.5  # square standard deviations: an open valve explains any steady motion
+COURSE_RESERVE = 0.05  # the same of a lag or a leak, whose course only the valve or piston has
 EXPLAINED_BY_WHOLE = (
     0.6  # of the square residuals, at most left by what has no size to be uncertain
 )
@@ -162,7 +164,9 @@ def _does_anything(suspect: Suspect) -> bool:
 
 def _badness(suspect: Suspect) -> float:
     reserve = VALVE_RESERVE if suspect.part is Part.VALVE else 0.0
-    if _does_anything(suspect):
+    if suspect.kind in HAVE_A_COURSE:
+        reserve = COURSE_RESERVE
+    elif _does_anything(suspect):
         reserve = ANYTHING_RESERVE[suspect.part]
     return (suspect.misfit + reserve) * RELUCTANCE.get(suspect.kind, 1.0)
 
