@@ -56,7 +56,7 @@ def valve_openings(
         stamps + valve.delay,
         sense * commands,
         times,
-        valve.natural_frequency.value,
+        valve.spool_frequency,
         valve.damping_ratio.value,
     )
     edges = trailing(y, valve.hysteresis.value)

@@ -10,6 +10,7 @@ from pydantic import Field, model_validator
 from crane_model.configuration import NonNegative, Schema
 
 GAIN = "m3/(s Pa^0.5)"
+AT_ONCE = 1e-4  # s, the lag of a spool that cannot be told from none
 
 
 class Measured(Schema):
@@ -77,10 +78,22 @@ class ValveValues(_Values):
     b_tank: Measured
 
     @property
+    def spool_lag(self) -> float:
+        """By which the spool follows late what it is told [s]: no longer than the whole valve, since
+        no spool moves before it is told.
+        """
+        slow = 2.0 * self.damping_ratio.value / self.natural_frequency.value
+        return min(slow, max(self.lag.value, AT_ONCE))
+
+    @property
+    def spool_frequency(self) -> float:
+        """The natural frequency [rad/s] that makes the spool lag by `spool_lag`."""
+        return 2.0 * self.damping_ratio.value / self.spool_lag
+
+    @property
     def delay(self) -> float:
         """From the stamp of a command until the spool is told [s]."""
-        spool = 2.0 * self.damping_ratio.value / self.natural_frequency.value
-        return max(0.0, self.lag.value - spool)
+        return max(0.0, self.lag.value - self.spool_lag)
 
 
 class ChamberValues(_Values):

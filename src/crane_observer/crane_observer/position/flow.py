@@ -16,7 +16,6 @@ from crane_model.array import Array
 from crane_model.cylinders import lever_arm
 from crane_model.hydraulics.spool import opening, transition
 from crane_model.hydraulics.stepping import Circuit, chamber_flows
-from crane_model.hydraulics.values import ValveValues
 from crane_model.model_file import Model
 from crane_model.whole_crane import circuit_of, identified
 
@@ -37,7 +36,6 @@ SUMS = 15
 
 SUCKED = 0.5e5  # Pa above that of the tank, below which a chamber may be filled past its valve
 FULL = 0.999  # of the largest pressure that a transducer shows, which may then be any larger one
-AT_ONCE = 1e-4  # s, the lag of a spool that cannot be told from none
 
 
 class Spools(NamedTuple):
@@ -64,7 +62,7 @@ def spools_of(model: Model) -> Spools:
             (
                 np.sign(lever_arm(machine, joint, np.array([middle]))[0]),
                 valve.delay,
-                frequency_of(valve),
+                valve.spool_frequency,
                 valve.damping_ratio.value,
                 valve.hysteresis.value,
                 valve.dead_zone_a.value,
@@ -72,15 +70,6 @@ def spools_of(model: Model) -> Spools:
             )
         )
     return Spools(*np.array(rows, dtype=float).T.copy())
-
-
-def frequency_of(valve: ValveValues) -> float:
-    """rad/s, with which the spool lags no longer than the valve: 2 D/w is at most its lag, which
-    slow motion tells far better than w: else it would follow later than was measured, since no
-    spool moves before it is told.
-    """
-    lag = min(2.0 * valve.damping_ratio.value / valve.natural_frequency.value, valve.lag.value)
-    return 2.0 * valve.damping_ratio.value / max(lag, AT_ONCE)
 
 
 class Commands(NamedTuple):
