@@ -23,9 +23,13 @@ from integration.processes import DRIVER, MACHINE, PATIENCE, RUN, end, environme
 pytestmark = pytest.mark.realtime
 
 PAGE = (ROOT / "docs/how_to/ros.md").read_text("utf-8")
+BEGIN, IN_A_NAMESPACE, LOOK, *_ = re.findall(
+    r"```sh\n(.*?)```", PAGE.partition("## Who may command")[2], re.DOTALL
+)
 RUN_EXCITATION = RUN.format(module="crane_trajectory.run_excitation_node")
 ENCLAVES = {"": "/crane", "/left": "/left"}  # by namespace, as on the page
 TRIES = 5  # a test machine that is too busy makes true faults
+NOT_FOUND = "Node not found|Could not determine the type"  # says ros2
 NO_PLUGINS = "doesn't have the security libraries"  # says rmw_fastrtps
 COMMANDER = """
 import sys, rclpy
@@ -88,7 +92,7 @@ class Process:
 
 
 class Secured:
-    """A crane in a namespace, and whoever comes to it."""
+    """A crane, in a namespace or not, and whoever comes to it."""
 
     def __init__(self, namespace: str, folder: Path, stack: ExitStack):
         self.namespace, self.folder = namespace, folder
@@ -104,6 +108,26 @@ class Secured:
         enclave = ["--enclave", f"{ENCLAVES[self.namespace]}/{name}"]
         spaced = ["-r", f"__ns:={self.namespace}"] if self.namespace else []
         return self._start(program, *own, "--ros-args", *enclave, *spaced, *ros)
+
+    def shell(self, commands: str) -> subprocess.CompletedProcess[str]:
+        """In a shell as the page has it, there for a crane outside of a namespace.
+
+        Again, where ros2 gave up before it had found the driver.
+        """
+        commands = commands.replace("/crane/", f"{ENCLAVES[self.namespace]}/")
+        commands = commands.replace(" /", f" {self.namespace}/")
+        deadline = time.monotonic() + PATIENCE
+        while True:
+            done = subprocess.run(
+                ["bash", "-euc", commands],
+                env=environment() | self._security,
+                capture_output=True,
+                text=True,
+                timeout=PATIENCE,
+            )
+            if not done.returncode or not re.search(NOT_FOUND, done.stdout + done.stderr):
+                return done
+            assert time.monotonic() < deadline, done.stderr
 
     def outside(self, program: str, *arguments: str) -> Process:
         """Of somebody who knows nothing of the keys."""
@@ -121,12 +145,9 @@ class Secured:
 
 def keystore(namespace: str, folder: Path) -> None:
     """By the commands of the page."""
-    begin, *rest = re.findall(
-        r"```sh\n(.*?)```", PAGE.partition("## Who may command")[2], re.DOTALL
-    )
-    first, *others = begin.splitlines()
+    first, *others = BEGIN.splitlines()
     assert first.startswith("policies=")
-    commands = [first, rest[0], "policies=left.xml"] if namespace else [first]
+    commands = [first, IN_A_NAMESPACE, "policies=left.xml"] if namespace else [first]
     commands += [one for one in others if not one.startswith(("export", "ros2 run"))]
     made = subprocess.run(
         ["bash", "-euc", "\n".join(commands)], cwd=folder, capture_output=True, text=True
@@ -201,6 +222,29 @@ def test_who_commands_one_crane_may_not_command_another(crane: Secured) -> None:
     jog = crane.start("jog", COMMANDER, "jog", other)
     assert jog.ends() != os.EX_OK
     assert "may publish" not in jog.said
+
+
+def test_the_ros2_command_looks_by_the_commands_of_the_page(crane: Secured) -> None:
+    looked = crane.shell(LOOK)
+    assert looked.returncode == 0, looked.stderr
+    assert f"node: {crane.namespace}/driver" in looked.stdout
+    assert looked.stdout.endswith("active [3]\n")
+
+
+@pytest.mark.parametrize(
+    "command",
+    [
+        "ros2 param set --no-daemon --spin-time 5 /driver machine laboratory_crane",
+        "ros2 topic pub --once /valve_command crane_interfaces/msg/ValveCommand '{}'",
+        "ros2 lifecycle set --no-daemon --spin-time 5 /driver deactivate",
+        "ros2 service call /driver/enable std_srvs/srv/Trigger",
+    ],
+)
+def test_the_ros2_command_changes_nothing(crane: Secured, command: str) -> None:
+    export, *_ = LOOK.splitlines()
+    changed = crane.shell(f"{export}\n{command}")
+    assert changed.returncode != 0, changed.stdout
+    assert "failed to create" in (changed.stdout + changed.stderr).lower()
 
 
 def test_who_has_no_enclave_does_not_start(crane: Secured) -> None:
