@@ -1,4 +1,4 @@
-"""The spool as the model file tells it: late by the lag that was measured, however it is divided."""
+"""The spool as a model file tells it: late by the lag that was measured, however divided."""
 
 import numpy as np
 import pytest

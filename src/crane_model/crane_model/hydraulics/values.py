@@ -79,8 +79,8 @@ class ValveValues(_Values):
 
     @property
     def spool_lag(self) -> float:
-        """By which the spool follows late what it is told [s]: no longer than the whole valve, since
-        no spool moves before it is told.
+        """By which the spool follows late what it is told [s]: no longer than the whole valve,
+        since no spool moves before it is told.
         """
         slow = 2.0 * self.damping_ratio.value / self.natural_frequency.value
         return min(slow, max(self.lag.value, AT_ONCE))
