@@ -14,7 +14,7 @@ from crane_bags.clocks import NANOSECONDS
 from crane_identification.data.log import Log, Signal
 from crane_identification.options import Options
 from crane_identification.preparation.prepare import prepare
-from crane_identification.recording_check.load_share import load_share
+from crane_identification.recording_check.load_share import Leftover
 from crane_model.errors import ConfigurationError, DataError
 from crane_model.model_file import Model
 from crane_observer.scale.scale import Scale, ScaleCondition, Weighing
@@ -23,6 +23,7 @@ MOVED = 2.0  # s of motion on both sides of a change: less tells a load badly
 LIGHTEST = 5.0  # kg, below which nothing is said
 SURE = 5.0  # standard deviations by which two loads differ
 EXPLAINED = 0.5  # of the energy that a model leaves of a recording, by loads that change in it
+A_LOAD = 1.0 - 1e-9  # likeness to the step of a load; 1 where but one joint moves
 APART = 1.0  # s about a change that belong to neither side
 
 
@@ -50,8 +51,9 @@ def weighed_parts(model: Model, log: Log, options: Options) -> tuple[WeighedPart
     """In their order, each surely another load than the one before; empty where nothing can be
     weighed: the model needs values and the machine in it, the log pressures of all its joints.
 
-    Changes that explain less than `EXPLAINED` of what the model leaves are of a model that errs
-    elsewhere, and no load: one part.
+    Changes at which what the model leaves steps on one joint rather than by one mass on all of them
+    are that joint's, as of friction, and no load; and those that explain less than `EXPLAINED` of
+    it are of a model that errs elsewhere: one part.
     """
     signals = log.pressure_a, log.pressure_b
     if log.uncalibrated or signals[0] is None or signals[1] is None or model.machine is None:
@@ -69,10 +71,39 @@ def weighed_parts(model: Model, log: Log, options: Options) -> tuple[WeighedPart
     for part in filter(None, map(_part, parts)):
         if not found or part.differs(found[-1]):
             found.append(part)
-    changes = [part.begin for part in found[1:]]
-    if changes and load_share(model, log, options, changes) < EXPLAINED:
-        return (min(found, key=lambda part: part.deviation)._replace(begin=-math.inf),)
+    if len(found) < 2:
+        return tuple(found)
+    try:
+        leftover = Leftover.of(model, log, options)
+    except DataError:
+        return (_as_one(found),)
+    found = _of_loads(found, leftover)
+    if leftover.load_share([part.begin for part in found[1:]]) < EXPLAINED:
+        return (_as_one(found),)
     return tuple(found)
+
+
+def _of_loads(parts: Sequence[WeighedPart], leftover: Leftover) -> list[WeighedPart]:
+    """The parts, those made one between which a joint's own force changed rather than a load."""
+    found = list(parts)
+    while len(found) > 1:
+        ends = [*(part.begin for part in found[2:]), math.inf]
+        alike = [
+            leftover.likeness(before.begin, after.begin, end, after.mass - before.mass)
+            if after.differs(before)
+            else -math.inf
+            for (before, after), end in zip(pairwise(found), ends, strict=True)
+        ]
+        if min(alike) >= A_LOAD:
+            break
+        place = alike.index(min(alike))
+        found[place : place + 2] = [_as_one(found[place : place + 2])]
+    return found
+
+
+def _as_one(parts: Sequence[WeighedPart]) -> WeighedPart:
+    """All of the parts, by the best weighing of one."""
+    return min(parts, key=lambda part: part.deviation)._replace(begin=parts[0].begin)
 
 
 def split_by_load(

@@ -42,6 +42,26 @@ class Lifting(Plant):
         super().advance(command, duration)
 
 
+def rubbing(log: Log, joint: int, way: float, pressure: float) -> Log:
+    """A log with friction of a joint in its chamber A [Pa], built up along a way [rad]."""
+    chamber, position = log.pressure_a, log.position
+    assert chamber is not None
+    travel = np.diff(np.interp(chamber.time, position.time, position.value[:, joint]))
+    bristle = [0.0]
+    for step in travel / way:
+        bristle.append(float(np.clip(bristle[-1] + step, -1.0, 1.0)))
+    shown = chamber.value.copy()
+    shown[:, joint] += pressure * np.array(bristle)
+    return replace(log, pressure_a=replace(chamber, value=shown))
+
+
+def by_weighings_alone(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Whatever weighs differently in the two parts is a load from now on."""
+    check = "crane_identification.recording_check.loads"
+    monkeypatch.setattr(f"{check}.EXPLAINED", 0.0)
+    monkeypatch.setattr(f"{check}.A_LOAD", -np.inf)
+
+
 def recorded(folder: Path, comes: float) -> Log:
     machine = stock()
     trajectory = load_trajectory(machine_file("excitation_20s.yaml"))
@@ -117,8 +137,28 @@ def test_an_effect_that_follows_the_position_is_no_load(
     shown[:, 1] += 4e5 * np.sin(3.0 * (elbow - elbow.mean()))
     waves = replace(log, pressure_a=replace(chamber, value=shown))
     assert split_by_load(model, [waves], Options(period=20.0)) == ((waves,), ())
-    monkeypatch.setattr("crane_identification.recording_check.loads.EXPLAINED", 0.0)
-    assert len(weighed_parts(model, waves, Options())) > 1  # by single parts alone
+    by_weighings_alone(monkeypatch)
+    assert len(weighed_parts(model, waves, Options())) > 1
+
+
+@pytest.mark.parametrize(("joint", "way", "pressure"), [(0, 0.1, 1e6), (1, 0.3, 4e5)])
+def test_friction_by_the_way_since_a_reversal_is_no_load(
+    joint: int,
+    way: float,
+    pressure: float,
+    model: Model,
+    logs: dict[str, Log],
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    """It weighs now more, now less; the one load that comes is still found."""
+    rubs = {name: rubbing(log, joint, way, pressure) for name, log in logs.items()}
+    (part,) = weighed_parts(model, rubs["empty"], Options())
+    assert part.begin == -np.inf
+    before, after = weighed_parts(model, rubs["changing"], Options())
+    assert after.begin == pytest.approx(COMES, abs=6.0)
+    assert after.mass - before.mass == pytest.approx(MASS, rel=0.1)
+    by_weighings_alone(monkeypatch)
+    assert len(weighed_parts(model, rubs["changing"], Options())) > 4
 
 
 def test_a_part_without_a_whole_period_is_left_out(model: Model, logs: dict[str, Log]) -> None:
