@@ -1,0 +1,20 @@
+"""Friction before a joint slides, on narrow motions of a machine that carries one load."""
+
+from pathlib import Path
+
+from integration.settled import MODEL, RECORDINGS, HiddenCase, narrowly_recorded
+
+from crane_identification.data.bag_log import read_bag
+from crane_identification.fitting import fit
+from crane_identification.options import Options
+from crane_identification.recording_check.loads import split_by_load
+from crane_model.model_file import load_model
+from crane_model.progress import silent
+
+
+def test_presliding_on_a_narrow_motion_is_no_load_that_changes(tmp_path: Path) -> None:
+    narrowly_recorded(tmp_path, HiddenCase("presliding", "inner_boom", 0.03))
+    model, options = load_model(MODEL), Options()
+    logs = tuple(read_bag(tmp_path / name, model.joints) for name, _ in RECORDINGS)
+    fitted = fit(model, logs, options, silent).model
+    assert split_by_load(fitted, logs, options) == (logs, ())
