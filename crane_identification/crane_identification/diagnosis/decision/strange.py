@@ -19,6 +19,9 @@ from crane_identification.diagnosis.search.shapes import ForceSignature
 from crane_identification.thresholds import Thresholds
 
 
+SENSING = "sensing"  # family of terms
+
+
 class Strange(NamedTuple):
     """Of effects that were found, those that are `kept` beside what no effect is, `said` in words.
 
@@ -64,10 +67,13 @@ def _most_of(
     known = explained(search, *rest) if rest else 0.0
     best, most = None, least
     joint = search.evidence.joints[j]
-    named = any(one.shaped.candidate.joint == joint for one in found)
+    suspected = any(
+        one.shaped.candidate.joint == joint and one.shaped.candidate.term.family == SENSING
+        for one in found
+    )
     for other in search.shapes.strangers(joint):
-        if other.term.is_of_sensors() and not named:
-            continue  # wrong lengths leave such a force as well
+        if other.term.is_of_sensors() and not suspected:
+            continue  # wrong lengths leave such a force as well, and friction along a narrow way
         lead = explained(search, *rest, other.columns) - known
         if lead <= max(most, chance_of(other.columns, thresholds)):
             continue
