@@ -18,7 +18,6 @@ from crane_identification.diagnosis.search.selection import NOTHING, solve
 from crane_identification.diagnosis.search.shapes import ForceSignature
 from crane_identification.thresholds import Thresholds
 
-
 SENSING = "sensing"  # family of terms
 
 

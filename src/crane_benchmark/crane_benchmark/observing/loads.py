@@ -78,7 +78,16 @@ def in_motion(machine: Machine, joints: tuple[str, ...], velocity: Array) -> Fla
     return moving
 
 
-def measure(name: str, seconds: float, seed: int) -> list[MeasuredRow]:
+def measure(name: str, seconds: float, seed: int, machines: int) -> list[MeasuredRow]:
+    """Of machines identified one by one, which err by their own: all lifts together."""
+    each = [lifts(name, seconds, seed + k) for k in range(machines)]
+    rows = []
+    for what, aim in zip(each[0], AIMS[name], strict=True):
+        rows += rows_of(f"{name}: {what}", aim, [one for found in each for one in found[what]])
+    return rows
+
+
+def lifts(name: str, seconds: float, seed: int) -> dict[str, list[WeighedLift]]:
     """Without tare, and with one at the end of the first move, which is empty."""
     make_it, _, _ = MACHINES[name]
     observed = make_it()
@@ -91,11 +100,10 @@ def measure(name: str, seconds: float, seed: int) -> list[MeasuredRow]:
     moving = in_motion(observed.machine, model.joints, made.truth.velocity[:, columns])
     recording, time = heard(made, model, observed), made.time - made.time[0]
     tares = {"without tare": np.nan, "with tare": REST + float(cycles.ends[0])}
-    rows = []
-    for (what, tared), aim in zip(tares.items(), AIMS[name], strict=True):
-        answers = weighed(cycles, time, moving, weigh(Scale(model), recording, tared))
-        rows += rows_of(f"{name}: {what}", aim, answers)
-    return rows
+    return {
+        what: weighed(cycles, time, moving, weigh(Scale(model), recording, tared))
+        for what, tared in tares.items()
+    }
 
 
 def rows_of(what: str, aim: float, answers: Sequence[WeighedLift]) -> list[MeasuredRow]:
@@ -145,17 +153,16 @@ def main(argv: Sequence[str] | None = None) -> int:
     """
     parser = cli.command_line(description=main.__doc__)
     add = parser.add_argument
-    add("--seconds", type=between(60.0, 36000.0), default=3600.0, help="of work (default: 3600)")
-    add("--seed", type=whole(0), default=101, help="of motion, loads and noise (default: 101)")
+    add("--seconds", type=between(60.0, 36000.0), default=600.0, help="of work (default: 600)")
+    add("--machines", type=whole(1), default=6, help="of each kind (default: 6)")
+    add("--seed", type=whole(0), default=101, help="of the first machine (default: 101)")
     add("--out", type=Path, help="file for the figures (JSON)")
     arguments = parser.parse_args(argv)
 
     def body() -> None:
-        rows = [
-            row for name in MACHINES for row in measure(name, arguments.seconds, arguments.seed)
-        ]
-        given = f"--seconds {arguments.seconds:g} --seed {arguments.seed}"
-        command = f"ros2 run crane_benchmark loads {given}"
-        tell(rows, COLUMNS, command, arguments.out, missed(rows))
+        given = arguments.seconds, arguments.seed, arguments.machines
+        rows = [row for name in MACHINES for row in measure(name, *given)]
+        command = "ros2 run crane_benchmark loads --seconds {:g} --seed {} --machines {}"
+        tell(rows, COLUMNS, command.format(*given), arguments.out, missed(rows))
 
     return cli.run(body)
