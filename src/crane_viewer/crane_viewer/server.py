@@ -21,9 +21,8 @@ MEMORY = "1GiB"  # kept for pages that are opened later; beyond it the oldest is
 class Server:
     """The server within a `with` block, by default for this computer alone.
 
-    It runs beside the process that looks, so that what it does for browsers takes no time there,
-    and in the same class of the scheduler. Rerun reports its use to its makers; here that is
-    switched off.
+    It runs beside the process that looks, so that what it does for browsers takes no time there.
+    Rerun reports its use to its makers; here that is switched off.
     """
 
     def __init__(self, listen: str, web_port: int, port: int):
@@ -35,6 +34,11 @@ class Server:
     def data(self) -> str:
         """Where data are sent to, and where Rerun's own window finds them."""
         return f"rerun+http://{self._reached}:{self._port}/proxy"
+
+    @property
+    def process(self) -> int:
+        """Its id, within the block."""
+        return self._process.pid
 
     @property
     def page(self) -> str:

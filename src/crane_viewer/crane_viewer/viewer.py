@@ -1,7 +1,6 @@
 """`ros2 run crane_viewer viewer`: the crane in a browser, live from its topics or from a bag."""
 
 import argparse
-import os
 import signal
 import sys
 from collections.abc import Sequence
@@ -31,8 +30,6 @@ def main(argv: Sequence[str] | None = None) -> int:
 
 
 def _show(options: argparse.Namespace, ros_arguments: list[str]) -> None:
-    if options.bag is None:
-        _give_way()
     from crane_viewer.server import Server
     from crane_viewer.view import View
 
@@ -61,17 +58,9 @@ def _show(options: argparse.Namespace, ros_arguments: list[str]) -> None:
             else:
                 from crane_viewer.viewer_node import show_topics
 
-                show_topics(view, ros_arguments)
+                show_topics(view, ros_arguments, beside=[server.process] if server else [])
         finally:
             view.finish()
-
-
-def _give_way() -> None:
-    """Work only while no one else wants the cores, in all threads and in all that is started from
-    here on: who looks must not hold up the crane.
-    """
-    for thread in Path("/proc/self/task").iterdir():
-        os.sched_setscheduler(int(thread.name), os.SCHED_IDLE, os.sched_param(0))
 
 
 def _check_place(file: Path) -> None:

@@ -1,7 +1,10 @@
 """The topics as a view: a node that subscribes and does nothing else."""
 
+import os
 import time
 from collections.abc import Sequence
+from contextlib import suppress
+from pathlib import Path
 
 import rclpy
 from rclpy.executors import SingleThreadedExecutor
@@ -19,10 +22,12 @@ VISIT_PERIOD_S = 0.1  # between two visits to the queues: rarely, so that lookin
 DEPTH = 200  # messages of a topic that may wait for a visit, at 200 Hz ten times as many as come
 
 
-def show_topics(view: View, arguments: Sequence[str]) -> None:
-    """Until SIGINT, SIGTERM or SIGHUP."""
+def show_topics(view: View, arguments: Sequence[str], beside: Sequence[int]) -> None:
+    """Until SIGINT, SIGTERM or SIGHUP; processes `beside` give way, too."""
     with ros(arguments) as stop:
         viewer = Viewer(view)
+        give_way(os.getpid(), *beside)
+        say_ready(viewer)
         executor = SingleThreadedExecutor()
         executor.add_node(viewer)
         while not stop.requested and rclpy.ok():
@@ -31,6 +36,17 @@ def show_topics(view: View, arguments: Sequence[str]) -> None:
             time.sleep(VISIT_PERIOD_S)
         viewer.visit()  # what came last
         viewer.destroy_node()
+
+
+def give_way(*processes: int) -> None:
+    """Let them work only while no one else wants the cores: who looks must not hold up the crane.
+
+    Threads that theirs start later do so, too. Not before all is there, which may take long then.
+    """
+    for process in processes:
+        for thread in Path(f"/proc/{process}/task").iterdir():
+            with suppress(ProcessLookupError):  # it has ended meanwhile
+                os.sched_setscheduler(int(thread.name), os.SCHED_IDLE, os.sched_param(0))
 
 
 class Viewer(Node):
@@ -53,7 +69,6 @@ class Viewer(Node):
             for topic in SHOWN
         ]
         self._wrong: set[str] = set()
-        say_ready(self)
 
     def visit(self) -> None:
         """Show what has come since the last visit."""
