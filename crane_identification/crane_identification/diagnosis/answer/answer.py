@@ -26,7 +26,8 @@ def answered(
     """What these results come to."""
     least = detectable(search, decision.threshold)
     answer = judge(proof, Reach(testable_share(search), least, fit.undetermined), thresholds)
-    answer = _unknown_beside(answer, decision.strange)
+    if answer.verdict is not Verdict.INSUFFICIENT:  # what is left then is of the model, too
+        answer = _unknown_beside(answer, decision.strange)
     if answer.verdict is Verdict.UNKNOWN:
         answer = answer._replace(
             nearest=_nearest(fit, search, decision, proof, answer), unknown=unknown_force(search)
