@@ -7,10 +7,7 @@ from crane_model.model_file import Model
 from crane_observer.position.state import Trust
 from crane_observer.scale.kinds import CARRIED, DRY, PLACE, SLOW, STICK, VISCOUS, ZERO
 
-SHARPER = 1.5
-"""Power of the position sensor's share: no flow is used here. Calibrated on three machines each of
-the stand-in, stock and hard (`loads`, seeds 31001 to 31003).
-"""
+SHARPER = 4.0 / 3.0  # power of the position sensor's share: no flow is used here
 
 
 class ModelDoubt(NamedTuple):
@@ -27,8 +24,8 @@ class ModelDoubt(NamedTuple):
     creep: float = 1.0  # of it, by which it may be elsewhere in each window
     place_stays: float = 60.0  # s, of errors of an estimated position
     noise: float = 0.2e5  # Pa, of a window, of the piston's force
-    sensors: float = 1e3  # Pa, the same, by noise of the readings
-    inertia: float = 0.05  # of the force that accelerates: encoders tell acceleration badly
+    sensors: float = 2e3  # Pa, the same, by noise of the readings
+    inertia: float = 0.1  # of the force that accelerates: encoders tell acceleration badly
     tool: float = 1.0  # kg, of what the model has at the tip
     drift: float = 0.05  # kg/sqrt(s), of a load that nobody changes
 
