@@ -44,11 +44,11 @@ def test_columns_follow_their_joints(name: str, joints: tuple[str, ...]) -> None
         pytest.skip("the slew loads the other joints, and has parameters of its own")
     record, term, without = random_record(), example(name), setting_of(name)
     setting = Setting({joint: JOINT_UNITS[joint] for joint in joints}, without.machine)
-    columns, names = (
+    moved, names = (
         [parameter.name for parameter in term.parameters(one)] for one in (setting, without)
     )
     got = term.columns(in_order(record, joints), setting)
-    got = got[..., [columns.index(one) for one in names]]  # some have one for each other joint
+    got = got[..., [moved.index(one) for one in names]]  # some have one for each other joint
     expected = term.columns(record, without)[:, _places(joints)]
     expected[:, [joint not in PLANAR_JOINTS for joint in joints]] = 0.0
     np.testing.assert_allclose(got, expected, rtol=1e-12, atol=1e-12)

@@ -49,8 +49,9 @@ _RANGES = {"dead_zone_a": (0.0, 0.9), "dead_zone_b": (0.0, 0.9), "hysteresis": (
 class ValveValues(_Values):
     """Of the valve: see `spool` for what each is.
 
-    `lag` is delay + 2 D/w, by which the spool follows a slow command late: it is known far better
-    than what of it is the `delay`. Gains are those of the metering edges, by what an edge joins.
+    `lag` is `delay` + `spool_lag`, by which the spool follows a slow command late: it is known far
+    better than either. `spool_lag` is 2 D/w, as far as the lag allows. Gains are those of the
+    metering edges, by what an edge joins.
     """
 
     units: ClassVar[dict[str, str]] = {
