@@ -87,7 +87,7 @@ class Stage:
         operator: bool = False,
         plant: Path | None = None,
     ):
-        path = patient_mapping(folder, canopen, machine)
+        path = self.mapping = patient_mapping(folder, canopen, machine)
         port = self.port = free_port()
         self.layout = load_layout(load_machine(machine), path, machine_file("can.dbc", machine))
         self.codec = MachineCodec(self.layout)

@@ -1,20 +1,18 @@
 """A crane that turns, ways to make faults while it does, and what is to be seen then."""
 
+import json
 import os
 import signal
-import threading
-import time
 from collections.abc import Iterator
 from contextlib import contextmanager
 from itertools import pairwise
+from pathlib import Path
 
 from integration.commander import Commander
 from integration.driver_stage import Stage, Valves
+from integration.processes import MACHINE_PRIORITY, end, start
 
-from crane_driver.can.bus import BusSettings
-from crane_driver.can.codec import MachineCodec
 from crane_driver.can.frame import Frame
-from crane_driver.can.link import Link
 
 SMALLEST = 1e-3  # two steps of the spool signal
 
@@ -33,6 +31,42 @@ for name in ("__init__", "recv", "send"):
     setattr(Bus, name, mortal(getattr(Bus, name)))
 from crane_driver.driver_node import main
 sys.exit(main(sys.argv[1:]))
+"""
+
+# A machine whose encoders are frozen. It accepts commands until a line comes to its standard input.
+PLAYED = f"""
+import json, os, sys, threading, time
+from pathlib import Path
+from crane_driver.can.binding import load_layout
+from crane_driver.can.bus import BusSettings
+from crane_driver.can.codec import MachineCodec
+from crane_driver.can.link import Link
+from crane_driver.realtime import prefer
+from crane_model.machine import load_machine
+from crane_model.machine_files import machine_file
+mapping, port, positions = Path(sys.argv[1]), int(sys.argv[2]), json.loads(sys.argv[3])
+layout = load_layout(load_machine(), mapping, machine_file("can.dbc"))
+codec = MachineCodec(layout)
+pressures = dict.fromkeys(layout.pressures, 1e6)
+accepted, well = {{}}, {{"valve_unit": "Enabled"}}
+deaf = threading.Event()
+def listen():
+    sys.stdin.readline()
+    deaf.set()
+threading.Thread(target=listen, daemon=True).start()
+prefer(os.getpid(), {MACHINE_PRIORITY})
+with Link(BusSettings(extra={{"port": port}})) as link:
+    cycle, due = min(codec.cycles.values()), time.monotonic()
+    print("begins", flush=True)
+    while True:
+        time.sleep(max(0.0, due - time.monotonic()))
+        due += cycle  # by an even clock, as devices have
+        for frame in link.take():
+            command = codec.decode(frame)
+            if command and command.counter is not None and not deaf.is_set():
+                accepted[command.message] = command.counter
+        for name in codec.cycles:
+            link.send(codec.reading_frame(name, positions, pressures, well, accepted=accepted))
 """
 
 
@@ -71,40 +105,32 @@ def fault(stage: Stage, name: str) -> str:
     return values[name]
 
 
+class Played:
+    """A machine that stands still, as a process that is never late."""
+
+    def __init__(self, mapping: Path, stage: Stage):
+        state = stage.states[-1]
+        positions = dict(zip(state.name, state.position, strict=True))
+        self.process = start(PLAYED, str(mapping), str(stage.port), json.dumps(positions))
+        assert self.process.stdout
+        assert self.process.stdout.readline()  # it has begun
+
+    def ignore_commands(self) -> None:
+        """Accept no more of them at the valves."""
+        assert self.process.stdin
+        self.process.stdin.write("\n")
+        self.process.stdin.flush()
+
+
 @contextmanager
-def played(stage: Stage) -> Iterator[threading.Event]:
-    """A machine in the place of the simulated one; it accepts commands while the event is set."""
-    hears, done = threading.Event(), threading.Event()
-    hears.set()
-    state = stage.states[-1]
-    positions = dict(zip(state.name, state.position, strict=True))
-    pressures = dict.fromkeys(stage.layout.pressures, 1e6)
-    codec = MachineCodec(stage.layout)
-    accepted: dict[str, int] = {}
-
-    def play() -> None:
-        cycle, due = min(codec.cycles.values()), time.monotonic()
-        with Link(BusSettings(extra={"port": stage.port})) as link:
-            while not done.wait(max(0.0, due - time.monotonic())):
-                due += cycle  # by an even clock, as devices have
-                for frame in link.take():
-                    command = codec.decode(frame)
-                    if command and command.counter is not None and hears.is_set():
-                        accepted[command.message] = command.counter
-                for name in codec.cycles:
-                    well = {"valve_unit": "Enabled"}
-                    link.send(
-                        codec.reading_frame(name, positions, pressures, well, accepted=accepted)
-                    )
-
+def played(stage: Stage) -> Iterator[Played]:
+    """A machine in the place of the simulated one."""
     os.kill(stage.machine.pid, signal.SIGSTOP)
-    thread = threading.Thread(target=play)
-    thread.start()
+    one = Played(stage.mapping, stage)
     try:
-        yield hears
+        yield one
     finally:
-        done.set()
-        thread.join()
+        end(one.process)
         os.kill(stage.machine.pid, signal.SIGCONT)
 
 

@@ -175,10 +175,10 @@ def test_a_bus_that_is_lost_is_reopened_but_never_enabled_again(
 def test_valves_that_do_not_accept_what_they_are_sent_are_a_fault(
     stage: Stage, hand: Commander
 ) -> None:
-    with played(stage) as hears:
+    with played(stage) as machine:
         swing(stage, hand)
         since = len(stage.valves)
-        hears.clear()
+        machine.ignore_commands()
         ramped(stage, since)
         detail = fault(stage, "not accepted ValveStatus")
         assert "ValveCommand has been sent for 1" in detail
