@@ -50,14 +50,16 @@ demo: $(if $(VIEW),view,setup)
 study: setup
 	@$(in_env) ros2 run crane_benchmark study
 
-discrepancy-benchmark: setup
+discrepancy-benchmark:
+	@scripts/setup.sh pictures
 	@$(in_env) ros2 run crane_benchmark discrepancy
 
 test:
 	@scripts/setup.sh test tables pictures view
 	@$(in_env) scripts/test.sh $(TESTS)
 
-observer-benchmark: setup
+observer-benchmark:
+	@scripts/setup.sh pictures
 	@$(in_env) failed=0; \
 	ros2 run crane_benchmark observer --out runs/observer/observer.json || failed=1; \
 	ros2 run crane_benchmark loads --out runs/observer/loads.json || failed=1; \

@@ -47,7 +47,6 @@ setup(
         "rich",
         "ruamel.yaml",
         "scipy",
-        "statsmodels",
     ],
     extras_require={"cluster": ["distributed"]},
     entry_points={"console_scripts": scripts},

@@ -13,6 +13,8 @@ REQUIREMENTS = [
     for part in ("", "-ros", "-dev", "-test", "-docs", "-tables", "-pictures", "-view", "-apt")
 ]  # the last one by itself, the others together
 
+COMMANDS = ("", "-ros", "-tables", "-pictures", "-view")  # what a user's commands may need
+
 
 def pins(path: Path) -> list[str]:
     return [line for line in path.read_text().splitlines() if not line.startswith("#")]
@@ -83,6 +85,20 @@ def test_every_direct_requirement_is_compiled() -> None:
         for line in path.read_text().splitlines():
             if name := re.match(r"\w[\w.-]*", line):
                 assert name[0].lower().replace(".", "-") in compiled, f"{path.name}: {line}"
+
+
+@pytest.mark.parametrize("path", MANIFESTS, ids=lambda p: p.parent.name)
+def test_what_a_package_declares_comes_without_that_of_the_tests(path: Path) -> None:
+    """A command that only tests have run imports what is there by chance."""
+    own = {one.parent.name for one in MANIFESTS}
+    files = (ROOT / f"requirements{part}.txt" for part in COMMANDS)
+    installed = {line.split("==")[0] for file in files for line in pins(file)}
+    setup = path.with_name("setup.py")
+    source = setup.read_text() if setup.exists() else "install_requires=[],"
+    listed = re.search(r"install_requires=\[(.*?)\]", source, re.DOTALL)
+    assert listed
+    names = {one.lower().replace(".", "-") for one in re.findall(r'"([\w.-]+)', listed[1])}
+    assert names - own <= installed
 
 
 def test_continuous_integration_runs_the_command_of_the_readme() -> None:

@@ -3,8 +3,7 @@
 from collections.abc import Sequence
 
 import numpy as np
-from scipy.stats import bootstrap
-from statsmodels.stats.proportion import proportion_confint
+from scipy.stats import binomtest, bootstrap
 
 from crane_model.result_file import Number, ResultPart
 
@@ -43,8 +42,9 @@ def rate(hits: Sequence[bool]) -> Rate:
     count, n = int(np.sum(hits)), len(hits)
     if n == 0:
         return Rate(count=0, of=0, rate=None, interval=None)
-    low, high = proportion_confint(count, n, alpha=0.05, method="wilson")
-    return Rate(count=count, of=n, rate=count / n, interval=(float(low), float(high)))
+    interval = binomtest(count, n).proportion_ci(method="wilson")
+    both = float(interval.low), float(interval.high)
+    return Rate(count=count, of=n, rate=count / n, interval=both)
 
 
 def median(values: Sequence[float]) -> Median:
