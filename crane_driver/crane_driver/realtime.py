@@ -7,12 +7,11 @@ use: they wait for locks that the threads of the middleware hold, and those woul
 import ctypes
 import os
 import resource
-from contextlib import suppress
 from dataclasses import dataclass
-from pathlib import Path
 from typing import Self
 
-TASKS = Path("/proc/self/task")
+from crane_nodes.scheduling import schedule
+
 # MCL_ of sys/mman.h. Not MCL_FUTURE: under a limit, memory could not be had later that is there.
 CURRENT, ON_FAULT = 1, 4
 
@@ -32,14 +31,14 @@ class RealTime:
         self.obtained: list[str] = []
         self.refused: list[str] = []  # with the reason
         self._settings = settings
-        self._before = os.sched_getscheduler(0), os.sched_getparam(0)
+        self._before = os.sched_getscheduler(0), os.sched_getparam(0).sched_priority
 
     def begin(self) -> Self:
         """Ask the system for it; threads that are started later have it too."""
         if self._settings.priority:
             priority = f"priority {self._settings.priority} (SCHED_FIFO)"
             try:
-                _schedule(os.SCHED_FIFO, os.sched_param(self._settings.priority))
+                schedule(os.getpid(), os.SCHED_FIFO, self._settings.priority)
                 self.obtained.append(priority)
             except PermissionError:
                 limit, _ = resource.getrlimit(resource.RLIMIT_RTPRIO)
@@ -57,7 +56,7 @@ class RealTime:
 
     def end(self) -> None:
         """Give back the priority; memory stays locked."""
-        _schedule(*self._before)
+        schedule(os.getpid(), *self._before)
 
 
 def prefer(process: int, priority: int) -> bool:
@@ -70,9 +69,3 @@ def prefer(process: int, priority: int) -> bool:
     except (PermissionError, ProcessLookupError):
         return False
     return True
-
-
-def _schedule(policy: int, parameters: os.sched_param) -> None:
-    for thread in TASKS.iterdir():
-        with suppress(ProcessLookupError):  # it has ended meanwhile
-            os.sched_setscheduler(int(thread.name), policy, parameters)

@@ -3,8 +3,6 @@
 import os
 import time
 from collections.abc import Sequence
-from contextlib import suppress
-from pathlib import Path
 
 import rclpy
 from rclpy.executors import SingleThreadedExecutor
@@ -16,6 +14,7 @@ from crane_nodes.context import ros
 from crane_nodes.polled import Polled
 from crane_nodes.ready import say_ready
 from crane_nodes.recording.definitions import message_class
+from crane_nodes.scheduling import schedule
 from crane_viewer.view import SHOWN, View
 
 VISIT_PERIOD_S = 0.1  # between two visits to the queues: rarely, so that looking costs little
@@ -23,10 +22,15 @@ DEPTH = 200  # messages of a topic that may wait for a visit, at 200 Hz ten time
 
 
 def show_topics(view: View, arguments: Sequence[str], beside: Sequence[int]) -> None:
-    """Until SIGINT, SIGTERM or SIGHUP; processes `beside` give way, too."""
+    """Until SIGINT, SIGTERM or SIGHUP.
+
+    This process and those `beside` it work only while no one else wants the cores: who looks must
+    not hold up the crane. Not before all is there, which may take long then.
+    """
     with ros(arguments) as stop:
         viewer = Viewer(view)
-        give_way(os.getpid(), *beside)
+        for process in (os.getpid(), *beside):
+            schedule(process, os.SCHED_IDLE)
         say_ready(viewer)
         executor = SingleThreadedExecutor()
         executor.add_node(viewer)
@@ -36,17 +40,6 @@ def show_topics(view: View, arguments: Sequence[str], beside: Sequence[int]) -> 
             time.sleep(VISIT_PERIOD_S)
         viewer.visit()  # what came last
         viewer.destroy_node()
-
-
-def give_way(*processes: int) -> None:
-    """Let them work only while no one else wants the cores: who looks must not hold up the crane.
-
-    Threads that theirs start later do so, too. Not before all is there, which may take long then.
-    """
-    for process in processes:
-        for thread in Path(f"/proc/{process}/task").iterdir():
-            with suppress(ProcessLookupError):  # it has ended meanwhile
-                os.sched_setscheduler(int(thread.name), os.SCHED_IDLE, os.sched_param(0))
 
 
 class Viewer(Node):
