@@ -23,6 +23,7 @@ from crane_model.hydraulics.stepping import Circuit, chamber_volumes
 from crane_model.machine import Machine
 from crane_model.model_file import Model
 from crane_model.whole_crane import circuit_of, identified
+from crane_observer.monitor.supply_line import FEEDING, SupplyLine
 from crane_observer.position.flow import (
     DROP_A,
     DROP_B,
@@ -47,7 +48,6 @@ BLOCK = 0.05  # s; of sensors read at 200 Hz ten samples
 LEAST_APART = 5e-3  # s, of samples at the highest rate
 SETTLING = 1.0  # s after the first sample or a gap, until it is known where the spools stand
 LONGEST = 0.1  # s between two samples, beyond which nothing is known of what was between
-FEEDING = 1e4  # Pa that the supply droops
 SHOWN = 2.5e7  # Pa, the largest pressure that is believed
 
 
@@ -85,17 +85,18 @@ class FlowBlock(NamedTuple):
     last: Array  # (j, 2) Pa, of the last sample
     supply: float  # Pa, mean, less what the flow that is drawn leaves of it
     drawn: Array  # (j,) Pa, by how much each joint lets the supply droop
+    surplus: bool  # whether the supply line may hold oil that was pressed back into it
     stroke: Array  # (j,) Pa s/m, by how much it would for 1 m/s
     lever: Array  # (j,) m of the piston for 1 rad or m of the joint
     turned: Array  # (j, 2) m/s by which the speed of flow changed since the last that is known
 
     @property
     def feeding(self) -> bool:
-        """Whether the supply feeds a joint, by all that is known: else a load that drops may have
-        left its line at any pressure, which the pump's check valve keeps there; and a chamber
-        that sucks oil from the tank draws less.
+        """Whether the pump feeds a joint, by all that is known: else its line may stand at any
+        pressure (`SupplyLine`); and a chamber that sucks oil from the tank draws less.
         """
-        return bool(self.known.all()) and float(self.drawn.sum()) > FEEDING
+        fed = float(self.drawn.sum()) > FEEDING
+        return bool(self.known.all()) and fed and not self.surplus
 
 
 @dataclass(frozen=True)
@@ -143,6 +144,7 @@ class Blocks:
         self._sums, self._crossed_sums = np.zeros((2, joints, SUMS))
         self._length: Array | None = None
         self._speed = np.full((joints, 2), np.nan)  # m/s of flow, the last that is known
+        self._line = SupplyLine()
         self._begun: float | None = None
 
     def exchange(self, joint: int) -> None:
@@ -173,6 +175,7 @@ class Blocks:
             gap = sample.time - gathered[-1].time
             self._gathered, self._length, self._begun = [sample], None, sample.time
             self._speed[:] = np.nan
+            self._line = SupplyLine()
             self._shown = shown
             self._sums[:] = self._crossed_sums[:] = 0.0
             raise DataError(f"no sample for {gap:.3f} s before {sample.time:.3f} s")
@@ -226,7 +229,8 @@ class Blocks:
         self._speed = np.where(known, flow / span, self._speed)
         entering = np.maximum(volumes, 0.0)
         drawn = circuit.droop * entering.sum(axis=1) / span
-        supply = float(np.mean([one.supply for one in inner]))
+        droop = float(drawn.sum())
+        above = float(np.mean([one.supply for one in inner])) - circuit.supply_pressure
         return FlowBlock(
             begin=first.time,
             time=last.time,
@@ -244,8 +248,9 @@ class Blocks:
             known=known,
             pressure=np.stack([p_a, p_b], axis=1),
             last=ended,
-            supply=supply - circuit.supply_pressure + float(drawn.sum()),
+            supply=above + droop,
             drawn=drawn,
+            surplus=self._line.add(droop if known.all() else 0.0, above, span),
             stroke=circuit.droop * areas.mean(axis=1),
             lever=self.physics.levers(last.position),
             turned=turned,

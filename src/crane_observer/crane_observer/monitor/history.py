@@ -130,3 +130,11 @@ class History:
     def since(self, row: int) -> Sequence[FlowBlock]:
         """The blocks behind a row."""
         return self._blocks[row + 1 : self.newest + 1]
+
+    def known_since(self, onset: float) -> Flags:
+        """(j, 2) the chambers whose flow was known in every block that began at `onset` [s] or
+        later.
+        """
+        joints = len(self.since_row) // 2
+        known = [block.known for block in self._blocks[: self.newest + 1] if block.begin >= onset]
+        return np.all(np.reshape(known, (-1, joints, 2)), axis=0)

@@ -151,12 +151,15 @@ class SensorComparison:
     def _rival(self, suspects: Sequence[Suspect]) -> RivalEncoder | None:
         """The encoder that may lie instead of what is named and left. One that is compared on, and
         would be off by less than DOUBTED by now, is none: if it lies, it is found as that grows.
+        What a chamber missed of it, because its flow was not known, that comparison does not see.
         """
         encoder = encoder_behind(suspects)
         if encoder is None:
             return None
-        watched = self._watched[self._channels(Part.ENCODER, encoder.joint)].any()
-        if watched and encoder.error < DOUBTED:
+        j = self.physics.joints.index(encoder.joint)
+        known = self._history.known_since(encoder.onset)[j]
+        compared = self._watched[self._channels(Part.ENCODER, encoder.joint)] & known
+        if compared.any() and encoder.error < DOUBTED:
             return None
         return RivalEncoder(encoder.joint, encoder.kind)
 

@@ -5,10 +5,12 @@ from collections.abc import Sequence
 import numpy as np
 
 from crane_model.array import Array, Flags
+from crane_observer.monitor.blocks import SHOWN
 from crane_observer.monitor.finding import SensorFinding
 from crane_observer.monitor.jumps import JumpWatch
 from crane_observer.monitor.readings import LOOKED, ReadingHabits
 from crane_observer.monitor.signatures import COVERED, SUPPLY, Part, Wrong
+from crane_observer.position.flow import FULL
 
 
 class ReadingWatch:
@@ -20,7 +22,10 @@ class ReadingWatch:
         self.sensors = [(part, joint) for part in parts for joint in joints]
         self.sensors.append((Part.SUPPLY, SUPPLY))
         self._units, count = tuple(units), len(joints)
-        self._habits = ReadingHabits(count), ReadingHabits(2 * count), ReadingHabits(1)
+        full = FULL * SHOWN
+        self._habits = (
+            ReadingHabits(count), ReadingHabits(2 * count, full), ReadingHabits(1, full)
+        )  # fmt: skip
         self._jumps = JumpWatch(count)
         self._period, self._last = 0.0, 0.0
 

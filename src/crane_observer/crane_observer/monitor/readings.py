@@ -9,6 +9,7 @@ from numpy.typing import NDArray
 from crane_model.array import Array, Flags
 
 LOOKED = 60  # samples, 0.3 s at 200 Hz
+PINNED = 400  # samples, 2 s: longer than a load that swings keeps a chamber beyond what is shown
 LATELY = 12  # samples
 REPEATS = 0.7  # share of repeated readings, above which a sensor that repeats itself is nothing new
 SLOWLY = 2e-4  # of each sample in what is usual: over 5000 of them
@@ -27,7 +28,9 @@ class ReadingHabits:
     of the converter, and none of its noise.
     """
 
-    def __init__(self, sensors: int):
+    def __init__(self, sensors: int, full: float = np.inf):
+        """From `full` on, a sensor is at the end of what it can show."""
+        self._full = full
         self._last = np.full((len(DIFFERENCE), sensors), np.nan)
         self._rough = np.full((LOOKED, sensors), np.nan)
         self._same = np.zeros(sensors, dtype=np.int64)
@@ -43,9 +46,12 @@ class ReadingHabits:
 
     @property
     def stuck(self) -> Flags:
-        """(s,) whether a sensor that flickers has shown one value for LOOKED samples."""
+        """(s,) whether a sensor that flickers has shown one value for LOOKED samples, or for PINNED
+        at its end, where it shows that value of whatever is beyond.
+        """
         flickers = (self._usual_same < REPEATS) & (self._count > FIRST)
-        return np.asarray(flickers & (self._same >= LOOKED))
+        wanted = np.where(self._last[0] < self._full, LOOKED, PINNED)
+        return np.asarray(flickers & (self._same >= wanted))
 
     @property
     def repeated(self) -> Array:

@@ -4,13 +4,14 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from unit.crane_observer.monitor.at_work import Heard
+from unit.crane_observer.monitor.at_work import ONSET, Heard, changed
 
 from crane_model.model_file import Model
 from crane_observer.monitor.finding import RivalEncoder, SensorFinding
 from crane_observer.monitor.isolation import CLEARLY, DOUBTED, EXPLAINS, Suspect, encoder_behind
 from crane_observer.monitor.monitor import SensorComparison
 from crane_observer.monitor.signatures import SUPPLY, Part, Wrong
+from crane_observer.monitor.tolerance import Tolerance
 from crane_observer.monitor.watching import SensorWatch
 from crane_observer.node.topics import findings_message
 
@@ -88,3 +89,16 @@ def test_an_encoder_that_drifts_is_a_danger_whatever_is_named(
     assert findings[0].dangerous
     message = findings_message(findings[:1], 0)
     assert list(message.joint) == ["inner_boom"]
+
+
+@pytest.mark.parametrize("scale", [0.95, 1.03, 1.06])
+def test_an_encoder_is_a_danger_while_but_one_chamber_is_known(
+    model: Model, healthy: Heard, tolerance: Tolerance, scale: float
+) -> None:
+    """Nothing tells it from the transducer of that chamber then, nor sees how its error grows."""
+    emptied = 2e5 + 1e4 * np.random.default_rng(5).standard_normal(len(healthy.time))
+    blind = changed("p_a", lambda x, t: emptied[: len(x)])(healthy, 0)
+    lying = changed("q", lambda x, t: x[0] + scale * (x - x[0]))(blind, 0)
+    first = lying.to(model, tolerance).monitor.findings[0]
+    assert first.found < ONSET + 1.0
+    assert first.dangerous

@@ -5,7 +5,9 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from crane_observer.monitor.readings import LOOKED, ReadingHabits
+from crane_observer.monitor.reading_watch import ReadingWatch
+from crane_observer.monitor.readings import LOOKED, PINNED, ReadingHabits
+from crane_observer.monitor.signatures import Part, Wrong
 
 STEP = 4.8e-5  # rad
 PERIOD = 0.005  # s
@@ -50,3 +52,25 @@ def test_a_reading_that_is_missing_spoils_nothing() -> None:
     for k, one in enumerate(1e5 + 1e3 * rng.standard_normal(1000)):
         habits.add(np.array([np.nan if k % 100 == 50 else one]))
     assert 0.5e3 < habits.noise[0] < 2e3
+
+
+@pytest.mark.parametrize(
+    ("held", "lasting", "stuck"),
+    [
+        (24e6, LOOKED - 1, False),
+        (24e6, LOOKED + 1, True),
+        (25e6, LOOKED + 1, False),  # a load that swings: the chamber is beyond what it can show
+        (25e6, PINNED + 1, True),
+    ],
+)
+def test_a_transducer_at_its_end_is_stuck_only_if_it_stays(
+    held: float, lasting: int, stuck: bool
+) -> None:
+    watched = ReadingWatch(["boom"], ["rad"])
+    rng = np.random.default_rng(6)
+    shown = 1e7 + 1e4 * rng.standard_normal((1000, 3))
+    shown[-1 - lasting :, 1] = held
+    for k, (a, b, supply) in enumerate(shown):
+        watched.read_pressures(PERIOD * k, np.array([a]), np.array([b]), supply)
+    found = watched.found(PERIOD * len(shown))
+    assert [(one.part, one.kind) for one in found] == [(Part.PRESSURE_B, Wrong.STUCK)] * stuck
