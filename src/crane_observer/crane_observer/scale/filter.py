@@ -22,7 +22,7 @@ from crane_model.array import Array, Flags
 from crane_observer.position.kalman import correct, relax
 from crane_observer.scale.balance import TipBalance
 from crane_observer.scale.doubt import ModelDoubt
-from crane_observer.scale.kinds import CARRIED, DRY, KINDS, PLACE, SLOW, STICK, VISCOUS, ZERO
+from crane_observer.scale.kinds import CARRIED, CRAWL, DRY, KINDS, PLACE, SLOW, STICK, VISCOUS, ZERO
 
 MASS, MOMENT, TARE = range(3)
 HEAVY = 100.0  # kg, standard deviation of a load of which nothing is known
@@ -40,6 +40,7 @@ class Balanced(NamedTuple):
     moving: Flags  # (j,) in one direction throughout
     standing: Flags  # (j,) throughout; a joint that is neither starts, stops or turns
     upwards: Flags  # (j,) the direction in which it moves
+    crawling: Array  # (j,) how far friction is that of a joint about to stop, 0 to 1
     by_place: Array  # (j, j) force for a standard deviation of each position; 0 of measured ones
 
 
@@ -144,6 +145,7 @@ def innovation(x: Array, window: Balanced, doubt: ModelDoubt) -> tuple[Array, Ar
             carried = one.asked[j] - one.viscous[j] - one.inertial[j] + x[MASS] * one.mass[j]
             by_load = np.sign(dry * carried)
             H[j, 3 + DRY * joints + j] = dry
+            H[j, 3 + CRAWL * joints + j] = dry * window.crawling[j]
             H[j, 3 + CARRIED * joints + j] = by_load * carried
         elif standing:
             H[j, 3 + STICK * joints + j] = range_
