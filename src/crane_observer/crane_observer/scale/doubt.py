@@ -20,7 +20,7 @@ class ModelDoubt(NamedTuple):
     viscous: float = 0.07  # of viscous friction
     friction_stays: float = 300.0  # s
     carried: float = 0.03  # of the force that a joint carries, by which friction grows
-    crawl: float = 0.25  # of dry friction, by which it is another where a joint crawls
+    crawl: float = 0.25  # of dry friction, by which breakaway exceeds it: (13) has none
     crawl_stays: float = 8.0  # s
     held: float = 1.0  # of dry friction where a joint stands: anywhere
     creep: float = 1.0  # of it, by which it may be elsewhere in each window
@@ -28,7 +28,7 @@ class ModelDoubt(NamedTuple):
     noise: float = 0.2e5  # Pa, of a window, of the piston's force
     sensors: float = 2e3  # Pa, the same, by noise of the readings
     inertia: float = 0.1  # of the force that accelerates: encoders tell acceleration badly
-    tool: float = 1.0  # kg, of what the model has at the tip
+    tool: float = 0.5  # kg, of what the model has at the tip
     drift: float = 0.05  # kg/sqrt(s), of a load that nobody changes
 
     @classmethod

@@ -1,14 +1,15 @@
 """The load and what the model is wrong about, from one window after another, compiled.
 
-    tau = tau_0 + (m + t) h_m + s h_s + d D + e V + c C + B (z + b) + P p
+    tau = tau_0 + (m + t) h_m + s h_s + (d + g k) D + e V + c C + B (z + b) + P p
 
 with the balance of `crane_observer.scale.balance`; t is what was tared, z and b are errors of the
 pistons' forces that stay and that come and go, as of pressures B in the chambers A; D is dry
-friction in the direction of motion and V viscous friction, d and e how wrong they are; C is what a
-joint carries, the load too, in the direction of motion: by c of it dry friction grows, which (13)
-does not know; p is how wrong positions that are estimated are, in their standard deviations, by
-each of which the balance is wrong by P. A joint that stands has its dry friction anywhere between
-both directions, and elsewhere in each window.
+friction in the direction of motion and V viscous friction, d and e how wrong they are; g, 0 to 1,
+is how near a joint is to stopping, where dry friction is another, as in breakaway, by k of it; C is
+what a joint carries, the load too, in the direction of motion: by c of it dry friction grows, which
+(13) does not know; p is how wrong positions that are estimated are, in their standard deviations,
+by each of which the balance is wrong by P. A joint that stands has its dry friction anywhere
+between both directions, and elsewhere in each window.
 """
 
 import math
@@ -40,7 +41,7 @@ class Balanced(NamedTuple):
     moving: Flags  # (j,) in one direction throughout
     standing: Flags  # (j,) throughout; a joint that is neither starts, stops or turns
     upwards: Flags  # (j,) the direction in which it moves
-    crawling: Array  # (j,) how far friction is that of a joint about to stop, 0 to 1
+    crawling: Array  # (j,) how near to stopping, 0 to 1
     by_place: Array  # (j, j) force for a standard deviation of each position; 0 of measured ones
 
 
