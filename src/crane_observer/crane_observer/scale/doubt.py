@@ -24,6 +24,7 @@ class ModelDoubt(NamedTuple):
     crawl_stays: float = 8.0  # s
     held: float = 1.0  # of dry friction where a joint stands: anywhere
     creep: float = 1.0  # of it, by which it may be elsewhere in each window
+    slip_stays: float = 1.0  # s, of friction where a joint sticks and slips
     place_stays: float = 60.0  # s, of errors of an estimated position
     noise: float = 0.2e5  # Pa, of a window, of the piston's force
     sensors: float = 2e3  # Pa, the same, by noise of the readings

@@ -130,6 +130,19 @@ def test_friction_of_a_joint_that_is_about_to_stop_is_no_other_load(
     assert abs(changes.load.mass - load) < 2.0 * changes.load.deviation < 10.0
 
 
+@pytest.mark.parametrize("held", [-0.9, 0.9])
+def test_a_joint_that_sticks_and_slips_tells_no_more_the_longer_it_does(held: float) -> None:
+    """Its friction is about the same all the while, and not drawn anew in each window."""
+    rng, changes = np.random.default_rng(6), Changes(ModelDoubt(), 3)
+    slips = np.array([True, False, False])
+    for k in range(40):
+        one = window(0.0, 0.0, 0.0, rng)
+        force = DRY * held * slips + rng.normal(0.0, 15.0, 3)
+        balance = one.balance._replace(force=force)
+        changes.add(HOP * k, one._replace(balance=balance, standing=~slips))
+    assert abs(changes.load.mass) < 2.0 * changes.load.deviation
+
+
 def test_what_came_later_than_the_noticed_load_stays_in_question_beside_it() -> None:
     """As far behind as it is, and with nothing of its lead over the load before."""
     chosen = OtherLoad(1.0, LoadFilter(ModelDoubt(), 3), ahead=12.0, leading=2)
