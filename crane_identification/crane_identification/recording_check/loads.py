@@ -8,6 +8,7 @@ import math
 from collections.abc import Sequence
 from dataclasses import fields, replace
 from itertools import pairwise
+from statistics import median
 from typing import Any, NamedTuple
 
 from crane_bags.clocks import NANOSECONDS
@@ -33,6 +34,7 @@ class WeighedPart(NamedTuple):
     begin: float  # s; -inf: from the beginning of the recording
     mass: float  # kg, beside what the model has at the tip
     deviation: float  # kg, standard deviation
+    masses: tuple[float, ...]  # kg, of all weighings of which this is one
 
     def differs(self, other: "WeighedPart") -> bool:
         """Whether it is surely another load."""
@@ -102,8 +104,12 @@ def _of_loads(parts: Sequence[WeighedPart], leftover: Leftover) -> list[WeighedP
 
 
 def _as_one(parts: Sequence[WeighedPart]) -> WeighedPart:
-    """All of the parts, by the best weighing of one."""
-    return min(parts, key=lambda part: part.deviation)._replace(begin=parts[0].begin)
+    """All of the parts, by the median of their weighings: where these differ for want of a model,
+    their deviations do not tell which is right.
+    """
+    masses = tuple(mass for part in parts for mass in part.masses)
+    deviation = min(part.deviation for part in parts)
+    return WeighedPart(parts[0].begin, median(masses), deviation, masses)
 
 
 def split_by_load(
@@ -208,4 +214,5 @@ def _part(weighings: Sequence[Weighing]) -> WeighedPart | None:
     if not told:
         return None
     best = min(told, key=lambda one: one.load.deviation)
-    return WeighedPart(best.since, best.load.mass, best.load.deviation)
+    mass = best.load.mass
+    return WeighedPart(best.since, mass, best.load.deviation, (mass,))

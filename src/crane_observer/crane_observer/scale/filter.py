@@ -1,14 +1,16 @@
 """The load and what the model is wrong about, from one window after another, compiled.
 
-    tau = tau_0 + (m + t) h_m + s h_s + d D + e V + c C + B (z + b) + P p
+    tau = tau_0 + (m + t) h_m + s h_s + (d + g k) D + e V + c C + B (z + b) + P p
 
 with the balance of `crane_observer.scale.balance`; t is what was tared, z and b are errors of the
 pistons' forces that stay and that come and go, as of pressures B in the chambers A; D is dry
-friction in the direction of motion and V viscous friction, d and e how wrong they are; C is what a
-joint carries, the load too, in the direction of motion: by c of it dry friction grows, which (13)
-does not know; p is how wrong positions that are estimated are, in their standard deviations, by
-each of which the balance is wrong by P. A joint that stands has its dry friction anywhere between
-both directions, and elsewhere in each window.
+friction in the direction of motion and V viscous friction, d and e how wrong they are; g, 0 to 1,
+is how near a joint is to stopping, where dry friction is another, as in breakaway, by k of it; C is
+what a joint carries, the load too, in the direction of motion: by c of it dry friction grows, which
+(13) does not know; p is how wrong positions that are estimated are, in their standard deviations,
+by each of which the balance is wrong by P. A joint that does not move steadily has its dry friction
+anywhere between both directions, and elsewhere in each window, but in all that follow about there:
+what it hides does not become known by counting it again.
 """
 
 import math
@@ -22,7 +24,7 @@ from crane_model.array import Array, Flags
 from crane_observer.position.kalman import correct, relax
 from crane_observer.scale.balance import TipBalance
 from crane_observer.scale.doubt import ModelDoubt
-from crane_observer.scale.kinds import CARRIED, DRY, KINDS, PLACE, SLOW, STICK, VISCOUS, ZERO
+from crane_observer.scale.kinds import CARRIED, CRAWL, DRY, KINDS, PLACE, SLOW, STICK, VISCOUS, ZERO
 
 MASS, MOMENT, TARE = range(3)
 HEAVY = 100.0  # kg, standard deviation of a load of which nothing is known
@@ -40,6 +42,7 @@ class Balanced(NamedTuple):
     moving: Flags  # (j,) in one direction throughout
     standing: Flags  # (j,) throughout; a joint that is neither starts, stops or turns
     upwards: Flags  # (j,) the direction in which it moves
+    crawling: Array  # (j,) how near to stopping, 0 to 1
     by_place: Array  # (j, j) force for a standard deviation of each position; 0 of measured ones
 
 
@@ -56,7 +59,7 @@ class LoadFilter:
         self.prior = spread.copy()
         spread[MASS], spread[MOMENT] = HEAVY, HEAVY * FAR
         self.P = np.diag(spread**2)
-        self._stood = np.zeros(joints, dtype=bool)
+        self._held = np.zeros(joints, dtype=bool)
 
     def of(self, kind: int) -> slice:
         """The states of a kind, by joint."""
@@ -65,7 +68,7 @@ class LoadFilter:
     def copy(self) -> Self:
         """As it is now."""
         other = copy(self)
-        other.x, other.P, other._stood = self.x.copy(), self.P.copy(), self._stood.copy()
+        other.x, other.P, other._held = self.x.copy(), self.P.copy(), self._held.copy()
         return other
 
     def another_load(self) -> None:
@@ -92,8 +95,8 @@ class LoadFilter:
         return innovation(self.x, window, self.doubt)
 
     def begin(self, window: Balanced) -> None:
-        """Time goes by, and joints that come to stand hold by friction of their own."""
-        begin(self.x, self.P, self.prior, self._stay, self._stood, window, self.doubt)
+        """Time goes by, and joints that stop are held by friction of their own."""
+        begin(self.x, self.P, self.prior, self._stay, self._held, window, self.doubt)
 
     def take(self, window: Balanced) -> float:
         """All that a window tells; how likely it was (logarithm, but for a constant)."""
@@ -103,18 +106,20 @@ class LoadFilter:
 
 @njit(cache=True, error_model="numpy")
 def begin(
-    x: Array, P: Array, prior: Array, stay: Array, stood: Flags, window: Balanced, doubt: ModelDoubt
+    x: Array, P: Array, prior: Array, stay: Array, held: Flags, window: Balanced, doubt: ModelDoubt
 ) -> None:
-    """In place; `stood` (j,) joints in the last window. See `LoadFilter.begin`."""
-    decay = np.exp(-window.duration / stay)
+    """In place; `held` (j,) joints that did not move steadily before. See `LoadFilter.begin`."""
+    decay, joints = np.exp(-window.duration / stay), len(held)
+    for j in range(joints):
+        if not window.moving[j] and not window.standing[j]:
+            decay[3 + STICK * joints + j] = np.exp(-window.duration / doubt.slip_stays)
     added = (1.0 - decay**2) * prior**2
     added[MASS] += doubt.drift**2 * window.duration
     relax(x, P, decay, added)
-    joints = len(stood)
     for j in range(joints):
-        if window.standing[j] and not stood[j]:
+        if not window.moving[j] and not held[j]:
             _forget(x, P, 3 + STICK * joints + j, doubt.held)
-        stood[j] = window.standing[j]
+        held[j] = not window.moving[j]
 
 
 @njit(cache=True, error_model="numpy")
@@ -126,7 +131,7 @@ def innovation(x: Array, window: Balanced, doubt: ModelDoubt) -> tuple[Array, Ar
     H, innovation = np.zeros((joints, len(x))), np.zeros(joints)
     variance, told = np.zeros(joints), np.zeros(joints, dtype=np.bool_)
     for j in range(joints):
-        moving, standing = window.moving[j], window.standing[j]
+        moving = window.moving[j]
         dry = one.up[j] if window.upwards[j] else one.down[j]
         middle, range_ = 0.5 * (one.up[j] + one.down[j]), 0.5 * abs(one.up[j] - one.down[j])
         H[j, MASS], H[j, MOMENT], H[j, TARE] = one.mass[j], one.moment[j], one.mass[j]
@@ -144,12 +149,11 @@ def innovation(x: Array, window: Balanced, doubt: ModelDoubt) -> tuple[Array, Ar
             carried = one.asked[j] - one.viscous[j] - one.inertial[j] + x[MASS] * one.mass[j]
             by_load = np.sign(dry * carried)
             H[j, 3 + DRY * joints + j] = dry
+            H[j, 3 + CRAWL * joints + j] = dry * window.crawling[j]
             H[j, 3 + CARRIED * joints + j] = by_load * carried
-        elif standing:
+        else:
             H[j, 3 + STICK * joints + j] = range_
             variance[j] += (range_ * doubt.creep) ** 2
-        else:
-            variance[j] += range_**2
         known = one.asked[j] + (dry if moving else middle)
         innovation[j] = one.force[j] - known - H[j] @ x
         H[j, MASS] += x[3 + CARRIED * joints + j] * by_load * one.mass[j]

@@ -22,6 +22,7 @@ HOP = 0.15  # s from one window to the next
 APART = 0.02  # s from the windows of other observers, so that no cycle bears the work of all
 LATEST = 0.1  # s that positions may come after pressures
 STANDING = 0.02  # of the fastest that a joint may move, below which it counts as standing
+CRAWLING = 2.0  # times that: how fast friction becomes what it is in faster motion
 WORST = 20.0  # kg, standard deviation that the best weighing in a pose may have to be one
 
 
@@ -133,6 +134,7 @@ class Scale:
             (slowest > self._standing) | (fastest < -self._standing),
             np.maximum(-slowest, fastest) < self._standing,
             fastest > 0.0,
+            np.exp(-np.abs(motion.velocity) / (CRAWLING * self._standing)),
             by_place,
         )
         changed = self._changes.add(end, window)

@@ -30,7 +30,7 @@ def window(load: float, direction: float, held: float, rng: np.random.Generator)
         force=force, asked=zero, up=DRY, down=-DRY, viscous=zero, inertial=zero,
         mass=BY_MASS, moment=0.1 * BY_MASS, by_pressure=np.diag([1e-3, 1e-3, 5e-3]),
     )  # fmt: skip
-    return Balanced(HOP, balance, ~still, still, directions > 0.0, np.zeros((3, 3)))
+    return Balanced(HOP, balance, ~still, still, directions > 0.0, zero, np.zeros((3, 3)))
 
 
 def work(loads: list[float], held: float, seed: int) -> tuple[Changes, list[float], list[float]]:
@@ -97,6 +97,50 @@ def test_friction_that_grows_with_the_load_is_learnt_and_not_weighed(grows: floa
     assert known == pytest.approx(loads, abs=1.5)
     learnt = changes.filter.x[changes.filter.of(CARRIED)][1]
     assert learnt == pytest.approx(grows, abs=0.02)
+
+
+def crawl_to_a_stop(doubt: ModelDoubt, load: float, rubs: float) -> tuple[Changes, bool]:
+    """A load is weighed; then only the inner boom moves on, slower and slower, in a pose in which
+    the load hardly pulls at it, and rubs by a share of its dry friction more when about to stop.
+    What is known then, and whether another load was noticed.
+    """
+    rng, changes = np.random.default_rng(4), Changes(doubt, 3)
+    for k, direction in enumerate([0.0] * STANDING + [1.0] * MOVING + [-1.0] * MOVING):
+        changes.add(HOP * k, window(load, direction, 0.0, rng))
+    by_mass, inner = np.array([-1.5, -15.0, -8.0]), np.array([True, False, False])
+    noticed = False
+    for k, crawling in enumerate(np.concatenate([np.zeros(10), np.linspace(0.1, 0.7, 8)])):
+        one = window(load, 0.0, 0.0, rng)
+        force = by_mass * load - DRY * inner * (1.0 + rubs * crawling) + rng.normal(0.0, 15.0, 3)
+        one = one._replace(
+            balance=one.balance._replace(force=force, mass=by_mass, moment=0.1 * by_mass),
+            moving=inner, standing=~inner, crawling=crawling * inner,
+        )  # fmt: skip
+        noticed |= changes.add(100.0 + HOP * k, one)
+    return changes, noticed
+
+
+@pytest.mark.parametrize("load", [0.0, 38.0, 120.0])
+@pytest.mark.parametrize("rubs", [-0.15, 0.15, 0.25])
+def test_friction_of_a_joint_that_is_about_to_stop_is_no_other_load(
+    rubs: float, load: float
+) -> None:
+    changes, noticed = crawl_to_a_stop(ModelDoubt(), load, rubs)
+    assert not noticed
+    assert abs(changes.load.mass - load) < 2.0 * changes.load.deviation < 10.0
+
+
+@pytest.mark.parametrize("held", [-0.9, 0.9])
+def test_a_joint_that_sticks_and_slips_tells_no_more_the_longer_it_does(held: float) -> None:
+    """Its friction is about the same all the while, and not drawn anew in each window."""
+    rng, changes = np.random.default_rng(6), Changes(ModelDoubt(), 3)
+    slips = np.array([True, False, False])
+    for k in range(40):
+        one = window(0.0, 0.0, 0.0, rng)
+        force = DRY * held * slips + rng.normal(0.0, 15.0, 3)
+        balance = one.balance._replace(force=force)
+        changes.add(HOP * k, one._replace(balance=balance, standing=~slips))
+    assert abs(changes.load.mass) < 2.0 * changes.load.deviation
 
 
 def test_what_came_later_than_the_noticed_load_stays_in_question_beside_it() -> None:

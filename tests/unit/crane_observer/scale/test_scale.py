@@ -8,14 +8,16 @@ import numpy as np
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
-from unit.crane_observer.observed import at_work, known, recording
+from unit.crane_observer.observed import JOINTS, MACHINE, at_work, known, recording
 
 from crane_model.errors import ConfigurationError
 from crane_model.machine_files import machine_file
 from crane_model.model_file import load_model
 from crane_observer.recording import HeardRecording
 from crane_observer.scale.balance import MeanMotion, TipMechanics
+from crane_observer.scale.changes import Changes
 from crane_observer.scale.doubt import ModelDoubt
+from crane_observer.scale.filter import Balanced
 from crane_observer.scale.lifts import LiftLog, lifts
 from crane_observer.scale.readings import HeldReadings
 from crane_observer.scale.replay import weigh
@@ -209,6 +211,31 @@ def test_a_wrong_estimate_of_a_position_is_no_load(wrong: float) -> None:
     deviations = np.array([one.load.deviation for one in found])
     assert late.sum() > 40
     assert (np.abs(error) < 3.0 * deviations)[late].mean() > 0.95
+
+
+def test_only_a_joint_that_hardly_moves_counts_as_about_to_stop(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    ends, crawling = [], []
+
+    def spy(changes: Changes, end: float, window: Balanced) -> bool:
+        ends.append(end)
+        crawling.append(window.crawling)
+        return False
+
+    monkeypatch.setattr(Changes, "add", spy)
+    weighed()
+    made, _ = at_work()
+    time = made.time - made.time[0]
+    true = made.truth.position[:, [MACHINE.index(one) for one in JOINTS]].T
+    begun, ended = (
+        [np.interp(np.array(ends) - ago, time, one) for one in true] for ago in (0.3, 0)
+    )
+    speed = np.abs(np.subtract(ended, begun)).T / 0.3
+    share, near = speed / [0.16, 0.39, 0.4], np.array(crawling)  # of the fastest that each may move
+    assert near[share < 0.001].min() > 0.8
+    assert near[share > 0.2].max() < 0.02
+    assert (share < 0.001).any(axis=0).all() and (share > 0.2).any(axis=0).all()
 
 
 def test_where_even_the_best_weighing_is_bad_it_says_so() -> None:
