@@ -32,7 +32,7 @@ def write(folder: Path, rows: Sequence[CaseRow]) -> None:
         ("confusion", _confusion(rows)),
     ):
         if figure is not None:
-            figure.savefig(folder / f"{name}.png", dpi=DPI)
+            figure.savefig(folder / f"{name}.png", dpi=DPI, bbox_inches="tight")
 
 
 def write_agreement(folder: Path, agreement: BootstrapAgreement) -> None:

@@ -35,6 +35,7 @@ TARGETS = {
     "false_alarms": TableLine("nothing hidden: false alarms", "≤ 5 %", "≤ 5 %"),
     "false_reassurance": TableLine("all answers: none, though the error is above noise", "0", "0"),
     "right_from_2_percent": TableLine("single, from 2 %, identifiable", "≥ 97 %", "≥ 92 %"),
+    "right_from_2_percent_surveyed": TableLine("the same, lengths as in the file"),
     "right_from_2_percent_off": TableLine("the same, lengths not those of the file"),
     "right_from_2_percent_all": TableLine("single, from 2 %, all"),
     "hedged": TableLine("of the right ones: 'and something more'"),

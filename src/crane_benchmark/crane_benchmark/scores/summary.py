@@ -30,6 +30,8 @@ class MethodRates(ResultPart):
     """Of single effects that can be identified."""
     right_from_2_percent_all: Rate
     """Of all single effects."""
+    right_from_2_percent_surveyed: Rate
+    """Of those that can be identified, on machines that have the lengths in their file."""
     right_from_2_percent_off: Rate
     """Of those that can be identified, on machines with other lengths than their file has."""
     hedged: Rate
@@ -203,6 +205,9 @@ def _of_method(rows: Sequence[CaseRow], method: str) -> MethodRates:
         lengths_recognised=share(of_kind(rows, CaseKind.LENGTHS), method, Judgement.RIGHT),
         right_from_2_percent=share(shown, method, Judgement.RIGHT),
         right_from_2_percent_all=share(strong, method, Judgement.RIGHT),
+        right_from_2_percent_surveyed=share(
+            [row for row in shown if not row.off], method, Judgement.RIGHT
+        ),
         right_from_2_percent_off=share([row for row in shown if row.off], method, Judgement.RIGHT),
         hedged=rate([row.answers[method].verdict == AND_MORE for row in right]),
         right_at_1_percent=share(
