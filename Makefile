@@ -50,16 +50,14 @@ demo: $(if $(VIEW),view,setup)
 study: setup
 	@$(in_env) ros2 run crane_benchmark study
 
-discrepancy-benchmark:
-	@scripts/setup.sh pictures
+discrepancy-benchmark: pictures
 	@$(in_env) ros2 run crane_benchmark discrepancy
 
 test:
 	@scripts/setup.sh test tables pictures view
 	@$(in_env) scripts/test.sh $(TESTS)
 
-observer-benchmark:
-	@scripts/setup.sh pictures
+observer-benchmark: pictures
 	@$(in_env) failed=0; \
 	ros2 run crane_benchmark observer --out runs/observer/observer.json || failed=1; \
 	ros2 run crane_benchmark loads --out runs/observer/loads.json || failed=1; \

@@ -6,7 +6,6 @@ import signal
 from collections.abc import Iterator
 from contextlib import contextmanager
 from itertools import pairwise
-from pathlib import Path
 
 from integration.commander import Commander
 from integration.driver_stage import Stage, Valves
@@ -108,10 +107,10 @@ def fault(stage: Stage, name: str) -> str:
 class Played:
     """A machine that stands still, as a process that is never late."""
 
-    def __init__(self, mapping: Path, stage: Stage):
+    def __init__(self, stage: Stage):
         state = stage.states[-1]
         positions = dict(zip(state.name, state.position, strict=True))
-        self.process = start(PLAYED, str(mapping), str(stage.port), json.dumps(positions))
+        self.process = start(PLAYED, str(stage.mapping), str(stage.port), json.dumps(positions))
         assert self.process.stdout
         assert self.process.stdout.readline()  # it has begun
 
@@ -126,7 +125,7 @@ class Played:
 def played(stage: Stage) -> Iterator[Played]:
     """A machine in the place of the simulated one."""
     os.kill(stage.machine.pid, signal.SIGSTOP)
-    one = Played(stage.mapping, stage)
+    one = Played(stage)
     try:
         yield one
     finally:

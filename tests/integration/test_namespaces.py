@@ -53,9 +53,10 @@ def newest(crane: Stage) -> np.ndarray:
 
 
 def recorded(crane: Stage, bag: Path, topic: str) -> bool:
-    """Whether messages of a topic are in the bag, as its recorder reports."""
-    _, _, values = crane.diagnostics.get(f"left/recorder: {bag.name}", (b"", "", {}))
-    return int(values.get(f"{topic} messages", "0")) > 0
+    """Whether messages of a topic of the crane are in the bag, as its recorder reports."""
+    space = crane.node.get_namespace()
+    _, _, values = crane.diagnostics.get(f"{space[1:]}/recorder: {bag.name}", (b"", "", {}))
+    return int(values.get(f"{space}/{topic} messages", "0")) > 0
 
 
 def activate(node: Node) -> None:
@@ -82,7 +83,7 @@ def test_two_cranes_run_side_by_side(
         stack.callback(end, recorder)
         left.until(lambda: left.node.count_subscribers("joint_states") == 2)
         of_left, of_right = (stack.enter_context(commander(one)) for one in cranes)
-        left.until(lambda: recorded(left, bag, "/left/valve_command"))
+        left.until(lambda: recorded(left, bag, "valve_command"))
         for moved, still, mover, other in (
             (left, right, of_left, of_right),
             (right, left, of_right, of_left),

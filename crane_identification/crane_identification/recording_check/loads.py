@@ -32,9 +32,15 @@ class WeighedPart(NamedTuple):
     """What hung at the tip in a part of a recording, between changes."""
 
     begin: float  # s; -inf: from the beginning of the recording
-    mass: float  # kg, beside what the model has at the tip
     deviation: float  # kg, standard deviation
-    masses: tuple[float, ...]  # kg, of all weighings of which this is one
+    masses: tuple[float, ...]  # kg, beside what the model has at the tip, of all its weighings
+
+    @property
+    def mass(self) -> float:
+        """Of the part [kg]: the median of its weighings. Where these differ for want of a model,
+        their deviations do not tell which is right.
+        """
+        return median(self.masses)
 
     def differs(self, other: "WeighedPart") -> bool:
         """Whether it is surely another load."""
@@ -104,12 +110,10 @@ def _of_loads(parts: Sequence[WeighedPart], leftover: Leftover) -> list[WeighedP
 
 
 def _as_one(parts: Sequence[WeighedPart]) -> WeighedPart:
-    """All of the parts, by the median of their weighings: where these differ for want of a model,
-    their deviations do not tell which is right.
-    """
+    """All of the parts."""
     masses = tuple(mass for part in parts for mass in part.masses)
     deviation = min(part.deviation for part in parts)
-    return WeighedPart(parts[0].begin, median(masses), deviation, masses)
+    return WeighedPart(parts[0].begin, deviation, masses)
 
 
 def split_by_load(
@@ -214,5 +218,4 @@ def _part(weighings: Sequence[Weighing]) -> WeighedPart | None:
     if not told:
         return None
     best = min(told, key=lambda one: one.load.deviation)
-    mass = best.load.mass
-    return WeighedPart(best.since, mass, best.load.deviation, (mass,))
+    return WeighedPart(best.since, best.load.deviation, (best.load.mass,))
