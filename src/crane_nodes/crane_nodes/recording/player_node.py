@@ -16,7 +16,7 @@ from crane_bags.clocks import NANOSECONDS
 from crane_model.errors import DataError
 from crane_nodes.context import Stop
 from crane_nodes.names import full_name
-from crane_nodes.publishers import publishers
+from crane_nodes.publishers import UNNAMED, publishers
 from crane_nodes.ready import say_ready
 from crane_nodes.recording.definitions import message_class
 from crane_nodes.recording.playback import CLOCK, Due, PlaybackPace, PlayedTopic
@@ -24,7 +24,6 @@ from crane_nodes.recording.ros import profile
 
 TICK_PERIOD_NS = 10_000_000  # ns between two messages on /clock
 LOOK_PERIOD_NS = NANOSECONDS  # ns between two looks for other publishers
-UNKNOWN = "_NODE_NAMESPACE_UNKNOWN_/_NODE_NAME_UNKNOWN_"  # until rmw has been told the name
 UNNAMED_LOOKS = 5  # looks, after which a publisher is pointed out without a name
 LAST_MESSAGES_TIMEOUT_S = 10.0  # that subscribers have to acknowledge what was sent last
 HISTORY = 5000  # messages, 25 s at 200 Hz, kept for subscribers that fall behind or are just found
@@ -129,12 +128,13 @@ class Player(Node):
         for publisher in self._publishers_of.values():
             name = publisher.topic_name
             if name not in self._contested and self.count_publishers(name) > 1:
-                nodes = set(publishers(self, name))
-                if UNKNOWN in nodes and self._unnamed[name] < UNNAMED_LOOKS:
+                nodes = publishers(self, name)
+                if UNNAMED in nodes and self._unnamed[name] < UNNAMED_LOOKS:
                     self._unnamed[name] += 1  # its name follows, as a rule
                     continue
                 self._contested.add(name)
+                others = ", ".join(one for one in nodes if one != full_name(self))
                 self.get_logger().warning(
-                    f"{name} is also published by {', '.join(sorted(nodes - {full_name(self)}))}: "
+                    f"{name} is also published by {others}: "
                     "subscribers get both; stop one of them, or leave the topic out by --topics"
                 )

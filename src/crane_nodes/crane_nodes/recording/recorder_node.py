@@ -16,6 +16,7 @@ from crane_bags.types import TOPICS, typestore
 from crane_model.errors import DataError
 from crane_nodes.names import full_name
 from crane_nodes.polled import Polled
+from crane_nodes.publishers import node_names
 from crane_nodes.ready import say_ready
 from crane_nodes.recording.bag import RecordedBag
 from crane_nodes.recording.definitions import installed_definition, message_class
@@ -28,7 +29,6 @@ from crane_nodes.recording.statistics import Arrivals, shown
 VISIT_PERIOD_S = 0.05  # between two visits to the queues of the subscriptions
 FLUSH_PERIOD_S = 0.5  # what is younger is lost when the process is killed
 REPORT_PERIOD_S = 1.0
-NAMELESS = "_NODE_NAME_UNKNOWN_"  # what ROS calls a node of which it has only seen a publisher
 
 
 class Early(NamedTuple):
@@ -153,10 +153,10 @@ class Recorder(Node):
             recorded.arrivals.published_by(len(same))
             recorded.arrivals.measure(time.monotonic())
             heard = [one for one in same if recorded.service.hears(offered(one.qos_profile))]
-            if unheard := {one.node_name for one in publishers if one not in heard}:
+            if unheard := node_names(one for one in publishers if one not in heard):
                 self._problem(
                     name,
-                    f"not recorded from {', '.join(sorted(unheard))}: type or quality of service "
+                    f"not recorded from {', '.join(unheard)}: type or quality of service "
                     "differ from those of its first publisher; start both before the recorder",
                 )
             self._listen(name, recorded, heard)
@@ -170,10 +170,9 @@ class Recorder(Node):
         before = silence.since
         silence.look(len(heard), now)
         if before is None and silence.since is not None:
-            nodes = {one.node_name for one in heard} - {NAMELESS}
             self.get_logger().warning(
                 f"{name}: nothing has come since {_utc(silence.since)}, though it has a publisher "
-                f"({', '.join(sorted(nodes)) or 'its name is not known yet'}); see its log and "
+                f"({', '.join(node_names(heard))}); see its log and "
                 "/diagnostics. If others hear it, start the recorder again"
             )
 
