@@ -10,6 +10,8 @@ from crane_model.hydraulics.values import Measured
 from crane_model.model_file import Model
 from crane_model.whole_crane import circuit_of
 from crane_observer.position.flow import (
+    FAINT_A,
+    FAINT_B,
     LOST_A,
     LOST_B,
     SUMS,
@@ -76,3 +78,29 @@ def test_flow_is_not_known_where_either_reading_is_at_an_end(
     )
     assert (sums[:, LOST_B] > 0.0).tolist() == [False, lost, False]
     assert not sums[:, LOST_A].any()
+
+
+@pytest.mark.parametrize(
+    ("command", "p_a", "p_b", "faint"),
+    [
+        (1.0, 16.94e6, 8e6, (True, False)),  # a load stalls the piston
+        (1.0, 17.06e6, 8e6, (True, False)),  # or presses oil back
+        (-1.0, 8e6, 16.94e6, (False, True)),
+        (-1.0, 0.3e6, 8e6, (True, False)),  # at the tank
+        (1.0, 8e6, 16.94e6, (False, False)),  # B drains with all of it
+        (1.0, 16.0e6, 1.5e6, (False, False)),
+        (0.0, 17.0e6, 0.2e6, (False, False)),  # nothing passes a valve that is shut
+    ],
+)
+def test_an_open_edge_without_a_drop_is_faint(
+    command: float, p_a: float, p_b: float, faint: tuple[bool, bool]
+) -> None:
+    model = known()
+    circuit, spools = circuit_of(model), spools_of(model)
+    commands, spool, sums = Commands.none(3), np.zeros((3, 3)), np.zeros((3, SUMS))
+    spool[:] = np.array([command, 0.0, command])
+    commands.add(-1.0, command * spools.sense)
+    p = np.repeat(np.array([[p_a], [p_b]]), 3, axis=1)
+    add_interval(circuit, spools, commands, spool, 0.0, 0.0, PERIOD, p, p, 17e6, LARGEST, sums)
+    for side, wanted in zip((FAINT_A, FAINT_B), faint, strict=True):
+        assert sums[:, side] == pytest.approx(PERIOD if wanted else 0.0)

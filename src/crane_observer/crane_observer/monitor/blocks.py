@@ -6,6 +6,9 @@ In a block from t0 to t1 the piston of a joint moved, by its encoder and by eith
     x_B = -(int Q_B - V_B/beta [p_B]) / A_B
 
 with Q less leakage, of `crane_observer.position.flow`, and the supply stands at p_0 - droop Q_S.
+Q is not known at the ends of what a chamber or its transducer can show, nor over an open edge that
+has next to no drop: a boom that its load stalls has the supply in one chamber and the tank in the
+other, and noise of the transducers alone would move it by tenths of a millimetre in a block.
 What a sensor does wrong moves some of x_E - x_A, x_E - x_B and p_S - p_0 + droop Q_S, and leaves
 the others: see `signatures`.
 """
@@ -29,6 +32,8 @@ from crane_observer.position.flow import (
     DROP_B,
     EDGE_A,
     EDGE_B,
+    FAINT_A,
+    FAINT_B,
     FLOW_A,
     FLOW_B,
     LOST_A,
@@ -224,7 +229,7 @@ class Blocks:
         p_b = np.mean([one.chamber_b for one in inner], axis=0)
         squeezed = softness * (ended - begun)
         flow = volumes / areas * (1.0, -1.0) - squeezed
-        known = sums[:, [LOST_A, LOST_B]] == 0.0
+        known = sums[:, [LOST_A, LOST_B]] + sums[:, [FAINT_A, FAINT_B]] == 0.0
         turned = np.where(known, np.nan_to_num(np.abs(flow / span - self._speed)), 0.0)
         self._speed = np.where(known, flow / span, self._speed)
         entering = np.maximum(volumes, 0.0)

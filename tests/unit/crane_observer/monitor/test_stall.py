@@ -1,0 +1,56 @@
+"""A boom that its load stalls, with its valve open, is no fault of its sensors."""
+
+import numpy as np
+import pytest
+from unit.crane_observer.monitor.at_work import Heard
+
+from crane_benchmark.observing.cycles import LiftingPlant, WorkCycles
+from crane_benchmark.observing.machines import stock
+from crane_model.model_file import Model
+from crane_observer.monitor.tolerance import NAMES, JointTolerance, Tolerance
+from crane_sim.plant.closed_loop import record
+from crane_sim.plant.sampled import Sensors
+
+OUTER = 1  # of the joints of the model
+STANDS = 0.02  # rad/s, at most
+OPEN = 0.5  # of the stroke, by which a boom that is free goes fast
+STALLED = 10.0  # s, at least
+
+
+def heard(model: Model, noise: int) -> Heard:
+    """A crane is to lift 150 kg, more than its outer boom can out there."""
+    observed = stock()
+    low, high = np.array([0.0, 0.781, -2.166, 0.974]), np.array([0.0, 0.781, -0.551, 1.284])
+    cycles = WorkCycles(
+        np.array([low, low, high, high]), np.array([1.0, 5.0, 20.0]),
+        np.array([3.0, 18.0, 28.0]), np.array([0.0, 150.0, 150.0]), np.zeros(3),
+    )  # fmt: skip
+    machine, stand_in = observed.machine, observed.stand_in
+    plant = LiftingPlant(stand_in, machine, cycles, observed.hidden)
+    made = record(cycles, plant, Sensors(stand_in.sensors, machine, noise), observed.gains)
+    own, shown = [machine.index(joint) for joint in model.joints], made.pressures
+    return Heard(
+        made.time, made.position[:, own], shown.chamber_a, shown.chamber_b, shown.supply,
+        made.command[:, own],
+    )  # fmt: skip
+
+
+@pytest.fixture
+def untrimmed(tolerance: Tolerance) -> Tolerance:
+    """Nothing is taken off: half a minute tells nothing of leaks, and the model is as built."""
+    joints = {
+        joint: JointTolerance(**{name: getattr(one, name) for name in NAMES})
+        for joint, one in tolerance.joints.items()
+    }
+    return tolerance.model_copy(update={"joints": joints})
+
+
+@pytest.mark.parametrize("noise", [8, 9])
+def test_a_boom_that_its_load_stalls_is_no_fault(
+    model: Model, untrimmed: Tolerance, noise: int
+) -> None:
+    work = heard(model, noise)
+    stands = np.abs(np.gradient(work.q[:, OUTER], work.time)) < STANDS
+    stalled = stands & (np.abs(work.command[:, OUTER]) > OPEN)
+    assert np.count_nonzero(stalled) * np.median(np.diff(work.time)) > STALLED
+    assert work.to(model, untrimmed).monitor.findings == []
