@@ -266,6 +266,19 @@ class Stage:
         self.until(tried)  # again after a true fault, as a busy test machine makes them
         return self
 
+    def moved(self, commander: Commander, there: Callable[[], bool], **commands: float) -> Self:
+        """The commands at the valves until the crane is there, however often a true fault stops it,
+        as a busy test machine makes them.
+        """
+
+        def tried() -> bool:
+            self.moving(commander, **commands)
+            self.until(lambda: there() or not self.valves[-1].enabled)
+            return there()
+
+        self.until(tried)
+        return self
+
     def within(self, condition: Callable[[], bool], seconds: float = 5.0) -> bool:
         """Whether a condition comes to hold within a time."""
         deadline = time.monotonic() + seconds

@@ -14,6 +14,7 @@ from lifecycle_msgs.srv import ChangeState
 from rcl_interfaces.msg import Parameter, ParameterType, ParameterValue
 from rcl_interfaces.srv import SetParameters
 from rclpy.action import ActionClient
+from sensor_msgs.msg import JointState
 
 from crane_interfaces.action import RunExcitation
 from crane_interfaces.msg import JointReference, ValveCommand
@@ -36,7 +37,7 @@ TRIES = 6
 NEXT = 0.0075  # s, by which commands of the next cycle follow
 
 
-def made(command: ValveCommand) -> float:
+def made(command: ValveCommand | JointReference | JointState) -> float:
     """When, by its stamp [s]."""
     return float(command.header.stamp.sec + 1e-9 * command.header.stamp.nanosec)
 

@@ -14,6 +14,7 @@ from integration.processes import MACHINE_PRIORITY, end, start
 from crane_driver.can.frame import Frame
 
 SMALLEST = 1e-3  # two steps of the spool signal
+UNHINDERED = 0.2  # opening of the slew's valve, so far that no limit of Table 2 holds it back
 
 # A driver whose bus is gone, as an adapter that is pulled out, while the file GONE exists.
 DRIVER = """
@@ -69,10 +70,10 @@ with Link(BusSettings(extra={{"port": port}})) as link:
 """
 
 
-def swing(stage: Stage, hand: Commander) -> None:
-    """The crane turns, the valve of the slew half open, towards the middle of its range."""
+def swing(stage: Stage, hand: Commander, opening: float = 0.5) -> None:
+    """The crane turns by this opening of the slew's valve towards the middle of its range."""
     side = -1.0 if stage.states[-1].position[0] > 0.0 else 1.0
-    stage.moving(hand, slew=0.5 * side)
+    stage.moving(hand, slew=opening * side)
 
 
 def ramped(stage: Stage, since: int, joint: str = "slew") -> list[Valves]:

@@ -13,22 +13,19 @@ from collections.abc import Iterator
 from contextlib import contextmanager, suppress
 
 from integration.driver_stage import Stage
-from integration.processes import (
-    COMMAND_TIMEOUT,
-    CONTROLLER_PRIORITY,
-    URGENT,
-    end,
-    environment,
-    line,
-)
+from integration.processes import CONTROLLER_PRIORITY, URGENT, end, environment, line
 
 JOG = URGENT.format(module="crane_driver.operator.jog.jog_node", priority=CONTROLLER_PRIORITY)
-SLOW_TO_END = f"""
-import time
+# A jog whose terminal does not end before the file FREE exists.
+SLOW_TO_END = """
+import pathlib, time
 from crane_driver.operator.jog import screen
 end = screen.Screen.__exit__
-screen.Screen.__exit__ = lambda *given: (time.sleep({2 * COMMAND_TIMEOUT}), end(*given))[1]
-{JOG}
+def slowly(*given):
+    while not pathlib.Path({free!r}).exists():
+        time.sleep(0.01)
+    return end(*given)
+screen.Screen.__exit__ = slowly
 """
 REPEAT = 1 / 30  # s, of a key
 CONTROL = re.compile(r"\x1b\[[0-9;?]*[a-zA-Z]")

@@ -101,16 +101,20 @@ class Page:
     def _connected(self) -> ClientConnection:
         port_file = self._profile / "DevToolsActivePort"
         until = time.monotonic() + PATIENCE
-        while not (port_file.exists() and port_file.read_text().count("\n")):
+        while not (port_file.exists() and len(port_file.read_text().split()) > 1):
             if time.monotonic() > until or self._process.poll() is not None:
                 raise TimeoutError(f"{self._program} did not start within {PATIENCE:g} s")
             time.sleep(0.05)
         port, path = port_file.read_text().split()[:2]
         whole = connect(f"ws://127.0.0.1:{port}{path}", max_size=None, proxy=None)
+        page = None
         with whole:
-            whole.send(json.dumps({"id": 0, "method": "Target.getTargets"}))
-            targets = json.loads(whole.recv(PATIENCE))["result"]["targetInfos"]
-        page = next(one["targetId"] for one in targets if one["type"] == "page")
+            while page is None:  # the browser listens before it has opened one
+                assert time.monotonic() < until, "no page is opened"
+                whole.send(json.dumps({"id": 0, "method": "Target.getTargets"}))
+                targets = json.loads(whole.recv(PATIENCE))["result"]["targetInfos"]
+                pages = (one["targetId"] for one in targets if one["type"] == "page")
+                page = next(pages, None)
         # Without a graphics card a page may be too busy for minutes to answer a ping.
         url = f"ws://127.0.0.1:{port}/devtools/page/{page}"
         page_socket = connect(url, max_size=None, proxy=None, ping_interval=None)

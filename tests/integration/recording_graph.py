@@ -24,6 +24,7 @@ from crane_interfaces.msg import CylinderPressures, JointReference, ValveCommand
 
 PATIENCE = 60.0  # s that bound a failing test; a passing one ends with its condition
 LATCHED = QoSProfile(depth=1, durability=DurabilityPolicy.TRANSIENT_LOCAL)
+KEPT = 2000  # messages, to be sent again where the sockets of a busy machine lose some
 
 
 def program(package: str, name: str) -> Path:
@@ -124,7 +125,7 @@ class Source:
             ),
         }
         self.publishers: dict[str, Publisher] = {
-            topic: graph.node.create_publisher(type(message), topic, 10)
+            topic: graph.node.create_publisher(type(message), topic, KEPT)
             for topic, message in self._messages.items()
         }
         self.description = graph.node.create_publisher(String, "/robot_description", LATCHED)
@@ -136,10 +137,11 @@ class Source:
         self._graph.wait(lambda: all(one.get_subscription_count() for one in publishers))
 
     def send(self, count: int) -> None:
-        """Publish `count` messages on each topic in their rhythm."""
-        begin = time.monotonic()
-        for k in range(count):
-            time.sleep(max(0.0, begin + k / self.RATE - time.monotonic()))
+        """Publish `count` messages on each topic in their rhythm, never faster to catch up."""
+        due = time.monotonic()
+        for _ in range(count):
+            time.sleep(max(0.0, due - time.monotonic()))
+            due = max(due, time.monotonic() - 1.0 / self.RATE) + 1.0 / self.RATE
             self.stamps.append(time.time_ns())
             for topic, message in self._messages.items():
                 message.header.stamp.sec, message.header.stamp.nanosec = divmod(

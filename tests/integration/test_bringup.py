@@ -159,9 +159,13 @@ def test_what_is_not_confirmed_moves_nothing(shop: Workshop) -> None:
 
 def test_a_joint_that_moves_against_its_command_is_stopped(shop: Workshop) -> None:
     """Its polarity is asked for before the command has risen to its limit."""
-    before = shop.still("outer_boom")
-    tool = Tool(shop, "dead_band", *QUICK, "--joints", "outer_boom")
-    assert tool.agree() == 1
+    for _ in range(3):
+        before = shop.still("outer_boom")
+        tool = Tool(shop, "dead_band", *QUICK, "--joints", "outer_boom")
+        assert tool.agree() == 1
+        if "moves against" in tool.output:
+            break
+        require_busy(tool)
     assert "outer_boom moves against its command" in tool.output
     assert "bringup valves" in tool.output
     assert shop.still("outer_boom") == pytest.approx(before, abs=0.02)
@@ -254,11 +258,19 @@ def test_a_stall_costs_one_ramp(wired: Workshop) -> None:
     assert found == "inner_boom"
 
 
+def moving(shop: Workshop) -> bool:
+    """Whether the valve of the inner boom is open beyond its dead bands."""
+    return shop.valves[1] and abs(shop.valves[0]["inner_boom"]) > 0.09
+
+
 def test_ctrl_c_while_it_moves_is_neutral_disabled_and_the_end(wired: Workshop) -> None:
-    before = runs(wired, "dead_band")
-    tool = Tool(wired, "dead_band", *FAST)
-    tool.answer("yes")
-    wired.until(lambda: wired.valves[1] and abs(wired.valves[0]["inner_boom"]) > 0.09)
+    for _ in range(3):
+        before = runs(wired, "dead_band")
+        tool = Tool(wired, "dead_band", *FAST)
+        tool.answer("yes")
+        wired.until(lambda: moving(wired) or tool.process.poll() is not None)  # noqa: B023
+        if tool.process.poll() is None:
+            break  # else this test was late, or the machine too busy
     tool.process.send_signal(signal.SIGINT)
     wired.until(lambda: not wired.valves[1] and not any(wired.valves[0].values()))
     assert tool.done() == 130

@@ -8,7 +8,7 @@ from collections.abc import Iterator
 
 import numpy as np
 import pytest
-from integration.driver_stage import Stage
+from integration.driver_stage import Stage, patient_safety
 from integration.processes import DRIVER, PATIENCE, free_port, start
 from laboratory_crane import JOINTS, PLANAR_JOINTS
 from lifecycle_msgs.msg import State, Transition
@@ -25,7 +25,8 @@ LOOPS = 400
 
 @pytest.fixture(scope="module")
 def stage(ros_domain: int, tmp_path_factory: pytest.TempPathFactory) -> Iterator[Stage]:
-    one = Stage(tmp_path_factory.mktemp("driver"), ["telescope=0.7", "slew=-0.25"])
+    folder = tmp_path_factory.mktemp("driver")
+    one = Stage(folder, ["telescope=0.7", "slew=-0.25"], safety=patient_safety(folder))
     yield one
     one.close()
 

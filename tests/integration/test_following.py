@@ -9,17 +9,16 @@ import yaml
 from integration.driver_stage import Stage
 from integration.experiments import PERIOD, SHORT, Experiments, made
 from integration.processes import end
+from integration.shown_pressures import SHOWN, shown_pressures
 from known_crane import write_known_model
 from lifecycle_msgs.msg import Transition
 from rclpy.task import Future
 from std_srvs.srv import Trigger
 
-from crane_interfaces.msg import CylinderPressures
 from crane_model.model_file import load_model
 from crane_trajectory.experiment import Outcome
 from crane_trajectory.motion.probe import Probe
 
-SHOWN = "/shown_pressures"
 FALLEN_BACK = "pressures lost: using the load of the model"
 BEGUN = 6.0  # s of the goal
 CYCLE = 0.005  # s
@@ -30,7 +29,7 @@ pytestmark = pytest.mark.realtime
 
 @pytest.fixture(scope="module")
 def crane(stage: Stage, tmp_path_factory: pytest.TempPathFactory) -> Iterator[Experiments]:
-    """Led by adaptive_flow, and shown pressures that the test passes on, or not."""
+    """Led by adaptive_flow, and shown pressures that are passed on, or not."""
     folder = tmp_path_factory.mktemp("trajectory")
     model = write_known_model(folder / "model.yaml")
     one = Experiments(
@@ -60,16 +59,10 @@ def under_way(crane: Experiments) -> Future:
 
 
 def test_without_pressures_it_goes_on_by_the_simpler_law(crane: Experiments) -> None:
-    stage, lost = crane.stage, [False]
-    shown = stage.node.create_publisher(CylinderPressures, SHOWN, 10)
-    stage.node.create_subscription(
-        CylinderPressures,
-        "/cylinder_pressures",
-        lambda message: None if lost[0] else shown.publish(message),
-        10,
-    )
-    ending = under_way(crane)
-    lost[0] = True
+    stage = crane.stage
+    with shown_pressures() as pressures:
+        ending = under_way(crane)
+        pressures.lose()
     told: list[str] = []
 
     def named() -> bool:
@@ -86,7 +79,6 @@ def test_without_pressures_it_goes_on_by_the_simpler_law(crane: Experiments) -> 
     assert max(errors.values()) < 2e-3, errors
     assert crane.largest_step() < LARGEST_STEP
     crane.holds_still()
-    stage.node.destroy_publisher(shown)
 
 
 def test_what_it_has_learnt_is_told_and_saved(crane: Experiments) -> None:
@@ -132,7 +124,6 @@ def test_computed_force_leads_a_motion_with_a_probe_on_top(crane: Experiments) -
     """The law that the report names, and the pseudo-random command that tells how fast valves are:
     what the node commands follows the probe's steps.
     """
-    stage = crane.stage
     crane.change(Transition.TRANSITION_DEACTIVATE)
     crane.change(Transition.TRANSITION_CLEANUP)
     assert crane.set("law", "computed_force") == (True, "")
@@ -142,9 +133,8 @@ def test_computed_force_leads_a_motion_with_a_probe_on_top(crane: Experiments) -
     probe = Probe(amplitude=0.02)
     file = crane.folder / "probed.yaml"
     file.write_text(yaml.safe_dump({**SHORT, "probe": probe.model_dump()}))
-    shown = stage.node.create_publisher(CylinderPressures, SHOWN, 10)
-    stage.node.create_subscription(CylinderPressures, "/cylinder_pressures", shown.publish, 10)
-    result = crane.ended(Outcome.COMPLETED, file)
+    with shown_pressures():
+        result = crane.ended(Outcome.COMPLETED, file)
     order = list(SHORT["joints"])
     errors = dict(zip(result.name, result.rms_tracking_error, strict=True))
     assert max(errors.values()) < 10e-3, errors

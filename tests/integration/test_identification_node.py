@@ -14,6 +14,7 @@ import rclpy
 import yaml
 from ament_index_python.packages import get_package_prefix
 from diagnostic_msgs.msg import DiagnosticArray, DiagnosticStatus
+from integration.matched import wait_until_heard
 from laboratory_crane import PLANAR_JOINTS
 from rclpy.executors import SingleThreadedExecutor
 from rclpy.node import Node
@@ -96,6 +97,7 @@ class Stage:
                 and self.node.count_publishers("/parameter_estimate")
             )
         )
+        wait_until_heard(self.node, "/identification", self.wait)
 
     def play(self, log: Log) -> None:
         """Publish every reading, never so far ahead of the node that one could be lost."""

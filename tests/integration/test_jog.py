@@ -11,6 +11,7 @@ import subprocess
 import time
 from collections.abc import Iterator
 from itertools import pairwise
+from pathlib import Path
 
 import pytest
 from integration.driver_stage import Stage
@@ -173,13 +174,17 @@ def test_a_signal_ends_it_at_neutral_and_restores_the_terminal(
     assert "command timeout" not in stage.report()[1]
 
 
-def test_a_terminal_that_is_slow_to_end_holds_no_valve_open(stage: Stage) -> None:
-    with jogging(stage, program=SLOW_TO_END) as terminal:
+def test_a_terminal_that_is_slow_to_end_holds_no_valve_open(stage: Stage, tmp_path: Path) -> None:
+    free = tmp_path / "free"
+    slow = SLOW_TO_END.format(free=str(free)) + JOG
+    with jogging(stage, program=slow) as terminal:
         set_in_motion(stage, terminal)
         terminal.process.send_signal(signal.SIGTERM)
         stage.until(lambda: neutral(stage) or not stage.valves[-1].enabled)
         assert stage.report()[0] == "enabled"
         assert terminal.process.poll() is None, "it is at its terminal still"
+        free.touch()
+        stage.until(lambda: terminal.process.poll() is not None)
 
 
 def test_a_joystick_moves_while_its_deadman_button_is_held(stage: Stage) -> None:

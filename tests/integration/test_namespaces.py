@@ -7,7 +7,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 import rclpy
-from integration.driver_stage import Stage, commander
+from integration.driver_stage import Stage, commander, patient_safety
 from integration.processes import RUN, end, start
 from integration.test_manual_nodes import INHERITED, NODES
 from rclpy.lifecycle import LifecycleNode, TransitionCallbackReturn
@@ -77,7 +77,9 @@ def test_two_cranes_run_side_by_side(
         cranes = []
         for name in ("left", "right"):
             (folder := tmp_path / name).mkdir()
-            cranes.append(stack.enter_context(closing(Stage(folder, [], namespace=name))))
+            safety = patient_safety(folder)
+            one = Stage(folder, [], namespace=name, safety=safety)
+            cranes.append(stack.enter_context(closing(one)))
         left, right = cranes
         recorder = start(RECORDER, "--out", str(bag), "--ros-args", *left.remapping)
         stack.callback(end, recorder)
@@ -91,8 +93,11 @@ def test_two_cranes_run_side_by_side(
             other.send(slew=0.0)
             still.enabled()
             begin, before, frames = newest(moved), newest(still), len(still.valves)
-            moved.moving(mover, inner_boom=0.3)
-            moved.until(lambda: moved.states[-1].position[1] - begin[1] >= TRAVEL)  # noqa: B023
+            moved.moved(
+                mover,
+                lambda: moved.states[-1].position[1] - begin[1] >= TRAVEL,  # noqa: B023
+                inner_boom=0.3,
+            )
             mover.send(slew=0.0)
             assert np.abs(newest(still) - before).max() < TRAVEL / 4
             assert not any(any(one.commands.values()) for one in still.valves[frames:])

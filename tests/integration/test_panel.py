@@ -17,8 +17,10 @@ websockets = pytest.importorskip("websockets", reason="websockets is not install
 
 from integration.live_page import Page  # noqa: E402
 from integration.panel_visits import (  # noqa: E402
+    LESS_PATIENT,
     PANEL,
     PATIENCE,
+    PATIENT,
     PHONE,
     SIZES,
     Served,
@@ -43,7 +45,7 @@ GARBAGE = [
 
 @pytest.fixture(scope="module")
 def panel(stage: Stage) -> Iterator[Served]:
-    with served() as one:
+    with served(program=PATIENT) as one:
         yield one
 
 
@@ -118,6 +120,7 @@ def test_stop_acts_when_it_is_pressed_wherever_the_page_is_scrolled_to(
 
 
 def test_a_page_shows_that_its_panel_is_gone(stage: Stage) -> None:
+    stage.disabled()
     process = start(PANEL, "--ros-args", "-p", "port:=0")
     try:
         assert process.stdout
@@ -154,10 +157,10 @@ def test_garbage_ends_the_page_and_not_the_panel(panel: Served, garbage: str | b
 def test_a_wrong_token_arms_nothing_and_holds_no_other_page_up(panel: Served, token: str) -> None:
     with visit(panel) as visitor, visit(panel) as other:
         visitor.send(json.dumps({"token": token}))
+        visitor.send(json.dumps({"token": panel.token}))  # at once: the panel lets wait a second
         refused = heard(visitor, "refusal")
         assert refused["armed"] is False
         assert "not the token" in str(refused["refusal"])
-        visitor.send(json.dumps({"token": panel.token}))
         assert "wait a second" in str(heard(visitor, "refusal")["refusal"])
         other.send(json.dumps({"token": panel.token}))
         assert heard(other, "refusal")["armed"] is True
@@ -165,20 +168,21 @@ def test_a_wrong_token_arms_nothing_and_holds_no_other_page_up(panel: Served, to
         assert "not armed" in str(heard(visitor, "answer")["message"])
 
 
-def test_a_page_that_sleeps_is_lost_and_enables_nothing(stage: Stage, panel: Served) -> None:
+def test_a_page_that_sleeps_is_lost_and_enables_nothing(stage: Stage) -> None:
     stage.disabled()
     since = len(stage.valves)
-    with visit(panel) as sleeper, visit(panel) as other:
-        sleeper.send(json.dumps({"token": panel.token}))
-        assert heard(sleeper, "refusal")["armed"] is True
-
-        until(lambda: "an armed page" in lost_page(other))
+    with served(program=LESS_PATIENT) as panel, visit(panel) as sleeper:
+        with visit(panel) as other:
+            sleeper.send(json.dumps({"token": panel.token}))
+            assert heard(sleeper, "refusal")["armed"] is True
+            until(lambda: "an armed page" in lost_page(other))
         with pytest.raises(websockets.exceptions.ConnectionClosed):
             for _ in range(1000):
                 sleeper.send('{"request": "enable"}')
                 sleeper.recv(PATIENCE)
-        other.send('{"request": "enable"}')
-        assert heard(other, "answer")["success"] is False
+        with visit(panel) as other:
+            other.send('{"request": "enable"}')
+            assert heard(other, "answer")["success"] is False
     stage.report()
     assert not any(one.enabled for one in stage.valves[since:])
 
@@ -208,7 +212,10 @@ def test_a_reason_that_is_no_text_ends_that_page_alone(panel: Served) -> None:
 def test_a_panel_in_a_namespace_shows_and_stops_the_crane_there_alone(
     stage: Stage, tmp_path: Path
 ) -> None:
-    with closing(Stage(tmp_path, [], namespace="left")) as left, served(*left.remapping) as one:
+    with (
+        closing(Stage(tmp_path, [], namespace="left")) as left,
+        served(*left.remapping, program=PATIENT) as one,
+    ):
 
         def shown() -> bool:
             left.enabled()

@@ -9,7 +9,8 @@ import numpy as np
 import pytest
 import rclpy
 from builtin_interfaces.msg import Time
-from integration.driver_stage import Stage, commander
+from integration.driver_stage import Stage, commander, patient_safety
+from integration.matched import wait_until_heard
 from integration.processes import PATIENCE, RUN, end, start
 from rclpy.executors import SingleThreadedExecutor
 from rclpy.node import Node
@@ -50,8 +51,7 @@ def test_a_joint_without_encoder_is_followed(tmp_path: Path, stage: Stage) -> No
         assert not estimates[-1].measured[J]
         begun = shown(stage.states[-1])
         with commander(stage) as moved:
-            stage.moving(moved, outer_boom=-0.25)
-            stage.until(lambda: begun - shown(stage.states[-1]) > MOVED)
+            stage.moved(moved, lambda: begun - shown(stage.states[-1]) > MOVED, outer_boom=-0.25)
             moved.send(outer_boom=0.0)
             count = len(states)
             stage.until(lambda: len(states) > count + 40)
@@ -84,7 +84,7 @@ def test_a_model_that_cannot_tell_two_joints_is_refused(tmp_path: Path) -> None:
 
 @pytest.fixture
 def stage(tmp_path: Path, ros_domain: int) -> Iterator[Stage]:
-    made = Stage(tmp_path, POSE)
+    made = Stage(tmp_path, POSE, safety=patient_safety(tmp_path))
     yield made
     made.close()
 
@@ -127,7 +127,7 @@ def test_the_node_tells_what_the_command_tells(tmp_path: Path, ros_domain: int) 
 
     try:
         until(lambda: all(one.get_subscription_count() for one in publishers))
-        until(lambda: node.count_publishers("position_estimate"))
+        wait_until_heard(node, "/position_sensor", until)
         for k in rows:
             stamp = Time(sec=100, nanosec=0)
             stamp.sec += int(given.pressure_time[k])

@@ -38,12 +38,16 @@ class Bench:
         self.state = ""
 
     def until(self, condition: Callable[[], object], **commands: float) -> None:
-        """Wait for a condition; send commands meanwhile, if there are any."""
+        """Wait for a condition; send commands meanwhile, if there are any.
+
+        Valves that have timed out, as this process was late, are told neutral before they open.
+        """
         deadline = time.monotonic() + PATIENCE
         while not condition():
             assert time.monotonic() < deadline, "waited in vain"
             if commands:
-                for frame in self.codec.command_frames(commands, enabled=True):
+                timed_out = self.state == "CommandTimeout"
+                for frame in self.codec.command_frames(commands, enabled=not timed_out):
                     self.link.send(frame)
             time.sleep(CYCLE)
             for frame in self.link.take():
@@ -77,7 +81,7 @@ def test_it_moves_on_command_and_stops_when_commands_do(bench: Bench) -> None:
     bench.until(lambda: bench.state == "Neutral")
     before = bench.position("telescope")
     bench.until(lambda: bench.position("telescope") > before + 0.02, telescope=0.5)
-    assert bench.state == "Enabled"
+    bench.until(lambda: bench.state == "Enabled", telescope=0.5)
     bench.until(lambda: bench.state == "CommandTimeout")
     stopped = len(bench.readings)
     bench.until(lambda: len(bench.readings) > stopped + 1000)

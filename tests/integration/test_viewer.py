@@ -4,8 +4,10 @@ import io
 import os
 import signal
 import socket
+import time
 from collections import defaultdict
 from collections.abc import Iterator
+from contextlib import suppress
 from pathlib import Path
 
 import numpy as np
@@ -16,6 +18,7 @@ from integration.recording_graph import LATCHED, PATIENCE, Graph, Process, graph
 from laboratory_crane import JOINTS, PLANAR_JOINTS
 from PIL import Image
 from rclpy.duration import Duration
+from rclpy.node import Node
 from sensor_msgs.msg import JointState
 
 from crane_bags.types import CYLINDER_PRESSURES, DRIVER_STATE, JOINT_STATES, VALVE_COMMAND
@@ -149,6 +152,12 @@ def ros(ros_domain: int, tmp_path: Path) -> Iterator[Graph]:
         yield made
 
 
+def published(node: Node) -> set[str]:
+    """What the viewer publishes on, as far as ROS has told yet."""
+    found = node.get_publisher_names_and_types_by_node("viewer", "/")
+    return {topic for topic, _ in found}
+
+
 def test_topics_arrive_and_nothing_is_published(ros: Graph, tmp_path: Path) -> None:
     file = tmp_path / "live.rrd"
     node = ros.node
@@ -162,9 +171,9 @@ def test_topics_arrive_and_nothing_is_published(ros: Graph, tmp_path: Path) -> N
     viewer = Process(tmp_path, "crane_viewer", "viewer", "--no-page", "--save", file)
     try:
         ros.wait(lambda: all(one.get_subscription_count() for one in publishers.values()))
-        ros.wait(lambda: "viewer" in node.get_node_names())
-        published = node.get_publisher_names_and_types_by_node("viewer", "/")
-        assert {topic for topic, _ in published} == {"/rosout", "/parameter_events"}
+        own = {"/rosout", "/parameter_events"}
+        ros.wait(lambda: "viewer" in node.get_node_names() and published(node) >= own)
+        assert published(node) == own
         assert not node.get_client_names_and_types_by_node("viewer", "/")
         broken = DiagnosticStatus(level=b"\x02", name="driver: bus", message="bus-off")
         told = [
@@ -210,7 +219,8 @@ def test_who_looks_gives_way(ros: Graph, tmp_path: Path) -> None:
         for one in processes:
             assert os.getsid(one.pid) == os.getsid(0)
             for thread in one.threads():
-                assert os.sched_getscheduler(thread.id) == os.SCHED_IDLE
+                with suppress(ProcessLookupError):  # one of a pool that has ended meanwhile
+                    assert os.sched_getscheduler(thread.id) == os.SCHED_IDLE
     finally:
         assert viewer.end(signal.SIGINT) == 0, viewer.output
 
@@ -224,6 +234,7 @@ def test_a_real_browser_draws_the_crane_on_loopback_alone(bag: Path, tmp_path: P
     try:
         while "shown: " not in viewer.output:
             assert viewer.running, viewer.output
+            time.sleep(0.05)
         url = viewer.output.splitlines()[0].removeprefix("open in a browser: ")
         listening = ports_of_children(viewer.process.pid)
         assert {address for address, _ in listening} == {"127.0.0.1"}

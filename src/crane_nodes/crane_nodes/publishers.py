@@ -1,12 +1,28 @@
 """Who publishes on a topic, for messages to people."""
 
-from collections.abc import Iterable
+from collections import Counter
+from collections.abc import Collection, Iterable
 
 from rclpy.node import Node
 from rclpy.topic_endpoint_info import TopicEndpointInfo
 
 NAME_UNKNOWN = "_NODE_NAME_UNKNOWN_"  # ROS may find a publisher before the name of its node
 UNNAMED = "a node not known by name yet"
+LOOKS = 5  # after which a publisher is pointed out without a name
+
+
+class NameLooks:
+    """Looks at publishers that are pointed out once: their names follow, as a rule."""
+
+    def __init__(self) -> None:
+        self._unnamed: Counter[str] = Counter()  # looks, by topic
+
+    def suffice(self, topic: str, names: Collection[str]) -> bool:
+        """Whether to point out `names` on `topic` at this look: they are known, or for long not."""
+        if UNNAMED not in names or self._unnamed[topic] >= LOOKS:
+            return True
+        self._unnamed[topic] += 1
+        return False
 
 
 def publishers(node: Node, topic: str) -> list[str]:

@@ -2,7 +2,7 @@
 
 from rclpy.topic_endpoint_info import TopicEndpointInfo
 
-from crane_nodes.publishers import NAME_UNKNOWN, UNNAMED, node_names
+from crane_nodes.publishers import LOOKS, NAME_UNKNOWN, UNNAMED, NameLooks, node_names
 
 
 def endpoint(namespace: str, name: str) -> TopicEndpointInfo:
@@ -17,3 +17,11 @@ def test_nodes_are_named_in_full_once_and_in_order() -> None:
 def test_a_node_that_is_not_known_yet_comes_last_in_words() -> None:
     found = [endpoint("_NODE_NAMESPACE_UNKNOWN_", NAME_UNKNOWN), endpoint("/", "watcher")]
     assert node_names(found) == ["watcher", UNNAMED]
+
+
+def test_a_name_is_waited_for_but_not_for_long() -> None:
+    looks = NameLooks()
+    assert looks.suffice("/mixed", ["watcher"])
+    assert [looks.suffice("/mixed", ["watcher", UNNAMED]) for _ in range(LOOKS)] == [False] * LOOKS
+    assert looks.suffice("/mixed", ["watcher", UNNAMED])
+    assert not looks.suffice("/other", [UNNAMED]), "each topic for itself"

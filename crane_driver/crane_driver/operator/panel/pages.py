@@ -4,6 +4,7 @@ from dataclasses import dataclass
 from typing import NamedTuple
 
 PAGE_SILENCE_S = 1.5  # a page tells of every picture that it has shown; ten of them come a second
+LOOK_PAUSE_S = 0.5  # between two looks, beyond which the panel itself was held up; ten a second
 MOST_PAGES = 16  # open at once: each costs a picture ten times a second
 LONGEST_REASON = 150  # characters
 
@@ -13,7 +14,7 @@ class Page:
     """One page, from its opening to its end. Times are of the steady clock [s]."""
 
     address: str
-    seen: float  # when it last told that it shows what it was sent
+    seen: float  # when it last told that it shows what it was sent; later, if that was not heard
     armed: bool = False
 
 
@@ -43,6 +44,7 @@ class Pages:
 
     def __init__(self) -> None:
         self._open: list[Page] = []
+        self._looked: float | None = None  # when, for pages that are silent [s]
         self.lost: Lost | None = None
 
     @property
@@ -69,7 +71,14 @@ class Pages:
         return self.lost
 
     def silent(self, now: float) -> list[Page]:
-        """Those that have told nothing for too long."""
+        """Those that have told nothing for too long, but for a time in which the panel, held up
+        itself, could hear none of them.
+        """
+        pause = 0.0 if self._looked is None else now - self._looked
+        self._looked = now
+        if pause > LOOK_PAUSE_S:
+            for one in self._open:
+                one.seen = min(one.seen + pause, now)
         return [one for one in self._open if now - one.seen > PAGE_SILENCE_S]
 
     def is_open(self, page: Page) -> bool:

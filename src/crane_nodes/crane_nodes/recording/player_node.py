@@ -1,7 +1,6 @@
 """The player as a node: publishes the messages of a bag when they are due, and the bag's time."""
 
 import time
-from collections import Counter
 from collections.abc import Callable, Collection, Iterable, Sequence
 
 from rclpy.duration import Duration
@@ -16,7 +15,7 @@ from crane_bags.clocks import NANOSECONDS
 from crane_model.errors import DataError
 from crane_nodes.context import Stop
 from crane_nodes.names import full_name
-from crane_nodes.publishers import UNNAMED, publishers
+from crane_nodes.publishers import NameLooks, publishers
 from crane_nodes.ready import say_ready
 from crane_nodes.recording.definitions import message_class
 from crane_nodes.recording.playback import CLOCK, Due, PlaybackPace, PlayedTopic
@@ -24,7 +23,6 @@ from crane_nodes.recording.ros import profile
 
 TICK_PERIOD_NS = 10_000_000  # ns between two messages on /clock
 LOOK_PERIOD_NS = NANOSECONDS  # ns between two looks for other publishers
-UNNAMED_LOOKS = 5  # looks, after which a publisher is pointed out without a name
 LAST_MESSAGES_TIMEOUT_S = 10.0  # that subscribers have to acknowledge what was sent last
 HISTORY = 5000  # messages, 25 s at 200 Hz, kept for subscribers that fall behind or are just found
 
@@ -40,7 +38,7 @@ class Player(Node):
         self._time = self.create_publisher(Clock, CLOCK, QoSProfile(depth=10))
         self._publishers_of: dict[str, Publisher] = {}  # recorded topic -> publisher
         self._contested: set[str] = set()
-        self._unnamed: Counter[str] = Counter()
+        self._looks = NameLooks()
         self._next_tick = self._next_look = 0
 
     def expanded(self, topic: str) -> str:
@@ -129,8 +127,7 @@ class Player(Node):
             name = publisher.topic_name
             if name not in self._contested and self.count_publishers(name) > 1:
                 nodes = publishers(self, name)
-                if UNNAMED in nodes and self._unnamed[name] < UNNAMED_LOOKS:
-                    self._unnamed[name] += 1  # its name follows, as a rule
+                if not self._looks.suffice(name, nodes):
                     continue
                 self._contested.add(name)
                 others = ", ".join(one for one in nodes if one != full_name(self))

@@ -16,7 +16,7 @@ from crane_bags.types import TOPICS, typestore
 from crane_model.errors import DataError
 from crane_nodes.names import full_name
 from crane_nodes.polled import Polled
-from crane_nodes.publishers import node_names
+from crane_nodes.publishers import NameLooks, node_names
 from crane_nodes.ready import say_ready
 from crane_nodes.recording.bag import RecordedBag
 from crane_nodes.recording.definitions import installed_definition, message_class
@@ -60,6 +60,7 @@ class Recorder(Node):
         self.topics = list(dict.fromkeys(map(self.resolve_topic_name, topics)))
         self.recorded: dict[str, Recorded] = {}
         self.problems: dict[str, str] = {}  # of a topic
+        self._looks = NameLooks()
         self._bag = bag
         self._early = self._expected()
         self._diagnostics = self.create_publisher(DiagnosticArray, "/diagnostics", 10)
@@ -153,7 +154,8 @@ class Recorder(Node):
             recorded.arrivals.published_by(len(same))
             recorded.arrivals.measure(time.monotonic())
             heard = [one for one in same if recorded.service.hears(offered(one.qos_profile))]
-            if unheard := node_names(one for one in publishers if one not in heard):
+            unheard = node_names(one for one in publishers if one not in heard)
+            if unheard and self._looks.suffice(name, unheard):
                 self._problem(
                     name,
                     f"not recorded from {', '.join(unheard)}: type or quality of service "

@@ -52,6 +52,18 @@ def test_a_page_that_is_lost_is_armed_no_more_and_is_told_as_armed() -> None:
     assert (pages.count, pages.armed) == (0, 0)
 
 
+def test_a_panel_that_was_held_up_itself_takes_no_page_for_silent() -> None:
+    """It has not heard meanwhile what they told; afterwards they are to tell again."""
+    pages = Pages()
+    page = pages.opened("127.0.0.1", 0.0)
+    assert pages.silent(0.1) == []
+    assert pages.silent(0.1 + 2.0 * PAGE_SILENCE_S) == []
+    begun, looks = 0.1 + 2.0 * PAGE_SILENCE_S, round(PAGE_SILENCE_S / 0.1)
+    found = [pages.silent(begun + 0.1 * k) for k in range(1, looks + 1)]
+    assert found[0] == []
+    assert found[-1] == [page]
+
+
 @given(st.text(st.characters()))
 def test_a_reason_is_a_bounded_line_of_plain_characters(reason: str) -> None:
     shown = legible(reason)
