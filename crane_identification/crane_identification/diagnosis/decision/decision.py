@@ -1,12 +1,14 @@
 """Which of the sets that the search found are findings, and what cannot be told from each."""
 
-from dataclasses import dataclass
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+from typing import NamedTuple
 
 import numpy as np
 
 from crane_identification.diagnosis.decision.chance import by_chance
 from crane_identification.diagnosis.decision.cross_validation import helps
-from crane_identification.diagnosis.decision.factors import gain_of_few, smallest
+from crane_identification.diagnosis.decision.factors import best_pair, gain_of_few, smallest
 from crane_identification.diagnosis.decision.form import of_one_form
 from crane_identification.diagnosis.decision.judgement import Judged, all_judged
 from crane_identification.diagnosis.decision.likeness import simplest
@@ -18,6 +20,7 @@ from crane_identification.diagnosis.decision.shape import (
 )
 from crane_identification.diagnosis.decision.strange import with_strange
 from crane_identification.diagnosis.search.race import LARGEST_SET, Race
+from crane_identification.diagnosis.search.search import Search
 from crane_identification.diagnosis.search.selection import NOTHING, solve
 from crane_identification.thresholds import Thresholds
 
@@ -38,17 +41,40 @@ class Decision:
 
 
 def decide(race: Race, thresholds: Thresholds) -> Decision:
-    """The largest set all of whose effects pass, beside those that several joints lack at once."""
+    """The largest set all of whose effects pass, beside those that several joints lack at once or,
+    where that explains more, beside the scales of two joints' forces.
+    """
     _, first_threshold = by_chance(race.search, NOTHING, thresholds)
     settled = _together(race, first_threshold, thresholds)
+    passed, nearest, objection = _grown(race, settled, first_threshold, thresholds)
+    if not settled:
+        passed = _beside_scales(race, passed, first_threshold, thresholds)
+    passed = as_drawn(race, passed, thresholds)
+    passed, beyond = with_strange(race.search, passed, first_threshold, thresholds)
+    passed = tuple(sorted(passed, key=lambda one: -one.score))
+    return Decision(passed, first_threshold, nearest, objection, beyond)
+
+
+class _Grown(NamedTuple):
+    """The effects that `passed`; where the race began with nothing, what came `nearest`."""
+
+    passed: tuple[Judged, ...]
+    nearest: tuple[Judged, ...] = ()
+    objection: str = ""
+
+
+def _grown(
+    race: Race, settled: tuple[Judged, ...], threshold: float, thresholds: Thresholds
+) -> _Grown:
+    """The `settled` effects, with which the race begins, and as many more as pass."""
     passed, known = settled, len(settled)
     nearest, objection = tuple[Judged, ...](), ""
     for size in range(known + 1, known + LARGEST_SET + 1):
         best, search = race.best(size), race.search
         if best is None:
             break
-        subset = simplest(search, best, thresholds, first_threshold)
-        subset = smallest(search, subset, first_threshold)
+        subset = simplest(search, best, thresholds, threshold)
+        subset = smallest(search, subset, threshold)
         if size > 1 and of_one_form(search, subset, thresholds, known):
             break
         subset, strange = of_better_signature(search, subset, thresholds, known)
@@ -63,10 +89,37 @@ def decide(race: Race, thresholds: Thresholds) -> Decision:
         if wrong or (size > 1 and _vague(weakest, thresholds)):
             break
         passed = tuple(found)
-    passed = as_drawn(race, passed, thresholds)
-    passed, beyond = with_strange(race.search, passed, first_threshold, thresholds)
-    passed = tuple(sorted(passed, key=lambda one: -one.score))
-    return Decision(passed, first_threshold, nearest, objection, beyond)
+    return _Grown(passed, nearest, objection)
+
+
+def _beside_scales(
+    race: Race, passed: tuple[Judged, ...], threshold: float, thresholds: Thresholds
+) -> tuple[Judged, ...]:
+    """What passes beside the scales of two joints' forces, if a scale is among what passed and
+    that explains more; else what passed.
+
+    Lengths that are not those of the file are so on each joint. With one scale alone, what the
+    others leave blurs a further effect, and may be taken for it.
+    """
+    before = race.search
+    scales = best_pair(before)
+    if not scales.numbers or not any(one.shaped.candidate.effect.formless for one in passed):
+        return passed
+    race.go_on_from(smallest(before, scales, threshold))
+    settled = tuple(all_judged(race.search, race.search.sets[-1][0], thresholds))
+    if not any(_objection(one, thresholds) for one in settled):
+        other = _grown(race, settled, threshold, thresholds).passed
+        more = _gain(race.search, other) - _gain(race.search, passed) > threshold
+        if more and len(other) > len(settled):
+            return other
+    race.search = replace(race.search, sets=before.sets)
+    return passed
+
+
+def _gain(search: Search, effects: Sequence[Judged]) -> float:
+    """What effects that passed explain together."""
+    subset = solve(search.projection, tuple(search.number(one.shaped) for one in effects))
+    return (subset or NOTHING).gain
 
 
 def _together(race: Race, threshold: float, thresholds: Thresholds) -> tuple[Judged, ...]:
