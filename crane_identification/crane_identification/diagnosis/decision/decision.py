@@ -81,8 +81,8 @@ def _grown(
         if size > 1 and covered(search, subset, thresholds, known):
             break
         found = as_kinds(search, all_judged(search, subset, thresholds), known, thresholds)
-        wrong = [said for one in found if (said := _objection(one, thresholds))]
-        wrong = wrong or strange
+        asked = [one for k, one in enumerate(found) if k >= known or not _scales(one)]
+        wrong = [said for one in asked if (said := _objection(one, thresholds))] or strange
         if size == 1:
             nearest, objection = tuple(found), "".join(wrong)
         weakest = min(found[known:], key=lambda one: one.score)
@@ -96,24 +96,29 @@ def _beside_scales(
     race: Race, passed: tuple[Judged, ...], threshold: float, thresholds: Thresholds
 ) -> tuple[Judged, ...]:
     """What passes beside the scales of two joints' forces, if a scale is among what passed and
-    that explains more; else what passed.
+    something else passes beside them; else what passed.
 
     Lengths that are not those of the file are so on each joint. With one scale alone, what the
-    others leave blurs a further effect, and may be taken for it.
+    others leave blurs a further effect, and may be taken for it. Scales of two joints stand for
+    those of all: whether each of them is sure, and which they are, is nothing to a further effect.
     """
     before = race.search
     scales = best_pair(before)
-    if not scales.numbers or not any(one.shaped.candidate.effect.formless for one in passed):
+    if not scales.numbers or not any(_scales(one) for one in passed):
         return passed
     race.go_on_from(smallest(before, scales, threshold))
     settled = tuple(all_judged(race.search, race.search.sets[-1][0], thresholds))
-    if not any(_objection(one, thresholds) for one in settled):
-        other = _grown(race, settled, threshold, thresholds).passed
-        more = _gain(race.search, other) - _gain(race.search, passed) > threshold
-        if more and len(other) > len(settled):
-            return other
+    other = _grown(race, settled, threshold, thresholds).passed
+    more = _gain(race.search, other) - _gain(race.search, passed) > threshold
+    if more and len(other) > len(settled):
+        return tuple(one for one in other if not (_scales(one) and _objection(one, thresholds)))
     race.search = replace(race.search, sets=before.sets)
     return passed
+
+
+def _scales(one: Judged) -> bool:
+    """Whether an effect is a factor of the force of a joint, as lengths that are off make it."""
+    return one.shaped.candidate.effect.formless
 
 
 def _gain(search: Search, effects: Sequence[Judged]) -> float:
@@ -149,8 +154,8 @@ def _objection(one: Judged, thresholds: Thresholds) -> str:
     """Which test an effect does not pass; empty if it passes all."""
     if one.score <= one.threshold:
         return f"its score is {one.score:.0f}, and {one.threshold:.0f} is asked for"
-    formless = one.shaped.candidate.effect.formless  # what is usual of it says its value
-    if one.strength < thresholds.gates.smallest_strength and not formless:
+    scales = _scales(one)  # what is usual of it says its value
+    if one.strength < thresholds.gates.smallest_strength and not scales:
         return (
             f"it is {one.strength:.2g} of the drive force, where the errors of the processing "
             f"itself reach {thresholds.gates.smallest_strength:.2g}"

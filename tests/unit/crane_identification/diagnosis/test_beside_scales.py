@@ -46,3 +46,11 @@ def test_a_law_of_a_better_signature_has_to_hold(
     kind = race.search.projection.candidates[number].candidate.type
     assert kind == ("position_friction" if taken else "hose_stiffness")
     assert not strange
+
+
+def test_a_scale_that_is_not_sure_hides_no_effect() -> None:
+    """It explains most of what is left, but predicts nothing: it is no finding, and no obstacle."""
+    unsteady = np.repeat([2.0, -1.0], ROWS // 2) * B
+    found = named(asked({**SCALES, **STIFFNESS}, 10.0 * A + unsteady + 0.4 * C))
+    assert "hose stiffness (d)" in found
+    assert len(found) == 2
