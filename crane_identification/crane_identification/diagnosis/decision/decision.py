@@ -1,7 +1,6 @@
 """Which of the sets that the search found are findings, and what cannot be told from each."""
 
-from collections.abc import Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from typing import NamedTuple
 
 import numpy as np
@@ -19,8 +18,8 @@ from crane_identification.diagnosis.decision.shape import (
     of_better_signature,
 )
 from crane_identification.diagnosis.decision.strange import with_strange
+from crane_identification.diagnosis.search.lengths import beside_lengths
 from crane_identification.diagnosis.search.race import LARGEST_SET, Race
-from crane_identification.diagnosis.search.search import Search
 from crane_identification.diagnosis.search.selection import NOTHING, solve
 from crane_identification.thresholds import Thresholds
 
@@ -42,13 +41,14 @@ class Decision:
 
 def decide(race: Race, thresholds: Thresholds) -> Decision:
     """The largest set all of whose effects pass, beside those that several joints lack at once or,
-    where that explains more, beside the scales of two joints' forces.
+    where the force of a joint is scaled, beside lengths that are not those of the file.
     """
     _, first_threshold = by_chance(race.search, NOTHING, thresholds)
     settled = _together(race, first_threshold, thresholds)
-    passed, nearest, objection = _grown(race, settled, first_threshold, thresholds)
-    if not settled:
-        passed = _beside_scales(race, passed, first_threshold, thresholds)
+    alone = not settled
+    passed, nearest, objection = _grown(race, settled, first_threshold, thresholds, alone)
+    if alone and any(_scales(one) for one in passed):
+        passed = _beside_lengths(race, passed, first_threshold, thresholds)
     passed = as_drawn(race, passed, thresholds)
     passed, beyond = with_strange(race.search, passed, first_threshold, thresholds)
     passed = tuple(sorted(passed, key=lambda one: -one.score))
@@ -64,9 +64,15 @@ class _Grown(NamedTuple):
 
 
 def _grown(
-    race: Race, settled: tuple[Judged, ...], threshold: float, thresholds: Thresholds
+    race: Race,
+    settled: tuple[Judged, ...],
+    threshold: float,
+    thresholds: Thresholds,
+    up_to_scale: bool = False,
 ) -> _Grown:
-    """The `settled` effects, with which the race begins, and as many more as pass."""
+    """The `settled` effects, with which the race begins, and as many more as pass, or as do
+    `up_to_scale` of the force of a joint.
+    """
     passed, known = settled, len(settled)
     nearest, objection = tuple[Judged, ...](), ""
     for size in range(known + 1, known + LARGEST_SET + 1):
@@ -89,42 +95,53 @@ def _grown(
         if wrong or (size > 1 and _vague(weakest, thresholds)):
             break
         passed = tuple(found)
+        if up_to_scale and any(_scales(one) for one in passed):
+            break
     return _Grown(passed, nearest, objection)
 
 
-def _beside_scales(
+def _beside_lengths(
     race: Race, passed: tuple[Judged, ...], threshold: float, thresholds: Thresholds
 ) -> tuple[Judged, ...]:
-    """What passes beside the scales of two joints' forces, if a scale is among what passed and
-    something else passes beside them; else what passed.
+    """What passes beside lengths of all links and the scales of two joints' forces, which stand for
+    those of all; these as well, as far as they pass. If nothing does, what passes beside lengths of
+    links alone, where that explains more than the scales.
 
     Lengths that are not those of the file are so on each joint. With one scale alone, what the
-    others leave blurs a further effect, and may be taken for it. Scales of two joints stand for
-    those of all: whether each of them is sure, and which they are, is nothing to a further effect.
+    others leave blurs a further effect, and may be taken for it. Whether each scale is sure, and
+    which they are, is nothing to a further effect.
     """
-    before = race.search
-    scales = best_pair(before)
-    if not scales.numbers or not any(_scales(one) for one in passed):
-        return passed
-    race.go_on_from(smallest(before, scales, threshold))
-    settled = tuple(all_judged(race.search, race.search.sets[-1][0], thresholds))
-    other = _grown(race, settled, threshold, thresholds).passed
-    more = _gain(race.search, other) - _gain(race.search, passed) > threshold
-    if more and len(other) > len(settled):
-        return tuple(one for one in other if not (_scales(one) and _objection(one, thresholds)))
-    race.search = replace(race.search, sets=before.sets)
-    return passed
+    search = race.search = beside_lengths(race.search)
+    numbers = tuple(search.number(one.shaped) for one in passed if _scales(one))
+    scales = max(
+        best_pair(search), solve(search.projection, numbers) or NOTHING, key=lambda one: one.gain
+    )
+    scales = smallest(search, scales, threshold)
+    race.go_on_from(scales)
+    settled = tuple(all_judged(race.search, scales, thresholds))
+    found = _grown(race, settled, threshold, thresholds).passed
+    if len(found) == len(settled):
+        race.go_on_from(NOTHING)
+        other = _grown(race, (), threshold, thresholds).passed
+        numbers = tuple(race.search.number(one.shaped) for one in other)
+        together = (solve(race.search.projection, numbers) if numbers else None) or NOTHING
+        found = other if together.gain - scales.gain > threshold else found
+    return _sure(race, found, thresholds) or passed
+
+
+def _sure(race: Race, found: tuple[Judged, ...], thresholds: Thresholds) -> tuple[Judged, ...]:
+    """The effects without scales that do not pass, and judged without them."""
+    left = [one for one in found if not (_scales(one) and _objection(one, thresholds))]
+    if len(left) == len(found) or not left:
+        return tuple(left)
+    numbers = tuple(race.search.number(one.shaped) for one in left)
+    race.go_on_from(solve(race.search.projection, numbers) or NOTHING)
+    return tuple(all_judged(race.search, race.search.sets[-1][0], thresholds))
 
 
 def _scales(one: Judged) -> bool:
     """Whether an effect is a factor of the force of a joint, as lengths that are off make it."""
     return one.shaped.candidate.effect.formless
-
-
-def _gain(search: Search, effects: Sequence[Judged]) -> float:
-    """What effects that passed explain together."""
-    subset = solve(search.projection, tuple(search.number(one.shaped) for one in effects))
-    return (subset or NOTHING).gain
 
 
 def _together(race: Race, threshold: float, thresholds: Thresholds) -> tuple[Judged, ...]:
