@@ -130,13 +130,23 @@ def _beside_lengths(
 
 
 def _sure(race: Race, found: tuple[Judged, ...], thresholds: Thresholds) -> tuple[Judged, ...]:
-    """The effects without scales that do not pass, and judged without them."""
-    left = [one for one in found if not (_scales(one) and _objection(one, thresholds))]
+    """The effects without scales that do not pass, and without the weaker one of two where one of
+    them cannot be told from what is no scale; judged without them.
+    """
+    scales = sorted((one for one in found if _scales(one)), key=lambda one: one.score)
+    out = [one for one in scales if _objection(one, thresholds)]
+    out += scales[:1] if len(scales) > 1 and any(_mistakable(one) for one in scales) else []
+    left = [one for one in found if not any(one is other for other in out)]
     if len(left) == len(found) or not left:
         return tuple(left)
     numbers = tuple(race.search.number(one.shaped) for one in left)
     race.go_on_from(solve(race.search.projection, numbers) or NOTHING)
     return tuple(all_judged(race.search, race.search.sets[-1][0], thresholds))
+
+
+def _mistakable(one: Judged) -> bool:
+    """Whether a scale cannot be told from an effect that is none."""
+    return not all(other.effect.formless for other in one.indistinct)
 
 
 def _scales(one: Judged) -> bool:
