@@ -68,6 +68,6 @@ def _changes(search: Search, columns: np.ndarray) -> tuple[float, np.ndarray, np
     rest = beside(search.base.basis, columns)
     rest[:, np.linalg.norm(rest, axis=0) <= VISIBLE_SHARE * np.linalg.norm(columns, axis=0)] = 0.0
     scaled, norms = normed(rest)
-    spread = np.linalg.pinv(scaled.T @ scaled, rcond=1e-8)
+    spread = np.linalg.pinv(scaled.T @ scaled, rcond=1e-8, hermitian=True)
     score = scaled.T @ search.base.residual
     return float(score @ spread @ score), spread @ score / norms, np.sqrt(np.diag(spread)) / norms

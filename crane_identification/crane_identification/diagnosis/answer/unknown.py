@@ -86,7 +86,7 @@ def _near(search: Search, one: ForceSignature, beyond: float) -> NearSignature:
 def _drawn(search: Search, one: ForceSignature) -> tuple[Drawing, ...]:
     """The best shape of a signature, beside the model; nothing where it is no curve."""
     columns, norms = normed(beside(search.base.basis, search.whitener(one.columns)))
-    spread = np.linalg.pinv(columns.T @ columns, rcond=1e-10)
+    spread = np.linalg.pinv(columns.T @ columns, rcond=1e-10, hermitian=True)
     values = spread @ (columns.T @ search.base.residual) / norms
     std_devs = np.sqrt(np.diag(spread)) / norms
     parameters = one.term.parameters(search.evidence.model.setting)

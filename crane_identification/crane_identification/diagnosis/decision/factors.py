@@ -21,8 +21,13 @@ def gain_of_few(search: Search) -> float:
     """What the best effect gains by itself, or the best factors of the forces of two joints."""
     projection = search.projection
     alone = [one.gain for one in extended(projection, NOTHING)]
-    both = (solve(projection, pair) for pair in combinations(factors(search), 2))
-    return max([*alone, *(one.gain for one in both if one is not None)], default=0.0)
+    return max([*alone, best_pair(search).gain])
+
+
+def best_pair(search: Search) -> Subset:
+    """The factors of the forces of two joints that gain most; nothing where there are no two."""
+    both = (solve(search.projection, pair) for pair in combinations(factors(search), 2))
+    return max((one for one in both if one is not None), key=lambda one: one.gain, default=NOTHING)
 
 
 def smallest(search: Search, subset: Subset, tolerance: float) -> Subset:

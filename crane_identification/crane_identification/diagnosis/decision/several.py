@@ -122,7 +122,8 @@ def as_kinds(
     What one joint gains elsewhere is lost among what the bodies that it shares make of it.
     """
     members, out = _kinds(search.projection), list(found)
-    for kind in {one.shaped.candidate.type for one in found[:known]}:
+    lacking = [one for one in found[:known] if not one.shaped.candidate.effect.formless]
+    for kind in {one.shaped.candidate.type for one in lacking}:
         alike = [
             place < known and one.shaped.candidate.type == kind for place, one in enumerate(out)
         ]

@@ -96,12 +96,24 @@ def of_better_signature(
             better = _with_law_of(search, subset, place, other.types)
             if better is None:
                 strange.append(f"{other.said} explains clearly more than any shape of it")
-            subset = better or subset
+            elif _holds(search, subset, place, better, thresholds):
+                subset = better
         own = _candidates(search, subset)[place]
         rest = [one.columns for one in _candidates(search, without(search, subset, place))]
         laws = likelier(search, own.candidate, rest)
         subset = _with_law_of(search, subset, place, laws[:1]) or subset
     return subset, strange
+
+
+def _holds(
+    search: Search, subset: Subset, place: int, better: Subset, thresholds: Thresholds
+) -> bool:
+    """Whether a law in the place of an effect explains most of what that does: a signature whose
+    law does not is of another force, which it can be bent to.
+    """
+    least = thresholds.method.simple_share
+    known = without(search, subset, place).gain
+    return better.gain - known >= least * (subset.gain - known)
 
 
 def _with_law_of(search: Search, subset: Subset, place: int, types: Sequence[str]) -> Subset | None:

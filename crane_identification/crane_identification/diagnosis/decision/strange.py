@@ -66,12 +66,9 @@ def _most_of(
     known = explained(search, *rest) if rest else 0.0
     best, most = None, least
     joint = search.evidence.joints[j]
-    suspected = any(
-        one.shaped.candidate.joint == joint and one.shaped.candidate.term.family == SENSING
-        for one in found
-    )
+    sensing = suspected(found, joint)
     for other in search.shapes.strangers(joint):
-        if other.term.is_of_sensors() and not suspected:
+        if other.term.is_of_sensors() and not sensing:
             continue  # wrong lengths leave such a force as well, and friction along a narrow way
         lead = explained(search, *rest, other.columns) - known
         if lead <= max(most, chance_of(other.columns, thresholds)):
@@ -83,6 +80,18 @@ def _most_of(
         if helps(gains, thresholds):
             best, most = other, lead
     return best
+
+
+def suspected(found: Sequence[Judged], joint: str) -> bool:
+    """Whether what was found on a joint is of its sensors: not where the forces of two joints are
+    scaled, which is lengths that are off.
+    """
+    candidates = [one.shaped.candidate for one in found]
+    lengths = sum(one.effect.formless for one in candidates) > 1
+    return any(
+        one.joint == joint and one.term.family == SENSING and not (lengths and one.effect.formless)
+        for one in candidates
+    )
 
 
 def _instead(search: Search, found: Sequence[Judged], one: Judged, other: ForceSignature) -> bool:

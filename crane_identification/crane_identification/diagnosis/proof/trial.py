@@ -8,6 +8,7 @@ from dataclasses import dataclass
 from functools import cached_property
 
 import numpy as np
+from scipy.stats import chi2
 
 from crane_identification.diagnosis.decision.cross_validation import folds
 from crane_identification.diagnosis.decision.judgement import Judged
@@ -74,6 +75,7 @@ def tried(fit: Fitted, search: Search, effects: Sequence[Judged], thresholds: Th
             one
             for one, own in zip(chosen, values, strict=True)
             if differs(one, own, thresholds.method.parameter_sigmas)
+            or differ_together(search, chosen, one, own, thresholds.method.parameter_sigmas)
         )
         if sure == chosen:
             break
@@ -106,3 +108,26 @@ def differs(one: Judged, values: Sequence[Value], sigmas: float) -> bool:
     changes = [value.change for value in values[: len(one.shaped.positive)]]
     usual = one.shaped.candidate.effect.usual
     return any(abs(change) > max(sigmas * std_dev, usual) for change, std_dev in changes)
+
+
+def differ_together(
+    search: Search, chosen: Sequence[Judged], one: Judged, values: Sequence[Value], sigmas: float
+) -> bool:
+    """Whether the parameters of one of the `chosen` effects are not zero together, as surely as a
+    single one is by so many standard deviations: where its columns are alike, each may be zero, but
+    not all. Of an effect of which some is usual, none is asked together.
+    """
+    count = len(one.shaped.positive)
+    if count < 2 or one.shaped.candidate.effect.usual:
+        return False
+    projection = search.projection
+    numbers = [search.number(each.shaped) for each in chosen]
+    columns = np.concatenate([projection.columns_of[number] for number in numbers])
+    own = projection.owner[columns] == search.number(one.shaped)
+    spread = np.linalg.pinv(projection.gram[np.ix_(columns, columns)], hermitian=True)
+    spread = spread[np.ix_(own, own)]
+    size = np.sqrt(np.diag(spread))
+    changes, std_devs = np.array([value.change for value in values[:count]]).T
+    sure = np.divide(changes, std_devs, out=np.zeros(count), where=std_devs > 0.0)
+    joint = sure @ np.linalg.pinv(spread / np.outer(size, size), hermitian=True) @ sure
+    return bool(joint > chi2.ppf(chi2.cdf(sigmas**2, 1), count))

@@ -30,8 +30,8 @@ class DrawnTerm(OneJointTerm):
     because the model has what they would stand for), and how knots are spaced within the range of
     x, 0 to 1 (`spacing`). `draws` names the types of the laws whose shape it is, and `said` puts
     their signature in words. Where laws of one signature differ in where they bend, `bends` has the
-    kept knots of each, `falling` those whose force falls, and `slope_of` the type of the term that
-    holds the slope of the shape.
+    kept knots of each, `falling` those whose force falls, `slope_of` and `height_of` the types of
+    the terms that hold the slope of the shape and its height at rest.
     """
 
     said: ClassVar[str]
@@ -42,6 +42,7 @@ class DrawnTerm(OneJointTerm):
     bends: ClassVar[Mapping[str, tuple[int, ...]]] = {}
     falling: ClassVar[tuple[str, ...]] = ()
     slope_of: ClassVar[str | None] = None
+    height_of: ClassVar[str | None] = None
     straight: ClassVar[bool] = False
 
     knots: tuple[float, ...]

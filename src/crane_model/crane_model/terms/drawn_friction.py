@@ -53,6 +53,7 @@ class DrawnSpeedFriction(DrawnDryFriction):
     }
     falling: ClassVar[tuple[str, ...]] = ("stribeck",)
     slope_of: ClassVar[str | None] = "viscous"
+    height_of: ClassVar[str | None] = "coulomb"
 
     knots: tuple[float, ...] = Field(examples=[tuple(0.01 * k * k for k in range(11))])
 

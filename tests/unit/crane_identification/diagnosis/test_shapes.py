@@ -60,7 +60,12 @@ def rising(q: np.ndarray, v: np.ndarray) -> np.ndarray:
     return np.sign(v) * np.maximum(np.abs(v) - KNEE, 0.0) ** 1.2
 
 
-def logs(folder: Path, law: Law) -> list[Log]:
+def turning(q: np.ndarray, v: np.ndarray) -> np.ndarray:
+    """A loss that turns from none to straight where friction falls: all of its bend is there."""
+    return np.sign(v) * (np.hypot(v, KNEE / 2.0) - KNEE / 2.0)
+
+
+def logs(folder: Path, law: Law, force: float) -> list[Log]:
     out, size = [], 0.0
     for seed in SEEDS:
         plain = axis_log(seed, model(folder, *FULL), periods=2)
@@ -68,13 +73,13 @@ def logs(folder: Path, law: Law) -> list[Log]:
         q = plain.position.value[:, 0]
         added = law(q, np.gradient(q, plain.position.time))[:, np.newaxis]
         size = size or float(np.sqrt((added**2).mean()))
-        force = plain.force.value + FORCE / size * added
-        out.append(replace(plain, force=Signal(plain.force.time, force, "f")))
+        measured = plain.force.value + force / size * added
+        out.append(replace(plain, force=Signal(plain.force.time, measured, "f")))
     return out
 
 
-def diagnosed(folder: Path, law: Law) -> Diagnosis:
-    recordings = logs(folder, law)
+def diagnosed(folder: Path, law: Law, force: float = FORCE) -> Diagnosis:
+    recordings = logs(folder, law, force)
     given = recordings[:-1], recordings[-1:], Options(), load_thresholds()
     return diagnose(model(folder, *FULL), *given)
 
@@ -101,12 +106,17 @@ def test_an_effect_of_another_law_is_named_by_its_signature(of_a_spring: Diagnos
 
 
 @pytest.mark.parametrize(
-    ("law", "expected"), [(falling, "stribeck"), (rising, "viscous_quadratic")]
+    ("law", "force", "expected"),
+    [
+        (falling, FORCE, "stribeck"),
+        (rising, FORCE, "viscous_quadratic"),
+        (turning, 20.0 * FORCE, "viscous_quadratic"),  # beside Stribeck's, Coulomb's is negative
+    ],
 )
 def test_a_loss_beyond_a_speed_is_no_stribeck_friction(
-    law: Law, expected: str, tmp_path: Path
+    law: Law, force: float, expected: str, tmp_path: Path
 ) -> None:
-    result = diagnosed(tmp_path, law)
+    result = diagnosed(tmp_path, law, force)
     (found,) = result.findings
     assert result.verdict in (Verdict.NAMED, Verdict.AND_MORE)
     assert found.candidate.type == expected and not found.judged.indistinct

@@ -2,19 +2,24 @@
 
 from collections.abc import Callable
 from dataclasses import replace
+from typing import cast
+from unittest.mock import Mock
 
 import numpy as np
 import pytest
 from unit.crane_identification.synthetic import crane_log, crane_model
 
 from crane_identification.diagnosis.decision.decision import Decision, decide
+from crane_identification.diagnosis.decision.judgement import Judged
+from crane_identification.diagnosis.decision.strange import suspected
 from crane_identification.diagnosis.fit.evidence import gather
-from crane_identification.diagnosis.search.candidates import candidates_of
+from crane_identification.diagnosis.search.candidates import Candidate, candidates_of
 from crane_identification.diagnosis.search.race import Race
 from crane_identification.diagnosis.search.search import search
 from crane_identification.options import Options
 from crane_identification.preparation.prepare import prepare
 from crane_identification.thresholds import load_thresholds
+from crane_model.terms import REGISTRY
 
 THRESHOLDS = load_thresholds()
 ASKED = ("pressure_offset", "chamber_gain", "linkage_scale", "pressure_gain", "time_skew")
@@ -69,3 +74,21 @@ def test_nothing_is_strange_where_nothing_is_missing() -> None:
     found = decided(OUTER, lambda p: p[:, OUTER])
     assert not found.strange
     assert not found.passed
+
+
+@pytest.mark.parametrize(
+    ("found", "sensors"),
+    [
+        ([("linkage_scale", "inner_boom")], True),
+        ([("linkage_scale", "inner_boom"), ("pressure_gain", "telescope")], False),
+        ([("chamber_gain", "inner_boom"), ("pressure_gain", "telescope")], True),
+        ([("coulomb", "inner_boom"), ("pressure_gain", "telescope")], False),
+    ],
+)
+def test_lengths_that_are_off_suspect_no_transducer(
+    found: list[tuple[str, str]], sensors: bool
+) -> None:
+    """One may be that of a bent transducer; of two joints at once, they are of the file."""
+    candidates = [Candidate(REGISTRY[kind], joint) for kind, joint in found]
+    several = [cast(Judged, Mock(shaped=Mock(candidate=one))) for one in candidates]
+    assert suspected(several, "inner_boom") is sensors
