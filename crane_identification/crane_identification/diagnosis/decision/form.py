@@ -59,9 +59,7 @@ def mends(
         if joint is not None and reverses(search, candidates[number]):
             resisting.setdefault(joint, []).append((place, gain))
     return any(
-        place >= settled
-        and place not in filling
-        and gain < share * max(other for _, other in one)
+        place >= settled and place not in filling and gain < share * max(other for _, other in one)
         for one in resisting.values()
         for place, gain in one
     )
@@ -93,7 +91,9 @@ def of_one_form(
     where = [channels(search, number) for number in subset.numbers]
     effects = [search.projection.candidates[number].candidate.effect for number in subset.numbers]
     formless = {place for place, effect in enumerate(effects) if effect.formless}
-    filling = {place for place in range(len(effects)) if fills(search, subset, place, chance, thresholds)}
+    filling = {
+        place for place in range(len(effects)) if fills(search, subset, place, chance, thresholds)
+    }
     if slight(where, gains, thresholds, settled, formless, filling):
         return True
     return mends(search, subset.numbers, gains, thresholds, settled, filling)
