@@ -81,7 +81,7 @@ def _grown(
             break
         subset = simplest(search, best, thresholds, threshold)
         subset = smallest(search, subset, threshold)
-        if size > 1 and of_one_form(search, subset, thresholds, known):
+        if size > 1 and of_one_form(search, subset, threshold, thresholds, known):
             break
         subset, strange = of_better_signature(search, subset, thresholds, known)
         if size > 1 and covered(search, subset, thresholds, known):

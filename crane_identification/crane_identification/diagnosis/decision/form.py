@@ -6,8 +6,9 @@ from dataclasses import replace
 import numpy as np
 
 from crane_identification.diagnosis.decision.judgement import marginal
+from crane_identification.diagnosis.decision.likeness import without
 from crane_identification.diagnosis.search.candidates import ShapedCandidate
-from crane_identification.diagnosis.search.energy import channels
+from crane_identification.diagnosis.search.energy import channels, unexplained
 from crane_identification.diagnosis.search.search import Search
 from crane_identification.diagnosis.search.selection import Subset
 from crane_identification.thresholds import Thresholds
@@ -19,19 +20,22 @@ def slight(
     thresholds: Thresholds,
     settled: int = 0,
     formless: Collection[int] = (),
+    filling: Collection[int] = (),
 ) -> bool:
     """Whether one of several effects gains too little beside another to be told from its form.
 
     `channels` are those where each acts. What a law leaves because it is not quite that of the
-    machine is on its own joint, most of it; those that are `formless` leave nothing. The first
-    ones, that are `settled`, are not asked.
+    machine is on its own joint, most of it; those that are `formless` leave nothing. Of one that is
+    `filling` what the others leave, no more is asked there than elsewhere. The first ones, that are
+    `settled`, are not asked.
     """
     where, method = [set(one.tolist()) for one in channels], thresholds.method
     for place in range(settled, len(where)):
         laws = [k for k in range(len(where)) if k == place or k not in formless]
         there = max(gains[k] for k in laws if where[place] & where[k])
         most = max(gains[k] for k in laws)
-        if gains[place] < max(method.further_share * there, method.elsewhere_share * most):
+        share = method.elsewhere_share if place in filling else method.further_share
+        if gains[place] < max(share * there, method.elsewhere_share * most):
             return True
     return False
 
@@ -42,9 +46,11 @@ def mends(
     gains: Sequence[float],
     thresholds: Thresholds,
     settled: int = 0,
+    filling: Collection[int] = (),
 ) -> bool:
     """Whether one of several laws that resist the motion gains too little beside another of these
-    on its joint to be more than what that one's form leaves. The first, `settled`, are not asked.
+    on its joint to be more than what that one's form leaves. The first, `settled`, are not asked,
+    nor those that are `filling` what the others leave.
     """
     candidates, share = search.projection.candidates, thresholds.method.form_share
     resisting: dict[str, list[tuple[int, float]]] = {}
@@ -53,7 +59,7 @@ def mends(
         if joint is not None and reverses(search, candidates[number]):
             resisting.setdefault(joint, []).append((place, gain))
     return any(
-        place >= settled and gain < share * max(other for _, other in one)
+        place >= settled and place not in filling and gain < share * max(other for _, other in one)
         for one in resisting.values()
         for place, gain in one
     )
@@ -71,8 +77,11 @@ def reverses(search: Search, shaped: ShapedCandidate) -> bool:
     return False
 
 
-def of_one_form(search: Search, subset: Subset, thresholds: Thresholds, settled: int = 0) -> bool:
+def of_one_form(
+    search: Search, subset: Subset, chance: float, thresholds: Thresholds, settled: int = 0
+) -> bool:
     """Whether an effect of a set is but the form of another one of them; not of those `settled`.
+    `chance` gives so much to the best effect when nothing is missing.
 
     Changes of terms that the model has are of the model's own form.
     """
@@ -82,6 +91,23 @@ def of_one_form(search: Search, subset: Subset, thresholds: Thresholds, settled:
     where = [channels(search, number) for number in subset.numbers]
     effects = [search.projection.candidates[number].candidate.effect for number in subset.numbers]
     formless = {place for place, effect in enumerate(effects) if effect.formless}
-    if slight(where, gains, thresholds, settled, formless):
+    filling = {
+        place for place in range(len(effects)) if fills(search, subset, place, chance, thresholds)
+    }
+    if slight(where, gains, thresholds, settled, formless, filling):
         return True
-    return mends(search, subset.numbers, gains, thresholds, settled)
+    return mends(search, subset.numbers, gains, thresholds, settled, filling)
+
+
+def fills(
+    search: Search, subset: Subset, place: int, chance: float, thresholds: Thresholds
+) -> bool:
+    """Whether one effect of a set explains most of what the others leave beyond noise where it
+    acts, which is more than `chance`: of what the form of a law leaves, another explains a part.
+    """
+    own = channels(search, subset.numbers[place])
+    before, after = (
+        float(unexplained(search, one)[own].sum())
+        for one in (without(search, subset, place), subset)
+    )
+    return before > chance and after <= (1.0 - thresholds.method.simple_share) * before

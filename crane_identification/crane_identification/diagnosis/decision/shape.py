@@ -14,7 +14,7 @@ from scipy.stats import chi2
 
 from crane_identification.diagnosis.decision.bend import likelier
 from crane_identification.diagnosis.decision.cross_validation import held_out_gains, helps
-from crane_identification.diagnosis.decision.judgement import Judged, marginal
+from crane_identification.diagnosis.decision.judgement import Judged, all_judged, marginal
 from crane_identification.diagnosis.decision.likeness import in_place_of, without
 from crane_identification.diagnosis.search.candidates import Candidate, ShapedCandidate
 from crane_identification.diagnosis.search.energy import explained, strength, unexplained_beside
@@ -85,9 +85,8 @@ def rival(
 def of_better_signature(
     search: Search, subset: Subset, thresholds: Thresholds, settled: int = 0
 ) -> tuple[Subset, list[str]]:
-    """The set with effects replaced by those whose signature is clearly better, or whose law is by
-    where it bends; and signatures that are better but those of no effect, in words. The first
-    effects, `settled`, are not asked.
+    """The set with effects replaced by those whose signature is clearly better, and signatures that
+    are better but those of no effect, in words. The first effects, `settled`, are not asked.
     """
     strange = []
     for place in range(settled, len(subset.numbers)):
@@ -98,10 +97,6 @@ def of_better_signature(
                 strange.append(f"{other.said} explains clearly more than any shape of it")
             elif _holds(search, subset, place, better, thresholds):
                 subset = better
-        own = _candidates(search, subset)[place]
-        rest = [one.columns for one in _candidates(search, without(search, subset, place))]
-        laws = likelier(search, own.candidate, rest)
-        subset = _with_law_of(search, subset, place, laws[:1]) or subset
     return subset, strange
 
 
@@ -129,7 +124,11 @@ def _with_law_of(search: Search, subset: Subset, place: int, types: Sequence[str
 
 
 def as_drawn(race: Race, passed: Sequence[Judged], thresholds: Thresholds) -> tuple[Judged, ...]:
-    """The effects, those that no law fits with the shape that was drawn."""
+    """The effects under the law where they bend, those that no law fits with the shape that was
+    drawn.
+
+    They passed with the law that fits best: beside one that fits less, others are blurred.
+    """
     out, search = list(passed), race.search
     subset = (
         solve(search.projection, tuple(search.number(one.shaped) for one in out)) if out else None
@@ -138,6 +137,11 @@ def as_drawn(race: Race, passed: Sequence[Judged], thresholds: Thresholds) -> tu
         shaped = search.shapes.of(one.shaped.candidate)
         if shaped is not None and subset is not None:
             rest = [other.shaped.columns for other in out if other is not one]
+            laws = likelier(search, one.shaped.candidate, rest)
+            named = _with_law_of(search, subset, place, laws[:1])
+            if named is not None:
+                subset, one = named, all_judged(search, named, thresholds)[place]
+                shaped = search.shapes.of(one.shaped.candidate) or shaped
             left = unexplained_beside(search, subset, place)
             out[place] = _better(race, one, shaped, rest, left, thresholds)
     return tuple(out)

@@ -93,7 +93,7 @@ def objection(one: Judged, gap: Gap, thresholds: Thresholds) -> str:
         worse = [j for j in own if gap.after[j] > thresholds.method.worse_factor * gap.before[j]]
         return _enlarging(gap, worse) if worse else ""
     method = thresholds.method
-    least = method.simple_share if _simple(one) else method.closed_share
+    least = method.simple_share if _simple(one, method.simple_share) else method.closed_share
     if closed >= least:
         return ""
     if closed < 0.0:
@@ -125,13 +125,14 @@ def _enlarging(gap: Gap, joints: Sequence[int]) -> str:
     return f"with it, {', '.join(gap.moved(j) for j in joints)}"
 
 
-def _simple(one: Judged) -> bool:
-    """Whether an effect is unlikely to be but like what is missing: no shape bends it towards that,
-    no other effect is as good, and it helps wherever it is asked.
+def _simple(one: Judged, share: float) -> bool:
+    """Whether an effect is unlikely to be but like what is missing: it helps wherever it is asked,
+    and no other is as good. One that a shape bends towards that leads by this share of its score.
     """
     asked = one.held_out[np.isfinite(one.held_out)]
     bent = one.shaped.shape or one.shaped.candidate.drawn
-    return not (one.indistinct or bent) and bool((asked > 0.0).all())
+    alone = not one.indistinct and (not bent or one.margin > share * one.score)
+    return alone and bool((asked > 0.0).all())
 
 
 @dataclass(frozen=True)

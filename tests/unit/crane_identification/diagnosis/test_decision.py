@@ -74,11 +74,19 @@ def test_all_that_is_missing_is_found_strongest_first() -> None:
     ]
 
 
-@pytest.mark.parametrize(("share", "expected"), [(0.03, 1), (0.08, 2)])
-def test_a_further_effect_gains_a_share_of_the_first_one(share: float, expected: int) -> None:
-    """Five percent: less is the form of the first one."""
-    missing = 3.0 * (A + np.sqrt(share) * B)
-    assert len(names(decided(searched({"offset": A, "hose_stiffness": B}, missing)))) == expected
+@pytest.mark.parametrize(
+    ("share", "rest", "expected"), [(0.01, 0.0, 1), (0.03, 0.0, 2), (0.03, 1.0, 1), (0.08, 1.0, 2)]
+)
+def test_a_further_effect_gains_a_share_of_the_first_one(
+    share: float, rest: float, expected: int
+) -> None:
+    """Five percent where the first one leaves a `rest` that follows no law, as its form does; two
+    percent where the further effect is all that is left.
+    """
+    missing = 3.0 * (A + np.sqrt(share) * B) - rest * C
+    candidates = {"offset": A, "hose_stiffness": B, "load_friction": C}
+    found = decided(searched(candidates, missing, positive=("load_friction",)))
+    assert len(names(found)) == expected
 
 
 def test_an_effect_below_the_errors_of_the_processing_is_none() -> None:

@@ -18,10 +18,13 @@ from unit.crane_identification.synthetic import axis_log
 from crane_identification.data.log import Log, Signal
 from crane_identification.diagnosis import explain, findings
 from crane_identification.diagnosis.answer.verdict import Verdict
+from crane_identification.diagnosis.decision import shape as shapes
+from crane_identification.diagnosis.decision.decision import decide
 from crane_identification.diagnosis.decision.shape import covered
 from crane_identification.diagnosis.diagnosis import Diagnosis, diagnose
 from crane_identification.diagnosis.report import page
 from crane_identification.diagnosis.search.candidates import candidates_of
+from crane_identification.diagnosis.search.race import Race
 from crane_identification.diagnosis.search.selection import solve
 from crane_identification.diagnosis.search.shapes import Shapes
 from crane_identification.options import Options
@@ -181,3 +184,27 @@ def test_a_further_effect_explains_what_no_shape_of_the_first_one_does() -> None
         subset = solve(known.projection, (numbers["hose_stiffness"], numbers[second]))
         assert subset is not None
         assert covered(known, subset, load_thresholds()) is expected
+
+
+def test_effects_pass_with_the_law_that_fits_and_take_the_name_of_the_bend(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    """The law where the shape bends is turned round in two of six parts of the time: with it, the
+    effect would not pass, and the one beside it neither.
+    """
+    fits, other = made.normal(1), made.normal(2)
+    turned = fits * np.where(np.arange(made.ROWS) < made.ROWS // 3, -1.0, 1.0)
+    columns = {"hose_stiffness": fits, "pressure_offset": turned, "actuator_inertia": other}
+    known = made.searched(columns, 3.0 * fits + 2.0 * other)
+    laws = {one.candidate.type: one.candidate for one in known.projection.candidates}
+    drawn = {
+        laws["hose_stiffness"]: made.shaped("hose_stiffness", fits[:, np.newaxis]),
+        laws["pressure_offset"]: made.shaped("pressure_offset", fits[:, np.newaxis]),
+        laws["actuator_inertia"]: None,
+    }
+    known = replace(known, shapes=Shapes(drawn=drawn))
+    bends = {"hose_stiffness": ("pressure_offset",)}
+    monkeypatch.setattr(shapes, "likelier", lambda search, law, rest: bends.get(law.type, ()))
+    passed = decide(Race(known), load_thresholds()).passed
+    assert [one.shaped.candidate.type for one in passed] == ["pressure_offset", "actuator_inertia"]
+    assert all((one.held_out > 0.0).all() for one in passed)

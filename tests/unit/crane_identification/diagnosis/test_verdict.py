@@ -189,12 +189,14 @@ def test_a_name_closes_the_gap_on_held_out_recordings(seen: Gap, closes: bool) -
     ("one", "closes"),
     [
         (effect(), True),
-        (effect("stribeck", shape={"speed": 0.1, "exponent": 1.0}), False),
+        (effect("stribeck", shape={"speed": 0.1, "exponent": 1.0}), True),
+        (replace(effect("stribeck", shape={"speed": 0.1, "exponent": 1.0}), margin=400.0), False),
         (effect(indistinct=("seal_friction",)), False),
         (replace(effect(), held_out=np.array([1.0, 1.0, -1.0, 1.0])), False),
     ],
 )
-def test_half_of_the_gap_is_enough_for_what_bends_to_nothing(one: Judged, closes: bool) -> None:
+def test_half_of_the_gap_is_enough_for_what_nothing_resembles(one: Judged, closes: bool) -> None:
+    """Bent by its shape, it explains 1000, and the next one 100 or 600."""
     assert (objection(one, gap(0.0113, 0.007), THRESHOLDS) == "") is closes
 
 
