@@ -7,7 +7,7 @@ from dataclasses import replace
 from pathlib import Path
 
 import pytest
-from integration.driver_stage import LATCHED, Stage, commander
+from integration.driver_stage import LATCHED, Stage, commander, patient_safety
 from integration.jogging import enable, hold, jogging
 from integration.processes import PATIENCE, RUN, end, start
 from unit.crane_observer.observed import known
@@ -27,7 +27,7 @@ UP = "k"  # the key that raises the inner boom
 
 @pytest.fixture
 def stage(tmp_path: Path, ros_domain: int) -> Iterator[Stage]:
-    made = Stage(tmp_path, POSE, operator=True)
+    made = Stage(tmp_path, POSE, operator=True, safety=patient_safety(tmp_path))
     yield made
     made.close()
 
@@ -135,7 +135,7 @@ def test_without_hydraulics_an_encoder_that_jumps_is_named(tmp_path: Path, stage
             go_on(stage, 300)
         go_on(stage, 600)
         assert not found(told), "nothing was wrong yet"
-        assert stage.diagnostics[DIAGNOSED][1] == Heed.ALONE.value
+        stage.until(lambda: stage.diagnostics[DIAGNOSED][1] == Heed.ALONE.value)
         fail(stage, "outer_boom.encoder.jump=0.005")
         assert list(first_found(stage, told).kind) == ["jump"]
 
