@@ -18,6 +18,7 @@ from crane_observer.scale.filter import TARE, Balanced, LoadFilter
 from crane_observer.scale.weighing import TipLoad, load_of
 
 LIKELIER = 10.0  # logarithm of how much better another load must foretell than the same load
+SELDOM = math.log(100.0)  # a load comes or goes with one window of so many, of a crane at work
 LEADING = 2  # windows in succession: a single one may be odd
 CERTAIN = 3.0  # standard deviations, by which its load must differ from that before
 AS_SURE = 2.0  # times the standard deviation of the same load, with which another that is no
@@ -37,7 +38,7 @@ class OtherLoad:
     windows: int = 0
     ahead: float = 0.0
     leading: int = 0  # windows in succession by which it was far ahead
-    seldom: float = LIKELIER  # logarithm of how seldom one comes; 0 where one has come
+    seldom: float = SELDOM  # logarithm of how seldom one comes; 0 where one has come
 
     @property
     def load(self) -> TipLoad:

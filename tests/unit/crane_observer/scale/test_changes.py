@@ -194,3 +194,18 @@ def test_what_may_have_happened_beside_widens_what_is_told() -> None:
     changes._others = [OtherLoad(1.0, other, ahead=0.0, seldom=0.0)]
     assert changes.load.mass == pytest.approx(30.0, abs=1.0)
     assert changes.load.deviation == pytest.approx(10.0, abs=1.0)
+
+
+def test_what_is_told_is_the_mean_over_what_may_have_come() -> None:
+    """By Bayes: a load that foretells a hundred times better, and comes once in a hundred windows,
+    is as likely as the same load; noticed it is not yet.
+    """
+    changes = Changes(ModelDoubt(), 3)
+    changes.filter.x[MASS], changes.filter.P[MASS, MASS] = 11.0, 1.5**2
+    other = changes.filter.copy()
+    other.x[MASS] = 24.0
+    changes._others = [OtherLoad(1.0, other, ahead=math.log(100.0))]
+    assert changes.load.mass == pytest.approx((11.0 + 24.0) / 2.0, abs=0.1)
+    assert changes.load.deviation == pytest.approx(math.hypot(1.5, 13.0 / 2.0), abs=0.1)
+    changes._others = [OtherLoad(1.0, other, ahead=-5.0)]
+    assert changes.load.mass == pytest.approx(11.0, abs=0.1)
