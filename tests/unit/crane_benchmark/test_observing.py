@@ -188,4 +188,4 @@ def test_loads_that_moved_too_little_stand_in_a_row_without_aim() -> None:
     assert counted.values["rms"] == pytest.approx(0.01)
     assert little.values["rms"] == pytest.approx(0.2)
     assert missed_loads([little]) == []
-    assert missed_loads([counted]) == ["hard: 100% in their 95 % interval"]
+    assert missed_loads([counted]) == ["hard: 100.0% in their 95 % interval"]

@@ -121,7 +121,7 @@ def rows_of(what: str, aim: float, answers: Sequence[WeighedLift]) -> list[Measu
 def _row(what: list[str], values: dict[str, float], answers: Sequence[WeighedLift]) -> MeasuredRow:
     errors = np.array([one.error for one in answers])
     return MeasuredRow(
-        cells=[*what, "{lifts:.0f}", "{rms:.2%}", "{largest:.1%}", "{covered:.0%}"],
+        cells=[*what, "{lifts:.0f}", "{rms:.2%}", "{largest:.1%}", "{covered:.1%}"],
         values={
             **values,
             "lifts": float(len(errors)),
@@ -143,7 +143,7 @@ def missed(rows: Sequence[MeasuredRow]) -> list[str]:
         if values["rms"] > values["aim"]:
             wrong.append(f"{row.cells[0]}: {values['rms']:.2%}, aim {values['aim']:.1%}")
         if not low <= values["covered"] <= high:
-            wrong.append(f"{row.cells[0]}: {values['covered']:.0%} in their 95 % interval")
+            wrong.append(f"{row.cells[0]}: {values['covered']:.1%} in their 95 % interval")
     return wrong
 
 
