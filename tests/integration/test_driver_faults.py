@@ -28,8 +28,8 @@ SAFETY = load_safety(machine_file("safety.yaml"), load_machine())
 SLACK = 1.0  # s, that a busy test machine may take beyond the times of the driver
 
 
-def told_ms(pattern: str, said: str) -> float:
-    """The time of which a fault tells [s]."""
+def seconds_told(pattern: str, said: str) -> float:
+    """The time [s] that a fault tells in milliseconds."""
     found = re.search(pattern, said)
     assert found, said
     return float(found[1]) * 1e-3
@@ -64,7 +64,7 @@ def test_a_publisher_that_stops_makes_the_valves_ramp_to_neutral(
     hand.pause()
     paused = time.monotonic()
     frames = ramped(stage, since)
-    waited = told_ms(r"last command (\d+) ms ago", fault(stage, "command timeout"))
+    waited = seconds_told(r"last command (\d+) ms ago", fault(stage, "command timeout"))
     assert SAFETY.command_timeout <= waited <= SAFETY.command_timeout + SLACK
     held = [one for one in frames if abs(one.commands["slew"]) > 0.5 - SMALLEST]
     assert not held or held[-1].steady - paused <= SAFETY.command_timeout + SLACK
@@ -153,7 +153,7 @@ def test_a_driver_that_was_stopped_names_its_own_stall(stage: Stage, hand: Comma
     os.kill(stage.driver.pid, signal.SIGCONT)
     said = fault(stage, "stalled")
     # Stopped within its loop, it finds itself behind the bus.
-    stalled = told_ms(r"not given the processor in time: (?:after|it is) (\d+) ms", said)
+    stalled = seconds_told(r"not given the processor in time: (?:after|it is) (\d+) ms", said)
     assert 1.2 * limit <= stalled <= time.monotonic() - before
     assert stage.safety[0].startswith("fault; stalled: ")
     ramped(stage, since)
@@ -191,7 +191,7 @@ def test_valves_that_do_not_accept_what_they_are_sent_are_a_fault(
         machine.ignore_commands()
         ramped(stage, since)
         said = fault(stage, "not accepted ValveStatus")
-        waited = told_ms(r"ValveCommand has been sent for (\d+) ms and none was", said)
+        waited = seconds_told(r"ValveCommand has been sent for (\d+) ms and none was", said)
         assert SAFETY.command_timeout <= waited <= SAFETY.command_timeout + SLACK
     stage.disabled()
 
@@ -203,7 +203,7 @@ def test_an_encoder_that_is_frozen_stops_the_crane(stage: Stage, hand: Commander
         since = len(stage.valves)
         ramped(stage, since)
         said = fault(stage, "frozen slew")
-        still = told_ms(r"slew: frozen: its position has not changed for (\d+) ms", said)
+        still = seconds_told(r"slew: frozen: its position has not changed for (\d+) ms", said)
         assert SAFETY.still_time <= still <= SAFETY.still_time + SLACK
         assert math.isnan(stage.states[-1].position[0])
     stage.disabled()

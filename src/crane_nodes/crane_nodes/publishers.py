@@ -34,4 +34,5 @@ def node_names(endpoints: Iterable[TopicEndpointInfo]) -> list[str]:
     """Full names of the nodes of publishers, each once, in order; `UNNAMED` last."""
     found = {(one.node_namespace, one.node_name) for one in endpoints}
     known = sorted(f"{space}/{name}".lstrip("/") for space, name in found if name != NAME_UNKNOWN)
-    return known + [UNNAMED] * any(name == NAME_UNKNOWN for _, name in found)
+    unnamed = any(name == NAME_UNKNOWN for _, name in found)
+    return [*known, UNNAMED] if unnamed else known
