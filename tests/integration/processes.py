@@ -56,7 +56,7 @@ def end(process: subprocess.Popen[str], number: int = signal.SIGTERM) -> int:
         process.send_signal(signal.SIGCONT)
         process.send_signal(number)
     try:
-        return process.wait(30.0)
+        return process.wait(PATIENCE)
     except subprocess.TimeoutExpired:
         process.kill()
         return process.wait()

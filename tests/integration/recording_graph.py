@@ -11,6 +11,7 @@ from typing import Any
 
 import rclpy
 from ament_index_python.packages import get_package_prefix
+from integration.processes import PATIENCE
 from laboratory_crane import JOINTS, PLANAR_JOINTS
 from rclpy.duration import Duration
 from rclpy.executors import SingleThreadedExecutor
@@ -22,7 +23,6 @@ from std_msgs.msg import String
 
 from crane_interfaces.msg import CylinderPressures, JointReference, ValveCommand
 
-PATIENCE = 60.0  # s that bound a failing test; a passing one ends with its condition
 LATCHED = QoSProfile(depth=1, durability=DurabilityPolicy.TRANSIENT_LOCAL)
 KEPT = 2000  # messages, to be sent again where the sockets of a busy machine lose some
 

@@ -15,6 +15,7 @@ import yaml
 from ament_index_python.packages import get_package_prefix
 from diagnostic_msgs.msg import DiagnosticArray, DiagnosticStatus
 from integration.matched import wait_until_heard
+from integration.processes import PATIENCE
 from laboratory_crane import PLANAR_JOINTS
 from rclpy.executors import SingleThreadedExecutor
 from rclpy.node import Node
@@ -31,7 +32,6 @@ from crane_interfaces.msg import CylinderPressures, GeneralizedForces, Parameter
 from crane_model.model_file import load_model
 from crane_model.record import Record
 
-PATIENCE = 90.0  # s that bound a failing test; a passing one ends with its condition
 DEEP = QoSProfile(depth=2000)
 LATCHED = QoSProfile(depth=1, durability=DurabilityPolicy.TRANSIENT_LOCAL)
 AHEAD = 2.0  # s of readings that may be on their way: 400 of the 1000 that the node queues

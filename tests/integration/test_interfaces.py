@@ -8,6 +8,7 @@ from pathlib import Path
 
 import pytest
 import rclpy
+from integration.processes import PATIENCE
 from rclpy.action import ActionClient, ActionServer
 from rclpy.action.server import ServerGoalHandle
 from rclpy.executors import SingleThreadedExecutor
@@ -130,7 +131,7 @@ def graph(ros_domain: int) -> Iterator[tuple[Node, Node, Callable[..., None]]]:
     executor.add_node(here)
     executor.add_node(there)
 
-    def wait(condition: Callable[[], object], seconds: float = 30.0) -> None:
+    def wait(condition: Callable[[], object], seconds: float = PATIENCE) -> None:
         until = time.monotonic() + seconds
         while not condition():
             assert time.monotonic() < until, "condition not met in time"

@@ -11,7 +11,7 @@ from pathlib import Path
 
 import pytest
 from ament_index_python.packages import get_package_prefix, get_package_share_directory
-from integration.processes import free_port
+from integration.processes import PATIENCE, free_port
 
 from crane_driver.driver_parameters import driver_parameters
 from crane_identification.online.identification_node import PARAMETERS as IDENTIFICATION
@@ -38,7 +38,6 @@ DECLARED = {
     "player": set(),
     "robot_state_publisher": set(),
 }
-PATIENCE = 60.0  # s, bounds a failing test
 
 
 def calls(tree: ast.AST, name: str) -> Iterator[ast.Call]:

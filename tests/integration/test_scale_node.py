@@ -110,8 +110,8 @@ def test_a_log_that_exists_and_a_model_without_values_are_refused(tmp_path: Path
     save_model(model, known())
     log.write_text("of another day\n", encoding="utf-8")
     process = start(NODE, "--ros-args", "-p", f"model:={model}", "-p", f"log:={log}")
-    assert process.wait(60.0) == 1
+    assert process.wait(PATIENCE) == 1
     assert log.read_text(encoding="utf-8") == "of another day\n"
     save_model(tmp_path / "bare.yaml", load_model(machine_file("model.yaml")))
     process = start(NODE, "--ros-args", "-p", f"model:={tmp_path / 'bare.yaml'}")
-    assert process.wait(60.0) == 1
+    assert process.wait(PATIENCE) == 1

@@ -15,6 +15,7 @@ import pytest
 import rclpy
 from from_code.nodes import NODES
 from from_code.parameter_files import ROOT
+from integration.processes import PATIENCE
 from integration.test_namespaces import READY, activate
 from rclpy.duration import Duration
 from rclpy.executors import SingleThreadedExecutor
@@ -40,7 +41,6 @@ OTHERS: dict[str, Callable[[], Node]] = {
     "bringup": lambda: CraneClient(Stop()),
     "recorder": lambda: Recorder(RecordedBag("bag"), []),
 }
-PATIENCE = 30.0  # s, bounds a failing test
 CALLBACKS = 30  # more than wait in a node that has just begun
 ACTION = "/_action/"
 

@@ -96,7 +96,7 @@ def in_order(entity: dict[str, list]) -> np.ndarray:
 def test_a_bag_arrives_whole(bag: Path, tmp_path: Path) -> None:
     file = tmp_path / "bag.rrd"
     viewer = Process(tmp_path, "crane_viewer", "viewer", "--bag", bag, "--no-page", "--save", file)
-    assert viewer.process.wait(60.0) == 0, viewer.output
+    assert viewer.process.wait(PATIENCE) == 0, viewer.output
     entities = saved(file)
     for k, joint in enumerate(JOINTS):
         assert in_order(entities[f"positions/{joint}/measured"])[:, 0] == pytest.approx(
@@ -117,7 +117,7 @@ def test_a_bag_of_another_machine_is_refused_and_says_so(bag: Path, tmp_path: Pa
     file = tmp_path / "bag.rrd"
     arguments = ("--bag", bag, "--no-page", "--save", file, "--machine", "excavator")
     viewer = Process(tmp_path, "crane_viewer", "viewer", *arguments)
-    assert viewer.process.wait(60.0) != 0
+    assert viewer.process.wait(PATIENCE) != 0
     assert "name the machine of the bag by --machine" in viewer.output
     assert not file.exists()
 
@@ -130,7 +130,7 @@ def test_a_place_that_cannot_be_written_is_refused(
 ) -> None:
     arguments = ("--bag", bag, "--no-page", "--save", tmp_path / place)
     viewer = Process(tmp_path, "crane_viewer", "viewer", *arguments)
-    assert viewer.process.wait(60.0) == 1
+    assert viewer.process.wait(PATIENCE) == 1
     assert told in viewer.output
 
 
@@ -141,7 +141,7 @@ def test_a_port_in_use_is_told(bag: Path, tmp_path: Path) -> None:
         port = taken.getsockname()[1]
         arguments = ("--bag", bag, "--web-port", port, "--data-port", 0)
         viewer = Process(tmp_path, "crane_viewer", "viewer", *arguments)
-        assert viewer.process.wait(60.0) == 1
+        assert viewer.process.wait(PATIENCE) == 1
     assert f"ports {port} and" in viewer.output
     assert "name others by --web-port and --data-port" in viewer.output
 
@@ -277,5 +277,5 @@ def drawn(picture: bytes) -> float:
 
 def test_what_is_missing_is_said(tmp_path: Path) -> None:
     viewer = Process(tmp_path, "crane_viewer", "viewer", "--no-page")
-    assert viewer.process.wait(60.0) == 2
+    assert viewer.process.wait(PATIENCE) == 2
     assert "--save FILE.rrd" in viewer.output

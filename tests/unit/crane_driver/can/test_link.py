@@ -17,7 +17,7 @@ from crane_driver.can.frame import Frame
 from crane_driver.can.link import Link
 from crane_driver.faults import FaultKind
 
-PATIENCE = 10.0  # s
+PATIENCE = 120.0  # s, in the idle class of the scheduler
 
 
 def until(condition: Callable[[], bool]) -> None:

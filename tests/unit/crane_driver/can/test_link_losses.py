@@ -16,7 +16,7 @@ from crane_driver.can.frame import Frame
 from crane_driver.can.link import Link
 from crane_driver.faults import FaultKind
 
-PATIENCE = 10.0
+PATIENCE = 120.0  # s, in the idle class of the scheduler
 DATA = can.Message(arbitration_id=0x120, data=b"12", is_extended_id=False)
 
 
