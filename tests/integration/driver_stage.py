@@ -11,6 +11,7 @@ import rclpy
 import yaml
 from diagnostic_msgs.msg import DiagnosticArray
 from integration.commander import Commander
+from integration.matched import wait_until_heard
 from integration.processes import (
     COMMAND_TIMEOUT,
     DRIVER,
@@ -131,8 +132,7 @@ class Stage:
         )  # fmt: skip
         try:
             self.until(lambda: self.states and self.valves and self.pressures)
-            self.until(lambda: self._safety in self.diagnostics)
-            self.until(lambda: all(one.service_is_ready() for one in self._clients.values()))
+            self._know_driver()
         except AssertionError:
             self.close()  # a driver that is left behind talks into the tests to come
             raise
@@ -149,9 +149,14 @@ class Stage:
         self.driver = start(program, *self.arguments)
         self.diagnostics.clear()
         states, valves = len(self.states), len(self.valves)
-        self.until(
-            lambda: len(self.states) > states and len(self.valves) > valves and self.diagnostics
-        )
+        self.until(lambda: len(self.states) > states and len(self.valves) > valves)
+        self._know_driver()
+
+    def _know_driver(self) -> None:
+        """It has reported, and it has found who calls it: else an answer may be lost."""
+        self.until(lambda: self._safety in self.diagnostics)
+        self.until(lambda: all(one.service_is_ready() for one in self._clients.values()))
+        wait_until_heard(self.node, "driver", self.until)
 
     def close(self) -> None:
         for process in (self.driver, self.machine):
