@@ -41,6 +41,7 @@ from crane_nodes.polled import Polled
 
 LATCHED = QoSProfile(depth=1, durability=DurabilityPolicy.TRANSIENT_LOCAL)
 DEEP = QoSProfile(depth=2000)  # messages, while a busy test machine does not take them
+FRAMES = 50_000  # of the bus, for the same reason: 40 s of them
 SERVICES = ("enable", "disable", "emergency_stop", "reset_fault")
 
 
@@ -93,7 +94,7 @@ class Stage:
         self.layout = load_layout(load_machine(machine), path, machine_file("can.dbc", machine))
         self.codec = MachineCodec(self.layout)
         self._reader = DriverCodec(self.layout)
-        self.link = Link(BusSettings(extra={"port": port})).open()
+        self.link = Link(BusSettings(extra={"port": port}), capacity=FRAMES).open()
         posed = [*(["--operator"] if operator else []), *(["--pose", *pose] if pose else [])]
         posed += ["--plant", str(plant)] if plant else []
         self.machine = start(MACHINE, "--machine", machine, "--bus-option", f"port={port}", *posed)
