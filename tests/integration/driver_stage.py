@@ -167,9 +167,9 @@ class Stage:
         self.node.destroy_node()
         rclpy.shutdown(context=self.context)
 
-    def until(self, condition: Callable[[], object]) -> None:
-        """Work until a condition holds."""
-        deadline = time.monotonic() + PATIENCE
+    def until(self, condition: Callable[[], object], seconds: float = PATIENCE) -> None:
+        """Work until a condition holds; the seconds bound a test that fails."""
+        deadline = time.monotonic() + seconds
         while not condition():
             assert time.monotonic() < deadline, f"waited in vain; {self.diagnostics}"
             self.spin()
