@@ -30,6 +30,7 @@ from crane_interfaces.msg import CylinderPressures, ValveCommand
 STEP = 5_000_000  # ns
 START = 1_700_000_000_000_000_000  # ns, of the bag
 COUNT = 300
+TRIES = 3
 DEEP = QoSProfile(depth=10 * COUNT)
 CLASSES = {
     JOINT_STATES.name: JointState,
@@ -110,9 +111,8 @@ def test_everything_is_played_in_order_but_the_valves(ros: Graph, bag: Path) -> 
     assert "601 messages played" in player.output
 
 
-@pytest.mark.parametrize("rate", [1.0, 2.0])
-def test_rhythm_is_that_of_the_bag(rate: float, ros: Graph, bag: Path) -> None:
-    """No message before its time, and none so late that the player had slowed down."""
+def delays(rate: float, ros: Graph, bag: Path) -> np.ndarray:
+    """How late each joint state of a bag that is played was sent [ns]."""
     states = Listener(ros, "/joint_states", JointState)
     clock = Listener(ros, "/clock", Clock)
     played = ("--topics", "/joint_states", "--wait-for", "/joint_states", "/clock")
@@ -120,12 +120,25 @@ def test_rhythm_is_that_of_the_bag(rate: float, ros: Graph, bag: Path) -> None:
     ros.wait(lambda: len(states.messages) == COUNT)
     ros.wait(lambda: clock.times and clock.times[-1] > START + 0.9 * COUNT * STEP)
     begins = np.array(clock.sent) - (np.array(clock.times) - START) / rate  # each as late as it was
-    late = np.array(states.sent) - begins.min() - np.arange(COUNT) * STEP / rate
-    assert late.min() > -1e6
-    assert late[-COUNT // 10 :].min() < 0.5e9
     assert clock.times == sorted(clock.times)
     assert clock.times[0] >= START
     ros.wait(lambda: not player.running)
+    for one in (states, clock):
+        ros.node.destroy_subscription(one.subscription)
+    return np.array(states.sent) - begins.min() - np.arange(COUNT) * STEP / rate
+
+
+@pytest.mark.parametrize("rate", [1.0, 2.0])
+def test_rhythm_is_that_of_the_bag(rate: float, ros: Graph, bag: Path) -> None:
+    """No message before its time, and none so late that the player had slowed down; a busy test
+    machine may hold it up at the end, but hardly every time.
+    """
+    for _ in range(TRIES):
+        late = delays(rate, ros, bag)
+        assert late.min() > -1e6
+        if late[-COUNT // 10 :].min() < 0.5e9:
+            return
+    pytest.fail(f"{late[-COUNT // 10 :].min() * 1e-9:.1f} s late at the end")
 
 
 def test_late_subscriber_gets_the_latched_message(ros: Graph, bag: Path) -> None:
