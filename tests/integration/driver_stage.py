@@ -45,6 +45,11 @@ FRAMES = 50_000  # of the bus, for the same reason: 40 s of them
 SERVICES = ("enable", "disable", "emergency_stop", "reset_fault")
 
 
+def made(message: Any) -> float:
+    """When, by the stamp of its header [s]."""
+    return float(message.header.stamp.sec + 1e-9 * message.header.stamp.nanosec)
+
+
 class Valves(NamedTuple):
     """One valve frame on the bus."""
 
@@ -173,6 +178,14 @@ class Stage:
         while not condition():
             assert time.monotonic() < deadline, f"waited in vain; {self.diagnostics}"
             self.spin()
+
+    def measured(self, condition: Callable[[JointState], bool] = lambda state: True) -> JointState:
+        """A joint state made after this call for which the condition holds; the newest one of a
+        busy test machine may have been taken seconds ago.
+        """
+        called = time.time()
+        self.until(lambda: made(self.states[-1]) > called and condition(self.states[-1]))
+        return self.states[-1]
 
     def spin(self) -> None:
         self._executor.spin_once(timeout_sec=0.01)

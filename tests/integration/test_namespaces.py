@@ -17,7 +17,6 @@ from crane_identification.data.bag_log import read_bag
 
 RECORDER = RUN.format(module="crane_nodes.recording.recorder")
 TRAVEL = 0.02  # rad
-QUEUE = 10  # messages that may have waited
 SHARED = {"/diagnostics"}  # by all nodes of a domain; names of statuses begin with the node's
 READY = {
     "trajectory": "ready: listens to /left/driver/state, /left/joint_states; publishes "
@@ -47,9 +46,7 @@ def test_all_names_of_a_node_are_in_its_namespace(
 
 def newest(crane: Stage) -> np.ndarray:
     """Positions (4,) that are measured after this call [rad, m]."""
-    crane.states.clear()
-    crane.until(lambda: len(crane.states) > QUEUE)
-    return np.array(crane.states[-1].position)
+    return np.array(crane.measured().position)
 
 
 def recorded(crane: Stage, bag: Path, topic: str) -> bool:
