@@ -74,6 +74,7 @@ class Workshop:
         )  # fmt: skip
         self.driver: subprocess.Popen[str] | None = None
         self.true: dict[str, float] = {}
+        self.seen = 0.0  # s, steady, when the newest frame came: a busy test machine is late
         self.trail: list[float] = []  # of the inner boom
         self.valves: tuple[dict[str, float], bool] = ({}, False)
 
@@ -101,6 +102,7 @@ class Workshop:
     def look(self) -> None:
         time.sleep(0.005)
         for frame in self.link.take():
+            self.seen = frame.steady
             if readings := self._driver_side.decode(frame):
                 self.true |= readings.positions
                 self.trail.append(readings.positions.get("inner_boom", math.nan))
@@ -115,11 +117,11 @@ class Workshop:
 
     def still(self, joint: str) -> float:
         """Where a joint stands, once it does."""
-        since, there = time.monotonic(), self.true[joint]
-        while time.monotonic() < since + 0.3:
+        since, there = self.seen, self.true[joint]
+        while self.seen < since + 0.3:
             self.look()
             if abs(self.true[joint] - there) > 2e-4:
-                since, there = time.monotonic(), self.true[joint]
+                since, there = self.seen, self.true[joint]
         return there
 
     def pull(self, joint: str, way: float) -> float:
