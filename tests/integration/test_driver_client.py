@@ -123,10 +123,10 @@ def test_it_is_enabled_and_stopped_by_its_state_and_services(crane: Crane) -> No
 
     crane.until(enabled)
     assert crane.in_state(DriverState.STATE_ENABLED).cause == ""
-    assert crane.client.problem == ""
+    crane.until(lambda: crane.client.problem == "")
     crane.client.stop()
     state = crane.in_state(DriverState.STATE_EMERGENCY_STOP)
-    assert crane.client.problem == f"{NAME}: {state.cause}; {state.remedy}"
+    crane.until(lambda: crane.client.problem == f"{NAME}: {state.cause}; {state.remedy}")
 
 
 def test_a_fault_is_told_at_once_with_cause_and_remedy(crane: Crane) -> None:
@@ -149,7 +149,12 @@ def test_bring_up_and_jog_find_it(crane: Crane) -> None:
     bringup.destroy_node()
     jog = Jog(by_joystick=False)
     jog.begin(Stop())
-    assert jog.shown().state != "no driver"
+
+    def found() -> bool:
+        jog.work()
+        return jog.shown().state != "no driver"
+
+    crane.until(found)
     jog.stop()
     jog.destroy_node()
 
