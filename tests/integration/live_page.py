@@ -106,7 +106,10 @@ class Page:
                 raise TimeoutError(f"{self._program} did not start within {PATIENCE:g} s")
             time.sleep(0.05)
         port, path = port_file.read_text().split()[:2]
-        whole = connect(f"ws://127.0.0.1:{port}{path}", max_size=None, proxy=None)
+        # Without a graphics card a browser may be too busy for minutes to answer a ping.
+        patient: dict[str, Any] = {"max_size": None, "proxy": None, "ping_interval": None}
+        patient["open_timeout"] = PATIENCE
+        whole = connect(f"ws://127.0.0.1:{port}{path}", **patient)
         page = None
         with whole:
             while page is None:  # the browser listens before it has opened one
@@ -115,9 +118,7 @@ class Page:
                 targets = json.loads(whole.recv(PATIENCE))["result"]["targetInfos"]
                 pages = (one["targetId"] for one in targets if one["type"] == "page")
                 page = next(pages, None)
-        # Without a graphics card a page may be too busy for minutes to answer a ping.
-        url = f"ws://127.0.0.1:{port}/devtools/page/{page}"
-        page_socket = connect(url, max_size=None, proxy=None, ping_interval=None)
+        page_socket = connect(f"ws://127.0.0.1:{port}/devtools/page/{page}", **patient)
         return self._closing.enter_context(page_socket)
 
     def _ask(self, method: str, **parameters: object) -> dict[str, Any]:

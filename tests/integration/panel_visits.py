@@ -21,7 +21,7 @@ pages.PAGE_SILENCE_S = {{seconds}}
 {PANEL}
 """
 # Pages of a busy machine may be held up for seconds: the second is for tests of a page's silence.
-PATIENT, LESS_PATIENT = (SILENT_AFTER.format(seconds=seconds) for seconds in (60.0, 5.0))
+PATIENT, LESS_PATIENT = (SILENT_AFTER.format(seconds=seconds) for seconds in (60.0, 12.0))
 DESK, PHONE = (1280, 900), (390, 844)
 SIZES = pytest.mark.parametrize("size", [DESK, PHONE], ids=["desk", "phone"])
 
@@ -77,7 +77,7 @@ def arm(page: Page, token: str) -> None:
 
 
 def visit(panel: Served, origin: str | None = None) -> ClientConnection:
-    return connect(panel.live, origin=origin or panel.url, proxy=None)
+    return connect(panel.live, origin=origin or panel.url, proxy=None, open_timeout=PATIENCE)
 
 
 def heard(visitor: ClientConnection, key: str) -> dict[str, object]:

@@ -155,17 +155,25 @@ def test_garbage_ends_the_page_and_not_the_panel(panel: Served, garbage: str | b
 
 @pytest.mark.parametrize("token", ["", "wrong", "\ud800", "ä" * 50])
 def test_a_wrong_token_arms_nothing_and_holds_no_other_page_up(panel: Served, token: str) -> None:
-    with visit(panel) as visitor, visit(panel) as other:
-        visitor.send(json.dumps({"token": token}))
-        visitor.send(json.dumps({"token": panel.token}))  # at once: the panel lets wait a second
-        refused = heard(visitor, "refusal")
-        assert refused["armed"] is False
-        assert "not the token" in str(refused["refusal"])
-        assert "wait a second" in str(heard(visitor, "refusal")["refusal"])
-        other.send(json.dumps({"token": panel.token}))
-        assert heard(other, "refusal")["armed"] is True
-        visitor.send('{"request": "enable"}')
-        assert "not armed" in str(heard(visitor, "answer")["message"])
+    def waits() -> bool:
+        """Unless it comes to the second token, which is right, a second after the first."""
+        with visit(panel) as visitor, visit(panel) as other:
+            visitor.send(json.dumps({"token": token}))
+            visitor.send(json.dumps({"token": panel.token}))  # at once: the panel lets wait
+            refused = heard(visitor, "refusal")
+            assert refused["armed"] is False
+            assert "not the token" in str(refused["refusal"])
+            second = heard(visitor, "refusal")
+            if second["armed"]:
+                return False
+            assert "wait a second" in str(second["refusal"])
+            other.send(json.dumps({"token": panel.token}))
+            assert heard(other, "refusal")["armed"] is True
+            visitor.send('{"request": "enable"}')
+            assert "not armed" in str(heard(visitor, "answer")["message"])
+            return True
+
+    until(waits)
 
 
 def test_a_page_that_sleeps_is_lost_and_enables_nothing(stage: Stage) -> None:
@@ -227,5 +235,5 @@ def test_a_panel_in_a_namespace_shows_and_stops_the_crane_there_alone(
         until(shown)
         with visit(one) as visitor:
             visitor.send('{"request": "stop"}')
-            left.until(lambda: left.safety[0] == "emergency stop")
-            assert stage.report()[0] != "emergency stop"
+            left.until(lambda: left.safety[0].startswith("emergency stop"))
+            assert not stage.report()[0].startswith("emergency stop")
