@@ -1,13 +1,15 @@
 """A controller that uses the model, live: what it does when its transducers or its model fail."""
 
+import time
 from collections.abc import Iterator
 from pathlib import Path
 
 import numpy as np
 import pytest
 import yaml
-from integration.driver_stage import Stage
-from integration.experiments import PERIOD, SHORT, Experiments, made
+from diagnostic_msgs.msg import DiagnosticArray
+from integration.driver_stage import Stage, made
+from integration.experiments import PERIOD, SHORT, TRIES, Experiments
 from integration.processes import end
 from integration.shown_pressures import SHOWN, shown_pressures
 from known_crane import write_known_model
@@ -15,12 +17,14 @@ from lifecycle_msgs.msg import Transition
 from rclpy.task import Future
 from std_srvs.srv import Trigger
 
+from crane_interfaces.action import RunExcitation
 from crane_model.model_file import load_model
 from crane_trajectory.experiment import Outcome
 from crane_trajectory.motion.probe import Probe
 
 FALLEN_BACK = "pressures lost: using the load of the model"
 BEGUN = 6.0  # s of the goal
+NOTICED = 1.5  # s, in which a loss of pressures is noticed and reported
 CYCLE = 0.005  # s
 GIVEN = 2e-3  # rad, tolerance: half a tenth of it is two counts, which a crane at rest may creep
 LARGEST_STEP = 0.25  # of the command from cycle to cycle: across both dead zones
@@ -47,7 +51,7 @@ def under_way(crane: Experiments) -> Future:
     """The end of a goal whose period has begun."""
     for _ in range(5):  # a test machine that is too busy makes true faults
         crane.stage.enabled()
-        ending = crane.send().get_result_async()
+        ending = crane.send(periods=2).get_result_async()
 
         def begun(ending: Future = ending) -> bool:
             return ending.done() or any(one.elapsed > BEGUN for one in crane.feedback)
@@ -58,22 +62,35 @@ def under_way(crane: Experiments) -> Future:
     raise AssertionError(f"no goal gets under way: {ending.result().result.message}")
 
 
+def without_pressures(crane: Experiments) -> RunExcitation.Result:
+    """The result of a completed goal under which the pressures are lost; again where a busy test
+    machine makes true faults, or was so late that the goal has ended, as the commands tell.
+    """
+    for _ in range(TRIES):
+        crane.commands.clear()
+        with shown_pressures() as pressures:
+            ending = under_way(crane)
+            pressures.lose()
+        lost = time.time()
+        crane.stage.until(ending.done)
+        result = ending.result().result
+        if result.outcome == Outcome.COMPLETED and made(crane.commands[-1]) > lost + NOTICED:
+            return result
+    raise AssertionError(result.message)
+
+
 def test_without_pressures_it_goes_on_by_the_simpler_law(crane: Experiments) -> None:
     stage = crane.stage
-    with shown_pressures() as pressures:
-        ending = under_way(crane)
-        pressures.lose()
     told: list[str] = []
 
-    def named() -> bool:
-        told.append(stage.diagnostics["trajectory: experiment"][2].get("controller", ""))
-        return any(FALLEN_BACK in one for one in told) or ending.done()
+    def diagnosed(message: DiagnosticArray) -> None:
+        for one in message.status:
+            if one.name == "trajectory: experiment":
+                told.extend(pair.value for pair in one.values if pair.key == "controller")
 
-    stage.until(named)
+    stage.listen(DiagnosticArray, "/diagnostics", diagnosed)
+    result = without_pressures(crane)
     assert any(FALLEN_BACK in one for one in told), told
-    stage.until(ending.done)
-    result = ending.result().result
-    assert result.outcome == Outcome.COMPLETED, result.message
     assert FALLEN_BACK in result.message
     errors = dict(zip(result.name, result.rms_tracking_error, strict=True))
     assert max(errors.values()) < 2e-3, errors
