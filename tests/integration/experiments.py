@@ -4,22 +4,25 @@ import subprocess
 import time
 from pathlib import Path
 from typing import Any
+from uuid import uuid4
 
 import numpy as np
 import yaml
-from integration.driver_stage import Stage
+from integration.driver_stage import Stage, made
+from integration.matched import wait_until_heard
 from integration.processes import COMMAND_TIMEOUT, CONTROLLER_PRIORITY, URGENT, start
 from lifecycle_msgs.msg import Transition
 from lifecycle_msgs.srv import ChangeState
 from rcl_interfaces.msg import Parameter, ParameterType, ParameterValue
 from rcl_interfaces.srv import SetParameters
 from rclpy.action import ActionClient
-from sensor_msgs.msg import JointState
+from unique_identifier_msgs.msg import UUID
 
 from crane_interfaces.action import RunExcitation
 from crane_interfaces.msg import JointReference, ValveCommand
 from crane_trajectory.experiment import Outcome
 
+Feedback = RunExcitation.Impl.FeedbackMessage
 TRAJECTORY = URGENT.format(module="crane_trajectory.trajectory_node", priority=CONTROLLER_PRIORITY)
 PERIOD = 5.0  # s
 TIMEOUT = COMMAND_TIMEOUT / 2  # s
@@ -34,12 +37,8 @@ SHORT = {
 }
 MOVING = 0.03  # rad/s, m/s
 TRIES = 6
+LONG = 10  # periods, so that a goal does not end by itself while a busy test machine is late
 NEXT = 0.0075  # s, by which commands of the next cycle follow
-
-
-def made(command: ValveCommand | JointReference | JointState) -> float:
-    """When, by its stamp [s]."""
-    return float(command.header.stamp.sec + 1e-9 * command.header.stamp.nanosec)
 
 
 class Experiments:
@@ -64,6 +63,9 @@ class Experiments:
         node = stage.node
         stage.listen(JointReference, "/joint_reference", self.references.append)
         stage.listen(ValveCommand, "/valve_command", self.commands.append)
+        # The action client drops what it has not taken by the time of the result.
+        stage.listen(Feedback, "/run_excitation/_action/feedback", self._told)
+        self._goal = UUID()
         self.action = ActionClient(node, RunExcitation, "/run_excitation")
         self._set = node.create_client(SetParameters, "/trajectory/set_parameters")
         self._change = node.create_client(ChangeState, "/trajectory/change_state")
@@ -76,17 +78,21 @@ class Experiments:
         for ready in (self.action.server_is_ready, self._set.service_is_ready):
             self.stage.until(ready)
         self.stage.until(self._change.service_is_ready)
+        wait_until_heard(self.stage.node, "/trajectory", self.stage.until)
 
     def send(self, file: Path | None = None, periods: int = 1) -> Any:
         """A goal; its handle. `feedback` is that of the newest goal."""
         request = RunExcitation.Goal(trajectory=str(file or self.file), periods=periods)
-        feedback = self.feedback = []  # what comes late of the goal before does not get into it
-        sent = self.action.send_goal_async(
-            request, lambda message: feedback.append(message.feedback)
-        )
+        self.feedback = []  # what comes late of the goal before does not get into it
+        self._goal = UUID(uuid=list(uuid4().bytes))
+        sent = self.action.send_goal_async(request, goal_uuid=self._goal)
         self.stage.until(sent.done)
         assert sent.result().accepted
         return sent.result()
+
+    def _told(self, message: Feedback) -> None:
+        if bytes(message.goal_id.uuid) == bytes(self._goal.uuid):
+            self.feedback.append(message.feedback)
 
     def result(self, handle: Any) -> RunExcitation.Result:
         ending = handle.get_result_async()
@@ -110,6 +116,7 @@ class Experiments:
 
     def refused(self, file: Path | None = None, periods: int = 1) -> RunExcitation.Result:
         """The result of a goal that must not move anything, however long it takes to be refused."""
+        self.stage.spin()  # takes what was sent before
         since, asked = len(self.stage.valves), time.time()
         result = self.result(self.send(file, periods))
         assert not any(any(one.commands.values()) for one in self.stage.valves[since:])
@@ -120,9 +127,14 @@ class Experiments:
         """The handle of a goal under which the crane moves."""
         for _ in range(5):  # a test machine that is too busy makes true faults
             self.stage.enabled()
-            handle = self.send(periods=3)
-            ending = handle.get_result_async()
-            self.stage.until(lambda ending=ending: ending.done() or self.speed() > MOVING)
+            handle = self.send(periods=LONG)
+            accepted, ending = time.time(), handle.get_result_async()
+
+            def moves(accepted: float = accepted) -> bool:
+                """By a state made since; the crane may have moved before."""
+                return made(self.stage.states[-1]) > accepted and self.speed() > MOVING
+
+            self.stage.until(lambda ending=ending, moves=moves: ending.done() or moves())
             if not ending.done():
                 return handle
         raise AssertionError("the crane does not move")
