@@ -14,7 +14,7 @@ from itertools import pairwise
 from pathlib import Path
 
 import pytest
-from integration.driver_stage import Stage
+from integration.driver_stage import Stage, made
 from integration.jogging import JOG, SLOW_TO_END, Terminal, enable, hold, jogging
 from integration.processes import PATIENCE, environment, line
 from sensor_msgs.msg import Joy
@@ -101,14 +101,10 @@ def test_a_held_key_raises_the_inner_boom_and_letting_go_stops_it(
     stage.until(stops)
     assert moves(stage, begun)
     assert min(value for _, value in commands(stage, begun)) >= 0.0
-    told = [(seconds(one), one.command[one.name.index("inner_boom")]) for one in sent]
+    told = [(made(one), one.command[one.name.index("inner_boom")]) for one in sent]
     for (before, a), (now, b) in pairwise(told):
         step = RISE * (now - before + LATE) + (DEAD_BAND if a == 0.0 else 0.0)
         assert b - a < step, "ramped"
-
-
-def seconds(message: ValveCommand) -> float:
-    return float(message.header.stamp.sec + message.header.stamp.nanosec * 1e-9)
 
 
 def test_a_tap_is_a_nudge(stage: Stage, terminal: Terminal) -> None:

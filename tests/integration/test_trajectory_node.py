@@ -9,7 +9,7 @@ from collections.abc import Iterator
 import numpy as np
 import pytest
 import yaml
-from integration.driver_stage import Stage
+from integration.driver_stage import Stage, made
 from integration.experiments import MOVING, SHORT, TRIES, Experiments
 from integration.processes import end
 from laboratory_crane import JOINTS
@@ -120,9 +120,7 @@ def test_an_experiment_is_completed(crane: Experiments) -> None:
     crane.holds_still()
     crane.stage.until(lambda: {one.phase for one in crane.feedback} == {1, 2, 3})
     assert [one.phase for one in crane.feedback] == sorted(one.phase for one in crane.feedback)
-    stamps = np.array(
-        [one.header.stamp.sec + one.header.stamp.nanosec * 1e-9 for one in crane.references]
-    )
+    stamps = np.array([made(one) for one in crane.references])
     position = np.array([one.position for one in crane.references])
     velocity = np.array([one.velocity for one in crane.references])
     assert (np.diff(stamps) > 0.0).all()
