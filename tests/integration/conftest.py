@@ -3,7 +3,8 @@
 from collections.abc import Iterator
 
 import pytest
-from integration.driver_stage import Stage, patient_safety
+from integration.driver_stage import Stage
+from integration.patient_files import patient_safety
 
 
 @pytest.fixture(scope="module")

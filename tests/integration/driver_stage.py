@@ -8,20 +8,11 @@ from pathlib import Path
 from typing import Any, NamedTuple, Self
 
 import rclpy
-import yaml
 from diagnostic_msgs.msg import DiagnosticArray
 from integration.commander import Commander
 from integration.matched import wait_until_heard
-from integration.processes import (
-    COMMAND_TIMEOUT,
-    DRIVER,
-    MACHINE,
-    PATIENCE,
-    TIMING,
-    end,
-    free_port,
-    start,
-)
+from integration.patient_files import patient_mapping
+from integration.processes import DRIVER, MACHINE, PATIENCE, end, free_port, start
 from rclpy.executors import SingleThreadedExecutor
 from rclpy.node import Node
 from rclpy.qos import DurabilityPolicy, QoSProfile
@@ -57,26 +48,6 @@ class Valves(NamedTuple):
     stamp: int  # ns
     commands: dict[str, float]
     enabled: bool
-
-
-def patient_mapping(
-    folder: Path, canopen: Mapping[str, object] = {}, machine: str = DEFAULT_MACHINE
-) -> Path:
-    """The machine's mapping with the patience that a busy test machine needs."""
-    mapping = yaml.safe_load(machine_file("can.yaml", machine).read_text())
-    path = folder / "mapping.yaml"
-    path.write_text(yaml.safe_dump({**mapping, "timing": TIMING, "canopen": dict(canopen)}))
-    return path
-
-
-def patient_safety(folder: Path, machine: str = DEFAULT_MACHINE) -> str:
-    """The machine's safety.yaml with a driver that waits longer for commands: a busy test machine
-    is late by itself.
-    """
-    settings = yaml.safe_load(machine_file("safety.yaml", machine).read_text())
-    path = folder / "safety.yaml"
-    path.write_text(yaml.safe_dump(settings | {"command_timeout": COMMAND_TIMEOUT}))
-    return str(path)
 
 
 class Stage:

@@ -9,7 +9,8 @@ from pathlib import Path
 import numpy as np
 import pytest
 from integration.commander import Commander
-from integration.driver_stage import Stage, commander, patient_safety
+from integration.driver_stage import Stage, commander
+from integration.patient_files import patient_safety
 from integration.processes import PATIENCE, RUN, end, start
 from unit.crane_observer.observed import known
 

@@ -8,7 +8,8 @@ from collections.abc import Iterator
 
 import numpy as np
 import pytest
-from integration.driver_stage import Stage, made, patient_safety
+from integration.driver_stage import Stage, made
+from integration.patient_files import patient_safety
 from integration.processes import DRIVER, PATIENCE, free_port, start
 from laboratory_crane import JOINTS, PLANAR_JOINTS
 from lifecycle_msgs.msg import State, Transition

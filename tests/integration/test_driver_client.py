@@ -9,7 +9,7 @@ from pathlib import Path
 
 import pytest
 import rclpy
-from integration.driver_stage import patient_mapping
+from integration.patient_files import patient_mapping
 from integration.processes import DRIVER, MACHINE, PATIENCE, end, free_port, start
 from rclpy.executors import SingleThreadedExecutor
 from rclpy.node import Node

@@ -5,8 +5,9 @@ from pathlib import Path
 
 import pytest
 import yaml
-from integration.driver_stage import Stage, patient_safety
+from integration.driver_stage import Stage
 from integration.experiments import MOVING, TRAJECTORY, Experiments
+from integration.patient_files import patient_safety
 from integration.processes import PATIENCE, RUN, end, start
 from integration.test_following import LARGEST_STEP
 from known_crane import write_known_model

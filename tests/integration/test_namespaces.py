@@ -7,7 +7,8 @@ from pathlib import Path
 import numpy as np
 import pytest
 import rclpy
-from integration.driver_stage import Stage, commander, patient_safety
+from integration.driver_stage import Stage, commander
+from integration.patient_files import patient_safety
 from integration.processes import RUN, end, start
 from integration.test_manual_nodes import INHERITED, NODES
 from rclpy.lifecycle import LifecycleNode, TransitionCallbackReturn

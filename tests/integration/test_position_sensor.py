@@ -9,8 +9,9 @@ import numpy as np
 import pytest
 import rclpy
 from builtin_interfaces.msg import Time
-from integration.driver_stage import Stage, commander, made, patient_safety
+from integration.driver_stage import Stage, commander, made
 from integration.matched import wait_until_heard
+from integration.patient_files import patient_safety
 from integration.processes import PATIENCE, RUN, end, start
 from rclpy.executors import SingleThreadedExecutor
 from rclpy.node import Node

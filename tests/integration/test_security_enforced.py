@@ -16,8 +16,8 @@ from pathlib import Path
 import pytest
 import yaml
 from from_code.parameter_files import ROOT
-from integration.driver_stage import patient_mapping, patient_safety
 from integration.experiments import SHORT, TIMEOUT, TRAJECTORY
+from integration.patient_files import patient_mapping, patient_safety
 from integration.processes import DRIVER, MACHINE, PATIENCE, RUN, end, environment, free_port, line
 
 pytestmark = pytest.mark.realtime

@@ -8,8 +8,9 @@ from pathlib import Path
 
 import pytest
 from integration.commander import Commander
-from integration.driver_stage import LATCHED, Stage, commander, patient_safety
+from integration.driver_stage import LATCHED, Stage, commander
 from integration.jogging import enable, hold, jogging
+from integration.patient_files import patient_safety
 from integration.processes import PATIENCE, RUN, end, start
 from unit.crane_observer.observed import known
 
