@@ -8,7 +8,10 @@ In a block from t0 to t1 the piston of a joint moved, by its encoder and by eith
 with Q less leakage, of `crane_observer.position.flow`, and the supply stands at p_0 - droop Q_S.
 Q is not known at the ends of what a chamber or its transducer can show, nor over an open edge that
 has next to no drop: a boom that its load stalls has the supply in one chamber and the tank in the
-other, and noise of the transducers alone would move it by tenths of a millimetre in a block.
+other, and noise of the transducers alone would move it by tenths of a millimetre in a block. But if
+the piston goes there as fast as it does by another drop only, d_E from x_E = W sqrt(d_E), further
+from the d that is shown than zeros and noise are, one of them lies, and its error of d_E - d made
+x_E - W sqrt(d).
 What a sensor does wrong moves some of x_E - x_A, x_E - x_B and p_S - p_0 + droop Q_S, and leaves
 the others: see `signatures`.
 """
@@ -26,12 +29,14 @@ from crane_model.hydraulics.stepping import Circuit, chamber_volumes
 from crane_model.machine import Machine
 from crane_model.model_file import Model
 from crane_model.whole_crane import circuit_of, identified
+from crane_observer.monitor.faint import error_of_drop
 from crane_observer.monitor.supply_line import FEEDING, SupplyLine
 from crane_observer.position.flow import (
     DROP_A,
     DROP_B,
     EDGE_A,
     EDGE_B,
+    FAINT,
     FAINT_A,
     FAINT_B,
     FLOW_A,
@@ -43,6 +48,8 @@ from crane_observer.position.flow import (
     SOON_A,
     SOON_B,
     SUMS,
+    WIDE_A,
+    WIDE_B,
     Commands,
     Spools,
     add_interval,
@@ -54,6 +61,7 @@ LEAST_APART = 5e-3  # s, of samples at the highest rate
 SETTLING = 1.0  # s after the first sample or a gap, until it is known where the spools stand
 LONGEST = 0.1  # s between two samples, beyond which nothing is known of what was between
 SHOWN = 2.5e7  # Pa, the largest pressure that is believed
+OFF = 1e5  # Pa, by which zeros and noise of two transducers may be off
 
 
 class Sample(NamedTuple):
@@ -85,11 +93,12 @@ class FlowBlock(NamedTuple):
     late: Array  # (j, 2) m/s, by how much they grow where the spool moves 1 s later
     null: Array  # (j, 2) m, by how much they go either way if a valve opens sooner by its stroke
     edge: Array  # (j, 2) m that the piston goes by edges which may be open, or not
-    known: Flags  # (j, 2) whether the flow is known
+    known: Flags  # (j, 2) whether the flow is known, or what it is not
     pressure: Array  # (j, 2) Pa, mean
     last: Array  # (j, 2) Pa, of the last sample
     supply: float  # Pa, mean, less what the flow that is drawn leaves of it
     drawn: Array  # (j,) Pa, by how much each joint lets the supply droop
+    metered: bool  # whether what is drawn is known: each flow is
     surplus: bool  # whether the supply line may hold oil that was pressed back into it
     stroke: Array  # (j,) Pa s/m, by how much it would for 1 m/s
     lever: Array  # (j,) m of the piston for 1 rad or m of the joint
@@ -101,7 +110,7 @@ class FlowBlock(NamedTuple):
         pressure (`SupplyLine`); and a chamber that sucks oil from the tank draws less.
         """
         fed = float(self.drawn.sum()) > FEEDING
-        return bool(self.known.all()) and fed and not self.surplus
+        return self.metered and fed and not self.surplus
 
 
 @dataclass(frozen=True)
@@ -229,20 +238,30 @@ class Blocks:
         p_b = np.mean([one.chamber_b for one in inner], axis=0)
         squeezed = softness * (ended - begun)
         flow = volumes / areas * (1.0, -1.0) - squeezed
-        known = sums[:, [LOST_A, LOST_B]] + sums[:, [FAINT_A, FAINT_B]] == 0.0
-        turned = np.where(known, np.nan_to_num(np.abs(flow / span - self._speed)), 0.0)
-        self._speed = np.where(known, flow / span, self._speed)
+        shown = np.stack([p_a, p_b], axis=1)
+        supply = float(np.mean([one.supply for one in inner]))
+        lost, faint = sums[:, [LOST_A, LOST_B]] > 0.0, sums[:, [FAINT_A, FAINT_B]] > 0.0
+        wide = sums[:, [WIDE_A, WIDE_B]] / areas * (1.0, -1.0)
+        from_supply = sums[:, [WIDE_A, WIDE_B]] > 0.0
+        over = np.where(from_supply, supply - shown, shown - circuit.tank_pressure)
+        missed = (x - before)[:, None] - flow
+        off = error_of_drop(missed, wide, over) * np.where(from_supply, -1.0, 1.0)
+        lies = (over < FAINT) & (np.abs(off) > OFF)  # by far more than a slope holds
+        drop = np.divide(missed, off, out=drop, where=lies)
+        certain = ~lost & ~faint
+        turned = np.where(certain, np.nan_to_num(np.abs(flow / span - self._speed)), 0.0)
+        self._speed = np.where(certain, flow / span, self._speed)
         entering = np.maximum(volumes, 0.0)
         drawn = circuit.droop * entering.sum(axis=1) / span
         droop = float(drawn.sum())
-        above = float(np.mean([one.supply for one in inner])) - circuit.supply_pressure
+        above = supply - circuit.supply_pressure
         return FlowBlock(
             begin=first.time,
             time=last.time,
             encoder=x - before,
             flow=flow,
             crossed=crossed / areas * (1.0, -1.0) - softness * (ended - begun)[:, ::-1],
-            fed=-drop * (volumes > 0.0),
+            fed=-drop * np.where(lies, from_supply, volumes > 0.0),
             drop=drop,
             softness=softness,
             squeezed=-squeezed,
@@ -250,12 +269,13 @@ class Blocks:
             late=sums[:, [SOON_A, SOON_B]] / areas * (-1.0, 1.0),
             null=sums[:, [NULL_A, NULL_B]] / areas * (1.0, -1.0),
             edge=sums[:, [EDGE_A, EDGE_B]] / areas,
-            known=known,
-            pressure=np.stack([p_a, p_b], axis=1),
+            known=~lost & (~faint | lies),
+            pressure=shown,
             last=ended,
             supply=above + droop,
             drawn=drawn,
-            surplus=self._line.add(droop if known.all() else 0.0, above, span),
+            metered=bool(certain.all()),
+            surplus=self._line.add(droop if certain.all() else 0.0, above, span),
             stroke=circuit.droop * areas.mean(axis=1),
             lever=self.physics.levers(last.position),
             turned=turned,

@@ -144,6 +144,8 @@ class SensorComparison:
             finding = finding._replace(rival=self._rival(suspects))
         if finding.part is Part.SUPPLY:
             watched[:-1] = False  # what it feeds is compared no more
+        elif finding.part in TRANSDUCERS:
+            watched[-1] = False  # nor what feeds it, whose sums begin anew
         if finding.kind is not Wrong.SWAPPED:
             self._again = REFINED, finding, alarmed, watched
         return [finding]

@@ -24,15 +24,16 @@ HELD_COMMANDS = 512  # some seconds of them, in which pressures may be lost
 
 (
     FLOW_A, FLOW_B, NULL_A, NULL_B, DROP_A, DROP_B, FORCE, LATER, OPEN, LOST_A, LOST_B, SOON_A,
-    SOON_B, EDGE_A, EDGE_B, FAINT_A, FAINT_B,
-) = range(17)  # fmt: skip
+    SOON_B, EDGE_A, EDGE_B, FAINT_A, FAINT_B, WIDE_A, WIDE_B,
+) = range(19)  # fmt: skip
 """Sums over a window: flow into A and B [m3]; what each grows by for a null of 1 [m3] and for
 pressures off by 1 Pa [m3/Pa]; the piston's impulse [N s], and that
 times the time since the window began [N s2]; time with A fed less with B fed [s];
 time in which what flows into A and B is not known [s]; what each grows by for a spool that moves
 1 s sooner [m3/s]; what flows through edges that open by their play, while it is not sure whether
-they are open [m3]; time in which an open edge of A and B has next to no drop [s]."""
-SUMS = 17
+they are open [m3]; time in which an open edge of A and B has next to no drop [s]; what would flow into A
+and B for a drop of 1 Pa over the edge that is open, with the sign of the flow [m3/Pa^0.5]."""
+SUMS = 19
 
 SUCKED = 0.5e5  # Pa above that of the tank, below which a chamber may be filled past its valve
 FAINT = 3e5  # Pa, a drop that noise and zeros of two transducers hardly tell from none
@@ -182,8 +183,12 @@ def add_interval(
                 sums[j, SOON_B] += (spool[j, 2] - stood) * by_z_b
                 sums[j, OPEN] += step if o > 0.0 else -step
                 beside_a, beside_b = supply, circuit.tank_pressure
+                gain_a, gain_b = circuit.supply_a[j], -circuit.b_tank[j]
                 if o < 0.0:
                     beside_a, beside_b = beside_b, beside_a
+                    gain_a, gain_b = circuit.a_tank[j], -circuit.supply_b[j]
+                sums[j, WIDE_A] += step * gain_a * o
+                sums[j, WIDE_B] += step * gain_b * o
                 if math.fabs(beside_a - p_a) < FAINT:
                     sums[j, FAINT_A] += step
                 if math.fabs(beside_b - p_b) < FAINT:

@@ -9,7 +9,7 @@ from crane_model.machine import load_machine
 from crane_model.machine_files import machine_file
 from crane_model.model_file import Model, load_model
 from crane_observer.monitor.history import of_block, summed
-from crane_observer.monitor.tolerance import Tolerance, learn
+from crane_observer.monitor.tolerance import NAMES, JointTolerance, Tolerance, learn
 from crane_observer.monitor.watching import SensorWatch
 from crane_sim.parts.parameters import load_stand_in
 from crane_sim.plant.closed_loop import record
@@ -71,3 +71,13 @@ def tolerance(model: Model, days: tuple[Heard, Heard]) -> Tolerance:
     blocks = [block for block in taken if block is not None]
     sums = summed([one.time for one in blocks], [of_block(one) for one in blocks])
     return learn(model.joints, [sums] * 2, "the day before")
+
+
+@pytest.fixture(scope="module")
+def untrimmed(tolerance: Tolerance) -> Tolerance:
+    """Nothing is taken off: half a minute tells nothing of leaks, and the model is as built."""
+    joints = {
+        joint: JointTolerance(**{name: getattr(one, name) for name in NAMES})
+        for joint, one in tolerance.joints.items()
+    }
+    return tolerance.model_copy(update={"joints": joints})

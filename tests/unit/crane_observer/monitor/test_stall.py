@@ -7,7 +7,7 @@ from unit.crane_observer.monitor.at_work import Heard
 from crane_benchmark.observing.cycles import LiftingPlant, WorkCycles
 from crane_benchmark.observing.machines import stock
 from crane_model.model_file import Model
-from crane_observer.monitor.tolerance import NAMES, JointTolerance, Tolerance
+from crane_observer.monitor.tolerance import Tolerance
 from crane_sim.plant.closed_loop import record
 from crane_sim.plant.sampled import Sensors
 
@@ -33,16 +33,6 @@ def heard(model: Model, noise: int) -> Heard:
         made.time, made.position[:, own], shown.chamber_a, shown.chamber_b, shown.supply,
         made.command[:, own],
     )  # fmt: skip
-
-
-@pytest.fixture
-def untrimmed(tolerance: Tolerance) -> Tolerance:
-    """Nothing is taken off: half a minute tells nothing of leaks, and the model is as built."""
-    joints = {
-        joint: JointTolerance(**{name: getattr(one, name) for name in NAMES})
-        for joint, one in tolerance.joints.items()
-    }
-    return tolerance.model_copy(update={"joints": joints})
 
 
 @pytest.mark.parametrize("noise", [8, 9])
