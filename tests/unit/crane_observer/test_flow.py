@@ -6,15 +6,20 @@ import numpy as np
 import pytest
 from unit.crane_observer.observed import known
 
+from crane_model.hydraulics.chambers import roots
 from crane_model.hydraulics.values import Measured
 from crane_model.model_file import Model
 from crane_model.whole_crane import circuit_of
 from crane_observer.position.flow import (
     FAINT_A,
     FAINT_B,
+    FLOW_A,
+    FLOW_B,
     LOST_A,
     LOST_B,
     SUMS,
+    WIDE_A,
+    WIDE_B,
     Commands,
     add_interval,
     spools_of,
@@ -104,3 +109,20 @@ def test_an_open_edge_without_a_drop_is_faint(
     add_interval(circuit, spools, commands, spool, 0.0, 0.0, PERIOD, p, p, 17e6, LARGEST, sums)
     for side, wanted in zip((FAINT_A, FAINT_B), faint, strict=True):
         assert sums[:, side] == pytest.approx(PERIOD if wanted else 0.0)
+
+
+@pytest.mark.parametrize("command", [-0.7, 0.7])
+def test_what_flows_grows_with_the_root_of_the_drop(command: float) -> None:
+    model = known()
+    circuit, spools = circuit_of(model), spools_of(model)
+    commands, spool, sums = Commands.none(3), np.zeros((3, 3)), np.zeros((3, SUMS))
+    spool[:] = np.array([command, 0.0, command])
+    commands.add(-1.0, command * spools.sense)
+    p, supply, tank = np.repeat([[6e6], [9e6]], 3, axis=1), 17e6, circuit.tank_pressure
+    add_interval(circuit, spools, commands, spool, 0.0, 0.0, PERIOD, p, p, supply, LARGEST, sums)
+    leaked = PERIOD * circuit.leakage * (p[0] - p[1])
+    drops = (supply - p[0], p[1] - tank) if command > 0.0 else (p[0] - tank, supply - p[1])
+    for wide, drop, flow in zip(
+        (WIDE_A, WIDE_B), drops, (sums[:, FLOW_A] + leaked, sums[:, FLOW_B] - leaked), strict=True
+    ):
+        assert sums[:, wide] * roots(drop) == pytest.approx(flow, rel=1e-9)

@@ -29,14 +29,13 @@ from crane_model.hydraulics.stepping import Circuit, chamber_volumes
 from crane_model.machine import Machine
 from crane_model.model_file import Model
 from crane_model.whole_crane import circuit_of, identified
-from crane_observer.monitor.faint import error_of_drop
+from crane_observer.monitor.faint import slopes_of_liars
 from crane_observer.monitor.supply_line import FEEDING, SupplyLine
 from crane_observer.position.flow import (
     DROP_A,
     DROP_B,
     EDGE_A,
     EDGE_B,
-    FAINT,
     FAINT_A,
     FAINT_B,
     FLOW_A,
@@ -61,7 +60,6 @@ LEAST_APART = 5e-3  # s, of samples at the highest rate
 SETTLING = 1.0  # s after the first sample or a gap, until it is known where the spools stand
 LONGEST = 0.1  # s between two samples, beyond which nothing is known of what was between
 SHOWN = 2.5e7  # Pa, the largest pressure that is believed
-OFF = 1e5  # Pa, by which zeros and noise of two transducers may be off
 
 
 class Sample(NamedTuple):
@@ -241,13 +239,12 @@ class Blocks:
         shown = np.stack([p_a, p_b], axis=1)
         supply = float(np.mean([one.supply for one in inner]))
         lost, faint = sums[:, [LOST_A, LOST_B]] > 0.0, sums[:, [FAINT_A, FAINT_B]] > 0.0
-        wide = sums[:, [WIDE_A, WIDE_B]] / areas * (1.0, -1.0)
-        from_supply = sums[:, [WIDE_A, WIDE_B]] > 0.0
-        over = np.where(from_supply, supply - shown, shown - circuit.tank_pressure)
-        missed = (x - before)[:, None] - flow
-        off = error_of_drop(missed, wide, over) * np.where(from_supply, -1.0, 1.0)
-        lies = (over < FAINT) & (np.abs(off) > OFF)  # by far more than a slope holds
-        drop = np.divide(missed, off, out=drop, where=lies)
+        passed = sums[:, [WIDE_A, WIDE_B]]
+        from_supply = passed > 0.0
+        left = np.where(from_supply, supply - shown, shown - circuit.tank_pressure)
+        wide, missed = passed / areas * (1.0, -1.0), (x - before)[:, None] - flow
+        slope, lies = slopes_of_liars(missed, wide, from_supply, left)
+        drop = np.where(lies, slope, drop)
         certain = ~lost & ~faint
         turned = np.where(certain, np.nan_to_num(np.abs(flow / span - self._speed)), 0.0)
         self._speed = np.where(certain, flow / span, self._speed)
@@ -261,7 +258,7 @@ class Blocks:
             encoder=x - before,
             flow=flow,
             crossed=crossed / areas * (1.0, -1.0) - softness * (ended - begun)[:, ::-1],
-            fed=-drop * np.where(lies, from_supply, volumes > 0.0),
+            fed=-drop * from_supply,
             drop=drop,
             softness=softness,
             squeezed=-squeezed,

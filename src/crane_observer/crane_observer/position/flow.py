@@ -31,8 +31,8 @@ pressures off by 1 Pa [m3/Pa]; the piston's impulse [N s], and that
 times the time since the window began [N s2]; time with A fed less with B fed [s];
 time in which what flows into A and B is not known [s]; what each grows by for a spool that moves
 1 s sooner [m3/s]; what flows through edges that open by their play, while it is not sure whether
-they are open [m3]; time in which an open edge of A and B has next to no drop [s]; what would flow into A
-and B for a drop of 1 Pa over the edge that is open, with the sign of the flow [m3/Pa^0.5]."""
+they are open [m3]; time in which an open edge of A and B has next to no drop [s]; what would flow
+into A and B for a drop of 1 Pa over the edge that is open [m3/Pa^0.5]."""
 SUMS = 19
 
 SUCKED = 0.5e5  # Pa above that of the tank, below which a chamber may be filled past its valve

@@ -73,6 +73,17 @@ def test_how_large_a_zero_error_is(model: Model, healthy: Heard, tolerance: Tole
     assert finding.low < finding.size < finding.high
 
 
+@pytest.mark.parametrize("error", [-3e5, 3e5])
+def test_the_second_look_at_a_transducer_reaches_back_to_its_onset(
+    model: Model, healthy: Heard, tolerance: Tolerance, error: float
+) -> None:
+    """Before it was found, though what feeds it is not compared since."""
+    lie = changed("p_b", lambda x, t: x + error)
+    finding = first_after(lie(healthy, 0).to(model, tolerance))
+    assert finding.onset == pytest.approx(ONSET, abs=0.15)
+    assert finding.size == pytest.approx(error, rel=0.1)
+
+
 def test_a_valve_that_stays_shut_is_no_encoder(
     model: Model, healthy: Heard, tolerance: Tolerance
 ) -> None:
