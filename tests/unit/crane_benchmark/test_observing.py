@@ -189,3 +189,37 @@ def test_loads_that_moved_too_little_stand_in_a_row_without_aim() -> None:
     assert little.values["rms"] == pytest.approx(0.2)
     assert missed_loads([little]) == []
     assert missed_loads([counted]) == ["hard: 100.0% in their 95 % interval"]
+
+
+def test_loads_that_no_pose_permits_to_weigh_stand_in_a_row_without_aim() -> None:
+    answers = [WeighedLift(50.0, 8.0, 50.5 if told else 40.0, 0.5, told) for told in (True, False)]
+    counted, refused = rows_of("hard", 0.02, answers)
+    assert counted.values["rms"] == pytest.approx(0.01)
+    assert refused.cells[0].endswith("no pose permits weighing, it says")
+    assert refused.values["lifts"] == 1.0 and refused.values["rms"] == pytest.approx(0.2)
+
+
+def test_a_load_is_weighed_where_one_of_its_poses_permits_it() -> None:
+    cycles = WorkCycles(
+        poses=np.zeros((5, 4)),
+        begins=np.array([1.0, 5.0, 9.0, 13.0]),
+        ends=np.array([4.0, 8.0, 12.0, 16.0]),
+        loads=np.array([0.0, 60.0, 30.0, 0.0]),
+        beyond=np.zeros(4),
+    )
+    time = np.arange(0.0, 20.0, 0.15)
+    none, all_ = ScaleCondition.UNOBSERVABLE, ScaleCondition.GOOD
+
+    def permitted(conditions: list[ScaleCondition]) -> list[bool]:
+        found = [
+            Weighing(t, TipLoad(50.0, 1.0, np.nan, np.nan), one, False, 0.0, 0.0)
+            for t, one in zip(time, conditions, strict=True)
+        ]
+        return [one.permitted for one in weighed(cycles, time, time > 0.0, found)]
+
+    changes = REST + np.array([4.5, 8.5])  # the first load comes, and gives way to the second
+    first = (time > changes[0]) & (time < changes[1])
+    assert permitted([none for _ in time]) == [False, False]
+    assert permitted([all_ if one else none for one in first]) == [True, False]
+    # what was told of the load before does not count for the one that has just come
+    assert permitted([all_ if t < changes[0] + 0.2 else none for t in time]) == [False, False]

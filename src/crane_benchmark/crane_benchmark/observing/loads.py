@@ -16,8 +16,9 @@ from crane_model import cli
 from crane_model.arguments import between, whole
 from crane_model.array import Array, Flags
 from crane_model.machine import Machine
+from crane_observer.scale.lifts import UNWEIGHED
 from crane_observer.scale.replay import weigh
-from crane_observer.scale.scale import STANDING, Scale, Weighing
+from crane_observer.scale.scale import STANDING, WINDOW, Scale, Weighing
 from crane_observer.scale.weighing import CENTRED
 from crane_sim.plant.closed_loop import REST
 
@@ -37,6 +38,7 @@ class WeighedLift(NamedTuple):
     moved: float  # s of motion, by what truly happened, from its pick-up on
     mass: float  # kg
     deviation: float  # kg
+    permitted: bool = True  # to weigh, by some pose of it; else the scale said that none was
 
     @property
     def error(self) -> float:
@@ -65,7 +67,11 @@ def weighed(
         if load > 0.0 and last >= 0:
             told = found[last].load
             begin, end = np.interp([came, goes], time, moved)
-            answers.append(WeighedLift(load, float(end - begin), told.mass, told.deviation))
+            first = int(np.searchsorted(times, came + WINDOW))
+            permitted = any(one.condition not in UNWEIGHED for one in found[first : last + 1])
+            answers.append(
+                WeighedLift(load, float(end - begin), told.mass, told.deviation, permitted)
+            )
         came = goes
     return answers
 
@@ -107,12 +113,17 @@ def lifts(name: str, seconds: float, seed: int) -> dict[str, list[WeighedLift]]:
 
 
 def rows_of(what: str, aim: float, answers: Sequence[WeighedLift]) -> list[MeasuredRow]:
-    """Loads that were moved as long as the aim asks, and beside it those that were not."""
+    """Loads that were moved as long as the aim asks and that the scale weighed; beside it those
+    of which it says that no pose of theirs permits that, and those that were hardly moved.
+    """
     low, high = COVERED
     words = f"{aim:.1%}; {low:.0%} to {high:.0%} in their interval"
-    enough = [one for one in answers if one.moved >= LEAST_MOTION]
     little = [one for one in answers if one.moved < LEAST_MOTION]
+    refused = [one for one in answers if one.moved >= LEAST_MOTION and not one.permitted]
+    enough = [one for one in answers if one.moved >= LEAST_MOTION and one.permitted]
     rows = [_row([what, words], {"aim": aim}, enough)]
+    if refused:
+        rows.append(_row([f"{what}, no pose permits weighing, it says", ""], {}, refused))
     if little:
         rows.append(_row([f"{what}, moved for less than {LEAST_MOTION:g} s", ""], {}, little))
     return rows

@@ -23,7 +23,8 @@ APART = 0.02  # s from the windows of other observers, so that no cycle bears th
 LATEST = 0.1  # s that positions may come after pressures
 STANDING = 0.02  # of the fastest that a joint may move, below which it counts as standing
 CRAWLING = 2.0  # times that: how fast friction becomes what it is in faster motion
-WORST = 20.0  # kg, standard deviation that the best weighing in a pose may have to be one
+WORST = 10.0  # kg, standard deviation that the best weighing in a pose may have to be one: half of
+# the lightest load that the aims ask for
 
 
 class ScaleCondition(Enum):

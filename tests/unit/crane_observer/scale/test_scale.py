@@ -17,11 +17,12 @@ from crane_observer.recording import HeardRecording
 from crane_observer.scale.balance import MeanMotion, TipMechanics
 from crane_observer.scale.changes import Changes
 from crane_observer.scale.doubt import ModelDoubt
-from crane_observer.scale.filter import Balanced
+from crane_observer.scale.filter import Balanced, LoadFilter
 from crane_observer.scale.lifts import LiftLog, lifts
 from crane_observer.scale.readings import HeldReadings
 from crane_observer.scale.replay import weigh
-from crane_observer.scale.scale import Scale, ScaleCondition, Weighing
+from crane_observer.scale.scale import WORST, Scale, ScaleCondition, Weighing
+from crane_observer.scale.weighing import attainable
 from crane_observer.scale.window import means
 from crane_sim.parts.mujoco_model import add_body, chain_positions, link_name, machine_spec
 from crane_sim.parts.parameters import load_stand_in
@@ -241,6 +242,28 @@ def test_only_a_joint_that_hardly_moves_counts_as_about_to_stop(
 def test_where_even_the_best_weighing_is_bad_it_says_so() -> None:
     found = weigh(Scale(known(), ModelDoubt(slow=50e5)), recording())
     assert {one.condition for one in found} == {ScaleCondition.UNOBSERVABLE}
+
+
+@pytest.mark.parametrize(
+    ("joint", "pose", "permitted"),
+    [
+        (0, (0.3, -1.3, 0.5), True),
+        (2, (0.3, -0.3, 0.5), False),  # the telescope lies, and carries nothing
+        (2, (0.3, -1.87, 0.5), True),  # it hangs down, and carries all of the load
+    ],
+)
+def test_a_joint_weighs_where_it_carries_the_load(
+    joint: int, pose: tuple[float, ...], permitted: bool
+) -> None:
+    """With a model of another machine, by the motion of one joint alone."""
+    moving = np.arange(3) == joint
+    pressures = np.full(3, 5e6)
+    speed = np.where(moving, 0.1, 0.0)
+    balance = TipMechanics.of(known()).balance(
+        MeanMotion(np.array(pose), speed, np.zeros(3), pressures, pressures)
+    )
+    window = Balanced(0.15, balance, moving, ~moving, moving, np.zeros(3), np.zeros((3, 3)))
+    assert (attainable(LoadFilter(ModelDoubt(), 3), window) < WORST) == permitted
 
 
 def test_a_model_without_values_is_refused() -> None:
