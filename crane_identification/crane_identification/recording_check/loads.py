@@ -18,6 +18,7 @@ from crane_identification.preparation.prepare import prepare
 from crane_identification.recording_check.load_share import Leftover
 from crane_model.errors import ConfigurationError, DataError
 from crane_model.model_file import Model
+from crane_observer.scale.doubt import ModelDoubt
 from crane_observer.scale.scale import Scale, ScaleCondition, Weighing
 
 MOVED = 2.0  # s of motion on both sides of a change: less tells a load badly
@@ -26,6 +27,8 @@ SURE = 5.0  # standard deviations by which two loads differ
 EXPLAINED = 0.5  # of the energy that a model leaves of a recording, by loads that change in it
 A_LOAD = 1.0 - 1e-9  # likeness to the step of a load; 1 where but one joint moves
 APART = 1.0  # s about a change that belong to neither side
+FRICTION = 1.4  # times what a scale doubts of it, of a model that may lack an effect of it
+READINGS = 2e3  # Pa, noise of a window, for the same reason more than that of its readings
 
 
 class WeighedPart(NamedTuple):
@@ -55,6 +58,16 @@ class WeighedPart(NamedTuple):
         return math.hypot(self.deviation, other.deviation)
 
 
+def doubt_of(model: Model) -> ModelDoubt:
+    """Of a model that may lack an effect which is still to be found, as friction that is built up
+    along a way since a reversal: else it is taken for loads that come and go.
+    """
+    doubt = ModelDoubt.of(model)
+    return doubt._replace(
+        dry=FRICTION * doubt.dry, viscous=FRICTION * doubt.viscous, sensors=READINGS
+    )
+
+
 def weighed_parts(model: Model, log: Log, options: Options) -> tuple[WeighedPart, ...]:
     """In their order, each surely another load than the one before; empty where nothing can be
     weighed: the model needs values and the machine in it, the log pressures of all its joints.
@@ -67,7 +80,7 @@ def weighed_parts(model: Model, log: Log, options: Options) -> tuple[WeighedPart
     if log.uncalibrated or signals[0] is None or signals[1] is None or model.machine is None:
         return ()
     try:
-        scale = Scale(model)
+        scale = Scale(model, doubt_of(model))
     except ConfigurationError:  # values or chambers are missing
         return ()
     parts: list[list[Weighing]] = [[]]

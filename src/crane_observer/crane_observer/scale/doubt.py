@@ -16,8 +16,8 @@ class ModelDoubt(NamedTuple):
     zero: float = 0.3e5  # Pa, of the piston's force, for as long as anybody weighs
     slow: float = 0.15e5  # Pa, the same, for a while
     slow_stays: float = 8.0  # s
-    dry: float = 0.07  # of dry friction
-    viscous: float = 0.07  # of viscous friction
+    dry: float = 0.05  # of dry friction
+    viscous: float = 0.05  # of viscous friction
     friction_stays: float = 300.0  # s
     carried: float = 0.03  # of the force that a joint carries, by which friction grows
     crawl: float = 0.25  # of dry friction, by which breakaway exceeds it: (13) has none
@@ -27,7 +27,7 @@ class ModelDoubt(NamedTuple):
     slip_stays: float = 1.0  # s, of friction where a joint sticks and slips
     place_stays: float = 60.0  # s, of errors of an estimated position
     noise: float = 0.2e5  # Pa, of a window, of the piston's force
-    sensors: float = 2e3  # Pa, the same, by noise of the readings
+    sensors: float = 1.5e3  # Pa, the same, by noise of the readings
     inertia: float = 0.1  # of the force that accelerates: encoders tell acceleration badly
     tool: float = 0.5  # kg, of what the model has at the tip
     drift: float = 0.05  # kg/sqrt(s), of a load that nobody changes

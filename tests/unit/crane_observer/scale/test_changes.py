@@ -94,7 +94,8 @@ def test_friction_that_grows_with_the_load_is_learnt_and_not_weighed(grows: floa
             balance = one.balance._replace(force=one.balance.force + more, asked=own)
             changes.add(100.0 * number + HOP * k, one._replace(balance=balance))
         known.append(float(changes.filter.x[MASS]))
-    assert known == pytest.approx(loads, abs=1.5)
+    # 6 % is two standard deviations from what is usual: not all of it is believed
+    assert known == pytest.approx(loads, abs=2.0)
     learnt = changes.filter.x[changes.filter.of(CARRIED)][1]
     assert learnt == pytest.approx(grows, abs=0.02)
 
