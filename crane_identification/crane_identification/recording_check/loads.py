@@ -23,12 +23,12 @@ from crane_observer.scale.scale import Scale, ScaleCondition, Weighing
 
 MOVED = 2.0  # s of motion on both sides of a change: less tells a load badly
 LIGHTEST = 5.0  # kg, below which nothing is said
-SURE = 5.0  # standard deviations by which two loads differ
+SURE = 6.5  # standard deviations by which two loads differ
 EXPLAINED = 0.5  # of the energy that a model leaves of a recording, by loads that change in it
 A_LOAD = 1.0 - 1e-9  # likeness to the step of a load; 1 where but one joint moves
 APART = 1.0  # s about a change that belong to neither side
 FRICTION = 1.4  # times what a scale doubts of it, of a model that may lack an effect of it
-READINGS = 2e3  # Pa, noise of a window, for the same reason more than that of its readings
+READINGS = 2e3  # Pa, noise of a window, whatever a scale allows for
 
 
 class WeighedPart(NamedTuple):

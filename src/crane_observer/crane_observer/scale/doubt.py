@@ -27,7 +27,7 @@ class ModelDoubt(NamedTuple):
     slip_stays: float = 1.0  # s, of friction where a joint sticks and slips
     place_stays: float = 60.0  # s, of errors of an estimated position
     noise: float = 0.2e5  # Pa, of a window, of the piston's force
-    sensors: float = 1.5e3  # Pa, the same, by noise of the readings
+    sensors: float = 2.3e3  # Pa, the same, by noise of the readings
     inertia: float = 0.1  # of the force that accelerates: encoders tell acceleration badly
     tool: float = 0.5  # kg, of what the model has at the tip
     drift: float = 0.05  # kg/sqrt(s), of a load that nobody changes
