@@ -82,14 +82,21 @@ class Page:
         answer = self._ask("Runtime.evaluate", expression=expression, returnByValue=True)
         return answer["result"].get("value")
 
-    def press(self, element: str) -> None:
-        """Press the mouse in the middle of an element, by its id, and do not let it go."""
-        where = f"document.getElementById({json.dumps(element)}).getBoundingClientRect()"
-        x = self.evaluate(f"{where}.left + {where}.width / 2")
-        y = self.evaluate(f"{where}.top + {where}.height / 2")
+    def press(self, element: str) -> bool:
+        """Press the mouse in the middle of an element, by its id, and do not let it go; whether the
+        page has it yet.
+        """
+        where = self.evaluate(
+            f"(box => box && [box.left + box.width / 2, box.top + box.height / 2])"
+            f"(document.getElementById({json.dumps(element)})?.getBoundingClientRect())"
+        )
+        if where is None:
+            return False
+        x, y = where
         self._ask(
             "Input.dispatchMouseEvent", type="mousePressed", x=x, y=y, button="left", clickCount=1
         )
+        return True
 
     def listen(self, seconds: float) -> None:
         """Let the page go on, and take in what it says."""

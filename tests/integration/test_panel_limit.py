@@ -103,7 +103,7 @@ def test_a_page_beyond_the_limit_stops_the_crane_all_the_same(
         assert f"limit {MOST_PAGES}" in text(page, "loss")
         assert page.evaluate("document.getElementById('enable').disabled")
         assert page.evaluate("document.getElementById('arm').disabled")
-        page.press("stop")
+        assert page.press("stop")
         stage.until(lambda: stopped(stage))
         until(lambda: text(page, "answer") == "stop: emergency stop")
         full[0].close()
