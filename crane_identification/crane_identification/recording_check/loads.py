@@ -23,7 +23,7 @@ from crane_observer.scale.scale import Scale, ScaleCondition, Weighing
 
 MOVED = 2.0  # s of motion on both sides of a change: less tells a load badly
 LIGHTEST = 5.0  # kg, below which nothing is said
-SURE = 6.5  # standard deviations by which two loads differ
+SURE = 6.5  # standard deviations by which two loads differ: five of the filter, see `scale.TOLD`
 EXPLAINED = 0.5  # of the energy that a model leaves of a recording, by loads that change in it
 A_LOAD = 1.0 - 1e-9  # likeness to the step of a load; 1 where but one joint moves
 APART = 1.0  # s about a change that belong to neither side

@@ -182,7 +182,7 @@ def test_loads_hang_off_the_tip_by_what_is_asked_and_are_the_same() -> None:
 
 def test_loads_that_moved_too_little_stand_in_a_row_without_aim() -> None:
     moved = (1.9, 2.0, 8.0)
-    answers = [WeighedLift(50.0, s, 60.0 if s < 2.0 else 50.5, 0.5) for s in moved]
+    answers = [WeighedLift(50.0, s, 60.0 if s < 2.0 else 50.5, 0.5, True) for s in moved]
     counted, little = rows_of("hard", 0.02, answers)
     assert counted.values["lifts"] == 2.0
     assert counted.values["rms"] == pytest.approx(0.01)

@@ -38,7 +38,7 @@ class WeighedLift(NamedTuple):
     moved: float  # s of motion, by what truly happened, from its pick-up on
     mass: float  # kg
     deviation: float  # kg
-    permitted: bool = True  # to weigh, by some pose of it; else the scale said that none was
+    permitted: bool  # to weigh, by some pose of it; else the scale said that none was
 
     @property
     def error(self) -> float:
@@ -67,7 +67,7 @@ def weighed(
         if load > 0.0 and last >= 0:
             told = found[last].load
             begin, end = np.interp([came, goes], time, moved)
-            first = int(np.searchsorted(times, came + WINDOW))
+            first = int(np.searchsorted(times, came + WINDOW))  # of windows with this load alone
             permitted = any(one.condition not in UNWEIGHED for one in found[first : last + 1])
             answers.append(
                 WeighedLift(load, float(end - begin), told.mass, told.deviation, permitted)

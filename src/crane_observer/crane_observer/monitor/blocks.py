@@ -91,7 +91,7 @@ class FlowBlock(NamedTuple):
     late: Array  # (j, 2) m/s, by how much they grow where the spool moves 1 s later
     null: Array  # (j, 2) m, by how much they go either way if a valve opens sooner by its stroke
     edge: Array  # (j, 2) m that the piston goes by edges which may be open, or not
-    known: Flags  # (j, 2) whether the flow is known, or what it is not
+    known: Flags  # (j, 2) whether the flow is known, or that a transducer lies of it
     pressure: Array  # (j, 2) Pa, mean
     last: Array  # (j, 2) Pa, of the last sample
     supply: float  # Pa, mean, less what the flow that is drawn leaves of it
