@@ -109,12 +109,21 @@ class ActiveDriver:
     def receive(self) -> None:
         """Frames or faults of the bus wait to be taken."""
         self._take()
-        self._drive(self.loop.valve_frames(time.monotonic()))
+        self._drive(self.loop.valve_frames(self._runs()))
+
+    def _runs(self) -> float:
+        """The time [s, steady clock], once it is judged whether the loop has run until now.
+
+        Asked for right before anything is judged by the time: the process may have been stopped
+        anywhere, and what is late only for that is no fault of who sends it.
+        """
+        now = time.monotonic()
+        self.loop.run(now, time.process_time())
+        return now
 
     def _take(self) -> None:
-        self.loop.run(time.monotonic(), time.process_time())
-        frames = self.link.take(FRAMES_AT_ONCE)
-        joints, pressures = self.loop.receive(frames, self.link.take_faults(), time.monotonic())
+        frames, faults = self.link.take(FRAMES_AT_ONCE), self.link.take_faults()
+        joints, pressures = self.loop.receive(frames, faults, self._runs())
         for pressure_sample in pressures:
             self._pressures.publish(cylinder_pressures(pressure_sample, self.loop.cylinders))
         for joint_sample in joints:
@@ -122,7 +131,7 @@ class ActiveDriver:
 
     def _cycle(self) -> None:
         self._take()  # before it is judged what has not come
-        now = time.monotonic()
+        now = self._runs()
         self.loop.check(self._commanders(), now, self.link.heard(now))
         self._drive(self.loop.valve_frames(now))
         self._send(self.loop.device_frames(now))
@@ -130,15 +139,14 @@ class ActiveDriver:
 
     def _command(self, message: ValveCommand, info: dict[str, Any]) -> None:
         age = (time.time_ns() - info["received_timestamp"]) * 1e-9
-        received = time.monotonic() - (age if 0.0 <= age < OLDEST_COMMAND_S else 0.0)
-        self.loop.run(time.monotonic(), time.process_time())
+        received = self._runs() - (age if 0.0 <= age < OLDEST_COMMAND_S else 0.0)
         self.loop.supervisor.published_by(self._commanders())
         try:
             self.loop.supervisor.command(message.name, message.command, received)
         except RefusedError as error:
             self._log.warning(str(error), throttle_duration_sec=WARNING_PERIOD_S)
             return
-        self._drive(self.loop.valve_frames(time.monotonic(), commanded=True))
+        self._drive(self.loop.valve_frames(self._runs(), commanded=True))
 
     def _estimated(self, message: PositionEstimate) -> None:
         stamp = nanoseconds(message.header.stamp)
