@@ -18,7 +18,7 @@ from crane_identification.diagnosis.proof.commanded import Commanded, commanded
 from crane_identification.diagnosis.proof.extension import Finding, in_counts
 from crane_identification.diagnosis.proof.gap import Gap
 from crane_identification.diagnosis.proof.proof import Proof, proved
-from crane_identification.diagnosis.search.energy import detectable
+from crane_identification.diagnosis.search.energy import named_from
 from crane_identification.diagnosis.search.race import Race
 from crane_identification.diagnosis.search.search import Search, search
 from crane_identification.diagnosis.search.wanted import wanted
@@ -97,10 +97,11 @@ class Diagnosis:
             for one, v in zip(trial.effects, trial.values, strict=True)
         )
 
-    @property
-    def detectable(self) -> float:
-        """Strength above which nine in ten effects would have shown."""
-        return detectable(self.search, self.decision.threshold)
+    @cached_property
+    def named_from(self) -> dict[str, float]:
+        """By joint: strength from which nine in ten effects are named."""
+        gate = self.thresholds.gates.smallest_strength
+        return named_from(self.search, self.decision.threshold, gate)
 
     @property
     def warnings(self) -> tuple[str, ...]:

@@ -1,6 +1,6 @@
 """The verdict: from what was found, what is left of it, and what the recordings could show."""
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from enum import StrEnum
 from typing import NamedTuple
 
@@ -41,11 +41,13 @@ class Answer(NamedTuple):
 
 class Reach(NamedTuple):
     """What recordings can show: the share of effects that is `testable`, the `least` strength that
-    would show, and the parameters of the model that are `undetermined`.
+    noise permits to show, by joint that from which an effect is `named`, and the parameters of the
+    model that are `undetermined`.
     """
 
     testable: float
     least: float
+    named: Mapping[str, float]
     undetermined: Sequence[str]
 
 
@@ -90,8 +92,12 @@ def judge(proof: Proof, reach: Reach, thresholds: Thresholds) -> Answer:
             f"of ten effects, one would not show at {reach.least:.1%} of the drive force; record "
             f"more{_better_known(gap)}",
         )
-    said = f"nine in ten effects above {reach.least:.2%} of the drive force would have shown"
-    return Answer(Verdict.NONE, f"{said}; {_of_noise(gap)}")
+    said = ", ".join(f"{least:.2%} on {joint}" for joint, least in reach.named.items())
+    return Answer(
+        Verdict.NONE,
+        f"nine in ten effects would have been named from this share of the drive force on: {said}; "
+        f"{_of_noise(gap)}",
+    )
 
 
 def _better_known(gap: Gap) -> str:

@@ -106,9 +106,9 @@ def test_a_pulsation_is_a_line_that_is_clear_enough() -> None:
 @pytest.mark.parametrize(
     ("reach", "expected", "said"),
     [
-        (ENOUGH._replace(testable=0.5), Verdict.NONE, "nine in ten effects above 0.30%"),
+        (ENOUGH._replace(testable=0.5), Verdict.NONE, "on: 0.30% on inner_boom, 1.20% on outer"),
         (ENOUGH._replace(testable=0.49), Verdict.INSUFFICIENT, "only 49% of the effects"),
-        (ENOUGH._replace(least=0.01), Verdict.NONE, "above 1.00% of the drive force"),
+        (ENOUGH._replace(least=0.01), Verdict.NONE, "0.20% on telescope"),
         (ENOUGH._replace(least=0.0101), Verdict.INSUFFICIENT, "one would not show at 1.0%"),
     ],
 )
