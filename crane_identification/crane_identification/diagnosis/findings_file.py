@@ -294,6 +294,6 @@ class Findings(ResultFile):
     open: OpenQuestions
     """What another experiment could settle: `design --settle` finds its motion."""
     named_from: NumberByJoint
-    """By joint: strength, as that of a finding, from which nine in ten effects are named [-]."""
+    """By joint: strength from which nine in ten effects are named, before any filter [-]."""
     suspicions: list[str] = []
     """What is suspicious of the recordings themselves."""

@@ -123,7 +123,7 @@ def detectable(search: Search, threshold: float) -> float:
 
 def named_from(search: Search, threshold: float, gate: float) -> dict[str, float]:
     """By joint: the strength from which nearly all of the testable candidates there are named, of
-    the effect itself; infinite where none is testable.
+    the effect itself, before it is filtered to rows; infinite where none is testable.
 
     Its score reaches the `threshold`, what shows of it the `gate`, its value what is usual. Of
     the shapes of a candidate the median counts: nobody knows that of the machine.
@@ -148,9 +148,10 @@ def _named_from(search: Search, number: int, threshold: float, gate: float) -> f
     score = threshold if effect.formless else max(threshold, (gate / shows) ** 2)
     values = np.sqrt(score) / np.maximum(projection.scale[columns], np.finfo(float).tiny)
     values = np.maximum(values, effect.usual)
-    return max(
+    acts = [
         acting(search.evidence, shaped.columns[:, :, [k]], values[[k]]) for k in range(len(values))
-    )
+    ]
+    return max(acts) / shaped.damped
 
 
 def normalized_energy(search: Search, left: np.ndarray) -> np.ndarray:
