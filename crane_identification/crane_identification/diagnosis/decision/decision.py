@@ -117,7 +117,7 @@ def _weighed(
 def _refused(one: _Weighed) -> str:
     """What is no chance, but no name either, in words."""
     names = ", ".join(each.shaped.candidate.label for each in one.found)
-    return f"something that {names} explains more of than chance does, but {one.objection}"
+    return f"{names} explains more than chance does, but {one.objection}"
 
 
 def _largest(growing: Iterable[_Weighed], settled: tuple[Judged, ...]) -> tuple[Judged, ...]:
