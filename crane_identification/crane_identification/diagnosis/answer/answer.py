@@ -36,7 +36,7 @@ def answered(
     if answer.verdict is not Verdict.INSUFFICIENT:  # what is left then is of the model, too
         answer = _unknown_beside(answer, decision.beyond)
     if answer.verdict is Verdict.NONE:
-        answer = _beside_too_little(answer, decision)
+        answer = with_too_little(answer, decision)
     if answer.verdict is Verdict.UNKNOWN:
         answer = answer._replace(
             nearest=_nearest(fit, search, decision, proof, answer), unknown=unknown_force(search)
@@ -60,7 +60,7 @@ def _reach(fit: Fitted, search: Search, decision: Decision, thresholds: Threshol
     )
 
 
-def _beside_too_little(answer: Answer, decision: Decision) -> Answer:
+def with_too_little(answer: Answer, decision: Decision) -> Answer:
     """That nothing is missing, and what of the catalogue is more than chance, but too little."""
     more = [one for one in decision.nearest if one.score > one.threshold]
     said = [f"{one.shaped.candidate.label} comes nearest, but {decision.objection}" for one in more]
