@@ -32,7 +32,8 @@ def answered(
     thresholds: Thresholds,
 ) -> Answer:
     """What these results come to."""
-    answer = judge(proof, _reach(fit, search, decision, thresholds), thresholds)
+    reach = _reach(fit, search, decision, thresholds)
+    answer = judge(proof, reach, thresholds)
     if answer.verdict is not Verdict.INSUFFICIENT:  # what is left then is of the model, too
         answer = _unknown_beside(answer, decision.beyond)
     if answer.verdict is Verdict.NONE:
@@ -46,7 +47,8 @@ def answered(
         left = left_elsewhere(search, effects, decision.threshold, thresholds)
         answer = with_left(answer, left)
     answer = with_flow(with_loads(answer, proof.gap.loads), flow.found)
-    return with_pulsation(answer, proof.pulsations)
+    answer = with_pulsation(answer, proof.pulsations)
+    return answer._replace(named_from=reach.named)
 
 
 def _reach(fit: Fitted, search: Search, decision: Decision, thresholds: Thresholds) -> Reach:

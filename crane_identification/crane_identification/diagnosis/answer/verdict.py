@@ -2,6 +2,7 @@
 
 from collections.abc import Mapping, Sequence
 from enum import StrEnum
+from types import MappingProxyType
 from typing import NamedTuple
 
 import numpy as np
@@ -29,7 +30,8 @@ class Verdict(StrEnum):
 
 class Answer(NamedTuple):
     """A verdict and its reason; `objection`: why effects that passed all tests are no names.
-    `nearest`: what comes closest where nothing is named; `unknown`: what is known of it.
+    `nearest`: what comes closest where nothing is named; `unknown`: what is known of it, or of what
+    is left elsewhere. `named_from`: by joint, from which strength on effects are named.
     """
 
     verdict: Verdict
@@ -37,6 +39,7 @@ class Answer(NamedTuple):
     objection: str = ""
     nearest: Nearest | None = None
     unknown: UnknownForce | None = None
+    named_from: Mapping[str, float] = MappingProxyType({})
 
 
 class Reach(NamedTuple):
