@@ -18,7 +18,6 @@ from crane_identification.diagnosis.proof.commanded import Commanded, commanded
 from crane_identification.diagnosis.proof.extension import Finding, in_counts
 from crane_identification.diagnosis.proof.gap import Gap
 from crane_identification.diagnosis.proof.proof import Proof, proved
-from crane_identification.diagnosis.search.energy import detectable
 from crane_identification.diagnosis.search.race import Race
 from crane_identification.diagnosis.search.search import Search, search
 from crane_identification.diagnosis.search.wanted import wanted
@@ -96,11 +95,6 @@ class Diagnosis:
             Finding(one, in_counts(v) if counts else v)
             for one, v in zip(trial.effects, trial.values, strict=True)
         )
-
-    @property
-    def detectable(self) -> float:
-        """Strength above which nine in ten effects would have shown."""
-        return detectable(self.search, self.decision.threshold)
 
     @property
     def warnings(self) -> tuple[str, ...]:

@@ -105,7 +105,7 @@ def answer(diagnosis: Diagnosis, suspicions: Sequence[str] = ()) -> Findings:
         ],
         flow={one.joint: balance(one) for one in flow.found},
         open=open_questions(diagnosis),
-        detectable_strength=diagnosis.detectable,
+        named_from=dict(diagnosis.answer.named_from),
         suspicions=list(suspicions),
     )
 

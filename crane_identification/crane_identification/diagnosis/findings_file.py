@@ -267,7 +267,7 @@ class Findings(ResultFile):
     nearest: NearestEffects | None
     """Where nothing is named."""
     unknown: UnknownPlace | None = None
-    """Where something is unknown."""
+    """Where something is unknown; beside names, on the joint without one that most is left on."""
     gap: GapOfModels
     """Errors before and after."""
     left: dict[str, LeftResidual]
@@ -293,7 +293,7 @@ class Findings(ResultFile):
     """By joint whose flow was recorded."""
     open: OpenQuestions
     """What another experiment could settle: `design --settle` finds its motion."""
-    detectable_strength: Number
-    """Strength above which nine in ten effects would have shown [-]."""
+    named_from: NumberByJoint
+    """By joint: strength from which nine in ten effects are named, before any filter [-]."""
     suspicions: list[str] = []
     """What is suspicious of the recordings themselves."""

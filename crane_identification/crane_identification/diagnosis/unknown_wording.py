@@ -16,7 +16,8 @@ def title(content: Content) -> str:
     if unknown is None:
         return ""
     size = short_percent(unknown["strength"])
-    return f"What it may depend on ({spoken(unknown['joint'])}, rms {size} of the drive force)"
+    what = "What more there is" if content["findings"] else "What it"
+    return f"{what} may depend on ({spoken(unknown['joint'])}, rms {size} of the drive force)"
 
 
 def lines(content: Content) -> list[str]:

@@ -89,6 +89,14 @@ def loads(content: Content) -> list[PrintedParameter]:
     ]
 
 
+def named_from(content: Content) -> list[str]:
+    """From which strength on effects are named, of each joint."""
+    return [
+        f"{short_percent(_number(least))} on the {spoken(joint)}"
+        for joint, least in content["named_from"].items()
+    ]
+
+
 def region(one: Content) -> str:
     """A quantity and the range of it that carries most of a residual."""
     name = re.sub(r" of (\w+)", lambda match: f" of the {spoken(match[1])}", one["variable"])

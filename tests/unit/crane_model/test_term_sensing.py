@@ -19,6 +19,7 @@ from crane_model.terms.gravity_and_load import BaseTilt
 from crane_model.terms.nuisance import VelocityLag
 from crane_model.terms.rigid_body import PlanarRigidBody
 from crane_model.terms.sensing import (
+    ChamberAGain,
     ChamberGain,
     EncoderOffset,
     PressureOffset,
@@ -58,6 +59,27 @@ def test_offset_and_gain_of_transducers(machine: Machine, record: Record, joint:
         measured = changed_force(machine, record, j, *change)
         error = value * term.columns(record, SETTING)[:, :, 0]
         np.testing.assert_allclose(error, measured - record.force, rtol=1e-9, atol=1e-6)
+
+
+@pytest.mark.parametrize("joint", PLANAR_JOINTS)
+def test_the_gain_of_chamber_a_is_of_the_force_that_the_bodies_ask_for(
+    machine: Machine, joint: str
+) -> None:
+    """Chamber A carries that force, and what chamber B has against it."""
+    record, j = random_record(), PLANAR_JOINTS.index(joint)
+    true = PlanarRigidBody().columns(record, SETTING) @ INERTIAL
+    area = machine.cylinders[joint]
+    arm = lever_arm(machine, joint, record.position[:, j])
+    assert record.pressure_a is not None and record.pressure_b is not None
+    p_a = record.pressure_a.copy()
+    p_a[:, j] = (true[:, j] / arm + area.area_b * record.pressure_b[:, j]) / area.area_a
+    both = (p_a, record.pressure_b)
+    force = generalized_forces(machine, record.position, *both, record.joints)
+    p_a = p_a.copy()
+    p_a[:, j] *= 1.03
+    measured = generalized_forces(machine, record.position, p_a, record.pressure_b, record.joints)
+    column = ChamberAGain(joint=joint, bodies=INERTIAL).columns(record, SETTING)[:, :, 0]
+    np.testing.assert_allclose(0.03 * column, measured - force, rtol=1e-9, atol=1e-6)
 
 
 @pytest.mark.parametrize("joint", LINKAGES)

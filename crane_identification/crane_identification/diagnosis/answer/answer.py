@@ -2,14 +2,22 @@
 
 from collections.abc import Sequence
 
-from crane_identification.diagnosis.answer.unknown import unknown_force
+from crane_identification.diagnosis.answer.unknown import (
+    UnknownForce,
+    left_elsewhere,
+    unknown_force,
+)
 from crane_identification.diagnosis.answer.verdict import Answer, Reach, Verdict, judge
 from crane_identification.diagnosis.decision.decision import Decision
 from crane_identification.diagnosis.fit.fit import Fitted
 from crane_identification.diagnosis.flow.hydraulics import Flow, Flows
 from crane_identification.diagnosis.proof.proof import Nearest, Proof, nearest
 from crane_identification.diagnosis.proof.pulsation import Pulsation
-from crane_identification.diagnosis.search.energy import detectable, testable_share
+from crane_identification.diagnosis.search.energy import (
+    detectable,
+    named_from,
+    testable_share,
+)
 from crane_identification.diagnosis.search.loads import Weighed
 from crane_identification.diagnosis.search.search import Search
 from crane_identification.thresholds import Thresholds
@@ -24,16 +32,41 @@ def answered(
     thresholds: Thresholds,
 ) -> Answer:
     """What these results come to."""
-    least = detectable(search, decision.threshold)
-    answer = judge(proof, Reach(testable_share(search), least, fit.undetermined), thresholds)
+    reach = _reach(fit, search, decision, thresholds)
+    answer = judge(proof, reach, thresholds)
     if answer.verdict is not Verdict.INSUFFICIENT:  # what is left then is of the model, too
-        answer = _unknown_beside(answer, decision.strange)
+        answer = _unknown_beside(answer, decision.beyond)
+    if answer.verdict is Verdict.NONE:
+        answer = with_too_little(answer, decision)
     if answer.verdict is Verdict.UNKNOWN:
         answer = answer._replace(
             nearest=_nearest(fit, search, decision, proof, answer), unknown=unknown_force(search)
         )
+    elif answer.verdict is Verdict.AND_MORE:
+        effects = proof.trial.effects
+        left = left_elsewhere(search, effects, decision.threshold, thresholds)
+        answer = with_left(answer, left)
     answer = with_flow(with_loads(answer, proof.gap.loads), flow.found)
-    return with_pulsation(answer, proof.pulsations)
+    answer = with_pulsation(answer, proof.pulsations)
+    return answer._replace(named_from=reach.named)
+
+
+def _reach(fit: Fitted, search: Search, decision: Decision, thresholds: Thresholds) -> Reach:
+    """What the recordings of a fit can show."""
+    threshold, gate = decision.threshold, thresholds.gates.smallest_strength
+    return Reach(
+        testable_share(search),
+        detectable(search, threshold),
+        named_from(search, threshold, gate),
+        fit.undetermined,
+    )
+
+
+def with_too_little(answer: Answer, decision: Decision) -> Answer:
+    """That nothing is missing, and what of the catalogue is more than chance, but too little."""
+    more = [one for one in decision.nearest if one.score > one.threshold]
+    said = [f"{one.shaped.candidate.label} comes nearest, but {decision.objection}" for one in more]
+    return answer._replace(reason="; ".join([answer.reason, *said]))
 
 
 def _nearest(
@@ -44,6 +77,18 @@ def _nearest(
     effects = short or proof.trial.zero or decision.nearest
     objection = answer.objection or decision.objection
     return nearest(fit, search, effects, objection) if effects else None
+
+
+def with_left(answer: Answer, left: Sequence[UnknownForce]) -> Answer:
+    """The answer, and what its effects leave on joints where none of them acts, largest first."""
+    if not left:
+        return answer
+    said = [
+        f"where none of the effects acts, {one.strength:.2%} of the drive force of {one.joint} are "
+        f"left, most like {one.signatures[0].said}"
+        for one in left
+    ]
+    return answer._replace(reason="; ".join([answer.reason, *said]), unknown=left[0])
 
 
 def with_flow(answer: Answer, flows: Sequence[Flow]) -> Answer:

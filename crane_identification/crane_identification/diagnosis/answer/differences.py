@@ -4,7 +4,8 @@ from typing import NamedTuple
 
 import numpy as np
 
-from crane_identification.diagnosis.fit.evidence import VISIBLE_SHARE, beside, normed
+from crane_identification.diagnosis.answer.solved import Solved, solved
+from crane_identification.diagnosis.fit.evidence import VISIBLE_SHARE, beside
 from crane_identification.diagnosis.search.search import Search
 
 FAR = 2.0  # times the median of the recordings, from which one differs
@@ -48,10 +49,10 @@ def difference(search: Search, j: int, beyond: float) -> Difference | None:
         int(i): _changes(search, columns[:, [i]] * there)
         for i in np.flatnonzero(columns.any(axis=0))
     }
-    i = max(tried, key=lambda one: tried[one][0], default=-1)
-    if len(evidence.sources) < 2 or i < 0 or tried[i][0] < MOST * beyond:
+    i = max(tried, key=lambda one: tried[one].gain, default=-1)
+    if len(evidence.sources) < 2 or i < 0 or tried[i].gain < MOST * beyond:
         return None
-    gain, values, std_devs = tried[i]
+    values, std_devs, gain = tried[i]
     pairs = zip(values.tolist(), std_devs.tolist(), strict=True)
     return Difference(
         parameters[i].name,
@@ -61,13 +62,8 @@ def difference(search: Search, j: int, beyond: float) -> Difference | None:
     )
 
 
-def _changes(search: Search, columns: np.ndarray) -> tuple[float, np.ndarray, np.ndarray]:
-    """What one column of each recording (N, recordings) gains beside the base; the values, least
-    from those of all; and their standard deviations.
-    """
+def _changes(search: Search, columns: np.ndarray) -> Solved:
+    """One column of each recording (N, recordings): values, least from those of all."""
     rest = beside(search.base.basis, columns)
     rest[:, np.linalg.norm(rest, axis=0) <= VISIBLE_SHARE * np.linalg.norm(columns, axis=0)] = 0.0
-    scaled, norms = normed(rest)
-    spread = np.linalg.pinv(scaled.T @ scaled, rcond=1e-8, hermitian=True)
-    score = scaled.T @ search.base.residual
-    return float(score @ spread @ score), spread @ score / norms, np.sqrt(np.diag(spread)) / norms
+    return solved(search, rest)

@@ -1,18 +1,23 @@
 """What is known of an unknown force: joint, size, what it may follow, and in which recordings."""
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import NamedTuple
 
 import numpy as np
 
 from crane_identification.diagnosis.answer.differences import Difference, difference, differing
+from crane_identification.diagnosis.answer.solved import solved
 from crane_identification.diagnosis.decision.cross_validation import held_out_gains
+from crane_identification.diagnosis.decision.judgement import Judged
 from crane_identification.diagnosis.decision.shape import signatures
-from crane_identification.diagnosis.fit.evidence import beside, normed
-from crane_identification.diagnosis.search.energy import explained, unexplained
+from crane_identification.diagnosis.fit.evidence import beside
+from crane_identification.diagnosis.search.energy import explained, strength_on, unexplained
+from crane_identification.diagnosis.search.lengths import widened
 from crane_identification.diagnosis.search.search import Search
 from crane_identification.diagnosis.search.selection import NOTHING
 from crane_identification.diagnosis.search.shapes import ForceSignature
+from crane_identification.thresholds import Thresholds
 from crane_model.terms import DrawnCurve
 
 LISTED = 3  # signatures, the best ones
@@ -58,18 +63,51 @@ class UnknownForce:
 
 def unknown_force(search: Search) -> UnknownForce:
     """Of what the model leaves, before anything is added."""
+    return _on(search, int(np.argmax(_beyond_noise(search))))
+
+
+def left_elsewhere(
+    search: Search, effects: Sequence[Judged], threshold: float, thresholds: Thresholds
+) -> tuple[UnknownForce, ...]:
+    """Of what `effects` leave on each joint where none of them acts, largest first.
+
+    Of its signatures one explains more than chance gives to the best of the catalogue, `threshold`,
+    and than the errors of the processing.
+    """
+    acted = {one.shaped.candidate.joint for one in effects}
     joints = search.evidence.joints
+    elsewhere = [j for j, joint in enumerate(joints) if not acted & {joint, None}]
+    if not elsewhere:
+        return ()
+    left = widened(search, np.concatenate([one.shaped.columns for one in effects], axis=2))
+    beyond = _beyond_noise(left)
+    found = []
+    for j in elsewhere:
+        gains = [explained(left, one.columns) for one in signatures(left, joints[j])]
+        most = min(max(gains, default=0.0), float(beyond[j]))
+        strong = strength_on(left, most, j) >= thresholds.gates.smallest_strength
+        if most > threshold and strong:
+            found.append(_on(left, j))
+    return tuple(sorted(found, key=lambda one: -one.strength))
+
+
+def _beyond_noise(search: Search) -> np.ndarray:
+    """What the model leaves on each joint (j,), in energy."""
     by_channel = np.maximum(unexplained(search, NOTHING), 0.0)
-    beyond = by_channel.reshape(-1, len(joints)).sum(axis=0)
-    j = int(np.argmax(beyond))
-    near = [_near(search, one, float(beyond[j])) for one in signatures(search, joints[j])]
+    return by_channel.reshape(-1, len(search.evidence.joints)).sum(axis=0)
+
+
+def _on(search: Search, j: int) -> UnknownForce:
+    """What is known of what the model leaves on joint number j."""
+    joint, beyond = search.evidence.joints[j], float(_beyond_noise(search)[j])
+    near = [_near(search, one, beyond) for one in signatures(search, joint)]
     near.sort(key=lambda one: -one.share)
     return UnknownForce(
-        joints[j],
-        _strength(search, by_channel, j),
+        joint,
+        _strength(search, j),
         tuple(near[:LISTED]),
         differing(search, j),
-        difference(search, j, float(beyond[j])),
+        difference(search, j, beyond),
     )
 
 
@@ -85,18 +123,16 @@ def _near(search: Search, one: ForceSignature, beyond: float) -> NearSignature:
 
 def _drawn(search: Search, one: ForceSignature) -> tuple[Drawing, ...]:
     """The best shape of a signature, beside the model; nothing where it is no curve."""
-    columns, norms = normed(beside(search.base.basis, search.whitener(one.columns)))
-    spread = np.linalg.pinv(columns.T @ columns, rcond=1e-10, hermitian=True)
-    values = spread @ (columns.T @ search.base.residual) / norms
-    std_devs = np.sqrt(np.diag(spread)) / norms
+    best = solved(search, beside(search.base.basis, search.whitener(one.columns)))
     parameters = one.term.parameters(search.evidence.model.setting)
-    pairs = zip(one.term.curves(values), one.term.curves(std_devs), strict=True)
+    pairs = zip(one.term.curves(best.values), one.term.curves(best.std_devs), strict=True)
     return tuple(Drawing(*pair, parameters[k].unit) for k, pair in enumerate(pairs))
 
 
-def _strength(search: Search, by_channel: np.ndarray, j: int) -> float:
+def _strength(search: Search, j: int) -> float:
     """Rms of what is beyond noise on a joint, over that of its force."""
     evidence, joints = search.evidence, len(search.evidence.joints)
+    by_channel = np.maximum(unexplained(search, NOTHING), 0.0)
     variance = np.array([0.0 if one is None else one.variance for one in search.whitener.noise])
     power = float((by_channel * variance)[j::joints].sum())
     rows = int(evidence.used[:, j::joints].sum())

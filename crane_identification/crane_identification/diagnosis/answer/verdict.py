@@ -1,7 +1,8 @@
 """The verdict: from what was found, what is left of it, and what the recordings could show."""
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from enum import StrEnum
+from types import MappingProxyType
 from typing import NamedTuple
 
 import numpy as np
@@ -29,7 +30,8 @@ class Verdict(StrEnum):
 
 class Answer(NamedTuple):
     """A verdict and its reason; `objection`: why effects that passed all tests are no names.
-    `nearest`: what comes closest where nothing is named; `unknown`: what is known of it.
+    `nearest`: what comes closest where nothing is named; `unknown`: what is known of it, or of what
+    is left elsewhere. `named_from`: by joint, from which strength on effects are named.
     """
 
     verdict: Verdict
@@ -37,15 +39,18 @@ class Answer(NamedTuple):
     objection: str = ""
     nearest: Nearest | None = None
     unknown: UnknownForce | None = None
+    named_from: Mapping[str, float] = MappingProxyType({})
 
 
 class Reach(NamedTuple):
     """What recordings can show: the share of effects that is `testable`, the `least` strength that
-    would show, and the parameters of the model that are `undetermined`.
+    noise permits to show, by joint that from which an effect is `named`, and the parameters of the
+    model that are `undetermined`.
     """
 
     testable: float
     least: float
+    named: Mapping[str, float]
     undetermined: Sequence[str]
 
 
@@ -90,8 +95,12 @@ def judge(proof: Proof, reach: Reach, thresholds: Thresholds) -> Answer:
             f"of ten effects, one would not show at {reach.least:.1%} of the drive force; record "
             f"more{_better_known(gap)}",
         )
-    said = f"nine in ten effects above {reach.least:.2%} of the drive force would have shown"
-    return Answer(Verdict.NONE, f"{said}; {_of_noise(gap)}")
+    said = ", ".join(f"{least:.2%} on {joint}" for joint, least in reach.named.items())
+    return Answer(
+        Verdict.NONE,
+        f"nine in ten effects would have been named from this share of the drive force on: {said}; "
+        f"{_of_noise(gap)}",
+    )
 
 
 def _better_known(gap: Gap) -> str:

@@ -1,5 +1,6 @@
 """Which of the sets that the search found are findings, and what cannot be told from each."""
 
+from collections.abc import Iterable, Iterator
 from dataclasses import dataclass
 from typing import NamedTuple
 
@@ -20,7 +21,8 @@ from crane_identification.diagnosis.decision.shape import (
 from crane_identification.diagnosis.decision.strange import with_strange
 from crane_identification.diagnosis.search.lengths import beside_lengths
 from crane_identification.diagnosis.search.race import LARGEST_SET, Race
-from crane_identification.diagnosis.search.selection import NOTHING, solve
+from crane_identification.diagnosis.search.search import Search
+from crane_identification.diagnosis.search.selection import NOTHING, Subset, solve
 from crane_identification.thresholds import Thresholds
 
 
@@ -29,14 +31,15 @@ class Decision:
     """The effects that the data ask for, strongest first, and the `threshold` of the first one.
 
     Where there are none, `nearest` is the best of the catalogue, if one has the right sign, and
-    `objection` says which test it does not pass. `strange` are forces of no effect, in words.
+    `objection` says which test it does not pass. `beyond` is what the catalogue does not hold, in
+    words: forces of no effect, and what is no chance though a test refuses its name.
     """
 
     passed: tuple[Judged, ...]
     threshold: float
     nearest: tuple[Judged, ...]
     objection: str
-    strange: tuple[str, ...]
+    beyond: tuple[str, ...]
 
 
 def decide(race: Race, thresholds: Thresholds) -> Decision:
@@ -44,60 +47,83 @@ def decide(race: Race, thresholds: Thresholds) -> Decision:
     where the force of a joint is scaled, beside lengths that are not those of the file.
     """
     _, first_threshold = by_chance(race.search, NOTHING, thresholds)
-    settled = _together(race, first_threshold, thresholds)
-    alone = not settled
-    passed, nearest, objection = _grown(race, settled, first_threshold, thresholds, alone)
-    if alone and any(_scales(one) for one in passed):
-        passed = _beside_lengths(race, passed, first_threshold, thresholds)
+    passed = settled = _together(race, first_threshold, thresholds)
+    first: _Weighed | None = None
+    for one in _growing(race, settled, first_threshold, thresholds):
+        first = first or one
+        if one.objection:
+            break
+        passed = one.found
+        if not settled and any(_scales(each) for each in passed):
+            passed = _beside_lengths(race, passed, first_threshold, thresholds)
+            break
     passed = as_drawn(race, passed, thresholds)
     passed, beyond = with_strange(race.search, passed, first_threshold, thresholds)
     passed = tuple(sorted(passed, key=lambda one: -one.score))
-    return Decision(passed, first_threshold, nearest, objection, beyond)
+    if settled or first is None:
+        return Decision(passed, first_threshold, (), "", beyond)
+    if first.objection and all(_shows(one, thresholds) for one in first.found):
+        beyond = (_refused(first), *beyond)
+    return Decision(passed, first_threshold, first.found, first.objection, beyond)
 
 
-class _Grown(NamedTuple):
-    """The effects that `passed`; where the race began with nothing, what came `nearest`."""
+class _Weighed(NamedTuple):
+    """Effects that were weighed together, and the `objection` of a test; empty where all pass."""
 
-    passed: tuple[Judged, ...]
-    nearest: tuple[Judged, ...] = ()
+    found: tuple[Judged, ...]
     objection: str = ""
 
 
-def _grown(
-    race: Race,
-    settled: tuple[Judged, ...],
-    threshold: float,
-    thresholds: Thresholds,
-    up_to_scale: bool = False,
-) -> _Grown:
-    """The `settled` effects, with which the race begins, and as many more as pass, or as do
-    `up_to_scale` of the force of a joint.
+def _growing(
+    race: Race, settled: tuple[Judged, ...], threshold: float, thresholds: Thresholds
+) -> Iterator[_Weighed]:
+    """The best set of one more effect than the `settled` ones, with which the race begins, of two
+    more, and so on; the last one is the first that does not pass, where there is one.
     """
-    passed, known = settled, len(settled)
-    nearest, objection = tuple[Judged, ...](), ""
+    known = len(settled)
     for size in range(known + 1, known + LARGEST_SET + 1):
-        best, search = race.best(size), race.search
+        best = race.best(size)
         if best is None:
-            break
-        subset = simplest(search, best, thresholds, threshold)
-        subset = smallest(search, subset, threshold)
-        if size > 1 and of_one_form(search, subset, threshold, thresholds, known):
-            break
-        subset, strange = of_better_signature(search, subset, thresholds, known)
-        if size > 1 and covered(search, subset, thresholds, known):
-            break
-        found = as_kinds(search, all_judged(search, subset, thresholds), known, thresholds)
-        asked = [one for k, one in enumerate(found) if k >= known or not _scales(one)]
-        wrong = [said for one in asked if (said := _objection(one, thresholds))] or strange
-        if size == 1:
-            nearest, objection = tuple(found), "".join(wrong)
-        weakest = min(found[known:], key=lambda one: one.score)
-        if wrong or (size > 1 and _vague(weakest, thresholds)):
-            break
-        passed = tuple(found)
-        if up_to_scale and any(_scales(one) for one in passed):
-            break
-    return _Grown(passed, nearest, objection)
+            return
+        yield (weighed := _weighed(race.search, best, known, threshold, thresholds))
+        if weighed.objection:
+            return
+
+
+def _weighed(
+    search: Search, best: Subset, known: int, threshold: float, thresholds: Thresholds
+) -> _Weighed:
+    """The effects of a set by every test, the first `known` of them as far as they are no scales.
+
+    A set of which one effect is but the form of another is not weighed further.
+    """
+    subset = simplest(search, best, thresholds, threshold)
+    subset = smallest(search, subset, threshold)
+    several = len(subset.numbers) > 1
+    if several and of_one_form(search, subset, threshold, thresholds, known):
+        return _Weighed((), "one of them is but the form of another one")
+    subset, strange = of_better_signature(search, subset, thresholds, known)
+    if several and covered(search, subset, thresholds, known):
+        return _Weighed((), "some shape of one of them explains another one")
+    found = as_kinds(search, all_judged(search, subset, thresholds), known, thresholds)
+    asked = [one for k, one in enumerate(found) if k >= known or not _scales(one)]
+    wrong = [said for one in asked if (said := _objection(one, thresholds))] or strange
+    weakest = min(found[known:], key=lambda one: one.score)
+    if not wrong and several and _vague(weakest, thresholds):
+        wrong = [f"others that look different are as good as {weakest.shaped.candidate.label}"]
+    return _Weighed(tuple(found), "; ".join(wrong))
+
+
+def _refused(one: _Weighed) -> str:
+    """What is no chance, but no name either, in words."""
+    names = ", ".join(each.shaped.candidate.label for each in one.found)
+    return f"{names} explains more than chance does, but {one.objection}"
+
+
+def _largest(growing: Iterable[_Weighed], settled: tuple[Judged, ...]) -> tuple[Judged, ...]:
+    """The last of these that pass, or what is `settled`."""
+    passed = [one.found for one in growing if not one.objection]
+    return passed[-1] if passed else settled
 
 
 def _beside_lengths(
@@ -119,10 +145,10 @@ def _beside_lengths(
     scales = smallest(search, scales, threshold)
     race.go_on_from(scales)
     settled = tuple(all_judged(race.search, scales, thresholds))
-    found = _grown(race, settled, threshold, thresholds).passed
+    found = _largest(_growing(race, settled, threshold, thresholds), settled)
     if len(found) == len(settled):
         race.go_on_from(NOTHING)
-        other = _grown(race, (), threshold, thresholds).passed
+        other = _largest(_growing(race, (), threshold, thresholds), ())
         numbers = tuple(race.search.number(one.shaped) for one in other)
         together = (solve(race.search.projection, numbers) if numbers else None) or NOTHING
         found = other if together.gain - scales.gain > threshold else found
@@ -194,6 +220,12 @@ def _objection(one: Judged, thresholds: Thresholds) -> str:
             f"{len(one.held_out)} parts that it was not fitted to"
         )
     return ""
+
+
+def _shows(one: Judged, thresholds: Thresholds) -> bool:
+    """Whether an effect is more than machines show from which nothing is missing."""
+    strong = one.strength >= thresholds.gates.smallest_strength
+    return strong and one.score > one.threshold
 
 
 def _vague(one: Judged, thresholds: Thresholds) -> bool:

@@ -14,52 +14,54 @@ from crane_identification.diagnosis.search.selection import Subset
 from crane_identification.thresholds import Thresholds
 
 
+def faint(
+    gains: Sequence[float], share: float, asked: Collection[int], formless: Collection[int] = ()
+) -> bool:
+    """Whether one of the effects `asked` gains less than that share of what the strongest does of
+    those that are not `formless`.
+    """
+    most = max((gain for place, gain in enumerate(gains) if place not in formless), default=0.0)
+    return any(gains[place] < share * most for place in asked)
+
+
 def slight(
     channels: Sequence[np.ndarray],
     gains: Sequence[float],
-    thresholds: Thresholds,
-    settled: int = 0,
+    share: float,
+    asked: Collection[int],
     formless: Collection[int] = (),
-    filling: Collection[int] = (),
 ) -> bool:
-    """Whether one of several effects gains too little beside another to be told from its form.
-
-    `channels` are those where each acts. What a law leaves because it is not quite that of the
-    machine is on its own joint, most of it; those that are `formless` leave nothing. Of one that is
-    `filling` what the others leave, no more is asked there than elsewhere. The first ones, that are
-    `settled`, are not asked.
+    """Whether one of the effects `asked` gains less than that share of what another law does in
+    one of its channels: what a law leaves because it is not quite that of the machine is on its own
+    joint, most of it. Those that are `formless` leave nothing.
     """
-    where, method = [set(one.tolist()) for one in channels], thresholds.method
-    for place in range(settled, len(where)):
-        laws = [k for k in range(len(where)) if k == place or k not in formless]
-        there = max(gains[k] for k in laws if where[place] & where[k])
-        most = max(gains[k] for k in laws)
-        share = method.elsewhere_share if place in filling else method.further_share
-        if gains[place] < max(share * there, method.elsewhere_share * most):
-            return True
-    return False
+    where = [set(one.tolist()) for one in channels]
+    return any(
+        gains[place] < share * gains[k]
+        for place in asked
+        for k in range(len(where))
+        if k not in formless and where[place] & where[k]
+    )
 
 
 def mends(
     search: Search,
     numbers: Sequence[int],
     gains: Sequence[float],
-    thresholds: Thresholds,
-    settled: int = 0,
-    filling: Collection[int] = (),
+    share: float,
+    asked: Collection[int],
 ) -> bool:
-    """Whether one of several laws that resist the motion gains too little beside another of these
-    on its joint to be more than what that one's form leaves. The first, `settled`, are not asked,
-    nor those that are `filling` what the others leave.
+    """Whether one of several laws that resist the motion, of those `asked`, gains less than that
+    share of what another of these does on its joint: so much is left by the form of that one.
     """
-    candidates, share = search.projection.candidates, thresholds.method.form_share
+    candidates = search.projection.candidates
     resisting: dict[str, list[tuple[int, float]]] = {}
     for place, (number, gain) in enumerate(zip(numbers, gains, strict=True)):
         joint = candidates[number].candidate.joint
         if joint is not None and reverses(search, candidates[number]):
             resisting.setdefault(joint, []).append((place, gain))
     return any(
-        place >= settled and place not in filling and gain < share * max(other for _, other in one)
+        place in asked and gain < share * max(other for _, other in one)
         for one in resisting.values()
         for place, gain in one
     )
@@ -87,16 +89,17 @@ def of_one_form(
     """
     if all(search.projection.candidates[number].candidate.changes for number in subset.numbers):
         return False
-    gains = marginal(search, subset)
-    where = [channels(search, number) for number in subset.numbers]
+    gains, method = marginal(search, subset), thresholds.method
     effects = [search.projection.candidates[number].candidate.effect for number in subset.numbers]
     formless = {place for place, effect in enumerate(effects) if effect.formless}
-    filling = {
-        place for place in range(len(effects)) if fills(search, subset, place, chance, thresholds)
-    }
-    if slight(where, gains, thresholds, settled, formless, filling):
+    places = range(settled, len(gains))
+    if faint(gains, method.elsewhere_share, places, formless):
         return True
-    return mends(search, subset.numbers, gains, thresholds, settled, filling)
+    further = [place for place in places if not fills(search, subset, place, chance, thresholds)]
+    where = [channels(search, number) for number in subset.numbers]
+    return slight(where, gains, method.further_share, further, formless) or mends(
+        search, subset.numbers, gains, method.form_share, further
+    )
 
 
 def fills(

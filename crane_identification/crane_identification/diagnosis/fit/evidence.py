@@ -8,6 +8,7 @@ show and the velocity estimate is at its worst. Their rows have noise of their o
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property
+from typing import NamedTuple
 
 import numpy as np
 
@@ -24,6 +25,17 @@ VISIBLE_SHARE = 0.02
 an effect to be testable, and for a parameter of the model to be determined."""
 ROWS_PER_UNKNOWN = 1.5  # of the base; a channel with fewer says nothing about what it lacks
 FEWEST_ROWS = 8
+
+
+class Shown(NamedTuple):
+    """The `columns` (n, c, k) of a term on the rows of some evidence, the share of its norm,
+    wherever it acts, that is in samples which are `seen`, and the ratio of rms there to which the
+    filter of the rows has `damped` it.
+    """
+
+    columns: np.ndarray
+    seen: float
+    damped: float
 
 
 @dataclass(frozen=True)
@@ -116,22 +128,26 @@ class Evidence:
 
     def columns(self, term: Term) -> np.ndarray:
         """The columns (n, c, k) of a term, filtered as the force; `DataError` if it needs more."""
-        return self.shown(term)[0]
+        return self.shown(term).columns
 
-    def shown(self, term: Term) -> tuple[np.ndarray, float]:
-        """These columns, and the share of the norm of the term, wherever it acts, that is in used
-        samples.
-        """
-        rows, inside, total = [], 0.0, 0.0
+    def shown(self, term: Term) -> "Shown":
+        """These columns, and what of the term they show."""
+        rows, inside, total, samples = [], 0.0, 0.0, 0
         for run in self.runs:
             columns = term.columns(run.record, self.model.setting)
             rows.append(run.filtered(columns))
             energy = np.einsum("njk,njk->nj", columns, columns)
             inside, total = inside + float(energy[run.seen].sum()), total + float(energy.sum())
+            samples += int(run.seen.sum())
         out = np.concatenate(rows)
         if not np.isfinite(out).all():
             raise DataError(f"term '{term.type}': what it needs was not logged throughout")
-        return out, float(np.sqrt(inside / total)) if total > 0.0 else 1.0
+        left = float(np.einsum("nck,nck->nc", out, out)[self.used].mean()) if self.used.any() else 0
+        return Shown(
+            out,
+            seen=float(np.sqrt(inside / total)) if total > 0.0 else 1.0,
+            damped=float(np.sqrt(left * samples / inside)) if left and inside > 0.0 else 1.0,
+        )
 
     def regressor(self, model: Model) -> np.ndarray:
         """The regressor (n, c, p) of a model of this machine, filtered as the force."""

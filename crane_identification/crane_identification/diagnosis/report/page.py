@@ -15,7 +15,7 @@ from crane_identification.diagnosis.flow.hydraulics import Quantity
 from crane_identification.diagnosis.flow_and_load_findings import of_quantity
 from crane_identification.diagnosis.report.cards import cards, drawn
 from crane_identification.diagnosis.report.pictures import gap_pictures, where_picture
-from crane_identification.notation import human, percent, plain, short_percent, spoken
+from crane_identification.notation import human, listed, percent, plain, spoken
 from crane_identification.report import template
 from crane_identification.report.content import Provenance
 from crane_identification.report.links import PageLink, link, page_of
@@ -81,7 +81,7 @@ def render(
         estimate=lambda one: finding_wording.estimate(of_quantity(one).plain()),
         usual=_usual,
         percent=percent,
-        detectable=short_percent(diagnosis.detectable),
+        named_from=listed(wording.named_from(content)),
         spoken=spoken,
         sentence=wording.sentence,
         untestable=_listed(diagnosis.search.untestable, diagnosis),

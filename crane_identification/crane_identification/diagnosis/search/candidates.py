@@ -96,7 +96,8 @@ class ShapedCandidate:
     """A candidate at one shape: its term, its columns (n, j, k) on the evidence, and their signs.
 
     `positive` (k,): where the parameter must not be negative; `seen`: share of the norm of the
-    term, wherever it acts, that is in used samples.
+    term, wherever it acts, that is in used samples; `damped`: ratio of rms to which the filter of
+    the rows has damped it.
     """
 
     candidate: Candidate
@@ -105,6 +106,7 @@ class ShapedCandidate:
     columns: np.ndarray
     positive: np.ndarray
     seen: float = 1.0
+    damped: float = 1.0
 
 
 def candidates_of(model: Model, evidence: Evidence) -> list[Candidate]:
@@ -159,8 +161,8 @@ def at_shape(evidence: Evidence, candidate: Candidate, shape: Mapping[str, Any])
     signs = [
         p.minimum == 0.0 and not candidate.changes for p in term.parameters(evidence.model.setting)
     ]
-    columns, seen = evidence.shown(term)
-    return ShapedCandidate(candidate, dict(shape), term, columns, np.array(signs), seen)
+    columns, seen, damped = evidence.shown(term)
+    return ShapedCandidate(candidate, dict(shape), term, columns, np.array(signs), seen, damped)
 
 
 def observed(

@@ -121,6 +121,39 @@ def detectable(search: Search, threshold: float) -> float:
     return float(np.quantile(list(strengths.values()), DETECTABLE_SHARE)) if strengths else np.inf
 
 
+def named_from(search: Search, threshold: float, gate: float) -> dict[str, float]:
+    """By joint: the strength from which nearly all of the testable candidates there are named, of
+    the effect itself, before it is filtered to rows; infinite where none is testable.
+
+    Its score reaches the `threshold`, what shows of it the `gate`, its value what is usual. Of
+    the shapes of a candidate the median counts: nobody knows that of the machine.
+    """
+    strengths: dict[Candidate, list[float]] = {}
+    for number, shaped in enumerate(search.projection.candidates):
+        least = _named_from(search, number, threshold, gate)
+        strengths.setdefault(shaped.candidate, []).append(least)
+    out = {}
+    for joint in search.evidence.joints:
+        own = [np.median(each) for one, each in strengths.items() if one.joint in (joint, None)]
+        out[joint] = float(np.quantile(own, DETECTABLE_SHARE)) if own else np.inf
+    return out
+
+
+def _named_from(search: Search, number: int, threshold: float, gate: float) -> float:
+    """Strength of a candidate at its shape from which it is named, by its least visible column."""
+    projection = search.projection
+    shaped, columns = projection.candidates[number], projection.columns_of[number]
+    effect = shaped.candidate.effect
+    shows = max(strength(search, number, 1.0), np.finfo(float).tiny)  # with a score of one
+    score = threshold if effect.formless else max(threshold, (gate / shows) ** 2)
+    values = np.sqrt(score) / np.maximum(projection.scale[columns], np.finfo(float).tiny)
+    values = np.maximum(values, effect.usual)
+    acts = [
+        acting(search.evidence, shaped.columns[:, :, [k]], values[[k]]) for k in range(len(values))
+    ]
+    return max(acts) / shaped.damped
+
+
 def normalized_energy(search: Search, left: np.ndarray) -> np.ndarray:
     """Energy (c,) of a residual (n, c) in units of the noise."""
     variance = [1.0 if noise is None else noise.variance for noise in search.whitener.noise]

@@ -20,8 +20,12 @@ STEP = 0.01  # relative
 
 def beside_lengths(search: Search) -> Search:
     """The same candidates, from the start, beside the model and a little more of each length."""
+    return widened(search, columns_of_lengths(search.evidence))
+
+
+def widened(search: Search, columns: np.ndarray) -> Search:
+    """The same candidates, from the start, beside the model and further columns (n, c, k)."""
     evidence = search.evidence
-    columns = columns_of_lengths(evidence)
     evidence = replace(evidence, base=np.concatenate([evidence.base, columns], axis=2))
     base = whitened_base(evidence, search.whitener)
     projection = project(search.whitener, base, search.projection.candidates)

@@ -72,7 +72,7 @@ class PressureGain(ForceScale):
     effect: ClassVar[Effect] = Effect(
         "gain of the pressure transducers",
         "scales the whole force of a joint; of all joints alike, it scales all masses",
-        ("payload", "chamber_gain", "linkage_scale"),
+        ("payload", "chamber_gain", "chamber_a_gain", "linkage_scale"),
         "both transducers beside a reference at several pressures; if they are right, a survey of "
         "the linkages of the other joints, which may all be smaller or larger than in their file",
         follows=("force",),
@@ -102,7 +102,7 @@ class LinkageScale(ForceScale):
     effect: ClassVar[Effect] = Effect(
         "linkage of another size than in its file",
         "scales the whole force of a joint, whatever it comes from",
-        ("pressure_gain", "chamber_gain"),
+        ("pressure_gain", "chamber_gain", "chamber_a_gain"),
         "a survey of the pins of the linkage, and both transducers beside a reference",
         follows=("force",),
         formless=True,

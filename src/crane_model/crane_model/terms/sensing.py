@@ -17,7 +17,7 @@ from crane_model.terms.chambers import (
     lever_and_slope,
 )
 from crane_model.terms.effect import Effect
-from crane_model.terms.force_scale import USUAL_SCALE, OfBodies
+from crane_model.terms.force_scale import USUAL_SCALE, ForceScale, OfBodies
 from crane_model.terms.joint_term import OneJointTerm
 from crane_model.terms.planar import planar_machine
 from crane_model.terms.term import Family, Parameter, Setting
@@ -36,7 +36,7 @@ class PressureOffset(OneJointTerm):
     effect: ClassVar[Effect] = Effect(
         "offset of a pressure transducer",
         "a constant force of the cylinder, which the lever arm turns into one that follows q",
-        ("coulomb_asymmetry", "offset", "hose_stiffness", "chamber_gain"),
+        ("coulomb_asymmetry", "offset", "hose_stiffness", "chamber_gain", "chamber_a_gain"),
         "readings of the transducers at zero pressure",
         follows=("position",),
     )
@@ -61,6 +61,7 @@ class ChamberGain(OneJointTerm):
         "gain of one pressure transducer against the other",
         "force in proportion to the pressure of one chamber",
         (
+            "chamber_a_gain",
             "pressure_gain",
             "linkage_scale",
             "pressure_offset",
@@ -84,6 +85,43 @@ class ChamberGain(OneJointTerm):
         return -chamber_forces(self, record, setting, self.joint)[:, 1]
 
 
+class ChamberAGain(ForceScale):
+    """gain (tau + A_B p_B dx/dq): the transducer of chamber A off by a factor (19).
+
+    That is the force of chamber A. tau is that of `PressureGain`, so that beside it stands what the
+    gain of chamber B would make of the other sign.
+    """
+
+    type: Literal["chamber_a_gain"] = "chamber_a_gain"
+    family: ClassVar[Family] = "sensing"
+    effect: ClassVar[Effect] = Effect(
+        "gain of the pressure transducer of chamber A",
+        "force in proportion to the pressure of chamber A: that of chamber B, and the whole force",
+        ("chamber_gain", "pressure_gain", "linkage_scale", "pressure_offset", "encoder_offset"),
+        "both transducers beside a reference, at several pressures",
+        law_of="chamber_gain",
+        follows=("pressure of chamber B", "force"),
+        usual=USUAL_SCALE,
+    )
+
+    @override
+    @classmethod
+    def is_of_sensors(cls) -> bool:
+        """It is: the pressures of the balance of flow are measured by it."""
+        return True
+
+    @override
+    def joint_parameters(self, setting: Setting) -> tuple[Parameter, ...]:
+        cylinder_machine(self, setting, self.joint)
+        meaning = "share by which the pressure of chamber A is measured too large"
+        return (Parameter("gain_A", "1", None, meaning),)
+
+    def joint_columns(self, record: Record, setting: Setting, j: int) -> Array:
+        """tau + A_B p_B dx/dq."""
+        in_b = chamber_forces(self, record, setting, self.joint)[:, 1]
+        return self.scaled(record, setting, j) + in_b
+
+
 class EncoderOffset(OfBodies):
     """dq (F d2x/dq2 - d/dq of (7)): an encoder that reads dq too much.
 
@@ -98,7 +136,7 @@ class EncoderOffset(OfBodies):
     effect: ClassVar[Effect] = Effect(
         "zero of an encoder",
         "torque in proportion to the cylinder force times the slope of the lever arm",
-        ("base_tilt", "hose_stiffness"),
+        ("base_tilt", "hose_stiffness", "chamber_a_gain"),
         "the angle of the boom at rest, measured with an inclinometer",
         follows=("force", "position"),
     )

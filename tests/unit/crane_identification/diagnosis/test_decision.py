@@ -106,6 +106,19 @@ def test_an_effect_in_a_third_of_the_time_alone_is_none() -> None:
     )
 
 
+@pytest.mark.parametrize(("size", "mass", "shows"), [(2.0, 5.0, True), (2.0, 1e4, False)])
+@pytest.mark.parametrize("turned", [True, False])
+def test_what_a_test_refuses_though_it_is_no_chance_is_not_nothing(
+    size: float, mass: float, shows: bool, turned: bool
+) -> None:
+    """But what is less than the errors of the processing is, and what is named needs no doubt."""
+    sign = np.where(np.arange(ROWS) < ROWS // 3, -1.0, 1.0) if turned else 1.0
+    found = decided(searched({"offset": A}, size * sign * A, mass=mass))
+    assert bool(found.beyond) is (shows and turned)
+    assert not shows or bool(found.passed) is not turned
+    assert all("constant force (axis)" in said and found.objection in said for said in found.beyond)
+
+
 @pytest.mark.parametrize(("size", "indistinct"), [(0.4, ["hose_stiffness"]), (3.0, [])])
 def test_what_recordings_do_not_tell_apart_is_a_class(size: float, indistinct: list[str]) -> None:
     """Columns of a correlation of 0.95 differ by a tenth of the score."""

@@ -1,14 +1,17 @@
 """What candidates explain and leave, on columns made up for the purpose with known answers."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
-from unit.crane_identification.diagnosis.made import MASS, ROWS, searched
+from unit.crane_identification.diagnosis.made import MASS, ROWS, normal, searched
 
 from crane_identification.diagnosis.search.candidates import Candidate
 from crane_identification.diagnosis.search.energy import (
     acting,
     detectable,
     left_share,
+    named_from,
     normalized_energy,
     strength,
     unexplained,
@@ -62,6 +65,28 @@ def test_detectable_is_the_strength_that_reaches_the_threshold() -> None:
     expected = np.sqrt(0.1) / np.sqrt(MASS**2 + 1.0)
     assert detectable(found, 0.1 * ROWS) == pytest.approx(expected, rel=0.1)
     assert detectable(found, 0.4 * ROWS) == pytest.approx(2.0 * detectable(found, 0.1 * ROWS))
+
+
+def test_an_effect_is_named_from_what_noise_and_gate_permit_of_itself() -> None:
+    """Half of the norm of a column is beside the model, and the filter of the rows halves it."""
+    base = normal(99) / np.linalg.norm(normal(99))
+    half = np.sqrt(ROWS) * base + (A - base * (base @ A)) / np.sqrt(1.0 - (base @ A) ** 2 / ROWS)
+    found = searched({"offset": half}, np.zeros(ROWS))
+    (one,) = found.projection.candidates
+    damped = replace(found, projection=replace(found.projection, candidates=(
+        replace(one, damped=0.5),
+    )))  # fmt: skip
+    visible, force = found.projection.visibility[0], np.sqrt(MASS**2 + 1.0)
+    by_noise = np.sqrt(0.1) / visible / force
+    assert named_from(found, 0.1 * ROWS, 0.0) == {"axis": pytest.approx(by_noise, rel=0.1)}
+    assert named_from(found, 0.1 * ROWS, 0.2) == {"axis": pytest.approx(0.2 / visible, rel=0.1)}
+    assert named_from(damped, 0.1 * ROWS, 0.2)["axis"] == pytest.approx(0.4 / visible, rel=0.1)
+
+
+def test_what_is_usual_of_an_effect_is_never_named() -> None:
+    found = searched({"chamber_gain": A}, np.zeros(ROWS), mass=0.0)
+    usual = REGISTRY["chamber_gain"].effect.usual
+    assert named_from(found, 1e-9, 0.0)["axis"] == pytest.approx(usual, rel=0.1)
 
 
 def test_a_residual_counts_in_units_of_its_noise() -> None:

@@ -12,7 +12,7 @@ from crane_identification.diagnosis.search.visibility import SEEN_SHARE, left_ou
 from crane_model.model_file import Model
 from crane_model.record import Record
 from crane_model.terms import single_axis
-from crane_model.terms.friction import Coulomb
+from crane_model.terms.friction import Coulomb, Viscous
 from crane_model.terms.stiction import Stiction
 from crane_model.terms.term import Setting
 
@@ -52,7 +52,22 @@ def test_the_share_of_a_peak_is_that_of_an_exponential(evidence: Evidence) -> No
     """What fades as exp(-x/travel) has exp(-d/travel) of its norm beyond d."""
     for travel in (0.003, 0.01, 0.03):
         term = Stiction(joint="axis", travel=travel, dwell=0.2)
-        assert evidence.shown(term)[1] == pytest.approx(np.exp(-UNSEEN / travel), rel=0.01)
+        assert evidence.shown(term).seen == pytest.approx(np.exp(-UNSEEN / travel), rel=0.01)
+
+
+@pytest.mark.parametrize(("fast", "damped"), [(0.0, 1.0), (1.0, np.sqrt(0.5)), (3.0, np.sqrt(0.1))])
+def test_rows_keep_of_an_effect_what_is_slower_than_they_are(fast: float, damped: float) -> None:
+    """Viscous friction at 1 Hz and, `fast` times as large, at 30 Hz, by 25 rows a second."""
+    time = STEP * np.arange(4000)
+    velocity = np.sin(2.0 * np.pi * time) + fast * np.cos(60.0 * np.pi * time)
+    none = np.zeros((len(time), 1))
+    record = Record(("axis",), time, none, velocity[:, np.newaxis], none)
+    gate = np.stack([np.ones(len(time)), np.zeros(len(time))], axis=1)
+    run = Run("bag", 0, record, gate, 4)
+    n = len(run.kept)
+    used = np.stack([np.ones(n, dtype=bool), np.zeros(n, dtype=bool)], axis=1)
+    there = Evidence(MODEL, (run,), *np.zeros((3, n)), np.zeros((n, 2)), np.zeros((n, 2, 1)), used)
+    assert there.shown(Viscous(joint="axis")).damped == pytest.approx(damped, rel=0.02)
 
 
 def test_a_short_peak_is_not_sought_and_the_reason_says_where(evidence: Evidence) -> None:

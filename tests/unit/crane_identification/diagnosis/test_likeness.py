@@ -6,7 +6,7 @@ from typing import Any
 import numpy as np
 import pytest
 
-from crane_identification.diagnosis.decision.form import mends, slight
+from crane_identification.diagnosis.decision.form import faint, mends, slight
 from crane_identification.diagnosis.decision.likeness import likeness
 from crane_identification.diagnosis.search.candidates import Candidate, ShapedCandidate
 from crane_identification.diagnosis.search.projection import Projection
@@ -35,7 +35,9 @@ THRESHOLDS = load_thresholds()
     ],
 )
 def test_further_effects_gain_more_on_a_joint_that_has_one(channels, gains, expected):
-    assert slight(channels, gains, THRESHOLDS) is expected
+    method, every = THRESHOLDS.method, range(len(gains))
+    few = faint(gains, method.elsewhere_share, every)
+    assert (few or slight(channels, gains, method.further_share, every)) is expected
 
 
 def search_over(*candidates: tuple[Term, list[np.ndarray], bool]) -> Any:
@@ -116,4 +118,4 @@ def test_waves_beside_seal_friction_are_its_form(
     )
     runs = (SimpleNamespace(record=record),)
     made.evidence = SimpleNamespace(model=load_model(tmp_path / "axis.yaml"), runs=runs)
-    assert mends(made, (0, 1), (1000.0, gain), THRESHOLDS) is expected
+    assert mends(made, (0, 1), (1000.0, gain), THRESHOLDS.method.form_share, (0, 1)) is expected

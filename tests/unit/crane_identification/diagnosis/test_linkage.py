@@ -13,7 +13,7 @@ from unit.crane_identification.synthetic import crane_log, crane_model
 
 from crane_identification.diagnosis.decision.decision import decide
 from crane_identification.diagnosis.decision.factors import smallest
-from crane_identification.diagnosis.decision.form import slight
+from crane_identification.diagnosis.decision.form import faint, slight
 from crane_identification.diagnosis.decision.judgement import Judged
 from crane_identification.diagnosis.fit.evidence import gather
 from crane_identification.diagnosis.proof.extension import Value
@@ -113,9 +113,11 @@ def test_what_a_survey_leaves_is_usual() -> None:
 def test_beside_what_has_no_form_a_further_effect_is_not_slight(
     formless: tuple[int, ...], is_slight: bool
 ) -> None:
-    places = [np.array([0]), np.array([0])]
-    assert slight(places, [1000.0, 10.0], THRESHOLDS, formless=formless) is is_slight
-    assert slight(places, [10.0, 1000.0], THRESHOLDS, formless=(0,))  # itself it may be
+    places, method = [np.array([0]), np.array([0])], THRESHOLDS.method
+    asked = {"asked": (0, 1), "formless": formless}
+    assert slight(places, [1000.0, 10.0], method.further_share, **asked) is is_slight
+    assert faint([1000.0, 10.0], method.elsewhere_share, **asked) is is_slight
+    assert faint([10.0, 1000.0], method.elsewhere_share, (0, 1), (0,))  # itself it may be
 
 
 @pytest.mark.parametrize(("gain", "is_one"), [(0.0045, False), (-0.0045, False), (0.006, True)])

@@ -50,29 +50,27 @@ def decided(joint: int, shown: Shown) -> Decision:
 def test_a_transducer_that_gives_way_is_no_gain(share: float, knee: float) -> None:
     """Less steep beyond some pressure: no parabola, so that its own law is not what finds it."""
     found = decided(INNER, lambda p: p[:, INNER] - share * np.maximum(p[:, INNER] - knee, 0.0))
-    (said,) = found.strange
+    (said,) = found.beyond
     assert said.startswith("on inner_boom there is a force that bends with the pressure")
     assert not found.passed
 
 
 def test_what_a_transducer_hears_of_another_joint_is_no_offset() -> None:
     found = decided(OUTER, lambda p: p[:, OUTER] + 0.05 * p[:, INNER])
-    assert (
-        "on outer_boom there is a force that follows the pressures of another" in found.strange[0]
-    )
+    assert "on outer_boom there is a force that follows the pressures of another" in found.beyond[0]
     assert not found.passed
 
 
 @pytest.mark.parametrize("joint", [INNER, OUTER])
 def test_a_gain_is_not_strange(joint: int) -> None:
     found = decided(joint, lambda p: 1.03 * p[:, joint])
-    assert not found.strange
+    assert not found.beyond
     assert [one.shaped.candidate.joint for one in found.passed] == [crane_model().joints[joint]]
 
 
 def test_nothing_is_strange_where_nothing_is_missing() -> None:
     found = decided(OUTER, lambda p: p[:, OUTER])
-    assert not found.strange
+    assert not found.beyond
     assert not found.passed
 
 

@@ -28,7 +28,12 @@ JOINTS = ("inner_boom", "outer_boom", "telescope")
 MODEL = load_model(machine_file("model.yaml"))
 THRESHOLDS = load_thresholds()
 MOTION = MotionValidation(JOINTS, 0.5, 1, np.ones(3), np.ones(3))
-ENOUGH = Reach(testable=0.9, least=0.003, undetermined=())
+ENOUGH = Reach(
+    testable=0.9,
+    least=0.003,
+    named=dict(zip(JOINTS, (0.003, 0.012, 0.002), strict=True)),
+    undetermined=(),
+)
 
 
 def gap(

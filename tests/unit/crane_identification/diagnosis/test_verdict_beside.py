@@ -13,8 +13,9 @@ from unit.crane_identification.diagnosis.test_verdict import (
     trial,
 )
 
-from crane_identification.diagnosis.answer.answer import with_flow, with_pulsation
+from crane_identification.diagnosis.answer.answer import with_flow, with_pulsation, with_too_little
 from crane_identification.diagnosis.answer.verdict import Answer, Verdict, judge
+from crane_identification.diagnosis.decision.decision import Decision
 from crane_identification.diagnosis.flow.hydraulics import Flow, Gain, Quantity
 from crane_identification.diagnosis.proof.proof import Proof, objection
 from crane_identification.diagnosis.proof.pulsation import Line, Pulsation, pulsations
@@ -106,15 +107,29 @@ def test_a_pulsation_is_a_line_that_is_clear_enough() -> None:
 @pytest.mark.parametrize(
     ("reach", "expected", "said"),
     [
-        (ENOUGH._replace(testable=0.5), Verdict.NONE, "nine in ten effects above 0.30%"),
+        (ENOUGH._replace(testable=0.5), Verdict.NONE, "on: 0.30% on inner_boom, 1.20% on outer"),
         (ENOUGH._replace(testable=0.49), Verdict.INSUFFICIENT, "only 49% of the effects"),
-        (ENOUGH._replace(least=0.01), Verdict.NONE, "above 1.00% of the drive force"),
+        (ENOUGH._replace(least=0.01), Verdict.NONE, "0.20% on telescope"),
         (ENOUGH._replace(least=0.0101), Verdict.INSUFFICIENT, "one would not show at 1.0%"),
     ],
 )
 def test_finding_nothing_says_something_where_much_would_have_shown(reach, expected, said) -> None:
     found = answer(reach=reach)
     assert found.verdict is expected and said in found.reason
+
+
+@pytest.mark.parametrize(("score", "said"), [(60.0, True), (40.0, False)])
+def test_what_is_more_than_chance_but_too_little_is_said_beside_none(
+    score: float, said: bool
+) -> None:
+    """The threshold is 50."""
+    weak = replace(effect(), score=score)
+    decision = Decision((), 50.0, (weak,), "it is 0.00059 of the drive force", ())
+    none = answer()
+    found = with_too_little(none, decision)
+    assert found.verdict is Verdict.NONE
+    more = "; load-dependent joint friction (outer_boom) comes nearest, but it is 0.00059 of the"
+    assert (more in found.reason) is said and (found == none) is not said
 
 
 @pytest.mark.parametrize(

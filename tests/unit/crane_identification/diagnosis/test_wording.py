@@ -94,7 +94,7 @@ def content(verdict: str, *findings: dict[str, Any], **more: Any) -> dict[str, A
         "pulsations": [],
         "flow": {},
         "open": {"row_rate": 6.0, "noise": {}, "questions": []},
-        "detectable_strength": 0.002,
+        "named_from": {"inner_boom": 0.002},
     } | more
 
 
