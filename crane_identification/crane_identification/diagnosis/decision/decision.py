@@ -7,6 +7,12 @@ import numpy as np
 
 from crane_identification.diagnosis.decision.chance import by_chance
 from crane_identification.diagnosis.decision.cross_validation import helps
+from crane_identification.diagnosis.decision.drawing import (
+    best_beside,
+    is_drawn,
+    start_beside,
+    weighed,
+)
 from crane_identification.diagnosis.decision.factors import best_pair, gain_of_few, smallest
 from crane_identification.diagnosis.decision.form import of_one_form
 from crane_identification.diagnosis.decision.judgement import Judged, all_judged
@@ -50,6 +56,8 @@ def decide(race: Race, thresholds: Thresholds) -> Decision:
     if alone and any(_scales(one) for one in passed):
         passed = _beside_lengths(race, passed, first_threshold, thresholds)
     passed = as_drawn(race, passed, thresholds)
+    if start_beside(race, passed):
+        passed = _grown(race, passed, first_threshold, thresholds).passed
     passed, beyond = with_strange(race.search, passed, first_threshold, thresholds)
     passed = tuple(sorted(passed, key=lambda one: -one.score))
     return Decision(passed, first_threshold, nearest, objection, beyond)
@@ -76,18 +84,20 @@ def _grown(
     passed, known = settled, len(settled)
     nearest, objection = tuple[Judged, ...](), ""
     for size in range(known + 1, known + LARGEST_SET + 1):
-        best, search = race.best(size), race.search
+        best, search = best_beside(race, size, settled), race.search
         if best is None:
             break
-        subset = simplest(search, best, thresholds, threshold)
+        subset = simplest(search, best, thresholds, threshold, known)
         subset = smallest(search, subset, threshold)
         if size > 1 and of_one_form(search, subset, threshold, thresholds, known):
             break
         subset, strange = of_better_signature(search, subset, thresholds, known)
         if size > 1 and covered(search, subset, thresholds, known):
             break
-        found = as_kinds(search, all_judged(search, subset, thresholds), known, thresholds)
-        asked = [one for k, one in enumerate(found) if k >= known or not _scales(one)]
+        found = weighed(search, subset, settled, thresholds)
+        asked = [
+            one for k, one in enumerate(found) if k >= known or not (_scales(one) or is_drawn(one))
+        ]
         wrong = [said for one in asked if (said := _objection(one, thresholds))] or strange
         if size == 1:
             nearest, objection = tuple(found), "".join(wrong)

@@ -5,6 +5,7 @@ from dataclasses import replace
 
 import numpy as np
 
+from crane_identification.diagnosis.decision.apart import stands_apart
 from crane_identification.diagnosis.decision.judgement import marginal
 from crane_identification.diagnosis.decision.likeness import without
 from crane_identification.diagnosis.search.candidates import ShapedCandidate
@@ -26,8 +27,8 @@ def slight(
 
     `channels` are those where each acts. What a law leaves because it is not quite that of the
     machine is on its own joint, most of it; those that are `formless` leave nothing. Of one that is
-    `filling` what the others leave, no more is asked there than elsewhere. The first ones, that are
-    `settled`, are not asked.
+    `filling` what the others leave, or stands apart from them, no more is asked there than
+    elsewhere. The first ones, that are `settled`, are not asked.
     """
     where, method = [set(one.tolist()) for one in channels], thresholds.method
     for place in range(settled, len(where)):
@@ -50,7 +51,7 @@ def mends(
 ) -> bool:
     """Whether one of several laws that resist the motion gains too little beside another of these
     on its joint to be more than what that one's form leaves. The first, `settled`, are not asked,
-    nor those that are `filling` what the others leave.
+    nor those that are `filling` what the others leave or stand apart.
     """
     candidates, share = search.projection.candidates, thresholds.method.form_share
     resisting: dict[str, list[tuple[int, float]]] = {}
@@ -91,12 +92,23 @@ def of_one_form(
     where = [channels(search, number) for number in subset.numbers]
     effects = [search.projection.candidates[number].candidate.effect for number in subset.numbers]
     formless = {place for place, effect in enumerate(effects) if effect.formless}
+
+    def of_another(apart: set[int]) -> bool:
+        return slight(where, gains, thresholds, settled, formless, apart) or mends(
+            search, subset.numbers, gains, thresholds, settled, apart
+        )
+
     filling = {
         place for place in range(len(effects)) if fills(search, subset, place, chance, thresholds)
     }
-    if slight(where, gains, thresholds, settled, formless, filling):
-        return True
-    return mends(search, subset.numbers, gains, thresholds, settled, filling)
+    if not of_another(filling):
+        return False
+    apart = {
+        place
+        for place in range(settled, len(effects))
+        if place not in filling and stands_apart(search, subset, gains, place, chance, thresholds)
+    }
+    return not apart or of_another(filling | apart)
 
 
 def fills(
