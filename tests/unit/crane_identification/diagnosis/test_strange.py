@@ -8,18 +8,20 @@ from unittest.mock import Mock
 import numpy as np
 import pytest
 from laboratory_crane import with_linkage
+from unit.crane_identification.diagnosis import made
 from unit.crane_identification.diagnosis.test_lengths import with_link
 from unit.crane_identification.synthetic import crane_log, crane_model
 
 from crane_identification.diagnosis.decision.decision import Decision, decide
 from crane_identification.diagnosis.decision.factors import factors
 from crane_identification.diagnosis.decision.judgement import Judged
-from crane_identification.diagnosis.decision.strange import of_lengths, suspected
+from crane_identification.diagnosis.decision.strange import of_lengths, suspected, with_strange
 from crane_identification.diagnosis.fit.evidence import gather
 from crane_identification.diagnosis.search.candidates import Candidate, candidates_of
 from crane_identification.diagnosis.search.energy import explained
 from crane_identification.diagnosis.search.race import Race
 from crane_identification.diagnosis.search.search import Search, search
+from crane_identification.diagnosis.search.shapes import ForceSignature, Shapes
 from crane_identification.options import Options
 from crane_identification.preparation.prepare import prepare
 from crane_identification.thresholds import load_thresholds
@@ -128,3 +130,17 @@ def test_lengths_that_are_off_suspect_no_transducer(
     candidates = [Candidate(REGISTRY[kind], joint) for kind, joint in found]
     several = [cast(Judged, Mock(shaped=Mock(candidate=one))) for one in candidates]
     assert suspected(several, "inner_boom") is sensors
+
+
+@pytest.mark.parametrize(("law", "kept"), [(1e3, True), (1e5, False)])
+def test_little_of_a_strong_effect_is_the_form_of_its_law(law: float, kept: bool) -> None:
+    """A force that no effect makes gains some hundreds beside one of that score on its joint."""
+    made_up = made.searched({"hose_stiffness": made.normal(1)}, 3.0 * made.normal(2))
+    term = REGISTRY["relaxing_force"].model_validate({"type": "relaxing_force", "joint": "axis"})
+    columns = np.stack([made.normal(2), np.zeros(made.ROWS)], axis=1)[:, :, np.newaxis]
+    strange = ForceSignature("it fades", (), term, columns)
+    known = replace(made_up, shapes=Shapes(made_up.evidence, strange={"axis": (strange,)}))
+    shaped = known.projection.candidates[0]
+    found = cast(Judged, Mock(shaped=shaped, score=law))
+    said = with_strange(known, [found], 50.0, THRESHOLDS).said
+    assert bool(said) is kept
