@@ -60,7 +60,7 @@ class WeightFriction(OfBodies):
         ("coulomb", "seal_friction", "pad_friction", "position_friction"),
         "the same motion with raised back-pressure, and again with a known weight",
         kin=("load_friction",),
-        follows=("position", "force"),
+        follows=("position",),
     )
 
     bodies: tuple[float, ...] = Field(
