@@ -9,10 +9,11 @@ from laboratory_crane import PLANAR_JOINTS
 from unit.crane_model.pinocchio_crane import THETA_20, planar_crane, random_bodies, spatial_crane
 from unit.crane_model.test_term_registry import SETTING, random_record
 
-from crane_model.dynamics import Geometry, lagrangian_regressor
+from crane_model.dynamics import Geometry, gravity_vector, lagrangian_regressor
 from crane_model.kinematics import tip_jacobian, tip_position
 from crane_model.machine import Machine
 from crane_model.record import Record
+from crane_model.terms.friction_load import WeightFriction
 from crane_model.terms.gravity_and_load import BaseTilt, HoseMass, Payload, SlewCoupling
 from crane_model.terms.load import Load
 from crane_model.terms.planar import AxisReach, BoomDirections
@@ -139,3 +140,22 @@ def test_reach_and_its_acceleration_are_those_of_the_boom_tip(machine: Machine) 
     acceleration = (distance(after) - 2 * distance(q) + distance(before)) / h**2
     along = np.einsum("nj,nj->n", reach.gradient, a) + reach.bias
     np.testing.assert_allclose(along, acceleration, atol=1e-5)
+
+
+@pytest.mark.parametrize("j", range(3))
+def test_friction_by_the_weight_knows_no_acceleration(j: int) -> None:
+    """It is that of gravity alone, which the model of the controllers has in closed form."""
+    machine = SETTING.machine
+    assert machine is not None
+    geometry, bodies = Geometry.of(machine), np.random.default_rng(4).uniform(100.0, 1e3, 8)
+    nine = np.append(
+        bodies, geometry.telescope_offset * bodies[6]
+    )  # all of the telescope's mass on its axis
+    term = WeightFriction(joint=PLANAR_JOINTS[j], bodies=tuple(bodies))
+    columns = term.columns(RECORD, SETTING)
+    weight = gravity_vector(geometry, nine, RECORD.position)[:, j]
+    expected = np.sign(RECORD.velocity[:, j]) * np.abs(weight)
+    np.testing.assert_allclose(columns[:, j, 0], expected, rtol=1e-9)
+    assert not np.delete(columns, j, axis=1).any()
+    faster = replace(RECORD, velocity=2.0 * RECORD.velocity, acceleration=9.0 * RECORD.acceleration)
+    np.testing.assert_array_equal(term.columns(faster, SETTING), columns)

@@ -8,6 +8,12 @@ import numpy as np
 
 from crane_identification.diagnosis.decision.chance import by_chance
 from crane_identification.diagnosis.decision.cross_validation import helps
+from crane_identification.diagnosis.decision.drawing import (
+    best_beside,
+    is_drawn,
+    judged_beside,
+    start_beside,
+)
 from crane_identification.diagnosis.decision.factors import best_pair, gain_of_few, smallest
 from crane_identification.diagnosis.decision.form import of_one_form
 from crane_identification.diagnosis.decision.judgement import Judged, all_judged
@@ -58,6 +64,8 @@ def decide(race: Race, thresholds: Thresholds) -> Decision:
             passed = _beside_lengths(race, passed, first_threshold, thresholds)
             break
     passed = as_drawn(race, passed, thresholds)
+    if start_beside(race, passed):
+        passed = _largest(_growing(race, passed, first_threshold, thresholds), passed)
     passed, beyond = with_strange(race.search, passed, first_threshold, thresholds)
     passed = tuple(sorted(passed, key=lambda one: -one.score))
     if settled or first is None:
@@ -82,22 +90,27 @@ def _growing(
     """
     known = len(settled)
     for size in range(known + 1, known + LARGEST_SET + 1):
-        best = race.best(size)
+        best = best_beside(race, size, settled)
         if best is None:
             return
-        yield (weighed := _weighed(race.search, best, known, threshold, thresholds))
+        yield (weighed := _weighed(race.search, best, settled, threshold, thresholds))
         if weighed.objection:
             return
 
 
 def _weighed(
-    search: Search, best: Subset, known: int, threshold: float, thresholds: Thresholds
+    search: Search,
+    best: Subset,
+    settled: tuple[Judged, ...],
+    threshold: float,
+    thresholds: Thresholds,
 ) -> _Weighed:
-    """The effects of a set by every test, the first `known` of them as far as they are no scales.
+    """The effects of a set by every test; not those that are `settled` and scales, or drawn.
 
     A set of which one effect is but the form of another is not weighed further.
     """
-    subset = simplest(search, best, thresholds, threshold)
+    known = len(settled)
+    subset = simplest(search, best, thresholds, threshold, known)
     subset = smallest(search, subset, threshold)
     several = len(subset.numbers) > 1
     if several and of_one_form(search, subset, threshold, thresholds, known):
@@ -105,8 +118,10 @@ def _weighed(
     subset, strange = of_better_signature(search, subset, thresholds, known)
     if several and covered(search, subset, thresholds, known):
         return _Weighed((), "some shape of one of them explains another one")
-    found = as_kinds(search, all_judged(search, subset, thresholds), known, thresholds)
-    asked = [one for k, one in enumerate(found) if k >= known or not _scales(one)]
+    found = judged_beside(search, subset, settled, thresholds)
+    asked = [
+        one for k, one in enumerate(found) if k >= known or not (_scales(one) or is_drawn(one))
+    ]
     wrong = [said for one in asked if (said := _objection(one, thresholds))] or strange
     weakest = min(found[known:], key=lambda one: one.score)
     if not wrong and several and _vague(weakest, thresholds):

@@ -5,6 +5,7 @@ from dataclasses import replace
 
 import numpy as np
 
+from crane_identification.diagnosis.decision.apart import stands_apart
 from crane_identification.diagnosis.decision.judgement import marginal
 from crane_identification.diagnosis.decision.likeness import without
 from crane_identification.diagnosis.search.candidates import ShapedCandidate
@@ -97,8 +98,18 @@ def of_one_form(
         return True
     further = [place for place in places if not fills(search, subset, place, chance, thresholds)]
     where = [channels(search, number) for number in subset.numbers]
-    return slight(where, gains, method.further_share, further, formless) or mends(
-        search, subset.numbers, gains, method.form_share, further
+
+    def of_another(asked: Collection[int]) -> bool:
+        return slight(where, gains, method.further_share, asked, formless) or mends(
+            search, subset.numbers, gains, method.form_share, asked
+        )
+
+    return of_another(further) and of_another(
+        [
+            place
+            for place in further
+            if not stands_apart(search, subset, gains, place, chance, thresholds)
+        ]
     )
 
 

@@ -102,13 +102,16 @@ def same_as(
     ]
 
 
-def simplest(search: Search, subset: Subset, thresholds: Thresholds, threshold: float) -> Subset:
-    """The set with effects replaced by simpler ones that they are no better than.
+def simplest(
+    search: Search, subset: Subset, thresholds: Thresholds, threshold: float, settled: int = 0
+) -> Subset:
+    """The set with effects replaced by simpler ones that they are no better than. The first ones,
+    `settled`, stay.
 
     Presliding over no way and a Stribeck curve without end are Coulomb friction.
     """
     method = thresholds.method
-    for place in range(len(subset.numbers)):
+    for place in range(settled, len(subset.numbers)):
         own, swaps = subset.numbers[place], in_place_of(search, subset, place)
         needed = max(threshold, method.lead_share * unexplained_beside(search, subset, place))
         for swapped in swaps:

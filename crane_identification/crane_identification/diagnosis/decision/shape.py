@@ -15,7 +15,7 @@ from scipy.stats import chi2
 from crane_identification.diagnosis.decision.bend import likelier
 from crane_identification.diagnosis.decision.cross_validation import held_out_gains, helps
 from crane_identification.diagnosis.decision.judgement import Judged, all_judged, marginal
-from crane_identification.diagnosis.decision.likeness import in_place_of, without
+from crane_identification.diagnosis.decision.likeness import in_place_of, same_effect, without
 from crane_identification.diagnosis.search.candidates import Candidate, ShapedCandidate
 from crane_identification.diagnosis.search.energy import explained, strength, unexplained_beside
 from crane_identification.diagnosis.search.race import Race
@@ -27,8 +27,8 @@ from crane_identification.thresholds import Thresholds
 
 def covered(search: Search, subset: Subset, thresholds: Thresholds, settled: int = 0) -> bool:
     """Whether an effect of a set explains little that a stronger one on its joint would not explain
-    with some other shape or, where both are of one signature, does not by itself. The first ones,
-    `settled`, are not asked.
+    with some other shape or, where both are of one signature or laws of the same effect, does not
+    by itself. The first ones, `settled`, are not asked.
     """
     gains, share = marginal(search, subset), thresholds.method.form_share
     found = _candidates(search, subset)
@@ -38,11 +38,11 @@ def covered(search: Search, subset: Subset, thresholds: Thresholds, settled: int
             if first is own or first.candidate.joint != own.candidate.joint or gain < gains[place]:
                 continue
             shaped = search.shapes.of(first.candidate)
-            if shaped is None:
-                continue
-            if shape_of(own.candidate) is shape_of(first.candidate):
+            if _alike(own.candidate, first.candidate):
                 alone = solve(search.projection, (number,)) or NOTHING
                 more, asked = gains[place], share * alone.gain
+            elif shaped is None:
+                continue
             else:
                 more = explained(search, *rest, shaped.columns, own.columns)
                 more -= explained(search, *rest, shaped.columns)
@@ -50,6 +50,12 @@ def covered(search: Search, subset: Subset, thresholds: Thresholds, settled: int
             if more < asked:
                 return True
     return False
+
+
+def _alike(one: Candidate, other: Candidate) -> bool:
+    """Whether two effects on one joint have one signature, or are laws of the same effect."""
+    cls = shape_of(one)
+    return same_effect(one, other) or (cls is not None and cls is shape_of(other))
 
 
 def rival(

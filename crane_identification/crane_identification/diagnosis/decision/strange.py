@@ -1,7 +1,8 @@
 """Forces of no effect of the catalogue, beside the effects that were found or in their place.
 
 What a law leaves because it is not quite the machine's follows no signature well. So a signature
-of no effect is there if it is most of what is left on a joint, and predicts it elsewhere.
+of no effect is there if it is most of what is left on a joint, as much beside the laws there as is
+asked of an effect, and predicts it elsewhere.
 """
 
 from collections.abc import Sequence
@@ -10,9 +11,11 @@ from typing import NamedTuple
 import numpy as np
 
 from crane_identification.diagnosis.decision.cross_validation import held_out_gains, helps
+from crane_identification.diagnosis.decision.factors import factors
 from crane_identification.diagnosis.decision.judgement import Judged
 from crane_identification.diagnosis.decision.shape import chance_of
 from crane_identification.diagnosis.search.energy import explained, strength_on, unexplained
+from crane_identification.diagnosis.search.lengths import beside_lengths
 from crane_identification.diagnosis.search.search import Search
 from crane_identification.diagnosis.search.selection import NOTHING, solve
 from crane_identification.diagnosis.search.shapes import ForceSignature
@@ -38,13 +41,14 @@ def with_strange(
 
     `threshold` is what chance gives to the best effect of the catalogue.
     """
-    kept, said = list(found), []
+    kept, said, method = list(found), [], thresholds.method
     numbers = tuple(search.number(one.shaped) for one in found)
     subset = (solve(search.projection, numbers) if numbers else None) or NOTHING
     joints = search.evidence.joints
     left = np.maximum(unexplained(search, subset), 0.0).reshape(-1, len(joints)).sum(axis=0)
     for j, joint in enumerate(joints):
-        least = max(threshold, thresholds.method.simple_share * float(left[j]))
+        law = max((one.score for one in found if one.shaped.candidate.joint == joint), default=0.0)
+        least = max(threshold, method.simple_share * float(left[j]), method.elsewhere_share * law)
         other = _most_of(search, found, j, least, thresholds)
         if other is not None:
             said.append(f"on {joint} there is {other.said}, as of no effect of the catalogue")
@@ -77,9 +81,29 @@ def _most_of(
             continue
         before = np.concatenate([search.evidence.free, *rest], axis=2)
         gains, _ = held_out_gains(search.evidence, search.whitener, before, other.columns)
-        if helps(gains, thresholds):
+        if helps(gains, thresholds) and not of_lengths(search, rest, other, lead, thresholds):
             best, most = other, lead
     return best
+
+
+def of_lengths(
+    search: Search,
+    rest: Sequence[np.ndarray],
+    other: ForceSignature,
+    lead: float,
+    thresholds: Thresholds,
+) -> bool:
+    """Whether a signature of sensors gains less than half of its `lead` beside lengths that are off
+    on all joints: those leave such a force, and need not be sure to do so.
+    """
+    if not other.term.is_of_sensors():
+        return False
+    longer = beside_lengths(search)
+    scales = [longer.projection.candidates[number].columns for number in factors(longer)]
+    known = [*rest, *scales]
+    before = explained(longer, *known) if known else 0.0
+    gained = explained(longer, *known, other.columns) - before
+    return gained < thresholds.method.simple_share * lead
 
 
 def suspected(found: Sequence[Judged], joint: str) -> bool:

@@ -12,6 +12,7 @@ import numpy as np
 
 from crane_identification.diagnosis.fit.evidence import Evidence
 from crane_identification.diagnosis.search.candidates import Candidate, ShapedCandidate, at_shape
+from crane_identification.diagnosis.search.itself import is_the_force_itself
 from crane_model.errors import CraneError
 from crane_model.terms import DRAWING, DrawnTerm, Effect, Shape, Term, strangers
 
@@ -104,6 +105,9 @@ def _drawn(evidence: Evidence, candidate: Candidate) -> ShapedCandidate | None:
     try:
         followed = [cls.followed(run.record, j)[run.kept] for run in evidence.runs]
         given = (("knots", cls.over(np.concatenate(followed)[evidence.used[:, j]])),)
-        return at_shape(evidence, Drawn(candidate.term, candidate.joint, given, by=cls), {})
+        drawn = at_shape(evidence, Drawn(candidate.term, candidate.joint, given, by=cls), {})
     except (CraneError, ValueError):  # not logged, or it did not change
         return None
+    over_force = cls.variable.startswith("force")
+    own = over_force and is_the_force_itself(evidence, drawn.term, candidate.where)
+    return None if own else drawn

@@ -6,12 +6,12 @@ has not been moving by then for as long as the estimate of its velocity needs, n
 """
 
 from collections.abc import Sequence
-from dataclasses import replace
 
 import numpy as np
 
 from crane_identification.diagnosis.fit.evidence import VISIBLE_SHARE, Evidence, beside, leading
 from crane_identification.diagnosis.search.candidates import Candidate, ShapedCandidate
+from crane_identification.diagnosis.search.itself import with_predicted_force
 from crane_identification.diagnosis.search.projection import Projection
 from crane_identification.diagnosis.search.whitening import FORCE_CORRELATION, Whitener
 from crane_model.terms import Setting
@@ -128,13 +128,7 @@ def _made_of_the_residual(
     }
     if not wanted:
         return set()
-    model = evidence.model
-    values = evidence.roughly(evidence.base[:, :, :0])[: len(model.parameters)]
-    runs = (
-        replace(run, record=replace(run.record, force=model.regressor(run.record) @ values))
-        for run in evidence.runs
-    )
-    predicted = replace(evidence, runs=tuple(runs))
+    predicted = with_predicted_force(evidence)
     known = whitener(evidence.base)
     known = leading(known, known.shape[1])
     more = set()

@@ -91,7 +91,7 @@ class DrawnLoadFriction(DrawnDryFriction):
 
     type: Literal["drawn_load_friction"] = "drawn_load_friction"
     said: ClassVar[str] = "friction that follows the load, alike in both directions"
-    draws: ClassVar[tuple[str, ...]] = ("load_friction",)
+    draws: ClassVar[tuple[str, ...]] = ("load_friction", "weight_friction")
     holds: ClassVar[tuple[str, ...]] = ("pressure_gain", "linkage_scale")  # a line: tau itself
     variable: ClassVar[Variable] = "force against the motion"
     spacing: ClassVar[tuple[float, ...]] = tuple(k / 10 for k in range(11))

@@ -18,7 +18,7 @@ class Coulomb(ProportionalTerm):
     effect: ClassVar[Effect] = Effect(
         "Coulomb friction",
         "a step between the two directions of motion, the same at all speeds",
-        ("stribeck", "presliding", "load_friction", "chamber_gain"),
+        ("stribeck", "presliding", "load_friction", "weight_friction", "chamber_gain"),
         "slow sweeps at constant speed both ways",
         follows=("velocity",),
     )

@@ -1,8 +1,10 @@
 """Friction that follows the load: on pins, seals and the telescope's pads."""
 
+from dataclasses import replace
 from typing import ClassVar, Literal
 
 import numpy as np
+from pydantic import Field
 from typing_extensions import override
 
 from crane_model.array import Array
@@ -10,8 +12,10 @@ from crane_model.errors import ConfigurationError
 from crane_model.record import Record
 from crane_model.terms.chambers import chamber_forces, gain_unit
 from crane_model.terms.effect import Effect
+from crane_model.terms.force_scale import OfBodies
 from crane_model.terms.joint_term import JointTerm, OneJointTerm
 from crane_model.terms.planar import BoomDirections, planar_machine
+from crane_model.terms.rigid_body import BASE_PARAMETERS
 from crane_model.terms.term import Family, Parameter, Setting
 
 
@@ -28,6 +32,7 @@ class LoadFriction(JointTerm):
         "friction grows with the load, in both directions",
         ("coulomb", "seal_friction", "pad_friction", "position_friction"),
         "the same motion with raised back-pressure, and again with a known weight",
+        kin=("weight_friction",),
         follows=("force",),
     )
 
@@ -38,6 +43,44 @@ class LoadFriction(JointTerm):
     @override
     def parameter(self, coordinate: str, force: str) -> Parameter:
         return Parameter("mu_load", "1", 0.0, "friction per load")
+
+
+class WeightFriction(OfBodies):
+    """mu |g(q)| sgn(q'): friction of pins and bearings in proportion to the weight they carry.
+
+    g is (7) of the `bodies` at rest. The measured force, the load of `LoadFriction`, holds friction
+    itself and what accelerates the joint.
+    """
+
+    type: Literal["weight_friction"] = "weight_friction"
+    family: ClassVar[Family] = "friction"
+    effect: ClassVar[Effect] = Effect(
+        "joint friction by the weight",
+        "friction grows with the weight on the joint, in both directions and at any acceleration",
+        ("coulomb", "seal_friction", "pad_friction", "position_friction"),
+        "the same motion with raised back-pressure, and again with a known weight",
+        kin=("load_friction",),
+        follows=("position",),
+    )
+
+    bodies: tuple[float, ...] = Field(
+        default=(0.0,) * len(BASE_PARAMETERS),
+        min_length=len(BASE_PARAMETERS),
+        max_length=len(BASE_PARAMETERS),
+        examples=[(30e3, 9e3, 1e3, 8e3, 3e3, 100.0, 500.0, 1e3)],
+    )
+
+    @override
+    def joint_parameters(self, setting: Setting) -> tuple[Parameter, ...]:
+        planar_machine(self, setting)
+        return (Parameter("mu_weight", "1", 0.0, "friction per weight"),)
+
+    def joint_columns(self, record: Record, setting: Setting, j: int) -> Array:
+        """|g| sgn(q')."""
+        still = np.zeros_like(record.velocity)
+        rest = replace(record, velocity=still, acceleration=still)
+        weight = self.force_of_bodies(rest, setting)[:, j]
+        return record.direction[:, j] * np.abs(weight)
 
 
 class SealFriction(OneJointTerm):
@@ -51,7 +94,7 @@ class SealFriction(OneJointTerm):
     effect: ClassVar[Effect] = Effect(
         "pressure-dependent seal friction",
         "friction follows the sum of the chamber pressures, not their difference",
-        ("load_friction", "chamber_gain", "position_friction"),
+        ("load_friction", "weight_friction", "chamber_gain", "position_friction"),
         "the same motion with raised back-pressure",
         follows=("pressure sum",),
     )
@@ -82,7 +125,7 @@ class PadFriction(OneJointTerm):
     effect: ClassVar[Effect] = Effect(
         "telescope pad friction",
         "friction of the telescope falls with its inclination and grows with its extension",
-        ("load_friction", "position_friction"),
+        ("load_friction", "weight_friction", "position_friction"),
         "sweeps of the telescope at several inclinations of the outer boom",
         follows=("inclination of the telescope", "position"),
     )

@@ -22,7 +22,10 @@ class PositionFriction(JointTerm):
     effect: ClassVar[Effect] = Effect(
         "position-dependent Coulomb friction",
         "friction in both directions follows the position",
-        ("load_friction", "seal_friction", "pad_friction", "cyclic_friction", "end_cushioning"),
+        (
+            *("load_friction", "weight_friction", "seal_friction", "pad_friction"),
+            *("cyclic_friction", "end_cushioning"),
+        ),
         "slow sweeps both ways over the whole range, with and without a known weight",
         follows=("position",),
     )

@@ -23,7 +23,7 @@ from crane_identification.diagnosis.decision.decision import decide
 from crane_identification.diagnosis.decision.shape import covered
 from crane_identification.diagnosis.diagnosis import Diagnosis, diagnose
 from crane_identification.diagnosis.report import page
-from crane_identification.diagnosis.search.candidates import candidates_of
+from crane_identification.diagnosis.search.candidates import Candidate, candidates_of
 from crane_identification.diagnosis.search.race import Race
 from crane_identification.diagnosis.search.selection import solve
 from crane_identification.diagnosis.search.shapes import Shapes
@@ -31,6 +31,7 @@ from crane_identification.options import Options
 from crane_identification.report.content import Provenance
 from crane_identification.thresholds import load_thresholds
 from crane_model.model_file import load_model, save_model
+from crane_model.terms import REGISTRY
 from crane_model.terms.drawn import hats
 
 FORCE = 3.0  # N rms of what is added
@@ -184,6 +185,35 @@ def test_a_further_effect_explains_what_no_shape_of_the_first_one_does() -> None
         subset = solve(known.projection, (numbers["hose_stiffness"], numbers[second]))
         assert subset is not None
         assert covered(known, subset, load_thresholds()) is expected
+
+
+@pytest.mark.parametrize(("second", "expected"), [("maxwell_slip", True), ("backlash", False)])
+def test_another_law_of_an_effect_is_no_second_one(second: str, expected: bool) -> None:
+    """What presliding leaves of the machine's own law, Maxwell slip explains, which is presliding;
+    backlash is another effect.
+    """
+    columns = {"presliding": made.normal(1), second: made.normal(2)}
+    shapes = {"presliding": {"travel": 0.01}, second: {_of(second): 0.01}}
+    candidates = [
+        replace(
+            made.shaped("hose_stiffness", column[:, np.newaxis]),
+            candidate=Candidate(REGISTRY[kind], "axis"),
+            shape=shapes[kind],
+        )
+        for kind, column in columns.items()
+    ]
+    base = made.normal(99)
+    force = made.MASS * base + 9.0 * columns["presliding"] + 1.5 * columns[second]
+    known = made.search(made.evidence(force + made.normal(100), base[:, np.newaxis]), candidates)
+    subset = solve(known.projection, (0, 1))
+    assert subset is not None
+    assert covered(known, subset, load_thresholds()) is expected
+
+
+def _of(kind: str) -> str:
+    """The shape parameter of an effect that has one."""
+    (name,) = REGISTRY[kind].shapes
+    return name
 
 
 def test_effects_pass_with_the_law_that_fits_and_take_the_name_of_the_bend(

@@ -7,18 +7,25 @@ from unittest.mock import Mock
 
 import numpy as np
 import pytest
+from laboratory_crane import with_linkage
+from unit.crane_identification.diagnosis import made
+from unit.crane_identification.diagnosis.test_lengths import with_link
 from unit.crane_identification.synthetic import crane_log, crane_model
 
 from crane_identification.diagnosis.decision.decision import Decision, decide
+from crane_identification.diagnosis.decision.factors import factors
 from crane_identification.diagnosis.decision.judgement import Judged
-from crane_identification.diagnosis.decision.strange import suspected
+from crane_identification.diagnosis.decision.strange import of_lengths, suspected, with_strange
 from crane_identification.diagnosis.fit.evidence import gather
 from crane_identification.diagnosis.search.candidates import Candidate, candidates_of
+from crane_identification.diagnosis.search.energy import explained
 from crane_identification.diagnosis.search.race import Race
-from crane_identification.diagnosis.search.search import search
+from crane_identification.diagnosis.search.search import Search, search
+from crane_identification.diagnosis.search.shapes import ForceSignature, Shapes
 from crane_identification.options import Options
 from crane_identification.preparation.prepare import prepare
 from crane_identification.thresholds import load_thresholds
+from crane_model.machine import Machine
 from crane_model.terms import REGISTRY
 
 THRESHOLDS = load_thresholds()
@@ -30,12 +37,15 @@ INNER, OUTER = range(2)
 Shown = Callable[[np.ndarray], np.ndarray]
 
 
-def decided(joint: int, shown: Shown) -> Decision:
-    """What chamber A of a joint shows is that of the pressures (n, 3) of all three."""
+def searched(joint: int, shown: Shown, machine: Machine | None = None) -> Search:
+    """What chamber A of a joint shows is that of the pressures (n, 3) of all three; the `machine`
+    is another one than in its file.
+    """
     model = crane_model()
+    actual = replace(model, setting=model.setting._replace(machine=machine or model.machine))
     recordings = []
     for seed in SEEDS:
-        log = crane_log(seed, 1)
+        log = crane_log(seed, 1, actual)
         assert log.pressure_a is not None
         pressure = log.pressure_a.value.copy()
         pressure[:, joint] = shown(log.pressure_a.value)
@@ -43,7 +53,11 @@ def decided(joint: int, shown: Shown) -> Decision:
         recordings += prepare(model, wrong, Options(average=False))
     evidence = gather(model, recordings, FACTOR)
     asked = [one for one in candidates_of(model, evidence) if one.type in ASKED]
-    return decide(Race(search(evidence, asked)), THRESHOLDS)
+    return search(evidence, asked)
+
+
+def decided(joint: int, shown: Shown) -> Decision:
+    return decide(Race(searched(joint, shown)), THRESHOLDS)
 
 
 @pytest.mark.parametrize(("share", "knee"), [(0.02, 5e6), (0.15, 6e6)])
@@ -59,6 +73,30 @@ def test_what_a_transducer_hears_of_another_joint_is_no_offset() -> None:
     found = decided(OUTER, lambda p: p[:, OUTER] + 0.05 * p[:, INNER])
     assert "on outer_boom there is a force that follows the pressures of another" in found.beyond[0]
     assert not found.passed
+
+
+def bends(made: Search, known: list[np.ndarray]) -> bool:
+    """Whether lengths leave what bends with the inner boom's pressure, beside what is known."""
+    (one,) = (one for one in made.shapes.strangers("inner_boom") if "bends" in one.said)
+    before = explained(made, *known) if known else 0.0
+    lead = explained(made, *known, one.columns) - before
+    assert lead > 100.0
+    return of_lengths(made, known, one, lead, THRESHOLDS)
+
+
+def test_what_lengths_that_are_off_leave_bends_with_a_pressure() -> None:
+    machine = crane_model().machine
+    for joint, factor in {"inner_boom": 1.03, "outer_boom": 0.97}.items():
+        machine = with_linkage(with_link(machine, joint, factor), joint, factor)
+    assert bends(searched(INNER, lambda p: p[:, INNER], machine), [])
+
+
+def test_lengths_leave_nothing_like_a_transducer_that_gives_way() -> None:
+    """Beside the gain that stands for most of it."""
+    made = searched(INNER, lambda p: p[:, INNER] - 0.1 * np.maximum(p[:, INNER] - 6e6, 0.0))
+    scale = made.projection.candidates[factors(made)[0]]
+    assert scale.candidate.label.endswith("(inner_boom)")
+    assert not bends(made, [scale.columns])
 
 
 @pytest.mark.parametrize("joint", [INNER, OUTER])
@@ -90,3 +128,17 @@ def test_lengths_that_are_off_suspect_no_transducer(
     candidates = [Candidate(REGISTRY[kind], joint) for kind, joint in found]
     several = [cast(Judged, Mock(shaped=Mock(candidate=one))) for one in candidates]
     assert suspected(several, "inner_boom") is sensors
+
+
+@pytest.mark.parametrize(("law", "kept"), [(1e3, True), (1e5, False)])
+def test_little_of_a_strong_effect_is_the_form_of_its_law(law: float, kept: bool) -> None:
+    """A force that no effect makes gains some hundreds beside one of that score on its joint."""
+    made_up = made.searched({"hose_stiffness": made.normal(1)}, 3.0 * made.normal(2))
+    term = REGISTRY["relaxing_force"].model_validate({"type": "relaxing_force", "joint": "axis"})
+    columns = np.stack([made.normal(2), np.zeros(made.ROWS)], axis=1)[:, :, np.newaxis]
+    strange = ForceSignature("it fades", (), term, columns)
+    known = replace(made_up, shapes=Shapes(made_up.evidence, strange={"axis": (strange,)}))
+    shaped = known.projection.candidates[0]
+    found = cast(Judged, Mock(shaped=shaped, score=law))
+    said = with_strange(known, [found], 50.0, THRESHOLDS).said
+    assert bool(said) is kept

@@ -1,0 +1,64 @@
+"""A weak effect beside a stronger one whose law fits, or whose shape is drawn."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from unit.crane_identification.diagnosis import made
+
+from crane_identification.diagnosis.decision.apart import stands_apart
+from crane_identification.diagnosis.decision.decision import decide
+from crane_identification.diagnosis.decision.judgement import marginal
+from crane_identification.diagnosis.search.race import Race
+from crane_identification.diagnosis.search.search import Search
+from crane_identification.diagnosis.search.selection import solve
+from crane_identification.diagnosis.search.shapes import Drawn, Shapes
+from crane_identification.thresholds import load_thresholds
+from crane_model.terms.drawn import hats
+from crane_model.terms.drawn_force import DrawnPositionForce
+
+THRESHOLDS = load_thresholds()
+KNOTS = tuple(np.linspace(-3.0, 3.0, 9).tolist())
+Q, OTHER = made.normal(1), made.normal(2)
+LIKE_SHAPE = np.tanh(2.0 * Q)  # a force that the shape of a spring has
+
+
+def searched(missing: np.ndarray, second: np.ndarray) -> Search:
+    """A spring `k q`, of which the shape can be drawn, and a `second` effect."""
+    found = made.searched({"hose_stiffness": Q, "actuator_inertia": second}, missing)
+    laws = [one.candidate for one in found.projection.candidates]
+    spring = laws[0]
+    shape = replace(
+        made.shaped("hose_stiffness", hats(Q, KNOTS)[:, 1:]),
+        candidate=Drawn(spring.term, "axis", (("knots", KNOTS),), by=DrawnPositionForce),
+    )
+    drawn = {law: shape if law is spring else None for law in laws}
+    return replace(found, shapes=Shapes(drawn={**drawn, shape.candidate: shape}))
+
+
+@pytest.mark.parametrize("size", [0.0, 1.0])
+def test_a_weak_effect_is_found_beside_a_shape_that_was_drawn(size: float) -> None:
+    """It gains 4 % of what the spring does, and less than the law of the spring leaves."""
+    found = decide(Race(searched(9.0 * np.tanh(Q) + size * OTHER, OTHER)), THRESHOLDS)
+    names = [one.shaped.candidate.effect.name for one in found.passed]
+    assert names[0] == "hose stiffness, shape as drawn"
+    assert (names[1:] == ["inertia of the actuator"]) is (size > 0.0)
+
+
+@pytest.mark.parametrize(
+    ("missing", "second", "expected"),
+    [
+        (9.0 * Q + OTHER, OTHER, True),
+        (9.0 * np.tanh(Q) + OTHER, OTHER, False),  # the law leaves something of its own
+        (9.0 * Q + LIKE_SHAPE, LIKE_SHAPE, False),  # as does another shape of the spring
+    ],
+)
+def test_an_effect_stands_apart_where_the_law_of_the_stronger_one_fits(
+    missing: np.ndarray, second: np.ndarray, expected: bool
+) -> None:
+    known = searched(missing, second)
+    subset = solve(known.projection, (0, 1))
+    assert subset is not None
+    gains = marginal(known, subset)
+    assert gains[0] > gains[1] > 60.0
+    assert stands_apart(known, subset, gains, 1, 20.0, THRESHOLDS) is expected
