@@ -1,12 +1,13 @@
 """Transducers of no catalogue on logs of a crane: bent ones, and one that hears another joint."""
 
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
 from dataclasses import replace
 from typing import cast
 from unittest.mock import Mock
 
 import numpy as np
 import pytest
+from laboratory_crane import with_linkage
 from unit.crane_identification.synthetic import crane_log, crane_model
 
 from crane_identification.diagnosis.decision.decision import Decision, decide
@@ -30,12 +31,18 @@ INNER, OUTER = range(2)
 Shown = Callable[[np.ndarray], np.ndarray]
 
 
-def decided(joint: int, shown: Shown) -> Decision:
-    """What chamber A of a joint shows is that of the pressures (n, 3) of all three."""
+def decided(joint: int, shown: Shown, larger: Mapping[str, float] | None = None) -> Decision:
+    """What chamber A of a joint shows is that of the pressures (n, 3) of all three, on a machine
+    whose linkages are `larger` than in its file.
+    """
     model = crane_model()
+    machine = model.machine
+    for name, factor in (larger or {}).items():
+        machine = with_linkage(machine, name, factor)
+    actual = replace(model, setting=model.setting._replace(machine=machine))
     recordings = []
     for seed in SEEDS:
-        log = crane_log(seed, 1)
+        log = crane_log(seed, 1, actual)
         assert log.pressure_a is not None
         pressure = log.pressure_a.value.copy()
         pressure[:, joint] = shown(log.pressure_a.value)
@@ -61,6 +68,21 @@ def test_what_a_transducer_hears_of_another_joint_is_no_offset() -> None:
         "on outer_boom there is a force that follows the pressures of another" in found.strange[0]
     )
     assert not found.passed
+
+
+def test_a_bent_transducer_shows_beside_linkages_of_another_size() -> None:
+    """The scale of its own joint is found because of it, as that explains little beside it."""
+    larger = {"inner_boom": 1.02, "outer_boom": 0.98}
+    found = decided(INNER, lambda p: p[:, INNER] - 2.0 * p[:, INNER] ** 3 / 1e15, larger)
+    assert "on inner_boom there is a force that bends with the pressure" in found.strange[0]
+    assert "inner_boom" not in {one.shaped.candidate.joint for one in found.passed}
+
+
+def test_linkages_of_another_size_alone_are_not_strange() -> None:
+    larger = {"inner_boom": 1.02, "outer_boom": 0.98}
+    found = decided(INNER, lambda p: p[:, INNER], larger)
+    assert len(found.passed) == 2
+    assert not found.strange
 
 
 @pytest.mark.parametrize("joint", [INNER, OUTER])
