@@ -29,6 +29,7 @@ _UNITS = {
     "force": "{f}",
     "force against the motion": "{f}",
     "rate of the force": "{f}/s",
+    "lead": "s",
     "pressure sum": "Pa",
     "pressure of chamber B": "Pa",
     "valve command": "1",

@@ -1,6 +1,6 @@
 """A record: samples of motion and force as every term of the model receives them."""
 
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass, fields, replace
 from functools import cached_property
 from typing import Self
@@ -29,7 +29,8 @@ class Record:
 
     `run` numbers the recordings that the samples come from: memory of an effect ends where the run
     changes. `memory` holds the states of terms that have some, where a simulation brings them
-    along; `force_rate` is d force/dt, where it is known better than from differences of `force`.
+    along; `force_rate` is d force/dt and `force_at` the force (n, j) so many seconds later, by the
+    same lever arms, where these are known better than from `force`.
     `velocity_resolution` (j,) is the speed below which the sign of the velocity is not
     known. `direction_known` overrides the sign convention where a simulation knows better.
     """
@@ -53,6 +54,7 @@ class Record:
     velocity_resolution: Array | None = None  # (j,)
     direction_known: Array | None = None  # (n, j)
     force_rate: Array | None = None  # (n, j) N m/s or N/s
+    force_at: Callable[[float], Array] | None = None
     memory: Mapping[object, Array] | None = None  # term: (n, states)
 
     def __post_init__(self) -> None:
@@ -110,6 +112,17 @@ class Record:
                 rate[part] = np.gradient(values[part], self.time[part], axis=0)
         return rate
 
+    def shifted(self, values: Array, lead: float) -> Array:
+        """Values (n,) at `lead` [s] after each sample, by straight lines that do not cross runs; at
+        the ends of a run they stay.
+        """
+        shifted = np.empty_like(values, dtype=float)
+        begins = np.flatnonzero(self.first_of_run)
+        for begin, end in zip(begins, [*begins[1:], len(self)], strict=True):
+            part = slice(begin, end)
+            shifted[part] = np.interp(self.time[part] + lead, self.time[part], values[part])
+        return shifted
+
     def take(self, samples: slice | Array) -> Self:
         """The record of these samples alone."""
         kept = {
@@ -119,6 +132,8 @@ class Record:
         }
         if self.memory is not None:
             kept["memory"] = {term: states[samples] for term, states in self.memory.items()}
+        if (known := self.force_at) is not None:
+            kept["force_at"] = lambda lead: known(lead)[samples]
         return replace(self, **kept)
 
     def column(self, joint: str) -> int:
@@ -142,5 +157,5 @@ def column_of(joints: tuple[str, ...], joint: str) -> int:
 PER_SAMPLE = frozenset(
     field.name
     for field in fields(Record)
-    if field.name not in ("joints", "velocity_resolution", "memory")
+    if field.name not in ("joints", "velocity_resolution", "memory", "force_at")
 )

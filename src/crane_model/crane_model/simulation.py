@@ -111,6 +111,10 @@ class _Inputs:
         value: Array = series[before] + (series[before + 1] - series[before]) * (at - before)
         return value
 
+    def value_within(self, series: Array, at: float) -> Array:
+        """The same, and beyond both ends what it is there."""
+        return self.value(series, min(max(at, 0.0), len(series) - 1.0))
+
     def rate(self, series: Array, at: float) -> Array:
         before = min(int(at), len(series) - 2)
         rate: Array = (series[before + 1] - series[before]) / self.period
@@ -123,9 +127,14 @@ class _Instant:
     def __init__(self, model: Model, inputs: _Inputs, at: float):
         self.model = model
         self.drive = inputs.value(inputs.drive, at)
+        self._inputs, self._at = inputs, at
         self._rate = inputs.rate(inputs.drive, at)
         time = {"time": np.full(len(self.drive), at * inputs.period)}  # unless it is given
         self._beside = time | {name: inputs.value(each, at) for name, each in inputs.beside.items()}
+
+    def _drive_at(self, lead: float) -> Array:
+        """The drive `lead` [s] later."""
+        return self._inputs.value_within(self._inputs.drive, self._at + lead / self._inputs.period)
 
     def record(
         self,
@@ -150,6 +159,7 @@ class _Instant:
             direction_known=direction,
             force=stacked(self.drive * arms),
             force_rate=stacked(self._rate * arms),
+            force_at=lambda lead: stacked(self._drive_at(lead) * arms),
             memory={term: stacked(state) for term, state in (memory or {}).items()},
             **{name: stacked(values) for name, values in self._beside.items()},
         )

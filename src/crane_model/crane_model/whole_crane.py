@@ -296,5 +296,6 @@ class ModelMechanics:
             velocity=course.velocity.reshape(flat),
             acceleration=np.zeros((instants * runs, joints)),
             memory=None,
+            force_at=None,
             **signals,
         )

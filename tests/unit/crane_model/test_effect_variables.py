@@ -35,6 +35,7 @@ def record(changing: str = "") -> Record:
         q[:, 2] += np.linspace(0.0, 0.5, SAMPLES)
     if changing == "inclination of the telescope":
         q[:, :2] += np.linspace(0.0, 0.3, SAMPLES)[:, np.newaxis]
+    force, rate = signal("force", -900.0, 900.0), signal("rate of the force", -10.0, 10.0)
     sum_of_both = signal("pressure sum", 1e6, 5e6)
     return Record(
         PLANAR_JOINTS,
@@ -42,8 +43,9 @@ def record(changing: str = "") -> Record:
         q,
         signal("velocity", -0.1, 0.1),
         signal("acceleration", -0.2, 0.2),
-        force=signal("force", -900.0, 900.0),
-        force_rate=signal("rate of the force", -10.0, 10.0),
+        force=force,
+        force_rate=rate,
+        force_at=lambda lead: force + lead * rate,
         pressure_a=sum_of_both,
         pressure_b=sum_of_both + signal("pressure of chamber B", 1e6, 5e6),
         slew_velocity=signal("slew velocity", 0.1, 0.3, 1)[:, 0],

@@ -8,7 +8,12 @@ from unit.crane_model.test_term_registry import SETTING, random_record
 from crane_model.cylinders import generalized_forces
 from crane_model.errors import ConfigurationError
 from crane_model.machine import Machine
-from crane_model.terms.strange_reading import BentReading, OtherPressures
+from crane_model.terms.strange_reading import (
+    BentReading,
+    CurvedReadingOfA,
+    CurvedReadingOfB,
+    OtherPressures,
+)
 
 
 @pytest.mark.parametrize("joint", PLANAR_JOINTS)
@@ -20,6 +25,21 @@ def test_two_bent_transducers(machine: Machine, joint: str) -> None:
     p_b[:, j] *= 1.0 - 0.03 * p_b[:, j] / 1e7
     measured = generalized_forces(machine, record.position, p_a, p_b, record.joints)
     error = BentReading(joint=joint).columns(record, SETTING) @ [0.02, -0.03]
+    np.testing.assert_allclose(error, measured - true, rtol=1e-9, atol=1e-6)
+
+
+@pytest.mark.parametrize("joint", PLANAR_JOINTS)
+@pytest.mark.parametrize("term", [CurvedReadingOfA, CurvedReadingOfB])
+def test_one_transducer_that_bends_either_way(
+    machine: Machine, joint: str, term: type[CurvedReadingOfA | CurvedReadingOfB]
+) -> None:
+    record, j = random_record(), PLANAR_JOINTS.index(joint)
+    pressures = [record.pressure_a.copy(), record.pressure_b.copy()]
+    true = generalized_forces(machine, record.position, *pressures, record.joints)
+    ratio = pressures["AB".index(term.chamber)][:, j] / 1e7
+    pressures["AB".index(term.chamber)][:, j] *= 1.0 + 0.02 * ratio - 0.05 * ratio**2
+    measured = generalized_forces(machine, record.position, *pressures, record.joints)
+    error = term(joint=joint).columns(record, SETTING) @ [0.02, -0.05]
     np.testing.assert_allclose(error, measured - true, rtol=1e-9, atol=1e-6)
 
 
@@ -40,9 +60,9 @@ def test_a_transducer_that_hears_the_other_joints(machine: Machine) -> None:
     np.testing.assert_allclose(error, measured - true, rtol=1e-9, atol=1e-6)
 
 
-@pytest.mark.parametrize("term", [BentReading, OtherPressures])
+@pytest.mark.parametrize("term", [BentReading, CurvedReadingOfA, OtherPressures])
 def test_without_a_cylinder_there_is_no_such_transducer(
-    term: type[BentReading | OtherPressures],
+    term: type[BentReading | CurvedReadingOfA | OtherPressures],
 ) -> None:
     with pytest.raises(ConfigurationError, match="needs a machine with a cylinder"):
         term(joint="outer_boom").parameters(SETTING._replace(machine=None))

@@ -41,14 +41,17 @@ def with_strange(
 
     `threshold` is what chance gives to the best effect of the catalogue.
     """
-    kept, said, method = list(found), [], thresholds.method
+    kept, said = list(found), []
     numbers = tuple(search.number(one.shaped) for one in found)
     subset = (solve(search.projection, numbers) if numbers else None) or NOTHING
     joints = search.evidence.joints
     left = np.maximum(unexplained(search, subset), 0.0).reshape(-1, len(joints)).sum(axis=0)
     for j, joint in enumerate(joints):
-        law = max((one.score for one in found if one.shaped.candidate.joint == joint), default=0.0)
-        least = max(threshold, method.simple_share * float(left[j]), method.elsewhere_share * law)
+        least = max(
+            threshold,
+            thresholds.method.simple_share * float(left[j]),
+            thresholds.method.elsewhere_share * _strongest(found, joint),
+        )
         other = _most_of(search, found, j, least, thresholds)
         if other is not None:
             said.append(f"on {joint} there is {other.said}, as of no effect of the catalogue")
@@ -71,12 +74,18 @@ def _most_of(
     best, most = None, least
     joint = search.evidence.joints[j]
     sensing = suspected(found, joint)
+    here = any(_is_of(one, joint, scales=True) for one in found)
     for other in search.shapes.strangers(joint):
-        if other.term.is_of_sensors() and not sensing:
-            continue  # wrong lengths leave such a force as well, and friction along a narrow way
+        if other.term.is_of_sensors() and not here:
+            continue  # it would stand in for nothing
         lead = explained(search, *rest, other.columns) - known
         if lead <= max(most, chance_of(other.columns, thresholds)):
             continue
+        if other.term.is_of_sensors() and not sensing:
+            # Wrong lengths leave such a force as well, and friction along a narrow way.
+            most_of_own = thresholds.method.lead_share * lead
+            if not _accounts_for(search, found, joint, other, most_of_own):
+                continue
         if strength_on(search, lead, j) < thresholds.gates.smallest_strength:
             continue
         before = np.concatenate([search.evidence.free, *rest], axis=2)
@@ -104,6 +113,35 @@ def of_lengths(
     before = explained(longer, *known) if known else 0.0
     gained = explained(longer, *known, other.columns) - before
     return gained < thresholds.method.simple_share * lead
+
+
+def _strongest(found: Sequence[Judged], joint: str) -> float:
+    """Score of the strongest law on a joint, whose form may not be the machine's; 0 if none."""
+    candidates = [(one.shaped.candidate, one.score) for one in found]
+    own = [score for one, score in candidates if one.joint == joint and not one.effect.formless]
+    return max(own, default=0.0)
+
+
+def _accounts_for(
+    search: Search, found: Sequence[Judged], joint: str, other: ForceSignature, most: float
+) -> bool:
+    """Whether effects were found on a joint that explain no more than the `most` beside a
+    signature: it is why they were found. Scales, which wrong lengths make as well, need not be
+    among them.
+    """
+    both = explained(search, *_columns(found), other.columns)
+    for scales in (True, False):
+        rest = [one for one in found if not _is_of(one, joint, scales)]
+        alone = explained(search, *_columns(rest), other.columns)
+        if len(rest) < len(found) and both - alone <= most:
+            return True
+    return False
+
+
+def _is_of(one: Judged, joint: str, scales: bool) -> bool:
+    """Whether an effect is on a joint and, unless `scales` count, is a law."""
+    candidate = one.shaped.candidate
+    return candidate.joint == joint and (scales or not candidate.effect.formless)
 
 
 def suspected(found: Sequence[Judged], joint: str) -> bool:

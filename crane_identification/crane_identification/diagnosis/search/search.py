@@ -10,6 +10,7 @@ from crane_identification.diagnosis.search.candidates import (
     ShapedCandidate,
     observed,
 )
+from crane_identification.diagnosis.search.own_noise import holds_noise, of_own_noise
 from crane_identification.diagnosis.search.projection import Projection, project
 from crane_identification.diagnosis.search.selection import NOTHING, Subset
 from crane_identification.diagnosis.search.shapes import Shapes
@@ -41,7 +42,8 @@ class Search:
 def search(evidence: Evidence, wanted: list[Candidate], progress: Progress = silent) -> Search:
     """The `wanted` candidates beside the model, at the shapes of their grids."""
     found, unobservable = observed(evidence, wanted, progress)
-    white = whitener(evidence, np.concatenate([one.columns for one in found], axis=2))
+    largest = [one.columns for one in found if not holds_noise(one)]
+    white = whitener(evidence, np.concatenate(largest, axis=2))
     base = whitened_base(evidence, white)
     projection = project(white, base, found)
     good, untestable = visible(projection, evidence, white)
@@ -50,5 +52,7 @@ def search(evidence: Evidence, wanted: list[Candidate], progress: Progress = sil
     unobservable |= {
         candidate: why for candidate, why in part.items() if candidate not in untestable
     }
-    kept = projection.kept(good & ~hidden)
-    return Search(evidence, white, base, kept, untestable, unobservable, shapes=Shapes(evidence))
+    itself, noisy = of_own_noise(evidence, white, base, found)
+    kept = projection.kept(good & ~hidden & ~itself)
+    shapes = Shapes(evidence, dict.fromkeys(noisy))  # nor is anything drawn of these
+    return Search(evidence, white, base, kept, untestable, unobservable, shapes=shapes)

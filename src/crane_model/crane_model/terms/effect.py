@@ -14,6 +14,7 @@ Variable = Literal[
     "force",
     "force against the motion",
     "rate of the force",
+    "lead",
     "pressure sum",
     "pressure of chamber B",
     "extension of the telescope",

@@ -4,6 +4,7 @@ from dataclasses import replace
 from typing import ClassVar, Literal
 
 import numpy as np
+from pydantic import Field
 from typing_extensions import override
 
 from crane_model.array import Array
@@ -16,7 +17,8 @@ from crane_model.terms.chambers import (
     lever,
     lever_and_slope,
 )
-from crane_model.terms.effect import Effect
+from crane_model.terms.effect import Effect, Shape
+from crane_model.terms.filtered_reading import led
 from crane_model.terms.force_scale import USUAL_SCALE, ForceScale, OfBodies
 from crane_model.terms.joint_term import OneJointTerm
 from crane_model.terms.planar import planar_machine
@@ -173,8 +175,10 @@ class EncoderOffset(OfBodies):
 
 
 class TimeSkew(OneJointTerm):
-    """-delay dF/dt dx/dq: pressures that are stamped `delay` later than positions (18).
+    """-delay (F(t + lead) - F(t))/lead dx/dq: pressures that are late beside positions (18).
 
+    Where they are all `delay` late, so is the lead: the machine felt F(t + delay). Of a filter with
+    that delay at low frequency, another lead comes nearer. A lead of 0 is -delay dF/dt dx/dq, where
     dF/dt is the given rate of the force, or else differences of the force within each run.
     """
 
@@ -187,14 +191,21 @@ class TimeSkew(OneJointTerm):
         "one signal fed to both sensor channels at once",
         follows=("rate of the force",),
     )
+    shapes: ClassVar[dict[str, Shape]] = {
+        "lead": Shape(0.01, 0.3, "s", 4, "time over which the force is taken to change")
+    }
+
+    lead: float = Field(default=0.0, ge=0)
 
     @override
     def joint_parameters(self, setting: Setting) -> tuple[Parameter, ...]:
         return (Parameter("delay", "s", None, "time by which pressures lag behind positions"),)
 
     def joint_columns(self, record: Record, setting: Setting, j: int) -> Array:
-        """-dF/dt dx/dq."""
+        """-(F(t + lead) - F(t))/lead dx/dq."""
+        arm = lever(setting, self.joint, record)
+        if self.lead > 0.0:
+            return -led(self, record, arm, self.lead) / self.lead
         if record.force_rate is not None:
             return -record.force_rate[:, j]
-        arm = lever(setting, self.joint, record)
         return -arm * record.rate(self.needed(record, "force")[:, j] / arm)

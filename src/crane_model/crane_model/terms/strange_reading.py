@@ -44,6 +44,43 @@ class BentReading(OneJointTerm):
         return forces * np.stack(pressures, axis=1) / REFERENCE
 
 
+class CurvedReadingOfA(OneJointTerm):
+    """(curve p_A^2/10 MPa + twist p_A^3/(10 MPa)^2) A_A dx/dq (19): a reading that bends.
+
+    Either way, of one chamber: those of both come close to two lines, which are the measured force.
+    """
+
+    type: Literal["curved_reading_a"] = "curved_reading_a"
+    family: ClassVar[Family] = "sensing"
+    stranger: ClassVar[str] = "a force that bends with the pressure of chamber A"
+    chamber: ClassVar[Literal["A", "B"]] = "A"
+
+    def joint_parameters(self, setting: Setting) -> tuple[Parameter, ...]:
+        """Of the square and of the cube."""
+        cylinder_machine(self, setting, self.joint)
+        meaning = f"of chamber {self.chamber}, share by which 10 MPa are measured too large"
+        return (
+            Parameter(f"curve_{self.chamber}", "1", None, f"{meaning}, as its square"),
+            Parameter(f"twist_{self.chamber}", "1", None, f"{meaning}, as its cube"),
+        )
+
+    def joint_columns(self, record: Record, setting: Setting, j: int) -> Array:
+        """Those of the square and of the cube (n, 2); of chamber B against the force."""
+        side = "AB".index(self.chamber)
+        force = chamber_forces(self, record, setting, self.joint)[:, side] * (1.0, -1.0)[side]
+        ratio = self.needed(record, ("pressure_a", "pressure_b")[side])[:, j] / REFERENCE
+        columns: Array = np.stack([force * ratio, force * ratio**2], axis=1)
+        return columns
+
+
+class CurvedReadingOfB(CurvedReadingOfA):
+    """-(curve p_B^2/10 MPa + twist p_B^3/(10 MPa)^2) A_B dx/dq: that of the other chamber (19)."""
+
+    type: Literal["curved_reading_b"] = "curved_reading_b"  # type: ignore[assignment]
+    stranger: ClassVar[str] = "a force that bends with the pressure of chamber B"
+    chamber: ClassVar[Literal["A", "B"]] = "B"
+
+
 class OtherPressures(OneJointTerm):
     """share_k p_k A_A dx/dq (19): a transducer that picks up the chambers k of other joints."""
 

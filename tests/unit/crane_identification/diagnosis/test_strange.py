@@ -56,8 +56,16 @@ def searched(joint: int, shown: Shown, machine: Machine | None = None) -> Search
     return search(evidence, asked)
 
 
-def decided(joint: int, shown: Shown) -> Decision:
-    return decide(Race(searched(joint, shown)), THRESHOLDS)
+def decided(joint: int, shown: Shown, machine: Machine | None = None) -> Decision:
+    return decide(Race(searched(joint, shown, machine)), THRESHOLDS)
+
+
+def larger(**factors: float) -> Machine:
+    """A machine whose linkages are larger than in its file."""
+    machine = crane_model().machine
+    for joint, factor in factors.items():
+        machine = with_linkage(machine, joint, factor)
+    return machine
 
 
 @pytest.mark.parametrize(("share", "knee"), [(0.02, 5e6), (0.15, 6e6)])
@@ -75,11 +83,27 @@ def test_what_a_transducer_hears_of_another_joint_is_no_offset() -> None:
     assert not found.passed
 
 
+def test_a_bent_transducer_shows_beside_linkages_of_another_size() -> None:
+    """The scale of its own joint is found because of it, as that explains little beside it."""
+    machine = larger(inner_boom=1.02, outer_boom=0.98)
+    found = decided(INNER, lambda p: p[:, INNER] - 2.0 * p[:, INNER] ** 3 / 1e15, machine)
+    assert "on inner_boom there is a force that bends with the pressure" in found.beyond[0]
+    assert "inner_boom" not in {one.shaped.candidate.joint for one in found.passed}
+
+
+def test_linkages_of_another_size_alone_are_not_strange() -> None:
+    found = decided(INNER, lambda p: p[:, INNER], larger(inner_boom=1.02, outer_boom=0.98))
+    assert len(found.passed) == 2
+    assert not found.beyond
+
+
 def bends(made: Search, known: list[np.ndarray]) -> bool:
-    """Whether lengths leave what bends with the inner boom's pressure, beside what is known."""
-    (one,) = (one for one in made.shapes.strangers("inner_boom") if "bends" in one.said)
+    """Whether lengths leave what bends most with pressures of the inner boom, beside the known."""
     before = explained(made, *known) if known else 0.0
-    lead = explained(made, *known, one.columns) - before
+    bending = [one for one in made.shapes.strangers("inner_boom") if "bends" in one.said]
+    leads = [explained(made, *known, one.columns) - before for one in bending]
+    lead = max(leads)
+    one = bending[leads.index(lead)]
     assert lead > 100.0
     return of_lengths(made, known, one, lead, THRESHOLDS)
 
