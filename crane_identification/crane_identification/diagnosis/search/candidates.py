@@ -154,12 +154,17 @@ def _settled(before: np.ndarray, after: np.ndarray) -> bool:
 
 
 def at_shape(evidence: Evidence, candidate: Candidate, shape: Mapping[str, Any]) -> ShapedCandidate:
-    """`candidate` at `shape` on the evidence; `CraneError` where that cannot be observed."""
+    """`candidate` at `shape` on the evidence, as far as that shows it; `CraneError` where it cannot
+    be observed.
+    """
     term = candidate.at(shape)
+    columns, seen = evidence.shown(term)
+    shown = columns[evidence.used].any(axis=0)
+    if not shown.all() and (part := term.showing(shown)) != term:
+        term, (columns, seen) = part, evidence.shown(part)
     signs = [
         p.minimum == 0.0 and not candidate.changes for p in term.parameters(evidence.model.setting)
     ]
-    columns, seen = evidence.shown(term)
     return ShapedCandidate(candidate, dict(shape), term, columns, np.array(signs), seen)
 
 

@@ -27,6 +27,7 @@ REFINED_SETS = 4  # best sets of each size whose shapes are refined, so that the
 CLOSE_SHARE = 0.3  # if they add at least this share of what the best one adds
 LARGEST_GAIN = 1e12  # gain; beyond, the search for shapes would lose its numbers
 NEIGHBOUR_SHARE = 0.6  # of the way to the next point of the grid, to either side
+EDGE_SHARE = 0.05  # of that way: a shape that is best so near its end is sought beyond
 
 
 @dataclass
@@ -149,7 +150,10 @@ class Race:
             return subset
         numbers = list(subset.numbers)
         numbers[place] = self._joined(one)
-        return solve(self.search.projection, tuple(numbers)) or subset
+        refined = solve(self.search.projection, tuple(numbers)) or subset
+        best, near = shape.share(one.candidates[0].shape[name]), EDGE_SHARE * (high - low)
+        beyond = (low > 0.0 and best - low < near) or (high < 1.0 and high - best < near)
+        return self._refined(refined, place, name) if beyond and refined is not subset else refined
 
 
 def others(subset: Subset, place: int) -> tuple[int, ...]:
