@@ -22,7 +22,7 @@ ACTING_SHARE = 0.1
 """Share of what a recording would have of the energy of an effect if all had the same, from which
 on it acts there."""
 FEWEST_ACTING = 3  # recordings in which an effect acts; with fewer, blocks of time take their place
-FEWEST_OCCASIONS = 2  # on which it acts there: what happens once is no law
+FEWEST_OCCASIONS = 2  # on which it acts there, as into an end and out: what happens once is no law
 QUIET_SHARE = 0.01  # of the largest energy of a row: below it, an occasion has ended
 
 
