@@ -91,8 +91,8 @@ def objection(one: Judged, gap: Gap, thresholds: Thresholds) -> str:
     held_to, method = gap.held_to, thresholds.method
     closed = held_to.closed_on(own)
     if not np.isfinite(closed):  # there is no gap: it must not open one
-        most = method.worse_factor * np.fmax(held_to.before, method.clean_factor * held_to.floor)
-        worse = [j for j in own if held_to.after[j] > most[j]]
+        most = method.worse_factor * held_to.before
+        worse = [j for j in own if held_to.after[j] > most[j] and gap.after[j] > gap.before[j]]
         return _enlarging(gap, worse) if worse else ""
     least = method.simple_share if _simple(one, method.simple_share) else method.closed_share
     if closed >= least:
