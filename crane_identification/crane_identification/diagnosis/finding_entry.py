@@ -104,6 +104,7 @@ class FindingEntry(FoundEffect):
     visible_strength: Number
     """The same of the part that other parameters do not take up; for a flow, over the flow [-]."""
     held_out_gains: NumberByJoint
-    """What it gains on each recording when fitted to the others, by their names [-]."""
+    """What it gains on each recording in which it acts when fitted to the others, by their names;
+    where these are few, on blocks of time [-]."""
     settled_by: str
     """The experiment that tells it from what looks alike."""

@@ -77,7 +77,7 @@ def answer(diagnosis: Diagnosis, suspicions: Sequence[str] = ()) -> Findings:
         gap=GapOfModels(
             before=_side(gap, gap.before, gap.motion_before),
             after=_side(gap, gap.after, gap.motion_after),
-            closed=dict(zip(diagnosis.joints, gap.closed, strict=True)),
+            closed=dict(zip(diagnosis.joints, gap.held_to.closed, strict=True)),
             loads=[
                 CarriedLoad(recording=one.recording, value=one.mass, std_dev=one.std_dev)
                 for one in gap.loads

@@ -155,7 +155,8 @@ class GapOfModels(ResultPart):
     after: dict[str, GapSide]
     """Of the model with the findings, by joint."""
     closed: NumberByJoint
-    """Share of the explainable energy that the findings explain; null where there is none [-]."""
+    """Share of the explainable energy that the findings explain, where training went; null where
+    there is none [-]."""
     loads: list[CarriedLoad]
     """What single held-out recordings carry."""
     from_commands: list[CommandedGap] = []

@@ -227,6 +227,7 @@ def load_model(path: Path | str) -> Model:
     if content.estimate is None:
         return model
     given = [(p.name, p.unit) for p in content.estimate.parameters]
+    _check_former(model, [name for name, _ in given], path)
     if given != names:
         raise ConfigurationError(
             f"{path}: key 'estimate.parameters': must list {_listed(names)} in this order, "
@@ -293,6 +294,19 @@ def _check_hydraulics(model: Model, path: Path) -> None:
             f"{path}: key 'hydraulics.joints': {', '.join(unknown)}: no joint of the machine; "
             f"it has {', '.join(there)}"
         )
+
+
+def _check_former(model: Model, given: Sequence[str], path: Path) -> None:
+    """That no value is of a law that a term had once."""
+    for term in model.terms:
+        for symbol, instead in term.former.items():
+            name = symbol if term.only_joint is None else f"{symbol}.{term.only_joint}"
+            if name in given:
+                raise ConfigurationError(
+                    f"{path}: key 'estimate.parameters': {name} is of an earlier law of term "
+                    f"'{term.type}': {instead}; delete 'estimate' and fit the model anew with "
+                    "identify"
+                )
 
 
 def _units(joints: Mapping[str, str]) -> str:

@@ -72,9 +72,13 @@ def example(name: str, joint: str = "outer_boom") -> Term:
 
 
 def random_record(samples: int = 60) -> Record:
-    """Every signal that a term may ask for: wide jumps, a stand, and small motion at one place."""
+    """Every signal that a term may ask for: wide jumps, from limit to limit, a stand, and small
+    motion at one place.
+    """
     rng = np.random.default_rng(20)
-    q = rng.uniform([-0.45, -2.7, 0.0], [1.37, -0.1, 1.55], (samples, 3))
+    limits = [-0.45, -2.7, 0.0], [1.37, -0.1, 1.55]
+    q = rng.uniform(*limits, (samples, 3))
+    q[1:3] = limits
     v, a, force = rng.standard_normal((3, samples, 3))
     v[10:20] = 0.0
     small = samples // 2

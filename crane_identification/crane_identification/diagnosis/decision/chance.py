@@ -33,9 +33,18 @@ def null_gains(
     seen = size > 1e-6
     allowed = seen[:, None] & (~projection.positive[:, None] | (score > 0.0))
     gains = np.where(allowed, score**2 / np.where(seen, size, 1.0)[:, None], 0.0)
-    # Candidates with several parameters gain the sum of their parts at most.
+    # Of several parameters, what all gain together; of those with signs at most, and at most the
+    # sum of their parts, since alike columns only take from each other.
     totals = np.zeros((len(projection.candidates), replicates))
     np.add.at(totals, projection.owner, gains)
+    for count, (several, columns) in projection.by_count.items():
+        if count > 1:
+            blocks = gram[columns[:, :, np.newaxis], columns[:, np.newaxis]]
+            inverse = np.linalg.pinv(blocks, rcond=1e-9, hermitian=True)
+            own = score[columns]
+            free = np.einsum("mkr,mkr->mr", own, inverse @ own)
+            signed = projection.positive[columns].all(axis=1)[:, np.newaxis]
+            totals[several] = np.where(signed, np.minimum(totals[several], free), free)
     return totals.max(axis=0)
 
 

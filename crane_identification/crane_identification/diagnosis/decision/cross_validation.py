@@ -1,4 +1,9 @@
-"""Does an effect improve the prediction of recordings that its parameters were not fitted to?"""
+"""Does an effect improve the prediction of recordings that its parameters were not fitted to?
+
+It is asked of those in which it acts: elsewhere, chance alone decides.
+"""
+
+from typing import NamedTuple
 
 import numpy as np
 
@@ -11,27 +16,75 @@ TIME_BLOCKS = 6
 HELD_SHARE = 0.2
 """Share of a direction's norm that the other folds must hold to determine its coefficient: the
 noise that the fold is predicted with because of it is then five times that of a row at most."""
+TINY = np.finfo(float).tiny
 ROUNDING_SHARE = 1e-6  # share of a column's norm beside the others, below which it is one of them
+ACTING_SHARE = 0.1
+"""Share of what a recording would have of the energy of an effect if all had the same, from which
+on it acts there."""
+FEWEST_ACTING = 3  # recordings in which an effect acts; with fewer, blocks of time take their place
+FEWEST_OCCASIONS = 2  # on which it acts there, as into an end and out: what happens once is no law
+QUIET_SHARE = 0.01  # of the largest energy of a row: below it, an occasion has ended
 
 
-def folds(evidence: Evidence) -> tuple[np.ndarray, tuple[str, ...]]:
-    """The fold (n,) of each row, and the names of the folds: recordings, or blocks of time."""
+class Folds(NamedTuple):
+    """The fold (n,) of each row, -1 where it is in none, and the names of the folds."""
+
+    fold: np.ndarray
+    names: tuple[str, ...]
+
+
+def folds(evidence: Evidence) -> Folds:
+    """Recordings, or blocks of time."""
     names = list(dict.fromkeys(run.source for run in evidence.runs))
     if len(names) >= FEWEST_BAGS:
-        return evidence.bag, tuple(names)
+        return Folds(evidence.bag, tuple(names))
     order = np.arange(len(evidence.time))
-    block = order * TIME_BLOCKS // len(order)
-    return block, tuple(f"block {i + 1} of {TIME_BLOCKS}" for i in range(TIME_BLOCKS))
+    return _blocks(order * TIME_BLOCKS // len(order), TIME_BLOCKS)
+
+
+def folds_of(evidence: Evidence, whitener: Whitener, force: np.ndarray) -> Folds:
+    """Those in which an effect of this `force` (n, c) acts: recordings or, of too few of these,
+    blocks of time within them, each with as much of its energy. All where it acts but once.
+    """
+    every = folds(evidence)
+    if len(evidence.sources) < FEWEST_BAGS:
+        return every
+    power = np.bincount(whitener.row, whitener(force) ** 2, len(force))
+    share = np.bincount(evidence.bag, power, len(every.names)) / max(power.sum(), TINY)
+    acting = share * len(every.names) > ACTING_SHARE
+    if acting.sum() >= FEWEST_ACTING:
+        number = np.where(acting, np.cumsum(acting) - 1, -1)
+        names = (name for name, there in zip(every.names, acting, strict=True) if there)
+        return Folds(number[evidence.bag], tuple(names))
+    there = acting[evidence.bag] & (power > QUIET_SHARE * power.max())
+    begins = there & ~np.concatenate([[False], there[:-1] & (np.diff(evidence.run) == 0)])
+    if begins.sum() < FEWEST_OCCASIONS:
+        return every
+    energy = power[there]
+    share = (np.cumsum(energy) - energy / 2.0) / energy.sum()
+    used, number = np.unique((share * TIME_BLOCKS).astype(int), return_inverse=True)
+    block = np.full(len(power), -1)
+    block[there] = number
+    return _blocks(block, len(used)) if len(used) >= FEWEST_ACTING else every
+
+
+def _blocks(block: np.ndarray, count: int) -> Folds:
+    return Folds(block, tuple(f"block {i + 1} of {count}" for i in range(count)))
 
 
 def held_out_gains(
-    evidence: Evidence, whitener: Whitener, before: np.ndarray, added: np.ndarray
+    evidence: Evidence,
+    whitener: Whitener,
+    before: np.ndarray,
+    added: np.ndarray,
+    asked: Folds | None = None,
 ) -> tuple[np.ndarray, tuple[str, ...]]:
-    """2 dlogL of each held-out fold that the columns `added` (n, j, k) gain beside `before`.
+    """2 dlogL of each fold that is `asked`, of all if none is given, that the columns `added`
+    (n, j, k) gain beside `before`.
 
     NaN for a fold without which the others do not tell the columns from those before.
     """
-    fold, names = folds(evidence)
+    fold, names = asked or folds(evidence)
     label = fold[whitener.row]
     old, new, force = whitener(before), whitener(added), whitener(evidence.left)
     known = leading(old, old.shape[1])

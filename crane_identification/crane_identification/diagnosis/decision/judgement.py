@@ -6,7 +6,12 @@ from typing import NamedTuple
 import numpy as np
 
 from crane_identification.diagnosis.decision.chance import by_chance
-from crane_identification.diagnosis.decision.cross_validation import held_out_gains
+from crane_identification.diagnosis.decision.cross_validation import (
+    Folds,
+    folds,
+    folds_of,
+    held_out_gains,
+)
 from crane_identification.diagnosis.decision.likeness import (
     freedom,
     in_place_of,
@@ -21,6 +26,7 @@ from crane_identification.diagnosis.search.search import Search
 from crane_identification.diagnosis.search.selection import Subset
 from crane_identification.thresholds import Thresholds
 
+BETWEEN = {"time", "recording"}  # by which recordings differ
 IDENTICAL_CORRELATION = 1.0 - 1e-6
 """Above it, beside the model, an effect is the other one by another name."""
 
@@ -76,6 +82,23 @@ def marginal(search: Search, subset: Subset) -> list[float]:
     return [subset.gain - without(search, subset, place).gain for place in places]
 
 
+def found_values(search: Search, subset: Subset, place: int) -> np.ndarray:
+    """The parameters (k,) that a set gives to one of its effects."""
+    projection = search.projection
+    counts = [len(projection.columns_of[number]) for number in subset.numbers]
+    begin, own = sum(counts[:place]), projection.columns_of[subset.numbers[place]]
+    return np.asarray(subset.values[begin : begin + counts[place]] / projection.scale[own])
+
+
+def folds_asked(search: Search, own: ShapedCandidate, values: np.ndarray) -> Folds:
+    """Where an effect with these values (k,) is asked to help: where it acts; or everywhere, if it
+    follows the time or the recording, since one recording that differs would look like it.
+    """
+    if BETWEEN & set(own.candidate.effect.follows):
+        return folds(search.evidence)
+    return folds_of(search.evidence, search.whitener, own.columns @ values)
+
+
 def _judged(
     search: Search,
     subset: Subset,
@@ -119,7 +142,10 @@ def _judged(
     evidence = search.evidence
     columns = [projection.candidates[i].columns for i in rest.numbers]
     before = np.concatenate([evidence.free, *columns], axis=2)
-    held_out, names = held_out_gains(evidence, search.whitener, before, own.columns)
+    found = found_values(search, subset, place)
+    asked = folds_asked(search, own, found)
+    acting = own.columns[:, :, found != 0.0]
+    held_out, names = held_out_gains(evidence, search.whitener, before, acting, asked)
     runner_up = projection.candidates[swaps[0][0].numbers[-1]].candidate if swaps else None
     closest = runner_up is not None and same_effect(own.candidate, runner_up)
     return Judged(

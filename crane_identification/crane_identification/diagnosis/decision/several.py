@@ -135,12 +135,13 @@ def as_kinds(
             [search.evidence.free, *(one.shaped.columns for one in rest)], axis=2
         )
         added = np.concatenate([one.shaped.columns for one in own], axis=2)
-        gains, _ = held_out_gains(search.evidence, search.whitener, before, added)
+        gains, names = held_out_gains(search.evidence, search.whitener, before, added)
         numbers = members.get(kind) or [search.number(one.shaped) for one in own]
         null, threshold = chance_of_kind(search, numbers, thresholds)
         others = _other_kinds(own)
         for place in np.flatnonzero(alike):
-            one = replace(out[place], held_out=gains, null=null, threshold=threshold)
+            one = replace(out[place], held_out=gains, fold_names=names)
+            one = replace(one, null=null, threshold=threshold)
             out[place] = _beside_kinds(one, others)
     return out
 

@@ -13,8 +13,14 @@ import numpy as np
 from scipy.stats import chi2
 
 from crane_identification.diagnosis.decision.bend import likelier
-from crane_identification.diagnosis.decision.cross_validation import held_out_gains, helps
-from crane_identification.diagnosis.decision.judgement import Judged, all_judged, marginal
+from crane_identification.diagnosis.decision.cross_validation import Folds, held_out_gains, helps
+from crane_identification.diagnosis.decision.judgement import (
+    Judged,
+    all_judged,
+    folds_asked,
+    found_values,
+    marginal,
+)
 from crane_identification.diagnosis.decision.likeness import in_place_of, same_effect, without
 from crane_identification.diagnosis.search.candidates import Candidate, ShapedCandidate
 from crane_identification.diagnosis.search.energy import explained, strength, unexplained_beside
@@ -149,7 +155,8 @@ def as_drawn(race: Race, passed: Sequence[Judged], thresholds: Thresholds) -> tu
                 subset, one = named, all_judged(search, named, thresholds)[place]
                 shaped = search.shapes.of(one.shaped.candidate) or shaped
             left = unexplained_beside(search, subset, place)
-            out[place] = _better(race, one, shaped, rest, left, thresholds)
+            asked = folds_asked(search, one.shaped, found_values(search, subset, place))
+            out[place] = _better(race, one, shaped, rest, left, asked, thresholds)
     return tuple(out)
 
 
@@ -159,13 +166,14 @@ def _better(
     shaped: ShapedCandidate,
     rest: Sequence[np.ndarray],
     left: float,
+    asked: Folds,
     thresholds: Thresholds,
 ) -> Judged:
     """The effect with its law or, if that explains clearly more in training and of recordings that
     it is not fitted to, with its drawn shape, beside the `rest` (n, c, k each).
 
     Clearly more is much of what the law explains or, of an effect that is so strong that this says
-    little, of what is `left` where it acts.
+    little, of what is `left` where it acts. `asked` are the folds in which the law is.
     """
     search, method = race.search, thresholds.method
     lead = explained(search, *rest, shaped.columns) - explained(search, *rest, law.shaped.columns)
@@ -174,12 +182,14 @@ def _better(
         return law
     before = np.concatenate([search.evidence.free, *rest], axis=2)
     beside_law = np.concatenate([before, law.shaped.columns], axis=2)
-    gains, _ = held_out_gains(search.evidence, search.whitener, beside_law, shaped.columns)
+    gains, _ = held_out_gains(search.evidence, search.whitener, beside_law, shaped.columns, asked)
     if np.nansum(gains) <= chance_of(shaped.columns, thresholds):
         return law
     number = race.add(shaped)
     search = race.search
-    held_out, _ = held_out_gains(search.evidence, search.whitener, before, shaped.columns)
+    held_out, names = held_out_gains(
+        search.evidence, search.whitener, before, shaped.columns, asked
+    )
     score = law.score + lead
     known = law.shaped.candidate
     alike = [
@@ -192,6 +202,7 @@ def _better(
         shaped=shaped,
         score=score,
         held_out=held_out,
+        fold_names=names,
         margin=law.margin + lead,
         indistinct=tuple(alike),
         visibility=float(search.projection.visibility[number]),

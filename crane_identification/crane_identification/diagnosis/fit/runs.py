@@ -10,7 +10,7 @@ from functools import cache, cached_property
 
 import numpy as np
 from numba import njit
-from scipy import signal
+from scipy import ndimage, signal
 
 from crane_identification.estimation.regression import OPEN
 from crane_identification.preparation.run import Preparation
@@ -62,6 +62,11 @@ class Run:
         """(samples, j): where a channel of the joint sees it."""
         joints = self.record.position.shape[1]
         return np.asarray((self.gate.reshape(len(self.gate), -1, joints) > 0.0).any(axis=1))
+
+    def reached(self, flags: np.ndarray) -> np.ndarray:
+        """(n, ...): whether the filter of a row reaches a sample with a flag (samples, ...)."""
+        size = 1 if self.factor == 1 else CYCLES * self.factor + 1
+        return ndimage.maximum_filter1d(flags.astype(np.uint8), size, axis=0)[self.kept] > 0
 
     def filtered(self, columns: np.ndarray) -> np.ndarray:
         """(samples, j, k) to gated rows (n, channels, k); columns of zeros cost nothing."""

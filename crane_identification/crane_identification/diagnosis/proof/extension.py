@@ -10,7 +10,7 @@ from crane_identification.diagnosis.decision.judgement import Judged
 from crane_identification.diagnosis.fit.evidence import beside, gather
 from crane_identification.diagnosis.fit.fit import Training
 from crane_identification.diagnosis.fit.refit import refit_anyway
-from crane_identification.diagnosis.search.candidates import Candidate, ShapedCandidate, at_shape
+from crane_identification.diagnosis.search.candidates import Candidate, ShapedCandidate
 from crane_identification.diagnosis.search.kept_values import estimated
 from crane_identification.diagnosis.search.loads import NO_LOAD
 from crane_identification.diagnosis.search.search import Search
@@ -145,7 +145,7 @@ def shape_std_devs(
         for name in one.candidate.shapes:
             middle = one.shape[name]
             ends = [
-                at_shape(evidence, one.candidate, {**one.shape, name: middle * (1.0 + s)}).columns
+                evidence.columns(one.term.model_copy(update={name: middle * (1.0 + s)}))
                 for s in (-STEP, STEP)
             ]
             slope = (ends[1] - ends[0]) @ value / (2.0 * STEP * middle)

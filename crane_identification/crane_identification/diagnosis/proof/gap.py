@@ -1,7 +1,7 @@
 """The gap between model and measurement on recordings that took no part, before and after."""
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import SupportsIndex
 
 import numpy as np
@@ -21,15 +21,10 @@ RESOLUTION = 1e-6  # relative error, below which numbers are rounding
 
 
 @dataclass(frozen=True)
-class Gap:
+class HeldOut:
     """Per joint (j,), relative to the rms of the force: error `before` and `after`, the `floor` of
-    noise (NaN where no period was repeated), and the `best` that a flexible learner reaches;
-    `training_before` and `training_after`: errors on the recordings that models were fitted to.
-    `uncertain`: error that the standard deviations of values that are kept allow.
-
-    `motion_before` and `motion_after`: errors of the simulated motion. `loads` of the held-out
-    recordings, which `carried` holds beside what the model after has. The `method`
-    says what is a gap.
+    noise (NaN where no period was repeated), and the `best` that a flexible learner reaches. The
+    `method` says what is a gap.
     """
 
     joints: tuple[str, ...]
@@ -37,14 +32,7 @@ class Gap:
     after: np.ndarray
     floor: np.ndarray
     best: np.ndarray
-    training_before: np.ndarray
-    training_after: np.ndarray
-    motion_before: MotionValidation
-    motion_after: MotionValidation
-    loads: tuple[Weighed, ...]
-    carried: Model
     method: Method
-    uncertain: np.ndarray | float = 0.0
 
     @property
     def reachable(self) -> np.ndarray:
@@ -70,6 +58,31 @@ class Gap:
         explainable = before - least
         gap = explainable > self.method.explainable_share * before
         return (before - after) / explainable if gap else np.nan
+
+
+@dataclass(frozen=True)
+class Gap(HeldOut):
+    """Errors of all held-out rows and, in `trained`, of those where training went.
+
+    `training_before` and `training_after`: errors on the recordings that models were fitted to.
+    `uncertain`: error that the standard deviations of values that are kept allow. `motion_before`
+    and `motion_after`: errors of the simulated motion. `loads` of the held-out recordings, which
+    `carried` holds beside what the model after has.
+    """
+
+    training_before: np.ndarray
+    training_after: np.ndarray
+    motion_before: MotionValidation
+    motion_after: MotionValidation
+    loads: tuple[Weighed, ...]
+    carried: Model
+    uncertain: np.ndarray | float = 0.0
+    trained: HeldOut | None = None
+
+    @property
+    def held_to(self) -> HeldOut:
+        """What a name is held to: of an end that training did not visit, no law can be known."""
+        return self.trained or self
 
     def moved(self, j: SupportsIndex) -> str:
         """What becomes of the held-out error of a joint, in words; one number where both are one.
@@ -113,23 +126,46 @@ def measure(
     seen = training.moving
     fitted = residual(training, before)
     learnt[:, :j] = predict_elsewhere(seen, fitted[:, :j], held_out.moving) - old[:, :j]
-    errors = [relative(held_out, values) for values in (old, new, learnt)]
+    everywhere, trained = (
+        _errors(rows, (old, new, learnt), noise, method)
+        for rows in (held_out, where_trained(training, held_out))
+    )
     records = [run.record for run in held_out.runs]
     return Gap(
-        joints=before.joints,
-        before=errors[0],
-        after=errors[1],
-        floor=noise / over_zones(held_out, held_out.force),
-        best=np.minimum(errors[2], errors[0]),
+        **vars(everywhere),
         training_before=relative(training, fitted),
         training_after=relative(training, residual(training, after)),
         motion_before=validate_motion(before, records),
         motion_after=validate_motion(after, records),
         loads=loads,
         carried=after,
-        method=method,
         uncertain=doubt,
+        trained=trained,
     )
+
+
+def _errors(
+    rows: Evidence, left: Sequence[np.ndarray], noise: np.ndarray, method: Method
+) -> HeldOut:
+    """Of the used rows: what is `left` (n, c) before, after and by the learner; `noise` (j,)."""
+    size = np.maximum(over_zones(rows, rows.force), np.finfo(float).tiny)
+    before, after, best = (over_zones(rows, values) / size for values in left)
+    return HeldOut(rows.joints, before, after, noise / size, np.minimum(best, before), method)
+
+
+def where_trained(training: Evidence, held_out: Evidence) -> Evidence:
+    """The held-out rows that see each joint within the range that it went through in training."""
+    joints = len(training.joints)
+    used = training.used.reshape(len(training.time), -1, joints).any(axis=1)
+    q = np.concatenate([run.record.position[run.kept] for run in training.runs])
+    low = np.where(used, q, np.inf).min(axis=0)
+    high = np.where(used, q, -np.inf).max(axis=0)
+    beyond = []
+    for run in held_out.runs:
+        outside = (run.record.position < low) | (run.record.position > high)
+        beyond.append(run.reached(outside & (low <= high)))
+    zones = held_out.used.shape[1] // joints
+    return replace(held_out, used=held_out.used & ~np.tile(np.concatenate(beyond), zones))
 
 
 def uncertain(evidence: Evidence, model: Model) -> np.ndarray:

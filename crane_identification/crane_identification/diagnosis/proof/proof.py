@@ -88,11 +88,12 @@ def objection(one: Judged, gap: Gap, thresholds: Thresholds) -> str:
     """Why an effect does not close the gap where it acts; empty if it does."""
     joint = one.shaped.candidate.joint
     own = [j for j, name in enumerate(gap.joints) if joint in (name, None)]
-    closed = gap.closed_on(own)
+    held_to, method = gap.held_to, thresholds.method
+    closed = held_to.closed_on(own)
     if not np.isfinite(closed):  # there is no gap: it must not open one
-        worse = [j for j in own if gap.after[j] > thresholds.method.worse_factor * gap.before[j]]
+        most = method.worse_factor * held_to.before
+        worse = [j for j in own if held_to.after[j] > most[j] and gap.after[j] > gap.before[j]]
         return _enlarging(gap, worse) if worse else ""
-    method = thresholds.method
     least = method.simple_share if _simple(one, method.simple_share) else method.closed_share
     if closed >= least:
         return ""

@@ -1,6 +1,6 @@
 """The effects that a model may lack: every candidate term, on every joint, at every shape."""
 
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from itertools import product
 from typing import Any
@@ -12,7 +12,7 @@ from crane_identification.diagnosis.search.loads import LOADS, Loads, heavier
 from crane_model.errors import CraneError
 from crane_model.model_file import Model
 from crane_model.progress import Progress, silent
-from crane_model.terms import Effect, Shape, Term, candidates, joints_of
+from crane_model.terms import Effect, Setting, Shape, Term, candidates, joints_of
 
 WHOLE = "all"  # in place of a joint
 Given = tuple[tuple[str, tuple[float, ...]], ...]
@@ -156,26 +156,47 @@ def _settled(before: np.ndarray, after: np.ndarray) -> bool:
 
 
 def at_shape(evidence: Evidence, candidate: Candidate, shape: Mapping[str, Any]) -> ShapedCandidate:
-    """`candidate` at `shape` on the evidence; `CraneError` where that cannot be observed."""
+    """`candidate` at `shape` on the evidence, as far as that shows it; `CraneError` where it cannot
+    be observed.
+    """
     term = candidate.at(shape)
+    found = evidence.shown(term)
+    shown = found.columns[evidence.used].any(axis=0)
+    if not shown.all() and (part := term.showing(shown)) != term:
+        term, found = part, evidence.shown(part)
     signs = [
         p.minimum == 0.0 and not candidate.changes for p in term.parameters(evidence.model.setting)
     ]
-    columns, seen, damped = evidence.shown(term)
-    return ShapedCandidate(candidate, dict(shape), term, columns, np.array(signs), seen, damped)
+    return ShapedCandidate(
+        candidate, dict(shape), term, found.columns, np.array(signs), found.seen, found.damped
+    )
 
 
 def observed(
     evidence: Evidence, wanted: list[Candidate], progress: Progress = silent
 ) -> tuple[list[ShapedCandidate], dict[Candidate, str]]:
-    """The candidates at their shapes, and why some are not observable in these recordings."""
+    """The candidates at their shapes, and why some, or some of their parameters, are not observable
+    in these recordings.
+    """
     found: list[ShapedCandidate] = []
     absent: dict[Candidate, str] = {}
     for number, candidate in enumerate(wanted):
         try:
-            found += [at_shape(evidence, candidate, shape) for shape in candidate.grid()]
+            own = [at_shape(evidence, candidate, shape) for shape in candidate.grid()]
+            found += own
+            if lost := _not_shown(own, evidence.model.setting):
+                absent[candidate] = f"{', '.join(lost)}: no recording comes where it would show"
         except CraneError as error:
             found = [one for one in found if one.candidate != candidate]
             absent[candidate] = str(error)
         progress("candidates", (number + 1) / len(wanted))
     return found, absent
+
+
+def _not_shown(shapes: Sequence[ShapedCandidate], setting: Setting) -> list[str]:
+    """The parameters of a candidate that none of its shapes has here; none if none of it acts."""
+    shapes = [one for one in shapes if one.columns.any()]
+    whole = (one.candidate.at(one.shape) for one in shapes)
+    names = [p.name for term in whole for p in term.parameters(setting)]
+    shown = {p.name for one in shapes for p in one.term.parameters(setting)}
+    return [name for name in dict.fromkeys(names) if name not in shown]

@@ -27,6 +27,7 @@ REFINED_SETS = 4  # best sets of each size whose shapes are refined, so that the
 CLOSE_SHARE = 0.3  # if they add at least this share of what the best one adds
 LARGEST_GAIN = 1e12  # gain; beyond, the search for shapes would lose its numbers
 NEIGHBOUR_SHARE = 0.6  # of the way to the next point of the grid, to either side
+EDGE_SHARE = 0.1  # of that way: a shape that is best so near its end is sought beyond
 
 
 @dataclass
@@ -127,12 +128,26 @@ class Race:
         return solve(self.search.projection, tuple(numbers)) or subset
 
     def _refined(self, subset: Subset, place: int, name: str) -> Subset:
+        """Sought beside its point of the grid; from the edge of that, up to the next point."""
+        start = self.search.projection.candidates[subset.numbers[place]]
+        shape = start.candidate.shapes[name]
+        points = len({one[name] for one in start.candidate.grid()})
+        step, middle = 1.0 / max(points - 1, 1), shape.share(start.shape[name])
+        near = NEIGHBOUR_SHARE * step
+        low, high = max(middle - near, 0.0), min(middle + near, 1.0)
+        subset = self._sought(subset, place, name, (low, high))
+        found = self.search.projection.candidates[subset.numbers[place]]
+        best, edge = shape.share(found.shape[name]), EDGE_SHARE * near
+        if low > 0.0 and best - low < edge:
+            return self._sought(subset, place, name, (max(middle - step, 0.0), low))
+        if high < 1.0 and high - best < edge:
+            return self._sought(subset, place, name, (high, min(middle + step, 1.0)))
+        return subset
+
+    def _sought(self, subset: Subset, place: int, name: str, bounds: tuple[float, float]) -> Subset:
         search = self.search
         start = search.projection.candidates[subset.numbers[place]]
         shape = start.candidate.shapes[name]
-        points = len({one[name] for one in start.candidate.grid()})
-        step, middle = NEIGHBOUR_SHARE / max(points - 1, 1), shape.share(start.shape[name])
-        low, high = max(middle - step, 0.0), min(middle + step, 1.0)
         tried: list[tuple[float, Projection]] = []
 
         def cost(share: float) -> float:
@@ -141,9 +156,7 @@ class Race:
             tried.append((gain, one))
             return -min(max(gain, 0.0), LARGEST_GAIN)
 
-        minimize_scalar(
-            cost, bounds=(low, high), method="bounded", options={"maxiter": EVALUATIONS}
-        )
+        minimize_scalar(cost, bounds=bounds, method="bounded", options={"maxiter": EVALUATIONS})
         gain, one = max(tried, key=lambda entry: entry[0])
         if gain <= subset.gain:
             return subset

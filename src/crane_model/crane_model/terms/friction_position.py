@@ -7,7 +7,6 @@ from pydantic import Field
 from typing_extensions import override
 
 from crane_model.array import Array
-from crane_model.errors import ConfigurationError
 from crane_model.record import Record
 from crane_model.terms.effect import Effect, Shape
 from crane_model.terms.joint_term import JointTerm, OneJointTerm
@@ -74,41 +73,3 @@ class CyclicFriction(OneJointTerm):
         waves = np.stack([np.sin(phase), np.cos(phase)], axis=1)
         columns: Array = record.direction[:, j, np.newaxis] * waves
         return columns
-
-
-class EndCushioning(OneJointTerm):
-    """f_e q' d/zone, with d how deep the joint stands within a `zone` before a limit of Table 2.
-
-    Cushions throttle the oil on the last part of the stroke; both ends are taken to be alike.
-    """
-
-    type: Literal["end_cushioning"] = "end_cushioning"
-    family: ClassVar[Family] = "hydraulics"
-    effect: ClassVar[Effect] = Effect(
-        "end cushioning",
-        "resistance to motion near the ends of the range only",
-        ("position_friction",),
-        "sweeps into both ends of the range at several speeds",
-        follows=("position",),
-    )
-    shapes: ClassVar[dict[str, Shape]] = {
-        "zone": Shape(0.02, 0.3, "rad or m", 6, "length of the zone before each limit")
-    }
-
-    zone: float = Field(gt=0)
-
-    @override
-    def joint_parameters(self, setting: Setting) -> tuple[Parameter, ...]:
-        if setting.machine is None or self.joint not in setting.machine.limits:
-            raise ConfigurationError(
-                f"term '{self.type}': needs a machine with limits of joint '{self.joint}'"
-            )
-        unit = f"{setting.force_unit(self.joint)} s/{setting.units[self.joint]}"
-        return (Parameter("f_e", unit, 0.0, "viscous resistance at the very end of the range"),)
-
-    def joint_columns(self, record: Record, setting: Setting, j: int) -> Array:
-        """q' d/zone."""
-        assert setting.machine is not None  # parameters() refuses such a model
-        limits, q = setting.machine.limits[self.joint], record.position[:, j]
-        to_end = np.minimum(q - limits.position_min, limits.position_max - q)
-        return record.velocity[:, j] * np.maximum(0.0, 1.0 - to_end / self.zone)

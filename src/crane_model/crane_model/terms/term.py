@@ -3,11 +3,11 @@
 from abc import ABC, abstractmethod
 from collections.abc import Mapping
 from types import MappingProxyType
-from typing import Any, ClassVar, Literal, NamedTuple
+from typing import Any, ClassVar, Literal, NamedTuple, Self
 
 import numpy as np
 
-from crane_model.array import Array
+from crane_model.array import Array, Flags
 from crane_model.configuration import Schema
 from crane_model.machine import Machine
 from crane_model.motion_columns import MotionColumn
@@ -60,7 +60,8 @@ class Term(Schema, ABC):
     `loads` then says which ones carry what. A `stranger` is a signature that no effect of the
     catalogue has, in words: a force that shows it is no effect that merely resembles it. A term
     whose law is a shape says with `draws` of which types of terms it is the law, and with `holds`
-    which others it is at some shape.
+    which others it is at some shape. `former` are parameters that it had under an earlier law, each
+    with what is now in its place: model files that give values of these must be fitted anew.
     """
 
     type: str
@@ -76,6 +77,7 @@ class Term(Schema, ABC):
     stranger: ClassVar[str] = ""
     draws: ClassVar[tuple[str, ...]] = ()
     holds: ClassVar[tuple[str, ...]] = ()
+    former: ClassVar[Mapping[str, str]] = MappingProxyType({})
 
     @classmethod
     def __pydantic_init_subclass__(cls, **kwargs: Any) -> None:
@@ -133,6 +135,12 @@ class Term(Schema, ABC):
 
         `columns` (n, j, parameters) comes as zeros, a part of the regressor of the whole model.
         """
+
+    def showing(self, shown: Flags) -> Self:
+        """The term without parts that recordings do not show: `shown` (parameters,) says which of
+        its columns they do. One whose parts belong together stays as it is.
+        """
+        return self
 
     def curves(self, values: Array) -> tuple[DrawnCurve, ...]:
         """The law as these parameters (p,) draw it; none where it is a formula."""

@@ -5,6 +5,7 @@ from typing import Any
 import numpy as np
 import pytest
 from scipy.stats import chi2
+from unit.crane_identification.diagnosis import made
 
 from crane_identification.diagnosis.decision.chance import null_gains
 from crane_identification.diagnosis.search.candidates import Candidate, ShapedCandidate
@@ -93,6 +94,18 @@ def test_one_column_gains_chi_squared_from_noise(positive: bool) -> None:
     gains = null_gains(made, [], replicates=20000)
     tail = 0.05 * (0.5 if positive else 1.0)
     assert (gains > chi2(1).ppf(0.95)).mean() == pytest.approx(tail, abs=0.006)
+
+
+@pytest.mark.parametrize("positive", [False, True])
+def test_two_columns_that_are_alike_gain_chi_squared_of_two(positive: bool) -> None:
+    """Not the sum of what each gains by itself, which is nearly the same twice; with signs less."""
+    column, other = np.random.default_rng(7).standard_normal((2, made.ROWS))
+    alike = np.stack([column, column + 0.1 * other], axis=1)
+    signed = ("seal_friction",) if positive else ()
+    found = made.searched({"seal_friction": alike}, np.zeros(made.ROWS), positive=signed)
+    gains = null_gains(found.projection, [], replicates=20000)
+    share = (gains > chi2(2).ppf(0.95)).mean()
+    assert share < 0.03 if positive else share == pytest.approx(0.05, abs=0.006)
 
 
 def test_noise_beside_a_chosen_column_gains_nothing_along_it() -> None:

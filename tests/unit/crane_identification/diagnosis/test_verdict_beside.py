@@ -185,6 +185,15 @@ def test_where_there_is_no_gap_a_name_must_not_open_one(after: float, closes: bo
     assert (objection(effect(), seen, THRESHOLDS) == "") is closes
 
 
+def test_a_name_is_held_to_where_training_went() -> None:
+    """Beyond, an end that nobody visited before leaves an error that no law can close."""
+    everywhere, there = gap(0.03, 0.026), gap(0.0003, 0.00035, floor=0.001)
+    assert objection(effect(), everywhere, THRESHOLDS)
+    seen = replace(everywhere, trained=there)
+    assert seen.held_to is there and everywhere.held_to is everywhere
+    assert objection(effect(), seen, THRESHOLDS) == ""
+
+
 @pytest.mark.parametrize(("before", "open_"), [(0.001025, False), (0.00103, True)])
 def test_a_gap_is_more_than_a_twentieth_of_the_energy(before: float, open_: bool) -> None:
     """Of an error of which 0.1 % are the least that some model reaches."""
