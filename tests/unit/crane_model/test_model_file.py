@@ -158,7 +158,7 @@ def test_term_added_twice(file: Path) -> None:
 WRONG = {
     "unknown type lists the types": (
         SLIDE.replace("inertia", "wobble"),
-        ["'terms.0'", "'wobble'", "coulomb, coulomb_asymmetry, cyclic_friction"],
+        ["'terms.0'", "'wobble'", "coulomb, coulomb_asymmetry, curved_reading_a"],
     ),
     "term without a type": (SLIDE + "  - {joint: axis}\n", ["'terms.2'", "no term of type None"]),
     "term that is a word": (SLIDE + "  - viscous\n", ["'terms.2'", "no term of type None"]),

@@ -27,7 +27,7 @@ ROWS_PER_UNKNOWN = 1.5  # of the base; a channel with fewer says nothing about w
 FEWEST_ROWS = 8
 
 
-class Shown(NamedTuple):
+class ShownTerm(NamedTuple):
     """The `columns` (n, c, k) of a term on the rows of some evidence, the share of its norm,
     wherever it acts, that is in samples which are `seen`, and the ratio of rms there to which the
     filter of the rows has `damped` it.
@@ -130,7 +130,7 @@ class Evidence:
         """The columns (n, c, k) of a term, filtered as the force; `DataError` if it needs more."""
         return self.shown(term).columns
 
-    def shown(self, term: Term) -> "Shown":
+    def shown(self, term: Term) -> "ShownTerm":
         """These columns, and what of the term they show."""
         rows, inside, total, samples = [], 0.0, 0.0, 0
         for run in self.runs:
@@ -143,7 +143,7 @@ class Evidence:
         if not np.isfinite(out).all():
             raise DataError(f"term '{term.type}': what it needs was not logged throughout")
         left = float(np.einsum("nck,nck->nc", out, out)[self.used].mean()) if self.used.any() else 0
-        return Shown(
+        return ShownTerm(
             out,
             seen=float(np.sqrt(inside / total)) if total > 0.0 else 1.0,
             damped=float(np.sqrt(left * samples / inside)) if left and inside > 0.0 else 1.0,

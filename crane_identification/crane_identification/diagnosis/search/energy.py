@@ -135,19 +135,22 @@ def named_from(search: Search, threshold: float, gate: float) -> dict[str, float
     out = {}
     for joint in search.evidence.joints:
         own = [np.median(each) for one, each in strengths.items() if one.joint in (joint, None)]
-        out[joint] = float(np.quantile(own, DETECTABLE_SHARE)) if own else np.inf
+        out[joint] = float(np.quantile(own, DETECTABLE_SHARE, method="higher")) if own else np.inf
     return out
 
 
 def _named_from(search: Search, number: int, threshold: float, gate: float) -> float:
-    """Strength of a candidate at its shape from which it is named, by its least visible column."""
+    """Strength of a candidate at its shape from which it is named, by its least visible column;
+    infinite where one does not show.
+    """
     projection = search.projection
     shaped, columns = projection.candidates[number], projection.columns_of[number]
-    effect = shaped.candidate.effect
-    shows = max(strength(search, number, 1.0), np.finfo(float).tiny)  # with a score of one
+    effect, scale = shaped.candidate.effect, projection.scale[columns]
+    shows = strength(search, number, 1.0)  # with a score of one
+    if shows <= 0.0 or not (scale > 0.0).all():
+        return np.inf
     score = threshold if effect.formless else max(threshold, (gate / shows) ** 2)
-    values = np.sqrt(score) / np.maximum(projection.scale[columns], np.finfo(float).tiny)
-    values = np.maximum(values, effect.usual)
+    values = np.maximum(np.sqrt(score) / scale, effect.usual)
     acts = [
         acting(search.evidence, shaped.columns[:, :, [k]], values[[k]]) for k in range(len(values))
     ]

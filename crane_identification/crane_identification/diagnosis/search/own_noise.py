@@ -10,6 +10,7 @@ import numpy as np
 
 from crane_identification.diagnosis.fit.evidence import Evidence, beside
 from crane_identification.diagnosis.search.candidates import Candidate, ShapedCandidate
+from crane_identification.diagnosis.search.itself import with_predicted_force
 from crane_identification.diagnosis.search.whitening import Base, Whitener
 
 LEAD = "lead"  # shape parameter [s]
@@ -31,12 +32,12 @@ def of_own_noise(
     in the predicted force.
     """
     numbers = [number for number, one in enumerate(found) if LEAD in one.shape]
-    force = _predicted(evidence) if numbers else []
+    predicted = with_predicted_force(evidence) if numbers else evidence
     own, late = np.zeros((2, len(found)))
     for number in numbers:
         one = found[number]
         own[number] = _gain(whitener, base, one.columns)
-        shown = _late(evidence, force, one.shape[LEAD])
+        shown = _late(predicted, one.shape[LEAD])
         late[number] = _gain(whitener, base, shown.columns(one.term))
     noisy = set()
     for candidate in {found[number].candidate for number in numbers}:
@@ -47,17 +48,11 @@ def of_own_noise(
     return out, noisy
 
 
-def _predicted(evidence: Evidence) -> list[np.ndarray]:
-    """The force (samples, j) that the model predicts in each run."""
-    model = evidence.model
-    values = evidence.roughly(evidence.base[:, :, :0])[: len(model.parameters)]
-    return [model.regressor(run.record) @ values for run in evidence.runs]
-
-
-def _late(evidence: Evidence, force: list[np.ndarray], delay: float) -> Evidence:
-    """The evidence, with the predicted `force` as it is shown `delay` [s] later."""
+def _late(evidence: Evidence, delay: float) -> Evidence:
+    """The evidence, with its force as it is shown `delay` [s] later."""
     runs = []
-    for run, true in zip(evidence.runs, force, strict=True):
+    for run in evidence.runs:
+        true = run.record.needed("force", "a diagnosis")
         shown = np.stack([run.record.shifted(one, -delay) for one in true.T], axis=1)
         runs.append(replace(run, record=replace(run.record, force=shown)))
     return replace(evidence, runs=tuple(runs))
