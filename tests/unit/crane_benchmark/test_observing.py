@@ -23,6 +23,7 @@ from crane_benchmark.observing.watched import (
     smallest,
     with_fault,
 )
+from crane_model.errors import DataError
 from crane_observer.monitor.finding import SensorFinding
 from crane_observer.monitor.signatures import Part, Wrong
 from crane_observer.monitor.tolerance import unlearnt
@@ -189,6 +190,13 @@ def test_loads_that_moved_too_little_stand_in_a_row_without_aim() -> None:
     assert little.values["rms"] == pytest.approx(0.2)
     assert missed_loads([little]) == []
     assert missed_loads([counted]) == ["hard: 100.0% in their 95 % interval"]
+
+
+@pytest.mark.parametrize("answers", [[], [WeighedLift(50.0, 1.0, 60.0, 0.5, True)]])
+def test_where_no_load_is_to_be_counted_it_says_so(answers: list[WeighedLift]) -> None:
+    """As in a minute of work, in which none came or none was moved."""
+    with pytest.raises(DataError, match=f"stock: of {len(answers)} loads, none was moved for 2 s"):
+        rows_of("stock", 0.005, answers)
 
 
 def test_loads_that_no_pose_permits_to_weigh_stand_in_a_row_without_aim() -> None:

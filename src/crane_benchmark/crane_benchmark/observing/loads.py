@@ -15,6 +15,7 @@ from crane_benchmark.observing.positions import heard
 from crane_model import cli
 from crane_model.arguments import between, whole
 from crane_model.array import Array, Flags
+from crane_model.errors import DataError
 from crane_model.machine import Machine
 from crane_observer.scale.lifts import UNWEIGHED
 from crane_observer.scale.replay import weigh
@@ -115,12 +116,18 @@ def lifts(name: str, seconds: float, seed: int) -> dict[str, list[WeighedLift]]:
 def rows_of(what: str, aim: float, answers: Sequence[WeighedLift]) -> list[MeasuredRow]:
     """Loads that were moved as long as the aim asks and that the scale weighed; beside it those
     of which it says that no pose of theirs permits that, and those that were hardly moved.
+    `DataError` where no load is left to be counted.
     """
     low, high = COVERED
     words = f"{aim:.1%}; {low:.0%} to {high:.0%} in their interval"
     little = [one for one in answers if one.moved < LEAST_MOTION]
     refused = [one for one in answers if one.moved >= LEAST_MOTION and not one.permitted]
     enough = [one for one in answers if one.moved >= LEAST_MOTION and one.permitted]
+    if not enough:
+        raise DataError(
+            f"{what}: of {len(answers)} loads, none was moved for {LEAST_MOTION:g} s or more in a "
+            "pose that permits weighing, so there is no error to tell; ask for more --seconds"
+        )
     rows = [_row([what, words], {"aim": aim}, enough)]
     if refused:
         rows.append(_row([f"{what}, no pose permits weighing, it says", ""], {}, refused))

@@ -10,9 +10,9 @@ from crane_model.errors import RangeError
 from crane_model.machine import Machine
 from crane_model.model_file import Model
 from crane_observer.scale.balance import MeanMotion, TipMechanics
-from crane_observer.scale.changes import Changes
 from crane_observer.scale.doubt import ModelDoubt
 from crane_observer.scale.filter import MASS, Balanced
+from crane_observer.scale.histories import Histories
 from crane_observer.scale.readings import HeldReadings
 from crane_observer.scale.weighing import TipLoad, attainable
 from crane_observer.scale.window import means, slowest_and_fastest
@@ -62,7 +62,7 @@ class Scale:
         self.model = model
         self._mechanics = TipMechanics.of(model)
         joints = len(model.joints)
-        self._changes = Changes(doubt or ModelDoubt.of(model), joints)
+        self._histories = Histories(doubt or ModelDoubt.of(model), joints)
         limits = [self.machine.limits[joint] for joint in model.joints]
         fastest = np.array([min(-one.velocity_min, one.velocity_max) for one in limits])
         self._standing = STANDING * fastest
@@ -88,7 +88,7 @@ class Scale:
 
     def tare(self) -> None:
         """What hangs at the tip counts as nothing from now on."""
-        self._changes.tare()
+        self._histories.tare()
 
     def add_encoders(self, time: float, position: Array) -> None:
         """Readings [rad, m]; NaN of a joint whose encoder is not to be believed."""
@@ -129,7 +129,7 @@ class Scale:
             return self._told(end, ScaleCondition.PRESSURES_LOST)
         by_place = np.zeros((len(deviation), len(deviation)))
         if estimated:
-            load = float(self._changes.filter.x[MASS])
+            load = float(self._histories.filter.x[MASS])
             by_place = self._mechanics.slopes(motion, load) * deviation
         window = Balanced(
             duration,
@@ -140,7 +140,7 @@ class Scale:
             np.exp(-np.abs(motion.velocity) / (CRAWLING * self._standing)),
             by_place,
         )
-        changed = self._changes.add(end, window)
+        changed = self._histories.add(end, window)
         self._weighed_until = end
         self._moved = 0.0 if changed else self._moved + HOP * bool(window.moving.any())
         condition = ScaleCondition.GOOD
@@ -148,7 +148,7 @@ class Scale:
             condition = ScaleCondition.AT_REST
         if estimated:
             condition = ScaleCondition.POSITIONS_ESTIMATED
-        if attainable(self._changes.filter, window) > WORST:
+        if attainable(self._histories.filter, window) > WORST:
             condition = ScaleCondition.UNOBSERVABLE
         return self._told(end, condition, changed)
 
@@ -173,6 +173,6 @@ class Scale:
         return MeanMotion(q, v, a, p[:j], p[j:]), speeds, deviation
 
     def _told(self, end: float, condition: ScaleCondition, changed: bool = False) -> Weighing:
-        load = self._changes.load
+        load = self._histories.load
         load = load._replace(deviation=TOLD * load.deviation)
-        return Weighing(end, load, condition, changed, self._changes.since, self._moved)
+        return Weighing(end, load, condition, changed, self._histories.since, self._moved)

@@ -1,6 +1,7 @@
 """From the filter's state to what a scale shows."""
 
 import math
+from collections.abc import Sequence
 from typing import NamedTuple
 
 import numpy as np
@@ -40,6 +41,19 @@ def load_of(x: Array, P: Array) -> TipLoad:
         gain = P[MASS, MOMENT] / (P[MOMENT, MOMENT] + (CENTRED * m) ** 2)
         m, variance = m - gain * s, variance - gain * P[MASS, MOMENT]
     return TipLoad(m, math.sqrt(max(variance, 0.0)), centre, centre_deviation)
+
+
+def mean_load(loads: Sequence[TipLoad], likely: Sequence[float]) -> TipLoad:
+    """The mean of loads of which one hangs there, with what they differ by in its deviation; how
+    likely each is, logarithms. Its centre is that of the first.
+    """
+    share = np.exp(np.array(likely) - max(likely))
+    share /= share.sum()
+    masses = np.array([one.mass for one in loads])
+    variances = np.array([one.deviation**2 for one in loads])
+    mean = float(share @ masses)
+    variance = float(share @ (variances + (masses - mean) ** 2))
+    return loads[0]._replace(mass=mean, deviation=math.sqrt(variance))
 
 
 def attainable(known: LoadFilter, window: Balanced) -> float:

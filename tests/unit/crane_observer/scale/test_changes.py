@@ -4,33 +4,13 @@ import math
 
 import numpy as np
 import pytest
+from unit.crane_observer.scale.made_windows import BY_MASS, DRY, HOP, MOVING, STANDING, window
 
-from crane_observer.scale.balance import TipBalance
 from crane_observer.scale.changes import OTHERS, Changes, OtherLoad
 from crane_observer.scale.doubt import ModelDoubt
-from crane_observer.scale.filter import MASS, Balanced, LoadFilter
+from crane_observer.scale.filter import MASS, LoadFilter
 from crane_observer.scale.kinds import CARRIED
 from crane_observer.scale.weighing import TipLoad
-
-HOP = 0.15  # s
-DRY = np.array([800.0, 520.0, 720.0])  # N m, N
-BY_MASS = np.array([45.0, 25.0, -4.0])  # N m/kg, N/kg
-STANDING, MOVING = 8, 20  # windows
-
-
-def window(load: float, direction: float, held: float, rng: np.random.Generator) -> Balanced:
-    """The outer boom moves in a direction, or stands (0); joints that stand are held by a share of
-    their friction.
-    """
-    directions = np.array([0.0, direction, 0.0])
-    away = np.where(directions, directions, held)
-    force = BY_MASS * load + DRY * away + rng.normal(0.0, 15.0, 3)
-    zero, still = np.zeros(3), directions == 0.0
-    balance = TipBalance(
-        force=force, asked=zero, up=DRY, down=-DRY, viscous=zero, inertial=zero,
-        mass=BY_MASS, moment=0.1 * BY_MASS, by_pressure=np.diag([1e-3, 1e-3, 5e-3]),
-    )  # fmt: skip
-    return Balanced(HOP, balance, ~still, still, directions > 0.0, zero, np.zeros((3, 3)))
 
 
 def work(loads: list[float], held: float, seed: int) -> tuple[Changes, list[float], list[float]]:
@@ -192,7 +172,7 @@ def test_what_may_have_happened_beside_widens_what_is_told() -> None:
     changes.filter.x[MASS], changes.filter.P[MASS, MASS] = 20.0, 1.0
     other = changes.filter.copy()
     other.x[MASS] = 40.0
-    changes._others = [OtherLoad(1.0, other, ahead=0.0, seldom=0.0)]
+    changes._others = [OtherLoad(1.0, other, seldom=0.0)]
     assert changes.load.mass == pytest.approx(30.0, abs=1.0)
     assert changes.load.deviation == pytest.approx(10.0, abs=1.0)
 
@@ -205,7 +185,7 @@ def test_what_is_told_is_the_mean_over_what_may_have_come() -> None:
     changes.filter.x[MASS], changes.filter.P[MASS, MASS] = 11.0, 1.5**2
     other = changes.filter.copy()
     other.x[MASS] = 24.0
-    changes._others = [OtherLoad(1.0, other, ahead=math.log(100.0))]
+    changes._others = [OtherLoad(1.0, other, math.log(100.0), ahead=math.log(100.0))]
     assert changes.load.mass == pytest.approx((11.0 + 24.0) / 2.0, abs=0.1)
     assert changes.load.deviation == pytest.approx(math.hypot(1.5, 13.0 / 2.0), abs=0.1)
     changes._others = [OtherLoad(1.0, other, ahead=-5.0)]

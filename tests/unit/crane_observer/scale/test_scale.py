@@ -15,9 +15,9 @@ from crane_model.machine_files import machine_file
 from crane_model.model_file import load_model
 from crane_observer.recording import HeardRecording
 from crane_observer.scale.balance import MeanMotion, TipMechanics
-from crane_observer.scale.changes import Changes
 from crane_observer.scale.doubt import ModelDoubt
 from crane_observer.scale.filter import Balanced, LoadFilter
+from crane_observer.scale.histories import Histories
 from crane_observer.scale.lifts import LiftLog, lifts
 from crane_observer.scale.readings import HeldReadings
 from crane_observer.scale.replay import weigh
@@ -219,12 +219,12 @@ def test_only_a_joint_that_hardly_moves_counts_as_about_to_stop(
 ) -> None:
     ends, crawling = [], []
 
-    def spy(changes: Changes, end: float, window: Balanced) -> bool:
+    def spy(histories: Histories, end: float, window: Balanced) -> bool:
         ends.append(end)
         crawling.append(window.crawling)
         return False
 
-    monkeypatch.setattr(Changes, "add", spy)
+    monkeypatch.setattr(Histories, "add", spy)
     weighed()
     made, _ = at_work()
     time = made.time - made.time[0]
