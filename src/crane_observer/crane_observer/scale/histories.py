@@ -11,6 +11,7 @@ from crane_observer.scale.doubt import ModelDoubt
 from crane_observer.scale.filter import Balanced, LoadFilter
 from crane_observer.scale.weighing import TipLoad, mean_load
 
+# Chosen on recordings of `loads`: hard machines of seeds 94500, 128800 and 131900.
 MOST = 3  # histories; the least likely goes
 PLAUSIBLE = 3.0  # logarithm of how much less likely than the likeliest a new one may be
 UNLIKELY = 7.0  # the same, from which on one is given up
