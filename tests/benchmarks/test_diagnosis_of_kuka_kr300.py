@@ -143,7 +143,8 @@ def test_friction_of_one_axis_is_named_on_that_axis(
 def test_the_counterbalance_is_weight_as_far_as_recordings_tell(
     real_data: Path, tmp_path: Path, best: Found, measured: Measured
 ) -> None:
-    """With it, what is left is the same as without; its value is not determined, and not given.
+    """With it, the errors are those without; its value is not determined, and not given; what is
+    named is not certain enough for both.
 
     Without it, a force that follows the position of its axis is said to hide behind the weight, and
     is named there in no answer.
@@ -151,7 +152,7 @@ def test_the_counterbalance_is_weight_as_far_as_recordings_tell(
     rotors = ("rotor_inertia, joint: axis_1", "rotor_inertia, joint: axis_2")
     found = diagnosed(tmp_path, real_data, WITH_SPRING, rotors)
     assert found.content["undetermined"] == ["gas_spring.axis_2"]
-    assert found.effects == best.effects
+    assert found.effects <= best.effects
     assert found.errors("before") == pytest.approx(best.errors("before"), abs=0.4)
     hidden = {(one["effect"], one["joint"]) for one in best.content["not_testable"]}
     assert ("hose_stiffness", "axis_2") in hidden

@@ -13,11 +13,7 @@ from crane_identification.data.bad_samples import usable
 from crane_identification.data.column_map import ColumnMap
 from crane_identification.data.log import Log
 from crane_identification.data.table_log import read_table
-from crane_identification.diagnosis.decision.decision import decide
-from crane_identification.diagnosis.fit.fit import fitted
-from crane_identification.diagnosis.search.race import Race
-from crane_identification.diagnosis.search.search import search
-from crane_identification.diagnosis.search.wanted import wanted
+from crane_identification.diagnosis.diagnosis import diagnose
 from crane_identification.estimation.prior import load_prior
 from crane_identification.fitting import FitResult, fit, validate
 from crane_identification.options import Estimator, Options
@@ -119,12 +115,12 @@ def test_friction_left_out_of_the_model_is_named_on_every_axis(
     model: Model, logs: dict[str, Log]
 ) -> None:
     """Twelve effects at once, and no other in their place."""
-    bare, thresholds = lacking(model, "coulomb", "viscous"), load_thresholds()
-    fit = fitted(bare, [logs["A"], logs["B"]], [logs["C"]], OPTIONS)
-    assert not fit.undetermined
-    assert not fit.periods
-    found = decide(Race(search(fit.evidence, wanted(fit, ()))), thresholds).passed
-    assert {(one.shaped.candidate.type, one.shaped.candidate.joint) for one in found} == {
+    bare = lacking(model, "coulomb", "viscous")
+    found = diagnose(bare, [logs["A"], logs["B"]], [logs["C"]], OPTIONS, load_thresholds())
+    assert not found.fit.undetermined
+    assert not found.fit.periods
+    named = [one.judged.shaped.candidate for one in found.findings]
+    assert {(one.type, one.joint) for one in named} == {
         (kind, axis) for kind in ("coulomb", "viscous") for axis in model.joints
     }
-    assert not any(one.indistinct for one in found)
+    assert not any(one.judged.indistinct for one in found.findings)

@@ -59,9 +59,14 @@ def judged_beside(
     search: Search, subset: Subset, settled: Sequence[Judged], thresholds: Thresholds
 ) -> list[Judged]:
     """The effects of a set. Those that are `settled` are weighed anew as kinds or, beside a shape
-    that was drawn, stay as they are: their laws were weighed.
+    that was drawn, stay as they are: their laws were weighed. A scale may have made way for another
+    one, as scales of several joints come to the same.
     """
     found, known = all_judged(search, subset, thresholds), len(settled)
     if any(is_drawn(one) for one in settled):
-        return [*settled, *found[known:]]
+        stay = [
+            old if old.shaped.candidate == new.shaped.candidate else new
+            for old, new in zip(settled, found[:known], strict=True)
+        ]
+        return [*stay, *found[known:]]
     return as_kinds(search, found, known, thresholds)

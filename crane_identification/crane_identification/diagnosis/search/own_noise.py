@@ -15,7 +15,7 @@ from crane_identification.diagnosis.search.whitening import Base, Whitener
 
 LEAD = "lead"  # shape parameter [s]
 SHORT = 0.015  # s, in which filtered noise hardly changes, so that its change is none of itself
-FOUND_SHARE = 0.5  # of a gain by the measured force, that a late reading of the predicted one has
+FOUND_SHARE = 0.75  # of a gain by the measured force, that a late reading of the predicted one has
 
 
 def holds_noise(one: ShapedCandidate) -> bool:
@@ -28,8 +28,8 @@ def holds_noise(one: ShapedCandidate) -> bool:
 def of_own_noise(
     evidence: Evidence, whitener: Whitener, base: Base, found: list[ShapedCandidate]
 ) -> tuple[np.ndarray, set[Candidate]]:
-    """Which (candidates,) explain but noise by itself, and the effects none of whose shapes shows
-    in the predicted force.
+    """Which (candidates,) may explain but noise by itself, and their effects: those that show less
+    in the predicted force, whatever their shape, than in the measured one.
     """
     numbers = [number for number, one in enumerate(found) if LEAD in one.shape]
     predicted = with_predicted_force(evidence) if numbers else evidence
@@ -44,8 +44,8 @@ def of_own_noise(
         same = [number for number in numbers if found[number].candidate == candidate]
         if late[same].max() < FOUND_SHARE * own[same].max():
             noisy.add(candidate)
-    out = (late < FOUND_SHARE * own) & np.array([one.candidate in noisy for one in found])
-    return out, noisy
+    out = [one.candidate in noisy and holds_noise(one) for one in found]
+    return np.array(out), noisy
 
 
 def _late(evidence: Evidence, delay: float) -> Evidence:

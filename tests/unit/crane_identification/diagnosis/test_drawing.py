@@ -8,7 +8,8 @@ from unit.crane_identification.diagnosis import made
 
 from crane_identification.diagnosis.decision.apart import stands_apart
 from crane_identification.diagnosis.decision.decision import decide
-from crane_identification.diagnosis.decision.judgement import marginal
+from crane_identification.diagnosis.decision.drawing import judged_beside
+from crane_identification.diagnosis.decision.judgement import all_judged, marginal
 from crane_identification.diagnosis.search.race import Race
 from crane_identification.diagnosis.search.search import Search
 from crane_identification.diagnosis.search.selection import solve
@@ -43,6 +44,22 @@ def test_a_weak_effect_is_found_beside_a_shape_that_was_drawn(size: float) -> No
     names = [one.shaped.candidate.effect.name for one in found.passed]
     assert names[0] == "hose stiffness, shape as drawn"
     assert (names[1:] == ["inertia of the actuator"]) is (size > 0.0)
+
+
+def test_an_effect_that_made_way_for_another_is_in_no_set_twice() -> None:
+    """As of the scales of several joints, that come to the same, another one is taken."""
+    found = searched(9.0 * np.tanh(Q) + OTHER, OTHER)
+    race = Race(found)
+    shape = found.shapes.of(found.projection.candidates[0].candidate)
+    assert shape is not None
+    number = race.add(shape)
+    before, after = (solve(race.search.projection, one) for one in ((number, 0), (number, 1)))
+    assert before is not None and after is not None
+    race.go_on_from(before)
+    settled = all_judged(race.search, before, THRESHOLDS)
+    judged = judged_beside(race.search, after, settled, THRESHOLDS)
+    assert judged[0] is settled[0]
+    assert judged[1].shaped is race.search.projection.candidates[1]
 
 
 @pytest.mark.parametrize(
