@@ -9,6 +9,7 @@ import numpy as np
 from crane_identification.diagnosis.decision.chance import by_chance
 from crane_identification.diagnosis.decision.cross_validation import helps
 from crane_identification.diagnosis.decision.drawing import (
+    beside_drawn,
     best_beside,
     is_drawn,
     judged_beside,
@@ -63,7 +64,7 @@ def decide(race: Race, thresholds: Thresholds) -> Decision:
         if not settled and any(_scales(each) for each in passed):
             passed = _beside_lengths(race, passed, first_threshold, thresholds)
             break
-    passed = as_drawn(race, passed, thresholds)
+    passed = beside_drawn(as_drawn(race, passed, thresholds))
     if start_beside(race, passed):
         passed = _largest(_growing(race, passed, first_threshold, thresholds), passed)
     passed, beyond = with_strange(race.search, passed, first_threshold, thresholds)

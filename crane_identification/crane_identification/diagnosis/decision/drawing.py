@@ -21,6 +21,16 @@ def is_drawn(one: Judged) -> bool:
     return one.shaped.candidate.drawn
 
 
+def beside_drawn(passed: Sequence[Judged]) -> tuple[Judged, ...]:
+    """What passed, without laws of a shape that was drawn on their joint, which holds them."""
+    drawn = [one.shaped.candidate for one in passed if is_drawn(one)]
+    return tuple(
+        one
+        for one in passed
+        if is_drawn(one) or not any(_of_shape(one.shaped.candidate, shape) for shape in drawn)
+    )
+
+
 def start_beside(race: Race, passed: Sequence[Judged]) -> bool:
     """Let the race go on from effects of which some were drawn; false where none was, or where they
     have no solution together.

@@ -8,7 +8,7 @@ from unit.crane_identification.diagnosis import made
 
 from crane_identification.diagnosis.decision.apart import stands_apart
 from crane_identification.diagnosis.decision.decision import decide
-from crane_identification.diagnosis.decision.drawing import judged_beside
+from crane_identification.diagnosis.decision.drawing import beside_drawn, judged_beside
 from crane_identification.diagnosis.decision.judgement import all_judged, marginal
 from crane_identification.diagnosis.search.race import Race
 from crane_identification.diagnosis.search.search import Search
@@ -44,6 +44,22 @@ def test_a_weak_effect_is_found_beside_a_shape_that_was_drawn(size: float) -> No
     names = [one.shaped.candidate.effect.name for one in found.passed]
     assert names[0] == "hose stiffness, shape as drawn"
     assert (names[1:] == ["inertia of the actuator"]) is (size > 0.0)
+
+
+def test_a_law_of_a_shape_that_was_drawn_is_no_effect_beside_it() -> None:
+    found = searched(9.0 * np.tanh(Q) + OTHER, OTHER)
+    race = Race(found)
+    spring = found.projection.candidates[0]
+    shape = found.shapes.of(spring.candidate)
+    assert shape is not None
+    number = race.add(shape)
+    start = solve(race.search.projection, (number, 1))
+    assert start is not None
+    race.go_on_from(start)
+    drawn, further = all_judged(race.search, start, THRESHOLDS)
+    law = replace(further, shaped=spring)
+    assert beside_drawn([law, drawn, further]) == (drawn, further)
+    assert beside_drawn([law, further]) == (law, further)
 
 
 def test_an_effect_that_made_way_for_another_is_in_no_set_twice() -> None:
