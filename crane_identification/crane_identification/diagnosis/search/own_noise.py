@@ -44,8 +44,8 @@ def of_own_noise(
         same = [number for number in numbers if found[number].candidate == candidate]
         if late[same].max() < FOUND_SHARE * own[same].max():
             noisy.add(candidate)
-    out = [one.candidate in noisy and holds_noise(one) for one in found]
-    return np.array(out), noisy
+    out = [holds_noise(one) for one in found] | (late < FOUND_SHARE * own)
+    return out & [one.candidate in noisy for one in found], noisy
 
 
 def _late(evidence: Evidence, delay: float) -> Evidence:
