@@ -27,8 +27,8 @@ SURE = 6.5  # standard deviations by which two loads differ: five of the filter,
 EXPLAINED = 0.5  # of the energy that a model leaves of a recording, by loads that change in it
 A_LOAD = 1.0 - 1e-9  # likeness to the step of a load; 1 where but one joint moves
 APART = 1.0  # s about a change that belong to neither side
-# With these no crane without a change seems to have one, of 18 that rub by the way since a reversal
-# on one joint; of 18 with a change eleven have that one alone, within 6 s.
+# Chosen on a crane that rubs by the way since a reversal on one joint, as `rubbing` of the tests
+# makes it: with more doubt weighings are worse, with less its friction is taken for loads.
 FRICTION = 1.4  # times what a scale doubts of it, of a model that may lack an effect of it
 READINGS = 4e3  # Pa, noise of a window, whatever a scale allows for
 
