@@ -12,7 +12,12 @@ from crane_identification.diagnosis.decision.cross_validation import held_out_ga
 from crane_identification.diagnosis.decision.judgement import Judged
 from crane_identification.diagnosis.decision.shape import signatures
 from crane_identification.diagnosis.fit.evidence import beside
-from crane_identification.diagnosis.search.energy import explained, strength_on, unexplained
+from crane_identification.diagnosis.search.energy import (
+    explained,
+    strength_on,
+    strengths,
+    unexplained,
+)
 from crane_identification.diagnosis.search.lengths import widened
 from crane_identification.diagnosis.search.search import Search
 from crane_identification.diagnosis.search.selection import NOTHING
@@ -104,7 +109,7 @@ def _on(search: Search, j: int) -> UnknownForce:
     near.sort(key=lambda one: -one.share)
     return UnknownForce(
         joint,
-        _strength(search, j),
+        float(strengths(search, unexplained(search, NOTHING))[j]),
         tuple(near[:LISTED]),
         differing(search, j),
         difference(search, j, beyond),
@@ -127,14 +132,3 @@ def _drawn(search: Search, one: ForceSignature) -> tuple[Drawing, ...]:
     parameters = one.term.parameters(search.evidence.model.setting)
     pairs = zip(one.term.curves(best.values), one.term.curves(best.std_devs), strict=True)
     return tuple(Drawing(*pair, parameters[k].unit) for k, pair in enumerate(pairs))
-
-
-def _strength(search: Search, j: int) -> float:
-    """Rms of what is beyond noise on a joint, over that of its force."""
-    evidence, joints = search.evidence, len(search.evidence.joints)
-    by_channel = np.maximum(unexplained(search, NOTHING), 0.0)
-    variance = np.array([0.0 if one is None else one.variance for one in search.whitener.noise])
-    power = float((by_channel * variance)[j::joints].sum())
-    rows = int(evidence.used[:, j::joints].sum())
-    force = evidence.force_rms[j]
-    return float(np.sqrt(power / max(rows, 1)) / force) if force > 0.0 else 0.0

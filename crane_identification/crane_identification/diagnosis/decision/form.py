@@ -5,7 +5,7 @@ from dataclasses import replace
 
 import numpy as np
 
-from crane_identification.diagnosis.decision.apart import stands_apart
+from crane_identification.diagnosis.decision.apart import shows_alone, stands_apart
 from crane_identification.diagnosis.decision.judgement import marginal
 from crane_identification.diagnosis.decision.likeness import without
 from crane_identification.diagnosis.search.candidates import ShapedCandidate
@@ -93,7 +93,11 @@ def of_one_form(
     gains, method = marginal(search, subset), thresholds.method
     effects = [search.projection.candidates[number].candidate.effect for number in subset.numbers]
     formless = {place for place, effect in enumerate(effects) if effect.formless}
-    places = range(settled, len(gains))
+    places = [
+        place
+        for place in range(settled, len(gains))
+        if not shows_alone(search, subset, gains, place, chance, thresholds)
+    ]
     if faint(gains, method.elsewhere_share, places, formless):
         return True
     further = [place for place in places if not fills(search, subset, place, chance, thresholds)]

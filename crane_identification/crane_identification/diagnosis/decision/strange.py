@@ -74,7 +74,7 @@ def _most_of(
     best, most = None, least
     joint = search.evidence.joints[j]
     sensing = suspected(found, joint)
-    here = any(_is_of(one, joint, scales=True) for one in found)
+    here = any(one.shaped.candidate.joint == joint for one in found)
     for other in search.shapes.strangers(joint):
         if other.term.is_of_sensors() and not here:
             continue  # it would stand in for nothing
@@ -130,18 +130,14 @@ def _accounts_for(
     among them.
     """
     both = explained(search, *_columns(found), other.columns)
-    for scales in (True, False):
-        rest = [one for one in found if not _is_of(one, joint, scales)]
+    here = [one for one in found if one.shaped.candidate.joint == joint]
+    laws = [one for one in here if not one.shaped.candidate.effect.formless]
+    for these in (here, laws):
+        rest = [one for one in found if not any(one is each for each in these)]
         alone = explained(search, *_columns(rest), other.columns)
-        if len(rest) < len(found) and both - alone <= most:
+        if these and both - alone <= most:
             return True
     return False
-
-
-def _is_of(one: Judged, joint: str, scales: bool) -> bool:
-    """Whether an effect is on a joint and, unless `scales` count, is a law."""
-    candidate = one.shaped.candidate
-    return candidate.joint == joint and (scales or not candidate.effect.formless)
 
 
 def suspected(found: Sequence[Judged], joint: str) -> bool:

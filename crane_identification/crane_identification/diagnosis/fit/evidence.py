@@ -117,6 +117,11 @@ class Evidence:
         )
 
     @cached_property
+    def values(self) -> np.ndarray:
+        """Values (p,) of the parameters of the model, roughly, by least squares."""
+        return self.roughly(self.base[:, :, :0])[: len(self.model.parameters)]
+
+    @cached_property
     def force_rms(self) -> np.ndarray:
         """Root mean square of the force over the used rows of each channel (c,)."""
         return self.rms(self.force)
@@ -130,7 +135,7 @@ class Evidence:
         """The columns (n, c, k) of a term, filtered as the force; `DataError` if it needs more."""
         return self.shown(term).columns
 
-    def shown(self, term: Term) -> "ShownTerm":
+    def shown(self, term: Term) -> ShownTerm:
         """These columns, and what of the term they show."""
         rows, inside, total, samples = [], 0.0, 0.0, 0
         for run in self.runs:

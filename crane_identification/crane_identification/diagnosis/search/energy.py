@@ -87,24 +87,27 @@ def strength(search: Search, number: int, score: float) -> float:
 
     That is the part of the effect that shows beside the model.
     """
-    shares = energy_shares(search, number)
-    evidence = search.evidence
-    joints = len(evidence.joints)
-    variance = np.array([0.0 if one is None else one.variance for one in search.whitener.noise])
-    power = (score * shares * variance).reshape(-1, joints).sum(axis=0)
-    rows = evidence.used.reshape(len(evidence.time), -1, joints).sum(axis=(0, 1))
-    rms = np.sqrt(power / np.maximum(rows, 1))
-    force = evidence.force_rms[:joints]
-    return float(np.max(np.divide(rms, force, out=np.zeros_like(rms), where=force > 0.0)))
+    return float(strengths(search, score * energy_shares(search, number)).max())
 
 
 def strength_on(search: Search, gain: float, j: int) -> float:
     """Root mean square of what so much `gain` on joint j is, over that of its force."""
-    evidence, noise = search.evidence, search.whitener.noise[j]
-    rows, force = int(evidence.used[:, j :: len(evidence.joints)].sum()), evidence.force_rms[j]
-    if noise is None or not rows or force <= 0.0:
-        return 0.0
-    return float(np.sqrt(max(gain, 0.0) * noise.variance / rows) / force)
+    energy = np.zeros(len(search.whitener.noise))
+    energy[j] = gain
+    return float(strengths(search, energy)[j])
+
+
+def strengths(search: Search, energy: np.ndarray) -> np.ndarray:
+    """Root mean square (j,) of what has so much energy (c,) on each joint, over that of its force;
+    energy below zero, as noise may leave it, is none.
+    """
+    evidence, joints = search.evidence, len(search.evidence.joints)
+    variance = np.array([0.0 if one is None else one.variance for one in search.whitener.noise])
+    power = (np.maximum(energy, 0.0) * variance).reshape(-1, joints).sum(axis=0)
+    rows = evidence.used.reshape(len(evidence.time), -1, joints).sum(axis=(0, 1))
+    rms = np.sqrt(power / np.maximum(rows, 1))
+    force = evidence.force_rms[:joints]
+    return np.divide(rms, force, out=np.zeros_like(rms), where=force > 0.0)
 
 
 def detectable(search: Search, threshold: float) -> float:

@@ -20,12 +20,10 @@ explained, but over those of many telescopes more than half, so that no shape is
 
 def with_predicted_force(evidence: Evidence) -> Evidence:
     """The evidence with the force that the model predicts in place of the measured one."""
-    model = evidence.model
-    values = evidence.roughly(evidence.base[:, :, :0])[: len(model.parameters)]
-    runs = (
-        replace(run, record=replace(run.record, force=model.regressor(run.record) @ values))
-        for run in evidence.runs
-    )
+    runs = []
+    for run in evidence.runs:
+        force = evidence.model.regressor(run.record) @ evidence.values
+        runs.append(replace(run, record=replace(run.record, force=force)))
     return replace(evidence, runs=tuple(runs))
 
 

@@ -35,10 +35,9 @@ def widened(search: Search, columns: np.ndarray) -> Search:
 def columns_of_lengths(evidence: Evidence) -> np.ndarray:
     """d(Phi Theta)/d(ln x) (n, c, k) by each length x of a link that makes a force."""
     model, machine = evidence.model, evidence.model.setting.machine
-    theta = evidence.roughly(evidence.base[:, :, :0])[: len(model.parameters)]
-    force = evidence.base[:, :, : len(theta)] @ theta
+    force = evidence.base[:, :, : len(evidence.values)] @ evidence.values
     columns = [
-        (evidence.regressor(replace(model, setting=setting)) @ theta - force) / STEP
+        (evidence.regressor(replace(model, setting=setting)) @ evidence.values - force) / STEP
         for longer in ([] if machine is None else _each_longer(machine))
         for setting in [model.setting._replace(machine=longer)]
     ]

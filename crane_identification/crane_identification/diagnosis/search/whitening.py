@@ -1,7 +1,8 @@
 """Rows whose noise is independent and of variance one, by an autoregression per channel."""
 
-from dataclasses import dataclass
-from typing import NamedTuple
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+from typing import NamedTuple, Self
 
 import numpy as np
 
@@ -60,6 +61,17 @@ class Whitener:
             part = sum(a * column[rows - lag] for lag, a in enumerate(polynomial))
             parts.append(part / deviation)
         return np.concatenate(parts)
+
+    def on(self, channels: Sequence[int]) -> Self:
+        """The rows of these channels alone."""
+        here = np.isin(self.channel, channels)
+        return replace(
+            self,
+            picks=tuple(pick for pick in self.picks if pick.channel in channels),
+            row=self.row[here],
+            channel=self.channel[here],
+            zone=self.zone[here],
+        )
 
 
 def whitener(evidence: Evidence, largest: np.ndarray) -> Whitener:
