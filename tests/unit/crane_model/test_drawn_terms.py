@@ -15,7 +15,8 @@ from crane_model.record import Record
 from crane_model.terms import REGISTRY, DrawnTerm, Setting, term_from_mapping
 from crane_model.terms.drawn import hats, rounded
 from crane_model.terms.drawn_force import DrawnEndDamping, DrawnPositionForce, RelaxingForce
-from crane_model.terms.drawn_friction import DrawnLoadFriction, DrawnWarmUp
+from crane_model.terms.drawn_friction import DrawnLoadFriction, DrawnPadFriction, DrawnWarmUp
+from crane_model.terms.friction_load import PadFriction
 
 DRAWN = sorted(name for name, cls in REGISTRY.items() if issubclass(cls, DrawnTerm))
 OF_ONE_INSTANT = sorted(set(DRAWN) - {"filtered_reading"})
@@ -55,7 +56,7 @@ def test_a_drawn_law_is_its_values_at_the_knots_times_its_factors(name: str) -> 
     values = rng.standard_normal(len(term.parameters(SETTING)))
     curves = term.curves(values)
     assert [one.times for one in curves] == list(term.times)
-    x, factors = term.followed(record, j), term.factors(record, j)
+    x, factors = term.followed(record, j), term.factors(record, SETTING, j)
     x = x if term.straight else np.clip(x, term.knots[0], term.knots[-1])
     expected = sum(
         make_interp_spline(one.knots, one.values, k=1)(x) * factors[:, k]
@@ -64,6 +65,21 @@ def test_a_drawn_law_is_its_values_at_the_knots_times_its_factors(name: str) -> 
     moves = record.direction[:, j] != 0.0  # at rest friction may be anything between both ways
     found = term.columns(record, SETTING)[:, j] @ values
     np.testing.assert_allclose(found[moves], expected[moves], atol=1e-9)
+
+
+def test_pads_whose_load_is_linear_are_one_of_their_shapes() -> None:
+    """Straight lines through m_0 + m_1 q4 at the knots."""
+    record, knots = random_record(), (0.0, 0.3, 0.6, 0.9, 1.2, 1.6)
+    drawn = DrawnPadFriction(joint="telescope", knots=knots).columns(record, SETTING)
+    pads = PadFriction(joint="telescope").columns(record, SETTING)
+    np.testing.assert_allclose(
+        drawn @ (40.0 + 25.0 * np.array(knots)), pads @ [40.0, 25.0], atol=1e-9
+    )
+
+
+def test_only_the_telescope_has_pads() -> None:
+    with pytest.raises(ConfigurationError, match="only telescope slides on pads"):
+        DrawnPadFriction(joint="outer_boom", knots=(0, 1, 2, 3, 4, 5)).parameters(SETTING)
 
 
 @pytest.mark.parametrize("name", DRAWN)

@@ -39,7 +39,7 @@ def record(changing: str = "") -> Record:
     sum_of_both = signal("pressure sum", 1e6, 5e6)
     return Record(
         PLANAR_JOINTS,
-        np.linspace(0.0, 100.0 if changing == "time" else 1e-6, SAMPLES),
+        100.0 + np.linspace(0.0, 100.0 if changing == "time" else 1e-6, SAMPLES),
         q,
         signal("velocity", -0.1, 0.1),
         signal("acceleration", -0.2, 0.2),

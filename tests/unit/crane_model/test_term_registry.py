@@ -44,7 +44,7 @@ MOTORS = Setting(
 )
 OF_MOTORS = {"rotor_inertia"}  # which no cylinder has
 EQUATION = re.compile(r"\(\d+\)|q'|=")  # the number of one in the report, or an equation itself
-UNIT = re.compile(r"1|(kg|N|m|rad|s|Pa|K|degC|Hz)[\w /^()-]*")
+UNIT = re.compile(r"(1|kg|N|m|rad|s|Pa|K|degC|Hz)[\w /^()-]*")
 
 ACROSS_JOINTS = {"boom_flexibility"}  # of a joint, but others carry it too
 ON_ONE_JOINT = sorted(

@@ -72,7 +72,7 @@ class DrawnTerm(OneJointTerm):
         """x (n,) of joint number j."""
 
     @abstractmethod
-    def factors(self, record: Record, j: int) -> Array:
+    def factors(self, record: Record, setting: Setting, j: int) -> Array:
         """g (n, m) of joint number j."""
 
     @abstractmethod
@@ -99,7 +99,7 @@ class DrawnTerm(OneJointTerm):
     def joint_columns(self, record: Record, setting: Setting, j: int) -> Array:
         """B_k(x) g: (n, parameters)."""
         splines = hats(self.followed(record, j), self.knots, self.straight)[:, self.kept]
-        columns = splines[:, :, np.newaxis] * self.factors(record, j)[:, np.newaxis, :]
+        columns = splines[:, :, np.newaxis] * self.factors(record, setting, j)[:, np.newaxis, :]
         return columns.reshape(len(record), -1)
 
 

@@ -34,7 +34,7 @@ class DrawnPositionForce(DrawnTerm):
         """q."""
         return record.position[:, j]
 
-    def factors(self, record: Record, j: int) -> Array:
+    def factors(self, record: Record, setting: Setting, j: int) -> Array:
         """1."""
         return np.ones((len(record), 1))
 
@@ -63,7 +63,7 @@ class DrawnEndDamping(DrawnTerm):
         """q."""
         return record.position[:, j]
 
-    def factors(self, record: Record, j: int) -> Array:
+    def factors(self, record: Record, setting: Setting, j: int) -> Array:
         """q' and q'|q'|."""
         v = record.velocity[:, j]
         return np.stack([v, v * np.abs(v)], axis=1)

@@ -10,6 +10,7 @@ from crane_model.array import Array
 from crane_model.record import Record
 from crane_model.terms.drawn import DrawnTerm, hats, rounded
 from crane_model.terms.effect import Variable
+from crane_model.terms.friction_load import on_pads, pressing
 from crane_model.terms.term import Family, Parameter, Setting
 
 
@@ -20,7 +21,7 @@ class DrawnDryFriction(DrawnTerm):
     times: ClassVar[tuple[str, ...]] = ("sgn(q')",)
     symbol: ClassVar[str]
 
-    def factors(self, record: Record, j: int) -> Array:
+    def factors(self, record: Record, setting: Setting, j: int) -> Array:
         """sgn(q')."""
         return record.direction[:, j, np.newaxis]
 
@@ -80,6 +81,41 @@ class DrawnPositionFriction(DrawnDryFriction):
     def followed(cls, record: Record, j: int) -> Array:
         """q."""
         return record.position[:, j]
+
+
+class DrawnPadFriction(DrawnTerm):
+    """f(q4) g |cos psi| sgn(q'): pads whose load follows the extension in some other way."""
+
+    type: Literal["drawn_pad_friction"] = "drawn_pad_friction"
+    family: ClassVar[Family] = "friction"
+    said: ClassVar[str] = "friction that follows the inclination and the extension of the telescope"
+    draws: ClassVar[tuple[str, ...]] = ("pad_friction",)
+    variable: ClassVar[Variable] = "position"
+    spacing: ClassVar[tuple[float, ...]] = tuple(k / 5 for k in range(6))
+    kept: ClassVar[tuple[int, ...]] = tuple(range(6))
+    times: ClassVar[tuple[str, ...]] = ("g |cos psi| sgn(q')",)
+
+    knots: tuple[float, ...] = Field(examples=[tuple(0.3 * k for k in range(6))])
+
+    @classmethod
+    def followed(cls, record: Record, j: int) -> Array:
+        """q4."""
+        return record.position[:, j]
+
+    def factors(self, record: Record, setting: Setting, j: int) -> Array:
+        """g |cos psi| sgn(q4')."""
+        pressed = pressing(on_pads(self, setting), record)
+        return (pressed * record.direction[:, j])[:, np.newaxis]
+
+    def values_at_knot(self, k: int, coordinate: str, force: str) -> tuple[Parameter, ...]:
+        """One."""
+        meaning = f"friction coefficient times load of the pads at knot {k + 1}"
+        return (Parameter(f"pad_load_{k + 1}", "kg", None, meaning),)
+
+    def joint_parameters(self, setting: Setting) -> tuple[Parameter, ...]:
+        """The values at the knots, of a telescope."""
+        on_pads(self, setting)
+        return super().joint_parameters(setting)
 
 
 class DrawnLoadFriction(DrawnDryFriction):
@@ -144,7 +180,7 @@ class DrawnWarmUp(DrawnTerm):
         """t."""
         return record.time
 
-    def factors(self, record: Record, j: int) -> Array:
+    def factors(self, record: Record, setting: Setting, j: int) -> Array:
         """q'."""
         return record.velocity[:, j, np.newaxis]
 

@@ -46,7 +46,7 @@ class FilteredReading(DrawnTerm):
         """tau."""
         return record.needed("force", "a shape of a filter")[:, j]
 
-    def factors(self, record: Record, j: int) -> Array:
+    def factors(self, record: Record, setting: Setting, j: int) -> Array:
         """1."""
         return np.ones((len(record), 1))
 

@@ -9,6 +9,7 @@ from typing_extensions import override
 
 from crane_model.array import Array
 from crane_model.errors import ConfigurationError
+from crane_model.machine import Machine
 from crane_model.record import Record
 from crane_model.terms.chambers import chamber_forces, gain_unit
 from crane_model.terms.effect import Effect
@@ -132,11 +133,7 @@ class PadFriction(OneJointTerm):
 
     def joint_parameters(self, setting: Setting) -> tuple[Parameter, ...]:
         """m_0, m_1: friction coefficient times the mass that loads the pads."""
-        telescope = planar_machine(self, setting).as_planar().joints[-1]
-        if self.joint != telescope:
-            raise ConfigurationError(
-                f"term '{self.type}': only {telescope} slides on pads, got joint '{self.joint}'"
-            )
+        on_pads(self, setting)
         return (
             Parameter("pad_0", "kg", 0.0, "friction coefficient times load of the pads at q4 = 0"),
             Parameter("pad_1", "kg/m", 0.0, "the same for each metre of extension"),
@@ -144,7 +141,23 @@ class PadFriction(OneJointTerm):
 
     def joint_columns(self, record: Record, setting: Setting, j: int) -> Array:
         """g |cos psi| sgn(q') and q4 times that: (n, 2)."""
-        machine = planar_machine(self, setting)
-        _, psi, extension = BoomDirections.of(machine, record)
-        pressed = record.direction[:, j] * machine.gravity * np.abs(np.cos(psi))
-        return np.stack([pressed, pressed * extension], axis=1)
+        pressed = pressing(on_pads(self, setting), record) * record.direction[:, j]
+        return np.stack([pressed, pressed * record.position[:, j]], axis=1)
+
+
+def on_pads(term: OneJointTerm, setting: Setting) -> Machine:
+    """The machine; `ConfigurationError` unless the term is on its telescope."""
+    machine = planar_machine(term, setting)
+    telescope = machine.as_planar().joints[-1]
+    if term.joint != telescope:
+        raise ConfigurationError(
+            f"term '{term.type}': only {telescope} slides on pads, got joint '{term.joint}'"
+        )
+    return machine
+
+
+def pressing(machine: Machine, record: Record) -> Array:
+    """g |cos psi| (n,): of the weight of the telescope, what presses on its pads."""
+    _, psi, _ = BoomDirections.of(machine, record)
+    pressed: Array = machine.gravity * np.abs(np.cos(psi))
+    return pressed

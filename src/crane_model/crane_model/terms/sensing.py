@@ -38,7 +38,14 @@ class PressureOffset(OneJointTerm):
     effect: ClassVar[Effect] = Effect(
         "offset of a pressure transducer",
         "a constant force of the cylinder, which the lever arm turns into one that follows q",
-        ("coulomb_asymmetry", "offset", "hose_stiffness", "chamber_gain", "chamber_a_gain"),
+        (
+            "coulomb_asymmetry",
+            "offset",
+            "hose_stiffness",
+            "chamber_gain",
+            "chamber_a_gain",
+            "pressure_drift",
+        ),
         "readings of the transducers at zero pressure",
         follows=("position",),
     )
@@ -70,6 +77,7 @@ class ChamberGain(OneJointTerm):
             "seal_friction",
             "coulomb",
             "coulomb_asymmetry",
+            "chamber_gain_drift",
         ),
         "both transducers on one pressure, at several pressures",
         follows=("pressure of chamber B",),
@@ -99,7 +107,14 @@ class ChamberAGain(ForceScale):
     effect: ClassVar[Effect] = Effect(
         "gain of the pressure transducer of chamber A",
         "force in proportion to the pressure of chamber A: that of chamber B, and the whole force",
-        ("chamber_gain", "pressure_gain", "linkage_scale", "pressure_offset", "encoder_offset"),
+        (
+            "chamber_gain",
+            "chamber_gain_drift",
+            "pressure_gain",
+            "linkage_scale",
+            "pressure_offset",
+            "encoder_offset",
+        ),
         "both transducers beside a reference, at several pressures",
         law_of="chamber_gain",
         follows=("pressure of chamber B", "force"),
