@@ -76,12 +76,13 @@ def chance_of_kind(
 
 def _kinds(projection: Projection) -> dict[str, list[int]]:
     """The numbers of the effects without a shape on single joints, by their type; a factor of what
-    the model has is, on all joints, a factor of its masses.
+    the model has is, on all joints, a factor of its masses. What any machine has a little of, as
+    gains of its transducers, none lacks: on all joints they are near to lengths that are off.
     """
     out: dict[str, list[int]] = {}
     for number, shaped in enumerate(projection.candidates):
         one = shaped.candidate
-        alone = one.shapes or one.changes or one.parts or one.effect.formless
+        alone = one.shapes or one.changes or one.parts or one.effect.formless or one.effect.usual
         if one.joint is not None and not alone:
             out.setdefault(one.type, []).append(number)
     return {kind: numbers for kind, numbers in out.items() if len(numbers) >= FEWEST_JOINTS}

@@ -84,6 +84,12 @@ def test_fewer_than_three_joints_are_for_the_race(count: int) -> None:
     assert set(named(made)) == {f"Coulomb friction ({joint})" for joint in JOINTS[:count]}
 
 
+def test_what_any_machine_has_a_little_of_is_no_kind_that_all_joints_lack() -> None:
+    """Gains of all transducers come near to lengths that are off."""
+    gains = {("chamber_gain", joint): column for (_, joint), column in COULOMB.items()}
+    assert not lacking(asked(gains, total(gains, sizes("chamber_gain", 3.0, 2.0, 1.0, 1.0))))
+
+
 def test_one_effect_is_not_taken_for_what_several_joints_would_lack() -> None:
     """Shared bodies let friction of three joints together stand for most of one other effect."""
     one = np.sum([COULOMB["coulomb", joint] for joint in "abc"], axis=0) / np.sqrt(3.0)
