@@ -43,6 +43,7 @@ class Method(Schema):
     closed_share: Share
     simple_share: Share
     explainable_share: Share
+    surveyed_error: Share
     clean_factor: Positive
     worse_factor: Positive
     testable_share: Share

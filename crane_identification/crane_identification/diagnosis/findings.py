@@ -141,22 +141,22 @@ def _from_commands(diagnosis: Diagnosis) -> list[CommandedGap]:
 
 def _left(diagnosis: Diagnosis) -> dict[str, LeftResidual]:
     fit, trial, gap = diagnosis.fit, diagnosis.proof.trial, diagnosis.gap
-    thresholds = diagnosis.thresholds
+    errors = np.maximum(gap.after, gap.training_after)
     return {
         joint: LeftResidual(
             white=bool(abs(correlation) < WHITE),
             correlation=correlation,
             learnable_share=share,
             law=bool(law),
-            beyond_noise=bool(times > thresholds.gates.floor_factor),
+            beyond_noise=bool(beyond),
             region=_region(diagnosis, region),
         )
-        for joint, correlation, share, law, times, region in zip(
+        for joint, correlation, share, law, beyond, region in zip(
             diagnosis.joints,
             correlation_left(fit.evidence, trial),
             trial.learnt.share,
             trial.law,
-            gap.over_floor(np.maximum(gap.after, gap.training_after)),
+            gap.beyond_noise(errors, diagnosis.thresholds.gates.floor_factor),
             regions(fit, trial),
             strict=True,
         )

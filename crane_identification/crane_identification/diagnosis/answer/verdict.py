@@ -130,16 +130,13 @@ def _of_noise(gap: Gap) -> str:
 
 
 def _beyond_noise(gap: Gap, held_out: np.ndarray, training: np.ndarray, factor: float) -> list[str]:
-    """Where relative errors (j,) are more than the noise of recordings that repeat a motion.
-
-    And more than values that are kept may err.
-    """
+    """Where relative errors (j,) are more than noise, in words."""
     errors = np.maximum(held_out, training)
     times = gap.over_floor(errors)
     return [
         f"the force of {gap.joints[j]} errs by {held_out[j]:.2%} on held-out recordings and by "
         f"{training[j]:.2%} on the others, up to {times[j]:.0f} times the scatter between periods"
-        for j in np.flatnonzero((times > factor) & (errors > factor * gap.uncertain))
+        for j in np.flatnonzero(gap.beyond_noise(errors, factor))
     ]
 
 

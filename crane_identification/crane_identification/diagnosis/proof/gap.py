@@ -104,6 +104,18 @@ class Gap(HeldOut):
         """Errors (j,) over the noise floor; NaN where none is known."""
         return errors / np.maximum(self.floor, RESOLUTION)
 
+    def beyond_noise(self, errors: np.ndarray, factor: float) -> np.ndarray:
+        """Whether errors (j,) are more than the noise of recordings that repeat a motion, by a
+        factor, more than values that are kept may err, and more than lengths leave that were
+        surveyed.
+        """
+        beyond: np.ndarray = (
+            (self.over_floor(errors) > factor)
+            & (errors > factor * self.uncertain)
+            & (errors > self.method.surveyed_error)
+        )
+        return beyond
+
 
 def measure(
     before: Model,

@@ -151,6 +151,12 @@ def test_errors_beyond_noise_are_at_least_unknown(reach: Reach) -> None:
     assert "78 times the scatter between periods" in found.reason
 
 
+@pytest.mark.parametrize(("error", "verdict"), [(0.0014, "none"), (0.0016, "unknown")])
+def test_what_surveyed_lengths_leave_is_nothing_missing(error: float, verdict: str) -> None:
+    """However little the force scatters between periods."""
+    assert answer(seen=gap(error, floor=1e-4)).verdict == verdict
+
+
 @pytest.mark.parametrize(("held_out", "training"), [(0.039, 0.0006), (0.0006, 0.039)])
 def test_errors_of_either_recordings_count(held_out: float, training: float) -> None:
     found = answer(seen=gap(held_out, training=training))
