@@ -165,7 +165,7 @@ def test_names_leave_little_energy_where_they_act(left: float, expected: Verdict
 
 @pytest.mark.parametrize(("times", "expected"), [(2.4, Verdict.NONE), (2.6, Verdict.UNKNOWN)])
 def test_errors_count_from_a_multiple_of_the_scatter(times: float, expected: Verdict) -> None:
-    assert answer(seen=gap(times * 0.0005)).verdict is expected
+    assert answer(seen=gap(times * 0.001, floor=0.001)).verdict is expected
 
 
 @pytest.mark.parametrize(("doubt", "expected"), [(0.015, Verdict.UNKNOWN), (0.016, Verdict.NONE)])
