@@ -40,8 +40,9 @@ OF_THE_REPORT = (  # what is its crane: base parameters by name, the drawing, th
     "src/crane_benchmark/",  # measured on it
 )
 OF_SOME_MACHINES = (  # effects of what slews or telescopes, and the signals that they follow
-    *(f"{MODEL}/terms/{name}.py" for name in ("effect", "friction_load", "gravity_and_load")),
-    *(f"{MODEL}/{name}.py" for name in ("record", "terms/sensing")),
+    *(f"{MODEL}/terms/{name}.py" for name in ("effect", "gravity_and_load", "sensing")),
+    *(f"{MODEL}/terms/{name}.py" for name in ("drawn_friction", "friction_load")),
+    f"{MODEL}/record.py",
     *(f"{ID}/data/{name}.py" for name in ("bag_log", "column_map", "resample")),
     *(f"{ID}/diagnosis/{name}.py" for name in ("fit/features", "variables")),
     *(f"{ID}/validation/{name}_validation.py" for name in ("command", "motion")),
