@@ -74,11 +74,12 @@ def degraded(stage: Stage, client: DriverClient, moved: Commander) -> bool:
 
 def fastest(stage: Stage, moved: Commander, side: float) -> float:
     """Of the lost joint while it goes some way by the estimate [rad/s]; infinite where a fault ends
-    that.
+    that, or where the neutral command came too late to begin with.
     """
     begins, course = stage.encoders[LOST], [(stage.encoded[LOST], stage.encoders[LOST])]
     moved.send(**{LOST: side * OPEN})
-    stage.within(lambda: stage.valves[-1].commands[LOST] != 0.0)
+    if not stage.within(lambda: stage.valves[-1].commands[LOST] != 0.0):
+        return math.inf
     while stage.valves[-1].enabled and side * (stage.encoders[LOST] - begins) < WAY:
         assert time.monotonic() < course[0][0] + PATIENCE, course[-1]
         stage.spin()
