@@ -15,6 +15,7 @@ from crane_identification.estimation.autoregression import Autoregression
 from crane_model.open_question import OpenMember, OpenQuestion, OpenQuestions, QuestionKind
 from crane_model.terms import Term
 
+LAST = -1  # place of the effect that was put into a set: it is smaller where signs forbid the rest
 LAGS = 64  # rows after which noise is forgotten
 NEAREST = 4  # effects that come closest, of an answer that none of the catalogue is it
 PLAUSIBLE_SHARE = 0.02  # rms of a term that is not determined, over that of the force of its joint
@@ -57,7 +58,7 @@ def _classes(diagnosis: Diagnosis) -> Iterator[OpenQuestion]:
             diagnosis,
             QuestionKind.CLASS,
             [_member(search, subset, place, None)]
-            + [_member(search, one, len(effects) - 1, subset.gain) for one in known],
+            + [_member(search, one, LAST, subset.gain) for one in known],
             judged,
         )
 

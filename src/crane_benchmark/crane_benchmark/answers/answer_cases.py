@@ -54,28 +54,33 @@ def refused(error: CraneError) -> CaseAnswer:
     return CaseAnswer(verdict=Verdict.INSUFFICIENT, reason=str(error))
 
 
+def answered(folder: Path, thresholds: Thresholds, out: Path) -> CaseAnswer:
+    """The diagnosis of one case, its model written to `out`."""
+    start = time.process_time()
+    diagnosis = diagnose(*given(folder), Options(), thresholds)
+    found = answer(diagnosis)
+    said = CaseAnswer(
+        verdict=found.verdict,
+        reason=found.reason,
+        findings=found,
+        statistics=statistics(diagnosis),
+        seconds=time.process_time() - start,
+        others=baselines.answers(diagnosis.search),
+    )
+    save_model(out / "model.yaml", diagnosis.after)
+    return said
+
+
 def answer_case(job: AnsweringJob) -> None:
     """The diagnosis of one case, the answers of the other methods, and the time it took."""
     folder = job.folders.bags / job.name
     with new(job.folders.answers / job.name) as out:
-        start = time.process_time()
         try:
-            diagnosis = diagnose(*given(folder), Options(), job.thresholds)
+            said = answered(folder, job.thresholds, out)
         except CraneError as error:  # recordings are refused: that is an answer
             said = refused(error)
         except Exception:  # the other cases go on; this one counts as wrong
             said = CaseAnswer(verdict=CRASH, reason=traceback.format_exc())
-        else:
-            found = answer(diagnosis)
-            said = CaseAnswer(
-                verdict=found.verdict,
-                reason=found.reason,
-                findings=found,
-                statistics=statistics(diagnosis),
-                seconds=time.process_time() - start,
-                others=baselines.answers(diagnosis.search),
-            )
-            save_model(out / "model.yaml", diagnosis.after)
         said.write(out / ANSWER)
     if not job.keep:
         shutil.rmtree(folder)
