@@ -145,6 +145,23 @@ def test_twins_may_have_a_further_one_that_explains_as_well():
     assert judge(CaseKind.CLASS, [], given, lambda *_: False) is Judgement.TOO_WIDE
 
 
+def test_twins_may_have_a_further_law_of_what_is_hidden():
+    class_ = (("offset", "telescope"), ("pressure_offset", "telescope"))
+    hidden = [("pressure_offset", "telescope")]
+    drift, other = ("pressure_drift", "telescope"), ("chamber_gain_drift", "telescope")
+    for further, outcome in (
+        ((drift,), Judgement.RIGHT),
+        ((drift, other), Judgement.TOO_WIDE),
+        ((other,), Judgement.WRONG_NAME),
+        ((LOAD,), Judgement.WRONG_NAME),
+        ((("pressure_drift", "inner_boom"),), Judgement.WRONG_NAME),
+    ):
+        given = answer("class", further, class_)
+        assert judge(CaseKind.CLASS, hidden, given, lambda *_: False) is outcome
+    given = answer("named", (drift,))
+    assert judge(CaseKind.CLASS, hidden, given, lambda *_: False) is Judgement.WRONG_NAME
+
+
 def test_findings_are_read_with_their_classes():
     other = FoundEffect.model_construct(effect="b", joint="all")
     finding = FindingEntry.model_construct(effect="a", joint="j", class_members=[other])

@@ -146,22 +146,31 @@ def _beside_lengths(
             return Judgement.RIGHT  # the rest is unknown
         return Judgement.NOT_NAMED if answer.verdict == AND_MORE else Judgement.MISSED
     if kind is CaseKind.CLASS:
-        return _of_twins(answer, twin)
+        return _of_twins(hidden, answer, twin)
     outcome = _named(hidden, answer, twin)
     if kind is CaseKind.INSUFFICIENT and outcome is Judgement.TOO_WIDE:
         return Judgement.RIGHT  # so little data does not tell the class apart
     return outcome
 
 
-def _of_twins(answer: BlindAnswer, twin: Callable[[int, Place], bool]) -> Judgement:
+def _of_twins(
+    hidden: Sequence[Place], answer: BlindAnswer, twin: Callable[[int, Place], bool]
+) -> Judgement:
+    """What is hidden is one of the twins; a further finding may be another law of it, as of an
+    offset that drifts.
+    """
     known = {(effect, "telescope") for effect in TWINS}
-    if len(answer.findings) != 1 or not set(answer.findings[0]) & known:
+    classes = [set(members) for members in answer.findings if set(members) & known]
+    further = [members for members in answer.findings if not set(members) & known]
+    meant = [any(_same(one, place) for one in own for place in hidden) for own in further]
+    if len(classes) != 1 or not all(meant):
         return Judgement.WRONG_NAME
-    found = set(answer.findings[0])
+    found = classes[0]
     if len(found & known) < 2:
         return Judgement.WRONG_NAME  # picks one where nothing tells them apart
     alike = all(twin(0, one) for one in found - known)
-    return Judgement.RIGHT if alike else Judgement.TOO_WIDE
+    alone = all(_same(one, place) for own in further for one in own for place in hidden)
+    return Judgement.RIGHT if alike and alone else Judgement.TOO_WIDE
 
 
 def _named(
