@@ -11,7 +11,7 @@ from crane_identification.diagnosis.fit.evidence import relative, residual
 from crane_identification.diagnosis.fit.fit import Fitted
 from crane_identification.diagnosis.fit.refit import UndeterminedError
 from crane_identification.diagnosis.proof.extension import extended
-from crane_identification.diagnosis.proof.gap import Gap, measure
+from crane_identification.diagnosis.proof.gap import Gap, measure, where_trained
 from crane_identification.diagnosis.proof.pulsation import (
     Line,
     Pulsation,
@@ -59,6 +59,7 @@ def proved(
     """The `wanted` effects, strongest first, without those that fall short beside the others.
 
     They are taken out one at a time, the weakest first: it may be what the others fall short by.
+    What the strongest close may hide that a further one is worse than none.
     """
     before = tried(fit, search, (), thresholds)
     progress("what is left", 0.5)
@@ -74,6 +75,8 @@ def proved(
         if not failing and trial.effects and (said := resemblance(trial, before, thresholds)):
             failing = [Short(trial.effects[-1], said)]
         if not failing:
+            failing = spoiling(fit, search, trial, gap, thresholds)
+        if not failing:
             break
         short.insert(0, failing[-1])
         wanted = [one for one in trial.effects if one is not failing[-1].effect]
@@ -86,8 +89,7 @@ def proved(
 
 def objection(one: Judged, gap: Gap, thresholds: Thresholds) -> str:
     """Why an effect does not close the gap where it acts; empty if it does."""
-    joint = one.shaped.candidate.joint
-    own = [j for j, name in enumerate(gap.joints) if joint in (name, None)]
+    own = _joints_of(one, gap)
     held_to, method = gap.held_to, thresholds.method
     closed = held_to.closed_on(own)
     if not np.isfinite(closed):  # there is no gap: it must not open one
@@ -106,6 +108,36 @@ def objection(one: Judged, gap: Gap, thresholds: Thresholds) -> str:
     )
 
 
+def spoiling(
+    fit: Fitted, search: Search, trial: Trial, gap: Gap, thresholds: Thresholds
+) -> list[Short]:
+    """The weakest effect without which the others predict the force of its joint better, where
+    others act on it too; none if there is no such effect.
+    """
+    after = gap.held_to.after
+    for one in reversed(trial.effects):
+        rest = [other for other in trial.effects if other is not one]
+        own = _joints_of(one, gap)
+        if not any(set(own) & set(_joints_of(other, gap)) for other in rest):
+            continue
+        error = held_out_error(fit, search, rest)
+        worse = [j for j in own if after[j] > thresholds.method.worse_factor * error[j]]
+        if worse:
+            told = (f"{gap.joints[j]} is {error[j]:.2%} and not {after[j]:.2%}" for j in worse)
+            return [Short(one, f"without it, the held-out error of {', '.join(told)}")]
+    return []
+
+
+def held_out_error(fit: Fitted, search: Search, effects: Sequence[Judged]) -> np.ndarray:
+    """Error (j,) of the model with the effects on the held-out rows where training went, relative
+    to the force.
+    """
+    model, _ = extended(search, fit.before, effects, fit.training)
+    carried, _ = with_own_loads(model, fit.evidence, fit.held_out)
+    rows = where_trained(fit.evidence, fit.held_out)
+    return relative(rows, residual(fit.held_out, carried))
+
+
 def resemblance(trial: Trial, before: Trial, thresholds: Thresholds) -> str:
     """Why effects but resemble what is missing; empty if they do not.
 
@@ -119,6 +151,12 @@ def resemblance(trial: Trial, before: Trial, thresholds: Thresholds) -> str:
         f"it explains {share:.0%} of what can be explained and leaves {trial.left_share:.0%} of "
         f"the energy beyond noise; {least:.0%} either way are asked for"
     )
+
+
+def _joints_of(one: Judged, gap: Gap) -> list[int]:
+    """Numbers of the joints that an effect acts on."""
+    joint = one.shaped.candidate.joint
+    return [j for j, name in enumerate(gap.joints) if joint in (name, None)]
 
 
 def _enlarging(gap: Gap, joints: Sequence[int]) -> str:
