@@ -46,6 +46,8 @@ class MethodRates(ResultPart):
     """One right, of the same."""
     unknown_recognised: Rate
     """Of effects outside the catalogue."""
+    unknown_recognised_shown: Rate
+    """Of those that can be identified."""
     twins: Rate
     """Right, of effects that no data tell apart."""
     too_little_data: Rate
@@ -196,6 +198,7 @@ def _of_method(rows: Sequence[CaseRow], method: str) -> MethodRates:
     answered = [row for row in rows if method in row.answers]
     weak = [row for row in singles if row.hidden[0].wanted.strength == 0.01]
     pairs = [row for row in of_kind(rows, CaseKind.PAIR) if identifiable(row)]
+    outside = of_kind(rows, CaseKind.OUTSIDE)
     right = [row for row in strong if row.outcomes.get(method) is Judgement.RIGHT]
     return MethodRates(
         false_alarms=share(of_kind(rows, CaseKind.NOTHING), method, Judgement.FALSE_ALARM),
@@ -216,7 +219,10 @@ def _of_method(rows: Sequence[CaseRow], method: str) -> MethodRates:
         power=power(rows, method),
         pairs_at_4_percent=share(pairs, method, Judgement.RIGHT),
         one_of_two=share(pairs, method, Judgement.PARTLY),
-        unknown_recognised=share(of_kind(rows, CaseKind.OUTSIDE), method, Judgement.RIGHT),
+        unknown_recognised=share(outside, method, Judgement.RIGHT),
+        unknown_recognised_shown=share(
+            [row for row in outside if identifiable(row)], method, Judgement.RIGHT
+        ),
         twins=share(of_kind(rows, CaseKind.CLASS), method, Judgement.RIGHT),
         too_little_data=share(of_kind(rows, CaseKind.INSUFFICIENT), method, Judgement.RIGHT),
         wrong_names=share(rows, method, Judgement.WRONG_NAME),
