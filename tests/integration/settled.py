@@ -88,7 +88,7 @@ CASES = (
     HiddenCase("encoder_offset", "inner_boom", 0.03, seed=3),
     HiddenCase("encoder_offset", "inner_boom", 0.028, seed=4),
     HiddenCase("encoder_offset", "inner_boom", 0.028, seed=5),
-    HiddenCase("maxwell_slip", "inner_boom", 0.03, seed=3),
+    HiddenCase("chamber_gain", "outer_boom", 0.03, seed=3),
 )
 
 
