@@ -12,7 +12,11 @@ from dataclasses import replace
 
 import numpy as np
 
-from crane_identification.diagnosis.decision.cross_validation import held_out_gains, helps
+from crane_identification.diagnosis.decision.cross_validation import (
+    Folds,
+    held_out_gains,
+    helps,
+)
 from crane_identification.diagnosis.decision.judgement import folds_asked, found_values
 from crane_identification.diagnosis.decision.shape import chance_of
 from crane_identification.diagnosis.search.candidates import ShapedCandidate
@@ -52,13 +56,8 @@ def stands_apart(
         for law, shape in zip(stronger, drawn, strict=True)
     ):
         return False
-    known = [one.columns for one in (*rest, *drawn)]
-    left = explained(search, *known, own.columns) - explained(search, *known)
-    if left <= max(chance, thresholds.method.simple_share * gains[place]):
-        return False
-    before = np.concatenate([search.evidence.free, *known], axis=2)
-    held_out, _ = held_out_gains(search.evidence, search.whitener, before, own.columns)
-    return helps(held_out, thresholds)
+    least = max(chance, thresholds.method.simple_share * gains[place])
+    return _explains_beside(search, (*rest, *drawn), own, least, thresholds)
 
 
 def shows_alone(
@@ -88,13 +87,27 @@ def shows_alone(
     if stronger & {joint, None}:
         return False
     alone = _on_joint(search, joints.index(joint))
-    known = [one.columns for one in rest]
-    gained = explained(alone, *known, own.columns) - explained(alone, *known)
-    if gained <= max(chance, thresholds.method.simple_share * gains[place]):
+    least = max(chance, thresholds.method.simple_share * gains[place])
+    asked = folds_asked(search, own, found_values(search, subset, place))
+    return _explains_beside(alone, rest, own, least, thresholds, asked)
+
+
+def _explains_beside(
+    search: Search,
+    others: Sequence[ShapedCandidate],
+    own: ShapedCandidate,
+    least: float,
+    thresholds: Thresholds,
+    asked: Folds | None = None,
+) -> bool:
+    """Whether an effect explains more than `least` beside the others, and of the folds `asked`, all
+    if none is given, that it was not fitted to.
+    """
+    known = [one.columns for one in others]
+    if explained(search, *known, own.columns) - explained(search, *known) <= least:
         return False
     before = np.concatenate([search.evidence.free, *known], axis=2)
-    asked = folds_asked(search, own, found_values(search, subset, place))
-    held_out, _ = held_out_gains(search.evidence, alone.whitener, before, own.columns, asked)
+    held_out, _ = held_out_gains(search.evidence, search.whitener, before, own.columns, asked)
     return helps(held_out, thresholds)
 
 

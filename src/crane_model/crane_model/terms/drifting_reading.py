@@ -61,12 +61,6 @@ class ChamberGainDrift(ForceScale):
     )
 
     @override
-    @classmethod
-    def is_of_sensors(cls) -> bool:
-        """It is: the pressures of the balance of flow are measured by it."""
-        return True
-
-    @override
     def joint_parameters(self, setting: Setting) -> tuple[Parameter, ...]:
         cylinder_machine(self, setting, self.joint)
         meaning = "drift of the share by which the pressure of chamber A is measured too large"

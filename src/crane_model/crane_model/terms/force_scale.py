@@ -45,13 +45,15 @@ class OfBodies(OneJointTerm):
 class ForceScale(OfBodies):
     """A scale of the whole force of a joint; where no bodies are given, of the measured one."""
 
+    effect: ClassVar[Effect]
+
     @override
     @classmethod
     def is_of_sensors(cls) -> bool:
         """A few percent of all pressures or lengths are a few percent of the gains of a valve: the
-        balance of flow stays what it is.
+        balance of flow stays what it is. That of one chamber does not.
         """
-        return False
+        return super().is_of_sensors() and not cls.effect.formless
 
     def scaled(self, record: Record, setting: Setting, j: int) -> Array:
         """The force (n,) of joint j that the scale multiplies."""

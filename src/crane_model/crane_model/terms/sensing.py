@@ -122,12 +122,6 @@ class ChamberAGain(ForceScale):
     )
 
     @override
-    @classmethod
-    def is_of_sensors(cls) -> bool:
-        """It is: the pressures of the balance of flow are measured by it."""
-        return True
-
-    @override
     def joint_parameters(self, setting: Setting) -> tuple[Parameter, ...]:
         cylinder_machine(self, setting, self.joint)
         meaning = "share by which the pressure of chamber A is measured too large"
