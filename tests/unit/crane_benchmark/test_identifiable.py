@@ -103,6 +103,12 @@ def test_memory_over_many_counts_is_identifiable(tmp_path):
     assert beyond is not None and beyond > 0.5
 
 
+def test_what_acts_on_held_out_recordings_alone_is_not_identifiable(tmp_path):
+    made = presliding(100.0 * COUNT, tmp_path)
+    quiet = replace(made, train=replace(made.train, hidden=np.zeros_like(made.train.hidden)))
+    assert quiet.visibility(MODEL) == [0.0]
+
+
 def test_an_error_counts_as_above_noise_where_transducers_do_not_explain_it(tmp_path):
     """What stays within two counts leaves nothing; over many counts it is an error."""
     assert not presliding(1e-3 * COUNT, tmp_path).above_noise(MODEL)

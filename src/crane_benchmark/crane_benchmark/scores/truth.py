@@ -78,10 +78,13 @@ class CaseTruth:
         base = _Base(model, self.train)
         usual = load_usual()
         shares: list[float | None] = []
-        for place, part in zip(self.places, self.train.hidden, strict=True):
+        parts = zip(self.places, self.train.hidden, self.validate.hidden, strict=True)
+        for place, part, held_out in parts:
             norm = base.whole(part)
             if norm > 0.0:
                 shares.append(float(np.linalg.norm(base.beside(base.rows(part)))) / norm)
+            elif held_out.any():
+                shares.append(0.0)  # as of a load that reverses in no recording to train on
             else:
                 effect = self._labelled(place)[-1]
                 shares.append(beyond_usual(effect, self.stand_in, self.train.record, usual))
